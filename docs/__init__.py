@@ -1,1 +1,1 @@
-"""The site: pages by hand, and reference pages generated from types, parsers, data files and stored results."""
+"""The site: handwritten pages, and reference pages generated from types, parsers, data files and stored results."""

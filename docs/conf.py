@@ -1,4 +1,4 @@
-"""Sphinx: how the site is built; `python -m docs` calls it."""
+"""Sphinx configuration; `python -m docs` uses it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE.parent))  # a build by sphinx-build alone finds the checkout, too
+sys.path.insert(0, str(HERE.parent))  # lets a plain sphinx-build find the checkout as well
 
 from docs.generators import inventories  # noqa: E402
 from flexlink.common.versions import __version__  # noqa: E402
@@ -30,14 +30,15 @@ extensions = [
 exclude_patterns = ["_site", "_doctrees", "generators", "inventories", "**sg_execution_times.rst", "**.ipynb"]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "attrs_inline", "substitution"]
 myst_heading_anchors = 3
+myst_substitutions = {"version": __version__}
 templates_path = ["templates"]
 suppress_warnings = ["config.cache"]  # the gallery's settings hold a function
-
+suppress_warnings = ["config.cache"]  # the gallery's settings contain a function
 default_role = "code"
 smartquotes = False  # "--set" stays so
-autosummary_generate = True
-autodoc_typehints = "none"  # shapes and units stand in the text
-autodoc_member_order = "bysource"
+smartquotes = False  # keeps "--set" unchanged
+autodoc_typehints = "none"  # shapes and units are in the text
+autodoc_typehints = "none"  # shapes and units are in the text
 numpydoc_show_class_members = False
 numpydoc_xref_param_type = False
 nitpicky = True

@@ -1,15 +1,16 @@
-"""Pages whose commands and Python run while they are read: what they print, and what they draw, is never typed in.
+"""Pages whose code runs during the build, so their outputs and figures are never typed in.
 
 A fenced block of ``sh``, ``python`` or ``toml`` is followed by one of these comments, which the build replaces:
 
-    <!-- output -->                       what the block printed
-    <!-- table -->                        what the block printed, a table or text in Markdown
-    <!-- picture: FILE | caption -->      the picture or film that it wrote
+    <!-- output -->                       printed text of the block
+    <!-- table -->                        printed table or text in Markdown
+    <!-- picture: FILE | caption -->      figure or film written by the block
 
 With ``folded`` before it, as in ``<!-- folded picture: … -->``, the result comes first, and the code is folded below
-it; ``<!-- folded -->`` alone folds code without a result. All blocks of a page run in its order, in one folder, which
-holds `models/`, and Python blocks share their names. A block of ``toml`` whose first line is ``# file: NAME`` writes
-that file. `tests/test_pages.py` runs all blocks of all pages. A build that runs none says so in place of each result.
+it; ``<!-- folded -->`` alone folds code without a result. The blocks of a page run in order, in one folder with
+a copy of `models/`, and Python blocks share their variables. A block of ``toml`` that begins with ``# file: NAME``
+writes that file. `tests/test_pages.py` runs all blocks of all pages. Without running code, a build puts a note in place
+of each result.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from flexlink.cli.main import main
 
 ROOT = Path(__file__).parents[1]
 FOLDER = "FLEXLINK_PAGES"
-"""Variable of the environment: where the code of pages runs; without it the build runs none."""
+"""Environment variable with the folder in which the code of pages runs; without it no code runs."""
 BLOCK = re.compile(
     r"^```(sh|python|toml)\n(.*?)^```\n(?:\n?<!-- (folded|(?:folded )?(?:output|table|picture: [^>]*?)) -->\n)?",
     re.DOTALL | re.MULTILINE,
@@ -37,19 +38,19 @@ BLOCK = re.compile(
 
 
 class SnippetError(Exception):
-    """A block of a page that does not run; the message says which."""
+    """A block of a page failed; the message names the page and the command."""
 
 
 @dataclass
 class Page:
-    """The blocks of one page, run one after the other in a folder of their own."""
+    """Blocks of one page, run in order in a separate folder."""
 
     name: str
     folder: Path
     names: dict[str, Any] = field(default_factory=dict)
 
     def run(self, kind: str, code: str) -> str:
-        """What one block prints."""
+        """Run one block and return its printed text."""
         if kind == "toml":
             return self._write(code)
         printed = io.StringIO()
@@ -72,7 +73,7 @@ class Page:
         if words[:1] == ["flexlink"]:
             try:
                 code = main(words[1:])
-            except SystemExit as end:  # of --version and --help
+            except SystemExit as end:  # --version and --help
                 code = int(end.code or 0)
             expected = 1 if line.rstrip().endswith("# exit code 1") else 0
             if code != expected:
@@ -80,13 +81,13 @@ class Page:
 
 
 def blocks(text: str) -> Iterator[tuple[str, str, str]]:
-    """Kind, code and comment of every block that could run."""
+    """Yield kind, code and comment of every block that could run."""
     for found in BLOCK.finditer(text):
         yield found[1], found[2], found[3] or ""
 
 
 def prepare(folder: Path) -> None:
-    """Put what pages take for granted into a folder: scenes, and files to read."""
+    """Copy the scenes and files that pages use into a folder."""
     for name in ("models", "docs/steel_strips.toml"):
         place = folder / name
         if not place.exists():
@@ -95,7 +96,7 @@ def prepare(folder: Path) -> None:
 
 
 def filled(name: str, text: str, folder: Path, pictures: Path) -> str:
-    """The text of a page with its outputs and pictures put in."""
+    """Return the text of a page with its outputs and figures filled in."""
     page = Page(name, folder)
 
     def with_result(found: re.Match[str]) -> str:
@@ -116,12 +117,12 @@ def filled(name: str, text: str, folder: Path, pictures: Path) -> str:
     return BLOCK.sub(with_result, text)
 
 
-UNRUN = "*What this shows stands on the whole site: `python -m docs`.*"
-"""In place of results where no code runs."""
+UNRUN = "*The complete site shows a result here: run `python -m docs`.*"
+"""Text in place of results if no code runs."""
 
 
 def unrun(text: str) -> str:
-    """The text of a page with a line in place of every output and picture."""
+    """Return the text of a page with a note in place of every output and figure."""
 
     def with_line(found: re.Match[str]) -> str:
         block = f"```{found[1]}\n{found[2]}```\n"
@@ -131,7 +132,7 @@ def unrun(text: str) -> str:
 
 
 def _figure(name: str, folder: Path, pictures: Path, wanted: str) -> str:
-    """A file of a page's folder, kept with the site's pictures, and its caption."""
+    """Copy a file from a page's folder to the site's pictures, and return a figure with its caption."""
     file, _, caption = (part.strip() for part in wanted.partition("|"))
     pictures.mkdir(parents=True, exist_ok=True)
     stored = pictures / f"{Path(name).name}_{Path(file).name}"
@@ -141,7 +142,7 @@ def _figure(name: str, folder: Path, pictures: Path, wanted: str) -> str:
 
 
 def setup(app: Any) -> dict[str, bool]:
-    """Sphinx calls this."""
+    """Connect the extension to Sphinx."""
     app.connect("source-read", _read)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 

@@ -35,10 +35,10 @@ def measured(name, **changes):
 def test_a_type_that_gains_nothing_somewhere_is_named():
     assert _verdict({"T1 on an arm": 2.5}) == "holds"
     assert _verdict({"T1 on an arm": 1.25, "T2 on an arm": 3.0}) == (
-        "holds as the paper limits it, by manipulator and task: the type before is less than 2 times worse in "
-        "T1 on an arm 1.25"
+        "holds as the paper limits it, by manipulator and task: the error of the previous type is less than "
+        "2 times larger in T1 on an arm 1.25"
     )
-    assert _verdict({"T1 on an arm": 0.8}) == "does not hold: worse than the type before: T1 on an arm 0.8"
+    assert _verdict({"T1 on an arm": 0.8}) == "does not hold: less precise than the previous type: T1 on an arm 0.8"
 
 
 def test_rounding_meets_the_error_of_the_step_where_both_lines_cross():

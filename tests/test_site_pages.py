@@ -31,6 +31,10 @@ SEARCHES = {
     "shaper": "start/shaped_move", "sweep": "howto/sweeps", "tolerance": "howto/steps", "mujoco": "start/coming_from",
     "install": "start/install", "Radau5": "reference/generated/methods", "gauss": "reference/generated/rules",
     "units": "reference/", "contact": "start/for_you",
+    "PID": "howto/questions", "eigenfrequency": "howto/statics", "conda": "start/install", "mamba": "start/install",
+    "Simulink": "howto/questions", "MATLAB": "howto/questions", "FMU": "howto/questions", "event": "howto/loop",
+    "impact": "howto/drive", "Cartesian": "howto/questions", "FRF": "howto/fit", "Windows": "start/install",
+    "cite": "howto/questions", "BibTeX": "howto/questions",
 }  # fmt: skip
 OVERFLOW = """
 const width = document.documentElement.clientWidth

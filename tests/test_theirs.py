@@ -92,8 +92,8 @@ def test_a_motion_is_judged_by_its_largest_difference(tmp_path, off, passed):
         (("quantity,unit,value,u_num", "0.2 kg,% of the span,four,"), "value = 'four': expected a finite number"),
         (("quantity,unit,value,u_num", "0.2 kg,% of the span,nan,"), "value = 'nan': expected a finite number"),
         (("quantity,unit,value,u_num", "0.2 kg,% of the span"), "line 2: 2 cells; the header line has 4"),
-        (("quantity,unit,value,u_num", *2 * ("0.2 kg,% of the span,4,",)), "line 3: '0.2 kg' stands twice"),
-        (("4",), "no heads"),
+        (("quantity,unit,value,u_num", *2 * ("0.2 kg,% of the span,4,",)), "line 3: '0.2 kg' is listed twice"),
+        (("4",), "no header"),
     ],
 )
 def test_a_mistake_in_a_file_is_named(tmp_path, lines, message):

@@ -32,16 +32,16 @@ HERE = Path(__file__).parent
 REPORT = HERE.parent / "reports" / "latest"
 
 EXAMPLES = """examples:
-  python -m validation                      what is not stored yet or was timed on a busy machine, then the report
-  python -m validation speed                every case called speed or speed_…, or of such a kind
-  python -m validation pointwise 'traj*'    some cases, by name, kind or glob
+  python -m validation                      run cases not stored or timed on a busy machine, then report
+  python -m validation speed                every case named speed or speed_…, or of such a kind
+  python -m validation pointwise 'traj*'    cases by name, kind or glob
   python -m validation --force --no-report  measure again, keep the old report
-  python -m validation other_solvers_long   one of those that take minutes, and run only when they are named
-  python -m validation --full               all of it, an hour; stopped and started again, it goes on where it was
-  python -m validation --same reports/full  are the stored numbers the published ones? measures nothing
-  python -m validation --blank mine         CSV files of benchmarks and measurements for another code to fill in
-  python -m validation --theirs mine        judge that code by the same references
-  python -m validation --list               what there is
+  python -m validation other_solvers_long   a case that takes minutes: it runs only if named
+  python -m validation --full               all cases, an hour; if stopped, the next call continues
+  python -m validation --same reports/full  compare stored and published numbers; measures nothing
+  python -m validation --blank mine         write CSV files of benchmarks for another code to fill in
+  python -m validation --theirs mine        compare that code with the same references
+  python -m validation --list               list all cases
 """
 
 
@@ -52,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         _demand_checkout()
         if options.full and options.cases:
-            raise ArgumentError(f"--full {options.cases[0]}: --full means all cases; leave one of both away")
+            raise ArgumentError(f"--full {options.cases[0]}: --full runs all cases; specify only one of the two")
         if options.same:
             return _same(console, options.results, options.same)
         if options.blank or options.theirs:
@@ -75,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"validation: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("validation: stopped; what is finished is stored and will be skipped next time", file=sys.stderr)
+        print("validation: stopped; finished results are stored and will be skipped next time", file=sys.stderr)
         return 130
     if page is not None:
         console.print(f"report: {page}", soft_wrap=True)
@@ -86,17 +86,17 @@ def _demand_checkout() -> None:
     for folder in (CASES, MODELS):
         if not folder.is_dir():
             raise FlexlinkError(
-                f"{folder}: no such folder; the study runs in a checkout of the project, which holds its cases and "
-                "scenes: clone it, then python -m pip install -e '.[validation]' in it"
+                f"{folder}: no such folder; the study needs a checkout of the project with its cases and scenes: "
+                "clone it, then run python -m pip install -e '.[validation]' in it"
             )
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m validation",
-        description="Prove the library: identities, other engines, 50-digit arithmetic, convergence, speed. "
-        "Runs in a checkout of the project. Exit code: 0 all is right, 1 a check of correctness fails (with --same: a "
-        "number differs), 2 an error; speed has a verdict of its own, which depends on the machine.",
+        description="Validate the library: identities, other engines, 50-digit arithmetic, convergence, speed. "
+        "Runs in a checkout of the project. Exit code: 0 all checks pass, 1 a check of correctness fails (with --same: "
+        "a number differs), 2 an error; speed has a separate verdict, which depends on the machine.",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -104,30 +104,30 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--full",
         action="store_true",
-        help="every case, also those that run only when they are named, and reports/full, which is checked in; what is "
-        "stored is skipped, even if the machine was busy",
+        help="run every case, including those that run only if named, and write reports/full, which is under version "
+        "control; stored results are skipped, even if the machine was busy",
     )
-    parser.add_argument("--force", action="store_true", help="measure again what is stored")
+    parser.add_argument("--force", action="store_true", help="measure stored cases again")
     parser.add_argument("--list", action="store_true", help="list all cases and stop")
     parser.add_argument(
         "--same",
         type=Path,
         metavar="DIR",
-        help="measure nothing, and say whether the stored numbers are those of DIR, such as reports/full: equal to the "
-        "bit, within rounding, different (exit code 1)",
+        help="measure nothing; report whether the stored numbers equal those of DIR (for example reports/full): "
+        "bit for bit, within rounding, or different (exit code 1)",
     )
     parser.add_argument(
         "--theirs",
         type=Path,
         metavar="FOLDER",
-        help="judge another code: FOLDER/CASE.csv has its values by quantity, or its motion, beside the references of "
-        "the case (exit code 1: a value is not accepted)",
+        help="check another code: FOLDER/CASE.csv contains its values by quantity, or its motion, next to the "
+        "references of the case (exit code 1: a value is not accepted)",
     )
     parser.add_argument(
         "--blank",
         type=Path,
         metavar="FOLDER",
-        help="write these files for all cases that others can be judged by, or for the named ones, to be filled in",
+        help="write blank files for all benchmarks open to other codes, or for the named cases, to be filled in",
     )
     parser.add_argument("--no-report", action="store_true", help="do not write the report")
     parser.add_argument(
@@ -139,7 +139,7 @@ def _parser() -> argparse.ArgumentParser:
 def _run(
     console: Console, cases: Sequence[Case], store: Store, options: argparse.Namespace
 ) -> dict[str, FlexlinkError]:
-    bar, started = Progress("reading what is stored"), 0
+    bar, started = Progress("reading stored results"), 0
 
     def report(case: str, row: Row | None) -> None:
         nonlocal started
@@ -172,9 +172,9 @@ def _report(results: Path, full: bool) -> Path | None:
 
 
 def _theirs(console: Console, options: argparse.Namespace) -> int:
-    """Judge another code's files, or write blank ones; 0 if all that is given is accepted, 1 if not."""
+    """Check another code's files, or write blank ones; 0 if all given values are accepted, 1 if not."""
     if options.blank and options.theirs:
-        raise ArgumentError(f"--blank {options.blank}: not with --theirs; fill the files in between")
+        raise ArgumentError(f"--blank {options.blank}: not with --theirs; fill in the files first")
     known = load_cases()
     if options.theirs:
         cases = theirs.cases_of(options.theirs, known)
@@ -248,8 +248,8 @@ def _print_verdict(console: Console, rows: Sequence[Row], store: Store) -> None:
 
 
 def _describe(row: Row) -> str:
-    said = f"{row.case}: {row.quantity} ({row.where}) = {row.value} {row.unit}, limit {row.bound} {row.tolerance}"
-    return f"{said}. {row.note}" if row.quantity.startswith(ROWS_OF) else said
+    text = f"{row.case}: {row.quantity} ({row.where}) = {row.value} {row.unit}, limit {row.bound} {row.tolerance}"
+    return f"{text}. {row.note}" if row.quantity.startswith(ROWS_OF) else text
 
 
 if __name__ == "__main__":

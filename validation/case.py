@@ -1,4 +1,4 @@
-"""A case of the study: scenes, a kind of measurement, its settings, and the limit of each quantity with its reason."""
+"""A case of the study: scenes, a kind of measurement, its settings, and a limit with a reason for each quantity."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ MODELS = HERE.parent / "models"
 STUDY_SCENES = HERE / "scenes"
 
 
-CLAIM = "claim"  # the quantity that judges it, and the fact that its rows carry
+CLAIM = "claim"  # name of the quantity that tests a claim, and of the fact in its rows
 
 ALL = ("*",)
-"""Pattern of all cases, those that run by their name only included."""
+"""Pattern that matches all cases, including those that run only if named."""
 
 
 class Quantity(Spec, frozen=True):
-    """A measured quantity: it passes if its value is `bound` the tolerance; without a tolerance there is no verdict.
+    """A measured quantity. It passes if its value is `bound` the tolerance; without a tolerance there is no verdict.
 
-    `reason` says why the tolerance is what it is; of a quantity without one, what it is shown for, if that needs words.
-    `given_up` says why a tolerance that was once set is not kept, `widened` why it is wider than the published one.
-    `rows` is how often it is measured, all scenes and engines together; "by machine" where that depends on what is
-    installed or on how many runs end in time. What is timed is not counted.
+    `reason` justifies the tolerance; without a tolerance, it states why the quantity is shown, if that is not obvious.
+    `given_up` states why an earlier tolerance was abandoned, `widened` why it is wider than the published one. `rows`
+    is the number of measurements over all scenes and engines; "by machine" if it depends on the installed packages or
+    on the number of runs that finish in time. Timed quantities are not counted.
     """
 
     metric: str
@@ -57,9 +57,9 @@ class Quantity(Spec, frozen=True):
 
 
 class Sheet(Spec, frozen=True):
-    """What any code's answer to a benchmark is judged by.
+    """Definition of the error of any code's answer to a benchmark, the accepted error, and the unit of the values.
 
-    How its error is defined, which error is accepted (relative, or of a motion in its unit), and the values' unit.
+    The accepted error is relative, or in the unit of a motion.
     """
 
     error: str
@@ -70,11 +70,11 @@ class Sheet(Spec, frozen=True):
 class Case(Spec, frozen=True):
     """One TOML file in `cases/`; its name is the file's.
 
-    `parts` names a list of the settings: each of its values is then a case of its own, called NAME-VALUE, so that a
-    long study is stored, and goes on after it was stopped, value by value. The name of the file means all of them.
+    `parts` names a list of the settings: each value becomes a separate case NAME-VALUE. A long study is then stored,
+    and continued after a stop, value by value. The file's name means all parts.
 
-    The title says what is measured, never what comes out: a case passes when the numbers are as expected, also where
-    they refute somebody's `claim`, which its quantity of that name judges in words.
+    The title states what is measured, never the outcome. A case passes if the numbers are as expected, even if they
+    refute a published `claim`, which is checked by the quantity of that name.
     """
 
     name: str
@@ -84,32 +84,32 @@ class Case(Spec, frozen=True):
     quantity: dict[str, Quantity]
     scenes: tuple[str, ...] = ()  # names of files in models/, also globs, or validation/scenes/
     settings: dict[str, Any] = msgspec.field(default_factory=dict)  # decoded by the kind
-    by_name: bool = False  # runs only when it is asked for: it takes long
+    by_name: bool = False  # runs only if named: it takes long
     needs: str = (
-        ""  # path from the checkout of data that are no part of it; without them the case is left out, and told
+        ""  # path in the checkout of data that are not distributed; without them the case is skipped and reported
     )
     claim: str = ""
-    sheet: Sheet | None = None  # of a benchmark that other codes can be judged by, too
+    sheet: Sheet | None = None  # of a benchmark that other codes can be compared with
     parts: str = ""
-    whole: str = ""  # of a part the name of its file
+    whole: str = ""  # of a part: name of its case file
 
     @property
     def part(self) -> str:
-        """The value of which it is the part; "" of a whole case."""
+        """The value that this part measures; "" of an undivided case."""
         return self.name.removeprefix(f"{self.whole}-") if self.whole else ""
 
     @property
     def has_data(self) -> bool:
-        """Whether the data that it needs are there."""
+        """Whether the data that the case needs are present."""
         return not self.needs or (HERE.parent / self.needs).exists()
 
     @property
     def without_data(self) -> str:
-        """Why it is left out where the data are missing."""
+        """Why the case is skipped if its data are missing."""
         return f"needs {self.needs}, which is not here"
 
     def divided(self) -> list[Case]:
-        """Its parts, each with the common quantities and its own, "PART, …"; the case itself if it has none."""
+        """Parts of the case, each with the common quantities and those named "PART, …"; if undivided, the case."""
         if not self.parts:
             return [self]
         values = [str(value) for value in self.settings[self.parts]]
@@ -123,11 +123,11 @@ class Case(Spec, frozen=True):
         )  # fmt: skip
 
     def demands(self, quantity: str) -> bool:
-        """Whether the case must measure this quantity; a part must measure only quantities that carry its name."""
+        """Whether the case must measure this quantity; a part must measure only quantities that begin with its name."""
         return not self.part or quantity.startswith(f"{self.part}, ")
 
     def is_meant_by(self, pattern: str) -> bool:
-        """Whether the name, the kind, or the words either begins with match a glob pattern; of `by_name` its name."""
+        """Whether the name or kind, or its first words, match a glob pattern; `by_name` cases match by name only."""
         names = (self.name, self.whole) if self.whole else (self.name,)
         if self.by_name:
             return any(fnmatchcase(name, pattern) for name in names)
@@ -138,7 +138,7 @@ class Case(Spec, frozen=True):
         return [load_scene(path) for path in self.scene_files]
 
     def varied_scene(self, name: str, change: Mapping[str, Any]) -> Scene:
-        """The scene of that name, which a key of the settings' table `scene` is, varied."""
+        """The scene of that name with a change; the name is a key of the table `settings.scene`."""
         scenes = {scene.name: scene for scene in self.load_scenes()}
         return require_one_of(f"{self.path}: settings.scene", name, scenes).varied(change)
 
@@ -149,7 +149,7 @@ class Case(Spec, frozen=True):
 
     @property
     def scene_files(self) -> list[Path]:
-        """The scenes' files; a name with `*` means all of models/ that it matches."""
+        """The scenes' files; a name with `*` means every match in models/."""
         files: list[Path] = []
         for name in self.scenes:
             files += sorted(MODELS.glob(f"{name}.toml")) if "*" in name else [scene_file(name)]
@@ -157,7 +157,7 @@ class Case(Spec, frozen=True):
 
 
 def scene_file(name: str) -> Path:
-    """The file of a scene: one of the study's own, or of models/."""
+    """The file of a scene, from the study's scenes or from models/."""
     own = STUDY_SCENES / f"{name}.toml"
     return own if own.is_file() else MODELS / f"{name}.toml"
 
@@ -166,16 +166,16 @@ NOTHING_VARIED: Facts = MappingProxyType({})
 
 
 class Measured(NamedTuple):
-    """One measured number, before it is judged."""
+    """One measured number, before it is compared with its limit."""
 
     quantity: str
     value: float
     scene: str = ""
     engine: str = "native"
-    varied: Facts = NOTHING_VARIED  # what was varied: names of `validation.facts`
-    scale: float = 1.0  # the case's tolerance is in units of this, where the limit follows from the physics of the run
-    note: str = ""  # computed words on this value
-    timed: bool = False  # a matter of speed, not of correctness
+    varied: Facts = NOTHING_VARIED  # varied conditions: names of `validation.facts`
+    scale: float = 1.0  # unit of the case's tolerance, if the limit follows from the physics of the run
+    note: str = ""  # computed remark on this value
+    timed: bool = False  # whether it measures speed, not correctness
 
 
 def load_case(path: Path) -> Case:
@@ -184,46 +184,44 @@ def load_case(path: Path) -> Case:
     Raises
     ------
     DataFileError
-        The message names the file, the key path, the value and what is allowed.
+        The message names the file, the key path, the value and the allowed values.
     """
     return _read(path, path.read_bytes() if path.is_file() else b"")
 
 
 @functools.lru_cache(maxsize=512)
 def _read(path: Path, content: bytes) -> Case:
-    """The case of a file with that content: a study asks for all of them again and again."""
+    """Read the case from a file with that content; cached, since a study needs all cases repeatedly."""
     try:
         raw = documents.read_toml(path)
         for key in ("name", "whole"):
             if key in raw:
-                raise SceneError(
-                    f"{key} = {raw[key]!r}: unknown key; the name of a case is its file's", id="unknown-key"
-                )
+                raise SceneError(f"{key} = {raw[key]!r}: unknown key; a case is named after its file", id="unknown-key")
         case: Case = decode(raw | {"name": path.stem}, Case)
         if case.parts and not isinstance(case.settings.get(case.parts), list):
-            raise SceneError(f"parts = {case.parts!r}: not a list of the settings", id="unknown-name")
+            raise SceneError(f"parts = {case.parts!r}: is not a list in the settings", id="wrong-type")
         return case
     except SceneError as error:
         raise DataFileError(f"{path}: {error}") from None
 
 
 def load_cases(*wanted: str) -> list[Case]:
-    """The cases that any of `wanted` means, by name; if there are none, all but those that run `by_name` only.
+    """Load the cases that match any of `wanted`, sorted by name; by default, all except those that run only if named.
 
-    `wanted` are names or kinds, or the words they begin with ("speed" means every speed_…), or globs of them.
+    `wanted` are names, kinds, their first words ("speed" means every speed_…), or globs.
 
     Raises
     ------
     DataFileError
         A file is not a valid case.
     ArgumentError
-        One of `wanted` means none.
+        One of `wanted` matches no case.
     """
     cases = [part for path in sorted(CASES.glob("*.toml")) for part in load_case(path).divided()]
     for pattern in wanted:
         if not any(case.is_meant_by(pattern) for case in cases):
             known = ", ".join(case.name for case in cases)
-            raise ArgumentError(f"case = {pattern!r}: no such case; there are {known}", id="unknown-name")
+            raise ArgumentError(f"case = {pattern!r}: no such case; available: {known}", id="unknown-name")
     chosen = [case for case in cases if any(map(case.is_meant_by, wanted))] if wanted else cases
     left = [case for case in chosen if case.has_data and (wanted or not case.by_name)]
     if chosen and not left:
@@ -232,7 +230,7 @@ def load_cases(*wanted: str) -> list[Case]:
 
 
 def cases_without_data(*wanted: str) -> list[Case]:
-    """The cases that `load_cases` leaves out because the data that they need are not here."""
+    """The cases that `load_cases` skips because their data are missing."""
     cases = [part for path in sorted(CASES.glob("*.toml")) for part in load_case(path).divided()]
     meant = [case for case in cases if any(map(case.is_meant_by, wanted)) or not (wanted or case.by_name)]
     return [case for case in meant if not case.has_data]

@@ -1,4 +1,4 @@
-"""python -m validation.cell CASE NUMBER: repeat one cell of a map; its number is in the map's CSV."""
+"""python -m validation.cell CASE NUMBER: repeat one cell of a map; the map's CSV file lists the numbers."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from validation.runner import kind_of
 def main() -> int:
     """Print the cell and its result; 2 if there is none."""
     parser = argparse.ArgumentParser(prog="python -m validation.cell", description=__doc__)
-    parser.add_argument("case", help="a case that maps extremes, such as extremes_digits")
-    parser.add_argument("number", type=int, help="of the cell, from 0")
+    parser.add_argument("case", help="a case that maps extremes, e.g. extremes_digits")
+    parser.add_argument("number", type=int, help="number of the cell, from 0")
     options = parser.parse_args()
     try:
         case = load_case(CASES / f"{options.case}.toml")

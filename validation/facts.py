@@ -1,4 +1,4 @@
-"""What a measurement may vary: for each name the head of its column, and the words of a value."""
+"""Conditions that a measurement may vary: for each name, its column heading and the wording of a value."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 Fact = str | int | float
 Facts = Mapping[str, Fact]
-"""Name → value, in the order in which words have them."""
+"""Name → value, in the order in which they are printed."""
 
 WORDS: dict[str, tuple[str, str]] = {
     "situation": ("situation", "{}"),
@@ -61,5 +61,5 @@ def column_head(name: str) -> str:
 
 
 def in_words(facts: Facts) -> str:
-    """All facts in one line, "RK4, h = 0.0001 s"."""
+    """Describe all facts in one line, "RK4, h = 0.0001 s"."""
     return ", ".join(WORDS.get(name, ("", f"{name} {{}}"))[1].format(value) for name, value in facts.items())

@@ -1,4 +1,4 @@
-"""Two verdicts on stored rows: what is right, and how fast it is on this machine. The first never asks the second."""
+"""Two independent verdicts on stored rows: correctness, and speed on this machine."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ State = Literal["FAIL", "missed", "not measured", "met", "pass", "info"]
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class JudgedRow(Row):
-    """A row with the verdict on it in a word, and with what else the machine did while its case was timed.
+    """A row with its verdict, and with the machine's load while its case was timed.
 
     Attributes
     ----------
     state
-        pass or FAIL of a check of correctness; met, missed or not measured (on a busy machine) of a limit of time; info
+        pass or FAIL for a check of correctness; met, missed or not measured (on a busy machine) for a time limit; info
         without a limit.
     conditions
-        None where nothing was timed, or where the case is not finished.
+        None if nothing was timed or the case is not finished.
     """
 
     state: State
@@ -29,32 +29,32 @@ class JudgedRow(Row):
 
     @property
     def busy(self) -> bool:
-        """Whether it was timed on a busy machine."""
+        """Whether the row was timed on a busy machine."""
         return self.timed and self.conditions is not None and self.conditions.busy
 
 
 class Correctness(NamedTuple):
-    """How many checks of correctness were judged, and those that fail."""
+    """Number of checks of correctness, and those that fail."""
 
     judged: int
     failed: tuple[Row, ...]
 
 
 class Speed(NamedTuple):
-    """Limits of time by what became of them."""
+    """Time limits by outcome."""
 
     met: tuple[Row, ...]
     missed: tuple[Row, ...]
     unmeasured: tuple[Row, ...]
-    worst: Conditions | None  # on the busiest machine that something was timed on
+    worst: Conditions | None  # on the busiest machine used for timing
 
     def brief(self) -> str:
-        """The verdict in a few words, "3 met, 1 missed"; empty without a limit of time."""
+        """The verdict in brief, "3 met, 1 missed"; empty without a time limit."""
         named = ((self.met, "met"), (self.missed, "missed"), (self.unmeasured, "not measured"))
         return ", ".join(f"{len(rows)} {word}" for rows, word in named if rows)
 
     def sentence(self) -> str:
-        """The verdict in a line."""
+        """The verdict in one line."""
         parts = [f"{len(rows)} {word}" for rows, word in ((self.met, "met"), (self.missed, "missed")) if rows]
         if parts:
             parts[-1] += " on this machine"
@@ -65,7 +65,7 @@ class Speed(NamedTuple):
 
 
 def crowd(conditions: Conditions) -> str:
-    """What a machine did besides, in words."""
+    """Describe the other load on a machine."""
     spread = f"fixed loop {100 * conditions.spread:.0f} % slower than its best"
     if conditions.load is None:
         return spread
@@ -73,7 +73,7 @@ def crowd(conditions: Conditions) -> str:
 
 
 def judged_rows(rows: Iterable[Row], finished: Mapping[str, Finished]) -> tuple[JudgedRow, ...]:
-    """Rows with their verdicts; a limit of time is not measured on a busy machine, or while its case goes on."""
+    """Rows with their verdicts; a time limit counts as not measured on a busy machine or in an unfinished case."""
     return tuple(_judged(row, finished.get(row.case)) for row in rows)
 
 
@@ -91,13 +91,13 @@ def _judged(row: Row, case: Finished | None) -> JudgedRow:
 
 
 def correctness(rows: Sequence[Row]) -> Correctness:
-    """The verdict on everything that does not depend on time."""
+    """The verdict on everything except time."""
     judged = [row for row in rows if row.passed is not None and not row.timed]
     return Correctness(len(judged), tuple(row for row in judged if not row.passed))
 
 
 def speed(rows: Sequence[JudgedRow]) -> Speed:
-    """The verdict on limits of time; of a case that was timed on a busy machine none is met or missed."""
+    """The verdict on time limits; limits timed on a busy machine are neither met nor missed."""
     met, missed, unmeasured = (
         tuple(row for row in rows if row.state == state) for state in ("met", "missed", "not measured")
     )

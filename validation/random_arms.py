@@ -1,4 +1,4 @@
-"""Random arms of 1 to 6 links, which use every key that a link has, one on another or as trees: same seed, same arm."""
+"""Random arms of 1 to 6 links, serial or trees, that use every key of a link; the same seed gives the same arm."""
 
 from __future__ import annotations
 
@@ -24,27 +24,27 @@ class Dice:
         self.random = np.random.default_rng(seed)
 
     def linear(self, low: float, high: float) -> float:
-        """Evenly between two numbers."""
+        """A number uniformly distributed between two limits."""
         return float(self.random.uniform(low, high))
 
     def decades(self, low: float, high: float) -> float:
-        """10 to a power evenly between two numbers."""
+        """10 to a uniformly distributed power."""
         return float(10.0 ** self.linear(low, high))
 
     def chance(self, share: float) -> bool:
-        """True as often as said."""
+        """True with this probability."""
         return bool(self.random.random() < share)
 
     def one_of(self, *values: Any, shares: tuple[float, ...] | None = None) -> Any:
-        """One of the values, alike or as often as said."""
+        """One of the values, with equal or with given probabilities."""
         return values[int(self.random.choice(len(values), p=shares))]
 
     def three(self, size: float) -> Vector3:
-        """Three numbers from −size to size."""
+        """Three uniform numbers from −size to size."""
         return self.linear(-size, size), self.linear(-size, size), self.linear(-size, size)
 
     def direction(self) -> Vector3:
-        """A coordinate axis, either way, or any direction of any length."""
+        """A coordinate axis with either sign, or a random vector."""
         if self.chance(0.5):
             axis = [0.0, 0.0, 0.0]
             axis[self.one_of(0, 1, 2)] = self.one_of(-1.0, 1.0)
@@ -53,7 +53,7 @@ class Dice:
 
 
 def random_arm(seed: int) -> fl.Scene:
-    """An arm under gravity at some posture; one in four is a table of Denavit and Hartenberg."""
+    """A serial arm under gravity in a random configuration; one in four is given by Denavit-Hartenberg parameters."""
     dice = Dice(seed)
     table = dice.one_of(None, "standard", "modified", shares=(0.75, 0.15, 0.1))
     links = tuple(_link(dice, f"link{k}", table) for k in range(dice.one_of(1, 2, 3, 4, 5, 6)))
@@ -75,7 +75,7 @@ def random_arm(seed: int) -> fl.Scene:
 
 
 def random_tree(seed: int) -> fl.Scene:
-    """An arm whose links branch and slide, on the ground or on a base that floats, at some posture."""
+    """A branched arm with sliding joints, on the ground or on a floating base, in a random configuration."""
     dice = Dice(seed)
     names = [f"link{k}" for k in range(dice.one_of(2, 3, 4, 5, 6))]
     links: list[fl.Link] = []
@@ -85,7 +85,7 @@ def random_tree(seed: int) -> fl.Scene:
         links.append(msgspec.structs.replace(link, on=on, joint=_sliding(dice, link.joint)))
     if all(link.joint.locked and not link.elastic for link in links):
         links[0] = msgspec.structs.replace(links[0], joint=fl.Joint())
-    hung_on = {link.on or before for link, before in zip(links, ["", *names], strict=False)}
+    parents = {link.on or before for link, before in zip(links, ["", *names], strict=False)}
     free, base = (
         dice.chance(0.5),
         fl.details.BaseState(xyz=dice.three(1.0), quaternion=(dice.linear(-1, 1), *dice.three(1.0))),
@@ -107,13 +107,13 @@ def random_tree(seed: int) -> fl.Scene:
             joint_m=tuple(dice.linear(-0.5, 0.5) if link.joint.slides else 0.0 for link in links),
             base=base if free else fl.details.BaseState(),
         ),
-        wrench=fl.Wrench(on=dice.one_of(*(name for name in names if name not in hung_on))),
+        wrench=fl.Wrench(on=dice.one_of(*(name for name in names if name not in parents))),
         run=fl.RunSettings(step=1e-4),
     )  # fmt: skip
 
 
 def _sliding(dice: Dice, joint: fl.Joint) -> fl.Joint:
-    """Two in five of the joints slide."""
+    """Turn two in five joints into sliding joints."""
     if not dice.chance(0.4):
         return joint
     limits = (-dice.linear(0.5, 1.0), dice.linear(0.5, 1.0)) if joint.limits_deg else None
@@ -121,7 +121,7 @@ def _sliding(dice: Dice, joint: fl.Joint) -> fl.Joint:
 
 
 def _sections(dice: Dice) -> dict[str, fl.Section]:
-    """Two, each with one of the same shape for the tip."""
+    """Two sections, each with a tapered version of the same shape for the tip."""
     found = {}
     shapes: dict[str, Literal["rectangle", "tube"]] = {"bar": "rectangle", "pipe": "tube"}
     for name, shape in shapes.items():
@@ -145,11 +145,11 @@ def _link(dice: Dice, name: str, table: Convention | None) -> fl.Link:
 
 
 def _real(links: Sequence[fl.Link], seed: int) -> tuple[tuple[fl.Link, ...], dict[str, fl.Rigidity]]:
-    """Soft roots and tables of rigidities for some of the links, by dice of their own: the rest of an arm stays."""
+    """Give some links soft roots or rigidity tables, with a separate generator; everything else is unchanged."""
     dice, tables, found = Dice(OF_BEAMS + seed), {}, []
     for link in links:
         own: dict[str, Any] = {}
-        if link.material is not None and dice.chance(0.4):  # which moves mass
+        if link.material is not None and dice.chance(0.4):  # the soft root moves mass
             axes = [axis for axis in "xyz" if dice.chance(0.6)] or ["z"]
             own["root_stiffness"] = fl.details.RootStiffness(**{axis: dice.decades(2, 5) for axis in axes})
             own["root_damping"] = fl.details.RootDamping(**{axes[0]: dice.decades(-1, 1)})
@@ -161,11 +161,11 @@ def _real(links: Sequence[fl.Link], seed: int) -> tuple[tuple[fl.Link, ...], dic
 
 
 OF_BEAMS = 1_000_000
-"""Added to the seed of an arm for what its beams have beside sections."""
+"""Offset of the seed for the properties of beams other than their sections."""
 
 
 def _table(dice: Dice, length: float) -> fl.Rigidity:
-    """Four rows, with a jump."""
+    """A rigidity table of four rows with a jump."""
     jump = length * dice.linear(0.2, 0.8)
 
     def column(low: float, high: float) -> tuple[float, ...]:
@@ -190,7 +190,7 @@ def _beam(dice: Dice, flex: str) -> dict[str, Any]:
 
 
 def _place(dice: Dice, beam: dict[str, Any]) -> dict[str, Any]:
-    """Where the link runs: along X, or along any line; and, now and then, which way its section stands."""
+    """Axis of the link, along X or any line; sometimes with an orientation of the section."""
     up = {"up": dice.three(1.0)} if beam and dice.chance(0.3) else {}
     if beam and dice.chance(0.4):
         return {"length": dice.linear(0.2, 1.0)} | up
@@ -230,7 +230,7 @@ def _row(dice: Dice, convention: Convention) -> fl.details.DenavitHartenberg:
 
 
 def _body(dice: Dice) -> fl.RigidBody:
-    """A few points in a box, or a disc, the limit of what a body can be; its centre anywhere near."""
+    """A few points in a box, or a disc, which is the limit of a valid inertia; the centre is anywhere near."""
     mass, size = dice.decades(-1, 1), dice.linear(0.02, 0.15)
     spread = dice.random.normal(0, size, (3, 3))
     covariance = mass * spread @ spread.T
@@ -240,7 +240,7 @@ def _body(dice: Dice) -> fl.RigidBody:
     I = np.trace(covariance) * np.eye(3) - covariance
     products = (I[0, 1], I[0, 2], I[1, 2]) if dice.chance(0.7) else ()
     if not products:
-        I = np.diag(np.sort(covariance.diagonal()) + mass * size**2)  # of a box: differences below their sum
+        I = np.diag(np.sort(covariance.diagonal()) + mass * size**2)  # as of a box: satisfies the triangle inequality
         I[2, 2] = min(I[2, 2], I[0, 0] + I[1, 1])
     center = dice.three(0.1) if dice.chance(0.7) else (0.0, 0.0, 0.0)
     return fl.RigidBody(mass=mass, center=center, inertia=(*I.diagonal(), *products))

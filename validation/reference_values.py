@@ -23,7 +23,7 @@ def _file(name: str) -> Any:
 
 
 def look_up(name: str, *keys: str) -> Any:
-    """What stands below `keys` in the `reference` part of a file.
+    """Entry at `keys` in the `reference` part of a file.
 
     Raises
     ------
@@ -32,17 +32,17 @@ def look_up(name: str, *keys: str) -> Any:
     """
     if not (REFERENCE_FOLDER / f"{name}.json").is_file():
         known = ", ".join(sorted(path.stem for path in REFERENCE_FOLDER.glob("*.json")))
-        raise DataFileError(f"reference = {name!r}: no such file; there are {known}")
+        raise DataFileError(f"reference = {name!r}: no such file; available: {known}")
     found = _file(name)
     for key in keys:
         if key not in found:
-            raise DataFileError(f"reference {name}: {key!r} is not in it; there are {', '.join(found)}")
+            raise DataFileError(f"reference {name}: key {key!r} is missing; available: {', '.join(found)}")
         found = found[key]
     return found
 
 
 def store_reference(name: str, about: str, source: str, seconds: float, **rest: Any) -> None:
-    """Write a file of values that a program, the `source`, has computed in so many seconds of CPU."""
+    """Write a file of values that the program `source` has computed in `seconds` of CPU time."""
     document = {
         "about": about, "source": source, "date": datetime.date.today().isoformat(), "cpu_seconds": round(seconds, 1),
     }  # fmt: skip
@@ -52,5 +52,5 @@ def store_reference(name: str, about: str, source: str, seconds: float, **rest: 
 
 
 def reference_array(name: str, *keys: str) -> Array:
-    """A number or list of numbers of a reference file as float64, rounded once."""
+    """A number or list of numbers of a reference file, rounded to float64."""
     return np.array(look_up(name, *keys), dtype=np.float64)

@@ -1,6 +1,6 @@
-"""What a case has left out: each quantity is measured as often as its file says, and no number twice.
+"""Check that each quantity is measured the number of times that its case states, and nothing twice.
 
-A scene, an engine or a method that a kind skips in silence has fewer rows. That is a failed check, which says so.
+If a kind silently skips a scene, an engine or a method, rows are missing. That is reported as a failed check.
 """
 
 from __future__ import annotations
@@ -16,25 +16,25 @@ ROWS_OF = "rows of "
 
 
 def wrong(case: Case, rows: Sequence[Row]) -> Iterator[Row]:
-    """A failed check for every quantity of a case that was not measured as often as its file says."""
+    """Yield a failed check for every quantity whose number of measurements differs from the case's."""
     for name in dict.fromkeys(row.quantity for row in rows):
         own, stated = [row for row in rows if row.quantity == name], case.quantity[name].rows
         if stated == "by machine" or own[0].timed:
             continue
         if len(own) != stated:
             yield _failed(own[0], len(own), stated, f"The case states {stated}; measured: {_where(own)}.")
-        twice = [asked for asked, times in Counter(_asked(row) for row in own).items() if times > 1]
+        twice = [measured for measured, times in Counter(_measured(row) for row in own).items() if times > 1]
         if twice:
             yield _failed(own[0], len(own), len(own) - len(twice), f"Measured twice: {twice[0]}.")
 
 
-def _asked(row: Row) -> str:
-    """What a row answers, apart from its quantity."""
+def _measured(row: Row) -> str:
+    """Scene, engine and varied conditions of a row."""
     return ", ".join([row.scene, row.engine, *(f"{name} {value}" for name, value in row.varied.items())])
 
 
 def _where(rows: Sequence[Row]) -> str:
-    """How many rows each scene and engine has."""
+    """Number of rows of each scene and engine."""
     counts = Counter(" ".join(part for part in (row.scene, row.engine) if part) for row in rows)
     return ", ".join(f"{count} {where}" for where, count in counts.items())
 
@@ -43,6 +43,6 @@ def _failed(row: Row, found: int, stated: int, note: str) -> Row:
     return dataclasses.replace(
         row, scene="", engine=OURS, varied={}, quantity=f"{ROWS_OF}{row.quantity}", metric="rows measured", unit="rows",
         value=float(found), tolerance=float(stated), bound="at least" if found < stated else "at most", passed=False,
-        reason="Nothing is left out in silence: how often each quantity is measured is part of the case.", note=note,
+        reason="No measurement is skipped silently: the case states how often each quantity is measured.", note=note,
         given_up="", seconds=0.0,
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Run cases: skip what is stored for the same sources and versions, judge each number, store it at once."""
+"""Run cases: skip those stored for the same sources and versions, check each number, store it at once."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from validation.sources import ROOT, digests, sources
 from validation.speed.machine import LoadMonitor
 from validation.store import Environment, Finished, Planned, Row, Series, Store
 
-WORTH_A_POOL = 4  # cases; starting a process takes as long as a short one
+WORTH_A_POOL = 4  # least number of cases for a process pool; starting a process takes as long as a short case
 PACKAGES = (
     "flexlink",
     "numpy",
@@ -43,31 +43,31 @@ PACKAGES = (
 )
 
 Report = Callable[[str, Row | None], None]
-"""Called with the case's name, and each of its rows as it is stored (None when the case starts)."""
+"""Called with a case's name and each row when it is stored; the row is None when the case starts."""
 
 
 def run_cases(
     cases: Sequence[Case], store: Store, force: bool, report: Report, full: bool = False
 ) -> dict[str, FlexlinkError]:
-    """Run every case that is not stored yet: side by side, and then, one at a time, those that measure time.
+    """Run every case that is not stored: first in parallel, then the timed cases one at a time.
 
     Parameters
     ----------
     cases, store
-        What to run, and where its results belong.
+        Cases to run, and the store of their results.
     force
-        Also what is stored.
+        Run stored cases again.
     report
-        Told of every case that starts, and of every row.
+        Called for every case that starts and for every row.
     full
-        All that measures time runs alone; what is stored stays, even if the machine was busy. Else it is measured again
-        where a limit judges it, and what none judges runs beside other cases.
+        Run all timed cases alone and keep stored results even if the machine was busy. Otherwise, rerun timed cases
+        with limits if the machine was busy, and run timed cases without limits in parallel.
 
     Returns
     -------
     dict
-        The cases that cannot be run, with the reason: bad settings, a missing engine, a run that diverges. The others
-        have been run all the same.
+        The cases that failed, with the reason: invalid settings, a missing engine, a divergent run. All other cases
+        have been run.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def run_cases(
         watch = LoadMonitor() if case.kind in alone else None
         try:
             _keep(case, results, store, report)
-        except OutputError:  # so would be the next one
+        except OutputError:  # the next case would fail as well
             raise
         except FlexlinkError as error:
             failed[case.name] = error
@@ -111,7 +111,7 @@ def _keep(case: Case, results: Iterable[Row | Series], store: Store, report: Rep
 
 
 def _is_done(case: Case, key: str, store: Store, again_if_busy: bool) -> bool:
-    """Whether the case is stored for the same sources and versions; on request also, if timed, on an idle machine."""
+    """Whether the case is stored for the same sources and versions; optionally also on an idle machine if timed."""
     done = store.finished().get(case.name)
     if done is None or done.key != key:
         return False
@@ -123,9 +123,9 @@ def _is_done(case: Case, key: str, store: Store, again_if_busy: bool) -> bool:
 def _in_order_of_completion(
     cases: Sequence[Case], keys: dict[str, str], report: Report, kinds_alone: AbstractSet[str]
 ) -> Iterator[tuple[Case, Iterable[Row | Series]]]:
-    """Each case with its results; those of one alone, or of a single one, come one by one as they are measured.
+    """Yield each case with its results; cases that run alone, or in a small set, yield results as they are measured.
 
-    What is timed is rehearsed while the others run, so that no core idles while its kernels are compiled.
+    Timed cases are rehearsed while the others run: their kernels are compiled in time.
     """
     alone = [case for case in cases if case.kind in kinds_alone]
     shared = [case for case in cases if case.kind not in kinds_alone]
@@ -141,7 +141,7 @@ def _in_order_of_completion(
                     report(running[done].name, None)
                     yield running[done], _results_of(done)
                 for rehearsal in rehearsals:
-                    rehearsal.exception()  # waits; what keeps it from running keeps the case, which then says so
+                    rehearsal.exception()  # waits; its error recurs, and is reported, when the case runs
             finally:
                 pool.shutdown(cancel_futures=True)
     for case in alone:
@@ -155,14 +155,14 @@ def _pool() -> ProcessPoolExecutor:
 
 
 def _end_with_parent() -> None:
-    """Let a worker end when the study ends, even if the study was killed."""
+    """End a worker when the study ends, even if the study was killed."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         exit_when_closed(parent.sentinel)
 
 
 def _results_of(done: Future[list[Row | Series]]) -> Iterator[Row | Series]:
-    """Raises what the case did when it is asked for the first result, as a case does that is measured here."""
+    """Results of a finished case; raises its error at the first result, as a case measured in this process does."""
     yield from done.result()
 
 
@@ -177,12 +177,12 @@ def _rehearse(case: Case) -> None:
 
 
 def measure(case: Case, key: str) -> Iterator[Row | Series]:
-    """Judged rows and series of a case, as they are known.
+    """Checked rows and series of a case, as they are measured.
 
     Raises
     ------
     FlexlinkError
-        The case cannot be run, or does not measure all that it wants judged.
+        The case cannot be run, or does not measure all of its quantities.
     """
     kind, settings = kind_of(case)
     missing = {quantity for quantity in case.quantity if case.demands(quantity)}
@@ -191,15 +191,14 @@ def measure(case: Case, key: str) -> Iterator[Row | Series]:
     for result in measurements(kind, case, settings):
         if isinstance(result, Series):
             yield result
-        elif result.quantity in case.quantity:  # a case takes of what its kind measures
+        elif result.quantity in case.quantity:  # a case may use only some quantities of its kind
             rows.append(judged(case, result, time.perf_counter() - start, key))
             yield rows[-1]
             missing.discard(result.quantity)
             start = time.perf_counter()
-    if missing:  # a limit that nobody measured must not look like a limit that was kept
+    if missing:  # a limit that was not measured must not appear to be met
         raise DataFileError(
-            f"{case.path}: quantity.{min(missing)}: kind {case.kind!r} does not measure this here",
-            id="unknown-quantity",
+            f"{case.path}: quantity.{min(missing)}: kind {case.kind!r} does not measure it here", id="unknown-quantity"
         )
     yield from row_counts.wrong(case, rows)
 
@@ -218,10 +217,10 @@ def kind_of(case: Case) -> tuple[Kind, Any]:
 
 
 def judged(case: Case, measured: Measured, seconds: float, key: str) -> Row:
-    """The row of a number: passed if it is on the right side of the case's tolerance; nan is on no side."""
+    """The row of a number: passed if it is on the right side of the case's tolerance; nan never passes."""
     quantity = case.quantity[measured.quantity]
     tolerance = None if quantity.tolerance is None else quantity.tolerance * measured.scale
-    value = float(measured.value) if math.isfinite(measured.value) else None  # as JSON can hold it
+    value = float(measured.value) if math.isfinite(measured.value) else None  # JSON has no nan
     passed = None
     if tolerance is not None:
         passed = measured.value <= tolerance if quantity.bound == "at most" else measured.value >= tolerance
@@ -252,7 +251,7 @@ def _hash_of_sources() -> bytes:
 
 
 def environment() -> Environment:
-    """What a reader needs to judge the numbers: versions, processor, system, commit, date."""
+    """Versions, processor, system, commit and date: the context of the numbers."""
     return Environment(
         date=_date(),
         commit=_commit(),
@@ -270,7 +269,7 @@ def _date() -> datetime.datetime:
 
 
 def _commit() -> str:
-    """The commit of the sources, with "+" if they were changed since; "" outside a repository."""
+    """The commit of the sources, with "+" if they have changed since; "" outside a repository."""
     try:
         git = ["git", "-C", str(ROOT)]
         head = subprocess.run([*git, "rev-parse", "--short=12", "HEAD"], capture_output=True, text=True, check=True)

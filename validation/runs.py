@@ -1,4 +1,4 @@
-"""Runs of a scene: their facts, their stable steps, and the panels of figure 5 for any arm."""
+"""Runs of a scene: their facts, their stable steps, and the panels of the paper's figure 5 for any arm."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ def run_facts(run: RunSettings) -> dict[str, Fact]:
 
 
 def stable_step_at_start(scene: Scene, method: str) -> float:
-    """The largest stable step of a method at the start [s]."""
+    """The largest stable step of a method at the initial state [s]."""
     chain = fl.lump(scene)
     return fl.stable_step(chain, *fl.initial_state(scene, chain), method=method)
 
 
 def stable_steps(scene: Scene, method: str, of_stable: float = 1.0) -> int:
-    """Steps between two samples that are no longer than this part of the largest stable one at the start."""
+    """Number of steps between two samples such that none exceeds this fraction of the largest initially stable step."""
     return max(1, math.ceil(scene.run.spacing / (of_stable * stable_step_at_start(scene, method))))
 
 
 def motion_series(scene: Scene, run: Trajectory, engine: str = "") -> Iterator[Series]:
-    """Figure 5 of the paper: active joints, passive joints by link, coordinates of active joints and hand; energy."""
+    """Figure 5 of the paper: active joints, passive joints by link, positions of active joints and hand; energy."""
     chain, time = run.chain, {"time [s]": run.t}
     names = chain.joint_names
     degrees = {names[k]: np.degrees(run.q[:, k]) for k in range(chain.n)}
@@ -70,14 +70,14 @@ def motion_series(scene: Scene, run: Trajectory, engine: str = "") -> Iterator[S
 
 
 def points_of(scene: Scene, chain: Chain, t: Array, q: Array, qd: Array) -> Trajectory:
-    """An engine's samples thinned to what a figure can show as points on our lines."""
-    shown = 50  # points of an engine in a figure
+    """An engine's samples, thinned to the number of points that a figure shows on flexlink's lines."""
+    shown = 50  # points per engine in a figure
     every = slice(None, None, max(1, len(t) // shown))
     return trajectory_from_states(problem_of(scene, chain), t[every].copy(), q[every].copy(), qd[every].copy())
 
 
 def _joint_places(run: Trajectory) -> dict[int, Any]:
-    """Positions [m] of the active joints that move, by number of the link; shape (samples, 3)."""
+    """Positions [m] of the moving active joints, by link number; shape (samples, 3)."""
     chain = run.chain
     bodies = {int(first): i for i, first in enumerate(chain.bodies["first"][:-1])}
     places = np.array([fl.frames(chain, q).points for q in run.q])

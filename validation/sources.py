@@ -1,4 +1,4 @@
-"""Source files that the results depend on, and which of them have changed since the measurement."""
+"""Source files that the results depend on, and those that have changed since the measurement."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 SOURCE_FOLDERS = ("flexlink", "validation")
 DISPLAY_ROOMS = {"pages", "pictures", "scene_report"}
-"""Rooms of the library that show what others have computed: how a page looks is no reason to measure again. The
-command line is a reason: cases run it, and time it."""
+"""Folders of the library that only display results: a new page layout needs no new measurement. The command line is
+not among them, since cases run and time it."""
 DISPLAY_FILES_IN_NOTES = {"numbers.py"}
-"""What the study takes of these rooms all the same, for its notes."""
+"""Files of these folders that the study uses in its notes."""
 
 
 def sources() -> Iterator[Path]:
@@ -24,15 +24,15 @@ def sources() -> Iterator[Path]:
 
 
 def _study_data(folder: Path) -> Iterator[Path]:
-    """References, and what tells scenes by what differs from others."""
+    """Reference values, and files that define several scenes by their differences."""
     yield from folder.glob("reference/**/*.json")
     yield from folder.glob("scenes/*/*.toml")
 
 
 def digests() -> dict[str, str]:
-    """Path from the root → digest, of all sources, and of the cases and scenes, each of which some results depend on.
+    """Path from the root → digest of every source, and of every case and scene that results depend on.
 
-    The digest is the one that git gives a file's contents, so that a study of any commit can be compared.
+    The digest is git's hash of the contents; a study of any commit can be compared.
     """
     own = [ROOT / "validation" / folder for folder in ("cases", "scenes")]
     files = {*sources(), *(path for folder in own for path in folder.glob("*.toml"))}
@@ -40,7 +40,7 @@ def digests() -> dict[str, str]:
 
 
 def changed(measured: Mapping[str, str]) -> list[str]:
-    """Files that are not what they were, are gone, or are new since these digests were taken."""
+    """Files that have changed, are gone, or are new since these digests were taken."""
     now = digests()
     return sorted(path for path in {*now, *measured} if now.get(path) != measured.get(path))
 

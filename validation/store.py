@@ -1,14 +1,14 @@
-"""Store of a study's results: plain files, readable with neither engines nor a terminal library.
+"""Store of a study's results: plain files that can be read without engines or terminal libraries.
 
-    plan.json               case → key that its results must have, title and kind: all cases of the study's last run
-    rows.jsonl              one JSON object a line, with the fields of `Row`
+    plan.json               case → required key of its results, title and kind: all cases of the study's last run
+    rows.jsonl              one JSON object per line, with the fields of `Row`
     series/CASE.NAME.npz    arrays c0, c1, … (columns of equal length) and `meta`, a JSON string: the fields of `Series`
     environment.json        versions, processor, commit, date, digests of the sources
     finished.json           case → `Finished`: key, date and machine of its last complete run
-    failed.json             case → why its last run came to no end
+    failed.json             case → error of its last run
 
-A row is on disk as soon as it is measured; a case counts as done only when it is in `finished.json`, and its results
-belong to the study only if its key is the one in `plan.json`.
+A row is on disk as soon as it is measured. A case counts as done only if it is in `finished.json`; its results belong
+to the study only if its key is the one in `plan.json`.
 """
 
 from __future__ import annotations
@@ -36,42 +36,42 @@ Bound = Literal["at most", "at least"]
 T = TypeVar("T")
 
 OURS = "native"
-"""Engine of what flexlink itself computed."""
+"""Engine of flexlink's results."""
 START_ANEW = "remove the folder to start anew"
 ERRORS_OF_READING = (ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error, msgspec.MsgspecError)
 
-BUSY_LOAD = 0.1  # of the machine's cores: from here on others take what the timed process would have had
-BUSY_SPREAD = 0.3  # of a calibration loop, mean lap over fastest less 1: 0.03 to 0.2 on idle virtual machines
+BUSY_LOAD = 0.1  # fraction of the cores; above it, other processes slow down the timed one
+BUSY_SPREAD = 0.3  # mean over fastest lap of a calibration loop, minus 1; 0.03 to 0.2 on idle virtual machines
 
 
 @dataclasses.dataclass(frozen=True)
 class Row:
-    """One measured number and the verdict on it."""
+    """One measured number and its verdict."""
 
     case: str
     kind: str
     title: str
-    scene: str  # "" where the case has none
-    engine: str  # what was measured: "native", "pinocchio", …
-    varied: Facts  # what was varied: name → value, names of `validation.facts`
+    scene: str  # "" if the case has none
+    engine: str  # measured engine: "native", "pinocchio", …
+    varied: Facts  # varied conditions: name → value, names of `validation.facts`
     quantity: str
     metric: str
     value: float | None  # None if the measurement is not a finite number
     unit: str
-    tolerance: float | None  # the limit; None: information, no verdict
+    tolerance: float | None  # the limit; None: for information, no verdict
     bound: Bound  # the side of the limit on which a value passes
     passed: bool | None
-    timed: bool  # a matter of speed: it depends on the machine, and no verdict on correctness takes it in
-    reason: str  # why the limit is what it is
-    note: str  # computed words on this value alone
-    given_up: str  # why a limit that was once set is not kept; "" if there was none
+    timed: bool  # measures speed: depends on the machine and is excluded from verdicts on correctness
+    reason: str  # justification of the limit
+    note: str  # computed remark on this value
+    given_up: str  # why an earlier limit was abandoned; "" if there was none
     seconds: float
     key: str  # hash of everything that the row depends on
     widened: str = ""  # why the limit is wider than the published one
 
     @property
     def where(self) -> str:
-        """Scene, engine, unless it is flexlink, and what was varied, in words."""
+        """Scene, engine (unless it is flexlink) and varied conditions in one line."""
         engine = "" if self.engine == OURS else self.engine
         return ", ".join(part for part in (self.scene, engine, in_words(self.varied)) if part)
 
@@ -80,7 +80,7 @@ class Row:
 class Series:
     """A table for a figure: columns of equal length against the column `x`, one curve per column, or per `group`."""
 
-    what: str  # what it shows, such as "sweep": figures ask for it
+    what: str  # contents, such as "sweep"; figures select by it
     title: str
     columns: Mapping[str, NDArray[Any]]
     x: str  # the column on the horizontal axis
@@ -88,16 +88,16 @@ class Series:
     y_label: str
     x_scale: Scale = "linear"
     y_scale: Scale = "linear"
-    group: str | None = None  # a text column: each of its values is a curve of its own
-    panel: str | None = None  # a text column: each of its values has axes of its own
+    group: str | None = None  # a text column; one curve per value
+    panel: str | None = None  # a text column; one pair of axes per value
     scene: str = ""
-    part: str = ""  # which of several of its kind, such as "mode 1"
-    engine: str = ""  # "" for our own
-    legend: Mapping[str, str] = dataclasses.field(default_factory=dict)  # column → entry, where columns share one
+    part: str = ""  # distinguishes several of one kind, such as "mode 1"
+    engine: str = ""  # "" for flexlink
+    legend: Mapping[str, str] = dataclasses.field(default_factory=dict)  # column → entry, if columns share an entry
 
     @property
     def name(self) -> str:
-        """Name within its case."""
+        """Name, unique within its case."""
         return ".".join(part for part in (self.scene, self.what, self.part, self.engine) if part).replace(" ", "_")
 
 
@@ -105,8 +105,8 @@ class Series:
 class Conditions:
     """Load of the machine while a case was timed."""
 
-    load: float | None  # cores that other processes kept busy, mean over the case; None where it cannot be known
-    spread: float  # of a calibration loop before and after: mean lap over the fastest, less 1
+    load: float | None  # cores used by other processes, mean over the case; None if unknown
+    spread: float  # of a calibration loop before and after: mean over fastest lap, minus 1
     cores: int
 
     @property
@@ -119,16 +119,14 @@ class Conditions:
 class Environment:
     """Software and hardware of a study; unknown entries are empty."""
 
-    date: datetime.datetime | None = None  # of its start
-    commit: str = ""  # with "+" if the sources were changed since
+    date: datetime.datetime | None = None  # of the start
+    commit: str = ""  # with "+" if the sources have changed since
     python: str = ""
     versions: Mapping[str, str] = dataclasses.field(default_factory=dict)
     processor: str = ""
     cores: int = 0
     system: str = ""
-    sources: Mapping[str, str] = dataclasses.field(
-        default_factory=dict
-    )  # path → digest, as `validation.sources` has them
+    sources: Mapping[str, str] = dataclasses.field(default_factory=dict)  # path → digest, from `validation.sources`
 
 
 @dataclasses.dataclass(frozen=True)
@@ -136,7 +134,7 @@ class Finished:
     """A complete run of a case."""
 
     key: str
-    date: datetime.datetime  # of its end
+    date: datetime.datetime  # of the end
     machine: str
     conditions: Conditions | None  # None: nothing was timed
 
@@ -148,7 +146,7 @@ class Finished:
 
 @dataclasses.dataclass(frozen=True)
 class Planned:
-    """A case of the study: the key of what its sources, scenes and versions are now."""
+    """A case of the study; its key is the hash of its current sources, scenes and versions."""
 
     key: str
     kind: str
@@ -163,17 +161,17 @@ class Store:
         self.path = Path(path)
 
     def rows(self) -> list[Row]:
-        """All rows in the order in which they were measured; a torn last line of a killed run is dropped.
+        """All rows in the order of measurement; an incomplete last line of a killed run is dropped.
 
         Raises
         ------
         FlexlinkError
-            Another line is not a row.
+            Any other line is invalid.
         """
         file = self.path / "rows.jsonl"
         if not file.exists():
             return []
-        lines = _read(file, Path.read_bytes).split(b"\n")[:-1]  # a whole line ends in a newline
+        lines = _read(file, Path.read_bytes).split(b"\n")[:-1]  # a complete line ends in a newline
         rows = []
         for number, line in enumerate(lines, start=1):
             try:
@@ -190,7 +188,7 @@ class Store:
         Raises
         ------
         FlexlinkError
-            A file is torn, or not a series of this version.
+            A file is damaged, or not a series of this version.
         """
         files = sorted((self.path / "series").glob(f"{case}.*.npz"))
         return {series.name: series for series in (_read(file, _series) for file in files)}
@@ -200,7 +198,7 @@ class Store:
         return self._decoded("environment.json", Environment)
 
     def plan(self) -> dict[str, Planned]:
-        """All cases of the study at the last run, with the keys that their results must have."""
+        """All cases of the study at the last run, with the required keys of their results."""
         return self._decoded("plan.json", dict[str, Planned])
 
     def finished(self) -> dict[str, Finished]:
@@ -208,22 +206,22 @@ class Store:
         return self._decoded("finished.json", dict[str, Finished])
 
     def failed(self) -> dict[str, str]:
-        """Case → the error that its last run ended in."""
+        """Case → the error of its last run."""
         return self._decoded("failed.json", dict[str, str])
 
     def _decoded(self, name: str, kind: type[T]) -> T:
-        """A JSON file, an empty one without the file.
+        """Contents of a JSON file; empty if there is no file.
 
         Raises
         ------
         FlexlinkError
-            It is torn, or not of this version.
+            The file is damaged, or not of this version.
         """
         file = self.path / name
         return _read(file, lambda path: msgspec.json.decode(path.read_bytes(), type=kind)) if file.exists() else kind()
 
     def prepare(self, known: Collection[str]) -> None:
-        """Make the folder, and forget cases that are not `known` any more.
+        """Make the folder, and drop the results of cases that are no longer `known`.
 
         Raises
         ------
@@ -238,19 +236,19 @@ class Store:
             self.forget(case)
 
     def note_environment(self, environment: Environment) -> None:
-        """Store the software and hardware of the rows to come."""
+        """Store the software and hardware of the rows that follow."""
         self._write("environment.json", environment)
 
     def note_plan(self, plan: Mapping[str, Planned]) -> None:
-        """Store the cases of the complete study, and the keys that their results must have."""
+        """Store the cases of the complete study and the required keys of their results."""
         self._write("plan.json", plan)
 
     def reopen(self, cases: Collection[str]) -> None:
-        """Mark cases as not finished; their results stay until they are measured again."""
+        """Mark cases as not finished; their results remain until they are measured again."""
         self._write("finished.json", {name: done for name, done in self.finished().items() if name not in cases})
 
     def forget(self, case: str) -> None:
-        """Drop every trace of a case."""
+        """Remove all results of a case."""
         self.reopen({case})
         self._write("failed.json", {name: why for name, why in self.failed().items() if name != case})
         kept = [row for row in self.rows() if row.case != case]
@@ -259,12 +257,12 @@ class Store:
             file.unlink()
 
     def append(self, row: Row) -> None:
-        """Add a row; it is on disk when this returns.
+        """Append a row; it is on disk when this returns.
 
         Raises
         ------
         OutputError
-            It cannot be written.
+            The row cannot be written.
         """
         path = self.path / "rows.jsonl"
         try:
@@ -287,11 +285,11 @@ class Store:
         write_whole(self.path / "series" / f"{case}.{series.name}.npz", write)
 
     def finish(self, case: str, finished: Finished) -> None:
-        """Mark `case` as finished: all its rows and series are stored."""
+        """Mark `case` as finished: its rows and series are complete."""
         self._write("finished.json", self.finished() | {case: finished})
 
     def fail(self, case: str, why: str) -> None:
-        """Note why `case` could not be run."""
+        """Store why `case` could not be run."""
         self._write("failed.json", self.failed() | {case: why})
 
     def _write(self, name: str, value: Environment | Mapping[str, Planned | Finished | str]) -> None:
@@ -299,7 +297,7 @@ class Store:
 
 
 def table(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> dict[str, NDArray[Any]]:
-    """The columns of a `Series` from its rows."""
+    """Make the columns of a `Series` from its rows."""
     return {name: np.array(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
 
 
@@ -308,7 +306,7 @@ def _line(row: Row) -> str:
 
 
 def _read(file: Path, read: Callable[[Path], T]) -> T:
-    """Read a file; FlexlinkError, in one line, if it is damaged or of another version."""
+    """Read a file; raise a one-line FlexlinkError if it is damaged or of another version."""
     try:
         return read(file)
     except (*ERRORS_OF_READING, OSError) as error:

@@ -21,11 +21,11 @@ from flexlink.describe.writing import toml_of
 ROOT = Path(__file__).parent.parent
 SWEEP_FOLDER = ROOT / "validation" / "sweeps"
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT)}
-LONGEST_WAIT = 300.0  # s, for anything
+LONGEST_WAIT = 300.0  # s, for any condition
 
 
 def shortened(name: str, members: int, folder: Path, method: str = "latin") -> Path:
-    """A sweep of `validation/sweeps`, with so many members, drawn by a method, as a file in a folder."""
+    """Write a sweep of `validation/sweeps` with another sample size and sampling method to a folder."""
     sweep = read_toml(SWEEP_FOLDER / f"{name}.toml")
     sweep["scene"] = str((SWEEP_FOLDER / sweep["scene"]).resolve())
     sweep["sample"] |= {"count": members, "method": method}
@@ -35,7 +35,7 @@ def shortened(name: str, members: int, folder: Path, method: str = "latin") -> P
 
 
 def started(sweep: Path, out: Path, *options: str) -> subprocess.Popen[str]:
-    """`flexlink sweep` in a process group of its own, as a terminal would start it."""
+    """Start `flexlink sweep` in a separate process group, as a terminal would."""
     command = [sys.executable, "-m", "flexlink", "sweep", str(sweep), "--out", str(out), *options]
     return subprocess.Popen(
         command, env=ENVIRONMENT, start_new_session=True, text=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
@@ -43,20 +43,20 @@ def started(sweep: Path, out: Path, *options: str) -> subprocess.Popen[str]:
 
 
 def finish(process: subprocess.Popen[str]) -> None:
-    """Wait for a sweep.
+    """Wait until a sweep ends.
 
     Raises
     ------
     EngineError
-        It has failed.
+        The sweep failed.
     """
-    _, said = process.communicate()
+    _, errors = process.communicate()
     if process.returncode:
-        raise EngineError(f"flexlink sweep ended with {process.returncode}: {said.strip()[-200:]}")
+        raise EngineError(f"flexlink sweep ended with {process.returncode}: {errors.strip()[-200:]}")
 
 
 def kill(process: subprocess.Popen[str]) -> bool:
-    """Kill a sweep with all its workers; whether it was still running."""
+    """Kill a sweep with all its workers; return whether it was still running."""
     alive = process.poll() is None
     if alive:
         os.killpg(process.pid, signal.SIGKILL)
@@ -65,7 +65,7 @@ def kill(process: subprocess.Popen[str]) -> bool:
 
 
 def killed_at(counts: Iterable[int], sweep: Path, out: Path, *options: str) -> int:
-    """Run a sweep, kill and restart it at each of these counts of rows; the number of kills."""
+    """Run a sweep, kill and restart it at each of these row counts; return the number of kills."""
     kills = 0
     for count in counts:
         with started(sweep, out, *options) as process:
@@ -77,17 +77,17 @@ def killed_at(counts: Iterable[int], sweep: Path, out: Path, *options: str) -> i
 
 
 def rows(path: Path) -> list[tuple[Any, ...]]:
-    """All rows, in the order of their numbers; none where there is no database yet."""
-    return _asked(path, "SELECT * FROM rows ORDER BY number")
+    """All rows, sorted by number; none if the database does not exist yet."""
+    return _query(path, "SELECT * FROM rows ORDER BY number")
 
 
 def counted(path: Path) -> int:
-    """How many there are."""
-    found = _asked(path, "SELECT count(*) FROM rows")
+    """Number of rows."""
+    found = _query(path, "SELECT count(*) FROM rows")
     return int(found[0][0]) if found else 0
 
 
-def _asked(path: Path, question: str) -> list[tuple[Any, ...]]:
+def _query(path: Path, question: str) -> list[tuple[Any, ...]]:
     if not path.exists():
         return []
     with contextlib.closing(sqlite3.connect(path, timeout=10)) as db:
@@ -96,7 +96,7 @@ def _asked(path: Path, question: str) -> list[tuple[Any, ...]]:
 
 
 def until(found: Callable[[], bool], process: subprocess.Popen[Any], seconds: float = LONGEST_WAIT) -> bool:
-    """Wait for a condition while a process runs; whether it was met."""
+    """Wait for a condition while a process runs; return whether it was met."""
     end = time.monotonic() + seconds
     while not found() and process.poll() is None and time.monotonic() < end:
         time.sleep(0.02)
@@ -105,7 +105,7 @@ def until(found: Callable[[], bool], process: subprocess.Popen[Any], seconds: fl
 
 @contextlib.contextmanager
 def cluster(folder: Path, workers: int) -> Iterator[tuple[str, list[subprocess.Popen[str]]]]:
-    """A Dask scheduler and workers on loopback, each a process: its address, and the workers.
+    """Run a Dask scheduler and workers as processes on loopback; yield its address and the workers.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A slice of a long sweep in a process of its own: memory and time of who plans it, who runs it, who keeps its rows.
+"""Run a slice of a long sweep in a separate process: memory and time of planning, of running and of storing rows.
 
 python -m validation.sweep_slice SWEEP.toml --slice 20000 --workers 2
 python -m validation.sweep_slice SWEEP.toml --slice 20000 --dask tcp://127.0.0.1:8786
@@ -27,16 +27,16 @@ from flexlink.sweeps.worker import rows_of
 from flexlink.sweeps.workers import WorkerPool, pool_of
 
 WARM = 4
-"""Tasks of every worker that load machine code, and do not count."""
+"""Number of untimed tasks per worker, which load machine code."""
 
 
 def megabytes() -> float:
-    """The most memory that this process has held [MB]."""
+    """Peak memory of this process [MB]."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def planned(file: Path) -> dict[str, float]:
-    """Time [s] and memory [MB] that it takes to plan a sweep and find the values of its last, first, middle members."""
+    """CPU time [s] and memory [MB] for planning a sweep and computing the values of three of its members."""
     sweep = load_sweep(file)
     Plan(replace(sweep, sample=replace(sweep.sample, count=4))).values(0)  # type: ignore[type-var]  # imports
     before, begun = megabytes(), time.process_time()
@@ -47,7 +47,7 @@ def planned(file: Path) -> dict[str, float]:
 
 
 def member_time(sweep: Sweep, duration: float, members: int = 512, turns: int = 5) -> float:
-    """CPU time of a member in the worker, the least of some turns [s]."""
+    """CPU time per member in a worker, the minimum over `turns` repetitions [s]."""
     text = msgspec.json.encode(replace(sweep, set={**sweep.set, "run.duration": duration}))
     rows_of(text, version(), range(members))
     times = []
@@ -59,7 +59,7 @@ def member_time(sweep: Sweep, duration: float, members: int = 512, turns: int = 
 
 
 def run_slice(sweep: Sweep, pool: WorkerPool, size: int) -> dict[str, float]:
-    """Run so many members and keep their rows: rates, the parent's CPU time of a row, the workers' memory."""
+    """Run `size` members and store their rows: rates, the parent's CPU time per row, the workers' memory."""
     plan = Plan(sweep)
     marks: list[tuple[float, float, int]] = []
     with tempfile.TemporaryDirectory() as folder:
@@ -86,7 +86,7 @@ def run_slice(sweep: Sweep, pool: WorkerPool, size: int) -> dict[str, float]:
 
 
 def main() -> None:
-    """Print what was found, as JSON."""
+    """Print the results as JSON."""
     parser = argparse.ArgumentParser()
     parser.add_argument("sweep", type=Path)
     parser.add_argument("--slice", type=int, default=0)

@@ -1,8 +1,8 @@
-"""Another code judged by the same cases: its CSV files, one a case, beside the references that flexlink is judged by.
+"""Compare another code's CSV files, one per case, with the same references as flexlink.
 
-FOLDER/CASE.csv holds values by name, heads `quantity` and `value [UNIT]`, of a measurement `quantity`, `unit`, `value`
-and `u_num`, if the code knows it; or a motion, heads `time [s]` and the quantity with its unit, at the times of the
-reference.
+FOLDER/CASE.csv contains values by name, with the header `quantity,value [UNIT]`. For measurements the header is
+`quantity,unit,value,u_num`, with u_num optional. A motion has the columns `time [s]` and the quantity with its unit, at
+the times of the reference.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from validation.case import Case, Sheet
 from validation.measured.uncertainty import Comparison, Convergence
 from validation.store import Series
 
-MEASURED, PUBLISHED, MOTION = "measured", "published", "motion"  # series that hold references
+MEASURED, PUBLISHED, MOTION = "measured", "published", "motion"  # names of the series with references
 NAME, UNIT, VALUE, U_NUM, REFERENCE = "quantity", "unit", "value", "u_num", "reference"
 SAME_TIME = 1e-9  # s
 MEASURED_HEADS = (NAME, UNIT, VALUE, U_NUM)
@@ -32,7 +32,7 @@ HEADS = ("case", "quantity", "theirs", "reference", "error", "accepted", "verdic
 
 
 class Judged(NamedTuple):
-    """A value of theirs with the verdict on it: `passed` is None where nothing was given, or nothing can be told."""
+    """A value of another code with its verdict; `passed` is None without a value or without a possible verdict."""
 
     case: str
     quantity: str
@@ -44,42 +44,42 @@ class Judged(NamedTuple):
     passed: bool | None
 
     def cells(self) -> tuple[str, ...]:
-        """As a line of a table."""
+        """The cells of a table row."""
         numbers = (self.theirs, self.reference, self.error, self.accepted)
         return (self.case, self.quantity, *map(number, numbers), self.verdict)
 
 
 def cases_of(folder: Path, known: Sequence[Case]) -> list[Case]:
-    """The cases that a folder has files for.
+    """The cases for which a folder has files.
 
     Raises
     ------
     ArgumentError
-        There is no folder, no file, or a file of no case that others can be judged by.
+        The folder or its files are missing, or a file belongs to no case that is open to other codes.
     """
     if not folder.is_dir():
         raise ArgumentError(
-            f"--theirs {folder}: no such folder; --blank {folder} makes it, with a file a case to fill in"
+            f"--theirs {folder}: no such folder; --blank {folder} creates it, with one file per case to fill in"
         )
     files = sorted(folder.glob("*.csv"))
     if not files:
-        raise ArgumentError(f"--theirs {folder}: no CSV file; --blank {folder} writes a file a case to fill in")
+        raise ArgumentError(f"--theirs {folder}: no CSV file; --blank {folder} writes one file per case to fill in")
     by_name = {case.name: case for case in open_to_others(known)}
     return [require_one_of(f"{file}: case", file.stem, by_name) for file in files]
 
 
 def open_to_others(known: Sequence[Case]) -> list[Case]:
-    """The cases with references that do not come from flexlink: all measured ones, and those with a data sheet."""
+    """The cases with references independent of flexlink: all measured ones, and those with a data sheet."""
     return [case for case in known if case.kind == MEASURED or case.sheet is not None]
 
 
 def judge(file: Path, case: Case, stored: Mapping[str, Series]) -> Iterator[Judged]:
-    """Every quantity of a case, given or not.
+    """Compare every quantity of a case with its reference, including quantities without a value.
 
     Raises
     ------
     DataFileError
-        The file cannot be read, or names a quantity that the case does not have; a number that is none.
+        The file cannot be read, or contains an unknown quantity or an invalid number.
     """
     references = {series.what: series for series in stored.values()}
     heads, rows = _table(file)
@@ -98,7 +98,7 @@ def judge(file: Path, case: Case, stored: Mapping[str, Series]) -> Iterator[Judg
 
 
 def write_blank(folder: Path, case: Case, stored: Mapping[str, Series]) -> Path:
-    """A file of a case to fill in: its quantities, or its times; OutputError where it cannot be written."""
+    """Write a blank file of a case with its quantities, or its times; OutputError if it cannot be written."""
     references = {series.what: series for series in stored.values()}
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -114,7 +114,7 @@ def write_blank(folder: Path, case: Case, stored: Mapping[str, Series]) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"{folder}: cannot be made a folder: {error.strerror or error}") from None
+        raise OutputError(f"{folder}: cannot create this folder: {error.strerror or error}") from None
     write_text(path, text.getvalue())
     return path
 
@@ -126,7 +126,7 @@ def _table(file: Path) -> tuple[list[str], list[list[str]]]:
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise DataFileError(f"{file}: cannot be read: {error}") from None
     if not lines or len(lines[0]) < 2:
-        raise DataFileError(f"{file}: no heads; --blank writes them")
+        raise DataFileError(f"{file}: no header; --blank writes one")
     for row, line in enumerate(lines, 1):
         if len(line) != len(lines[0]):
             raise DataFileError(f"{file}: line {row}: {len(line)} cells; the header line has {len(lines[0])}")
@@ -140,7 +140,7 @@ def _heads(case: Case) -> tuple[str, str]:
 def _by_name(
     file: Path, expected: Sequence[str], heads: list[str], rows: list[list[str]], units: Mapping[str, str]
 ) -> dict[str, dict[str, float]]:
-    """quantity → value, and u_num where it is given; a line without a value is left out."""
+    """quantity → value, and u_num if given; lines without a value are skipped."""
     if heads != list(expected):
         raise DataFileError(f"{file}: heads {','.join(heads)}; expected {','.join(expected)}")
     found: dict[str, dict[str, float]] = {}
@@ -151,7 +151,7 @@ def _by_name(
         if unit != known:
             raise DataFileError(f"{file}: line {row}: {name}: unit = {unit!r}: expected {known!r}")
         if name in found:
-            raise DataFileError(f"{file}: line {row}: {name!r} stands twice")
+            raise DataFileError(f"{file}: line {row}: {name!r} is listed twice")
         if cells[VALUE]:
             found[name] = {head: _number(file, row, head, cell) for head, cell in cells.items() if cell}
     return found
@@ -168,7 +168,7 @@ def _number(file: Path, line: int, head: str, cell: str) -> float:
 
 
 def _measured(case: Case, series: Series, given: Mapping[str, Mapping[str, float]]) -> Iterator[Judged]:
-    """By E and u_val, u_input as flexlink found it: what inputs leave open is the specimen's, not the code's."""
+    """Compare by E and u_val, with flexlink's u_input: input uncertainty belongs to the specimen, not the code."""
     c = series.columns
     names = c[NAME].tolist()
     for k, name in enumerate(names):
@@ -184,7 +184,7 @@ def _measured(case: Case, series: Series, given: Mapping[str, Mapping[str, float
 
 
 def _published(case: Case, series: Series, given: Mapping[str, Mapping[str, float]]) -> Iterator[Judged]:
-    """By the relative error that the case's data sheet accepts."""
+    """Compare by the relative error that the case's data sheet accepts."""
     names, exact = (series.columns[head].tolist() for head in ("what", "published"))
     accepted = _sheet(case).accepted
     for name, value in zip(names, exact, strict=True):
@@ -197,7 +197,7 @@ def _published(case: Case, series: Series, given: Mapping[str, Mapping[str, floa
 
 
 def _motion(file: Path, case: Case, series: Series, heads: list[str], rows: list[list[str]]) -> Judged:
-    """By the largest difference at the reference's times."""
+    """Compare by the largest difference at the reference's times."""
     if heads != [series.x, series.y_label]:
         raise DataFileError(f"{file}: heads {', '.join(heads)}; expected {series.x},{series.y_label}")
     table = np.array(
@@ -228,7 +228,7 @@ def _verdict(error: float, accepted: float) -> tuple[str, bool]:
 
 
 def sentence(found: Sequence[Judged]) -> str:
-    """All of them in a line."""
+    """Summarize all verdicts in one line."""
     given = [judged for judged in found if judged.theirs is not None]
     accepted, failed, open_ = (sum(judged.passed is state for judged in given) for state in (True, False, None))
     return (

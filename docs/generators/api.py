@@ -1,4 +1,4 @@
-"""The page of the Python interface: every public name, by what it is for."""
+"""The page of the Python interface: every public name, grouped by purpose."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from docs.generators.rest import directive, heading
 GROUPS = tomllib.loads((Path(__file__).parent / "api.toml").read_text(encoding="utf-8"))["group"]
 
 INTRO = """\
-``import flexlink as fl`` gives all of these, rarer ones by their modules, such as ``fl.fits``. Arrays are NumPy's,
-float64; SI units and radians, unless a name ends in ``_deg`` or ``_hz``; symbols, signs and frames are those of
-:doc:`notation`. Functions of a state take ``q``, ``qd``, … of shape ``(n,)``, or of many states, ``(b, n)``.
+``import flexlink as fl`` provides all names below; rarer ones are in modules, for example ``fl.fits``. Arrays are
+NumPy float64 arrays. Units are SI and radians unless a name ends in ``_deg`` or ``_hz``. Symbols, signs and frames:
+:doc:`notation`. Functions of a state take ``q``, ``qd``, … of shape ``(n,)``, or of several states, ``(b, n)``.
 
-What the examples find at hand is made so:
+The examples use these objects:
 
 .. literalinclude:: ../../../tests/prepared.py
    :language: python
@@ -25,7 +25,7 @@ What the examples find at hand is made so:
 
 
 def page(_: Path) -> str:
-    """Groups of names, each with a page of its own."""
+    """Return the groups of names; each name has its own page."""
     parts = [heading("Python"), INTRO]
     for group in GROUPS:
         parts.append(heading(group["title"], 1))
@@ -34,7 +34,7 @@ def page(_: Path) -> str:
 
 
 def _paths(name: str) -> list[str]:
-    """Where a public name is found; of a module, where all of its own are."""
+    """Public paths of a name; for a module, the paths of its names."""
     thing = getattr(fl, name)
     if not isinstance(thing, ModuleType):
         return [f"flexlink.{name}"]
@@ -42,9 +42,9 @@ def _paths(name: str) -> list[str]:
 
 
 def path_of(name: str) -> str | None:
-    """Where a name is public; None where it is not."""
-    places = [path for each in fl.__all__ for path in _paths(each)]
-    return next((path for path in places if path.rpartition(".")[2] == name), None)
+    """Public path of a name, or None."""
+    paths = [path for each in fl.__all__ for path in _paths(each)]
+    return next((path for path in paths if path.rpartition(".")[2] == name), None)
 
 
 def _list(names: list[str]) -> str:

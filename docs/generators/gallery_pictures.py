@@ -1,4 +1,4 @@
-"""For sphinx-gallery: pictures that flexlink draws, which pyplot does not know, and films that a block writes."""
+"""Scraper for sphinx-gallery: figures drawn by flexlink outside pyplot, and films written by a block."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from flexlink.results.notebook_figure import NotebookFigure
 
 
 def pictures(_block: object, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:
-    """The figure, or the film whose path, is the value of a block, as reST; one of `image_scrapers`."""
+    """Return the figure, or the film at the path, that is the value of a block, as reST; used in `image_scrapers`."""
     figure_rst = importlib.import_module("sphinx_gallery.scrapers").figure_rst
     names = block_vars["example_globals"]
-    value, before = names.get("___"), names.get("___shown")  # a block without a value leaves the last one standing
+    value, before = names.get("___"), names.get("___shown")  # a block without a value keeps the previous one
     if value is before:
         return ""
     names["___shown"] = value

@@ -1,7 +1,7 @@
-"""Names of other projects that pages link to, stored as text: no build waits for a network.
+"""Link targets of other projects, stored as text so that no build waits for a network.
 
-A file `inventories/NAME.txt` holds the project's address in its first line, then a line for each name: its role, the
-name, and its page. Sphinx reads them in its own packed form, which is written into a temporary folder.
+The first line of a file `inventories/NAME.txt` is the project's address. Each further line has the role, the name and
+the page of one target. `mapping` writes them to a temporary folder in Sphinx's packed format.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ HEAD = """\
 
 
 def mapping(folder: Path) -> dict[str, tuple[str, str]]:
-    """Setting `intersphinx_mapping` of all stored inventories."""
+    """Return the setting `intersphinx_mapping` for all stored inventories."""
     packed = Path(tempfile.mkdtemp(prefix="inventories"))
     found = {}
     for path in sorted(folder.glob("*.txt")):

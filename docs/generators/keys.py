@@ -1,10 +1,10 @@
-"""Pages of keys: what a file can say, from the types that it is read into."""
+"""Pages of keys: the keys of every file, from the types that the files are read into."""
 
 from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -29,51 +29,66 @@ from flexlink.sweeps.plan import Sweep
 from flexlink.sweeps.ranges import Range, Spread
 
 Record = Any
-"""A class of records; msgspec's own metaclass hides that they are types of `Struct`."""
+"""A class of records; msgspec's metaclass hides that they are subtypes of `Struct`."""
+
+PARTS = {
+    "scene_arm": ("Keys of the arm", ("base", "link", "material", "rigidity", "section", "tip")),
+    "scene_motion": ("Keys of initial state, drive, motion and load", ("drive", "initial", "motion", "wrench")),
+    "scene_run": ("Keys of sensors and simulation", ("run", "sensor")),
+}
+"""Pages of a scene's tables: name of the page, its title, and the tables."""
 
 NAMED_BY_FILES = {"lumping": "lumping", "method": "methods", "kind": "shapers"}
-"""Keys, of type str, whose values are names of data files in this folder of `flexlink/describe/data`."""
+"""Keys of type str whose values are names of data files, with their folder in `flexlink/describe/data`."""
 
 
 def scene_page(_: Path) -> str:
-    """Keys of a scene."""
+    """Return the keys of a scene."""
     intro = """\
-Everything that a scene file, or :class:`flexlink.Scene` in Python, can say. SI units; angles in degrees where a key
-ends in ``_deg``, else radians. Of joints that slide, the key with ``_m`` beside it says the same in metres; torques,
-gains and friction of such a joint are forces, N/m and so on. A path is also what ``--set``,
-:meth:`flexlink.Scene.varied` and sweeps take: ``--set link.upper.segments=9``; links go by name or by number from 1,
-``*`` is every link on which the key has an effect; components of a vector go by x, y and z (``gravity.x``). Unknown
-keys, wrong types and values that cannot be are refused by name.
+All keys of a scene file, and of :class:`flexlink.Scene` in Python. Units are SI; angles are in degrees if the key
+ends in ``_deg``, otherwise in radians. For prismatic joints use the key ending in ``_m``, in metres; their torques,
+gains and friction are forces, N/m and so on. The options ``--set``, :meth:`flexlink.Scene.varied` and sweeps take the
+same paths: ``--set link.upper.segments=9``. A link is given by its name or its number from 1; ``*`` means every link
+on which the key has an effect. Components of a vector are x, y and z (``gravity.x``). Unknown keys, wrong types and
+impossible values are refused by name.
 """
-    return _page("Keys of a scene", intro, [("", Scene)])
+    pages = directive("toctree", body="\n".join(PARTS), maxdepth="1")
+    return _page("Keys of a scene", f"{intro}\n{pages}", [("", Scene)], lambda place: not place)
+
+
+def scene_part(name: str, _: Path) -> str:
+    """Return the keys of some tables of a scene."""
+    title, tables = PARTS[name]
+    intro = f"The tables {', '.join(map(literal, tables))} of a scene; :doc:`scene` lists all tables.\n"
+    return _page(title, intro, [("", Scene)], lambda place: place.partition(".")[0] in tables)
 
 
 def sweep_page(_: Path) -> str:
-    """Keys of a sweep, and of what varies in it."""
+    """Return the keys of a sweep and of its ranges."""
     intro = """\
-Everything that a sweep file, or :class:`flexlink.Sweep` in Python, can say; ``sweep.`` stands for the file. Keys
-below ``set``, ``grid``, ``together`` and ``sample.keys`` are paths of the scene, see :doc:`scene`, or ``engine``. A
-value of ``grid`` and ``together`` is a list or a range, one of ``sample.keys`` a list or a spread.
+All keys of a sweep file, and of :class:`flexlink.Sweep` in Python; the prefix ``sweep.`` denotes the file. Keys below
+``set``, ``grid``, ``together`` and ``sample.keys`` are paths of the scene, see :doc:`scene`, or ``engine``. Values in
+``grid`` and ``together`` are lists or ranges, those in ``sample.keys`` lists or spreads.
 """
     roots = [("sweep", Sweep), ("sweep.grid.KEY", Range), ("sweep.sample.keys.KEY", Spread)]
     return _page("Keys of a sweep", intro, roots)
 
 
 def fit_page(_: Path) -> str:
-    """Keys of a fit, and of what was measured."""
+    """Return the keys of a fit and of its measurements."""
     intro = """\
-Everything that a problem's file, or :class:`flexlink.fits.FitProblem` in Python, can say; ``fit.`` stands for the
+All keys of a fit problem's file, and of :class:`flexlink.fits.FitProblem` in Python; the prefix ``fit.`` denotes the
 file. Keys below ``set`` and ``before`` are paths of the scene, see :doc:`scene`.
 """
     return _page("Keys of a fit", intro, [("fit", FitProblem)])
 
 
 def data_files_page(_: Path) -> str:
-    """Keys of the data files that a user can add."""
+    """Return the keys of the data files that a user can add."""
     intro = """\
-Rules, methods, shapers and robots are data: a file of your own, named by its path, stands beside those that come
-along. Paths start from the folder of the file that names them. The first word of a key here is the kind of file:
-``rule.about`` is the key ``about`` of a rule's file.
+Rules, methods, shapers and robots are data files. Select your own file by its path, relative to the folder of the
+file that uses it. The first word of a key below is the kind of file: ``rule.about`` is the key ``about`` of a rule's
+file.
 """
     files = [
         ("rule", LumpingRule), ("method", Method), ("shaper", ShaperRule), ("robot", KnownArm),
@@ -82,11 +97,15 @@ along. Paths start from the folder of the file that names them. The first word o
     return _page("Keys of data files", intro, files)
 
 
-def _page(title: str, intro: str, roots: list[tuple[str, Record]]) -> str:
+def _page(
+    title: str, intro: str, roots: list[tuple[str, Record]], wanted: Callable[[str], bool] = lambda _: True
+) -> str:
     parts = [heading(title), intro]
     known: set[Record] = set()
     for path, record in roots:
         for place, kind in records(record, path, known):
+            if not wanted(place):
+                continue
             parts.append(heading(f"[{place}]" if place else "Top level", 1))
             parts.append(_summary(kind))
             parts += [_entry(place, field, sentence) for field, sentence in entries(kind)]
@@ -101,7 +120,7 @@ def _summary(kind: Record) -> str:
 
 
 def records(kind: Record, path: str, known: set[Record]) -> Iterator[tuple[str, Record]]:
-    """A record and all those below it, each once, with the first path that leads there."""
+    """Yield a record and all records below it, each once, with the first path that leads to it."""
     if kind in known or kind is Arm:
         return
     known.add(kind)
@@ -113,10 +132,10 @@ def records(kind: Record, path: str, known: set[Record]) -> Iterator[tuple[str, 
 
 
 def entries(kind: Record) -> list[tuple[msgspec.structs.FieldInfo, str]]:
-    """Fields of a record as they stand in a file, each with the sentence below it in the source."""
-    told = sentences(kind)
-    found = [(field, told[field.encode_name]) for field in fields_of(kind)]
-    if kind is Scene:  # an arm has no table of its own in a file
+    """Return the fields of a record in file order, each with the sentence below it in the source."""
+    texts = sentences(kind)
+    found = [(field, texts[field.encode_name]) for field in fields_of(kind)]
+    if kind is Scene:  # an arm has no separate table in a file
         found = [pair for pair in found if pair[0].name != "arm"] + entries(Arm)
     return found
 
@@ -147,7 +166,7 @@ def _join(path: str, key: str, kind: Any = None) -> str:
 
 
 def words(kind: Any) -> str:
-    """A type in the words of a reader."""
+    """Describe a type in a reader's terms."""
     if isinstance(kind, type) and not get_args(kind):
         return _class_words(kind)
     origin, parts = get_origin(kind), get_args(kind)
@@ -166,7 +185,7 @@ def words(kind: Any) -> str:
 def _class_words(kind: type) -> str:
     if issubclass(kind, msgspec.Struct):
         return "path of a scene file" if kind is Scene else "table"
-    return {float: "number", int: "whole number", bool: "true or false", str: "text"}.get(kind, "any value")
+    return {float: "number", int: "integer", bool: "true or false", str: "text"}.get(kind, "any value")
 
 
 def _list_words(parts: tuple[Any, ...]) -> str:
@@ -189,7 +208,7 @@ def _limits(meta: Any) -> Iterator[str]:
 
 
 def _plain(kind: Any) -> Any:
-    """A type without limits and without None."""
+    """Return a type without limits and without None."""
     if get_origin(kind) is Annotated:
         return _plain(get_args(kind)[0])
     if get_origin(kind) in {Union, UnionType}:

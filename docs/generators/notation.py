@@ -1,4 +1,4 @@
-"""The page of notation: NOTATION.md, whose links to source files are names here."""
+"""The notation page: NOTATION.md, with links to source files replaced by their names."""
 
 from __future__ import annotations
 
@@ -9,5 +9,5 @@ SOURCE = Path(__file__).parents[2] / "NOTATION.md"
 
 
 def page(_: Path) -> str:
-    """Its text."""
+    """Return the text of NOTATION.md without links to source files."""
     return re.sub(r"\[(`[^`\]]+`)\]\((?!http)[^)]+\)", r"\1", SOURCE.read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""reStructuredText in pieces: headings, tables, options."""
+"""Pieces of reStructuredText: headings, tables, directives."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ ROLE = re.compile(r"(:\w+:`[^`]+`)")
 
 
 def heading(text: str, level: int = 0) -> str:
-    """A heading, underlined by its level."""
+    """Return a heading, underlined by its level."""
     return f"{text}\n{LEVELS[level] * (2 * len(text))}\n"
 
 
 def indented(text: str, by: int = 3) -> str:
-    """Text below a directive."""
+    """Return text indented as the body of a directive."""
     return "\n".join(f"{' ' * by}{line}" if line else "" for line in text.splitlines())
 
 
 def directive(name: str, argument: str = "", body: str = "", **options: str) -> str:
-    """`.. name:: argument`, its options, and what stands below it."""
+    """Return `.. name:: argument` with its options and body."""
     lines = [f".. {name}:: {argument}".rstrip(), *(f"   :{key}: {value}".rstrip() for key, value in options.items())]
     return "\n".join([*lines, "", indented(body), ""])
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]], widths: str = "auto") -> str:
-    """A table whose cells are reStructuredText."""
+    """Return a table with cells in reStructuredText."""
     lines = [_row(row) for row in (heads, *rows)]
     return directive("list-table", body="\n".join(lines), **{"header-rows": "1", "widths": widths})
 
@@ -36,12 +36,12 @@ def _row(cells: Sequence[str]) -> str:
 
 
 def literal(text: object) -> str:
-    """``text``."""
+    """Return ``text``, as code."""
     return f"``{text}``"
 
 
 def prose(text: str) -> str:
-    """Sentences of a docstring's comment: code in single backticks, as Markdown and our comments have it, and roles."""
+    """Return sentences of a docstring as reStructuredText: code in single backticks, as in Markdown, and roles."""
     parts = ROLE.split(text)
     return "".join(part if k % 2 else _marked(part) for k, part in enumerate(parts))
 

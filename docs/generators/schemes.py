@@ -1,4 +1,4 @@
-"""Pages of methods, rules and shapers, from their data files, each drawn."""
+"""Pages of methods, rules and shapers, from their data files, each with a figure."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ STYLE: dict[str, Any] = {"svg.hashsalt": "flexlink", "svg.fonttype": "path", "fi
 
 
 def methods_page(folder: Path) -> str:
-    """Order, stages, stability and source of every integrator."""
+    """Return the page of integrators: order, stages, stability and source."""
     known = {name: method(name) for name in data_files.names("methods")}
     heads = ("method", "order", "stages", "kind", "stable on the real axis to", "on the imaginary axis to")
     parts = [
         heading("Integrators"),
-        "Runge-Kutta methods, by ``run.method`` or ``--method``; ``auto``, the default with a tolerance, takes the\n"
-        "cheapest. A step h is stable for a vibration λ where ``hλ`` lies in the shaded region.\n"
-        "Keys of a file of your own: :doc:`data_files`.\n",
+        "Runge-Kutta methods, selected by ``run.method`` or ``--method``; ``auto``, the default with a tolerance,\n"
+        "takes the cheapest. A step h is stable for an eigenvalue λ if ``hλ`` lies in the shaded region.\n"
+        "Keys of a custom method file: :doc:`data_files`.\n",
         table(heads, [(literal(name), *_facts(each)) for name, each in known.items()]),
     ]
     for name, each in known.items():
         _draw_region(each, folder / f"region_{name}.svg")
-        caption = f"Stability region of {name}: no vibration grows in the shaded area"
+        caption = f"Stability region of {name}: no vibration grows if hλ lies in the shaded area"
         parts += [_section(name, each), _figure(f"region_{name}.svg", caption)]
     return "\n".join(parts)
 
@@ -65,16 +65,16 @@ def _draw_region(each: Method, path: Path) -> None:
 
 
 def rules_page(folder: Path) -> str:
-    """Where the hinges of every lumping rule sit."""
+    """Return the page of lumping rules: hinge positions and weights."""
     known = {name: lumping_rule(name) for name in data_files.names("lumping")}
     parts = [
         heading("Lumping rules"),
-        "Where the hinges of a flexible link sit, and what stretch w of the beam each stands for, k = EI / (w L); by\n"
-        "``link.NAME.lumping``. Keys of a file of your own: :doc:`data_files`.\n",
-        "Rules of cells have springs between the hinges of a cell, too; w is then what the diagonal of K stands for,\n"
-        "and does not sum to 1. Fewest hinges, of how many they are a multiple, and how many share springs:\n",
+        "A lumping rule, ``link.NAME.lumping``, places the hinges of a flexible link and gives each the share w of\n"
+        "the beam's length: k = EI / (w L). Keys of a custom rule file: :doc:`data_files`.\n",
+        "Rules with cells also have springs between the hinges of a cell. Their w belongs to the diagonal of K and\n"
+        "does not sum to 1. The table lists the smallest number of hinges, its multiples, and coupled hinges:\n",
         table(
-            ("rule", "fewest", "multiple of", "hinges a cell"), [_numbers(name, rule) for name, rule in known.items()]
+            ("rule", "least", "multiple of", "hinges per cell"), [_numbers(name, rule) for name, rule in known.items()]
         ),
     ]
     for name, rule in known.items():
@@ -102,7 +102,7 @@ def _exists(rule: LumpingRule, count: int) -> bool:
 def _draw_hinges(rule: LumpingRule, counts: list[int], path: Path) -> None:
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(6.0, 2.4), layout="constrained")
-        axes = figure.add_subplot(xlabel="place on the link, x / L [1]", ylabel="hinges", xlim=(-0.04, 1.04))
+        axes = figure.add_subplot(xlabel="position on the link, x / L [1]", ylabel="hinges", xlim=(-0.04, 1.04))
         axes.set_yticks(range(len(counts)), [str(count) for count in counts])
         axes.set_ylim(-0.6, len(counts) - 0.4)
         for row, count in enumerate(counts):
@@ -114,7 +114,7 @@ def _draw_hinges(rule: LumpingRule, counts: list[int], path: Path) -> None:
 
 
 def shapers_page(folder: Path) -> str:
-    """Impulses of every input shaper, and what it leaves of a vibration whose frequency is not what was thought."""
+    """Return the page of input shapers: impulses, and residual vibration if the frequency is wrong."""
     known = {name: data_files.load("shapers", "kind", name, ShaperRule) for name in data_files.names("shapers")}
     _draw_sensitivity(known, folder / "shapers.svg")
     heads = ("shaper", "impulses", "longer by", "zeros")
@@ -124,10 +124,10 @@ def shapers_page(folder: Path) -> str:
     ]
     parts = [
         heading("Input shapers"),
-        "Copies of a reference, delayed, whose sum leaves no vibration; by ``drive.reference.shaper.kind``.\n"
-        "Keys of a file of your own: :doc:`data_files`.\n",
+        "An input shaper, ``drive.reference.shaper.kind``, adds delayed copies of a reference so that their\n"
+        "vibrations cancel. Keys of a custom shaper file: :doc:`data_files`.\n",
         table(heads, rows),
-        _figure("shapers.svg", "What is left of an undamped vibration whose frequency is not the shaper's"),
+        _figure("shapers.svg", "Residual undamped vibration if its frequency differs from the shaper's"),
     ]  # fmt: skip
     for name, each in known.items():
         parts.append(_section(name, each))
@@ -138,7 +138,7 @@ def _draw_sensitivity(known: dict[str, ShaperRule], path: Path) -> None:
     ratio = np.linspace(0.5, 1.5, 301)
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(6.0, 3.4), layout="constrained")
-        axes = figure.add_subplot(xlabel="true frequency / frequency of the shaper [1]", ylabel="vibration left [%]")
+        axes = figure.add_subplot(xlabel="true frequency / shaper frequency [1]", ylabel="residual vibration [%]")
         for (name, each), style in zip(known.items(), ("-", "--", "-.", ":", (0, (1, 1))), strict=False):
             times, weights = each.impulses(2j * np.pi)
             left = np.abs(np.exp(-2j * np.pi * ratio[:, None] * times) @ weights)

@@ -1,4 +1,4 @@
-"""The sentences below the fields of descriptions in their source, and the units that they say."""
+"""Sentences below the fields of records in the source, and the units in them."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from flexlink.describe.spec import Spec, fields_of
 
 @functools.cache
 def sentences(kind: type[Spec]) -> dict[str, str]:
-    """What stands below each field of a description, by its key in a file; nothing where the source is not at hand."""
-    told: dict[str, str] = {}
+    """Return the sentence below each field of a record, by its key in a file; empty if the source is not available."""
+    texts: dict[str, str] = {}
     for each in (part for part in reversed(kind.__mro__) if issubclass(part, Spec)):
-        told |= _sentences(each)
-    return {field.encode_name: told[field.name] for field in fields_of(kind) if field.name in told}
+        texts |= _sentences(each)
+    return {field.encode_name: texts[field.name] for field in fields_of(kind) if field.name in texts}
 
 
 def _sentences(kind: type[Spec]) -> dict[str, str]:
@@ -36,7 +36,7 @@ def _sentences(kind: type[Spec]) -> dict[str, str]:
 
 
 def units_in(sentence: str) -> tuple[str, ...]:
-    """All units of a sentence, each once.
+    """Return all units in a sentence, each once.
 
     >>> print(units_in("Spring of the gear [N m/rad]; of a prismatic joint [N/m]."))
     ('N m/rad', 'N/m')

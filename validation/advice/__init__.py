@@ -1,1 +1,1 @@
-"""Random scenes for advice, and the references that judge it."""
+"""Random scenes for advice, and independent references to check it."""

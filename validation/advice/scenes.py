@@ -1,8 +1,8 @@
-"""Random arms in situations that advice is asked about; the same seed, the same scene. Nothing is tuned on them.
+"""Random arms in situations for which users need advice; the same seed gives the same scene. Nothing is tuned on them.
 
-One to three links, hardly to very soft, each with all that physics lets bend; in a plane or in space; falling, driven
-by a torque that comes and goes, by a constant one, by gains, or led; with payload, taper, friction, damping, a load at
-the tip, or what else is drawn.
+One to three links, from stiff to very soft, each bending about all physically possible axes; planar or in space;
+falling, driven by a pulsed or constant torque, by a PD controller, or with prescribed motion; with random payload,
+taper, friction, damping and tip load.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from flexlink.describe.spec import Vector3
 from validation.random_arms import Dice
 
 SITUATIONS = ("falling", "pulse", "constant", "pd", "led")
-"""In turn by seed, and so in pairs in a plane and in space."""
+"""Situations by seed, in turn; five planar scenes alternate with five in space."""
 
 SAMPLES = 100
 
 SOFTEST_LINK = 0.2
-"""Deflection of a link over its length."""
+"""Largest deflection of a link divided by its length."""
 MATERIALS = {
     "aluminium": fl.Material(young=70e9, density=2700.0, poisson=0.33),
     "steel": fl.Material(young=210e9, density=7850.0, poisson=0.3),
@@ -36,11 +36,11 @@ SECTIONS_OF_ROBOT = {
     "upper": fl.Section(shape="tube", outer=0.03, inner=0.026),
     "fore": fl.Section(shape="tube", outer=0.02, inner=0.017),
 }
-"""Of the robot's links that bend."""
+"""Sections of the robot's flexible links."""
 
 
 def random_scene(seed: int) -> fl.Scene:
-    """An arm and what happens to it."""
+    """An arm in a random situation."""
     dice = Dice(seed)
     situation, planar = SITUATIONS[seed % len(SITUATIONS)], (seed // len(SITUATIONS)) % 2 == 0
     stuff = dice.one_of(*MATERIALS)
@@ -69,7 +69,7 @@ def random_scene(seed: int) -> fl.Scene:
 
 
 def tumbling_scene(seed: int) -> fl.Scene:
-    """An arm in a plane that is let go where it stands nearly upright, without friction: its motion is sensitive."""
+    """A planar arm without friction, released nearly upright: its motion is sensitive."""
     falling, dice = random_scene(2 * len(SITUATIONS) * seed), Dice(seed)
     links = tuple(replace(link, joint=fl.Joint(), damping=None) for link in falling.arm.links)
     angles = dice.linear(60.0, 120.0), *(dice.linear(-60.0, 60.0) for _ in links[1:])
@@ -81,7 +81,7 @@ def tumbling_scene(seed: int) -> fl.Scene:
 
 
 def released_scene(seed: int) -> fl.Scene:
-    """An arm that its loads bend while the joints are held, and that is let go; up to stiff enough to be rigid."""
+    """An arm released from static equilibrium under its loads with locked joints; some are nearly rigid."""
     scene, dice = random_scene(seed), Dice(seed)
     thicker = dice.decades(0.0, 0.6)
     sections = {name: _scaled(section, thicker) for name, section in scene.arm.sections.items()}
@@ -92,7 +92,7 @@ def released_scene(seed: int) -> fl.Scene:
 
 
 def robot_scene(duration: float) -> fl.Scene:
-    """A robot of three axes from a URDF file, two of its links tubes that bend; its waist turns while it falls."""
+    """A three-axis robot from a URDF file; two links are flexible tubes. Its waist turns while it falls."""
     flexible = {name: fl.FlexibleLink(section=section, flex="xyz") for name, section in SECTIONS_OF_ROBOT.items()}
     posture = {"waist": 0.3, "shoulder": -0.6, "elbow": 0.9}
     scene = fl.import_urdf(ROBOT_FILE, posture=posture, flexible=flexible).scene
@@ -128,25 +128,25 @@ def _link(dice: Dice, k: int, stuff: str, sections: dict[str, fl.Section], plana
 
 
 def _thicken(
-    links: tuple[fl.Link, ...], sections: dict[str, fl.Section], material: fl.Material, carried: float
+    links: tuple[fl.Link, ...], sections: dict[str, fl.Section], material: fl.Material, outer_mass: float
 ) -> None:
-    """From the tip inwards, where a link would bend by more than `SOFTEST_LINK` of its length.
+    """Thicken links, from the tip inwards, that bend by more than `SOFTEST_LINK` of their length.
 
-    As a cantilever: δ/L = 9.81 m L²/(3 E I); thickness by a factor s stiffens by s⁴ and weighs s² more.
+    As a cantilever: δ/L = 9.81 m L²/(3 E I). Scaling the thickness by s multiplies stiffness by s⁴ and weight by s².
     """
     for link in reversed(links):
         thinnest = sections[link.section_tip or link.section or ""].properties
         own = material.density * sections[link.section or ""].properties.area * link.length
         inertia = min(thinnest.i_y, thinnest.i_z)
-        bent = 9.81 * (carried + link.end.mass + own) * link.length**2 / (3 * material.young * inertia)
+        bent = 9.81 * (outer_mass + link.end.mass + own) * link.length**2 / (3 * material.young * inertia)
         scale = max(1.0, bent / SOFTEST_LINK) ** 0.5
         for name in filter(None, (link.section, link.section_tip)):
             sections[name] = _scaled(sections[name], scale)
-        carried += link.end.mass + scale**2 * own
+        outer_mass += link.end.mass + scale**2 * own
 
 
 def _scaled(section: fl.Section, scale: float) -> fl.Section:
-    """All sizes of a section, so many times as large."""
+    """Scale all sizes of a section."""
     sizes = {k: scale * v for k, v in msgspec.structs.asdict(section).items() if isinstance(v, float)}
     return replace(section, **sizes)
 
@@ -157,18 +157,18 @@ def _mass(links: tuple[fl.Link, ...], sections: dict[str, fl.Section], material:
 
 
 def _inertias(arm: fl.Arm, material: fl.Material) -> list[float]:
-    """About each joint, of all beyond it stretched out, as rods [kg m²]."""
-    found, carried, reach = [], arm.tip.mass, 0.0
+    """Inertia about each joint of everything beyond it, stretched out, with links as rods [kg m²]."""
+    found, outer_mass, reach = [], arm.tip.mass, 0.0
     for link in reversed(arm.links):
         beam = arm.sections[link.section or ""].properties.area * material.density * link.length
-        carried, reach = carried + link.end.mass + beam / 3, reach + link.length
-        found.append(carried * reach**2)
-        carried += 2 * beam / 3
+        outer_mass, reach = outer_mass + link.end.mass + beam / 3, reach + link.length
+        found.append(outer_mass * reach**2)
+        outer_mass += 2 * beam / 3
     return found[::-1]
 
 
 def _put_in(scene: fl.Scene, situation: str, dice: Dice, inertias: list[float]) -> fl.Scene:
-    """What happens: torques of a few radians per second squared, moves within the run."""
+    """Add the situation: torques for accelerations of a few rad/s², or moves within the run."""
     end = scene.run.duration
     torques = [dice.linear(-8.0, 8.0) * inertia for inertia in inertias]
     if situation == "pulse":
@@ -193,7 +193,7 @@ def _put_in(scene: fl.Scene, situation: str, dice: Dice, inertias: list[float]) 
 
 
 def _move(dice: Dice, link: str, angle: float, end: float) -> fl.PrescribedMotion:
-    """From rest to rest, over before the run is."""
+    """A move from rest to rest that ends before the run."""
     zero, there = (0.0, 0.0), angle + dice.linear(-80.0, 80.0)
     times = (0.0, end * dice.linear(0.4, 0.9))
     return fl.PrescribedMotion(link=link, times=times, angle_deg=(angle, there), rate_deg=zero, acceleration_deg=zero)

@@ -1,7 +1,7 @@
-"""What advice is judged by: paths of the tip that it did not compute, what a careless model costs, the cheapest one.
+"""Independent references for advice: tip paths, the cost of a naive model, the cost of the cheapest one.
 
-The truth has all axes of all beams, at Gauss points, by Radau IIA of nine steps with a tolerance of its own, levels
-extrapolated until two limits agree: nothing of the advice's screening, estimates or candidates is in it.
+The reference model has all axes of all beams, hinges at Gauss points, Radau IIA of order 9 with a separate tolerance,
+and levels extrapolated until two limits agree. It shares no screening, estimate or candidate with the advice.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from flexlink.results.tip_motion import distances, largest_distance, largest_so_
 LEVELS = (4, 6, 8, 12, 16, 24, 32, 48)
 METHOD, OF_MOTION = "Radau9", (1e-6, 1e-9)
 CHECKED, STRICTER = 6, 0.1
-"""Level of which the steps are checked, and the tolerance of those that check them, over its own."""
+"""Level at which the steps are checked; tolerance of the check, relative to the level's own."""
 
 NAIVE = 8
-"""Hinges about three axes, by RK4 at its stable step: what is taken without thinking."""
+"""Number of hinges, about three axes, of the naive model; it uses RK4 at its stable step."""
 
 GRID = {"midpoint": (1, 2, 3, 4, 6), "gauss": (2, 4, 6, 8, 12, 16), "legendre": (3, 4, 5, 6, 8)}
 FACTORS = (1.0, 0.5)
@@ -35,7 +35,7 @@ METHODS = ("Radau5", "DOP853")
 
 
 class Truth(NamedTuple):
-    """Path of the tip (samples, 3), how far it gets, and how well it is known up to each sample (samples,) [m]."""
+    """Tip path (samples, 3), its extent, and its error estimate up to each sample (samples,) [m]."""
 
     tip: Array
     motion: float
@@ -43,15 +43,15 @@ class Truth(NamedTuple):
 
     @property
     def error(self) -> float:
-        """How well it is known up to the end [m]."""
+        """Error estimate up to the end [m]."""
         return float(self.errors[-1])
 
 
 def truth(scene: Scene, within: float, budget: float) -> Truth:
-    """Limit of finer and finer models, until its last change is `within` a part of the motion, or it takes too long.
+    """Limit of finer and finer models, until its last change is `within` times the motion or the budget is spent.
 
-    What the steps do, which all levels may share, is told by stricter ones at a coarse level; where it is not small,
-    as in sensitive motion, all is done again with them.
+    All levels may share the time-stepping error. A run with stricter steps at a coarse level estimates it; if it is not
+    small, as in sensitive motion, all levels are repeated with stricter steps.
     """
     found: list[Truth] = []
     for of_motion in OF_MOTION:
@@ -63,7 +63,7 @@ def truth(scene: Scene, within: float, budget: float) -> Truth:
 
 
 def _limit(scene: Scene, within: float, budget: float, of_motion: float) -> tuple[Truth, Array]:
-    """The limit of the levels, and what their steps do up to each sample (samples,) [m]."""
+    """The limit of the levels, and their time-stepping error up to each sample (samples,) [m]."""
     runner, axes = ModelRunner(scene, budget), all_axes(scene)
     levels: list[tuple[int, Array]] = []
     motion, errors = 1.0, np.full(scene.run.samples, np.inf)
@@ -97,17 +97,17 @@ def _tip_of(runner: ModelRunner, model: Model, tolerance: float) -> Array | None
 
 
 def naive_cost(scene: Scene) -> float:
-    """CPU time of the careless model [s], by its evaluations, without running it."""
+    """CPU time of the naive model [s], estimated from its evaluations without running it."""
     runner, model = ModelRunner(scene, np.inf), uniform(all_axes(scene), NAIVE)
     stepping = runner.fixed_steps(Thresholds.stable_share * runner.stable_step(model))
     return np.inf if stepping is None else runner.fixed_steps_cost(model, stepping)
 
 
 def cheapest(scene: Scene, true: Truth, allowed: dict[float, float], axes: Axes) -> dict[float, float]:
-    """Cost of the cheapest model with these axes and methods [s] for each tolerance [m], up to `allowed` costs.
+    """Cost of the cheapest model with these axes and methods [s] for each tolerance [m], up to the `allowed` costs.
 
-    Every combination of a grid of rules and hinges of each link, or rigid, with every method; runs that get dearer than
-    what is known already are stopped.
+    It tries every combination of a grid of rules and hinges per link (or rigid) with every method; runs that exceed the
+    lowest known cost are stopped.
     """
     best = dict(allowed)
     for model in _grid(scene, axes):

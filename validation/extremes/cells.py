@@ -1,4 +1,4 @@
-"""Cells of a map: scenes, axes of one key each, and plans of which axes are combined with which."""
+"""Cells of a map: scenes, axes that each vary one key, and plans that combine axes."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from validation.case import Case
 from validation.trade.scenes import Varied, varied_scene
 
 OF_STATE = "state."
-"""Where paths begin that belong to the state in which a scene is looked at, not to the scene."""
+"""Prefix of paths that belong to the initial state, not to the scene."""
 
 
 class Axis(Spec, frozen=True):
-    """One key, or a few that go together, and their values.
+    """One key, or several varied together, and the values.
 
     Attributes
     ----------
     values
-        Each times what stands at a path of `paths`, a number or a list, is the value there.
+        Each value is multiplied by the entry of a path in `paths`, a number or a list.
     paths
-        As `Scene.varied` takes them; those that begin with "state." are the kind's.
+        Paths as in `Scene.varied`; those that begin with "state." are handled by the kind.
     given
-        Changes made before: what the key is a part of.
+        Changes applied before, such as the table that contains the key.
     unit
-        "times": values are multiples of what the scene has there.  "fastest mode": values are damping ratios of the
-        fastest mode, and become loss times η = 2 ζ / ω.  "links": the last link stands so many times, without paths.
+        "times": values multiply the scene's value.  "fastest mode": values are damping ratios of the fastest mode and
+        become loss times η = 2 ζ / ω.  "links": the number of copies of the last link; no paths.
     few
-        The values where the axis is combined with others; none: the first, the middle and the last.
+        Values used when the axis is combined with others; default: the first, the middle and the last.
     """
 
     values: tuple[float, ...]
@@ -47,11 +47,11 @@ class Axis(Spec, frozen=True):
     few: tuple[float, ...] = ()
 
     def of_a_few(self) -> tuple[float, ...]:
-        """The values where the axis is combined with others."""
+        """Values used when the axis is combined with others."""
         return self.few or tuple(dict.fromkeys(self.values[k] for k in (0, len(self.values) // 2, -1)))
 
     def changes(self, scene: Scene, value: float) -> dict[str, Any]:
-        """What one of the values changes on a scene to which all that is `given` has been done."""
+        """Changes of the scene for one value, after `given` has been applied."""
         if self.unit == "links":
             return _with_links(scene, int(value))
         if self.unit == "times":
@@ -64,9 +64,9 @@ class Axis(Spec, frozen=True):
 
 
 class Plan(Spec, frozen=True):
-    """Scenes and axes; so many of the axes at a `together`, 0 for all of them; `steps` are the kind's.
+    """Scenes and axes. `together` is the number of axes varied at once, 0 for all; `steps` are the kind's.
 
-    One at a time, or all, an axis takes all its values; two at a time, a few.
+    An axis takes all its values if axes are varied one at a time or all at once, otherwise a few.
     """
 
     scenes: tuple[str, ...]
@@ -75,7 +75,7 @@ class Plan(Spec, frozen=True):
     together: Annotated[int, msgspec.Meta(ge=0)] = 0
 
     def choices(self, axis: dict[str, Axis]) -> Iterator[dict[str, float]]:
-        """Values by the names of their axes."""
+        """Combinations of values, by name of the axis."""
         for names in itertools.combinations(self.axes, self.together or len(self.axes)):
             few = 1 < self.together < len(self.axes)
             values = (axis[name].of_a_few() if few else axis[name].values for name in names)
@@ -91,7 +91,7 @@ class Cell(NamedTuple):
 
 
 class Map(Spec, frozen=True, kw_only=True):
-    """What is combined with what; `change` is made of all scenes."""
+    """Scenes, axes and their combinations; `change` applies to all scenes."""
 
     scene: dict[str, Varied]
     axis: dict[str, Axis]
@@ -105,12 +105,12 @@ class Map(Spec, frozen=True, kw_only=True):
                 yield from (Cell(name, values, plan) for values in plan.choices(self.axis))
 
     def situation(self, cell: Cell) -> tuple[Scene, dict[str, Any]]:
-        """The scene of a cell, and what its axes say of the state.
+        """The scene of a cell, and the changes of its state.
 
         Raises
         ------
         FlexlinkError
-            There is no such scene: the message names the value and what is allowed.
+            No such scene exists; the message names the value and the allowed ones.
         """
         scene, state = varied_scene(self.scene[cell.scene], cell.scene).varied(self.change), dict[str, Any]()
         for name, value in cell.values.items():
@@ -125,18 +125,18 @@ class Map(Spec, frozen=True, kw_only=True):
 
 
 def recipe(case: Case, number: int) -> str:
-    """The command that looks at one cell once more."""
+    """The command that repeats one cell."""
     return f"python -m validation.cell {case.name} {number}"
 
 
 def _times(value: float, weight: Any) -> Any:
-    """A number or a list, times a value; whole where the weight is a whole number."""
+    """A number or a list times a value, rounded to an integer if the weight is one."""
     product = np.multiply(value, weight)
     return round(float(product)) if isinstance(weight, int) else product.tolist()
 
 
 def _with_links(scene: Scene, number: int) -> dict[str, Any]:
-    """The last link so many times, each at the angle and the rate of the last."""
+    """Repeat the last link `number` times, each with the angle and rate of the last."""
     *before, last = to_document(scene.arm)["link"]
     links = [*before, *({**last, "name": f"{last['name']}{k + 1}"} for k in range(number))]
     state = {key: value for key in ("joint_deg", "rate_deg") if (value := getattr(scene.initial, key))}

@@ -1,15 +1,15 @@
-"""Outcome of a run, judged by a reference on which two methods agree: right, warned, an error, silently wrong.
+"""Classify a run by a reference on which two methods agree: right, warned, an error, silently wrong.
 
-A run with a tolerance is judged by it; one of fixed steps by the error from which flexlink itself calls a run doubtful.
-With ε the tip's largest distance from the truth at any sample, in units of that tolerance:
+A run with a tolerance is compared with it; a run of fixed steps with the error above which flexlink calls it doubtful.
+With ε the tip's largest distance from the reference at any sample, in units of that tolerance:
 
-    within          ε ≤ 1                  near            1 < ε ≤ 10, what sensitive motion may make of it
-    warned          ε > 1, and the result says so
-    false doubt     ε ≤ 1, and the result doubts it
-    error           a FlexlinkError, which names the thing and what to change
-    dear            stopped: it took longer than the budget
-    unknown         the two references are too far apart to tell
-    silent wrong    ε > 10 without a word: there must be none
+    within          ε ≤ 1                  near            1 < ε ≤ 10, possible in sensitive motion
+    warned          ε > 1, and the result has a warning
+    false doubt     ε ≤ 1, and the result is called doubtful
+    error           a FlexlinkError that names the cause and the remedy
+    dear            the run exceeded the budget and was stopped
+    unknown         the two references disagree too much
+    silent wrong    ε > 10 without a warning: there must be none
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ Outcome = Literal["within", "near", "warned", "false doubt", "error", "dear", "u
 OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
 
 NEAR_TOLERANCES = 10.0
-"""Of its tolerance that an error may be at the end, at worst: the project's limit."""
+"""Largest allowed final error in units of the tolerance: the project's limit."""
 
 KNOWN = 0.3
-"""Of a tolerance that the references may be apart and still judge it."""
+"""Largest distance between the references, in units of the tolerance, for a classification."""
 
 REFERENCES = (
     ("DOP853", 1e-11),
@@ -53,15 +53,15 @@ REFERENCES = (
     ("Radau5", 1e-8),
     ("Radau9", 1e-6),
 )
-"""Methods and tolerances, as parts of the reach, of references; beside DOP853 stands RK10 with fixed steps, of half the
-mean length of its own."""
+"""Methods and tolerances (fractions of the reach) of the references. DOP853 is complemented by RK10 with fixed steps of
+half its mean step."""
 
 
 class Truth(NamedTuple):
     """Reference path of the tip, on which two methods agree."""
 
-    tip: Array  # (samples, 3) of the finer one [m]; of no samples where none is found
-    apart: float  # how far the two are apart [m]; inf where there are no two
+    tip: Array  # (samples, 3) of the finer one [m]; no samples if there is no reference
+    apart: float  # distance between the two references [m]; inf without two
     methods: str
 
 
@@ -69,15 +69,15 @@ class RunOutcome(NamedTuple):
     """One run: its outcome, its error in units of the tolerance, and its messages."""
 
     outcome: Outcome
-    error: float  # nan: none is known
+    error: float  # nan: unknown
     words: str
     seconds: float
 
 
 def truth_of(scene: Scene, budget: float) -> Truth:
-    """The two references of different methods that agree best, of those that take no longer than `budget` [s] each."""
+    """The two references of different methods that agree best, among those within `budget` [s] each."""
     best, found = Truth(np.empty((0, 3)), np.inf, ""), list[tuple[str, Array]]()
-    good = 1e-9 * lump(scene).reach  # as good as any
+    good = 1e-9 * lump(scene).reach  # good enough to stop
     for method, tip in _references(scene, budget):
         for other, before in found:
             distance = largest_distance(tip, before)
@@ -90,7 +90,7 @@ def truth_of(scene: Scene, budget: float) -> Truth:
 
 
 def _references(scene: Scene, budget: float) -> Iterator[tuple[str, Array]]:
-    """Tips by different methods, the strictest first; those that fail or are too dear are left out."""
+    """Tips by different methods, strictest first; methods that fail or exceed the budget are skipped."""
     for method, tolerance in REFERENCES:
         changes = {"run.method": method, "run.relative_tolerance": tolerance}
         if (run := _reference(scene.varied(changes), budget)) is None:
@@ -106,15 +106,15 @@ def _references(scene: Scene, budget: float) -> Iterator[tuple[str, Array]]:
 
 def _reference(scene: Scene, budget: float) -> Trajectory | None:
     try:
-        return within_budget(scene, budget, compared=False)  # the references compare each other
+        return within_budget(scene, budget, compared=False)  # the references are compared with each other
     except (FlexlinkError, InterruptedRunError):
         return None
 
 
 def within_budget(scene: Scene, budget: float, *, compared: bool = True) -> Trajectory:
-    """Run a scene; InterruptedRunError where it takes longer than `budget` [s of CPU], compilation apart.
+    """Run a scene; InterruptedRunError if it takes longer than `budget` [s of CPU], without compilation.
 
-    `compared`: with a second run, as users' runs are, where its steps call for one.
+    `compared`: check with a second run if the steps require one, as users' runs do.
     """
     started: list[float] = []
 
@@ -128,7 +128,7 @@ def within_budget(scene: Scene, budget: float, *, compared: bool = True) -> Traj
 
 
 def outcome_of(scene: Scene, truth: Callable[[], Truth], budget: float) -> RunOutcome:
-    """Run a scene and judge it; the truth is asked for only where there is a result."""
+    """Run a scene and classify it; the reference is computed only if there is a result."""
     started = time.thread_time()
     try:
         run = within_budget(scene, budget)
@@ -142,9 +142,9 @@ def outcome_of(scene: Scene, truth: Callable[[], Truth], budget: float) -> RunOu
 
 
 def outcome_beside(scene: Scene, name: str, method: str, truth: Callable[[], Truth]) -> RunOutcome:
-    """Run a scene with fixed steps in an engine; it refuses no step and checks no result."""
+    """Run a scene with fixed steps in an engine, which rejects no step and checks no result."""
     run, started = scene.run, time.thread_time()
-    if run.duration / run.fixed_step > 20_000:  # nobody can stop them
+    if run.duration / run.fixed_step > 20_000:  # an engine's run cannot be interrupted
         return RunOutcome("dear", np.nan, f"{round(run.duration / run.fixed_step)} steps", 0.0)
     try:
         chain = lump(scene)
@@ -159,24 +159,24 @@ def outcome_beside(scene: Scene, name: str, method: str, truth: Callable[[], Tru
 
 
 def judged(scene: Scene, tip: Array, known: Truth, words: str, seconds: float) -> RunOutcome:
-    """The outcome of a run that ended with this tip, (samples, 3), and said these words."""
+    """The outcome of a run from its tip path, (samples, 3), and its messages."""
     if not known.tip.size:
         return RunOutcome("unknown", np.nan, words, seconds)
     tolerance = allowed(scene, known)
     error = largest_distance(tip, known.tip)
-    doubted = "doubtful" in words  # other warnings speak of the model, such as of hinges bent far
+    doubted = "doubtful" in words  # other warnings concern the model, such as large hinge angles
     return RunOutcome(_judged(error, known.apart, tolerance, doubted), error / tolerance, words, seconds)
 
 
 def allowed(scene: Scene, truth: Truth) -> float:
-    """The tolerance of a run [m]; of fixed steps the error of the tip from which they are doubtful."""
+    """The tolerance of a run [m]; with fixed steps, the tip error above which a run is doubtful."""
     if scene.run.controlled:
         return scene.run.tolerance_within(lump(scene).reach)
     return max(Thresholds.doubt * Thresholds.tip_share * tip_travel(truth.tip), 1e-12)
 
 
 def _judged(error: float, apart: float, tolerance: float, doubted: bool) -> Outcome:
-    """Where the truth itself is uncertain, the run has the benefit of what it cannot tell."""
+    """Classify an error; if the reference is uncertain, the run gets the benefit of the doubt."""
     if not error <= NEAR_TOLERANCES * tolerance + apart and not doubted:
         return "silent wrong"
     if apart > KNOWN * tolerance:

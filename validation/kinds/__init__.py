@@ -1,12 +1,13 @@
 """Kinds of measurement: one file each, with a generator `run`.
 
-A kind is found by being here, under the name of its file. A case's table `settings` are the parameters of `run` after
-`case`; a kind whose helpers need them together has them in a class `Settings`, which its `run(case, settings)` takes.
-One that measures time says `TIMED = True`: nothing else runs meanwhile, and the study notes what the machine did
-besides; where no limit judges these times, or is far from processor times, `BESIDE = True`: alone in the full study
-only. If its kernels take long to compile, it has `rehearsal(settings)`, the settings of a short run that compiles
-them all: the study makes it while other cases run. One whose cases take long says `LONG = True`: they start first, so
-that no core idles while the last one runs.
+A kind is a file in this folder and has the file's name. A case's table `settings` contains the parameters of
+`run` after `case`; a kind that needs them together declares a class `Settings`, which its `run(case, settings)` takes.
+
+A kind that measures time sets `TIMED = True`: nothing else runs meanwhile, and the study records the load of the
+machine. If no limit applies to its times, or they are far from CPU times, it also sets `BESIDE = True`: then it runs
+alone only in the full study. If its kernels take long to compile, it has `rehearsal(settings)`, the settings of a short
+run that compiles them while other cases run. A kind with long cases sets `LONG = True`: they start first, so no core is
+idle at the end.
 """
 
 from __future__ import annotations
@@ -26,14 +27,14 @@ from validation.store import Series
 
 
 class Kind(Protocol):
-    """What a file in this folder provides."""
+    """Interface of a file in this folder."""
 
     run: Callable[..., Iterator[Measured | Series] | Iterator[Measured]]
-    """Numbers and series in the order in which they are known."""
+    """Yields numbers and series in the order of measurement."""
 
 
 def measurements(kind: Kind, case: Case, settings: Any) -> Iterator[Measured | Series]:
-    """What a kind measures of a case with decoded settings."""
+    """Measurements of a kind for a case with decoded settings."""
     if hasattr(kind, "Settings"):
         yield from kind.run(case, settings)
     else:
@@ -41,7 +42,7 @@ def measurements(kind: Kind, case: Case, settings: Any) -> Iterator[Measured | S
 
 
 def _settings(kind: Kind) -> type[Spec]:
-    """What a case's table `settings` is decoded into, strictly."""
+    """Type into which a case's table `settings` is strictly decoded."""
     if hasattr(kind, "Settings"):
         return typing.cast(type[Spec], kind.Settings)
     types = typing.get_type_hints(kind.run, include_extras=True)

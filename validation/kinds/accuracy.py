@@ -21,18 +21,18 @@ from validation.speed.families import Family
 
 
 class Arms(Family, frozen=True):
-    """A family with what its arms carry and the range of their states.
+    """A family with the payloads of its arms and the range of their states.
 
     Attributes
     ----------
     loads
-        Masses at the tip [kg], in place of the scene's: at large ones single roundings of m c and I decide the error.
+        Masses at the tip [kg] instead of the scene's; with large ones, single rounding errors of m c and I dominate.
     bend
-        Angles of passive hinges are up to this [rad], their rates in proportion.
+        Largest angle of passive hinges [rad]; their rates are scaled in proportion.
     from_lock
-        Every second hinge group of three axes is so many radians from gimbal lock.
+        Distances from gimbal lock [rad], applied to every second hinge group of three axes.
     times
-        So many times the case's number of states: of short chains, where chance decides which is the worst of a few.
+        Factor on the case's number of states, for short chains whose worst of a few states is random.
     """
 
     loads: tuple[float, ...] = ()
@@ -41,12 +41,12 @@ class Arms(Family, frozen=True):
     times: Annotated[int, msgspec.Meta(ge=1)] = 1
 
     def chains(self, case: Case, segments: int) -> list[Chain]:
-        """The arm with so many segments a link, with each of the loads."""
+        """The arm with `segments` segments per link, with each of the loads."""
         scene = self.scene(case, segments)
         return [lump(scene.varied({"tip.mass": load})) for load in self.loads or (scene.arm.tip.mass,)]
 
     def states(self, chain: Chain, samples: int, seed: int) -> list[State]:
-        """Random states; of arms near gimbal lock so many at every distance from it."""
+        """Random states; near gimbal lock, the same number at every distance."""
         share = np.full(chain.n, self.bend / np.pi)
         share[chain.active] = 1.0
         states = [
@@ -65,7 +65,7 @@ def _near_lock(chain: Chain, state: State, distance: float) -> State:
 def run(
     case: Case, chain: dict[str, Arms], engines: tuple[str, ...], samples: int, seed: int = 0
 ) -> Iterator[Measured]:
-    """Errors of every engine, and ours over theirs: of the worst state, and of the geometric mean of all.
+    """Yield errors of every engine, and ratios of ours to theirs, for the worst state and the geometric mean of all.
 
     `chain` are families by name.
     """
@@ -106,10 +106,10 @@ def _accelerations(name: str, chain: Chain, states: list[State]) -> list[Array]:
 
 
 def _errors(got: list[Array], truth: list[Array]) -> Array:
-    """max |Δq̈| / max |q̈| of each state."""
+    """max |Δq̈| / max |q̈| for each state."""
     return np.array([np.abs(a - b).max() / np.abs(b).max() for a, b in zip(got, truth, strict=True)])
 
 
 def _mean(error: Array) -> float:
-    """Geometric mean; an error of zero counts as half a unit in the last place."""
+    """Geometric mean of errors; zero counts as half a unit in the last place."""
     return float(np.exp(np.log(np.maximum(error, EPS / 2)).mean()))

@@ -1,4 +1,4 @@
-"""Advice on random scenes and robots that it was not tuned on: stated against true error, and cost."""
+"""Advice on random scenes and robots that it was not tuned on: estimated against true error, and cost."""
 
 from __future__ import annotations
 
@@ -27,27 +27,27 @@ from validation.facts import Facts
 TIMED = True
 
 REPEATS = 5
-"""Of a run that is timed: the shortest counts."""
+"""Number of repetitions of a timed run; the shortest counts."""
 
 TIME_KNOWN_TO = 1.3
-"""Factor within which a stated CPU time is that of the run."""
+"""Largest accepted ratio between estimated and measured CPU time."""
 
 TRUTH_KNOWN_TO = 0.1
-"""Part of a tolerance to which the truth must be known to judge."""
+"""Largest uncertainty of the reference, as a fraction of the tolerance, for a verdict."""
 
 
 class Settings(Spec, frozen=True):
-    """Seeds of the random scenes, parts of the motion that are allowed, and what the truth may take.
+    """Seeds of the random scenes, tolerances as fractions of the motion, and the budget of the references.
 
-    `durations` are those of the case's own scenes, `robot` that of the one from a URDF file [s], 0 for none; `grid` are
-    seeds for which every model of a grid is tried, `tumbling` those of scenes whose motion is sensitive, `released`
-    those of arms that start bent, and are let go.
+    `durations` are those of the case's scenes, `robot` that of the robot from a URDF file [s], 0 for none. `grid` lists
+    seeds for which every model of a grid is tried, `tumbling` those of scenes with sensitive motion, `released` those
+    of arms released from a bent state.
     """
 
     first: int
     scenes: int
     tolerances: tuple[Positive, ...]
-    known_to: Positive  # of the smallest tolerance
+    known_to: Positive  # fraction of the smallest tolerance
     budget: Positive
     durations: dict[str, Positive]
     robot: NonNegative = 0.0
@@ -58,21 +58,21 @@ class Settings(Spec, frozen=True):
 
 
 class Cell(NamedTuple):
-    """Advice on a scene for a tolerance, with the reference."""
+    """Advice on a scene for one tolerance, with the reference."""
 
     scene: str
-    tolerance: float  # part of the motion
+    tolerance: float  # fraction of the motion
     advice: Advice
-    error: float  # true, of the scene that was handed over [m]
-    own: float  # cost of the run that was handed over [s]
+    error: float  # true error of the advised scene [m]
+    own: float  # cost of the advised run [s]
     work: float  # cost of all runs of the advice [s]
-    naive: float  # cost of the careless model [s]
-    seconds: float  # of CPU that the run takes, set-up included
+    naive: float  # cost of the naive model [s]
+    seconds: float  # CPU time of the run, including set-up
     true: Truth
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Rows of every cell, then statistics over all cells."""
+    """Yield rows of every cell, then statistics over all cells."""
     cells: list[Cell] = []
     optimum: list[float] = []
     refused: list[str] = []
@@ -128,7 +128,7 @@ def _cell(scene: Scene, tolerance: float, true: Truth) -> Cell:
 
 
 def _seconds(scene: Scene) -> float:
-    """CPU time of a run of a scene that has just been read [s]."""
+    """CPU time of a run of a newly read scene [s]."""
     text, taken = scene.to_toml(), []
     for _ in range(REPEATS):
         read = scene_from(tomllib.loads(text))
@@ -142,7 +142,7 @@ def _seconds(scene: Scene) -> float:
 
 
 def _is_known(cell: Cell) -> bool:
-    """Whether the truth is known well enough to judge: to a tenth of what is allowed."""
+    """Whether the reference is known well enough for a verdict: to a tenth of the tolerance."""
     return cell.true.error <= TRUTH_KNOWN_TO * cell.advice.tolerance
 
 
@@ -151,16 +151,16 @@ def _is_wrong(cell: Cell) -> bool:
 
 
 def _rows(cell: Cell, facts: Facts) -> Iterator[Measured]:
-    advice, kept = cell.advice, cell.scene
+    advice, name = cell.advice, cell.scene
     word = "met" if advice.met else "cannot"
     note = f"{word}; {advice.runs} runs; {advice.lines[-3]}" + ("" if _is_known(cell) else "; the truth is not known")
-    yield Measured("true error", cell.error / cell.true.motion, kept, varied=facts, note=note)
+    yield Measured("true error", cell.error / cell.true.motion, name, varied=facts, note=note)
     if advice.met and advice.converged_tip is not None and _is_known(cell):
-        yield Measured("stated over true error", advice.error / cell.error, kept, varied=facts)
+        yield Measured("stated over true error", advice.error / cell.error, name, varied=facts)
     if advice.met:
-        yield Measured("naive over advised cost", cell.naive / cell.own, kept, varied=facts)
-    yield Measured("advice over naive cost", cell.work / cell.naive, kept, varied=facts)
-    yield Measured("stated over measured CPU time", advice.run_time / cell.seconds, kept, varied=facts, timed=True)
+        yield Measured("naive over advised cost", cell.naive / cell.own, name, varied=facts)
+    yield Measured("advice over naive cost", cell.work / cell.naive, name, varied=facts)
+    yield Measured("stated over measured CPU time", advice.run_time / cell.seconds, name, varied=facts, timed=True)
 
 
 def _beside_the_grid(scene: Scene, true: Truth, cells: list[Cell]) -> Iterator[tuple[float, float]]:
@@ -194,17 +194,17 @@ def _summary(cells: list[Cell], optimum: list[float]) -> Iterator[Measured]:
         if ratios:
             yield Measured(f"naive over advised cost at {tolerance:g}, median", float(np.median(ratios)))
     short = [cell for cell in cells if not cell.advice.met]
-    third = 1 / 3  # of a tolerance, of an error that may be stated as all of it: three times too large is allowed
+    third = 1 / 3  # estimates may be three times too large: a third of the tolerance may be estimated as all of it
     horizons = [(cell.advice.horizon, _true_horizon(cell, 1.0), _true_horizon(cell, third)) for cell in short]
-    yield from _spread("horizon over true horizon", [said / true for said, true, _ in horizons if true])
-    thirds = [said / earlier for said, _, earlier in horizons if earlier]
+    yield from _spread("horizon over true horizon", [stated_end / true for stated_end, true, _ in horizons if true])
+    thirds = [stated_end / earlier for stated_end, _, earlier in horizons if earlier]
     if thirds:
         yield Measured("horizon over a third's, smallest", min(thirds), note=f"{len(thirds)} cells")
     yield from _spread("cost over the grid's cheapest", optimum)
 
 
 def _true_horizon(cell: Cell, part: float) -> float | None:
-    """Time up to which the model handed over is within a part of the tolerance [s]; None if the truth ends before."""
+    """Time until the advised model exceeds a fraction of the tolerance [s]; None if the reference ends before."""
     run, allowed = simulate(cell.advice.scene), part * cell.advice.tolerance
     beyond = np.flatnonzero(np.linalg.norm(run.tip - cell.true.tip, axis=1) > allowed)
     if not beyond.size or cell.true.errors[beyond[0]] > TRUTH_KNOWN_TO * allowed:
@@ -213,7 +213,7 @@ def _true_horizon(cell: Cell, part: float) -> float | None:
 
 
 def _times(stated: list[float]) -> Iterator[Measured]:
-    """Of stated CPU times over measured ones."""
+    """Yield statistics of the ratio of estimated to measured CPU time."""
     yield from _spread("stated over measured CPU time", stated, timed=True)
     if stated:
         near = sum(1 / TIME_KNOWN_TO <= ratio <= TIME_KNOWN_TO for ratio in stated)

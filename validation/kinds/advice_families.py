@@ -1,8 +1,8 @@
-"""The family of lumping rules that advice takes, against a grid of all families: is it the cheapest one?
+"""Check that advice selects the cheapest family of lumping rules, against a grid of all families.
 
-Every scene has an error of its tip that is allowed. The grid is that of `rule_ladder`: rules, hinges, methods and
-tolerances; costs are counted by the list that advice chooses by, and by the clock. The family of the advice may cost
-more than the cheapest one only by what neither can tell.
+Every scene has an allowed tip error. The grid is that of `rule_ladder`: rules, hinges, methods and tolerances; costs
+are taken from the cost list that advice uses, and from the clock. The advised family may cost more than the cheapest
+only within the uncertainty of both.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ TIMED = True
 
 
 class Asked(Spec, frozen=True):
-    """A scene, and the error of its tip that is allowed [m]; whether cells are meant to pay."""
+    """A scene and its allowed tip error [m]; `axial` if cells are expected to pay off."""
 
     name: str
     scene: Varied
@@ -30,7 +30,7 @@ class Asked(Spec, frozen=True):
 
 
 class Settings(Spec, frozen=True):
-    """Scenes; rules by family, their hinges and tolerances over the allowed error, and methods; the longest run [s]."""
+    """Scenes; rules by family, hinges, tolerances relative to the allowed error, and methods; the longest run [s]."""
 
     families: dict[str, tuple[str, ...]]
     hinges: dict[str, tuple[int, ...]]
@@ -42,25 +42,25 @@ class Settings(Spec, frozen=True):
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Of each scene: what the family of the advice costs, over the cheapest; then of both kinds of scenes."""
+    """Yield the cost of the advised family relative to the cheapest for each scene, and the worst of both groups."""
     worst: dict[bool, list[float]] = {True: [], False: []}
-    for asked in settings.asked:
-        scene = varied_scene(asked.scene, asked.name)
-        advice = fl.advise(scene, tip=f"{asked.error:.3g} m")
+    for aim in settings.asked:
+        scene = varied_scene(aim.scene, aim.name)
+        advice = fl.advise(scene, tip=f"{aim.error:.3g} m")
         true = exact(scene, settings.reference)
-        yield Measured("reference, its own error / allowed error", true.own / asked.error, asked.name)
-        tolerances = [part * asked.error for part in settings.of_error]
+        yield Measured("reference, its own error / allowed error", true.own / aim.error, aim.name)
+        tolerances = [part * aim.error for part in settings.of_error]
         grid = ladder(scene, settings.hinges, settings.methods, tolerances, true.tip, settings.longest)
-        met = [each for each in grid if each.point.error <= asked.error]
+        met = [each for each in grid if each.point.error <= aim.error]
         family = _family(settings, case, advice.scene)
-        facts: Facts = {"family": family, "tip error": asked.error}
+        facts: Facts = {"family": family, "tip error": aim.error}
         words = "; ".join(line for line in advice.lines if "hinge" in line)
-        yield Measured("advised within the allowed error", float(advice.met), asked.name, varied=facts, note=words)
+        yield Measured("advised within the allowed error", float(advice.met), aim.name, varied=facts, note=words)
         listed, note = _over_cheapest(settings, family, met, [each.listed for each in met])
-        worst[asked.axial].append(listed)
-        yield Measured("advised family / cheapest, listed costs", listed, asked.name, varied=facts, note=note)
+        worst[aim.axial].append(listed)
+        yield Measured("advised family / cheapest, listed costs", listed, aim.name, varied=facts, note=note)
         clocked, note = _over_cheapest(settings, family, met, [each.point.seconds for each in met])
-        yield Measured("advised family / cheapest, CPU time", clocked, asked.name, varied=facts, note=note, timed=True)
+        yield Measured("advised family / cheapest, CPU time", clocked, aim.name, varied=facts, note=note, timed=True)
     for axial, word in ((True, "under axial load or bent far"), (False, "others")):
         if worst[axial]:
             yield Measured(f"advised family / cheapest, listed costs, {word}", max(worst[axial]))
@@ -70,12 +70,12 @@ def _family(settings: Settings, case: Case, scene: fl.Scene) -> str:
     rules = {link.lumping for link in scene.arm.links if link.flex != "rigid"}
     found = {family for family, members in settings.families.items() if rules & set(members)}
     if len(found) != 1:
-        raise DataFileError(f"{case.path}: {scene.name}: advice with the rules {sorted(rules)} is of no single family")
+        raise DataFileError(f"{case.path}: {scene.name}: the advised rules {sorted(rules)} belong to no single family")
     return found.pop()
 
 
 def _over_cheapest(settings: Settings, family: str, met: Sequence[Tried], costs: Sequence[float]) -> tuple[float, str]:
-    """The least cost of a family over the least of all; what they are in words."""
+    """The least cost of a family relative to the least of all, and a description of both."""
     order = sorted(range(len(met)), key=lambda k: costs[k])
     own = next(k for k in order if met[k].at.rule in settings.families[family])
     return costs[own] / costs[order[0]], f"{met[own]}; cheapest {met[order[0]]}."

@@ -1,4 +1,4 @@
-"""Critical loads of clamped beams: dead loads by linear buckling, a follower load by flutter; the same in MuJoCo."""
+"""Critical loads of clamped beams: dead loads by linear buckling, a follower load by flutter; also in MuJoCo."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from validation.store import Series
 
 
 class Load(Spec, frozen=True):
-    """A load and its critical value: a unit tip force, gravity as the variant's change has it, or a follower force.
+    """A load and its critical value: a unit tip force, gravity as the variant sets it, or a follower force.
 
-    `bracket` holds loads below and above the onset of flutter. A `guided` tip stays on the line of the force.
+    `bracket` contains loads below and above the onset of flutter. A `guided` tip stays on the line of the force.
     """
 
     name: str
@@ -38,14 +38,14 @@ class Load(Spec, frozen=True):
 
 
 class Settings(Sweep, frozen=True, kw_only=True):
-    """Loads; the sweep has one measure a load. `best` is the chain whose numbers stand beside the published ones."""
+    """Loads; the sweep has one measure per load. `best` is the chain compared with the published numbers."""
 
     load: tuple[Load, ...]
     best: Rule
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """The sweep, then every load on the best chain, native and in MuJoCo."""
+    """Yield the sweep, then every load on the best chain, native and in MuJoCo."""
     exact = {load.name: float(reference_array("critical_loads", load.key)) for load in settings.load}
     points = []
     for at, scenes in existing(case, settings.rules, [load.variant for load in settings.load]):
@@ -69,12 +69,12 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
 
 
 def error_at(case: Case, settings: Settings, at: Rule) -> float:
-    """Largest relative error of a critical load, as a data sheet has it."""
+    """Largest relative error of a critical load, for a data sheet."""
     return _worst(case, settings, at, _critical)
 
 
 def mujoco_error_at(case: Case, settings: Settings, at: Rule) -> float:
-    """The same by MuJoCo's torques, from the exported file."""
+    """Largest relative error of a critical load by MuJoCo's torques, from the exported file."""
     return _worst(case, settings, at, _critical_in_mujoco)
 
 
@@ -100,9 +100,9 @@ def _critical(chain: fl.Chain, load: Load) -> float:
 
 
 def _guided(K: Array, pushed: Array, torque: Callable[[Array], Array]) -> float:
-    """The least load P at which K + P `pushed` is singular on the motions that leave the tip where it is across y.
+    """The least load P at which K + P `pushed` is singular on motions that leave the tip's y coordinate unchanged.
 
-    `torque` are those of a tip wrench, by which Jᵀ is known: T_G falls by Jᵀ w.
+    `torque` is a function of the tip wrench w that gives Jᵀ: T_G decreases by Jᵀ w.
     """
     across = torque(np.zeros(6)) - torque(np.eye(6)[1])
     Z = linalg.null_space(across[None, :])
@@ -113,7 +113,7 @@ def _guided(K: Array, pushed: Array, torque: Callable[[Array], Array]) -> float:
 def bisect(stable: Callable[[float], bool], bracket: tuple[float, float]) -> float:
     """Largest stable load."""
     low, high = bracket
-    for _ in range(40):  # to rounding
+    for _ in range(40):  # to rounding error
         middle = (low + high) / 2
         low, high = (middle, high) if stable(middle) else (low, middle)
     return low

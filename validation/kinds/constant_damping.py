@@ -1,7 +1,7 @@
-"""Damping of one ratio in every mode: what free vibrations of the first modes lose from peak to peak.
+"""Damping with an equal ratio in every mode: decrements of free vibrations in the first modes.
 
-An amplitude falls by ln(A_k / A_k+1) = 2π ζ / √(1 − ζ²) in every period. Each run begins in one mode, so small that the
-beam is linear, and its peaks are those of parabolas through samples of the tip.
+An amplitude falls by ln(A_k / A_k+1) = 2π ζ / √(1 − ζ²) per period. Each run starts in one mode with an amplitude in
+the linear range; its peaks are those of parabolas through samples of the tip.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ import flexlink as fl
 from flexlink.describe.spec import Positive
 from validation.case import Case, Measured
 
-PERIODS, OF_A_PERIOD = 8, 200  # samples
+PERIODS, OF_A_PERIOD = 8, 200  # periods of a run, samples per period
 
 
 def run(case: Case, ratio: Positive, modes: int, amplitude: Positive) -> Iterator[Measured]:
-    """Ratio of each mode, by its decrement, over the one asked for, less 1; `amplitude` [m] is that of the tip."""
+    """Yield the ratio of each mode, from its decrement, relative to the requested one; `amplitude` [m] of the tip."""
     for scene in case.load_scenes():
         damped = scene.varied({"link.*.damping": {"ratio": ratio, "law": "constant"}})
         found = fl.modes(fl.lump(scene), count=modes)
@@ -38,7 +38,7 @@ def _ringing(scene: fl.Scene, shape: np.ndarray, period: float, amplitude: float
 
 
 def _ratio(run: fl.Trajectory) -> float:
-    """By the slope of the logarithms of the maxima."""
+    """Damping ratio from the slope of the logarithms of the maxima."""
     y = run.tip[:, 1]
     i = np.flatnonzero((y[1:-1] > y[:-2]) & (y[1:-1] >= y[2:])) + 1
     before, here, after = y[i - 1], y[i], y[i + 1]

@@ -22,7 +22,7 @@ from validation.store import Series, table
 
 
 class Reference(Spec, frozen=True):
-    """The run whose end counts as exact."""
+    """The run with the reference end state."""
 
     method: str
     steps: int
@@ -36,9 +36,9 @@ def run(
     reference: Reference,
     steps: dict[str, tuple[int, ...]],
 ) -> Iterator[Measured | Series]:
-    """Fitted slope, its distance from the order, and how far it stays below it.
+    """Yield fitted slopes, their distances from the order, and their shortfalls.
 
-    Flexible links have so many segments; a run lasts `duration` [s]; `steps` are numbers of steps by method.
+    Flexible links have `segments` segments; a run lasts `duration` [s]; `steps` are numbers of steps by method.
     """
     for full in case.load_scenes():
         scene = full.varied({"link.*.segments": segments})

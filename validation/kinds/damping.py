@@ -1,8 +1,8 @@
-"""Kelvin-Voigt's price: an explicit method's largest step against the damping ratio of the fastest mode; and its worth:
-every mode has the ratio that was asked for, however finely the link is cut.
+"""Kelvin-Voigt damping: an explicit method's largest step against the damping ratio of the fastest mode, and the ratio
+of the slowest mode, which must be as specified for any number of hinges.
 
-With d = η k every mode has ζ = η ω/2. A mode with ζ > 1 creeps with rates λ = −ω (ζ ± √(ζ² − 1)), of which the method
-must follow the faster: h ω = r / (ζ + √(ζ² − 1)), r the method's limit on the negative real axis.
+With d = η k every mode has ζ = η ω/2. A mode with ζ > 1 decays with rates λ = −ω (ζ ± √(ζ² − 1)); the faster one limits
+the step: h ω = r / (ζ + √(ζ² − 1)), with r the method's stability limit on the negative real axis.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from validation.store import Series
 class Settings(Spec, frozen=True):
     """Damping ratios of the fastest mode; the method, with its published limit on the real axis; and a target.
 
-    `target` is the damping ratio asked of the slowest mode of the continuous link, by chains of the numbers of hinges
-    in `refined`; `slowest` is that mode's frequency [rad/s].
+    `target` is the damping ratio specified for the slowest mode of the continuous link, whose frequency is `slowest`
+    [rad/s]. It is checked on chains with the numbers of hinges in `refined`.
     """
 
     chain: Rule
@@ -43,7 +43,7 @@ class Settings(Spec, frozen=True):
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """Stable steps with Kelvin-Voigt's law, then one target under refinement."""
+    """Yield stable steps with Kelvin-Voigt damping, then one target under refinement."""
     free = _scene(case, settings.chain, {})
     ω = largest_frequency(fl.lump(free), np.zeros(fl.lump(free).n))
     steps = {}
@@ -64,23 +64,24 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
 
 
 def _refined(case: Case, settings: Settings) -> Iterator[Measured]:
-    """The ratio found in the slowest mode against the one that was asked for, at the frequency of the chain's mode."""
+    """Damping ratio of the slowest mode against the specified one, at the frequency of the chain's mode."""
     damping = {"ratio": settings.target, "at_hz": settings.slowest / (2 * math.pi)}
     for hinges in settings.refined:
         rule = Rule(rule=settings.chain.rule, hinges=hinges)
         bare, scene = _scene(case, rule, {}), _scene(case, rule, {"link.*.damping": damping})
         found = fl.modes(fl.lump(scene))
         facts: Facts = {"damping ratio": settings.target, **rule.facts}
-        ratio, asked = float(found.damping_ratios[0]), settings.target * float(found.frequencies[0]) / settings.slowest
+        ratio = float(found.damping_ratios[0])
+        expected = settings.target * float(found.frequencies[0]) / settings.slowest
         yield Measured("damping ratio of the slowest mode", ratio, scene.name, varied=facts)
-        yield Measured("damping ratio of the slowest mode, asked", abs(ratio / asked - 1), scene.name, varied=facts)
+        yield Measured("damping ratio of the slowest mode, asked", abs(ratio / expected - 1), scene.name, varied=facts)
         cost = _step(bare, settings.method) / _step(scene, settings.method)
         yield Measured("stable step undamped / damped", cost, scene.name, varied=facts)
         yield Measured("MuJoCo: fastest eigenvalue", _difference(scene), scene.name, "mujoco", facts)
 
 
 def _difference(scene: Scene) -> float:
-    """|λ / λ of MuJoCo − 1| of the eigenvalue that sets the step, from MuJoCo's own M and torques."""
+    """|λ / λ of MuJoCo − 1| of the eigenvalue that limits the step, from MuJoCo's own M and torques."""
     chain = fl.lump(scene)
     engine, rest = MujocoEngine(chain), np.zeros(chain.n)
     M, K = engine.mass_matrix(rest), springs(engine)

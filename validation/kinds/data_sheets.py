@@ -1,7 +1,7 @@
-"""Data sheets of the beam's benchmarks, in the form of the IFToMM's library of computational benchmarks.
+"""Data sheets of the beam benchmarks, in the form of the IFToMM library of computational benchmarks.
 
-Of each: description, how the error is defined, which is accepted, and at three settings, few, more and many hinges,
-the accuracy and the CPU time, building and loading the model included, of flexlink and, where it can, of MuJoCo.
+Each has a description, the definition of the error and the accepted error. Accuracy and CPU time (including building
+and loading the model) are given with few, more and many hinges, for flexlink and, if possible, for MuJoCo.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ WORTH_TWICE = 0.03  # s: shorter measurements are repeated, and the faster one c
 
 
 def run(case: Case, benchmarks: tuple[str, ...] = ()) -> Iterator[Measured | Series]:
-    """A sheet a benchmark, all that have one if none is named."""
+    """Yield a sheet per named benchmark, by default for all that have one."""
     for sheet in (each for each in load_cases() if each.sheet and each.name in (benchmarks or (each.name,))):
         yield from _sheet(sheet)
 
@@ -45,7 +45,7 @@ def _sheet(case: Case) -> Iterator[Measured | Series]:
         for at in _settings(settings):
             try:
                 error, seconds = _timed(measure, case, settings, at)
-            except FlexlinkError:  # it cannot do this one
+            except FlexlinkError:  # unsupported by this engine
                 break
             facts: Facts = {"job": case.name, **at.facts}
             yield Measured("error", error, case.scenes[0], engine, facts)
@@ -60,7 +60,7 @@ def _sheet(case: Case) -> Iterator[Measured | Series]:
 
 
 def _settings(settings: Any) -> list[Rule]:
-    """Of the rule that the case judges fewest hinges that have all modes, the case's own and most; or a middle one."""
+    """The case's rule with three numbers of hinges: smallest with all modes, the case's (or a middle one), largest."""
     rule, own = str(settings.best.rule), int(settings.best.hinges)
     counts = [n for n in sorted(settings.rules.get(rule, (own,))) if n >= getattr(settings, "modes", 1)]
     between = own if own in counts[1:-1] else counts[len(counts) // 2]
@@ -68,7 +68,7 @@ def _settings(settings: Any) -> list[Rule]:
 
 
 def _timed(measure: Callable[..., float], case: Case, settings: Any, at: Rule) -> tuple[float, float]:
-    """The error and the CPU time [s]; compiled before."""
+    """The error and the CPU time [s] without compilation."""
     seconds = float("inf")
     for _ in range(2):
         start = time.process_time()

@@ -1,11 +1,12 @@
 """Digits of M, T_GC and q̈ of every engine at extremes, cell by cell, against 100-digit arithmetic on the same numbers.
 
-The error of a quantity is the largest over its elements and over a few states, as a part of the largest element in each
-state; 1 at most, which is no digit at all. Of M it is also told as a part of √(M_jj M_kk), "M, scaled".
+The error of a quantity is the largest over its elements and over several states, relative to the largest element in
+each state; it is capped at 1, which means no correct digit. For M, the error relative to √(M_jj M_kk) is also given, as
+"M, scaled".
 
-A cell's ratio is flexlink's error over that of the better engine, which counts as √n eps at least: ten times that is
-what rounding explains (`dynamics.rounding`), and an engine that is better by luck is no reason to ask for more. Cells
-whose cond(M) is above 10¹⁶ are told apart: there M, rounded, is singular, and whoever is right was lucky in its zeros.
+A cell's ratio is flexlink's error divided by that of the better engine, which counts as at least √n eps. Ten times that
+is explained by rounding (`dynamics.rounding`); an engine may be better by chance. Cells with cond(M) above 10¹⁶ are
+listed separately: there the rounded M is singular, and correct digits are accidental.
 """
 
 from __future__ import annotations
@@ -37,21 +38,21 @@ LONG = True
 
 NATIVE = "native"
 MEASURES = {"M": "M", "M, scaled": "M", "T_GC": "T_GC", "q̈": "q̈"}
-"""What is measured, and of which quantity."""
+"""Measure → quantity."""
 
 
 SINGULAR_CONDITION = 1e16
-"""cond(M) from where M, rounded, may be singular: 1/eps is 4.5e15."""
+"""cond(M) above which the rounded M may be singular; 1/eps is 4.5e15."""
 
 
 class States(Spec, frozen=True):
-    """How states are drawn, uniformly, rates up to `rate` [rad/s] and T_EX of driven joints up to `torque` [N m].
+    """Ranges of uniformly random states: rates up to `rate` [rad/s], T_EX of driven joints up to `torque` [N m].
 
     angle, bend
         Largest angles of driven joints and of hinges [rad].
     gimbal
-        How far from 90°, or, negative, from −90°, the middle one of three axes at one point stands [rad]; None: as it
-        is drawn.
+        Distance of the middle one of three concurrent axes from 90° or, if negative, from −90° [rad]; None leaves the
+        random angle.
     """
 
     angle: float = np.pi
@@ -62,7 +63,7 @@ class States(Spec, frozen=True):
     samples: Annotated[int, msgspec.Meta(ge=1)] = 3
 
     def draw(self, chain: Chain) -> list[State]:
-        """The states, always the same of a chain."""
+        """Random states, reproducible for a chain."""
         random = np.random.default_rng(0)
         return [self._one(chain, random) for _ in range(self.samples)]
 
@@ -78,13 +79,13 @@ class States(Spec, frozen=True):
 
 
 class Settings(Map, frozen=True):
-    """The map, and the engines beside flexlink."""
+    """The map, and the engines compared with flexlink."""
 
     engines: tuple[str, ...]
 
 
 class CellErrors(NamedTuple):
-    """A cell: joints, cond(M), errors by engine and measure (of what is refused none), and what was refused."""
+    """Results of a cell: joints, cond(M), errors by engine and measure (none if refused), and refusals."""
 
     n: int
     condition: float
@@ -92,14 +93,14 @@ class CellErrors(NamedTuple):
     refusals: str
 
     def ratio(self, measure: str) -> float:
-        """Flexlink's error over that of the better engine; nan where there is no such pair."""
+        """Flexlink's error relative to that of the better engine; nan if one is missing."""
         others = [e for (engine, of), e in self.errors.items() if of == measure and engine != NATIVE]
         own = self.errors.get((NATIVE, measure), np.nan)
         return own / max(min(others), np.sqrt(self.n) * EPS) if others else np.nan
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """The worst ratio of each measure in all and by axis, how many cells there are, and the cells themselves."""
+    """Yield the worst ratio of each measure, overall and by axis, the number of cells, and the cells."""
     found = [(cell, look(settings, cell)) for cell in settings.cells()]
     regular = [each for each in found if each[1].condition <= SINGULAR_CONDITION]
     for measure in MEASURES:
@@ -143,7 +144,7 @@ def look(settings: Settings, cell: Cell) -> CellErrors:
 
 
 def _measured(name: str, chain: Chain, states: list[tuple[State, Numbers]]) -> Iterator[tuple[str, float | str]]:
-    """Every measure of an engine with its error over the states, or why there is none."""
+    """Yield every measure of an engine with its largest error over the states, or the reason for its absence."""
     try:
         engine = engines.load(name, chain)
     except FlexlinkError as refused:

@@ -1,11 +1,11 @@
-"""Drag of the air against closed forms: a bar that slows down, and a strip whose ringing it damps.
+"""Air drag against closed forms: a bar that slows down, and a strip whose vibration decays.
 
-A rigid bar, ∫ ½ ρ c_d b x³ dx = β, obeys I ω̇ = −β ω², so that ω = ω₀ / (1 + β ω₀ t / I). A clamped strip in its first
-mode φ, 1 at the tip, loses per period what makes the amplitude A fall by
+A rigid bar, ∫ ½ ρ c_d b x³ dx = β, obeys I ω̇ = −β ω², hence ω = ω₀ / (1 + β ω₀ t / I). A clamped strip in its first
+mode φ, 1 at the tip, loses energy in each period; its amplitude A obeys
 
-    d(1/A)/dt = 4/(3π) ½ ρ c_d b ∫|φ|³ dx / (ρA ∫φ² dx) ω        the mean of |cos³| being 4/(3π)
+    d(1/A)/dt = 4/(3π) ½ ρ c_d b ∫|φ|³ dx / (ρA ∫φ² dx) ω        with 4/(3π) the mean of |cos³|
 
-up to the square of the part that a period takes. φ is that of the continuous beam.
+to first order in the relative loss per period. φ is that of the continuous beam.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from validation.physics.variant import Rule
 from validation.runs import run_facts
 from validation.store import Series, table
 
-ROOT = 1.8751040687119611  # of a clamped beam's first mode, cos β cosh β = −1
+ROOT = 1.8751040687119611  # βL of a clamped beam's first mode, cos β cosh β = −1
 
 
 class Settings(Spec, frozen=True):
-    """Ways to integrate the bar; chains of the strip, and its amplitude [m]; random states of arms with drag."""
+    """Integration settings for the bar; chains of the strip and its amplitude [m]; random states of arms with drag."""
 
     ways: tuple[dict[str, Any], ...]
     chains: tuple[Rule, ...]
@@ -42,7 +42,7 @@ class Settings(Spec, frozen=True):
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """The bar by every method, the strip by every chain, torques of random states in 50 digits."""
+    """Yield the bar's errors by method, the strip's by chain, and torques of random states against 50 digits."""
     bar, strip, arm = case.load_scenes()
     for way in settings.ways:
         scene = bar.varied({f"run.{key}": value for key, value in way.items()})
@@ -59,7 +59,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     rows = [("run", x, 1e3 * a) for x, a in zip(t.tolist(), amplitudes.tolist(), strict=True)]
     rows += [("closed form", x, 1e3 / (1 / amplitudes[0] + _decay(ringing) * (x - t[0]))) for x in t.tolist()]
     yield Series(
-        "decay", "Amplitude of a strip that drag alone damps", table(("curve", "t [s]", "amplitude [mm]"), rows),
+        "decay", "Amplitude of a strip damped only by drag", table(("curve", "t [s]", "amplitude [mm]"), rows),
         "t [s]", "t [s]", "amplitude of the tip [mm]", group="curve", scene=strip.name,
     )  # fmt: skip
     yield Measured("T_DRAG in 50 digits", _torque_error(arm, settings), arm.name)
@@ -75,14 +75,14 @@ def _rate_error(scene: Scene, run: fl.Trajectory) -> float:
 
 
 def _in_mujoco(scene: Scene) -> Measured:
-    """MuJoCo is given T_DRAG as torques, by flexlink's own kinematics, and does all else."""
+    """Compare with MuJoCo, which receives T_DRAG as torques from flexlink's kinematics and computes everything else."""
     ours = fl.simulate(scene)
     _, q, _ = engines.load("mujoco", ours.chain).integrate(scene)
     return Measured("MuJoCo's motion", float(np.abs(q - ours.q).max()), scene.name, "mujoco", run_facts(scene.run))
 
 
 def _ringing(strip: Scene, rule: Rule, amplitude: float) -> Scene:
-    """In the first mode of its chain, the tip at an amplitude [m]."""
+    """The strip in the first mode of its chain, with a tip amplitude [m]."""
     scene = strip.varied({"link.strip.lumping": rule.rule, "link.strip.segments": rule.hinges + 1})
     chain = fl.lump(scene)
     shape = fl.modes(chain, count=1).shapes[0].real
@@ -100,7 +100,7 @@ def _peaks(run: fl.Trajectory) -> tuple[Array, Array]:
 
 
 def _decay(scene: Scene) -> float:
-    """d(1/A)/dt [1/(m s)]."""
+    """Theoretical d(1/A)/dt [1/(m s)]."""
     arm, link = scene.arm, scene.arm.links[0]
     section, material = arm.sections["strip"], arm.materials["aluminium"]
     assert link.drag is not None and section.width is not None
@@ -114,14 +114,14 @@ def _decay(scene: Scene) -> float:
 
 
 def _mode(x: Array) -> Array:
-    """The first mode of a clamped beam of length 1."""
+    """The first mode shape of a clamped beam of length 1."""
     ratio = (np.sinh(ROOT) - np.sin(ROOT)) / (np.cosh(ROOT) + np.cos(ROOT))
     shape: Array = np.cosh(ROOT * x) - np.cos(ROOT * x) - ratio * (np.sinh(ROOT * x) - np.sin(ROOT * x))
     return shape
 
 
 def _torque_error(arm: Scene, settings: Settings) -> float:
-    """Of random states, in units of the largest torque of each."""
+    """Error of the drag torques of random states, in units of the largest torque of each."""
     chain, random = fl.lump(arm), np.random.default_rng(settings.seed)
     oracle, worst = SpatialChain(chain), 0.0
     for _ in range(settings.states):

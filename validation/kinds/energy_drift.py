@@ -1,8 +1,8 @@
-"""Energy drift of runs without friction, against what the method's damping of the excited modes predicts.
+"""Energy drift of runs without friction, against the prediction from the method's damping of the excited modes.
 
-A straight arm let go under gravity starts away from its static bend: each elastic mode m takes the energy
-E_m = ½ (φ_m·T_G)² / ω_m². A Runge-Kutta method multiplies the mode's amplitude by |R(iω_m h)| in every step, so that
-N steps lose Σ_m E_m (1 − |R(iω_m h)|^2N). Rounding adds at most eps · kinetic energy in every step.
+A straight arm released under gravity starts away from its static equilibrium: each elastic mode m receives the energy
+E_m = ½ (φ_m·T_G)² / ω_m². A Runge-Kutta method multiplies the mode's amplitude by |R(iω_m h)| in every step;
+N steps lose Σ_m E_m (1 − |R(iω_m h)|^2N). Rounding adds at most eps · kinetic energy per step.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from validation.store import Series, table
 
 
 def run(case: Case, steps: dict[str, tuple[float, ...]]) -> Iterator[Measured | Series]:
-    """Measured and predicted drift of every method and step; `steps` [s] by method."""
+    """Yield measured and predicted drift of every method and step; `steps` [s] by method."""
     for scene in case.load_scenes():
         ω, E = released_modes(scene)
         points = []
@@ -51,17 +51,17 @@ def run(case: Case, steps: dict[str, tuple[float, ...]]) -> Iterator[Measured | 
 
 
 def released_modes(scene: Scene) -> tuple[Array, Array]:
-    """Frequencies ω [rad/s] of the elastic modes at the start, and the energy E [J] that the release gives each."""
+    """Frequencies ω [rad/s] of the elastic modes at the initial state, and the energy E [J] of each after release."""
     chain = lump(scene)
     q, _ = initial_state(scene, chain)
     squares, Φ = linalg.eigh(chain.matrix("stiffness"), mass_matrix(chain, q))  # Φᵀ M Φ = 1
     force = Φ.T @ (gravity_torque(chain, q) + chain.times("stiffness", q - chain.rest))
-    elastic = squares > 1e-9 * squares.max()  # the others are rigid: ω² is rounding
+    elastic = squares > 1e-9 * squares.max()  # the others are rigid: their ω² is rounding error
     ω: Array = np.sqrt(squares[elastic])
     return ω, 0.5 * force[elastic] ** 2 / ω**2
 
 
 def modal_loss(method: str, ωh: Array, E: Array, steps: int) -> float:
-    """|energy| that `method` takes from or gives to the modes in so many steps [J]."""
+    """|energy| that `method` removes from or adds to the modes in `steps` steps [J]."""
     R = np.abs(stability_function(methods.method(method), 1j * ωh))
     return float((E * np.abs(np.expm1(2 * steps * np.log(R)))).sum())

@@ -20,14 +20,14 @@ PARTS = ("model", "space", "time", "rounding")
 
 
 class Errors(Spec, frozen=True):
-    """Of one scene: what is changed in it, what counts as the truth, and the runs by name.
+    """Settings of one scene: its changes, the reference, and the runs by name.
 
     Attributes
     ----------
     true
-        Type of links that is the truth.
+        Type of links of the reference.
     fine, in_time
-        What counts as converged in space and time, and what counts as exact in time of a run's own chain.
+        Settings converged in space and time, and settings exact in time for a run's own chain.
     """
 
     true: Type
@@ -38,7 +38,7 @@ class Errors(Spec, frozen=True):
 
 
 def run(case: Case, scene: dict[str, Errors]) -> Iterator[Measured | Series]:
-    """Errors of the scenes by name and their parts, how well they are known, and a series a scene."""
+    """Yield errors of the scenes by name, their parts, their uncertainties, and a series per scene."""
     for name, errors in scene.items():
         base = case.varied_scene(name, errors.change)
         splitter = Splitter(base, errors.true, errors.fine, errors.in_time)
@@ -57,7 +57,7 @@ def _rows(scene: Scene, label: str, split: Split) -> Iterator[Measured]:
     for name, part in split.parts.items():
         yield Measured("part", part.size, scene.name, varied={**facts, "part": name})
         if part.size:
-            negligible = 1e-6 * split.total  # no part that anybody would mend
+            negligible = 1e-6 * split.total  # smaller parts are irrelevant
             judged = max(part.size, negligible)
             yield Measured("own error / part", part.own / judged, scene.name, varied={**facts, "part": name})
     yield Measured("part", split.rounding, scene.name, varied={**facts, "part": "rounding"})

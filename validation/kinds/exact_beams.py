@@ -1,7 +1,8 @@
-"""Motions of chains against geometrically exact beams in Exudyn, and those against other references of the beam.
+"""Motions of chains against geometrically exact beams in Exudyn, and those against other references.
 
-The chain is cut twice; how far its two tips are apart bounds the error of the coarser cut, and so, amply, that of the
-finer, which is compared. The reference states its own error, by its mesh, step, stiffnesses and residual:
+The chain is lumped with two resolutions. The distance between the two tips bounds the error of the coarser chain and,
+generously, that of the finer one, which is compared. The reference has an error estimate from its mesh, step,
+stiffnesses and residual:
 
     apart / (own error + |coarse − fine|) ≤ 1
 """
@@ -30,10 +31,10 @@ LONG = True
 def run(
     case: Case, coarse: Rule, fine: Rule, of_stable: Positive = 0.5, others: dict[str, str] | None = None
 ) -> Iterator[Measured | Series]:
-    """Distances of tips, absolute and in units of the allowed error.
+    """Yield tip distances, absolute and in units of the allowed error.
 
-    `coarse` and `fine` cut the chain, `of_stable` is the steps' part of the largest stable one, and `others` are other
-    references by scene.
+    `coarse` and `fine` lump the chain, `of_stable` is the step as a fraction of the largest stable one, and `others`
+    are other references by scene.
     """
     for name in case.scenes:
         scene, (exact, own) = beam_scene(name), beam_reference(name)
@@ -53,7 +54,7 @@ def run(
 
 
 def _tip(scene: Scene, cut: Rule, of_stable: float) -> Array:
-    """Of the chain at a step that divides the time between samples."""
+    """Tip of the chain, with a step that divides the time between samples."""
     scene = scene.varied({"link.*.lumping": cut.rule, "link.*.segments": cut.hinges + 1})
     return fl.simulate(scene, step=scene.run.spacing / stable_steps(scene, scene.run.method, of_stable)).tip
 

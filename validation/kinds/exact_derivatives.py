@@ -1,4 +1,4 @@
-"""Derivatives of random arms against differences in 60 digits."""
+"""Derivatives of random arms against finite differences in 60 digits."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ CLOSE_TO = 1e-12
 
 
 def run(case: Case, arms: int, joints: tuple[int, int], seed: int = 0) -> Iterator[Measured]:
-    """Of each derivative the share of arms within `CLOSE_TO`, the largest error, and that by what rounding explains.
+    """For each derivative, yield the share of arms within `CLOSE_TO`, the largest error, and that relative to rounding.
 
-    Arms count whose number of joints is in the range `joints`, from the first `seed` on.
+    Only arms with a number of joints in the range `joints` count, from the first `seed` on.
     """
     errors, seeds, conditions, sizes = [], [], [], []
     for number, chain in _arms(arms, joints, seed):
         rng = np.random.default_rng(number)
         q, qd = rng.uniform(-np.pi, np.pi, chain.n), rng.uniform(-10.0, 10.0, chain.n)
-        q = np.where(np.isin(np.arange(chain.n), chain.active), q, q / 6)  # hinges are bent by up to 30°
+        q = np.where(np.isin(np.arange(chain.n), chain.active), q, q / 6)  # passive hinge angles are up to 30°
         tau, wrench = rng.normal(size=chain.n), rng.normal(size=6)
         found = fl.forward_dynamics_derivatives(chain, q, qd, tau, tip_wrench=wrench)
         exact = derivatives(chain, q, qd, tau, wrench)
@@ -42,7 +42,7 @@ def run(case: Case, arms: int, joints: tuple[int, int], seed: int = 0) -> Iterat
     facts: Facts = {"arms": arms}
     for name, column in zip(DERIVATIVES, np.transpose(errors), strict=True):
         k = int(np.argmax(column))
-        note = f"Largest for arm {seeds[k]}, of which M has the condition {conditions[k]:.1e}."
+        note = f"Largest for arm {seeds[k]}, with cond(M) = {conditions[k]:.1e}."
         yield Measured(name, float(column[k]), "random arms", "native", facts, note=note)
         explained = column / (ROUNDINGS * EPS * np.sqrt(sizes) * conditions)
         yield Measured(f"{name}, by rounding", float(explained.max()), "random arms", "native", facts)
@@ -59,6 +59,6 @@ def _arms(arms: int, joints: tuple[int, int], seed: int) -> Iterator[tuple[int, 
 
 
 def _error(ours: NDArray[np.float64], exact: NDArray[np.float64]) -> float:
-    """Largest, in units of the largest element; where all is zero to the last of the digits, in units of 1."""
+    """Largest error relative to the largest element; absolute if all elements are zero to the last digit."""
     largest = np.abs(exact).max()
     return float(np.abs(ours - exact).max() / (largest if largest > 1e-30 else 1.0))

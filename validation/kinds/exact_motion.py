@@ -1,6 +1,6 @@
 """Rigid pendulums and the paper's link against trajectories of 18 and more digits; the same runs in MuJoCo.
 
-RK10 leaves nothing but rounding; MuJoCo, which has no such method, is compared with our RK4 at the same step.
+With RK10 only rounding error remains. MuJoCo has no such method and is compared with flexlink's RK4 at the same step.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from validation.store import Series
 
 
 class Trial(Spec, frozen=True):
-    """A run, the reference file that knows it, and the step [s] of RK4 beside MuJoCo."""
+    """A run, its reference file, and the step [s] of RK4 for the comparison with MuJoCo."""
 
     reference: str
     variant: Variant
@@ -30,13 +30,13 @@ class Trial(Spec, frozen=True):
 
 
 def run(case: Case, run: tuple[Trial, ...], chain: Rule) -> Iterator[Measured | Series]:
-    """Tip error, its change with half the step, and the difference to MuJoCo; `chain` lumps a flexible link."""
+    """Yield tip errors, their changes with half the step, and differences to MuJoCo; `chain` lumps flexible links."""
     for trial in run:
         scene = trial.variant.build(case, chain)
         name = trial.variant.name or scene.name
         times, exact = _exact(trial)
         ours, half = fl.simulate(scene), fl.simulate(scene, step=scene.run.fixed_step / 2)
-        rows = np.searchsorted(ours.t, times - 1e-9)  # their samples among ours, whatever the last digit of k·step
+        rows = np.searchsorted(ours.t, times - 1e-9)  # indices of their samples in ours, tolerating rounding of k·step
         error = np.linalg.norm(ours.tip[rows, :2] - exact, axis=1)
         yield Measured("tip error", float(error.max()), name, varied=run_facts(scene.run))
         change = float(np.abs(half.tip - ours.tip).max())
@@ -45,7 +45,7 @@ def run(case: Case, run: tuple[Trial, ...], chain: Rule) -> Iterator[Measured | 
 
 
 def _exact(trial: Trial) -> tuple[Array, Array]:
-    """Times (m,) and places of the tip (m, 2)."""
+    """Times (m,) and tip positions (m, 2)."""
     found = look_up(trial.reference, *trial.variant.keys)
     rows = found["rows"] if "rows" in found else [(entry["t"], entry["tip_x"], entry["tip_y"]) for entry in found]
     table = np.array(rows, dtype=np.float64)

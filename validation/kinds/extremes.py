@@ -1,6 +1,6 @@
-"""Runs at extreme parameters: scene × varied keys × method × tolerance → outcome; none wrong without a warning.
+"""Runs at extreme parameters: scene × varied keys × method × tolerance → outcome; none may be wrong without a warning.
 
-Beside flexlink, the engines take the same steps in the same cells; what they do not say, they do not say.
+Other engines take the same steps in the same cells; they issue no warnings.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ JUDGED_OUTCOMES: tuple[Outcome, ...] = ("within", "near", "warned", "false doubt
 
 
 class HowTo(NamedTuple):
-    """How a run advances: engine, method, "relative_tolerance" or "step" or "of_limit", its value, number of steps."""
+    """Settings of a run: engine, method, "relative_tolerance", "step" or "of_limit", its value, number of steps."""
 
     engine: str
     method: str
@@ -50,23 +50,23 @@ class HowTo(NamedTuple):
 
     @property
     def words(self) -> str:
-        """Step or tolerance, in words."""
+        """Step or tolerance in words."""
         return in_words({self.key: self.value})
 
     def scene(self, scene: Scene) -> Scene:
-        """A scene that is to be run so.
+        """Return the scene with these settings.
 
         Raises
         ------
         FlexlinkError
-            It cannot be.
+            The settings are not possible for this scene.
         """
         changes: dict[str, object] = {"run.method": "RK4" if self.engine != NATIVE else self.method}
         if self.key == "relative_tolerance":
             return scene.varied(changes | {"run.relative_tolerance": self.value})
         step = self.value
         if self.key == "of_limit":
-            longest = 0.02  # s, where every step is stable
+            longest = 0.02  # s, if every step is stable
             chain = lump(scene)
             step *= min(stable_step(chain, *initial_state(scene, chain), tip_wrench=scene.tip_wrench), longest)
         changes["run.step"] = step
@@ -77,12 +77,12 @@ class HowTo(NamedTuple):
 
 
 class Steps(Spec, frozen=True):
-    """How runs advance: every method with every tolerance, a part of the reach, or with every fixed step.
+    """Settings of runs: every method with every tolerance, a fraction of the reach, or with every fixed step.
 
     engine
-        Who runs: "native", or an engine beside, with "RK4", MuJoCo also with "implicitfast".
+        "native", or another engine with "RK4"; MuJoCo also with "implicitfast".
     steps, of_limit
-        Fixed steps [s], or parts of the largest step with which RK4 is stable at the start.
+        Fixed steps [s], or fractions of RK4's largest stable step at the initial state.
     count
         Number of steps of each run; 0: as many as the scene's duration takes.
     """
@@ -95,7 +95,7 @@ class Steps(Spec, frozen=True):
     count: int = 0
 
     def runs(self) -> Iterator[HowTo]:
-        """All combinations."""
+        """Yield all combinations."""
         choices = ("relative_tolerance", self.tolerances), ("step", self.steps), ("of_limit", self.of_limit)
         for key, values in choices:
             yield from (
@@ -104,13 +104,13 @@ class Steps(Spec, frozen=True):
 
 
 class Settings(Map, frozen=True):
-    """The map, how the runs of a plan advance, and the longest run [s of CPU], beyond which it is not judged."""
+    """The map, the settings of the runs of a plan, and the budget [s of CPU] beyond which a run is not classified."""
 
     budget: Positive
     steps: dict[str, Steps]
 
     def runs(self) -> Iterator[tuple[Corner, HowTo]]:
-        """Run by run, in the order of the plans."""
+        """Yield all runs, in the order of the plans."""
         for corner in self.cells():
             for steps in corner.plan.steps:
                 yield from ((corner, how) for how in self.steps[steps].runs())
@@ -126,7 +126,7 @@ class Cell(NamedTuple):
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """Counts of the outcomes in all and by what was varied, and the cells themselves."""
+    """Yield counts of the outcomes, overall and by varied key, and the cells."""
     found: list[Cell] = []
     for corner, runs in itertools.groupby(settings.runs(), operator.itemgetter(0)):
         found += _outcomes(settings, corner, (how for _, how in runs))
@@ -148,13 +148,13 @@ def cell_in_words(_: Case, settings: Settings, number: int) -> Iterator[str]:
 
 
 def _outcomes(settings: Settings, corner: Corner, runs: Iterable[HowTo]) -> Iterator[Cell]:
-    """Runs of one corner of the map, which share its scene, and the reference where they are as long."""
+    """Runs of one corner of the map; they share its scene, and the reference if their durations agree."""
     truths: dict[tuple[float, float], Truth] = {}
 
     def truth(scene: Scene) -> Truth:
         run = scene.run.duration, scene.run.spacing
         if run not in truths:
-            truths[run] = truth_of(scene, budget=3.0 * settings.budget)  # it is found once for many runs
+            truths[run] = truth_of(scene, budget=3.0 * settings.budget)  # computed once for many runs
         return truths[run]
 
     whole: Scene | None = None
@@ -174,7 +174,7 @@ def _outcomes(settings: Settings, corner: Corner, runs: Iterable[HowTo]) -> Iter
 
 
 def _counts(engine: str, facts: Facts, members: list[Cell]) -> Iterator[Measured]:
-    """Number of runs by outcome; of other engines it is information only."""
+    """Yield the number of runs by outcome; for other engines it is information only."""
     counts = collections.Counter(cell.found.outcome for cell in members)
     for outcome in OUTCOMES:
         note = _worst(members) if outcome == "silent wrong" else ""
@@ -188,7 +188,7 @@ def _counts(engine: str, facts: Facts, members: list[Cell]) -> Iterator[Measured
 
 
 def _groups(found: list[Cell]) -> dict[tuple[str, Fact], list[Cell]]:
-    """Cells by what they have in common: all, one scene, one method, one step or tolerance, one value of an axis."""
+    """Group cells by common properties: all, one scene, one method, one step or tolerance, one value of an axis."""
     groups: dict[tuple[str, Fact], list[Cell]] = collections.defaultdict(list)
     for cell in found:
         groups["", ""].append(cell)
@@ -214,4 +214,4 @@ def _series(case: Case, found: list[Cell]) -> Series:
         for number, cell in enumerate(found)
     ]  # fmt: skip
     columns, (x, *_, y, _) = table(COLUMNS, rows), COLUMNS
-    return Series("outcomes", "What became of every run", columns, x, x, y, "linear", "log", group="outcome")
+    return Series("outcomes", "Outcome of every run", columns, x, x, y, "linear", "log", group="outcome")

@@ -1,6 +1,6 @@
-"""Chains of a few cells against their own exact values: theory and code agree to rounding.
+"""Chains of a few cells against their exact values: theory and code agree to rounding error.
 
-Nothing is approximated here, so that any wrong mass, arm or spring shows, however small.
+Nothing is approximated here: any wrong mass, lever arm or spring is visible, however small the error.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ ELASTICA_RULES = {"paper": "paper", "midpoint": "midpoint", "hencky": "nodal2k"}
 class Settings(Spec, frozen=True):
     """Numbers of cells n of the chains; loads of the elastica α = PL²/EI; number of hinges compared in 40 digits.
 
-    `coupled` are rules whose springs are coupled, with a number of hinges each.
+    `coupled` are rules with coupled springs, each with a number of hinges.
     """
 
     cells: tuple[int, ...]
@@ -46,7 +46,7 @@ class Settings(Spec, frozen=True):
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Largest error of each quantity and chain."""
+    """Yield the largest error of each quantity and chain."""
     yield from _frequencies(case, settings)
     yield from _arm(case)
     yield from _buckling(case, settings)
@@ -64,7 +64,7 @@ def _relative(found: ArrayLike, exact: ArrayLike) -> float:
 
 
 def _both(chain: fl.Chain) -> Iterator[tuple[str, Array]]:
-    """Frequencies of a clamped chain by us and by MuJoCo, from the exported file."""
+    """Frequencies of a clamped chain by flexlink and by MuJoCo, from the exported file."""
     yield "native", fl.natural_frequencies(chain)
     yield "mujoco", chain_frequencies(engines.load("mujoco", chain))
 
@@ -77,7 +77,7 @@ def _frequencies(case: Case, settings: Settings) -> Iterator[Measured]:
             chain = _chain(case, rule, n)
             for engine, found in _both(chain):
                 yield Measured("bending frequencies", _relative(found[: len(exact)], exact), "", engine, facts)
-            if rule != "hencky":  # its root disc would need half an inertia
+            if rule != "hencky":  # its root disc would need half its inertia
                 bar = _chain(case, rule, n, "torsion_bar")
                 bending = [k for k, c in enumerate(bar.coordinates) if c.axis != 1]
                 found = fl.natural_frequencies(bar, locked=bending)
@@ -97,7 +97,7 @@ def _frequencies(case: Case, settings: Settings) -> Iterator[Measured]:
 
 
 def _arm(case: Case) -> Iterator[Measured]:
-    """The errors that an independent program found for the straight arm with a locked elbow."""
+    """Compare with the errors that an independent program found for the straight arm with a locked elbow."""
     exact = reference_array("two_link_locked_lumped", "exact_omega")
     for rule in ("paper", "midpoint"):
         for n, errors in look_up("two_link_locked_lumped", "rel_error_first3", rule).items():

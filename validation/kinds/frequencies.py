@@ -1,7 +1,7 @@
 """Natural frequencies against the continuous beam: error by rule and hinges, published numbers, MuJoCo's frequencies.
 
-Rigid modes, one for each joint that is free, are left out, or all modes but those of some kinds. An arm may turn
-steadily: its modes are those about that.
+Rigid-body modes, one for each free joint, are excluded; alternatively, only modes of some kinds count. An arm may
+rotate steadily; its modes are those about that motion.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ from validation.store import Series, table
 
 
 class Settings(Sweep, frozen=True, kw_only=True):
-    """What to compare.
+    """Settings of the comparison.
 
-    The error of a mode in the sweep is the worst of the variants, unless each has measures of its own, `apart`. `best`
-    is the chain whose numbers stand beside the published ones. Values of the reference file are ω if `power` is 1 and
-    √ω if it is 2, in rad/s or Hz. `axes` are the hinge axes that move, 1 twist, 2 and 3 bending. Where `kinds` are
-    named, modes of these kinds count, as `fl.modes` tells them. `price` adds stable steps.
+    The error of a mode in the sweep is the worst of the variants; with `apart`, each variant has separate measures.
+    `best` is the chain compared with the published numbers. Values of the reference file are ω if `power` is 1 and √ω
+    if it is 2, in rad/s or Hz. `axes` are the hinge axes that move, 1 twist, 2 and 3 bending. If `kinds` are named,
+    only modes of these kinds of `fl.modes` count. `price` adds stable steps.
     """
 
     reference: str
@@ -54,7 +54,7 @@ class Settings(Sweep, frozen=True, kw_only=True):
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """The sweep over rules and hinges, then every variant with the best chain, native and in MuJoCo."""
+    """Yield the sweep over rules and hinges, then every variant with the best chain, native and in MuJoCo."""
     points = []
     for at, scenes in existing(case, settings.rules, settings.variant):
         errors = [
@@ -83,20 +83,20 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
 
 
 def error_at(case: Case, settings: Settings, at: Rule) -> float:
-    """Largest relative error of a frequency, all variants and modes, as a data sheet has it."""
+    """Largest relative error of a frequency over all variants and modes, for a data sheet."""
     return _worst(case, settings, at, lambda scene, variant: _frequencies(scene, variant, settings))
 
 
 def mujoco_error_at(case: Case, settings: Settings, at: Rule) -> float:
-    """The same by MuJoCo's M and torques, from the exported file.
+    """Largest relative error of a frequency by MuJoCo's M and torques, from the exported file.
 
     Raises
     ------
     ArgumentError
-        Its modes are not told by kind.
+        The settings select modes by kind, which MuJoCo does not determine.
     """
     if settings.kinds:
-        raise ArgumentError("MuJoCo's modes are not told by kind")
+        raise ArgumentError("MuJoCo does not determine the kinds of modes")
 
     def found(scene: Scene, variant: Variant) -> Array:
         state = _state(scene, variant, settings)
@@ -113,7 +113,7 @@ def _worst(case: Case, settings: Settings, at: Rule, found: Callable[[Scene, Var
 
 
 def _measures(errors: Sequence[Array], settings: Settings) -> dict[str, float]:
-    """Errors by measure, of those of each variant's modes."""
+    """Errors by measure, from the errors of each variant's modes."""
     if not settings.apart:
         return {f"mode {k + 1}": float(e) for k, e in enumerate(np.max(errors, axis=0))}
     named = zip(settings.variant, errors, strict=True)
@@ -129,17 +129,17 @@ def _exact(variant: Variant, settings: Settings) -> Array:
 
 
 class _State(NamedTuple):
-    """A chain where its modes are looked at."""
+    """A chain and the state for its modes."""
 
     chain: Chain
     q: Array
     qd: Array
-    still: list[int]  # what does not move, or turns steadily
+    still: list[int]  # joints that are locked or rotate steadily
     rigid: int  # number of rigid modes
 
     @property
     def modes(self) -> Modes:
-        """All of them."""
+        """All modes."""
         return modes(self.chain, self.q, self.qd, locked=self.still)
 
 
@@ -156,12 +156,12 @@ def _frequencies(scene: Scene, variant: Variant, settings: Settings) -> Array:
     found = state.modes
     counts = np.isin(found.kinds, settings.kinds) if settings.kinds else np.arange(len(found.kinds)) >= state.rigid
     ω = found.frequencies[counts][: settings.modes]
-    ω = np.append(ω, np.full(settings.modes - len(ω), np.inf))  # modes that so short a chain does not have
+    ω = np.append(ω, np.full(settings.modes - len(ω), np.inf))  # modes that the chain is too short to have
     return ω / (2 * np.pi) if settings.unit == "Hz" else ω
 
 
 def _parity(scene: Scene, variant: Variant, settings: Settings) -> Measured:
-    """Largest difference of ω² in units of ‖M⁻¹‖₂ ΔM ω_max², ΔM the error of M that rounding explains."""
+    """Largest difference of ω² in units of ‖M⁻¹‖₂ ΔM ω_max², with ΔM the rounding error of M."""
     state = _state(scene, variant, settings)
     chain, q, _, locked, rigid = state
     free = np.setdiff1d(np.arange(chain.n), np.array(locked, dtype=np.intp))
@@ -170,13 +170,13 @@ def _parity(scene: Scene, variant: Variant, settings: Settings) -> Measured:
     inverse = 1 / np.linalg.norm(mass_matrix(chain, q)[np.ix_(free, free)], -2)  # −2: the smallest singular value
     unit = inverse * of_mass_matrix(chain, q) * ours.max()
     first = np.abs(np.sqrt(theirs[rigid : rigid + settings.modes] / ours[rigid : rigid + settings.modes]) - 1).max()
-    note = f"The first {settings.modes} frequencies differ by at most {first:.1g} of themselves."
+    note = f"The first {settings.modes} frequencies differ relatively by at most {first:.1g}."
     value = float(np.abs(theirs - ours).max() / unit)
     return Measured("MuJoCo's frequencies", value, "", "mujoco", _facts(variant, settings), note=note)
 
 
 def _mujoco_squares(state: _State) -> Array:
-    """ω² of all modes, by MuJoCo's M and torques."""
+    """ω² of all modes, from MuJoCo's M and torques."""
     chain, q, qd, locked, _ = state
     free = np.setdiff1d(np.arange(chain.n), np.array(locked, dtype=np.intp))
     engine = engines.load("mujoco", chain)
@@ -184,7 +184,7 @@ def _mujoco_squares(state: _State) -> Array:
 
 
 def _price(case: Case, settings: Settings, points: Sequence[Point]) -> Iterator[Measured | Series]:
-    """Largest stable RK4 step of every chain of the first variant, and hinges times steps a second at that step."""
+    """Yield the largest stable RK4 step of every chain of the first variant, and hinges × steps per second."""
     rows = []
     for point in points:
         step = stable_step(lump(settings.variant[0].build(case, point.at)))

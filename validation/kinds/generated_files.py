@@ -1,4 +1,4 @@
-"""The files that `flexlink export` writes, in the engines that read them, at random states; and read back by us."""
+"""Files written by `flexlink export`, compared at random states in the engines that read them, and read back."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from validation.facts import Facts
 
 
 def run(case: Case, engines: dict[str, str], samples: int, seed: int = 0) -> Iterator[Measured]:
-    """Worst of each quantity, scene by scene and engine by engine, and how many numbers come back different.
+    """Yield the worst of each quantity by scene and engine, and the number of values that differ after reading back.
 
     `engines` are by format.
     """
@@ -27,7 +27,7 @@ def run(case: Case, engines: dict[str, str], samples: int, seed: int = 0) -> Ite
         states = random_states(chain, samples, seed=seed)
         native = load("native", chain)
         for format, name in engines.items():
-            if (read := FORMATS[format].read) is not None:  # MJCF is read by MuJoCo alone
+            if (read := FORMATS[format].read) is not None:  # only MuJoCo reads MJCF
                 back = read(FORMATS[format].write(chain))
                 yield Measured("read back", _differences(chain, back), scene.name, name, {"form": format})
             engine = load(name, chain)
@@ -38,7 +38,7 @@ def run(case: Case, engines: dict[str, str], samples: int, seed: int = 0) -> Ite
 
 
 def _errors(chain: Chain, native: Engine, engine: Engine, state: State) -> dict[str, float]:
-    """At one state; M and T_GC relative to the largest element, T_FL to each joint's, q̈ in units of its rounding."""
+    """Errors at one state; M, T_GC relative to the largest element, T_FL to each joint's, q̈ in units of rounding."""
     (q, qd, tau, wrench), pair = state, (native, engine)
     M, other_M = (one.mass_matrix(q) for one in pair)
     bias, other_bias = (one.bias_torque(q, qd, tip_wrench=wrench) for one in pair)
@@ -53,7 +53,7 @@ def _errors(chain: Chain, native: Engine, engine: Engine, state: State) -> dict[
 
 
 def _differences(chain: Chain, back: Chain) -> float:
-    """How many numbers of the chain that a file reads back to are not those of the chain that it was written from."""
+    """Number of values that differ between a chain and the one read back from its file."""
     different = int(back.coordinates != chain.coordinates) + int(back.link_names != chain.link_names)
     different += int(np.count_nonzero(back.gravity != chain.gravity))
     for array, other in ((chain.bodies, back.bodies), (chain.hinges, back.hinges)):

@@ -1,13 +1,13 @@
-"""Identities of the equation of motion at random states: what must hold whatever other engines say.
+"""Identities of the equation of motion at random states, independent of other engines.
 
-Derivatives are exact, not finite differences of a small step. In one angle, kinetic and gravity energy are
-trigonometric polynomials of degree 2 at most, so that five points spread over the full turn give the derivative:
+Derivatives are exact, not finite differences of a small step. As functions of one angle, kinetic and gravity energy
+are trigonometric polynomials of degree at most 2, so five equidistant points over the full turn give the derivative:
 
     f'(0) = Σ_j=1,2 w_j (f(jΔ) − f(−jΔ)),    Δ = 2π/5,    w_j = ½ (−1)^(j+1) / sin(jΔ/2)
 
-In one rate, or one angle of the elastic energy, they are quadratic, and f'(0) = (f(1) − f(−1))/2.
+As functions of one rate, or of one angle for the elastic energy, they are quadratic, and f'(0) = (f(1) − f(−1))/2.
 
-Every error is taken relative to the sum of the sizes of all terms that were added up, so that its floor is eps.
+Every error is relative to the sum of the magnitudes of all added terms; its floor is eps.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ TRIGONOMETRIC_STENCIL = {
     for j in (1, 2)
     for sign in (1, -1)
 }
-"""Angle: weight, for the derivative of a trigonometric polynomial of degree 2."""
+"""Angle → weight, for the derivative of a trigonometric polynomial of degree 2."""
 QUADRATIC_STENCIL = {1.0: 0.5, -1.0: -0.5}
-"""Step: weight, for the derivative of a quadratic."""
+"""Step → weight, for the derivative of a quadratic."""
 
 LONG = True
 
 
 def run(case: Case, samples: int, seed: int = 0) -> Iterator[Measured]:
-    """Largest violation of each identity over the states of each scene."""
+    """Yield the largest violation of each identity over the states of each scene."""
     for scene in case.load_scenes():
         chain = fl.lump(scene)
         states = random_states(chain, samples, seed=seed)
@@ -53,7 +53,7 @@ def run(case: Case, samples: int, seed: int = 0) -> Iterator[Measured]:
 
 def _asymmetry(chain: Chain, s: State) -> float:
     if chain.is_serial_revolute:
-        M = fl.mass_matrix(chain, s.q, algorithm="columns")  # the one method that does not copy one half to the other
+        M = fl.mass_matrix(chain, s.q, algorithm="columns")  # the only method that does not mirror one half
     else:
         bias = fl.bias_torque(chain, s.q, np.zeros(chain.n))
         M = np.array([fl.inverse_dynamics(chain, s.q, np.zeros(chain.n), unit) - bias for unit in np.eye(chain.n)])
@@ -103,7 +103,7 @@ def _skew(chain: Chain, s: State) -> float:
 
 
 def _inverse(chain: Chain, s: State) -> float:
-    """Inverse dynamics of forward dynamics gives the drive torque back."""
+    """Inverse dynamics of forward dynamics returns the drive torque."""
     qdd = fl.forward_dynamics(chain, s.q, s.qd, s.tau, tip_wrench=s.wrench)
     own = fl.elastic_torque(chain, s.q) + fl.friction_torque(chain, s.qd) + fl.drag_torque(chain, s.q, s.qd)
     back = fl.inverse_dynamics(chain, s.q, s.qd, qdd, tip_wrench=s.wrench) + own
@@ -112,7 +112,7 @@ def _inverse(chain: Chain, s: State) -> float:
 
 
 def _hinge_moments(chain: Chain, s: State) -> float:
-    """About the axis of a hinge a cut carries inverse dynamics' torque without the rotor's, of the other sign."""
+    """The internal moment about a hinge axis is minus the inverse-dynamics torque without the rotor's."""
     qdd = fl.forward_dynamics(chain, s.q, s.qd, s.tau, tip_wrench=s.wrench)
     found = fl.strength.internal_loads(chain, s.q, s.qd, qdd, tip_wrench=s.wrench)
     torque = fl.inverse_dynamics(chain, s.q, s.qd, qdd, tip_wrench=s.wrench) - chain.hinges["armature"] * qdd
@@ -145,7 +145,7 @@ def _rigid_energy(chain: Chain, q: Array, qd: Array) -> Any:
 
 
 def _rates(f: Callable[[Array], Any], x: Array, xd: Array, stencil: dict[float, float]) -> Array:
-    """ẋ_k ∂f/∂x_k, and the sum of the sizes of the terms each was added up from; shape (2, n)."""
+    """ẋ_k ∂f/∂x_k, and the sum of magnitudes of its terms; shape (2, n)."""
     out = np.zeros((2, len(x)))
     for k in range(len(x)):
         for step, weight in stencil.items():

@@ -1,4 +1,4 @@
-"""The paper's comparison of Runge-Kutta methods: error against step and work, drift, cost, stability, verdict."""
+"""The paper's comparison of Runge-Kutta methods: error against step and work, drift, cost, stability."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ def run(
     steps: dict[str, tuple[float, ...]],
     stability: tuple[str, ...] = (),
 ) -> Iterator[Measured | Series]:
-    """Error, drift and cost of every run, then limits of stability; the report compares the methods.
+    """Yield error, drift and cost of every run, then stability limits; the report compares the methods.
 
-    `reference` are two steps of RK10 [s], of which the finer one counts as exact, `steps` those of the methods [s];
-    of the methods in `stability` the limit is measured.
+    `reference` are two steps of RK10 [s], of which the finer one is taken as exact; `steps` are those of the methods
+    [s]. The stability limit is measured for the methods in `stability`.
     """
     for full in case.load_scenes():
         scene = full.varied({"run.duration": duration, "run.sample": sample})
@@ -65,14 +65,14 @@ def run(
 
 
 def _errors(scene: Scene, method: str, step: float, exact: Trajectory) -> tuple[float, float]:
-    """Of the angles, largest over joints and samples [rad], and drift of the energy [J]."""
+    """Largest error of the angles over joints and samples [rad], and drift of the energy [J]."""
     run = simulate(scene, method=method, step=step, unstable="allow")
     total = np.asarray(run.energy.total)
     return _distance(run, exact), float(np.abs(total - total[0]).max())
 
 
 def _seconds_per_step(scene: Scene, method: str, step: float, steps: int = 10_000) -> float:
-    """Time of a step [s]: the fastest of repeats, after a warm-up, so long that the set-up of a run does not count."""
+    """Time of a step [s]: the fastest of several runs after a warm-up, long enough to make set-up negligible."""
     duration = steps * step
     timed = scene.varied(
         {"run": RunSettings(method=method, step=step, sample=duration, duration=duration, unstable="allow")}
@@ -85,7 +85,7 @@ def _distance(a: Trajectory, b: Trajectory) -> float:
 
 
 def _stability(scene: Scene, method: str, exact: Trajectory) -> Measured:
-    """Largest stable step, by bisection, over the smallest that the linear theory gives for the postures passed."""
+    """Largest stable step, by bisection, relative to the smallest predicted for the configurations of the run."""
     some = exact.q[:: max(1, len(exact.q) // 50)]
     predicted = min(stable_step(exact.chain, q, method=method) for q in some)
     low, high = 0.5, 2.0
@@ -97,7 +97,7 @@ def _stability(scene: Scene, method: str, exact: Trajectory) -> Measured:
 
 
 def _stable(scene: Scene, method: str, step: float) -> bool:
-    """The total energy changes by less than 1 % of what gravity takes and gives."""
+    """Whether the total energy changes by less than 1 % of the range of the gravity energy."""
     steps = round(scene.run.duration / step)
     try:
         run = simulate(scene, method=method, step=step, sample=step, duration=steps * step, unstable="allow")

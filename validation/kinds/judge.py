@@ -1,4 +1,4 @@
-"""flexlink and other engines against 50-digit arithmetic on planar chains, which decides where engines differ."""
+"""flexlink and other engines against 50-digit arithmetic on planar chains, which decides if engines differ."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from validation.oracles.planar_chain import DIGITS, PlanarChain
 
 
 def run(case: Case, engines: tuple[str, ...], samples: int, seed: int = 0) -> Iterator[Measured]:
-    """Largest error of M, T_GC and q̈ of every engine over the states of each scene, in units of the rounding bound."""
+    """Yield the largest error of M, T_GC and q̈ by scene and engine over its states, in units of the rounding bound."""
     for scene in case.load_scenes():
         chain = lump(scene)
         oracle = PlanarChain(chain)

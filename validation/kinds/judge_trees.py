@@ -1,4 +1,4 @@
-"""flexlink against 50-digit arithmetic on random trees of arms that slide and float."""
+"""flexlink against 50-digit arithmetic on random trees with sliding joints and floating bases."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from validation.random_arms import random_tree
 
 
 def run(case: Case, engines: tuple[str, ...], arms: int, seed: int = 0) -> Iterator[Measured]:
-    """Largest error of M, T_GC and q̈ of every engine over all trees, by the rounding bound and as a share."""
+    """Yield the largest errors of M, T_GC, q̈ by engine over all trees, in units of rounding and relative to size."""
     worst: dict[tuple[str, str], tuple[float, int]] = {}
     for number in range(seed, seed + arms):
         chain = lump(random_tree(number))

@@ -1,9 +1,9 @@
-"""A laboratory's two-link arm: strains predicted in held-out recordings, beside a free linear model of that order.
+"""A laboratory's two-link arm: strains predicted in held-out recordings, against a linear model of the same order.
 
-What is identified is said: of the arm two roots, one damping, two numbers of its tilt, the second axis' place, two
-gains and two zeros, 10 numbers, by `fl.fit` on the first half of one recording; of the linear model 12, with zeros 14.
-Both from rest, driven by the same accelerations, through the same low-pass, for the same sum of squares of the same
-samples.
+Fitted parameters: of the arm, by `fl.fit` on the first half of one recording, 10 (two roots, one damping, two of its
+tilt, the second axis' position, two gains and two offsets); of the linear model 12, with offsets 14. Both models start
+from rest and are driven by the same accelerations. Both are filtered by the same low-pass and minimize the same sum of
+squares of the same samples.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from validation.measured.two_link import FITTED, HELD_OUT, STRAINS, Window, fit_
 from validation.store import Series, table
 
 LINEAR = "the linear model", "the linear model with zeros"
-ALIKE = 0.1  # deg; squares of both strains weigh alike, as those of the linear model do
+ALIKE = 0.1  # deg; equal noise: squares of both strains have equal weight, as in the linear model
 NAMES = [strain.partition(" [")[0] for strain in STRAINS]
 
 
 class Run(NamedTuple):
-    """A recording beside the scene's run with the recorded angles."""
+    """A recording, and the scene's run with the recorded angles."""
 
     t: Array
     h: float
@@ -40,9 +40,9 @@ class Run(NamedTuple):
 def run(
     case: Case, ringing: tuple[float, float], sought: tuple[FitParameter, ...], identify: bool = False
 ) -> Iterator[Measured | Series]:
-    """Fits of both models in every window; with `identify` the numbers found anew, beside the scene's.
+    """Yield fits of both models in every window; with `identify`, also repeat the identification of the parameters.
 
-    `ringing` are the frequencies with both drives at rest [Hz], where the linear model begins.
+    `ringing` are the frequencies with both drives at rest [Hz], the initial guess of the linear model.
     """
     (scene,) = case.load_scenes()
     runs = {name: _run(scene, name) for name in dict.fromkeys(window.run for window in (FITTED, *HELD_OUT))}
@@ -72,7 +72,7 @@ def run(
 
 
 def _changed_by_a_finer_grid(scene: Scene, first: Run) -> Iterator[Measured]:
-    """How far fits move with twice the hinges of both links, and half the step."""
+    """Changes of the fits with twice the hinges of both links and half the step."""
     hinges = {f"link.{link.name}.segments": 2 * link.segments - 1 for link in scene.arm.links}
     finer = _run(scene.varied({**hinges, "run.step": scene.run.fixed_step / 2}), FITTED.run)
     for window in (each for each in (FITTED, *HELD_OUT) if each.run == FITTED.run):
@@ -83,7 +83,7 @@ def _changed_by_a_finer_grid(scene: Scene, first: Run) -> Iterator[Measured]:
 
 
 def _zeros(scene: Scene, first: Run) -> Iterator[Measured]:
-    """What strains read at the start, where the recorder calls them 0: the tilt bends the arm as far as zeros moved."""
+    """Strains at the start, which the recorder calls 0: gravity on the tilted arm should explain the fitted offsets."""
     for k, (name, sensor) in enumerate(zip(NAMES, scene.sensor, strict=True)):
         note = f"Zero {sensor.bias:.3f} deg; at rest gravity gives {first.model[k][0] - sensor.bias:.3f} deg."
         off = abs(first.model[k][0] / sensor.bias)
@@ -100,13 +100,13 @@ def _run(scene: Scene, name: str) -> Run:
 
 
 def _fits(run: Run, window: Window, model: Sequence[Array]) -> list[float]:
-    """The fit of each strain in a window [%]."""
+    """Fit of each strain in a window [%]."""
     there = window.of(run.t)
     return [fit_percent(y[there], given[there]) for y, given in zip(run.strains, model, strict=True)]
 
 
 def _identified(scene: Scene, sought: tuple[FitParameter, ...]) -> Iterator[Measured]:
-    """What `fl.fit` finds on the first half, beside the numbers of the scene."""
+    """Compare the parameters that `fl.fit` finds on the first half with those of the scene."""
     with tempfile.TemporaryDirectory() as folder:
         path = two_link.write_renamed(FITTED.run, Path(folder))
         known: dict[str, Any] = {"motion": two_link.led_by(path), "run.duration": FITTED.end}

@@ -1,8 +1,8 @@
-"""Drift of energy, angular momentum and time over millions of steps of an arm that conserves both.
+"""Drift of energy, angular momentum and time over millions of steps of a conservative arm.
 
-Without gravity and friction E stays, and the momentum (M q̇)₁ of the first joint, which nothing turns about. Their drift
-grows with every step by what the method does to them, and by rounding, at most eps of their size: no faster than in
-proportion to the number of steps. So a run's drift is told against that of its first hundredth.
+Without gravity and friction the energy E is constant, and so is the momentum (M q̇)₁ of the first joint, about which no
+torque acts. Their drift grows by the method's error and by rounding, at most eps of their size, in every step: at most
+proportionally to the number of steps. A run's drift is therefore compared with that of its first hundredth.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ SAMPLES_OF_A_HUNDREDTH = SAMPLES // 100
 
 
 def run(case: Case, number: int, steps: dict[str, Positive]) -> Iterator[Measured | Series]:
-    """Drifts of every method with its step [s], as parts of what is kept, over what the first hundredth lets expect."""
+    """Yield relative drifts of every method with its step [s], and their ratios to extrapolated ones."""
     for scene in case.load_scenes():
         rows = list[tuple[str, float, float, float]]()
         for method, step in steps.items():
@@ -57,7 +57,7 @@ def _long(scene: Scene, method: str, step: float, number: int) -> Scene:
 
 
 def _drift(values: Array) -> Array:
-    """Largest change up to each sample, as a part of the first value."""
+    """Largest change up to each sample, relative to the first value."""
     return np.maximum.accumulate(np.abs(values / values[0] - 1))
 
 

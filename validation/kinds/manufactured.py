@@ -1,6 +1,6 @@
-"""A manufactured solution: a smooth motion, the torque that makes it in 50 digits, and that torque integrated back.
+"""A manufactured solution: a smooth motion, and integration of the torque that produces it, computed in 50 digits.
 
-Every term of the equation of motion, the inputs and every integrator are in it at once: what is left is their error.
+It includes every term of the equation of motion, the inputs and every integrator: any deviation is their error.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from validation.oracles.spatial_chain import Vector
 from validation.store import Series, table
 
 SAMPLES = 5
-BETWEEN = 0.37  # of a piece: where its torque is compared, off the points that it goes through
+BETWEEN = 0.37  # fraction of a piece at which its torque is checked, away from the interpolation points
 
 
 class Settings(Spec, frozen=True, kw_only=True):
-    """The motion, the pieces of its torque, and numbers of steps by method, the coarser first, and `finest` ones.
+    """The motion, the pieces of its torque, two numbers of steps by method, coarse first, and the `finest` ones.
 
-    `driven` and `held` are the largest amplitudes of joints with a drive and of those that springs hold [rad, m];
-    `rates` the slowest and the fastest [rad/s].
+    `driven` and `held` are the largest amplitudes of driven joints and of joints with springs [rad, m]; `rates` the
+    slowest and the fastest [rad/s].
     """
 
     duration: Positive
@@ -53,7 +53,7 @@ class Settings(Spec, frozen=True, kw_only=True):
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """Error of each method at two steps, its order, and how well the pieces hold the torque."""
+    """Yield the error of each method at two steps, its order, and the error of the torque's interpolation."""
     (scene,) = case.load_scenes()
     scene = scene.varied({"run.duration": settings.duration, "run.sample": settings.duration / SAMPLES})
     chain = problem_of(scene).chain
@@ -87,7 +87,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
 
 
 def _wrench(scene: Scene) -> Wrench:
-    """The scene's table of two rows, in 50 digits."""
+    """The scene's two-row wrench table in 50 digits."""
     given = scene.wrench
     assert given.times is not None and given.forces is not None and given.moments is not None
     start, end = ([*map(mpf, (*given.forces[row], *given.moments[row]))] for row in (0, -1))
@@ -96,19 +96,19 @@ def _wrench(scene: Scene) -> Wrench:
 
 
 def _between(start: tuple[Any, Vector], end: tuple[Any, Vector], t: Any) -> Vector:
-    """Numbers at a time between two."""
+    """Interpolate linearly between two times."""
     part = (t - start[0]) / (end[0] - start[0])
     return [a + (b - a) * part for a, b in zip(start[1], end[1], strict=True)]
 
 
 def _values(spline: PiecewisePolynomial, at: Array) -> Array:
-    """The pieces at a time in each."""
+    """Values of the pieces, at one time in each."""
     x = (at - spline.knots)[:, None]
     return np.asarray(sum(c * x**j for j, c in enumerate(spline.coefficients.swapaxes(0, 1))))
 
 
 def _error(scene: Scene, method: str, steps: int, spline: PiecewisePolynomial, moved: Motion) -> float:
-    """Largest difference of any joint from the motion, over all samples; every joint is driven by the torque."""
+    """Largest difference of any joint from the motion over all samples; the torque drives every joint."""
     q, qd = (rows[0] for rows in manufactured.states([0.0], moved))
     start = {"initial.q": q.tolist(), "initial.qd": qd.tolist()}
     problem = problem_of(scene.varied({"run.method": method, "run.step": scene.run.duration / steps, **start}))

@@ -1,6 +1,6 @@
-"""Against measurements: the error of every quantity beside its validation uncertainty (ASME V&V 20), and a verdict.
+"""Comparison with measurements: error of every quantity, its validation uncertainty (ASME V&V 20), and a verdict.
 
-Nothing is identified: the scene has what the source of the measurement states.
+No parameters are fitted: the scene contains the values stated by the source of the measurement.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from validation.measured.readings import Reading
 from validation.measured.uncertainty import COVERAGE, VERDICTS, Comparison, grid_convergence, standard
 from validation.store import Series, table
 
-GRIDS = (1, 2, 4)  # times the hinges of a link
+GRIDS = (1, 2, 4)  # multiples of the number of hinges of a link
 
 
 class Input(Spec, frozen=True, kw_only=True):
-    """A stated value with its tolerance, ± `relative` of itself or ± `by`; `path` is where the scene has it."""
+    """A stated value with its tolerance, ± `relative` of itself or ± `by`; `path` is its location in the scene."""
 
     path: str
     relative: float = 0.0
@@ -31,10 +31,10 @@ class Input(Spec, frozen=True, kw_only=True):
 
 
 class Settings(Spec, frozen=True, kw_only=True):
-    """Which measurement, a file of `validation/measured/`; hinges of each link on the coarsest grid; inputs by name.
+    """The measurement, a file of `validation/measured/`; hinges of each link on the coarsest grid; inputs by name.
 
-    `wanted` is by group of quantities the largest |E| / |D| that matters: what a measurement must be able to tell.
-    `order` is that of the lumping rule. `rounding` is the least that an error of S can be, of S.
+    `wanted` is the largest relevant |E| / |D| by group of quantities, which a measurement must be able to resolve.
+    `order` is that of the lumping rule. `rounding` is the least relative error of S.
     """
 
     measurement: str
@@ -46,7 +46,7 @@ class Settings(Spec, frozen=True, kw_only=True):
 
 
 class _Simulated(NamedTuple):
-    """Values by name, on each grid, and with each input at both ends of its tolerance."""
+    """Values by name, on each grid, and with each input at both limits of its tolerance."""
 
     grids: list[dict[str, float]]
     inputs: dict[str, tuple[dict[str, float], dict[str, float]]]
@@ -57,7 +57,7 @@ class _Simulated(NamedTuple):
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """Every quantity, then the groups, then the table."""
+    """Yield every quantity, then the groups, then the table."""
     measurement = require_one_of(f"{case.path}: settings.measurement", settings.measurement, MEASUREMENTS)
     readings = measurement.all_readings()
     simulated = _simulate(case, settings, measurement)
@@ -117,10 +117,10 @@ def _compared(
 
 
 def _measured(name: str, reading: Reading, compared: Comparison, inputs: Mapping[str, float]) -> Iterator[Measured]:
-    """The error of a quantity, relative to D; one that D is too uncertain to judge is a quantity of its own."""
+    """Yield the error of a quantity, relative to D; if D is too uncertain, under a separate quantity."""
     parts = ", ".join(f"{which} {u:.2g}" for which, u in sorted(inputs.items(), key=lambda item: -item[1])) or "nothing"
-    told = COVERAGE * compared.u_measured <= compared.wanted
-    quantity = f"|E| / |D|, {reading.group}" + ("" if told else ", read too coarsely")
+    precise = COVERAGE * compared.u_measured <= compared.wanted
+    quantity = f"|E| / |D|, {reading.group}" + ("" if precise else ", read too coarsely")
     note = f"{compared.words(reading.unit)} Of u_input: {parts}."
     yield Measured(quantity, abs(compared.error / compared.measured), varied={"situation": name}, note=note)
 

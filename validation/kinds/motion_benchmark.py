@@ -1,9 +1,9 @@
 """Motions of flexible arms against continuous references: tip error by rule and hinges; the same run in MuJoCo.
 
-A prescribed joint has no counterpart in MuJoCo. There the torque that we found is applied, at sampled states of the
-run, and must give our accelerations back, the prescribed one included.
+A prescribed joint has no counterpart in MuJoCo. There flexlink's torque is applied at sampled states of the run and
+must reproduce flexlink's accelerations, including the prescribed one.
 
-The reference files hold runs of the same chains by an independent program in absolute angles, which must be met, too.
+The reference files also contain runs of the same chains by an independent program in absolute angles, which must agree.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ LONG = True
 
 
 class Settings(Sweep, frozen=True, kw_only=True):
-    """What to compare.
+    """Settings of the comparison.
 
-    `best` is the chain judged; `beside` a second one in the figure; `parity` the one run in MuJoCo. `columns` are the
-    places of the tip's x and y in the reference. With `lag` the tip is seen from the first joint's frame. Every chain
-    runs at the part `of_stable` of its largest stable step.
+    `best` is the chain that is checked, `beside` a second one in the figure, `parity` the one run in MuJoCo. `columns`
+    are the columns of the tip's x and y in the reference. With `lag` the tip is given in the first joint's frame. Every
+    chain runs with `of_stable` times its largest stable step.
     """
 
     reference: str
@@ -55,7 +55,7 @@ class Settings(Sweep, frozen=True, kw_only=True):
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """The sweep, the best chain with its time integration error, and MuJoCo."""
+    """Yield the sweep, the best chain with its time integration error, and MuJoCo's results."""
     exact = _exact(settings)
     run = functools.cache(lambda at: fl.simulate(_scene(case, settings, at)))
     points = [Point(at, _errors(settings, run(at), exact)) for at, _ in existing(case, settings.rules)]
@@ -74,12 +74,12 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
 
 
 def error_at(case: Case, settings: Settings, at: Rule) -> float:
-    """Tip error [m], as a data sheet has it."""
+    """Tip error [m], for a data sheet."""
     return _errors(settings, fl.simulate(_scene(case, settings, at)), _exact(settings))["tip"]
 
 
 def mujoco_error_at(case: Case, settings: Settings, at: Rule) -> float:
-    """The same by MuJoCo's accelerations, from the exported file; ArgumentError where a joint is prescribed."""
+    """Tip error [m] by MuJoCo's accelerations, from the exported file; ArgumentError if a joint is prescribed."""
     scene = _scene(case, settings, at)
     chain = fl.lump(scene)
     _, q, _ = engines.load("mujoco", chain).integrate(scene)
@@ -110,7 +110,7 @@ def _errors(settings: Settings, run: Trajectory, exact: Array) -> dict[str, floa
 
 
 def _lag(tip: Array, θ: Array) -> Array:
-    """Tip across the arm's own direction [m], shape (samples,)."""
+    """Tip displacement normal to the arm [m], shape (samples,)."""
     return np.asarray(-np.sin(θ) * tip[:, 0] + np.cos(θ) * tip[:, 1])
 
 
@@ -125,7 +125,7 @@ def _motion(case: Case, settings: Settings, ours: Trajectory, beside: Trajectory
 
 
 def _independent(case: Case, settings: Settings, run: Callable[[Rule], Trajectory]) -> Iterator[Measured]:
-    """The chains of the sweep that the independent program ran, too: largest distance of the two tips."""
+    """Yield the largest tip distance for each chain of the sweep that the independent program also ran."""
     for rule, runs in look_up(settings.reference, "lumped").items():
         for n, theirs in runs.items():
             at = Rule(rule=rule, hinges=int(n) - 1 if rule == "paper" else int(n))
@@ -148,7 +148,7 @@ def _parity(scene: Scene, at: Rule) -> Iterator[Measured]:
 
 
 def _acceleration_errors(scene: Scene, run: Trajectory, free: fl.Chain) -> Iterator[float]:
-    """Of each sample but the first, at rest: |Δq̈| in units of what rounding explains."""
+    """Yield |Δq̈| in units of the rounding bound for each sample except the first, at rest."""
     motion, engine = motion_arrays(scene, run.chain), engines.load("mujoco", free)
     for t, q, qd, tau in list(zip(run.t, run.q, run.qd, run.tau, strict=True))[1:]:
         wanted, given = fl.forward_dynamics(free, q, qd, tau), np.zeros(free.n)

@@ -1,4 +1,4 @@
-"""Order of the Runge-Kutta methods, proved: every order condition up to the order, and the first one that fails."""
+"""Prove the order of the Runge-Kutta methods: every condition up to the order, and the first one that fails."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from validation.oracles.rooted_trees import embedded as embedded_coefficients
 
 
 def run(case: Case, methods: tuple[str, ...], embedded: dict[str, tuple[int, ...]] | None = None) -> Iterator[Measured]:
-    """Residuals of the conditions; of a family also how well float64 holds the coefficients of the oracle.
+    """Yield residuals of the conditions; for a family also the rounding of its float64 coefficients.
 
-    `embedded` are the orders of those methods that rows of error weights compare a method with.
+    `embedded` are the orders of a method's embedded methods, one per row of error weights.
     """
     for name in methods:
         method = method_of(name)
@@ -32,7 +32,7 @@ def run(case: Case, methods: tuple[str, ...], embedded: dict[str, tuple[int, ...
 
 
 def _conditions(name: str, order: int, exact: Coefficients) -> Iterator[Measured]:
-    """Largest residual of all conditions through the order, their number, and the largest one order above."""
+    """Yield the largest residual of all conditions up to the order, their number, and the largest one order above."""
     found = [r for k in range(1, order + 1) for r in residuals(exact, k)]
     facts: Facts = {"method": name, "order": order}
     yield Measured("residual", float(max(found)), varied=facts)
@@ -41,7 +41,7 @@ def _conditions(name: str, order: int, exact: Coefficients) -> Iterator[Measured
 
 
 def _rounding(method: Method) -> float:
-    """Largest difference of A, b and c from the oracle's, in units of the last place of each number."""
+    """Largest difference of A, b and c from independent values, in units of the last place of each number."""
     with mp.workdps(DIGITS):
         exact = collocation(str(method.family), method.stages)
         pairs = zip(

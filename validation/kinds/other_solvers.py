@@ -1,8 +1,8 @@
-"""Whole motions by solvers that share no code with flexlink's integrators: SciPy's, and CVODE where installed.
+"""Complete motions by solvers that share no code with flexlink's integrators: SciPy's, and CVODE if installed.
 
-The witness runs twice; how far its two tips are apart bounds the error of the coarser run, and so, amply, that of the
-finer, which is compared. A run of ours may be off by ten times its tolerance, the project's limit for the error at the
-end, and the witness by what was seen:
+The independent solver runs twice; the distance between its two tips bounds the error of the coarser run, and generously
+that of the finer one, which is compared. A run of flexlink may have an error of ten times its tolerance, the project's
+limit for the final error, and the other solver one of that distance:
 
     apart / (10 tolerance + |coarse − fine|) ≤ 1
 """
@@ -21,23 +21,23 @@ from validation.facts import Facts
 from validation.trade.first_order import FirstOrder
 from validation.trade.scenes import trade_scene
 
-ALLOWED_TOLERANCES = 10.0  # of its tolerance that an error may be at the end, at worst
+ALLOWED_TOLERANCES = 10.0  # largest accepted final error in units of the tolerance
 
 LONG = True
 
 
 class Witness(Spec, frozen=True):
-    """A solver of others, and its two relative tolerances, the coarser first."""
+    """An independent solver and its two relative tolerances, the coarser first."""
 
     solver: Literal["Radau", "BDF", "LSODA", "DOP853", "CVODE"]
     relative: tuple[Positive, Positive]
-    needed: bool = True  # a witness that is not is left out, and told, where it is not installed
+    needed: bool = True  # if False and not installed, the solver is skipped and reported
 
 
 def run(case: Case, scene: dict[str, tuple[Witness, ...]], methods: dict[str, Positive]) -> Iterator[Measured]:
-    """Distances of tips in units of the allowed error, and the error estimate of each solver.
+    """Yield tip distances in units of the allowed error, and the error estimate of each solver.
 
-    `scene` are the witnesses of scenes of the trade by name, `methods` our methods with their tolerances [m].
+    `scene` lists independent solvers by scene of the trade study, `methods` flexlink's methods with tolerances [m].
     """
     left_out = ""
     for name, witnesses in scene.items():

@@ -1,4 +1,4 @@
-"""What the paper says of its equations, over many arms and states: freedoms, indices, springs, mass matrix."""
+"""Statements of the paper about its equations, for many arms and states: freedoms, indices, springs, mass matrix."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from flexlink.dynamics import rounding
 from validation.case import Case, Measured
 from validation.trade.error_parts import TYPES
 
-NEGLIGIBLE_TORQUE = 1e-9  # of the torques of the springs: rounding is far below, any force that matters far above
+NEGLIGIBLE_TORQUE = 1e-9  # fraction of the springs' torques: far above rounding error, far below any relevant force
 
 
 class Settings(Spec, frozen=True):
-    """What is checked, on the case's scenes: arms of up to so many links with so many segments, or so many states.
+    """The statement to check on the case's scenes: numbers of links and segments of the arms, or of states.
 
     `bend` is the range of angles [deg].
     """
@@ -34,12 +34,12 @@ class Settings(Spec, frozen=True):
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """What was measured, and what becomes of the claim."""
+    """Yield the measured values and the verdict on the claim."""
     yield from CHECKS[settings.check](case, settings)
 
 
 def _freedoms(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Equation 1 against the joints of the chain, arm by arm."""
+    """Compare equation 1 with the number of joints of the chain, arm by arm."""
     apart = [
         abs(chain.n - (n * (tip * (nseg - 1) + 1) - tip * (nseg - 1))) for chain, n, tip, nseg in _arms(case, settings)
     ]
@@ -48,7 +48,7 @@ def _freedoms(case: Case, settings: Settings) -> Iterator[Measured]:
 
 
 def _indices(case: Case, settings: Settings) -> Iterator[Measured]:
-    """The order of equation 4, link by link and axis by axis, against the chain's maps there and back, arm by arm."""
+    """Compare the order of equation 4, link by link and axis by axis, with the chain's maps in both directions."""
     wrong = []
     for chain, n, tip, nseg in _arms(case, settings):
         order = [(1, 0, 0)]
@@ -62,7 +62,7 @@ def _indices(case: Case, settings: Settings) -> Iterator[Measured]:
 
 
 def _arms(case: Case, settings: Settings) -> Iterator[tuple[fl.Chain, int, int, int]]:
-    """Chains with their number of links n, their type tip = 1, 2, 3 and their segments a link."""
+    """Yield chains with their number of links n, their type tip = 1, 2, 3 and their segments per link."""
     (scene,) = case.load_scenes()
     first, last = settings.segments
     for n in range(1, settings.links + 1):
@@ -72,7 +72,7 @@ def _arms(case: Case, settings: Settings) -> Iterator[tuple[fl.Chain, int, int, 
 
 
 def _arm_of(scene: Scene, n: int, flex: str, nseg: int) -> Scene:
-    """An arm of n links like the scene's last one, the first rigid, the others of this type and so many segments."""
+    """An arm of n links like the scene's last one: the first rigid, the others with this type and nseg segments."""
     link = scene.arm.links[-1]
     bent = [replace(link, name=f"{k}", flex=flex, segments=nseg) for k in range(1, n)]
     links = (replace(link, name="first", flex="rigid", segments=1), *bent)
@@ -82,7 +82,7 @@ def _arm_of(scene: Scene, n: int, flex: str, nseg: int) -> Scene:
 
 
 def _springs(case: Case, settings: Settings) -> Iterator[Measured]:
-    """What is left without gravity and rates: of T_GC, which has no springs, and of T_IN, which has, beside T_FL."""
+    """Without gravity and rates, compare T_GC with zero and T_IN, which includes springs, with T_FL."""
     without, apart = [], []
     for scene in case.load_scenes():
         chain = fl.lump(scene.varied({"gravity": [0.0, 0.0, 0.0]}))
@@ -99,19 +99,19 @@ def _springs(case: Case, settings: Settings) -> Iterator[Measured]:
 
 
 def _of_springs(without: float, apart: float) -> str:
-    """By what is left of an inverse dynamics without springs, and how far one with them is from k (θ − θ₀)."""
+    """Verdict from the torques of an inverse dynamics without springs, and the error of one with springs."""
     if apart > NEGLIGIBLE_TORQUE:
         return "does not hold"
     if without > NEGLIGIBLE_TORQUE:
         return "holds"
     return (
-        "holds if the inverse dynamics carries the elastic forces, as the paper says of M and T_IN: what is left is "
-        "k (θ − θ₀); of one without springs, as the library's T_GC, nothing is left"
+        "holds if the inverse dynamics includes the elastic forces, as the paper states for M and T_IN: the result is "
+        "k (θ − θ₀); without springs, as in the library's T_GC, the result is zero"
     )
 
 
 def _definite(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Smallest eigenvalue of M over the largest, in random postures, and where a group of three axes is bent to 90°."""
+    """Yield the ratio of M's extreme eigenvalues in random configurations, and with three axes bent to 90°."""
     (scene,) = case.load_scenes()
     bent = [link for link in scene.arm.links if link.flex != "rigid"]
     for name, flex in TYPES.items():

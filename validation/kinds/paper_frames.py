@@ -1,4 +1,4 @@
-"""Arms given by tables of Denavit and Hartenberg, against the homogeneous matrices that the textbooks print."""
+"""Arms given by Denavit-Hartenberg tables, against the homogeneous matrices printed in textbooks."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def standard(a: float, α: float, d: float, θ: float) -> Array:
 
 
 def modified(a: float, α: float, d: float, θ: float) -> Array:
-    """{}^{i−1}T_i of Craig (2005), equation (3.6), of a_{i−1} and α_{i−1}."""
+    """{}^{i−1}T_i of Craig (2005), equation (3.6), from a_{i−1} and α_{i−1}."""
     c, s, ca, sa = math.cos(θ), math.sin(θ), math.cos(α), math.sin(α)
     return np.array([[c, -s, 0, a], [s * ca, c * ca, -sa, -sa * d], [s * sa, c * sa, ca, ca * d], [0, 0, 0, 1]])
 
@@ -37,9 +37,9 @@ CONVENTIONS: Mapping[Convention, Callable[[float, float, float, float], Array]] 
 
 
 def run(case: Case, links: int, arms: int, length: float, seed: int = 0) -> Iterator[Measured]:
-    """Largest difference of the tip's frame from the product of the matrices, by convention, and the claim.
+    """Yield the largest difference of the tip's frame from the matrix product by convention, and the claim.
 
-    Of up to so many links there are `arms` each; `length` is the largest |a| and |d| [m].
+    There are `arms` arms for each number of links up to `links`; `length` is the largest |a| and |d| [m].
     """
     (scene,) = case.load_scenes()
     random = np.random.default_rng(seed)
@@ -58,8 +58,8 @@ def run(case: Case, links: int, arms: int, length: float, seed: int = 0) -> Iter
 
 
 def _tip(scene: Scene, convention: Convention, table: Array, q: Array) -> Array:
-    """The frame of the tip, (4, 4), by the library."""
-    hub = fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1))  # some body, which the frames do not depend on
+    """The frame of the tip, (4, 4), from the library."""
+    hub = fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1))  # any body; the frames do not depend on it
     links = tuple(
         fl.Link(
             name=f"l{k}",
@@ -77,7 +77,7 @@ def _tip(scene: Scene, convention: Convention, table: Array, q: Array) -> Array:
 
 
 def _product(matrix: Callable[[float, float, float, float], Array], table: Array, q: Array) -> Array:
-    """The same by the book."""
+    """The frame of the tip from the textbook's matrices."""
     frame = np.eye(4)
     for (a, α, d, θ), angle in zip(table.tolist(), q.tolist(), strict=True):
         frame = frame @ matrix(a, math.radians(α), d, angle + math.radians(θ))

@@ -1,4 +1,4 @@
-"""M by methods 1, 2 and 3 of Walker and Orin, which the paper takes over, and by composite bodies in inertial axes."""
+"""M by methods 1, 2 and 3 of Walker and Orin, which the paper adopts, and by composite bodies in inertial axes."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ FIRST, SECOND, THIRD, LATER = METHODS
 
 
 def run(case: Case, settings: Races) -> Iterator[Measured | Series]:
-    """Times against n, how far apart the methods are, and what becomes of the claim at the longest chains."""
+    """Yield times against n, differences between the methods, and the verdict on the claim for the longest chains."""
     found: list[Race] = []
     for name, family, segments in settings.sizes():
         chain = lump(family.scene(case, segments))
@@ -57,14 +57,14 @@ def run(case: Case, settings: Races) -> Iterator[Measured | Series]:
 
 
 def _apart(chain: Chain, q: Array, loop: Loop) -> float:
-    """Largest difference to composite bodies, over what rounding explains."""
+    """Largest difference to composite bodies, relative to the rounding bound."""
     last = q[:1]
     difference = np.abs(loop(chain.arrays, last, 1) - METHODS[LATER](chain.arrays, last, 1)).max()
     return float(difference / rounding.of_mass_matrix(chain, last[0]))
 
 
 def _exponents(found: Sequence[Race]) -> Iterator[Measured]:
-    """p of cost ∝ n^p between the two longest chains of a family, by method."""
+    """Yield p of cost ∝ n^p between the two longest chains of a family, by method."""
     if len(found) < 2:
         return
     shorter, longer = found[-2:]
@@ -75,8 +75,8 @@ def _exponents(found: Sequence[Race]) -> Iterator[Measured]:
 
 
 def _verdict(found: Sequence[Race], longest: Race) -> str:
-    """Whether each method takes less time than the one before on every chain; and the time of composite bodies."""
-    tie = 0.9  # of a time: what is nearer, a machine may turn round
+    """Verdict: whether each method is faster than the one before on every chain; also gives composite bodies' gain."""
+    tie = 0.9  # time ratio: closer times may be reversed on another machine
     pairs = ((SECOND, FIRST), (THIRD, SECOND))
     dear = [f"{m} on {t.chain} of n = {t.n}" for t in found for m, before in pairs if t.times_less(m, before) < tie]
     less = number(longest.times_less(LATER, THIRD), 2)

@@ -1,4 +1,4 @@
-"""Is RK4 enough in all cases? Evaluations per method for a given error of the tip, on many arms."""
+"""Is RK4 sufficient in all cases? Evaluations per method for a given tip error, on many arms."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from validation.trade.error_parts import Fine, Path, Setup, Type
 from validation.trade.work_precision import Point, cost
 
 OF_ORDER_2, OF_ORDER_4, OF_ORDER_10 = "RK2", "RK4", "RK10"
-OF_STABLE = 0.9  # of the largest stable step at the start, which postures passed later may shorten
+OF_STABLE = 0.9  # fraction of the largest stable step at the initial state; later configurations may shorten it
 
 
 class Settings(Spec, frozen=True):
-    """Situations by name, what each changes in the scene; types; segments; the aims.
+    """Situations by name with their changes of the scene; types; segments; target errors.
 
     Attributes
     ----------
     halvings
-        How often the largest stable step is halved, by method.
+        Number of times the largest stable step is halved, by method.
     errors
-        Aims, as parts of the tip's motion, the largest first.
+        Target errors, as fractions of the tip's motion, the largest first.
     exact
-        What counts as exact in time.
+        Settings of the reference that is exact in time.
     """
 
     situation: dict[str, dict[str, Any]]
@@ -47,19 +47,19 @@ class Settings(Spec, frozen=True):
 
 
 class Need(NamedTuple):
-    """Evaluations by method that an error takes on one arm."""
+    """Evaluations by method for a target error on one arm."""
 
     situation: str
     error: float
     evaluations: Mapping[str, float]
 
     def gain(self, rival: str, method: str = OF_ORDER_4) -> float:
-        """Evaluations of the method over those of the rival."""
+        """Evaluations of the method divided by those of the rival."""
         return self.evaluations[method] / self.evaluations[rival]
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Error of RK4 at its largest stable step, arm by arm; its rivals' gains over all of them; both claims."""
+    """Yield RK4's error at its largest stable step by arm, the rivals' gains over all arms, and both claims."""
     (base,) = case.load_scenes()
     needs: list[Need] = []
     arms, worst = 0, 0.0
@@ -82,7 +82,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
 
 
 def _ladders(scene: Scene, cut: Setup, settings: Settings) -> tuple[dict[str, list[Point]], float]:
-    """Errors as parts of the motion, evaluations in place of seconds, by method; and the reference's own error."""
+    """Ladders by method: errors relative to the motion, evaluations instead of seconds; and the reference's error."""
     truth = settings.exact.in_time(scene, cut)
     return {m: list(_ladder(scene, cut, m, k, truth)) for m, k in settings.halvings.items()}, truth.own / tip_travel(
         truth.tip
@@ -97,50 +97,50 @@ def _ladder(scene: Scene, cut: Setup, method: str, halvings: int, truth: Path) -
         evaluations = methods.method(method).stages * steps * (scene.run.samples - 1)
         try:
             error = largest_distance(setup.tip(scene), truth.tip) / tip_travel(truth.tip)
-        except fl.FlexlinkError:  # a posture passed later has a shorter stable step
+        except fl.FlexlinkError:  # a later configuration has a shorter stable step
             error = math.inf
         yield Point(scene.run.spacing / steps, error, evaluations)
 
 
 def _costs(ladders: Mapping[str, list[Point]], error: float) -> dict[str, float]:
-    """Evaluations by method; beyond the smallest error measured by its order."""
+    """Evaluations by method; beyond the smallest measured error they are extrapolated by its order."""
     found = {method: cost(points, error, methods.method(method).order) for method, points in ladders.items()}
     return {method: each.seconds if each else math.inf for method, each in found.items()}
 
 
 def _of_tenth(needs: Sequence[Need], arms: int) -> str:
-    """Down to which error RK10 is on no arm cheaper than RK4."""
+    """Verdict: the error down to which RK10 is on no arm cheaper than RK4."""
     if any(math.isinf(need.evaluations[OF_ORDER_4]) for need in needs):
-        return "does not hold: there is an arm that RK4 does not get through with any of the steps tried"
+        return "does not hold: RK4 fails on an arm with every step tried"
     held = ""
     for error in dict.fromkeys(need.error for need in needs):
         gains = [need.gain(OF_ORDER_10) for need in needs if need.error == error]
         cheaper = [gain for gain in gains if gain > 1.0]
         if cheaper:
             most = number(max(cheaper), 2)
-            said = f"at {number(error)} RK10 is cheaper on {len(cheaper)} of {arms} arms, by up to {most} times"
-            return f"holds down to errors of {held} of the motion; {said}" if held else f"does not hold: {said}"
+            limit = f"at {number(error)} RK10 is cheaper on {len(cheaper)} of {arms} arms, by up to {most} times"
+            return f"holds down to errors of {held} of the motion; {limit}" if held else f"does not hold: {limit}"
         held = number(error)
     return "holds"
 
 
 def _of_second(needs: Sequence[Need], method: str) -> str:
-    """In which situations RK2 takes fewer evaluations than the method, at how many of the errors asked of the arms."""
-    said, kept = [], []
+    """Verdict: situations in which RK2 takes fewer evaluations than the method, and for how many target errors."""
+    exceptions, valid = [], []
     for situation in dict.fromkeys(need.situation for need in needs):
         gains = [need.gain(OF_ORDER_2, method) for need in needs if need.situation == situation]
         lost = [gain for gain in gains if gain > 1.0]
         if lost:
             most = number(max(lost), 2)
-            said.append(
+            exceptions.append(
                 f"{situation} (in {len(lost)} of {len(gains)} pairs of arm and error it takes more, up to {most} times)"
             )
         else:
-            kept.append(situation)
-    if not said:
+            valid.append(situation)
+    if not exceptions:
         return "holds"
     return (
-        f"holds for arms: {', '.join(kept)}; not for all: {', '.join(said)}"
-        if kept
-        else f"does not hold: {', '.join(said)}"
+        f"holds for arms: {', '.join(valid)}; not for all: {', '.join(exceptions)}"
+        if valid
+        else f"does not hold: {', '.join(exceptions)}"
     )

@@ -27,7 +27,7 @@ BIAS, MASS = "T_GC", "M by method 1"
 
 
 def run(case: Case, settings: Races) -> Iterator[Measured]:
-    """Times of both forms of T_GC and of M, how far apart their numbers are, and the smallest gain of each."""
+    """Yield times of both forms of T_GC and of M, the differences of their results, and the smallest gain of each."""
     gains: dict[str, list[float]] = {BIAS: [], MASS: []}
     for name, family, segments in settings.sizes():
         chain = lump(family.scene(case, segments))
@@ -61,7 +61,7 @@ def _forms(chain: Chain, states: States) -> dict[str, Jobs]:
 
 
 def _apart(chain: Chain, states: States, job: str) -> float:
-    """Difference of both forms in the first state, over what rounding explains."""
+    """Difference of both forms in the first state, relative to the rounding bound."""
     one, other = (np.asarray(jobs[job](1)) for jobs in _forms(chain, States(*(s[:1] for s in states))).values())
     difference = np.abs(one - other).max()
     q, qd = states.q[0], states.qd[0]
@@ -70,5 +70,5 @@ def _apart(chain: Chain, states: States, job: str) -> float:
 
 
 def _verdict(least: Mapping[str, float]) -> str:
-    said = ", ".join(f"{job} takes at least {number(gain, 2)} times less" for job, gain in least.items())
-    return f"holds: {said}" if min(least.values()) > 1.0 else f"does not hold: {said}"
+    gains = ", ".join(f"{job} takes at least {number(gain, 2)} times less" for job, gain in least.items())
+    return f"holds: {gains}" if min(least.values()) > 1.0 else f"does not hold: {gains}"

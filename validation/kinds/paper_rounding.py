@@ -1,4 +1,4 @@
-"""Does round-off limit the step? Errors of the steps and of rounding, down to the step where they are equal."""
+"""Does rounding error limit the step? Truncation and rounding errors, down to the step at which they are equal."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from validation.trade.error_parts import Fine, Setup, rounding
 
 
 class Errors(NamedTuple):
-    """Of one run [m]: of its steps, rounding included, and of rounding alone."""
+    """Errors of one run [m]: total error of the steps, and rounding error only."""
 
     step: float
     steps: float
@@ -30,9 +30,9 @@ class Errors(NamedTuple):
 def run(
     case: Case, hinges: int, steps: dict[str, tuple[Positive, ...]], exact: Fine, change: dict[str, Any] | None = None
 ) -> Iterator[Measured | Series]:
-    """Both errors at every step [s], and the step at which they meet, as a part of the largest stable one.
+    """Yield both errors at every step [s], and the step at which they meet, relative to the largest stable one.
 
-    The links have so many hinges by the paper's rule; `exact` says what counts as exact in time.
+    The links have `hinges` hinges by the paper's rule; `exact` defines the reference that is exact in time.
     """
     (full,) = case.load_scenes()
     scene = full.varied(change or {})
@@ -54,9 +54,9 @@ def run(
 
 
 def _verdict(parts: Mapping[str, float]) -> str:
-    """By the part of the largest stable step at which rounding is as large as the error of the step."""
+    """Verdict from the fraction of the largest stable step at which rounding and truncation errors are equal."""
     limits = ", ".join(f"{number(100 * part, 2)} % for {method}" for method, part in parts.items())
-    return f"holds up to these parts of the largest stable step: {limits}; above, the error of the step is larger"
+    return f"holds up to these fractions of the largest stable step: {limits}; above, the truncation error is larger"
 
 
 def _errors(scene: Scene, setups: Sequence[Setup], exact: Fine) -> Iterator[Errors]:
@@ -67,9 +67,9 @@ def _errors(scene: Scene, setups: Sequence[Setup], exact: Fine) -> Iterator[Erro
 
 
 def _meeting(errors: Sequence[Errors], order: int) -> float:
-    """The step at which both are equal: from the finest whose error stands out of rounding, on with the order."""
+    """The step at which both errors are equal, extrapolated by order from the finest step clear of rounding error."""
     floor = max(e.rounding for e in errors)
-    least = 10.0 * floor  # of an error that is hardly rounding
+    least = 10.0 * floor  # smallest error that is hardly affected by rounding
     clear = min((e for e in errors if e.steps >= least), key=lambda e: e.step, default=errors[0])
     return float(clear.step * (floor / clear.steps) ** (1.0 / order))
 
@@ -77,6 +77,6 @@ def _meeting(errors: Sequence[Errors], order: int) -> float:
 def _series(scene: Scene, found: Mapping[str, Sequence[Errors]]) -> Series:
     rows = [(method, *errors) for method, each in found.items() for errors in each]
     columns = table(("method", "step [s]", "steps", "rounding"), rows)
-    title = f"Error of the steps, and of rounding alone: {scene.name}, {scene.run.duration:g} s"
+    title = f"Total error and rounding error: {scene.name}, {scene.run.duration:g} s"
     labels = "step [s]", "step [s]", "error of the tip [m]"
     return Series("rounding", title, columns, *labels, "log", "log", group="method", scene=scene.name)

@@ -1,4 +1,4 @@
-"""Precision and cost by the number of segments a link, laid out as in the paper, each run by RK4 as fast as it goes."""
+"""Precision and cost by the number of segments per link, laid out as in the paper; RK4 at its largest stable step."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ BESIDE = True
 
 
 class Arm(Spec, frozen=True):
-    """Of one scene: segments a link, rising, and their type; what counts as infinitely many hinges, and as exact."""
+    """Increasing numbers of segments per link and the type; settings for infinitely many hinges and for exact time."""
 
     segments: tuple[int, ...]
     flex: Type
@@ -40,12 +40,12 @@ class Price(NamedTuple):
 
     scene: str
     segments: int
-    error: float  # m, of the tip, exact in time
-    cost: float  # s of CPU a second of motion
+    error: float  # m, of the tip, with exact time integration
+    cost: float  # s of CPU per second of motion
 
 
 def run(case: Case, scene: dict[str, Arm]) -> Iterator[Measured]:
-    """Error and cost of every chain of the scenes by name, and what becomes of the claim."""
+    """Yield error and cost of every chain of the scenes by name, and the verdict on the claim."""
     found: list[Price] = []
     for name, arm in scene.items():
         base = case.varied_scene(name, arm.change)
@@ -63,24 +63,24 @@ def run(case: Case, scene: dict[str, Arm]) -> Iterator[Measured]:
 
 
 def _cost(scene: Scene) -> float:
-    """Seconds of CPU a second of motion, by RK4 near its largest stable step; what a run takes to be set up is out."""
+    """CPU seconds per second of motion, by RK4 near its largest stable step, without the set-up of a run."""
     stable = stable_step_at_start(scene, "RK4")
-    timed = 0.01 * stable  # no posture that is passed has a shorter stable step
+    timed = 0.01 * stable  # stable in every configuration of the run
     numbers = 500, 3500
     runs = [functools.partial(fl.simulate, of_steps(scene, n, timed)) for n in numbers]
     few, many = (min(processor_time(run) for _ in range(5)) for run in runs)
-    return (many - few) / (numbers[1] - numbers[0]) / (0.9 * stable)  # as fast as RK4 goes
+    return (many - few) / (numbers[1] - numbers[0]) / (0.9 * stable)  # at RK4's largest usable step
 
 
 def _gain(prices: Sequence[Price]) -> tuple[float, float]:
-    """From the fewest segments to the most: how many times smaller the error is, how many times larger the cost."""
+    """Ratios from the fewest segments to the most: decrease of the error, increase of the cost."""
     first, last = prices[0], prices[-1]
     return first.error / last.error, last.cost / first.cost
 
 
 def _verdict(found: Sequence[Price], gains: Mapping[str, tuple[float, float]]) -> str:
     spans = {name: [price.segments for price in found if price.scene == name] for name in gains}
-    said = "; ".join(
+    gained = "; ".join(
         f"{name}, {spans[name][0]} to {spans[name][-1]} segments: error ÷ {number(error, 2)}, cost × {number(cost, 2)}"
         for name, (error, cost) in gains.items()
     )
@@ -89,4 +89,4 @@ def _verdict(found: Sequence[Price], gains: Mapping[str, tuple[float, float]]) -
         for a, b in itertools.pairwise(found)
         if a.scene == b.scene and b.error > a.error
     ]
-    return f"holds but for {', '.join(worse)}; {said}" if worse else f"holds; {said}"
+    return f"holds but for {', '.join(worse)}; {gained}" if worse else f"holds; {gained}"

@@ -1,4 +1,4 @@
-"""Are T1, T2 and T3 of low, medium and high precision? The error of each type alone, hinges and steps converged."""
+"""Have T1, T2 and T3 low, medium and high precision? The error of each type only, hinges and steps converged."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.trade.error_parts import TYPES, Fine
 
-LEAST_GAIN = 2.0  # times more precise, at least, is another level of precision
+LEAST_GAIN = 2.0  # least improvement factor for another level of precision
 
 
 class Motion(Spec, frozen=True):
-    """What is changed in a scene, and what counts as converged, of flexible links and of rigid ones."""
+    """Changes of a scene, and settings that are converged for flexible and for rigid links."""
 
     fine: Fine
     rigid: Fine
@@ -26,9 +26,9 @@ class Motion(Spec, frozen=True):
 
 
 def run(case: Case, scene: dict[str, Motion]) -> Iterator[Measured]:
-    """The tip's distance from that with T3, by type, and whether every type is a step of precision everywhere.
+    """Yield the tip's distance from that with T3 by type, and whether each type is more precise on every scene.
 
-    The scenes by name are of links that bend and twist.
+    The scenes by name have links that bend and twist.
     """
     found: dict[str, float] = {}
     for name, motion in scene.items():
@@ -50,16 +50,16 @@ def run(case: Case, scene: dict[str, Motion]) -> Iterator[Measured]:
 
 
 def _verdict(gains: Mapping[str, float]) -> str:
-    """By how many times each type is better than the one before, by type and scene; references are known to a tenth."""
-    known = 0.1  # of an error, at most what the references' own are, by the case's limit
+    """Verdict from the gain of each type over the previous one, by type and scene; references are known to a tenth."""
+    known = 0.1  # fraction of an error: largest error estimate of the references, by the case's limit
     worse = _named({name: gain for name, gain in gains.items() if gain < 1.0 - known})
     if worse:
-        return f"does not hold: worse than the type before: {worse}"
+        return f"does not hold: less precise than the previous type: {worse}"
     idle = _named({name: gain for name, gain in gains.items() if gain < LEAST_GAIN})
     if idle:
         return (
-            "holds as the paper limits it, by manipulator and task: the type before is less than "
-            f"{number(LEAST_GAIN)} times worse in {idle}"
+            "holds as the paper limits it, by manipulator and task: the error of the previous type is less than "
+            f"{number(LEAST_GAIN)} times larger in {idle}"
         )
     return "holds"
 

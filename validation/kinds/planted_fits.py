@@ -1,4 +1,4 @@
-"""Random arms with planted numbers and coloured noise: does the stated interval hold the true value?"""
+"""Random arms with planted parameters and coloured noise: does the stated interval contain the true value?"""
 
 from __future__ import annotations
 
@@ -13,37 +13,37 @@ from flexlink.common.types import Array
 from flexlink.identification.fitted import Estimate
 from validation.case import Case, Measured
 
-LONG = 400  # samples before the record, after which filters have forgotten their start
-MOST = 4  # numbers that are sought at once
+LONG = 400  # samples before the record, after which filters have forgotten their initial state
+MOST = 4  # largest number of parameters that are fitted at once
 
 
 class Held(NamedTuple):
-    """Numbers that were fitted: of each where its true value lies, in half the interval from what was found."""
+    """Fitted parameters: distance of each true value from the estimate, in units of the interval's half width."""
 
     off: list[float]
-    worst: int  # draw with the largest of them
-    left: int  # draws that the fit refused, or flagged as not told by the data
+    worst: int  # seed of the arm with the largest distance
+    left: int  # number of arms whose fit was refused or flagged as not identifiable
 
     @property
     def inside(self) -> int:
-        """How many true values lie inside."""
+        """Number of true values inside their intervals."""
         return sum(abs(each) <= 1 for each in self.off)
 
 
 def run(case: Case, arms: int, sought: tuple[str, ...], seed: int = 0) -> Iterator[Measured]:
-    """Share of the true values that lie inside the stated interval, of as many arms whose data can tell."""
+    """Yield the share of true values inside the stated interval, over `arms` arms with identifiable parameters."""
     found = held(seed, arms, sought)
     facts, count = {"arms": arms}, len(found.off)
-    note = f"{found.inside} of {count}; {found.left} further draws were refused, or flagged, and do not count."
+    note = f"{found.inside} of {count}; {found.left} further arms were refused or flagged, and do not count."
     share = found.inside / count
     yield Measured("inside", share, "random arms", varied=facts, note=note)
     yield Measured("|inside − 0.95|", abs(share - 0.95), "random arms", varied=facts)
     largest = max(map(abs, found.off))
-    yield Measured("largest error", largest, "random arms", varied=facts, note=f"Of draw {found.worst}.")
+    yield Measured("largest error", largest, "random arms", varied=facts, note=f"Seed {found.worst}.")
 
 
 def held(first: int, count: int, sought: Sequence[str]) -> Held:
-    """Of `count` arms whose data can tell what is sought."""
+    """Fit `count` arms with identifiable parameters."""
     off: list[float] = []
     seed = worst = first
     done = 0
@@ -64,12 +64,12 @@ def held(first: int, count: int, sought: Sequence[str]) -> Held:
 
 
 def _half(found: Estimate, true: float) -> float:
-    """Length of the interval on the side of the true value."""
+    """Half width of the interval on the side of the true value."""
     return found.high - found.value if true > found.value else found.value - found.low
 
 
 def planted(seed: int, sought: Sequence[str]) -> tuple[fl.fits.FitProblem, dict[str, float]]:
-    """A problem that starts off, and the numbers that are true."""
+    """A fit problem with wrong initial guesses, and the true parameters."""
     rng = np.random.default_rng(seed)
     true = arm(rng)
     run = fl.simulate(true.varied({"run.relative_tolerance": 1e-9}))
@@ -90,7 +90,7 @@ def planted(seed: int, sought: Sequence[str]) -> tuple[fl.fits.FitProblem, dict[
 
 
 def arm(rng: np.random.Generator) -> fl.Scene:
-    """One to three flexible links of a strip, hanging off to one side, falling or held by weak springs."""
+    """One to three flexible links of a strip released at random angles under gravity."""
     links = rng.integers(1, 4)
     return fl.Scene(
         name="random",

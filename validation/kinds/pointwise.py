@@ -1,4 +1,4 @@
-"""Every term of the equation of motion against other engines, at random, balanced and stretched states."""
+"""Every term of the equation of motion against other engines, at random, balanced and stretched-out states."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from validation.facts import Facts
 
 
 def run(case: Case, engines: tuple[str, ...], samples: int, seed: int = 0) -> Iterator[Measured]:
-    """Largest error of each quantity, engine and scene; where it is too large, what differs."""
+    """Yield the largest error of each quantity, engine and scene, with a diagnosis if it is too large."""
     for scene in case.load_scenes():
         comparison = compare(scene, engines=engines, samples=samples, seed=seed)
         why = {diagnosis.engine: str(diagnosis) for diagnosis in comparison.diagnoses}

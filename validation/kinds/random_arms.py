@@ -1,4 +1,4 @@
-"""Random arms that use every key of a link, one link on another or as trees, in other engines, term by term."""
+"""Random serial and branched arms that use every key of a link, compared with other engines term by term."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from validation.facts import Facts
 from validation.random_arms import random_arm, random_tree
 
 SHARES = {"M": "M", "T_GC": "T_GC with tip wrench"}
-"""Quantities that are told as a share, too: of the largest element of another over an arm's states. The torque of an
-arm in balance is nothing but rounding; with a load at its tip it is not."""
+"""Quantity → quantity whose largest element over an arm's states is the unit of its share. The torque of a balanced arm
+is only rounding error; with a tip load it is not."""
 
 
 def run(
     case: Case, engines: tuple[str, ...], arms: int, samples: int, seed: int = 0, trees: bool = False
 ) -> Iterator[Measured]:
-    """The largest error of each quantity over all arms, and how many arms an engine has not taken.
+    """Yield the largest error of each quantity over all arms, and the number of arms that an engine refused.
 
-    `trees`: arms that branch, slide and float.
+    `trees`: arms with branches, sliding joints and floating bases.
     """
     worst: dict[tuple[str, str], tuple[float, int]] = {}
     refused: dict[str, list[str]] = {name: [] for name in engines}
@@ -49,7 +49,7 @@ def run(
 
 
 def _errors(chain: Chain, native: Engine, engine: Engine, states: Sequence[State]) -> Iterator[tuple[str, float]]:
-    """Of each quantity the largest error, in units of what rounding explains, and of `SHARES` as a share."""
+    """Yield the largest error of each quantity in units of the rounding bound, and for `SHARES` also as a share."""
     for row in compare_engines(chain, native, [engine], states):
         yield row.quantity, row.error
     for name, whole in SHARES.items():

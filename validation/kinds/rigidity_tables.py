@@ -15,7 +15,7 @@ from validation.physics.variant import Rule, Variant
 
 
 def run(case: Case, modes: int, chains: tuple[Rule, ...], force: Positive, fibre: float) -> Iterator[Measured]:
-    """Errors of the first frequencies, and of curvature and strain under a small force across the tip [N].
+    """Yield errors of the first frequencies, and of curvature and strain under a small transverse tip force [N].
 
     `fibre` is the distance of the gauge from the line through the centroids [m].
     """
@@ -40,7 +40,7 @@ def run(case: Case, modes: int, chains: tuple[Rule, ...], force: Positive, fibre
 
 
 def _columns(scene: fl.Scene) -> Columns:
-    """x, EI and ρA as the scene's file has them."""
+    """x, EI and ρA from the scene's file."""
     (link,), arm = scene.arm.links, scene.arm
     if link.rigidity is not None:
         table = arm.rigidities[link.rigidity]

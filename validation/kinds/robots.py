@@ -1,6 +1,6 @@
-"""Imported arms against the original URDF in Pinocchio; flexible arms against the same arms, rigid.
+"""Imported arms against the original URDF in Pinocchio; flexible arms against the same arms with rigid links.
 
-The files of robots come with an optional package; an arm whose file is not installed is left out, and told.
+The robots' files come with an optional package; an arm without its file is skipped and reported.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from validation.case import MODELS, Case, Measured
 from validation.physics.source_urdf import Original
 
 BENDING = "_flexible"
-"""End of the names of arms that bend; without it, they are those of the same arms, rigid."""
+"""Suffix of the names of flexible arms; without it, the name is that of the rigid arm."""
 
 
 def run(case: Case, samples: int, hertz: tuple[float, ...] = ()) -> Iterator[Measured]:
-    """Largest errors at random states; frequencies that were asked for, and what `modes` finds.
+    """Yield the largest errors at random states, and requested frequencies against those that `modes` finds.
 
-    `hertz` are the frequencies that links of arms that bend are to get [Hz].
+    `hertz` are the frequencies [Hz] to which links of flexible arms are tuned.
     """
     left_out = []
     for scene in case.load_scenes():
@@ -51,7 +51,7 @@ def _original(scene: fl.Scene) -> Original:
 
 
 def _against_original(scene: fl.Scene, original: Original, samples: int) -> Iterator[Measured]:
-    """M and T_GC over their largest element and joint by joint, q̈ in units of what rounding explains."""
+    """Yield errors of M and T_GC, relative to their largest element and by joint, and of q̈ in units of rounding."""
     chain, largest = fl.lump(scene), np.zeros(5)
     for s in random_states(chain, samples):
         M, T = original.mass_matrix(s.q), original.bias_torque(s.q, s.qd)
@@ -72,7 +72,7 @@ def _against_original(scene: fl.Scene, original: Original, samples: int) -> Iter
 
 
 def _against_rigid(scene: fl.Scene, samples: int) -> Iterator[Measured]:
-    """The driven joints' block of M, and their T_GC, with springs slack."""
+    """Yield errors of the driven joints' block of M and of their T_GC, with springs at rest."""
     chain, rigid = (
         fl.lump(scene),
         fl.lump(fl.load_scene(MODELS / "robots" / f"{scene.name.removesuffix(BENDING)}.toml")),
@@ -89,17 +89,17 @@ def _against_rigid(scene: fl.Scene, samples: int) -> Iterator[Measured]:
 
 
 def _frequencies(scene: fl.Scene, hertz: Sequence[float]) -> Iterator[Measured]:
-    """First mode of each flexible link with all other joints and hinges held, without gravity, at the start."""
-    for asked_for in hertz:
+    """Yield the first frequency of each flexible link, all other joints and hinges locked, without gravity."""
+    for wanted in hertz:
         for link in [link.name for link in scene.arm.links if link.flex != "rigid"]:
-            asked = tuned(scene, link, asked_for).varied({"gravity": (0.0, 0.0, 0.0)})
-            chain = fl.lump(asked)
-            q, _ = fl.initial_state(asked, chain)
+            adapted = tuned(scene, link, wanted).varied({"gravity": (0.0, 0.0, 0.0)})
+            chain = fl.lump(adapted)
+            q, _ = fl.initial_state(adapted, chain)
             held = [name for name in chain.joint_names if not name.startswith(f"{link}.")]
-            error = float(fl.modes(chain, q, locked=held).hertz[0] / asked_for - 1)
-            yield Measured("frequency", abs(error), scene.name, varied={"link": link, "asked": asked_for})
+            error = float(fl.modes(chain, q, locked=held).hertz[0] / wanted - 1)
+            yield Measured("frequency", abs(error), scene.name, varied={"link": link, "asked": wanted})
 
 
 def _apart(one: Array, other: Array) -> float:
-    """Largest difference of two arrays over their largest element."""
+    """Largest difference of two arrays, relative to their largest element."""
     return float(np.abs(one - other).max() / np.abs(other).max())

@@ -1,7 +1,7 @@
-"""A chaotic motion: how rounding grows, and for how long it explains the difference between engines.
+"""A chaotic motion: growth of rounding errors, and the time for which they explain the difference between engines.
 
-The yardstick is the library against itself: the initial angles moved by one unit in the last place, either way, and
-another solver for q̈. The largest of these differences up to time t is what rounding alone does.
+The measure is the library's own sensitivity: the initial angles changed by one unit in the last place, either way, and
+another solver for q̈. The largest of these differences up to time t is the effect of rounding.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ LONG = True
 def run(
     case: Case, engines: tuple[str, ...], duration: Positive, step: Positive, parted: Positive = 1e-3
 ) -> Iterator[Measured | Series]:
-    """Growth rate, horizon, and the largest ratio of an engine's difference to the yardstick within the horizon.
+    """Yield the growth rate, the horizon, and the largest ratio of an engine's difference to the effect of rounding.
 
-    Runs have a duration and step [s]; two motions count as parted at a difference of `parted` [rad].
+    Runs have a duration and step [s]; the horizon ends at a difference of `parted` [rad].
     """
     for short in case.load_scenes():
         yield from motion_series(short, simulate(short))
@@ -41,7 +41,7 @@ def run(
         end = int(np.argmax(apart)) if apart.any() else len(own)
         within = slice(1, end)
         rate = float(np.polyfit(ours.t[within], np.log(own[within]), 1)[0])
-        ulps = 0.5 * math.sqrt(1 / (rate * step))  # half an ulp in each step of one e-folding time
+        ulps = 0.5 * math.sqrt(1 / (rate * step))  # random sum of half an ulp per step of one e-folding time
         facts: dict[str, Fact] = {"method": scene.run.method, "step": scene.run.fixed_step}
         yield Measured("growth rate", rate, scene.name, varied=facts)
         yield Measured("horizon", float(ours.t[end - 1]), scene.name, varied=facts)

@@ -1,4 +1,4 @@
-"""A satellite that tumbles: attitude and spin by Euler's equations in SciPy, momentum by what is conserved."""
+"""A tumbling satellite: attitude and spin by Euler's equations in SciPy, momentum by conservation."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from validation.oracles.rigid_motions import Body, rotation
 
 
 def run(case: Case, ways: tuple[dict[str, str | float], ...]) -> Iterator[Measured]:
-    """Errors of attitude, spin and of the momenta, each over its size, for every way to integrate."""
+    """Yield relative errors of attitude, spin and momenta for every integration method."""
     for scene in case.load_scenes():
         for way in ways:
             run = fl.simulate(
@@ -50,7 +50,7 @@ def _apart(found: Array, exact: Array) -> float:
 
 
 def _whole(scene: fl.Scene) -> Body:
-    """Base and boom as one body, in axes of the base, from the numbers of the scene's file."""
+    """Base and boom as one body, in axes of the base, from the values in the scene's file."""
     base, (boom,) = scene.arm.base, scene.arm.links
     on = np.array(boom.mount.xyz)
     parts = (

@@ -1,4 +1,4 @@
-"""A motor of limited torque: the tip of a link behind an elastic gear against SciPy with events at each switch."""
+"""A motor of limited torque: tip of a link with an elastic gear, against SciPy with an event at each switch."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from validation.oracles.rigid_motions import Motor
 def run(
     case: Case, steps: dict[str, Positive], methods: tuple[str, ...], tolerances: tuple[Positive, ...]
 ) -> Iterator[Measured]:
-    """Tip errors of methods with fixed steps [s], and of others with tolerances [m], in tolerances."""
+    """Yield tip errors of methods with fixed steps [s], and of others with tolerances [m], in units of tolerance."""
     for scene in case.load_scenes():
         exact = _tips(scene)
         for method, step in steps.items():
@@ -29,14 +29,14 @@ def run(
             for tolerance in tolerances:
                 found = fl.simulate(scene, method=method, tolerance=tolerance)
                 facts: Facts = {"method": method, "tolerance": tolerance}
-                told = "; ".join(found.warnings)
+                warnings = "; ".join(found.warnings)
                 yield Measured(
-                    "tip error / tolerance", _apart(found, exact) / tolerance, scene.name, varied=facts, note=told
+                    "tip error / tolerance", _apart(found, exact) / tolerance, scene.name, varied=facts, note=warnings
                 )
 
 
 def _tips(scene: fl.Scene) -> Array:
-    """At the scene's samples, from the numbers of its file."""
+    """Tip at the scene's samples, from the values in its file."""
     (link,), drive = scene.arm.links, scene.drive
     joint = link.joint
     assert (

@@ -1,7 +1,7 @@
-"""Sensors of a rigid link that a constant torque turns from rest, against closed forms.
+"""Sensors of a rigid link, turned from rest by a constant torque, against closed forms.
 
-With α = τ/I the rate is α t; a point at r has the acceleration (−r α² t², r α, 0) in the link's axes. What a
-Butterworth low-pass makes of the rate is SciPy's, from its analogue coefficients.
+With α = τ/I the rate is α t; a point at r has the acceleration (−r α² t², r α, 0) in the link's axes. SciPy applies the
+Butterworth low-pass to the rate, from its analogue coefficients.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from validation.case import Case, Measured
 
 
 def run(case: Case) -> Iterator[Measured]:
-    """Largest error of every column, over the largest value."""
+    """Yield the largest error of every column, relative to its largest value."""
     for scene in case.load_scenes():
         found = fl.simulate(scene)
         for name, exact in _exact(scene, found.t).items():
@@ -26,7 +26,7 @@ def run(case: Case) -> Iterator[Measured]:
 
 
 def _exact(scene: fl.Scene, t: Array) -> Mapping[str, Array]:
-    """Columns by name, from the numbers of the scene's file."""
+    """Exact columns by name, from the values in the scene's file."""
     (link,), sensors = scene.arm.links, {sensor.name: sensor for sensor in scene.sensor}
     assert scene.drive.torque is not None
     body, (torque,), r = link.hub, scene.drive.torque, link.length

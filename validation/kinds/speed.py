@@ -1,4 +1,4 @@
-"""Speed of a whole simulation after warm-up: the fastest of several runs."""
+"""Speed of a complete simulation after warm-up: the fastest of several runs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TIMED = True
 
 
 def run(case: Case, repeats: int, solvers: tuple[str, ...], engines: tuple[str, ...] = ()) -> Iterator[Measured]:
-    """Simulated seconds per second, and time of a step; `solvers` are our ways of solving for q̈."""
+    """Yield simulated seconds per second, and time per step; `solvers` are flexlink's solvers for q̈."""
     for scene in case.load_scenes():
         works = {("native", solver): _runs("native", scene.varied({"run.solver": solver})) for solver in solvers}
         works |= {(name, ""): _runs(name, scene) for name in engines}

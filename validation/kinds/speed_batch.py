@@ -21,19 +21,19 @@ TIMED = True
 
 
 class Settings(Races, frozen=True):
-    """The races; number of members (a multiple of 8), and steps of the whole run."""
+    """The races; number of members (a multiple of 8), and steps of a complete run."""
 
     members: int
     steps: int
 
 
 def rehearsal(settings: Settings) -> Settings:
-    """Few members and steps, so that only compilation takes time."""
+    """Settings with few members and steps, whose time is mostly compilation."""
     return replace(settings, members=LANES, steps=1, turns=1, turn=0.0)
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Time of an RK4 step and of an evaluation of q̈ per member, on one core; ratio to the faster of MuJoCo's ways."""
+    """Yield times of an RK4 step and of q̈ per member, on one core; ratio to MuJoCo's faster way."""
     for name, family in settings.chain.items():
         scene = family.released(case, family.segments[0])
         members = _members(scene, settings.members)
@@ -52,15 +52,15 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
         yield Measured("mujoco / native", per_member[best] / ours, "", best, facts, timed=True)
         many = [of_steps(member, settings.steps) for member in members]
         whole = 1e6 * clock(lambda _, many=many: fl.simulate_many(many), 1) / len(many) / settings.steps  # type: ignore[misc]
-        steps_too = facts | {"steps": settings.steps}
-        yield Measured("time of a step per member, all included", whole, varied=steps_too, timed=True)
+        with_steps = facts | {"steps": settings.steps}
+        yield Measured("time of a step per member, all included", whole, varied=with_steps, timed=True)
         yield Measured(
             "forward dynamics per member, public call", _evaluation(scene, settings), varied=facts, timed=True
         )
 
 
 def _members(scene: Scene, count: int) -> list[Scene]:
-    """The scene from different angles, up to 10° apart."""
+    """The scene with different initial angles, over a range of 10°."""
     last = f"initial.joint_deg.{len(scene.arm.links)}"
     angles = scene.initial.joint_deg[-1] + np.linspace(-5.0, 5.0, count)
     return [scene.varied({last: angle}) for angle in angles]

@@ -1,4 +1,4 @@
-"""Time of one evaluation against n: q̈, RNE, M and T_GC; ours in a compiled loop and by public call, engines by call."""
+"""Time of one evaluation against n: q̈, RNE, M and T_GC; flexlink in a compiled loop and by calls, engines by calls."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from validation.speed.families import Family, timed_states
 from validation.speed.races import Jobs, Race, Races
 from validation.store import Series
 
-OURS = ("native", "public")  # in a compiled loop, by a checked call from Python
-PLAIN = "revolute joints, local"  # what `pin.aba` does by default with a chain read from a file
+OURS = ("native", "public")  # in a compiled loop; by a checked call from Python
+PLAIN = "revolute joints, local"  # default of `pin.aba` with a chain read from a file
 PINOCCHIO, FASTEST = "pinocchio", "pinocchio, fastest"
 
 TIMED = True
@@ -24,7 +24,7 @@ rehearsal = races.rehearsal
 
 
 def run(case: Case, settings: Races) -> Iterator[Measured | Series]:
-    """Times, ratios to ours, exponents, and for every job a series to draw."""
+    """Yield times, ratios to flexlink's, exponents, and a series for every job."""
     found: list[Race] = []
     for name, family, segments in settings.sizes():
         chain = lump(family.scene(case, segments))
@@ -38,7 +38,7 @@ def run(case: Case, settings: Races) -> Iterator[Measured | Series]:
 
 
 def _contestants(chain: Chain, family: Family, segments: int) -> dict[str, Jobs]:
-    """Native, public, mujoco, and each form of pinocchio; without these only what is O(n), timed at any length."""
+    """Native, public, MuJoCo and each form of Pinocchio; beyond the engines' limits only O(n) jobs."""
     states = timed_states(chain)
     found = {"native": evaluations.native(chain, states), "public": evaluations.public(chain, states)}
     if segments <= family.mujoco:

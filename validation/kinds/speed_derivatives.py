@@ -1,4 +1,4 @@
-"""Time of a call of exact derivatives, ∂q̈/∂(q, q̇, T_EX) and ∂τ/∂(q, q̇, q̈), and of Pinocchio's from Python."""
+"""Time of exact derivatives, ∂q̈/∂(q, q̇, T_EX) and ∂τ/∂(q, q̇, q̈), compared with Pinocchio called from Python."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ rehearsal = races.rehearsal
 
 
 def run(case: Case, settings: Races) -> Iterator[Measured]:
-    """Our times, and the ratios of Pinocchio's times, with its fastest joints, to ours."""
+    """Yield flexlink's times, and ratios of Pinocchio's times, with its fastest joints, to flexlink's."""
     for name, family, segments in settings.sizes():
         chain = lump(family.scene(case, segments))
         for found in settings.run(name, chain.n, evaluations.derivatives(chain, timed_states(chain))):

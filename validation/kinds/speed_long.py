@@ -1,4 +1,4 @@
-"""Time of whole calls on long chains: a run with a tolerance, static equilibrium, the slowest modes, a linear model."""
+"""Time of calls on long chains: a run with a tolerance, static equilibrium, the slowest modes, a linear model."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ TIMED = True
 
 
 def rehearsal(settings: Any) -> Any:
-    """The shortest chain of every family, once."""
+    """Settings for a rehearsal: the shortest chain of every family, once."""
     chain = {name: replace(family, segments=family.segments[:1]) for name, family in settings.chain.items()}
     return replace(settings, chain=chain, turns=1)
 
 
 def run(case: Case, chain: dict[str, Family], tolerance: Positive, count: int, turns: int = 5) -> Iterator[Measured]:
-    """CPU time of each call, the fastest of up to so many turns, and of two lengths the exponent in between.
+    """Yield the CPU time of each call, the fastest of up to `turns`, and the exponent between two lengths.
 
     `tolerance` [m] is that of the run, `count` the number of modes.
     """
@@ -60,7 +60,7 @@ def _calls(scene: Scene, tolerance: float, count: int) -> dict[str, Callable[[],
 
 
 def _least_cpu(call: Callable[[], object], turns: int, enough: float = 1.0) -> float:
-    """Of as many turns, but of a call that takes long no more than take as many seconds as are enough."""
+    """Least CPU time of up to `turns` calls [s]; stops once `enough` seconds are spent."""
     taken: list[float] = []
     while len(taken) < turns and sum(taken) < enough:
         taken.append(processor_time(call))

@@ -1,6 +1,6 @@
-"""A control loop in Python: a joint PD law in NumPy, then `Simulator.step` or MuJoCo's `mj_step`.
+"""A control loop in Python: a joint PD controller in NumPy, then `Simulator.step` or MuJoCo's `mj_step`.
 
-The law is part of the time; it and the joints are the same for all.
+The controller is included in the time; it and the joints are the same for all contestants.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from validation.speed.races import Work, race
 TIMED = True
 
 Law = Callable[[float, Array, Array], Array]
-"""T_EX of the driven joints (d,) [N m] from t [s], q and q̇ (n,)."""
+"""T_EX of the driven joints (d,) [N m] as a function of t [s], q and q̇ (n,)."""
 
 
 def rehearsal(settings: Any) -> Any:
-    """Every method, for one sample."""
+    """Settings for a rehearsal: every method for one sample."""
     return replace(settings, turns=1, turn=0.0)
 
 
@@ -46,7 +46,7 @@ def run(
     turns: int = 10,
     turn: NonNegative = 0.02,
 ) -> Iterator[Measured]:
-    """Time of a sample, sampling period over that time, and MuJoCo's time over ours with the same steps.
+    """Yield the time per sample, sampling period over that time, and MuJoCo's time over ours with the same steps.
 
     `steps` are those of the methods [s], `rate` is that of the loop [Hz], `kp` [N m/rad] and `kd` [N m s/rad] are the
     gains of the driven joints; each contestant runs `turns` times, `turn` [s] or longer.
@@ -71,10 +71,10 @@ def run(
 
 
 def _pd(scene: Scene, chain: Chain, kp: Array, kd: Array) -> Law:
-    """PD law towards angles that oscillate about the start, with the torque that holds the arm there."""
+    """PD controller for angles that oscillate about the initial ones, with gravity compensation for those."""
     driven, (start, _) = chain.active, initial_state(scene, chain)
     target, hold = start[driven], gravity_torque(chain, start)[driven]
-    swing = 0.1  # rad, once a second
+    swing = 0.1  # rad, at 1 Hz
     return lambda t, q, qd: hold + kp * (target + swing * math.sin(2 * math.pi * t) - q[driven]) - kd * qd[driven]
 
 

@@ -1,7 +1,7 @@
 """Cost of a model against its total error at the tip: type of the links, rule, hinges, method and steps.
 
-The error is from the arm itself, a chain of infinitely many hinges exact in time, as a part of how far its tip moves;
-the time is that of the steps alone, as in `speed_trade`.
+The error is the distance from a chain with infinitely many hinges, exact in time, relative to the tip's motion; the
+time is that of the steps only, as in `speed_trade`.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ NAMES = {"rigid": "rigid"} | {flex: name for name, flex in TYPES.items()}
 
 
 class Grid(Spec, frozen=True):
-    """Of one scene: what is changed in it, what counts as the truth, and of what all combinations are run.
+    """Settings of one scene: its changes, the reference, and the grid of runs.
 
     Attributes
     ----------
     true, fine
-        Type of links that is the truth, and what counts as converged.
+        Type of links of the reference, and its converged settings.
     flex, hinges
-        Types of the links; of each rule the numbers of hinges a link.
+        Types of the links; numbers of hinges per link for each rule.
     tolerances
-        Of methods whose steps follow from it, as parts of the motion.
+        Tolerances of adaptive methods, as fractions of the motion.
     stepped
-        Methods that take the largest stable step of the start.
+        Methods that take the largest stable step at the initial state.
     """
 
     true: Type
@@ -52,14 +52,14 @@ class Grid(Spec, frozen=True):
     change: dict[str, Any] = msgspec.field(default_factory=dict)
 
     def cuts(self) -> Iterator[Setup]:
-        """Types, rules and hinges, of a rigid arm one; methods come later."""
+        """Yield types, rules and hinges (a rigid arm once), without methods."""
         for flex in self.flex:
             ways = [(rule, k) for rule, counts in self.hinges.items() for k in counts]
             for rule, hinges in [("paper", 0)] if flex == "rigid" else ways:
                 yield Setup(flex=flex, rule=rule, hinges=hinges, method="")
 
     def setups(self, scene: Scene, motion: float) -> Iterator[Setup]:
-        """All of them, of a scene whose tip moves so far [m]."""
+        """Yield all runs for a scene, with `motion` [m] the travel of its tip."""
         for cut in self.cuts():
             for method, parts in self.tolerances.items():
                 yield from (replace(cut, method=method, tolerance=part * motion) for part in parts)
@@ -69,7 +69,7 @@ class Grid(Spec, frozen=True):
 
 
 class Run(NamedTuple):
-    """A run: how it is made, its error as a part of the motion, CPU seconds."""
+    """A run: its setup, its error relative to the motion, CPU seconds."""
 
     setup: Setup
     error: float
@@ -77,14 +77,14 @@ class Run(NamedTuple):
 
     @property
     def in_words(self) -> str:
-        """The choice in words."""
+        """The setup in words."""
         flex, rule, hinges, method, setting, *_ = self.row
         cut = flex if flex == "rigid" else f"{flex}, {hinges} hinges by {rule}"
         return f"{cut}, {method}, {'step' if self.setup.step else 'tolerance'} {setting:.2g}"
 
     @property
     def row(self) -> tuple[Any, ...]:
-        """The columns."""
+        """Values of the table's columns."""
         setup = self.setup
         return NAMES[setup.flex], setup.rule, setup.hinges, setup.method, setup.step or setup.tolerance, *self[1:]
 
@@ -92,9 +92,9 @@ class Run(NamedTuple):
 def run(
     case: Case, scene: dict[str, Grid], errors: tuple[Positive, ...], budget: Positive
 ) -> Iterator[Measured | Series]:
-    """How well the truth is known; for each error the cheapest run; and all runs to draw.
+    """Yield the reference's error, the cheapest run for each error, and a series of all runs.
 
-    `errors` are parts of the motion; `budget` is the longest run [s of CPU].
+    `errors` are fractions of the motion; `budget` is the longest run [s of CPU].
     """
     for name, grid in scene.items():
         base = case.varied_scene(name, grid.change)
@@ -111,15 +111,15 @@ def run(
                     "CPU time", 1e3 * best.seconds, base.name, varied={"error": error}, note=best.in_words, timed=True
                 )
         columns = table(COLUMNS, [run.row for run in made])
-        title = f"{base.name}: which model, and what it costs"
+        title = f"{base.name}: error and cost of each model"
         x, y = COLUMNS[-2:]
         yield Series("models", title, columns, x, x, y, "log", "log", group="type", scene=base.name)
 
 
 def _made(scene: Scene, setup: Setup, truth: Any, motion: float, longest: float) -> Run | None:
-    """The run; None if it ends in an error, or takes too long."""
-    asked = {"run.method": setup.method, "run.step": setup.step, "run.tolerance": setup.tolerance}
-    cut = setup.scene(scene).varied({key: value for key, value in asked.items() if value is not None})
+    """The run; None if it fails or exceeds the limit."""
+    changes = {"run.method": setup.method, "run.step": setup.step, "run.tolerance": setup.tolerance}
+    cut = setup.scene(scene).varied({key: value for key, value in changes.items() if value is not None})
     try:
         runs = [timed_run(cut, longest) for _ in range(3)]
     except FlexlinkError:

@@ -1,6 +1,6 @@
 """Cold and warm start, import time, and growth of memory with the length of a run.
 
-Every measurement is a process of its own; the cold start has an empty cache folder of its own.
+Every measurement is a separate process; the cold start has an empty cache folder.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ LONG = True
 
 
 def run(case: Case, repeats: int, steps: tuple[int, int]) -> Iterator[Measured]:
-    """CPU time of the command, cold and warm, and of the import; bytes by which a longer run's peak is higher.
+    """Yield CPU times of the command, cold and warm, and of the import; and a long run's additional peak memory.
 
     `steps` are those of a short and a long run with the same 101 samples.
     """
@@ -40,9 +40,9 @@ def run(case: Case, repeats: int, steps: tuple[int, int]) -> Iterator[Measured]:
         with tempfile.TemporaryDirectory() as folder:
             environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"} | {"XDG_CACHE_HOME": folder}
             command = [sys.executable, "-m", "flexlink", "simulate", str(path)]
-            seconds, said = _timed(command, environment)
+            seconds, output = _timed(command, environment)
             yield Measured("cold start", seconds, scene.name, timed=True)
-            yield Measured("cold start says that it compiles", float("compil" in said.lower()), scene.name)
+            yield Measured("cold start says that it compiles", float("compil" in output.lower()), scene.name)
             warm = min(_timed(command, environment)[0] for _ in range(repeats))
             yield Measured("warm start", warm, scene.name, timed=True)
             importing = [sys.executable, "-c", "import flexlink"]
@@ -57,7 +57,7 @@ def run(case: Case, repeats: int, steps: tuple[int, int]) -> Iterator[Measured]:
 
 
 def _timed(command: list[str], environment: dict[str, str]) -> tuple[float, str]:
-    """CPU time of a process, from its start to its end, and its output."""
+    """CPU time of a process from start to end, and its output."""
     start = os.times()
     done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=True)
     end = os.times()

@@ -1,6 +1,6 @@
-"""Time of a Runge-Kutta step of whole simulations against n, beside `mj_step` and a loop over Pinocchio's `aba`.
+"""Time per Runge-Kutta step of complete simulations against n, compared with `mj_step` and a loop over `pin.aba`.
 
-Every run stays stable, or it is an error: step and state are checked at its end.
+Every run must remain stable: step and state are checked at its end.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ TIMED = True
 
 
 class Settings(Races, frozen=True):
-    """The races; segments of the longest chains, and their steps."""
+    """The races; segments of the longest chains, and their number of steps."""
 
     longest: dict[str, int]
     longest_steps: int
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """Times of a step, ratios, exponents, a series to draw, and the longest chains."""
+    """Yield times per step, ratios, exponents, a series, and runs of the longest chains."""
     found: list[Race] = []
     for name, family, segments in settings.sizes():
         scene = family.released(case, segments)
@@ -47,7 +47,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     for name, segments in settings.longest.items():
         scene = of_steps(settings.chain[name].released(case, segments), settings.longest_steps)
         start = time.perf_counter()
-        end = simulate(scene)  # an error if it leaves the finite numbers
+        end = simulate(scene)  # raises an error if it becomes non-finite
         seconds = time.perf_counter() - start
         facts = {"chain": name, "n": end.chain.n}
         yield Measured("steps of the longest chain", float(end.t[-1] / scene.run.fixed_step), varied=facts)

@@ -24,17 +24,17 @@ TIMED = True
 
 
 def rehearsal(settings: Any) -> Any:
-    """Few members, so that only compilation takes time."""
+    """Settings with few members, whose time is mostly compilation."""
     return replace(settings, members=64, workers=1, turns=1, beside=1, turn=0.0)
 
 
 def run(
     case: Case, sweep: str, members: int, workers: int = 2, turns: int = 3, beside: int = 100, turn: float = 1.0
 ) -> Iterator[Measured]:
-    """Members a second of the whole sweep, time of a member by MuJoCo's three ways, and the ratios; CPU time, too.
+    """Yield members per second of a sweep, MuJoCo's time per member in three ways, their ratios, and CPU times.
 
-    The sweep is one of validation/sweeps. Contestants take turns, of which the fastest count: ours of all members on
-    so many workers, MuJoCo's of `beside` members, `turn` [s] or longer.
+    The sweep is one of validation/sweeps. Contestants take turns, and the fastest turns count: ours runs all members on
+    all workers, MuJoCo's runs `beside` members for at least `turn` [s].
     """
     facts: Facts = {"members": members}
     with tempfile.TemporaryDirectory() as folder:
@@ -58,11 +58,11 @@ def run(
 
 
 def _seconds(sweep: Path, members: int, workers: int, out: Path) -> float:
-    """Seconds per member with all workers, from the first rows on: workers start once, however long the sweep is."""
+    """Seconds per member with all workers, from the first rows on, since workers start once for a sweep of any size."""
     marks: list[tuple[float, float]] = []
     fl.sweep(sweep, out=out, workers=workers, progress=lambda part: marks.append((part, time.perf_counter())))
     marks = [mark for mark in marks if mark[0] > 0]
     if len(marks) < 2:
-        raise FlexlinkError(f"members = {members}: too few to see the throughput of")
+        raise FlexlinkError(f"members = {members}: too few to measure the throughput")
     (first, begun), (last, ended) = marks[0], marks[-1]
     return (ended - begun) / ((last - first) * members)

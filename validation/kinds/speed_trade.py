@@ -1,8 +1,8 @@
 """Work-precision study: time for a given error with flexlink, MuJoCo, Pinocchio, SciPy, CVODE, Drake and Exudyn.
 
-CPU time of the thread, runs only, after set-up and compilation. Others are given the line between their runs, their own
-order beyond them, and, where a run at the limit of stability would take too long, an error of nothing; flexlink has
-only its runs that met the error. Pinocchio is charged with its evaluations alone (`pinocchio_ladder`).
+CPU time of the thread, for runs only, after set-up and compilation. Other programs' times are interpolated between
+their runs and extrapolated by order; a run that would take too long at the stability limit counts with zero error.
+flexlink counts only with its runs that met the error. Pinocchio is charged only with evaluations (`pinocchio_ladder`).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ NOTES = {
 }
 LAST_ERROR = 1e-8  # error at which a ladder ends
 RK4, MUJOCO, PINOCCHIO, SOLVERS = "RK4", "MuJoCo", "Pinocchio", "solvers"
-ORDER_OF_RK4 = 4.0  # with which it goes on, and SciPy's and CVODE's tolerances, of which only what was run counts
+ORDER_OF_RK4 = 4.0  # for extrapolation, also of SciPy's and CVODE's ladders, whose measured points count
 ORDERS_OF_OTHERS: Mapping[str, Mapping[str, float]] = {
     MUJOCO: mujoco_ladder.ORDER,
     PINOCCHIO: pinocchio_ladder.ORDER,
@@ -42,10 +42,10 @@ ORDERS_OF_OTHERS: Mapping[str, Mapping[str, float]] = {
 
 
 class Settings(Spec, frozen=True):
-    """Scenes; errors, as parts of the motion; methods; the longest runs [s of CPU]; who else runs, and where.
+    """Scenes; errors, as fractions of the motion; methods; longest runs [s of CPU]; other programs and their scenes.
 
-    `methods` have tolerances, `stepped` steps. `solvers` and `witnesses` that are not installed are left out.
-    `pinocchio` is the number of evaluations that a run of it may take.
+    `methods` have tolerances, `stepped` steps. `solvers` and `witnesses` that are not installed are skipped.
+    `pinocchio` is the largest number of evaluations of its runs.
     """
 
     scenes: tuple[str, ...]
@@ -63,33 +63,33 @@ class Settings(Spec, frozen=True):
 
 
 class Aim(NamedTuple):
-    """An error of the tip ("error"), or of the deflection ("deflection error")."""
+    """An error of the tip ("error") or of the deflection ("deflection error")."""
 
     what: str
     error: float
 
     def facts(self, method: str) -> Facts:
-        """The method, and the error."""
+        """The method and the error."""
         return {"method": method, self.what: self.error}
 
     def point(self, point: Point) -> Point:
-        """The point with the error that counts."""
+        """The point with the relevant error."""
         return point if self.what == "error" or point.time_only else point._replace(error=point.bend)
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """Times, evaluations, ratios to the cheapest run of flexlink, and all runs to draw."""
+    """Yield times, evaluations, ratios to flexlink's cheapest run, and a series of all runs."""
     for name in settings.scenes:
         ours, others = _ours(name, settings), _others(name, settings)
         for aim in (Aim(what, error) for what in ("error", "deflection error") for error in settings.errors):
             rows = _rows(name, aim, ours, others)
-            yield from (row for row in rows if not _has_its_own(case, name, row.quantity))
+            yield from (row for row in rows if not _has_separate_limit(case, name, row.quantity))
         drawn = {f"{group} {key}": points for group in others if group != RK4 for key, points in others[group].items()}
         yield _series(name, ours | others[RK4] | drawn)
 
 
-def _has_its_own(case: Case, name: str, quantity: str) -> bool:
-    """Whether the limit for all scenes is replaced for this one by a quantity of its own."""
+def _has_separate_limit(case: Case, name: str, quantity: str) -> bool:
+    """Whether a separate quantity of this scene replaces the limit for all scenes."""
     own = case.quantity.get(f"{name}, {quantity.removesuffix(HARD_SCENE)}")
     return own is not None and bool(own.given_up)
 
@@ -118,7 +118,7 @@ def _solvers(name: str, settings: Settings) -> Ladders:
     for solver in settings.solvers:
         try:
             found[solver] = solver_ladder.points(name, solver, settings.solver_tolerances)
-        except MissingDependencyError:  # CVODE is optional: the best of SciPy's is there
+        except MissingDependencyError:  # CVODE is optional; SciPy's best solver is present
             continue
     return found
 
@@ -149,7 +149,7 @@ def _seen(aim: Aim, ladders: Ladders) -> Ladders:
 def _ratios(
     name: str, group: str, aim: Aim, costs: Mapping[str, Cost], best: tuple[str, Point] | None
 ) -> Iterator[Measured]:
-    """The cheapest of a group over the cheapest run of flexlink; 0 where flexlink does not get there."""
+    """Yield the cost of a group's cheapest run relative to flexlink's; 0 if flexlink does not reach the error."""
     least = min(costs, key=lambda each: costs[each].seconds)
     ratio = costs[least].seconds / best[1].seconds if best else 0.0
     note = f"{least}: {1e3 * costs[least].seconds:.4g} ms; {_run_in_words(best)}. {NOTES[costs[least].kind]}".strip()
@@ -163,7 +163,7 @@ HARD_SCENE = ", damped or spatial"
 
 
 def _is_damped_or_spatial(name: str) -> bool:
-    """Whether springs have dampers, or hinges turn about different directions."""
+    """Whether springs have dampers, or hinge axes are not parallel."""
     chain = lump(trade_scene(name))
     dampers = [chain.hinges["damping"][k] for k, c in enumerate(chain.coordinates) if c.segment > 0]
     return max(dampers, default=0.0) > 0.0 or not chain.is_planar
@@ -175,7 +175,7 @@ def _cost(group: str, name: str, points: Sequence[Point], error: float) -> Cost 
 
 def _run_in_words(best: tuple[str, Point] | None) -> str:
     if best is None:
-        return "flexlink does not get there"
+        return "flexlink does not reach this error"
     return f"{best[0]}, setting {best[1].setting:.2g}: {1e3 * best[1].seconds:.4g} ms"
 
 

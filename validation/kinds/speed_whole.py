@@ -1,12 +1,12 @@
-"""Time for a given error as a user pays it: whole calls of flexlink against MuJoCo and Pinocchio, like with like.
+"""Time for a given error in complete calls by a user: flexlink against MuJoCo and Pinocchio.
 
-prepared      a problem that has run before, called again, tips, energies and the judgement of the run included, against
-              the steps alone of a model that is loaded
+prepared      a problem that has run before is called again, including tips, energies and checks of the run, against
+              only the steps of a loaded model
 description   from the text of the description to the result: a scene file, an MJCF, a URDF
 
-CPU time of the thread, everything compiled, in rounds by turns, of which the fastest counts. Others are given the line
-between their runs and their own order beyond them; flexlink has only its runs that met the error. Pinocchio is charged
-with evaluations in a loop of C++ alone.
+CPU time of the thread, everything compiled, in several rounds, of which the fastest counts. Other programs' times are
+interpolated between their runs and extrapolated by order; flexlink counts only with its runs that met the error.
+Pinocchio is charged only with evaluations in a C++ loop.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ TIMED = True
 
 Ladders = dict[str, list[Point]]
 ROUNDS = 3
-RIGID, OF_ORDER = ", rigid", 1e-4  # arms without springs, and the error from which on orders of methods count
+RIGID, OF_ORDER = ", rigid", 1e-4  # suffix for arms without springs; error from which on the methods' orders matter
 CLOCKS = {"prepared": prepared, "description": described}
 ORDERS: Mapping[str, Mapping[str, float]] = {"MuJoCo": mujoco_ladder.ORDER, "Pinocchio": pinocchio_ladder.ORDER}
 
@@ -40,9 +40,9 @@ def run(
     pinocchio: int,
     pinocchio_tolerances: tuple[Positive, ...],
 ) -> Iterator[Measured]:
-    """Times by clock and method, and the least of others over the least of flexlink.
+    """Yield times by clock and method, and ratios of others' least times to flexlink's.
 
-    `errors` are parts of the motion, `budget` the longest run [s of CPU], `pinocchio` the most evaluations of a run.
+    `errors` are fractions of the motion, `budget` is the longest run [s of CPU], `pinocchio` its most evaluations.
     """
     smallest = min(errors)
 
@@ -67,7 +67,7 @@ def run(
 
 
 def _fastest(rounds: Sequence[Ladders]) -> Ladders:
-    """Of the same runs of several rounds the fastest."""
+    """The fastest of equal runs over several rounds."""
     return {
         method: [
             min(same, key=lambda point: point.seconds) for same in zip(*(each[method] for each in rounds), strict=False)
@@ -97,7 +97,7 @@ def _rows(
         cheapest: Facts = {"method": least, "error": error}
         yield Measured(f"CPU time, {what}", 1e3 * seconds, name, group, cheapest, timed=True)
         note = f"{least}: {1e3 * seconds:.4g} ms"
-        note += f"; {best[0]}: {1e3 * best[1].seconds:.4g} ms" if best else "; flexlink does not get there"
+        note += f"; {best[0]}: {1e3 * best[1].seconds:.4g} ms" if best else "; flexlink does not reach this error"
         ratio = seconds / best[1].seconds if best else 0.0
         quantity = f"{group} / flexlink, {what}, error {error:g}{rigid if error <= OF_ORDER else ''}"
         yield Measured(quantity, ratio, name, group, {"error": error}, note=note, timed=True)

@@ -1,14 +1,14 @@
 """Predicted and observed largest stable step of every explicit method on every scene.
 
-Each arm rests where gravity and wrench bend it, its joints held by constant torques. Two runs of a few steps h, which
-start a little aside along all modes at once, either way, tell by how much a step multiplies each mode: with w its left
-eigenvector (of `linearize`, which `stable_step` does not use) and δ half the difference of the runs,
+Each arm is in equilibrium under gravity and wrench, its joints held by constant torques. Two runs of a few steps h
+start slightly displaced along all modes, in opposite directions. They show the factor μ by which a step multiplies each
+mode: with w its left eigenvector (of `linearize`, which `stable_step` does not use) and δ half the difference of runs,
 
     |μ|^N = |w·δ(N h)| / |w·δ(0)|
 
-and h is stable while no |μ| is above 1 + 1e-6, as `stable_step` has it. The largest such h is sought by bisection. Not
-counted are modes that grow by themselves, as of an arm that stands, and those that hardly move in a step; where one
-that grows bounds the predicted step, as if it swung at its rate, there is nothing to observe.
+and h is stable if no |μ| exceeds 1 + 1e-6, as in `stable_step`. Bisection finds the largest such h. Modes that grow by
+themselves, as of an inverted arm, and modes that hardly move in a step do not count. If a growing mode limits the
+predicted step, as if it oscillated at its rate, nothing can be observed.
 """
 
 from __future__ import annotations
@@ -37,19 +37,19 @@ from validation.store import Series, table
 LONG = True
 
 STEPS_OF_A_RUN = 3
-"""Of a run: what grows by itself, tenfold in such a step where an arm stands, still leaves differences small."""
+"""Number of steps of a run: few, since an inverted arm may grow tenfold per step and differences must stay small."""
 
 ANGLE_ASIDE, RATE_ASIDE_OF_WIDTH = 1e-8, 1e-4
-"""Largest difference at the start, of angles [rad], and of rates as a part of the width in which friction turns round:
-their squares cancel, also where a hinge is 10⁸ times as stiff as its neighbour; cubes, and what rounding is of them,
-are far below the growth that counts."""
+"""Largest initial difference of angles [rad], and of rates as a fraction of the width of the friction law. Their
+squares cancel, even if a hinge is 10⁸ times as stiff as its neighbour; cubes and their rounding errors are far below
+the growth threshold."""
 
 SEARCHED, HALVINGS = (0.8, 1.25), 9
-"""Parts of the predicted step between which the observed one is sought, down to (1.25 − 0.8) / 2⁹ = 0.1 %."""
+"""Range of the search, relative to the predicted step, and its bisections, to (1.25 − 0.8) / 2⁹ = 0.1 %."""
 
 
 class Rest(NamedTuple):
-    """A scene that stays at rest at q; λ [1/s] and left vectors of modes that do not grow by themselves; all aside."""
+    """A scene at rest at q; λ [1/s] and left eigenvectors of counted modes; a displacement along all of them."""
 
     scene: Scene
     q: Array
@@ -59,7 +59,7 @@ class Rest(NamedTuple):
 
 
 def run(case: Case, methods: tuple[str, ...]) -> Iterator[Measured | Series]:
-    """Observed over predicted less 1 of every scene with a largest stable step, and how many there are."""
+    """Yield observed over predicted step minus 1 for every scene with a largest stable step, and their number."""
     rows = list[tuple[str, int, str, float, float, float]]()
     scenes = case.load_scenes()
     for scene in scenes:
@@ -84,7 +84,7 @@ def run(case: Case, methods: tuple[str, ...]) -> Iterator[Measured | Series]:
 
 
 def at_rest(scene: Scene) -> Rest:
-    """The scene's arm at rest at its initial posture, joints held by constant torques, and its modes."""
+    """The scene's arm at rest at its initial configuration, joints held by constant torques, and its modes."""
     still: dict[str, object] = {
         "motion": (),
         "initial.rate_deg": None,
@@ -92,7 +92,7 @@ def at_rest(scene: Scene) -> Rest:
         "initial.q": None,
         "drive": {"kind": "none"},
     }
-    free = scene.arm.base.free  # which rests wherever it is, but falls
+    free = scene.arm.base.free  # at rest in any position without gravity, but falls with it
     still |= {"initial.base": None, "gravity": (0.0, 0.0, 0.0)} if free else {"initial.passive": "static"}
     scene = scene.varied(still | {"initial.time": None})
     chain = lump(scene)
@@ -109,18 +109,18 @@ def at_rest(scene: Scene) -> Rest:
         {"drive": {"kind": "constant", "torque": torques_of_links(scene, chain, hold)}, "initial.passive": None}
     )
     λ, left, right = linalg.eig(linearize(chain, q, tau=hold, tip_wrench=scene.tip_wrench).A, left=True, right=True)
-    counted = λ.real <= 1e-2 * np.abs(λ)  # others grow by themselves; rounding of an undamped mode is less
+    counted = λ.real <= 1e-2 * np.abs(λ)  # others grow physically; rounding of an undamped mode is smaller
     one_of_two = right[:, counted & (λ.imag >= 0)]
     aside = (one_of_two * (1 + 1j) / np.abs(one_of_two).max(axis=0)).real.sum(axis=1)  # each in angle and in rate
     width = chain.hinges["coulomb_width"].min(where=chain.hinges["coulomb"] > 0, initial=np.inf)
     angles, rates = (np.abs(part).max() for part in np.split(aside, 2))
-    with np.errstate(divide="ignore", invalid="ignore"):  # nothing holds or brakes the arm: no step is too large
+    with np.errstate(divide="ignore", invalid="ignore"):  # without springs or friction no step is too large
         aside *= min(ANGLE_ASIDE / angles, ANGLE_ASIDE * np.abs(λ).max() / rates, RATE_ASIDE_OF_WIDTH * width / rates)
     return Rest(scene, q, λ[counted], left.T.conj()[counted], aside)
 
 
 def observed(rest: Rest, name: str, predicted: float) -> float:
-    """The largest stable step over the predicted one; a side where it lies beyond."""
+    """The largest stable step relative to the predicted one; a limit of the search if it is outside."""
     low, high = SEARCHED
     if growth(rest, name, low * predicted) > GROWTH:
         return low
@@ -139,7 +139,7 @@ def growth(rest: Rest, name: str, h: float) -> float:
         ends = [_after_some_steps(rest.scene, name, h, start + sign * rest.aside) for sign in (-1, 1)]
     except DivergenceError:
         return np.inf
-    slow = 0.02  # |hλ| of a mode that hardly moves in a step: far from any method's limit
+    slow = 0.02  # |hλ| of a mode that hardly moves in a step; far from any method's limit
     moving = rest.left[np.abs(h * rest.λ) > slow]
     grown = np.abs(moving @ (ends[1] - ends[0]) / 2) / np.abs(moving @ rest.aside)
     return float((grown ** (1 / STEPS_OF_A_RUN)).max(initial=0.0) - 1)

@@ -1,4 +1,4 @@
-"""Large static deflection under a tip load: error by rule and hinges; equilibrium in MuJoCo's torques."""
+"""Large static deflection under a tip load: error by rule and hinges; check of equilibrium with MuJoCo's torques."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from validation.store import Series
 
 
 class Settings(Sweep, frozen=True, kw_only=True):
-    """Which loads of which benchmark; `best` is the chain whose numbers stand beside the published ones.
+    """Loads of a benchmark; `best` is the chain compared with the published numbers.
 
     An error is relative to the length of the beam or to the exact displacement of the tip; the error of the sweep is
-    the worst of all loads.
+    the largest over all loads.
     """
 
     loads: str
@@ -34,7 +34,7 @@ class Settings(Sweep, frozen=True, kw_only=True):
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """The sweep, then every load on the best chain, native and in MuJoCo."""
+    """Yield the sweep, then every load on the best chain, native and in MuJoCo."""
     loads = _loads(case, settings)
     points = []
     for at, (scene,) in existing(case, settings.rules):
@@ -57,7 +57,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
 
 
 def error_at(case: Case, settings: Settings, at: Rule) -> float:
-    """Error of the worst load, as a data sheet has it."""
+    """Error of the worst load, for a data sheet."""
     chain = fl.lump(Variant().build(case, at))
     return max(_error(settings, chain, load, _equilibrium(chain, load)) for load in _loads(case, settings))
 
@@ -78,7 +78,7 @@ def _error(settings: Settings, chain: fl.Chain, load: TipLoad, q: Array) -> floa
 
 
 def _residual(engine: Engine, chain: fl.Chain, load: TipLoad, q: Array) -> float:
-    """Largest torque left over at our equilibrium in the engine, over the largest spring torque."""
+    """Largest residual torque of flexlink's equilibrium in the engine, relative to the largest spring torque."""
     turn = fl.frames(chain, q).rotations[-1] if load.frame == "tip" else np.eye(3)
     wrench = np.concatenate([turn @ load.wrench[:3], turn @ load.wrench[3:]])
     left = engine.bias_torque(q, np.zeros(chain.n), tip_wrench=wrench) + engine.elastic_torque(q)

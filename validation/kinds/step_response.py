@@ -1,4 +1,4 @@
-"""A step of a PD law's target on a rigid link: motion, settling time and overshoot against a second-order system's."""
+"""A step of a PD controller's target on a rigid link: motion, settling time and overshoot of a second-order system."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ from validation.oracles.rigid_motions import Servo
 
 
 def run(case: Case, within: Positive) -> Iterator[Measured]:
-    """Errors of angle, overshoot and settling time; `within` is the distance that counts as settled [m]."""
+    """Yield errors of angle, overshoot and settling time; `within` is the settling tolerance [m]."""
     for scene in case.load_scenes():
         found, servo, r = fl.simulate(scene), _servo(scene), scene.arm.links[0].length
         exact = np.array([servo.angle(t) for t in found.t.tolist()])
         yield Measured("angle", float(np.abs(found.q[:, 0] - exact).max()), scene.name)
-        target, start = _place(r, servo.target), _place(r, 0.0)
+        target, start = _position(r, servo.target), _position(r, 0.0)
         way = (target - start) / np.linalg.norm(target - start)
-        beyond = float((_place(r, servo.peak) - target) @ way)
+        beyond = float((_position(r, servo.peak) - target) @ way)
         error = abs(fl.measures.overshoot(found, target=target) / beyond - 1)
         yield Measured("overshoot", error, scene.name, note=f"{1e3 * beyond:.6g} mm in closed form.")
-        at = servo.settled(2 * math.asin(within / (2 * r)))  # a chord of the tip's circle
+        at = servo.settled(2 * math.asin(within / (2 * r)))  # angle of a chord of the tip's circle
         late = (fl.measures.settling_time(found, target=target, tolerance=within) - at) / scene.run.spacing
         yield Measured("settling time, samples early", -late, scene.name)
         yield Measured("settling time, samples late", late, scene.name, note=f"{at:.6g} s in closed form.")
 
 
-def _place(r: float, angle: float) -> Array:
+def _position(r: float, angle: float) -> Array:
     return np.array([r * math.cos(angle), r * math.sin(angle), 0.0])
 
 
 def _servo(scene: fl.Scene) -> Servo:
-    """From the numbers of the scene's file."""
+    """The closed-form servo, from the values in the scene's file."""
     body, drive = scene.arm.links[0].hub, scene.drive
     assert drive.kp is not None and drive.kd is not None and drive.target_deg is not None
     inertia = body.inertia[2] + body.mass * body.center[0] ** 2

@@ -1,4 +1,4 @@
-"""What limits sweeps of millions of members: memory and time of who plans, runs and keeps them, from a slice."""
+"""Limits of sweeps of millions of members: memory and time of planning, running and storing, from a slice."""
 
 from __future__ import annotations
 
@@ -20,44 +20,44 @@ TIMED = True
 
 
 def rehearsal(settings: Any) -> Any:
-    """Few members, so that only compilation takes time."""
+    """Settings with few members, whose time is mostly compilation."""
     return replace(settings, sizes=[1000], members=64, durations=settings.durations[:1])
 
 
 def run(
     case: Case, sweep: str, sizes: list[int], members: int, durations: list[float], workers: int = 2
 ) -> Iterator[Measured]:
-    """Each size is planned; of the largest so many members run, on processes and on Dask; the rest is a model.
+    """Plan each size, run a slice of the largest on processes and on Dask, and extrapolate by a model.
 
-    Members a second = min(workers / time of a member, 1 / the parent's time of a row). The sweep is one of
-    validation/sweeps, with Sobol's points.
+    Members per second = min(workers / time of a member, 1 / the parent's time per row). The sweep is one of
+    validation/sweeps, with Sobol points.
     """
     with tempfile.TemporaryDirectory() as name:
         files = {}
         for size in sizes:
             (folder := Path(name) / str(size)).mkdir()
             files[size] = shortened(sweep, size, folder, "sobol")
-            found = _asked(files[size])["planned"]
+            found = _measured(files[size])["planned"]
             yield Measured("memory of a plan", found["megabytes"], varied={"members": size})
             yield Measured("time of a plan", found["seconds"], varied={"members": size}, timed=True)
         largest = files[max(sizes)]
-        times = _asked(largest, "--durations", *map(str, durations))["member"]
+        times = _measured(largest, "--durations", *map(str, durations))["member"]
         for duration, seconds in zip(durations, times, strict=True):
             steps = f"{round(duration / STEP):,} steps"
             yield Measured(f"CPU time of a member, {steps}", 1e3 * seconds, timed=True)
-        found = _asked(largest, "--slice", str(members), "--workers", str(workers))
+        found = _measured(largest, "--slice", str(members), "--workers", str(workers))
         yield from _of_slice("processes", found, times[-1], workers)
         with cluster(Path(name), workers) as (address, _):
-            found = _asked(largest, "--slice", str(members), "--dask", address)
+            found = _measured(largest, "--slice", str(members), "--dask", address)
             yield from _of_slice("Dask", found, times[-1], workers)
 
 
 STEP = 1e-4
-"""Of the runs [s]."""
+"""Time step of the runs [s]."""
 
 
 def _of_slice(pool: str, found: dict[str, Any], member: float, workers: int) -> Iterator[Measured]:
-    """`member`: time of a member of the slice [s]."""
+    """Yield results of a slice; `member` is the time of one of its members [s]."""
     part = found["slice"]
     most = min(workers / member, 1 / part["row"])
     yield Measured(f"{pool}: parent's time of a row", 1e6 * part["row"], timed=True)
@@ -73,8 +73,8 @@ def _of_slice(pool: str, found: dict[str, Any], member: float, workers: int) -> 
     yield Measured(f"{pool}: model, hours of 1e+08 members at most", 1e8 * part["row"] / 3600, timed=True)
 
 
-def _asked(file: Path, *options: str) -> dict[str, Any]:
-    """What `validation.sweep_slice` finds, in a process of its own."""
+def _measured(file: Path, *options: str) -> dict[str, Any]:
+    """Results of `validation.sweep_slice` in a separate process."""
     command = [sys.executable, "-m", "validation.sweep_slice", str(file), *options]
     done = subprocess.run(command, env=ENVIRONMENT, text=True, capture_output=True, check=False)
     if done.returncode:

@@ -1,4 +1,4 @@
-"""Sweeps that are killed, or lose a worker, against an undisturbed one: each member once, and the same rows."""
+"""Sweeps that are killed or lose a worker, against an undisturbed one: each member once, and equal rows."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from validation.case import Case, Measured
 from validation.facts import Facts
 
 LOST_AFTER, LAST_KILL = 0.1, 0.9
-"""Parts of the members that have rows when a worker of a cluster is killed, and at most when a sweep is."""
+"""Share of members with rows when a cluster's worker is killed; largest share when a sweep is killed."""
 
 
 def run(
     case: Case, sweep: str, members: int, workers: int = 2, kills: int = 0, seed: int = 0, cluster: int = 0
 ) -> Iterator[Measured]:
-    """How often it was killed, members without exactly one row, and rows that differ.
+    """Yield the number of kills, of members without exactly one row, and of rows that differ.
 
-    The sweep is one of validation/sweeps. It is killed at random counts of rows, or has a cluster of so many Dask
-    workers, of which one is killed.
+    The sweep is one of validation/sweeps. It is killed at random row counts, or runs on `cluster` Dask workers, one of
+    which is killed.
     """
     facts: Facts = {"members": members}
     with tempfile.TemporaryDirectory() as name:
@@ -33,7 +33,7 @@ def run(
         if cluster:
             killed = _with_a_worker_lost(file, out, cluster, members)
         else:
-            last = int(LAST_KILL * members)  # beyond, the tasks that are left may all end at once
+            last = int(LAST_KILL * members)  # beyond, the remaining tasks may all end at once
             counts = sorted(np.random.default_rng(seed).integers(last, size=kills).tolist())
             killed = sweep_processes.killed_at(counts, file, out, "--workers", str(workers))
         rows = sweep_processes.rows(out)
@@ -47,7 +47,7 @@ def run(
 
 
 def _with_a_worker_lost(sweep: Path, out: Path, cluster: int, members: int) -> int:
-    """Kill one worker of a cluster during a sweep; whether the sweep was still running."""
+    """Kill one worker of a cluster during a sweep; return whether the sweep was still running."""
     with (
         sweep_processes.cluster(out.parent, cluster) as (address, workers),
         sweep_processes.started(sweep, out, "--dask", address) as process,

@@ -1,4 +1,4 @@
-"""Whole motions against other engines with the same method and step."""
+"""Complete motions against other engines with the same method and step."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LONG = True
 
 
 def run(case: Case, engines: tuple[str, ...]) -> Iterator[Measured | Series]:
-    """Largest difference of joint angles, rates and tip over the run; the panels of figure 5."""
+    """Yield the largest differences of joint angles and rates over the run, and the panels of figure 5."""
     for scene in case.load_scenes():
         ours = simulate(scene)
         yield from motion_series(scene, ours)

@@ -1,7 +1,7 @@
-"""Domain of validity in numbers: how thick a link may be, and how close to buckling, before theory or chain is off.
+"""Domain of validity: the largest thickness of a link, and the axial load up to which theory and chain are accurate.
 
-A chain is a beam of Euler and Bernoulli: what is missing is shear. The truth is Timoshenko's beam; of a link that a
-force pushes along its axis it is the slender beam under that force, and the error is that of the hinges.
+A chain is an Euler-Bernoulli beam, without shear. The reference is Timoshenko's beam. For a link under an axial
+compressive force it is the slender beam under that force, and the error is that of the hinges.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from validation.oracles import thick_beam
 from validation.oracles.thick_beam import Beam
 from validation.store import Series, table
 
-SHEAR_FACTOR = 5 / 6  # of a rectangle
-RIGID = 1e30  # N: a beam that does not shear
+SHEAR_FACTOR = 5 / 6  # shear correction factor of a rectangle
+RIGID = 1e30  # N: shear stiffness of a beam without shear
 
 
 class Settings(Spec, frozen=True, kw_only=True):
-    """Lengths over heights, ascending; the number of modes; pushing forces as parts of Euler's load, by hinges.
+    """Length-to-height ratios, ascending; the number of modes; axial forces relative to Euler's load; hinges.
 
-    `within` is the error that counts as valid. The pushed link is as slender as `thin` says.
+    `within` is the largest error that counts as valid. The slenderness of the compressed link is `thin`.
     """
 
     slenderness: tuple[Positive, ...]
@@ -40,7 +40,7 @@ class Settings(Spec, frozen=True, kw_only=True):
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """Slenderness from which on each mode is within the bound, and the push up to which the first one is."""
+    """Yield the least slenderness at which each mode is valid, and the largest axial force for the first mode."""
     (scene,) = case.load_scenes()
     errors = np.array([_by_shear(scene, ratio, settings.modes) for ratio in settings.slenderness])
     rows = []
@@ -65,7 +65,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
 
 
 def _beam(scene: Scene, ratio: float) -> tuple[Scene, Beam]:
-    """The scene's link with a square section of its length / ratio, and Timoshenko's beam of the same numbers."""
+    """The scene's link with a square section of height length / ratio, and the equivalent Timoshenko beam."""
     (link,), (material,) = scene.arm.links, scene.arm.materials.values()
     h = link.length / ratio
     thick = scene.varied({"section.bar.height": h, "section.bar.width": h})
@@ -75,13 +75,13 @@ def _beam(scene: Scene, ratio: float) -> tuple[Scene, Beam]:
 
 
 def _by_shear(scene: Scene, ratio: float, count: int) -> Array:
-    """How much too high the first frequencies are, of the exact ones."""
+    """Relative errors of the first frequencies due to shear."""
     thick, beam = _beam(scene, ratio)
     return np.asarray(modes(lump(thick)).frequencies[:count] / thick_beam.frequencies(beam, count) - 1)
 
 
 def _under_push(scene: Scene, ratio: float, part: float, hinges: int) -> float:
-    """|error| of the first frequency under a part of Euler's load."""
+    """|error| of the first frequency under a fraction of Euler's load."""
     thin, beam = _beam(scene, ratio)
     push = part * math.pi**2 / 4 * beam.EI / beam.length**2
     chain = lump(thin.varied({"link.beam.segments": hinges + 1}))
@@ -91,7 +91,7 @@ def _under_push(scene: Scene, ratio: float, part: float, hinges: int) -> float:
 
 
 def _crossing(x: Array, error: Sequence[float] | Array, bound: float) -> float:
-    """Where an error that grows along x passes a bound, between its points linear; nan if it does not."""
+    """Linearly interpolated x at which an error that grows along x passes a bound; nan if it does not."""
     for k in range(1, len(x)):
         low, high = error[k - 1], error[k]
         if low <= bound < high:

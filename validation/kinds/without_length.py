@@ -1,4 +1,4 @@
-"""Arms in which nothing has a length, a cart on a spring and a wheel, against closed forms.
+"""Arms without any length, a cart on a spring and a wheel, against closed forms.
 
 m ẍ = −k x − d ẋ        x = x₀ e^(−σt) (cos ωt + σ/ω sin ωt)
 I ω̇ = τ − d ω          θ = τ/d (t − I/d (1 − e^(−dt/I)))
@@ -17,7 +17,7 @@ from validation.case import Case, Measured
 
 
 def run(case: Case, ways: tuple[dict[str, Any], ...]) -> Iterator[Measured]:
-    """Error of the coordinate, over its largest value, by every way to integrate; none is the default run."""
+    """Yield the error of the coordinate, relative to its largest value, by integration settings; {} is the default."""
     for scene in case.load_scenes():
         exact = _exact(scene, np.asarray(scene.run.times))
         for way in ways:
@@ -27,7 +27,7 @@ def run(case: Case, ways: tuple[dict[str, Any], ...]) -> Iterator[Measured]:
 
 
 def _exact(scene: fl.Scene, t: Array) -> Array:
-    """From the numbers of the scene's file."""
+    """Closed-form coordinate, from the values in the scene's file."""
     (link,), drive = scene.arm.links, scene.drive
     if drive.torque is not None:
         (τ,), I, d = drive.torque, link.hub.inertia[2], link.joint.viscous

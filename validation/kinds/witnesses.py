@@ -1,7 +1,7 @@
-"""Drake and Exudyn, which compute springs, dampers and Runge-Kutta steps themselves: terms, and whole motions.
+"""Drake and Exudyn, which compute springs, dampers and Runge-Kutta steps themselves: terms, and complete motions.
 
-Motions have the same tableau and step, so that nothing but rounding is left. A witness that is not installed is left
-out, and run_facts.
+Motions use the same tableau and step, so only rounding errors differ. An engine that is not installed is skipped and
+reported.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ def run(
     samples: int,
     seed: int = 0,
 ) -> Iterator[Measured]:
-    """Of each witness, scene and method the largest differences; at last how many witnesses are missing.
+    """Yield the largest differences by engine, scene and method, and the number of missing engines.
 
-    `methods` are those that a witness shares with us; `motions` are the scenes that are run, so long [s].
+    `methods` are those that an engine shares with flexlink; `motions` are the scenes to run, for `duration` [s].
     """
     scenes, missing = case.load_scenes(), []
     for name, shared in methods.items():
@@ -53,7 +53,7 @@ def run(
 
 
 def _terms(scene: Scene, name: str, samples: int, seed: int) -> Iterator[Measured]:
-    """|Δ| over the largest element at that state, of q̈ in units of what rounding explains; the worst of all states."""
+    """Yield |Δ| relative to the largest element at that state (q̈ in units of rounding); the worst of all states."""
     chain, facts = lump(scene), {"states": samples}
     ours, theirs = engines.load("native", chain), engines.load(name, chain)
     states = random_states(chain, samples, seed=seed)

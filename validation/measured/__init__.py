@@ -1,1 +1,1 @@
-"""Comparison with measurements: what was measured, what the model says of it, and how far either can be trusted."""
+"""Comparison with measurements: measured values, the model's predictions, and the uncertainty of both."""

@@ -1,4 +1,4 @@
-"""What has been measured, by name: each a file of this folder."""
+"""Measurements by name: each is a file of this folder."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from validation.measured.readings import Derived, Reading
 
 
 class Measurement(NamedTuple):
-    """Values that were measured, what is derived of them, and what a chain says of the same."""
+    """Measured values, quantities derived from them, and a chain's prediction of the same quantities."""
 
     readings: Callable[[], dict[str, Reading]]
     derived: Callable[[], Iterable[Derived]]
@@ -23,7 +23,7 @@ class Measurement(NamedTuple):
         return found | {each.name: each.reading(found) for each in self.derived()}
 
     def predict(self, scene: Scene) -> dict[str, float]:
-        """Values of the chain by the same names."""
+        """Predicted values of a chain, by the same names."""
         found = self.predicted(scene)
         return found | {each.name: each.of(found) for each in self.derived()}
 

@@ -1,4 +1,4 @@
-"""A measured value with its uncertainty, and what is derived of two of them."""
+"""A measured value with its uncertainty, and quantities derived from two values."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 
 class Reading(NamedTuple):
-    """A measured value, its standard uncertainty, its unit, and the group of quantities that it is judged with."""
+    """A measured value, its standard uncertainty, its unit, and its group of quantities."""
 
     value: float
     u: float
@@ -17,7 +17,7 @@ class Reading(NamedTuple):
 
 
 class Derived(NamedTuple):
-    """A quotient or a difference of two quantities, by their names: what they have in common falls out."""
+    """A quotient or a difference of two named quantities: their common errors cancel."""
 
     name: str
     group: str
@@ -26,12 +26,12 @@ class Derived(NamedTuple):
     second: str
 
     def of(self, values: Mapping[str, float]) -> float:
-        """Its value."""
+        """Value of the quotient or difference."""
         a, b = values[self.first], values[self.second]
         return a / b if self.kind == "ratio" else a - b
 
     def reading(self, readings: Mapping[str, Reading]) -> Reading:
-        """Of two readings whose errors have nothing to do with each other."""
+        """Derived reading from two readings with independent errors."""
         a, b = readings[self.first], readings[self.second]
         if self.kind == "difference":
             return Reading(a.value - b.value, math.hypot(a.u, b.u), a.unit, self.group)

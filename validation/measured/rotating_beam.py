@@ -13,10 +13,10 @@ from validation.measured.uncertainty import standard
 from validation.reference_values import look_up
 
 DATA = "measured/rotating_beam"
-READ_WITHIN = 0.02  # of the full scale of a figure, for which the largest value of a mode stands here
+READ_WITHIN = 0.02  # reading error, fraction of a figure's full scale, here the largest value of a mode
 FLAP_MODES = 3
 SLOWEST = "flap 1", "0 rpm"
-OUT_OF_PLANE = 0.5  # share of a mode's motion along the axis of rotation: bending across the plane, or within it
+OUT_OF_PLANE = 0.5  # least share of a flap mode's motion along the axis of rotation
 
 
 def readings() -> dict[str, Reading]:
@@ -31,7 +31,7 @@ def readings() -> dict[str, Reading]:
 
 
 def derived() -> Iterator[Derived]:
-    """How each frequency goes with sweep, and with speed, but for the slowest: 1.4 to 1.8 Hz are read to 0.3 Hz."""
+    """Ratios of each frequency over sweep and over speed, except for the slowest: 1.4 to 1.8 Hz are read to 0.3 Hz."""
     sweeps = look_up(DATA, "sweep_deg")
     for mode, speeds in look_up(DATA, "frequency_hz").items():
         for speed in speeds:
@@ -48,7 +48,7 @@ def derived() -> Iterator[Derived]:
 
 
 def predicted(scene: Scene) -> dict[str, float]:
-    """The same frequencies of the chain, about its steady rotation, in which the swept tip bends it."""
+    """Frequencies of the chain about its steady rotation, in which the swept tip bends it."""
     found = {}
     speeds = list(next(iter(look_up(DATA, "frequency_hz").values())))
     for sweep in look_up(DATA, "sweep_deg"):

@@ -1,8 +1,8 @@
-"""Ringing of a steel strip on a robot's flange after the robot has stopped, in three attitudes.
+"""Ringing of a steel strip on a robot's flange after the robot has stopped, in three orientations.
 
-The frequency that was measured falls with the amplitude, by 1 % from the smallest to the largest. Modes are those of
-small motion: judged is the frequency at amplitude zero, on a straight line through the means of the moves, and beside
-it stands the mean of the runs. The chain's own frequency rises with the amplitude, a hundred times less than that.
+The measured frequency falls with the amplitude, by 1 % from the smallest to the largest. Modes are those of small
+motion. They are compared with the frequency at amplitude zero, on a straight line through the means of the moves; the
+mean of the runs is also given. The chain's frequency rises with the amplitude, a hundred times less.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ MEAN, SMALL = "mean of the runs", "at amplitude zero"
 
 
 def readings() -> dict[str, Reading]:
-    """Ringing frequencies by attitude [Hz].
+    """Ringing frequencies by orientation [Hz].
 
-    Of a mean u is the scatter of the runs, for it is the amplitude that differs, which the model does not know. Of the
-    line it is the standard error of its value at amplitude zero.
+    For a mean, u is the scatter of the runs, since their amplitudes differ and the model ignores amplitude. For the
+    line, u is the standard error of its value at amplitude zero.
     """
     found = {}
     for attitude, moves in _moves().items():
@@ -44,13 +44,13 @@ def readings() -> dict[str, Reading]:
 
 
 def derived() -> Iterator[Derived]:
-    """What gravity does: hanging stiffens, standing softens."""
+    """Effect of gravity: hanging stiffens, standing upright softens."""
     for which, group in ((MEAN, "gravity's split"), (SMALL, "gravity's split, small amplitude")):
         yield Derived(f"down − up, {which}", group, "difference", f"down, {which}", f"up, {which}")
 
 
 def predicted(scene: Scene) -> dict[str, float]:
-    """The first frequency of the strip about its sag, at the mean of the attitudes in which the moves ended."""
+    """The strip's first frequency about its sag, averaged over the configurations in which the moves ended."""
     found = {}
     for attitude, moves in _moves().items():
         values = [_first_frequency(scene, np.mean([run[2] for run in move], axis=0)) for move in moves.values()]

@@ -1,6 +1,6 @@
-"""Runs of a two-link flexible arm of a laboratory (2DSFL), and a free linear model beside the arm's.
+"""Runs of a laboratory's two-link flexible arm (2DSFL), and a linear model fitted for comparison.
 
-The recordings (MIT licence) are not part of the project: they are read from ../shared/measured, beside the checkout.
+The recordings (MIT licence) are not part of the project; they are read from ../shared/measured, next to the checkout.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from flexlink.motion.simulate import simulate
 from validation.sources import ROOT
 
 FOLDER = ROOT.parent / "shared" / "measured"
-HEADS = {"q1 [deg]": "q one [deg]", "q2 [deg]": "q two [deg]"}  # as a run of the scene calls them
+HEADS = {"q1 [deg]": "q one [deg]", "q2 [deg]": "q two [deg]"}  # column names of the recording → of the scene's run
 STRAINS = ("strain angle 1 [deg]", "strain angle 2 [deg]")
 LINKS = ("one", "two")
-CUTOFF = 15.0  # Hz of the recorded angles; they turn below 3 Hz
-LOW_PASS, ORDER = 2.0, 2  # Hz: the recorder's, of strains
-SETTLED = 1.2  # s: until then the first run's strain 1 is missing
+CUTOFF = 15.0  # Hz, low-pass of the recorded angles; their motion is below 3 Hz
+LOW_PASS, ORDER = 2.0, 2  # cutoff [Hz] and order of the recorder's filter of strains
+SETTLED = 1.2  # s: start of strain 1 in the first run
 
 
 class Window(NamedTuple):
@@ -41,7 +41,7 @@ class Window(NamedTuple):
     end: float
 
     def of(self, t: Array) -> Array:
-        """Which samples it holds."""
+        """Mask of the samples within the window."""
         return np.asarray((t >= self.start - 1e-9) & (t <= self.end + 1e-9))
 
 
@@ -50,12 +50,12 @@ HELD_OUT = (Window("psf, second half", "psf", 10.0, 19.6), Window("fsf", "fsf", 
 
 
 def recorded(run: str) -> dict[str, Array]:
-    """Columns of a recording, angles called as the scene does.
+    """Columns of a recording; angles have the scene's names.
 
     Raises
     ------
     DataFileError
-        There is none: the recordings stand beside the checkout, or nowhere.
+        The recording is missing; it is expected next to the checkout.
     """
     path = FOLDER / f"2dsfl_{run}.csv"
     try:
@@ -67,7 +67,7 @@ def recorded(run: str) -> dict[str, Array]:
 
 
 def write_renamed(run: str, folder: Path) -> Path:
-    """A recording with the scene's heads, as prescribed motions read it."""
+    """Write a recording with the scene's column names, for prescribed motions."""
     columns = recorded(run)
     path = folder / f"{run}.csv"
     np.savetxt(path, np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns), comments="")
@@ -75,7 +75,7 @@ def write_renamed(run: str, folder: Path) -> Path:
 
 
 def led_by(path: Path) -> list[dict[str, object]]:
-    """Motions of both joints from such a file."""
+    """Prescribed motions of both joints from such a file."""
     return [{"link": link, "file": str(path), "cutoff": CUTOFF} for link in LINKS]
 
 
@@ -89,19 +89,19 @@ def simulated(scene: Scene, run: str, end: float) -> tuple[Mapping[str, Array], 
 
 
 def fit_percent(measured: Array, model: Array) -> float:
-    """100 (1 − ‖measured − model‖ / ‖measured‖): 100 is perfect, 0 as good as nothing at all."""
+    """100 (1 − ‖measured − model‖ / ‖measured‖): 100 is perfect, 0 is no better than predicting zero."""
     return float(100 * (1 - np.linalg.norm(measured - model) / np.linalg.norm(measured)))
 
 
 class LinearModel(NamedTuple):
-    """Two modes that the joints' accelerations u drive, from rest, through the recorder's low-pass: 12 numbers.
+    """Two modes driven by the joints' accelerations u from rest, through the recorder's low-pass: 12 parameters.
 
-    z̈_j + 2 ζ_j ω_j ż_j + ω_j² z_j = u,  y_c = Σ_ju b_cju z_ju + d_c: ω and ζ of two modes, and b; with zeros d of the
-    strains, too, 14.
+    z̈_j + 2 ζ_j ω_j ż_j + ω_j² z_j = u,  y_c = Σ_ju b_cju z_ju + d_c. The parameters are ω and ζ of two modes, and b;
+    with offsets d of the strains, 14.
     """
 
     poles: Array  # log ω, ζ of each mode
-    weights: Array  # (inputs × modes, strains); zeros in a last row
+    weights: Array  # (inputs × modes, strains); offsets in an optional last row
 
     def strains(self, u: Array, h: float) -> Array:
         """Both strains (samples, 2)."""
@@ -112,7 +112,7 @@ class LinearModel(NamedTuple):
 def linear_model(
     u: Array, measured: Sequence[Array], h: float, there: Array, start: Sequence[float], *, zeros: bool = False
 ) -> LinearModel:
-    """The best one of the samples that are `there`; modes begin at frequencies `start` [Hz]."""
+    """Fit the model to the samples marked `there`; initial frequencies are `start` [Hz]."""
     y = np.column_stack(measured)[there]
     begin = np.array([[math.log(2 * math.pi * f), 0.015] for f in start]).ravel()
 
@@ -135,7 +135,7 @@ def _with_ones(shapes: Array, zeros: bool) -> Array:
 
 
 def _shapes(p: Array, u: Array, h: float) -> Array:
-    """Responses of each mode to each input, through the low-pass (samples, inputs × modes)."""
+    """Low-pass filtered response of each mode to each input (samples, inputs × modes)."""
     smooth = butter(ORDER, LOW_PASS, fs=1 / h)
     columns = []
     for log_rate, ratio in p.reshape(-1, 2):

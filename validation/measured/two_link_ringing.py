@@ -1,4 +1,4 @@
-"""Ringing of a laboratory's two-link arm with both drives at rest, seen in its recordings: two frequencies."""
+"""Two ringing frequencies of a laboratory's two-link arm with both drives at rest, read from its recordings."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LINKS = ("one", "two")
 
 
 def readings() -> dict[str, Reading]:
-    """Both frequencies [Hz]: the middle of the range that was seen."""
+    """Both frequencies [Hz]: midpoints of the observed ranges."""
     ranges = zip(MODES, reference_array(DATA, "ringing_hz"), strict=True)
     return {
         name: Reading(float(low + high) / 2, standard(float(high - low) / 2), "Hz", "ringing")
@@ -27,11 +27,11 @@ def readings() -> dict[str, Reading]:
 
 
 def derived() -> Iterator[Derived]:
-    """Nothing."""
+    """No derived quantities."""
     return iter(())
 
 
 def predicted(scene: Scene) -> dict[str, float]:
-    """The same of the chain, its joints held."""
+    """Frequencies of the chain with locked joints."""
     found = fl.natural_frequencies(fl.lump(scene), locked=LINKS) / (2 * np.pi)
     return {name: float(found[k]) for k, name in enumerate(MODES)}

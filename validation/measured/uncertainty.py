@@ -2,7 +2,7 @@
 
     E = S − D,        u_val² = u_num² + u_input² + u_D²
 
-S is what the simulation says, D what was measured. All u are standard uncertainties, in the unit of S.
+S is the simulated value, D the measured one. All u are standard uncertainties, in the unit of S.
 """
 
 from __future__ import annotations
@@ -14,29 +14,29 @@ Verdict = Literal["validated to u_val", "not validated", "cannot be told"]
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 
 COVERAGE = 2.0
-"""Of an interval of 95 %: its half width over the standard uncertainty."""
+"""Coverage factor of a 95 % interval: half width over standard uncertainty."""
 
 SAFETY, SAFETY_UNORDERED = 1.25, 3.0
-"""Roache's factors of the grid convergence index: with an observed order, and without one that could be trusted."""
+"""Safety factors of Roache's grid convergence index: with an observed order, and without a reliable one."""
 
 ONE_SIDED = 1.15
-"""Half width of a grid convergence index over its standard uncertainty (V&V 20): the error has a known sign."""
+"""Grid convergence index over its standard uncertainty (V&V 20); the error has a known sign."""
 
 
 def standard(half_width: float) -> float:
-    """Standard uncertainty of a value of which only its bounds are known, ± half_width: a rectangular distribution."""
+    """Standard uncertainty of a value known only within ± half_width: a rectangular distribution."""
     return half_width / math.sqrt(3.0)
 
 
 class Convergence(NamedTuple):
-    """What three grids, each twice as fine, say of the finest.
+    """Discretization error of the finest of three grids, each twice as fine as the one before.
 
     Attributes
     ----------
     order
-        Observed, ln((S₁ − S₂)/(S₂ − S₄)) / ln 2; nan where the differences change sign, or do not shrink.
+        Observed order, ln((S₁ − S₂)/(S₂ − S₄)) / ln 2; nan if the differences change sign or do not decrease.
     grid_index
-        Grid convergence index of the finest, in the unit of S: its error is at most this.
+        Grid convergence index of the finest grid, in the unit of S: a bound of its error.
     """
 
     order: float
@@ -44,20 +44,20 @@ class Convergence(NamedTuple):
 
     @classmethod
     def stated(cls, u_num: float) -> Convergence:
-        """Of a code that tells its own standard uncertainty."""
+        """Convergence of a code that states its standard uncertainty."""
         return cls(math.nan, ONE_SIDED * u_num)
 
     @property
     def u_num(self) -> float:
-        """Standard uncertainty."""
+        """Standard numerical uncertainty."""
         return self.grid_index / ONE_SIDED
 
 
 def grid_convergence(coarse: float, middle: float, fine: float, formal: float, rounding: float = 0.0) -> Convergence:
     """Grid convergence index of S₄ from S₁, S₂, S₄ with N, 2N, 4N hinges or steps (Roache 1994).
 
-    An order above the `formal` one is luck, and does not make the index smaller. Without an order the largest of the
-    differences, times 3, is what the error may be; `rounding` is the least that it can be.
+    An observed order above the `formal` one is ignored. Without an order, the bound is 3 times the largest difference;
+    it is at least `rounding`.
     """
     first, second = middle - coarse, fine - middle
     if first * second > 0 and abs(second) < abs(first):
@@ -67,18 +67,18 @@ def grid_convergence(coarse: float, middle: float, fine: float, formal: float, r
 
 
 class Comparison(NamedTuple):
-    """A measured quantity beside the simulated one; all in its unit.
+    """A measured quantity and its simulated value, in the same unit.
 
     Attributes
     ----------
     simulated, measured
         S and D.
     convergence
-        What the grids say.
+        Result of the grid convergence study.
     u_input, u_measured
-        From the tolerances of the inputs, and of D itself.
+        From the tolerances of the inputs, and of D.
     wanted
-        The largest |E| that the use allows: a comparison that is less certain than this tells nothing.
+        The largest |E| that the application allows; a comparison with larger uncertainty decides nothing.
     """
 
     simulated: float
@@ -100,18 +100,18 @@ class Comparison(NamedTuple):
 
     @property
     def verdict(self) -> Verdict:
-        """In words.
+        """The verdict in words.
 
-        "not validated": |E| > 2 u_val, so that the model is wrong by at least |E| − 2 u_val. "cannot be told": E is
-        within what data, inputs and grid explain, but that is more than what is wanted. Else "validated to u_val".
+        "not validated": |E| > 2 u_val: the model error is at least |E| − 2 u_val. "cannot be told": E is explained by
+        data, inputs and grid, but their uncertainty exceeds `wanted`. Otherwise "validated to u_val".
         """
         within = COVERAGE * self.u_val
-        if not abs(self.error) <= within:  # so is nan
+        if not abs(self.error) <= within:  # also if nan
             return "not validated"
         return "validated to u_val" if within <= self.wanted else "cannot be told"
 
     def words(self, unit: str) -> str:
-        """One line with every number of it."""
+        """One line with all numbers."""
         _, index = self.convergence
         order = "no order" if math.isnan(self.convergence.order) else f"order {self.convergence.order:.2f}"
         return (

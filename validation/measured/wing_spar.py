@@ -1,4 +1,4 @@
-"""A wing's spar bent to two fifths of its span by masses on its tip."""
+"""A wing's spar bent to two fifths of its span by tip masses."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from validation.measured.uncertainty import standard
 from validation.reference_values import look_up
 
 DATA = "measured/wing_spar"
-READ_WITHIN = 0.2  # percent of the span, 1 mm: not stated by the source
+READ_WITHIN = 0.2  # reading error, percent of the span, 1 mm; not stated by the source
 
 
 def readings() -> dict[str, Reading]:
-    """Deflection of the tip [% of the span], counted from where it hangs without a mass."""
+    """Deflection of the tip [% of the span], from its position without a mass."""
     found = {}
     for mass, value in zip(look_up(DATA, "tip_mass_kg"), look_up(DATA, "tip_deflection_percent_of_span"), strict=True):
         if mass:
@@ -28,12 +28,12 @@ def readings() -> dict[str, Reading]:
 
 
 def derived() -> Iterator[Derived]:
-    """Nothing."""
+    """No derived quantities."""
     return iter(())
 
 
 def predicted(scene: Scene) -> dict[str, float]:
-    """The same of the chain."""
+    """Tip deflections of the chain."""
     chain = lump(scene)
     span = float(np.linalg.norm(tip_position(chain, np.zeros(chain.n))))
     weight = scene.gravity[2]

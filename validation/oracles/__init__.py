@@ -1,1 +1,1 @@
-"""Judges that share no algorithm with the library: rooted trees, closed forms, and chains in 40 and 50 digits."""
+"""Independent references that share no algorithm with the library: rooted trees, closed forms, 50-digit chains."""

@@ -1,4 +1,4 @@
-"""Bending frequencies of a clamped chain of thin rods in 40 digits, from its nodes and weights alone.
+"""Bending frequencies of a clamped chain of thin rods in 40 digits, from its nodes and weights only.
 
 With EI = ρA = L = 1 and hinges at x_i with compliance w_i, M_ij = ∫ (ξ − x_i)₊ (ξ − x_j)₊ dξ and K = diag(1/w); the
 eigenvalues of W½ M W½ are 1/ω².

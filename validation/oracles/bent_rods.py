@@ -1,12 +1,12 @@
-"""Tips of clamped rods that loads on the tip bend far, by integration along the rod; L = 1.
+"""Tip positions of clamped rods under large bending by tip loads, by integration along the rod; L = 1.
 
-A follower force P across the tip of a rod with EI = 1 needs no shooting. With σ the distance from the tip and ψ the
-angle of the rod against the tip's,
+A follower force P, normal to the rod at its tip (EI = 1), needs no shooting. With σ the distance from the tip and ψ the
+angle of the rod relative to its angle at the tip,
 
     ψ'' = −P cos ψ        ψ(0) = ψ'(0) = 0        θ_tip = −ψ(1)
 
 A dead force F on a rod in space (Kirchhoff, Love § 255): r' = R e_x, R' = R κ̂, κ = (m_x/GJ, m_y/EI_y, m_z/EI_z),
-m = Rᵀ (r(1) − r) × F. The r(1) that it ends at is found by Newton's method, the force growing step by step.
+m = Rᵀ (r(1) − r) × F. Newton's method finds the end r(1) while the force grows in steps.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from scipy.integrate import solve_ivp
 
 Array = NDArray[np.float64]
 PRECISE = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-15}
-STEPS = 10  # in which the force grows
-SLOPE = 1e-6  # of differences; an error of the slope costs an iteration, no digit
+STEPS = 10  # number of load increments
+SLOPE = 1e-6  # step of finite differences; an inaccurate derivative costs iterations, not accuracy
 
 
 def follower(force: float) -> list[Any]:
-    """x, y of the tip and its angle under a force across the tip, in 25 digits."""
+    """x, y and angle of the tip under a force normal to the rod at its tip, in 25 digits."""
     with mp.workdps(25):
         P = mp.mpf(force)
 
@@ -55,7 +55,7 @@ def in_space(force: Array, rigidity: Array, **precision: Any) -> Array:
 
 
 def _end(tip: Array, force: Array, rigidity: Array, precision: dict[str, Any]) -> Array:
-    """Where the rod ends whose moments are those of a force at `tip`."""
+    """End of the rod whose moments are those of a force at `tip`."""
 
     def slopes(_: float, y: Array) -> Array:
         R = y[3:].reshape(3, 3)
@@ -68,5 +68,5 @@ def _end(tip: Array, force: Array, rigidity: Array, precision: dict[str, Any]) -
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Of two vectors; NumPy takes ten times as long to find their axes."""
+    """Cross product of two vectors; NumPy's is ten times slower."""
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])

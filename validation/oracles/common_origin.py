@@ -1,14 +1,14 @@
-"""Dynamics of any chain in 100 digits and O(n): spatial vectors about the origin of frame 0, so that nothing is moved.
+"""Dynamics of any chain in 100 digits and O(n), with all spatial vectors about the origin of frame 0.
 
-With all motions (ω, v) and forces (n, f) taken about one fixed point, those of neighbouring bodies add as they are. Of
-hinge k with axis e through p, s = (e, p × e); Ī is the inertia of a body, 6 × 6, a motion times a force is a power:
+All motions (ω, v) and forces (n, f) refer to one fixed point, so those of neighbouring bodies add without transforms.
+For hinge k with axis e through p, s = (e, p × e); Ī is the 6 × 6 inertia of a body; motion · force is power:
 
     V_k = V_k−1 + s_k q̇_k                      ṡ_k = V_k × s_k
     C_k = Ī_k + C_k+1                          M_jk = s_j · C_k s_k + A_k δ_jk,  j ≤ k                (composite bodies)
     F_k = Ī_k (Γ_k − g) + V_k ×* Ī_k V_k + F_k+1,  Γ_k = Γ_k−1 + ṡ_k q̇_k       T_GC,k = s_k · F_k
     U = I^A s,  D = s · U + A,  u = T − s · p^A,  I^A ← Ī + I^A − U Uᵀ/D       q̈ = (u − U · (Γ + ṡ q̇))/D  (Featherstone)
 
-The fixed point costs digits that 100 have to spare; what is left is rounded once.
+The fixed point costs some of the 100 digits; the results are rounded once, to float64.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ DIGITS = 100
 
 
 class _Hinge(NamedTuple):
-    """Where a hinge is and how it moves, about the origin of frame 0."""
+    """Position and motion of a hinge about the origin of frame 0."""
 
     s: Vector
     bias: Vector  # ṡ q̇
-    V: Vector  # of what hangs on it
-    inertia: Matrix | None  # of the body that hangs on it; None: of no body, as between the axes of one group
+    V: Vector  # of the attached body
+    inertia: Matrix | None  # of the attached body; None between the axes of one joint
 
 
 class CommonOrigin:
-    """A chain at one state: M(q), T_GC(q, q̇) and q̈, in floats that are rounded once; without tip wrench."""
+    """A chain at one state: M(q), T_GC(q, q̇) and q̈ as floats that are rounded once; without tip wrench."""
 
     def __init__(self, chain: Chain, q: Array, qd: Array) -> None:
         with mp.workdps(DIGITS):
@@ -100,7 +100,7 @@ class CommonOrigin:
         return qdd
 
     def _gyroscopic(self) -> list[Vector]:
-        """V ×* Ī V of what hangs on each hinge."""
+        """V ×* Ī V of the body attached to each hinge."""
         none = [mpf(0)] * 6
         return [
             none if hinge.inertia is None else _cross_force(hinge.V, times(hinge.inertia, hinge.V))
@@ -108,7 +108,7 @@ class CommonOrigin:
         ]
 
     def _biases(self) -> list[Vector]:
-        """Accelerations of all bodies at q̈ = 0, less gravity."""
+        """Accelerations of all bodies at q̈ = 0, minus gravity."""
         found, sum_of = [], self.lift
         for hinge in self.hinges:
             sum_of = add(sum_of, hinge.bias)
@@ -159,11 +159,11 @@ def _cross_motion(V: Vector, s: Vector) -> Vector:
 
 
 def _cross_force(V: Vector, F: Vector) -> Vector:
-    """V ×* F of a motion and a force."""
+    """V ×* F of a motion V and a force F."""
     return add(cross(V[:3], F[:3]), cross(V[3:], F[3:])) + cross(V[:3], F[3:])
 
 
 def of_state(chain: Chain, q: Array, qd: Array, tau: Array) -> dict[str, Array]:
-    """M, T_GC and q̈ by their names."""
+    """M, T_GC and q̈, by name."""
     at = CommonOrigin(chain, q, qd)
     return {"M": at.mass_matrix(), "T_GC": at.bias_torque(), "q̈": at.forward_dynamics(tau)}

@@ -1,14 +1,14 @@
-"""Bending frequencies of a clamped chain of cells of coupled springs in 40 digits, from p and the tip's inertia alone.
+"""Bending frequencies of a clamped chain of cells of coupled springs in 40 digits, from p and the tip's inertia only.
 
-EI = ρA = L = 1. A cell of length h has the angle θ(t_k) of the beam at its p + 1 Gauss-Lobatto nodes, on segments as
-long as their weights, h b_k; two at a boundary are one. Springs hold the slope of the polynomial through the nodes at
-the p Gauss points, of the weights w_q:
+EI = ρA = L = 1. A cell of length h has the beam's angles θ(t_k) at its p + 1 Gauss-Lobatto nodes as coordinates. The
+segment of node k has length h b_k, b its weight; the two segments at a cell boundary are one. Springs act on the
+derivative of the interpolating polynomial at the p Gauss points with weights w_q:
 
     K = Cᵀ diag(w) C / h        C_qj = Σ_k≥j L_k'(x_q)
 
-A segment has the mass of its own length, whose centre is S_i − s_i beyond its hinge: S_i its end, s_i the place of its
-node. Its inertia is such that a beam that turns as a whole has its kinetic energy, in angles of the segments
-Σ_j A_ij = l_i ∫ min(1 − s_i, 1 − x) dx. The last one takes `tip` m l²/3 off the one before it.
+A segment has the mass of its length; its centre is S_i − s_i beyond its hinge, with S_i its end and s_i its node. Its
+inertia gives a rigidly rotating beam the exact kinetic energy, in the angles of the segments
+Σ_j A_ij = l_i ∫ min(1 − s_i, 1 − x) dx. The last segment takes `tip` m l²/3 from the one before it.
 """
 
 from __future__ import annotations
@@ -50,14 +50,14 @@ def _stiffness(p: int, hinges: int) -> Any:
 
 
 def _mass(p: int, hinges: int, tip: float) -> Any:
-    """A of the angles of all segments, the one at the root included."""
+    """A for the angles of all segments, including the one at the root."""
     cells, nodes = hinges // p, _lobatto(p)
     s, l = [mpf(0)] * (hinges + 1), [mpf(0)] * (hinges + 1)
     for e, k in itertools.product(range(cells), range(p + 1)):
         s[e * p + k] = (e + nodes[k]) / cells
         l[e * p + k] += _weight(nodes, k) / cells
     ends = list(itertools.accumulate(l))
-    beyond = [1 - end for end in ends]  # mass
+    beyond = [1 - end for end in ends]  # mass beyond each segment
     centre = [end - place for end, place in zip(ends, s, strict=True)]
     A = mp.zeros(hinges + 1)
     for i in range(hinges + 1):
@@ -71,14 +71,14 @@ def _mass(p: int, hinges: int, tip: float) -> Any:
 
 
 def _lobatto(p: int) -> list[Any]:
-    """Nodes on [0, 1]."""
+    """Gauss-Lobatto nodes on [0, 1]."""
     P = mp.taylor(lambda x: mp.legendre(p, x), 0, p)
     inner = _roots([k * P[k] for k in range(1, p + 1)])
     return [mpf(0), *((1 + x) / 2 for x in inner), mpf(1)]
 
 
 def _roots(coefficients: list[Any]) -> list[Any]:
-    """Of a polynomial whose roots are real, lowest power first."""
+    """Roots of a polynomial with only real roots; coefficients start at the lowest power."""
     first = np.sort(np.polynomial.Polynomial([float(c) for c in coefficients]).roots().real)
     return [mp.findroot(lambda x: mp.fsum(c * x**k for k, c in enumerate(coefficients)), mpf(x)) for x in first]
 
@@ -88,5 +88,5 @@ def _lagrange(nodes: list[Any], k: int, t: Any) -> Any:
 
 
 def _weight(nodes: list[Any], k: int) -> Any:
-    """Of a quadrature on [0, 1] that is exact for Lagrange's polynomials."""
+    """Weight of node k in the quadrature on [0, 1] that is exact for Lagrange's polynomials."""
     return mp.quad(lambda t: _lagrange(nodes, k, t), [0, 1])

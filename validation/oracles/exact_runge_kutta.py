@@ -1,7 +1,7 @@
-"""Runge-Kutta in mpmath from the exact coefficients, for q̈ = f(q, q̇).
+"""Runge-Kutta methods in mpmath with exact coefficients, for q̈ = f(q, q̇).
 
-The stages of an implicit method are found by iterating on their slopes, one after the other: plain, and enough where h
-is so small that an order shows.
+The stages of an implicit method are found by fixed-point iteration, stage by stage; it converges for step sizes small
+enough to measure an order.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from validation.oracles.rooted_trees import as_mpf
 Vector = list[Any]
 
 SOLVED, MOST_PASSES = mpf("1e-30"), 200
-"""Relative change of the slopes at which stages are found: far below the errors that are looked at."""
+"""Largest relative change of the stage derivatives at convergence, far below the measured errors; iteration limit."""
 
 
 def integrate(
@@ -27,12 +27,12 @@ def integrate(
     duration: Any,
     steps: int,
 ) -> tuple[Vector, Vector]:
-    """q and q̇ after `duration` [s] in equal steps, in mpmath's working precision; stages of implicit ones to `SOLVED`.
+    """q and q̇ after `duration` [s] in equal steps, in mpmath's working precision; implicit stages to `SOLVED`.
 
     Raises
     ------
     ArithmeticError
-        The iteration of an implicit method's stages does not end; the step is too large.
+        The iteration of implicit stages does not converge; the step is too large.
     """
     exact = method.exact
     A, b = [[as_mpf(x) for x in row] for row in exact[0]], [as_mpf(x) for x in exact[1]]
@@ -55,7 +55,7 @@ def integrate(
 
 
 def _solve(A: list[Vector], slopes: list[Vector], slope: Callable[[Vector, list[Vector]], Vector]) -> None:
-    """Slopes of all stages, in place, from first ones that are wrong."""
+    """Iterate the derivatives of all stages in place, from any initial guess."""
     for _pass in range(MOST_PASSES):
         moved = mpf(0)
         for i, row in enumerate(A):
@@ -63,7 +63,7 @@ def _solve(A: list[Vector], slopes: list[Vector], slope: Callable[[Vector, list[
             moved = max(moved, _size([x - y for x, y in zip(slopes[i], before, strict=True)]) / _size(slopes[i]))
         if moved < SOLVED:
             return
-    raise ArithmeticError(f"the stages are not found in {MOST_PASSES} passes; take a smaller step")
+    raise ArithmeticError(f"the implicit stages have not converged in {MOST_PASSES} passes; use a smaller step")
 
 
 def _size(x: Vector) -> Any:
@@ -71,6 +71,6 @@ def _size(x: Vector) -> Any:
 
 
 def _combine(y: Vector, h: Any, weights: Vector, slopes: list[Vector]) -> Vector:
-    """y + h Σ_j weights_j slopes_j, over the slopes that there are."""
+    """y + h Σ_j weights_j slopes_j, over the available derivatives."""
     used = [(h * w, k) for w, k in zip(weights, slopes, strict=False) if w]
     return [x + mp.fsum(w * k[i] for w, k in used) for i, x in enumerate(y)]

@@ -1,6 +1,6 @@
-"""Closed forms of the chain of n equal cells (Hencky 1920): twist and buckling, all eigenvalues; roll-up is a polygon.
+"""Closed-form eigenvalues of the chain of n equal cells (Hencky 1920): twist and buckling; roll-up gives a polygon.
 
-`paper` is the paper's layout, n segments and n − 1 hinges; `midpoint` and `hencky` have n hinges and the same values.
+`paper` is the paper's layout, n segments and n − 1 hinges; `midpoint` and `hencky` have n hinges and equal eigenvalues.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from flexlink.common.types import Array
 
 
 def half_angles(rule: str, n: int) -> Array:
-    """Half the wave numbers of the eigenvectors."""
+    """Half the wavenumbers of the eigenvectors."""
     if rule == "paper":
         return np.asarray((2 * np.arange(1, n) - 1) * np.pi / (2 * (2 * n - 1)))
     return np.asarray((2 * np.arange(1, n + 1) - 1) * np.pi / (4 * n))
@@ -23,5 +23,5 @@ def twist(rule: str, n: int) -> Array:
 
 
 def buckling(rule: str, n: int) -> Array:
-    """Axial loads at which a clamped column with EI = L = 1 buckles."""
+    """Axial buckling loads of a clamped column with EI = L = 1."""
     return np.asarray(4 * n**2 * np.sin(half_angles(rule, n)) ** 2)

@@ -1,9 +1,9 @@
-"""A manufactured solution: a smooth motion of every joint, and, in 50 digits, the torque that makes it one.
+"""A manufactured solution: a smooth motion of every joint and the torque that produces it, in 50 digits.
 
     q_k(t) = a_k sin(ω_k t + φ_k)        T_EX = M q̈ + T_GC + T_FL + T_FR + T_DRAG − Jᵀ w(t)
 
-Newton's and Euler's equations of each body in frame 0, projected on the hinges: no term is left out, and no recursion
-is the kernels'. Torques act on every joint, also on those that springs hold.
+The Newton-Euler equations of each body in frame 0, projected on the hinges, include every term and share no recursion
+with the kernels. Torques act on every joint, including those with springs.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from validation.oracles.planar_chain import DIGITS
 from validation.oracles.spatial_chain import SpatialChain, Vector, add, exactly
 
 Wrench = Callable[[Any], Vector]
-"""Force and moment on the tip, axes of frame 0, at a time."""
+"""Force and moment on the tip as a function of time, in axes of frame 0."""
 
 
 class Motion(NamedTuple):
-    """a sin(ω t + φ) of every joint."""
+    """Motion a sin(ω t + φ) of every joint."""
 
     amplitude: Vector
     rate: Vector
@@ -41,7 +41,7 @@ class Motion(NamedTuple):
 
 
 def motion(chain: Chain, amplitudes: tuple[float, float], rates: tuple[float, float], seed: int) -> Motion:
-    """Amplitudes of the driven joints and of the others [rad, m], rates between two [rad/s], phases at random."""
+    """Random motion: amplitudes of driven and of other joints [rad, m], range of rates [rad/s], random phases."""
     random = np.random.default_rng(seed)
     driven = np.isin(np.arange(chain.n), chain.active)
     size = np.where(driven, *amplitudes)
@@ -59,7 +59,7 @@ def torque(oracle: SpatialChain, t: Any, moved: Motion, wrench: Wrench) -> Vecto
 
 
 def _coupled(oracle: SpatialChain, q: Sequence[Any], qd: Sequence[Any]) -> Vector:
-    """What springs and dampers between two hinges add."""
+    """Torques of springs and dampers that couple two hinges."""
     found = [mpf(0)] * oracle.n
     for row in oracle.chain.couplings:
         i, j = int(row["inner"]), int(row["outer"])
@@ -74,7 +74,7 @@ def torque_pieces(
 ) -> tuple[Array, Array]:
     """T_EX as polynomials in the time since the last knot: knots (pieces,), coefficients (pieces, degree + 1, n).
 
-    Each piece goes through the torque at Chebyshev's points and the ends; coefficients are rounded once.
+    Each piece interpolates the torque at the Chebyshev points including the ends; coefficients are rounded once.
     """
     oracle = SpatialChain(chain)
     with mp.workdps(DIGITS):

@@ -1,4 +1,4 @@
-"""Lagrangian of a planar chain in absolute angles, in 50 digits: a judge that shares no algorithm with the kernels.
+"""Lagrangian of a planar chain in absolute angles, in 50 digits: it shares no algorithm with the kernels.
 
 Points of the plane are complex numbers. Body i turns by φ_i = α_i + Σ_j≤i q_j, its centre is at
 p_i = p_0 + Σ_j≤i d_ij exp(iφ_j), with d_ij the hinge offset to body j + 1 (j < i) or the centre's (j = i). With
@@ -6,7 +6,7 @@ W_jk = Σ_i m_i conj(d_ij) d_ik and E_jk = exp(i(φ_k − φ_j)) W_jk, Lagrange'
 
     Σ_k Re(E_jk) φ̈_k + I_j φ̈_j − Σ_k Im(E_jk) φ̇_k² − Σ_i m_i Re(conj(i d_ij exp(iφ_j)) g) = generalised torque
 
-and φ = α + L q with L the lower triangle of ones takes it to joint angles: M = Lᵀ H L, T_GC = Lᵀ (…).
+and φ = α + L q, with L the lower triangle of ones, transforms it to joint angles: M = Lᵀ H L, T_GC = Lᵀ (…).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Vector = list[Any]
 
 
 class PlanarChain:
-    """A chain of one-axis hinges that all turn about the normal of one plane.
+    """A chain of one-axis hinges with axes normal to one plane.
 
     Every method takes and returns mpmath numbers; call them inside `mp.workdps(DIGITS)`.
 
@@ -99,7 +99,7 @@ class PlanarChain:
         return list(mp.lu_solve(self._mass(E), mp.matrix([t - b - s for t, b, s in rest])))
 
     def energy(self, q: Sequence[Any], qd: Sequence[Any]) -> Any:
-        """Kinetic + gravity + elastic energy [J]; gravity is zero with all mass at the first hinge."""
+        """Kinetic + gravity + elastic energy [J]; gravity is zero if all mass is at the first hinge."""
         e, E = self._turned(q)
         M = self._mass(E)
         kinetic = mp.fsum(M[j, k] * qd[j] * qd[k] for j in range(self.n) for k in range(self.n)) / 2
@@ -109,13 +109,13 @@ class PlanarChain:
 
 
 def joints_of(chain: Chain) -> list[dict[str, Any]]:
-    """Springs, dampers, friction and rotors of the hinges, exactly."""
+    """Springs, dampers, friction and rotors of the hinges as exact numbers."""
     names = ("stiffness", "rest", "damping", "coulomb", "coulomb_width", "armature")
     return [{name: mpf(float(hinge[name])) for name in names} for hinge in chain.hinges]
 
 
 def joint_torques(joints: Sequence[Mapping[str, Any]], q: Sequence[Any], qd: Sequence[Any]) -> Vector:
-    """T_FL + T_FR of joints as `joints_of` has them [N m]."""
+    """T_FL + T_FR of joints from `joints_of` [N m]."""
     rubbing = [
         h["coulomb"] * mp.tanh(v / h["coulomb_width"]) if h["coulomb"] else 0 for h, v in zip(joints, qd, strict=True)
     ]

@@ -1,4 +1,4 @@
-"""Rigid bodies in motion by formulas and SciPy: step response, saturated motor, tumbling satellite."""
+"""Rigid-body motions by formulas and SciPy: step response, saturated motor, tumbling satellite."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 
 class Servo(NamedTuple):
-    """I θ̈ = kp (θ_d − θ) − kd θ̇ from rest at 0, less than critically damped."""
+    """I θ̈ = kp (θ_d − θ) − kd θ̇ from rest at 0, underdamped."""
 
     inertia: float
     kp: float
@@ -30,12 +30,12 @@ class Servo(NamedTuple):
 
     @property
     def peak(self) -> float:
-        """The largest angle, half a period after the start."""
+        """The largest angle, half a period after the initial time."""
         σ, ω = self._σω
         return self.target * (1 + math.exp(-σ * math.pi / ω))
 
     def settled(self, within: float) -> float:
-        """When the angle is for the last time so far from its target."""
+        """Last time at which the angle differs from its target by `within`."""
         _, ω = self._σω
         half, k = math.pi / ω, 0
         while abs(self.angle((k + 1) * half) - self.target) > within:
@@ -47,13 +47,13 @@ class Servo(NamedTuple):
         return float(brentq(off, k * half, self._crossing(k), xtol=1e-13))
 
     def _crossing(self, k: int) -> float:
-        """When it passes its target after its k-th extreme."""
+        """Time at which the angle crosses its target after its k-th extremum."""
         _, ω = self._σω
         return float(brentq(lambda t: self.angle(t) - self.target, k * math.pi / ω, (k + 1) * math.pi / ω))
 
 
 class Motor(NamedTuple):
-    """A rotor and a link, between them a spring and a damper; a PD law of limited torque holds the rotor at 0."""
+    """A rotor and a link, coupled by a spring and damper; a PD controller with limited torque holds the rotor at 0."""
 
     rotor: float
     link: float
@@ -64,7 +64,7 @@ class Motor(NamedTuple):
     effort: float
 
     def link_angles(self, start: float, times: np.ndarray) -> np.ndarray:
-        """The link's angle, from rest, each switch of the torque an event: between two the equation is smooth."""
+        """The link's angle from rest; torque switches are events, since the equation is smooth only in between."""
         y, t, found = np.array([start, start, 0.0, 0.0]), 0.0, np.full(len(times), start)
         while t < times[-1] - 1e-14:
             branch = self._branch(y)
@@ -84,7 +84,7 @@ class Motor(NamedTuple):
         return float(-self.kp * y[0] - self.kd * y[2])
 
     def _branch(self, y: np.ndarray, left: int | None = None) -> int:
-        """−1, 0, 1: below, within, above the limits; at a switch the branch that is not left."""
+        """−1, 0, 1: below, within, above the limits; at a switch, the branch other than `left`."""
         if left is not None:
             return int(np.sign(self._wanted(y))) if left == 0 else 0
         return int(np.sign(self._wanted(y))) if abs(self._wanted(y)) > self.effort else 0
@@ -106,21 +106,21 @@ class Motor(NamedTuple):
 
 
 class Body(NamedTuple):
-    """A rigid body: mass, centre and inertia about it, in its own axes."""
+    """A rigid body: mass, centre and inertia about it, in body axes."""
 
     mass: float
     center: np.ndarray
     inertia: np.ndarray
 
     def with_another(self, other: Body) -> Body:
-        """Both as one."""
+        """Both bodies, rigidly joined."""
         mass = self.mass + other.mass
         center = (self.mass * self.center + other.mass * other.center) / mass
         parts = [one.inertia + one.mass * _moment(one.center - center) for one in (self, other)]
         return Body(mass, center, parts[0] + parts[1])
 
     def tumbling(self, attitude: np.ndarray, spin: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Quaternions w, x, y, z and angular velocities in its axes, free of torques: Euler's equations."""
+        """Torque-free motion by Euler's equations: quaternions w, x, y, z and angular velocities in body axes."""
         inverse = np.linalg.inv(self.inertia)
 
         def slope(_: float, y: np.ndarray) -> np.ndarray:
@@ -134,12 +134,12 @@ class Body(NamedTuple):
 
 
 def rotation(quaternion: np.ndarray) -> np.ndarray:
-    """R of a quaternion of any length."""
+    """Rotation matrix of a quaternion of any norm."""
     w, x, y, z = quaternion / np.linalg.norm(quaternion)
     K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.asarray(np.eye(3) + 2 * w * K + 2 * K @ K)
 
 
 def _moment(r: np.ndarray) -> np.ndarray:
-    """Of a unit of mass at r."""
+    """Inertia of a unit mass at r."""
     return np.asarray(r @ r * np.eye(3) - np.outer(r, r))

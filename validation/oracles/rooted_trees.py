@@ -30,14 +30,14 @@ def trees(order: int) -> tuple[Tree, ...]:
 
 @functools.cache
 def _forests(nodes: int, largest: int) -> tuple[Tree, ...]:
-    """All multisets of trees with `nodes` nodes together, each of at most `largest` nodes."""
+    """All multisets of trees with `nodes` nodes in total, each of at most `largest` nodes."""
     if nodes == 0:
         return ((),)
     return tuple(forest for size in range(1, min(nodes, largest) + 1) for forest in _starting_with(size, nodes))
 
 
 def _starting_with(size: int, nodes: int) -> Iterator[Tree]:
-    """Multisets whose largest member has `size` nodes; equal sizes stand in the order of `trees`."""
+    """Multisets whose largest member has `size` nodes; equal sizes are in the order of `trees`."""
     same = trees(size)
     rank = {tree: k for k, tree in enumerate(same)}
     for first in same:
@@ -63,7 +63,7 @@ def density(tree: Tree) -> int:
 def residuals(method: Coefficients, order: int) -> list[Any]:
     """|b·u(t) − 1/γ(t)| of every tree with `order` nodes, in `DIGITS` digits.
 
-    The elementary weights of smaller trees are shared, so that a condition costs one product per stage.
+    The elementary weights of smaller trees are cached: a condition costs one product per stage.
     """
     A, b = method
     stages = range(len(b))
@@ -86,7 +86,7 @@ def residuals(method: Coefficients, order: int) -> list[Any]:
 
 
 def coefficients(method: Method) -> Coefficients:
-    """A and b of a tableau from its exact strings, of a family by an oracle that knows nothing of the package's."""
+    """A and b: of a tableau from its exact strings, of a family from an independent reference."""
     with mp.workdps(DIGITS):
         if method.family is not None:
             A, b, _ = collocation(method.family, method.stages)
@@ -96,7 +96,7 @@ def coefficients(method: Method) -> Coefficients:
 
 
 def embedded(method: Method, row: int) -> Coefficients:
-    """The method that a row of error weights compares an explicit one with, b̂ = b − e; q̈ at the end is a stage."""
+    """Embedded method of an explicit one, b̂ = b − e, with e a row of error weights; q̈ at the end is a stage."""
     with mp.workdps(DIGITS):
         A, b = coefficients(method)
         given = [as_mpf(Fraction(x)) for x in method.error_rows[row]]
@@ -106,9 +106,9 @@ def embedded(method: Method, row: int) -> Coefficients:
 
 
 def inside(method: Method, x: Fraction) -> Coefficients:
-    """The method that dense output makes of a step with an explicit one: its step ends at a part x of that step.
+    """The method that dense output makes of an explicit step: its step ends at a fraction x of that step.
 
-    By the nested polynomials of Hairer's codes, evaluated for each stage.
+    It evaluates the nested polynomials of Hairer's codes for each stage.
     """
     with mp.workdps(DIGITS):
         rows, b = coefficients(method)
@@ -129,5 +129,5 @@ def inside(method: Method, x: Fraction) -> Coefficients:
 
 
 def as_mpf(x: Fraction) -> Any:
-    """In the working precision."""
+    """A fraction as mpf in the working precision."""
     return mpf(x.numerator) / x.denominator

@@ -1,10 +1,10 @@
-"""Newton-Euler of any chain projected on its hinges, in 50 digits: a judge that shares no recursion with the kernels.
+"""Newton-Euler of any chain projected on its hinges, in 50 digits; no recursion is shared with the kernels.
 
-In frame 0 every body i has a centre c_i, a rotation R_i and the Jacobians of its centre and of its turning,
+In frame 0 every body i has a centre c_i, a rotation R_i and the Jacobians of its centre and of its rotation,
 
     v_ik = e_k × (c_i − p_k)        w_ik = e_k        for the hinges k between it and the base, 0 for the others,
 
-with e_k the axis of hinge k and p_k its point; of one that slides v_ik = e_k and w_ik = 0. With a_i, α_i the
+with e_k the axis of hinge k and p_k a point on it; a sliding hinge has v_ik = e_k and w_ik = 0. With a_i, α_i the
 accelerations at q̈ = 0 and J_i = R_i I_i R_iᵀ, the principle of virtual power (Kane) reads, with rotors A_k,
 
     M_jk = Σ_i m_i v_ij·v_ik + w_ij·J_i w_ik + A_k δ_jk
@@ -24,15 +24,15 @@ from flexlink.chain.chain import Chain
 from validation.oracles.planar_chain import DIGITS, joint_torques, joints_of
 
 STEP = mpf(10) ** -20
-"""Of differences [rad, rad/s]."""
+"""Step of central differences [rad, rad/s]."""
 DIFFERENCES = 60
-"""Digits with which they are taken: they lose 20 and are right to 40; M at 89.99° loses 8."""
+"""Working digits for central differences. They lose 20 and are accurate to 40; M at 89.99° loses 8."""
 Vector = list[Any]
 Matrix = list[Vector]
 
 
 class Body(NamedTuple):
-    """A body with inertia, placed and moving with q̈ = 0, in frame 0."""
+    """A body with inertia, its position and motion at q̈ = 0, in frame 0."""
 
     mass: Any
     inertia: Matrix
@@ -40,11 +40,11 @@ class Body(NamedTuple):
     rate: Vector
     acceleration: Vector
     angular: Vector
-    hinges: tuple[int, ...]  # numbers of those between it and the base
+    hinges: tuple[int, ...]  # numbers of the hinges between it and the base
 
 
 class Frame(NamedTuple):
-    """Where a body is and how it moves with q̈ = 0, in frame 0."""
+    """Pose and motion of a body frame at q̈ = 0, in frame 0."""
 
     R: Matrix
     p: Vector
@@ -62,16 +62,16 @@ class Hinges(NamedTuple):
     slide: list[bool]
 
     def moves(self, k: int, place: Vector) -> Vector:
-        """Velocity of a place at a rate of 1 of hinge k."""
+        """Velocity of a point at unit rate of hinge k."""
         return self.axes[k] if self.slide[k] else cross(self.axes[k], sub(place, self.points[k]))
 
     def turns(self, k: int) -> Vector:
-        """Angular velocity at that rate."""
+        """Angular velocity at unit rate of hinge k."""
         return [mpf(0)] * 3 if self.slide[k] else self.axes[k]
 
 
 class Row(NamedTuple):
-    """What is kept of a body, exactly."""
+    """Exact properties of a body."""
 
     parent: int
     hinges: range
@@ -137,7 +137,7 @@ class SpatialChain:
         return load
 
     def drag(self, q: Sequence[Any], qd: Sequence[Any]) -> Vector:
-        """T_DRAG = −Σ Jᵀ f of all points at which links meet drag [N m]."""
+        """T_DRAG = −Σ Jᵀ f over all drag points of the links [N m]."""
         hinges, _, frames = self.place(q, qd)
         return self._drag(hinges, frames, qd)
 
@@ -202,7 +202,7 @@ class SpatialChain:
         return list(mp.lu_solve(M, mp.matrix(rest)))
 
     def place(self, q: Sequence[Any], qd: Sequence[Any]) -> tuple[Hinges, list[Body], list[Frame]]:
-        """The hinges, the bodies that have inertia, and the frames of the base and of all bodies."""
+        """The hinges, the bodies with inertia, and the frames of the base and all bodies."""
         zero, one = mpf(0), mpf(1)
         rest = [zero] * 3
         frames = [Frame([[one, zero, zero], [zero, one, zero], [zero, zero, one]], rest, rest, rest, rest, ())]
@@ -252,7 +252,7 @@ def derivatives(chain: Chain, *state: Any) -> list[NDArray[np.float64]]:
 
 
 def exactly(values: Any) -> Vector:
-    """Floats, exactly."""
+    """Convert floats exactly."""
     return [mpf(float(x)) for x in values]
 
 

@@ -1,11 +1,11 @@
-"""Frequencies of a beam under axial load, in 60 digits: heavy, or on a hub that turns.
+"""Frequencies of a beam under axial load, in 60 digits: hanging under gravity, or on a rotating hub.
 
-With EI = ρA = L = 1, x from the root, gravity γ along the beam and a hub that turns with Ω, without radius,
+With EI = ρA = L = 1, x from the root, gravity γ along the beam and a hub of radius zero that rotates at Ω,
 
     w'''' − (T w')' = λ w        T = γ (1 − x) + Ω² (1 − x²) / 2
 
-λ = ω² for flap, across the plane of rotation, and ω² + Ω² for lag, within it. The leading coefficient is constant, so
-that a power series about the root converges everywhere; the tip is free, w'' = w''' = 0.
+λ = ω² for flap, normal to the plane of rotation, and ω² + Ω² for lag, within it. The leading coefficient is constant:
+a power series about the root converges everywhere. The tip is free, w'' = w''' = 0.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from mpmath import mp
 
 DIGITS = 60
 TERMS = 300  # a term falls as (√T)ᵏ / k!: 1e-160 at T = 1000
-GRID = 0.25  # rad/s in which a first root is looked for; roots are ten times as far apart
+GRID = 0.25  # rad/s, search interval for roots; roots are ten times as far apart
 
 
 class Beam(NamedTuple):
-    """What acts on it; `hinged`: at its root, instead of clamped; `lag`: in the plane of rotation."""
+    """Loads and support of a beam; `hinged`: at the root, instead of clamped; `lag`: in the plane of rotation."""
 
     gravity: float = 0.0
     spin: float = 0.0
@@ -29,7 +29,7 @@ class Beam(NamedTuple):
 
 
 def frequencies(beam: Beam, count: int) -> list[Any]:
-    """The first frequencies ω [rad/s], as mpmath's numbers."""
+    """The first frequencies ω [rad/s] as mpmath numbers."""
     with mp.workdps(DIGITS):
         found: list[Any] = []
         low, value = mp.mpf(GRID) / 8, _free_tip(beam, mp.mpf(GRID) / 8)
@@ -43,7 +43,7 @@ def frequencies(beam: Beam, count: int) -> list[Any]:
 
 
 def _free_tip(beam: Beam, ω: Any) -> Any:
-    """Determinant of w'' and w''' at the tip, of the two shapes that the root allows."""
+    """Determinant of w'' and w''' at the tip for the two solutions that satisfy the root's boundary conditions."""
     first, second = ((1, 3) if beam.hinged else (2, 3)), mp.matrix(2)
     for column, power in enumerate(first):
         a = _series(beam, ω, power)
@@ -53,7 +53,7 @@ def _free_tip(beam: Beam, ω: Any) -> Any:
 
 
 def _series(beam: Beam, ω: Any, power: int) -> list[Any]:
-    """Coefficients of the solution that begins with x to this power."""
+    """Coefficients of the power series that starts at this power of x."""
     γ, Ω2 = mp.mpf(beam.gravity), mp.mpf(beam.spin) ** 2
     T0, λ = γ + Ω2 / 2, ω**2 + (Ω2 if beam.lag else 0)
     a = [mp.mpf(k == power) for k in range(TERMS)]

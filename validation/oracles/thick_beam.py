@@ -1,7 +1,7 @@
-"""Frequencies of a clamped beam that shears (Timoshenko 1921), or that a force pushes along its axis, by matrices.
+"""Frequencies of a clamped beam with shear (Timoshenko 1921) or with an axial tip force, by transfer matrices.
 
-Deflection w, turn of the section ψ, moment M and force Q across the unbent axis; P is a dead force on the tip that
-pushes, taken on slender beams only, of which w' = ψ:
+Deflection w, rotation of the section ψ, moment M and force Q normal to the undeformed axis. P is a compressive dead
+force on the tip, used only for slender beams, which have w' = ψ:
 
     w' = ψ + Q / k_s G A      ψ' = M / EI      M' = −Q − (ρI ω² + P) ψ      Q' = −ρA ω² w
 
@@ -21,7 +21,7 @@ from flexlink.common.types import Array
 
 
 class Beam(NamedTuple):
-    """EI [N m²], ρA [kg/m], ρI [kg m], k_s G A [N], length [m] and a force that pushes [N]."""
+    """EI [N m²], ρA [kg/m], ρI [kg m], k_s G A [N], length [m] and compressive force [N]."""
 
     EI: float
     mass: float
@@ -32,7 +32,7 @@ class Beam(NamedTuple):
 
 
 def free_tip(beam: Beam, ω: float) -> float:
-    """Determinant of M and Q at the tip, of the two states that the root allows, each in its own unit."""
+    """Determinant of M and Q at the tip for the two states that satisfy the clamped root, in scaled units."""
     L, EI = beam.length, beam.EI
     A = np.zeros((4, 4))  # lengths in L, moments in EI / L, forces in EI / L²
     A[0, 1], A[0, 3] = 1.0, EI / (beam.shear * L**2)

@@ -1,9 +1,9 @@
-"""A clamped beam whose EI and ρA vary along it: deflection, slope, moment and shear carried from the root to the tip.
+"""A clamped beam with variable EI and ρA: deflection, slope, moment and shear integrated from the root to the tip.
 
     w' = φ        φ' = M/EI        M' = V        V' = ρA ω² w
 
-Of the columns that start with a moment and with a shear force alone, the tip's M and V vanish together where ω is an
-eigenfrequency: the determinant of the transfer matrix' block is 0. Columns are linear between rows and may jump.
+Two solutions start with a unit moment and a unit shear force at the root. ω is a natural frequency if a combination has
+M = V = 0 at the tip: the determinant of that block is 0. Columns are linear between rows and may jump.
 """
 
 from __future__ import annotations
@@ -36,27 +36,27 @@ def frequencies(columns: Columns, count: int) -> list[float]:
 
 
 def curvature(columns: Columns, force: float, at: Sequence[float]) -> list[float]:
-    """M/EI of the beam under a small force across its tip [rad/m]."""
+    """M/EI of the beam under a small transverse tip force [rad/m]."""
     x, EI, _ = (np.asarray(column) for column in columns)
     return [force * (x[-1] - place) / _linear(x, EI, place) for place in at]
 
 
 def _linear(x: np.ndarray, column: np.ndarray, at: float) -> float:
-    """Between the rows about `at`, of which none is there."""
+    """Interpolate linearly between rows; none is at `at`."""
     k = int(np.searchsorted(x, at)) - 1
     return float(column[k] + (column[k + 1] - column[k]) * (at - x[k]) / (x[k + 1] - x[k]))
 
 
 def _determinant(columns: Columns, ω: float) -> float:
     x, EI, ρA = (np.asarray(column) for column in columns)
-    state = np.eye(4)[:, 2:]  # clamped: a moment, or a force
+    state = np.eye(4)[:, 2:]  # clamped: unit moment, unit shear force
     for k in range(len(x) - 1):
         if x[k + 1] > x[k]:
-            state = _carried(state, x[k : k + 2], EI[k : k + 2], ρA[k : k + 2], ω)
+            state = _integrated(state, x[k : k + 2], EI[k : k + 2], ρA[k : k + 2], ω)
     return float(np.linalg.det(state[2:]))
 
 
-def _carried(state: np.ndarray, x: np.ndarray, EI: np.ndarray, ρA: np.ndarray, ω: float) -> np.ndarray:
+def _integrated(state: np.ndarray, x: np.ndarray, EI: np.ndarray, ρA: np.ndarray, ω: float) -> np.ndarray:
     def slope(at: float, flat: np.ndarray) -> np.ndarray:
         w, φ, M, V = flat.reshape(4, -1)
         stiff, heavy = (np.interp(at, x, column) for column in (EI, ρA))

@@ -1,1 +1,1 @@
-"""Scenes with exact, published or converged values, and the errors of any rule and number of hinges on them."""
+"""Scenes with exact, published or converged values, and their errors for any rule and number of hinges."""

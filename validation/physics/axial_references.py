@@ -1,6 +1,6 @@
-"""python -m validation.physics.axial_references: exact values of beams under axial load, and of rods bent far.
+"""python -m validation.physics.axial_references: exact values of beams under axial load and of rods in large bending.
 
-It writes `validation/reference/axial_load.json` and `bent_rods.json`, in two minutes.
+Write `validation/reference/axial_load.json` and `bent_rods.json`, in two minutes.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ FOLLOWERS = (1, 2, 5, 10)  # PL² / EI
 FORCE, RIGIDITY = np.array([-2.0, 3.0, 2.5]), np.array([0.7, 1.0, 3.0])
 MODES = 3
 COARSER = {"method": "Radau", "rtol": 1e-11, "atol": 1e-13}
-"""What tells the error of the rod in space: another method, at another tolerance."""
+"""Another method and tolerance, to estimate the error of the rod in space."""
 
 
 def main() -> None:
-    """Compute and store."""
+    """Compute and store the references."""
     start = time.process_time()
     beams = {f"heavy, γ = {γ}": Beam(gravity=γ) for γ in GRAVITIES}
     beams["pendulum, γ = 100"] = Beam(gravity=100, hinged=True)

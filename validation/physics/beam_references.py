@@ -22,25 +22,25 @@ from validation.physics.formulas import INPUTS
 from validation.reference_values import look_up
 
 SCENES: dict[str, dict[str, Any]] = {"paper_fig5": {"run.duration": 1.0, "run.sample": 0.05}, "torque_pulse": {}}
-"""By name: what is changed in the scene before it runs."""
+"""Name of a scene → its changes before the run."""
 SHEAR_FACTOR = 5 / 6
-"""Of a rectangle: the part of its area that shear acts on (Reissner)."""
+"""Shear correction factor of a rectangle (Reissner)."""
 
 
 class Beam(NamedTuple):
-    """A link as a beam in the plane of the arm."""
+    """A link as a planar beam."""
 
     length: float  # m
-    angle: float  # of its start, from the x of the plane [rad]
+    angle: float  # at its start, from the x axis of the plane [rad]
     mass: float  # per length [kg/m]
-    inertia: float  # of the section, per length [kg m]
+    inertia: float  # rotary inertia of the section, per length [kg m]
     bending: float  # EI [N m²]
     axial: float  # EA [N]
     shear: float  # κ G A [N]
 
 
 class Plane(NamedTuple):
-    """An arm in a plane: a pendulum of beams, the first one with a rotor in its joint, the last one with a load."""
+    """A planar arm: a pendulum of beams; the first joint has a rotor, the last beam a payload."""
 
     axes: Array  # (3, 3): columns x, y, z of the plane in frame 0
     gravity: Array  # (2,), in the plane [m/s²]
@@ -50,17 +50,17 @@ class Plane(NamedTuple):
 
     @property
     def numbers(self) -> list[list[float]]:
-        """What tells it from another one."""
+        """All numbers, for comparison with another arm."""
         return [*map(list, self.beams), [*self.gravity.tolist(), self.rotor, self.payload]]
 
 
 def beam_scene(name: str) -> Scene:
-    """The scene with its input, sampled as the reference is.
+    """The scene with its input, with the samples of the reference.
 
     Raises
     ------
     ArgumentError
-        There is no such scene.
+        No such scene exists.
     """
     change = require_one_of("scene", name, SCENES)
     return INPUTS.get(name, INPUTS["none"])(load_scene(scene_file(name)).varied(change))
@@ -72,13 +72,13 @@ def plane_of(scene: Scene) -> Plane:
     Raises
     ------
     ArgumentError
-        The arm is not one that a `Plane` holds.
+        The arm cannot be represented as a `Plane`.
     """
     links = scene.arm.links
     base = sum(link.joint.locked and not link.length for link in links)
     beams, turned = links[base:], [link for link in links[base + 1 :] if any(link.mount.rpy_deg)]
     if not beams or turned or any(link.flex != "z" or link.joint.locked for link in beams):
-        raise ArgumentError(f"{scene.name}: not flexible links one after another in a plane, on a fixed base")
+        raise ArgumentError(f"{scene.name}: not a serial arm of flexible links in a plane on a fixed base")
     axes = functools.reduce(np.matmul, (matrix_from_rpy_deg(link.mount.rpy_deg) for link in links))
     angles = np.radians(np.cumsum(scene.initial.joint_deg[base:])).tolist()
     gravity = axes.T @ np.array(scene.gravity)
@@ -99,12 +99,12 @@ def _beam(scene: Scene, link: Link, angle: float) -> Beam:
 
 @functools.cache
 def beam_reference(name: str) -> tuple[Array, float]:
-    """Tip in frame 0, shape (samples, 3) [m], and how far it may be off [m].
+    """Tip in frame 0, shape (samples, 3) [m], and its error estimate [m].
 
     Raises
     ------
     DataFileError
-        The reference is that of another scene.
+        The reference belongs to another scene.
     """
     stored = look_up(file_name(name), "plane")
     now = plane_of(beam_scene(name)).numbers
@@ -112,11 +112,11 @@ def beam_reference(name: str) -> tuple[Array, float]:
         np.allclose(a, b, rtol=1e-12, atol=0) for a, b in zip(stored, now, strict=True)
     ):
         raise DataFileError(
-            f"reference {file_name(name)}: of another scene; compute it anew: python -m validation.physics.exudyn_beams"
+            f"reference {file_name(name)}: belongs to another scene; update: python -m validation.physics.exudyn_beams"
         )
     return np.array(look_up(file_name(name), "tip")), float(look_up(file_name(name), "own_error_m"))
 
 
 def file_name(name: str) -> str:
-    """Of the file in `validation/reference/`."""
+    """Name of the file in `validation/reference/`."""
     return f"exudyn_beams/{name}"

@@ -1,12 +1,12 @@
-"""python -m validation.physics.exudyn_beams: motions of Exudyn's geometrically exact beams, as references.
+"""python -m validation.physics.exudyn_beams: compute reference motions of Exudyn's geometrically exact beams.
 
-Elements of three nodes (order 4 in their number), the generalized-α method (order 2 in the step; but a beam that is let
-go vibrates in modes that no step resolves, and order 1 is what is counted). The beam of a chain neither shears nor
-stretches: both stiffnesses are s EI/L², and what a finite s does falls like 1/s. Newton's method ends at a residual
-that is a part of the largest such stiffness; below the rounding of axial forces it never would.
+Elements have three nodes (order 4 in their number). The generalized-α method has order 2 in the step; a released beam
+also vibrates in unresolved modes, so order 1 is assumed. The beam of a chain neither shears nor stretches: both
+stiffnesses are s EI/L², with an effect proportional to 1/s. Newton's method stops at a residual relative to the largest
+such stiffness; below the rounding error of axial forces it would not converge.
 
-Each of the four is made coarser by itself. What that changes, over how much larger it is than what is left of the
-error, is added up as the own error of the finest run. Needs exudyn; takes a minute.
+Each of the four parameters is coarsened separately. The error estimate of the finest run is the sum of the changes,
+each divided by its ratio to the remaining error. Needs exudyn; takes a minute.
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ from validation.reference_values import store_reference
 
 TORQUES_OF_SCENES = {"torque_pulse": pulse}
 SPECTRAL_RADIUS = 0.9  # of the generalized-α method at infinite frequency
-INTERVALS = 2  # between the nodes of an element
+INTERVALS = 2  # number of intervals between the nodes of an element
 
 
 class Numerics(NamedTuple):
-    """How fine a run is; `stiffness` is s, or None: the section's own stiffnesses."""
+    """Resolution of a run; `stiffness` is s, or None for the section's own stiffnesses."""
 
-    elements: int  # a link
+    elements: int  # per link
     step: float  # s
     stiffness: float | None
     residual: float
@@ -59,11 +59,11 @@ FINEST = Numerics(elements=16, step=1.5625e-5, stiffness=1e6, residual=2e-13)
 COARSER: dict[str, tuple[Any, int]] = {
     "elements": (8, 2**4 - 1), "step": (3.125e-5, 2 - 1), "stiffness": (1e5, 10 - 1), "residual": (2e-12, 10 - 1),
 }  # fmt: skip
-"""Of each: a coarser value, and how much larger its change is than what is left of the error."""
+"""For each parameter, a coarser value, and the ratio of the resulting change to the remaining error."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Compute and store."""
+    """Compute and store the references."""
     parser = argparse.ArgumentParser(prog="python -m validation.physics.exudyn_beams", description=__doc__)
     parser.add_argument("scenes", nargs="*", default=list(SCENES), help="names (default: all)")
     for name in parser.parse_args(arguments).scenes:
@@ -72,7 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def compute(name: str) -> float:
-    """Run and store; the own error [m]."""
+    """Run and store a scene; return the error estimate [m]."""
     scene, began = beam_scene(name), time.process_time()
     plane = plane_of(scene)
     finest = tip(name, plane, scene.run, FINEST)
@@ -130,7 +130,7 @@ def tip(name: str, plane: Plane, run: RunSettings, fine: Numerics) -> Array:
 
 
 def _add_beam(mbs: Any, beam: Beam, begin: Array, gravity: Array, fine: Numerics) -> tuple[list[Any], Array]:
-    """The nodes of a beam, and where it ends."""
+    """Add a beam; return its nodes and its end."""
     intervals = fine.elements * INTERVALS
     end = begin + beam.length * np.array([np.cos(beam.angle), np.sin(beam.angle)])
     places = np.linspace(begin, end, intervals + 1)

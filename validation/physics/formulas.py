@@ -1,4 +1,4 @@
-"""Torques and motions that a benchmark defines by a formula, as tables with a negligible error."""
+"""Torques and motions that benchmarks define by formulas, as tables with negligible error."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def pulse(t: ArrayLike) -> Array:
 
 
 def torque_pulse(scene: Scene, knots: int = 241) -> Scene:
-    """The torque `pulse` at the first joint; the spline errs by (5 ms)⁴/384 · max|T⁗|, 1e-7 N m."""
+    """Apply the torque `pulse` to the first joint; the spline error is (5 ms)⁴/384 · max|T⁗|, 1e-7 N m."""
     t = np.linspace(0, 1.2, knots)
     torque = pulse(t)
     drive = Drive(kind="table", smooth=True, times=tuple(t.tolist()), torques=tuple((x,) for x in torque.tolist()))
@@ -32,9 +32,9 @@ def torque_pulse(scene: Scene, knots: int = 241) -> Scene:
 
 
 def spin_up(scene: Scene, knots: int = 151) -> Scene:
-    """θ = (6/15) [t²/2 + (15/2π)² (cos(2πt/15) − 1)] for 15 s, then 6 rad/s (Kane, Ryan & Banerjee 1987).
+    """Prescribe θ = (6/15) [t²/2 + (15/2π)² (cos(2πt/15) − 1)] for 15 s, then 6 rad/s (Kane, Ryan & Banerjee 1987).
 
-    Quintic pieces of 0.1 s follow it to (0.05)⁶/720 · max|θ⁽⁶⁾|, 3e-13 rad.
+    Quintic pieces of 0.1 s approximate it to (0.05)⁶/720 · max|θ⁽⁶⁾|, 3e-13 rad.
     """
     t = np.linspace(0, 15, knots)
     ω = 2 * np.pi / 15
@@ -50,7 +50,7 @@ def spin_up(scene: Scene, knots: int = 151) -> Scene:
 
 
 def torques_of_motion(scene: Scene, step: float = 0.02) -> Scene:
-    """The scene's motions taken out, driven instead by the torques that they would take of the arm if it were rigid."""
+    """Replace the scene's prescribed motions by the drive torques that they need if the arm is rigid."""
     chain = lump(scene)
     motion = motion_arrays(scene, chain)
     q, qd = initial_state(scene, chain)
@@ -65,7 +65,7 @@ def torques_of_motion(scene: Scene, step: float = 0.02) -> Scene:
 
 
 def torques_of_links(scene: Scene, chain: Chain, tau: Array) -> Array:
-    """Torques of the active joints, one number per link; 0 where the joint is locked."""
+    """Torques of the active joints, one number per link; 0 for a locked joint."""
     found = np.zeros(len(scene.arm.links))
     for k in chain.active:
         found[chain.coordinate(int(k)).link - 1] = tau[k]
@@ -73,7 +73,7 @@ def torques_of_links(scene: Scene, chain: Chain, tau: Array) -> Array:
 
 
 def nothing(scene: Scene) -> Scene:
-    """No input."""
+    """Return the scene without an input."""
     return scene
 
 

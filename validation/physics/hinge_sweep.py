@@ -1,4 +1,4 @@
-"""Error against number of hinges, rule by rule: the curves, the fitted orders, and how many hinges a need takes."""
+"""Error against number of hinges for each rule: curves, fitted orders, and the number of hinges that a need takes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Errors = dict[int, float]
 
 
 class Need(Spec, frozen=True):
-    """What a user may want: these errors within a limit."""
+    """A user's requirement: these errors are within a limit."""
 
     name: str
     measures: tuple[str, ...]
@@ -29,21 +29,21 @@ class Need(Spec, frozen=True):
 
 
 class Named(Spec, frozen=True):
-    """An error of one chain that is a quantity by itself, with its own limit; or a part of that of another rule."""
+    """An error of one chain with its own limit, as a separate quantity; or its ratio to the error of another rule."""
 
     quantity: str
     measure: str
     rule: str
     hinges: int
-    over: str = ""  # another rule, with as many hinges
+    over: str = ""  # another rule with the same number of hinges
 
 
 class Sweep(Spec, frozen=True, kw_only=True):
-    """Numbers of hinges by rule; needs; and by measure and rule the order that theory expects.
+    """Numbers of hinges by rule, needs, and expected orders by measure and rule.
 
-    The order is fitted to the last `fitted` numbers of hinges whose error is above the measure's `rounding`. `least`
-    are lower bounds of orders, for rules that come to theirs from above, or whose error changes its sign on the way:
-    there an error that a finer chain exceeds is luck, and is not fitted. `named` are errors of single chains.
+    The order is fitted to the last `fitted` numbers of hinges with an error above the measure's `rounding`. `least`
+    contains lower bounds for rules that approach their order from above or whose error changes sign; the fit then skips
+    accidentally small errors, which a finer chain exceeds. `named` are errors of single chains.
     """
 
     rules: dict[str, tuple[int, ...]]
@@ -55,12 +55,12 @@ class Sweep(Spec, frozen=True, kw_only=True):
     named: tuple[Named, ...] = ()
 
     def last(self, measure: str, errors: Errors, *, lucky: bool = True) -> Errors:
-        """The errors of a measure that its order is fitted to; `lucky`: those that a finer chain exceeds, too."""
+        """Errors of a measure for the fit of its order; `lucky`: include errors that a finer chain exceeds."""
         least = self.rounding.get(measure, 0.0)
-        told = {n: e for n, e in sorted(errors.items()) if np.isfinite(e) and e >= least}
+        valid = {n: e for n, e in sorted(errors.items()) if np.isfinite(e) and e >= least}
         if not lucky:
-            told = {n: e for n, e in told.items() if all(e > told[m] for m in told if m > n)}
-        return dict(list(told.items())[-self.fitted :])
+            valid = {n: e for n, e in valid.items() if all(e > valid[m] for m in valid if m > n)}
+        return dict(list(valid.items())[-self.fitted :])
 
 
 class Point(NamedTuple):
@@ -81,10 +81,10 @@ def by_rule(points: Sequence[Point], measure: str) -> dict[str, Errors]:
 def report(
     sweep: Sweep, points: Sequence[Point], about: str, units: Mapping[str, str] = MappingProxyType({})
 ) -> Iterator[Measured | Series]:
-    """A series a measure, entitled `about`, a row for each fitted order, and rows for the needs and the named errors.
+    """Yield a series titled `about` per measure, and rows for fitted orders, needs and named errors.
 
-    `hinges needed` is the smallest number tried from which on the error stays within; a rule that never gets there has
-    a row of `hinges not enough` instead. `fewest hinges: NAME` is the smallest number of all rules.
+    `hinges needed` is the smallest tried number from which the error stays within the limit. A rule that never reaches
+    it has a row `hinges not enough` instead. `fewest hinges: NAME` is the minimum over all rules.
     """
     for measure in points[0].errors:
         errors = by_rule(points, measure)
@@ -105,7 +105,7 @@ def report(
 
 
 def order(errors: Errors) -> float:
-    """Minus the slope of log error against log number of hinges."""
+    """Negative slope of log error against log number of hinges."""
     n, error = np.array(list(errors)), np.maximum(np.abs(list(errors.values())), 1e-300)
     return float(-np.polyfit(np.log(n), np.log(error), 1)[0])
 
@@ -115,7 +115,7 @@ def _order(sweep: Sweep, measure: str, rule: str, errors: Errors) -> Iterator[Me
     last = sweep.last(measure, errors, lucky=least is None)
     if len(last) < 2:
         if least is not None:
-            raise DataFileError(f"settings.least.{measure}.{rule}: fewer than two errors are above rounding")
+            raise DataFileError(f"settings.least.{measure}.{rule}: fewer than two errors exceed the rounding error")
         return
     fitted = order(last)
     facts: Facts = {"rule": rule, "measure": measure}
@@ -153,6 +153,6 @@ def _need(need: Need, points: Sequence[Point]) -> Iterator[Measured]:
 
 
 def published(pairs: Sequence[tuple[str, float, float]], title: str) -> Series:
-    """The series `published`, a table rather than a curve: what it is, its published number and ours, in one unit."""
+    """Make the series `published`, a table of names, published numbers and ours, in one unit."""
     columns = table(("what", "published", "ours"), pairs)
     return Series("published", title, columns, "published", "published", "ours", group="what")

@@ -1,7 +1,7 @@
-"""The same benchmark in another engine from the exported file, with that engine's M and torques.
+"""Repeat a benchmark in another engine from the exported file, with that engine's M and torques.
 
-Along one angle every torque of a chain is a trigonometric polynomial of degree 2 at most, so that M. Riesz's formula
-gives the exact slope from four values: f'(q) = Σ_k (−1)^(k+1) f(q + x_k) / (8 sin²(x_k/2)), x_k = (2k − 1) π/4.
+As a function of one angle, M and every torque of a chain are trigonometric polynomials of degree at most 2. Riesz's
+formula gives the exact derivative: f'(q) = Σ_k (−1)^(k+1) f(q + x_k) / (8 sin²(x_k/2)), x_k = (2k − 1) π/4, k = 1 … 4.
 """
 
 from __future__ import annotations
@@ -27,22 +27,22 @@ def slope(torque: Callable[[Array], Array], q: Array) -> Array:
 
 
 def springs(engine: Engine) -> Array:
-    """Slope of the engine's T_FL, which is linear."""
+    """Derivative of the engine's T_FL, which is linear."""
     zero = engine.elastic_torque(np.zeros(engine.n))
     return np.asarray([engine.elastic_torque(e) - zero for e in np.eye(engine.n)]).T
 
 
 def load_stiffness(engine: Engine, q: Array, wrench: Array | None = None, qd: Array | None = None) -> Array:
-    """Slope of the engine's T_GC at steady rates, less the torques of a dead tip wrench."""
+    """Derivative of the engine's T_GC at constant rates, minus the torques of a dead tip wrench."""
     rates = np.zeros(engine.n) if qd is None else qd
     return slope(lambda x: engine.bias_torque(x, rates, tip_wrench=wrench), q)
 
 
 def follower_stiffness(engine: MujocoEngine, q: Array, force: Array) -> Array:
-    """As `load_stiffness` for a tip force [N] in axes of the tip, which turns with it."""
+    """Derivative of T_GC as in `load_stiffness`, for a tip force [N] that rotates with the tip, in tip axes."""
 
     def torque(x: Array) -> Array:
-        engine.gravity_torque(x)  # places the bodies
+        engine.gravity_torque(x)  # updates the poses of the bodies
         R = engine.data.xmat[engine.tip].reshape(3, 3)
         return engine.bias_torque(x, np.zeros(engine.n), tip_wrench=np.concatenate([R @ force, np.zeros(3)]))
 
@@ -50,9 +50,9 @@ def follower_stiffness(engine: MujocoEngine, q: Array, force: Array) -> Array:
 
 
 def chain_frequencies(engine: Engine) -> Array:
-    """All ω of a straight chain with a spring in every joint, from L⁻¹ M L⁻ᵀ, K = L Lᵀ, whose eigenvalues are 1/ω².
+    """All ω of a straight chain with a spring in every joint. The eigenvalues of L⁻¹ M L⁻ᵀ, K = L Lᵀ, are 1/ω².
 
-    This form keeps the slow modes exact to rounding, however fast the others are.
+    This form computes slow modes to rounding error, however fast the fast modes are.
     """
     L = linalg.cholesky(springs(engine), lower=True)
     half = linalg.solve_triangular(L, engine.mass_matrix(np.zeros(engine.n)), lower=True)
@@ -61,14 +61,14 @@ def chain_frequencies(engine: Engine) -> Array:
 
 
 def squares(engine: Engine, q: Array, K: Array, free: Indices) -> NDArray[np.complex128]:
-    """ω² of K φ = ω² M φ on the coordinates `free`, in order of the real part."""
+    """ω² of K φ = ω² M φ for the coordinates `free`, sorted by real part."""
     block = np.ix_(free, free)
     found = linalg.eigvals(K[block], engine.mass_matrix(q)[block])
     return np.asarray(found[np.argsort(found.real, kind="stable")])
 
 
 def symmetric_squares(engine: Engine, q: Array, K: Array, free: Indices) -> Array:
-    """`squares` of a conservative load: real, by the symmetric solver."""
+    """`squares` for a conservative load: real, from the symmetric solver."""
     block = np.ix_(free, free)
     part = K[block]
     return np.asarray(linalg.eigh((part + part.T) / 2, engine.mass_matrix(q)[block], eigvals_only=True))

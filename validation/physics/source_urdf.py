@@ -13,10 +13,10 @@ from flexlink.common.types import Array
 
 
 class Original:
-    """The joints `names` of a URDF, in this order; all others stay at their positions [rad, m].
+    """The joints `names` of a URDF, in this order; all other joints are fixed at their positions [rad, m].
 
-    A `continuous` joint has two numbers in Pinocchio, cosine and sine. On a free base six coordinates come first, at
-    which it is in frame 0; without spin their rates and accelerations are those of Pinocchio's free flyer.
+    A `continuous` joint has two numbers in Pinocchio, cosine and sine. With a free base, six coordinates come first.
+    The base is placed at frame 0; without spin, its rates and accelerations are those of Pinocchio's free flyer.
     """
 
     def __init__(
@@ -31,9 +31,7 @@ class Original:
         whole = pin.buildModelFromUrdf(str(path), *([pin.JointModelFreeFlyer()] if free_base else []))
         floats = 6 * free_base
         for frame in whole.frames:
-            if (
-                frame.type == pin.FrameType.BODY
-            ):  # a link may have the name of a joint, which `buildReducedModel` refuses
+            if frame.type == pin.FrameType.BODY:  # `buildReducedModel` refuses a link with the name of a joint
                 frame.name += " link"
         held = [number for number in range(1 + free_base, whole.njoints) if whole.names[number] not in names]
         posture = pin.neutral(whole)
@@ -52,9 +50,9 @@ class Original:
         return np.asarray(full[np.ix_(self.order, self.order)])
 
     def sizes(self, q: Array) -> Array:
-        """√ of what each joint moves: the largest moment of inertia about its point, of one that slides the mass.
+        """√ of the inertia that each joint moves: largest moment of inertia about its point, or mass if it slides.
 
-        |M_ij| ≤ s_i s_j; unlike √(M_ii M_jj) no axis makes that small by what cancels.
+        |M_ij| ≤ s_i s_j. Unlike √(M_ii M_jj), this bound is not reduced by cancellation about some axis.
         """
         pin.crba(self.model, self.data, self._posture(q), pin.Convention.LOCAL)
         bodies = [self.data.Ycrb[joint.id] for joint in self.joints]
@@ -70,7 +68,7 @@ class Original:
         return np.asarray(pin.nle(self.model, self.data, self._posture(q), self._sorted(qd))[self.order])
 
     def acceleration(self, q: Array, qd: Array, tau: Array) -> Array:
-        """q̈ under the joint torques alone: Pinocchio's `aba` ignores friction."""
+        """q̈ from joint torques only: Pinocchio's `aba` ignores friction."""
         found = pin.aba(self.model, self.data, self._posture(q), self._sorted(qd), self._sorted(tau))
         return np.asarray(found[self.order])
 

@@ -1,4 +1,4 @@
-"""Loads on the tip with the exact tip displacement, from the reference files: one function a benchmark."""
+"""Tip loads with exact tip displacements from the reference files: one function per benchmark."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ PRINCETON_ANGLES = [0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0]  # deg
 
 
 class TipLoad(NamedTuple):
-    """A load on the tip, and where the tip goes."""
+    """A load on the tip and the resulting displacement."""
 
-    facts: Facts  # how large, and where to
+    facts: Facts  # size and direction
     wrench: Array  # (6,) [N, N m]
     displacement: Array  # (3,) [m]
-    note: str = ""  # what others published
-    frame: Frame = "world"  # of the wrench's axes: a dead load, or one that turns with the tip
+    note: str = ""  # published value
+    frame: Frame = "world"  # axes of the wrench: a dead load, or one that turns with the tip
 
     @property
     def size(self) -> Fact:
-        """The first of the facts."""
+        """The first fact."""
         return next(iter(self.facts.values()))
 
 
@@ -45,7 +45,7 @@ def roll_up() -> Iterator[TipLoad]:
 
 
 def princeton() -> Iterator[TipLoad]:
-    """Princeton beam (Dowell & Traybar 1975): three weights at seven angles β to the height of the section."""
+    """Princeton beam (Dowell & Traybar 1975): three weights at seven angles β from the height axis of the section."""
     ansys = look_up("princeton_beam", "ansys_beam_tip |uy|,uz (m) for beta=0..90 step 15")
     for exact in look_up("princeton_beam", "kirchhoff").values():
         force, angle = float(exact["force_N"]), float(exact["beta_deg"])
@@ -60,7 +60,7 @@ def princeton() -> Iterator[TipLoad]:
 
 
 def follower() -> Iterator[TipLoad]:
-    """Force PL²/EI across the tip of a beam with EI = L = 1, which turns with the tip."""
+    """Force PL²/EI normal to a beam with EI = L = 1 at its tip; it turns with the tip."""
     for size, exact in look_up("bent_rods", "follower").items():
         x, y, angle = map(float, exact)
         note = f"The tip turns by {angle:.4g} rad."
@@ -69,7 +69,7 @@ def follower() -> Iterator[TipLoad]:
 
 
 def skew() -> Iterator[TipLoad]:
-    """A dead force aslant to a beam with GJ, EI_y, EI_z = 0.7, 1, 3 and L = 1: it bends about two axes, and twists."""
+    """Oblique dead force on a beam with GJ, EI_y, EI_z = 0.7, 1, 3 and L = 1: it bends about two axes and twists."""
     exact = look_up("bent_rods", "space")
     force = np.array(exact["force"])
     displacement = np.array(exact["tip"]) - [1.0, 0.0, 0.0]

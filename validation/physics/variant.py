@@ -1,4 +1,4 @@
-"""A benchmark scene, varied, for any lumping rule and number of hinges."""
+"""A benchmark scene, varied, with any lumping rule and number of hinges."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from validation.facts import Facts
 
 
 class Rule(Spec, frozen=True):
-    """A lumping rule and its number of hinges a link."""
+    """A lumping rule and its number of hinges per link."""
 
     rule: str
     hinges: int
 
     @property
     def facts(self) -> Facts:
-        """As what was varied."""
+        """The rule as facts of a measurement."""
         return {"rule": self.rule, "hinges": self.hinges}
 
     def __str__(self) -> str:
@@ -33,10 +33,10 @@ class Rule(Spec, frozen=True):
 
 
 class Variant(Spec, frozen=True):
-    """One situation of a benchmark: a scene, what is changed in it, and where its reference values stand.
+    """One configuration of a benchmark: a scene, its changes, and the location of its reference values.
 
-    `change` is what `Scene.varied` takes. `keys` lead to the values in the reference file. Joints of the links in
-    `hold` stay where they are.
+    `change` is the argument of `Scene.varied`. `keys` lead to the values in the reference file. The joints of the links
+    in `hold` are fixed.
     """
 
     name: str = ""
@@ -46,14 +46,14 @@ class Variant(Spec, frozen=True):
     hold: tuple[str, ...] = ()
 
     def build(self, case: Case, wanted: Rule) -> Scene:
-        """The scene with every flexible link cut by a rule.
+        """The scene with every flexible link lumped by a rule.
 
         Raises
         ------
         SceneError
-            The change does not fit, or the rule does not exist for so many hinges.
+            The change does not fit, or the rule does not exist for this number of hinges.
         ArgumentError
-            `scene` is none of the case's.
+            `scene` is not one of the case's.
         """
         paths = {path.stem: path for path in case.scene_files}
         path = require_one_of(f"{case.path}: variant.scene", self.scene or case.scenes[0], paths)
@@ -66,7 +66,7 @@ class Variant(Spec, frozen=True):
 def existing(
     case: Case, rules: Mapping[str, Sequence[int]], variants: Sequence[Variant] = (Variant(),)
 ) -> Iterator[tuple[Rule, list[Scene]]]:
-    """Every rule with the numbers of hinges that it exists for, and the scene of each variant cut by it."""
+    """Yield each rule and each valid number of hinges, with the scenes of all variants lumped by it."""
     for name, counts in rules.items():
         rule = lumping_rule(name)
         for hinges in counts:

@@ -1,1 +1,1 @@
-"""Chains, contestants and a stopwatch for races."""
+"""Chains, contestants and clocks for races."""

@@ -1,4 +1,4 @@
-"""Compiled loops over the kernels: no Python between two calls."""
+"""Compiled loops over the kernels, without Python between two calls."""
 
 from typing import Any
 
@@ -43,7 +43,7 @@ def mass_loop(chain: Any, q: Any, calls: int) -> Any:
 
 @kernel
 def mass_columns_loop(chain: Any, q: Any, calls: int) -> Any:
-    """M by method 1 of Walker and Orin, as `mass_loop`."""
+    """M by method 1 of Walker and Orin, in a loop like `mass_loop`."""
     M = np.zeros((q.shape[1], q.shape[1]))
     for i in range(calls):
         mass_columns(chain, q[i % len(q)], M)
@@ -52,7 +52,7 @@ def mass_columns_loop(chain: Any, q: Any, calls: int) -> Any:
 
 @kernel
 def mass_lower_loop(chain: Any, q: Any, calls: int) -> Any:
-    """M by method 2 of Walker and Orin, as `mass_loop`."""
+    """M by method 2 of Walker and Orin, in a loop like `mass_loop`."""
     M = np.zeros((q.shape[1], q.shape[1]))
     for i in range(calls):
         mass_lower(chain, q[i % len(q)], M)
@@ -61,7 +61,7 @@ def mass_lower_loop(chain: Any, q: Any, calls: int) -> Any:
 
 @kernel
 def mass_upper_loop(chain: Any, q: Any, calls: int) -> Any:
-    """M by method 3 of Walker and Orin, as `mass_loop`."""
+    """M by method 3 of Walker and Orin, in a loop like `mass_loop`."""
     M = np.zeros((q.shape[1], q.shape[1]))
     for i in range(calls):
         mass_upper(chain, q[i % len(q)], M)

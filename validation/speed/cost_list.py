@@ -1,12 +1,12 @@
-"""Costs of the operations that steps with a tolerance are made of, measured on random arms and fitted.
+"""Costs of the operations of adaptive steps, measured on random arms and fitted.
 
     python -m validation.speed.cost_list 240 > flexlink/motion/data/evaluation_costs.toml     # seeds 0 … 239
 
-Arms in a plane and in space, plain and full (`flexlink.motion.inputs.actuation`), by every method with three
-tolerances. Each run's compiled loop is timed, the shortest of five turns, and its operations are counted, and so is an
-evaluation by itself; costs are the numbers, none of them negative, that leave the least relative error of all times
-(NNLS). Samples and calls from Python are fitted beside, and left out of the list. Times are those of one thread on the
-processor, so that who else uses a machine counts little.
+Random planar and spatial arms, plain and full (`flexlink.motion.inputs.actuation`), are run by every method with three
+tolerances. Each run's compiled loop is timed (the shortest of five turns) and its operations are counted; a single
+evaluation is timed as well. Costs are the non-negative numbers with the least relative error of all times (NNLS).
+Samples and calls from Python are also fitted, but not listed. Times are CPU times of one thread, which depend little on
+other processes.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ from flexlink.motion.single_run import SingleRun
 from validation.random_arms import Dice, random_arm, random_tree
 
 METHODS = ("Radau5", "Radau9", "DOP853")
-TOLERANCES = (1e-2, 1e-4, 1e-6)  # of the reach
+TOLERANCES = (1e-2, 1e-4, 1e-6)  # fractions of the reach
 TURNS = 5
-AFFORDABLE = 3e4  # evaluations of a run
-FIRST_SEED = 71_000  # those of the judgement of `auto` are others
-BESIDE = 2  # samples, and calls: fitted, and not listed
+AFFORDABLE = 3e4  # largest number of evaluations of a run
+FIRST_SEED = 71_000  # differs from the seeds that test `auto`
+BESIDE = 2  # number of fitted costs that are not listed: samples and calls
 PARTS = ("start", "body", "body", "body", "body", "coupling", "dry", "driven", "model")
 
 
 class Timed(NamedTuple):
-    """A run: its kind, how often each part of each operation was done, samples and calls, and its time [µs]."""
+    """A run: its kind, counts of each part of each operation, of samples and of calls, and its time [µs]."""
 
     kind: tuple[str, str, str]
     counts: Array
@@ -48,7 +48,7 @@ class Timed(NamedTuple):
 
 
 def scenes(seeds: range) -> Iterator[fl.Scene]:
-    """Random arms, with drives of every kind: half of them in a plane, others in space, and trees."""
+    """Random arms with drives of every kind: half of them planar, others in space, and trees."""
     for seed in seeds:
         dice = Dice(FIRST_SEED + seed)
         try:
@@ -59,7 +59,7 @@ def scenes(seeds: range) -> Iterator[fl.Scene]:
 
 
 def planar(dice: Dice) -> fl.Scene:
-    """One to four links that turn about parallel axes and bend in their plane, or not at all."""
+    """One to four links with parallel joint axes that are rigid or bend in their plane."""
     links = []
     for k in range(dice.one_of(1, 2, 3, 4)):
         flex = dice.one_of("rigid", "z", "z")
@@ -83,7 +83,7 @@ def planar(dice: Dice) -> fl.Scene:
 
 
 def drive_of(dice: Dice, scene: fl.Scene) -> fl.Drive:
-    """None, gains about the start, with a model or without, sampled or not, with a largest torque or without."""
+    """A random drive: none or PD, with or without a model, sampling and torque limit."""
     links = scene.arm.links
     kind = dice.one_of("none", "pd", "pd", "rigid", "computed_torque")
     if kind == "none" or any(link.joint.slides for link in links) or scene.arm.base.kind == "free":
@@ -106,7 +106,7 @@ def drive_of(dice: Dice, scene: fl.Scene) -> fl.Drive:
 
 
 def timed(scene: fl.Scene) -> Timed | None:
-    """The shortest of some turns of a run's compiled loop; None of one that does not run, or hardly begins."""
+    """The shortest of several turns of a run's compiled loop; None if the run fails or takes no step."""
     least, counts, kind = np.inf, np.zeros(0), ("", "", "")
     try:
         problem = problem_of(scene)
@@ -133,7 +133,7 @@ def timed(scene: fl.Scene) -> Timed | None:
 
 
 def of_an_evaluation(scene: fl.Scene) -> Timed | None:
-    """One evaluation by itself, in steps of no length; None of a scene that is refused."""
+    """Time of a single evaluation, in steps of zero length; None if the scene is refused."""
     try:
         problem = problem_of(scene)
         chain, drive = problem.chain, problem.inputs.drive
@@ -148,7 +148,7 @@ def of_an_evaluation(scene: fl.Scene) -> Timed | None:
 
 
 def clocked(function: Callable[..., Any], times: list[float]) -> Callable[..., Any]:
-    """The function, whose times on the processor [s] are noted."""
+    """The function, with its CPU times [s] appended to `times`."""
 
     def call(*arguments: Any) -> Any:
         started = time.thread_time()
@@ -160,30 +160,30 @@ def clocked(function: Callable[..., Any], times: list[float]) -> Callable[..., A
 
 
 def design(work_done: Sequence[float], parts: Array, drive: Any) -> Array:
-    """How often each part of each operation was done, in a row; as `operation_costs` takes them."""
-    asked = np.ones((len(OPERATIONS), len(PARTS)))
+    """Counts of each part of each operation, flattened; as `operation_costs` takes them."""
+    counted = np.ones((len(OPERATIONS), len(PARTS)))
     limited = bool(np.min(drive.effort, initial=np.inf) < np.inf) and not drive.rate
-    asked[:, 7:] = np.array([not drive.rate, limited, drive.rate > 0, *[0] * 6])[:, None]
-    return np.asarray((np.array(work_done)[:, None] * asked * parts).ravel())
+    counted[:, 7:] = np.array([not drive.rate, limited, drive.rate > 0, *[0] * 6])[:, None]
+    return np.asarray((np.array(work_done)[:, None] * counted * parts).ravel())
 
 
 def fitted(runs: list[Timed]) -> tuple[Array, Array]:
-    """Costs (operations, parts) [µs] of runs of one kind, and their times by these, over those measured."""
+    """Costs (operations, parts) [µs] for runs of one kind, and ratios of fitted to measured times."""
     A, y = np.array([run.counts for run in runs]), np.array([run.microseconds for run in runs])
     found, _ = nnls(A / y[:, None], np.ones(len(y)), maxiter=100_000)
     return found[:-BESIDE].reshape(len(OPERATIONS), len(PARTS)), A @ found / y
 
 
 def written(costs: Array) -> Iterator[str]:
-    """A kind's operations as TOML."""
+    """Operations of one kind as TOML."""
     for name, row in zip(OPERATIONS, costs, strict=True):
         values = dict(zip(PARTS[5:], row[5:], strict=True))
-        said = [f"start = {row[0]:.4g}"] if row[0] else []
+        entries = [f"start = {row[0]:.4g}"] if row[0] else []
         if row[1:5].any():
-            said.append("body = [" + ", ".join(f"{x:.4g}" for x in row[1:5]) + "]")
-        said += [f"{part} = {value:.4g}" for part, value in values.items() if value]
-        if said:
-            yield f"{name} = {{ {', '.join(said)} }}"
+            entries.append("body = [" + ", ".join(f"{x:.4g}" for x in row[1:5]) + "]")
+        entries += [f"{part} = {value:.4g}" for part, value in values.items() if value]
+        if entries:
+            yield f"{name} = {{ {', '.join(entries)} }}"
 
 
 def main() -> None:
@@ -211,16 +211,16 @@ def main() -> None:
 
 
 HEAD = """\
-# CPU time of the operations of steps [µs]: a start, and so much for every body, by its number of hinges (0 … 3),
-# coupling of hinges, joint with dry friction, driven joint, and driven joint whose law asks a rigid model. Measured on
-# {date} by
+# CPU time of the operations of a step [µs]: a base cost, and costs per body, by its number of hinges (0 … 3), per
+# coupling of hinges, per joint with dry friction, per driven joint, and per driven joint with a model-based controller.
+# Measured on {date} by
 #
 #     python -m validation.speed.cost_list {seeds}
 #
 # Runs of random arms with three tolerances by Radau5, Radau9 and DOP853, the shortest of five turns on a shared core of
-# 3 GHz; non-negative least squares of relative errors. Another machine scales all costs alike, so that what is
-# compared, and which method is cheapest, stays; `flexlink info` measures seconds where it runs. What is not listed
-# could not be told from the rest."""
+# 3 GHz; non-negative least squares of relative errors. Another machine scales all costs by a similar factor, so
+# comparisons and the cheapest method do not change; `flexlink info` measures seconds on the current machine. Operations
+# that are not listed could not be separated from others."""
 
 
 if __name__ == "__main__":

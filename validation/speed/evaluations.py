@@ -1,6 +1,6 @@
-"""Contestants at one evaluation: kernels in a compiled loop; public functions, Pinocchio and MuJoCo from Python.
+"""Contestants for one evaluation: kernels in a compiled loop; public functions, Pinocchio and MuJoCo from Python.
 
-Each function below returns, for a chain and states, the contestants by job.
+Each function below returns contestants by job for a chain and states.
 """
 
 from __future__ import annotations
@@ -49,10 +49,10 @@ def public(chain: Chain, states: States) -> Jobs:
 
 
 def pinocchio(chain: Chain, states: States) -> dict[str, Jobs]:
-    """Pinocchio with joints of its own kinds, and both of its conventions where an algorithm has two."""
+    """Pinocchio with each type of joints that fits, and in both conventions if an algorithm has two."""
     found: dict[str, Jobs] = {}
     for name, (model, sign) in pinocchio_models.build_all(chain).items():
-        data = pin.Data(model)  # createData makes a second one: 2 GB at n = 400
+        data = pin.Data(model)  # createData would make a second one: 2 GB at n = 400
         q, qd, tau, qdd = (list(part * sign) for part in states)
         for convention in (pin.Convention.LOCAL, pin.Convention.WORLD):
             found[f"{name}, {convention.name.lower()}"] = _pinocchio_jobs(model, data, (q, qd, tau, qdd), convention)
@@ -65,14 +65,14 @@ def _pinocchio_jobs(model: Any, data: Any, states: Any, convention: Any) -> Jobs
         FORWARD: from_python(lambda s: pin.aba(model, data, q[s], qd[s], tau[s], convention), len(q)),
         MASS: from_python(lambda s: pin.crba(model, data, q[s], convention), len(q)),
     }
-    if convention == pin.Convention.LOCAL:  # these have one form
+    if convention == pin.Convention.LOCAL:  # RNE and nle have no convention
         jobs[RNE] = from_python(lambda s: pin.rnea(model, data, q[s], qd[s], qdd[s]), len(q))
         jobs[BIAS] = from_python(lambda s: pin.nle(model, data, q[s], qd[s]), len(q))
     return jobs
 
 
 def derivatives(chain: Chain, states: States) -> dict[str, Jobs]:
-    """Exact derivatives by public call, and by Pinocchio with each kind of joints that fits."""
+    """Exact derivatives by public calls, and by Pinocchio with each type of joints that fits."""
     q, qd, tau, qdd = (list(part) for part in states)
     found = {
         "public": {
@@ -94,7 +94,7 @@ def _pinocchio_derivatives(model: Any, states: list[list[Any]]) -> Jobs:
 
 
 def mujoco_calls(chain: Chain, states: States) -> Jobs:
-    """MuJoCo's functions that the job needs, and no more."""
+    """The minimal set of MuJoCo functions for each job."""
     engine = MujocoEngine(chain)
     m, d = engine.model, engine.data
     q, qd, tau, qdd = states

@@ -1,4 +1,4 @@
-"""Families of chains: one scene, its flexible links cut into more and more segments."""
+"""Families of chains: one scene with more and more segments in its flexible links."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from validation.physics.variant import Rule, Variant
 
 
 class Family(Spec, frozen=True):
-    """The case's scene, varied by `change`, with so many segments a link; engines join up to that many."""
+    """The case's scene, varied by `change`, with numbers of segments per link; engines join up to their own limits."""
 
     segments: tuple[int, ...]
     pinocchio: int = 0
@@ -28,13 +28,13 @@ class Family(Spec, frozen=True):
     rule: str = "paper"
 
     def scene(self, case: Case, segments: int) -> Scene:
-        """The scene with so many segments a link."""
+        """The scene with `segments` segments per link."""
         return Variant(change=self.change).build(case, Rule(rule=self.rule, hinges=segments - 1))
 
     def released(self, case: Case, segments: int) -> Scene:
-        """The same with RK4 at a stable step: half the largest of the shortest chain, carried over by (n₀/n)².
+        """The scene with RK4 at a stable step: half the largest of the shortest chain, scaled by (n₀/n)².
 
-        The fastest mode bends from hinge to hinge; its frequency grows as the square of their number, or slower.
+        The fastest mode bends from hinge to hinge; its frequency grows at most with the square of their number.
         """
         first = min(self.segments)
         chain = lump(self.scene(case, first))
@@ -43,7 +43,7 @@ class Family(Spec, frozen=True):
 
 
 def of_steps(scene: Scene, steps: int, step: float | None = None) -> Scene:
-    """A run with RK4 of so many steps that keeps its first and last state; the step [s] is the scene's, or this."""
+    """A run with `steps` steps of RK4 and two samples, first and last state; the step [s] defaults to the scene's."""
     h = step or scene.run.fixed_step
     return scene.varied({"run": RunSettings(method="RK4", step=h, duration=steps * h, sample=max(steps, 1) * h)})
 
@@ -58,6 +58,6 @@ class States(NamedTuple):
 
 
 def timed_states(chain: Chain, count: int = 2) -> States:
-    """Arrays of shape (count, n); a loop goes through them in turn, so that no call repeats the one before it."""
+    """Random states, arrays of shape (count, n); a loop uses them in turn, so no call repeats the previous one."""
     random = np.random.default_rng(0)
     return States(random.uniform(-np.pi, np.pi, (count, chain.n)), *random.uniform(-10.0, 10.0, (3, count, chain.n)))

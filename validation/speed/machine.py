@@ -10,7 +10,7 @@ from typing import NamedTuple
 from validation.store import Conditions
 
 PROC_STAT = Path("/proc/stat")
-SHORTEST_LOAD = 0.2  # s; the system counts in ticks of 0.01 s, and a load of less time is mostly their rounding
+SHORTEST_LOAD = 0.2  # s; the system counts in ticks of 0.01 s, so loads over shorter times are mostly rounding error
 
 
 class LoadMonitor:
@@ -29,13 +29,13 @@ class LoadMonitor:
             others = (end.every - start.every) - (end.own - start.own)
             load = round(max(0.0, others) / passed, 3)
         laps = sorted(self._laps + _laps())
-        usual = laps[: len(laps) - len(laps) // 50]  # the fastest of several turns does not see a single hiccup either
+        usual = laps[: len(laps) - len(laps) // 50]  # drop the slowest 2 %: single hiccups do not affect minima either
         spread = sum(usual) / len(usual) / laps[0] - 1.0
         return Conditions(load, round(spread, 3), os.cpu_count() or 1)
 
 
 class ClockReading(NamedTuple):
-    """Seconds: by the wall, of all processes on all cores, of this process and its children that ended."""
+    """Seconds of wall time, of CPU time of all processes, and of CPU time of this process and its ended children."""
 
     wall: float
     every: float | None
@@ -49,7 +49,7 @@ def _read() -> ClockReading:
 
 
 def _busy_seconds() -> float | None:
-    """CPU time of all processes and of the host, all cores [s]; None where the system does not count it."""
+    """CPU time of all processes and of the host, over all cores [s]; None if the system does not count it."""
     if not PROC_STAT.exists():
         return None
     user, nice, system, _idle, _wait, *interrupts = map(int, PROC_STAT.read_text().splitlines()[0].split()[1:9])

@@ -1,6 +1,6 @@
-"""Members of a sweep in one process with MuJoCo: run only, model compiled too, or text written too.
+"""Members of a sweep in one process with MuJoCo: run only, compile the model as well, or also write its text.
 
-Nothing is read off the runs, which is in MuJoCo's favour.
+No results are read from the runs, which favours MuJoCo.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from validation.speed.steps import take_in_mujoco
 
 
 def works(members: Sequence[Scene]) -> Mapping[str, Work]:
-    """Work that takes the next members, round and round, each by RK4 with its own step to its end."""
+    """Jobs that take the next members cyclically and run each to its end by RK4 with its own step."""
     texts = [_text(scene) for scene in members]
     models = list(map(_compiled, texts))
     starts = [initial_state(scene, lump(scene)) for scene in members]

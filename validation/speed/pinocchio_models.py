@@ -1,4 +1,4 @@
-"""A chain as Pinocchio models built in code: one joint a hinge, or one joint a hinge group, of each kind that fits.
+"""A chain as Pinocchio models built in code: one joint per hinge or per hinge group, of each joint type that fits.
 
 SphericalZYX turns about Z, Y, X; a group turns about X, Y, Z. In axes turned by S about Y, x' = −z, z' = x, it is
 Rx(a) Ry(b) Rz(c) = S Rz(a) Ry(b) Rx(−c) Sᵀ.
@@ -19,7 +19,7 @@ S = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 
 
 def build_all(chain: Chain) -> dict[str, tuple[Any, Array]]:
-    """Models by the kind of their joints, each with the sign of every coordinate, shape (n,)."""
+    """Models by joint type, each with the sign of every coordinate, shape (n,)."""
     sizes = set((chain.bodies["stop"] - chain.bodies["first"]).tolist())
     kinds = ["revolute joints"]
     kinds += ["universal joints"] if 2 in sizes else []
@@ -28,7 +28,7 @@ def build_all(chain: Chain) -> dict[str, tuple[Any, Array]]:
 
 
 def build(chain: Chain, kind: str) -> tuple[Any, Array]:
-    """The chain with joints of a kind, where a hinge group has more than one axis."""
+    """The chain with joints of one type for hinge groups with more than one axis."""
     model, parent, place, sign = pin.Model(), 0, pin.SE3.Identity(), np.ones(chain.n)
     for i, body in enumerate(chain.bodies):
         place = place * pin.SE3(body["rotation"].copy(), body["translation"].copy())

@@ -1,4 +1,4 @@
-"""Races of contestants by name, job after job, on families of chains: times, and how they grow with the joints n.
+"""Races of named contestants, job by job, on families of chains: times, and how they grow with the number of joints n.
 
 Contestants run in turns after a warm-up; the fastest turn of each counts.
 """
@@ -20,26 +20,26 @@ from validation.speed.families import Family
 from validation.store import Series, table
 
 Work = Callable[[int], object]
-"""Does its job that many times."""
+"""Repeats its job a given number of times."""
 
 Jobs = dict[str, Work]
-"""Works of one contestant by job."""
+"""Jobs of one contestant by name."""
 
 Name = TypeVar("Name")
 
 
 def race(works: Mapping[Name, Work], turns: int, turn: float) -> dict[Name, float]:
-    """Seconds a call, in the fastest turn of each contestant.
+    """Seconds per call, in the fastest turn of each contestant.
 
-    They take turns, so that a slow spell of the machine meets all of them; what disturbs a turn only makes it longer,
-    so that the shortest is the best estimate.
+    Contestants take turns, so a slow period of the machine affects all of them. Disturbances only lengthen a turn, so
+    the shortest is the best estimate.
 
     Parameters
     ----------
     works
-        The contestants; each is warmed up, machine code included, while the number of calls in a turn is found.
+        The contestants. Each is warmed up, including compilation, to find the number of calls in a turn.
     turns
-        Number of turns of each.
+        Number of turns of each contestant.
     turn
         Shortest length of a turn [s].
     """
@@ -52,7 +52,7 @@ def race(works: Mapping[Name, Work], turns: int, turn: float) -> dict[Name, floa
 
 
 def clock(work: Work, calls: int) -> float:
-    """CPU time of so many calls [s]."""
+    """CPU time of `calls` calls [s]."""
     return processor_time(lambda: work(calls))
 
 
@@ -72,7 +72,7 @@ def _calls_in(work: Work, turn: float) -> int:
 
 
 class Race(NamedTuple):
-    """Seconds that each contestant took for one job on a chain of n joints."""
+    """Seconds of each contestant for one job on a chain of n joints."""
 
     chain: str
     job: str
@@ -81,7 +81,7 @@ class Race(NamedTuple):
 
     @property
     def facts(self) -> dict[str, Fact]:
-        """What was timed."""
+        """Facts of the timed job."""
         return {"chain": self.chain, "job": self.job, "n": self.n}
 
     def times_less(self, one: str, other: str) -> float:
@@ -90,19 +90,19 @@ class Race(NamedTuple):
 
 
 class Races(Spec, frozen=True):
-    """Families by name, and how often and how long [s] each contestant runs."""
+    """Families by name, number of turns of each contestant, and length of a turn [s]."""
 
     chain: dict[str, Family]
     turns: int
     turn: NonNegative
 
     def sizes(self) -> Iterator[tuple[str, Family, int]]:
-        """Every family with its name and each of its numbers of segments."""
+        """Yield each family with its name and each number of segments."""
         for name, family in self.chain.items():
             yield from ((name, family, segments) for segments in family.segments)
 
     def run(self, chain: str, n: int, contestants: Mapping[str, Jobs]) -> Iterator[Race]:
-        """Every job of the first contestant, raced by all that can do it."""
+        """Race every job of the first contestant among all that can do it."""
         for job in next(iter(contestants.values())):
             works = {name: jobs[job] for name, jobs in contestants.items() if job in jobs}
             yield Race(chain, job, n, race(works, self.turns, self.turn))
@@ -112,13 +112,13 @@ Some = TypeVar("Some", bound=Races)
 
 
 def rehearsal(settings: Some) -> Some:
-    """The shortest chain of every family, once."""
+    """Settings for a rehearsal: the shortest chain of every family, once."""
     shortest = {name: replace(family, segments=family.segments[:1]) for name, family in settings.chain.items()}
     return replace(settings, chain=shortest, turns=1, turn=0.0)
 
 
 def growth(races: Sequence[Race]) -> Iterator[Measured | Series]:
-    """Exponents of every family, job and engine, and for every job a series to draw."""
+    """Yield growth exponents of every family, job and engine, and a series for each job."""
     for chain, job, engine in dict.fromkeys((one.chain, one.job, engine) for one in races for engine in one.seconds):
         yield from exponent([one for one in races if (one.chain, one.job) == (chain, job)], engine)
     for job in dict.fromkeys(one.job for one in races):
@@ -126,8 +126,8 @@ def growth(races: Sequence[Race]) -> Iterator[Measured | Series]:
 
 
 def exponent(races: Sequence[Race], engine: str) -> Iterator[Measured]:
-    """p of an engine's cost ∝ n^p by least squares on logarithms, if at least two chains are long enough."""
-    shortest = 100  # joints; below, what does not grow with n is a part of the time
+    """p of an engine's cost ∝ n^p by least squares of logarithms, if at least two chains are long enough."""
+    shortest = 100  # joints; for shorter chains, constant overhead is significant
     long = [one for one in races if one.n >= shortest and engine in one.seconds]
     if len(long) > 1:
         first, last = long[0], long[-1]
@@ -138,7 +138,7 @@ def exponent(races: Sequence[Race], engine: str) -> Iterator[Measured]:
 
 
 def series(races: Sequence[Race], what: str, title: str, group: str, part: str = "") -> Series:
-    """Cost of one job against n: a panel a family, a curve a contestant, which the column `group` names."""
+    """Cost of one job against n: a panel per family, a curve per contestant, named in the column `group`."""
     rows = [(one.chain, name, one.n, 1e6 * seconds) for one in races for name, seconds in one.seconds.items()]
     columns = table(("chain", group, "n", "time [µs]"), rows)
     labels = "n", "degrees of freedom n", "time [µs]"

@@ -1,6 +1,6 @@
-"""Contestants at Runge-Kutta steps: our compiled loop, MuJoCo's `mj_step`, a Python loop over Pinocchio's `aba`.
+"""Contestants for Runge-Kutta steps: flexlink's compiled loop, MuJoCo's `mj_step`, a Python loop of Pinocchio's `aba`.
 
-Each function prepares a run from the scene's initial state and returns work that takes so many steps of RK4.
+Each function prepares a run from the scene's initial state and returns a job that takes a number of steps of RK4.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def native(scene: Scene) -> Work:
 
 
 def native_batch(members: Sequence[Scene]) -> Work:
-    """The loop of `flexlink.simulate_many`, on one thread: members of one chain, eight side by side."""
+    """The loop of `flexlink.simulate_many`, on one thread: members of one chain, eight in parallel."""
     problem = problem_of(members[0])
     chain = problem.chain
     work = lanes_workspace(solver_for(chain, "articulated"), [chain])
@@ -45,7 +45,7 @@ def native_batch(members: Sequence[Scene]) -> Work:
 
 
 def _loop(problem: InitialValueProblem, work: Any, starts: Array) -> Work:
-    """From each of the starts (runs, 2, n), or of eight side by side (blocks, 2, n, 8)."""
+    """Integrate from each of the initial states (runs, 2, n), or from eight in parallel (blocks, 2, n, 8)."""
     fixed = work, method("RK4").arrays, problem.inputs, problem.run.fixed_step, 0
     lanes = starts.shape[3:]
     samples = *np.zeros((2, 2, problem.chain.n, *lanes)), np.zeros((2, *lanes))
@@ -59,14 +59,14 @@ def _loop(problem: InitialValueProblem, work: Any, starts: Array) -> Work:
 
 
 def by_pinocchio(scene: Scene) -> Work:
-    """A plain Python loop over `aba`, four a step, of an arm that nothing drives; set up once."""
+    """A plain Python loop over `aba`, four per step, for an arm without drive; set up once."""
     chain, h = lump(scene), scene.run.fixed_step
     engine = PinocchioEngine(chain)
     model, data, k, d = engine.model, engine.data, engine.stiffness, engine.damping
     more = engine.coulomb.any() or len(engine.couplings)
     if scene.drive.kind != "none" or scene.motion or scene.tip_wrench.any() or more:
         raise FlexlinkError(
-            f"{scene.name}: only a fall without drive, wrench, dry friction and cells is timed in Pinocchio"
+            f"{scene.name}: Pinocchio is timed only without drive, prescribed motion, wrench, dry friction and cells"
         )
     start, rest = initial_state(scene, chain), k * engine.rest
 
@@ -92,7 +92,7 @@ def by_pinocchio(scene: Scene) -> Work:
 
 
 def by_mujoco(scene: Scene) -> Work:
-    """`mj_step`, many steps a call; autoreset is off in the exported file."""
+    """`mj_step` with many steps per call; autoreset is off in the exported file."""
     model, data, start = _loaded(scene)
 
     return lambda steps: take_in_mujoco(scene, model, data, start, steps)
@@ -101,7 +101,7 @@ def by_mujoco(scene: Scene) -> Work:
 def take_in_mujoco(
     scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, start: tuple[Any, Any], steps: int
 ) -> None:
-    """So many steps of a scene from its start, q and q̇."""
+    """Take `steps` steps of a scene from the initial state q, q̇."""
     mujoco.mj_resetData(model, data)
     data.qpos, data.qvel = start
     with quiet():
@@ -140,4 +140,4 @@ def _loaded(scene: Scene) -> tuple[mujoco.MjModel, mujoco.MjData, tuple[Any, Any
 def _demand(scene: Scene, engine: str, stable: bool) -> None:
     if not stable:
         step = f"step = {scene.run.fixed_step:g} s"
-        raise FlexlinkError(f"{scene.name}: {engine} is unstable at {step}: its time says nothing")
+        raise FlexlinkError(f"{scene.name}: {engine} is unstable at {step}: its time is meaningless")

@@ -1,9 +1,9 @@
 """Recursive Newton-Euler for any arm with all operations: the baseline for removing redundant ones.
 
-The formulation is that of `flexlink/kernels/bodies/rne.py`, body frames and the same terms. But every hinge is a joint
-of its own, with a body that may have no mass, a rotation matrix of nine numbers, an axis and an offset of three:
-products with 0 and 1 and sums with 0 are made like all others. M takes a whole inverse dynamics a column, with gravity,
-rates and tip wrench set to zero.
+The formulation is that of `flexlink/kernels/bodies/rne.py`, with body frames and the same terms. But every hinge is a
+separate joint with a body (possibly massless), a rotation matrix of nine numbers, an axis and an offset of three:
+products with 0 and 1 and sums with 0 are computed like all others. M takes one complete inverse dynamics per column,
+with gravity, rates and tip wrench set to zero.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from flexlink.kernels.tools.vec3 import ZERO, add, apply, apply_transposed, cos_
 
 
 class Rows(NamedTuple):
-    """A row for each hinge, and for each body without one: its axis is 0."""
+    """A row for each hinge, and for each body without a hinge (its axis is 0)."""
 
-    hinge: NDArray[np.int64]  # its number; of a body without hinges 0
+    hinge: NDArray[np.int64]  # number of the hinge; 0 for a body without hinges
     axis: Array  # (m, 3)
     placement: Array  # (m, 3, 3)
     offset: Array  # (m, 3)
@@ -34,7 +34,7 @@ class Rows(NamedTuple):
 
 
 def rows_of(chain: Chain) -> Rows:
-    """The chain with one joint a row: a hinge before the last one of its body turns a body without mass."""
+    """The chain with one joint per row: a hinge before the last one of its body moves a massless body."""
     parts: list[tuple[Any, ...]] = []
     for body in chain.bodies:
         hinges = range(body.first, body.stop)
@@ -111,7 +111,7 @@ def bias_loop(rows: Any, q: Any, qd: Any, calls: int) -> Any:
 
 @kernel
 def mass_loop(rows: Any, q: Any, calls: int) -> Any:
-    """M of angles (s, n) in turn, `calls` times: method 1 by whole inverse dynamics; rotations are found once."""
+    """M of angles (s, n) in turn, `calls` times: method 1 by complete inverse dynamics; rotations are computed once."""
     n = q.shape[1]
     rest, one, wrench, column = np.zeros(n), np.zeros(n), np.zeros(6), np.empty(n)
     M, loads = np.empty((n, n)), np.empty((len(rows.mass), 2, 3))

@@ -1,1 +1,1 @@
-"""Work-precision studies: scenes with references, and runs of flexlink, other engines and solvers on them."""
+"""Work-precision studies: scenes with references, run in flexlink, other engines and other solvers."""

@@ -1,8 +1,8 @@
 """Time for a given error with Drake's error-controlled integrators on the exported SDF.
 
-For scenes without drive, dry friction and load, which Drake would ask Python for: the clock runs while it advances, and
-no Python is in that. Its `runge_kutta5` and `bogacki_shampine3`
-have no part: of a damped chain they do not come back from the first outputs within half a minute.
+Scenes with a drive, dry friction or load are excluded, since Drake would call Python for them. Only Drake's advancing
+is timed, which involves no Python. Its `runge_kutta5` and `bogacki_shampine3` are excluded: on a damped chain they do
+not pass the first outputs within half a minute.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ SCHEMES = ("implicit_euler", "radau3", "runge_kutta3")
 
 
 def points(name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
-    """Ladders of accuracies of all integrators, until both errors are small or a run passes the budget."""
+    """Ladders of accuracies of all integrators, until both errors are small or a run exceeds the budget."""
     runs = DrakeRuns(name)
     return {scheme: _ladder(runs, scheme, budget, smallest) for scheme in SCHEMES}
 
 
 def _ladder(runs: DrakeRuns, scheme: str, budget: float, smallest: float) -> list[Point]:
     found: list[Point] = []
-    for digits in range(1, 13):  # of accuracy; below one digit Drake takes none
-        point = runs.run(scheme, 10.0**-digits, 2.0 * budget)  # longer runs are not waited for
+    for digits in range(1, 13):  # of accuracy; Drake accepts no fewer
+        point = runs.run(scheme, 10.0**-digits, 2.0 * budget)  # longer runs are aborted
         if point is None:
             break
         found.append(point)
@@ -42,7 +42,7 @@ def _ladder(runs: DrakeRuns, scheme: str, budget: float, smallest: float) -> lis
 
 
 class DrakeRuns:
-    """A scene of the trade in Drake."""
+    """A scene of the trade study in Drake."""
 
     def __init__(self, name: str) -> None:
         self.name, self.scene = name, trade_scene(name)
@@ -50,7 +50,7 @@ class DrakeRuns:
         self.engine, self.start = DrakeEngine(self.chain), initial_state(self.scene, self.chain)
 
     def run(self, scheme: str, accuracy: float, longest: float) -> Point | None:
-        """A run; an error of infinity if Drake gives up, None if it takes more than `longest` [s]."""
+        """Run once; the error is infinite if Drake gives up, the result None if it takes more than `longest` [s]."""
         simulator, plant = self.engine._simulator(problem_of(self.scene, self.chain))
         state = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
         plant.SetPositionsAndVelocities(state, np.concatenate(self.start))

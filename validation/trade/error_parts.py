@@ -1,11 +1,11 @@
-"""The error of a run split into model, space, time and rounding, each against a run converged in that part.
+"""Split the error of a run into model, space, time and rounding errors, each from a run converged in that part.
 
     run → the same chain, exact in time → the same type, infinitely many hinges → the true type, infinitely many hinges
        time                            space                                   model
 
-Every arrow is a distance, the largest of the tip's over the samples, so that the total is at most their sum. Rounding
-is a part of the first arrow, and shown apart. What stands for infinitely many and for exact says its own error: its
-distance from what a coarser choice of the same kind gives.
+Each arrow is the tip's largest distance over the samples; the total error is at most their sum. Rounding is part of the
+first arrow and also shown separately. The converged runs have error estimates: the distance to a run with a coarser
+choice of the same kind.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from flexlink.motion.simulate import simulate
 from flexlink.results.tip_motion import largest_distance
 
 Type = Literal["rigid", "z", "yz", "xyz"]
-TYPES: Mapping[str, Type] = {"T1": "z", "T2": "yz", "T3": "xyz"}  # as the paper calls them
+TYPES: Mapping[str, Type] = {"T1": "z", "T2": "yz", "T3": "xyz"}  # the paper's names
 
-SMALL_CHANGE = 1e-10  # rad, rad/s: its square is below a rounding, its changes of h q̇ and h q̈ far above
+SMALL_CHANGE = 1e-10  # rad, rad/s: its square is below rounding error; its effect on h q̇ and h q̈ is far above
 
 
 class Setup(Spec, frozen=True):
-    """How a run is made: type of the links, lumping, method, and a step [s] or a tolerance [m]."""
+    """Definition of a run: type of the links, lumping, method, and a step [s] or a tolerance [m]."""
 
     flex: Type
     method: str
@@ -42,12 +42,12 @@ class Setup(Spec, frozen=True):
     tolerance: Positive | None = None
 
     def tip(self, scene: Scene, q0: Array | None = None, qd0: Array | None = None) -> Array:
-        """The tip's path by it, shape (samples, 3) [m], from the scene's start or this one, (n,) [rad, rad/s]."""
+        """Tip path, shape (samples, 3) [m], from the scene's initial state or from q0, qd0, (n,) [rad, rad/s]."""
         cut = self.scene(scene)
         return simulate(cut, method=self.method, step=self.step, tolerance=self.tolerance, q0=q0, qd0=qd0).tip
 
     def scene(self, scene: Scene) -> Scene:
-        """The scene with its flexible links of this type, cut so."""
+        """The scene with flexible links of this type and lumping."""
         cut: dict[str, object] = {"flex": self.flex, "segments": self.hinges + 1}
         cut |= {} if self.flex == "rigid" else {"lumping": self.rule}
         bent = [link.name for link in scene.arm.links if link.flex != "rigid"]
@@ -55,7 +55,7 @@ class Setup(Spec, frozen=True):
 
 
 class Fine(Spec, frozen=True):
-    """What counts as converged, and the coarser choice from which its own error is told."""
+    """Settings of a converged run, and coarser ones to estimate its error."""
 
     method: str
     tolerances: tuple[Positive, Positive]  # m
@@ -63,12 +63,12 @@ class Fine(Spec, frozen=True):
     hinges: tuple[int, int] = (0, 0)
 
     def limit(self, scene: Scene, flex: Type) -> Path:
-        """Infinitely many hinges; of a rigid arm, which has none, exact in time."""
+        """Path with infinitely many hinges; for a rigid arm, which has none, the path exact in time."""
         counts = (0, 0) if flex == "rigid" else self.hinges
         return self._of(scene, *(Setup(flex=flex, method=self.method, rule=self.rule, hinges=k) for k in counts))
 
     def in_time(self, scene: Scene, setup: Setup) -> Path:
-        """The chain of a run, exact in time."""
+        """Path of the setup's chain, exact in time."""
         cut = replace(setup, method=self.method, step=None)
         return self._of(scene, cut, cut)
 
@@ -80,21 +80,21 @@ class Fine(Spec, frozen=True):
 
 
 class Path(NamedTuple):
-    """The tip's path, shape (samples, 3), and how far it may be from what it stands for [m]."""
+    """Tip path, shape (samples, 3), and its error estimate [m]."""
 
     tip: Array
     own: float
 
 
 class Part(NamedTuple):
-    """A part of an error, and how far it may be from its true size [m]."""
+    """A part of an error, and its error estimate [m]."""
 
     size: float
     own: float
 
 
 class Split(NamedTuple):
-    """A run's error and its parts [m]; `own` is the reference's own error."""
+    """A run's error and its parts [m]; `own` is the error estimate of the reference."""
 
     total: float
     own: float
@@ -103,14 +103,14 @@ class Split(NamedTuple):
 
 
 class Splitter:
-    """Splits errors of runs of one scene; what is converged is computed once."""
+    """Splits errors of runs of one scene; converged runs are computed once."""
 
     def __init__(self, scene: Scene, true: Type, fine: Fine, in_time: Fine) -> None:
         self.scene, self.true, self.in_time = scene, true, in_time
         self.limit = cache(lambda flex: (in_time if flex == "rigid" else fine).limit(scene, flex))
 
     def split(self, setup: Setup) -> Split:
-        """The error of a run, and its parts."""
+        """Split the error of a run into its parts."""
         tip, exact = setup.tip(self.scene), self.in_time.in_time(self.scene, setup)
         limit, truth = exact if setup.flex == "rigid" else self.limit(setup.flex), self.limit(self.true)
         parts = {
@@ -126,11 +126,11 @@ def _between(one: Path, other: Path) -> Part:
 
 
 def rounding(scene: Scene, setup: Setup, tip: Array) -> float:
-    """What rounding does to the path of the tip by this run, shape (samples, 3) [m].
+    """Rounding error of the tip path of this run, shape (samples, 3) [m].
 
-    Moved a little one way and the other at the start, two runs have the path of the run between them as their mean, up
-    to a square, but every run has roundings of its own: what is left is theirs. (Another solver for q̈ would not tell
-    them: it rounds q + h q̇ alike.)
+    Two runs start from slightly and oppositely perturbed states. To second order, the mean of their paths is the path
+    of the unperturbed run; every run has different rounding errors, which cause the remaining difference. (Another
+    solver for q̈ would not reveal them: it rounds q + h q̇ in the same way.)
     """
     cut = setup.scene(scene)
     chain = lump(cut)

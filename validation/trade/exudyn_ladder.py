@@ -1,7 +1,7 @@
 """Time for a given error with Exudyn's integrators at fixed steps on the exported URDF.
 
-For scenes without drive, dry friction and load, which Exudyn would ask Python for. A run is one call, whose outputs
-Exudyn keeps itself; what a call of one step takes, setting up included, is taken off.
+Scenes with a drive, dry friction or load are excluded, since Exudyn would call Python for them. A run is one call, and
+Exudyn stores the outputs; the time of a call of one step, including set-up, is subtracted.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ SOLVERS = {
 
 
 def points(name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
-    """Ladders of steps of all integrators; of RK44 its time at the limit of stability, if that is past the budget."""
+    """Ladders of steps of all integrators; for RK44 only the time at the stability limit if it exceeds the budget."""
     runs = ExudynRuns(name)
     return ladders(runs.scene, SOLVERS, runs.run, runs.seconds_a_step, budget, smallest)
 
 
 class ExudynRuns:
-    """A scene of the trade in Exudyn, with a sensor of its angles."""
+    """A scene of the trade study in Exudyn, with a sensor of its angles."""
 
     def __init__(self, name: str) -> None:
         self.name, self.scene = name, trade_scene(name)
@@ -47,32 +47,32 @@ class ExudynRuns:
         self.setting_up = min(self._seconds("RK44", 1e-9, 1)[0] for _ in range(3))
 
     def run(self, solver: str, steps: int) -> Point:
-        """A run with so many steps between outputs; an error of infinity if Exudyn gives up."""
+        """Run with `steps` steps between outputs; the error is infinite if Exudyn gives up."""
         run = self.scene.run
         seconds, good = self._seconds(solver, run.spacing / steps, steps * OUTPUTS)
-        kept = np.array(self.system.mbs.GetSensorStoredData(self.sensor))
-        rows = [int(np.abs(kept[:, 0] - t).argmin()) for t in run.times]
-        if not good or np.abs(kept[rows, 0] - run.times).max() > 1e-9 * run.duration:
+        stored = np.array(self.system.mbs.GetSensorStoredData(self.sensor))
+        rows = [int(np.abs(stored[:, 0] - t).argmin()) for t in run.times]
+        if not good or np.abs(stored[rows, 0] - run.times).max() > 1e-9 * run.duration:
             return Point(run.spacing / steps, math.inf, 0.0)
-        of_a_step = 4 if solver == "RK44" else 1  # of implicit ones Exudyn does not tell its iterations
+        of_a_step = 4 if solver == "RK44" else 1  # Exudyn does not report the iterations of implicit methods
         evaluations = of_a_step * steps * OUTPUTS
-        return point(self.name, seen(self.chain, kept[rows, 1:]), run.spacing / steps, seconds, evaluations)
+        return point(self.name, seen(self.chain, stored[rows, 1:]), run.spacing / steps, seconds, evaluations)
 
     def seconds_a_step(self, solver: str, steps_per_sample: int) -> float:
-        """CPU seconds of a step, from the first of a run."""
-        steps = 200  # as many as tell it
+        """CPU seconds per step, from the first steps of a run."""
+        steps = 200  # enough for the clock
         return self._seconds(solver, self.scene.run.spacing / steps_per_sample, steps)[0] / steps
 
     def _seconds(self, solver: str, step: float, steps: int) -> tuple[float, bool]:
-        """CPU seconds of a run from the start, and whether Exudyn came to its end."""
+        """CPU seconds of a run, and whether Exudyn completed it."""
         self.system._set_state(*self.start, exu.ConfigurationType.Initial)
-        settings, early = _settings(), (1 - 1e-6) * self.scene.run.spacing  # so that rounding misses no output
+        settings, early = _settings(), (1 - 1e-6) * self.scene.run.spacing  # rounding must not skip an output
         settings.solution.sensors.active, settings.solution.sensors.writePeriod = True, early
         settings.timeIntegration.endTime, settings.timeIntegration.numberOfSteps = step * steps, steps
         begun = time.thread_time()
         try:
             good = bool(self.system.mbs.SolveDynamic(settings, solverType=SOLVERS[solver]))
-        except Exception:  # of whatever kind, as Exudyn has it: no result
+        except Exception:  # Exudyn raises various types; any of them means no result
             good = False
         seconds = time.thread_time() - begun
         return max(seconds - self.setting_up, 1e-9), good

@@ -1,8 +1,8 @@
-"""A scene as y' = f(t, y), y = (q, q̇) of the joints that move freely, for solvers that share no code with flexlink's.
+"""A scene as y' = f(t, y), with y = (q, q̇) of the joints that move freely, for solvers independent of flexlink.
 
-Of flexlink only `lump`, `initial_state` and the public `forward_dynamics` are used. Drives and motions are evaluated
-anew, by SciPy's splines and Hermite polynomials. A prescribed joint p is free in the chain used here, and held by the
-torque x that gives it its acceleration: q̈ is affine in the torques, so that with columns c_p = q̈(τ + e_p) − q̈(τ)
+Only `lump`, `initial_state` and the public `forward_dynamics` of flexlink are used. Drives and motions are evaluated
+independently, by SciPy's splines and Hermite polynomials. A prescribed joint p is free in this chain; a torque x gives
+it its acceleration. q̈ is affine in the torques, so with columns c_p = q̈(τ + e_p) − q̈(τ)
 
     (c_p)_p x = q̈_p − q̈(τ)_p,        q̈ = q̈(τ) + Σ c_p x_p.
 """
@@ -25,11 +25,11 @@ from flexlink.motion.inputs.initial_state import initial_state
 
 OfTime = Callable[[float], Array]
 OfState = Callable[[float, Array], Array]
-ABSOLUTE_OF_RELATIVE = 1e-2  # absolute tolerances of solvers [rad, rad/s] over relative ones
+ABSOLUTE_OF_RELATIVE = 1e-2  # absolute tolerance [rad, rad/s] of a solver divided by its relative tolerance
 
 
 class Solved(NamedTuple):
-    """Angles at the samples, (samples, n) [rad], tip there, (samples, 3) [m]; evaluations of f, also for Jacobians."""
+    """Angles (samples, n) [rad] and tip (samples, 3) [m] at the samples; evaluations of f, including Jacobians."""
 
     q: Array
     tip: Array
@@ -37,12 +37,12 @@ class Solved(NamedTuple):
 
 
 class FirstOrder:
-    """The right-hand side of a scene, and its runs by solvers of others.
+    """The right-hand side of a scene, and its runs by independent solvers.
 
     Attributes
     ----------
     evaluations
-        Of f so far.
+        Number of evaluations of f so far.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -64,7 +64,7 @@ class FirstOrder:
         return np.concatenate([q[self.free], qd[self.free]])
 
     def __call__(self, t: float, y: Array) -> Array:
-        """f(t, y), shape (2 f,), or of many states in rows, (b, 2 f)."""
+        """f(t, y), shape (2 f,), or for many states in rows, (b, 2 f)."""
         self.evaluations += y.size // len(self.free) // 2
         q, qd, wanted = self._states(t, y)
         tau = np.zeros_like(q)
@@ -82,13 +82,13 @@ class FirstOrder:
         return fl.forward_dynamics(self.chain, q, qd, tau, tip_wrench=self.wrench)
 
     def jacobian(self, t: float, y: Array) -> Array:
-        """∂f/∂y by forward differences of √eps of each unknown's size, at least 1."""
+        """∂f/∂y by forward differences with step √eps times the size of each unknown, at least 1."""
         steps = np.sqrt(np.finfo(float).eps) * np.maximum(1.0, np.abs(y))
         values = self(t, np.vstack([y, y + np.diag(steps)]))
         return np.asarray((values[1:] - values[0]).T / steps)
 
     def _states(self, t: float, y: Array) -> tuple[Array, Array, Array]:
-        """q and q̇ of all joints, q̈ of those that are led."""
+        """q and q̇ of all joints, q̈ of the prescribed ones."""
         q, qd = np.zeros((2, *y.shape[:-1], self.chain.n))
         q[..., self.free], qd[..., self.free] = y[..., : len(self.free)], y[..., len(self.free) :]
         led = [motion(t) for motion in self.motions]
@@ -97,11 +97,11 @@ class FirstOrder:
         return q, qd, np.array([acceleration for _, _, acceleration in led])
 
     def by(self, solver: str, relative: float) -> Solved:
-        """A run by SUNDIALS' "CVODE", or by a method of SciPy's; errors as in `by_cvode` and `by_scipy`."""
+        """Run with SUNDIALS' "CVODE" or a method of SciPy's; raises the errors of `by_cvode` and `by_scipy`."""
         return self.by_cvode(relative) if solver == "CVODE" else self.by_scipy(solver, relative)
 
     def by_scipy(self, method: str, relative: float) -> Solved:
-        """A run by `scipy.integrate.solve_ivp`, restarted at every knot of drive and motions, where f is not smooth.
+        """Run with `scipy.integrate.solve_ivp`, restarted at knots of drive and motions, where f is not smooth.
 
         Raises
         ------
@@ -120,7 +120,7 @@ class FirstOrder:
         return self._pieces(solve)
 
     def by_cvode(self, relative: float) -> Solved:
-        """A run by the stiff method of SUNDIALS' CVODE, through scikit-sundae.
+        """Run with the stiff method of SUNDIALS' CVODE, through scikit-sundae.
 
         Raises
         ------
@@ -130,7 +130,7 @@ class FirstOrder:
             The solver gives up.
         """
         try:
-            from sksundae.cvode import CVODE  # noqa: PLC0415  an optional witness
+            from sksundae.cvode import CVODE  # noqa: PLC0415  an optional solver
         except ImportError:
             raise MissingDependencyError(
                 "CVODE needs scikit-sundae; install it with: python -m pip install scikit-sundae"
@@ -156,7 +156,7 @@ class FirstOrder:
         return self._pieces(solve)
 
     def by_rk4(self, steps: int) -> Solved:
-        """A run by a loop of RK4 with so many steps between two samples, as flexlink takes them; nan if it diverges."""
+        """Run a loop of RK4 with `steps` steps between two samples, as flexlink does; nan if it diverges."""
         y, h = self.start, self.scene.run.spacing / steps
         rows, before = [y], self.evaluations
         with np.errstate(all="ignore"):
@@ -171,7 +171,7 @@ class FirstOrder:
         return Solved(q, tip, self.evaluations - before)
 
     def _pieces(self, solve: Callable[[float, Array, Array], Array]) -> Solved:
-        """From sample to sample, and afresh from each knot: `solve` gives y at times, of which the last ends it."""
+        """Integrate from sample to sample, restarting at each knot; `solve` gives y at times, and ends at the last."""
         before, y, t = self.evaluations, self.start, 0.0
         times = self.scene.run.times
         knots = [*self._knots(), times[-1]]
@@ -186,19 +186,19 @@ class FirstOrder:
         return Solved(q, fl.tip_position(self.chain, q), self.evaluations - before)
 
     def _knots(self) -> list[float]:
-        """Times inside the run at which f jumps: knots of motions and of linear tables; a smooth table only ends."""
+        """Times in the run at which f jumps: knots of motions and of linear tables; only the ends of smooth tables."""
         drive, run = self.scene.drive, self.scene.run
         inside: set[float] = set()
         if drive.times is not None:
             inside |= {drive.times[0], drive.times[-1]} if drive.smooth else set(drive.times)
         inside = inside.union(*(motion.times for motion in self.scene.motion))
         near = {t: float(run.times[np.abs(run.times - t).argmin()]) for t in inside}
-        close = 1e-9 * run.spacing  # of a sample: rounding of decimal input
+        close = 1e-9 * run.spacing  # tolerance to match samples: decimal input is rounded
         return sorted({s if abs(s - t) < close else t for t, s in near.items() if close < t < run.times[-1] - close})
 
 
 def _hermite(motion: fl.PrescribedMotion) -> OfTime:
-    """Angle, rate and acceleration [rad, s] of a prescribed joint: quintic pieces, then on at the last rate."""
+    """Angle, rate and acceleration [rad, s] of a prescribed joint: quintic pieces, then the last rate is constant."""
     table = np.radians(motion.columns).T
     end, (angle, rate, _) = motion.times[-1], table[-1]
     pieces = BPoly.from_derivatives(motion.times, table) if len(motion.times) > 1 else None
@@ -213,7 +213,7 @@ def _hermite(motion: fl.PrescribedMotion) -> OfTime:
 
 
 def _drive(scene: Scene, links: list[int]) -> tuple[OfTime, Array, Array, Array]:
-    """Torque of time at the driven joints, and gains and targets, each (d,)."""
+    """Torque at the driven joints as a function of time; gains and targets, each (d,)."""
     drive, nothing = scene.drive, np.zeros(len(links))
     of_links = [np.array(each)[links] if each else nothing for each in (drive.kp, drive.kd, drive.target_deg)]
     kp, kd, target = of_links[0], of_links[1], np.radians(of_links[2])

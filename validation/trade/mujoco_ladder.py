@@ -1,8 +1,8 @@
 """Time for a given error with MuJoCo's integrators on the exported MJCF, at finer and finer steps, without Python.
 
-What the file does not hold is added as MuJoCo would have it at its best: PD gains as springs and dampers of its own,
-which its implicit integrators know; a constant drive as an applied force; dry friction and a table of torques by a
-compiled callback, without the interpreter.
+What the file does not contain is added in the way that is best for MuJoCo: PD gains as MuJoCo's springs and dampers,
+which its implicit integrators treat implicitly; a constant drive as an applied force; dry friction and a table of
+torques by a compiled callback, without the interpreter.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ INTEGRATORS = {
     "discrete": mujoco.mjtIntegrator.mjINT_DISCRETE,
     "RK4": mujoco.mjtIntegrator.mjINT_RK4,
 }
-EVALUATIONS_OF_A_STEP = {"RK4": 4}  # of the others one
+EVALUATIONS_OF_A_STEP = {"RK4": 4}  # all others: one
 ORDER = {"Euler": 1.0, "implicit": 1.0, "implicitfast": 1.0, "discrete": 1.0, "RK4": 4.0}
-TIME_WITHIN, TIME_BLOCK = 1 << 19, 512  # bytes of mjData among which its time is looked for, and as many at once
+TIME_WITHIN, TIME_BLOCK = 1 << 19, 512  # bytes of mjData that are searched for its time, and bytes per block
 
 
 def points(name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
-    """Ladders of all integrators on a scene of the trade; RK4 begins at its limit of stability, as flexlink has it."""
+    """Ladders of all integrators on a scene of the trade study; RK4 starts at flexlink's stability limit."""
     runs = MujocoRuns(trade_scene(name))
 
     def run(integrator: str, steps: int) -> Point:
@@ -56,12 +56,12 @@ def points(name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
 
 
 class MujocoRuns:
-    """One scene in MuJoCo, loaded once, for any integrator and step.
+    """One scene in MuJoCo, loaded once, with any integrator and step.
 
     Raises
     ------
     ArgumentError
-        MuJoCo cannot hold the scene, such as a prescribed motion.
+        MuJoCo cannot represent the scene, for example a prescribed motion.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -72,7 +72,9 @@ class MujocoRuns:
         drive, table, self.constant = drive_arrays(scene, self.chain), None, np.zeros(self.chain.n)
         moves = drive.law == PD and len(drive.reference.knots) > 1
         if drive.law not in {TABLE, PD} or drive.rate or moves or np.isfinite(drive.effort).any():
-            raise ArgumentError(f"drive.kind = {scene.drive.kind!r}: MuJoCo holds torques in time, and gains")
+            raise ArgumentError(
+                f"drive.kind = {scene.drive.kind!r}: MuJoCo supports only torques over time and PD gains"
+            )
         if drive.law == PD:
             self._add_gains(drive)
         elif len(drive.feedforward.knots) > 1:
@@ -84,7 +86,7 @@ class MujocoRuns:
             self.callback = _callback(self.model, self.data, engine.coulomb, engine.coulomb_width, table)
 
     def _add_gains(self, drive: Drive) -> None:
-        """T = kp (target − q) − kd q̇ + g is a spring with its rest angle, a damper and a constant torque."""
+        """T = kp (target − q) − kd q̇ + g is a spring with a rest angle, a damper and a constant torque."""
         k = drive.joints
         self.constant[k] = drive.feedforward.coefficients[0, 0]
         if drive.kp.any() or drive.kd.any():
@@ -93,11 +95,11 @@ class MujocoRuns:
             self.model.dof_damping[k] += drive.kd
 
     def run(self, integrator: str, steps_per_sample: int) -> tuple[Array, float]:
-        """A run to the end: angles at the samples (samples, n), nan from where it failed; CPU seconds in `mj_step`."""
+        """Run to the end; angles at the samples (samples, n), nan after a failure, and CPU seconds in `mj_step`."""
         run, data = self.scene.run, self.data
         q = np.full((run.samples, self.chain.n), np.nan)
         q[0], seconds = self.start[0], 0.0
-        with self._ready(integrator, run.spacing / steps_per_sample):
+        with self._prepared(integrator, run.spacing / steps_per_sample):
             for row in range(1, run.samples):
                 seconds += _seconds_of(self.model, data, steps_per_sample)
                 if data.warning.number.any() or not np.isfinite([data.qpos, data.qvel]).all():
@@ -106,14 +108,14 @@ class MujocoRuns:
         return q, seconds
 
     def seconds_a_step(self, integrator: str, steps_per_sample: int) -> float:
-        """CPU seconds of a step, from the first of a run."""
-        steps = min(steps_per_sample, 5000)  # as many as tell it
-        with self._ready(integrator, self.scene.run.spacing / steps_per_sample):
+        """CPU seconds per step, from the first steps of a run."""
+        steps = min(steps_per_sample, 5000)  # enough for the clock
+        with self._prepared(integrator, self.scene.run.spacing / steps_per_sample):
             return _seconds_of(self.model, self.data, steps) / steps
 
     @contextlib.contextmanager
-    def _ready(self, integrator: str, step: float) -> Iterator[None]:
-        """Everything at the start of a run."""
+    def _prepared(self, integrator: str, step: float) -> Iterator[None]:
+        """Set up the initial state of a run."""
         model, data = self.model, self.data
         model.opt.integrator, model.opt.timestep = INTEGRATORS[integrator], step
         mujoco.mj_resetData(model, data)
@@ -131,7 +133,7 @@ def _seconds_of(model: Any, data: Any, steps: int) -> float:
 
 @contextlib.contextmanager
 def _passive(callback: Any) -> Iterator[None]:
-    """MuJoCo's callback for passive forces, as a pointer to machine code: no interpreter, no lock."""
+    """Set MuJoCo's callback for passive forces as a pointer to machine code: no interpreter, no lock."""
     mujoco.set_mjcb_passive(callback)
     try:
         yield
@@ -140,7 +142,7 @@ def _passive(callback: Any) -> Iterator[None]:
 
 
 def _callback(model: Any, data: Any, coulomb: Array, width: Array, table: Drive | None) -> Any:
-    """qfrc_passive −= c tanh(q̇/w), += table(t), compiled; addresses and numbers are constants of the code."""
+    """qfrc_passive −= c tanh(q̇/w), += table(t), compiled; addresses and numbers are constants in the code."""
     forces, rates = data.qfrc_passive.ctypes.data, data.qvel.ctypes.data
     n, offset = len(coulomb), _offset_of_time(model, data)
     rubbing = np.flatnonzero(coulomb)
@@ -166,14 +168,14 @@ def _callback(model: Any, data: Any, coulomb: Array, width: Array, table: Drive 
                 torque = torque * x + coefficients[piece, j, d]
             force[joints[d]] += torque
 
-    kept = passive.ctypes
-    kept.code = passive  # which must live as long as its pointer
-    return kept
+    pointer = passive.ctypes
+    pointer.code = passive  # must live as long as the pointer
+    return pointer
 
 
 @intrinsic  # type: ignore[untyped-decorator]
 def _pointer(_context: Any, address: Any) -> Any:
-    """An address as a pointer to float64."""
+    """Convert an address to a pointer to float64."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
@@ -182,7 +184,7 @@ def _pointer(_context: Any, address: Any) -> Any:
 
 
 def _offset_of_time(model: Any, data: Any) -> int:
-    """Where mjData keeps its time, in bytes from its start: found by setting it, twice."""
+    """Offset of the time in mjData, in bytes; found by setting it twice."""
     seen: list[int] = []
     look = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(lambda _, mjdata: seen.append(mjdata))
     with _passive(look), quiet():
@@ -197,4 +199,4 @@ def _offset_of_time(model: Any, data: Any) -> int:
         if found:
             data.time = 0.0
             return start + 8 * int(found.pop())
-    raise FlexlinkError("MuJoCo's mjData does not hold its time where it is looked for")
+    raise FlexlinkError("MuJoCo's mjData: its time was not found in the searched bytes")

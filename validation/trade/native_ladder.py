@@ -1,9 +1,9 @@
 """Time for a given error with flexlink: adaptive methods with finer and finer tolerances, others with finer steps.
 
-Those of an explicit method begin at its limit of stability, those of an implicit one at the time between outputs.
+Steps of an explicit method start at its stability limit, those of an implicit one at the time between outputs.
 
-The clock of `timed_run` runs while steps are taken and the states of samples filled in, as MuJoCo's runs in `mj_step`;
-those of `whole_calls` time set-up, tips, energies and the judgement of samples, too.
+`timed_run` times the steps and the interpolation of samples, comparable to MuJoCo's `mj_step`; `whole_calls` also times
+set-up, tips, energies and the check of samples.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from validation.runs import stable_steps
 from validation.trade.scenes import OUTPUTS, Seen, point, reference, seen, trade_scene
 from validation.trade.work_precision import Point, ladder
 
-COARSEST, FINER = 0.3, 10**-0.25  # of the motion, the first tolerance; each is so much of the one before
-OF_STABLE = 0.98  # of the largest stable step at the start
-TOO_DEAR = 2.0  # budgets: a run that takes longer is not waited for
+COARSEST, FINER = 0.3, 10**-0.25  # first tolerance, fraction of the motion; ratio of successive tolerances
+OF_STABLE = 0.98  # fraction of the largest stable step at the initial state
+TOO_DEAR = 2.0  # budgets: a run that takes longer is aborted
 LIMIT = "RK4 at its limit"
 
 
 class Timed(NamedTuple):
-    """A run: what is seen of it, CPU seconds of its steps, evaluations."""
+    """A run: its outputs, CPU seconds of its steps, evaluations."""
 
     seen: Seen
     seconds: float
@@ -37,55 +37,55 @@ class Timed(NamedTuple):
 
 
 def timed_run(scene: Scene, longest: float = math.inf) -> Timed:
-    """A run of a scene: the time of its steps alone; errors as in `simulate`, and of one longer than `longest` [s]."""
+    """Run a scene and time only its steps; raises the errors of `simulate`, and one if it exceeds `longest` [s]."""
     run = SingleRun(problem_of(scene))
     monitor, rows, begun = run.monitor, 1, time.thread_time()
-    for rows, _ in run.steps:  # noqa: B007  where it ended
+    for rows, _ in run.steps:  # noqa: B007  the last value is used
         if run.steps.failure:
             break
         if time.thread_time() - begun > longest:
             raise TooDearError(f"{scene.name}: {scene.run.method} takes more than {longest:g} s")
     seconds = time.thread_time() - begun
-    if not monitor.check(rows, run.steps.steps) or run.steps.failure:  # no second run: the reference judges
+    if not monitor.check(rows, run.steps.steps) or run.steps.failure:  # no second run: a reference measures the error
         raise monitor.diverged(run.steps.failure)
     return Timed(seen(monitor.record.chain, monitor.record.q), seconds, run.steps.steps.evaluations)
 
 
 class TooDearError(FlexlinkError):
-    """A run takes longer than it may."""
+    """A run takes longer than its limit."""
 
 
 Clock = Callable[[Scene, float], Timed]
-"""Makes a run and times it; one that takes longer than so many seconds may raise a TooDearError."""
+"""Makes a run and times it; may raise a TooDearError after this number of seconds."""
 
 
 def by_tolerance(name: str, method: str, budget: float, smallest: float, clock: Clock = timed_run) -> list[Point]:
-    """Runs of a method with finer and finer tolerances, until both errors are met or a run passes the budget.
+    """Run a method with finer and finer tolerances, until both errors are met or a run exceeds the budget.
 
-    Where a finer one takes no more evaluations, stability sets the steps, and the next tolerances are left out.
+    If a finer tolerance needs no more evaluations, stability limits the steps, and the next tolerances are skipped.
     """
     scene, points, motion, rung = trade_scene(name), list[Point](), tip_travel(reference(name).tip), 0
-    while rung < 48:  # the last tolerance is 5e-13 of the motion, below what roundings leave
+    while rung < 48:  # the last tolerance is 5e-13 of the motion, below rounding error
         tolerance = COARSEST * motion * FINER**rung
         try:
             run = scene.varied({"run.method": method, "run.tolerance": tolerance})
             points.append(_point(name, run, tolerance, TOO_DEAR * budget, clock))
-        except TooDearError:  # finer ones would be, too
+        except TooDearError:  # finer ones would be as well
             break
         if points[-1].worst <= smallest or points[-1].seconds >= budget:
             break
-        rung += 4 if _bound_by_stability(points) else 1  # a decade at once
+        rung += 4 if _bound_by_stability(points) else 1  # 4: a decade
     return points
 
 
 def _bound_by_stability(points: Sequence[Point]) -> bool:
-    """Whether the last two runs took as many evaluations."""
+    """Whether the last two runs took nearly equal numbers of evaluations."""
     last, before = points[-1].evaluations, points[-2].evaluations if len(points) > 1 else 0
     return abs(last - before) < 0.02 * before
 
 
 def _point(name: str, scene: Scene, setting: float, longest: float = math.inf, clock: Clock = timed_run) -> Point:
-    """The fastest of some runs, more of them if they are short, one if it is long; an error of infinity if it fails.
+    """The fastest of several runs, of more runs if they are short; the error is infinite if it fails.
 
     Raises
     ------
@@ -99,7 +99,7 @@ def _point(name: str, scene: Scene, setting: float, longest: float = math.inf, c
 
 
 def fastest(scene: Scene, longest: float = math.inf, clock: Clock = timed_run) -> Timed | None:
-    """The fastest of some runs, more of them if they are short, one if it is long; None if it fails.
+    """The fastest of several runs, of more runs if they are short; None if it fails.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def fastest(scene: Scene, longest: float = math.inf, clock: Clock = timed_run) -
 
 
 def by_step(name: str, method: str, budget: float, smallest: float) -> list[Point]:
-    """Runs of a method from its largest stable step on; one without error, told by its beginning, if it is longer."""
+    """Run a method from its largest stable step on; if the first run exceeds the budget, extrapolate its time only."""
     scene = trade_scene(name)
     sample, first = scene.run.spacing, stable_steps(scene, method, OF_STABLE)
     stepped = {"run.method": method, "run.unstable": "allow"}
@@ -127,7 +127,7 @@ def by_step(name: str, method: str, budget: float, smallest: float) -> list[Poin
         whole = OUTPUTS * min(timed_run(beginning, budget).seconds for _ in range(2))
     except TooDearError:
         return []
-    except FlexlinkError:  # steps that are too long for the iteration of an implicit method: finer ones come
+    except FlexlinkError:  # the steps are too long for the implicit iteration; finer ones follow
         whole = 0.0
     if whole > budget:
         return [Point(sample / first, math.nan, whole)]
@@ -139,7 +139,7 @@ def by_step(name: str, method: str, budget: float, smallest: float) -> list[Poin
 
 
 def cheapest(ladders: Mapping[str, Sequence[Point]], target: float) -> tuple[str, Point] | None:
-    """The method and the run that met an error in the least time; None if none did."""
+    """The method and run that met an error in the least time; None if none did."""
     met = [
         (point.seconds, name, point) for name, points in ladders.items() for point in points if point.error <= target
     ]

@@ -1,9 +1,8 @@
 """Time for a given error with Pinocchio's ABA in RK4, and in SciPy's DOP853 and Radau.
 
-Runs are made from Python; what they are charged with is the number of evaluations × the time of one ABA, and nothing
-else. That time is the least of repeats of `abaInParallel` on one thread, a loop in C++ over many states, with the kind
-of joints that is the fastest. So the interpreter, SciPy's linear algebra, springs, friction, drives, and what a joint
-with a prescribed motion takes, are all free of charge.
+Runs are made from Python. They are charged only with the number of evaluations × the time of one ABA. That time is the
+least of repeated calls of `abaInParallel` on one thread, a C++ loop over many states, with the fastest type of joints.
+The interpreter, SciPy's linear algebra, springs, friction, drives and prescribed motions are therefore free of charge.
 """
 
 from __future__ import annotations
@@ -28,17 +27,17 @@ from validation.trade.scenes import OUTPUTS, point, seen, trade_scene
 from validation.trade.work_precision import Point, ladder
 
 ORDER = {"RK4": 4.0, "DOP853": 8.0, "Radau": 5.0}
-EVALUATIONS_OF_A_STEP = {"RK4": 4, "DOP853": 12}  # of a step
+EVALUATIONS_OF_A_STEP = {"RK4": 4, "DOP853": 12}
 BATCH, REPEATS = 256, 60
 
 
 class PinocchioForm(FirstOrder):
-    """A scene as y' = f(t, y) whose accelerations are Pinocchio's; at most so many evaluations.
+    """A scene as y' = f(t, y) with Pinocchio's accelerations, and a largest number of evaluations.
 
     Raises
     ------
     FlexlinkError
-        A run takes more.
+        A run takes more evaluations.
     """
 
     def __init__(self, scene: Scene, most: float = math.inf) -> None:
@@ -55,15 +54,15 @@ class PinocchioForm(FirstOrder):
 
 
 def seconds_of_aba(chain: Chain) -> float:
-    """Least CPU seconds of an ABA, in a loop of C++ on this thread, over the kinds of joints that fit.
+    """Least CPU seconds of an ABA, in a C++ loop on this thread, over the types of joints that fit.
 
     Raises
     ------
     FlexlinkError
-        This Pinocchio has no such loop.
+        This build of Pinocchio has no such loop.
     """
     if not pin.WITH_OPENMP:
-        raise FlexlinkError("Pinocchio here is built without OpenMP: no loop of ABA without Python in it to be timed")
+        raise FlexlinkError("this Pinocchio is built without OpenMP: it has no C++ loop of ABA to time")
     states, best = timed_states(chain, BATCH), math.inf
     for model, sign in build_all(chain).values():
         pool = pin.ModelPool(model, 1)
@@ -76,10 +75,10 @@ def seconds_of_aba(chain: Chain) -> float:
 
 
 def points(name: str, tolerances: Sequence[float], most: int, smallest: float) -> dict[str, list[Point]]:
-    """RK4 from its limit of stability on, SciPy's solvers with tolerances; only the time of too long explicit runs.
+    """RK4 from its stability limit on, SciPy's solvers with tolerances; only times of explicit runs that are too long.
 
-    `most` is the number of evaluations that a run may take, for it is made in Python. Relative tolerances are the
-    solvers' own, absolute ones a hundredth.
+    `most` limits the number of evaluations of a run, since it is made in Python. Relative tolerances are the solvers',
+    absolute ones a hundredth of them.
     """
     form = PinocchioForm(trade_scene(name), most)
     aba, found = seconds_of_aba(form.chain), dict[str, list[Point]]()
@@ -106,7 +105,7 @@ def _by_tolerance(name: str, form: PinocchioForm, method: str, aba: float, toler
     for relative in tolerances:
         point = _point(name, form, relative, aba, lambda r=relative: form.by_scipy(method, r))  # type: ignore[misc]
         found.append(point)
-        if point.error == math.inf:  # finer ones take more evaluations still
+        if point.error == math.inf:  # finer tolerances take even more evaluations
             break
     return found
 

@@ -1,8 +1,8 @@
-"""python -m validation.trade.references: the references of the trade, by two methods that agree to 1e-10.
+"""python -m validation.trade.references: compute the trade study's references, by two methods that agree to 1e-10.
 
-Both are explicit, at steps within their limits of stability: RK10, and RK4 at half its step; halved until they agree.
-No implicit method that the trade judges has a part in its own reference. A scene whose file is there, of the same
-scene, is skipped: stopped at any time, the program goes on where it was. All of it takes some minutes.
+Both are explicit, with steps within their stability limits: RK10, and RK4 at half its step; steps are halved until they
+agree. No implicit method of the trade study contributes to its own reference. A scene with a valid stored reference is
+skipped: the program can be stopped and continued at any time. The total time is some minutes.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from validation.reference_values import REFERENCE_FOLDER, look_up, store_referen
 from validation.runs import stable_steps
 from validation.trade.scenes import Seen, is_of, probe, reference_name, scenes, seen, trade_scene
 
-AGREE = 1e-10  # of the motion; a hundredth of the smallest error that the trade asks for
-OF_STABLE = 0.9  # of the largest stable step at the start, which postures passed later may shorten
+AGREE = 1e-10  # of the motion; a hundredth of the smallest error that the trade study uses
+OF_STABLE = 0.9  # fraction of the largest stable step at the initial state; later configurations may shorten it
 HALVINGS = 9
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Compute what is not there; 0 if every scene has its reference."""
+    """Compute missing references; 0 if every scene has its reference."""
     parser = argparse.ArgumentParser(prog="python -m validation.trade.references", description=__doc__)
     parser.add_argument("scenes", nargs="*", default=list(scenes()), help="names (default: all)")
     missing = [name for name in parser.parse_args(arguments).scenes if not is_there(name)]
@@ -42,13 +42,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def is_there(name: str) -> bool:
-    """Whether the reference of this very scene is stored, whole."""
+    """Whether a complete reference of exactly this scene is stored."""
     path = REFERENCE_FOLDER / f"{reference_name(name)}.json"
     return path.is_file() and "bend" in look_up(reference_name(name)) and is_of(trade_scene(name), name)
 
 
 def compute(name: str) -> float:
-    """Compute and store; how far the two methods are apart, over the motion.
+    """Compute and store a reference; return the distance of the two methods, relative to the motion.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def compute(name: str) -> float:
         try:
             tenth, step10 = _run(scene, "RK10", 2**halvings)
             fourth, step4 = _run(scene, "RK4", 2 ** (halvings + 1))
-        except DivergenceError:  # the largest stable step becomes shorter on the way
+        except DivergenceError:  # the largest stable step decreases during the run
             continue
         agree = largest_distance(tenth.tip, fourth.tip) / tip_travel(tenth.tip)
         if agree <= AGREE:
@@ -75,11 +75,11 @@ def compute(name: str) -> float:
                 },
             )  # fmt: skip
             return agree
-    raise FlexlinkError(f"{name}: RK10 and RK4 do not agree, though their steps were halved {HALVINGS - 1} times")
+    raise FlexlinkError(f"{name}: RK10 and RK4 do not agree after halving their steps {HALVINGS - 1} times")
 
 
 def _run(scene: Scene, method: str, divided: int) -> tuple[Seen, float]:
-    """What is seen at the outputs, and the step: the largest stable one that divides a sample, divided."""
+    """Outputs of a run, and its step: the largest stable one that divides a sample, divided by `divided`."""
     step = scene.run.spacing / (divided * stable_steps(scene, method, OF_STABLE))
     return seen(fl.lump(scene), fl.simulate(scene, method=method, step=step).q), step
 

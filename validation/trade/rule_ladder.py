@@ -1,8 +1,8 @@
 """Time for a given error of the beam by lumping rule: every number of hinges of a grid, with every tolerance.
 
-The reference is a finer chain of its own, with a method and a tolerance of its own; what a coarser one of the same rule
-is away from it bounds its error. The error of a run is the largest distance of its tip from it at the samples [m], what
-the steps leave out included.
+The reference is a finer chain with a separate method and tolerance; its distance to a coarser chain of the same rule
+bounds its error. The error of a run is the largest distance of its tip from the reference at the samples [m], including
+the error of the steps.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from validation.trade.work_precision import Point
 
 
 class Reference(Spec, frozen=True):
-    """How the exact tip is computed; `checked` hinges tell its own error."""
+    """Settings of the reference tip; a run with `checked` hinges estimates its error."""
 
     rule: str
     hinges: int
@@ -37,14 +37,14 @@ class Reference(Spec, frozen=True):
 
 
 class Exact(NamedTuple):
-    """Tip at the samples, shape (samples, 3), and how far a coarser reference is away [m]."""
+    """Tip at the samples, shape (samples, 3), and its distance to a coarser reference [m]."""
 
     tip: Array
     own: float
 
 
 class Tried(NamedTuple):
-    """A run: chain, method and tolerance; what it cost by the clock and by the list [s], and its error [m]."""
+    """A run: chain, method and tolerance; its cost by the clock and by the cost list [s], and its error [m]."""
 
     at: Rule
     method: str
@@ -56,7 +56,7 @@ class Tried(NamedTuple):
 
 
 def cut(scene: Scene, at: Rule) -> Scene:
-    """The scene whose flexible links have so many hinges by a rule."""
+    """The scene with this rule and number of hinges in its flexible links."""
     bent = [link.name for link in scene.arm.links if link.flex != "rigid"]
     changes = {f"link.{name}.lumping": at.rule for name in bent} | {
         f"link.{name}.segments": at.hinges + 1 for name in bent
@@ -81,9 +81,9 @@ def ladder(
     true: Array,
     longest: float,
 ) -> Iterator[Tried]:
-    """Every run of the grid that takes at most `longest` [s]; numbers that a rule does not take are left out.
+    """Yield every run of the grid that takes at most `longest` [s]; hinge numbers invalid for a rule are skipped.
 
-    Tolerances become finer until the chain's own error is left: two in a row change it by less than a tenth.
+    Tolerances become finer until the chain's lumping error dominates: the last three errors differ by under a tenth.
     """
     for name, method in itertools.product(rules, methods):
         rule, warm = lumping_rule(name), False
@@ -94,7 +94,7 @@ def ladder(
                 continue
             at = Rule(rule=name, hinges=hinges)
             chained = cut(scene, at)
-            if not warm:  # kernels are compiled
+            if not warm:  # compile the kernels first
                 warm = bool(native_ladder.fastest(chained.varied({"run.method": method, "run.tolerance": 1e-3})))
             yield from _of_chain(chained, at, method, tolerances, true, longest)
 

@@ -1,8 +1,8 @@
-"""Scenes of the trade between cost and accuracy, their references, and the errors that the trade is about.
+"""Scenes of the trade study between cost and accuracy, their references, and the two errors it measures.
 
-The error of a run is the largest distance of its tip from the reference at the outputs, over the largest distance of
-the reference's tip from where it started: 1e-2 is a hundredth of the motion. The error of its deflection is the same of
-the vector by which the hinges bend the tip away, over the longest of the reference: a part of the deflection.
+The error of a run is the tip's largest distance from the reference at the outputs, divided by the reference tip's
+largest distance from its initial position: 1e-2 is a hundredth of the motion. The deflection is the vector by which the
+hinges displace the tip; its error is relative to the reference's largest deflection.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from validation.trade.first_order import FirstOrder
 from validation.trade.work_precision import Point
 
 FILE = STUDY_SCENES / "trade" / "scenes.toml"
-OUTPUTS = 20  # of every run; the first of the samples is the start
-PROBED = 1e-7  # relative: cancellation in the sums of a stiff chain; any change worth telling is larger
+OUTPUTS = 20  # of every run; the first sample is the initial state
+PROBED = 1e-7  # relative tolerance: allows cancellation in the sums of a stiff chain; any relevant change is larger
 
 
 class Varied(Spec, frozen=True):
-    """A scene told by what differs from another one; `change` is what `Scene.varied` takes."""
+    """A scene defined by its differences from another one; `change` is the argument of `Scene.varied`."""
 
     about: str
     base: str
@@ -44,20 +44,20 @@ class Varied(Spec, frozen=True):
 
 @functools.cache
 def scenes() -> dict[str, Varied]:
-    """What the file says, by name."""
+    """Definitions in the file, by name of the scene."""
     return {name: decode(raw, Varied, name) for name, raw in documents.read_toml(FILE).items()}
 
 
 @functools.cache
 def trade_scene(name: str) -> Scene:
-    """A scene of the trade, sampled at its outputs.
+    """A scene of the trade study, sampled at its outputs.
 
     Raises
     ------
     ArgumentError
-        There is no such scene.
+        No such scene exists.
     SceneError
-        What its file says is no scene.
+        Its definition in the file is not a valid scene.
     """
     scene = varied_scene(require_one_of("scene", name, scenes()), name)
     every = scene.run.duration / OUTPUTS
@@ -65,7 +65,7 @@ def trade_scene(name: str) -> Scene:
 
 
 def varied_scene(varied: Varied, name: str) -> Scene:
-    """A scene of this name that differs so from its base: a scene of the trade, or a file."""
+    """A scene of this name with changes to its base, which is a scene of the trade study or a file."""
     return INPUTS[varied.input](_varied(varied, name))
 
 
@@ -77,7 +77,7 @@ def _varied(varied: Varied, name: str) -> Scene:
 
 
 def probe(scene: Scene) -> Array:
-    """Numbers that tell a scene: q̇ and q̈ on a fixed direction, of the start at two times, and of a state near it."""
+    """Fingerprint of a scene: q̇ and q̈ along a fixed direction, at the initial state for two times, and near it."""
     f, random = FirstOrder(scene), np.random.default_rng(0)
     direction, aside = random.normal(size=(2, len(f.start)))
     later = scene.run.duration / 3
@@ -86,19 +86,19 @@ def probe(scene: Scene) -> Array:
 
 
 def is_of(scene: Scene, name: str) -> bool:
-    """Whether the stored reference is that of this scene, up to rounding."""
+    """Whether the stored reference belongs to this scene, up to rounding."""
     return np.allclose(reference_array(reference_name(name), "probe"), probe(scene), rtol=PROBED, atol=0.0)
 
 
 def reference_name(name: str) -> str:
-    """Of the file in `validation/reference/`."""
+    """Name of the file in `validation/reference/`."""
     return f"trade/{name}"
 
 
 class Seen(NamedTuple):
-    """What the trade looks at: rows of the outputs, start included, in frame 0 [m]; nan where a run did not get to.
+    """Outputs of a run in frame 0 [m], including the initial state; nan after a failure.
 
-    `bend` is the tip less the tip of the same arm with its springs at rest.
+    `bend` is the tip minus the tip of the same arm with its springs at rest.
     """
 
     tip: Array  # (OUTPUTS + 1, 3)
@@ -106,7 +106,7 @@ class Seen(NamedTuple):
 
 
 def seen(chain: Chain, q: Array) -> Seen:
-    """The same of angles at the outputs, shape (OUTPUTS + 1, n)."""
+    """Tip and deflection for angles at the outputs, shape (OUTPUTS + 1, n)."""
     tip, there = np.full((2, len(q), 3), np.nan)
     good = np.isfinite(q).all(axis=1)
     tip[good], there[good] = tip_position(chain, q[good]), tip_position(chain, unbent(chain, q[good]))
@@ -115,14 +115,14 @@ def seen(chain: Chain, q: Array) -> Seen:
 
 @functools.cache
 def reference(name: str) -> Seen:
-    """Two methods agree on it."""
+    """The stored reference, on which two methods agree."""
     return Seen(*(reference_array(reference_name(name), part) for part in Seen._fields))
 
 
 def errors(name: str, found: Seen) -> tuple[float, float]:
-    """Of the tip, as a part of its motion; of the deflection, as a part of the largest; inf where a run failed.
+    """Error of the tip relative to its motion, and of the deflection relative to the largest; inf if a run failed.
 
-    A rigid arm has no deflection, nor any error of it.
+    A rigid arm has zero deflection and zero error of it.
     """
     exact = reference(name)
     sizes = tip_travel(exact.tip), float(np.linalg.norm(exact.bend, axis=1).max())
@@ -134,6 +134,6 @@ def errors(name: str, found: Seen) -> tuple[float, float]:
 
 
 def point(name: str, found: Seen, setting: float, seconds: float, evaluations: int) -> Point:
-    """A run of a scene, with its errors."""
+    """A point of a work-precision diagram: a run with its errors."""
     of_tip, of_bend = errors(name, found)
     return Point(setting, of_tip, seconds, of_bend, evaluations)

@@ -15,9 +15,9 @@ from validation.trade.work_precision import Point
 
 
 def points(name: str, solver: str, tolerances: Sequence[float]) -> list[Point]:
-    """A run for each relative tolerance; the absolute one is a hundredth. None where CVODE is not installed."""
+    """Run once for each relative tolerance; the absolute one is a hundredth of it. CVODE must be installed."""
     form = FirstOrder(trade_scene(name))
-    for y in (form.start, np.vstack([form.start, form.start])):  # compiled before the clock runs
+    for y in (form.start, np.vstack([form.start, form.start])):  # compile before timing
         form(0.0, y)
     return [_point(name, form, solver, relative) for relative in tolerances]
 

@@ -1,4 +1,4 @@
-"""Clocks for whole calls of a user: a problem that has run before, and a run from the text of its description."""
+"""Clocks for complete user calls: a problem that has run before, and a run from a scene file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ REPEATS = 5
 
 
 def prepared(scene: Scene, _longest: float) -> Timed:
-    """A run of a problem that has run before."""
+    """Time a run of a problem that has run before."""
 
     def run_once() -> fl.Problem:
         problem = fl.Problem(scene)
@@ -38,7 +38,7 @@ def prepared(scene: Scene, _longest: float) -> Timed:
 
 
 def described(scene: Scene, _longest: float) -> Timed:
-    """A scene file is read, cut into a chain that was never seen before, and run."""
+    """Time reading a scene file, lumping a new chain and running it."""
     with tempfile.TemporaryDirectory() as folder:
         path = scene.save(Path(folder) / "scene.toml")
         return _timed(lambda: fl.simulate(fl.load_scene(path)))
@@ -54,12 +54,12 @@ def _timed(run: Callable[[], Trajectory]) -> Timed:
 
 def _quietly(run: Callable[[], Trajectory]) -> Trajectory:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # doubts: the reference judges
+        warnings.simplefilter("ignore", RuntimeWarning)  # doubts: a reference measures the error
         return run()
 
 
 def loading_mujoco(chain: Chain) -> float:
-    """Least CPU seconds in which MuJoCo reads and compiles a chain's MJCF and makes its data."""
+    """Least CPU seconds for MuJoCo to read and compile a chain's MJCF and create its data."""
     text = to_mjcf(chain, shapes=False)
 
     def load() -> object:
@@ -70,7 +70,7 @@ def loading_mujoco(chain: Chain) -> float:
 
 
 def loading_pinocchio(chain: Chain) -> float:
-    """Least CPU seconds in which Pinocchio reads a chain's URDF and makes its data."""
+    """Least CPU seconds for Pinocchio to read a chain's URDF and create its data."""
     text = to_urdf(chain, shapes=False)
     return _least(lambda: pin.buildModelFromXML(text).createData())
 

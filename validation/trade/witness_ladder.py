@@ -1,4 +1,4 @@
-"""What an error costs with engines that are optional, each in a process of its own, which may crash."""
+"""Cost of a given error with optional engines, each in a separate process, which may crash."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from flexlink.common.errors import MissingDependencyError
 from flexlink.engines.child_process import ChildProcess
 from validation.trade.work_precision import Point
 
-NAMES = {"drake": "Drake", "exudyn": "Exudyn"}  # as in `flexlink.engines`, in words
+NAMES = {"drake": "Drake", "exudyn": "Exudyn"}  # name in `flexlink.engines` → display name
 
 
 def points(engine: str, name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
-    """Ladders of all integrators of an engine on a scene of the trade.
+    """Ladders of all integrators of an engine on a scene of the trade study.
 
     Raises
     ------
     MissingDependencyError
-        It is not installed.
+        The engine is not installed.
     EngineError
-        Its process ended.
+        The engine's process died.
     """
     found: dict[str, list[Point]] = ChildProcess().call(
         f"{NAMES[engine]}: runs of {name}", 0.0, _points, engine, name, budget, smallest

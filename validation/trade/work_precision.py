@@ -13,9 +13,9 @@ from validation.runs import stable_steps
 
 
 class Point(NamedTuple):
-    """One run: the setting (step [s], or tolerance), tip error over the motion (inf: failed), CPU seconds.
+    """One run: its setting (step [s] or tolerance), tip error relative to the motion (inf: failed), CPU seconds.
 
-    `bend` is the error of the deflection over the largest, and `evaluations` are those of forward or inverse dynamics.
+    `bend` is the error relative to the largest deflection, and `evaluations` count forward or inverse dynamics.
     """
 
     setting: float
@@ -31,15 +31,15 @@ class Point(NamedTuple):
 
     @property
     def time_only(self) -> bool:
-        """Whether the run was too long: its time is extrapolated from its beginning, its error unknown."""
+        """Whether the run was too long: its time is extrapolated from its first part, its error unknown."""
         return math.isnan(self.error)
 
 
 class Cost(NamedTuple):
-    """CPU seconds of an error.
+    """CPU seconds for an error.
 
-    `kind` is "measured"; "order": beyond the smallest error measured, by the method's order; "limit": of the smallest
-    number of steps that is stable, as a part of the run tells, whatever its error.
+    `kind` is "measured"; "order": extrapolated beyond the smallest measured error by the method's order; "limit": time
+    for the smallest stable number of steps, extrapolated from part of a run, whatever its error.
     """
 
     seconds: float
@@ -47,24 +47,24 @@ class Cost(NamedTuple):
 
 
 def ladder(run: Callable[[int], Point], first: int, budget: float, smallest: float) -> list[Point]:
-    """Runs with `first`, 2 `first`, … steps between outputs, until both errors are met or the next passes the budget.
+    """Run with `first`, 2 `first`, … steps between outputs, until both errors are met or the next exceeds the budget.
 
     Parameters
     ----------
     run
-        The run of so many steps between outputs.
+        Makes a run with a number of steps between outputs.
     first
-        Where to begin.
+        First number of steps.
     budget
         Longest run [CPU seconds].
     smallest
-        Of both errors, at which the ladder ends.
+        Value of both errors at which the ladder ends.
     """
     points: list[Point] = []
     steps, per_step = first, 0.0
     while not points or (per_step * steps <= budget and points[-1].worst > smallest):
         point = run(steps)
-        if point.error < math.inf:  # one that failed ended early: its time says nothing
+        if point.error < math.inf:  # a failed run ended early: its time is meaningless
             point = min(point, run(steps), key=lambda each: each.seconds) if point.seconds < budget / 8 else point
             per_step = point.seconds / steps
         points.append(point)
@@ -85,9 +85,10 @@ def ladders(
     budget: float,
     smallest: float,
 ) -> dict[str, list[Point]]:
-    """Ladders of an engine's integrators by fixed steps; of RK4 the time alone, if stable steps are past the budget.
+    """Ladders of an engine's integrators with fixed steps; for RK4 only the time if stable steps exceed the budget.
 
-    `run` and `seconds_a_step` take an integrator and its number of steps between outputs; the rest is as in `ladder`.
+    `run` and `seconds_a_step` take an integrator and its number of steps between outputs; other parameters as in
+    `ladder`.
     """
     found = {}
     for integrator in integrators:
@@ -102,12 +103,12 @@ def ladders(
 
 
 def cost(points: Sequence[Point], target: float, order: float) -> Cost | None:
-    """Least CPU time of an error, along the line between points of the ladder; None if no run was any good.
+    """Least CPU time for an error, interpolated between points of the ladder; None if no run was useful.
 
-    Of a run that is too long at its limit of stability it is the time, whatever the error.
+    A run that is too long at its stability limit counts with its time, whatever its error.
 
-    The line is straight in logarithms, which favours a method of few points against one of many. Beyond the last point
-    the error falls with the method's order, or faster if it did so at the end.
+    Interpolation is linear in logarithms, which favours methods with few points. Beyond the last point the error falls
+    with the method's order, or with the order of the last two points if it is higher.
     """
     if len(points) == 1 and points[0].time_only:
         return Cost(points[0].seconds, "limit")
@@ -126,7 +127,7 @@ def cost(points: Sequence[Point], target: float, order: float) -> Cost | None:
 
 
 def _measured_order(good: Sequence[Point]) -> float:
-    """Of the last two points of a ladder that doubles; 0 if there is none."""
+    """Order of the last two points of a ladder that doubles; 0 if it cannot be computed."""
     if len(good) < 2 or not 0 < good[-1].error < good[-2].error:
         return 0.0
     return math.log2(good[-2].error / good[-1].error)

@@ -1,0 +1,49 @@
+"""Loads in a report are those of the beam, whatever the axis of its joint is called."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import flexible, make_scene
+
+import flexlink as fl
+from flexlink.scene_report.parts import loads
+from flexlink.scene_report.study import Study
+
+HELD = {"run.duration": 0.2, "run.sample": 0.01, "run.step": 1e-4}
+
+
+def table(link: fl.Link) -> dict[str, tuple[float, ...]]:
+    """Largest loads at the root and at the first hinge of a link that falls under a load."""
+    scene = make_scene(
+        link, tip=fl.RigidBody(mass=1.0), gravity=(0.0, 0.0, -9.81), initial=fl.InitialState(joint_deg=(0.0,))
+    )
+    lines = loads._table(Study(scene.varied(HELD))).lines
+    return {str(line[0]): tuple(float(cell or 0.0) for cell in line[1:]) for line in lines}
+
+
+@pytest.mark.parametrize("segments", [1, 4])
+def test_a_joint_about_minus_y_loads_its_beam_as_one_about_z_of_a_turned_mount(segments: int) -> None:
+    shape = {"flex": "z" if segments > 1 else "rigid", "segments": segments, "length": 1.0}
+    turned = table(flexible("beam", mount=fl.Mount(rpy_deg=(90.0, 0.0, 0.0)), **shape))
+    axis = table(flexible("beam", joint=fl.Joint(axis=(0.0, -1.0, 0.0)), **shape))
+    assert turned.keys() == axis.keys()
+    for name, values in turned.items():
+        np.testing.assert_allclose(axis[name], values, rtol=1e-6, atol=1e-6, err_msg=name)
+
+
+def test_the_root_of_a_held_beam_carries_its_weight_across_and_no_torque() -> None:
+    """m g = (1 + ρAL) g across, half of it more at the middle: M = g L (1 + ρAL/2), for a joint about −Y."""
+    link = flexible("beam", "z", 4, length=1.0, joint=fl.Joint(axis=(0.0, -1.0, 0.0)))
+    weight = 9.81 * (1.0 + 2700.0 * 0.04**2)
+    drive = fl.Drive(kind="pd", kp=(1e5,), kd=(1e3,), target_deg=(0.0,), gravity="static")
+    scene = make_scene(
+        link, tip=fl.RigidBody(mass=1.0), gravity=(0.0, 0.0, -9.81), drive=drive,
+        initial=fl.InitialState(joint_deg=(0.0,), passive="static"),
+    )  # fmt: skip
+    root = next(line for line in loads._table(Study(scene.varied(HELD))).lines if line[0] == "beam")
+    _, tension, compression, shear, torque, bending, holding = root
+    assert shear == pytest.approx(weight, rel=1e-3)
+    assert bending == pytest.approx(9.81 * (1.0 + 2700.0 * 0.04**2 / 2), rel=1e-3)
+    assert bending == pytest.approx(holding, rel=1e-3)
+    assert max(tension, compression, torque) < 1e-2 * weight
