@@ -1,4 +1,4 @@
-"""Notes explain an initial state that is probably unintended; divergence names an unstable control loop as the cause."""
+"""Notes explain a probably unintended initial state; a divergence message names an unstable control loop."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_springs_initially_slack_under_feedforward_are_noted_with_the_drop(gravi
     law = {**PD, "gravity": gravity} if gravity else {**PD, "kind": "computed_torque"}
     (note,) = notes(arm(law))
     reviewed(note.id, note)
-    assert "initial.passive = 'static'" in note
+    assert "initial.passive" in note and "'static'" in note
     drop = float(re.search(r" (\S+) mm", note)[1])
     sagged = fl.initial_state(arm(initial=fl.InitialState(passive="static")), fl.lump(arm()))[0]
     tip = fl.tip_position(fl.lump(arm()), np.array([sagged, np.zeros(6)]))
@@ -45,7 +45,7 @@ def test_without_gravity_or_feedforward_there_is_no_note(change: dict[str, Any])
 def test_an_undriven_falling_joint_next_to_a_driven_one_is_noted() -> None:
     (note,) = notes(arm({"kind": "constant", "torque": (200.0, 0.0)}))
     reviewed(note.id, note)
-    assert "drive.kind = 'constant'" in note and " fore" in note
+    assert "'constant'" in note and " fore" in note
     braked = arm({"kind": "constant", "torque": (200.0, 0.0)}).varied({"link.fore.joint.viscous": 1.0})
     assert notes(braked) == ()
     assert notes(arm()) == ()  # an arm without any drive is meant to fall
@@ -76,8 +76,8 @@ def test_divergence_of_an_unstable_sampled_law_names_its_rate() -> None:
     scene = arm(STIFF, initial=fl.InitialState(joint_deg=(5.0, 0.0)), run=fl.RunSettings(step=2e-5, duration=1.0))
     with refused(fl.errors.DivergenceError, "diverged") as caught:
         fl.simulate(scene)
-    assert "drive.rate = 200 Hz" in str(caught.value)
-    assert "step" not in str(caught.value)
+    assert "drive.rate" in str(caught.value) and "200 Hz" in str(caught.value)
+    assert "smaller step" not in str(caught.value)
 
 
 def test_divergence_of_an_unstable_python_law_is_not_attributed_to_the_step() -> None:
