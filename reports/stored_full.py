@@ -156,7 +156,9 @@ def read(folder: Path = FOLDER) -> Stored | None:
     try:
         return Stored(folder, msgspec.json.decode(file.read_bytes(), type=FullStudy))
     except (OSError, ValueError, msgspec.MsgspecError) as error:
-        raise FlexlinkError(f"{file}: not a full study ({error}); make one with: {COMMAND}") from None
+        raise FlexlinkError(
+            f"{file}: not a full study ({error}); make one with: {COMMAND}", id="file-content"
+        ) from None
 
 
 def read_sources(folder: Path = FOLDER) -> dict[str, str]:

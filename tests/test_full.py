@@ -1,4 +1,4 @@
-"""reports/full, the whole long study that is checked in: small, all of one run, and it says how it was made."""
+"""reports/full, the complete study that is checked in: small, from one run, and with a record of how it was made."""
 
 from __future__ import annotations
 
@@ -14,40 +14,42 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import stacked_axes
 from reports import full
-from tests.words import refused
+from tests.words import line, refused, reviewed
 
 
 @pytest.fixture(autouse=True)
 def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """They take nearly all of the time."""
+    """Leave out the figures, which take nearly all of the time."""
     monkeypatch.setattr("reports.drawing.pictures", lambda *_: iter(()))
 
 
 def save(results: Path) -> Path:
-    """The folder that is checked in, of these results."""
+    """Return the folder to be checked in, made of these results."""
     return full.save(results, results.parent / "latest", results.parent / "full").parent
 
 
-def lines(path: Path) -> list[dict[str, str]]:
+def table(path: Path) -> list[dict[str, str]]:
     with path.open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 
 
 def machine(folder: Path) -> dict[str, str]:
-    return {line["what"]: line["value"] for line in lines(folder / "machine.csv")}
+    return {fact["what"]: fact["value"] for fact in table(folder / "machine.csv")}
 
 
-def test_it_says_command_machine_versions_and_what_the_machine_did_besides_or_why_a_case_is_missing(tmp_path: Path):
+def test_machine_csv_has_command_versions_load_and_missing_cases(tmp_path: Path):
     results = stored(tmp_path / "results", row(), timed(0.5), conditions=BUSY, planned=("never_ran",))
-    said = machine(save(results))
-    assert said["command"] == "python -m validation --full"
-    assert (said["processor"], said["commit"], said["mujoco"]) == ("A processor", "0123456789ab", VERSIONS["mujoco"])
-    assert said["terms"].startswith("2026-07-01 10:30 UTC; 0.5 s; A processor")
-    assert "other processes used 1.8 of 2 cores" in said["calls"]
-    assert said["never_ran"] == "not measured"
+    facts = machine(save(results))
+    assert facts["command"] == full.COMMAND
+    assert (facts["processor"], facts["commit"], facts["mujoco"]) == ("A processor", "0123456789ab", VERSIONS["mujoco"])
+    assert facts["terms"].split("; ")[:2] == ["2026-07-01 10:30 UTC", "0.5 s"]
+    assert facts["terms"].split("; ")[2].startswith(facts["processor"])
+    assert " 1.8 of 2 " in facts["calls"]
+    reviewed("full study: machine load", facts["calls"])
+    assert facts["never_ran"] == "not measured"
 
 
-def test_what_an_earlier_study_left_there_is_gone_and_what_people_wrote_is_not(tmp_path: Path):
+def test_files_of_an_earlier_study_are_deleted_and_other_files_stay(tmp_path: Path):
     (tmp_path / "full").mkdir()
     for name in ("gone.csv", "gone.png", "NOTES.md"):
         (tmp_path / "full" / name).write_text("", encoding="utf-8")
@@ -57,55 +59,59 @@ def test_what_an_earlier_study_left_there_is_gone_and_what_people_wrote_is_not(t
     assert (tmp_path / "latest" / "index.html").is_file()
 
 
-def test_words_that_many_rows_share_stand_once_and_every_number_is_there(tmp_path: Path):
+def test_texts_shared_by_rows_are_stored_once_and_all_numbers_are_stored(tmp_path: Path):
     folder = save(stored(tmp_path / "results", row(value=1e-15), row(value=2e-15, scene="other")))
-    checks, quantities = lines(folder / "all_checks.csv"), lines(folder / "quantities.csv")
+    checks, quantities = table(folder / "all_checks.csv"), table(folder / "quantities.csv")
     assert [(line["scene"], float(line["value"])) for line in checks] == [("paper_fig5", 1e-15), ("other", 2e-15)]
     assert "reason" not in checks[0]
     assert [(line["case"], line["quantities"], line["reason"]) for line in quantities] == [("terms", "M", REASON)]
 
 
-def test_the_readme_has_both_verdicts_what_fails_what_is_missing_and_leads_to_every_file(tmp_path: Path):
+def test_the_readme_has_verdicts_failures_missing_cases_and_links_to_all_files(tmp_path: Path):
     folder = save(stored(tmp_path / "results", row(value=1.0, title="a | b"), timed(0.5), planned=("never_ran",)))
     text = (folder / "README.md").read_text(encoding="utf-8")
-    assert "Verification: **FAIL**" in text
-    assert "- terms: M, paper_fig5, mujoco" in text
-    assert "- never_ran: not measured" in text
-    assert r"| terms | a \| b | FAIL: 0 of 1 pass |" in text
+    assert "**FAIL**" in text
+    assert line(text, "- terms: M").endswith(", mujoco")
+    assert line(text, "- never_ran: ").endswith("not measured")
+    assert r"a \| b" in line(text, "| terms |")
+    assert "0 of 1" in line(text, "| terms |", "FAIL: ")
+    for part in ("- terms: M", "- never_ran: ", "| terms |"):
+        reviewed("full study: readme", line(text, part))
     assert set(re.findall(r"\]\((.*?)\)", text)) == {file.name for file in folder.glob("*.csv")}
 
 
 @pytest.mark.slow
-def test_figures_are_pngs_beside_their_data_and_stand_in_the_readme(tmp_path: Path, monkeypatch):
+def test_figures_are_pngs_next_to_their_data_and_shown_in_the_readme(tmp_path: Path, monkeypatch):
     figure, _ = stacked_axes(1, 1.0)
     picture = Picture("drawn", "A title", figure, "A caption.", "a,b\n")
     monkeypatch.setattr("reports.drawing.pictures", lambda *_: iter([("agreement", picture)]))
     folder = save(stored(tmp_path / "results", row()))
-    assert "![A title](drawn.png)" in (folder / "README.md").read_text(encoding="utf-8")
+    image = f"![{picture.title}](drawn.png)"
+    assert image in (folder / "README.md").read_text(encoding="utf-8")
     assert {file.name for file in folder.glob("drawn.*")} == {"drawn.png", "drawn.csv"}
     with Image.open(folder / "drawn.png") as drawn:
-        assert drawn.mode == "P", "few colours, as a palette"
+        assert drawn.mode == "P", "a palette"
 
 
-def test_an_older_study_stays_where_there_are_no_results(tmp_path: Path):
+def test_without_results_an_older_study_stays(tmp_path: Path):
     folder = save(stored(tmp_path / "results", row()))
     with refused(FlexlinkError, "test-full"):
         save(tmp_path / "none")
     assert (folder / "README.md").is_file()
 
 
-def test_more_than_may_be_checked_in_is_an_error_that_names_the_largest(tmp_path: Path, monkeypatch):
+def test_a_study_too_large_to_check_in_is_refused_with_its_largest_file(tmp_path: Path, monkeypatch):
     monkeypatch.setattr(full, "MOST", 1_000)
     with refused(FlexlinkError, "test-full"):
         save(stored(tmp_path / "results", row()))
 
 
-@pytest.mark.skipif(not full.FOLDER.is_dir(), reason="this checkout holds no full study")
-def test_the_one_that_is_checked_in_is_small_and_says_how_it_was_made():
+@pytest.mark.skipif(not full.FOLDER.is_dir(), reason="this checkout lacks the full study")
+def test_the_checked_in_study_is_small_and_records_how_it_was_made():
     files = list(full.FOLDER.iterdir())
     assert sum(file.stat().st_size for file in files) <= full.MOST
     assert {file.suffix for file in files} <= {".csv", ".gz", ".json", ".png", ".md"}
-    said = machine(full.FOLDER)
-    assert said["command"] == full.COMMAND
-    assert said["processor"]
-    assert said["numpy"]
+    facts = machine(full.FOLDER)
+    assert facts["command"] == full.COMMAND
+    assert facts["processor"]
+    assert facts["numpy"]

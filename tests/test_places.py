@@ -1,7 +1,8 @@
-"""Places that results go to: those that take none are told before the work, in one line, and nothing done is lost."""
+"""Destinations of results: invalid ones are refused before the work begins, and finished results are not lost."""
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import sqlite3
@@ -16,11 +17,11 @@ from conftest import ROOT
 from flexlink.cli.main import main
 from flexlink.common.errors import OutputError
 from flexlink.common.output import make_folder, or_keep, write_text
-from tests.words import refused
+from tests.words import refused, refused_line, reviewed
 
 PAPER, TAPPED = str(ROOT / "models/paper_fig5.toml"), str(ROOT / "models/fits/tapped.toml")
 PAYLOAD = str(ROOT / "models/sweeps/payload.toml")
-COMMANDS = {  # the command without its place, the place, and the work that must not have begun
+COMMANDS = {  # arguments without the destination, the destination, and the function that must not be called
     "simulate": (["simulate", PAPER, "--out"], "run.npz", "simulate.SingleRun"),
     "simulate --plot": (["simulate", PAPER, "--plot"], "run.png", "simulate.SingleRun"),
     "advise": (["advise", PAPER, "--tip", "1e-3", "-o"], "arm.toml", "advise.advise"),
@@ -38,7 +39,7 @@ COMMANDS = {  # the command without its place, the place, and the work that must
 
 @pytest.fixture
 def closed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder in which nothing can be made, whoever runs this."""
+    """A folder in which no user can create a file."""
     folder, opened = tmp_path / "closed", os.open
     folder.mkdir()
 
@@ -52,7 +53,7 @@ def closed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_place_that_takes_no_file_is_told_before_the_work(
+def test_a_closed_folder_is_refused_before_the_work(
     command: str, closed: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (*words, option), name, work = COMMANDS[command]
@@ -62,23 +63,25 @@ def test_a_place_that_takes_no_file_is_told_before_the_work(
 
     monkeypatch.setattr(f"flexlink.cli.{work}", never)
     assert main([*words, option, str(closed / name)]) == 2
-    line = capsys.readouterr().err.splitlines()[-1]
-    assert re.match(rf"flexlink: {re.escape(str(closed))}.*: cannot be written: Permission denied$", line)
+    error = refused_line(capsys.readouterr().err, "cannot-write")
+    assert error.startswith(f"flexlink: {closed}")
+    assert os.strerror(errno.EACCES) in error
     assert not list(closed.iterdir())
 
 
 @pytest.mark.parametrize("command", ["export", "report", "fit", "fit --check"])
-def test_a_folder_that_cannot_be_made_is_told_before_the_work(
+def test_a_folder_that_cannot_be_created_is_refused_before_the_work(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words, _, work = COMMANDS[command]
     monkeypatch.setattr(f"flexlink.cli.{work}", lambda *_, **__: pytest.fail(f"{work} was called"))
     (tmp_path / "file").write_text("")
     assert main([*words, str(tmp_path / "file" / "folder")]) == 2
-    assert re.search(r"folder: the folder cannot be made: Not a directory$", capsys.readouterr().err.strip())
+    error = refused_line(capsys.readouterr().err, "cannot-write")
+    assert str(tmp_path / "file") in error and os.strerror(errno.ENOTDIR) in error
 
 
-def test_a_finished_page_that_its_folder_cannot_take_is_kept_elsewhere(
+def test_a_finished_page_that_cannot_be_stored_in_its_folder_is_stored_elsewhere(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
@@ -96,20 +99,18 @@ def test_a_finished_page_that_its_folder_cannot_take_is_kept_elsewhere(
     assert or_keep(tmp_path / "page", write) == tmp_path / "page"
 
 
-def test_a_database_that_cannot_be_opened_promises_no_rows(
+def test_a_database_that_cannot_be_opened_is_refused_without_mentioning_rows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
 ) -> None:
-    def refused(*_: object, **__: object) -> None:
-        raise sqlite3.OperationalError("unable to open database file")
-
-    monkeypatch.setattr(sqlite3, "connect", refused)
+    reason = sqlite3.OperationalError("unable to open database file")
+    monkeypatch.setattr(sqlite3, "connect", mock.Mock(side_effect=reason))
     assert main(["sweep", PAYLOAD, "--out", str(tmp_path / "rows.db")]) == 2
-    assert capsys.readouterr().err.strip().endswith("rows.db: cannot be written: unable to open database file")
+    assert refused_line(capsys.readouterr().err, "cannot-write").endswith(str(reason))
 
 
 @pytest.mark.slow
-def test_a_sweep_whose_members_all_fail_is_no_success(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Exit code 1: no member ran; 0 where one did."""
+def test_a_sweep_whose_members_all_fail_fails(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Exit code 1 if every member failed, 0 if one ran."""
     sweep = f'scene = "{PAPER}"\nset = {{ run.duration = 0.01, run.sample = 0.01 }}\ngrid.run.step = STEPS\n'
     sweep += 'quantity.z = { of = "tip z [m]" }\n'
     for steps, code in (("[1e-2]", 1), ("[1e-2, 1e-4]", 0)):
@@ -118,14 +119,19 @@ def test_a_sweep_whose_members_all_fail_is_no_success(tmp_path: Path, capsys: py
         assert "1 of " in capsys.readouterr().err
 
 
-def test_out_of_memory_has_no_colon_without_a_reason(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
-    for error, line in ((MemoryError(), "not enough memory"), (MemoryError("8 GB"), "not enough memory: 8 GB")):
+def test_out_of_memory_is_reported_with_and_without_a_reason(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    lines = []
+    for error in (MemoryError(), MemoryError("8 GB")):
         monkeypatch.setattr("flexlink.cli.simulate.SingleRun", mock.Mock(side_effect=error))
         assert main(["simulate", PAPER]) == 2
-        assert capsys.readouterr().err.splitlines()[-1] == f"flexlink: {line}"
+        lines.append(capsys.readouterr().err.splitlines()[-1])
+    bare, with_reason = lines
+    assert bare.startswith("flexlink: ") and not bare.endswith(":")
+    assert with_reason == f"{bare}: 8 GB"
+    reviewed("places: out of memory", bare)
 
 
-SAYING = f"""
+COMMANDS_WITH_TEXT = f"""
 import contextlib
 from flexlink.cli.main import main
 for words in ["--help"], ["info", {PAPER!r}], ["modes", {PAPER!r}, "--count", "1"], ["export", "--help"]:
@@ -135,12 +141,12 @@ for words in ["--help"], ["info", {PAPER!r}], ["modes", {PAPER!r}, "--count", "1
 
 
 @pytest.mark.slow
-def test_commands_say_the_same_without_docstrings() -> None:
-    """`python -OO` strips them, and what they say of a command is its help."""
-    said = [
-        subprocess.run([sys.executable, *option, "-c", SAYING], capture_output=True, text=True, check=True)
+def test_commands_print_the_same_without_docstrings() -> None:
+    """`python -OO` removes docstrings; help texts must not depend on them."""
+    runs = [
+        subprocess.run([sys.executable, *option, "-c", COMMANDS_WITH_TEXT], capture_output=True, text=True, check=True)
         for option in ([], ["-OO"])
     ]
-    plain, stripped = (re.sub(r"\S+ s of CPU", "some s of CPU", each.stdout) for each in said)
+    plain, stripped = (re.sub(r"\S+ s of CPU", "some s of CPU", each.stdout) for each in runs)
     assert plain == stripped
     assert plain.count("usage: ") == 2

@@ -1,4 +1,4 @@
-"""`python -m validation --same DIR`: whether a reviewer's numbers are the published ones."""
+"""`python -m validation --same DIR`: whether a reviewer's numbers equal the published ones."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flexlink.common.errors import FlexlinkError
 from reports import full, same
 from reports.build import build
 from reports.results import Results
-from tests.words import refused
+from tests.words import line, refused, reviewed
 from validation import __main__ as command
 from validation import sources
 from validation.store import Row
@@ -24,7 +24,7 @@ LEFT_OVER = {"quantity": "worst error", "value": 2.3e-15, "tolerance": None}
 
 
 def published(path: Path, *rows: Row, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A study as it is checked in, without its figures."""
+    """A checked-in study without its figures."""
     monkeypatch.setattr("reports.drawing.pictures", lambda *_: iter(()))
     return full.save(stored(path / "there", *rows), path / "there_page", path / "full").parent
 
@@ -39,9 +39,9 @@ def kinds(found: same.Comparison) -> list[str]:
 
 @pytest.mark.parametrize(("there", "here", "kind"), [
     (CHECK, {}, "equal"),
-    (CHECK, {"value": 0.35}, "rounding"),  # of a check a tenth of its limit
+    (CHECK, {"value": 0.35}, "rounding"),  # within a tenth of the limit
     (CHECK, {"value": 0.45}, "different"),
-    (CHECK, {"value": 1.02}, "different"),  # it fails, too
+    (CHECK, {"value": 1.02}, "different"),  # it also fails
     ({"value": 6e-14, "tolerance": 1e-12}, {"value": 9e-14}, "rounding"),
     ({"value": 16.3, "tolerance": 3.0, "bound": "at least"}, {"value": 16.5}, "rounding"),
     ({"value": 16.3, "tolerance": 3.0, "bound": "at least"}, {"value": 12.0}, "different"),
@@ -65,7 +65,7 @@ def test_a_number_is_equal_within_rounding_or_different(
     assert found.same is (kind != "different")
 
 
-def test_numbers_are_matched_by_what_was_varied_and_written_digits_read_back(
+def test_numbers_are_matched_by_their_settings_and_read_back_exactly(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rows = [row(varied={"method": "RK4", "step": h, "n": 10}, value=h / 3, quantity="q") for h in (1e-4, 0.1 + 0.2)]
@@ -73,20 +73,21 @@ def test_numbers_are_matched_by_what_was_varied_and_written_digits_read_back(
     assert kinds(compared(tmp_path, folder, *reversed(rows))) == ["equal", "equal"]
 
 
-def test_a_number_that_only_one_of_both_has_is_a_difference_and_a_case_is_not(
+def test_a_number_missing_on_one_side_is_a_difference_and_a_missing_case_is_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     one, two, other = row(), row(quantity="T_GC"), row("other")
     folder = published(tmp_path, one, two, other, monkeypatch=monkeypatch)
     fewer = compared(tmp_path / "fewer", folder, one)
-    assert (fewer.same, fewer.missing) == (False, ("terms: T_GC, paper_fig5, mujoco",))
+    assert not fewer.same
+    assert [missing.split(", ") for missing in fewer.missing] == [["terms: T_GC", "paper_fig5", "mujoco"]]
     assert (fewer.cases, fewer.published) == (1, 2)
     assert compared(tmp_path / "both", folder, one, two).same
     assert not compared(tmp_path / "more", folder, one, two, row(quantity="new")).same
 
 
 def edited_since(folder: Path, file: str) -> None:
-    """The published study was measured with another file."""
+    """Store a published study that was measured with another version of a file."""
     now = sources.digests() | {file: "older"}
     text = "file,digest\n" + "".join(f"{path},{digest}\n" for path, digest in now.items())
     (folder / "sources.csv").write_text(text, encoding="utf-8")
@@ -95,29 +96,29 @@ def edited_since(folder: Path, file: str) -> None:
 EDITED = [("flexlink/__init__.py", True), ("validation/cases/terms.toml", True), ("validation/cases/other.toml", False)]
 
 
-@pytest.mark.parametrize(("file", "told"), EDITED)
+@pytest.mark.parametrize(("file", "concerned"), EDITED)
 @pytest.mark.parametrize(("there", "here", "kind"), [
     (INFORMING, {"value": 3.95}, "moved"), (CHECK, {"value": 0.45}, "rounding"), (CHECK, {"value": 1.4}, "different"),
 ])  # fmt: skip
-def test_where_sources_were_edited_since_checks_agree_within_their_limits_and_other_numbers_may_move(
+def test_after_edits_of_sources_checks_agree_within_limits_and_other_numbers_may_change(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, there: dict[str, object], here: dict[str, object], kind: str,
-    file: str, told: bool,
+    file: str, concerned: bool,
 ) -> None:  # fmt: skip
     folder = published(tmp_path, row(**there), monkeypatch=monkeypatch)
     edited_since(folder, file)
-    assert kinds(compared(tmp_path, folder, row(**(there | here)))) == [kind if told else "different"]
+    assert kinds(compared(tmp_path, folder, row(**(there | here)))) == [kind if concerned else "different"]
 
 
-@pytest.mark.parametrize(("file", "told"), EDITED)
-def test_where_sources_were_edited_since_new_numbers_are_told_and_a_check_that_is_gone_still_fails(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str, told: bool
+@pytest.mark.parametrize(("file", "concerned"), EDITED)
+def test_after_edits_of_sources_new_numbers_are_listed_and_a_missing_check_still_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str, concerned: bool
 ) -> None:
     one, check, note = row(), row(quantity="T_GC"), row(quantity="horizon", tolerance=None)
     folder = published(tmp_path, one, check, note, monkeypatch=monkeypatch)
     edited_since(folder, file)
     more = compared(tmp_path / "more", folder, one, check, note, row(quantity="new"))
-    assert (more.same, len(more.moved)) == ((True, 1) if told else (False, 0))
-    assert compared(tmp_path / "less", folder, one, check).same is told
+    assert (more.same, len(more.moved)) == ((True, 1) if concerned else (False, 0))
+    assert compared(tmp_path / "less", folder, one, check).same is concerned
     assert not compared(tmp_path / "least", folder, one, note).same
 
 
@@ -129,25 +130,30 @@ def test_where_sources_were_edited_since_new_numbers_are_told_and_a_check_that_i
     (CHECK | {"bound": "at least", "value": 2.0}, {"tolerance": 1.5}, False),
     (INFORMING, {"tolerance": 5.0}, False),
 ])  # fmt: skip
-def test_a_limit_that_is_wider_than_the_published_one_is_a_difference_unless_the_case_says_why(
+def test_a_limit_wider_than_the_published_one_is_a_difference_unless_the_case_gives_a_reason(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, there: dict[str, object], here: dict[str, object], wider: bool
 ) -> None:
     folder = published(tmp_path, row(**there), monkeypatch=monkeypatch)
     found = compared(tmp_path, folder, row(**(there | here)))
     assert (bool(found.wider), found.same) == (wider, not wider)
-    assert wider == any("limit wider than the published one: terms: M" in line for line in same.differences(found))
+    limits = [text for text in same.differences(found) if any(text.endswith(limit) for limit in found.wider)]
+    assert wider == any(limit.startswith("terms: M") for limit in found.wider) == bool(limits)
+    for text in limits:
+        reviewed("same: limit", text)
 
 
-def test_cases_that_are_not_published_are_named_in_one_line_and_do_not_fail(
+def test_unpublished_cases_are_named_in_one_line_and_do_not_fail(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = published(tmp_path, row(), monkeypatch=monkeypatch)
     found = compared(tmp_path, folder, row(), row("first"), row("second"))
     assert found.same
-    assert "Not published yet: 2 cases (first, second)." in found.sentences()
+    (unpublished,) = (text for text in found.sentences() if "(first, second)" in text)
+    assert "2 cases" in unpublished
+    reviewed("same: unpublished", unpublished)
 
 
-def test_the_command_says_same_with_0_and_a_planted_difference_with_1(
+def test_the_command_exits_with_0_for_equal_numbers_and_with_1_for_a_difference(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rows = [
@@ -157,48 +163,52 @@ def test_the_command_says_same_with_0_and_a_planted_difference_with_1(
     monkeypatch.setattr(command, "REPORT", tmp_path / "report")
     arguments = ["--same", str(folder), "--results"]
     assert command.main([*arguments, str(stored(tmp_path / "same", *rows))]) == 0
-    assert "These are the published numbers." in capsys.readouterr().out
+    reviewed("same: verdict", capsys.readouterr().out.splitlines()[-2])
     planted = [*rows[:-1], dataclasses.replace(rows[-1], value=0.5)]
     assert command.main([*arguments, str(stored(tmp_path / "planted", *planted))]) == 1
-    said = capsys.readouterr().out
-    assert "These are not the published numbers." in said
-    assert "second: q8 (paper_fig5, mujoco) = 0.5 1, published 0.08" in said
+    shown = capsys.readouterr().out
+    reviewed("same: verdict", shown.splitlines()[-2])
+    assert all(part in line(shown, "second: ") for part in ("q8 (", "paper_fig5", "mujoco", "= 0.5 1", " 0.08"))
+    reviewed("same: difference", line(shown, "second: "))
     with (tmp_path / "report" / "same.csv").open(encoding="utf-8", newline="") as file:
-        assert [(line["case"], line["verdict"]) for line in csv.DictReader(file)] == [
-            ("second", "DIFFERENT"), ("first", "same"),
-        ]  # fmt: skip
+        verdicts = {case["case"]: case["verdict"] for case in csv.DictReader(file)}
+    assert list(verdicts) == ["second", "first"]
+    assert (verdicts["second"], verdicts["first"]) == ("DIFFERENT", "same")
 
 
-def test_the_page_says_whether_its_numbers_are_the_published_ones(
+def test_the_page_shows_whether_its_numbers_are_the_published_ones(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = published(tmp_path, row(), monkeypatch=monkeypatch)
-    for name, value, said in (("a", 1e-15, "These are the published"), ("b", 0.9e-12, "These are not the published")):
-        page = build(stored(tmp_path / name, row(value=value)), tmp_path / f"{name}_page", tmp_path / "none", folder)
-        assert said in page.read_text(encoding="utf-8")
+    for name, value in (("a", 1e-15), ("b", 0.9e-12)):
+        results = stored(tmp_path / name, row(value=value))
+        page = build(results, tmp_path / f"{name}_page", tmp_path / "none", folder).read_text(encoding="utf-8")
+        answer = same.compare(Results.read(results), folder).sentences()[0]
+        assert answer in page
+        reviewed("same: verdict", answer)
         assert (tmp_path / f"{name}_page" / "same.csv").is_file()
     alone = words_from(stored(tmp_path / "c", row()), tmp_path)
-    assert "published numbers" not in alone
+    assert "same.csv" not in alone
 
 
-@pytest.mark.parametrize(("name", "content", "said"), [
-    (None, b"", "test-same"), ("all_checks.csv", b"case,scene\n", "test-same"),
-    ("all_checks.csv.gz", b"no gzip", "test-same"),
-    ("all_checks.csv", b"case,scene,engine,quantity,value,tolerance,bound,timed,seconds,state\na,,,q,many,,,,,\n",
-     "test-same"),
+@pytest.mark.parametrize(("name", "content"), [
+    (None, b""), ("all_checks.csv", b"case,scene\n"), ("all_checks.csv.gz", b"no gzip"),
+    ("all_checks.csv", b"case,scene,engine,quantity,value,tolerance,bound,timed,seconds,state\na,,,q,many,,,,,\n"),
 ])  # fmt: skip
-def test_a_folder_without_numbers_is_one_line(tmp_path: Path, name: str | None, content: bytes, said: str) -> None:
+def test_a_folder_without_numbers_is_refused_in_one_line(tmp_path: Path, name: str | None, content: bytes) -> None:
     folder = tmp_path / "folder"
     folder.mkdir()
     if name:
         (folder / name).write_bytes(content)
-    with refused(FlexlinkError, said):
+    with refused(FlexlinkError, "test-same"):
         compared(tmp_path, folder, row())
 
 
-def test_a_study_that_shares_no_number_is_an_error(
+def test_a_study_without_common_numbers_is_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = published(tmp_path, row("other"), monkeypatch=monkeypatch)
     assert command.main(["--same", str(folder), "--results", str(stored(tmp_path / "here", row()))]) == 2
-    assert "no number in common" in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert str(folder) in error
+    reviewed("same: nothing in common", error)

@@ -1,7 +1,8 @@
-"""What the default report shows and says of the full study that is checked in, without git and without its results."""
+"""The default report shows the checked-in full study without git and without its results."""
 
 from __future__ import annotations
 
+import html
 import re
 import subprocess
 from pathlib import Path
@@ -12,14 +13,14 @@ from studies import row, stored
 from flexlink.common.errors import FlexlinkError
 from reports import full, stored_full
 from reports.build import build
-from tests.words import refused, reviewed
+from tests.words import line, refused, reviewed, sentence
 from validation import sources
 from validation.store import Store
 
 
 @pytest.fixture(autouse=True)
 def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """They take nearly all of the time."""
+    """Leave out the figures, which take nearly all of the time."""
     monkeypatch.setattr("reports.drawing.pictures", lambda *_: iter(()))
 
 
@@ -29,7 +30,7 @@ CLAIM = {"kind": "paper_types", "value": 0.0}
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A full study with a case of prices in parts, one of claims, and one on which the chapter has a finding."""
+    """Folder of a full study: a price case in parts, a claim case, and a claim case with a finding."""
     claim = row("paper_long", quantity="claim", title="Claims", varied={"claim": "It bends"}, note="holds", **CLAIM)
     prices = [row(f"speed_trade-{name}", value=7.0, **PRICE) for name in ("crane", "t3")]
     results = stored(tmp_path / "whole", claim, row("paper_short", **CLAIM), *prices)
@@ -45,45 +46,69 @@ def chapter(text: str, name: str) -> str:
     return text.partition(f'<section id="{name}">')[2].partition("</section>")[0]
 
 
-def test_a_chapter_of_which_nothing_ran_is_the_full_studys_and_says_so(tmp_path: Path, folder: Path) -> None:
+def notes(text: str) -> list[str]:
+    """Small print of a part of the page."""
+    return [
+        " ".join(html.unescape(re.sub(r"<[^>]+>", "", found)).split())
+        for found in re.findall(r'<(?:p|span) class="files">(.*?)</(?:p|span)>', text, re.DOTALL)
+    ]
+
+
+def test_a_chapter_without_cases_here_is_that_of_the_full_study(tmp_path: Path, folder: Path) -> None:
     text = page(tmp_path, folder, row("paper_short", **CLAIM))
-    said = chapter(text, "trade")
-    assert "No case of this chapter ran for this page. Shown: the full study, 2 cases" in said
-    assert "7 × flexlink&#39;s CPU time or more: MuJoCo" in said
-    assert 'id="agreement"' not in text, "neither study has it"
+    trade = chapter(text, "trade")
+    (note,) = notes(trade)
+    assert "2 cases" in note
+    assert "0123456789ab" in note
+    reviewed("stored full: chapter", note)
+    price = sentence(trade, "7 ×")
+    assert "CPU" in price
+    assert "MuJoCo" in sentence(trade, "paper_fig5")
+    reviewed("stored full: price", price)
+    assert 'id="agreement"' not in text, "neither study has this chapter"
 
 
-def test_tables_of_the_full_study_are_on_the_page_and_beside_it(tmp_path: Path, folder: Path) -> None:
-    said = chapter(page(tmp_path, folder, row()), "claims")
-    assert "1 claim: 1 confirmed" in said
-    assert "It bends" in said
-    assert (tmp_path / "report" / "paper_claims.csv").read_bytes() == (folder / "paper_claims.csv").read_bytes()
+def test_tables_of_the_full_study_are_on_the_page_and_next_to_it(tmp_path: Path, folder: Path) -> None:
+    claims = chapter(page(tmp_path, folder, row()), "claims")
+    assert "It bends" in claims
+    reviewed("paper claims: verdicts", sentence(claims, "1 claim"))
+    copies = [(path / "paper_claims.csv").read_bytes() for path in (tmp_path / "report", folder)]
+    assert copies[0] == copies[1]
 
 
-def test_a_chapter_says_what_ran_and_what_only_the_full_study_has(tmp_path: Path, folder: Path) -> None:
+def test_a_chapter_lists_what_ran_and_what_only_the_full_study_has(tmp_path: Path, folder: Path) -> None:
     text = page(tmp_path, folder, row("paper_short", **CLAIM), row("speed_trade-crane", **PRICE))
-    assert "Ran for this page: 1 case. Only in the full study (reports/full): paper_long." in chapter(text, "claims")
-    assert "Only in the full study (reports/full): speed_trade." in chapter(text, "trade")
+    claims, trade = (notes(chapter(text, name))[0] for name in ("claims", "trade"))
+    assert "1 case." in claims and claims.endswith("paper_long.")
+    assert trade.endswith("speed_trade.")
+    reviewed("stored full: cases", claims)
+    reviewed("stored full: cases", trade)
     whole = page(tmp_path / "again", folder, row("paper_short", **CLAIM), row("paper_long", **CLAIM))
-    assert "Ran for this page: 2 cases. The full study has no others." in chapter(whole, "claims")
+    claims = notes(chapter(whole, "claims"))[0]
+    assert "2 cases." in claims and "paper_" not in claims
+    reviewed("stored full: cases", claims)
 
 
 @pytest.mark.parametrize("held", [True, False])
 def test_the_page_names_the_command_of_the_full_study(tmp_path: Path, folder: Path, held: bool) -> None:
     text = page(tmp_path, folder if held else None, row())
     head = text.partition('<section class="glance"')[0]
-    assert "python -m validation --full" in head
-    assert ("is stored in reports/full: verification PASS" in head) == held
+    assert stored_full.COMMAND in head
+    found = [note for note in notes(head) if "PASS" in note]
+    assert len(found) == held
+    for note in found:
+        reviewed("stored full: study", note)
 
 
-def test_a_study_says_which_files_have_changed_since_without_git(tmp_path: Path, monkeypatch) -> None:
+def test_a_study_names_changed_files_without_git(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr(subprocess, "run", None)
     measured = sources.digests()
-    assert {
+    files = {
         "flexlink/kernels/bodies/rne.py",
         "validation/runner.py",
         "validation/cases/pointwise.toml",
-    } <= measured.keys()
+    }
+    assert files <= measured.keys()
     unchanged = stored_full.since("abc", measured)
     edited = measured | {"flexlink/kernels/bodies/rne.py": "another"}
     gone = measured | {"flexlink/gone.py": "any"}
@@ -95,7 +120,7 @@ def test_a_study_says_which_files_have_changed_since_without_git(tmp_path: Path,
         reviewed(f"study since: {key}", text)
 
 
-def test_what_was_measured_with_is_stored_and_the_readme_says_what_changed(tmp_path: Path) -> None:
+def test_the_measured_sources_are_stored_and_the_readme_names_changes(tmp_path: Path) -> None:
     results = stored(tmp_path / "results", row())
     environment = Store(results).environment()
     now = sources.digests() | {"flexlink/kernels/bodies/rne.py": "older"}
@@ -104,31 +129,35 @@ def test_what_was_measured_with_is_stored_and_the_readme_says_what_changed(tmp_p
     assert stored_full.read_sources(folder) == now
     text = (folder / "README.md").read_text(encoding="utf-8")
     first = text.partition("\n## ")[0]
-    words = (
-        "# Validation of flexlink",
-        "Dynamic Simulation of Nonrigid",
-        "Compared: flexlink with",
-        "**PASS**. 1 of 1",
-    )
-    assert all(word in first for word in words)
+    title, _, paper, comparison, *_ = first.splitlines()
+    assert title.startswith("# ") and "flexlink" in title and "flexlink" in comparison
+    assert paper.startswith("*Dynamic")
+    reviewed("stored full: paper", paper)
+    reviewed("stored full: comparison", comparison)
+    verification = line(first, "**PASS**")
+    assert "1 of 1" in verification
+    reviewed("stored full: verification", verification)
     assert stored_full.since("0123456789ab", now) in text
 
 
-def test_limits_given_up_stand_in_the_readme_with_their_reasons(tmp_path: Path) -> None:
+def test_the_readme_lists_withdrawn_limits_with_their_reasons(tmp_path: Path) -> None:
     results = stored(tmp_path / "results", row(), row("b", tolerance=None, given_up="It cannot be met."))
     text = (full.save(results, tmp_path / "latest", tmp_path / "full")).read_text(encoding="utf-8")
-    assert "1 limit withdrawn: see “Known limitations”" in text
-    assert re.search(r"## Limits withdrawn\n\n- b, M: It cannot be met\.", text)
+    verification = line(text, "**PASS**")
+    assert " 1 limit " in verification
+    reviewed("stored full: verification", verification)
+    reason = "It cannot be met."
+    assert f"\n\n- b, M: {reason}" in text
 
 
-def test_a_torn_file_of_the_full_study_is_one_line(tmp_path: Path, folder: Path) -> None:
+def test_a_truncated_file_of_the_full_study_is_refused_in_one_line(tmp_path: Path, folder: Path) -> None:
     (folder / "chapters.json").write_text("{", encoding="utf-8")
-    with refused(FlexlinkError, "test-stored-full"):
+    with refused(FlexlinkError, "file-content"):
         page(tmp_path, folder, row())
 
 
-@pytest.mark.skipif(not full.FOLDER.is_dir(), reason="this checkout holds no full study")
-def test_the_one_that_is_checked_in_can_be_shown_and_says_what_it_was_measured_with() -> None:
+@pytest.mark.skipif(not full.FOLDER.is_dir(), reason="this checkout lacks the full study")
+def test_the_checked_in_study_can_be_shown_and_names_its_sources() -> None:
     whole = stored_full.read()
     assert whole is not None
     assert whole.study.commit in (full.FOLDER / "README.md").read_text(encoding="utf-8")

@@ -53,7 +53,7 @@ class Quantity(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.tolerance is not None and not self.reason:
-            raise SceneError("reason: missing; a tolerance needs one")
+            raise SceneError("reason: missing; a tolerance needs one", id="missing-key")
 
 
 class Sheet(Spec, frozen=True):
@@ -196,10 +196,10 @@ def _read(path: Path, content: bytes) -> Case:
         raw = documents.read_toml(path)
         for key in ("name", "whole"):
             if key in raw:
-                raise SceneError(f"{key} = {raw[key]!r}: unknown key; a case is named after its file")
+                raise SceneError(f"{key} = {raw[key]!r}: unknown key; a case is named after its file", id="unknown-key")
         case: Case = decode(raw | {"name": path.stem}, Case)
         if case.parts and not isinstance(case.settings.get(case.parts), list):
-            raise SceneError(f"parts = {case.parts!r}: is not a list in the settings")
+            raise SceneError(f"parts = {case.parts!r}: is not a list in the settings", id="wrong-type")
         return case
     except SceneError as error:
         raise DataFileError(f"{path}: {error}") from None
@@ -221,7 +221,7 @@ def load_cases(*wanted: str) -> list[Case]:
     for pattern in wanted:
         if not any(case.is_meant_by(pattern) for case in cases):
             known = ", ".join(case.name for case in cases)
-            raise ArgumentError(f"case = {pattern!r}: no such case; available: {known}")
+            raise ArgumentError(f"case = {pattern!r}: no such case; available: {known}", id="unknown-name")
     chosen = [case for case in cases if any(map(case.is_meant_by, wanted))] if wanted else cases
     left = [case for case in chosen if case.has_data and (wanted or not case.by_name)]
     if chosen and not left:

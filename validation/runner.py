@@ -197,7 +197,9 @@ def measure(case: Case, key: str) -> Iterator[Row | Series]:
             missing.discard(result.quantity)
             start = time.perf_counter()
     if missing:  # a limit that was not measured must not appear to be met
-        raise DataFileError(f"{case.path}: quantity.{min(missing)}: kind {case.kind!r} does not measure it here")
+        raise DataFileError(
+            f"{case.path}: quantity.{min(missing)}: kind {case.kind!r} does not measure it here", id="unknown-quantity"
+        )
     yield from row_counts.wrong(case, rows)
 
 
@@ -205,7 +207,9 @@ def kind_of(case: Case) -> tuple[Kind, Any]:
     """The kind of a case, and its settings."""
     kind = KINDS.get(case.kind)
     if kind is None:
-        raise DataFileError(f"{case.path}: kind = {case.kind!r}: unknown; allowed are {', '.join(KINDS)}")
+        raise DataFileError(
+            f"{case.path}: kind = {case.kind!r}: unknown; allowed are {', '.join(KINDS)}", id="unknown-name"
+        )
     try:
         return kind, decode(case.settings, SETTINGS[case.kind], "settings")
     except SceneError as error:

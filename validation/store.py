@@ -178,7 +178,7 @@ class Store:
                 rows.append(msgspec.json.decode(line, type=Row))
             except (ValueError, msgspec.MsgspecError) as error:
                 raise FlexlinkError(
-                    f"{file}, line {number}: not a row of this version ({error}); {START_ANEW}"
+                    f"{file}, line {number}: not a row of this version ({error}); {START_ANEW}", id="file-content"
                 ) from None
         return rows
 
@@ -311,7 +311,7 @@ def _read(file: Path, read: Callable[[Path], T]) -> T:
         return read(file)
     except (*ERRORS_OF_READING, OSError) as error:
         why = (str(error).splitlines() or [type(error).__name__])[0]
-        raise FlexlinkError(f"{file}: cannot be read ({why}); {START_ANEW}") from None
+        raise FlexlinkError(f"{file}: cannot be read ({why}); {START_ANEW}", id="cannot-read") from None
 
 
 def _series(file: Path) -> Series:
