@@ -81,7 +81,8 @@ def test_a_bad_scene_prints_one_line_exits_2_and_writes_nothing(paper: str, tmp_
     for command in (["simulate", str(bad), "--out", str(tmp_path / "run.csv")], ["info", str(bad)],
                     ["export", paper, str(bad), "--out", str(tmp_path)]):  # fmt: skip
         assert main(command) == 2
-        assert "link.upper.segments = 1" in refused_line(capsys.readouterr().err, "too-few-segments")
+        key = refused_line(capsys.readouterr().err, "too-few-segments").partition(" = 1")[0]
+        assert key.endswith(".segments")
     assert [path.name for path in tmp_path.iterdir()] == ["bad.toml"]
 
 

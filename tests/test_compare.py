@@ -22,6 +22,7 @@ from tests.words import line, refused, refused_line, reviewed
 
 ROOT = Path(__file__).parent.parent
 MODELS = ROOT / "models"
+WRENCHED = "T_GC with tip wrench"
 
 
 @pytest.fixture(scope="module")
@@ -128,8 +129,8 @@ def test_a_tip_frame_off_by_a_micrometre_shows_under_a_tip_wrench_only(chain):
     bodies = chain.bodies.copy()
     bodies[-1]["translation"][1] += 1e-6
     comparison = against(chain, load("native", dataclasses.replace(chain, bodies=bodies)))
-    assert failing(comparison) == {"T_GC with tip wrench"}
-    assert "T_GC with tip wrench" in found(comparison, "tip frame")
+    assert failing(comparison) == {WRENCHED}
+    assert WRENCHED in found(comparison, "tip frame")
 
 
 def test_a_chain_agrees_with_itself_exactly(chain):
@@ -195,7 +196,7 @@ def test_an_armature_is_distinguished_from_an_inertia_and_a_mass(chain):
 
 def test_a_gravity_error_is_reported_as_gravity(chain):
     comparison = with_defect(chain, "gravity", None, 2, lambda g: 1.001 * g)
-    assert failing(comparison) == {"T_G", "T_GC", "T_GC with tip wrench", "q̈"}
+    assert failing(comparison) == {"T_G", "T_GC", WRENCHED, "q̈"}
     finding = found(comparison, "gravity")
     assert finding.startswith(f"{label('gravity')}: (0, 0, 9.81981) ")
     assert " (0, 0, 9.81) m/s²" in finding
@@ -261,10 +262,12 @@ def test_bad_arguments_are_refused_by_name(arguments, id):
 
 
 def test_too_many_samples_are_refused_in_one_line(capsys):
-    assert main(["compare", str(MODELS / "paper_fig5.toml"), "--samples", "99999999999"]) == 2
+    command = ["compare", str(MODELS / "paper_fig5.toml"), "--samples", "99999999999"]
+    assert main(command) == 2
     err = capsys.readouterr().err
     assert err.count("\n") == 1
-    assert f"1 … {MAX_SAMPLES}" in refused_line(err, "out-of-range")
+    refusal = refused_line(err, "out-of-range")
+    assert f"1 … {MAX_SAMPLES}" in refusal
 
 
 def test_an_arm_that_an_engine_cannot_represent_is_refused_in_one_line(tmp_path, capsys):
@@ -273,7 +276,8 @@ def test_an_arm_that_an_engine_cannot_represent_is_refused_in_one_line(tmp_path,
     assert main(["compare", str(path)]) == 2
     err = capsys.readouterr().err
     assert err.count("\n") == 1
-    assert "MuJoCo" in refused_line(err, "engine-cannot-load")
+    refusal = refused_line(err, "engine-cannot-load")
+    assert "MuJoCo" in refusal
     assert main(["compare", str(path), "--engines", "pinocchio", "--samples", "20"]) == 0
 
 

@@ -75,7 +75,7 @@ def test_the_kinds_run_completely_on_a_small_grid():
     race = replace(settings.race[3], errors=(1e-2,), hinges={"Radau5": {"gauss": (8, 12), "lobatto2": (8,)}})
     small = replace(settings, reference=finer, tolerances=(1e-3, 1e-4), race=(race,))
     ratios = [row.quantity for row in speed_rules.run(case, small) if "/" in getattr(row, "quantity", "")]
-    assert any("gauss / lobatto, Radau5" in name and "0.01 m" in name for name in ratios)
+    assert any("Radau5" in name and " 0.01 m" in name for name in ratios)
     case = load_case(CASES / "advice_axial.toml")
     defaults = decode(case.settings, advice_families.Settings)
     one = replace(defaults.asked[3], error=1e-2)

@@ -203,9 +203,9 @@ def test_the_deflection_of_an_arm_that_starts_bent_in_a_stiff_mode_is_not_overes
 def test_a_member_with_a_tolerance_below_rounding_is_refused_alone() -> None:
     good = make_scene(fl.Link(name="a", length=1.0, material="aluminium", section="square"))
     good = good.varied({"run": fl.RunSettings(tolerance=1e-3, duration=0.1, sample=0.01)})
-    failure, run = outcomes([good.varied({"run.tolerance": 1e-30}), good], Stop())
+    below, (failure, run) = "tolerance-below-rounding", outcomes([good.varied({"run.tolerance": 1e-30}), good], Stop())
     assert isinstance(failure, fl.errors.SceneError)
-    assert failure.id == "tolerance-below-rounding"
+    assert failure.id == below
     assert isinstance(run, fl.Trajectory)
 
 
@@ -254,7 +254,8 @@ def test_a_tolerance_and_a_step_replace_each_other() -> None:
     fixed = scene.varied({"run.step": 1e-4})
     assert not fixed.run.controlled
     assert fixed.run.method == "RK4"
-    assert fixed.varied({"run.relative_tolerance": 1e-3}).run.method == "auto"
+    relative = fixed.varied({"run.relative_tolerance": 1e-3})
+    assert relative.run.method == "auto"
     by_radau = scene.varied({"run.method": "Radau9"}).run
     assert by_radau == fixed.varied({"run.method": "Radau9", "run.tolerance": 1e-4}).run
 

@@ -34,7 +34,8 @@ def test_a_scene_with_another_stiffness_is_not_that_of_the_reference():
     scene = trade.trade_scene("pulse11")
     young = scene.arm.materials["thin"].young
     assert trade.is_of(scene, "pulse11")
-    assert not trade.is_of(scene.varied({"material.thin.young": young * (1 + 1e-6)}), "pulse11")
+    stiffer = scene.varied({"material.thin.young": young * (1 + 1e-6)})
+    assert not trade.is_of(stiffer, "pulse11")
 
 
 def test_an_error_is_a_part_of_the_motion_and_never_finite_without_a_run():

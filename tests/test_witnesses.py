@@ -21,15 +21,16 @@ BEAMS = load_case(CASES / "exudyn_beams.toml")
 
 
 def test_engines_that_are_not_installed_are_skipped_and_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    errors = {name: MissingDependencyError(f"no engine {name!r}") for name in ("drake", "exudyn")}
+
     def missing(name: str, chain: Chain) -> None:
-        raise MissingDependencyError(f"engine {name!r} cannot be imported")
+        raise errors[name]
 
     monkeypatch.setattr(engines, "load", missing)
     (row,) = witnesses.run(CASE, **CASE.settings)
     assert row.value == 2
     reviewed("study: engines not installed", f"{row.quantity}\n{row.note}")
-    for name in ("drake", "exudyn"):
-        assert str(MissingDependencyError(f"engine {name!r} cannot be imported")) in row.note
+    assert all(str(error) in row.note for error in errors.values())
 
 
 def test_the_stored_beams_belong_to_their_scenes_only(monkeypatch: pytest.MonkeyPatch) -> None:
