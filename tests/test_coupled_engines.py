@@ -1,9 +1,10 @@
-"""Springs between hinges in other engines: all agree, and what is wrong with one of them in a file is named."""
+"""Springs between hinges in other engines: all agree, and a mistake in a file is reported with its joints."""
 
 from __future__ import annotations
 
 import dataclasses
 import importlib
+import re
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
@@ -21,6 +22,7 @@ from test_their_files import diagnosed, drake, plain_urdf, written
 
 import flexlink as fl
 from flexlink.diagnosis.diagnosis import Diagnosis
+from flexlink.diagnosis.mistakes import table
 from flexlink.diagnosis.quantities import QUANTITIES
 from flexlink.diagnosis.stable_steps import LARGEST, _bent
 from flexlink.dynamics.tangent import stiffness_matrix
@@ -28,11 +30,12 @@ from flexlink.engines import ENGINES, load
 from flexlink.engines.read_back import of_chain, to_chain
 from flexlink.scene_report.parts import agreement
 from flexlink.scene_report.study import Study
+from tests.words import line, reviewed
 
 SCENE = arm("xyz", "lobatto2", 5)
 CHAIN = fl.lump(SCENE)
 PAIR = tuple(CHAIN.joint_name(int(CHAIN.couplings[end][1])) for end in ("inner", "outer"))
-BETWEEN = f"between joints {PAIR[0]!r} and {PAIR[1]!r}"
+NAMES = r"{!r} \w+ {!r}".format(*PAIR)
 every = pytest.mark.parametrize("name", [engine(name) for name in ENGINES if name != "native"])
 
 
@@ -41,12 +44,19 @@ every = pytest.mark.parametrize("name", [engine(name) for name in ENGINES if nam
 def test_all_engines_agree_on_an_arm_of_cells(name: str, rule: str) -> None:
     found = fl.compare(arm("xyz", rule, 5), engines=[name], samples=40)
     assert found.passed and [row.quantity for row in found.rows] == list(QUANTITIES), str(found)
-    by_us = {"pinocchio", "drake"}
-    assert ("between two joints are computed by us" in found.diagnosis) is (name in by_us)
+    (diagnosis,) = found.diagnoses
+    assert len(diagnosis.notes) == (name in {"pinocchio", "drake"})
+    for note in diagnosis.notes:
+        reviewed("diagnosis: springs between joints computed by flexlink", note)
+
+
+def label(field: str) -> str:
+    """Words for a field of a record."""
+    return table().fields[field].label
 
 
 @every
-def test_they_agree_with_rest_angles_too(name: str, rng: np.random.Generator) -> None:
+def test_engines_agree_at_rest_angles(name: str, rng: np.random.Generator) -> None:
     hinges = CHAIN.hinges.copy()
     hinges["rest"] = rng.normal(size=CHAIN.n)
     chain = dataclasses.replace(CHAIN, hinges=hinges)
@@ -68,7 +78,7 @@ def test_short_motions_differ_by_rounding_only(name: str) -> None:
     assert np.abs(other - q).max() <= bound
 
 
-def test_a_record_is_the_chain_again() -> None:
+def test_a_record_is_converted_back_to_its_chain() -> None:
     chain = odd(CHAIN)
     again = to_chain(of_chain(chain), chain)
     for field in ("stiffness", "damping"):
@@ -82,9 +92,9 @@ def with_coupling(chain: fl.Chain, field: str, factor: float) -> fl.Chain:
 
 
 FAULTS = {
-    "stiffness": ("stiffness", 1 + 1e-9, "spring stiffness {}: ", "N m/rad, relative error 1e-09: another value"),
-    "sign": ("stiffness", -1.0, "spring stiffness {}: ", "N m/rad, factor -1: the wrong sign"),
-    "damper": ("damping", 1.5, "damping {}: ", "N m s/rad, factor 1.5: another value"),
+    "stiffness": ("stiffness", 1 + 1e-9, "N m/rad", "1e-09"),
+    "sign": ("stiffness", -1.0, "N m/rad", "-1"),
+    "damper": ("damping", 1.5, "N m s/rad", "1.5"),
 }
 
 
@@ -92,22 +102,23 @@ FAULTS = {
 @pytest.mark.parametrize(
     ("name", "export"), [engine("pinocchio", "to_urdf"), engine("mujoco", "to_mjcf"), engine("exudyn", "to_urdf")]
 )
-def test_what_is_wrong_between_two_joints_of_an_engine_s_file_is_named(
+def test_a_mistake_between_two_joints_of_an_engine_file_is_reported(
     name: str, export: str, fault: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    field, factor, begin, end = FAULTS[fault]
+    field, factor, unit, shown = FAULTS[fault]
     module = importlib.import_module(ENGINES[name].module)
     write = getattr(module, export)
     monkeypatch.setattr(module, export, lambda chain, **how: write(with_coupling(chain, field, factor), **how))
     found = fl.compare(SCENE, engines=[name], samples=8)
-    text = found.diagnosis
-    assert not found.passed and f"1. {begin.format(BETWEEN)}" in text and end in text and "  2. " not in text, text
-    assert "With this fixed the models agree" in text
-    torque = {"stiffness": "T_FL", "damping": "T_FR"}[field]
-    assert f"affects {torque}" in text
+    (diagnosis,) = found.diagnoses
+    (finding,) = diagnosis.findings
+    assert not found.passed and diagnosis.explained, found.diagnosis
+    reviewed(f"diagnosis: {fault} between joints", line(found.diagnosis, "1. "), values=False)
+    assert re.match(rf"{label(f'coupled_{field}')} {NAMES}: .*{unit}\b.* {shown}$", finding.what)
+    assert {"stiffness": "T_FL", "damping": "T_FR"}[field] in finding.affects
 
 
-# Files of others.
+# Files from other tools.
 
 TENDON, END = "tendon/fixed", "tendon/fixed/joint"
 URDF, SDF = "flexlink/coupling", ".//{urn:flexlink}coupling"
@@ -154,36 +165,35 @@ def one_twice(root: ET.Element) -> None:
     ET.SubElement(own, "coupling", dict(own[1].attrib) | {"damping": "0"})
 
 
-NOT_BETWEEN_TWO = "tendons that are not linear springs between two joints apply forces: 'rope'"
+STIFFNESS, DAMPING = (f"{table().fields[f'coupled_{field}'].label} {NAMES}: " for field in ("stiffness", "damping"))
 NAMED = [
-    ("mjcf", "one stiffness", scaled(TENDON, "stiffness", 1.5, only=1), f"spring stiffness {BETWEEN}: "),
-    ("mjcf", "one sign", sign_of_one, f"spring stiffness {BETWEEN}: "),
-    ("mjcf", "one sign, in words", sign_of_one, f"the wrong sign; affects T_FL, T_FR, q̈; change its sign {BETWEEN}"),
-    ("mjcf", "one damper", scaled(TENDON, "damping", 2.0, only=1), f"damping {BETWEEN}: "),
-    ("mjcf", "one left out", one_gone, f"missing; affects T_FL, T_FR, q̈; add it {BETWEEN}, in MJCF as a <fixed>"),
-    ("mjcf", "all left out", all_gone, "spring stiffness between 9 pairs of joints ("),
-    ("mjcf", "per degree", scaled(TENDON, "stiffness", planted.PER_DEGREE), "degrees taken for radians"),
-    ("mjcf", "one too many", rope(2), "12 instead of 0 N m/rad: added where there is none"),
-    ("mjcf", "over three joints", rope(3), NOT_BETWEEN_TWO),
-    ("mjcf", "over one joint", rope(1), NOT_BETWEEN_TWO),
-    ("mjcf", "slack over a range", rope(2, springlength="-1 1"), NOT_BETWEEN_TWO),
-    ("mjcf", "stiffer and stiffer", rope(2, stiffness="0 0 5"), NOT_BETWEEN_TWO),
-    ("mjcf", "with inertia", each_rope(armature="0.1"), NOT_BETWEEN_TWO),
-    ("mjcf", "with dry friction", each_rope(frictionloss="0.1"), NOT_BETWEEN_TWO),
-    ("mjcf", "with a limit", each_rope(limited="true", range="-0.1 0.1"), NOT_BETWEEN_TWO),
-    ("mjcf", "springs disabled", each("option/flag", spring="disable"), "a flag disables springs"),
-    ("mjcf", "dampers disabled", each("option/flag", damper="disable"), "a flag disables dampers"),
-    ("mjcf", "a joint's own", scaled(".//joint", "stiffness", 2, only=1), "spring stiffness of joint 'upper.1.x': "),
-    ("mjcf", "6 digits", planted.written_with(".6g"), "digits were lost"),
-    ("mjcf", "hinges in another order", planted.hinges_reversed, "in another order along the chain"),
-    ("mjcf", "elsewhere slack", each(TENDON, springlength="0.1"), "tendons are slack elsewhere than the springs"),
-    ("urdf", "one stiffness", scaled(URDF, "stiffness", 1.5, only=1), f"correct <coupling stiffness> {BETWEEN}"),
-    ("urdf", "one sign", scaled(URDF, "stiffness", -1, only=1), "the wrong sign"),
-    ("urdf", "one damper", scaled(URDF, "damping", 0, only=1), f"damping {BETWEEN}: 0 instead of "),
-    ("urdf", "one twice", one_twice, "N m/rad, factor 2: another value"),
-    ("urdf", "all left out", all_gone, "spring stiffness between 9 pairs of joints ("),
-    ("sdf", "one stiffness", scaled(SDF, "stiffness", 1.5, only=1), f"<flexlink:coupling stiffness> {BETWEEN}"),
-    ("sdf", "one damper", scaled(SDF, "damping", -1, only=1), f"damping {BETWEEN}: "),
+    ("mjcf", "one stiffness", scaled(TENDON, "stiffness", 1.5, only=1), STIFFNESS),
+    ("mjcf", "one sign", sign_of_one, rf"{STIFFNESS}.*T_FL, T_FR, q̈;.*{NAMES}"),
+    ("mjcf", "one damper", scaled(TENDON, "damping", 2.0, only=1), DAMPING),
+    ("mjcf", "one left out", one_gone, rf"T_FL, T_FR, q̈;.*{NAMES}.*<fixed"),
+    ("mjcf", "all left out", all_gone, r"stiffness \D+ 9 "),
+    ("mjcf", "per degree", scaled(TENDON, "stiffness", planted.PER_DEGREE), "stiffness"),
+    ("mjcf", "one too many", rope(2), r": 12 \D+ 0 N m/rad: "),
+    ("mjcf", "over three joints", rope(3), "'rope'"),
+    ("mjcf", "over one joint", rope(1), "'rope'"),
+    ("mjcf", "slack over a range", rope(2, springlength="-1 1"), "'rope'"),
+    ("mjcf", "stiffer and stiffer", rope(2, stiffness="0 0 5"), "'rope'"),
+    ("mjcf", "with inertia", each_rope(armature="0.1"), "'rope'"),
+    ("mjcf", "with dry friction", each_rope(frictionloss="0.1"), "'rope'"),
+    ("mjcf", "with a limit", each_rope(limited="true", range="-0.1 0.1"), "'rope'"),
+    ("mjcf", "springs disabled", each("option/flag", spring="disable"), "springs"),
+    ("mjcf", "dampers disabled", each("option/flag", damper="disable"), "dampers"),
+    ("mjcf", "a joint's own", scaled(".//joint", "stiffness", 2, only=1), r"stiffness of joint 'upper\.1\.x': "),
+    ("mjcf", "6 digits", planted.written_with(".6g"), r" [67] digits"),
+    ("mjcf", "hinges in another order", planted.hinges_reversed, "order"),
+    ("mjcf", "elsewhere slack", each(TENDON, springlength="0.1"), "slack"),
+    ("urdf", "one stiffness", scaled(URDF, "stiffness", 1.5, only=1), rf"<coupling stiffness> .*{NAMES}"),
+    ("urdf", "one sign", scaled(URDF, "stiffness", -1, only=1), STIFFNESS),
+    ("urdf", "one damper", scaled(URDF, "damping", 0, only=1), f"{DAMPING}0 "),
+    ("urdf", "one twice", one_twice, rf"{STIFFNESS}.*N m/rad\D* 2\b"),
+    ("urdf", "all left out", all_gone, r"stiffness \D+ 9 "),
+    ("sdf", "one stiffness", scaled(SDF, "stiffness", 1.5, only=1), rf"<flexlink:coupling stiffness> .*{NAMES}"),
+    ("sdf", "one damper", scaled(SDF, "damping", -1, only=1), DAMPING),
 ]
 
 
@@ -192,18 +202,20 @@ def of_file(folder: Path, form: str, edit: planted.Edit | None, chain: fl.Chain 
 
 
 @pytest.mark.parametrize(
-    ("form", "edit", "named"),
+    ("form", "mistake", "edit", "named"),
     [
-        pytest.param(form, edit, named, id=f"{form}, {mistake}", marks=drake if form == "sdf" else ())
+        pytest.param(form, mistake, edit, named, id=f"{form}, {mistake}", marks=drake if form == "sdf" else ())
         for form, mistake, edit, named in NAMED
     ],
 )
-def test_a_planted_mistake_is_the_only_one_named_and_explains_all_that_differs(
-    form: str, edit: planted.Edit, named: str, tmp_path: Path
+def test_a_planted_mistake_is_the_only_one_reported_and_explains_all_differences(
+    form: str, mistake: str, edit: planted.Edit, named: str, tmp_path: Path
 ) -> None:
+    """A finding matches `named`: names and values."""
     found = of_file(tmp_path, form, edit)
     (finding,) = found.findings
-    assert named in str(finding), str(found)
+    reviewed(f"diagnosis, {form}: {mistake}, springs between joints", str(finding))
+    assert re.search(named, str(finding)), str(found)
     assert found.explained and not found.passed
     if finding.faulty is not None:
         assert {row.quantity for row in found.rows if not row.passed} <= set(finding.affects)
@@ -234,7 +246,7 @@ def unnamed(root: ET.Element) -> None:
 
 
 def slack_lengths(root: ET.Element) -> None:
-    """Said by number instead of left to MuJoCo."""
+    """Given as a number instead of left to MuJoCo."""
     rest = {joint.attrib["name"]: float(joint.attrib["springref"]) for joint in root.iterfind(".//body/joint")}
     for tendon in root.findall(TENDON):
         length = sum(float(end.attrib["coef"]) * rest[end.attrib["joint"]] for end in tendon)
@@ -243,7 +255,7 @@ def slack_lengths(root: ET.Element) -> None:
 
 @pytest.mark.parametrize("edit", [None, other_coefficients, other_way_round, unnamed, slack_lengths])
 @pytest.mark.parametrize("rest", [0.0, 0.1])
-def test_the_same_springs_in_other_words_are_right(
+def test_the_same_springs_written_differently_are_right(
     edit: Callable[[ET.Element], None] | None, rest: float, tmp_path: Path
 ) -> None:
     hinges = CHAIN.hinges.copy()
@@ -262,22 +274,24 @@ def plain_sdf(root: ET.Element) -> None:
 
 
 @pytest.mark.parametrize(("form", "edit"), [("urdf", plain_urdf), pytest.param("sdf", plain_sdf, marks=drake)])
-def test_what_a_plain_file_cannot_say_is_taken_from_the_scene_and_told(
+def test_data_that_a_plain_file_cannot_contain_are_taken_from_the_scene_and_noted(
     form: str, edit: planted.Edit, tmp_path: Path
 ) -> None:
     found = of_file(tmp_path, form, edit)
     assert found.passed and not found.findings, str(found)
-    assert found.notes[0].startswith("springs and dampers between two joints are computed by us")
-    assert found.notes[1].endswith("spring stiffness between joints, damping between joints")
+    computed, taken = found.notes[:2]
+    reviewed("diagnosis: springs between joints computed by flexlink", computed)
+    reviewed("diagnosis: taken from the scene", taken)
+    assert taken.endswith(f"{label('coupled_stiffness')}, {label('coupled_damping')}")
 
 
-def test_mujoco_takes_from_the_scene_what_a_urdf_does_not_say(tmp_path: Path) -> None:
+def test_mujoco_takes_from_the_scene_what_a_urdf_cannot_contain(tmp_path: Path) -> None:
     chain = fl.lump(make_scene(flexible("a", "z", 5, lumping="lobatto4", damping=DAMPED)))
     found = diagnosed(written(tmp_path, "urdf", plain_urdf, chain), chain, "mujoco")
     assert found.passed and not found.findings, str(found)
 
 
-def test_other_tendons_do_nothing_once_they_are_named(tmp_path: Path) -> None:
+def test_other_tendons_are_ignored_after_they_are_reported(tmp_path: Path) -> None:
     found = of_file(tmp_path, "mjcf", planted.both(rope(3), scaled(TENDON, "stiffness", 1.5, only=1)))
     assert len(found.findings) == 2 and found.explained, str(found)
 
@@ -291,15 +305,18 @@ def test_the_largest_step_counts_dampers_between_joints() -> None:
     φ = np.linalg.solve(L.T, φ)
     d = np.diag(φ.T @ chain.matrix("damping") @ φ)
     largest = 4 / (d + np.sqrt(d**2 + 4 * np.abs(square))).max()
-    assert LARGEST["Euler without eulerdamp"](chain) == pytest.approx(largest, rel=1e-9)
+    found = LARGEST["Euler without eulerdamp"](chain)
+    assert found == pytest.approx(largest, rel=1e-9)
 
 
 @pytest.mark.skipif(find_spec("pinocchio") is None, reason="needs Pinocchio")
-def test_a_report_says_who_computes_springs_between_joints(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_report_shows_which_engine_computes_springs_between_joints(monkeypatch: pytest.MonkeyPatch) -> None:
     few = {name: ENGINES[name] for name in ("native", "pinocchio", "mujoco")}
     monkeypatch.setattr(agreement, "ENGINES", few)
-    for scene, told in ((SCENE, True), (make_scene(flexible("a")), False)):
-        study = Study(scene)
-        diagnoses, _ = agreement._diagnoses(study)
-        words = "Springs and dampers between two joints are their own in MuJoCo and computed by us in Pinocchio."
-        assert agreement._between_joints(study, diagnoses) == (words if told else "")
+    study = Study(SCENE)
+    text = agreement._between_joints(study, agreement._diagnoses(study)[0])
+    reviewed("report: springs between joints", text)
+    assert "MuJoCo" in text
+    assert "Pinocchio" in text
+    bare = Study(make_scene(flexible("a")))
+    assert agreement._between_joints(bare, agreement._diagnoses(bare)[0]) == ""

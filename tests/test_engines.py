@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 import sys
 from pathlib import Path
 
@@ -62,7 +63,7 @@ def shortened(scene: Scene, duration: float, **run: object) -> Scene:
 
 
 def of_a_tolerance(path: Path) -> dict[str, object]:
-    """Steps for a scene that has none of its own."""
+    """Steps for a scene that specifies none."""
     return {} if steps_explicitly(load_scene(path).run) else {"method": "RK4", "step": 5e-5, "sample": 0.01}
 
 
@@ -140,8 +141,9 @@ def test_short_trajectories_differ_by_rounding_only(name: str, case: str) -> Non
     chain = lump(scene)
     other = load(name, chain)
     if (name, case) in NOT_FOLLOWED:
-        with pytest.raises(ArgumentError, match="use native, pinocchio or mujoco"):
+        with refused(ArgumentError, "engine-does-not-support") as caught:
             other.integrate(scene)
+        assert all(engine in str(caught.value) for engine in ("native", "pinocchio", "mujoco"))
         return
     t, q, _ = load("native", chain).integrate(scene)
     t2, q2, _ = other.integrate(scene)
@@ -167,17 +169,18 @@ def test_other_methods_give_the_same_motion(name: str, method: str, step: float)
 
 
 @pytest.mark.parametrize(
-    ("name", "has"),
+    ("name", "methods"),
     [
-        engine("mujoco", "MuJoCo has only 'RK4'"),
-        engine("exudyn", "Exudyn has only 'RK2' and 'RK4'"),
-        engine("drake", "Drake has only 'RK3' and 'DOPRI5'"),
+        engine("mujoco", ("RK4",)),
+        engine("exudyn", ("RK2", "RK4")),
+        engine("drake", ("RK3", "DOPRI5")),
     ],
 )
-def test_an_engine_says_which_methods_it_has(name: str, has: str) -> None:
+def test_an_engine_lists_its_methods(name: str, methods: tuple[str, ...]) -> None:
     scene = shortened(make_scene(flexible("arm")), 0.01, method="RK10")
-    with refused(ArgumentError, "engine-method"):
+    with refused(ArgumentError, "engine-method") as caught:
         load(name, lump(scene)).integrate(scene)
+    assert re.findall(r"'(RK\d|DOPRI\d)'", str(caught.value)) == [*methods]
 
 
 @every
@@ -273,9 +276,9 @@ def test_a_prescribed_joint_is_refused_with_what_to_do(name: str, title: str) ->
         load(name, free).integrate(scene)
 
 
-def test_mujoco_gives_the_process_its_callbacks_back() -> None:
+def test_mujoco_restores_the_callbacks_of_the_process() -> None:
     def mine(model: object, data: object) -> None:
-        """Somebody else's callback."""
+        """A callback of the user."""
 
     scene = SHORT["coulomb"]
     torn_apart = torn(late=20)
@@ -293,7 +296,7 @@ def test_mujoco_gives_the_process_its_callbacks_back() -> None:
 
 
 @every
-def test_an_engine_can_run_twice_and_answer_in_between(name: str) -> None:
+def test_an_engine_can_run_twice_and_evaluate_in_between(name: str) -> None:
     scene = of(name, SHORT["wrench"])
     engine = load(name, lump(scene))
     zero = np.zeros(engine.n)
@@ -319,7 +322,7 @@ def test_a_missing_engine_names_what_to_install(name: str, monkeypatch: pytest.M
 
 
 @pytest.mark.parametrize("settings", [{"run.method": "Gauss4"}, {"run.tolerance": 1e-4}])
-def test_engines_refuse_what_is_no_fixed_step_of_an_explicit_method(settings: dict[str, object]) -> None:
+def test_engines_accept_only_fixed_steps_of_explicit_methods(settings: dict[str, object]) -> None:
     scene = load_scene(ROOT / "models" / "paper_fig5.toml").varied({"run.duration": 0.01} | settings)
     for name in ("pinocchio", "mujoco"):
         with refused(ArgumentError, "engine-method"):

@@ -1,4 +1,4 @@
-"""What errors are measured by, and what is said and drawn of a result: each by one planted case."""
+"""Error measures, and statements and pictures about results: each by one planted case."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from flexlink.scene_report.parts import loads, vibration
 from flexlink.scene_report.refinement import Refinement
 from flexlink.scene_report.study import Study
 from reports.verdict import CaseVerdict
+from tests.words import reviewed
 from validation.kinds import drag, witnesses
 from validation.speed import evaluations
 
@@ -28,14 +29,14 @@ def test_witnesses_differ_by_the_largest_difference_over_the_largest_number() ->
     assert witnesses._relative(np.array([0.0, -0.3]), np.zeros(2)) == 0.3
 
 
-def test_a_rate_that_is_off_at_one_sample_counts_as_far_as_it_is_off() -> None:
+def test_the_error_of_a_rate_is_the_largest_of_all_samples() -> None:
     bar = fl.load_scene(ROOT / "validation" / "scenes" / "slowing_bar.toml")
     run = fl.simulate(bar)
     qd = run.qd * np.where(np.arange(len(run.t)) == 7, 1.003, 1.0)[:, None]
     assert drag._rate_error(bar, dataclasses.replace(run, qd=qd)) == pytest.approx(3e-3, rel=1e-4)
 
 
-def test_mujocos_work_that_is_timed_finds_the_accelerations_of_ours(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_timed_computation_of_mujoco_gives_our_accelerations(monkeypatch: pytest.MonkeyPatch) -> None:
     chain = fl.lump(FALL)
     engine, rng = evaluations.MujocoEngine(chain), np.random.default_rng(1)
     q, qd, tau, qdd = 0.1 * rng.normal(size=(4, 2, chain.n))
@@ -44,22 +45,31 @@ def test_mujocos_work_that_is_timed_finds_the_accelerations_of_ours(monkeypatch:
     assert engine.data.qacc == pytest.approx(fl.forward_dynamics(chain, q[1], qd[1], tau[1]), rel=1e-6)
 
 
-def test_a_line_on_a_case_says_speed_only_of_what_is_timed() -> None:
-    assert CaseVerdict(3, 1, 0, "9 of 9 met", None).text == "2 of 3 pass; speed: 9 of 9 met"
-    assert CaseVerdict(0, 0, 4, "", None).text == "4 numbers without a limit"
+def test_the_line_of_a_case_states_a_speed_only_if_it_is_timed() -> None:
+    timed, speed = CaseVerdict(3, 1, 0, "9 of 9 met", None).text, "9 of 9 met"
+    reviewed("study: line of a timed case", timed)
+    assert timed.startswith("2 of 3 ")
+    assert timed.endswith(speed)
+    informing = CaseVerdict(0, 0, 4, "", None).text
+    reviewed("study: line of a case without limits", informing)
+    assert informing.startswith("4 ")
 
 
 @pytest.mark.parametrize("changes", [{"run.method": "RK4", "run.step": 1e-4}, {"run.tolerance": 1e-4}])
-def test_adaptive_steps_are_a_choice_beside_fixed_ones_only(changes: dict[str, object]) -> None:
-    labels = [one.label for one in Refinement(Study(FALL.varied(changes))).choices()]
-    assert ("adaptive steps" in labels) == ("run.step" in changes)
-    assert labels[-1] == "rigid links"
+def test_adaptive_steps_are_an_alternative_only_to_fixed_ones(changes: dict[str, object]) -> None:
+    about = Refinement(Study(FALL.varied(changes)))
+    own, *others = about.choices()
+    adaptive = [one for one in others if one.n == own.n and one.outcome.stepping == about.strict]
+    assert len(adaptive) == ("run.step" in changes)
+    assert others[-1].n == len(fl.lump(FALL).active)  # rigid links
 
 
-def test_shapes_have_no_scale_and_stress_of_a_rectangle_needs_no_remark() -> None:
+def test_mode_shapes_have_no_scale_and_stress_of_a_rectangle_has_no_remark() -> None:
     (picture,) = vibration.made(Study(FALL)).pictures
     assert not any(len(panel.get_xticks()) or len(panel.get_yticks()) for panel in picture.figure.axes)
-    assert "as a rectangle" not in loads.made(Study(FALL)).facts[0].label
+    label = loads.made(Study(FALL)).facts[0].label
+    reviewed("report: largest stress", label)
+    assert ";" not in label
 
 
 def test_an_arm_is_drawn_from_its_base_at_the_origin() -> None:

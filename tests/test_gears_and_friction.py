@@ -11,7 +11,7 @@ from conftest import compiled, flexible, make_scene
 
 import flexlink as fl
 from flexlink.dynamics.notes import notes
-from tests.words import refused
+from tests.words import refused, reviewed
 
 EPS = np.finfo(float).eps
 K, I_A, J = 300.0, 0.02, 0.5
@@ -44,7 +44,7 @@ def test_a_locked_motor_holds_its_side_of_the_gear() -> None:
     np.testing.assert_array_equal(fl.frames(chain, np.zeros(1)).rotations[0], [[0, -1, 0], [1, 0, 0], [0, 0, 1]])
 
 
-def test_gear_damping_and_motor_friction_stand_on_their_own_sides() -> None:
+def test_gear_damping_acts_on_the_gear_and_motor_friction_on_the_motor() -> None:
     joint = fl.Joint(gear_stiffness=K, gear_damping=3.0, armature=I_A, viscous=2.0, coulomb=0.4, coulomb_width=0.1)
     torque = fl.friction_torque(fl.lump(geared(joint)), [0.1, 0.7])
     assert torque.tolist() == pytest.approx([2.0 * 0.1 + 0.4 * np.tanh(1.0), 3.0 * 0.7], rel=4 * EPS, abs=0)
@@ -81,8 +81,8 @@ PLANE = make_scene(
 
 
 @pytest.mark.parametrize("scene", [arm_with_gears(), PLANE], ids=["space", "plane"])
-def test_every_solver_knows_gears_and_friction_in_hinges(scene, rng) -> None:
-    """M q̈ = τ − T_GC − T_FL − T_FR by all three; T_FR is d q̇ + c tanh(q̇/w) on passive hinges, too."""
+def test_every_solver_includes_gears_and_friction_in_hinges(scene, rng) -> None:
+    """M q̈ = τ − T_GC − T_FL − T_FR by all three; T_FR is d q̇ + c tanh(q̇/w) also in passive hinges."""
     chain = fl.lump(scene)
     q, qd, tau = 0.1 * rng.standard_normal(chain.n), rng.standard_normal(chain.n), rng.standard_normal(chain.n)
     hinges = chain.hinges
@@ -127,7 +127,7 @@ def test_a_gear_may_turn_further_than_a_hinge_of_a_beam_may_bend() -> None:
 LIMITS = fl.Joint(limits_deg=(-90.0, 45.0))
 
 
-def test_a_run_past_a_limit_says_so_and_is_not_stopped() -> None:
+def test_a_run_past_a_limit_gives_a_warning_and_is_not_stopped() -> None:
     scene = make_scene(
         flexible("a", joint=LIMITS), gravity=(0.0, 9.81, 0.0), initial=fl.InitialState(joint_deg=(45.0,))
     )
@@ -135,12 +135,13 @@ def test_a_run_past_a_limit_says_so_and_is_not_stopped() -> None:
     run = fl.simulate(scene, step=5e-5, duration=0.1)
     np.testing.assert_array_equal(run.q, free.q)
     assert not free.warnings
-    assert len(run.warnings) == 1
-    assert "joint 'a' is at 45.0" in run.warnings[0]
-    assert run.warnings[0].endswith("past its limits -90° … 45°; the model has no end stops")
+    (warning,) = run.warnings
+    reviewed("warning: joint past its limits", warning)
+    for part in ("joint 'a'", " 45.0", "-90° … 45°"):
+        assert part in warning
 
 
-def test_exports_hold_limits_and_no_engine_enforces_them(rng) -> None:
+def test_exports_contain_limits_and_no_engine_enforces_them(rng) -> None:
     chain = fl.lump(make_scene(flexible("a", joint=LIMITS), flexible("b")))
     lower, upper = np.radians([-90.0, 45.0]).tolist()
     urdf, mjcf = ET.fromstring(fl.to_urdf(chain)), ET.fromstring(fl.to_mjcf(chain))
@@ -170,7 +171,7 @@ def test_exports_hold_limits_and_no_engine_enforces_them(rng) -> None:
         (lambda: fl.Friction(coulomb=-1.0), "wrong-value"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_is_refused(build, wanted) -> None:
+def test_invalid_values_are_refused(build, wanted) -> None:
     with refused(fl.errors.SceneError, wanted):
         build()
 
@@ -187,13 +188,15 @@ def test_a_hinge_on_an_elastic_gear_needs_inertia_between(tmp_path) -> None:
 
 def test_friction_of_a_rigid_link_is_noted() -> None:
     scene = make_scene(fl.Link(name="a", length=0.5, friction=fl.Friction(coulomb=1.0)), gravity=(0.0, 9.81, 0.0))
-    assert notes(scene) == ("link.a.friction.coulomb = 1.0: has no effect, 'a' is rigid",)
+    (note,) = notes(scene)
+    reviewed("note: friction of a rigid link", note)
+    assert note.partition(": ")[0].removeprefix("link.a.") == "friction.coulomb = 1.0"
 
 
 @compiled
 @pytest.mark.slow
-def test_fixed_implicit_steps_that_sharp_friction_stops_name_a_tolerance_and_with_it_the_run_ends() -> None:
-    """A spinning free arm with dry friction over 1e-4 rad/s: Newton finds no stages, in however small parts."""
+def test_sharp_friction_stops_fixed_implicit_steps_and_a_run_with_the_tolerance_of_the_error_ends() -> None:
+    """Newton's iteration fails for a spinning free arm with dry friction over 1e-4 rad/s, however small the steps."""
     dry = {"coulomb": 0.5, "coulomb_width": 1e-4}
     soft = fl.Section(shape="circle", diameter=0.01)
     link = flexible(

@@ -1,4 +1,4 @@
-"""Viscous friction that lags behind the rate, a force law with a state: closed forms, another integrator."""
+"""Viscous friction that lags behind the rate, a force law with a state: closed forms and another integrator."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from scipy.linalg import expm
 
 import flexlink as fl
 from flexlink.formats.features import not_held
+from tests.words import refused
 
 FIXED = 1e-9  # for steps of 1 ms
 WAYS = [("RK4", FIXED), ("Gauss4", FIXED), ("Radau5", 1e-6), ("DOP853", 1e-7), ("Radau9", 1e-8), ("auto", 1e-5)]
@@ -79,7 +80,7 @@ def test_slopes_are_those_of_the_law(rng) -> None:
         np.testing.assert_allclose(found, np.transpose(columns), atol=1e-5 * np.abs(found).max())  # eps |q̈| / h
 
 
-def test_friction_takes_power_and_none_of_it_comes_back(rng) -> None:
+def test_friction_only_dissipates_power(rng) -> None:
     chain = fl.lump(lagging())
     _, qd = random_state(chain, rng)
     torque = fl.friction_torque(chain, qd)
@@ -91,7 +92,8 @@ def test_friction_takes_power_and_none_of_it_comes_back(rng) -> None:
 def test_a_linear_model_has_the_state_and_no_other() -> None:
     chain = fl.lump(wheel())
     model = fl.linearize(chain, np.zeros(2), outputs=("joints",))
-    assert model.states == ("q wheel [rad]", "qd wheel [rad/s]", "qd wheel.lag [rad/s]")
+    states = "q wheel [rad]", "qd wheel [rad/s]", "qd wheel.lag [rad/s]"
+    assert model.states == states
     np.testing.assert_allclose(model.A[1:, 1:], RATES, rtol=1e-12)
     wanted = np.append(0.0, np.linalg.eigvals(RATES))
     np.testing.assert_allclose(np.poly(model.eigenvalues), np.poly(wanted), atol=1e-12)
@@ -104,7 +106,7 @@ def test_a_long_lag_in_a_stiff_damper_is_solved_by_every_implicit_method() -> No
         np.testing.assert_allclose(run.qd, [expm(rates * t) @ [3.0, 0.0] for t in run.t], atol=1e-2)
 
 
-def test_archives_continued_runs_and_sweeps_know_it(tmp_path) -> None:
+def test_archives_continued_runs_and_sweeps_include_the_lag(tmp_path) -> None:
     whole = fl.simulate(lagging())
     whole.save(tmp_path / "run.npz")
     chain = fl.load_trajectory(tmp_path / "run.npz").chain
@@ -128,13 +130,13 @@ def test_a_locked_joint_and_statics_have_no_state() -> None:
     np.testing.assert_allclose(found, frozen, rtol=1e-9)
 
 
-def test_what_does_not_know_it_says_so() -> None:
+def test_what_does_not_support_lags_refuses_them() -> None:
     scene = lagging()
     chain = fl.lump(scene)
     assert "lagging friction" in not_held(scene, chain, format="mjcf")
-    for refused in (fl.to_mjcf, fl.to_urdf, fl.to_sdf, fl.modes):
+    for function in (fl.to_mjcf, fl.to_urdf, fl.to_sdf, fl.modes):
         with refused(fl.FlexlinkError, "not-supported-here"):
-            refused(chain)
+            function(chain)
     with refused(fl.FlexlinkError, "not-supported-here"):
         fl.compare_trajectories(scene, engines=["mujoco"])
     with refused(fl.FlexlinkError, "needs-another-key"):

@@ -19,9 +19,8 @@ def test_no_text_uses_a_word_to_avoid() -> None:
 
 
 def test_the_words_to_avoid_are_found() -> None:
-    assert [word for _, word, _ in language.faults("The run says so, and what is left is told, too.")] == [
-        "told", "says", "what is left", ", too",
-    ]  # fmt: skip
+    text, words = "The run says so, and what is left is told, too.", ["told", "says", "what is left", ", too"]
+    assert [word for _, word, _ in language.faults(text)] == words
 
 
 def asserts_on_prose(path: Path) -> Iterator[int]:

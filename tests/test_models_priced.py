@@ -1,7 +1,8 @@
-"""Which model an error needs: all combinations against the arm itself, the cheapest of those that are right."""
+"""Which model an error needs: all combinations are compared with the arm itself, and the cheapest one is listed."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from studies import row, stored
 from flexlink.describe.spec import decode
 from reports.figures import trade_models
 from reports.results import Results
+from tests.words import reviewed
 from validation.case import CASES, load_case
 from validation.kinds import speed_models
 from validation.store import Series, Store, table
@@ -40,17 +42,21 @@ def test_every_type_rule_hinge_method_and_step_is_run_once_and_a_rigid_arm_has_n
 
 
 @pytest.mark.slow
-def test_the_cheapest_run_that_meets_an_error_is_named_with_its_model(found):
+def test_the_cheapest_run_that_meets_an_error_is_listed_with_its_model(found):
     rows, series = found
     known, *times = rows
-    assert (known.quantity, known.scene) == ("own error / smallest error", "short")
+    assert (known.quantity.split(" / ")[0], known.scene) == ("own error", "short")
     assert times, "some run is as right as the largest error"
     for each in times:
         met = series.columns["CPU time [s]"][series.columns["error"] <= each.varied["error"]]
         assert each.value == pytest.approx(1e3 * met.min())
         assert each.timed
-    assert speed_models.Run(next(cut_of("z")), 0.1, 1.0).in_words == "T1, 1 hinges by paper, RK4, step 0.001"
-    assert speed_models.Run(next(cut_of("rigid")), 0.1, 1.0).in_words == "rigid, RK4, step 0.001"
+    bending, rigid = (speed_models.Run(next(cut_of(flex)), 0.1, 1.0).in_words for flex in ("z", "rigid"))
+    reviewed("models: setup", f"{bending}\n{rigid}")
+    assert [part for part in re.split(r"[ ,]+", bending) if part in {"T1", "1", "paper", "RK4", "0.001"}] == [
+        "T1", "1", "paper", "RK4", "0.001",
+    ]  # fmt: skip
+    assert "hinge" not in rigid
 
 
 def cut_of(flex: str):

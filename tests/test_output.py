@@ -44,15 +44,15 @@ def test_a_replaced_file_keeps_its_permissions(tmp_path: Path) -> None:
 
 def test_a_link_is_written_through(tmp_path: Path) -> None:
     (tmp_path / "far").mkdir()
-    for name in ("there", "not_there_yet"):
+    for name in ("there", "later"):
         link = tmp_path / name
         link.symlink_to(Path("far") / name)
     (tmp_path / "far" / "there").write_text("old", encoding="utf-8")
-    for name in ("there", "not_there_yet"):
+    for name in ("there", "later"):
         write_text(tmp_path / name, "new")
         assert (tmp_path / name).is_symlink()
         assert (tmp_path / "far" / name).read_text(encoding="utf-8") == "new"
-    assert sorted(path.name for path in tmp_path.rglob("*")) == sorted(["far", *["there", "not_there_yet"] * 2])
+    assert sorted(path.name for path in tmp_path.rglob("*")) == sorted(["far", *["there", "later"] * 2])
 
 
 def test_a_device_or_a_pipe_is_not_replaced_by_a_file(tmp_path: Path) -> None:

@@ -1,7 +1,8 @@
-"""Where a drive leads its joints: moves within limits, tables, what is refused; all as exact piecewise polynomials."""
+"""References of drives: moves within limits, tables and refused values, all as exact piecewise polynomials."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ import flexlink as fl
 from flexlink.describe.profiles import MOVES
 from flexlink.describe.reference_trajectory import still
 from flexlink.motion.inputs.references import reference_arrays
-from tests.words import refused
+from tests.words import refused, reviewed
 
 EPS = np.finfo(float).eps
 MAY_LIMIT = {
@@ -39,7 +40,7 @@ def moves(draw: st.DrawFn, limited: bool | None = None) -> Move:
 
 
 def derivatives(course: fl.ReferenceTrajectory, number: int) -> list[fl.ReferenceTrajectory]:
-    """The course, its rate, its acceleration, …: as courses, too."""
+    """The reference, its rate, its acceleration, …, each as a trajectory."""
     found = [course]
     for _ in range(number):
         c = found[-1].coefficients
@@ -169,7 +170,7 @@ def test_a_held_table_steps_without_a_ramp() -> None:
 
 
 @pytest.mark.parametrize(("known", "smooth"), [(1, 2), (2, 1), (3, 2)])
-def test_a_smooth_table_goes_through_all_that_is_known_with_continuous_derivatives(known: int, smooth: int) -> None:
+def test_a_smooth_table_passes_through_all_its_values_with_continuous_derivatives(known: int, smooth: int) -> None:
     names = ("angle_deg", "rate_deg", "acceleration_deg")
     rows = {"angle_deg": ((0.0,), (30.0,), (-10.0,)), "rate_deg": ((0.0,), (12.0,), (0.0,)),
             "acceleration_deg": ((0.0,), (-7.0,), (0.0,))}  # fmt: skip
@@ -189,7 +190,7 @@ def test_a_smooth_table_goes_through_all_that_is_known_with_continuous_derivativ
 @pytest.mark.slow
 @given(st.integers(0, 2**32))
 def test_extremes_are_those_of_every_piece(seed: int) -> None:
-    """Against a thousand times a piece, between which a smooth extreme is passed by less than max |r̈| dt²/8."""
+    """Compared with a thousand samples per piece, between which a smooth extreme is missed by < max |r̈| dt²/8."""
     rng = np.random.default_rng(seed)
     t = np.cumsum(rng.uniform(0.1, 1.0, 5))
     parts = [tuple(map(tuple, rng.uniform(-90, 90, (5, 2)))) for _ in range(3)]
@@ -215,39 +216,44 @@ def test_a_course_on_other_knots_is_the_same(rng: np.random.Generator) -> None:
 
 
 REFUSED = {
-    "no time": ({"profile": "quintic", "to_deg": (9.0,)}, "duration: missing; give it, or max_rate_deg or"),
-    "two times": ({"profile": "quintic", "to_deg": (9.0,), "duration": 1.0, "max_rate_deg": (1.0,)},
-                  r"duration = 1.0: max_rate_deg is given, too"),
-    "no acceleration": ({"profile": "trapezoidal", "to_deg": (9.0,), "max_rate_deg": (1.0,)},
-                        "duration: missing; give it, or max_acceleration_deg"),
-    "no jerk": ({"profile": "s_curve", "to_deg": (9.0,), "max_acceleration_deg": (1.0,)},
-                "duration: missing; give it, or max_jerk_deg"),
+    "no time": ({"profile": "quintic", "to_deg": (9.0,)}, "missing-key", "duration"),
+    "two times": ({"profile": "quintic", "to_deg": (9.0,), "duration": 1.0, "max_rate_deg": (1.0,)}, "both-given",
+                  "duration = 1.0: max_rate_deg"),
+    "no acceleration": ({"profile": "trapezoidal", "to_deg": (9.0,), "max_rate_deg": (1.0,)}, "missing-key",
+                        "max_acceleration_deg"),
+    "no jerk": ({"profile": "s_curve", "to_deg": (9.0,), "max_acceleration_deg": (1.0,)}, "missing-key",
+                "max_jerk_deg"),
     "a trapezoid's jerk": ({"profile": "trapezoidal", "to_deg": (9.0,), "duration": 1.0, "max_jerk_deg": (1.0,)},
-                           r"max_jerk_deg = \(1.0,\): profile 'trapezoidal' takes to_deg, and may have"),
-    "no goal": ({"profile": "quintic", "duration": 1.0}, "to_deg: missing; profile 'quintic' takes"),
-    "limit of zero": ({"profile": "quintic", "to_deg": (9.0,), "max_rate_deg": (0.0,)}, r"max_rate_deg\.1 = 0.0"),
-    "a table's goal": ({"profile": "hold", **TABLE, "to_deg": (1.0,)}, r"to_deg = \(1.0,\): profile 'hold' takes"),
-    "unsorted": ({"profile": "linear", **TABLE, "times": (0.0, 3.0, 2.0)},
-                 r"times\[2\] = 2.0: must be greater than times\[1\] = 3.0"),
-    "a time twice": ({"profile": "linear", **TABLE, "times": (0.0, 0.0, 2.0)}, r"times\[1\] = 0.0: must be greater"),
-    "a time that is none": ({"profile": "linear", **TABLE, "times": (0.0, np.nan, 2.0)}, r"times\[1\] = nan"),
-    "a gap": ({"profile": "linear", **TABLE, "angle_deg": ((0.0,), (np.nan,), (1.0,))}, r"angle_deg\[1\]\.1 = nan"),
-    "a row too few": ({"profile": "linear", **TABLE, "angle_deg": ((0.0,), (1.0,))}, "angle_deg has 2 rows: expected"),
-    "a row of none": ({"profile": "linear", **TABLE, "angle_deg": ((0.0,), None, (1.0,))}, r"angle_deg\[1\] = None"),
-    "nothing": ({"profile": "linear", "times": (), "angle_deg": ()}, r"times = \(\): a table has one row or more"),
-    "no rates": ({"profile": "smooth", **TABLE, "acceleration_deg": TABLE["angle_deg"]}, "rate_deg: missing"),
-    "misspelt": ({"profile": "quintik", "to_deg": (9.0,)}, "did you mean 'quintic'"),
+                           "key-of-another-kind", "max_jerk_deg = (1.0,)"),
+    "no goal": ({"profile": "quintic", "duration": 1.0}, "missing-key", "to_deg"),
+    "limit of zero": ({"profile": "quintic", "to_deg": (9.0,), "max_rate_deg": (0.0,)}, "out-of-range",
+                      "max_rate_deg.1 = 0.0"),
+    "a table's goal": ({"profile": "hold", **TABLE, "to_deg": (1.0,)}, "key-of-another-kind", "to_deg = (1.0,)"),
+    "unsorted": ({"profile": "linear", **TABLE, "times": (0.0, 3.0, 2.0)}, "times-not-increasing", "times[2] = 2.0"),
+    "a repeated time": ({"profile": "linear", **TABLE, "times": (0.0, 0.0, 2.0)}, "times-not-increasing",
+                        "times[1] = 0.0"),
+    "nan as time": ({"profile": "linear", **TABLE, "times": (0.0, np.nan, 2.0)}, "not-finite", "times[1] = nan"),
+    "a gap": ({"profile": "linear", **TABLE, "angle_deg": ((0.0,), (np.nan,), (1.0,))}, "not-finite",
+              "angle_deg[1].1 = nan"),
+    "a row too few": ({"profile": "linear", **TABLE, "angle_deg": ((0.0,), (1.0,))}, "one-per-time", "angle_deg"),
+    "an empty row": ({"profile": "linear", **TABLE, "angle_deg": ((0.0,), None, (1.0,))}, "wrong-value",
+                     "angle_deg[1] = None"),
+    "nothing": ({"profile": "linear", "times": (), "angle_deg": ()}, "file-empty", "times = ()"),
+    "no rates": ({"profile": "smooth", **TABLE, "acceleration_deg": TABLE["angle_deg"]}, "needs-another-key",
+                 "rate_deg"),
+    "misspelt": ({"profile": "quintik", "to_deg": (9.0,)}, "wrong-value", "'quintic'?"),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("what", REFUSED)
 def test_a_bad_reference_is_refused_by_key_and_row(what: str) -> None:
-    given, message = REFUSED[what]
-    with pytest.raises(fl.errors.SceneError, match=message):
-        fl.Reference(**given)
+    fields, id, part = REFUSED[what]
+    with refused(fl.errors.SceneError, id) as caught:
+        fl.Reference(**fields)
+    assert part in str(caught.value)
 
 
-def test_what_does_not_fit_the_arm_or_float64_is_refused() -> None:
+def test_references_that_do_not_fit_the_arm_or_float64_are_refused() -> None:
     with refused(fl.errors.SceneError, "one-per-link"):
         fl.Reference(profile="linear", **TABLE).course((0.0, 0.0))
     with refused(fl.errors.SceneError, "overflow"):
@@ -256,16 +262,18 @@ def test_what_does_not_fit_the_arm_or_float64_is_refused() -> None:
         fl.Reference(profile="quintic", to_deg=(1.0,), start=100.0, duration=1e-15).course((0.0,))
 
 
-def test_a_course_of_ones_own_is_checked() -> None:
-    for knots, c, message in (
-        ([0.0, 1.0], np.zeros((1, 1, 1)), r"shapes must be \(m,\), \(m, degree \+ 1, d\)"),
-        ([0.0, 0.0], np.zeros((2, 1, 1)), r"knots\[1\] = .*must be later"),
-        ([0.0], np.full((1, 1, 1), np.inf), "not finite"),
-        ([0.0], np.ones((1, 2, 1)), "must be constant"),
+def test_a_trajectory_from_coefficients_is_checked() -> None:
+    for knots, c, id in (
+        ([0.0, 1.0], np.zeros((1, 1, 1)), "wrong-shape"),
+        ([0.0, 0.0], np.zeros((2, 1, 1)), "times-not-increasing"),
+        ([0.0], np.full((1, 1, 1), np.inf), "overflow"),
+        ([0.0], np.ones((1, 2, 1)), "not-at-rest"),
     ):
-        with pytest.raises(fl.errors.ArgumentError, match=message):
+        with refused(fl.errors.ArgumentError, id):
             fl.ReferenceTrajectory(knots, c)
-    assert repr(still([1.0, 2.0])) == "<ReferenceTrajectory of 2 angles: 1 pieces of degree 0, 0 to 0 s>"
+    text = repr(still([1.0, 2.0]))
+    reviewed("repr: reference", text)
+    assert re.findall(r"\d+", text) == ["2", "1", "0", "0", "0"]
 
 
 def driven(reference: fl.Reference, **fields: object) -> fl.Scene:
@@ -288,25 +296,26 @@ def test_a_scene_leads_its_free_joints_in_their_order_from_where_they_are() -> N
 
 OUT = {
     "a move": (fl.Reference(profile="quintic", to_deg=(46.0, 0.0, 0.0), duration=1.0),
-               r"drive.reference reaches 46 deg: outside limits_deg = \[-90.0, 45.0\] of the joint of 'near'"),
+               "wrench-out-of-reach", (" 46 deg", "limits_deg = [-90.0, 45.0]", "'near'")),
     "between rows": (fl.Reference(profile="smooth", times=(0.0, 1.0, 2.0, 3.0),
                                   angle_deg=((0.0, 0.0, 0.0), (0.0, 0.0, 9.9), (0.0, 0.0, 9.9), (0.0, 0.0, 0.0))),
-                     r"reaches 12.* deg: outside limits_deg = \[-10.0, 10.0\] of the joint of 'far'"),
+                     "wrench-out-of-reach", (" 12.375 deg", "limits_deg = [-10.0, 10.0]", "'far'")),
     "a jump within a step": (fl.Reference(profile="hold", times=(0.0, 0.10003), angle_deg=((0.0,) * 3, (1.0,) * 3)),
-                             r"drive.reference jumps, or its rate does: t = 0.10003: must be a multiple of run.step"),
-    "a shaper unknown": (fl.Reference(profile="quintic", to_deg=(1.0,) * 3, duration=1.0,
+                             "not-a-multiple", ("drive.reference ", "t = 0.10003", "run.step")),
+    "an unknown shaper": (fl.Reference(profile="quintic", to_deg=(1.0,) * 3, duration=1.0,
                                       shaper=fl.InputShaper(kind="ZZ", frequency_hz=(1.0,))),
-                         r"drive.reference.shaper.kind = 'ZZ': unknown"),
+                         "unknown-name", ("drive.reference.shaper.kind = 'ZZ'",)),
     "a link too few": (fl.Reference(profile="quintic", to_deg=(1.0, 1.0), duration=1.0),
-                       r"drive.reference.to_deg = \(1.0, 1.0\): expected one number per link, 3"),
+                       "one-per-link", ("drive.reference.to_deg = (1.0, 1.0)", " 3")),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("what", OUT)
 def test_a_reference_that_does_not_fit_the_scene_is_refused(what: str) -> None:
-    reference, message = OUT[what]
-    with pytest.raises(fl.errors.SceneError, match=message):
+    reference, id, parts = OUT[what]
+    with refused(fl.errors.SceneError, id) as caught:
         driven(reference)
+    assert all(part in str(caught.value) for part in parts)
 
 
 def test_a_shaper_with_impulses_below_zero_may_lead_beyond_the_limits(tmp_path: Path) -> None:
@@ -320,12 +329,12 @@ def test_a_shaper_with_impulses_below_zero_may_lead_beyond_the_limits(tmp_path: 
         driven(move)
 
 
-def test_a_reference_may_jump_between_steps_that_follow_from_a_tolerance() -> None:
+def test_a_reference_may_jump_with_adaptive_steps() -> None:
     jump = fl.Reference(profile="hold", times=(0.0, 0.10003), angle_deg=((0.0,) * 3, (1.0,) * 3))
     assert driven(jump, run=fl.RunSettings(tolerance=1e-4)).course is not None
 
 
-def test_where_a_reference_starts_is_said_if_the_run_starts_elsewhere() -> None:
+def test_the_start_of_a_reference_is_required_if_the_run_starts_elsewhere() -> None:
     move, here = {"profile": "quintic", "to_deg": (1.0,) * 3, "duration": 1.0}, (0.0, 0.0)
     with refused(fl.errors.SceneError, "missing-key"):
         driven(fl.Reference(**move), initial=fl.InitialState(q=here))

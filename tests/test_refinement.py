@@ -1,4 +1,4 @@
-"""What a report says of its model's error is what finer models and smaller steps show."""
+"""The model error that a report states is confirmed by finer models and smaller steps."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ from flexlink.advice.model import Bend
 from flexlink.results.tip_motion import largest_distance
 from flexlink.scene_report.refinement import Refinement, scaled
 from flexlink.scene_report.study import Study
+from tests.words import reviewed
 
 pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
 def scene() -> fl.Scene:
-    """A damped move in space, by a method whose steps leave an error that can be seen."""
+    """A damped move in space with a method whose steps leave a visible error."""
     changes = {"run.duration": 0.6, "run.method": "RK2", "run.step": 2.5e-4}
     return fl.load_scene(ROOT / "models" / "ptp_move.toml").varied(changes)
 
@@ -34,7 +35,9 @@ def about(scene: fl.Scene) -> Refinement:
     return Refinement(Study(scene))
 
 
-def test_the_limit_is_as_close_as_it_says_to_a_much_finer_model(about: Refinement, scene: fl.Scene) -> None:
+def test_the_error_of_the_limit_includes_its_distance_from_a_much_finer_model(
+    about: Refinement, scene: fl.Scene
+) -> None:
     finest = scene.varied({"link.*.segments": 17, "run.tolerance": 1e-6, "run.method": "Radau5"})
     assert about.limit is not None
     assert about.is_known
@@ -42,7 +45,7 @@ def test_the_limit_is_as_close_as_it_says_to_a_much_finer_model(about: Refinemen
     assert about.limit.error < 0.5 * about.error(about.cuts[1.0].tip)
 
 
-def test_cuts_whose_errors_fall_by_four_tend_to_where_they_fall(scene: fl.Scene) -> None:
+def test_the_limit_of_models_with_errors_of_second_order_is_exact(scene: fl.Scene) -> None:
     about = Refinement(Study(scene))
     true, off = about.run.tip, np.array([0.0, 1e-2, 0.0])
     about.__dict__["cuts"] = {factor: SimpleNamespace(tip=true + off / factor**2) for factor in (1.0, 2.0, 4.0)}
@@ -51,7 +54,7 @@ def test_cuts_whose_errors_fall_by_four_tend_to_where_they_fall(scene: fl.Scene)
     np.testing.assert_allclose(about.limit.tip, true, atol=1e-14)
 
 
-def test_of_one_hinge_the_scene_itself_is_among_the_cuts(thrown: fl.Scene) -> None:
+def test_a_scene_with_one_hinge_is_among_its_refinements(thrown: fl.Scene) -> None:
     one = thrown.varied({"link.*.lumping": "legendre", "link.*.segments": 2, "run.duration": 0.05})
     assert list(Refinement(Study(one)).cuts) == [1.0, 2.0, 4.0]
 
@@ -59,17 +62,17 @@ def test_of_one_hinge_the_scene_itself_is_among_the_cuts(thrown: fl.Scene) -> No
 @pytest.mark.parametrize(("rule", "hinges", "half"), [
     ("legendre", 6, 3), ("gauss", 8, 4), ("gauss", 6, 4), ("gauss", 2, 2), ("gregory", 7, 6), ("paper", 1, 1),
 ])  # fmt: skip
-def test_half_the_hinges_are_the_nearest_number_that_the_rule_takes(rule: str, hinges: int, half: int) -> None:
+def test_half_the_hinges_are_the_nearest_number_that_the_rule_allows(rule: str, hinges: int, half: int) -> None:
     assert scaled(Bend("yz", rule, hinges), 0.5) == Bend("yz", rule, half)
     assert scaled(Bend("yz", rule, hinges), 2.0) == Bend("yz", rule, 2 * hinges)
 
 
-def test_the_error_of_steps_is_that_beside_much_smaller_ones(about: Refinement, scene: fl.Scene) -> None:
+def test_the_error_of_steps_is_the_distance_from_much_smaller_ones(about: Refinement, scene: fl.Scene) -> None:
     exact = fl.simulate(scene, method="RK4", step=1e-4)
     assert about.of_steps == pytest.approx(largest_distance(about.run.tip, exact.tip), rel=0.2)
 
 
-def test_a_tolerance_is_judged_by_a_tenth_of_it(thrown: fl.Scene) -> None:
+def test_the_error_of_a_tolerance_is_estimated_with_a_tenth_of_it(thrown: fl.Scene) -> None:
     loose = Refinement(Study(thrown.varied({"run.tolerance": 1e-3, "run.method": "auto"})))
     exact = fl.simulate(thrown, method="auto", tolerance=1e-8)
     assert (
@@ -77,25 +80,28 @@ def test_a_tolerance_is_judged_by_a_tenth_of_it(thrown: fl.Scene) -> None:
     )
 
 
-def test_choices_cost_what_their_evaluations_do_and_twice_the_step_half(about: Refinement) -> None:
+def test_choices_cost_as_much_as_their_evaluations(about: Refinement) -> None:
     own, *others = about.choices()
-    seconds = {one.label: one.seconds for one in others}
-    assert own.seconds == pytest.approx(2 * seconds["twice the step"], rel=1e-12)
-    assert own.seconds == pytest.approx(seconds["half the step"] / 2, rel=1e-12)
+    reviewed("report: labels of choices", "\n".join(one.label for one in others))
+    same = [one.seconds / own.seconds for one in others if one.n == own.n][:2]
+    assert same == pytest.approx([0.5, 2.0], rel=1e-12)  # twice the step, and half of it
     assert [one.label for one in others if not one.outcome.completed] == []
-    assert "half the hinges" not in seconds  # of two, which gauss takes in pairs only, none are fewer
+    assert {one.n for one in others} - {own.n} != set()
+    assert about.cut(0.5) == about.model  # two hinges: gauss allows only pairs
 
 
-def test_a_scene_that_starts_from_its_own_joints_has_no_other_cut(thrown: fl.Scene) -> None:
+def test_a_scene_that_specifies_all_joints_has_no_other_discretization(thrown: fl.Scene) -> None:
     q = np.zeros(fl.lump(thrown).n)
     about = Refinement(Study(thrown.varied({"initial.q": q, "run.duration": 0.05})))
     assert about.limit is None
-    assert [one.label for one in about.choices()][1:3] == ["twice the step", "half the step"]
-    assert not any("hinges" in one.label for one in about.choices())
+    own, *others = about.choices()
+    reviewed("report: labels of choices", "\n".join(one.label for one in others))
+    assert [one.seconds / own.seconds for one in others[:2]] == pytest.approx([0.5, 2.0], rel=1e-12)
+    assert {one.n for one in others} <= {own.n, len(fl.lump(thrown).active)}
 
 
-def test_where_changes_do_not_fall_the_limit_is_off_by_the_largest_of_them() -> None:
-    """12 mm, then 10 mm, which is no order: the finest cut, and 12 mm."""
+def test_if_changes_do_not_decrease_the_error_of_the_limit_is_the_largest_of_them() -> None:
+    """12 mm, then 10 mm have no order of convergence: the limit is the finest model, and its error 12 mm."""
     about = object.__new__(Refinement)
     paths = {1.0: 0.0, 2.0: 0.012, 4.0: 0.022}
     about.__dict__["cuts"] = {factor: SimpleNamespace(tip=np.array([[x, 0.0, 0.0]])) for factor, x in paths.items()}

@@ -1,4 +1,4 @@
-"""Ladders of lumping rules: the grid is whole, the cheapest run counts, and the family of an advice is told."""
+"""Ladders of lumping rules: the grid is complete, the cheapest run counts, and advice is assigned to its family."""
 
 from __future__ import annotations
 
@@ -42,12 +42,13 @@ def test_the_gain_is_that_of_the_cheapest_runs_that_meet_the_error():
     rows = list(speed_rules._rows(settings, race, "Radau5", 1e-3, runs))
     gains = {row.quantity: row.value for row in rows if "/" in row.quantity}
     assert gains == pytest.approx(dict.fromkeys(gains, 4.0))
-    assert f"{race.name}: gauss / lobatto, Radau5, tip error 0.001 m" in gains
+    name = f"{race.name}: gauss / lobatto, Radau5, tip error 0.001 m"
+    assert name in gains
     assert all(row.timed for row in rows)
     assert not any("/" in row.quantity for row in speed_rules._rows(settings, race, "Radau5", 1e-4, runs[3:]))
 
 
-def test_an_advised_family_is_judged_by_its_own_cheapest_chain():
+def test_an_advised_family_is_compared_by_its_cheapest_chain():
     case = load_case(CASES / "advice_axial.toml")
     settings = decode(case.settings, advice_families.Settings)
     met = [tried("gauss", 8, 1e-5, 3.0), tried("lobatto2", 4, 1e-5, 2.0), tried("lobatto4", 8, 1e-5, 1.5)]
@@ -56,7 +57,7 @@ def test_an_advised_family_is_judged_by_its_own_cheapest_chain():
     assert advice_families._over_cheapest(settings, "lobatto", met, costs)[0] == 1.0
 
 
-def test_the_family_of_an_advice_is_told_by_the_rules_of_its_links(falling):
+def test_the_family_of_an_advice_follows_from_the_rules_of_its_links(falling):
     case = load_case(CASES / "advice_axial.toml")
     settings = decode(case.settings, advice_families.Settings)
     assert advice_families._family(settings, case, falling) == "gauss"  # midpoint
@@ -68,18 +69,19 @@ def test_the_family_of_an_advice_is_told_by_the_rules_of_its_links(falling):
 
 
 @pytest.mark.slow
-def test_the_kinds_run_whole_on_a_small_grid():
+def test_the_kinds_run_completely_on_a_small_grid():
     case, finer = load_case(CASES / "speed_axial.toml"), replace(REFERENCE, hinges=16, checked=12)
     settings = decode(case.settings, speed_rules.Settings)
     race = replace(settings.race[3], errors=(1e-2,), hinges={"Radau5": {"gauss": (8, 12), "lobatto2": (8,)}})
     small = replace(settings, reference=finer, tolerances=(1e-3, 1e-4), race=(race,))
-    quantities = {row.quantity for row in speed_rules.run(case, small) if hasattr(row, "quantity")}
-    assert "falling cantilever: gauss / lobatto, Radau5, tip error 0.01 m" in quantities
+    ratios = [row.quantity for row in speed_rules.run(case, small) if "/" in getattr(row, "quantity", "")]
+    assert any("Radau5" in name and " 0.01 m" in name for name in ratios)
     case = load_case(CASES / "advice_axial.toml")
-    asked = decode(case.settings, advice_families.Settings)
-    one = replace(asked.asked[3], error=1e-2)
+    defaults = decode(case.settings, advice_families.Settings)
+    one = replace(defaults.asked[3], error=1e-2)
     hinges = {"gauss": (8, 12), "lobatto2": (8,)}
-    small = replace(asked, reference=finer, hinges=hinges, of_error=(1.0, 0.1), methods=("Radau5",), asked=(one,))
+    small = replace(defaults, reference=finer, hinges=hinges, of_error=(1.0, 0.1), methods=("Radau5",), asked=(one,))
     rows = {row.quantity: row.value for row in advice_families.run(case, small)}
-    assert rows["advised within the allowed error"] == 1.0
-    assert rows["advised family / cheapest, listed costs"] >= 1.0
+    within, cost = "advised within the allowed error", "advised family / cheapest, listed costs"
+    assert rows[within] == 1.0
+    assert rows[cost] >= 1.0

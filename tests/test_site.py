@@ -1,4 +1,4 @@
-"""Every public name, key, option, data file and error stands on one reference page, and says what it is."""
+"""Every public name, key, option, data file and error is on one reference page, with a description."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ KEY_PAGES = {
     "data_files.rst": [LumpingRule, Method, ShaperRule, KnownArm, FlexibleLink],
 }
 WITHOUT_UNIT = {"FitParameter", "FitRun.noise", "Range", "Spread", "Element", "Jacobi", "RunSettings.max_evaluations"}
-"""What varies has the unit of its key; places on an element, exponents and counts have none."""
+"""Values that vary have the unit of their key; positions on an element, exponents and counts have none."""
 
 
 @pytest.fixture(scope="module")
@@ -51,8 +51,8 @@ def stored() -> bool:
     return (Path(__file__).parents[1] / "reports" / "full").is_dir()
 
 
-def twice_or_never(found: list[str], wanted: list[str]) -> dict[str, int]:
-    """What does not stand there exactly once, and how often it does."""
+def missing_or_repeated(found: list[str], wanted: list[str]) -> dict[str, int]:
+    """Names that do not occur exactly once, with their number of occurrences."""
     times = Counter(found)
     return {name: times[name] for name in {*found, *wanted} if times[name] != 1 or name not in wanted}
 
@@ -62,38 +62,38 @@ def records() -> list[type[msgspec.Struct]]:
     return [kind for roots in KEY_PAGES.values() for root in roots for _, kind in keys.records(root, "", known)]
 
 
-def test_every_public_name_stands_in_one_group() -> None:
+def test_every_public_name_is_in_one_group() -> None:
     listed = [name for group in api.GROUPS for name in group["names"]]
-    assert twice_or_never(listed, fl.__all__) == {}
-    assert twice_or_never([*listed, "simulate"], fl.__all__) == {"simulate": 2}
-    assert twice_or_never([name for name in listed if name != "modes"], fl.__all__) == {"modes": 0}
+    assert missing_or_repeated(listed, fl.__all__) == {}
+    assert missing_or_repeated([*listed, "simulate"], fl.__all__) == {"simulate": 2}
+    assert missing_or_repeated([name for name in listed if name != "modes"], fl.__all__) == {"modes": 0}
 
 
 def test_every_error_has_a_page(texts: dict[str, str]) -> None:
     listed = re.findall(r"^   flexlink\.(?:errors\.)?(\w+Error)$", texts["api.rst"], re.MULTILINE)
-    assert twice_or_never(listed, fl.errors.__all__) == {}
+    assert missing_or_repeated(listed, fl.errors.__all__) == {}
 
 
-def test_every_key_says_what_it_does() -> None:
+def test_every_key_has_a_description() -> None:
     assert len(records()) > 20
-    silent = [
-        f"{kind.__name__}.{field.name}" for kind in records() for field, told in keys.entries(kind) if len(told) < 8
+    short = [
+        f"{kind.__name__}.{field.name}" for kind in records() for field, text in keys.entries(kind) if len(text) < 8
     ]
-    assert silent == []
+    assert short == []
 
 
-def test_no_sentence_of_a_key_is_indented() -> None:
-    """Which would be a list of definitions, its first line in bold."""
-    of_keys = [told for kind in records() for _, told in keys.entries(kind)]
-    assert any("\n" in told for told in of_keys)
-    assert [told for told in of_keys if "\n " in told] == []
+def test_no_description_of_a_key_is_indented() -> None:
+    """Indented lines would be a definition list with its first line in bold."""
+    of_keys = [text for kind in records() for _, text in keys.entries(kind)]
+    assert any("\n" in text for text in of_keys)
+    assert [text for text in of_keys if "\n " in text] == []
 
 
-def test_a_key_without_a_sentence_is_noticed() -> None:
+def test_a_key_without_a_description_is_refused() -> None:
     class Silent(Spec, frozen=True):
-        told: float = 0.0
+        described: float = 0.0
         """What it is."""
-        untold: float = 0.0
+        undescribed: float = 0.0
 
     with refused(KeyError, "test-site"):
         keys.entries(Silent)
@@ -108,25 +108,25 @@ def of_numbers(kind: object) -> bool:
 def test_every_number_of_a_record_has_a_unit() -> None:
     without = [
         f"{kind.__name__}.{field.name}"
-        for kind in records() for field, told in keys.entries(kind)
-        if of_numbers(field.type) and not units_in(told) and field.name not in {"axis", "up"}
+        for kind in records() for field, text in keys.entries(kind)
+        if of_numbers(field.type) and not units_in(text) and field.name not in {"axis", "up"}
     ]  # fmt: skip
     assert [key for key in without if not {key, key.partition(".")[0]} & WITHOUT_UNIT] == []
 
 
-def test_units_of_fields_are_those_of_their_sentences() -> None:
+def test_units_of_fields_are_those_of_their_descriptions() -> None:
     marked = {}
-    for field, told in (pair for kind in (Scene, *KINDS_IN_A_SCENE) for pair in keys.entries(kind)):
+    for field, text in (pair for kind in (Scene, *KINDS_IN_A_SCENE) for pair in keys.entries(kind)):
         if units_of(field.type):
-            marked[field.encode_name, told] = units_in(told)
-            assert units_of(field.type) == units_in(told), field.name
-        else:  # a pure number, one of several, or one that a sensor's own key says
-            said = units_in(told)
-            assert len(said) != 1 or re.fullmatch(r"1|.*(;|\bunit\b).*", said[0]), (field.name, told)
+            marked[field.encode_name, text] = units_in(text)
+            assert units_of(field.type) == units_in(text), field.name
+        else:  # a pure number, one of several units, or the unit that another key of a sensor specifies
+            units = units_in(text)
+            assert len(units) != 1 or re.fullmatch(r"1|.*(;|\bunit\b).*", units[0]), (field.name, text)
     assert len(marked) > 80
 
 
-def test_every_key_stands_on_its_page_once(texts: dict[str, str]) -> None:
+def test_every_key_is_on_its_page_once(texts: dict[str, str]) -> None:
     listed: list[str] = []
     for page, roots in KEY_PAGES.items():
         known: set[type[msgspec.Struct]] = set()
@@ -136,30 +136,29 @@ def test_every_key_stands_on_its_page_once(texts: dict[str, str]) -> None:
         assert len(found) == wanted, page
         listed += found
     assert [key for key, times in Counter(listed).items() if times > 1] == []
-    assert {"link.NAME.joint.armature", "run.tolerance", "drive.reference.shaper.kind", "rule.element.nodes"} <= {
-        *listed
-    }
+    nested = {"link.NAME.joint.armature", "run.tolerance", "drive.reference.shaper.kind", "rule.element.nodes"}
+    assert nested <= {*listed}
 
 
-def test_every_option_stands_once_below_its_command(texts: dict[str, str]) -> None:
+def test_every_option_is_listed_once_below_its_command(texts: dict[str, str]) -> None:
     _, *sections = re.split(r"^\.\. program:: (.+)$", texts["command_line.rst"], flags=re.MULTILINE)
-    told = dict(zip(sections[::2], sections[1::2], strict=True))
+    below = dict(zip(sections[::2], sections[1::2], strict=True))
     parser = build_parser()
     every = {"flexlink": parser, **{f"flexlink {name}": each for name, each in command_line.commands(parser).items()}}
-    assert list(told) == list(every)
+    assert list(below) == list(every)
     for name, command in every.items():
-        listed = re.findall(r"^\.\. option:: (.+)$", told[name], re.MULTILINE)
+        listed = re.findall(r"^\.\. option:: (.+)$", below[name], re.MULTILINE)
         found = [word for line in listed for word in re.findall(r"(?<!\S)--?[\w-]+", line)]
         wanted = {option for action in command._actions for option in action.option_strings} - {"-h", "--help"}
-        assert twice_or_never(found, sorted(wanted)) == {}, name
+        assert missing_or_repeated(found, sorted(wanted)) == {}, name
 
 
 def test_every_data_file_is_a_section_of_its_page(texts: dict[str, str]) -> None:
     for folder, page in (("methods", "methods.rst"), ("lumping", "rules.rst"), ("shapers", "shapers.rst")):
         titles = re.findall(r"^(\S+)\n-{2,}$", texts[page], re.MULTILINE)
-        assert twice_or_never(titles, list(data_files.names(folder))) == {}
+        assert missing_or_repeated(titles, list(data_files.names(folder))) == {}
     listed = re.findall(r"^\s+\* - ``(\w+)``$", texts["plausibility.rst"], re.MULTILINE)
-    assert twice_or_never(listed, list(ranges())) == {}
+    assert missing_or_repeated(listed, list(ranges())) == {}
 
 
 def test_every_text_of_the_source_is_on_a_page_of_messages(texts: dict[str, str]) -> None:

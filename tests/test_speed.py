@@ -1,4 +1,4 @@
-"""What the study times does what it says: contestants agree before they race, and the stopwatch counts right."""
+"""Timed computations: contestants agree before they are timed, and the timer measures correctly."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_the_compiled_loops_do_the_public_functions_work(chain: fl.Chain) -> Non
     assert compiled_loops.mass_loop(chain.arrays, q, 1).shape == (chain.n, chain.n)
 
 
-def test_all_who_take_steps_are_told_when_they_blow_up() -> None:
+def test_all_contestants_raise_an_error_when_a_run_diverges() -> None:
     scene = family("T1", 5).released(CASE, 5)
     wild = of_steps(scene, 1, 30 * scene.run.step)
     contestants = (steps.native(wild), steps.by_mujoco(wild), steps.by_pinocchio(wild), steps.native_batch([wild] * 8))
@@ -94,8 +94,8 @@ def test_all_who_take_steps_are_told_when_they_blow_up() -> None:
 # stopwatch
 
 
-def test_the_stopwatch_finds_the_time_of_a_call_on_however_busy_a_machine(monkeypatch: pytest.MonkeyPatch) -> None:
-    """By a clock that only the works move; every second turn something else takes as long again."""
+def test_the_timer_measures_a_call_also_on_a_busy_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The clock advances only with the work; in every second turn another process doubles the time."""
     now, lengths = [0.0], {}
 
     def takes(seconds: float):
@@ -115,17 +115,18 @@ def test_the_stopwatch_finds_the_time_of_a_call_on_however_busy_a_machine(monkey
 
 def test_the_exponent_is_of_the_long_chains_only() -> None:
     seconds = {n: 1e-9 * n**1.5 + (1.0 if n < 100 else 0.0) for n in (10, 100, 400, 3000)}
-    times = [Race("T1", "forward dynamics", n, {"native": each}) for n, each in seconds.items()]
+    job = "forward dynamics"
+    times = [Race("T1", job, n, {"native": each}) for n, each in seconds.items()]
     [row] = exponent(times, "native")
-    assert row.quantity == "T1 forward dynamics: exponent"
-    assert row.varied == {"chain": "T1", "job": "forward dynamics", "n": 100, "to n": 3000}
+    assert row.quantity == f"T1 {job}: exponent"
+    assert row.varied == {"chain": "T1", "job": job, "n": 100, "to n": 3000}
     assert row.value == pytest.approx(1.5)
 
 
 # the report
 
 
-def test_the_report_draws_cost_against_n_and_tells_the_times(tmp_path: Path) -> None:
+def test_the_report_plots_cost_against_n_and_lists_the_times(tmp_path: Path) -> None:
     store = Store(tmp_path)
     store.prepare(["speed_calls"])
     case = load_case(CASES / "speed_calls.toml")

@@ -1,4 +1,4 @@
-"""The trade between cost and accuracy: its scenes are data, its references belong to them, other solvers agree."""
+"""Cost against accuracy: scenes are data, stored references belong to them, and independent solvers agree."""
 
 import math
 
@@ -8,6 +8,7 @@ import pytest
 import flexlink as fl
 from flexlink.describe.spec import decode
 from flexlink.results.tip_motion import tip_travel
+from tests.words import reviewed
 from validation.kinds import speed_trade
 from validation.reference_values import reference_array
 from validation.trade import native_ladder, witness_ladder
@@ -33,7 +34,8 @@ def test_a_scene_with_another_stiffness_is_not_that_of_the_reference():
     scene = trade.trade_scene("pulse11")
     young = scene.arm.materials["thin"].young
     assert trade.is_of(scene, "pulse11")
-    assert not trade.is_of(scene.varied({"material.thin.young": young * (1 + 1e-6)}), "pulse11")
+    stiffer = scene.varied({"material.thin.young": young * (1 + 1e-6)})
+    assert not trade.is_of(stiffer, "pulse11")
 
 
 def test_an_error_is_a_part_of_the_motion_and_never_finite_without_a_run():
@@ -57,7 +59,7 @@ def test_what_bends_the_tip_away_is_nothing_of_a_straight_arm_and_all_of_one_who
 # Drake and Exudyn
 
 
-def test_what_is_not_installed_is_left_out_and_the_others_run_where_they_are_asked_for(monkeypatch):
+def test_a_missing_engine_is_left_out_and_the_others_run_in_their_scenes(monkeypatch):
     def points(engine, *_):
         if engine == "drake":
             raise fl.errors.MissingDependencyError("Drake cannot be imported")
@@ -66,10 +68,10 @@ def test_what_is_not_installed_is_left_out_and_the_others_run_where_they_are_ask
     monkeypatch.setattr(witness_ladder, "points", points)
     monkeypatch.setattr(speed_trade.native_ladder, "by_step", lambda *_: [])
     settings = {"errors": [1e-4], "methods": [], "budget": 1.0, "witnesses": ["drake", "exudyn"]}
-    asked = decode(settings | {"scenes": ["p2p5"], "witness_scenes": ["p2p5"]}, speed_trade.Settings)
-    assert speed_trade._others("p2p5", asked)["Exudyn"] == points("exudyn")
-    assert "Drake" not in speed_trade._others("p2p5", asked)
-    assert "Exudyn" not in speed_trade._others("p2p", asked)
+    chosen = decode(settings | {"scenes": ["p2p5"], "witness_scenes": ["p2p5"]}, speed_trade.Settings)
+    assert speed_trade._others("p2p5", chosen)["Exudyn"] == points("exudyn")
+    assert "Drake" not in speed_trade._others("p2p5", chosen)
+    assert "Exudyn" not in speed_trade._others("p2p", chosen)
 
 
 # work against precision
@@ -90,7 +92,7 @@ def tolerances(monkeypatch, point):
     return [each / found[0] for each in found]
 
 
-def test_a_ladder_of_tolerances_ends_at_both_errors_at_the_budget_and_before_what_is_too_dear(monkeypatch):
+def test_a_ladder_of_tolerances_ends_at_both_errors_at_the_budget_and_before_a_run_too_expensive(monkeypatch):
     first = native_ladder.COARSEST * tip_travel(trade.reference("kick11").tip)
     both = tolerances(monkeypatch, lambda tol: Point(tol, 1e-9, 0.1, 3e-8 * tol / first, int(1e6 / tol)))
     assert both == pytest.approx([1.0, 10**-0.25, 10**-0.5])
@@ -126,10 +128,14 @@ def test_flexlink_has_only_runs_that_met_the_error_and_others_their_order_and_th
         "solvers": {},
     }
     rows = {row.quantity: row for row in speed_trade._rows("t3", speed_trade.Aim("error", 1e-4), ours, others)}
-    assert rows["RK4 / flexlink, error 0.0001"].value == 50
-    assert rows["t3, MuJoCo / flexlink, error 0.0001"].value == pytest.approx(2.0 * 50 / 2.0)
-    assert "by its order" in rows["MuJoCo / flexlink, error 0.0001"].note
-    assert "Radau5, setting 0.001: 2000 ms" in rows["RK4 / flexlink, error 0.0001"].note
-    assert rows["RK4 / flexlink, error 0.0001, damped or spatial"].value == 50
+    ratio = "/ flexlink, error"
+    assert rows[f"RK4 {ratio} 0.0001"].value == 50
+    assert rows[f"t3, MuJoCo {ratio} 0.0001"].value == pytest.approx(2.0 * 50 / 2.0)
+    reviewed("trade: error by the order of a method", rows[f"MuJoCo {ratio} 0.0001"].note)
+    note = rows[f"RK4 {ratio} 0.0001"].note
+    reviewed("trade: measured error", note)
+    for part in ("Radau5", " 0.001", "2000 ms"):
+        assert part in note
+    assert rows[f"RK4 {ratio} 0.0001{speed_trade.HARD_SCENE}"].value == 50
     rows = {row.quantity: row for row in speed_trade._rows("t3", speed_trade.Aim("error", 1e-6), ours, others)}
-    assert rows["RK4 / flexlink, error 1e-06"].value == 0  # flexlink does not get there: no limit is met
+    assert rows[f"RK4 {ratio} 1e-06"].value == 0  # flexlink does not reach the error: no limit is met

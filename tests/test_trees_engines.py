@@ -1,4 +1,4 @@
-"""Trees, sliding joints and free bases: files say all of them, and other engines, which load the files, agree."""
+"""Trees, sliding joints and free bases: files represent all of them, and other engines that load the files agree."""
 
 from __future__ import annotations
 
@@ -92,13 +92,14 @@ def test_small_masses_go_between_joints_of_a_tree_but_not_into_its_base(format, 
     assert fl.mass_matrix(filled, q) == pytest.approx(fl.mass_matrix(chain, q), abs=1e-4)
 
 
-def test_a_file_says_in_its_own_words_what_slides_floats_and_branches(chain: fl.Chain) -> None:
+def test_files_represent_sliding_joints_free_bases_and_branches(chain: fl.Chain) -> None:
     robot = ET.fromstring(fl.to_urdf(chain))
     kinds = {joint.attrib["name"]: joint.attrib["type"] for joint in robot.findall("joint")}
     assert kinds["boom"] == kinds["boom.gear"] == "prismatic"
     assert kinds["panel.1.z"] == "revolute"
     assert not [joint for joint in robot.findall("joint") if joint.find("child").attrib["link"] == "base_link"]
-    assert float(robot.find("link[@name='base_link']/inertial/mass").attrib["value"]) == 100.0
+    (base,) = (link for link in robot.findall("link") if link.attrib["name"] == "base_link")
+    assert float(base.find("inertial/mass").attrib["value"]) == 100.0
     model = mujoco.MjModel.from_xml_string(fl.to_mjcf(chain))
     assert model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE
     assert (model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE).sum() == 2  # motor and boom
@@ -161,13 +162,13 @@ def test_every_term_agrees_as_far_as_rounding_lets_it(name: str, quantity: str, 
 
 @pytest.mark.parametrize("name", WITNESSES)
 @pytest.mark.parametrize("scene", ["dual_arm", "gantry", "satellite", ""])
-def test_the_arm_as_an_engine_has_read_it_is_ours(name: str, scene: str) -> None:
+def test_the_arm_that_an_engine_has_read_is_ours(name: str, scene: str) -> None:
     chain = fl.lump(fl.load_scene(ROOT / "models" / f"{scene}.toml") if scene else satellite())
     ours, theirs = of_chain(chain), load(name, chain).read_back()
     assert theirs.names == ours.names
     assert theirs.parents.tolist() == ours.parents.tolist()
     assert theirs.slides.tolist() == ours.slides.tolist()
-    turns = [k for k in range(chain.n) if not ours.slides[: k + 1].all()]  # MuJoCo has inertias of other bodies, too
+    turns = [k for k in range(chain.n) if not ours.slides[: k + 1].all()]  # MuJoCo also has inertias of other bodies
     assert theirs.inertias[turns] == pytest.approx(ours.inertias[turns], rel=1e-13, abs=1e-13)
     for field in ("axes", "points", "masses", "centers", "stiffness", "damping", "armature", "gravity"):
         assert getattr(theirs, field) == pytest.approx(getattr(ours, field), rel=1e-13, abs=1e-13), field
@@ -228,8 +229,9 @@ def test_a_base_that_turns_far_is_followed_in_other_coordinates_or_refused(name:
     chain = fl.lump(scene)
     engine = load(name, chain)
     if name == "exudyn":
-        with pytest.raises(fl.errors.ArgumentError, match=r"the base has turned by more than 69° at t = 0.0\d s"):
+        with refused(fl.errors.ArgumentError, "base-turned-too-far") as caught:
             engine.integrate(scene)
+        assert re.search(r" 69° .* t = 0\.0\d s", str(caught.value))
         return
     (_, q, qd), (_, others, rates) = (each.integrate(scene) for each in (load("native", chain), engine))
     assert np.abs(q[-1, 3:6]).max() > 1.0
