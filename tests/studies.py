@@ -1,4 +1,4 @@
-"""Stored studies for tests of the report, and pages made of them."""
+"""Stored studies for tests of the report, and their pages."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ REASON = "Rounding: n additions of numbers <= 1 & a margin of ten"
 
 
 def row(case: str = "terms", value: float | None = 1e-15, tolerance: float | None = 1e-12, **fields: object) -> Row:
-    """A row that passes if its value is at most its tolerance."""
+    """Row that passes if its value is at most its tolerance."""
     passed = None if tolerance is None else value is not None and value <= tolerance
     plain = Row(
         case=case, kind="pointwise", title=f"Title of {case}", scene="paper_fig5", engine="mujoco", varied={},
@@ -33,7 +33,7 @@ ENVIRONMENT = Environment(DATE, "0123456789ab", "3.11.7", VERSIONS, "A processor
 
 
 def stored(path: Path, *rows: Row, conditions: Conditions | None = None, planned: tuple[str, ...] = ()) -> Path:
-    """A result folder with these rows of finished cases, and `planned` cases that were not measured."""
+    """Result folder with these rows of finished cases, and `planned` cases without results."""
     store = Store(path)
     store.prepare({r.case for r in rows})
     store.note_environment(ENVIRONMENT)
@@ -47,7 +47,7 @@ def stored(path: Path, *rows: Row, conditions: Conditions | None = None, planned
 
 
 def timed(value: float, **fields: object) -> Row:
-    """A row of speed that is met if its value is at most 1 µs."""
+    """Row of a speed measurement that is met if its value is at most 1 µs."""
     speed = {"kind": "speed_calls", "quantity": "public call", "unit": "µs", "timed": True}
     return row("calls", value=value, tolerance=1.0, **speed | fields)  # type: ignore[arg-type]
 
@@ -62,7 +62,7 @@ def page_from(results: Path, tmp_path: Path) -> str:
 
 
 def words_from(results: Path, tmp_path: Path) -> str:
-    """The page without figures, which take nearly all of the time."""
+    """Page without figures, which take nearly all of the time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("reports.drawing.pictures", lambda *_: iter(()))
         return page_from(results, tmp_path)
@@ -73,6 +73,6 @@ def words_of(tmp_path: Path, *rows: Row) -> str:
 
 
 def first_screen(page: str) -> str:
-    """What stands before the first chapter, without tags."""
+    """Text before the first section, without tags."""
     part = page[page.index("<h1>") : page.index("</main>")].partition('<section id="agreement"')[0]
     return " ".join(re.sub(r"<[^>]*>", " ", part).split())
