@@ -1,11 +1,11 @@
-"""What a redesign must leave as it is, to the bit: a digest of every run, term, export and sweep row.
+"""Digests of every run, term, export and sweep row: a refactoring must not change any of them by a bit.
 
     python tests/baseline.py before.json            # write the digests
-    python tests/baseline.py --against before.json  # name what is not the same; exit code 1 if anything is
+    python tests/baseline.py --against before.json  # list the differences; exit code 1 if there is one
 
-Of every scene of `models/`, of every law and of the arm with everything: runs by fixed, implicit and adaptive steps,
-alone, side by side, by a Simulator and continued from a sample; the terms of the equation of motion and their
-derivatives at random states; URDF, MJCF and SDF; the rows of a sweep. What another result would be is not judged here.
+Scenes: all of `models/`, one with each control law, and the arm with every feature. Digests cover runs with fixed,
+implicit and adaptive steps (alone, side by side, by a Simulator, continued from a sample), the terms of the equation of
+motion and their derivatives at random states, URDF, MJCF and SDF, and the rows of a sweep. A change need not be wrong.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from test_continued import DRIVES, MOTION, arm
 
 import flexlink as fl
 
-SAMPLES, CONTINUED = 10, 3  # of each run; the one that a run goes on from
+SAMPLES, CONTINUED = 10, 3  # number of samples of a run; sample from which it is continued
 WAYS: dict[str, dict[str, Any]] = {
     "RK4": {"method": "RK4"},
     "Gauss4": {"method": "Gauss4"},
@@ -36,7 +36,7 @@ STATES = 5
 
 
 def digest(*values: Any) -> str:
-    """Of arrays, to the bit, or of texts."""
+    """Digest of arrays, to the bit, or of texts."""
     sha = hashlib.sha256()
     for value in values:
         sha.update(value.encode() if isinstance(value, str) else np.ascontiguousarray(value, dtype=float).tobytes())
@@ -44,17 +44,17 @@ def digest(*values: Any) -> str:
 
 
 def of_parts(result: object) -> str:
-    """Of all fields of a result."""
+    """Digest of all fields of a result."""
     return digest(*vars(result).values())
 
 
 def of_run(run: fl.Trajectory) -> str:
-    """Of all that a run says, its cost in evaluations included."""
+    """Digest of the results of a run, including its number of evaluations."""
     return digest(run.t, run.q, run.qd, run.tau, run.tip, run.energy.parts, run.imbalance, repr(run.steps))
 
 
 def scenes() -> Iterator[tuple[str, fl.Scene]]:
-    """All that are run."""
+    """All scenes."""
     for path in MODELS:
         yield path.stem, fl.load_scene(path)
     for law in DRIVES:
@@ -64,7 +64,7 @@ def scenes() -> Iterator[tuple[str, fl.Scene]]:
 
 
 def runs(scene: fl.Scene) -> Iterator[tuple[str, str]]:
-    """Digests of the runs of a scene, or of what refuses them."""
+    """Digests of the runs of a scene, or of the error that it raises."""
     step = scene.run.fixed_step
     short = {"run.sample": 20 * step, "run.duration": 20 * SAMPLES * step, "run.unstable": "allow"}
     for way, changes in WAYS.items():
@@ -80,7 +80,7 @@ def runs(scene: fl.Scene) -> Iterator[tuple[str, str]]:
 
 
 def attempt(what: Any) -> str:
-    """Its digest, or the error's text."""
+    """Return the digest, or the text of the error."""
     try:
         return str(what())
     except fl.FlexlinkError as error:
@@ -88,7 +88,7 @@ def attempt(what: Any) -> str:
 
 
 def continued(scene: fl.Scene) -> str:
-    """Of a run from a sample of another."""
+    """Digest of a run that starts from a sample of another run."""
     run = fl.simulate(scene)
     t, q, qd = run.state(CONTINUED)
     left = scene.run.duration - CONTINUED * scene.run.spacing
@@ -96,7 +96,7 @@ def continued(scene: fl.Scene) -> str:
 
 
 def stepped(scene: fl.Scene) -> str:
-    """Of an arm that is stepped from outside, without torques."""
+    """Digest of an arm stepped by a Simulator without torques."""
     simulator = fl.Simulator(scene)
     states = [simulator.step(duration=scene.run.spacing) for _ in range(SAMPLES)]
     return digest(*(np.concatenate([state.q, state.qd]) for state in states))
@@ -127,7 +127,7 @@ def terms(chain: fl.Chain) -> Iterator[tuple[str, str]]:
 
 
 def digests() -> dict[str, str]:
-    """All, by what they are of."""
+    """All digests by name."""
     found = {}
     for name, scene in scenes():
         print(name, file=sys.stderr, flush=True)

@@ -1,4 +1,4 @@
-"""Beams as the benchmarks describe them."""
+"""Beams of the benchmarks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from conftest import chain_of
 from flexlink import Arm, Chain, Joint, Link, Material, RigidBody, Section
 
 THIN = 1e-16
-"""Second moment of a section without rotary inertia: EI = 1 by E = 1/I, and I is below rounding beside ρ A L²."""
+"""Second moment of area for links without rotary inertia: EI = 1 with E = 1/I, where I is negligible against ρ A L²."""
 
 
 def thin_link(rule: str, hinges: int, name: str = "link", flex: str = "z", free: bool = False, **joint: float) -> Link:
@@ -25,7 +25,7 @@ def thin_arm(
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0),
     locked_deg: tuple[float, ...] | None = None,
 ) -> Chain:
-    """Euler-Bernoulli links with EI = GJ = ρA = L = 1, without rotary inertia."""
+    """Return Euler-Bernoulli links with EI = GJ = ρA = L = 1 and no rotary inertia."""
     arm = Arm(
         links=links,
         materials={"unit": Material(young=1 / THIN, poisson=-0.5, density=1.0)},
@@ -36,12 +36,12 @@ def thin_arm(
 
 
 def cantilever(rule: str, hinges: int, **fields: Any) -> Chain:
-    """A clamped thin beam."""
+    """Return a clamped thin beam."""
     return thin_arm(thin_link(rule, hinges), **fields)
 
 
 def torsion_bar(rule: str, hinges: int, tip_inertia: float = 0.0) -> tuple[Chain, list[int]]:
-    """A bar with GJ = ρ I_p = L = 1, and its bending coordinates, to be locked."""
+    """Return a bar with GJ = ρ I_p = L = 1, and its bending coordinates (to be locked)."""
     arm = Arm(
         links=(
             Link(
@@ -58,7 +58,7 @@ def torsion_bar(rule: str, hinges: int, tip_inertia: float = 0.0) -> tuple[Chain
 
 
 def princeton_beam(rule: str, hinges: int) -> Chain:
-    """The Princeton beam: 508 × 12.3777 × 3.2024 mm, height along y, aluminium 7075; weight left out."""
+    """Return the Princeton beam: 508 × 12.3777 × 3.2024 mm, height along y, aluminium 7075, without gravity."""
     arm = Arm(
         links=(
             Link(

@@ -1,4 +1,4 @@
-"""A real browser for tests: headless Chromium through ChromeDriver's own protocol, nothing but the standard library."""
+"""Headless Chromium for tests, driven through the ChromeDriver protocol with the standard library only."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ ROOT = Path(__file__).parent.parent
 
 
 def axe() -> Path | None:
-    """axe.min.js: the file that AXE names, or the one that `npm install axe-core` put into the project."""
+    """Path of axe.min.js: the environment variable AXE, or the file installed by `npm install axe-core`."""
     named = Path(os.environ.get("AXE", ROOT / "node_modules" / "axe-core" / "axe.min.js"))
     return named if named.is_file() else None
 
 
 class Browser:
-    """One page in one window."""
+    """One browser window with one page."""
 
     def __init__(self, address: str) -> None:
         self._address = address
@@ -41,7 +41,7 @@ class Browser:
         self._session = f"/session/{self._send('POST', '/session', wanted)['sessionId']}"
 
     def open(self, page: Path, width: int, height: int, dark: bool = False, media: str = "screen") -> None:
-        """Show a file in a window of that size [CSS px], in light or dark colours, on screen or as printed."""
+        """Open a file in a window of the given size [CSS px], in light or dark colours, on screen or as printed."""
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600}
         self.command("Emulation.setDeviceMetricsOverride", size)
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
@@ -49,29 +49,29 @@ class Browser:
         self._send("POST", f"{self._session}/url", {"url": page.resolve().as_uri()})
 
     def run(self, script: str, *arguments: Any) -> Any:
-        """What a script returns."""
+        """Return the result of a script."""
         return self._send("POST", f"{self._session}/execute/sync", {"script": script, "args": list(arguments)})
 
     def run_async(self, script: str) -> Any:
-        """What a script hands to its last argument, a function."""
+        """Return what a script passes to its last argument, a callback."""
         return self._send("POST", f"{self._session}/execute/async", {"script": script, "args": []})
 
     def command(self, name: str, parameters: dict[str, Any]) -> Any:
-        """A command of Chromium's own protocol."""
+        """Send a command of the Chromium DevTools protocol."""
         return self._send("POST", f"{self._session}/goog/cdp/execute", {"cmd": name, "params": parameters})
 
     def picture(self, path: Path, whole: bool = False) -> None:
-        """The window, or the whole page, as PNG."""
+        """PNG of the window, or of the full page."""
         found = self.command("Page.captureScreenshot", {"captureBeyondViewport": whole, "format": "png"})
         path.write_bytes(base64.b64decode(found["data"]))
 
     def print(self) -> bytes:
-        """The page as PDF on A4."""
+        """PDF of the page on A4."""
         paper = {"paperWidth": 8.27, "paperHeight": 11.69, "printBackground": False}
         return base64.b64decode(self.command("Page.printToPDF", paper)["data"])
 
     def close(self) -> None:
-        """End the browser."""
+        """Quit the browser."""
         self._send("DELETE", self._session, None)
 
     def _send(self, how: str, path: str, body: Any) -> Any:
@@ -86,7 +86,7 @@ class Browser:
 
 @contextlib.contextmanager
 def browser() -> Iterator[Browser]:
-    """A browser that ends with the block."""
+    """Context manager: a browser that quits at the end of the block."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -107,7 +107,7 @@ def _session(address: str) -> Browser:
     while True:
         try:
             return Browser(address)
-        except OSError:  # the driver does not listen yet
+        except OSError:  # the driver is not listening yet
             if time.monotonic() > deadline:
                 raise
             time.sleep(0.1)

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
-if "PYTEST_XDIST_WORKER" in os.environ:  # a process a core: threads of a BLAS would wait for each other, and spin
+if "PYTEST_XDIST_WORKER" in os.environ:  # one process per core: BLAS threads would spin and wait for each other
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy
 
 import numba
@@ -38,39 +38,39 @@ ROOT = Path(__file__).parent.parent
 MODELS = sorted((ROOT / "models").glob("*.toml"))
 ALUMINIUM = Material(young=70e9, poisson=0.33, density=2700.0)
 SQUARE = Section(shape="rectangle", height=0.04, width=0.04)
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell without job control leaves it so in the background
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell without job control ignores SIGINT in background jobs
     signal.signal(signal.SIGINT, signal.default_int_handler)
 compiled = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="needs compiled kernels: NUMBA_DISABLE_JIT is set")
 LONGEST_AS_PYTHON = 10.0  # s of processor time
 
 
 settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile("any machine")  # how fast it is says nothing about the code
+settings.load_profile("any machine")  # deadlines would depend on the speed of the computer
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files with many slow tests first: at the end of a run in several processes none waits for one long test.
+    """Run files with many slow tests first: otherwise all processes wait for one long test at the end of the run.
 
-    Before all of them those that compile what others need.
+    Even earlier: files that compile kernels which other files need.
     """
     slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
     items.sort(key=lambda item: (item.get_closest_marker("first") is None, -slow[item.path]))
 
 
 def pytest_collection_finish() -> None:
-    """Modules and tests stay until the end: the collector need not look through them, nor through the rest so often."""
+    """Freeze modules and tests: the garbage collector need not scan them, and scans the rest less often."""
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 20, 100)
 
 
 class _TooSlow(BaseException):
-    """Which no code that is tested catches."""
+    """Raised by a timer. No tested code catches it."""
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_pyfunc_call() -> Iterator[None]:
-    """Kernels that are not compiled are a hundred times slower: a test that takes too long so is skipped on its way."""
+    """Skip a test that takes too long: kernels that are not compiled are a hundred times slower."""
     if not numba.config.DISABLE_JIT or not hasattr(signal, "setitimer"):
         return (yield)
     due = True
@@ -104,13 +104,13 @@ def make_scene(*links: Link, tip: RigidBody | None = None, **fields: object) -> 
 
 
 def chain_of(arm: Arm, gravity: Vector3 = (0.0, 0.0, 0.0), joint_deg: tuple[float, ...] | None = None) -> Chain:
-    """The chain of an arm, by default without gravity and at zero angles."""
+    """Return the chain of an arm, by default without gravity and at zero angles."""
     initial = InitialState(joint_deg=joint_deg or (0.0,) * len(arm.links))
     return lump(Scene(name="arm", arm=arm, gravity=gravity, initial=initial))
 
 
 def nasty_scene() -> Scene:
-    """Everything at once: zero-length free waist, skew mounts, mixed flex types, payload, all kinds of friction."""
+    """Return an arm with every feature: zero-length free waist, skew mounts, mixed flex types, payload, friction."""
     return make_scene(
         Link(name="waist", mount=Mount(rpy_deg=(10.0, 20.0, 30.0), xyz=(0.1, -0.2, 0.3))),
         flexible("upper", "xyz", 4, mount=Mount(rpy_deg=(-75.0, 5.0, 0.0)), joint=Joint(viscous=1.0, armature=0.02)),
@@ -125,7 +125,7 @@ def nasty_scene() -> Scene:
 
 @pytest.fixture(params=[*[path.stem for path in MODELS], "nasty"])
 def chain(request: pytest.FixtureRequest) -> Chain:
-    """Every scene of `models/`, and the nasty one, as chains."""
+    """Chains of all scenes in `models/`, and of the arm with every feature."""
     if request.param == "nasty":
         return lump(nasty_scene())
     return lump(load_scene(ROOT / "models" / f"{request.param}.toml"))
@@ -133,16 +133,16 @@ def chain(request: pytest.FixtureRequest) -> Chain:
 
 @pytest.fixture
 def rng() -> np.random.Generator:
-    """Random numbers that are the same in every run."""
+    """Random number generator with a fixed seed."""
     return np.random.default_rng(20260701)
 
 
 def random_state(chain: Chain, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Angles over the full range and rates up to 10 rad/s."""
+    """Random angles over the full range, and rates up to 10 rad/s."""
     return rng.uniform(-np.pi, np.pi, chain.n), rng.uniform(-10, 10, chain.n)
 
 
 @pytest.fixture
 def models() -> Path:
-    """Folder of the scenes."""
+    """Folder `models/`."""
     return ROOT / "models"

@@ -1,4 +1,4 @@
-"""A process of a sweep in which one member ends it; it imports no more than its work needs, as it is started often."""
+"""Sweep process in which one member kills the process. It imports as little as possible because it is started often."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from multiprocessing import get_all_start_methods, get_context
 from flexlink.sweeps import worker
 from flexlink.sweeps.plan import Plan
 
-MEMBER = 5  # number of the one that ends its process; the next but one raises what no member may raise
+MEMBER = 5  # number of the member that kills its process; two members later, one raises an unexpected exception
 
 
 def make() -> None:
-    """Let this process be such a one."""
+    """Patch this process so that the member kills it."""
     real = worker._row
 
     def row(plan: Plan, number: int, outcome: object) -> worker.Row:
@@ -27,7 +27,7 @@ def make() -> None:
 
 
 def pool() -> Executor:
-    """One such process at a time, where the system can do that copied from one that has imported the library."""
+    """Run one such process at a time, if possible as a fork of a process that has already imported the library."""
     if "forkserver" not in get_all_start_methods():
         return ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=make)
     context = get_context("forkserver")

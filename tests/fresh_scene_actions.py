@@ -1,4 +1,4 @@
-"""What acts on a random scene: start, run, drive, motions, wrench, sensors."""
+"""Actions of a random scene: initial state, run, drive, prescribed motions, wrench, sensors."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ OWN_SHAPER = 'about = "own"\nsource = "own"\nzeros = 1\nhalf_periods = [0, 1]\nw
 
 
 def act(maker: Maker, table: Table) -> None:
-    """Fill in all that moves the arm of a table."""
+    """Add all actions to the table of an arm."""
     Actor(maker, table).act()
 
 
 class Actor:
-    """Actions on the arm of a maker."""
+    """Actions for the arm of a maker."""
 
     def __init__(self, maker: Maker, table: Table) -> None:
         self.m, self.table, self.links = maker, table, maker.links
@@ -36,7 +36,7 @@ class Actor:
         self.rate = [0.0] * len(self.links)
 
     def act(self) -> None:
-        """Everything, in the order in which it depends on each other."""
+        """Make all actions, in the order of their dependencies."""
         m = self.m
         start: Table = {}
         if m.chance(0.85):
@@ -64,13 +64,13 @@ class Actor:
         self.whole_state(start)
 
     def set(self, into: Table, key: str, values: Sequence[float], units: tuple[str, str] = ("deg", "m")) -> None:
-        """Numbers per link in the lists of both units, those that are needed."""
+        """Numbers per link in the lists of both units, as far as needed."""
         for unit, own in zip(units, (False, True), strict=True):
             if own in self.slides or (not own and key == "joint"):
                 into[f"{key}_{unit}"] = [v if s == own else 0.0 for v, s in zip(values, self.slides, strict=True)]
 
     def base(self) -> Table:
-        """Where a free base starts."""
+        """Initial state of a free base."""
         m, base = self.m, dict[str, Any]()
         keys: tuple[tuple[str, Any], ...] = (
             ("xyz", m.uniform(-2, 2, 3)), ("velocity", m.uniform(-0.5, 0.5, 3)), ("rpy_deg", m.uniform(-170, 170, 3)),
@@ -86,7 +86,7 @@ class Actor:
         return base
 
     def run(self) -> None:
-        """How to integrate."""
+        """Integration settings."""
         m, run = self.m, dict[str, Any]()
         run["duration"] = {"instant": 0.0, "long": 20.0}.get(m.extreme, m.drop)
         if m.chance(0.8) or m.extreme == "long":
@@ -123,7 +123,7 @@ class Actor:
         self.table["run"] = run
 
     def motions(self) -> None:
-        """Joints that move as prescribed."""
+        """Prescribed motions of joints."""
         m, motions = self.m, list[Table]()
         for k, link in enumerate(self.links):
             if self.locked[k] or not m.chance(0.12):
@@ -156,13 +156,13 @@ class Actor:
                 x = self.start[k] + a * (1 - np.cos(w * t))
                 m.files[f"motion{k}.csv"] = csv(**{"t [s]": t, f"q {link['name']} [{unit}]": x})
                 motion |= {"file": f"motion{k}.csv", "cutoff": 20.0}
-                self.rate[k] = self.start[k] = 0.0  # as the file says
+                self.rate[k] = self.start[k] = 0.0  # as in the file
             motions.append(motion)
         if motions:
             self.table["motion"] = motions
 
     def drive(self) -> None:
-        """What drives the joints."""
+        """Drives of the joints."""
         m = self.m
         laws = ("none", "constant", "table", "pd", "pd", "pd") + (
             () if m.free else ("computed_torque", "computed_torque")
@@ -189,7 +189,7 @@ class Actor:
         self.table["drive"] = drive
 
     def sampled(self, drive: Table) -> None:
-        """A drive that is asked at a rate takes samples that fit, and rotors."""
+        """Choose a rate of the control law that fits the samples, and add rotors."""
         run = self.table["run"]
         for key in drive.keys() & {"kp", "kd"}:
             drive[key] = (0.2 * np.array(drive[key])).tolist()
@@ -199,7 +199,7 @@ class Actor:
             link["joint"].setdefault("armature", 0.3 * float(inertia))
 
     def torques(self, drive: Table, weight: Any, driven: Any) -> None:
-        """A table of torques."""
+        """Table of torques."""
         m = self.m
         times = np.round(np.linspace(0.0, m.pick(0.2, 0.4), m.pick(3, 5)), 2)
         rows = weight * m.rng.uniform(-1, 1, (len(times), len(driven)))
@@ -217,7 +217,7 @@ class Actor:
         drive["file"] = "torques.csv"
 
     def law(self, drive: Table, driven: Any) -> None:
-        """Gains, and where they lead."""
+        """Gains and reference."""
         m = self.m
         w = 2 * np.pi * m.uniform(0.5, 3.0) * (1e3 if m.extreme == "gains" else 1.0)
         inertia = m.inertia if drive["kind"] == "pd" else np.ones(len(driven))
@@ -234,7 +234,7 @@ class Actor:
             drive["reference"] = self.reference(goal, driven)
 
     def reference(self, goal: list[float], driven: Any) -> Table:
-        """Where a law leads the joints in time."""
+        """Reference of a control law in time."""
         m, profile = (
             self.m,
             self.m.pick("quintic", "trapezoidal", "s_curve", "s_curve", "linear", "smooth", "smooth", "hold"),
@@ -257,7 +257,7 @@ class Actor:
                     takes = key != "max_jerk" or profile != "trapezoidal"
                     if key == must or (takes and m.chance(0.5)):
                         self.set(reference, key, [limit * m.size / 60 if s else limit for s in self.slides])
-        rough = profile in {"linear", "hold"}  # its jumps must end steps
+        rough = profile in {"linear", "hold"}  # steps must end at its jumps
         if m.chance(0.3) and not (rough and "step" in self.table["run"]):
             kinds = ("ZV", "ZVD", "ZVDD", "EI", "own_shaper.toml")
             shaper: Table = {"kind": m.pick(*kinds)}
@@ -272,7 +272,7 @@ class Actor:
         return reference
 
     def rows(self, reference: Table, goal: list[float]) -> None:
-        """A table of angles, in the file or beside it."""
+        """Table of angles, in the scene file or in a file next to it."""
         m = self.m
         times = np.round(
             np.linspace(0.0, m.pick(0.2, 0.4), 41 if (by_file := m.chance(0.4)) else 5), 2 if not by_file else 4
@@ -305,7 +305,7 @@ class Actor:
         reference["file"] = "reference.csv"
 
     def wrench(self) -> None:
-        """A force and a moment at a tip."""
+        """Force and moment at a tip."""
         m, wrench = self.m, dict[str, Any]()
         if not m.chance(0.45):
             return
@@ -336,7 +336,7 @@ class Actor:
         self.table["wrench"] = wrench
 
     def sensors(self) -> None:
-        """Up to three instruments."""
+        """Up to three sensors."""
         m, sensors = self.m, list[Table]()
         kinds = ("strain", "accelerometer", "gyroscope", "joint", "torque", "current", "position")
         for number in range(m.pick(0, 0, 1, 2, 3)):
@@ -350,7 +350,7 @@ class Actor:
                 kind = "position"
             k = bent[0] if kind == "strain" else k
             if kind != "strain" and self.locked[k]:
-                k = self.locked.index(False)  # what stands still has nothing to show
+                k = self.locked.index(False)  # a sensor on a link at rest shows nothing
             link = self.links[k]
             if kind in {"joint", "torque", "current"} and link["joint"].get("locked"):
                 kind = "position"
@@ -374,7 +374,7 @@ class Actor:
             self.table["sensor"] = sensors
 
     def instrument(self, kind: str) -> Table:
-        """Filters, rates, noise."""
+        """Filter, rate and noise of a sensor."""
         m = self.m
         keys: Table = {
             "gain": -2.0, "bias": 0.1, "delay": m.pick(0.01, 0.003), "low_pass": 40.0, "rate": m.pick(50.0, 100.0),
@@ -390,7 +390,7 @@ class Actor:
         return kept
 
     def whole_state(self, start: Table) -> None:
-        """Now and then the chain's own coordinates in place of the joints' angles."""
+        """Sometimes give the coordinates of the chain instead of joint angles."""
         m = self.m
         reference = self.table.get("drive", {}).get("reference", {})
         leads = "to_deg" in reference and not reference.keys() & {"from_deg", "from_m"}
@@ -407,7 +407,7 @@ class Actor:
         try:
             scene = fl.load_scene(Made(self.table, m.files, "").write(FOLDER / "state"))
             q, qd = fl.initial_state(scene, fl.lump(scene))
-        except fl.FlexlinkError:  # told when the scene itself is tried
+        except fl.FlexlinkError:  # reported when the scene itself is loaded
             return
         kept = {"joint_deg": [a if lock and not s else 0.0 for a, lock, s in
                               zip(self.start, self.locked, self.slides, strict=True)]}  # fmt: skip

@@ -1,4 +1,4 @@
-"""What is checked of a random scene: numbers against truths of our own, files, errors on purpose only."""
+"""Checks of a random scene: numbers against independent references, file round trips, only intended errors."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from tests.fresh_scene_truth import TooSlowError, Truth, compliance, places
 
 
 class Judged:
-    """One scene, and what was found about it."""
+    """One scene and its findings."""
 
     def __init__(self, seed: int) -> None:
         self.seed, self.found, self.notes = seed, list[tuple[str, str]](), list[str]()
@@ -38,34 +38,34 @@ class Judged:
         self.path = self.made.write(self.folder)
 
     def say(self, kind: str, text: str) -> None:
-        """Keep a finding."""
+        """Record a finding."""
         self.found.append((kind, " ".join(str(text).split())[:300]))
 
     def expect(self, name: str, difference: float, allowed: float) -> None:
-        """A number that must be small."""
+        """Check that a difference is small."""
         if not difference <= allowed:
             self.say("silent", f"{name}: off by {difference:.3g}, allowed {allowed:.3g}")
 
     def guarded(self, name: str, check: Callable[[], None]) -> bool:
-        """Run a check; what it raises on purpose is an error, anything else a traceback."""
+        """Run a check. A FlexlinkError counts as an error, any other exception as a traceback."""
         began = time.process_time()
         try:
             check()
         except fl.FlexlinkError as error:
             on_purpose = name == "other engines" and isinstance(
                 error, fl.errors.ArgumentError
-            )  # what formats cannot hold
+            )  # limits of the formats
             self.say(
                 "error" if not on_purpose and not self.made.extreme else "told",
                 f"{name}: {type(error).__name__}: {error}",
             )
         except TooSlowError:
-            self.say("weak", f"{name}: truth too slow")
+            self.say("weak", f"{name}: reference too slow")
         except np.linalg.LinAlgError as error:
             self.say("weak", f"{name}: truth: {error}")
         except AlarmError:
             raise
-        except Exception as error:  # that is what is sought
+        except Exception as error:  # tracebacks are what the test looks for
             where = traceback.extract_tb(error.__traceback__)[-1]
             self.say(
                 "traceback", f"{name}: {type(error).__name__}: {error} at {Path(where.filename).name}:{where.lineno}"
@@ -78,7 +78,7 @@ class Judged:
         return False
 
     def judge(self) -> None:
-        """All checks, in the order of their needs."""
+        """Run all checks, in the order of their dependencies."""
         if not self.guarded("load", self.load) or not self.guarded("lump", self.lump):
             return
         for check in (self.round_trip, self.geometry, self.stiffness, self.terms, self.statics, self.linear):
@@ -92,17 +92,17 @@ class Judged:
             self.guarded("command line", self.command_line)
 
     def load(self) -> None:
-        """Read the file."""
+        """Load the file."""
         self.scene = fl.load_scene(self.path)
 
     def lump(self) -> None:
-        """The chain and its start."""
+        """Make the chain and its initial state."""
         self.chain = fl.lump(self.scene)
         self.q, self.qd = fl.initial_state(self.scene, self.chain)
         self.size = self.chain.size
 
     def round_trip(self) -> None:
-        """The scene as text is the same scene."""
+        """Check that the scene survives writing and reading."""
         other = self.folder / "again.toml"
         other.write_text(self.scene.to_toml(), encoding="utf-8")
         again = fl.load_scene(other)
@@ -117,14 +117,14 @@ class Judged:
             self.say("silent", "to_toml: another chain")
 
     def geometry(self) -> None:
-        """Mass, its centre and the tip against transforms of our own."""
+        """Check mass, centre of mass and tip against independent transforms."""
         if self.scene.initial.q is not None:
             return
         mass, centre, tip = places(self.scene)
         q = np.where(np.isin(np.arange(self.chain.n), self.chain.active), self.q, 0.0)
         q[: 6 * self.chain.has_free_base] = self.q[: 6 * self.chain.has_free_base]
         on_base = [link for k, link in enumerate(self.scene.arm.links) if not k or link.on == "base"]
-        if not self.chain.has_free_base and any(link.joint.locked for link in on_base):  # what stands still has no mass
+        if not self.chain.has_free_base and any(link.joint.locked for link in on_base):  # bodies at rest have no mass
             mass, centre = self.chain.mass, self.chain.com(q)
         tapers = any(link.section_tip or link.rigidity for link in self.scene.arm.links)
         self.expect("mass", abs(self.chain.mass / mass - 1), 1e-5 if tapers else 1e-9)
@@ -133,7 +133,7 @@ class Judged:
         self.expect("tip", np.abs(fl.tip_position(self.chain, q) - tip).max(), far)
 
     def stiffness(self) -> None:
-        """Each beam alone, clamped: a moment turns its end by ∫ dx/EI of it."""
+        """Check each beam alone, clamped: a tip moment M turns its end by M ∫ dx/EI."""
         arm = self.scene.arm
         for link in arm.links:
             if link.flex == "rigid" or link.lumping in {"paper", "hencky", "clamped"} or self.made.extreme:
@@ -174,7 +174,7 @@ class Judged:
                             float(np.abs(angle / 1e-4 - axes[axis]).max()), loose)  # fmt: skip
 
     def terms(self) -> None:
-        """Accelerations of all solvers solve the equation of motion; slopes are those of differences."""
+        """Check that all solvers satisfy the equation of motion, and derivatives against finite differences."""
         c, r = self.chain, self.rng
         q, qd = self.q + 0.1 * r.uniform(-1, 1, c.n), self.qd + r.uniform(-1, 1, c.n)
         tau, load = r.uniform(-1, 1, c.n), r.uniform(-1, 1, 6)
@@ -206,7 +206,7 @@ class Judged:
         self.expect("slope of energies", abs(power - torque @ qd), 1e-5 * size)
 
     def statics(self) -> None:
-        """Equilibrium of its terms; modes are those of its slopes."""
+        """Check that equilibrium torques balance, and modes against eigenvalues of the linearized terms."""
         c = self.chain
         if c.has_free_base or c.n == len(c.active) or self.made.extreme:
             return
@@ -229,10 +229,10 @@ class Judged:
             self.expect("modes", np.abs(got / expected - 1).max(), 1e-3)
 
     def linear(self) -> None:
-        """A of the linear model against differences of the equation of motion."""
+        """Check A of the linear model against finite differences of the equation of motion."""
         c = self.chain
         tau = np.zeros(c.n)
-        kinds = {"torque", "current"} if self.scene.motion else set()  # a prescribed joint's torque is no output
+        kinds = {"torque", "current"} if self.scene.motion else set()  # the torque of a prescribed joint is no output
         shown = [sensor.name for sensor in self.scene.sensor if sensor.kind not in kinds]
         seen = [fl.small_motion.SensorOutputs(self.scene, *shown)] if shown else []
         outputs: tuple[Any, ...] = ("tip", "tip_rate", "joints", *seen)
@@ -275,13 +275,13 @@ class Judged:
         self.notes.append(str(self.result.steps).split(":")[0].split(" ")[0])
 
     def truly_wild(self) -> bool:
-        """Whether the truth blows up, too, or a step is as long as a vibration takes."""
+        """Return whether the reference also diverges, or a step is longer than a vibration period."""
         run = self.scene.run
         truth = Truth(self.scene, self.chain)
         if self.scene.drive.rate and self.scene.drive.kp and self.growth() > 1.02:
             return True
         if not run.controlled and method(run.method).explicit:
-            most = 0.05 if run.method == "RK2" else 1.5  # RK2 makes every vibration grow
+            most = 0.05 if run.method == "RK2" else 1.5  # vibrations grow with RK2
             return run.unstable == "allow" or truth.fastest(self.q, self.qd) * run.fixed_step > most
         if not run.controlled:
             return False
@@ -293,7 +293,7 @@ class Judged:
         return bool(np.abs(qd).max() > 1e3)
 
     def growth(self) -> float:
-        """By how much motion grows from one instant of a sampled law to the next, at the start."""
+        """Growth factor of motion between two samples of a sampled control law, at the initial state."""
         model, drive, n = fl.linearize(self.chain, self.q, self.qd), self.scene.drive, self.chain.n
         free = [k for k, link in enumerate(self.scene.arm.links) if not link.joint.locked]
         gains = np.zeros((len(free), 2 * n))
@@ -305,7 +305,7 @@ class Judged:
         return float(np.abs(np.linalg.eigvals(held[:, : 2 * n] - held[:, 2 * n :] @ gains)).max())
 
     def against_truth(self) -> None:
-        """The end against an integration by SciPy."""
+        """Check the final state against an integration by SciPy."""
         run, scene = self.result, self.scene
         if not scene.run.duration:
             return
@@ -316,7 +316,7 @@ class Judged:
             tolerance = 1e-3 * self.size
         there, kind = fl.frames(self.chain, run.q[-1]).points, ""
         try:
-            for part, most in ((1e-2, 15_000), (1e-4, 60_000)):  # the second where the first finds an error
+            for part, most in ((1e-2, 15_000), (1e-4, 60_000)):  # the second if the first finds an error
                 tight = float(np.clip(part * tolerance / self.size, 1e-10, 1e-6))
                 truth = Truth(scene, self.chain, most)
                 q, _ = truth.end_state(self.q, self.qd, float(run.t[0]), float(run.t[-1]), tight)
@@ -339,7 +339,7 @@ class Judged:
             )
 
     def deflection(self) -> float:
-        """How far springs have moved the tip, at most."""
+        """Upper bound of the tip motion due to springs."""
         q = self.result.q
         rigid = np.where(
             np.isin(np.arange(self.chain.n), [*self.chain.active, *range(6 * self.chain.has_free_base)]),
@@ -350,7 +350,7 @@ class Judged:
         return float(np.linalg.norm(there - straight, axis=-1).max())
 
     def run_checks(self) -> None:
-        """Limits that were passed are told; energy balances; momentum stays; torques are those of the law."""
+        """Check limit warnings, the energy balance, conserved momentum and the torques of the control law."""
         run, chain = self.result, self.chain
         for name, column in run.columns.items():
             if len(column) != len(run.t) or not np.isfinite(column).all():
@@ -384,7 +384,7 @@ class Judged:
                 self.expect("torque of run", float(np.abs(run.tau[k][chain.active] - expected).max() / scale), 1e-4)
 
     def archive(self) -> None:
-        """Archive and table read back."""
+        """Check that archive and table read back equal."""
         again = fl.load_trajectory(self.result.save(self.folder / "run.npz"))
         for key in ("t", "q", "qd", "tau", "tip", "work", "tip_wrench"):
             if not np.array_equal(getattr(again, key), getattr(self.result, key)):
@@ -399,7 +399,7 @@ class Judged:
             self.result.plot()
 
     def sensors(self) -> None:
-        """Readings by filters of our own."""
+        """Check sensor readings against independent filters."""
         run = self.result
         for sensor in self.scene.sensor:
             if sensor.kind == "strain" or self.made.extreme or len(run.t) < 2:
@@ -413,7 +413,7 @@ class Judged:
                 )
 
     def signals(self, sensor: Any) -> dict[str, Array]:
-        """What a sensor sees, by column."""
+        """Quantity measured by a sensor, by column."""
         run, arm = self.result, self.scene.arm
         number = arm.number(sensor.link) - 1 if sensor.link != "base" else -1
         names = [name for name in run.readings if name.startswith(f"{sensor.name} ")]
@@ -429,7 +429,7 @@ class Judged:
         return {names[0]: rows[:, self.chain.active[free.index(number)]] / (sensor.torque_constant or 1.0)}
 
     def at_tip(self, kind: str) -> Array:
-        """What an instrument at the tip sees, (samples, 3)."""
+        """Quantities measured by a sensor at the tip, (samples, 3)."""
         run, chain = self.result, self.chain
         turn = fl.frames(chain, run.q).rotations[:, chain.tip_body()]
         if kind == "position":
@@ -445,7 +445,7 @@ class Judged:
         return np.array(np.einsum("sij,si->sj", turn, seen))
 
     def stepped(self) -> None:
-        """The same by a simulator."""
+        """Check that a Simulator gives the same results."""
         if self.made.extreme or not self.scene.run.duration:
             return
         arm = fl.Simulator(self.scene)
@@ -466,7 +466,7 @@ class Judged:
                 self.say("silent", f"reading {name!r} of a simulator")
 
     def other_engines(self) -> None:
-        """Files of all formats; Pinocchio and MuJoCo agree."""
+        """Export to all formats; Pinocchio and MuJoCo must agree."""
         for write in (fl.to_mjcf, fl.to_urdf, fl.to_sdf):
             write(self.chain)
         found = fl.compare(self.scene, samples=4)
@@ -474,7 +474,7 @@ class Judged:
             self.say("silent", f"compare: {found.diagnosis}")
 
     def command_line(self) -> None:
-        """`simulate` in this process."""
+        """Run the command `simulate` in this process."""
         out, err = io.StringIO(), io.StringIO()
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
             code = command_line(["simulate", str(self.path), "--out", str(self.folder / "command.csv")])
@@ -489,12 +489,12 @@ class Judged:
 
 
 def held_by(chain: fl.Chain, q: Array) -> Array:
-    """What gravity and springs ask of all coordinates."""
+    """Generalized forces of gravity and springs on all coordinates."""
     return np.asarray(fl.gravity_torque(chain, q) + fl.elastic_torque(chain, q))
 
 
 def instrument(sensor: Any, t: Array, u: Array) -> Array:
-    """Delay, low-pass, gain, bias, rate and rounding, on a grid of a millisecond."""
+    """Delay, low-pass filter, gain, bias, rate and quantization on a grid of 1 ms."""
     fine = t[0] + 1e-3 * np.arange(round((t[-1] - t[0]) / 1e-3) + 1)
     y = np.interp(fine - sensor.delay, t, u)
     if sensor.low_pass:

@@ -1,4 +1,4 @@
-"""Random scenes that use every key of a scene file, most of them sane, some at extremes."""
+"""Random scenes that use every key of a scene file, mostly ordinary, some extreme."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flexlink.common.types import Array
 
 Table = dict[str, Any]
 FOLDER = Path(os.environ.get("FRESH_SCENES", Path(tempfile.gettempdir()) / "fresh_scenes"))
-"""Where scenes and what was found about them are kept."""
+"""Folder for scenes and their findings."""
 AXES = ([0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [0.2, 0.9, 0.1], [0.0, 0.6, 0.8])
 MATERIALS = {"steel": (2.1e11, 7850.0), "alu": (7e10, 2700.0), "carbon": (1.2e11, 1600.0), "nylon": (2.5e9, 1150.0)}
 HINGES = {
@@ -30,14 +30,14 @@ EXTREMES = (
 
 
 class Made(NamedTuple):
-    """A scene's table, the files beside it, and which extreme it is, "" of a sane one."""
+    """Table of a scene, its additional files, and the kind of extreme ("" if ordinary)."""
 
     table: Table
     files: dict[str, str]
     extreme: str
 
     def write(self, folder: Path) -> Path:
-        """Put it all into a folder; the path of the scene."""
+        """Write all files to a folder; return the path of the scene."""
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in {**self.files, "scene.toml": toml(self.table)}.items():
             (folder / name).write_text(text, encoding="utf-8")
@@ -45,7 +45,7 @@ class Made(NamedTuple):
 
 
 def toml(table: Table) -> str:
-    """A table as TOML, every value in its line."""
+    """Write a table as TOML, one value per line."""
     return "".join(f"{json.dumps(key)} = {_value(value)}\n" for key, value in table.items())
 
 
@@ -62,13 +62,13 @@ def _value(value: Any) -> str:
 
 
 def csv(**columns: ArrayLike) -> str:
-    """A file of columns, whose heads are given as keywords."""
+    """Write a table of columns; keywords are the column names."""
     rows = np.column_stack([np.asarray(column, float) for column in columns.values()])
     return "\n".join([",".join(columns), *(",".join(map(repr, row.tolist())) for row in rows)]) + "\n"
 
 
 class Maker:
-    """Makes one scene from a seed."""
+    """Maker of one scene from a seed."""
 
     def __init__(self, seed: int) -> None:
         self.rng = np.random.default_rng([20261123, seed])
@@ -83,24 +83,24 @@ class Maker:
         self.drop = 0.02 * int(self.rng.integers(4, 20))  # s, duration
 
     def chance(self, probability: float) -> bool:
-        """Whether something happens."""
+        """True with this probability."""
         return bool(self.rng.random() < probability)
 
     def uniform(self, low: float, high: float, size: int | None = None) -> Any:
-        """Rounded as a user writes numbers."""
+        """Round as a user writes numbers."""
         found = np.array([float(f"{x:.4g}") for x in self.rng.uniform(low, high, size or 1)])
         return found.tolist() if size else float(found[0])
 
     def spread(self, low: float, high: float) -> float:
-        """Uniform in the logarithm."""
+        """Log-uniform random number."""
         return float(f"{np.exp(self.rng.uniform(np.log(low), np.log(high))):.4g}")
 
     def pick(self, *choices: Any) -> Any:
-        """One of them."""
+        """Random choice."""
         return choices[int(self.rng.integers(len(choices)))]
 
     def body(self, mass: float, length: float) -> Table:
-        """A rigid body that can be."""
+        """Random, physically possible rigid body."""
         r2 = (0.3 * length) ** 2
         if self.chance(0.4):
             return {
@@ -113,7 +113,7 @@ class Maker:
         return {"mass": mass}
 
     def section(self, thick: float) -> tuple[Table, float, float]:
-        """A section, its area and least second moment, about."""
+        """Random section, with its approximate area and smallest second moment of area."""
         shape = self.pick("rectangle", "circle", "tube", "box", "general")
         if shape == "rectangle":
             return {"shape": shape, "height": thick, "width": 2 * thick}, 2 * thick**2, thick**4 / 6
@@ -129,7 +129,7 @@ class Maker:
         return section, thick**2, i
 
     def beam(self, link: Table, length: float, *, flexible: bool) -> tuple[float, float]:
-        """Give a link its beam; its mass, and EI about."""
+        """Give a link a beam; return its approximate mass and EI."""
         name = str(self.rng.choice(list(MATERIALS)))
         young, density = MATERIALS[name]
         thick = float(f"{length * self.spread(0.01, 0.04):.3g}")
@@ -164,7 +164,7 @@ class Maker:
         return mass, ei
 
     def table_of(self, link: Table, length: float, rho_a: float, ei: float) -> None:
-        """A table of rigidities in place of material and section."""
+        """Table of rigidities instead of material and section."""
         x, shape = np.array([0.0, 0.4, 0.4, 1.0]) * length, np.array([1.0, 0.9, 0.7, 0.5])
         inertia = rho_a * (0.02 * length) ** 2 * shape
         rows = {"x": x, "ei_y": ei * shape, "ei_z": 1.3 * ei * shape, "gj": 0.8 * ei * shape, "rho_a": rho_a * shape,
@@ -189,7 +189,7 @@ class Maker:
         self.rigidities[link["rigidity"]] = table
 
     def bend(self, link: Table, thick: float) -> None:
-        """Say how a link bends."""
+        """Define the bending of a link."""
         rules = [r for r in HINGES if r not in {"hencky", "clamped"} or link["joint"].get("armature") or "hub" in link]
         rule = "gauss" if self.chance(0.3) else str(self.rng.choice(rules))
         unit = HINGES[rule]
@@ -215,7 +215,7 @@ class Maker:
             self.soft_root(link, thick)
 
     def soft_root(self, link: Table, thick: float) -> None:
-        """Springs where the beam begins; about its own axis only where something has inertia about that."""
+        """Add springs at the root of the beam; about its axis only if inertia about it is attached."""
         young = 5e10 * thick**4
         axes = [axis for axis in "yzx"[: 3 if "end" in link else 2] if self.chance(0.6)] or ["z"]
         link["root_stiffness"] = {axis: young * self.spread(1, 10) for axis in axes}
@@ -265,7 +265,7 @@ class Maker:
             link["on"] = self.pick("base", *(each["name"] for each in self.links[:-1]))
 
     def moves(self, joint: Table, length: float) -> None:
-        """What brakes and limits a joint, and its gear."""
+        """Friction, limits and gear of a joint."""
         slides, scale = joint.get("kind") == "prismatic", self.size**4
         if self.chance(0.12):
             joint["locked"] = True
@@ -285,7 +285,7 @@ class Maker:
             joint["limits_m" if slides else "limits_deg"] = [-3.0 * length, 3.0 * length] if slides else [-270, 300.0]
 
     def make(self) -> Made:
-        """The whole scene."""
+        """Make the complete scene."""
         count, dh = (
             int(self.rng.choice([1, 2, 2, 3, 3, 4])),
             self.pick("standard", "modified") if self.chance(0.12) else "",
@@ -323,7 +323,7 @@ class Maker:
         return Made(table, self.files, self.extreme)
 
     def laws_that_fit(self) -> None:
-        """Constant damping ratios take arms without branches and slides between."""
+        """Constant damping ratios need arms without branches and without sliding joints inside."""
         plain = not any("on" in link or link["joint"].get("kind") == "prismatic" for link in self.links)
         for link in self.links:
             if link.get("damping", {}).get("law") == "constant" and not plain:
@@ -331,7 +331,7 @@ class Maker:
 
     @property
     def inertia(self) -> Array:
-        """Inertia that each joint moves, about; of one that slides a mass."""
+        """Approximate inertia moved by each joint; mass for a sliding joint."""
         lengths = [link.get("length") or link.get("dh", {}).get("a") or 0.3 * self.size for link in self.links]
         found = []
         for k, link in enumerate(self.links):
@@ -342,5 +342,5 @@ class Maker:
 
 
 def make(seed: int) -> Made:
-    """The scene of a seed."""
+    """Scene of a seed."""
     return Maker(seed).make()

@@ -1,4 +1,4 @@
-"""What a scene must do, by SciPy and formulas of its own: references, laws, wrench, motion, places, masses."""
+"""Reference solution of a scene by SciPy and independent formulas: input, laws, wrench, motion, kinematics, mass."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ SHAPERS = {"ZV": (1.0, 1.0), "ZVD": (1.0, 2.0, 1.0), "ZVDD": (1.0, 3.0, 3.0, 1.0
 
 
 class TooSlowError(Exception):
-    """The truth costs too much."""
+    """The reference solution is too expensive."""
 
 
 def rows_in_time(times: Array, rows: Array, *, smooth: bool, hold: bool) -> Signal:
-    """A table as a function of time, its ends held."""
+    """Interpolate a table in time; its end values are held."""
     spline = CubicSpline(times, rows) if smooth and len(times) > 1 else None
 
     def at(t: float) -> Array:
@@ -47,7 +47,7 @@ def own(slides: tuple[bool, ...], deg: Any, m: Any) -> Array:
 
 
 def fastest(distance: float, rate: float, acceleration: float, jerk: float) -> tuple[float, float, float]:
-    """Times of jerk, constant acceleration and constant speed of the fastest move."""
+    """Durations of jerk, constant acceleration and constant speed of the fastest move."""
     t_j = min(
         acceleration / jerk if jerk < math.inf else 0.0, math.sqrt(rate / jerk), (distance / (2 * jerk)) ** (1 / 3)
     )
@@ -60,7 +60,7 @@ def fastest(distance: float, rate: float, acceleration: float, jerk: float) -> t
 
 
 def ramps(t_j: float, t_a: float, t_v: float) -> PPoly:
-    """The unit move with these phases, by integrating its acceleration."""
+    """Unit move with these phases, by integrating its acceleration."""
     lengths = np.array([t_j, t_a, t_j, t_v, t_j, t_a, t_j])
     ends = np.array([(0, 1), (1, 1), (1, 0), (0, 0), (0, -1), (-1, -1), (-1, 0)], float)
     there = lengths > 1e-12 * lengths.sum()
@@ -72,7 +72,7 @@ def ramps(t_j: float, t_a: float, t_v: float) -> PPoly:
 
 
 def unit_move(reference: Any, profile: str, limits: list[float], distance: float) -> PPoly:
-    """From 0 to 1 as fast as limits allow, or over the duration."""
+    """Move from 0 to 1 as fast as the limits allow, or within the duration."""
     quintic = PPoly(np.array([[6.0], [-15.0], [10.0], [0.0], [0.0], [0.0]]), np.array([0.0, 1.0]))
     if reference.duration is not None:
         thirds = {"trapezoidal": (0.0, 1 / 3, 1 / 3), "s_curve": (1 / 9, 1 / 9, 1 / 3)}
@@ -85,14 +85,14 @@ def unit_move(reference: Any, profile: str, limits: list[float], distance: float
 
 
 def stretched(path: PPoly, duration: float) -> PPoly:
-    """The same path over another time."""
+    """Same path with another duration."""
     by = duration / path.x[-1]
     degree = len(path.c) - 1
     return PPoly(path.c / by ** np.arange(degree, -1, -1)[:, None], path.x * by)
 
 
 class Course:
-    """Reference of the joints of all links in time: place, rate, acceleration; and where it is not smooth."""
+    """Reference of all joints in time: position, rate, acceleration, and the times at which it is not smooth."""
 
     def __init__(self, scene: fl.Scene) -> None:
         reference, slides = scene.drive.reference, scene.arm.slides
@@ -107,7 +107,7 @@ class Course:
         self.breaks = np.unique(np.add.outer(self.shifts, self.breaks))
 
     def move(self, scene: fl.Scene, reference: Any, slides: tuple[bool, ...]) -> None:
-        """A move from rest to rest of every link."""
+        """Move from rest to rest of every link."""
         goal = own(slides, reference.to_deg, reference.to_m)
         first = np.where(slides, reference.from_m if reference.from_m else self.initial,
                          np.radians(reference.from_deg) if reference.from_deg else self.initial)  # fmt: skip
@@ -136,7 +136,7 @@ class Course:
         self.at = at
 
     def table(self, reference: Any, slides: tuple[bool, ...]) -> None:
-        """Rows in time."""
+        """Table of samples in time."""
         t = self.breaks = np.array(reference.times)
         first, last = t[0], t[-1]
         names = (("angle_deg", "position_m"), ("rate_deg", "rate_m"), ("acceleration_deg", "acceleration_m"))
@@ -167,7 +167,7 @@ class Course:
         self.at = on_path
 
     def __call__(self, t: float) -> tuple[Array, Array, Array]:
-        """Place, rate and acceleration of the joints of all links."""
+        """Position, rate and acceleration of the joints of all links."""
         found = [
             sum(w * self.at(t - s, order) for s, w in zip(self.shifts, self.weights, strict=True)) for order in range(3)
         ]
@@ -175,7 +175,7 @@ class Course:
 
 
 def impulses(shaper: Any) -> tuple[Array, Array]:
-    """Times and weights of a shaper's impulses, one vibration after the other."""
+    """Times and weights of a shaper's impulses; the impulses of all modes are convolved."""
     times, weights = np.zeros(1), np.ones(1)
     if shaper is None:
         return times, weights
@@ -193,7 +193,7 @@ def impulses(shaper: Any) -> tuple[Array, Array]:
 
 
 class Truth:
-    """The equation of motion of a scene: M, T_GC and so on of flexlink's terms, all inputs by formulas of our own."""
+    """Equation of motion of a scene: M, T_GC etc. from flexlink, all inputs from independent formulas."""
 
     def __init__(self, scene: fl.Scene, chain: fl.Chain, most: int = 15_000) -> None:
         self.scene, self.chain, self.left = scene, chain, most
@@ -225,7 +225,7 @@ class Truth:
         self.spline: Any = None
 
     def motion(self, motion: Any) -> tuple[int, Callable[[float], Array]]:
-        """Coordinate that moves as prescribed, and its place, rate and acceleration in time."""
+        """Prescribed coordinate, with its position, rate and acceleration in time."""
         number = self.scene.arm.number(motion.link) - 1
         rows = np.column_stack(motion.columns)
         rows = rows if self.slides[number] else np.radians(rows)
@@ -240,7 +240,7 @@ class Truth:
         return int(self.a[self.driven.index(number)]), at
 
     def gravity(self, t: float, r: Array) -> Array:
-        """What the law adds to hold the arm at r."""
+        """Torque that the control law adds to hold the arm at r."""
         kind = self.scene.drive.gravity
         if kind == "none":
             return np.zeros(len(self.a))
@@ -257,8 +257,8 @@ class Truth:
         return np.asarray(self.spline(t))
 
     def holding(self, r: Array) -> Array:
-        """T_EX with which the arm rests, its joints at r."""
-        if self.chain.n == len(self.a):  # nothing bends
+        """Static T_EX for joints at r."""
+        if self.chain.n == len(self.a):  # rigid arm
             return np.array(fl.gravity_torque(self.chain, r))
         key = tuple(np.round(r, 13))
         if key not in self.held:
@@ -289,7 +289,7 @@ class Truth:
         return np.clip(tau, -self.effort, self.effort)
 
     def accelerations(self, t: float, q: Array, qd: Array, torque: Array) -> Array:
-        """The solution of the equation of motion, by Gauss."""
+        """Solve the equation of motion with a Gauss method."""
         chain, wrench = self.chain, self.scene.wrench
         tau = np.zeros(chain.n)
         tau[self.a] = torque
@@ -311,14 +311,14 @@ class Truth:
         return qdd
 
     def split(self, t: float, y: Array) -> tuple[Array, Array]:
-        """Angles and rates; those that are prescribed as they are prescribed."""
+        """Replace prescribed angles and rates by their exact values."""
         q, qd = y[: self.chain.n].copy(), y[self.chain.n :].copy()
         for k, at in self.motions:
             q[k], qd[k] = at(t)[:2]
         return q, qd
 
     def tangent(self, t: float, y: Array, torque: Array | None) -> Array:
-        """About how ẏ changes with y: enough for Newton's iteration."""
+        """Approximate Jacobian of ẏ, accurate enough for Newton's iteration."""
         (q, qd), n = self.split(t, y), self.chain.n
         slopes = fl.forward_dynamics_derivatives(self.chain, q, qd, np.zeros(n))
         out = np.block([[np.zeros((n, n)), np.eye(n)], [slopes.dq, slopes.dqd]])
@@ -337,11 +337,11 @@ class Truth:
         q, qd = self.split(t, y)
         try:
             return np.concatenate([qd, self.accelerations(t, q, qd, self.law(t, q, qd) if torque is None else torque)])
-        except fl.errors.ArgumentError:  # beyond float64, in a step that is far too long
+        except fl.errors.ArgumentError:  # overflow in a step that is far too long
             return np.full_like(y, np.nan)
 
     def end_state(self, q: Array, qd: Array, start: float, end: float, tight: float = 1e-9) -> tuple[Array, Array]:
-        """Where the arm is at the end."""
+        """Final position of the tips."""
         self.start, self.end = start, end
         rate, stiff = self.scene.drive.rate, self.fastest(q, qd) * (end - start) > 4000
         stops = {start, end, *(t for t in self.breaks if start + 1e-9 < t < end - 1e-9)}
@@ -366,14 +366,14 @@ class Truth:
         return self.split(end, y)
 
     def fastest(self, q: Array, qd: Array) -> float:
-        """The largest rate of the arm's small motion [1/s]."""
+        """Largest eigenvalue of the arm's linearized motion [1/s]."""
         held = np.zeros(len(self.a)) if self.scene.drive.rate else None
         y = np.concatenate([q, qd])
         return float(np.abs(np.linalg.eigvals(self.tangent(self.scene.initial.time, y, held))).max())
 
 
 def places(scene: fl.Scene) -> tuple[float, Array, Array]:
-    """Mass, centre of mass and tip of an arm whose springs are slack, by transforms of our own."""
+    """Mass, centre of mass and tip of an arm with springs at rest, from independent transforms."""
     initial, arm = scene.initial, scene.arm
     joint = own(arm.slides, initial.joint_deg, initial.joint_m)
     root, bodies = np.eye(4), list[tuple[float, Array]]()
@@ -420,19 +420,19 @@ def places(scene: fl.Scene) -> tuple[float, Array, Array]:
 
 
 def about(axis: str, deg: float) -> Array:
-    """A turn about an axis as a transform."""
+    """Transform of a rotation about an axis."""
     return frame(Rotation.from_euler(axis, deg, degrees=True).as_matrix(), (0, 0, 0))
 
 
 def frame(turn: Array, place: Any) -> Array:
-    """A transform."""
+    """Transform of a pose."""
     out = np.eye(4)
     out[:3, :3], out[:3, 3] = turn, place
     return out
 
 
 def beam_mass(arm: fl.Arm, link: fl.Link) -> tuple[float, float]:
-    """Mass of a beam, and at which part of its length its centre is."""
+    """Mass of a beam, and its centre as a fraction of the length."""
     x, w = np.polynomial.legendre.leggauss(40)
     x, w, length = (x + 1) / 2, w / 2, link.beam.length
     if link.rigidity is not None:
@@ -452,12 +452,12 @@ def beam_mass(arm: fl.Arm, link: fl.Link) -> tuple[float, float]:
 
 
 def sizes(first: fl.Section, last: fl.Section, part: float) -> Callable[[str], float]:
-    """Dimensions by name, a part of the way along a beam that tapers."""
+    """Dimensions by name, at a fraction of the length of a tapered beam."""
     return lambda key: float((1 - part) * getattr(first, key) + part * getattr(last, key))
 
 
 def compliance(arm: fl.Arm, link: fl.Link) -> dict[str, float]:
-    """Angle by which a unit moment about x, y, z of the section turns the end of a beam [rad/(N m)]."""
+    """Rotation of a beam's end under unit moments about x, y, z of the section [rad/(N m)]."""
     x = (np.arange(20_000) + 0.5) / 20_000
     wanted = {"z": "z", "yz": "yz", "xyz": "xyz"}[link.flex]
     if link.rigidity is not None:
@@ -476,7 +476,7 @@ def compliance(arm: fl.Arm, link: fl.Link) -> dict[str, float]:
 
 
 def _second_moments(first: fl.Section, last: fl.Section, part: float) -> tuple[float, float, float]:
-    """J, I_y, I_z; J of rectangles and boxes is not looked at."""
+    """J, I_y, I_z; J of rectangles and boxes is not checked."""
     size = sizes(first, last, part)
     if first.shape == "general":
         return size("torsion"), size("i_y"), size("i_z")

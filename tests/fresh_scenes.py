@@ -1,7 +1,7 @@
-"""Random scenes of every key through the library: `python -m tests.fresh_scenes FIRST STOP` says what is wrong.
+"""Test the library with random scenes that use every key: `python -m tests.fresh_scenes FIRST STOP` prints failures.
 
-A line a scene, kept in a folder that a second call goes on from; at last counts of silent wrong numbers, of needless
-errors and doubts of sane scenes, of tracebacks, and of the keys that were used.
+Prints one line per scene, saved in a folder from which a second call continues. At the end it counts silently wrong
+numbers, needless errors and doubts for ordinary scenes, tracebacks, and the keys that were used.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ KINDS = ("silent", "error", "doubt", "traceback", "weak", "told")
 
 
 def used(table: Table, path: str = "") -> Iterator[str]:
-    """Paths of keys of a table, names of things and indices left out."""
+    """Paths of the keys of a table, without names and indices."""
     for key, value in table.items():
         here = f"{path}.{key}".lstrip(".")
         yield here
@@ -34,7 +34,7 @@ def used(table: Table, path: str = "") -> Iterator[str]:
 
 
 def all_keys() -> list[str]:
-    """Paths of all keys of a scene."""
+    """Paths of all possible keys of a scene."""
     known: set[Any] = set()
     found = [f"{place}.{field.encode_name}".replace(".NAME", "").lstrip(".")
              for place, kind in records(fl.Scene, "", known) for field, _ in entries(kind)]  # fmt: skip
@@ -43,7 +43,7 @@ def all_keys() -> list[str]:
 
 
 def judged(seed: int, seconds: int = 60) -> Table:
-    """What was found about a seed."""
+    """Findings for a seed."""
 
     def late(*_: object) -> None:
         raise AlarmError
@@ -63,7 +63,7 @@ def judged(seed: int, seconds: int = 60) -> Table:
 
 
 def summary(results: list[Table]) -> str:
-    """Counts of scenes by what was found, and keys that few use."""
+    """Counts of scenes by finding, and rarely used keys."""
     lines = [
         f"{len(results)} scenes, {sum(bool(r['extreme']) for r in results)} at extremes, "
         f"{sum(r['cpu'] for r in results):.0f} s"
@@ -77,7 +77,7 @@ def summary(results: list[Table]) -> str:
 
 
 def main() -> None:
-    """Judge the seeds that are not yet judged."""
+    """Test the seeds that have no results yet."""
     first, stop = map(int, sys.argv[1:3])
     results = []
     FOLDER.mkdir(parents=True, exist_ok=True)

@@ -1,7 +1,7 @@
-"""Files of one arm as other people write them: from its numbers, with frames, names, units and habits of their own.
+"""Files of one arm as third parties write them, made from its numbers with various frames, names, units and habits.
 
-The numbers are those of `of_chain`: lines of joints, masses, centres, inertias in frame 0. Every link gets a frame
-whose Z need not be the axis, at a point of the joint's line that need not be ours; nothing is taken from our writers.
+The numbers are those of `of_chain`: lines of joints, masses, centres, inertias in frame 0. Every link frame may have
+any Z axis and any origin on the joint's line, unlike flexlink's frames. Nothing is taken from flexlink's writers.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ Array = np.ndarray
 
 
 class Habit(NamedTuple):
-    """How somebody writes."""
+    """Style of a third-party file."""
 
     turned: float = (
-        0.0  # how far frames are turned from those of frame 0, as a rotation vector grows link by link [rad]
+        0.0  # rotation between frames and frame 0, a rotation vector that grows from link to link [rad]
     )
-    slid: float = 0.0  # how far origins lie along the axis from where ours do [m]
-    split: float = 0.0  # part of each mass that stands in a link of its own, fixed to the first
+    slid: float = 0.0  # offset of origins along the axis from flexlink's origins [m]
+    split: float = 0.0  # share of each mass in a separate link, fixed to the first
     degrees: bool = False
     names: str = "joint_{}"
-    principal: bool = False  # inertias as moments about turned axes, instead of six numbers
+    principal: bool = False  # inertias as principal moments and axes instead of six numbers
     servos: bool = False  # position servos with the gains of the drive, instead of motors
-    shuffled: bool = False  # links and joints in another order than they hang
-    tools: bool = False  # links without joint or mass around the arm: stand, flange, tool
-    effort: float = 0.0  # a limit of torque that every joint is given [N m]
-    model_frame: bool = False  # of SDF: axes in the model's frame, no world
+    shuffled: bool = False  # links and joints in another order than in the chain
+    tools: bool = False  # links without joint or mass around the arm: pedestal, flange, tool
+    effort: float = 0.0  # torque limit of every joint [N m]
+    model_frame: bool = False  # SDF: axes in the model frame, no world
 
 
 class Part(NamedTuple):
-    """What is rigid with a link, in its frame."""
+    """Mass properties rigidly attached to a link, in its frame."""
 
     mass: float
     center: Array
@@ -46,7 +46,7 @@ class Part(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """A link with its joint, in the frame of the link before it."""
+    """A link with its joint, in the frame of the parent link."""
 
     name: str
     k: int
@@ -57,7 +57,7 @@ class Piece(NamedTuple):
 
 
 def pieces(read: ReadBack, habit: Habit) -> tuple[list[Piece], tuple[Array, Array]]:
-    """The links from base to tip, and the last one's frame in frame 0."""
+    """Return the links from base to tip, and the last link's frame in frame 0."""
     made, R, p = [], np.eye(3), np.zeros(3)
     for k in range(read.n):
         Q = Rotation.from_rotvec(habit.turned * (k + 1) * np.array([0.3, -0.5, 0.2])).as_matrix()
@@ -74,7 +74,7 @@ def _parts(read: ReadBack, k: int, Q: Array, o: Array, split: float) -> list[Par
         return []
     if not split:
         return [Part(m, c, I)]
-    d = 0.002 * np.array([1.0, -2.0, 1.5])  # the second part lies so far from the common centre, the first opposite
+    d = 0.002 * np.array([1.0, -2.0, 1.5])  # offset of the second part; the first is on the other side
     one, other = split * m, (1 - split) * m
     near = -other / one * d
     left = I - parallel_axis(np.array([one, other]), np.array([near, d])).sum(axis=0)
@@ -90,7 +90,7 @@ def angle(habit: Habit, values: Array) -> Array:
 
 
 def mjcf(chain: fl.Chain, habit: Habit, scene: fl.Scene) -> ET.Element:
-    """Joints at one point in one body, settings in default classes, what is only seen in geoms without mass."""
+    """Write joints at one point in one body, settings in default classes, visual geoms without mass."""
     read = of_chain(chain)
     root = ET.Element("mujoco", model="arm")
     how = {"angle": "degree"} if habit.degrees else {"angle": "radian", "autolimits": "true"}
@@ -103,7 +103,7 @@ def mjcf(chain: fl.Chain, habit: Habit, scene: fl.Scene) -> ET.Element:
     common = repr(float(np.median(read.damping)))
     ET.SubElement(arm, "joint", type="hinge", damping=common)
     parent = ET.SubElement(root, "worldbody")
-    new, R, p = True, np.eye(3), np.zeros(3)  # of the link in the body: its frame there
+    new, R, p = True, np.eye(3), np.zeros(3)  # pose of the link in the body
     for piece in pieces(read, habit)[0]:
         p, R = p + R @ piece.p, R @ piece.R
         if new:
@@ -165,7 +165,7 @@ def _actuators(root: ET.Element, chain: fl.Chain, habit: Habit, scene: fl.Scene)
 
 
 def urdf(chain: fl.Chain, habit: Habit, scene: fl.Scene) -> ET.Element:
-    """A plain URDF, without elements of ours: of springs, rotors and gravity it says nothing."""
+    """Write a plain URDF without flexlink elements: no springs, rotors or gravity."""
     read, joints, links = of_chain(chain), list[ET.Element](), [ET.Element("link", name="base")]
     made, (R, p) = pieces(read, habit)
     parent = "base"
@@ -207,7 +207,7 @@ def urdf(chain: fl.Chain, habit: Habit, scene: fl.Scene) -> ET.Element:
 
 
 def _aside() -> tuple[Array, Array]:
-    """Where the frame of a welded part lies."""
+    """Pose of the frame of a welded part."""
     return Rotation.from_euler("xyz", [0.4, -0.2, 0.7]).as_matrix(), np.array([0.02, 0.01, -0.03])
 
 
@@ -243,7 +243,7 @@ def _transmission(robot: ET.Element, joint: str) -> None:
 
 
 def sdf(chain: fl.Chain, habit: Habit, scene: fl.Scene) -> ET.Element:
-    """Springs of SDFormat's own, poses of links in the model's frame or after the link before."""
+    """Write springs as SDFormat elements, and link poses in the model frame or relative to the parent link."""
     read = of_chain(chain)
     root = ET.Element("sdf", {"version": "1.10", "xmlns:drake": "http://drake.mit.edu"})
     holder = root
@@ -296,7 +296,7 @@ def _pose(parent: ET.Element, place: tuple[Array, Array], attributes: dict[str, 
 
 
 class Hand(NamedTuple):
-    """Somebody's way of writing a format."""
+    """A third party's style of a format."""
 
     form: str
     write: Callable[[fl.Chain, Habit, fl.Scene], ET.Element]
@@ -375,4 +375,4 @@ SERVED = {
     "drive.kind": "pd", "drive.torque": None, "drive.kp": (4e3, 9e3, 2e3), "drive.kd": (200.0, 500.0, 80.0),
     "drive.target_deg": (0.0, -40.0, 30.0),
 }  # fmt: skip
-"""Changes of the crane: with a PD drive."""
+"""Scene variants of the crane: with a PD drive."""

@@ -1,4 +1,4 @@
-"""Looking at a run after every step, now and then, or only at its end; and all that the run says."""
+"""Read the state of runs after every step, at random, or only at the end; compare all their results."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from flexlink.motion.chunk_size import ChunkSize
 
 
 def in_every_way(what: Callable[[], Any], seed: str | int) -> list[list[object]]:
-    """What runs tell that are looked at after every step, at random, and only at their end."""
+    """Digests of runs that are read after every step, at random, and only at the end."""
     dice, found = random.Random(seed), []
     ways = (
         (itertools.repeat(1), lambda: True),
@@ -32,14 +32,14 @@ def in_every_way(what: Callable[[], Any], seed: str | int) -> list[list[object]]
 
 
 def digest(run: fl.Trajectory) -> tuple[object, ...]:
-    """All that a run says, its arrays to the bit."""
+    """All results of a run, with arrays to the bit."""
     arrays = run.t, run.q, run.qd, run.tau, run.tip, run.energy.parts, run.imbalance
     sha = hashlib.sha256(b"".join(np.ascontiguousarray(array).tobytes() for array in arrays))
     return len(run.t), sha.hexdigest(), run.warnings, repr(run.steps)
 
 
 def told(what: Callable[[], Any]) -> list[object]:
-    """The digests of its runs, how they ended, and what was told on the way."""
+    """Digests of the runs, how they ended, and what was read on the way."""
     with warnings.catch_warnings(record=True) as words:
         warnings.simplefilter("always")
         try:
@@ -55,7 +55,7 @@ def told(what: Callable[[], Any]) -> list[object]:
 
 
 def look(patch: pytest.MonkeyPatch, sizes: Iterator[int], due: Callable[[], bool]) -> None:
-    """Let all runs go on by so many steps, and look when it is due."""
+    """Advance all runs by this number of steps, and read them when it is due."""
 
     def start(pace: ChunkSize) -> int:
         pace.size = next(sizes)

@@ -1,7 +1,7 @@
-"""The lowest versions that pyproject.toml allows, as constraints for pip, so that the tests can be run with them.
+"""Print the lowest versions that pyproject.toml allows, as constraints for pip, to run the tests with them.
 
 python -m tests.lowest > lowest.txt
-python -m pip install -c lowest.txt -e '.[test]' && python -m pytest        # in an environment of its own
+python -m pip install -c lowest.txt -e '.[test]' && python -m pytest        # in a separate environment
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ from pathlib import Path
 
 PROJECT = Path(__file__).parent.parent / "pyproject.toml"
 OWN = "flexlink["  # extras that name each other
-TOOLS = "dev"  # judge the sources, whatever the versions of the others
+TOOLS = "dev"  # checks the sources, independently of the other versions
 
 
 def requirements(text: str) -> list[str]:
-    """All that a pyproject.toml requires of others to run and to be tested."""
+    """All third-party requirements of a pyproject.toml, to run and to test."""
     project = tomllib.loads(text)["project"]
     extras = [named for extra, named in project["optional-dependencies"].items() if extra != TOOLS]
     return [one for named in (project["dependencies"], *extras) for one in named if not one.startswith(OWN)]
 
 
 def lowest(requirement: str) -> str:
-    """`name>=1.2,<3` as `name==1.2`.
+    """Convert `name>=1.2,<3` to `name==1.2`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Mistakes that people make in files of robots, planted into our own: what is edited, and the words that name it."""
+"""Common mistakes in robot files, planted into exported files: the edit, and the expected finding."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Edit = Callable[[ET.Element], object]
 
 
 class Planted(NamedTuple):
-    """A mistake in a file of this format; a finding, the first or second, must contain `named`."""
+    """A mistake in a file of one format; its first or second finding must contain `named`."""
 
     form: str
     mistake: str
@@ -26,7 +26,7 @@ class Planted(NamedTuple):
 
 
 def each(path: str, **attributes: str | None) -> Edit:
-    """Set attributes of all elements, or take them away (None)."""
+    """Set attributes of all elements, or remove them (None)."""
 
     def edit(root: ET.Element) -> None:
         for element in root.iterfind(path):
@@ -40,7 +40,7 @@ def each(path: str, **attributes: str | None) -> Edit:
 
 
 def scaled(path: str, attribute: str, factor: float, only: int | None = None) -> Edit:
-    """Multiply the numbers of an attribute, of one element or of all that have it."""
+    """Multiply the numbers of an attribute, in one element or in all."""
 
     def edit(root: ET.Element) -> None:
         having = [element for element in root.iterfind(path) if attribute in element.attrib]
@@ -51,7 +51,7 @@ def scaled(path: str, attribute: str, factor: float, only: int | None = None) ->
 
 
 def said(path: str, value: str | None, only: int | None = None) -> Edit:
-    """Another text of elements, of all or of one; None takes the elements away."""
+    """Replace the text of one or all elements; None removes the elements."""
 
     def edit(root: ET.Element) -> None:
         parents = {child: parent for parent in root.iter() for child in parent}
@@ -66,7 +66,7 @@ def said(path: str, value: str | None, only: int | None = None) -> Edit:
 
 
 def said_times(path: str, *factors: float, only: int | None = None) -> Edit:
-    """The numbers that elements say, multiplied one by one."""
+    """Multiply the numbers in the text of elements one by one."""
 
     def edit(root: ET.Element) -> None:
         found = root.findall(path)
@@ -77,7 +77,7 @@ def said_times(path: str, *factors: float, only: int | None = None) -> Edit:
 
 
 def both(*edits: Edit) -> Edit:
-    """One after another."""
+    """Apply several edits in sequence."""
     return lambda root: [edit(root) for edit in edits]
 
 
@@ -90,7 +90,7 @@ def numbers(values: object) -> str:
 
 
 def written_with(digits: str) -> Edit:
-    """Every number of the file in another format."""
+    """Write every number of the file in another format."""
 
     def shortened(text: str) -> str:
         return re.sub(r"-?\d+\.\d+(e-?\d+)?", lambda m: format(float(m[0]), digits), text)
@@ -105,12 +105,12 @@ def written_with(digits: str) -> Edit:
 
 
 def flag(*names: str) -> Edit:
-    """Take flags that disable something away."""
+    """Remove flags that disable something."""
     return each("option/flag", **dict.fromkeys(names))
 
 
 def attribute_moved(path: str, name: str) -> Edit:
-    """Two neighbours' values exchanged, where they differ."""
+    """Swap the values of two neighbours that differ."""
 
     def edit(root: ET.Element) -> None:
         having = [element for element in root.iterfind(path) if name in element.attrib]
@@ -131,7 +131,7 @@ def hinges_reversed(root: ET.Element) -> None:
 
 
 def without_motors(root: ET.Element) -> None:
-    """Nor keyframes: both name joints, or count them."""
+    """Remove joint names and keyframes, which depend on joint names and numbers."""
     for part in (*root.findall("actuator"), *root.findall("keyframe")):
         root.remove(part)
 
@@ -143,7 +143,7 @@ def unnamed(root: ET.Element) -> None:
 
 
 def frame_quaternion(root: ET.Element) -> None:
-    """x y z w for w x y z, of the first body that is turned."""
+    """Write x y z w instead of w x y z, in the first rotated body."""
     body = next(b for b in root.iter("body") if abs(vector(b, "quat")[0]) < 1)
     w, x, y, z = vector(body, "quat")
     body.set("quat", numbers([x, y, z, w]))
@@ -194,7 +194,7 @@ def servo(root: ET.Element) -> None:
 
 
 def slender(root: ET.Element) -> None:
-    """Moments that the triangle inequality forbids, which the compiler then makes equal."""
+    """Give moments that violate the triangle inequality, which the compiler then makes equal."""
     next(root.iter("inertial")).set("diaginertia", "0.001 0.001 0.01")
 
 
@@ -208,17 +208,17 @@ def sdf_about_joint(root: ET.Element) -> None:
 
 
 def effort_0(root: ET.Element) -> None:
-    """Drake makes no actuator for it, and forgets the rotor."""
+    """Set effort 0: Drake makes no actuator, and drops the rotor."""
     ET.SubElement(ET.SubElement(next(root.iter("axis")), "limit"), "effort").text = "0"
 
 
 def expressed_in_model(root: ET.Element) -> None:
-    """Of a joint further out, whose frame is turned in the model's."""
+    """Express the axis of a joint further out in the model frame, in which its own frame is rotated."""
     root.findall(".//axis/xyz")[5].set("expressed_in", "__model__")
 
 
 def impossible_without_a_world(root: ET.Element) -> None:
-    """Drake refuses a world with such an inertia, but not a model."""
+    """Give an impossible inertia: Drake refuses it in a world, but not in a model."""
     said(".//izz", "9", only=-1)(root)
     world = root[0]
     root[:] = world.findall("model")

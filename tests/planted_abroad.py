@@ -1,4 +1,4 @@
-"""Mistakes planted into files that others wrote by hand (`handwritten`): whose, what is edited, what must be said."""
+"""Mistakes planted into third-party files (`handwritten`): the styles, the edit, and the expected finding."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from planted import (
 
 
 class Abroad(NamedTuple):
-    """A mistake in files of `hands` of `handwritten.HANDS`; the first finding must contain `named`."""
+    """A mistake in files of the styles `hands` of `handwritten.HANDS`; the first finding must contain `named`."""
 
     hands: tuple[str, ...]
     mistake: str
@@ -36,12 +36,12 @@ class Abroad(NamedTuple):
 
 
 def one(path: str, k: int, **attributes: str) -> Edit:
-    """Attributes of one element."""
+    """Set attributes of one element."""
     return lambda root: root.findall(path)[k].attrib.update(attributes)
 
 
 def axis_exchanged(path: str, k: int, attribute: str) -> Edit:
-    """X for Y, Y for Z, Z for X."""
+    """Exchange axes cyclically: X for Y, Y for Z, Z for X."""
     return lambda root: (e := root.findall(path)[k]).set(attribute, numbers(np.roll(vector(e, attribute), 1)))
 
 
@@ -51,7 +51,7 @@ def axis_said_otherwise(root: ET.Element) -> None:
 
 
 def products_negated(path: str, only: int | None = None) -> Edit:
-    """Of fullinertia, or of URDF's attributes."""
+    """Negate the products of inertia of fullinertia, or of URDF's attributes."""
 
     def edit(root: ET.Element) -> None:
         found = root.findall(path)
@@ -65,7 +65,7 @@ def products_negated(path: str, only: int | None = None) -> Edit:
 
 
 def inertia_times(factor: float, only: int | None = None) -> Edit:
-    """Of URDF."""
+    """Multiply an inertia of URDF."""
     return both(*(scaled(".//inertia", name, factor, only=only) for name in SIX))
 
 

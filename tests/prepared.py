@@ -1,4 +1,4 @@
-"""What every example in a docstring finds at hand: an arm of two links, its chain, a state, and a run."""
+"""Namespace of the examples in docstrings: an arm of two links, its chain, a state, and a run."""
 
 import numpy as np
 

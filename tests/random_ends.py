@@ -1,10 +1,10 @@
-"""Random runs: each ends at its end or says why not, whenever somebody looks at it; a `Simulator` goes the same way.
+"""Random runs: each reaches its end or reports why not, however often it is read; a `Simulator` gives the same result.
 
     python -m tests.random_ends free 0 400      # satellites, by every method and four steps or tolerances
-    python -m tests.random_ends looks 0 1000    # satellites, arms, motors: looked at in three ways
+    python -m tests.random_ends looks 0 1000    # satellites, arms, motors: read in three ways
 
-Exit code 1 if a run ends early without a word, a simulator is elsewhere, a comparison met a row that was never written
-(an infinite or undefined length), or two ways of looking differ.
+Exit code 1 if a run ends early without an error, a simulator deviates, a comparison uses a row that was never written
+(an infinite or undefined length), or two ways of reading differ.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ STEPS = (2e-4, 1e-3, 5e-3, 2e-2)
 TOLERANCES = (1e-2, 1e-3, 1e-5, 1e-7)
 DURATION, SAMPLES = 0.2, 10
 UNWRITTEN = re.compile(r"\b(inf|nan)\b")
-SAME = 1e-12  # m between a run and a simulator, which go on in other coordinates
+SAME = 1e-12  # m between a run and a simulator, which continue in other coordinates
 
 
 def random_satellite(dice: Dice) -> fl.Scene:
-    """A free body with one to three links, some of which bend, that spins with up to 20 rad/s."""
+    """Return a free body with one to three links, some flexible, that spins with up to 20 rad/s."""
     links = tuple(_panel(dice, k) for k in range(dice.one_of(1, 2, 3)))
     spin = np.degrees(dice.linear(0.0, 20.0)) * _unit(dice)
     base = fl.details.BaseState(velocity=dice.three(0.5), spin_deg=(float(spin[0]), float(spin[1]), float(spin[2])))
@@ -69,7 +69,7 @@ def _panel(dice: Dice, k: int) -> fl.Link:
 
 
 def settings() -> Iterator[dict[str, object]]:
-    """Every method with four steps, and with four tolerances where it has an error."""
+    """Every method with four steps, and with four tolerances if it has an error estimate."""
     for method in (*EXPLICIT, *IMPLICIT):
         yield from ({"method": method, "step": step, "tolerance": None} for step in STEPS)
     for method in ADAPTIVE:
@@ -77,7 +77,7 @@ def settings() -> Iterator[dict[str, object]]:
 
 
 def ended(scene: fl.Scene, simulator: bool) -> str:
-    """What became of a run: "right", "doubted", the name of an error, or a fault in capitals."""
+    """Outcome of a run: "right", "doubted", the name of an error, or a fault in capitals."""
     try:
         run = fl.simulate(scene)
     except fl.FlexlinkError as error:
@@ -92,7 +92,7 @@ def ended(scene: fl.Scene, simulator: bool) -> str:
 
 
 def _astray(scene: fl.Scene, run: fl.Trajectory) -> float:
-    """How far a simulator that stops at each sample is from the run [m]."""
+    """Deviation of a simulator that stops at each sample from the run [m]."""
     arm, farthest = fl.Simulator(scene), 0.0
     for tip, t, before in zip(run.tip[1:], run.t[1:], run.t[:-1], strict=True):
         state = arm.step(duration=float(t - before))
@@ -101,7 +101,7 @@ def _astray(scene: fl.Scene, run: fl.Trajectory) -> float:
 
 
 def free(first: int, last: int) -> int:
-    """Satellites by all methods; returns how many runs are wrong."""
+    """Run satellites with all methods; return the number of wrong runs."""
     found, every = collections.Counter[str](), list(settings())
     for seed in range(first, last):
         scene = random_satellite(Dice(seed))
@@ -118,7 +118,7 @@ def free(first: int, last: int) -> int:
 
 
 def drawn(seed: int) -> fl.Scene:
-    """A satellite, an arm or an arm with motors that saturate, by some method."""
+    """Return a satellite, an arm, or an arm with motors that saturate, with a random method."""
     dice = Dice(seed)
     scene = (random_satellite, random_scene, random_motor)[seed % 3](dice)
     run = dice.one_of(*settings())
@@ -127,7 +127,7 @@ def drawn(seed: int) -> fl.Scene:
 
 
 def looks(first: int, last: int) -> int:
-    """Random runs, each looked at in three ways; returns how many differ."""
+    """Read random runs in three ways; return the number of runs that differ."""
     different, ran = 0, 0
     for seed in range(first, last):
         one, *others = in_every_way(functools.partial(fl.simulate, drawn(seed)), seed)
@@ -135,7 +135,7 @@ def looks(first: int, last: int) -> int:
         if others != [one, one]:
             different += 1
             print(f"seed {seed}: {one} {others}", flush=True)
-    print(f"{last - first} runs in three ways, {different} differ; {ran} ran to samples")
+    print(f"{last - first} runs read in three ways, {different} differ; {ran} ran to samples")
     return different
 
 

@@ -1,10 +1,10 @@
-"""Random jumps of torque, target, wrench and held tables: every sample is as right as the tolerance says.
+"""Random jumps of torque, target, wrench and held tables: every sample meets the tolerance.
 
-    python -m tests.random_jumps 1000        # seeds 0 … 999, with a table at the end; exit code 1 if one is wrong
+    python -m tests.random_jumps 1000        # seeds 0 … 999, with a summary at the end; exit code 1 if one is wrong
 
-Arms of one to three links with rotors up to 300 kg m², which a torque, a wrench or the target of a drive hits from rest
-or on their way; tolerances of 1e-2 to 1e-6 m. The judge is DOP853 with a thousandth of the tolerance, which samples
-inside its steps keep, too; where its stable steps are too many, Radau9.
+Arms of one to three links with rotors up to 300 kg m². A torque, a wrench or the target of a drive jumps at rest or in
+motion; tolerances are 1e-2 to 1e-6 m. The reference is DOP853 with a thousandth of the tolerance, which also applies to
+samples inside its steps, or Radau9 if its stable steps are too many.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from validation.random_arms import Dice
 
 Array = NDArray[np.float64]
 
-WRONG = 10.0  # tolerances, at any sample
+WRONG = 10.0  # times the tolerance, at any sample
 METHODS = ("auto", "Radau5", "Radau9", "Gauss6")
-STRICTER, FLOOR = 1e-3, 1e-11  # tolerance of the judge, over that of the run, and as a part of the reach
+STRICTER, FLOOR = 1e-3, 1e-11  # tolerance of the reference: relative to the run's, and least part of the reach
 AFFORDABLE = 60_000  # steps of DOP853
 
 
 class Outcome(NamedTuple):
-    """What became of a run; errors over what the tolerance allows."""
+    """Outcome of a run, with errors relative to the tolerance."""
 
     seed: int
     method: str
@@ -43,7 +43,7 @@ class Outcome(NamedTuple):
 
 
 def random_jump(dice: Dice) -> fl.Scene:
-    """An arm that something hits; its tolerance is in `run`."""
+    """Random arm with a jump; its tolerance is in `run`."""
     number = dice.one_of(1, 2, 3)
     names = [f"link{k}" for k in range(number)]
     links = tuple(random_link(dice, name) for name in names)
@@ -52,7 +52,7 @@ def random_jump(dice: Dice) -> fl.Scene:
     torque = tuple(dice.linear(-1, 1) * 0.3 * mass * 9.81 * length / (k + 1) for k in range(number))
     drive, wrench = fl.Drive(), fl.Wrench()
     kind = dice.one_of("torque", "target", "wrench", "held")
-    sampled = all(link.joint.armature for link in links)  # by rotors alone: a sampled law feels no more of a soft arm
+    sampled = all(link.joint.armature for link in links)  # only with large rotors: a sampled law hardly moves soft arms
     inertia = [(0.0 if sampled else mass * length**2 / (k + 1)) + link.joint.armature for k, link in enumerate(links)]
     ω = dice.linear(3.0, 15.0)
     gains = {"kp": tuple(J * ω**2 for J in inertia), "kd": tuple(1.4 * J * ω for J in inertia)}
@@ -87,7 +87,7 @@ def random_jump(dice: Dice) -> fl.Scene:
 
 
 def random_link(dice: Dice, name: str) -> fl.Link:
-    """A bar of about a metre on a motor of 0 to 300 kg m²."""
+    """Random bar of about a metre on a motor of 0 to 300 kg m²."""
     flex = dice.one_of("z", "z", "yz", "xyz")
     joint = fl.Joint(armature=dice.one_of(0.0, dice.decades(-2, 2.5)), viscous=dice.one_of(0.0, 1.0))
     mount = fl.Mount(rpy_deg=(90.0, 0.0, 0.0)) if name == "link0" and dice.chance(0.7) else fl.Mount()
@@ -97,7 +97,7 @@ def random_link(dice: Dice, name: str) -> fl.Link:
 
 
 def judge(scene: fl.Scene, tolerance: float) -> fl.Trajectory:
-    """The same run by steps that no jump, and no polynomial between steps, can mislead."""
+    """The same run with steps that end at every jump and need no interpolation."""
     chain = fl.lump(scene)
     q, qd = initial_state(scene, chain)
     stricter = max(STRICTER * tolerance, FLOOR * chain.reach)
@@ -107,7 +107,7 @@ def judge(scene: fl.Scene, tolerance: float) -> fl.Trajectory:
 
 
 def errors(run: fl.Trajectory, truth: fl.Trajectory, tolerance: float) -> tuple[float, float, float]:
-    """Largest errors of tip, rates and work over all samples, over what the tolerance allows."""
+    """Largest errors of tip, rates and work over all samples, relative to the tolerance."""
     chain, rows = run.chain, slice(0, len(run.t))
     tip = np.linalg.norm(run.tip - truth.tip[rows], axis=1).max()
     ω = slowest_frequency(chain, run.q[0])
@@ -121,13 +121,13 @@ def errors(run: fl.Trajectory, truth: fl.Trajectory, tolerance: float) -> tuple[
 
 
 def done(run: fl.Trajectory) -> Array:
-    """Work W of all that has no potential [J]."""
+    """Work W of all nonconservative forces [J]."""
     energy = run.energy.parts
     return np.asarray((energy - energy[:, :1]).sum(axis=0) - run.imbalance)
 
 
 def throw(chain: fl.Chain, q: Array, e: Array, longest: float) -> float:
-    """How far an error of the rates moves the tip at most, against springs and dampers (see kernels/thrown)."""
+    """Upper bound of the tip error due to an error of the rates, with springs and dampers (see kernels/thrown)."""
     M, hinges = fl.mass_matrix(chain, q), chain.hinges
     D, K = np.diag(hinges["damping"]), np.diag(hinges["stiffness"])
     J, largest = fl.jacobian(chain, q).linear, 0.0
@@ -137,7 +137,7 @@ def throw(chain: fl.Chain, q: Array, e: Array, longest: float) -> float:
 
 
 def outcome(seed: int) -> Outcome:
-    """Run a random jump, and its truth."""
+    """Run a random jump and its reference."""
     dice = Dice(seed)
     scene, method = random_jump(dice), METHODS[seed % len(METHODS)]
     tolerance = scene.run.tolerance
@@ -148,7 +148,7 @@ def outcome(seed: int) -> Outcome:
         truth = judge(scene, tolerance)
     except fl.FlexlinkError as error:
         return Outcome(seed, method, "no truth", text=str(error))
-    if fixed:  # what a run by fixed steps is doubted by
+    if fixed:  # the doubt reported for a run with fixed steps
         tolerance = max(tolerance, 0.005 * float(np.linalg.norm(np.ptp(truth.tip, axis=0))))
     try:
         run = fl.simulate(scene, **settings)
@@ -163,7 +163,7 @@ def outcome(seed: int) -> Outcome:
 
 
 def main(first: int, last: int) -> int:
-    """Run seeds; returns the exit code."""
+    """Run the seeds; return the exit code."""
     outcomes = []
     for seed in range(first, last):
         found = outcome(seed)

@@ -1,10 +1,10 @@
-"""Random scenes by `auto` and by every method that it chooses from: it costs little more than the cheapest.
+"""Compare `auto` with all methods it chooses from, on random scenes: it costs little more than the cheapest.
 
-    python -m tests.random_methods 0 90       # seeds 0 … 89, each with four tolerances, and a table at the end
+    python -m tests.random_methods 0 90       # seeds 0 … 89, each with four tolerances, and a summary at the end
 
-Rigid and bending arms in a plane and in space, trees, free bases, motors that saturate, jumps of torque, sampled laws,
-robots, scenes that use every key of a file; 10 to 400 samples. All methods take turns, in one process, and the least
-processor time of each counts: who else uses the machine does not matter. Exit code 1 if `auto` is dearer than allowed.
+Rigid and flexible arms in a plane and in space, trees, free bases, motors that saturate, torque jumps, sampled laws,
+robots, scenes that use every key of a file; 10 to 400 samples. All methods take turns in one process, and the smallest
+processor time of each counts, so other load does not matter. Exit code 1 if `auto` costs more than allowed.
 """
 
 from __future__ import annotations
@@ -28,37 +28,37 @@ from validation.random_arms import Dice, random_arm, random_tree
 
 METHODS = ("auto", "Radau5", "Radau9", "DOP853")
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-6)  # of the reach
-NEAR, NEARLY_ALL, FAR = 1.3, 0.95, 2.0  # times the cheapest; part of the cells that must be so near; what none may pass
+NEAR, NEARLY_ALL, FAR = 1.3, 0.95, 2.0  # time over the cheapest; share of cells that close; limit for all cells
 FIRST_SEED = 20261124
-TURNS, LEAST = 5, 0.02  # of each method at least; and s of processor time that each takes together
-AFFORDABLE = 2e5  # evaluations of a run; dearer ones are not the cheapest
+TURNS, LEAST = 5, 0.02  # minimum number of runs per method, and their minimum total processor time [s]
+AFFORDABLE = 2e5  # evaluations per run; a dearer method cannot be the cheapest
 ROBOTS = Path(__file__).parent.parent / "models" / "robots"
 SAMPLES = (10, 40, 100, 400)
 
 
 class Cell(NamedTuple):
-    """Times of the runs of a scene with a tolerance [s]; infinite where a run fails or is too dear."""
+    """Times of all runs of a scene with one tolerance [s]; infinite if a run fails or is too expensive."""
 
     seed: int
     kind: str
     tolerance: float
     seconds: dict[str, float]
-    method: str  # with which `auto` ends
+    method: str  # the final method of `auto`
 
     @property
     def ratio(self) -> float:
-        """Time of `auto` over that of the cheapest method."""
+        """Time of `auto` relative to the cheapest method."""
         return self.seconds["auto"] / min(self.seconds[name] for name in METHODS[1:])
 
 
 def of_kind(seed: int) -> tuple[str, fl.Scene]:
-    """The kind of a seed's scene, and the scene."""
+    """Kind of a seed's scene, and the scene."""
     kind = (*KINDS,)[seed % len(KINDS)]
     return kind, KINDS[kind](Dice(FIRST_SEED + seed), seed)
 
 
 def rigid(dice: Dice, seed: int) -> fl.Scene:
-    """Stiff links that fall or are led, with many samples."""
+    """Stiff arm that falls or follows a reference, with many samples."""
     number = dice.one_of(1, 2, 3, 4, 6)
     spatial = dice.chance(0.5)
     links = tuple(
@@ -76,18 +76,18 @@ def rigid(dice: Dice, seed: int) -> fl.Scene:
 
 
 def bending(dice: Dice, _seed: int) -> fl.Scene:
-    """Arms of up to three links, soft to stiff, with friction, drives, wrenches."""
+    """Arm of up to three links, soft to stiff, with friction, drives, wrenches."""
     duration = dice.one_of(0.3, 1.0, 2.0)
     return random_scene(dice).varied({"run.duration": duration, "run.sample": duration / dice.one_of(*SAMPLES)})
 
 
 def arm(dice: Dice, seed: int) -> fl.Scene:
-    """Arms in space with all that a link may have."""
+    """Spatial arm with all features of a link."""
     return driven(dice, random_arm(seed), dice.one_of(0.3, 1.0), dice.one_of(*SAMPLES))
 
 
 def tree(dice: Dice, seed: int) -> fl.Scene:
-    """Branches, slides and free bases."""
+    """Arm with branches, sliding joints or a free base."""
     scene = random_tree(seed)
     if scene.arm.base.kind == "free":
         duration = dice.one_of(0.3, 1.0)
@@ -96,7 +96,7 @@ def tree(dice: Dice, seed: int) -> fl.Scene:
 
 
 def every_key(_dice: Dice, seed: int) -> fl.Scene:
-    """What a file may say, the extremes apart."""
+    """Scene with any key of a file, without extremes."""
     made = next(made for k in range(100) if not (made := make(10_000 + 100 * seed + k)).extreme)
     with tempfile.TemporaryDirectory() as folder:
         scene = fl.load_scene(made.write(Path(folder)))
@@ -105,17 +105,17 @@ def every_key(_dice: Dice, seed: int) -> fl.Scene:
 
 
 def motor(dice: Dice, _seed: int) -> fl.Scene:
-    """Motors that saturate."""
+    """Arm with motors that saturate."""
     return random_motor(dice)
 
 
 def jump(dice: Dice, _seed: int) -> fl.Scene:
-    """Torques, targets and wrenches that jump."""
+    """Arm with jumps of torque, target or wrench."""
     return random_jump(dice)
 
 
 def sampled(dice: Dice, _seed: int) -> fl.Scene:
-    """A law that is asked a few hundred times a second."""
+    """Arm with a control law at a few hundred hertz."""
     flex, number = dice.one_of("rigid", "z", "z", "xyz"), dice.one_of(1, 2, 3)
     segments = 1 if flex == "rigid" else dice.one_of(3, 5)
     links = tuple(
@@ -143,13 +143,13 @@ def sampled(dice: Dice, _seed: int) -> fl.Scene:
 
 
 def robot(dice: Dice, _seed: int) -> fl.Scene:
-    """An arm that somebody sells, of which some links may bend."""
+    """Commercial robot, possibly with flexible links."""
     names = ["ur5_flexible", "ur5_flexible", "panda_flexible", "z1_flexible", "tiago_flexible", "ur5", "panda", "talos"]
     return driven(dice, fl.load_scene(ROBOTS / f"{dice.one_of(*names)}.toml"), dice.one_of(0.5, 1.0), 100)
 
 
 def driven(dice: Dice, scene: fl.Scene, duration: float, samples: int) -> fl.Scene:
-    """Let an arm fall, hold it, or lead it somewhere."""
+    """Let an arm fall, hold it, or give it a reference."""
     run = fl.RunSettings(duration=duration, sample=duration / samples)
     inertia = np.array([_moved(scene, k) for k in range(len(scene.arm.links))])
     free = np.array([not link.joint.locked for link in scene.arm.links])
@@ -167,7 +167,7 @@ def driven(dice: Dice, scene: fl.Scene, duration: float, samples: int) -> fl.Sce
 
 
 def _moved(scene: fl.Scene, k: int) -> float:
-    """Inertia that a joint moves, about."""
+    """Approximate inertia moved by a joint."""
     chain = fl.lump(scene)
     q, _ = fl.initial_state(scene, chain)
     M, active = fl.mass_matrix(chain, q), [j for j, link in enumerate(scene.arm.links) if not link.joint.locked]
@@ -181,13 +181,13 @@ KINDS = {
 
 
 def cells(seed: int) -> list[Cell]:
-    """Times of a scene's runs with every tolerance; none of a scene that does not run."""
+    """Times of a scene's runs with every tolerance; empty if the scene does not run."""
     kind, scene = of_kind(seed)
     return [cell for tolerance in TOLERANCES if (cell := timed(seed, kind, scene, tolerance))]
 
 
 def timed(seed: int, kind: str, scene: fl.Scene, tolerance: float) -> Cell | None:
-    """Times of a scene's runs with one tolerance, by turns."""
+    """Times of a scene's runs with one tolerance; the methods take turns."""
     run = {
         "run.tolerance": None,
         "run.relative_tolerance": tolerance,

@@ -1,11 +1,11 @@
-"""Motors that saturate: every sample is as right as the tolerance says.
+"""Motors that saturate: every sample meets the tolerance.
 
-    python -m tests.random_motors 300        # seeds 0 … 299, with a table at the end; exit code 1 if one is wrong
+    python -m tests.random_motors 300        # seeds 0 … 299, with a summary at the end; exit code 1 if one is wrong
 
-Arms of one or two links, rigid or bending, behind gears that are stiff or elastic, whose drives ask for several times
-the torque that they may give: a target from afar, moves as trapezoids of speed within limits of rate and acceleration,
-tables of torques, computed torque. The judge is SciPy's DOP853, with the law written anew, one branch at a time: every
-change of a branch is an event.
+Arms of one or two links, rigid or flexible, with stiff or elastic gears. The drives demand several times their torque
+limit: a distant target, trapezoidal moves within limits of rate and acceleration, tables of torques, computed torque.
+The reference is SciPy's DOP853 with an independent control law, one branch at a time; every change of branch is an
+event.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from validation.random_arms import Dice
 
 Array = NDArray[np.float64]
 
-WRONG = 10.0  # tolerances, at any sample
+WRONG = 10.0  # times the tolerance, at any sample
 METHODS = ("DOP853", "Radau5", "Radau9")
-EXACT, SHORTEST = 1e-11, 1e-9  # relative error of the judge; s to step off a switch
-AFFORDABLE = 400_000  # evaluations of the judge
+EXACT, SHORTEST = 1e-11, 1e-9  # relative tolerance of the reference; time step across a switch [s]
+AFFORDABLE = 400_000  # evaluations of the reference
 
 
 class Outcome(NamedTuple):
-    """What became of a run: error over tolerance, evaluations over those of the motor without a limit."""
+    """Outcome of a run: error over tolerance, evaluations relative to the motor without a limit."""
 
     seed: int
     method: str
@@ -46,7 +46,7 @@ class Outcome(NamedTuple):
 
 
 def random_motor(dice: Dice) -> fl.Scene:
-    """An arm whose drives saturate; its tolerance is in `run`."""
+    """Random arm with drives that saturate; its tolerance is in `run`."""
     number = dice.one_of(1, 1, 2)
     links = tuple(_link(dice, f"link{k}") for k in range(number))
     lengths = np.array([link.length for link in links])
@@ -89,7 +89,7 @@ def random_motor(dice: Dice) -> fl.Scene:
 
 
 def _link(dice: Dice, name: str) -> fl.Link:
-    """A bar of about a metre on a motor with or without an elastic gear."""
+    """Random bar of about a metre on a motor with or without an elastic gear."""
     length = dice.linear(0.4, 1.2)
     gear: dict[str, Any] = {}
     if dice.chance(0.5):
@@ -103,7 +103,7 @@ def _link(dice: Dice, name: str) -> fl.Link:
 
 
 def law_of(scene: fl.Scene, chain: fl.Chain) -> Callable[[float, float, Array, Array], Array]:
-    """u(t, middle, q, q̇) of the driven joints without limits; the reference's piece is that of `middle`."""
+    """u(t, middle, q, q̇) of the driven joints without limits; `middle` selects the piece of the reference."""
     drive, joints = scene.drive, chain.active
     if drive.kind == "table":
         times, rows = np.array(drive.times), np.array(drive.torques)
@@ -135,7 +135,7 @@ def law_of(scene: fl.Scene, chain: fl.Chain) -> Callable[[float, float, Array, A
 
 
 def judged(scene: fl.Scene, times: Array) -> Array:
-    """Tips at the times, (rows, 3), by SciPy: every step knows one branch of each torque."""
+    """Tips at the times, (rows, 3), by SciPy: within a step each torque stays on one branch."""
     chain = fl.lump(scene)
     q, qd = initial_state(scene, chain)
     law, E, d = law_of(scene, chain), np.array(scene.drive.effort), len(chain.active)
@@ -181,7 +181,7 @@ def judged(scene: fl.Scene, times: Array) -> Array:
             for row in times[(times > t) & (times <= part.t[-1] * (1 + 1e-15))]:
                 found[float(row)] = part.sol(row)[: chain.n]
             t, y = float(part.t[-1]), part.y[:, -1]
-            if part.status == 1 and t < end:  # off the switch, by the law as it is
+            if part.status == 1 and t < end:  # step across the switch with the full law
                 h = min(SHORTEST, end - t)
                 qdd = accelerations(y, np.clip(law(t, middle, y[: chain.n], y[chain.n :]), -E, E))
                 y = np.concatenate([y[: chain.n] + h * y[chain.n :] + 0.5 * h * h * qdd, y[chain.n :] + h * qdd])
@@ -192,7 +192,7 @@ def judged(scene: fl.Scene, times: Array) -> Array:
 
 
 def outcomes(seed: int, tolerances: tuple[float, ...] | None = None) -> list[Outcome]:
-    """Runs of one random arm by all methods."""
+    """Run one random arm with all methods."""
     dice = Dice(seed)
     scene = random_motor(dice)
     tolerances = tolerances or (dice.decades(-8, -2), dice.decades(-5, -2))
@@ -218,7 +218,7 @@ def outcomes(seed: int, tolerances: tuple[float, ...] | None = None) -> list[Out
 
 
 def main(first: int, last: int) -> int:
-    """Run seeds; returns the exit code."""
+    """Run the seeds; return the exit code."""
     found = []
     for seed in range(first, last):
         for one in outcomes(seed):

@@ -1,9 +1,9 @@
-"""Random scenes at random steps: none may end finite, without a word, and wrong.
+"""Random scenes with random steps: no run may be finite and wrong without a warning.
 
-    python -m tests.random_scenes 2000        # seeds 0 … 1999, with a table at the end; exit code 1 if one is wrong
+    python -m tests.random_scenes 2000        # seeds 0 … 1999, with a summary at the end; exit code 1 if one is wrong
 
 Arms of one to three links, soft to stiff, planar and spatial, with taper, friction, damping, drive, wrench and payload,
-run with a step of 0.1 to 30 times the stable one. The judge is a run with a quarter of the step.
+with a step of 0.1 to 30 times the stable one. The reference is a run with a quarter of the step.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.single_run import SingleRun
 from validation.random_arms import Dice
 
-WRONG = 0.05  # of the tip's motion
+WRONG = 0.05  # relative to the tip's motion
 FLEX, SHARES = ("rigid", "z", "yz", "xyz"), (0.2, 0.3, 0.2, 0.3)
 
 
 def random_scene(dice: Dice) -> fl.Scene:
-    """An arm in a situation; its run settings are left at their defaults."""
+    """Random arm with a random load case; run settings are defaults."""
     sections = {}
     for name in ("bar", "rod"):
         sizes = {"height": dice.decades(-2.2, -1.2), "width": dice.decades(-2.2, -1.2)}
@@ -81,7 +81,7 @@ def random_drive(dice: Dice, free: list[bool]) -> fl.Drive:
 
 
 def with_random_step(dice: Dice, scene: fl.Scene) -> fl.Scene:
-    """About a second, at most 20,000 steps, each of 0.1 to 30 times the stable one."""
+    """Duration of about a second, at most 20,000 steps, each 0.1 to 30 times the stable step."""
     factor = dice.decades(-1, np.log10(30)) if dice.chance(0.5) else dice.linear(0.1, 1.2)
     step = factor * min(largest_step(scene), 0.1)
     per_sample = max(1, round(min(max(8.0, 1.0 / step), 20_000.0) / 50))
@@ -90,7 +90,7 @@ def with_random_step(dice: Dice, scene: fl.Scene) -> fl.Scene:
 
 
 def largest_step(scene: fl.Scene) -> float:
-    """The largest stable step at the start, as `simulate` itself finds it."""
+    """Largest stable step at the start, as computed by `simulate`."""
     try:
         SingleRun(problem_of(scene.varied({"run": fl.RunSettings(step=1e9, sample=1e9, duration=1e9)})))
     except fl.errors.UnstableStepError as error:
@@ -99,7 +99,7 @@ def largest_step(scene: fl.Scene) -> float:
 
 
 def verdict(seed: int) -> tuple[str, float]:
-    """What became of a random scene, and its error as a part of the tip's motion where there is one."""
+    """Outcome of a random scene, and its error relative to the tip's motion, if known."""
     dice = Dice(seed)
     scene = with_random_step(dice, random_scene(dice))
     try:
@@ -122,7 +122,7 @@ def main(count: int) -> int:
         outcome, share = verdict(seed)
         outcomes[outcome] += 1
         if outcome == "WRONG":
-            print(f"\nseed {seed}: off by {share:.1%} of the tip's motion, without a word")
+            print(f"\nseed {seed}: off by {share:.1%} of the tip's motion, without a warning")
         if sys.stderr.isatty():
             print(f"\r{seed + 1} of {count}", end="", file=sys.stderr)
     print(*(f"{number:6d}  {outcome}" for outcome, number in outcomes.most_common()), sep="\n")

@@ -1,4 +1,4 @@
-"""Random arms that an engineer could have meant, whose numbers are all in SI: no hint on their units is due."""
+"""Random arms that an engineer could have designed, with all numbers in SI: no hint about units is due."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ MATERIALS = {
 
 
 def sensible_arm(seed: int) -> fl.Scene:
-    """An arm of 0.05 to 60 m, slender or stubby, whose links bear their load."""
+    """Arm of 0.05 to 60 m, slender or stubby, whose links can bear their load."""
     dice = np.random.default_rng(seed)
     name = str(dice.choice(list(MATERIALS)))
     material = MATERIALS[name]
     count = int(dice.integers(1, 5))
     total = float(10 ** dice.uniform(math.log10(0.05), math.log10(60.0)))
     parts = dice.dirichlet(np.full(count, 4.0)) * total
-    least, most = (6.0, 60.0) if total < 10.0 else (18.0, 40.0)  # long booms are hollow, and bear their own weight
+    least, most = (6.0, 60.0) if total < 10.0 else (18.0, 40.0)  # long booms are hollow and must bear their weight
     slender = float(10 ** dice.uniform(math.log10(least), math.log10(most)))
     h = total / slender
     links, sections = [], {}

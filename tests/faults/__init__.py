@@ -1,15 +1,15 @@
-"""Planted faults: small mistakes that somebody could make, each with the tests that have to notice it.
+"""Planted faults: small programming mistakes, each with the tests that must detect it.
 
-    python -m tests.faults                     all of them
-    python -m tests.faults rne 'batch/*'       those of a file, or by name
+    python -m tests.faults                     all faults
+    python -m tests.faults rne 'batch/*'       the faults of a file, or by name
 
-A fault is data (`*.toml`, one file per source file): text that stands there exactly once, and what replaces it. The
-runner plants one after another in a temporary copy of the tree and runs its tests there. A fault that they let pass is
-a survivor: a test is missing, or the two texts mean the same. One in a kernel is looked for with the kernels as Python
-first, in seconds; only where that does not tell are they compiled anew.
+A fault is data (`*.toml`, one file per source file): a text that occurs exactly once, and its replacement. The runner
+plants one fault after another in a temporary copy of the tree and runs its tests there. A fault that passes them is a
+survivor: a test is missing, or the two texts are equivalent. A fault in a kernel is first tested with the kernels run
+as Python, in seconds. Only if that is inconclusive are the kernels recompiled.
 
-Why not a mutation tester. mutmut 3.8 skips every decorated function, and all kernels are decorated: it makes 0 mutants
+Why no mutation testing tool? mutmut 3.8 skips decorated functions, and all kernels are decorated: it makes 0 mutants
 of articulated, planar, rne and mass. Cosmic Ray 8.7 makes 13,048 of kernels, lumping, rules, export, compare and batch;
-each kernel mutant is compiled anew, 10 to 60 s, so that a run takes days, and it edits the working tree. A short list,
-chosen by hand, asks about the mistakes that matter.
+each kernel mutant is recompiled (10 to 60 s), so a run takes days, and it edits the working tree. A short list chosen
+by hand covers the mistakes that matter.
 """

@@ -1,9 +1,9 @@
-"""python -m tests.faults [name or glob ...]: plant faults, one after another, and see whether the tests notice.
+"""python -m tests.faults [name or glob ...]: plant faults one after another and check that the tests detect them.
 
-With --machine: mistakes made by machine in every room of the project, or in rooms and files of these names.
+With --machine: automatic mutants in all folders of the project, or in the folders and files given.
 
-Exit code 0: all killed; 1: one survived, does not apply any more or was not judged; 2: wrong call, or the tests fail
-without any fault; 130: interrupted, what was judged stands above.
+Exit codes: 0, all killed; 1, a fault survived, does not apply any more or has no verdict; 2, wrong call, or the tests
+fail without a fault; 130, interrupted, with the verdicts so far printed above.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.faults", description=__doc__)
     parser.add_argument("pattern", nargs="*", help="name or glob of a fault, or of a source (default: all)")
     parser.add_argument("--list", action="store_true", help="only list them")
-    parser.add_argument("--machine", action="store_true", help="mistakes made by machine, in folders or files")
+    parser.add_argument("--machine", action="store_true", help="test automatic mutants of folders or files")
     parser.add_argument("--seed", type=int, help="with --machine: others")
-    parser.add_argument("--most", type=int, help="with --machine: so many of each room")
+    parser.add_argument("--most", type=int, help="with --machine: maximum number of mutants per folder")
     options = parser.parse_args(arguments)
     if options.machine:
         return run.main([name.rstrip("/") for name in options.pattern], options.seed, options.most)
@@ -60,7 +60,7 @@ class NotSoundError(Exception):
 
 
 def judged(copy: Copy, faults: Sequence[Fault]) -> Iterator[tuple[Fault, Verdict]]:
-    """Faults with their verdicts: of kernels first as Python, in seconds; compiled, in a minute, what that leaves."""
+    """Faults with their verdicts. Kernels are first tested as Python (seconds), and compiled (a minute) if needed."""
     left = []
     for fault in faults:
         verdict = copy.judge_as_python(fault) if fault.compiled else None
@@ -75,11 +75,11 @@ def judged(copy: Copy, faults: Sequence[Fault]) -> Iterator[tuple[Fault, Verdict
 
 
 def is_sound(copy: Copy, faults: Sequence[Fault]) -> bool:
-    """Whether all tests pass without a fault: a failure means something only then."""
+    """Check that all tests pass without a fault; otherwise a failure proves nothing."""
     tests = sorted({test for fault in faults for test in fault.tests})
     files = {test for test in tests if "::" not in test}
     tests = [test for test in tests if test in files or test.partition("::")[0] not in files]
-    print(f"{len(faults)} faults; first their tests without a fault, which compiles all kernels", flush=True)
+    print(f"{len(faults)} faults; running their tests without a fault first (compiles all kernels)", flush=True)
     code, output = copy.run(tests, copy.sound)
     if code != 0:
         print(output, "The tests fail without a fault: no verdict is possible.", sep="\n", file=sys.stderr)
@@ -87,9 +87,9 @@ def is_sound(copy: Copy, faults: Sequence[Fault]) -> bool:
 
 
 def summary(outcomes: collections.Counter[str], faults: int) -> str:
-    """Counts of the outcomes."""
+    """Summary line with the counts of the outcomes."""
     told = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items())
-    return f"{outcomes.total()} of {faults} faults judged: {told or 'none'}"
+    return f"{outcomes.total()} of {faults} faults tested: {told or 'none'}"
 
 
 if __name__ == "__main__":

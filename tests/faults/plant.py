@@ -1,4 +1,4 @@
-"""Faults as data, the temporary copy they are planted in, and the verdict of the tests."""
+"""Faults as data, the temporary copy in which they are planted, and the verdicts of the tests."""
 
 from __future__ import annotations
 
@@ -23,29 +23,29 @@ HERE = Path(__file__).parent
 ROOT = HERE.parent.parent
 KERNELS = "flexlink/kernels/"
 NOT_COPIED = shutil.ignore_patterns(".*_cache", ".git", ".hypothesis", "__pycache__", "*.egg-info", "build", "dist")
-LONGEST = 600.0  # s; tests that take longer on a planted tree hang: the slowest take a minute, compilation included
-LONGEST_AS_PYTHON = 120.0  # s; then compiling the kernels, which takes about as long, is the quicker way
+LONGEST = 600.0  # s; slower tests of a faulty tree hang (the slowest take a minute, including compilation)
+LONGEST_AS_PYTHON = 120.0  # s; from there on, compiling the kernels is faster
 
 KILLED, SURVIVED, STALE, BROKEN = "killed", "SURVIVED", "does not apply any more", "NO VERDICT"
 
 
 class Fault(NamedTuple):
-    """One mistake: in `file`, `find` becomes `replace`; at least one of `tests` must then fail."""
+    """One fault: `file` with `find` replaced by `replace`. At least one of `tests` must then fail."""
 
     name: str  # source/fault
     file: str
     find: str
     replace: str
-    tests: tuple[str, ...]  # as pytest takes them: a file, or file::test
+    tests: tuple[str, ...]  # as given to pytest: a file, or file::test
     why: str  # what goes wrong, in one line
 
     @property
     def compiled(self) -> bool:
-        """Whether it is in a kernel, so that machine code is made anew."""
+        """Return whether the fault is in a kernel, which must then be recompiled."""
         return self.file.startswith(KERNELS)
 
     def occurrences(self, root: Path) -> int:
-        """How often the text is found in the tree; anything but 1 means that the fault cannot be planted."""
+        """Number of occurrences of the text in the tree; it must be 1."""
         path = root / self.file
         return path.read_text(encoding="utf-8").count(self.find) if path.is_file() else 0
 
@@ -65,7 +65,7 @@ class _File(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def load(folder: Path = HERE) -> list[Fault]:
-    """All faults; those that name no tests of their own take the ones of their file."""
+    """All faults. Faults without `tests` use those of their file."""
     faults = []
     for path in sorted(folder.glob("*.toml")):
         source = msgspec.toml.decode(path.read_bytes(), type=_File)
@@ -77,12 +77,12 @@ def load(folder: Path = HERE) -> list[Fault]:
 
 
 def select(faults: Sequence[Fault], patterns: Sequence[str]) -> list[Fault]:
-    """Those whose name, or source, fits one of the patterns; all without patterns.
+    """Select the faults whose name or source matches a pattern; all if there are no patterns.
 
     Raises
     ------
     LookupError
-        A pattern fits none.
+        A pattern matches no fault.
     """
     names = [fault.name for fault in faults]
     fitting: set[str] = set()
@@ -95,34 +95,34 @@ def select(faults: Sequence[Fault], patterns: Sequence[str]) -> list[Fault]:
 
 
 class Verdict(NamedTuple):
-    """What the tests said about a fault."""
+    """Outcome of the tests of a fault."""
 
     outcome: str  # KILLED, SURVIVED, STALE or BROKEN
-    told: str  # the test that failed, or why there is no verdict
+    told: str  # the test that failed, or the reason why there is no verdict
     seconds: float
 
 
 class Answer(NamedTuple):
-    """What became of a run of pytest; its exit code, None if it did not end."""
+    """Result of a pytest run; the exit code is None if it did not end."""
 
     code: int | None
     output: str
 
 
 class Copy:
-    """A copy of the tree in which faults come and go; the tree itself is never touched."""
+    """Copy of the tree in which faults are planted and removed. The tree itself is never changed."""
 
     def __init__(self, tree: Path, folder: Path) -> None:
         self.root, self.sound, self.planted = folder / "tree", folder / "sound", folder / "planted"
-        self._right: dict[str, bool] = {}  # whether a test passes as Python without a fault
+        self._right: dict[str, bool] = {}  # whether each test passes as Python without a fault
         shutil.copytree(tree, self.root, ignore=NOT_COPIED)
 
     def run(self, tests: Sequence[str], cache: Path | None, longest: float = LONGEST) -> Answer:
-        """Run tests in the copy up to the first failure, machine code in `cache`; None: kernels as Python."""
-        # -B: byte code is matched by seconds and size, a fault of the same length planted at once would not be seen.
+        """Run tests in the copy until the first failure, with machine code in `cache`; None: kernels as Python."""
+        # -B: byte code is matched by time in seconds and size; it would be reused for a fault of equal length.
         options = ("-x", "-q", "--tb=no", "-rfE", "-p", "no:cacheprovider")
         kernels = {"NUMBA_DISABLE_JIT": "1"} if cache is None else {"XDG_CACHE_HOME": str(cache)}
-        environment = os.environ | {"PYTHONPATH": str(self.root), "COLUMNS": "1000"} | kernels  # reasons in full
+        environment = os.environ | {"PYTHONPATH": str(self.root), "COLUMNS": "1000"} | kernels  # show reasons in full
         environment.pop("NUMBA_CACHE_DIR", None)
         process = subprocess.Popen(
             [sys.executable, "-B", "-m", "pytest", *options, *tests],
@@ -136,12 +136,12 @@ class Copy:
             return Answer(None, "")
         finally:
             with contextlib.suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)  # and whatever the tests have started
+                os.killpg(process.pid, signal.SIGKILL)  # also ends all processes started by the tests
             process.wait()
 
     @contextlib.contextmanager
     def holding(self, fault: Fault) -> Iterator[None]:
-        """Plant a fault, and take it out again."""
+        """Plant a fault for the block, then remove it."""
         path = self.root / fault.file
         sound = path.read_bytes()
         path.write_bytes(sound.replace(fault.find.encode(), fault.replace.encode()))
@@ -151,7 +151,7 @@ class Copy:
             path.write_bytes(sound)
 
     def judge(self, fault: Fault) -> Verdict:
-        """Whether its tests notice a fault."""
+        """Verdict on a fault."""
         found = fault.occurrences(self.root)
         if found != 1:
             return Verdict(STALE, f"its text is found {found} times in {fault.file}", 0.0)
@@ -159,15 +159,15 @@ class Copy:
         cache = self.planted if fault.compiled else self.sound
         with self.holding(fault):
             answer = self.run(fault.tests, cache)
-        shutil.rmtree(self.planted, ignore_errors=True)  # 20 MB of machine code that nobody asks for again
+        shutil.rmtree(self.planted, ignore_errors=True)  # 20 MB of machine code that is not used again
         return Verdict(*verdict(answer), time.monotonic() - start)
 
     def judge_as_python(self, fault: Fault) -> Verdict | None:
-        """Whether its tests notice a fault of a kernel that is not compiled; None where this does not tell.
+        """Verdict on a kernel fault with the kernels run as Python; None if inconclusive.
 
-        A test that fails so, and without the fault does not, would fail compiled: the formula is the same. One that
-        passes, is skipped, takes long, or ends in an error of Python's own (a division by zero, a place outside an
-        array: machine code goes on there), tells nothing.
+        A test that fails with the fault and passes without it would also fail compiled. The result is inconclusive if a
+        test passes, is skipped, takes long, or ends in an error that only Python raises. Machine code does not stop at
+        a division by zero or an index out of range.
         """
         if fault.occurrences(self.root) != 1:
             return None
@@ -188,12 +188,12 @@ class Copy:
 
 
 def verdict(answer: Answer) -> tuple[str, str]:
-    """Outcome, and the test that decided it; a fault that numba or Python cannot compile proves nothing."""
+    """Outcome and the deciding test. A fault that Numba or Python cannot compile proves nothing."""
     code, output = answer
     failed = re.search(r"^(?:FAILED|ERROR) (.*)$", output, re.MULTILINE)
     line = failed[1] if failed else ""
     if code is None:
-        return KILLED, f"no end within {LONGEST:.0f} s"
+        return KILLED, f"not finished within {LONGEST:.0f} s"
     if code < 0:
         return KILLED, f"the process died of signal {-code}"
     if code == 0:
@@ -207,6 +207,6 @@ def verdict(answer: Answer) -> tuple[str, str]:
 
 @contextlib.contextmanager
 def copied(tree: Path = ROOT) -> Iterator[Copy]:
-    """A copy of the tree for as long as it is needed; gone afterwards, whatever happened."""
+    """Context manager: a temporary copy of the tree, always removed at the end."""
     with tempfile.TemporaryDirectory(prefix="flexlink-faults-") as folder:
         yield Copy(tree, Path(folder))

@@ -1,4 +1,4 @@
-"""A liar for the study: functions of the library that are wrong by a little, and cases cut short to be lied to.
+"""Fault injection for the study: library functions with slightly wrong results, and shortened cases that use them.
 
-`lies.toml` says of every kind which case is run, how it is cut short, and what is wrong in it by how much.
+`lies.toml` lists for every kind the case, how it is shortened, and which result is wrong by how much.
 """

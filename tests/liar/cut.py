@@ -1,4 +1,4 @@
-"""Cases of the study cut short, and how often each is told a lie: `lies.toml`."""
+"""Shortened cases of the study, and the number of wrong results in each: `lies.toml`."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ FILE = Path(__file__).parent / "lies.toml"
 
 
 class Lie(Spec, frozen=True):
-    """What is wrong, by which part of itself, in which call, and the quantity that must fail.
+    """One wrong result: its quantity, relative error and call, and the quantity of the study that must fail.
 
-    One call alone is wrong, so that a mean, or the best of all, would hide it. Where `size` is above a millionth, `why`
-    says which limit is wider.
+    Only one call is wrong, so a mean or the best of all calls could hide it. If `size` is above 1e-6, `why` names the
+    limit that is wider.
     """
 
     of: str
@@ -41,13 +41,13 @@ class Lie(Spec, frozen=True):
     why: str = ""
 
     def at(self, calls: int) -> int | None:
-        """The number of the wrong call, of so many and from 0, negative ones from the end; None for every one."""
+        """Index of the wrong call, from 0, out of this number of calls; negative from the end; None: every call."""
         named = {"first": 0, "middle": calls // 2, "last": calls - 1, "every": None}
         return named[self.call] if isinstance(self.call, str) else self.call % max(calls, 1)
 
 
 class Cut(Spec, frozen=True):
-    """A case cut short: other settings, fewer scenes, rows of quantities that are then measured less often."""
+    """A shortened case: other settings, fewer scenes, quantities that are measured less often."""
 
     kind: str
     case: str
@@ -56,15 +56,15 @@ class Cut(Spec, frozen=True):
     scenes: tuple[str, ...] = ()
     rows: dict[str, int] = msgspec.field(default_factory=dict)
     only: tuple[str, ...] = ()  # quantities; default: all
-    change: dict[str, Any] = msgspec.field(default_factory=dict)  # of all scenes
-    stand_in: dict[str, str] = msgspec.field(default_factory=dict)  # engine that may be missing → the one in its place
+    change: dict[str, Any] = msgspec.field(default_factory=dict)  # changes of all scenes
+    stand_in: dict[str, str] = msgspec.field(default_factory=dict)  # engine that may be missing → its substitute
 
     def __str__(self) -> str:
         return self.case
 
     @property
     def made(self) -> Case:
-        """The case."""
+        """The shortened case."""
         case = next(iter(load_case(CASES / f"{self.case}.toml").divided()))
         kept = {name: each for name, each in case.quantity.items() if not self.only or name in self.only}
         return msgspec.structs.replace(
@@ -74,7 +74,7 @@ class Cut(Spec, frozen=True):
         )  # fmt: skip
 
     def rows_of(self, left_out: int = 0) -> list[Row]:
-        """Its judged rows, the last scenes left out."""
+        """Its checked rows, without the last scenes."""
         case = self.made
 
         def files(of: Case) -> list[Path]:
@@ -96,12 +96,12 @@ class Cut(Spec, frozen=True):
 
 
 JUDGES = ("validation.oracles.manufactured.torque_pieces", "validation.kinds.judge_trees._exact")
-"""Functions of many digits that nobody lies to."""
+"""High-precision functions that are never wrong."""
 
 
 @contextlib.contextmanager
 def remembering_judges() -> Iterator[None]:
-    """What a judge has found of a chain and its state stays the same, whatever lies the library tells."""
+    """Cache the results that a check computes for a chain and its state, whatever the injected fault."""
     found: dict[tuple[str, bytes], Any] = {}
 
     def by(path: str, judge: Callable[..., Any]) -> Callable[..., Any]:
@@ -121,7 +121,7 @@ def remembering_judges() -> Iterator[None]:
 
 
 def load() -> list[Cut]:
-    """All of them."""
+    """All injected faults."""
     raw = documents.read_toml(FILE)
     return [
         decode({"kind": kind} | {"case": kind} | each, Cut, kind)
@@ -132,6 +132,6 @@ def load() -> list[Cut]:
 
 
 def not_lied_to() -> dict[str, str]:
-    """Kinds that nobody lies to yet, and why."""
+    """Kinds without an injected fault, and why."""
     found: dict[str, str] = documents.read_toml(FILE)["not_lied_to"]
     return found

@@ -1,4 +1,4 @@
-"""What can be wrong, and how: functions by what they give, and values of every type that is given, off by a part."""
+"""Injected faults: functions by their results, and results of every type with a relative error."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from flexlink.dynamics.equilibrium import Equilibrium
 from flexlink.results.trajectory import Trajectory
 
 Wrong = Callable[[Any, float], Any]
-"""A value, and by which part of itself it is wrong → the wrong value."""
+"""Function (value, relative error) → wrong value."""
 
 CALLERS = "validation", "flexlink.diagnosis.native", "flexlink.diagnosis.comparison"
-"""What calls the liar in place of the library: the study, and the library as an engine; the library keeps its own."""
+"""Modules that call the wrong function: the study, and the library as an engine. The library calls the right one."""
 
 
 def scaled(value: Any, size: float) -> Any:
-    """Every number of a value times 1 + size."""
+    """Multiply every number by 1 + size."""
     if isinstance(value, tuple) and hasattr(value, "_fields"):
         return type(value)(*(scaled(part, size) for part in value))
     if isinstance(value, Equilibrium):
@@ -43,7 +43,7 @@ def scaled(value: Any, size: float) -> Any:
 
 
 def one_sample(run: Trajectory, size: float, row: int | None = None) -> Trajectory:
-    """A run of which the sample in the middle is wrong."""
+    """Run with a wrong sample in the middle."""
     factor = np.ones((len(run.t), 1))
     factor[len(run.t) // 2 if row is None else row] += size
     energy = Energy(run.energy.kinetic, run.energy.gravity, run.energy.elastic * factor[:, 0])
@@ -52,29 +52,29 @@ def one_sample(run: Trajectory, size: float, row: int | None = None) -> Trajecto
 
 
 def at_the_end(run: Trajectory, size: float) -> Trajectory:
-    """A run of which the last sample is wrong."""
+    """Run with a wrong last sample."""
     return one_sample(run, size, -1)
 
 
 def total_energy(run: Trajectory, size: float) -> Trajectory:
-    """A run whose energy jumps half-way by a part of the largest kinetic energy."""
+    """Run whose energy jumps half-way by a fraction of the largest kinetic energy."""
     jump = np.zeros(len(run.t))
     jump[len(run.t) // 2] = size * np.max(run.energy.kinetic)
     return dataclasses.replace(run, energy=dataclasses.replace(run.energy, elastic=run.energy.elastic + jump))
 
 
 def decaying(run: Trajectory, size: float) -> Trajectory:
-    """A run that decays by so much more until its end."""
+    """Run that decays faster towards its end."""
     return dataclasses.replace(run, tip=run.tip * np.exp(-size * run.t / run.t[-1])[:, None])
 
 
 def sensors(run: Trajectory, size: float) -> Trajectory:
-    """A run whose columns are wrong in the middle, as a dictionary in place of columns."""
+    """Run with columns that are wrong in the middle, as a dictionary."""
     return WrongColumns(run, size)  # type: ignore[return-value]
 
 
 class WrongColumns:
-    """A run of which every column has a wrong sample."""
+    """Run with one wrong sample in every column."""
 
     def __init__(self, run: Trajectory, size: float) -> None:
         self.t, middle = run.t, len(run.t) // 2
@@ -85,24 +85,24 @@ class WrongColumns:
 
 
 def floating(run: Trajectory, size: float) -> Trajectory:
-    """A run whose free base is wrong in attitude, spin and momentum."""
+    """Run with wrong attitude, angular rate and momentum of the free base."""
     return dataclasses.replace(run, base=scaled(run.base, size))
 
 
 def weights(method: Method, size: float) -> Method:
-    """A Runge-Kutta method that gives a part of its second weight to the first."""
+    """Runge-Kutta method with part of its second weight moved to the first."""
     moved = Fraction(size)
     first, second, *rest = map(Fraction, method.b or ())
     return msgspec.structs.replace(method, b=(str(first + moved), str(second - moved), *map(str, rest)))
 
 
 def negative(value: Any, size: float) -> Any:
-    """A matrix with its sign turned round."""
+    """Matrix with the opposite sign."""
     return -size * value
 
 
 class Function(NamedTuple):
-    """A function or method of the library, "module:name" or "module:Class.name", and how what it gives is wrong."""
+    """Function or method of the library, "module:name" or "module:Class.name", and how its result is wrong."""
 
     path: str
     wrong: Wrong = scaled
@@ -142,12 +142,12 @@ LIES = {
     "run": Function("flexlink.motion.simulate:SingleRun.finish", one_sample),
     "weights": Function("flexlink.describe.schemes.methods:method", weights),
 }
-"""What the study can be told wrong."""
+"""All results that can be made wrong."""
 
 
 @contextlib.contextmanager
 def replaced(function: Function, by: Callable[[Callable[..., Any]], Callable[..., Any]]) -> Iterator[None]:
-    """Everybody of `CALLERS` who has imported a function gets another one."""
+    """Replace a function in all modules of `CALLERS` that import it."""
     module = importlib.import_module(function.path.partition(":")[0])
     owner, _, name = function.path.partition(":")[2].rpartition(".")
     holder = getattr(module, owner) if owner else module
@@ -155,7 +155,7 @@ def replaced(function: Function, by: Callable[[Callable[..., Any]], Callable[...
     liar = by(honest)
     public = {"flexlink", *(f"flexlink.{each}" for each in ("details", "fits", "measures", "small_motion", "strength"))}
     for each in map(importlib.import_module, public):
-        for lazily in each.__all__:  # or it would be looked up while it lies, and kept
+        for lazily in each.__all__:  # or it would be imported and cached during the fault
             getattr(each, lazily)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(holder, name, liar)
@@ -168,7 +168,7 @@ def replaced(function: Function, by: Callable[[Callable[..., Any]], Callable[...
 
 @contextlib.contextmanager
 def told(name: str, size: float, at: int | None) -> Iterator[list[int]]:
-    """A lie in call number `at`, in every call without; what is given counts the calls."""
+    """Inject a fault into call number `at`, into every call if None; yields the counter of calls."""
     function, calls = LIES[name], [0]
 
     def by(honest: Callable[..., Any]) -> Callable[..., Any]:

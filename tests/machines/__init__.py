@@ -1,10 +1,10 @@
-"""The tests as other computers: BLAS, NumPy and our own kernels of other CPUs, other Pythons, less of a machine.
+"""Run the tests as on other computers: BLAS, NumPy and flexlink kernels of other CPUs, other Pythons, fewer resources.
 
-    python -m tests.machines                 the whole suite as every one of them
-    python -m tests.machines --quick         those of .ci/run, with few of all fast tests
-    python -m tests.machines noise           a CPU that nobody has: what hangs on rounding fails there first
-    python -m tests.machines oldest -- -x    one of them; after -- what pytest takes
+    python -m tests.machines                 the full suite on every machine
+    python -m tests.machines --quick         the machines of .ci/run, with a selection of fast tests
+    python -m tests.machines noise           a fictitious CPU: tests that depend on rounding fail there first
+    python -m tests.machines oldest -- -x    one machine; options of pytest after --
 
-Machines are data (`machines.toml`). What this computer cannot be, an AVX-512 server without AVX-512, or a Python that
-is not installed, is skipped and said.
+Machines are data (`machines.toml`). A machine that this computer cannot emulate (AVX-512 without AVX-512, a Python
+that is not installed) is skipped, with a message.
 """

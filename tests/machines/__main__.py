@@ -1,6 +1,6 @@
-"""python -m tests.machines [name ...] [--quick] [-- pytest's options]: run the tests as other computers.
+"""python -m tests.machines [name ...] [--quick] [-- pytest's options]: run the tests as on other computers.
 
-Exit code 0: they pass on every machine that this computer can be; 1: not so; 2: wrong call; 130: interrupted.
+Exit codes: 0, they pass on every available machine; 1, they fail; 2, wrong call; 130, interrupted.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.machines", description=__doc__)
     parser.add_argument("name", nargs="*", help="a machine (default: all)")
     parser.add_argument("--list", action="store_true", help="only list them")
-    parser.add_argument("--quick", action="store_true", help="few machines, fast tests, of those with parameters two")
-    parser.add_argument("--files", nargs="+", default=[], help="these tests instead of all")
-    parser.add_argument("--python", action="append", default=[], metavar="python3.13=PATH", help="where a Python is")
+    parser.add_argument("--quick", action="store_true", help="few machines, fast tests, two parameter sets per test")
+    parser.add_argument("--files", nargs="+", default=[], help="run only these tests")
+    parser.add_argument("--python", action="append", default=[], metavar="python3.13=PATH", help="path of a Python")
     choice = parser.parse_args(own)
     try:
         machines = select(choice.name)

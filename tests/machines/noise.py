@@ -1,10 +1,10 @@
-"""Another CPU's rounding: what NumPy's and SciPy's linear algebra take and give, moved in its last places.
+"""Rounding of another CPU: perturb inputs and outputs of NumPy's and SciPy's linear algebra in the last digits.
 
-A plugin of pytest (`-p tests.machines.noise`). LAPACK's results are those of matrices beside the ones it is given, and
-which ones, the CPU decides. Numbers that go in are moved by half an ulp at most, as if rounded once more, those that
-come out by 2 eps; signs of eigenvectors and singular vectors, and the order of eigenvalues that have none, are drawn.
-The same input gives the same output; NOISE_SEED, another number, draws anew. Numbers of few bits, 0 and 1 among them,
-are exact everywhere, and stay.
+A plugin of pytest (`-p tests.machines.noise`). LAPACK's results are exact for slightly perturbed matrices, and the
+perturbation depends on the CPU. Inputs change by half an ulp at most, like one more rounding, and outputs by 2 eps.
+Signs of eigenvectors and singular vectors, and the order of unordered eigenvalues, are random.
+Equal inputs give equal outputs; another NOISE_SEED gives other noise. Numbers with few bits, such as 0 and 1, are exact
+on every CPU and stay unchanged.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ import scipy.sparse.linalg
 
 EPS = np.finfo(float).eps
 IN, OUT = EPS / 2, 2 * EPS
-"""Largest relative changes. More than half an ulp on the way in would lift what is lost over the default of `rcond`."""
+"""Largest relative changes. More than half an ulp at the inputs would lift zero singular values above `rcond`."""
 EXACT = (1 << 20) - 1
-"""Last bits that are all 0 of a number that was never rounded; of a millionth of the others, too."""
+"""Trailing bits that are 0 in exact numbers (and in one of a million rounded numbers)."""
 SEED = int(os.environ.get("NOISE_SEED", "1"))
 
 SYMMETRIC = {"eigh", "eigvalsh", "cholesky", "cho_factor"}
@@ -42,7 +42,7 @@ NAMES = {
 
 
 def moved(x: Any, by: float, ξ: np.random.Generator, *, symmetric: bool = False) -> Any:
-    """Numbers with noise; what holds none is given back as it is."""
+    """Add noise to numbers; return anything else unchanged."""
     if isinstance(x, (tuple, list)):
         several = [moved(one, by, ξ, symmetric=symmetric) for one in x]
         return type(x)(*several) if hasattr(x, "_fields") else type(x)(several)
@@ -59,7 +59,7 @@ def moved(x: Any, by: float, ξ: np.random.Generator, *, symmetric: bool = False
 
 
 def as_elsewhere(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function as on another CPU."""
+    """Wrap the function to behave as on another CPU."""
     name = function.__name__
     own = zlib.crc32(name.encode(), SEED)
 
@@ -68,7 +68,7 @@ def as_elsewhere(function: Callable[..., Any]) -> Callable[..., Any]:
         key = own
         for one in (*given, *keywords.values()):
             key = zlib.crc32(one.tobytes(), key) if isinstance(one, np.ndarray) else key
-        if name == "norm":  # the most frequent by far, a sum of squares: only its result moves, all of it by as much
+        if name == "norm":  # the most frequent by far, a sum of squares: perturb only its result, by one factor
             found = np.asarray(function(*given, **keywords), dtype=np.float64)
             rounded = (found.view(np.int64) & EXACT) != 0
             return np.where(rounded, found * (1 + OUT * (key / 2**31 - 1)), found)[()]
@@ -80,12 +80,12 @@ def as_elsewhere(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _drawn(name: str, found: Any, ξ: np.random.Generator) -> Any:
-    """What no norm fixes: signs of vectors, and the order of values that have none; those that have one keep it."""
+    """Randomize what LAPACK leaves open: signs of vectors, and the order of unordered values."""
     several = list(found) if isinstance(found, tuple) else [found]
     if name in ANY_ORDER and several[0].ndim == 1:
         pairs, order = _shuffled(several[0], ξ)
         for one in several:
-            one[..., [k + 1 for k in pairs]] = one[..., pairs].conj()  # to the bit, as LAPACK has them
+            one[..., [k + 1 for k in pairs]] = one[..., pairs].conj()  # equal to the bit, as in LAPACK
         several = [one[..., order] for one in several]
     at = int(name == "svd" and len(several) == 3)
     if name in RISING:
@@ -104,7 +104,7 @@ def _drawn(name: str, found: Any, ξ: np.random.Generator) -> Any:
 
 
 def _shuffled(values: Any, ξ: np.random.Generator) -> tuple[list[int], list[int]]:
-    """Where conjugate pairs begin, and any order in which they stay together."""
+    """First indices of conjugate pairs, and a random order that keeps pairs together."""
     ahead = zip(values, np.append(values[1:], np.nan), strict=True)
     pairs = [k for k, (λ, other) in enumerate(ahead) if np.imag(λ) > 0 and abs(other - np.conj(λ)) <= 8 * EPS * abs(λ)]
     groups = [[k, k + 1] if k in pairs else [k] for k in range(len(values)) if k - 1 not in pairs]
@@ -113,7 +113,7 @@ def _shuffled(values: Any, ξ: np.random.Generator) -> tuple[list[int], list[int
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_load_initial_conftests() -> None:
-    """Put the noise in place before anybody has taken a function by its name."""
+    """Install the noise before other modules import the functions by name."""
     modules: dict[str, ModuleType] = {
         "numpy": np, "numpy.linalg": np.linalg, "scipy.linalg": scipy.linalg, "scipy.sparse.linalg": scipy.sparse.linalg
     }  # fmt: skip

@@ -1,6 +1,6 @@
-"""`python -OO`, as far as flexlink sees it: its modules without asserts and docstrings, while tests keep their own.
+"""Emulate `python -OO` for flexlink only: its modules lose asserts and docstrings, tests keep theirs.
 
-A plugin of pytest (`-p tests.machines.optimised`). Processes that tests start are `-OO` as a whole.
+A plugin of pytest (`-p tests.machines.optimised`). Processes started by tests run with `-OO`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ OWN = SourceFileLoader.get_code
 
 
 def get_code(self: SourceFileLoader, fullname: str) -> CodeType | None:
-    """The code of a module, of flexlink's from the source, whatever is kept on disk."""
+    """Return the code of a module; modules of flexlink are compiled from source, not from cached byte code."""
     if fullname.partition(".")[0] != "flexlink":
         return OWN(self, fullname)
     path = self.get_filename(fullname)
@@ -26,6 +26,6 @@ def get_code(self: SourceFileLoader, fullname: str) -> CodeType | None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_load_initial_conftests() -> None:
-    """Load flexlink so from now on."""
+    """Install the loader for flexlink."""
     SourceFileLoader.get_code = get_code  # type: ignore[method-assign]
     os.environ["PYTHONOPTIMIZE"] = "2"

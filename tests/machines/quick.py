@@ -1,7 +1,7 @@
-"""Few of all fast tests, whatever is added: of one with several sets of parameters the first and the last.
+"""Select a few fast tests: of each parametrized test only the first and the last parameter set.
 
-A plugin of pytest (`-p tests.machines.quick`). Which tests a CPU can move, nobody knows before one has; a list
-of those it has ever moved left out all that was added since.
+A plugin of pytest (`-p tests.machines.quick`). A fixed list of the tests that a CPU has ever affected
+would omit all new tests.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import pytest
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out the sets between."""
+    """Deselect the parameter sets between."""
     ends: dict[str, list[pytest.Item]] = {}
     for item in items:
         ends.setdefault(item.nodeid.partition("[")[0], []).append(item)

@@ -1,4 +1,4 @@
-"""Machines as data, whether this computer can be one of them, and the tests as one of them."""
+"""Machines as data, whether this computer can emulate them, and the tests on one of them."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ QUICK = "tests.machines.quick"
 
 
 class Machine(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A computer; `env` makes this one it."""
+    """A computer to emulate with the environment variables `env`."""
 
     name: str
     reason: str
     env: dict[str, str] = {}
-    needs: frozenset[str] = frozenset()  # flags of this computer's CPU, which the chosen kernels use
-    best: bool = False  # OpenBLAS takes these kernels by itself where the CPU has what they need
-    python: str = ""  # command; "": the one that runs this
+    needs: frozenset[str] = frozenset()  # CPU flags that the chosen kernels need
+    best: bool = False  # OpenBLAS chooses these kernels by itself on a CPU with these flags
+    python: str = ""  # command; "": the current one
     cores: int = 0  # 0: all
-    plugin: str = ""  # of pytest, what environment variables cannot do
-    files: tuple[str, ...] = ()  # tests that run there; none: all
-    without: tuple[str, ...] = ()  # tests that do not
+    plugin: str = ""  # pytest plugin for what environment variables cannot do
+    files: tuple[str, ...] = ()  # tests that run there; empty: all
+    without: tuple[str, ...] = ()  # tests that are left out
     fast: bool = False  # without slow tests
     quick: bool = False
 
@@ -45,7 +45,7 @@ class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Outcome(NamedTuple):
-    """What became of the tests as one machine."""
+    """Result of the tests on one machine."""
 
     code: int  # pytest's
     counts: str  # "3 failed, 12 passed"
@@ -57,12 +57,12 @@ FILE = msgspec.toml.decode((HERE / "machines.toml").read_bytes(), type=_File)
 
 
 def select(names: Sequence[str]) -> list[Machine]:
-    """The machines of these names, in the order of the file; all of them without names.
+    """Machines with these names, in the order of the file; all if there are no names.
 
     Raises
     ------
     LookupError
-        There is no machine of a name.
+        A name is unknown.
     """
     known = [machine.name for machine in FILE.machine]
     for name in names:
@@ -72,32 +72,32 @@ def select(names: Sequence[str]) -> list[Machine]:
 
 
 def missing(machine: Machine) -> str:
-    """Why this computer cannot be the machine; empty if it can."""
+    """Reason why this computer cannot emulate the machine; empty if it can."""
     if machine.needs and not CPU_FLAGS.is_file():
-        return "needs Linux, to know what the CPU has"
+        return "needs Linux to read the CPU flags"
     if lacking := machine.needs - flags():
         return f"this CPU has no {', '.join(sorted(lacking))}, and OpenBLAS's kernels would crash"
     if machine.cores and not hasattr(os, "sched_setaffinity"):
-        return "needs Linux, to leave cores away"
+        return "needs Linux to limit the cores"
     if machine.python and not works(machine.python):
-        return f"{machine.python} is not installed; --python names one"
+        return f"{machine.python} is not installed; specify its path with --python"
     return ""
 
 
 def is_already(machine: Machine) -> bool:
-    """Whether this computer is the machine without being told to, so that its own tests were that machine's."""
+    """Return whether this computer already is the machine, so its normal tests cover it."""
     return machine.best and machine.needs <= flags()
 
 
 def flags() -> frozenset[str]:
-    """What the CPU has, as Linux calls it; nothing elsewhere."""
+    """CPU flags as named by Linux; empty on other systems."""
     text = CPU_FLAGS.read_text(encoding="utf-8") if CPU_FLAGS.is_file() else ""
     found = re.search(r"^flags\s*:(.*)$", text, re.MULTILINE)
     return frozenset(found[1].split() if found else ())
 
 
 def works(python: str) -> bool:
-    """Whether a command is a Python: pyenv's are there for versions that are not."""
+    """Return whether a command is a working Python: pyenv has commands for versions that are not installed."""
     found = shutil.which(python)
     return found is not None and subprocess.run([found, "-V"], capture_output=True, check=False).returncode == 0
 
@@ -109,7 +109,7 @@ def environment(machine: Machine, own: Mapping[str, str] = os.environ) -> dict[s
 
 @contextmanager
 def python_of(machine: Machine) -> Iterator[str]:
-    """The machine's Python with all that the tests need, in a virtual environment of its own if it is another one."""
+    """Python of the machine with all test requirements, in a virtual environment if it is not the current one."""
     if not machine.python:
         yield sys.executable
         return
@@ -122,7 +122,7 @@ def python_of(machine: Machine) -> Iterator[str]:
 
 
 def run_as(machine: Machine, files: Sequence[str], options: Sequence[str], *, quick: bool = False) -> Outcome:
-    """Run tests as a machine; `quick`: the fast ones, of those with parameters few."""
+    """Run the tests on a machine; `quick`: fast tests, few parameter sets."""
 
     def fewer_cores() -> None:
         os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: machine.cores])

@@ -1,4 +1,4 @@
-"""An arm of `chains/`, with what many claims need of it."""
+"""An arm of `chains/`, with cached results that many claims need."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ Array = NDArray[np.float64]
 FOLDER = Path(__file__).parent / "chains"
 EPS = np.finfo(float).eps
 FOURTH = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
-"""Weights of the central difference of fourth order."""
+"""Weights of the fourth-order central difference."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Case:
-    """A scene, and what is found of it once for all claims."""
+    """A scene and its results, computed once for all claims."""
 
     scene: fl.Scene
 
@@ -32,60 +32,60 @@ class Case:
 
     @functools.cached_property
     def run(self) -> fl.Trajectory:
-        """The run of the file as it stands: fixed steps of RK4."""
+        """Run of the unchanged file: fixed steps of RK4."""
         return fl.simulate(self.scene)
 
     @functools.cached_property
     def half(self) -> fl.Trajectory:
-        """The same in steps of half the size."""
+        """Run with half the step."""
         return fl.simulate(self.scene, step=self.scene.run.step / 2)
 
     @functools.cached_property
     def truth(self) -> fl.Trajectory:
-        """The same in steps of an eighth."""
+        """Run with an eighth of the step."""
         return fl.simulate(self.scene, step=self.scene.run.step / 8)
 
     @property
     def mass(self) -> str:
-        """Path of a mass at the end of the last link."""
+        """Path of the mass at the end of the last link."""
         return f"link.{self.scene.arm.links[-1].name}.end.mass"
 
     @property
     def tip(self) -> str | None:
-        """The tip at which the wrench acts, by name."""
+        """Name of the tip with the wrench."""
         return self.scene.wrench.on or None
 
     @functools.cached_property
     def free(self) -> NDArray[np.intp]:
-        """Coordinates whose motion is not prescribed."""
+        """Coordinates without prescribed motion."""
         return np.flatnonzero(self.chain.hinges["prescribed"] == 0)
 
     @functools.cached_property
     def passive(self) -> NDArray[np.intp]:
-        """Those of links, gears and roots, and of a base that floats."""
+        """Hinges of links, gears and roots, and the coordinates of a floating base."""
         return np.setdiff1d(np.arange(self.chain.n), [*self.chain.active, *self.chain.internal])
 
     @property
     def held(self) -> list[str]:
-        """All joints that can be driven, by name."""
+        """Names of all joints that can be driven."""
         return [self.chain.joint_name(k) for k in self.chain.active]
 
     def start(self) -> tuple[Array, Array]:
         return fl.initial_state(self.scene, self.chain)
 
     def state(self, seed: int = 0) -> tuple[Array, Array, Array, Array]:
-        """Angles, rates, torques and a wrench of any motion; hinges of links bend by a tenth of a radian."""
+        """Angles, rates, torques and a wrench of a random motion; hinges of links bend by about 0.1 rad."""
         rng, n = np.random.default_rng(seed), self.chain.n
         bend = np.full(n, 0.1)
         bend[self.chain.active] = 1.0
         return self.start()[0] + bend * rng.normal(size=n), rng.normal(size=n), rng.normal(size=n), rng.normal(size=6)
 
     def heavier(self, mass: float) -> fl.Scene:
-        """The scene with that mass more at the end of its last link."""
+        """Return the scene with this mass added at the end of its last link."""
         return self.scene.varied({self.mass: self.scene.arm.links[-1].end.mass + mass})
 
     def damped(self, loss_time: float) -> dict[str, Any]:
-        """Changes by which all dampers of springs are in proportion to those."""
+        """Changes that make all dampers of springs proportional to the springs."""
         arm = self.scene.arm
         found: dict[str, Any] = {f"material.{name}.loss_time": loss_time for name in arm.materials}
         found |= {f"rigidity.{name}.loss_time": loss_time for name in arm.rigidities}
@@ -110,12 +110,12 @@ def names() -> list[str]:
 
 
 def difference(f: Callable[[float], Any], h: float = 1e-3) -> Array:
-    """f'(0), to fourth order."""
+    """f'(0), fourth order."""
     return np.asarray(sum(w * np.asarray(f(s * h)) for s, w in FOURTH.items()) / h, dtype=float)
 
 
 def close(found: Any, wanted: Any, relative: float, absolute: float = 0.0) -> None:
-    """As parts of the largest number of what is wanted."""
+    """Check the error relative to the largest expected number."""
     found, wanted = np.asarray(found), np.asarray(wanted)
     assert found.shape == wanted.shape
     limit = relative * np.abs(wanted).max(initial=0.0) + absolute

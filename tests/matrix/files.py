@@ -1,4 +1,4 @@
-"""Claims of files, of engines that read them, and of units."""
+"""Claims about files, engines that read them, and units."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from matrix.case import Case, close
 
 ENGINES = ("mujoco", "pinocchio")
 LENGTH, MASS, TIME = 4.0, 16.0, 0.25
-"""Units of which numbers are scaled: squares of powers of two, so that roots round alike."""
+"""Factors of units: even powers of two, so square roots round alike."""
 SIZES = {
     "m": LENGTH, "kg": MASS, "s": TIME, "Hz": 1 / TIME, "N": MASS * LENGTH / TIME**2, "Pa": MASS / LENGTH / TIME**2,
     "rad": 1.0, "deg": 1.0, "1": 1.0,
@@ -26,7 +26,7 @@ POWERS = {"²": 2, "³": 3}
 
 
 def toml(case: Case) -> None:
-    """A scene that is written is the scene, and so is one that other files hold."""
+    """A written scene reads back equal, also when its data are in separate files."""
     with tempfile.TemporaryDirectory() as folder:
         path = case.scene.save(Path(folder) / "again.toml")
         assert fl.load_scene(path) == case.scene
@@ -34,7 +34,7 @@ def toml(case: Case) -> None:
 
 
 def formats(case: Case) -> None:
-    """URDF and SDF say the whole chain again: equal mass matrices, weights and springs, to the bit."""
+    """URDF and SDF contain the complete chain: mass matrices, gravity and springs are equal to the bit."""
     q, qd, _, _ = case.state()
     for format in FORMATS.values():
         if format.read is None:
@@ -49,19 +49,19 @@ def formats(case: Case) -> None:
 
 
 def engines(case: Case) -> None:
-    """What other engines make of an export: M, bias, accelerations, energy, places, as far as rounding lets them."""
+    """Other engines reproduce M, bias, accelerations, energy and positions from an export, to rounding."""
     found = fl.compare(case.scene, engines=ENGINES, samples=3)
     assert found.passed, str(found)
 
 
 def engine_runs(case: Case) -> None:
-    """The same steps in other engines."""
+    """Other engines make the same steps."""
     found = fl.compare_trajectories(case.scene, engines=ENGINES, duration=0.008)
     assert found.passed, str(found)
 
 
 def units(case: Case) -> None:
-    """A scene in other units of length, mass and time moves as it does."""
+    """A scene in other units of length, mass and time moves alike."""
     scene = case.scene.varied({"sensor": None, **({"air_density": 1.225} if len(case.chain.drag) else {})})
     run, other = fl.simulate(scene), fl.simulate(scene_from(_scaled(scene, scene.document(), [])))
     lengths = np.where(case.chain.slides, LENGTH, 1.0)
@@ -75,7 +75,7 @@ def units(case: Case) -> None:
 
 
 def _scaled(scene: fl.Scene, node: Any, path: list[str]) -> Any:
-    """A document's numbers in the new units, which the sentences of its fields name."""
+    """Convert the numbers of a document to the new units, which are read from the field descriptions."""
     if isinstance(node, dict):
         return {key: _scaled(scene, value, [*path, key]) for key, value in node.items()}
     if isinstance(node, list | tuple) and node and isinstance(node[0], dict):
@@ -87,19 +87,19 @@ def _scaled(scene: fl.Scene, node: Any, path: list[str]) -> Any:
 
 def _size(scene: fl.Scene, path: list[str]) -> Any:
     slides = np.array(scene.arm.slides)
-    turning = np.where(slides, 1.0, LENGTH) * SIZES["N"]  # N of a joint that slides, N m of one that turns
+    turning = np.where(slides, 1.0, LENGTH) * SIZES["N"]  # N for a sliding joint, N m for a turning one
     rows = {"torque": turning, "torques": turning, "effort": turning, "kp": turning * np.where(slides, 1 / LENGTH, 1.0)}
     rows["kd"] = rows["kp"] * TIME
     if path[0] == "drive" and path[-1] in rows:
         computed = {"kp": TIME**-2, "kd": 1 / TIME}
         return computed.get(path[-1], rows[path[-1]]) if scene.drive.kind == "computed_torque" else rows[path[-1]]
     if path[:2] in (["initial", "q"], ["initial", "qd"]):
-        return TIME ** -(path[1] == "qd")  # of chains that do not slide
+        return TIME ** -(path[1] == "qd")  # for chains without sliding joints
     return size(unit_of(scene, ".".join(path)))
 
 
 def size(unit: str) -> float:
-    """What one of a unit is in the new ones.
+    """Size of one unit in the new units.
 
     >>> print(size("N m s/rad"), size("kg/m³"), size(""))
     16384.0 0.25 1.0

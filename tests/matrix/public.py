@@ -1,4 +1,4 @@
-"""Every public function does what it is for, or refuses by name: no NaN comes out, and no traceback."""
+"""Every public function works on every arm, or refuses with a FlexlinkError: no NaN, no traceback."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Call = Callable[[Case, Path], Any]
 
 
 def _turning(function: Callable[..., Any]) -> Call:
-    """With the first joint at a steady rate, all others held, and no weight."""
+    """Solve with the first joint at a steady rate, all others held, without gravity."""
 
     def call(case: Case, _: Path) -> Any:
         chain = fl.lump(case.scene.varied({"gravity": (0.0, 0.0, 0.0)}))
@@ -30,7 +30,7 @@ def _turning(function: Callable[..., Any]) -> Call:
 
 
 def _report(case: Case, folder: Path) -> None:
-    """No chapter has ended in an error that nobody has worded."""
+    """Check that no section of the report ended in an unexpected exception."""
     chapters = fl.report(case.scene, folder / "report").chapters
     assert not [chapter.failure for chapter in chapters if re.match(r"[A-Z]\w*: ", chapter.failure or "")]
 
@@ -41,7 +41,7 @@ def _sweep(case: Case, folder: Path) -> Any:
 
 
 def _problem(case: Case) -> fl.fits.FitProblem:
-    """A mass that is sought in the run of one with 0.2 kg more."""
+    """Identify a mass from the run of a scene with 0.2 kg more."""
     scene = case.heavier(0.1)
     run = fl.simulate(case.heavier(0.2))
     columns = {name: tuple(column) for name, column in run.columns.items() if name[:2] in ("t ", "q ", "qd")}
@@ -67,7 +67,7 @@ def _stored_sweep(case: Case, folder: Path) -> Any:
 
 
 def _imported(case: Case, folder: Path) -> Any:
-    """The arm as a robot of others: without the part in which flexlink says the rest."""
+    """Treat the arm as a third-party robot, without flexlink's own elements."""
     root = ElementTree.fromstring(fl.to_urdf(case.chain))
     for parent in list(root.iter()):
         for own in parent.findall("flexlink"):
@@ -77,7 +77,7 @@ def _imported(case: Case, folder: Path) -> Any:
 
 
 def _of_state(function: Callable[..., Any], count: int, **options: Any) -> Call:
-    """A function of a chain and the first parts of a state."""
+    """Wrap a function of a chain and the first parts of a state."""
     return lambda case, _: function(case.chain, *case.state()[:count], **options)
 
 
@@ -144,15 +144,15 @@ ONLY = {
     "public:fit": ("cart", "cells_space", "drag", "free", "motion", "root", "sampled", "tree_slide", "wheel"),
     "public:report": ("cart", "sensors", "tree_cells"),
 }
-"""Functions that take long, and for which chains they do."""
+"""Slow functions, and the chains for which they are slow."""
 SLOW = {"public:fit", "public:report"}
 SLOW_CHAINS = {"engine_runs": "free*", "statics": "free*", "public:solve_static": "free*"}
 MAY_BE_NAN = {"natural_frequencies", "advise.converged_tip", "advise.error"}
-"""Of postures that do not last, and of arms for which no rule was fine enough."""
+"""Expected results: unstable equilibria, and arms for which no rule was accurate enough."""
 
 
 def supports(name: str, case: Case) -> None:
-    """The function returns, without NaN."""
+    """Check that the function returns without NaN."""
     with tempfile.TemporaryDirectory() as folder:
         _finite(name, TABLE[name](case, Path(folder)))
 
@@ -174,6 +174,6 @@ CLAIMS = {f"public:{name}": functools.partial(supports, name) for name in TABLE}
 
 
 def uncalled() -> set[str]:
-    """Public functions that no row calls."""
+    """Public functions that no claim calls."""
     public = {name for name in fl.__all__ if inspect.isfunction(getattr(fl, name))}
     return public - set(TABLE)

@@ -1,4 +1,4 @@
-"""Claims of arms at rest, and of small motion about it."""
+"""Claims about arms at rest, and small motion about it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from matrix.case import Case, close, difference
 
 
 def statics(case: Case) -> None:
-    """Springs, weight and wrench balance where a posture of rest is; a held joint takes its torque."""
+    """At an equilibrium, springs, gravity and wrench balance; held joints need their holding torque."""
     wrench, (q, _) = 0.1 * case.state()[3], case.start()
     found = fl.solve_static(case.chain, q, tip_wrench=wrench, locked=case.held)
     J = fl.jacobian(case.chain, found.q, tip=case.tip)
@@ -23,7 +23,7 @@ def statics(case: Case) -> None:
 
 
 def slow_run(case: Case) -> None:
-    """Where a run ends whose joints are locked, and whose springs are well damped."""
+    """An equilibrium is the final state of a run with locked joints and well damped springs."""
     changes = {"drive": None, "motion": None, "sensor": None, "initial.q": None, "initial.qd": None}
     changes |= {"initial.rate_deg": None, "initial.rate_m": None}
     changes |= {f"link.{link.name}.joint.locked": True for link in case.scene.arm.links} | case.damped(0.1)
@@ -34,7 +34,7 @@ def slow_run(case: Case) -> None:
 
 
 def modes(case: Case) -> None:
-    """Eigenvalues λ of M λ² + (D + G) λ + K, of differences of torques, about a posture and in motion."""
+    """Modes about an equilibrium and in motion solve λ² M + λ (D + G) + K, with matrices from torque differences."""
     q, qd, _, _ = case.state()
     rows, n = np.ix_(case.free, case.free), len(case.free)
     for rates in (0.0 * qd, 0.3 * qd):
@@ -44,7 +44,7 @@ def modes(case: Case) -> None:
 
 
 def _matrices(chain: fl.Chain, q: np.ndarray, qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """M, slopes of torques along angles, and along rates; those of joints' friction are about rest."""
+    """M and the derivatives of torques with respect to angles and rates; joint friction is linearized about rest."""
 
     def torques(q: np.ndarray, qd: np.ndarray) -> np.ndarray:
         return fl.bias_torque(chain, q, qd) + fl.elastic_torque(chain, q) + force_torque(chain, q, qd)
@@ -62,18 +62,18 @@ def _matrices(chain: fl.Chain, q: np.ndarray, qd: np.ndarray) -> tuple[np.ndarra
 
 
 def _paired(found: np.ndarray, dense: np.ndarray) -> None:
-    """Every eigenvalue has one of the others beside it, a double one to the root of what slopes are off by."""
+    """Each eigenvalue is close to one of the others; double eigenvalues have the square root of the error."""
     size = np.abs(dense).max()
     for value in found:
         assert np.abs(dense - value).min() <= 1e-6 * abs(value) + 1e-4 * size**0.5, (value, dense)
 
 
 def frequencies(case: Case) -> None:
-    """K φ = ω² M φ of an arm whose joints are held and whose springs have no dampers, about a posture."""
+    """Modes solve K φ = ω² M φ about an equilibrium, for held joints and springs without dampers."""
     chain = fl.lump(case.scene.varied(case.damped(0.0)))
     q, _, _, _ = case.state()
     M, K, _ = (part[np.ix_(case.passive, case.passive)] for part in _matrices(chain, q, np.zeros(chain.n)))
     squares = scipy.linalg.eigh(K, M, eigvals_only=True)
     found = fl.natural_frequencies(chain, q, locked=case.held)
     close(np.sort(found[~np.isnan(found)]) ** 2, np.sort(squares[squares > 0]), 1e-7)
-    assert np.isnan(found).sum() == (squares <= 0).sum(), "a posture that does not last"
+    assert np.isnan(found).sum() == (squares <= 0).sum(), "an unstable equilibrium"

@@ -1,4 +1,4 @@
-"""Claims of runs: how they end, go on, and are the same in every way that there is to ask for them."""
+"""Claims about runs: final states, continuation, and equal results of all equivalent calls."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from matrix.case import EPS, Case, close, difference
 
 IMPLICIT: dict[str, Any] = {"run.method": "Gauss4", "run.step": 1e-3}
 NEAR = 1e-5
-"""Tolerance of runs that have one [m], where the arm moves by 0.03 m and more."""
+"""Tolerance of adaptive runs [m]; the arm moves by at least 0.03 m."""
 WITHIN = {"run.step": None, "run.method": None, "run.tolerance": NEAR}
 BARE = fl.RunSettings(duration=0.08)
-"""What a scene has that says nothing of its run, but for the 5 s."""
+"""Run settings of a scene that specifies only the duration, 5 s."""
 
 
 def same(one: fl.Trajectory, other: fl.Trajectory, first: int = 0) -> None:
-    """Two runs agree to the bit, from a sample on."""
+    """Check that two runs are equal to the bit from a sample on."""
     for name in ("t", "q", "qd", "tau", "tip", "tip_wrench"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name)[first:], err_msg=name)
     if first == 0:
@@ -29,7 +29,7 @@ def same(one: fl.Trajectory, other: fl.Trajectory, first: int = 0) -> None:
 
 
 def whole(run: fl.Trajectory) -> fl.Trajectory:
-    """A run that ends at its end, whose samples are all there."""
+    """A run reaches its end time with all samples."""
     settings, begun = run.scene.run, run.scene.initial.time
     np.testing.assert_allclose(run.t, begun + np.linspace(0.0, settings.duration, len(run.t)), rtol=0, atol=1e-12)
     assert len(run.t) == round(settings.duration / settings.spacing) + 1
@@ -38,37 +38,37 @@ def whole(run: fl.Trajectory) -> fl.Trajectory:
 
 
 def balanced(run: fl.Trajectory) -> fl.Trajectory:
-    """A run whose drives, friction, drag and wrench have the power that its energies tell, to what Newton leaves."""
+    """The power of drives, friction, drag and wrench matches the energies, to the residual of Newton's iteration."""
     moved, largest = np.ptp(run.energy.parts, axis=-1).sum(), np.abs(run.energy.parts).max()
     assert np.abs(run.imbalance).max() <= 1e-3 * moved + 1e-7 * largest
     return run
 
 
 def rounded(run: fl.Trajectory) -> float:
-    """What energies are off by after so many steps [J]."""
+    """Energy error after this number of steps [J]."""
     return 10 * run.steps.taken * EPS * float(np.abs(run.energy.parts).max())
 
 
 def near(found: fl.Trajectory, case: Case, tolerance: float) -> None:
-    """At every sample as near to the truth as was asked for; where nothing has a length in its coordinates."""
+    """All samples meet the tolerance; no requirement where the coordinates have no length."""
     runs = (found, case.half, case.truth)
     asked, half, truth = (run.tip if case.chain.reach else run.q for run in runs)
     assert np.abs(asked - truth).max() <= tolerance + 2 * np.abs(half - truth).max()
 
 
 def ends(case: Case) -> None:
-    """Fixed steps of RK4; what they leave of the balance of energy is of their order."""
+    """The energy error of RK4 with fixed steps has its order."""
     run, half = balanced(whole(case.run)), whole(case.half)
     assert np.abs(half.imbalance).max() <= np.abs(run.imbalance).max() / 5 + rounded(half)
 
 
 def ends_implicit(case: Case) -> None:
-    """Gauss4, in steps that are ten times as long."""
+    """Gauss4 agrees with steps ten times as long."""
     near(balanced(whole(fl.simulate(case.scene.varied(IMPLICIT)))), case, NEAR)
 
 
 def ends_by_default(case: Case) -> None:
-    """A scene that says nothing of its run keeps a thousandth of its reach, or what stands for it."""
+    """A scene without run settings meets the default tolerance, a thousandth of its reach (or its substitute)."""
     run = whole(fl.simulate(case.scene.varied({"run": BARE, "run.sample": 0.008})))
     near(run, case, 1e-3 * max(case.chain.reach, 1e-3))
 
@@ -79,7 +79,7 @@ def ends_within_a_tolerance(case: Case) -> None:
 
 
 def continued(case: Case) -> None:
-    """A run goes on from any of its samples as if it had never stopped."""
+    """A run continued from any sample equals the uninterrupted run."""
     _goes_on(case.scene)
 
 
@@ -95,7 +95,7 @@ def _goes_on(scene: fl.Scene) -> None:
 
 
 def lanes(case: Case) -> None:
-    """Runs side by side are those alone, whoever runs beside."""
+    """Runs side by side equal single runs, whatever the other members are."""
     _side_by_side(case, case.scene)
 
 
@@ -111,7 +111,7 @@ def _side_by_side(case: Case, scene: fl.Scene) -> None:
 
 
 def simulator(case: Case) -> None:
-    """Stepped from outside, with its own drive and with torques that are held."""
+    """A Simulator gives the same run, with the scene's drive and with held torques."""
     torque = 0.5 * np.arange(1, len(case.chain.active) + 1)
     held = case.scene.varied({"drive": None})
     per_link = np.zeros(len(held.arm.links))
@@ -126,7 +126,7 @@ def simulator(case: Case) -> None:
 
 
 def problem(case: Case) -> None:
-    """Prepared once, from any start, whatever ran before."""
+    """A prepared problem gives the same runs from any start, whatever ran before."""
     for scene in (case.scene, case.scene.varied(WITHIN)):
         again, run = fl.Problem(scene), fl.simulate(scene.varied({"name": "test"}))
         same(again.simulate(), fl.simulate(scene))
@@ -137,7 +137,7 @@ def problem(case: Case) -> None:
 
 
 def archive(case: Case) -> None:
-    """A run that is saved reads back equal to the bit, and so does all that follows from it."""
+    """A saved run reads back equal to the bit, and so do all results derived from it."""
     with tempfile.TemporaryDirectory() as folder:
         again = fl.load_trajectory(case.run.save(Path(folder) / "run.npz"))
     same(again, case.run)
@@ -150,7 +150,7 @@ def archive(case: Case) -> None:
 
 
 def accelerations(case: Case) -> None:
-    """q̈ of a run satisfies the equation of motion with the torques and wrenches that it tells."""
+    """q̈ of a run satisfies the equation of motion with the torques and wrenches of the run."""
     run, k = case.run, len(case.run.t) // 2
     q, qd, qdd = run.q[k], run.qd[k], run.qdd[k]
     left = fl.inverse_dynamics(run.chain, q, qd, qdd, tip_wrench=run.tip_wrench[k]) + fl.elastic_torque(run.chain, q)
@@ -161,7 +161,7 @@ def accelerations(case: Case) -> None:
 
 
 def sensitivity(case: Case) -> None:
-    """Slopes of a run's end along a mass and all stiffnesses at once, against runs with others: fourth order, twice."""
+    """Sensitivities of the final state to a mass and all stiffnesses match two fourth-order differences of runs."""
     young = {f"material.{name}.young": material.young for name, material in case.scene.arm.materials.items()}
     start = {case.mass: case.scene.arm.links[-1].end.mass + 0.2, **young}
     units = np.array([1.0, *young.values()])
@@ -181,7 +181,7 @@ def sensitivity(case: Case) -> None:
 
 
 def sensors(case: Case) -> None:
-    """An accelerometer and a gyroscope of the last link feel what the motion of its end says."""
+    """Accelerometer and gyroscope on the last link match the motion of its end."""
     link = case.scene.arm.links[-1].name
     tip = link if len(case.chain.tips) > 1 else None
     kinds = {"accelerometer": "m/s²", "gyroscope": "rad/s"}

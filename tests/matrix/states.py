@@ -1,4 +1,4 @@
-"""Claims of an arm at one state."""
+"""Claims about an arm at one state."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flexlink.dynamics.terms import algorithms_of
 from matrix.case import EPS, Array, Case, close, difference
 
 STEP = 1e-3
-"""Of differences."""
+"""Relative step of differences."""
 SOLVERS = "articulated", "lu", "cholesky"
 
 
@@ -24,7 +24,7 @@ def forces(chain: fl.Chain, q: Array, qd: Array) -> Array:
 
 
 def inverse_of_forward(case: Case) -> None:
-    """The equation of motion, by every solver, to what rounding leaves."""
+    """All solvers satisfy the equation of motion, to rounding."""
     q, qd, tau, wrench = case.state()
     for frame in ("world", "tip"):
         for solver in SOLVERS:
@@ -38,7 +38,7 @@ def inverse_of_forward(case: Case) -> None:
 
 
 def mass_matrices(case: Case) -> None:
-    """Every algorithm's M is symmetric, has positive eigenvalues, and is the slope of inverse dynamics along q̈."""
+    """M of every algorithm is symmetric, positive definite, and the derivative of inverse dynamics by q̈."""
     q, qd, _, _ = case.state()
     bias, I = fl.bias_torque(case.chain, q, qd), np.eye(case.chain.n)
     columns = np.array([fl.inverse_dynamics(case.chain, q, qd, row) - bias for row in I])
@@ -50,7 +50,7 @@ def mass_matrices(case: Case) -> None:
 
 
 def batches(case: Case) -> None:
-    """Many states, and many chains side by side, are each alone, to rounding."""
+    """Many states and many chains side by side equal single evaluations, to rounding."""
     states = [case.state(seed)[:3] for seed in range(9)]
     many = [np.array(part) for part in zip(*states, strict=True)]
     chains = [case.chain, *(fl.lump(case.heavier(0.01 * k)) for k in range(1, 9))]
@@ -64,7 +64,7 @@ def batches(case: Case) -> None:
 
 
 def slopes_forward(case: Case) -> None:
-    """Of q̈ along q, q̇ and T_EX, against differences of fourth order in steps of a thousandth."""
+    """Derivatives of q̈ with respect to q, q̇ and T_EX match fourth-order differences with a step of 1e-3."""
     q, qd, tau, wrench = case.state()
     for frame in ("world", "tip"):
         found = fl.forward_dynamics_derivatives(case.chain, q, qd, tau, tip_wrench=wrench, frame=frame)
@@ -78,7 +78,7 @@ def slopes_forward(case: Case) -> None:
 
 
 def slopes_inverse(case: Case) -> None:
-    """Of the torques that a motion takes along q, q̇ and q̈."""
+    """Derivatives of inverse dynamics with respect to q, q̇ and q̈ match differences."""
     q, qd, qdd, wrench = case.state()
     for frame in ("world", "tip"):
         found = fl.inverse_dynamics_derivatives(case.chain, q, qd, qdd, tip_wrench=wrench, frame=frame)
@@ -90,14 +90,14 @@ def slopes_inverse(case: Case) -> None:
 
 
 def as_differences(found: Sequence[Array], f: Callable[..., Array], state: tuple[Array, ...], relative: float) -> None:
-    """Slopes of f along all parts of a state, to what differences leave of rounding."""
+    """Derivatives of f with respect to all parts of a state, with the rounding error of differences."""
     rounded = 100 * EPS * np.abs(f(*state)).max() / STEP
     for slopes, told in zip(found, along(f, *state), strict=True):
         close(slopes, told, relative, rounded)
 
 
 def along(f: Callable[..., Array], *state: Array) -> Iterator[Array]:
-    """Slopes of f along each part of a state, one matrix a part."""
+    """Derivatives of f with respect to each part of a state, one matrix per part."""
     for k, part in enumerate(state):
 
         def moved(h: float, e: Array, k: int = k, part: Array = part) -> Array:
@@ -107,7 +107,7 @@ def along(f: Callable[..., Array], *state: Array) -> Iterator[Array]:
 
 
 def linear_model(case: Case) -> None:
-    """A and B are the slopes of forward dynamics, C those of the tip; angles of internal coordinates are no states."""
+    """A and B are derivatives of forward dynamics, C of the tip; angles of internal coordinates are no states."""
     q, qd, tau, _ = case.state()
     found, n = fl.linearize(case.chain, q, qd, tau), case.chain.n
     slopes = fl.forward_dynamics_derivatives(case.chain, q, qd, tau)
@@ -122,7 +122,7 @@ def linear_model(case: Case) -> None:
 
 
 def potential(case: Case) -> None:
-    """T_G + T_FL is the slope of the energy of weight and springs."""
+    """T_G + T_FL is the gradient of the potential energy of gravity and springs."""
     q, _, _, _ = case.state()
 
     def energy(q: Array) -> float:
@@ -135,7 +135,7 @@ def potential(case: Case) -> None:
 
 
 def power(case: Case) -> None:
-    """Energy changes by the power of drives, wrench, friction and drag, whatever the motion."""
+    """The energy rate is the power of drives, wrench, friction and drag, in any motion."""
     q, qd, qdd, wrench = case.state()
     own = fl.friction_torque(case.chain, qd) + fl.drag_torque(case.chain, q, qd)
     tau = fl.inverse_dynamics(case.chain, q, qd, qdd, tip_wrench=wrench) + fl.elastic_torque(case.chain, q) + own
@@ -150,7 +150,7 @@ def power(case: Case) -> None:
 
 
 def loads(case: Case) -> None:
-    """Moments about hinges balance springs, friction, rotors and drives; at the tip there is the wrench."""
+    """Moments about hinges balance springs, friction, rotors and drives; the load at the tip is the wrench."""
     q, qd, tau, wrench = case.state()
     qdd = fl.forward_dynamics(case.chain, q, qd, tau, tip_wrench=wrench)
     found = fl.strength.internal_loads(case.chain, q, qd, qdd, tip_wrench=wrench)
@@ -161,7 +161,7 @@ def loads(case: Case) -> None:
 
 
 def points(case: Case) -> None:
-    """Velocity and acceleration of the tip are slopes of its place along the motion."""
+    """Velocity and acceleration of the tip are derivatives of its position along the motion."""
     q, qd, qdd, _ = case.state()
     found = fl.point_motion(case.chain, q, qd, qdd)
     place = lambda h: fl.tip_position(case.chain, q + h * qd + h * h / 2 * qdd)  # noqa: E731
@@ -171,7 +171,7 @@ def points(case: Case) -> None:
 
 
 def momenta(case: Case) -> None:
-    """Linear momentum is mass times velocity of the centre of mass; rotors are not counted."""
+    """Linear momentum is mass times velocity of the centre of mass; rotors do not count."""
     q, qd, _, _ = case.state()
     masses = case.chain.bodies["mass"]
 

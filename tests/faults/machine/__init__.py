@@ -1,10 +1,10 @@
-"""Faults made by machine: small mistakes at random places of every room, and the share that the tests notice.
+"""Automatic mutation testing: small mistakes at random places in every folder, and the share that the tests detect.
 
-    python -m tests.faults --machine                          every room, as many as `machine.toml` says
-    python -m tests.faults --machine flexlink/dynamics/sensors         one room; a file; a glob
-    python -m tests.faults --machine --seed 7 --most 3        other mistakes, fewer
+    python -m tests.faults --machine                          every folder, numbers from `machine.toml`
+    python -m tests.faults --machine flexlink/dynamics/sensors         one folder; a file; a glob
+    python -m tests.faults --machine --seed 7 --most 3        other mutants, fewer of them
 
-`operators` says which mistakes there are, `generator` finds and draws them, `recording` which tests run a function,
-`judge` puts a mistake into a running process and runs them. The seed, how many a room and which mean the same stand in
-`machine.toml`, what came out in `judged.toml`.
+`operators` defines the mutations, `generator` finds and samples them, `recording` finds the tests that run a function,
+`judge` applies a mutation in a running process and runs the tests. `machine.toml` contains the seed, the number per
+folder and equivalent mutants. `judged.toml` contains the results.
 """

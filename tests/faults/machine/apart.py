@@ -1,4 +1,4 @@
-"""Judge a mistake in a copy of the tree: what a fork of a running process cannot take, seconds more."""
+"""Test a mutant in a copy of the tree, if it cannot be applied in a forked process. It takes seconds longer."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from tests.faults.machine.judge import MOST, Judged, cost
 from tests.faults.machine.recording import Function, Ran, tests_of
 from tests.faults.plant import KILLED, SURVIVED, Copy, verdict
 
-LONGEST = 300.0  # s by the clock
+LONGEST = 300.0  # s of wall-clock time
 
 
 def judge_apart(copy: Copy, mutant: Mutant, by_function: dict[Function, list[Ran]]) -> Judged:
-    """Whether tests that run something of the file notice it, quick ones first, as many as take `MOST` seconds."""
+    """Return whether tests that run code of the file detect the mutant: fast tests first, up to `MOST` seconds."""
     chosen, taken = [], 0.0
     for ran in sorted(tests_of(mutant.file, mutant.where, by_function), key=cost):
         chosen.append(ran.test)
@@ -32,5 +32,5 @@ def judge_apart(copy: Copy, mutant: Mutant, by_function: dict[Function, list[Ran
         outcome, told = verdict(copy.run(chosen, cache, LONGEST))
     finally:
         path.write_bytes(sound)
-    seen = SURVIVED if outcome == SURVIVED else KILLED  # what cannot be imported is noticed
+    seen = SURVIVED if outcome == SURVIVED else KILLED  # an import error counts as detected
     return Judged(mutant, seen, told, len(chosen), time.monotonic() - start)

@@ -1,4 +1,4 @@
-"""Mistakes by machine: all that `operators` can make in a file, and a draw of them that a seed repeats."""
+"""Generate mutants: all that `operators` can make in a file, and a reproducible random sample of them."""
 
 from __future__ import annotations
 
@@ -16,51 +16,51 @@ from tests.faults.plant import ROOT
 
 TREES = ("flexlink", "validation", "reports")
 SPOKEN = frozenset({"__repr__", "__str__", "_repr_html_", "_repr_png_"})
-"""Functions that only show."""
+"""Functions that only display."""
 SHOWN = frozenset({
     "alpha", "bbox_to_anchor", "bottom", "color", "dpi", "elinewidth", "figsize", "fontsize", "height", "labelpad",
     "left", "lw", "linewidth", "loc", "markersize", "markeredgewidth", "ms", "pad", "right", "rotation", "stacklevel",
     "top", "width", "zorder", "decimals", "digits", "maxsize", "size",
 })  # fmt: skip
-"""Keywords of pure presentation, or of how much is kept."""
+"""Keywords that affect only presentation or memory use."""
 TOLD = frozenset({"Memo", "lru_cache", "numbered", "warn", "cast", "TypeVar", "NewType", "print", "Gauge"})
-"""Calls whose arguments are messages, types, names, or how much is kept."""
+"""Calls whose arguments are messages, types, names or memory sizes."""
 NUMBERS = frozenset({"constant", "count", "factor", "sign"})
 NOT_HERE = "__init__.py", "__main__.py", "drake*.py", "exudyn*.py"
-"""Files that are commands, or run only where the extra `witness` is installed."""
+"""Files that are commands, or that run only with the extra `witness`."""
 DRAWN = ("flexlink/pages", "flexlink/results/pictures", "reports", "reports/figures")
-"""Rooms whose numbers are places on paper: there only logic is mutated."""
+"""Folders whose numbers are positions on paper: only logic is mutated there."""
 
 
 class Mutant(NamedTuple):
-    """One mistake: from `start` to `end`, in bytes, `was` becomes `becomes`."""
+    """One mutant: bytes `start` to `end` change from `was` to `becomes`."""
 
     file: str
     line: int
-    where: str  # function around it; empty: the module or a class
+    where: str  # enclosing function; empty: module or class level
     kind: str
     was: str
     becomes: str
     start: int
     end: int
-    again: int  # how many of the same stand before it in the same function
+    again: int  # number of identical mutants before it in the same function
 
     @property
     def key(self) -> str:
-        """What it is called, wherever the lines of the file move."""
+        """Name of the mutant, which does not depend on line numbers."""
         return f"{self.file}|{self.where}|{self.kind}|{self.was}|{self.becomes}|{self.again}"
 
     @property
     def room(self) -> str:
-        """The folder."""
+        """Folder of the file."""
         return str(Path(self.file).parent)
 
     def planted(self, source: bytes) -> bytes:
-        """The file with the mistake, of as many lines."""
+        """Mutated source, with an unchanged number of lines."""
         gone = source[self.start : self.end].count(b"\n")
         planted = " ".join(line.strip() for line in self.becomes.split("\n"))
         rest = source[self.end :]
-        head, newline, tail = rest.partition(b"\n")  # so that functions further down begin where they did
+        head, newline, tail = rest.partition(b"\n")  # keep the line numbers of later functions
         return source[: self.start] + planted.encode() + head + b"\n" * gone + newline + tail
 
     def __str__(self) -> str:
@@ -69,14 +69,14 @@ class Mutant(NamedTuple):
 
 
 def files(root: Path = ROOT) -> list[str]:
-    """Every source file that mistakes are made in."""
+    """Source files to mutate."""
     paths = itertools.chain.from_iterable((root / tree).rglob("*.py") for tree in TREES)
     here = (path for path in paths if not any(fnmatch(path.name, pattern) for pattern in NOT_HERE))
     return sorted(path.relative_to(root).as_posix() for path in here)
 
 
 def mutants(file: str, source: bytes) -> list[Mutant]:
-    """All mistakes that may be made in a file (`is_python` tells of each whether it can)."""
+    """All candidate mutants of a file (`is_python` checks whether each is valid Python)."""
     offsets = [0, *itertools.accumulate(len(line) for line in source.splitlines(keepends=True))]
 
     def place(node: ast.AST) -> tuple[int, int]:
@@ -101,7 +101,7 @@ def mutants(file: str, source: bytes) -> list[Mutant]:
 
 
 def is_python(mutant: Mutant, source: bytes) -> bool:
-    """Whether the file can be read with the mistake, and says something else."""
+    """Return whether the mutated file parses, to a different syntax tree."""
     try:
         return ast.dump(ast.parse(mutant.planted(source))) != ast.dump(ast.parse(source))
     except SyntaxError:
@@ -112,7 +112,7 @@ Place = tuple[ast.AST, str, "ast.expr | None"]
 
 
 def visited(tree: ast.Module) -> Iterator[Place]:
-    """Nodes where a mistake would be one of the program: its function and what that returns stand beside each."""
+    """Nodes that may be mutated, each with its function and the function's return annotation."""
     return _walk(tree, "", None, False)
 
 
@@ -136,7 +136,7 @@ def _walk(node: ast.AST, where: str, returns: ast.expr | None, inside: bool) -> 
 
 
 def _only_told(node: ast.AST) -> bool:
-    """Whether nothing is computed here: a message, a type, a name, a picture's look."""
+    """Return whether the node computes nothing: a message, a type, a name or the style of a figure."""
     match node:
         case ast.Expr(ast.Call(ast.Attribute(ast.Name("axes" | "figure" | "ax")))):
             return True
@@ -152,9 +152,9 @@ def _only_told(node: ast.AST) -> bool:
 
 
 def drawn(rooms: Sequence[str], seed: int, most: int, left_out: frozenset[str], root: Path = ROOT) -> list[Mutant]:
-    """Up to `most` mistakes of each room, spread over its files: those whose names the seed hashes lowest.
+    """Select up to `most` mutants per folder, spread over its files: those with the lowest hashes of seed and name.
 
-    Neither a change elsewhere in a file nor another file moves the draw.
+    So the selection does not change when code elsewhere in the file or in other files changes.
     """
     by_room = defaultdict(list)
     for file in files(root):
@@ -172,7 +172,7 @@ def drawn(rooms: Sequence[str], seed: int, most: int, left_out: frozenset[str], 
 
 
 def _ranked(file: str, seed: int, left_out: frozenset[str], root: Path) -> list[tuple[int, str, Mutant]]:
-    """Mistakes of a file by their hashes, one of each kind before the second of any."""
+    """Mutants of a file sorted by hash, the first of each kind before the second of any kind."""
     made = [mutant for mutant in mutants(file, (root / file).read_bytes()) if mutant.key not in left_out]
     hashed = sorted((hashlib.sha256(f"{seed}|{mutant.key}".encode()).hexdigest(), mutant) for mutant in made)
     before: Counter[str] = Counter()

@@ -1,8 +1,8 @@
-"""Judge mistakes in one process that has imported the project and found its tests: each in a fork of it.
+"""Test mutants in one process that has imported the project and collected its tests, each in a fork.
 
-Tests that run the function of a mistake are run up to the first failure, those that run little else first, and no more
-than `MOST` seconds of processor time. What a fork cannot take (a default of a class, a decorator) is planted in a copy
-of the tree, `plant.Copy`.
+Tests that run the mutated function run until the first failure, the most specific tests first, for at most `MOST`
+seconds of processor time. What cannot be applied in a fork (a default of a class, a decorator) is planted in a copy
+of the tree by `plant.Copy`.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from tests.faults.machine.recording import Function, Ran, Recorded, calls, clock
 from tests.faults.machine.swap import CannotSwapError, swap
 from tests.faults.plant import KILLED, ROOT, SURVIVED
 
-MOST = 20.0  # s of processor time that the tests of a mistake may take; those left after that were not asked
-DEAR = 8.0  # s of processor time from which a test is not asked, and is stopped while it is recorded
-LONGEST = 30.0  # s of processor time that the last test of a mistake, or of a file, may take beyond
-ASLEEP = 600.0  # s that a fork may take by the clock: it waits for something that never comes
+MOST = 20.0  # s of processor time for the tests of a mutant; the remaining tests are skipped
+DEAR = 8.0  # s of processor time; slower tests are stopped while recording and not used
+LONGEST = 30.0  # s of processor time by which the last test of a mutant or a file may exceed the limit
+ASLEEP = 600.0  # s of wall-clock time for a fork, in case it waits forever
 UNREACHED, APART = "no test runs it", "cannot be swapped"
 OPTIONS = ("-qq", "--no-header", "--no-summary", "-p", "no:cacheprovider", "-o", "addopts=--strict-markers")
 
 
 class Judged(NamedTuple):
-    """A mistake, what became of it, by which test, after how many tests and seconds of processor time."""
+    """A mutant with its outcome, the deciding test, the number of tests run and the processor time [s]."""
 
     mutant: Mutant
     outcome: str
@@ -45,22 +45,22 @@ class Judged(NamedTuple):
 
 
 def cost(ran: Ran) -> float:
-    """Small for a test that is quick, and that runs little but what it tests."""
+    """Sort key: small for fast tests that run little other code."""
     return (ran.seconds + 0.003) * len(ran.functions)
 
 
 class _TooDearError(BaseException):
-    """Which no code that is tested catches."""
+    """Raised by a timer. No tested code catches it."""
 
 
 class Session:
-    """A plugin of pytest: once the tests are found, `work` has them; slow ones only of the files `slow`."""
+    """pytest plugin that calls `work` with the collected tests; slow tests only from the files `slow`."""
 
     def __init__(self, work: Callable[[Session], None], slow: Sequence[str] = ()) -> None:
         self._work, self._slow, self.failed, self.items = work, slow, "", dict[str, pytest.Item]()
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        """Leave out slow tests of other files."""
+        """Deselect slow tests of other files."""
         items[:] = [
             item
             for item in items
@@ -68,24 +68,24 @@ class Session:
         ]
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
-        """In place of running them all."""
+        """Call `work` instead of running all tests."""
         self.items = {item.nodeid: item for item in session.items}
         self._work(self)
         return True
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        """Remember whether a test failed, or did not run."""
+        """Record whether a test failed or was skipped."""
         if report.failed or report.skipped:
             self.failed = self.failed or report.outcome
 
     def run(self, item: pytest.Item) -> str:
-        """Run one test; empty: it passed, else "failed" or "skipped"."""
+        """Run one test; return "" if it passed, else "failed" or "skipped"."""
         self.failed = ""
         item.config.hook.pytest_runtest_protocol(item=item, nextitem=None)
         return self.failed
 
     def record(self, file: str) -> list[Ran]:
-        """The tests of a file that pass in time, up to one that ends the process."""
+        """Run the tests of a file; return those that pass in time, up to one that kills the process."""
         items = [item for name, item in self.items.items() if name.partition("::")[0] == file]
         told = forked(lambda: self._recorded(items), (DEAR + 1.0) * len(items) + LONGEST)
         return [Ran(test, seconds, frozenset((a, b) for a, b in names)) for test, seconds, names in told]
@@ -99,7 +99,7 @@ class Session:
                 yield item.nodeid, clock() - start, sorted(functions(seen))
 
     def judge(self, mutant: Mutant, by_function: dict[Function, list[Ran]]) -> Judged:
-        """Whether a test that runs the function of a mistake notices it."""
+        """Test whether a test that runs the mutated function detects the mutant."""
         every = tests_of(mutant.file, mutant.where, by_function)
         tests = sorted((ran for ran in every if ran.test in self.items and ran.seconds < DEAR), key=cost)
         if not tests:
@@ -110,7 +110,7 @@ class Session:
         seconds = clock() - start
         match told[-1] if told else None:
             case None:
-                return Judged(mutant, KILLED, "the process died, or came to no end", asked, seconds)
+                return Judged(mutant, KILLED, "the process died or did not end", asked, seconds)
             case [outcome, test]:
                 return Judged(mutant, outcome, test, asked, seconds)
         raise AssertionError(told)
@@ -136,7 +136,7 @@ class Session:
 
 
 def forked(work: Callable[[], Iterator[Any]], seconds: float) -> Iterator[Any]:
-    """What `work` yields in a fork of this process, line by line, until it ends, dies or has used its time."""
+    """Yield the output lines of `work` in a fork of this process, until it ends, dies or exceeds its time."""
     read, write = os.pipe()
     child = os.fork()
     if not child:
@@ -170,7 +170,7 @@ def forked(work: Callable[[], Iterator[Any]], seconds: float) -> Iterator[Any]:
 
 @contextlib.contextmanager
 def _stopped_after(seconds: float) -> Iterator[None]:
-    """Let a test fail that takes more processor time (where kernels are Python, `conftest` does so)."""
+    """Let a test fail that takes more processor time than this (with kernels run as Python, `conftest` does it)."""
 
     def ring(*_: object) -> None:
         raise _TooDearError
@@ -186,7 +186,7 @@ def _stopped_after(seconds: float) -> Iterator[None]:
 
 
 def with_tests(files: Sequence[str], work: Callable[[Session], None], slow: Sequence[str] = ()) -> int:
-    """Find the tests of these files, in this process, and call `work` with them."""
+    """Collect the tests of these files in this process, and call `work` with them."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
     os.chdir(ROOT)
@@ -195,7 +195,7 @@ def with_tests(files: Sequence[str], work: Callable[[Session], None], slow: Sequ
 
 
 def record(session: Session, recorded: Recorded, tell: Callable[[str], None]) -> None:
-    """Record every test file that is not known."""
+    """Record every test file that is not up to date."""
     for file in dict.fromkeys(name.partition("::")[0] for name in session.items):
         if not recorded.knows(file):
             ran = session.record(file)
@@ -204,5 +204,5 @@ def record(session: Session, recorded: Recorded, tell: Callable[[str], None]) ->
 
 
 def test_files() -> list[str]:
-    """Every test file."""
+    """All test files."""
     return sorted(path.relative_to(ROOT).as_posix() for path in Path(ROOT / "tests").glob("test_*.py"))

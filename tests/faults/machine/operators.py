@@ -1,4 +1,4 @@
-"""Small mistakes in an expression or a statement: text that stands there, and what it becomes."""
+"""Mutation operators for expressions and statements."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Text = Callable[[ast.AST], str]
 
 
 class Change(NamedTuple):
-    """One mistake: the source of `node` is replaced."""
+    """One mutation: new source for `node`."""
 
     kind: str
     node: ast.AST
@@ -29,18 +29,18 @@ NAMES = (
 )  # fmt: skip
 SWAPPED = {a: b for pair in NAMES for a, b in (pair, pair[::-1])}
 DROPPED = frozenset({"abs", "sorted", "reversed", "sqrt", "cumsum", "transpose", "conj", "diff"})
-"""Functions of one array whose value may be taken for their argument."""
+"""Functions of one array that may be replaced by their argument."""
 SYMMETRIC = frozenset({
     "isinstance", "issubclass", "getattr", "hasattr", "zip", "range", "max", "min", "maximum", "minimum", "hypot",
     "multiply", "largest_distance", "allclose", "array_equal",
 })  # fmt: skip
-"""Functions whose arguments may be swapped, or are never in another order."""
+"""Functions whose argument order does not matter, or is never wrong."""
 EMPTY = {"bool": "not ({})", "float": "0.0 * ({})", "int": "0 * ({})", "Array": "0.0 * ({})", "str": '""'}
 CONTAINERS = {"list": "[]", "tuple": "()", "dict": "{}", "set": "set()"}
 
 
 def changes(node: ast.AST, text: Text, returns: ast.expr | None) -> Iterator[Change]:
-    """The mistakes that may be made at this node; `returns` is the annotation of the function around it."""
+    """Mutations of this node; `returns` is the return annotation of the enclosing function."""
     for kind, make in KINDS.items():
         for changed, becomes in make(node, text, returns):
             yield Change(kind, changed, becomes)
@@ -113,7 +113,7 @@ def _arguments(node: ast.AST, text: Text, _: ast.expr | None) -> Made:
 
 
 def _key(node: ast.AST, text: Text, _: ast.expr | None) -> Made:
-    """What a memo is asked by: a tuple called a key, or the second argument of an upper-case name."""
+    """Return whether the node is a cache key: a tuple named key, or the second argument of an upper-case function."""
     match node:
         case ast.Assign([ast.Name(name)], ast.Tuple() as key) if "key" in name.lower():
             pass
@@ -178,7 +178,7 @@ KINDS = {
 
 
 def _is_text(node: ast.expr) -> bool:
-    """Whether it is text, or a list: + of these is no sum."""
+    """Return whether the operand is a text or a list, whose + is no sum."""
     match node:
         case ast.Constant(str() | bytes()) | ast.JoinedStr() | ast.List() | ast.ListComp() | ast.Tuple():
             return True

@@ -1,4 +1,4 @@
-"""Which tests run a function: found by running each test file once, and kept until that file changes."""
+"""Record the tests that run each function: each test file runs once, and again only after it has changed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ EVERY: Function = ("", "")
 
 
 class Ran(NamedTuple):
-    """A test: its cost in seconds of processor time, and the functions that it ran."""
+    """A test with its processor time [s] and the functions that it ran."""
 
     test: str
     seconds: float
@@ -30,7 +30,7 @@ class Ran(NamedTuple):
 
 
 class Recorded:
-    """What is known of test files, kept in a file: a test file that has changed is unknown."""
+    """Recorded test files, saved in a file. A test file that has changed is unknown."""
 
     def __init__(self, path: Path, slow: Sequence[str] = ()) -> None:
         self._path, self._slow = path, slow
@@ -40,11 +40,11 @@ class Recorded:
         return hashlib.sha256((ROOT / file).read_bytes()).hexdigest()[:16] + " with slow ones" * (file in self._slow)
 
     def knows(self, file: str) -> bool:
-        """Whether this test file was recorded as it stands there."""
+        """Return whether this version of the test file was recorded."""
         return file in self._known and self._known[file]["digest"] == self._digest(file)
 
     def add(self, file: str, ran: list[Ran]) -> None:
-        """Keep the tests of a file."""
+        """Save the tests of a file."""
         names = sorted({function for each in ran for function in each.functions})
         number = {name: k for k, name in enumerate(names)}
         tests = {each.test: [round(each.seconds, 4), sorted(number[name] for name in each.functions)] for each in ran}
@@ -53,7 +53,7 @@ class Recorded:
         self._path.write_text(json.dumps(self._known), encoding="utf-8")
 
     def __iter__(self) -> Iterator[Ran]:
-        """Every test of the files that stand there yet."""
+        """All recorded tests of test files that still exist."""
         for file, known in self._known.items():
             names = [(path, name) for path, name in known["functions"]]
             if (ROOT / file).is_file():
@@ -61,7 +61,7 @@ class Recorded:
                     yield Ran(test, seconds, frozenset(names[k] for k in numbers))
 
     def by_function(self) -> dict[Function, list[Ran]]:
-        """Tests of each function; under the empty name those of any function of the file, of no file all."""
+        """Tests by function. An empty function name gives all tests of a file; an empty file name gives all tests."""
         found: dict[Function, list[Ran]] = defaultdict(list)
         for ran in self:
             for function in ran.functions | {(file, "") for file, _ in ran.functions} | {EVERY}:
@@ -70,13 +70,13 @@ class Recorded:
 
 
 def tests_of(file: str, where: str, by_function: dict[Function, list[Ran]]) -> list[Ran]:
-    """Tests that may notice a change there: of values in a file without functions any test."""
+    """Tests that may detect a change there; for values in a file without functions, all tests."""
     return by_function.get((file, where), []) or (by_function[EVERY] if not where else [])
 
 
 @contextmanager
 def calls() -> Iterator[dict[int, CodeType]]:
-    """Code that is run meanwhile, in every thread of this process."""
+    """Record the code that runs inside the block, in all threads of this process."""
     seen: dict[int, CodeType] = {}
 
     def look(frame: FrameType, event: str, _: Any) -> None:
@@ -93,7 +93,7 @@ def calls() -> Iterator[dict[int, CodeType]]:
 
 
 def functions(seen: dict[int, CodeType]) -> frozenset[Function]:
-    """The functions of the project among these."""
+    """Functions of the project among these code objects."""
     trees = tuple(f"{ROOT / tree}/" for tree in TREES)
     found = set()
     for code in seen.values():
@@ -104,12 +104,12 @@ def functions(seen: dict[int, CodeType]) -> frozenset[Function]:
 
 
 def outermost(name: str) -> str:
-    """Of a function in a function the outer one."""
+    """For a nested function, return the outer one."""
     return name.partition(".<locals>")[0]
 
 
 def clock() -> float:
-    """Processor time of this process and of those that it waited for [s]."""
+    """Processor time of this process and of its finished children [s]."""
     own = time.process_time()
     import resource  # noqa: PLC0415  only here, as judges fork, too
 

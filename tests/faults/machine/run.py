@@ -1,4 +1,4 @@
-"""The command `python -m tests.faults --machine`: draw mistakes, judge them, tell and keep what came out."""
+"""The command `python -m tests.faults --machine`: sample mutants, test them, print and save the results."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ KEPT = HERE / "judged.toml"
 
 
 class Same(msgspec.Struct, forbid_unknown_fields=True):
-    """A mistake that is none: both texts mean the same, or no user can tell."""
+    """An equivalent mutant: both texts behave alike, or the difference is not observable."""
 
     mutant: str  # `Mutant.key`
     reason: str
 
 
 class Plan(msgspec.Struct, forbid_unknown_fields=True):
-    """`machine.toml`."""
+    """Contents of `machine.toml`."""
 
     seed: int
-    most: int  # of a room
-    quota: float  # of them that the tests have to notice
-    python: tuple[str, ...]  # tests of kernels, which run as Python
-    slow: tuple[str, ...]  # files whose slow tests judge, too
-    more: dict[str, int] = {}  # rooms of which more are drawn
+    most: int  # maximum number per folder
+    quota: float  # minimum share that the tests must detect
+    python: tuple[str, ...]  # tests of kernels, run as Python
+    slow: tuple[str, ...]  # files whose slow tests are also used
+    more: dict[str, int] = {}  # folders with more mutants than `most`
     same: tuple[Same, ...] = ()
 
 
 class Room(msgspec.Struct, forbid_unknown_fields=True):
-    """What came out of a room."""
+    """Results of one folder."""
 
     seed: int
     judged: int
@@ -49,22 +49,22 @@ class Room(msgspec.Struct, forbid_unknown_fields=True):
 
     @property
     def share(self) -> float:
-        """Part of the mistakes that the tests notice."""
+        """Share that the tests detect."""
         return self.killed / self.judged if self.judged else 1.0
 
 
 def plan() -> Plan:
-    """What is drawn."""
+    """Selected mutants."""
     return msgspec.toml.decode((HERE / "machine.toml").read_bytes(), type=Plan)
 
 
 def kept() -> dict[str, Room]:
-    """What came out of each room when it was judged last."""
+    """Latest results of each folder."""
     return msgspec.toml.decode(KEPT.read_bytes(), type=dict[str, Room]) if KEPT.is_file() else {}
 
 
 def chosen(rooms: Sequence[str], seed: int | None, most: int | None) -> list[Mutant]:
-    """The mistakes of a call, one seed and number for all rooms, or those of `machine.toml`."""
+    """The mutants of a call with one seed and number for all folders, or those of `machine.toml`."""
     wanted = plan()
     left_out = frozenset(each.mutant for each in wanted.same)
     number = {} if most else wanted.more
@@ -79,7 +79,7 @@ def chosen(rooms: Sequence[str], seed: int | None, most: int | None) -> list[Mut
 
 
 def main(rooms: Sequence[str], seed: int | None, most: int | None) -> int:
-    """Judge, and return the exit code: 1 if a room is below the quota, 2 if nothing is called so."""
+    """Test the mutants and return the exit code: 1 if a folder is below the quota, 2 if no folder or file matches."""
     mutants = chosen(rooms, seed, most)
     if not mutants:
         print(f"{', '.join(rooms)}: no file or folder of the project", file=sys.stderr)
@@ -107,20 +107,20 @@ def main(rooms: Sequence[str], seed: int | None, most: int | None) -> int:
 
 
 def table(rooms: dict[str, Room]) -> str:
-    """A line a room, and one of all."""
+    """One line per folder and one for the total."""
     counts = {name: (room.killed, room.judged) for name, room in sorted(rooms.items())}
     counts["all"] = (sum(room.killed for room in rooms.values()), sum(room.judged for room in rooms.values()))
     return "\n".join(f"{name:<34}{k:>5} of {n:<5}{k / n:>5.0%}" for name, (k, n) in counts.items())
 
 
 def write(rooms: dict[str, Room]) -> None:
-    """Keep what came out."""
+    """Save the results."""
     text = "# Written by python -m tests.faults --machine\n\n"
     KEPT.write_bytes(text.encode() + msgspec.toml.encode(dict(sorted(rooms.items()))))
 
 
 def _judged(mutants: Sequence[Mutant], compiled: bool) -> Iterable[tuple[Mutant, str]]:
-    """Mistakes with their outcomes, from a process of their own: kernels as Python need one."""
+    """Outcomes of the mutants from a separate process: kernels that run as Python need one."""
     if not mutants:
         return
     with tempfile.NamedTemporaryFile("w", suffix=".json", encoding="utf-8") as file:

@@ -1,4 +1,4 @@
-"""Put a mistake into modules that are imported already: the code of functions is exchanged, and values of modules."""
+"""Apply a mutant to modules that are already imported: replace the code of functions and values of modules."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from tests.faults.plant import ROOT
 
 
 class CannotSwapError(Exception):
-    """The mistake changes more than code of functions and plain values of a module."""
+    """The mutant changes more than the code of functions and plain values of a module."""
 
 
 def swap(mutant: Mutant) -> None:
-    """Let this process go on with the mistake.
+    """Apply the mutant to this process.
 
     Raises
     ------
     CannotSwapError
-        It takes a process of its own.
+        The mutant needs a separate process.
     """
     path = ROOT / mutant.file
     source = path.read_bytes()
@@ -56,7 +56,7 @@ def _swap_code(path: str, source: bytes, planted: bytes) -> None:
 
 
 def _codes(code: CodeType) -> dict[tuple[str, int], CodeType]:
-    """Code of every function by its name, and how many of that name stand before it."""
+    """Code of every function, by name and number of earlier functions with the same name."""
     found: dict[tuple[str, int], CodeType] = {}
     before: Counter[str] = Counter()
 
@@ -72,7 +72,7 @@ def _codes(code: CodeType) -> dict[tuple[str, int], CodeType]:
 
 
 def _swap_value(mutant: Mutant, source: bytes, planted: bytes) -> None:
-    """Values of a module that are numbers, text or arrays, here and wherever they were imported by name."""
+    """Replace module values (numbers, texts, arrays) here and in all modules that imported them by name."""
     modules = [each for each in list(sys.modules.values()) if hasattr(each, "__dict__")]
     path = str(ROOT / mutant.file)
     module = next((each for each in modules if getattr(each, "__file__", None) == path), None)
@@ -88,7 +88,7 @@ def _swap_value(mutant: Mutant, source: bytes, planted: bytes) -> None:
 
 
 def _assigned(tree: ast.Module, line: int) -> str | None:
-    """The only name that is assigned there, of a value that no other value of the module is made of."""
+    """The only name assigned there; no other value of the module may depend on it."""
     for statement in tree.body:
         if statement.lineno <= line <= (statement.end_lineno or 0):
             match statement:
@@ -100,7 +100,7 @@ def _assigned(tree: ast.Module, line: int) -> str | None:
 
 
 def forget() -> None:
-    """Drop results that were kept since modules were imported."""
+    """Clear caches filled since modules were imported."""
     for memo in living(Memo):
         memo._results.clear()
     for each in living(functools._lru_cache_wrapper):
@@ -108,5 +108,5 @@ def forget() -> None:
 
 
 def living(kind: type) -> list[Any]:
-    """All objects of a type; `isinstance` would ask a weak proxy for its object, which may be gone."""
+    """All objects of a type. (`isinstance` would access the object of a weak proxy, which may be gone.)"""
     return [each for each in gc.get_objects() if type(each) is kind]

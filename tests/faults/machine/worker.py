@@ -1,4 +1,4 @@
-"""The process that judges: python -m tests.faults.machine.worker FILE, mistakes as JSON; prints outcomes."""
+"""Worker process: python -m tests.faults.machine.worker FILE, a JSON file of mutants; prints their outcomes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CACHE = ROOT / ".faults_cache"
 
 
 def main(file: str) -> None:
-    """Judge every mistake of a file."""
+    """Test all mutants of a file."""
     mutants = [Mutant(*each) for each in json.loads(Path(file).read_text(encoding="utf-8"))]
     output = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # dots
@@ -33,7 +33,7 @@ def main(file: str) -> None:
         print(text, file=output, flush=True)
 
     def work(session: Session) -> None:
-        if not as_python:  # so that no fork has to load machine code
+        if not as_python:  # forks need not load machine code again
             for scene in WARM:
                 simulate(load_scene(ROOT / "models" / scene))
             forget()
