@@ -30,6 +30,7 @@ extensions = [
 exclude_patterns = ["_site", "_doctrees", "generators", "inventories", "**sg_execution_times.rst", "**.ipynb"]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "attrs_inline", "substitution"]
 myst_heading_anchors = 3
+myst_substitutions = {"version": __version__}
 templates_path = ["templates"]
 suppress_warnings = ["config.cache"]  # the gallery's settings hold a function
 suppress_warnings = ["config.cache"]  # the gallery's settings contain a function

@@ -73,7 +73,7 @@ def test_gauss_converges_on_a_tapered_link_faster_than_midpoint() -> None:
 
 
 def test_a_taper_between_two_shapes_is_refused() -> None:
-    with refused(fl.errors.SceneError, "inconsistent"):
+    with refused(fl.errors.SceneError, "section-shapes-differ"):
         fl.Arm(
             links=(flexible("a", section="thick", section_tip="flat"),),
             materials={"aluminium": ALUMINIUM},

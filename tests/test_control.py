@@ -135,7 +135,7 @@ def test_a_law_beside_a_drive_is_refused() -> None:
 
 def test_a_simulator_whose_energy_does_not_balance_stays_where_it_was() -> None:
     simulator = fl.Simulator(arm("none", **{"run.step": 0.01, "run.unstable": "allow"}))
-    with refused(fl.errors.DivergenceError, "diverged") as caught:
+    with refused(fl.errors.DivergenceError, "energy-imbalance") as caught:
         while True:
             before, energies = simulator.state, simulator._monitor._balance.seen.copy()
             simulator.step([0.0, 0.0])
@@ -152,7 +152,8 @@ def test_a_call_that_is_refused_leaves_no_trace(way: str, monkeypatch: pytest.Mo
     for k in range(20):
         if k % 5 == 3:
             before, judged = disturbed.state, disturbed._monitor._balance.seen.copy()
-            with refused(fl.errors.DivergenceError, "diverged"):
+            implicit = way.startswith(("Gauss", "Radau"))
+            with refused(fl.errors.DivergenceError, "newton-failed" if implicit else "diverged"):
                 disturbed.step([1e200, -1e200], duration=0.01)
             assert disturbed.time == before.t
             np.testing.assert_array_equal(disturbed._monitor._balance.seen, judged)

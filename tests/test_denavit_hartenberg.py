@@ -133,7 +133,7 @@ def test_a_mount_in_radians_is_one_in_degrees(rng) -> None:
                          dh=fl.details.DenavitHartenberg(convention="modified")),
          "dh-axis"),
         (lambda: make_scene(*(fl.Link(name=name, dh=fl.details.DenavitHartenberg(convention=name)) for name in BOOKS)),
-         "inconsistent"),
+         "dh-conventions-differ"),
     ],
 )  # fmt: skip
 def test_what_no_table_says_is_refused(build, wanted) -> None:

@@ -127,9 +127,9 @@ def test_what_moves_a_joint_as_prescribed_works_against_drag() -> None:
     ("changes", "said"),
     [
         ({"link.bar.drag": None}, "no-effect"),
-        ({"link.bar.drag.breadth": None}, "inconsistent"),
+        ({"link.bar.drag.breadth": None}, "missing-key"),
         ({"link.bar.drag.coefficient": -1.0}, "wrong-value"),
-        ({"link.bar.length": 0.0}, "inconsistent"),
+        ({"link.bar.length": 0.0}, "needs-a-length"),
         ({"air_density": 0.0}, "wrong-value"),
     ],
 )
@@ -141,5 +141,5 @@ def test_what_does_not_fit_is_refused(changes: dict[str, Any], said: str) -> Non
 def test_a_general_section_does_not_say_how_broad_it_is() -> None:
     section = fl.Section(shape="general", area=1e-4, i_y=1e-9, i_z=1e-9, torsion=1e-9)
     link = fl.Link(name="a", length=1.0, material="m", section="s", drag=fl.Drag(coefficient=1.0))
-    with refused(fl.errors.SceneError, "inconsistent"):
+    with refused(fl.errors.SceneError, "missing-key"):
         fl.Arm(links=(link,), sections={"s": section}, materials={"m": fl.Material(young=1e9, density=1e3)})

@@ -50,20 +50,20 @@ def at(*keys: Any, **values: Any) -> Edit:
     [
         (at("link", 1, joint={"type": "prismatic"}), "joint.type = 'prismatic': a joint that slides is written"),
         (at("link", 1, kind="telescopic"), "link.upper.kind = 'telescopic': a joint that slides is written"),
-        (at("link", 1, joint="prismatic"), "expected table, got str: a joint that slides is written"),
+        (at("link", 1, joint="prismatic"), "expected a table, not a text: a joint that slides is written"),
         (at("link", 1, joint={"type": "revolute"}), "a joint turns unless its kind is 'prismatic': leave this out"),
-        (at(contact={"ground": 0.0}), "contact = .*: contact is not supported: give the force"),
+        (at(contact={"ground": 0.0}), "contact = .*: contact is not supported: give the contact force"),
         (at(loop=[{}]), "loop = .*: closed loops are not supported, .* cut the loop"),
         (at(weld=[{"links": ["fore", "base"]}]), "weld = .*: closed loops are not supported, .* cut the loop"),
         (at("link", 2, on=["upper", "base"]), "link.fore.on = .*: expected the name of one link; closed loops are not"),
-        (at("link", 2, parent="waist"), "link.fore.parent = 'waist': a link names the one that it hangs on, on = "),
+        (at("link", 2, parent="waist"), "link.fore.parent = 'waist': a link names its parent, on = "),
         (at("link", 1, joint={"axis": "x"}), r"joint.axis = 'x': expected three numbers, such as \[1.0, 0.0, 0.0\]"),
         (at(gravity=-9.81), r"gravity = -9.81: expected three numbers \[m/s²\], such as \[0.0, 0.0, -9.81\]"),
         (at("link", 1, mount={"xyz": 0.3}), r"mount.xyz = 0.3: expected three numbers \[m\]"),
         (at(link={"name": "boom"}), r"link = .*: expected \[\[link\]\], a table for each link"),
         (at("link", 1, damping=0.01), r"upper.damping = 0.01: expected a table, such as { ratio = 0.01, at_hz = 5.0 }"),
         (at(drive={"kind": "pd", "kp": 300}), r"drive.kp = 300: expected a list of one gain per link, such as \["),
-        (at(run={"step": 1e-4, "tolerance": 1e-3}), "step = 0.0001: tolerance = 0.001 is given, too; give only one"),
+        (at(run={"step": 1e-4, "tolerance": 1e-3}), "step = 0.0001: tolerance = 0.001 is also given; specify only one"),
     ],
 )  # fmt: skip
 def test_what_does_not_exist_is_refused_with_what_to_do(edit: Edit, wanted: str) -> None:
@@ -81,13 +81,73 @@ def test_all_mistakes_of_a_file_are_told_at_once() -> None:
     assert "link.fore.material = 'stell': not defined" in refused(at("link", 2, material="stell"), at(gravty=1))
 
 
+@pytest.mark.parametrize(
+    ("edit", "id", "named"),
+    [
+        (at("tip", mass="3kg"), "wrong-value", "tip.mass = '3kg': expected a number in kg, without its unit"),
+        (at("link", 1, length="4 m"), "wrong-value", "length = '4 m': expected a number in m, without its unit"),
+        (at("initial", joint_deg=["30 deg", 0, 0]), "wrong-value", "a number in deg, without its unit"),
+        (at("tip", mass="three"), "wrong-value", "expected a number in kg, not a text"),
+        (at("link", 1, segments="5"), "wrong-value", "segments = '5': expected an integer, not a text"),
+        (at("link", 1, segments=2.5), "wrong-value", "segments = 2.5: expected an integer"),
+        (at("link", 1, joint={"viscous": [1.0]}), "wrong-value", "a number in N m s/rad or N s/m, not a list"),
+        (at("initial", joint=[0.0, 0.0, 0.0]), "unknown-key", "'joint_deg'"),
+        (at(motor={"inertia": 0.1}), "unknown-key", "joint.armature"),
+        (at("material", "aluminium", E=70e9), "unknown-key", "young"),
+        (at("material", "aluminium", rho=2700.0), "unknown-key", "density"),
+        (at("link", 1, mass=2.0), "unknown-key", "hub or end"),
+        (at("link", 1, flex="z", segments=1), "too-few-segments", "at least 2"),
+    ],
+)  # fmt: skip
+def test_a_mistake_of_a_newcomer_names_the_remedy(edit: Edit, id: str, named: str) -> None:
+    raw = copy.deepcopy(T3)
+    edit(raw)
+    with pytest.raises(fl.errors.SceneError) as caught:
+        scene_from(raw)
+    assert caught.value.id == id
+    assert named in str(caught.value)
+    assert "'motion'" not in str(caught.value)
+    assert not re.search(r"\b(float|str|int|joint_m'\?|the default)\b", str(caught.value))
+
+
+def test_a_value_with_a_unit_on_the_command_line_is_refused(capsys: Any) -> None:
+    assert main(["info", str(ROOT / "models" / "paper_fig5.toml"), "--set", "tip.mass=3kg"]) == 2
+    assert "tip.mass = '3kg': expected a number in kg, without its unit" in capsys.readouterr().err
+
+
+def test_a_path_with_a_wrong_key_names_the_remedy() -> None:
+    with words.refused(fl.errors.SceneError, "cannot-set") as caught:
+        scene_from(T3).varied({"initial.joint.upper": 30.0})
+    assert "'joint_deg'" in str(caught.value)
+    with words.refused(fl.errors.SceneError, "cannot-set") as caught:
+        scene_from(T3).varied({"link.upper.mass": 2.0})
+    assert "hub or end" in str(caught.value)
+
+
+def test_a_scene_in_place_of_a_plan_is_explained(tmp_path: Path) -> None:
+    path = tmp_path / "crane.toml"
+    path.write_text(tomli_w.dumps(T3), encoding="utf-8")
+    for load in (fl.load_sweep, fl.fits.load_fit):
+        with words.refused(fl.errors.SceneError, "is-a-scene") as caught:
+            load(path)
+        assert "scene = 'crane.toml'" in str(caught.value)
+
+
+def test_a_robot_file_in_place_of_a_scene_is_explained(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_text(robot("ab", joint("j", "a", "b", LIMIT)), encoding="utf-8")
+    with words.refused(fl.errors.SceneError, "is-xml") as caught:
+        fl.load_scene(path)
+    assert "flexlink import" in str(caught.value)
+
+
 def test_lists_of_the_wrong_length_are_told_together() -> None:
     message = refused(at("initial", joint_deg=[0.0]), at(drive={"kind": "constant", "torque": [1.0]}))
     assert message.split("; also ")[1].startswith("drive.torque = (1.0,): expected one number per link, 3")
 
 
 def test_a_mistake_is_told_once_and_a_single_one_as_before() -> None:
-    assert refused(at("run", step=-1.0)) == "run.step = -1.0: expected float > 0.0"
+    assert refused(at("run", step=-1.0)) == "run.step = -1.0: must be > 0"
 
 
 def test_the_command_line_has_a_line_for_each_mistake(tmp_path: Path, capsys: Any) -> None:
@@ -99,7 +159,7 @@ def test_the_command_line_has_a_line_for_each_mistake(tmp_path: Path, capsys: An
     assert main(["info", str(path)]) == 2
     first, second = capsys.readouterr().err.splitlines()
     assert first.startswith(f"flexlink: {path}: gravty = ")
-    assert second == "  also: run.step = -1.0: expected float > 0.0"
+    assert second == "  also: run.step = -1.0: must be > 0"
 
 
 def test_the_initial_state_may_be_left_out() -> None:

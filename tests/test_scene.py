@@ -179,9 +179,9 @@ def test_python_objects_are_checked_like_files() -> None:
         Link(name="a", material="aluminium", section="square")
     with refused(SceneError, "not-finite"):
         Joint(armature=float("nan"))
-    with refused(SceneError, "inconsistent"):
+    with refused(SceneError, "unknown-name"):
         Arm(links=(flexible("a", material="steel"),), materials={"aluminium": ALUMINIUM}, sections={"square": SQUARE})
-    with refused(SceneError, "inconsistent"):
+    with refused(SceneError, "nothing-to-move"):
         lump(make_scene(Link(name="a", joint=Joint(locked=True))))
     with refused(SceneError, "section-walls"):
         Section(shape="tube", outer=0.1, inner=0.2)
@@ -222,9 +222,9 @@ def test_other_ratios_are_refused(value: float, unit: float) -> None:
     ("text", "wanted"),
     [
         ("[drive]\nkind = 'constant'\ntorque = [5.0, 0.0, 0.0]",
-         "inconsistent"),
+         "locked-and-moving"),
         ("[drive]\nkind = 'pd'\nkp = [1.0, 1.0, 1.0]\nkd = [0.0, 0.0, 0.0]\ntarget_deg = [9.0, 0.0, 0.0]",
-         "inconsistent"),
+         "locked-and-moving"),
     ],
 )  # fmt: skip
 def test_a_torque_on_a_locked_joint_is_refused(text: str, wanted: str, tmp_path: Path) -> None:

@@ -37,9 +37,9 @@ def test_columns_are_named_with_their_unit() -> None:
     [
         ({"fibre": None}, "missing-key"),
         ({"axis": (1, 0, 0)}, "key-of-another-kind"),
-        ({"x": 1.5}, "inconsistent"),
-        ({"link": "bom"}, "inconsistent"),
-        ({"link": "base"}, "inconsistent"),
+        ({"x": 1.5}, "out-of-range"),
+        ({"link": "bom"}, "unknown-link"),
+        ({"link": "base"}, "sensor-on-fixed-part"),
         ({"unit": "µm/m"}, "unit-missing"),
         ({"gain": 0}, "zero-gain"),
         ({"order": 2}, "needs-another-key"),
@@ -70,15 +70,15 @@ def test_a_column_in_another_unit_of_what_is_measured_needs_its_gain() -> None:
 def test_two_places_and_two_names_are_refused() -> None:
     with refused(fl.errors.SceneError, "both-given"):
         fl.Sensor(**PLACE, x=0.5, point=(0, 0, 0))
-    with refused(fl.errors.SceneError, "inconsistent"):
+    with refused(fl.errors.SceneError, "name-twice"):
         scene_with(PLACE, PLACE)
 
 
 def test_a_rigid_link_has_no_strain_and_a_locked_joint_no_angle() -> None:
     stiff = {"flex": "rigid", "segments": 1}
-    with refused(fl.errors.SceneError, "inconsistent"):
+    with refused(fl.errors.SceneError, "link-is-rigid"):
         scene_with(GAUGE, **stiff)
-    with refused(fl.errors.SceneError, "inconsistent"):
+    with refused(fl.errors.SceneError, "sensor-of-locked-joint"):
         scene_with({"name": "e", "kind": "joint", "link": "boom"}, joint=fl.Joint(locked=True))
 
 

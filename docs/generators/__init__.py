@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from docs.generators import api, command_line, docstrings, keys, messages, notat
 PAGES: dict[str, Callable[[Path], str]] = {
     "api.rst": api.page,
     "scene.rst": keys.scene_page,
+    **{f"{name}.rst": partial(keys.scene_part, name) for name in keys.PARTS},
     "sweep.rst": keys.sweep_page,
     "fit.rst": keys.fit_page,
     "data_files.rst": keys.data_files_page,
@@ -20,6 +22,7 @@ PAGES: dict[str, Callable[[Path], str]] = {
     "shapers.rst": schemes.shapers_page,
     "plausibility.rst": plausibility.page,
     "messages.rst": messages.page,
+    **{f"{messages.page_name(title)}.rst": partial(messages.group_page, title) for title in messages.groups()},
     "notation.md": notation.page,
     "study.rst": study.page,
 }
@@ -54,6 +57,8 @@ def write(folder: Path) -> None:
 
 def _with_keywords(name: str, text: str) -> str:
     """Return a page with its keywords in front."""
+    if name not in KEYWORDS:
+        return text
     if name.endswith(".md"):
         return f'---\nmyst:\n  html_meta:\n    keywords: "{KEYWORDS[name]}"\n---\n{text}'
     return f".. meta::\n   :keywords: {KEYWORDS[name]}\n\n{text}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -31,6 +31,13 @@ from flexlink.sweeps.ranges import Range, Spread
 Record = Any
 """A class of records; msgspec's metaclass hides that they are subtypes of `Struct`."""
 
+PARTS = {
+    "scene_arm": ("Keys of the arm", ("base", "link", "material", "rigidity", "section", "tip")),
+    "scene_motion": ("Keys of initial state, drive, motion and load", ("drive", "initial", "motion", "wrench")),
+    "scene_run": ("Keys of sensors and simulation", ("run", "sensor")),
+}
+"""Pages of a scene's tables: name of the page, its title, and the tables."""
+
 NAMED_BY_FILES = {"lumping": "lumping", "method": "methods", "kind": "shapers"}
 """Keys of type str whose values are names of data files, with their folder in `flexlink/describe/data`."""
 
@@ -45,7 +52,15 @@ same paths: ``--set link.upper.segments=9``. A link is given by its name or its 
 on which the key has an effect. Components of a vector are x, y and z (``gravity.x``). Unknown keys, wrong types and
 impossible values are refused by name.
 """
-    return _page("Keys of a scene", intro, [("", Scene)])
+    pages = directive("toctree", body="\n".join(PARTS), maxdepth="1")
+    return _page("Keys of a scene", f"{intro}\n{pages}", [("", Scene)], lambda place: not place)
+
+
+def scene_part(name: str, _: Path) -> str:
+    """Return the keys of some tables of a scene."""
+    title, tables = PARTS[name]
+    intro = f"The tables {', '.join(map(literal, tables))} of a scene; :doc:`scene` lists all tables.\n"
+    return _page(title, intro, [("", Scene)], lambda place: place.partition(".")[0] in tables)
 
 
 def sweep_page(_: Path) -> str:
@@ -82,11 +97,15 @@ file.
     return _page("Keys of data files", intro, files)
 
 
-def _page(title: str, intro: str, roots: list[tuple[str, Record]]) -> str:
+def _page(
+    title: str, intro: str, roots: list[tuple[str, Record]], wanted: Callable[[str], bool] = lambda _: True
+) -> str:
     parts = [heading(title), intro]
     known: set[Record] = set()
     for path, record in roots:
         for place, kind in records(record, path, known):
+            if not wanted(place):
+                continue
             parts.append(heading(f"[{place}]" if place else "Top level", 1))
             parts.append(_summary(kind))
             parts += [_entry(place, field, sentence) for field, sentence in entries(kind)]

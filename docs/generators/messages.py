@@ -1,94 +1,106 @@
-"""The page "Messages": meaning and remedy of the usual messages, then every error text of the library."""
+"""Pages of messages: what each id means, what to do, and the texts of the source with this id."""
 
 from __future__ import annotations
 
 import ast
 import functools
-import inspect
 import tomllib
-from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import flexlink
-from docs.generators.rest import heading, prose
-from flexlink import errors
+from docs.generators.rest import directive, heading, literal, prose, table
 
 LIBRARY = Path(flexlink.__file__).parent
-USUAL = Path(__file__).parent / "messages.toml"
+EXPLAINED = Path(__file__).parent / "messages.toml"
 
 INTRO = """\
-A message is one line: the object, its value, what is allowed, and a remedy. In Python a refusal raises a subclass of
-:class:`flexlink.FlexlinkError`; the command line prints it and exits with 2. Doubtful results cause a ``warning:``,
-also stored in ``Trajectory.warnings``. Values without effect, or probably unintended, cause a ``note:``. The headings
-below are parts of messages, without their numbers and names.
+Every message has an id, which the command line prints in brackets at its end: ``… [unknown-key]``. In Python a refusal
+is a subclass of :class:`flexlink.FlexlinkError` with the attribute ``id``; the command line prints it and exits with 2.
+A ``warning:`` means that a result may be wrong; it is also stored in ``Trajectory.warnings``. A ``note:`` means that a
+value has no effect, or is probably not intended.
 """
 
 
-def page(_: Path) -> str:
-    """Return the usual messages with cause and remedy, then all messages by class."""
-    parts = [heading("Messages"), INTRO]
-    for group in tomllib.loads(USUAL.read_text(encoding="utf-8"))["group"]:
-        parts.append(heading(group["title"], 1))
-        for message in group["message"]:
-            body = f"{prose(message['means'])}\n\n**Remedy:** {prose(message['do'])}"
-            parts.append(f"{prose(message['text'])}\n{_hanging(body)}\n")
-    parts.append(heading("All errors by class", 1))
-    parts.append("… is a value.\n")
-    for name, texts in sorted(error_texts().items()):
-        kind = getattr(errors, name)
-        parts += [heading(name, 2), f":class:`flexlink.{'errors.' * (name != 'FlexlinkError')}{name}`: "
-                  f"{prose((inspect.getdoc(kind) or '').splitlines()[0])}\n"]  # fmt: skip
-        parts.append("\n".join(f"- {prose(text)}" for text in texts) + "\n")
-    return "\n".join(parts)
+class Explanation(NamedTuple):
+    """What an id means, and what to do."""
 
-
-def _hanging(text: str) -> str:
-    return "\n".join(f"   {line}" if line else "" for line in text.splitlines())
-
-
-def error_texts() -> dict[str, list[str]]:
-    """Texts of every `raise` of a public error, by class."""
-    found: defaultdict[str, set[str]] = defaultdict(set)
-    for name, text in _source()[0]:
-        found[name].add(text)
-    return {name: sorted(texts, key=str.casefold) for name, texts in found.items()}
-
-
-def literals() -> Iterator[str]:
-    """Yield every string of the library's source and data files."""
-    yield from _source()[1]
-    for path in LIBRARY.rglob("*.toml"):
-        yield path.read_text(encoding="utf-8")
+    id: str
+    means: str
+    remedy: str
 
 
 @functools.cache
-def _source() -> tuple[list[tuple[str, str]], list[str]]:
-    """Texts of every `raise`, and every string, of the library's source."""
-    raised, texts = list[tuple[str, str]](), list[str]()
-    for path in LIBRARY.rglob("*.py"):
-        nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
-        raised += _raised(nodes)
-        texts += [node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)]
-    return raised, texts
+def groups() -> dict[str, tuple[Explanation, ...]]:
+    """Explanations by the title of their page."""
+    found = tomllib.loads(EXPLAINED.read_text(encoding="utf-8"))["group"]
+    return {group["title"]: tuple(Explanation(name, *texts) for name, texts in group["ids"].items()) for group in found}
 
 
-def _raised(nodes: Iterable[ast.AST]) -> Iterator[tuple[str, str]]:
-    for node in nodes:
-        call = node.exc if isinstance(node, ast.Raise) else None
-        if (
-            isinstance(call, ast.Call)
-            and isinstance(call.func, ast.Name)
-            and call.func.id in errors.__all__
-            and call.args
-        ):
-            text = _template(call.args[0])
+def page_name(title: str) -> str:
+    """File name of the page of a group, without its ending."""
+    return f"messages_{title.partition(':')[0].partition(',')[0].lower().replace(' ', '_')}"
+
+
+def page(_: Path) -> str:
+    """All ids in one table, each with a link to its explanation."""
+    rows = [
+        (f":ref:`{prose(title)} <{page_name(title)}>`",
+         ", ".join(f":ref:`{each.id} <message-{each.id}>`" for each in sorted(explained)))
+        for title, explained in groups().items()
+    ]  # fmt: skip
+    pages = directive("toctree", body="\n".join(map(page_name, groups())), hidden="", maxdepth="1")
+    return "\n".join([heading("Messages"), INTRO, table(("subject", "ids"), rows, "25 75"), pages])
+
+
+def group_page(title: str, _: Path) -> str:
+    """The ids of one group, with meaning, remedy and texts."""
+    parts = [f".. _{page_name(title)}:\n", heading(f"Messages: {title[0].lower()}{title[1:]}")]
+    for each in groups()[title]:
+        shown = [f"- {prose(text)}" for text in sorted(texts().get(each.id, ()), key=str.casefold)]
+        parts += [f".. _message-{each.id}:\n", heading(each.id, 1), f"{prose(each.means)} {prose(each.remedy)}\n"]
+        if shown:
+            parts.append(directive("dropdown", f"Texts with the id {literal(each.id)}", "\n".join(shown)))
+    return "\n".join(parts)
+
+
+@functools.cache
+def texts() -> dict[str, set[str]]:
+    """Texts of errors, warnings and notes in the source, by id, with … for every value."""
+    found: dict[str, set[str]] = {}
+    for path in sorted(LIBRARY.rglob("*.py")):
+        for name, text in _identified(ast.walk(ast.parse(path.read_text(encoding="utf-8")))):
+            found.setdefault(name, set())
             if len(text.replace("…", "").split()) > 1:
-                yield call.func.id, text
+                found[name].add(text)
+    return found
+
+
+def _identified(nodes: Iterable[ast.AST]) -> Iterator[tuple[str, str]]:
+    """Ids and texts of calls with `id="…"`, of `Diagnostic(text, "id")`, and of classes of errors with an id."""
+    for node in nodes:
+        if isinstance(node, ast.Call):
+            named = [given.value for given in node.keywords if given.arg == "id"]
+            if isinstance(node.func, ast.Name) and node.func.id == "Diagnostic":
+                named = [*node.args[1:2], *named]
+            for given in named:
+                for name in _constants(given):
+                    yield name, _template(node.args[0]) if node.args else ""
+        elif isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "_id":
+            yield from ((name, "") for name in _constants(node.value) if name)
+
+
+def _constants(node: ast.expr) -> Iterator[str]:
+    """Ids in an expression: a constant, or the branches of a condition."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        yield node.value
+    elif isinstance(node, ast.IfExp):
+        yield from (*_constants(node.body), *_constants(node.orelse))
 
 
 def _template(node: ast.expr) -> str:
-    """Return a text with … in place of every value."""
+    """A text with … for every value in it."""
     if isinstance(node, ast.Constant):
         return str(node.value)
     if isinstance(node, ast.JoinedStr):

@@ -1,1 +1,1 @@
-"""The smallest model that a scene needs: which links bend, how, and with which steps, for an error that is allowed."""
+"""The cheapest model of a scene that meets a tolerance: which links bend, how, and with which steps."""

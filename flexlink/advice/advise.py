@@ -31,24 +31,25 @@ from flexlink.results.tip_motion import tip_travel
 def advise(
     scene: Scene, tip: float | str = 1e-3, *, deflection: bool = False, band: float | None = None, budget: float = 1.0
 ) -> Advice:
-    """The cheapest model of a scene whose error at the tip is allowed.
+    """Find the cheapest model of a scene with an allowed error at the tip.
 
-    Chosen, for the motion of this scene, are the links that bend, their axes, the places and the number of their
-    hinges, and the steps of the run. Errors are those from the limit of finer and finer models of the same beams; all
-    links with a section may bend. All else stays as in the scene: joints, gears, loads, friction, drive, samples.
+    For the motion of this scene it chooses the links that bend, their axes, the positions and the number of their
+    hinges, and the steps of the run. Errors are measured from the limit of finer and finer models of the same beams;
+    all links with a section may bend. Everything else stays as in the scene: joints, gears, loads, friction, drive,
+    samples.
 
     Parameters
     ----------
     scene
         The scene; its flex, segments, lumping, method and step have no effect.
     tip
-        Allowed error of the tip at the samples: a share of its travel, or a length, as "2 mm".
+        Allowed error of the tip at the samples: a fraction of its travel, or a length, such as "2 mm".
     deflection
-        Whether `tip` is a share of the largest deflection of the tip by the springs of links and gears.
+        Whether `tip` is a fraction of the largest deflection of the tip by the springs of links and gears.
     band
-        Vibrations above this frequency do not count [Hz]; None: all do that the samples resolve.
+        Vibrations above this frequency are ignored [Hz]; None: all vibrations that the samples resolve count.
     budget
-        CPU time that the steps of one run may take [s], also of the finer models; by their number, at listed costs.
+        CPU time that the steps of one run may take [s], also with the finer models, computed from listed costs.
 
     Returns
     -------
@@ -58,12 +59,12 @@ def advise(
     Raises
     ------
     ArgumentError
-        `scene` is no Scene, or an argument is out of range.
+        `scene` is not a Scene, or an argument is out of range.
     SceneError
-        The scene is of one model only (`initial.q`, `qd`), has no duration, or no link with a section.
+        The scene fits only one model (`initial.q`, `qd`), has no duration, or no link with a section.
     AdviceError
-        No two models of the scene can be run; the message gives the reason of the last one. Or `tip` is a share of a
-        travel, or of a deflection, that is zero.
+        Fewer than two models of the scene can be run; the message gives the reason of the last failure. Or `tip` is a
+        fraction of a travel, or of a deflection, that is zero.
     InterruptedRunError
         Ctrl-C or SIGTERM.
 
@@ -89,7 +90,7 @@ class Advisor:
         self.rigid: Outcome | None = None
 
     def advice(self) -> Advice:
-        """Rigid links if they are enough; otherwise a refinement study, and the search that it allows."""
+        """Return rigid links if they are accurate enough; otherwise refine the model, and search by its limit."""
         settled = self._rigid_is_enough()
         if settled is not None:
             return settled
@@ -119,10 +120,10 @@ class Advisor:
         travel, strict = tip_travel(self.rigid.tip), self.rigid
         tolerance = self.goal.tolerance(travel, 0.0)
         error, hertz = rigid.estimate(self.runner, strict, self.axes, self.norm)
-        size = f"at most {length(error)}" if np.isfinite(error) else "larger than can be estimated"
-        vibration = f", vibration of {hertz:.3g} Hz" if np.isfinite(hertz) else ""
-        self.lines = [line("rigid", f"estimated error {size}{vibration}")]
-        clearly_rigid = 0.5 * tolerance  # an estimate below this settles it
+        size = f"estimated error at most {length(error)}" if np.isfinite(error) else "error too large to estimate"
+        vibration = f" (first mode {hertz:.3g} Hz)" if np.isfinite(hertz) else ""
+        self.lines = [line("rigid", f"{size}{vibration}")]
+        clearly_rigid = 0.5 * tolerance  # an estimate below this is sufficient
         if error < clearly_rigid:
             error *= max(1.0, rigid.growth(self.runner, strict, error) / Thresholds.modest_growth)
         if error >= clearly_rigid:
@@ -138,12 +139,12 @@ class Advisor:
         return self.runner.chain(uniform(self.axes, Thresholds.hinges)).size
 
     def _first_flexible_run(self) -> tuple[Stepping, float]:
-        """Steps of the levels, of errors far below the tolerance on the coarsest chain; and the tolerance [m]."""
+        """Steps of the levels, with errors far below the tolerance on the coarsest chain; and the tolerance [m]."""
         model = uniform(self.axes, Thresholds.hinges)
         travel = tip_travel(self.rigid.tip) if self.rigid else Thresholds.first_guess * self._size()
         tolerance = self.goal.tolerance(travel, travel) or self.goal.size * self._size()
         least, share = least_tolerance(self._size()), Thresholds.reference_step_share
-        # stricter steps measure the errors of steps: in sensitive motion they are many times their tolerance
+        # stricter steps measure the step errors: in sensitive motion these are many times the tolerance of the steps
         strictness, passes = 0.1, 8
         stepping, known_tolerance = Stepping("auto", tolerance=share * tolerance), tolerance
         for _ in range(passes):
@@ -162,7 +163,7 @@ class Advisor:
                 strict = Stepping("auto", tolerance=max(share * strictness * tolerance, least))
                 stricter = self.runner.run(model, strict)
                 small = self.norm(stricter.tip - outcome.tip) <= 0.1 * known_tolerance
-                leaves_levels = 8 * stricter.seconds <= self.runner.budget  # without them no limit is known
+                leaves_levels = 8 * stricter.seconds <= self.runner.budget  # without levels there is no limit
                 if small or stricter.over_budget or not leaves_levels:
                     return stepping, known_tolerance
                 share *= strictness
@@ -170,11 +171,11 @@ class Advisor:
         return stepping, known_tolerance
 
     def _still(self, size: float, least: float) -> AdviceError:
-        """The error of a goal that is a share of next to nothing [m]."""
+        """Error for a goal that is a fraction of almost no motion [m]."""
         what = "springs deflect the tip" if self.goal.deflection else "the tip moves"
         return AdviceError(
             f"{self.scene.name}: {what} by only {size:.2g} m, and {self.goal} of that is below the rounding error, "
-            f"{least:.2g} m; give the error as a length, such as tip = '1 mm'",
+            f"{least:.2g} m; specify the error as a length, such as tip = '1 mm'",
             id="no-motion",
         )
 
@@ -201,7 +202,7 @@ class Advisor:
         return self._done(best.model, best.outcome, best.error + known_to, tolerance, refinement.travel, limit)
 
     def _cannot(self, refinement: RefinementStudy, known: Array) -> Advice:
-        """The finest level with its error, of a limit known to `known` up to each sample (samples,) [m]."""
+        """The finest level with its error; `known`: error of the limit up to each sample (samples,) [m]."""
         assert refinement.limit is not None
         known_to = float(known[-1])
         finest, tolerance = refinement.finest.outcome, refinement.tolerance
@@ -216,9 +217,9 @@ class Advisor:
                 line("limit", f"the extrapolated path of the tip is known within {length(known_to)}; see converged_tip")
             )
         if growth > Thresholds.sensitive_growth:
-            fold = f"; by e in {e_fold:.3g} s" if np.isfinite(e_fold) else ""
+            fold = f" (by e every {e_fold:.3g} s)" if np.isfinite(e_fold) else ""
             lines.append(line("sensitive", f"initial errors grow by a factor of {growth:.2g}{fold}"))
-        lines.append(line("horizon", f"the tolerance is kept up to t = {holds:.6g} s"))
+        lines.append(line("horizon", f"the tolerance is met up to t = {holds:.6g} s"))
         limit = refinement.limit._replace(errors=known)
         return self._result(refinement.model, finest, error, tolerance, refinement.travel, limit, holds, lines)
 
@@ -240,7 +241,7 @@ class Advisor:
         whole, again = run_time(lambda: self.runner.scene_of(model, outcome.stepping))
         took = thread_time() - self._started
         pays = payback(took, own_time(self.scene, took), again)
-        cost = f"CPU time {time(whole)}, set-up included, {time(again)} again"
+        cost = f"CPU time {time(whole)} including set-up, {time(again)} if repeated"
         last = (
             line("error", f"{length(error)}{own}"),
             line("cost", f"{cost}; advice took {self.runner.count} runs, {time(took)}{pays}"),
@@ -266,4 +267,4 @@ class Advisor:
         if not any(model):
             return f"{stepping}, {round(self.scene.run.spacing / stepping.step)} steps per sample"
         share = stepping.step / self.runner.stable_step(model)
-        return f"{stepping}, {share:.2f} of the stable step (smallest over {len(self.runner.postures)} postures)"
+        return f"{stepping}, {share:.2f} of the stable step (smallest of {len(self.runner.postures)} configurations)"

@@ -1,4 +1,4 @@
-"""Which axes each link needs: on a coarse chain, axes are left out while they together hardly change the tip."""
+"""Screening of axes: on a coarse chain, axes are left out as long as together they hardly change the tip."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from flexlink.advice.thresholds import Thresholds
 
 
 class AxisScreening:
-    """Axes of each link without those that hardly change the tip.
+    """Axes of each link, without those that hardly change the tip.
 
     Attributes
     ----------
@@ -20,7 +20,7 @@ class AxisScreening:
     left_out
         Change of the tip by all axes left out together, shape (samples, 3) [m].
     trials
-        What each axis left out did to the tip, and whether it is kept: a line each, in order.
+        One line per attempt to leave out axes, in order: change of the tip, and whether it is accepted.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class AxisScreening:
                     break
 
     def _try(self, name: str, axes: Axes) -> bool:
-        """Take these axes if that changes the tip by no more than allowed."""
+        """Adopt these axes if they change the tip by no more than allowed; returns whether."""
         if axes == self.axes:
             return True
         tip = self.runner.run(uniform(axes, Thresholds.screening_hinges), self.stepping).tip

@@ -1,4 +1,4 @@
-"""Families of lumping rules that a study refines: which hinges they have, and how fast their errors fall with more."""
+"""Families of lumping rules for a refinement study: their numbers of hinges, and the orders of their errors."""
 
 from __future__ import annotations
 
@@ -6,31 +6,31 @@ from typing import NamedTuple
 
 
 class Family(NamedTuple):
-    """Rules of one kind, for any number of hinges that the family has."""
+    """Rules of one kind, for any number of hinges that the family offers."""
 
-    order: float  # by which errors of the tip's path fall
-    asymptotic: int  # hinges from which they do
-    safe: float  # change of the extrapolated limit over its error, at least
-    step: int  # its numbers of hinges beyond two are multiples of this
+    order: float  # order of the errors of the tip's path
+    asymptotic: int  # number of hinges from which errors fall at this order
+    safe: float  # lower bound of the change of the extrapolated limit over its error
+    step: int  # numbers of hinges above two are multiples of this
 
     def rounded_up(self, hinges: int) -> int:
-        """The least number of hinges that the family has, of so many or more."""
+        """Smallest number of hinges that the family offers, at least `hinges`."""
         return hinges if hinges <= FEW else -(-hinges // self.step) * self.step
 
     def fewer(self, hinges: int) -> set[int]:
-        """Numbers of hinges to try in place of so many, 0 of a rigid link among them."""
+        """Smaller numbers of hinges to try; 0 makes the link rigid."""
         tried = (hinges - 1, hinges - 2, 0) if self.step == 1 else (0, 1, FEW, hinges - self.step)
         return {count for count in tried if 0 <= count < hinges}
 
 
 FEW = 2
-"""Hinges up to which every number is tried, whatever the family."""
+"""Up to this number of hinges all numbers are tried, in every family."""
 
 GAUSS = "gauss"
-"""The family that every study begins with."""
+"""The family that every study starts with."""
 
 FAMILIES = {
-    # safe: measured on 22 scenes; of cells taken from gauss, and held by the tests of advice on finer models
+    # safe: measured on 22 scenes; cells use the value of gauss, and tests of advice on finer models check it
     GAUSS: Family(order=2.0, asymptotic=6, safe=1.5, step=1),
     "legendre": Family(order=2.0, asymptotic=6, safe=1.2, step=1),
     "lobatto": Family(order=4.0, asymptotic=12, safe=1.5, step=4),
@@ -38,9 +38,9 @@ FAMILIES = {
 
 
 def rule_of(family: str, hinges: int) -> str:
-    """The lumping rule of a family for so many hinges.
+    """The lumping rule of a family for this number of hinges.
 
-    `gauss` takes even numbers, cells are of four hinges, or of two; a single hinge is in the middle.
+    `gauss` needs an even number of hinges. Cells have four hinges, or two. A single hinge is in the middle.
     """
     if hinges == 1:
         return "midpoint"

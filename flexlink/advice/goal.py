@@ -1,4 +1,4 @@
-"""The accuracy that advice is asked for, and the norm of tip errors that it is measured by."""
+"""Goal of the advice: the required accuracy, and the norm of tip errors that measures it."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from flexlink.results.tip_motion import largest_so_far
 
 
 class Goal(NamedTuple):
-    """Largest error of the tip, at any sample.
+    """Allowed error of the tip at any sample.
 
-    A share of the tip's travel or, with `deflection`, of its largest deflection; with `metres` a length [m]. Vibrations
-    above `band` [Hz] do not count.
+    It is a fraction of the tip's travel or, with `deflection`, of its largest deflection; with `metres` it is a length
+    [m]. Vibrations above `band` [Hz] are ignored.
     """
 
     size: float
@@ -29,7 +29,7 @@ class Goal(NamedTuple):
     band: float = np.inf
 
     def tolerance(self, travel: float, deflection: float) -> float:
-        """The allowed error [m] for this travel and this deflection of the tip [m]."""
+        """Allowed error [m] for this travel and this deflection of the tip [m]."""
         return self.size if self.metres else self.size * (deflection if self.deflection else travel)
 
     def __str__(self) -> str:
@@ -37,13 +37,13 @@ class Goal(NamedTuple):
 
 
 def goal_of(tip: float | str, *, deflection: bool, band: float | None, run: RunSettings) -> Goal:
-    """The goal of the arguments of `advise`.
+    """Convert the arguments of `advise` to a goal.
 
     Raises
     ------
     ArgumentError
-        `tip` is neither a share between 0 and 1 nor a length with its unit, `deflection` is combined with a length, or
-        the samples are too far apart for `band`.
+        `tip` is neither a fraction between 0 and 1 nor a length with its unit, `deflection` is combined with a length,
+        or the samples are too far apart for `band`.
     """
     wanted = "a fraction of the tip's travel, such as 1e-3, or a length with its unit, such as '2 mm'"
     units = {"m": 1.0, "mm": 1e-3, "µm": 1e-6, "um": 1e-6}
@@ -58,7 +58,7 @@ def goal_of(tip: float | str, *, deflection: bool, band: float | None, run: RunS
         )
     if metres and deflection:
         raise ArgumentError(
-            f"deflection = True: tip = {truncated(tip)} is a length; give a fraction of the deflection, such as 0.01",
+            f"deflection = True: tip = {truncated(tip)} is a length; expected a fraction of the deflection",
             id="tip-goal",
         )
     if band is not None:
@@ -71,7 +71,7 @@ def goal_of(tip: float | str, *, deflection: bool, band: float | None, run: RunS
 
 
 class TipErrorNorm:
-    """Norm of differences of tip paths, shape (samples, 3) [m], below the goal's band."""
+    """Norm of differences between tip paths, shape (samples, 3) [m], below the goal's band."""
 
     def __init__(self, goal: Goal, sample: float) -> None:
         self.window = _window(goal.band, sample)
@@ -84,7 +84,7 @@ class TipErrorNorm:
         return np.column_stack([self._windowed(column) / weight for column in difference.T])
 
     def _windowed(self, column: Array) -> Array:
-        """As np.convolve(…, "same"), but as long as the run also where the window is longer."""
+        """Convolution as np.convolve(…, "same"), but always as long as the run, even if the window is longer."""
         assert self.window is not None
         before = len(self.window) // 2
         return np.convolve(column, self.window)[before : before + len(column)]
@@ -103,11 +103,11 @@ class TipErrorNorm:
 
 
 def _window(band: float, sample: float) -> Array | None:
-    """Hann's window of length 2/band, whose gain is zero from the band on but for side lobes of 3 %."""
+    """Hann window of length 2/band; its gain is zero above the band, except for side lobes of 3 %."""
     half = round(1.0 / (band * sample)) if np.isfinite(band) else 0
     return np.hanning(2 * half + 1)[1:-1] if half > 1 else None
 
 
 def least_tolerance(size: float) -> float:
-    """Smallest tolerance of steps for this size [m]: a thousand roundings of the tip's position."""
+    """Smallest tolerance of steps for this size [m]: a thousand rounding errors of the tip's position."""
     return 1e3 * rounding.of_reach(size)

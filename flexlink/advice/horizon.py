@@ -1,4 +1,4 @@
-"""Of a model that misses the tolerance: up to which time it keeps it, and how fast errors grow."""
+"""Horizon of a model that misses the tolerance: the time up to which it meets it, and how fast errors grow."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ def horizon(refinement: RefinementStudy, norm: TipErrorNorm, known: Array) -> fl
 
 
 def growth(runner: ModelRunner, refinement: RefinementStudy, tolerance: float) -> tuple[float, float]:
-    """Growth of an error of the initial angles at the finest level: its factor, and the time [s] of a growth by e.
+    """Growth of an error of the initial angles at the finest level: its factor, and its e-folding time [s].
 
-    The factor is that at the end, or where the error gets too large for proportion; the time is of the second half, inf
-    if it does not grow.
+    The factor is that at the end, or where the error becomes too large to be proportional to the initial one. The time
+    is that of the second half, inf if the error does not grow.
     """
     outcome, size = refinement.finest.outcome, runner.chain(refinement.model).size
     angle = min(Thresholds.perturbation * (outcome.stepping.tolerance or 0.0), tolerance) / size

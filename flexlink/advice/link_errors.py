@@ -1,8 +1,8 @@
-"""Errors of the tip path caused by each link, measured with few hinges; more of them reduce it by the rules' order p.
+"""Tip path errors of each link, measured with few hinges; they fall with more hinges by the rules' order p.
 
-    e_k(N) = C_k / N^p         N hinges in link k, p = 2, or 4 of cells
+    e_k(N) = C_k / N^p         N hinges in link k, p = 2, or 4 for cells
 
-The errors of all links are superposed, as paths with their signs.
+The errors of all links are superposed as paths, with their signs.
 """
 
 from __future__ import annotations
@@ -18,28 +18,28 @@ from flexlink.common.types import Array
 
 
 class LinkErrors:
-    """Errors of models from the limit.
+    """Errors of models relative to the limit.
 
     Attributes
     ----------
     base
-        Hinges of every link while one link is changed.
+        Hinges of all other links while one link is varied.
     bending
-        Numbers of the links that bend, from 0.
+        Indices of the links that bend, from 0.
     known
         Errors of the models of the refinement study [m].
     """
 
     def __init__(self, runner: ModelRunner, norm: TipErrorNorm, refinement: RefinementStudy) -> None:
         self.runner, self.norm, self.refinement = runner, norm, refinement
-        # that of Gauss-Legendre points is also asked of gauss, which takes any number
+        # gauss also represents Gauss-Legendre points, as it offers any number of hinges
         self.family = refinement.family if FAMILIES[refinement.family].step > 1 else GAUSS
         self.order = FAMILIES[self.family].order
         self.base = 4 if refinement.finest.hinges > 4 else 2
         self.bending = [k for k, flex in enumerate(refinement.axes) if flex != "rigid"]
         self.known = {model: self.from_limit(run.tip) for model, run in refinement.models().items()}
-        self._few: dict[tuple[int, int], Array] = {}  # with fewer hinges than the base, by link and hinges
-        self._fewer_axes: dict[tuple[int, str], Array] = {}  # change of the path
+        self._few: dict[tuple[int, int], Array] = {}  # errors with fewer hinges than the base, by link and hinges
+        self._fewer_axes: dict[tuple[int, str], Array] = {}  # changes of the path with fewer axes
         self._own = self._of_base()
         for k in self.bending:
             self._measure(k)
@@ -50,7 +50,7 @@ class LinkErrors:
         return self.norm(tip - self.refinement.limit.tip)
 
     def constant(self, k: int) -> float:
-        """C_k [m]."""
+        """Error constant C_k of a link [m]."""
         return float(self.norm(self._own[k]) * self.base**self.order)
 
     def error(self, model: Model) -> float:
@@ -58,7 +58,7 @@ class LinkErrors:
         return self.norm(np.sum([self._path(k, model[k]) for k in self.bending], axis=0))
 
     def axes(self, k: int) -> list[str]:
-        """Axes of a link, and fewer of them that were measured."""
+        """Axes of a link, and the measured choices with fewer axes."""
         return [self.refinement.axes[k], *(flex for link, flex in self._fewer_axes if link == k)]
 
     def _path(self, k: int, bend: Bend | None) -> Array:
@@ -69,7 +69,7 @@ class LinkErrors:
         return path + self._fewer_axes[k, bend.flex] if bend and bend.flex != self.refinement.axes[k] else path
 
     def _of_base(self) -> dict[int, Array]:
-        """The error of the base model, divided among its links like its change from half the hinges."""
+        """Error of the base model, divided among its links in proportion to their changes with half the hinges."""
         assert self.refinement.limit is not None
         rest = self.runner.run(self._base_model, self.refinement.stepping).tip - self.refinement.limit.tip
         changes = {k: self._changed(k, self._hinges(k, self.base // 2)) for k in self.bending}
@@ -78,7 +78,7 @@ class LinkErrors:
         return {k: share * change for k, change in changes.items()}
 
     def _measure(self, k: int) -> None:
-        counts = {self.base // 2, 1} | ({0} if len(self.bending) > 1 else set())  # all links rigid is no part of this
+        counts = {self.base // 2, 1} | ({0} if len(self.bending) > 1 else set())  # all links rigid is not included
         for hinges in counts:
             self._few[k, hinges] = self._changed(k, self._hinges(k, hinges)) + self._own[k]
         for flex in fewer_axes(self.refinement.axes[k]):
@@ -92,6 +92,6 @@ class LinkErrors:
         return uniform(self.refinement.axes, self.base, self.family)
 
     def _changed(self, k: int, bend: Bend | None) -> Array:
-        """Change of the base model's tip path by a choice for a link."""
+        """Change of the base model's tip path by another choice for one link."""
         base, stepping = self._base_model, self.refinement.stepping
         return self.runner.run((*base[:k], bend, *base[k + 1 :]), stepping).tip - self.runner.run(base, stepping).tip

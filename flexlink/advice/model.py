@@ -1,4 +1,4 @@
-"""A model of an arm: about which axes each link bends, and where its hinges are."""
+"""A model of an arm: the axes about which each link bends, and its hinges."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flexlink.describe.link import Link
 from flexlink.describe.scene import Scene
 
 FLEX = ("rigid", "z", "yz", "xyz")
-"""Axes of a link that bend, each choice with those of the one before it."""
+"""Choices of the bending axes of a link; each includes the axes of the one before."""
 
 
 class Bend(NamedTuple):
@@ -31,13 +31,13 @@ class Bend(NamedTuple):
 
 
 Model = tuple[Bend | None, ...]
-"""One entry for each link, None of a rigid one."""
+"""One entry for each link; None if it is rigid."""
 Axes = tuple[str, ...]
 """One of `FLEX` for each link."""
 
 
 def by_rule(flex: str, hinges: int, family: str = GAUSS) -> Bend | None:
-    """A link with so many hinges of a family of rules."""
+    """A link with this number of hinges, by a family of rules."""
     return None if flex == "rigid" else Bend(flex, rule_of(family, hinges), hinges)
 
 
@@ -47,7 +47,7 @@ def uniform(axes: Axes, hinges: int, family: str = GAUSS) -> Model:
 
 
 def all_axes(scene: Scene) -> Axes:
-    """All axes that can bend: all three of every link with a section, of one with a table those that stand in it."""
+    """All axes that can bend: three for a link with a section, those in the table for a link with a table."""
     return tuple(_axes_of(scene.arm, link) if is_beam(link) else "rigid" for link in scene.arm.links)
 
 
@@ -59,12 +59,12 @@ def _axes_of(arm: Arm, link: Link) -> str:
 
 
 def is_beam(link: Link) -> bool:
-    """Whether a link has a material and a section, or a table of rigidities, and a length, so that it can bend."""
+    """Whether a link can bend: it has a length, and a material and a section or a table of rigidities."""
     return (link.material is not None or link.rigidity is not None) and link.beam.length > 0
 
 
 def checked_scene(scene: Scene) -> Scene:
-    """The scene, if it can be run with any model.
+    """Return the scene if it can be run with any model.
 
     Raises
     ------
@@ -75,17 +75,17 @@ def checked_scene(scene: Scene) -> Scene:
         value = getattr(scene.initial, name)
         if value is not None:
             raise SceneError(
-                f"initial.{name} = {truncated(value)}: fits one number of hinges only, and advice varies it; give "
+                f"initial.{name} = {truncated(value)}: fits only one number of hinges, but advice varies it; use "
                 "initial.joint_deg, rate_deg and passive",
                 id="hinge-state-with-advice",
             )
     if scene.run.duration == 0:
         raise SceneError(
-            f"run.duration = {scene.run.duration!r}: advice needs a motion; give a duration > 0", id="no-motion"
+            f"run.duration = {scene.run.duration!r}: advice needs a motion; use a duration > 0", id="no-motion"
         )
     if not any(map(is_beam, scene.arm.links)):
         raise SceneError(
-            "link: none can bend, so there is nothing to choose; give a link a material and a section",
+            "link: no link can bend, so there is nothing to choose; give a link a material and a section",
             id="no-flexible-link",
         )
     return scene

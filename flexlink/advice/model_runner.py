@@ -1,4 +1,4 @@
-"""Runs a scene with different models and steps, each once, within a budget of CPU time, and counts them."""
+"""Runs of a scene with different models and steps: each once, within a budget of CPU time, and counted."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from flexlink.results.trajectory import Trajectory
 
 
 class Stepping(NamedTuple):
-    """Fixed steps [s] of a method, or steps by a tolerance [m]."""
+    """Fixed steps [s] of a method, or steps that meet a tolerance [m]."""
 
     method: str
     step: float | None = None
@@ -43,12 +43,12 @@ class Stepping(NamedTuple):
 class Outcome(NamedTuple):
     """Result of a run."""
 
-    tip: Array  # (samples, 3) [m]; nan from where the run ended early
-    seconds: float  # CPU time of its steps [s], by evaluations, at listed costs
+    tip: Array  # (samples, 3) [m]; nan after an early end of the run
+    seconds: float  # CPU time of its steps [s], from evaluations and listed costs
     run: Trajectory | None
     stepping: Stepping
-    reason: str = ""  # why it ended early, or empty
-    over_budget: bool = False  # it ended because it used up the budget
+    reason: str = ""  # why it ended early; else empty
+    over_budget: bool = False  # whether it ended because it used up the budget
 
     @property
     def completed(self) -> bool:
@@ -61,7 +61,7 @@ class OverBudgetError(FlexlinkError):
 
 
 class ModelRunner:
-    """Runs of one scene, their `count` and the CPU `seconds` of their steps, by list."""
+    """Runs of one scene, their `count` and the CPU `seconds` of their steps by listed costs."""
 
     def __init__(self, scene: Scene, budget: float) -> None:
         self.scene, self.budget = scene, budget
@@ -95,9 +95,9 @@ class ModelRunner:
         return self._outcomes[model, stepping]
 
     def perturbed_run(self, model: Model, stepping: Stepping, angle: float) -> Outcome | None:
-        """The run with all free joints turned by an angle [rad] at the start, or slid by that part of the size.
+        """The run with all free joints turned by an angle [rad] at the start, or displaced by the angle times the size.
 
-        None if no joint is free.
+        It is None if no joint is free.
         """
         scene = self.scene
         held = {scene.arm.number(motion.link) for motion in scene.motion}
@@ -148,14 +148,15 @@ class ModelRunner:
             if spent > self.budget:
                 self.seconds += spent
                 raise OverBudgetError(
-                    f"{chain.name}: a run reached {fraction:.0%} in {self.budget:g} s; give a larger budget",
+                    f"{chain.name}: a run used up the budget of {self.budget:g} s at {fraction:.0%} of its "
+                    "duration; use a larger budget",
                     id="over-budget",
                 )
 
         return single.finish(stop, check, compared=False)
 
     def sample_postures(self, run: Trajectory) -> None:
-        """Take five postures of a run for stable steps: those of the initial one alone have diverged."""
+        """Take five configurations of a run for stable steps: with the initial one alone, runs have diverged."""
         rows = np.linspace(0, len(run.t) - 1, 5).astype(int)
         joints = {run.chain.coordinate(int(k)).link: k for k in run.chain.active}
         self.postures = [
@@ -165,7 +166,7 @@ class ModelRunner:
         ]  # fmt: skip
 
     def states(self, chain: Chain) -> list[tuple[float, Array, Array]]:
-        """Times, angles and rates of a chain with straight links at the sampled postures."""
+        """Times, angles and rates of a chain with straight links in the sampled configurations."""
         states = []
         for time, angles, rates in self.postures or [(self.scene.initial.time, {}, {})]:
             q, qd = np.zeros((2, chain.n))
@@ -177,7 +178,7 @@ class ModelRunner:
         return states
 
     def stable_step(self, model: Model) -> float:
-        """RK4's largest step [s] that is stable at all postures; 0 if one of them has none."""
+        """Largest step of RK4 [s] that is stable in all sampled configurations; 0 if one of them has none."""
         if model not in self._stable_steps:
             chain = self.chain(model)
             inputs = input_arrays(self.scene, chain)
@@ -197,10 +198,10 @@ class ModelRunner:
         chain = self.chain(model)
         _, q, _ = self.states(chain)[0]
         fastest = max(fastest_frequency(chain, q), fastest_decay(chain, q))
-        return 2.78 / fastest if fastest else np.inf  # |h λ| of RK4, within some per cent in every direction
+        return 2.78 / fastest if fastest else np.inf  # |h λ| of RK4, within a few percent in every direction
 
     def fixed_steps(self, largest: float) -> Stepping | None:
-        """RK4 with a whole number of steps a sample, at most this long [s]; None if no such steps fit the scene."""
+        """RK4 with an integer number of steps per sample, at most this long [s]; None if none fit the scene."""
         if not largest > 0:
             return None
         sample, group = self.scene.run.spacing, self._divisions
@@ -211,7 +212,7 @@ class ModelRunner:
 
     @functools.cached_property
     def _divisions(self) -> int:
-        """Least number of fixed steps a sample that fit the scene, its held tables and kinks; 0 if none up to 1000."""
+        """Smallest number of fixed steps per sample that fits the scene, its held tables and kinks, or 0."""
         run = self.scene.run
         for parts in range(1, 1001):
             try:

@@ -1,4 +1,4 @@
-"""Refinement study: the limit of the tip's path with more and more hinges, extrapolated by its order, and its error."""
+"""Refinement study: the limit of the tip's path with more and more hinges, extrapolated by its order; and its error."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ class Level(NamedTuple):
 
 
 class RefinementStudy:
-    """Levels of a scene, refined until their limit is known.
+    """Levels of a scene, refined until their limit is accurate enough.
 
     Attributes
     ----------
     limit
         The best estimate; None if fewer than two levels could be run.
     levels
-        By lumping rule, coarse to fine.
+        Levels by family, coarse to fine.
     tolerance, travel
-        Allowed error, and travel of the tip [m], by the finest level.
-    why
-        Why the limit is less certain than wanted; empty if it is not.
+        Allowed error, and travel of the tip [m], at the finest level.
+    reason
+        Why the limit is less accurate than required; empty if it is accurate enough.
     """
 
     def __init__(self, runner: ModelRunner, norm: TipErrorNorm, goal: Goal, axes: Axes, stepping: Stepping) -> None:
@@ -48,12 +48,12 @@ class RefinementStudy:
         self.limit: Limit | None = None
         self.tolerance = self.travel = self.deflection = 0.0
         self._limits: dict[str, list[Limit]] = {family: [] for family in FAMILIES}
-        self._itself: dict[str, Array] = {}  # errors of the last level by its change (samples,)
+        self._itself: dict[str, Array] = {}  # errors of the last level from its change (samples,)
         self._errors: list[float] = []
 
     def refine(self) -> None:
         """Run levels until the error of the limit is a tenth of the tolerance, or more hinges do not help."""
-        # hinges of each link that bends
+        # numbers of hinges of each link that bends
         for hinges in (1, 2, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128):
             if self._is_known(hinges):
                 continue
@@ -93,16 +93,16 @@ class RefinementStudy:
         }
 
     def remove_step_errors(self) -> Array:
-        """Remove the step errors of the levels from the limit; what is left of them up to each sample (samples,) [m].
+        """Remove the step errors of the levels from the limit; return the remaining ones up to each sample [m].
 
-        Measured with a tenth of the tolerance at the two levels of the limit: those of coarser ones differ.
+        They are measured with a tenth of the tolerance at the two levels of the limit: coarser ones have other errors.
         """
         assert self.limit is not None
         tip, left = self.limit.tip, np.zeros(len(self.limit.tip))
         for weight, level in zip(self.limit.weights, self.levels[self.family][-2:], strict=True):
             change = weight * self._step_errors(level) if weight else np.zeros_like(tip)
             tip = tip + change
-            left = left + self.norm.up_to(change) * Thresholds.strict**0.5  # or less, whatever the order is
+            left = left + self.norm.up_to(change) * Thresholds.strict**0.5  # an upper bound for any order
         if not np.isfinite(left[-1]):
             return self._step_errors_of_coarser()
         self.limit = self.limit._replace(tip=tip)
@@ -123,13 +123,13 @@ class RefinementStudy:
         return np.full(len(self.finest.outcome.tip), np.inf)
 
     def _is_known(self, hinges: int) -> bool:
-        """Whether a level has been taken, or is none of its family's."""
+        """Whether a level has already been run, or is not offered by its family."""
         finest = self.levels[self.family][-1].hinges if self.levels[self.family] else 0
         return hinges <= finest or FAMILIES[self.family].rounded_up(hinges) != hinges
 
     def _beyond_budget(self, hinges: int) -> bool:
         levels = self.levels[self.family]
-        if len(levels) < 2:  # needed to estimate an error
+        if len(levels) < 2:  # two are needed to estimate an error
             return False
         prices = [
             self.runner.evaluation_cost(uniform(self.axes, n, self.family), explicit=False)
@@ -154,7 +154,7 @@ class RefinementStudy:
         return outcome
 
     def _estimate(self, family: str) -> Limit:
-        """The finest level or the extrapolated one, whichever is known better."""
+        """The finest level or the extrapolated limit, whichever is known more accurately."""
         levels, limits = [(n, run.tip) for n, run in self.levels[family][-3:]], self._limits[family]
         (Na, a), (Nb, b) = levels[-2:]
         order, safe = FAMILIES[family].order, FAMILIES[family].safe
@@ -177,10 +177,10 @@ class RefinementStudy:
         return int((limit.errors > self.tolerance).sum()), limit.error
 
     def _compare_rules(self, hinges: int) -> None:
-        """Go on with another family where its error is half as large with about as many hinges.
+        """Switch to another family if its error is half as large with a similar number of hinges.
 
-        Cells are tried where axial loads or large bends leave gauss an order of 2, and as soon as
-        they do; Gauss-Legendre points over the whole link once.
+        Cells are tried as soon as axial loads or large bends reduce the order of gauss to 2. Gauss-Legendre points over
+        the full link are tried once.
         """
         last = self.levels[self.family][-1].outcome.run
         asymptotic = FAMILIES[self.family].asymptotic
@@ -196,7 +196,7 @@ class RefinementStudy:
             self._is_better("legendre", (4, asymptotic))
 
     def _is_better(self, family: str, counts: Sequence[int]) -> bool:
-        """Whether some levels of another family know the limit twice as well; then the study goes on with it."""
+        """Whether levels of another family halve the error of the limit; if so, the study switches to that family."""
         assert self.limit is not None
         before = self.limit
         for hinges in counts:

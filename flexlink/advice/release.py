@@ -1,10 +1,10 @@
-"""Links that start in static equilibrium with the joints held, which are then released: `initial.passive` = "static".
+"""Release of links that start in static equilibrium with the joints held: `initial.passive` = "static".
 
-    w                             angles of the springs at the start, in equilibrium with the joints held
-    δ = M_aa⁺ M_ap w              rotation of the free joints a while the springs p straighten, at zero momentum
-    d(t) = p_δ(t) − p(t)          tip of the rigid arm that starts δ further, from the one that does not
+    w                             initial angles of the springs, in equilibrium with the joints held
+    δ = M_aa⁺ M_ap w              rotation of the free joints a as the springs p straighten, at zero momentum
+    d(t) = p_δ(t) − p(t)          tip of the rigid arm that starts at an offset δ, relative to the one that does not
 
-The rest of the deflection vibrates about the loads of the run, as all deflection does: `rigid.estimate`.
+The remaining deflection vibrates about the loads of the run, as any deflection does: `rigid.estimate`.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from flexlink.motion.inputs.initial_state import initial_state
 
 
 def release(runner: ModelRunner, strict: Outcome, model: Model, q: Array) -> tuple[Array, Array]:
-    """Effect of an initial deflection of a model's links: that of the tip at the start, the joints held (3,) [m].
+    """Effect of initially deflected links on the tip: its initial deflection (3,) and its drift (samples, 3) [m].
 
-    And the tip's drift d (samples, 3) [m] from a rigid run that starts at `q`, coordinates of the model; nan from where
-    the run that shows it ends early.
+    The initial deflection is that with the joints held. The drift d is relative to a rigid run that starts at `q`,
+    coordinates of the model; nan after an early end of the run from which it follows.
     """
     assert strict.run is not None
     if runner.scene.initial.passive != "static":
@@ -45,7 +45,7 @@ def release(runner: ModelRunner, strict: Outcome, model: Model, q: Array) -> tup
 
 
 def _turned(rigid: Chain, chain: Chain, q: Array, w: Array) -> Array:
-    """δ on the joints of the rigid chain, 0 on prescribed ones."""
+    """δ of the joints of the rigid chain; 0 for prescribed ones."""
     there = np.array([chain.index(*coordinate) for coordinate in rigid.coordinates], np.intp)
     free = np.array(rigid.hinges["prescribed"] == 0)
     rows = mass_matrix(chain, q)[there[free]]

@@ -1,12 +1,13 @@
-"""Estimate of the error of rigid links without a flexible run: from the loads of the rigid run on the springs.
+"""Estimate of the error of rigid links without a flexible run, from the loads of the rigid run on the springs.
 
-    θ = −K⁻¹ (M q̈ + T_GC)        angles of the hinges that the links would have, from q, q̇, q̈ of the rigid run
+    θ = −K⁻¹ (M q̈ + T_GC)        angles that the links' hinges would have, from q, q̇, q̈ of the rigid run
     u = p(q, θ) − p(q, 0)        quasi-static deflection of the tip
     ÿ + ω² (y − u) = 0           its vibration, ω the lowest frequency of the springs
-    d                            drift of the tip where springs that are bent at the start are let go (`release`)
+    d                            drift of the tip when springs that are initially bent are released (`release`)
 
-None is a bound by itself: joints give way, loads excite other modes. On 22 scenes of arms that are driven, prescribed,
-fall or are in resonance, the error of the rigid model was at most 0.8 of the estimate, 2.5 times the largest of them.
+None of these is a bound: joints yield, and loads excite other modes. On 22 scenes of arms that are driven, prescribed,
+falling or in resonance, the error of the rigid model was at most 0.8 of the estimate, which is 2.5 times the largest of
+the three.
 """
 
 from __future__ import annotations
@@ -31,14 +32,14 @@ from flexlink.results.tip_motion import largest_distance, tip_travel
 
 
 def rigid_model(runner: ModelRunner) -> Model:
-    """All links rigid."""
+    """The model with all links rigid."""
     return (None,) * len(runner.scene.arm.links)
 
 
 def rigid_run(runner: ModelRunner, goal: Goal, size: float) -> Outcome | None:
-    """The run of the rigid arm with steps whose errors are far below the allowed error.
+    """Run the rigid arm with steps whose errors are far below the allowed error.
 
-    None where nothing can move, or where the run fails.
+    Returns None if nothing can move, or if the run fails.
     """
     model, motion = rigid_model(runner), Thresholds.first_guess * size
     if not can_move(runner.scene, model):
@@ -59,7 +60,7 @@ def _of_steps(allowed: float, size: float) -> float:
 
 
 def cheapest_run(runner: ModelRunner, strict: Outcome, allowed: float, error: Callable[[Array], float]) -> Outcome:
-    """The first run of the rigid arm, in order of expected cost, whose `error` at the tip [m] is allowed."""
+    """Run the rigid arm with cheaper steps in order of expected cost, until its `error` at the tip [m] is allowed."""
     for stepping in _steppings(runner, strict, allowed):
         outcome = runner.run(rigid_model(runner), stepping)
         if outcome.completed and error(outcome.tip) <= allowed and outcome.seconds < strict.seconds:
@@ -70,7 +71,7 @@ def cheapest_run(runner: ModelRunner, strict: Outcome, allowed: float, error: Ca
 def _steppings(runner: ModelRunner, strict: Outcome, allowed: float) -> list[Stepping]:
     """Steps expected to be cheaper than those of a strict run, cheapest first."""
     assert strict.stepping.tolerance is not None
-    loose = (100.0, 10.0)  # tolerances over the allowed error: of smooth motion the errors are far below the tolerance
+    loose = (100.0, 10.0)  # tolerances over the allowed error: in smooth motion errors are far below the tolerance
     costs = {
         Stepping("Radau5", tolerance=factor * allowed): strict.seconds
         * (factor * allowed / strict.stepping.tolerance) ** -0.25  # order 5, with an error estimate of order 4
@@ -83,7 +84,7 @@ def _steppings(runner: ModelRunner, strict: Outcome, allowed: float) -> list[Ste
 
 
 def estimate(runner: ModelRunner, strict: Outcome, axes: Axes, norm: TipErrorNorm) -> tuple[float, float]:
-    """Error of the tip if links are rigid [m], vibration included, growth of errors not; lowest frequency [Hz]."""
+    """Tip error of rigid links [m], including vibration but no growth of errors; and the lowest frequency [Hz]."""
     run, model = strict.run, uniform(axes, Thresholds.hinges)
     assert run is not None
     chain = runner.chain(model)
@@ -91,7 +92,7 @@ def estimate(runner: ModelRunner, strict: Outcome, axes: Axes, norm: TipErrorNor
     loads = inverse_dynamics(chain, q, qd, qdd, tip_wrench=run.tip_wrench) + force_torque(chain, q, qd)
     bent = np.array([c.segment > 0 for c in chain.coordinates])
     θ = np.zeros_like(q)
-    θ[:, bent] = np.clip(deflections(chain, -loads)[:, bent], -1.0, 1.0)  # [rad]; beyond, just large
+    θ[:, bent] = np.clip(deflections(chain, -loads)[:, bent], -1.0, 1.0)  # [rad]; larger values do not matter
     u = tip_position(chain, q + θ) - run.tip
     ω = slowest_frequency(chain, q[0])
     start, drift = release(runner, strict, model, q[0])
@@ -110,7 +111,7 @@ def _spread(rigid: Chain, chain: Chain, values: Array) -> Array:
 def oscillator_response(u: Array, ω: float, Δ: float, start: Array) -> Array:
     """Exact y of ÿ + ω² (y − u) = 0, from rest at y(0) = `start`, u linear between samples Δ apart.
 
-    With slope s of u, e = y − u and v = (ẏ − s)/ω make z = e + i v turn at the rate −ω, and v jump where s does.
+    With the slope s of u, e = y − u and v = (ẏ − s)/ω, z = e + i v rotates at the rate −ω, and v jumps where s does.
     """
     slopes = np.diff(u, axis=0) / Δ
     turn = np.exp(1j * ω * Δ * np.arange(len(u)))[:, None]
@@ -119,9 +120,9 @@ def oscillator_response(u: Array, ω: float, Δ: float, start: Array) -> Array:
 
 
 def growth(runner: ModelRunner, outcome: Outcome, error: float) -> float:
-    """Factor by which an initial error of the tip [m] grows, at most, in the rigid run of an outcome.
+    """Largest factor by which an initial tip error [m] grows in the rigid run of an outcome.
 
-    Measured by a run with perturbed initial angles; inf where the two differ too much for proportion.
+    It is measured by a run with perturbed initial angles; inf if the two runs differ too much for proportional growth.
     """
     assert outcome.stepping.tolerance is not None
     size = runner.chain(rigid_model(runner)).size

@@ -1,6 +1,6 @@
-"""CPU time of the run that advice hands over, measured where it is given: of its whole, and of its repetition.
+"""Measured CPU time of the recommended run: of a complete run, and of a repetition.
 
-What is chosen, and why, follows from costs by a list, `evaluation_cost`, and never from these times.
+Choices and their reasons depend on listed costs, `evaluation_cost`, and never on these times.
 """
 
 from __future__ import annotations
@@ -21,14 +21,13 @@ from flexlink.results.stop_reasons import EvaluationLimitError
 
 
 def run_time(scene_of: Callable[[], Scene], enough: float = 0.05) -> tuple[float, float]:
-    """The shortest CPU times [s] of a run, and of one that is prepared, as a `Problem` is.
+    """Shortest CPU times [s] of a complete run, and of a prepared one, such as with a `Problem`.
 
-    Of the first nothing is prepared, by a scene that is made anew each time.
-    After `enough` CPU time [s] it is not made more often: other programs disturb a long run less. Errors as in
-    `simulate`.
+    A complete run uses a new scene, so nothing is prepared. After `enough` CPU time [s] runs are not repeated: other
+    programs disturb long runs less. Errors as in `simulate`.
     """
     whole, again = list[float](), list[float]()
-    # from two to five times: the first run may load or compile code
+    # two to five times: the first run may load or compile code
     while len(whole) < 2 or (len(whole) < 5 and sum(whole[1:] + again) < enough):
         scene = scene_of()
         for times in (whole, again):
@@ -39,7 +38,7 @@ def run_time(scene_of: Callable[[], Scene], enough: float = 0.05) -> tuple[float
 
 
 def own_time(scene: Scene, most: float) -> float:
-    """CPU time of a prepared run of a scene as it is [s]; inf: more than `most` [s], by a list; nan: it fails."""
+    """CPU time of a prepared run of the original scene [s]; inf above `most` [s] by listed costs, nan if it fails."""
     run, chain = scene.run, lump(scene)
     name = "Radau5" if run.method == AUTO else run.method
     evaluations = min(run.max_evaluations, max(1.0, most / run_cost(chain, name, 1.0)))
@@ -48,7 +47,7 @@ def own_time(scene: Scene, most: float) -> float:
     taken = math.nan
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # which are those of a run that nobody asked for
+            warnings.simplefilter("ignore")  # the user did not request this run
             for _ in range(2):
                 started = thread_time()
                 simulate(scene, max_evaluations=evaluations)

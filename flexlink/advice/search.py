@@ -1,8 +1,8 @@
-"""Search for the cheapest model and steps: models by the order of convergence, corrected by a few runs.
+"""Search for the cheapest model and steps: models follow from the order of convergence, corrected by a few runs.
 
-By a tolerance, the model is found with steps whose errors are small; then the tolerance is loosened while the error is
-allowed. A finer model leaves more of the error to the steps: that is tried once. Fixed steps are tried if they promise
-to be cheaper.
+With a tolerance, the model is found with steps whose errors are small; then the tolerance is increased while the error
+is allowed. A finer model leaves more of the allowed error to the steps, which is tried once. Fixed steps are tried if
+they promise to be cheaper.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from flexlink.advice.thresholds import Thresholds
 
 
 class Solution(NamedTuple):
-    """A run whose error is allowed."""
+    """A run with an allowed error."""
 
     model: Model
     outcome: Outcome
-    error: float  # from the limit [m]
+    error: float  # relative to the limit [m]
 
 
 class Search:
     """The best run so far, `solution`."""
 
     def __init__(self, runner: ModelRunner, link_errors: LinkErrors, allowed: float) -> None:
-        self.runner, self.link_errors, self.allowed = runner, link_errors, allowed  # error from the limit [m]
+        self.runner, self.link_errors, self.allowed = runner, link_errors, allowed  # error relative to the limit [m]
         self.solution: Solution | None = None
         self._stable_steps: dict[tuple[int, Bend], float] = {}
 
     def best(self) -> Solution | None:
         """The cheapest solution; None if there is none."""
-        for factor in (1.0, 0.25, 0.06):  # in smooth motion the errors are about a hundredth of the tolerance
+        for factor in (1.0, 0.25, 0.06):  # in smooth motion errors are about a hundredth of the tolerance
             if self._fit(0.95, self._implicit_cost, functools.partial(self._by_tolerance, factor * self.allowed)):
                 break
         self._loosen()
@@ -51,7 +51,7 @@ class Search:
         return self.solution
 
     def accept(self, model: Model, outcome: Outcome) -> bool:
-        """Keep a run if its error is allowed and it is the cheapest so far; whether its error is allowed."""
+        """Adopt a run if its error is allowed and it is the cheapest so far; return whether its error is allowed."""
         error = self.link_errors.from_limit(outcome.tip)
         good = outcome.completed and error <= self.allowed
         if good and (self.solution is None or outcome.seconds < self.solution.outcome.seconds):
@@ -61,7 +61,7 @@ class Search:
     def _fit(
         self, share: float, cost: Callable[[Model], float], stepping_of: Callable[[Model], Stepping | None]
     ) -> bool:
-        """Run the cheapest models for a share of the allowed error; False if it is the steps that fail."""
+        """Run the cheapest models for a share of the allowed error; return False if their steps fail."""
         allocation, least = Allocation(self.link_errors, cost), np.inf
         for _ in range(6):
             model = allocation.cheapest(share * self.allowed)
@@ -80,7 +80,7 @@ class Search:
         return bool(np.isfinite(least))
 
     def _loosen(self) -> None:
-        """Double the tolerance of the solution while the error is allowed."""
+        """Double the tolerance of the solution as long as the error is allowed."""
         if self.solution is None or self.solution.outcome.stepping.tolerance is None:
             return
         model, tolerance = self.solution.model, 2 * self.solution.outcome.stepping.tolerance
@@ -93,18 +93,18 @@ class Search:
         return Stepping("Radau5", tolerance=tolerance)
 
     def _implicit_cost(self, model: Model) -> float:
-        """Of an evaluation [s]: their number hardly depends on the hinges."""
+        """Cost of an evaluation [s]; the number of evaluations hardly depends on the hinges."""
         return self.runner.evaluation_cost(model, explicit=False) if can_move(self.runner.scene, model) else np.inf
 
     def _fixed(self, part: float, model: Model) -> Stepping | None:
-        """Steps of this part of the stable one; None if the solution is cheaper."""
+        """Steps that are this fraction of the stable one; None if the solution is cheaper."""
         stable = self.runner.stable_step(model) if any(model) else np.inf
         stepping = self.runner.fixed_steps(part * Thresholds.stable_share * stable)
         most = self.runner.budget if self.solution is None else 0.99 * self.solution.outcome.seconds
         return stepping if stepping and self.runner.fixed_steps_cost(model, stepping) <= most else None
 
     def _fixed_cost(self, part: float, model: Model) -> float:
-        """Of a run, its stable step estimated [s]."""
+        """Cost of a run with fixed steps [s], from an estimated stable step."""
         step = min((self._stable_step(k, bend) for k, bend in enumerate(model) if bend), default=np.inf)
         stepping = (
             self.runner.fixed_steps(part * Thresholds.stable_share * step)
@@ -114,7 +114,7 @@ class Search:
         return np.inf if stepping is None else self.runner.fixed_steps_cost(model, stepping)
 
     def _stable_step(self, k: int, bend: Bend) -> float:
-        """Estimated for a link [s]; it falls with the square of the hinges."""
+        """Estimated stable step for a link [s]; it falls with the square of the number of hinges."""
         few = bend._replace(hinges=min(bend.hinges, 4))
         if (k, few) not in self._stable_steps:
             self._stable_steps[k, few] = self.runner.estimated_step(k, few)

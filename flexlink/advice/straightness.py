@@ -1,10 +1,10 @@
-"""How far an arm is from plain bending, in which one spring a hinge is of order 4: axial loads, and large bends.
+"""Deviation of an arm from plain bending, in which one spring per hinge is of order 4: axial loads, large bends.
 
     γ = max |F_x| L² / EI            of a link along a run: weight, spin and tip wrench together
-    θ = |Σ θ_k|                      how far it bends in all [rad]
+    θ = |Σ θ_k|                      its total bend [rad]
 
-Under them the error of one spring a hinge falls with N² only, that of cells with N⁴ still. In the first frequency of a
-cantilever with N hinges, gauss is off by 5.2e-4 γ (8/N)² for γ up to 1, lobatto by 3.9e-5 (8/N)⁴.
+Both reduce the order of one spring per hinge to 2, while cells stay at order 4. For the first frequency of a cantilever
+with N hinges, the error of gauss is 5.2e-4 γ (8/N)² for γ up to 1, and that of lobatto is 3.9e-5 (8/N)⁴.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from flexlink.results.trajectory import Trajectory
 
 
 def may_pay(arm: Arm, run: Trajectory, hinges: int) -> bool:
-    """Whether cells may be cheaper than so many hinges with a spring each, by a run of such."""
-    # (γ + 2 θ) N² from which cells may be cheaper: where the two errors above are about alike. The study's case
-    # advice_axial judges the family that is taken by it
+    """Whether cells may be cheaper than hinges with one spring each, according to a run with `hinges` of these."""
+    # (γ + 2 θ) N² above which cells may be cheaper: there the two errors above are about equal. The study's case
+    # advice_axial checks the choice
     return load_and_bend(arm, run) * hinges**2 > 5.0
 
 
 def load_and_bend(arm: Arm, run: Trajectory) -> float:
-    """γ + 2 θ of the link where it is largest, along a run."""
-    # at which loads are looked at
+    """γ + 2 θ of the link where it is largest during a run."""
+    # samples at which loads are evaluated
     chain, few = run.chain, picked(run, np.unique(np.linspace(0, len(run.t) - 1, 40).astype(int)))
     force = np.abs(few.loads.force[..., 0])
     found = [0.0]

@@ -12,7 +12,7 @@ from flexlink.results.convergence import Limit
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Advice:
-    """The cheapest model found for a scene, its motion and an accuracy.
+    """The cheapest model for a scene, its motion and an accuracy.
 
     Attributes
     ----------
@@ -21,23 +21,23 @@ class Advice:
     scene
         The scene with this model and its steps, ready to run and to save (`scene.to_toml()`).
     error, tolerance
-        Bound of the largest error of the tip at any sample, and the allowed one [m].
+        Bound on the largest error of the tip at any sample, and the allowed error [m].
     tip_travel
         Largest distance of the tip from its start [m].
     run_time
-        CPU time [s] of `simulate(advice.scene)`, set-up included, measured: the shortest of a few times.
+        Measured CPU time [s] of `simulate(advice.scene)`, including set-up: the minimum of a few runs.
     again_time
-        The same of each further run of that scene, or of one `Problem`, which is prepared once.
+        The same for each further run of that scene, or of one `Problem`, which is prepared once.
     converged_tip
-        The tip's path that finer and finer models converge to, with its error; None where rigid links are enough.
+        Path of the tip to which finer and finer models converge, with its error; None if rigid links are enough.
     horizon
-        Time up to which the tolerance holds [s]: the end if it is met.
+        Time up to which the tolerance is met [s]: the end if it is met throughout.
     runs, compute_time
-        Number of runs that the advice is found by, and CPU time [s] that all of it took, measured; where kernels were
-        compiled, with that.
+        Number of runs made for the advice, and their measured total CPU time [s], including the compilation of kernels
+        if there was any.
     lines
-        The choices with their numbers, one line each: `print(advice)`. The last one tells the times; all others, and
-        the scene, do not depend on how fast the machine is.
+        The choices with their numbers, one line each: `print(advice)`. Only the last line contains measured times; all
+        others, and the scene, do not depend on the speed of the machine.
     """
 
     met: bool
@@ -71,14 +71,14 @@ def line(word: str, text: str) -> str:
 
 
 def payback(took: float, own: float, again: float) -> str:
-    """After how many runs advice pays that `took` so long, where each takes `again` in place of its `own` time [s]."""
+    """Number of runs after which advice that `took` [s] pays off, if each takes `again` instead of `own` [s]."""
     if math.isnan(own):
         return ""
     if own <= again:
-        return "; a run of the scene as it is takes no longer"
+        return "; a run of the original scene takes no longer"
     runs = max(1, math.ceil(took / (own - again)))
-    each = f", {time(own)} each" if own < math.inf else ""
-    return f"; pays after {runs} run{'s' * (runs > 1)} of the scene as it is{each}"
+    each = f" ({time(own)} each)" if own < math.inf else ""
+    return f"; pays off after {runs} run{'s' * (runs > 1)} of the original scene{each}"
 
 
 def time(seconds: float) -> str:

@@ -1,4 +1,4 @@
-"""`flexlink compile`: Compile the solver for every kind of scene ahead of its first use, on all cores.
+"""`flexlink compile`: Compile the solver for all kinds of scenes in advance, on all cores.
 
 flexlink compile
 flexlink compile --out build/machine_code --cpu x86-64-v3 --cpu x86-64-v4
@@ -28,18 +28,18 @@ from flexlink.kernels.tools.machine_code import families_here, here
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `compile`."""
-    command.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes; default: one a core")
+    command.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes; default: one per core")
     command.add_argument(
-        "--out", type=Path, metavar="FOLDER", help="folder that gets the code, for a package; default: the user's cache"
+        "--out", type=Path, metavar="FOLDER", help="folder for the code, for a package; default: the user's cache"
     )
     command.add_argument(
         "--cpu", action="append", metavar="FAMILY",
-        help=f"compile for a family of CPUs, {', '.join(FAMILIES)}, with --out; default: this CPU; may be repeated",
+        help=f"compile for a processor family, {', '.join(FAMILIES)}, with --out; default: this one; may be repeated",
     )  # fmt: skip
 
 
 def run_command(options: argparse.Namespace) -> int:
-    """Compile; each family of CPUs after the other."""
+    """Compile for each processor family in turn."""
     cpus, begun = options.cpu or [None], time.perf_counter()
     if options.out is None and not options.cpu and done_before().exists():
         print(f"solver is compiled: {done_before().parent}")
@@ -48,7 +48,7 @@ def run_command(options: argparse.Namespace) -> int:
         if cpu and (options.out is None or cpu not in families_here()):
             allowed = ", ".join(families_here()) or "none"
             raise ArgumentError(
-                f"--cpu = {cpu}: expected one that this machine is of, {allowed}, and --out", id="unknown-processor"
+                f"--cpu = {cpu}: expected a family of this processor, {allowed}, and --out", id="unknown-processor"
             )
         _compile(cpu, options.out, options.jobs)
     if options.out is None:
@@ -58,18 +58,18 @@ def run_command(options: argparse.Namespace) -> int:
 
 
 def done_before() -> Path:
-    """The file in the cache that says that all has been compiled, by the rehearsal as it is."""
+    """Return the file in the cache that marks a complete compilation by the present rehearsal."""
     of = [Path(rehearsal.__file__), *sorted((Path(__file__).parent / "data").glob("*.toml"))]
     digest = hashlib.sha256(b"".join(file.read_bytes() for file in of)).hexdigest()[:16]
     return cache_folder() / f"rehearsed-{digest}"
 
 
 def _compile(cpu: str | None, out: Path | None, jobs: int) -> None:
-    """Rehearse in processes of their own, which leave the code in the cache, or in a folder for a package."""
+    """Rehearse in separate processes, which leave the code in the cache, or in a folder for a package."""
     with tempfile.TemporaryDirectory() as cache:
         own = {} if out is None else {"NUMBA_CACHE_DIR": cache}
         target = {"NUMBA_CPU_NAME": cpu, "NUMBA_CPU_FEATURES": ""} if cpu else {}
-        waiting = 2  # processes more than cores: some wait for a function that another one compiles
+        waiting = 2  # more processes than cores: some wait for a function that another one compiles
         with concurrent.futures.ThreadPoolExecutor(max(1, jobs) + waiting) as pool:
             progress, calls = Progress(f"compiling for {cpu or 'this CPU'}"), rehearsal.count()
             done = iter(range(1, calls + 1))
@@ -81,7 +81,7 @@ def _compile(cpu: str | None, out: Path | None, jobs: int) -> None:
 
 
 def _put(code: Path, out: Path, cpu: Cpu) -> None:
-    """Put code into a package's folder, in place of that of other sources."""
+    """Pack code into a package's folder, and remove code of other sources."""
     for old in out.glob("[0-9a-f]" * 16):
         if old.name != code.name:
             shutil.rmtree(old)
@@ -90,7 +90,7 @@ def _put(code: Path, out: Path, cpu: Cpu) -> None:
 
 
 def _rehearse(kind: str, environment: dict[str, str], called: Callable[[], None]) -> None:
-    """Rehearse a scene, in a process that says a line of each call."""
+    """Rehearse a scene in a process that prints one line per call."""
     command, last = [sys.executable, "-m", "flexlink.cli.rehearsal", kind], "no message"
     with subprocess.Popen(command, env=os.environ | environment, stderr=subprocess.PIPE, text=True) as process:
         for line in process.stderr or ():

@@ -1,4 +1,4 @@
-"""What compiles all machine code: every public function, on a few small arms that are all kinds of scenes together."""
+"""Calls that compile all machine code: every public function, on small arms that together cover all kinds of scenes."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ import numpy as np
 import flexlink as fl
 
 KINDS = "tree", "space", "plane", "cells", "free"
-"""Files of `data/`. The longest come first."""
+"""Scenes of `data/`, in the order of decreasing compile time."""
 
 
 def scene_of(name: str) -> fl.Scene:
-    """A scene of `data/`."""
+    """Load a scene of `data/`."""
     return fl.load_scene(Path(__file__).parent / "data" / f"{name}.toml")
 
 
 def count() -> int:
-    """Number of calls of all scenes."""
+    """Number of calls over all scenes."""
     return sum(len([*calls(scene_of(name))]) for name in KINDS)
 
 
 def calls(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
-    """Names of functions, and calls of them."""
+    """Names of functions and calls of them."""
     for method in ("RK4", "DOP853", "Radau5", "auto"):
         yield method, functools.partial(fl.simulate, _by(scene, method))
     yield from _of_states(scene)
@@ -43,7 +43,7 @@ def _by(scene: fl.Scene, method: str) -> fl.Scene:
 
 
 def _of_states(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
-    """Functions of a chain and its state, one and many, chains one by one and eight side by side."""
+    """Functions of a chain for one state, for many states, and for eight chains side by side."""
     chain = fl.lump(scene)
     n, held = chain.n, chain.active
     state, many = np.full((3, n), 0.1), np.full((3, 9, n), 0.1)
@@ -77,7 +77,7 @@ def _of_states(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
 
 
 def _each(*calls: Callable[[], object]) -> Callable[[], None]:
-    """All of them, whatever refuses."""
+    """Combine calls into one; each may be refused."""
 
     def call() -> None:
         for each in calls:
@@ -88,7 +88,7 @@ def _each(*calls: Callable[[], object]) -> Callable[[], None]:
 
 
 def _of_many_joints(scene: fl.Scene) -> None:
-    """What is O(n) from a hundred joints on."""
+    """Functions that take the O(n) path from a hundred joints on."""
     fine = scene.varied({f"link.{link.name}.segments": 121 for link in scene.arm.links if link.segments > 1})
     chain = fl.lump(fine)
     fl.stable_step(chain, np.zeros(chain.n))
@@ -98,7 +98,7 @@ def _of_many_joints(scene: fl.Scene) -> None:
 
 
 def _of_runs(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
-    """Runs side by side, step by step, sampled, stored, with advice."""
+    """Simulations: side by side, step by step, sampled, stored, with advice."""
     mass = f"link.{scene.arm.links[-1].name}.end.mass"
     fixed, sampled = _by(scene, "RK4"), {"drive.rate": 1000.0}
     for method in ("RK4", "DOP853", "Radau5", "auto"):
@@ -106,19 +106,19 @@ def _of_runs(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
         yield f"many by {method}", functools.partial(fl.simulate_many, members)
     yield "sampled law", lambda: fl.simulate(fixed.varied(sampled))
     for method in ("RK4", "DOP853", "Radau5"):
-        moved = _by(scene.varied({"drive": None, "motion": _held_still(scene)}), method)
+        moved = _by(scene.varied({"drive": None, "motion": _constant_motion(scene)}), method)
         yield f"prescribed motion by {method}", functools.partial(fl.simulate, moved)
     free = fixed.varied({"drive": None})
     yield "control", lambda: fl.simulate(free, control=lambda t, q, qd: np.zeros(len(fl.lump(free).active)), rate=1e3)
     yield "simulator", _each(*(functools.partial(_stepped, each) for each in (fixed, _by(scene, "auto"))))
     yield "stored run", lambda: _stored(fixed)
     yield "sensitivities", lambda: fl.sensitivities(scene.varied({mass: 0.1}), [mass])
-    if scene.name != "space":  # it would try rotation vectors, whose kind another process compiles
+    if scene.name != "space":  # advice would try rotation vectors, which another process compiles
         yield "advice", lambda: fl.advise(scene, 0.3, budget=0.01)
 
 
-def _held_still(scene: fl.Scene) -> tuple[fl.PrescribedMotion, ...]:
-    """Of the last joint that is free to turn, where there is one, a motion that stays where it begins."""
+def _constant_motion(scene: fl.Scene) -> tuple[fl.PrescribedMotion, ...]:
+    """A constant prescribed motion of the last free revolute joint, if there is one."""
     none = (0.0, 0.0)
     joints = zip(scene.arm.links, scene.initial.joint_deg, strict=False)
     free = [(link.name, angle) for link, angle in joints if link.joint.kind == "revolute" and not link.joint.locked]
@@ -140,7 +140,7 @@ def _stored(scene: fl.Scene) -> None:
 
 
 def main(names: Sequence[str]) -> None:
-    """Rehearse scenes of `data/`; says on stderr what takes long."""
+    """Rehearse scenes of `data/`, and print the time of each call to stderr."""
     for name in names:
         for what, call in calls(scene_of(name)):
             begun, refused = time.process_time(), ""

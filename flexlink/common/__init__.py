@@ -1,1 +1,1 @@
-"""What every room stands on: errors, signals, and files that are written whole or not at all."""
+"""Basics that every package uses: errors, signals, and files that are written completely or not at all."""

@@ -1,4 +1,4 @@
-"""Imported before everything that takes time: `flexlink` and `python -m flexlink` answer signals from here on."""
+"""Imported before anything slow: from here on `flexlink` and `python -m flexlink` respond to signals."""
 
 import itertools
 import sys
@@ -9,9 +9,9 @@ from flexlink.common.interruption import quit_at_once
 
 
 def is_command(arguments: Sequence[str], words: Sequence[str]) -> bool:
-    """Whether a process with these `sys.argv` and `sys.orig_argv` is the command line, and not a user of the library.
+    """Whether a process with these `sys.argv` and `sys.orig_argv` is the command line rather than a user's program.
 
-    Python says "-m" in the place of the program while it looks for the module to run, which imports this package.
+    While Python looks for the module to run, which imports this package, `sys.argv[0]` is "-m".
     """
     program = Path(arguments[0]).stem if arguments else ""
     return program == "flexlink" or (program == "-m" and ("-m", "flexlink") in itertools.pairwise(words))

@@ -1,4 +1,4 @@
-"""What can go wrong, one base class: every message names the thing, its value and what is allowed."""
+"""Errors of flexlink, with one base class: every message names the item, its value and what is allowed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 ALSO = "; also "
-"""Between two mistakes in one message."""
+"""Separator between two mistakes in one message."""
 
 
 class FlexlinkError(Exception):
@@ -48,12 +48,12 @@ class FlexlinkError(Exception):
         return Diagnostic(str(self), self.id)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Keep all attributes in a process pool, which otherwise rebuilds an error from its message alone."""
+        """Keep all attributes when pickled: by default a process pool rebuilds an error from its message alone."""
         return copyreg.__newobj__, (type(self), *self.args), {**self.__dict__, "_id": self.id}  # type: ignore[attr-defined]
 
 
 class SceneError(FlexlinkError, ValueError):
-    """A scene, or a part of one such as a link (TOML file or Python object), that is not valid.
+    """An invalid scene, or an invalid part of one such as a link (TOML file or Python object).
 
     Examples
     --------
@@ -65,7 +65,7 @@ class SceneError(FlexlinkError, ValueError):
 
 
 class DataFileError(FlexlinkError, ValueError):
-    """A file of data that is not valid: a lumping rule, a Runge-Kutta method, an engine's XML, a case of the study.
+    """An invalid data file: a lumping rule, a Runge-Kutta method, an engine's XML, a validation case.
 
     Examples
     --------
@@ -78,7 +78,7 @@ class DataFileError(FlexlinkError, ValueError):
 
 
 class ArgumentError(FlexlinkError, ValueError):
-    """An argument of a function with a wrong shape, dtype, value or name.
+    """A function argument of a wrong shape, dtype, value or name.
 
     Examples
     --------
@@ -90,7 +90,7 @@ class ArgumentError(FlexlinkError, ValueError):
 
 
 class SingularMassError(FlexlinkError, ArithmeticError):
-    """The mass matrix is not positive definite at this posture: some joint moves no inertia.
+    """The mass matrix is not positive definite in this configuration: some joint has no inertia attached.
 
     Examples
     --------
@@ -104,7 +104,7 @@ class SingularMassError(FlexlinkError, ArithmeticError):
 
 
 class AdviceError(FlexlinkError, RuntimeError):
-    """No model of a scene can be judged: no two of them can be run, or nothing moves; the message says which.
+    """No model of a scene can be assessed: fewer than two can be run, or nothing moves; the message states which.
 
     Examples
     --------
@@ -117,7 +117,7 @@ class AdviceError(FlexlinkError, RuntimeError):
 
 
 class OutputError(FlexlinkError, OSError):
-    """A result that could not be written; the message says where it was kept instead.
+    """A result that could not be written; the message states where it was saved instead.
 
     Examples
     --------
@@ -141,7 +141,7 @@ class MissingDependencyError(FlexlinkError, ImportError):
 
 
 class EngineError(FlexlinkError, RuntimeError):
-    """Another engine failed on its own account: its process crashed, or gave no answer in time.
+    """Another engine failed: its process crashed, or did not answer in time.
 
     Examples
     --------
@@ -153,7 +153,7 @@ class EngineError(FlexlinkError, RuntimeError):
 
 
 class UnstableStepError(FlexlinkError, ValueError):
-    """The step is larger than the largest stable one, `largest` [s]; `unstable = "allow"` insists on it.
+    """The step exceeds the largest stable one, `largest` [s]; `unstable = "allow"` runs it anyway.
 
     Examples
     --------
@@ -170,14 +170,14 @@ class UnstableStepError(FlexlinkError, ValueError):
 
 
 class ConvergenceError(FlexlinkError, ArithmeticError):
-    """An equilibrium that was not reached; `q` is the one on the way with the largest part, `load`, of the load.
+    """The static solver did not converge; `q` is the last equilibrium found, at the fraction `load` of the load.
 
     Examples
     --------
     >>> try:
     ...     rest = fl.solve_static(chain, tip_wrench=[0.0, -1e9, 0.0, 0.0, 0.0, 0.0], locked=chain.active)
     ... except fl.errors.ConvergenceError as error:
-    ...     print(error.load < 1.0, error.q.shape)  # the part of the load that was reached
+    ...     print(error.load < 1.0, error.q.shape)  # the fraction of the load that was reached
     True (6,)
     """
 
@@ -187,12 +187,12 @@ class ConvergenceError(FlexlinkError, ArithmeticError):
 
 
 class IdentifiabilityError(FlexlinkError, ValueError):
-    """Data that cannot hold the numbers which are sought; `check` is what they can tell, as `check_fit` gives it.
+    """Parameters that are not identifiable from the data; `check` is the result of `check_fit`.
 
     Examples
     --------
     >>> friction = fl.fits.FitParameter(path="link.upper.joint.viscous", start=1.0)
-    >>> # joints held: frequencies say nothing of friction
+    >>> # joints held: frequencies do not depend on friction
     >>> tapped = fl.fits.FitModes(hertz=(5.7, 26.9), deviation=(0.01,))
     >>> try:
     ...     fl.fit(fl.fits.FitProblem(scene=scene, parameter=(friction,), modes=(tapped,)))
@@ -209,7 +209,7 @@ class IdentifiabilityError(FlexlinkError, ValueError):
 
 
 class InterruptedSweepError(KeyboardInterrupt):
-    """Ctrl-C or SIGTERM during a sweep; a KeyboardInterrupt for all who stop at one. `signal` is its number.
+    """Ctrl-C or SIGTERM during a sweep, a KeyboardInterrupt; `signal` is the number of the signal.
 
     Examples
     --------
@@ -217,7 +217,7 @@ class InterruptedSweepError(KeyboardInterrupt):
     >>> try:
     ...     rows = fl.sweep(plan, out="masses.db")
     ... except fl.errors.InterruptedSweepError as stopped:
-    ...     print(stopped)  # Ctrl-C: rows are kept, and the same call goes on
+    ...     print(stopped)  # Ctrl-C: finished rows are kept; the same call resumes the sweep
     """
 
     def __init__(self, message: str, number: int = signal.SIGINT) -> None:

@@ -1,4 +1,4 @@
-"""Reading a file that a user names, with one-line errors."""
+"""Read a file that the user names, with one-line errors."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ def shown_path(path: str | Path) -> str:
 
 
 def read_regular(path: Path, *, largest: int, error: type[FlexlinkError]) -> bytes:
-    """The bytes of a regular file.
+    """Return the bytes of a regular file.
 
     Parameters
     ----------
     path
         The file.
     largest
-        Most bytes that are taken.
+        Largest allowed size in bytes.
     error
         Class of the errors.
 
     Returns
     -------
     bytes
-        All of the file.
+        The complete file.
 
     Raises
     ------
     FlexlinkError
-        Of class `error`: the file is missing, unreadable, a pipe (which may never say anything), or larger.
+        Of class `error`: the file is missing, unreadable, larger than `largest`, or a pipe (which might block forever).
     """
     try:
-        if path.exists() and not path.is_file() and not path.is_dir():  # of a folder, `open` says what it is
+        if path.exists() and not path.is_file() and not path.is_dir():  # for a folder, `open` raises a clear error
             raise OSError(errno.EINVAL, "is a pipe or a device; give a regular file")
         with path.open("rb") as file:
             data = file.read(largest + 1)

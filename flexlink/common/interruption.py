@@ -1,13 +1,13 @@
-"""Ctrl-C (SIGINT) and SIGTERM, answered when nothing is lost by it: at once, or after what is there is kept.
+"""Handling of Ctrl-C (SIGINT) and SIGTERM: stop at once, or after results are saved.
 
-`deferred()` is for whoever holds results: inside it the signals are only noted. `quit_at_once()` is for the command
-line while it holds none: one line, no traceback, and no waiting for a compiler that swallows exceptions.
-Signals that a program answers in its own way, or ignores (as under `nohup`), are left to it.
+Code that holds results runs inside `deferred()`, where the signals are only recorded. The command line calls
+`quit_at_once()` while it has no results: it then ends with one line and no traceback, even inside a compiler that
+swallows exceptions. Signals that a program handles itself, or ignores (as under `nohup`), are not touched.
 """
 
 from __future__ import annotations
 
-import _signal  # type: ignore[import-not-found]  # `signal` without names for numbers, which cost 20 µs a run
+import _signal  # type: ignore[import-not-found]  # faster than `signal`, whose enums cost 20 µs per run
 import contextlib
 import os
 import signal
@@ -16,12 +16,12 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 
-SIGNALS = {int(signal.SIGINT): signal.default_int_handler, int(signal.SIGTERM): signal.SIG_DFL}  # Python's answers
-LAST = 3  # the signal of one kind that no longer waits
+SIGNALS = {int(signal.SIGINT): signal.default_int_handler, int(signal.SIGTERM): signal.SIG_DFL}  # default handlers
+LAST = 3  # the third signal of one kind quits at once
 
 
 class Stop:
-    """Whether the process was asked to stop, and by which signal first.
+    """Whether the process was asked to stop, and the first signal that did so.
 
     Attributes
     ----------
@@ -35,20 +35,20 @@ class Stop:
 
     @property
     def asked(self) -> bool:
-        """Whether a signal has come."""
+        """Whether a signal has arrived."""
         return self.signal is not None
 
     def _note(self, number: int, _: FrameType | None) -> None:
         self.signal = self.signal or number
         self._counts[number] += 1
         if self._counts[number] == LAST - 1:
-            _say("saving the results; one more signal quits without them")
+            _print_line("saving the results; one more signal quits without them")
         if self._counts[number] >= LAST:
             raise StoppedError(number, f"{word(number)} at once")
 
 
 class StoppedError(KeyboardInterrupt):
-    """A signal that ended work of which nothing is left; `signal` is its number."""
+    """A signal that ended the work without saving results; `signal` is its number."""
 
     def __init__(self, number: int, text: str) -> None:
         super().__init__(text)
@@ -56,21 +56,21 @@ class StoppedError(KeyboardInterrupt):
 
 
 _active: Stop | None = None  # of the outermost `deferred()`
-_finished = False  # whether the command line has kept all there is to keep
+_finished = False  # whether the command line has saved all results
 
 
 @contextlib.contextmanager
 def deferred() -> Iterator[Stop]:
-    """Let SIGINT and SIGTERM only be noted, in the `Stop` that the block is given.
+    """Only record SIGINT and SIGTERM, in the `Stop` that the block receives.
 
-    Who finds `stop.asked` finishes what is there and raises an error that holds it, such as `InterruptedRunError`. A
-    signal that the body answered by no exception is sent again on leaving, so that none is swallowed. The second signal
-    of a kind says that a third one does not wait: it raises `StoppedError`, a KeyboardInterrupt, on the spot.
+    The body checks `stop.asked`, finishes its current work and raises an error that contains the results, such as
+    `InterruptedRunError`. A signal that the body did not answer with an exception is sent again on leaving, so none is
+    lost. The second signal of a kind prints a warning; the third raises `StoppedError`, a KeyboardInterrupt, at once.
 
-    Handlers belong to the main thread: elsewhere nothing is deferred. Within another `deferred()`, and in threads that
-    run beside it, `stop` is the outermost one's.
+    Only the main thread can set signal handlers: in other threads nothing is deferred. Within another `deferred()`,
+    and in threads that run at the same time, `stop` is that of the outermost block.
     """
-    global _active  # noqa: PLW0603  signal handlers belong to the process, too
+    global _active  # noqa: PLW0603  signal handlers also belong to the process
     if _active is not None or threading.current_thread() is not threading.main_thread():
         yield _active or Stop()
         return
@@ -90,42 +90,42 @@ def deferred() -> Iterator[Stop]:
 
 
 def quit_at_once() -> None:
-    """From now on a signal outside of `deferred()` ends the process: one line on stderr, exit code 128 + its number."""
+    """End the process on any later signal outside `deferred()`: one line on stderr, exit code 128 + signal number."""
     for number in SIGNALS:
         if _is_ours(number):
             signal.signal(number, _quit)
 
 
 def finish() -> None:
-    """All is kept, and the process is about to end: what `quit_at_once` would answer is not answered any more."""
+    """Ignore further signals: all results are saved, and the process is about to end."""
     global _finished  # noqa: PLW0603
     _finished = True
     for number in SIGNALS:
         if signal.getsignal(number) is _quit:
-            signal.signal(number, signal.SIG_IGN)  # at its end Python would put back the default, which kills
+            signal.signal(number, signal.SIG_IGN)  # while exiting, Python restores the default handler, which kills
 
 
 def word(number: int) -> str:
-    """What a signal does to a run, in a message."""
+    """The effect of a signal on a run, for messages."""
     return "terminated" if number == signal.SIGTERM else "interrupted"
 
 
 def _is_ours(number: int) -> bool:
-    """Whether a signal has the answer that Python starts with, or the one of `quit_at_once`."""
+    """Whether the handler of a signal is Python's default or that of `quit_at_once`."""
     return _signal.getsignal(number) in (SIGNALS[number], _quit)
 
 
 def _quit(number: int, _: FrameType | None) -> None:
-    """By `os._exit`: an exception would be swallowed where Python calls back from C, as in a compiler."""
+    """End the process with `os._exit`: exceptions are swallowed in callbacks from C, such as those of a compiler."""
     if _finished:
         return
-    with contextlib.suppress(Exception):  # what was printed so far; it fails where this signal cut in
+    with contextlib.suppress(Exception):  # flush earlier output; fails if the signal interrupted a write
         sys.stdout.flush()
-    _say(word(number) + ("; no samples yet" if "simulate" in sys.argv[1:2] else ""))
+    _print_line(word(number) + ("; no samples yet" if "simulate" in sys.argv[1:2] else ""))
     os._exit(128 + number)
 
 
-def _say(text: str) -> None:
-    """One line on stderr, past Python's buffers, which a signal may have cut into."""
+def _print_line(text: str) -> None:
+    """Write one line to stderr, bypassing Python's buffers, which the signal may have interrupted."""
     with contextlib.suppress(OSError):
         os.write(2, f"{chr(10) if os.isatty(2) else ''}flexlink: {text}\n".encode())

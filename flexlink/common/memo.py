@@ -1,4 +1,4 @@
-"""Results that are found once and kept: by object, while it lives on in the last few calls, or by owner."""
+"""Memoized results: by object identity, for the last few calls, or by owner."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 class Memo:
-    """The last results of a function by the identity of an object, which need not be hashable, and by a key.
+    """The last results of a function, keyed by an object's identity and a hashable key; the object may be unhashable.
 
-    An object that changes must not be given. It is referred to as long as its result is kept, so that no other one
-    takes its identity. Threads may share it: two that ask at once both find the result, and one of them is kept.
+    The object must not change. It is referenced as long as its result is kept, so no other object can take its `id`.
+    Threads may share a memo: if two ask at once, both compute the result, and one of the two is kept.
     """
 
     def __init__(self, size: int) -> None:
@@ -27,36 +27,36 @@ class Memo:
         self._results = OrderedDict[tuple[int, Hashable], tuple[object, Any]]()
 
     def kept(self, of: object, key: Hashable) -> Any:
-        """The result kept for `of` and `key`; None: there is none."""
-        place = id(of), key
+        """The result kept for `of` and `key`, or None."""
+        slot = id(of), key
         with self._lock:
-            if place not in self._results:
+            if slot not in self._results:
                 return None
-            self._results.move_to_end(place)
-            return self._results[place][1]
+            self._results.move_to_end(slot)
+            return self._results[slot][1]
 
     def __call__(self, of: object, key: Hashable, find: Callable[[], T]) -> T:
-        """The result kept for `of` and `key`, or what `find` returns, which is then kept."""
-        place = id(of), key
+        """The result kept for `of` and `key`; if there is none, that of `find`, which is then kept."""
+        slot = id(of), key
         with self._lock:
-            if place in self._results:
-                self._results.move_to_end(place)
-                kept: T = self._results[place][1]
+            if slot in self._results:
+                self._results.move_to_end(slot)
+                kept: T = self._results[slot][1]
                 return kept
         result = find()
         with self._lock:
-            self._results[place] = of, result
+            self._results[slot] = of, result
             while len(self._results) > self._size:
                 self._results.popitem(last=False)
         return result
 
     def calling(self, find: Callable[..., T], of: object, *given: object) -> T:
-        """What `find(of, *given)` returns, kept by the contents of all that it is given: nothing can be left out."""
+        """The result of `find(of, *given)`, keyed by `of` and the contents of all arguments."""
         return self(of, (find, contents(given)), lambda: find(of, *given))
 
 
 def keep_last(size: int) -> Callable[[Function], Function]:
-    """Keep the last results of a function by the identity of its first argument, and by the others, as `Memo` does."""
+    """Keep the last results of a function, keyed as in `Memo` by its first argument's identity and the others."""
 
     def with_memo(find: Function) -> Function:
         memo = Memo(size)
@@ -71,7 +71,7 @@ def keep_last(size: int) -> Callable[[Function], Function]:
 
 
 def contents(given: object) -> Hashable:
-    """A key that differs wherever numbers, texts, arrays, or tuples of these differ.
+    """A hashable key that differs if numbers, texts, arrays, or tuples of these differ.
 
     >>> contents((np.zeros(2), "a")) == contents((np.zeros(2), "a"))
     True
@@ -82,12 +82,12 @@ def contents(given: object) -> Hashable:
 
 
 class Kept:
-    """The last result of each name, for one owner, who is not asked by two threads at once.
+    """The last result of each name, for one owner that only one thread uses at a time.
 
     Attributes
     ----------
     types
-        Types of all that an owner whose arrays are its own takes from others; empty: its arrays may be anybody's.
+        Types of all arguments that the owner receives, if it owns its arrays; empty: its arrays may be shared.
     """
 
     def __init__(self) -> None:
@@ -95,7 +95,7 @@ class Kept:
         self._found: dict[Hashable, tuple[Hashable, Any]] = {}
 
     def __call__(self, name: Hashable, key: Hashable, find: Callable[[], Any]) -> Any:
-        """The last result of this name, if it is of the same key, or what `find` returns, which is then kept."""
+        """The last result of this name if its key is the same; if not, that of `find`, which is then kept."""
         last = self._found.get(name)
         if last is None or last[0] != key:
             self._found[name] = last = key, find()

@@ -1,4 +1,4 @@
-"""What a notebook shows of an object: a compact table, or a picture drawn by a room that needs matplotlib."""
+"""Display of objects in a notebook: a compact table, or a figure from a module that needs matplotlib."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from flexlink.common.errors import MissingDependencyError
 
 
 def html_table(caption: str, heads: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """A table as HTML, every cell escaped, numbers with five digits; of many rows the first and the last ones."""
+    """A table as HTML, all cells escaped, numbers with five digits; a long table shows its first and last rows."""
     most_rows, ends = 16, 7
     texts = [[f"{cell:.5g}" if isinstance(cell, float) else str(cell) for cell in row] for row in rows]
     if len(texts) > most_rows:
@@ -23,7 +23,7 @@ def html_table(caption: str, heads: Sequence[str], rows: Sequence[Sequence[objec
 
 
 def html_lines(text: str) -> str:
-    """Lines as they stand, as HTML."""
+    """Preformatted lines as HTML."""
     return f'<pre style="text-align: left; white-space: pre-wrap">{html.escape(text)}</pre>'
 
 
@@ -32,7 +32,7 @@ def _cells(tag: str, texts: Sequence[str]) -> str:
 
 
 def drawing_module(name: str) -> ModuleType:
-    """A module of flexlink that draws, loaded where something is drawn: it may lie above the room that asks for it.
+    """A plotting module of flexlink, loaded only when something is drawn; it may be in a higher layer than the caller.
 
     Raises
     ------

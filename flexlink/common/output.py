@@ -1,4 +1,4 @@
-"""Writing results so that none is lost: whole or not at all, and never over a good file with half a one."""
+"""Write results safely: a file is written completely or not at all, and a failed write never damages an old file."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from flexlink.common.types import T
 
 
 def write_whole(path: Path, write: Callable[[Path], object]) -> None:
-    """Let `write` fill a temporary file beside `path`, then move it there in one step; no signal comes between.
+    """Let `write` fill a temporary file in the same folder, then rename it to `path`; signals are deferred.
 
-    A link is followed, and the file that it leads to replaced. A new file gets the permissions of the umask, a replaced
-    one keeps its own.
+    Symbolic links are followed, and their target is replaced. A new file gets the permissions of the umask; a replaced
+    file keeps its permissions.
 
     Raises
     ------
     OutputError
         The folder is missing or not writable, the disk is full, or `path` is a folder, a device or a pipe; `path` is
-        left as it was.
+        unchanged.
     """
     with _temporary(path) as (temporary, target):
         write(temporary)
@@ -34,7 +34,7 @@ def write_whole(path: Path, write: Callable[[Path], object]) -> None:
 
 @contextlib.contextmanager
 def _temporary(path: Path) -> Iterator[tuple[Path, Path]]:
-    """A new file beside `path`, links followed, and where it is to be moved; errors as in `write_whole`."""
+    """A new file in the folder of the target of `path`, and that target; raises the errors of `write_whole`."""
     target = Path(os.path.realpath(path))
     temporary = target.with_name(f".{target.stem}-{secrets.token_hex(4)}{target.suffix}")
     try:
@@ -53,18 +53,18 @@ def _temporary(path: Path) -> Iterator[tuple[Path, Path]]:
 
 
 def check_writable(path: Path) -> None:
-    """Know before the work that a file can be made beside `path`; errors as in `write_whole`."""
+    """Check before the work that a file can be created next to `path`; raises the errors of `write_whole`."""
     with _temporary(path):
         pass
 
 
 def make_folder(path: Path) -> None:
-    """Make a folder and its parents, and know before the work that files can be made in it.
+    """Create a folder and its parents, and check before the work that files can be created in it.
 
     Raises
     ------
     OutputError
-        One of both is impossible.
+        The folder cannot be created or is not writable.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -74,22 +74,22 @@ def make_folder(path: Path) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write UTF-8 text whole or not at all; errors as in `write_whole`."""
+    """Write UTF-8 text completely or not at all; raises the errors of `write_whole`."""
     write_whole(path, lambda temporary: temporary.write_bytes(text.encode()))
 
 
 def write_or_keep(path: Path, write: Callable[[Path], object]) -> None:
-    """Like `write_whole`, but a finished result is never lost: `or_keep`."""
-    or_keep(path, lambda place: write_whole(place, write))
+    """Write a finished result as `write_whole` does; if `path` fails, save it as `or_keep` does."""
+    or_keep(path, lambda target: write_whole(target, write))
 
 
 def or_keep(path: Path, write: Callable[[Path], T]) -> T:
-    """Let `write` make a file or folder; a finished result that `path` cannot take goes to the temporary folder.
+    """Let `write` create a file or folder; if `path` fails, write the finished result to the temporary folder.
 
     Raises
     ------
     OutputError
-        `path` cannot be written; the message says where the result is instead, if anywhere.
+        `path` cannot be written; the message states where the result was saved instead, if anywhere.
     """
     try:
         return write(path)

@@ -14,7 +14,7 @@ Polynomial = list[Fraction]
 
 
 def add(p: Polynomial, q: Polynomial) -> Polynomial:
-    """p + q, p the longer."""
+    """p + q; p must not be shorter than q."""
     return [x + (q[k] if k < len(q) else 0) for k, x in enumerate(p)]
 
 
@@ -41,7 +41,7 @@ def derivative(p: Polynomial) -> Polynomial:
 
 
 def integral(p: Polynomial) -> Polynomial:
-    """The integral of p from 0 on."""
+    """The integral of p, zero at 0."""
     return [Fraction(0), *(x / (k + 1) for k, x in enumerate(p))]
 
 
@@ -57,7 +57,7 @@ def lagrange(nodes: Sequence[Fraction]) -> list[Polynomial]:
 
 
 def dot(x: Iterable[Fraction], y: Iterable[Fraction]) -> Fraction:
-    """Σ x_i y_i, over a common denominator: a sum of Fractions reduces after every term."""
+    """Σ x_i y_i over a common denominator: a plain sum of Fractions would reduce after every term."""
     products = [(a.numerator * b.numerator, a.denominator * b.denominator) for a, b in zip(x, y, strict=True) if a]
     common = math.lcm(*(below for _, below in products))
     return Fraction(sum(above * (common // below) for above, below in products), common)

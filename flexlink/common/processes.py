@@ -1,4 +1,4 @@
-"""Child processes that do not outlive what started them."""
+"""Child processes that do not outlive their parent."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from threading import Thread
 
 
 def exit_when_closed(pipe: Connection | int) -> None:
-    """End this process as soon as the other end of a pipe is closed, whatever this process is doing in Python.
+    """End this process as soon as the other end of a pipe is closed, whatever Python code it is running.
 
-    The system closes it when its owner ends, however that ends.
+    The operating system closes that end when its owner ends, for whatever reason.
 
     Parameters
     ----------
     pipe
-        The end that this process holds, or its file descriptor; nothing is ever sent through it.
+        This process's end of the pipe, or its file descriptor; nothing is ever sent through it.
     """
     Thread(target=lambda: (wait([pipe]), os._exit(1)), daemon=True).start()

@@ -8,38 +8,38 @@ import time
 
 
 class Line:
-    """One line of stderr that is redrawn; silent where stderr is no terminal."""
+    """One line of stderr, redrawn in place; silent if stderr is not a terminal."""
 
     def __init__(self) -> None:
         self.shown = sys.stderr.isatty()
-        self._drawn = 0  # letters that are there
+        self._drawn = 0  # characters shown
 
     @property
     def width(self) -> int:
-        """Letters that fit; the last column is left free, since some terminals start a new line there."""
+        """Characters that fit; the last column is left free because some terminals wrap there."""
         try:
             return max(os.get_terminal_size(sys.stderr.fileno()).columns, 2) - 1
         except OSError:
             return 79
 
     def draw(self, text: str) -> None:
-        """Show `text`, as much of it as fits, in place of what was there."""
+        """Replace the line by as much of `text` as fits."""
         if self.shown:
             text = text[: self.width]
             print(f"\r{text:<{self._drawn}}", end="", file=sys.stderr, flush=True)
             self._drawn = len(text)
 
     def clear(self) -> None:
-        """Leave an empty line to who writes next."""
+        """Leave an empty line for the next output."""
         if self._drawn:
             self.draw("")
             print("\r", end="", file=sys.stderr, flush=True)
 
 
 class Progress(Line):
-    """How far a run is, for how long it has been running, and how long it will take; `done` was done before.
+    """Progress bar: fraction done, elapsed and remaining time; `done` is the fraction done in earlier sessions.
 
-    Of work that consists of `parts`, called `what`, also how many are done a second.
+    If the work consists of `parts`, called `what`, it also shows how many are done per second.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class Progress(Line):
         self._redraw_after = redraw_after  # s
 
     def __call__(self, fraction: float, name: str = "") -> None:
-        """Show that `fraction` of the work is done, and the `name` of what is done next."""
+        """Show that `fraction` of the work is done, and the `name` of the next part."""
         self._name = name or self._name
         now = time.perf_counter()
         if now >= self._next or fraction == 1:
@@ -62,13 +62,13 @@ class Progress(Line):
 
 
 def rate_text(count: float, elapsed: float, what: str) -> str:
-    """How many parts a second: 5,120 members/s, 0.25 members/s; empty of none."""
+    """Parts per second, such as 5,120 members/s or 0.25 members/s; empty if none is done."""
     rate = count / elapsed if elapsed > 0 else 0.0
     return f"{rate:,.0f} {what}/s" if rate >= 10 else f"{rate:.2g} {what}/s" if rate > 0 else ""
 
 
 def progress_text(name: str, fraction: float, elapsed: float, width: int, done: float = 0.0, rate: str = "") -> str:
-    """The line of a run that has gone from `done` to `fraction` of its work in `elapsed` s, at most `width` letters."""
+    """The progress line of a run that went from `done` to `fraction` in `elapsed` s, at most `width` characters."""
     left = f", {clock(elapsed * (1 - fraction) / (fraction - done))} left" if fraction > done else ""
     tail = f"{fraction:4.0%} {clock(elapsed)}{left}{', ' if rate else ''}{rate}"
     room = width - len(tail) - 1
@@ -82,7 +82,7 @@ def progress_text(name: str, fraction: float, elapsed: float, width: int, done: 
 
 
 def clock(seconds: float) -> str:
-    """A time as a clock shows it: 0:07, 12:34, 1:02:03."""
+    """A duration in clock format: 0:07, 12:34, 1:02:03."""
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"

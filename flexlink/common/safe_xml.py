@@ -1,7 +1,7 @@
-"""XML that somebody else wrote, through the standard library's parser, with what could harm refused.
+"""Third-party XML, read with the standard library's parser; harmful constructs are refused.
 
-A document type, and with it every entity, is refused where it begins, before anything is expanded or fetched. Size,
-number and depth of the elements are limited, so that memory is, too.
+A document type, and so every entity, is refused where it begins, before anything is expanded or fetched. The size, the
+number and the depth of elements are limited, which also limits memory.
 """
 
 from __future__ import annotations
@@ -12,30 +12,30 @@ from xml.etree import ElementTree as ET
 
 from flexlink.common.errors import DataFileError
 
-LARGEST = 5_000_000  # bytes; a robot of a thousand links has half a megabyte
-MOST_ELEMENTS = 200_000  # attributes counted, too; together some 100 MB
+LARGEST = 5_000_000  # bytes; a robot with a thousand links has half a megabyte
+MOST_ELEMENTS = 200_000  # including attributes; together about 100 MB
 DEEPEST = 1000  # nested elements; MuJoCo reads 500
 
 
 def parse(text: str | bytes, what: str) -> ET.Element:
-    """The root of an XML document.
+    """Return the root of an XML document.
 
     Parameters
     ----------
     text
-        The document; bytes say their encoding themselves (UTF-8 unless declared).
+        The document; bytes declare their encoding themselves (default UTF-8).
     what
         Name of the document, such as its path, for messages.
 
     Returns
     -------
     Element
-        The root; comments and processing instructions are left out.
+        The root, without comments and processing instructions.
 
     Raises
     ------
     DataFileError
-        The text is no XML, larger or deeper than a robot's file is, or has a DOCTYPE. One line.
+        The text is not XML, is larger or deeper than any robot file, or has a DOCTYPE. One line.
     """
     try:
         data = text if isinstance(text, bytes) else text.encode()
@@ -52,17 +52,17 @@ def parse(text: str | bytes, what: str) -> ET.Element:
 
 
 def numbers_of(text: str) -> list[float] | None:
-    """The decimal numbers of a text, blanks between, beyond float64 infinite; None where anything else stands.
+    """The decimal numbers in a text, separated by blanks; None if it contains anything else. Overflow gives infinity.
 
-    Python's own `float` also takes `1_0`, `nan` and digits of any script, which other programs refuse.
+    Python's `float` also accepts `1_0`, `nan` and digits of any script, which other programs refuse.
     """
     words = text.split()
-    number = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # no digit in two ways: linear time
+    number = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # unambiguous, hence linear time
     return [float(word) for word in words] if all(map(number.fullmatch, words)) else None
 
 
 class _Elements(ET.TreeBuilder):
-    """Elements only, not too many and not too deep."""
+    """Builder of elements only, limited in number and depth."""
 
     def __init__(self, what: str) -> None:
         super().__init__()
@@ -70,7 +70,7 @@ class _Elements(ET.TreeBuilder):
 
     def doctype(self, name: str, public: str | None, system: str | None) -> None:
         raise DataFileError(
-            f"{self.what}: contains <!DOCTYPE {name[:60]}>; remove it, and all entities", id="xml-entities"
+            f"{self.what}: contains <!DOCTYPE {name[:60]}>; remove it and all entities", id="xml-entities"
         )
 
     def start(self, tag: str, attributes: Mapping[str, str], /) -> ET.Element:

@@ -1,4 +1,4 @@
-"""Types of arrays by what they hold, and a type variable."""
+"""Array types by dtype, and a type variable."""
 
 from typing import TypeVar
 

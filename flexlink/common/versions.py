@@ -1,4 +1,4 @@
-"""Where a number was computed, and with what."""
+"""Versions and hardware that a result was computed with."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ __version__ = "0.1.0"
 
 
 def versions(packages: Iterable[str]) -> dict[str, str]:
-    """Installed versions; "" for what is absent."""
-    import importlib.metadata  # noqa: PLC0415  as long as all else of `import flexlink`
+    """Installed versions of packages; "" for a missing one."""
+    import importlib.metadata  # noqa: PLC0415  as slow as the rest of `import flexlink`
 
     versions = {}
     for name in packages:
@@ -23,7 +23,7 @@ def versions(packages: Iterable[str]) -> dict[str, str]:
 
 
 def processor() -> str:
-    """Name of the processor."""
+    """Return the processor's name."""
     info = Path("/proc/cpuinfo")
     lines = info.read_text(encoding="utf-8").splitlines() if info.exists() else []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
@@ -31,5 +31,5 @@ def processor() -> str:
 
 
 def system() -> str:
-    """Operating system and kind of machine."""
+    """Operating system and machine type."""
     return f"{platform.system()} {platform.machine()}"

@@ -1,4 +1,4 @@
-"""Values and lists in the sentences of messages."""
+"""Parts of messages: values, lists, and suggestions."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from typing import Self
 
 
 class Diagnostic(str):
-    """A sentence for the user with a stable `id`, such as `"unknown-key"`, which the documentation explains.
+    """A message for the user with a stable `id`, such as `"unknown-key"`, which the documentation explains.
 
-    Refusals, warnings, notes and hints differ in severity alone: the text that `flexlink` prints before them.
+    Errors, warnings, notes and hints differ only in severity, which `flexlink` prints before them.
     """
 
     __slots__ = ("id",)
@@ -20,13 +20,13 @@ class Diagnostic(str):
     id: str
 
     def __new__(cls, text: str, id: str) -> Self:
-        """The text as a string that knows its id."""
+        """Return the text as a string with an id."""
         self = super().__new__(cls, text)
         self.id = id
         return self
 
     def __getnewargs__(self) -> tuple[str, str]:  # type: ignore[override]
-        """For pickles: text and id."""
+        """Arguments for unpickling: text and id."""
         return str(self), self.id
 
 
@@ -48,21 +48,24 @@ def coloured(word: str) -> str:
 
 
 def did_you_mean(value: object, allowed: Iterable[str]) -> str:
-    """The end of a message that names the one of `allowed` that `value` looks like; empty if none does."""
+    """End of a message that suggests the name in `allowed` with a unit appended, or the closest; empty if none."""
+    if not isinstance(value, str):
+        return ""
     by_case = {name.casefold(): name for name in reversed(list(allowed))}
-    close = difflib.get_close_matches(value.casefold(), by_case, n=1) if isinstance(value, str) else []
+    with_unit = [name for unit in ("deg", "hz", "m") if (name := f"{value.casefold()}_{unit}") in by_case]
+    close = with_unit or difflib.get_close_matches(value.casefold(), by_case, n=1)
     return f"; did you mean {by_case[close[0]]!r}?" if close else ""
 
 
 def truncated(value: object) -> str:
-    """`repr` in one line, cut to a length that fits into a message."""
+    """`repr` on one line, truncated to fit into a message."""
     try:
         text = " ".join(repr(value).split())
-    except Exception as error:  # whatever the class of the value raises, and an int of 5000 digits
+    except Exception as error:  # any error of the value's class, or an int of 5000 digits
         return "…" if isinstance(error, RecursionError) else f"<{type(value).__name__}>"
     return text if len(text) <= 60 else text[:57] + "…"
 
 
 def short_list(items: Sequence[str]) -> str:
-    """Items with commas, those in the middle of many left out."""
+    """Items separated by commas; the middle of a long list is left out."""
     return ", ".join(items if len(items) <= 8 else [*items[:5], "…", *items[-2:]])

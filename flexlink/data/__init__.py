@@ -1,1 +1,1 @@
-"""Tables and documents from files: read strictly, with units, before anything is known of arms."""
+"""Tables and documents from files, read strictly and with units; independent of arms."""

@@ -1,4 +1,4 @@
-"""A CSV file whose heads are quantities with their units, "q upper [deg]": read strictly, converted by name."""
+"""CSV files whose headers are quantities with units, such as "q upper [deg]": strict reading and unit conversion."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ UNITS = {
     "N mm²": ("N m²", 1e-6), "N mm^2": ("N m²", 1e-6), "kg/m": ("kg/m", 1.0), "g/m": ("kg/m", 1e-3),
     "kg m": ("kg m", 1.0),
 }  # fmt: skip
-"""Units of heads, each with the one in SI and its size in it; "/s" and "/s²" may follow those of angles and lengths."""
+"""Units allowed in headers: SI unit and factor to it. "/s" and "/s²" may follow units of angle and length."""
 WITH_RATES = {"rad", "m"}
 PER = {"": "", "/s": "/s", "/s²": "/s²", "/s^2": "/s²"}
-"""What may follow a unit, and how it is written in SI."""
+"""Suffixes that may follow a unit, and their SI form."""
 
 
 class CsvTable(NamedTuple):
-    """Heads and numbers of a file; nan where a cell is empty."""
+    """Headers and numbers of a file; an empty cell is nan."""
 
     path: Path
     heads: tuple[str, ...]
@@ -41,16 +41,16 @@ class CsvTable(NamedTuple):
 
     @property
     def quantities(self) -> set[str]:
-        """What the heads say, without their units."""
+        """Quantities in the headers, without units."""
         return {head_of(head)[0] for head in self.heads}
 
     def column(self, quantity: str, unit: str) -> Array:
-        """The column of a quantity in a unit, every cell of it a number.
+        """The column of a quantity, converted to `unit`; every cell must be a number.
 
         Raises
         ------
         DataFileError
-            There is none, or two; its head has no unit, or one that does not fit; a cell is empty.
+            The column is missing or appears twice, its unit is missing or does not fit, or a cell is empty.
         """
         found = [k for k, head in enumerate(self.heads) if head_of(head)[0] == quantity]
         wanted = f"{quantity} [{unit}]"
@@ -67,7 +67,7 @@ class CsvTable(NamedTuple):
         given, column = head_of(self.heads[found[0]])[1], self.values[:, found[0]]
         if not given:
             raise DataFileError(
-                f"{self.path}: column {quantity!r}: without a unit; expected one, as {wanted!r} has", id="unit-missing"
+                f"{self.path}: column {quantity!r}: without a unit; expected one, as in {wanted!r}", id="unit-missing"
             )
         factor = conversion(given, unit)
         if factor is None:
@@ -84,12 +84,12 @@ class CsvTable(NamedTuple):
 
     @property
     def times(self) -> Array:
-        """Times [s], which increase.
+        """Strictly increasing times [s].
 
         Raises
         ------
         DataFileError
-            They do not, or as in `column`.
+            The times do not increase, or `column` raises it.
         """
         t = self.column("t", "s")
         late = np.flatnonzero(np.diff(t) <= 0)
@@ -104,13 +104,13 @@ class CsvTable(NamedTuple):
 
 
 def head_of(head: str) -> tuple[str, str]:
-    """What stands in the column of a head, and the unit in brackets without blanks around it, "" without one."""
+    """Quantity and unit of a header; the unit is "" if there are no brackets."""
     found = re.fullmatch(r"(.*?)\s*\[([^\[\]]*)\]", head.strip())
     return (found[1], found[2].strip()) if found else (head.strip(), "")
 
 
 def conversion(given: str, wanted: str) -> float | None:
-    """What one unit is in another one; None where they measure different things, or one is not known."""
+    """Factor from one unit to another; None if they measure different quantities or one is unknown."""
     one, other = _split(given), _split(wanted)
     if one is None or other is None or one[0] != other[0]:
         return None
@@ -118,7 +118,7 @@ def conversion(given: str, wanted: str) -> float | None:
 
 
 def _split(unit: str) -> tuple[str, float] | None:
-    """The unit in SI, and its size in it."""
+    """SI unit of a unit, and the factor to it; None if unknown."""
     for per, written in PER.items():
         base, size = UNITS.get(unit.removesuffix(per) if per else unit, ("", 0.0))
         if base and (not per or (unit.endswith(per) and base in WITH_RATES)):
@@ -127,12 +127,12 @@ def _split(unit: str) -> tuple[str, float] | None:
 
 
 def units_like(unit: str) -> list[str]:
-    """All units that heads can have in place of one."""
+    """All header units that can replace a unit."""
     return [name for name in every_unit() if conversion(name, unit) is not None]
 
 
 def every_unit() -> list[str]:
-    """All units that heads can have."""
+    """All units allowed in headers."""
     return [
         f"{unit}{per}"
         for per in dict.fromkeys(PER.values())
@@ -142,20 +142,20 @@ def every_unit() -> list[str]:
 
 
 def in_si(head: str) -> tuple[str, float] | None:
-    """A head's quantity with its unit in SI, and the size of the head's own; None where that is not known."""
+    """A header in SI units and the factor from its own unit; None if the unit is unknown."""
     quantity, unit = head_of(head)
     split = _split(unit)
     return None if split is None else (f"{quantity} [{split[0]}]", split[1])
 
 
 def read_csv(path: Path) -> CsvTable:
-    """Read a file of comma-separated numbers below one line of heads; blank lines do not count.
+    """Read comma-separated numbers below one header line; blank lines are skipped.
 
     Raises
     ------
     DataFileError
-        The file cannot be read, or is empty; no head has a unit; a line has more or fewer cells than the heads; a cell
-        is no finite number, of digits 0 to 9.
+        The file cannot be read or is empty; no header has a unit; a line has more or fewer cells than the header line;
+        a cell is not a finite decimal number.
     """
     data = read_regular(path, largest=100_000_000, error=DataFileError)
     try:
@@ -175,9 +175,9 @@ def read_csv(path: Path) -> CsvTable:
                 f"{path}: cells are separated by {name}; expected commas, and points in decimals", id="not-csv"
             )
     heads = [head.strip() for head in heads]
-    if not any(head_of(head)[1] for head in heads):  # of another kind of file nothing is quoted
+    if not any(head_of(head)[1] for head in heads):  # may be another kind of file: do not quote its content
         raise DataFileError(
-            f"{path}: its first line has no column with a unit, such as {TIME!r}; expected CSV", id="not-csv"
+            f"{path}: its first line has no column with a unit, such as {TIME!r}; expected a CSV file", id="not-csv"
         )
     rows = [_numbers(path, number, line, heads) for number, line in enumerate(lines, 2)]
     return CsvTable(path, tuple(heads), np.array(rows, dtype=np.float64).reshape(len(rows), len(heads)))
@@ -191,7 +191,7 @@ def _numbers(path: Path, number: int, line: list[str], heads: list[str]) -> list
     found = []
     for cell, head in zip(line, heads, strict=True):
         try:
-            if "_" in cell or not cell.isascii():  # which Python reads as numbers
+            if "_" in cell or not cell.isascii():  # Python's float accepts these
                 raise ValueError
             found.append(float(cell) if cell.strip() else math.nan)
         except ValueError:

@@ -1,4 +1,4 @@
-"""Documents from files: parsed TOML, paths, and the names in a document that are paths of the user's own files."""
+"""TOML documents: parsing, paths, and file names inside a document."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from flexlink.common.wording import truncated
 
 
 def require_path(name: str, value: object) -> Path:
-    """`value`, a str or a Path, as a Path.
+    """Convert a str or Path to a Path.
 
     Raises
     ------
     ArgumentError
-        It is neither; the message says what it is.
+        It is neither; the message states its type.
     """
     if not isinstance(value, str | os.PathLike):
         raise ArgumentError(
@@ -38,16 +38,18 @@ def read_toml(path: Path) -> dict[str, Any]:
     Raises
     ------
     SceneError
-        The file is missing, unreadable, a pipe (which may never say anything), larger than 1 MB, empty, not UTF-8 or
+        The file is missing, unreadable, a pipe (which might block forever), larger than 1 MB, empty, not UTF-8, XML or
         not TOML.
     """
     data = read_regular(path, largest=1_000_000, error=SceneError)
     try:
-        text = data.decode("utf-8-sig")  # some editors put a byte order mark in front
+        text = data.decode("utf-8-sig")  # some editors write a byte order mark
     except UnicodeDecodeError as error:
         raise SceneError(f"{path}: not UTF-8 at byte {error.start}; save the file as UTF-8", id="not-utf8") from None
     if not text.strip():
         raise SceneError(f"{path}: empty; expected a TOML file", id="file-empty")
+    if text.lstrip().startswith("<"):
+        raise SceneError(f"{path}: is XML; import it first: flexlink import {path}", id="is-xml")
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: TOMLDecodeError, or an integer of 5000 digits
@@ -56,7 +58,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 @contextlib.contextmanager
 def errors_of(path: Path) -> Iterator[None]:
-    """Errors in what a file says begin with its path."""
+    """Prefix errors about a file's content with its path."""
     try:
         yield
     except (SceneError, DataFileError) as error:
@@ -64,20 +66,20 @@ def errors_of(path: Path) -> Iterator[None]:
 
 
 def is_user_file(name: object) -> bool:
-    """Whether `name` is a path to the user's own file, not the name of a description that comes with flexlink."""
+    """Whether `name` is a path to a user's file rather than the name of a built-in description."""
     return isinstance(name, str) and name.endswith(".toml")
 
 
 def absolute(name: str, folder: Path = Path()) -> str:
-    """An own file's path, which starts from `folder`, wherever the program moves to; a name stays as it is."""
+    """Absolute path of a user's file, relative to `folder`; built-in names are unchanged."""
     return str((folder / name).absolute()) if is_user_file(name) else name
 
 
 def beside(folder: Path, document: T) -> T:
-    """A parsed file, its files named from its folder, wherever the program moves; tables and lists change in place.
+    """Make all file names in a parsed file absolute, relative to its `folder`; tables and lists change in place.
 
-    These are all values of `file`, and those of `method`, `lumping` and `kind` that are own files. A key may be a path
-    such as "run.method", a value a list of several. However deep a file is nested, no recursion is.
+    File names are all values of `file`, and values of `method`, `lumping` and `kind` that end in .toml. A key may be a
+    path such as "run.method", a value a list of several. Uses no recursion, so deep nesting is safe.
     """
     text = _as_json(document)
     if text and b'.toml"' not in text and b'file"' not in text:
@@ -97,13 +99,13 @@ def beside(folder: Path, document: T) -> T:
 
 
 def is_finite(document: object) -> bool:
-    """Whether no number of a parsed file is infinite or nan, for sure."""
+    """Whether every number of a parsed file is finite; False if this cannot be determined."""
     text = _as_json(document)
     return bool(text) and b"null" not in text
 
 
 def _as_json(document: object) -> bytes:
-    """A parsed file in JSON, where numbers that are not finite are null: all of it in a few µs; empty: it has none."""
+    """A parsed file as JSON, in which infinite and nan are null: takes a few µs; empty if it cannot be encoded."""
     try:
         return msgspec.json.encode(document)
     except (TypeError, ValueError, OverflowError, RecursionError):
@@ -111,7 +113,7 @@ def _as_json(document: object) -> bytes:
 
 
 def _from(folder: Path, key: str, value: str) -> str:
-    # keys whose values are names of descriptions, or paths of the user's own
+    # keys whose values are built-in names or paths of user files
     named = {"method", "lumping", "kind"}
     if key == "file" and value:
         return str((folder / value).absolute())
@@ -119,7 +121,7 @@ def _from(folder: Path, key: str, value: str) -> str:
 
 
 def paths_of(table: Mapping[str, Any], leaf: tuple[str, ...] = (), above: str = "") -> Iterator[tuple[str, Any]]:
-    """Keys that TOML has taken apart at their dots, as paths again; a table with one of `leaf` is a value."""
+    """Dotted key paths and values of nested tables; a table that contains a key in `leaf` counts as a value."""
     for key, value in table.items():
         if isinstance(value, dict) and value and not any(name in value for name in leaf):
             yield from paths_of(value, leaf, f"{above}{key}.")

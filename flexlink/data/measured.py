@@ -1,4 +1,4 @@
-"""What was measured: a CSV of times and columns of a trajectory, in its units or in those of instruments."""
+"""Measured data: a CSV of times and trajectory columns, in SI or instrument units."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from flexlink.data.csv_table import TIME, conversion, head_of, in_si, read_csv, 
 
 
 class Measured(NamedTuple):
-    """Times [s], shape (samples,), and what was measured at them in SI units, nan where nothing was."""
+    """Times [s], shape (samples,), and measured columns at these times in SI units; nan where nothing was measured."""
 
     t: Array
     columns: dict[str, Array]
 
 
 def read_measured(path: Path, known: Mapping[str, object], only: Sequence[str] = ()) -> Measured:
-    """Read a CSV whose heads are "t [s]" and names of columns of a trajectory.
+    """Read a CSV whose headers are "t [s]" and column names of a trajectory.
 
     Parameters
     ----------
     path
         The file.
     known
-        What may be there, by the names of `Trajectory.columns`.
+        Allowed columns, by their names in `Trajectory.columns`.
     only
-        Heads of the columns that are wanted; others may then be anything. Default: all.
+        Headers of the columns to read; the others may be anything. Default: all.
 
     Raises
     ------
     DataFileError
-        The file cannot be read; a head that is not known, or twice, or not there; a cell that is no number; times that
-        do not increase, or nothing measured.
+        The file cannot be read; a header is unknown, repeated or missing; a cell is not a number; times do not
+        increase; or there are no measured values.
     """
     _, heads, values = read_csv(path)
     return measured_from(str(path), heads, values, known, only)
@@ -46,7 +46,7 @@ def read_measured(path: Path, known: Mapping[str, object], only: Sequence[str] =
 def measured_from(
     where: str, heads: Sequence[str], values: Array, known: Mapping[str, object], only: Sequence[str] = ()
 ) -> Measured:
-    """What was measured, from columns with their heads, shape (samples, heads); otherwise as `read_measured`."""
+    """Measured data from columns, shape (samples, heads), and their headers; otherwise as `read_measured`."""
     absent = [name for name in only if name not in heads]
     if absent:
         raise DataFileError(
@@ -70,12 +70,12 @@ def measured_from(
 
 
 def named(where: str, head: str, known: Mapping[str, object]) -> tuple[str, float]:
-    """The column of a trajectory that a head means, and the size of its unit there.
+    """Trajectory column of a header, and the factor from the header's unit to the column's.
 
     Raises
     ------
     DataFileError
-        It means none.
+        The header is unknown.
     """
     if head in known:
         return head, 1.0
@@ -86,16 +86,16 @@ def named(where: str, head: str, known: Mapping[str, object]) -> tuple[str, floa
 
 
 def _why_unknown(head: str, known: Mapping[str, object]) -> str:
-    """What is wrong with a head, its quantity or its unit, and what it may have been meant for."""
+    """Why a header is unknown (quantity or unit), and which column may have been meant."""
     quantity, unit = head_of(head)
     same = next((name for name in known if head_of(name)[0] == quantity), None)
     if same is not None:
         fitting = ", ".join(units_like(head_of(same)[1]))
         return f"{'without a unit' if not unit else 'not known with this unit'}; expected {same!r}, or in {fitting}"
     alike = [name for name in known if conversion(unit, head_of(name)[1]) is not None and name != TIME]
-    others = f"in {unit} can be {short_list(alike)}" if alike else ""
+    others = f"columns in {unit} are {short_list(alike)}" if alike else ""
     expected = others or f"expected {short_list(list(known))}, or in deg, mm, µm, ms"
     return (
-        f"not known; {expected}; leave out what does not count (of a fit: compare names what does)"
+        f"not known; {expected}; remove the column if it is not needed (in a fit: list the needed ones in compare)"
         f"{did_you_mean(head, known)}"
     )

@@ -1,10 +1,10 @@
-"""Rates and accelerations of measured angles: a zero-phase low-pass, differentiated exactly.
+"""Rates and accelerations of measured angles: a zero-phase low-pass filter, differentiated exactly.
 
-The smoothing spline f of angles y at times t, of degree 5, makes Σ w_k (y_k − f(t_k))² + λ ∫ f‴² dt least. With w_k the
-time that a sample stands for and λ = (2π cutoff)⁻⁶ it passes 1 / (1 + (f/cutoff)⁶) of a frequency f without delay: what
-a Butterworth low-pass of third order makes of a record when it is run forward, then backward. At the cutoff half of the
-amplitude is left, at half of it 98 %, at a third 99.9 %. Parabolas pass unchanged, up to both ends of the record.
-(Schoenberg 1964; Eilers & Marx 1996 for the B-splines that it is made of)
+The smoothing spline f of degree 5 of angles y at times t minimizes Σ w_k (y_k − f(t_k))² + λ ∫ f‴² dt. The weight w_k
+is the time interval of a sample; λ = (2π cutoff)⁻⁶. The gain at frequency f is 1 / (1 + (f/cutoff)⁶), without delay:
+that of a third-order Butterworth filter run forward and backward. The gain is 50 % at the cutoff, 98 % at half of it
+and 99.9 % at a third. Parabolas pass unchanged, including at both ends of the record.
+(Schoenberg 1964; Eilers & Marx 1996 for the B-spline basis)
 """
 
 from __future__ import annotations
@@ -18,32 +18,32 @@ from flexlink.common.types import Array
 
 
 def smoothed(t: Array, y: Array, cutoff: float) -> tuple[Array, Array, Array]:
-    """Values, rates and accelerations (samples,) of y (samples,) at times t [s] by a low-pass at `cutoff` [Hz].
+    """Low-pass values, rates and accelerations (samples,) of y (samples,) at times t [s]; `cutoff` in Hz.
 
     Raises
     ------
     SceneError
-        Samples are fewer than five, or too far apart for the cutoff.
+        There are fewer than five samples, or they are too far apart for the cutoff.
     """
-    # samples that a smoothing spline of more than a parabola needs
+    # minimum number of samples for a smoothing spline that is more than a parabola
     fewest = 5
     if len(t) < fewest:
         raise SceneError(
             f"cutoff = {cutoff!r}: {len(t)} samples are too few; expected {fewest} or more", id="too-few-samples"
         )
-    apart = float(np.diff(t).max())
-    if 2 * apart * cutoff >= 1:
+    spacing = float(np.diff(t).max())
+    if 2 * spacing * cutoff >= 1:
         raise SceneError(
-            f"cutoff = {cutoff!r}: samples are up to {apart:.6g} s apart; expected below {0.5 / apart:.6g} Hz, half of "
-            "their rate",
+            f"cutoff = {cutoff!r}: samples are up to {spacing:.6g} s apart; expected less than {0.5 / spacing:.6g} Hz, "
+            "half the sampling rate",
             id="cutoff-too-high",
         )
-    from scipy.interpolate import BSpline  # noqa: PLC0415  0.1 s that few scenes need
+    from scipy.interpolate import BSpline  # noqa: PLC0415  takes 0.1 s, and few scenes need it
     from scipy.linalg import solveh_banded  # noqa: PLC0415
 
     unit, degree, penalty = 1 / (2 * math.pi * cutoff), 5, 3
-    # Part of 1 / (2π cutoff) that knots need not be closer than: accelerations of what is passed are then off by 1e-5,
-    # and the equations, whose condition is up to near⁻⁶, keep eleven digits.
+    # Smallest knot spacing as a fraction of 1 / (2π cutoff): accelerations in the pass band are then accurate to 1e-5,
+    # and the equations, with a condition number of up to near⁻⁶, keep eleven digits.
     near = 0.2
     sites = _sites(t / unit, near)
     knots = np.concatenate([[sites[0]] * degree, sites, [sites[-1]] * degree])
@@ -59,7 +59,7 @@ def smoothed(t: Array, y: Array, cutoff: float) -> tuple[Array, Array, Array]:
 
 
 def _sites(t: Array, near: float) -> Array:
-    """Those of increasing times that are at least so far apart, the first and the last among them."""
+    """A subset of increasing times at least `near` apart, including the first and the last."""
     cells = np.floor((t - t[0]) / near)
     first = np.flatnonzero(np.diff(cells, prepend=-1.0) > 0)
     sites = t[first]
@@ -67,14 +67,14 @@ def _sites(t: Array, near: float) -> Array:
     return np.append(sites, t[-1])
 
 
-def _penalty(knots: Array, sites: Array, highest: int, penalty: int):  # type: ignore[no-untyped-def]  # of SciPy's sparse matrices
-    """∫ B_i‴ B_j‴ dt, exact by three Gauss points of every piece: third derivatives are parabolas."""
+def _penalty(knots: Array, sites: Array, highest: int, penalty: int):  # type: ignore[no-untyped-def]  # SciPy sparse
+    """∫ B_i‴ B_j‴ dt, exact with three Gauss points per interval, where third derivatives are parabolas."""
     from scipy.interpolate import BSpline  # noqa: PLC0415
     from scipy.sparse import diags_array  # noqa: PLC0415
 
     slopes, inner = None, knots
     for degree in range(highest, highest - penalty, -1):
-        count = len(inner) - degree - 1  # coefficients of the spline that is differentiated
+        count = len(inner) - degree - 1  # number of coefficients before differentiation
         each = degree / (inner[degree + 1 : degree + count] - inner[1:count])
         step = diags_array([-each, each], offsets=[0, 1], shape=(count - 1, count))
         slopes, inner = step if slopes is None else step @ slopes, inner[1:-1]

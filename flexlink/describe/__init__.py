@@ -1,1 +1,1 @@
-"""What the user writes down, checked: arm, loads, motions, run settings, as plain data."""
+"""Descriptions written by the user, checked: arm, loads, motions and run settings, as plain data."""

@@ -1,4 +1,4 @@
-"""What acts on an arm: drives, prescribed motions, a wrench at a tip."""
+"""Actions on an arm: drives, prescribed motions, and the tip wrench."""
 
 from __future__ import annotations
 
@@ -26,61 +26,61 @@ from flexlink.describe.spec import (
 
 IN_METRES_OF_MOTION = "position_m", "rate_m", "acceleration_m"
 Frame = Literal["world", "tip"]
-"""Axes that a tip wrench is given in: of frame 0, or of the tip frame, with which it turns."""
+"""Axes of the components of a tip wrench: those of frame 0, or of the tip frame, with which they turn."""
 
 
 class Drive(Spec, frozen=True):
-    """Drive torque T_EX at the active joints, one column per link; at prismatic joints forces [N].
+    """Drive torques T_EX at the active joints, one column per link; forces [N] at prismatic joints.
 
-    constant: T_EX = torque [N m].  table: `torques`, one row per time, held outside, in between linear or, if `smooth`,
-    a cubic spline, which keeps the order of the integrator; or, if `hold`, each row held until the next time. They may
-    stand in a CSV `file`.
-    pd: T_EX = kp (r − q) + kd (ṙ − q̇) + g, r the `target_deg`, or in time the `reference` [N m/rad, N m s/rad]; g by
-    `gravity`: "none", the torque that holds the rigid arm at r against gravity ("rigid"), or that holds the arm as
-    gravity bends it, its joints at r ("static").
-    computed_torque: T_EX = M (r̈ + kd (ṙ − q̇) + kp (r − q)) + T_GC of the rigid arm, q and q̇ the driven joints'
-    [1/s², 1/s].
-    `effort`: the largest torque of each drive [N m], beyond which it stays there; also of laws in Python.
-    With `rate` [Hz] the law is asked at instants t = k / rate, and what it gives is held in between.
+    constant: T_EX = torque [N m].  table: `torques`, one row per time, constant before the first and after the last
+    row. Between rows it is linear; with `smooth` a cubic spline, which preserves the integrator's order; with `hold`
+    constant until the next time. The rows may be in a CSV `file`.
+    pd: T_EX = kp (r − q) + kd (ṙ − q̇) + g [N m/rad, N m s/rad], where r is `target_deg` or the time-varying
+    `reference`. g depends on `gravity`: zero ("none"), or the torque that holds the joints at r against gravity, for
+    the rigid arm ("rigid") or the arm bent by gravity ("static").
+    computed_torque: T_EX = M (r̈ + kd (ṙ − q̇) + kp (r − q)) + T_GC of the rigid arm, with q and q̇ of the driven
+    joints [1/s², 1/s].
+    `effort` limits the torque of each drive [N m], including that of controllers in Python.
+    With `rate` [Hz] the controller is sampled at times t = k / rate, and its output is held in between.
 
     Examples
     --------
     >>> pd = fl.Drive(kind="pd", kp=(2e4, 1e4), kd=(600.0, 250.0), gravity="static", target_deg=(40.0, -60.0))
-    >>> constant = fl.Drive(kind="constant", torque=(30.0, 10.0))  # N m, one number a link
+    >>> constant = fl.Drive(kind="constant", torque=(30.0, 10.0))  # N m, one number per link
     >>> held = scene.varied({"drive": pd})
     """
 
     kind: Literal["none", "constant", "table", "pd", "computed_torque"] = "none"
-    """What drives the joints: nothing, a constant torque, a table in time, or a law, pd or computed_torque."""
+    """Drive of the joints: none, a constant torque, a table over time, or a controller (pd or computed_torque)."""
     torque: PerLink | None = None
-    """Of constant: torque of each joint, one per link [N m]; of a prismatic joint its force [N]."""
+    """For constant: torque of each joint, one per link [N m]; of a prismatic joint the force [N]."""
     times: Annotated[tuple[float, ...] | None, measured_in("s")] = None
-    """Of a table: times of its rows [s]."""
+    """For a table: times of its rows [s]."""
     torques: tuple[PerLink, ...] | None = None
-    """Of a table: one row per time, of one torque per link [N m], of prismatic joints one force [N]."""
+    """For a table: one row per time, with one torque per link [N m]; of a prismatic joint the force [N]."""
     file: str | None = None
-    """Of a table: a CSV file in place of `times` and `torques`, with heads "t [s]" and, of every driven joint,
-    "tau NAME [N m]"; a path from the scene's folder. It is read once, when the scene is."""
+    """For a table: a CSV file instead of `times` and `torques`, with headers "t [s]" and "tau NAME [N m]" for every
+    driven joint. The path is relative to the scene's folder; the file is read once, with the scene."""
     kp: Annotated[tuple[NonNegative, ...], ONE_PER_LINK] | None = None
-    """Of a law: position gains, one per link [N m/rad; N/m]; of computed_torque [1/s²]."""
+    """For a controller: position gains, one per link [N m/rad; N/m]; for computed_torque [1/s²]."""
     kd: Annotated[tuple[NonNegative, ...], ONE_PER_LINK] | None = None
-    """Of a law: rate gains, one per link [N m s/rad; N s/m]; of computed_torque [1/s]."""
+    """For a controller: rate gains, one per link [N m s/rad; N s/m]; for computed_torque [1/s]."""
     target_deg: Annotated[PerLink | None, measured_in("deg")] = None
-    """Of a law: where it leads the joints, one per link [deg]."""
+    """For a controller: target angles of the joints, one per link [deg]."""
     target_m: Annotated[PerLink | None, measured_in("m")] = None
-    """Of a law: where it leads prismatic joints, one per link [m]."""
+    """For a controller: target positions of prismatic joints, one per link [m]."""
     reference: Reference | None = None
-    """Of a law: where it leads the joints in time, in place of `target_deg`."""
+    """For a controller: time-varying target of the joints, instead of `target_deg`."""
     gravity: Literal["none", "rigid", "static"] = "none"
-    """Of pd: feed-forward torque that holds the rigid arm (rigid) or the arm bent by gravity (static) there."""
+    """For pd: feedforward torque that holds the rigid arm (rigid) or the arm bent by gravity (static) at the target."""
     smooth: bool = False
-    """Of a table: a cubic spline between its rows, which keeps the integrator's order; else linear."""
+    """For a table: cubic spline between rows, which preserves the integrator's order; default: linear."""
     hold: bool = False
-    """Of a table: each row is held until the next time."""
+    """For a table: each row is held until the next time."""
     effort: PositivePerLink | None = None
-    """Largest torque of each drive, one per link [N m; N]; beyond, it stays there. Default: no limit."""
+    """Torque limit of each drive, one per link [N m; N]. Default: no limit."""
     rate: Annotated[Positive | None, measured_in("Hz")] = None
-    """How often the law is asked [Hz]; its torques are held in between. Default: at every stage of a step."""
+    """Sampling rate of the controller [Hz]; its torques are held in between. Default: every stage of a step."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -94,7 +94,7 @@ class Drive(Spec, frozen=True):
         for name in ("torque", "times", "torques", "file", "kp", "kd", "target_deg", "target_m", "reference"):
             if (getattr(self, name) is not None) != (name in wanted) and name not in may:
                 takes, value = ", ".join(wanted) or "nothing else", getattr(self, name)
-                takes = takes.replace("target_deg", "target_deg or reference (target_m of joints that slide)")
+                takes = takes.replace("target_deg", "target_deg or reference (target_m for prismatic joints)")
                 state = ": missing;" if value is None else f" = {truncated(value)}:"
                 raise SceneError(f"{name}{state} drive kind {self.kind!r} takes {takes}", id="key-of-another-kind")
         if self.file is None:
@@ -108,11 +108,11 @@ class Drive(Spec, frozen=True):
 
 
 class PrescribedMotion(Spec, frozen=True):
-    """Prescribed motion of a link's active joint: its torque becomes an output.
+    """Prescribed motion of a link's active joint; the torque it requires is an output.
 
     Angle [deg], rate [deg/s] and acceleration [deg/s²] at `times` [s], which start at 0; quintic polynomials in
-    between, then on at the last rate. Of a prismatic joint position [m], rate [m/s] and acceleration [m/s²]. They may
-    stand in a CSV `file`, at whose first row the joint then starts.
+    between, and constant rate after the last time. For a prismatic joint position [m], rate [m/s] and acceleration
+    [m/s²]. They may be in a CSV `file`; the joint then starts at the first row.
 
     Examples
     --------
@@ -121,14 +121,14 @@ class PrescribedMotion(Spec, frozen=True):
     ...     acceleration_deg=(0, 0),
     ... )
     >>> moved = scene.varied({"motion": (turn,), "drive": fl.Drive(), "run.duration": 0.2})
-    >>> print(fl.simulate(moved).tau[-1, 0] != 0.0)  # N m that the motion takes
+    >>> print(fl.simulate(moved).tau[-1, 0] != 0.0)  # N m, required by the motion
     True
     """
 
     link: str | int
-    """Name or number, from 1, of the link whose joint moves so."""
+    """Name, or number from 1, of the link whose joint moves."""
     times: Annotated[tuple[float, ...], measured_in("s")] = ()
-    """Times of the rows [s], from 0 on."""
+    """Times of the rows [s], starting at 0."""
     angle_deg: Annotated[Row | None, measured_in("deg")] = None
     """Angle at each time [deg]."""
     rate_deg: Annotated[Row | None, measured_in("deg/s")] = None
@@ -136,17 +136,17 @@ class PrescribedMotion(Spec, frozen=True):
     acceleration_deg: Annotated[Row | None, measured_in("deg/s²")] = None
     """Acceleration at each time [deg/s²]."""
     position_m: Annotated[Row | None, measured_in("m")] = None
-    """Of a prismatic joint, in place of the angle: position at each time [m]."""
+    """For a prismatic joint, instead of the angle: position at each time [m]."""
     rate_m: Annotated[Row | None, measured_in("m/s")] = None
-    """Of a prismatic joint: rate at each time [m/s]."""
+    """For a prismatic joint: rate at each time [m/s]."""
     acceleration_m: Annotated[Row | None, measured_in("m/s²")] = None
-    """Of a prismatic joint: acceleration at each time [m/s²]."""
+    """For a prismatic joint: acceleration at each time [m/s²]."""
     file: str | None = None
-    """A CSV file in place of all these, with heads "t [s]" and "q NAME [deg]", or any unit of angles, of a prismatic
-    joint of lengths; a path from the scene's folder. It is read once, when the scene is."""
+    """A CSV file instead of all these, with headers "t [s]" and "q NAME [deg]", in any unit of angle (of length for a
+    prismatic joint). The path is relative to the scene's folder; the file is read once, with the scene."""
     cutoff: Positive | None = None
-    """Of a file: frequency at which a zero-phase low-pass of its angles lets half of the amplitude through [Hz]; rates
-    and accelerations are those of what is left. Default: the columns "qd NAME [deg/s]" and "qdd NAME [deg/s²]"."""
+    """For a file: cutoff frequency (50 % amplitude) of a zero-phase low-pass filter of its angles [Hz]; rates and
+    accelerations come from the filtered angles. Default: the columns "qd NAME [deg/s]" and "qdd NAME [deg/s²]"."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -159,7 +159,7 @@ class PrescribedMotion(Spec, frozen=True):
             )
         if not self.times:
             raise SceneError(
-                "times: missing; give them with the angles, rates and accelerations there, or a file", id="missing-key"
+                "times: missing; give them with angles, rates and accelerations, or give a file", id="missing-key"
             )
         if self.times[0] != 0:
             raise SceneError(f"times[0] = {self.times[0]!r}: must be 0", id="first-time")
@@ -175,17 +175,18 @@ class PrescribedMotion(Spec, frozen=True):
             other = TWINS[name]
             if getattr(self, other) is not None:
                 raise SceneError(
-                    f"{other} = {truncated(getattr(self, other))}: {name} is given, too; give only one", id="both-given"
+                    f"{other} = {truncated(getattr(self, other))}: {name} is also given; specify only one",
+                    id="both-given",
                 )
 
     def _check_file(self) -> None:
         for name in ("times", *OF_MOTION, *IN_METRES_OF_MOTION):
             if getattr(self, name) not in (None, ()):
-                raise SceneError(f"file = {self.file!r}: {name} is given, too; give only one", id="both-given")
+                raise SceneError(f"file = {self.file!r}: {name} is also given; specify only one", id="both-given")
 
     @property
     def slides(self) -> bool:
-        """Whether it is the motion of a prismatic joint."""
+        """Whether the joint is prismatic."""
         return self.angle_deg is None and any(getattr(self, name) is not None for name in IN_METRES_OF_MOTION)
 
     @property
@@ -195,17 +196,17 @@ class PrescribedMotion(Spec, frozen=True):
 
     @property
     def columns(self) -> tuple[Row, Row, Row]:
-        """Positions, rates and accelerations at the times, [deg] and so on, or [m]."""
+        """Positions, rates and accelerations at the times [deg, deg/s, deg/s²], or [m, m/s, m/s²]."""
         position, rate, acceleration = (getattr(self, name) or () for name in self.keys)
         return position, rate, acceleration
 
 
 class Wrench(Spec, frozen=True):
-    """Force [N] and moment [N m] on the tip, acting at the tip frame's origin.
+    """Force [N] and moment [N m] on the tip, acting at the origin of the tip frame.
 
-    Their components are in axes of frame = "world", frame 0, or "tip", with which they turn. They are constant, `force`
-    and `moment`, or a table: `forces`, `moments` or both, one row per time [s], held outside, in between as a drive's;
-    they may stand in a CSV `file`.
+    Components are in the axes of frame 0 (frame = "world") or of the tip frame ("tip"), with which they turn. They are
+    either constant, `force` and `moment`, or a table: `forces`, `moments` or both, one row per time [s], interpolated
+    as those of a drive. The table may be in a CSV `file`.
 
     Examples
     --------
@@ -220,22 +221,22 @@ class Wrench(Spec, frozen=True):
     moment: Annotated[Vector3, measured_in("N m")] = (0.0, 0.0, 0.0)
     """Constant moment on the tip [N m]."""
     frame: Frame = "world"
-    """Axes of the components: of frame 0 (world), or of the tip, with which they turn."""
+    """Axes of the components: of frame 0 (world), or of the tip frame, with which they turn."""
     on: str = ""
-    """Name of the link at whose end it acts, one that no other hangs on. Default: the last."""
+    """Name of the link at whose end it acts; no other link may be attached to it. Default: the last link."""
     times: Annotated[tuple[float, ...] | None, measured_in("s")] = None
-    """Of a table: times of its rows [s]."""
+    """For a table: times of its rows [s]."""
     forces: Annotated[tuple[Vector3, ...] | None, measured_in("N")] = None
-    """Of a table: a force per time [N]."""
+    """For a table: one force per time [N]."""
     moments: Annotated[tuple[Vector3, ...] | None, measured_in("N m")] = None
-    """Of a table: a moment per time [N m]."""
+    """For a table: one moment per time [N m]."""
     file: str | None = None
-    """A CSV file in place of `times`, `forces` and `moments`, with heads "t [s]", "force x [N]" to "moment z [N m]";
-    what has no column is 0. A path from the scene's folder; it is read once, when the scene is."""
+    """A CSV file instead of `times`, `forces` and `moments`, with headers "t [s]", "force x [N]" to "moment z [N m]";
+    missing components are 0. The path is relative to the scene's folder; the file is read once, with the scene."""
     smooth: bool = False
-    """Of a table: a cubic spline between its rows; else linear."""
+    """For a table: cubic spline between rows; default: linear."""
     hold: bool = False
-    """Of a table: each row is held until the next time."""
+    """For a table: each row is held until the next time."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -244,7 +245,7 @@ class Wrench(Spec, frozen=True):
             for name in ("times", *tables, "force", "moment"):
                 value = getattr(self, name)
                 if value is not None and any(value):
-                    raise SceneError(f"file = {self.file!r}: {name} is given, too; give only one", id="both-given")
+                    raise SceneError(f"file = {self.file!r}: {name} is also given; specify only one", id="both-given")
             return
         check_table(self.times, tables, smooth=self.smooth, hold=self.hold)
         if self.times is None:
@@ -259,13 +260,13 @@ class Wrench(Spec, frozen=True):
         for name in ("force", "moment"):
             if any(getattr(self, name)):
                 raise SceneError(
-                    f"{name} = {truncated(getattr(self, name))}: times are given, so give {name}s, one row per time",
+                    f"{name} = {truncated(getattr(self, name))}: times are also given; give {name}s, one row per time",
                     id="one-per-time",
                 )
 
     @property
     def varies(self) -> bool:
-        """Whether it may change in frame 0."""
+        """Whether the wrench may change over time in frame 0."""
         return self.times is not None or (self.frame == "tip" and self.acts)
 
     @property
@@ -275,26 +276,26 @@ class Wrench(Spec, frozen=True):
         Raises
         ------
         SceneError
-            They are not constant there; the message names the key path of a scene.
+            The wrench is not constant in frame 0; the message names the key path of the scene.
         """
         if self.varies:
             cause = "frame = 'tip'" if self.frame == "tip" else f"times = {truncated(self.times)}"
             raise SceneError(
-                f"wrench.{cause}: is not constant in frame 0; Trajectory.tip_wrench holds it at the samples",
+                f"wrench.{cause}: is not constant in frame 0; Trajectory.tip_wrench contains the wrench at the samples",
                 id="load-not-constant",
             )
         return np.array([*self.force, *self.moment])
 
     @property
     def acts(self) -> bool:
-        """Whether anything pulls or turns at any time."""
+        """Whether the wrench is nonzero at any time."""
         return any(self.force) or any(self.moment) or any(map(any, (*(self.forces or ()), *(self.moments or ()))))
 
 
 def check_table(
     times: tuple[float, ...] | None, tables: Mapping[str, Sequence[object] | None], *, smooth: bool, hold: bool
 ) -> None:
-    """Check that times increase, each with a row of every table by name, and how the rows are joined.
+    """Check that times increase, that every table has one row per time, and that the interpolation is possible.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What the user describes: material, section, links, joints, payload. Frozen, checked, SI units."""
+"""An arm: links with joints, materials, sections, payload and base. Frozen, checked, in SI units."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import msgspec
 
 from flexlink.common.errors import SceneError
-from flexlink.common.wording import did_you_mean, short_list, truncated
+from flexlink.common.wording import Diagnostic, did_you_mean, short_list, truncated
 from flexlink.describe.link import Link
 from flexlink.describe.links import link_number
 from flexlink.describe.material import Material, Section
@@ -19,18 +19,18 @@ from flexlink.describe.sections import BREADTHS
 from flexlink.describe.spec import Spec, link_key
 
 BETWEEN = (
-    "a branch begins or a joint slides between the links that have it; give it to one link, or take law = "
+    "a branch or a prismatic joint lies between the links with this law; give it to one link, or use law = "
     "'proportional'"
 )
-"""Where kernels know no dampers between hinges."""
+"""Why dampers between hinges are not available."""
 BASE = "base"
-"""What a link hangs on that hangs on none, unless one before it is called so."""
+"""Name of the base as a parent, unless a link has this name."""
 
 
 class Base(RigidBody, frozen=True):
-    """What the first link hangs on: fixed in frame 0, or free, a rigid body that floats, such as a satellite.
+    """Support of the first link: fixed in frame 0, or free, a floating rigid body such as a satellite.
 
-    Of a free base `mass` [kg], `center` [m] and `inertia` [kg m²] are in its frame; `initial.base` is its start.
+    `mass` [kg], `center` [m] and `inertia` [kg m²] of a free base are in its frame; it starts at `initial.base`.
 
     Examples
     --------
@@ -44,7 +44,7 @@ class Base(RigidBody, frozen=True):
         super().__post_init__()
         if self.kind == "fixed" and (self.mass or any(self.inertia)):
             raise SceneError(
-                f"mass = {self.mass!r}: a fixed base takes none; kind = 'free' makes it float", id="base-mass"
+                f"mass = {self.mass!r}: a fixed base has no mass; kind = 'free' makes it float", id="base-mass"
             )
         if self.kind == "free" and not (self.mass and self.principal_moments[0] > 0):
             raise SceneError(
@@ -55,12 +55,12 @@ class Base(RigidBody, frozen=True):
 
     @property
     def free(self) -> bool:
-        """Whether it floats."""
+        """Whether the base floats."""
         return self.kind == "free"
 
 
 class Arm(Spec, frozen=True):
-    """Links from the base outward, one on another or as a tree, with the materials and sections that they name.
+    """Links from the base outward, in series or as a tree, with the materials and sections that they name.
 
     Examples
     --------
@@ -83,26 +83,29 @@ class Arm(Spec, frozen=True):
     rigidities: dict[str, Rigidity] = msgspec.field(name="rigidity", default_factory=dict)
     """Tables of rigidities and mass along beams, by the names that links use."""
     tip: RigidBody = RigidBody()
-    """Payload: rigid body in the tip frame, which is at the end of the last link."""
+    """Payload: a rigid body in the tip frame, which is at the end of the last link."""
     base: Base = Base()
-    """What the first link hangs on."""
+    """Support of the first link."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         raise_together(self._mistakes())
 
-    def _mistakes(self) -> Iterator[str]:
-        """What does not fit together."""
+    def _mistakes(self) -> Iterator[Diagnostic]:
+        """Inconsistencies between links, materials, sections and tables."""
         seen: set[str] = set()
         for k, link in enumerate(self.links, 1):
             if link.name in seen:
-                yield f"link.{k}.name = {link.name!r}: names of links must differ"
+                yield Diagnostic(f"link.{k}.name = {link.name!r}: names of links must differ", "name-twice")
             if link.on and link.on != BASE and link.on not in seen:
                 before = [BASE, *(each.name for each in self.links[: k - 1])]
                 later = link.on in {each.name for each in self.links}
-                meant = "; a link hangs on one that stands before it" if later else did_you_mean(link.on, before)
+                meant = "; a parent comes before its child" if later else did_you_mean(link.on, before)
                 known = ", ".join(before)
-                yield f"{self.path(k)}.on = {link.on!r}: no link before it in the list; allowed are {known}{meant}"
+                yield Diagnostic(
+                    f"{self.path(k)}.on = {link.on!r}: no earlier link in the list; allowed are {known}{meant}",
+                    "unknown-name",
+                )
             seen.add(link.name)
             tables = (
                 ("material", self.materials), ("section", self.sections), ("section_tip", self.sections),
@@ -113,60 +116,69 @@ class Arm(Spec, frozen=True):
                 if name is not None and name not in table:
                     known = ", ".join(table) or "none"
                     meant = did_you_mean(name, table)
-                    yield f"{self.path(k)}.{key} = {name!r}: not defined; defined are {known}{meant}"
+                    yield Diagnostic(
+                        f"{self.path(k)}.{key} = {name!r}: not defined; defined are {known}{meant}", "unknown-name"
+                    )
             yield from self._wrong_table(k, link)
             yield from self._wrong_drag(k, link)
             if link.section_tip is None:
                 continue
             shapes = [self.sections[n].shape for n in (link.section, link.section_tip) if n in self.sections]
             if len(set(shapes)) > 1:
-                yield f"{self.path(k)}.section_tip = {link.section_tip!r}: is a {shapes[1]}, not a {shapes[0]}"
+                path = f"{self.path(k)}.section_tip = {link.section_tip!r}"
+                yield Diagnostic(f"{path}: is a {shapes[1]}, not a {shapes[0]}", "section-shapes-differ")
         if len({link.dh.convention for link in self.links if link.dh is not None}) > 1:
-            yield "link.dh.convention: differs from link to link; a table has one"
+            yield Diagnostic("link.dh.convention: differs between links; a table has only one", "dh-conventions-differ")
         yield from self._wrong_law()
         if not self.base.free and all(link.joint.locked and not link.elastic for link in self.links):
-            yield "link: every joint is locked and every link rigid; at least one must move"
+            yield Diagnostic(
+                "link: every joint is locked and every link rigid; at least one must move", "nothing-to-move"
+            )
 
-    def _wrong_law(self) -> Iterator[str]:
-        """Dampers of one ratio in all modes between hinges between which a branch begins or a joint slides."""
+    def _wrong_law(self) -> Iterator[Diagnostic]:
+        """Damping with a constant ratio across a branch or a prismatic joint."""
         given = [k for k, link in enumerate(self.links) if link.damping is not None and link.damping.is_constant]
         for k in range(given[0] + 1, given[-1] + 1) if given else ():
             link, before = self.links[k], self.links[k - 1]
             if link.on not in {"", before.name} or (link.joint.slides and not link.joint.locked):
-                yield f"{self.path(given[0] + 1)}.damping.law = 'constant': {BETWEEN}"
+                path = f"{self.path(given[0] + 1)}.damping.law = 'constant'"
+                yield Diagnostic(f"{path}: {BETWEEN}", "inertia-between-hinges")
                 return
 
-    def _wrong_table(self, k: int, link: Link) -> Iterator[str]:
-        """What a table of rigidities lacks for its link."""
+    def _wrong_table(self, k: int, link: Link) -> Iterator[Diagnostic]:
+        """Columns that a rigidity table lacks for its link, or a wrong length."""
         table = self.rigidities.get(link.rigidity or "")
         if table is None:
             return
         path = f"{self.path(k)}.rigidity = {link.rigidity!r}"
         for column in table.lacks(link.flex):
-            yield f"{path}: has no {column}; flex = {link.flex!r} needs it"
-        # part of a beam's length by which its table may end beside it: the rounding of what was written
+            yield Diagnostic(f"{path}: has no {column}; flex = {link.flex!r} needs it", "rigidity-table")
+        # relative tolerance for the end of the table: rounding of written numbers
         if abs(table.x[-1] - link.beam.length) > 1e-6 * link.beam.length:
-            yield f"{path}: ends at x = {table.x[-1]!r} m; the beam ends at {link.beam.length!r} m, and so must it"
+            yield Diagnostic(
+                f"{path}: ends at x = {table.x[-1]!r} m; the beam ends at {link.beam.length!r} m; both must be equal",
+                "rigidity-table",
+            )
 
-    def _wrong_drag(self, k: int, link: Link) -> Iterator[str]:
-        """What is not known of a link that has drag."""
+    def _wrong_drag(self, k: int, link: Link) -> Iterator[Diagnostic]:
+        """Missing length or breadth of a link with drag."""
         if link.drag is None:
             return
+        path = f"{self.path(k)}.drag"
         if link.beam.length == 0:
-            yield f"{self.path(k)}.drag: the link has no length; leave it out"
+            yield Diagnostic(f"{path}: the link has no length; leave it out", "needs-a-length")
         elif link.drag.breadth is None:
             section = self.sections.get(link.section or "")
             if link.section is None:
-                yield f"{self.path(k)}.drag.breadth: missing; the link has no section that says how broad it is"
+                reason = "the link has no section to take it from"
+                yield Diagnostic(f"{path}.breadth: missing; {reason}", "missing-key")
             elif section is not None and section.shape not in BREADTHS:
-                yield (
-                    f"{self.path(k)}.drag.breadth: missing; a {section.shape} section, {link.section!r}, does not say "
-                    "how broad it is"
-                )
+                reason = f"a {section.shape} section, {link.section!r}, does not define it"
+                yield Diagnostic(f"{path}.breadth: missing; {reason}", "missing-key")
 
     @property
     def parents(self) -> tuple[int, ...]:
-        """Of every link the number, from 1, of the one that it hangs on; 0: the base."""
+        """For every link the number, from 1, of its parent; 0: the base."""
         numbers, parents = {BASE: 0}, list[int]()
         for before, link in enumerate(self.links):
             parents.append(numbers[link.on] if link.on else before)
@@ -180,25 +192,25 @@ class Arm(Spec, frozen=True):
 
     @property
     def slides(self) -> tuple[bool, ...]:
-        """Whether the joint of each link slides."""
+        """Whether each link's joint is prismatic."""
         return tuple(link.joint.slides for link in self.links)
 
     @property
     def tips(self) -> tuple[int, ...]:
-        """Numbers of the links that no other hangs on; the last link, whose end is the tip, is the last of them."""
+        """Numbers of the links without children; the last one is the last link, whose end is the tip."""
         parents = set(self.parents)
         return tuple(k for k in range(1, len(self.links) + 1) if k not in parents)
 
     @property
     def is_serial(self) -> bool:
-        """Whether every link hangs on the one before it."""
+        """Whether every link is attached to the one before it."""
         return self.parents == tuple(range(len(self.links)))
 
     def __repr__(self) -> str:
         return f"<Arm: {short_list([f'{link.name!r} ({link.flex})' for link in self.links])}>"
 
     def loss_time(self, link: Link) -> float:
-        """Kelvin-Voigt's η [s] of a link's hinges: of its `damping`, or else of its material or table."""
+        """Kelvin-Voigt loss time η [s] of a link's hinges: from its `damping`, or from its material or table."""
         if link.flex == "rigid":
             return 0.0
         if link.damping is None and link.rigidity is not None:
@@ -206,11 +218,11 @@ class Arm(Spec, frozen=True):
         return (link.damping or self.materials[link.material or ""]).loss_time
 
     def path(self, number: int, key: str = "link") -> str:
-        """Path of a link by its number from 1, as `--set` takes it: `link.upper` or `link.2`; or below another key."""
+        """Path of a link by its number from 1, as in `--set`: `link.upper` or `link.2`; or below another key."""
         return f"{key}.{link_key([link.name for link in self.links], number - 1)}"
 
     def number(self, link: str | int) -> int:
-        """Number, from 1, of a link given by its name or number.
+        """Number, from 1, of a link, given by name or number.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Data files that a user can add to: Runge-Kutta methods and lumping rules, found by name or by path."""
+"""Built-in data files that users can extend: Runge-Kutta methods, lumping rules and shapers, by name or path."""
 
 from __future__ import annotations
 
@@ -17,30 +17,30 @@ DATA = Path(__file__).parent / "data"
 
 @functools.cache
 def names(folder: str) -> tuple[str, ...]:
-    """Names that come with flexlink in `folder` ("methods" or "lumping")."""
+    """Names of the built-in descriptions in `folder` ("methods" or "lumping")."""
     return tuple(sorted(path.stem for path in (DATA / folder).glob("*.toml")))
 
 
 def load(folder: str, key: str, name: str, kind: type[T]) -> T:
-    """Description of a type of `Spec` by name, or from the user's own file if `name` ends in ".toml".
+    """Load a description of a `Spec` type by name, or from the user's file if `name` ends in ".toml".
 
     Parameters
     ----------
     folder
         "methods" or "lumping".
     key
-        Key of the scene that holds `name`, for messages.
+        Key of the scene whose value is `name`, for messages.
     name
-        Name of a description that comes with flexlink, or a path.
+        Name of a built-in description, or a path.
     kind
-        What to decode.
+        Type to decode.
 
     Raises
     ------
     ArgumentError
-        No such name; the message lists those that exist.
+        Unknown name; the message lists the known ones.
     DataFileError
-        A file that is missing, or not a valid description.
+        The file is missing or invalid.
     """
     if not isinstance(name, str) or not (is_user_file(name) or _is_ours(folder, name)):
         known = names(folder)
@@ -58,7 +58,7 @@ def load(folder: str, key: str, name: str, kind: type[T]) -> T:
 
 @functools.lru_cache(maxsize=256)
 def _is_ours(folder: str, name: str) -> bool:
-    """Whether a description of this name comes with flexlink: a look at one file, once, not at all of a folder."""
+    """Whether a built-in description has this name: checks a single file, once, instead of listing the folder."""
     return Path(name).name == name and (DATA / folder / f"{name}.toml").is_file()
 
 
@@ -68,7 +68,7 @@ def _of_ours(folder: str, name: str, kind: Any) -> Any:
 
 
 def _of_user(name: str, kind: Any) -> Any:
-    """Read again where it has changed."""
+    """Read a user's file again if it has changed."""
     path = Path(absolute(name))
     return _decoded(path, _version(path), kind)
 

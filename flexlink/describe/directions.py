@@ -1,4 +1,4 @@
-"""Directions in a link's frame: the joint's axis, and where the beam runs with its section."""
+"""Directions in a link's frame: the joint axis, the beam axis and the axes of its section."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from flexlink.describe.spec import Vector3
 
 
 def unit(key: str, vector: Vector3 | Array) -> Array:
-    """The direction of a vector, shape (3,); coordinate axes are exact.
+    """Return the direction of a vector, shape (3,); coordinate axes are exact.
 
     Raises
     ------
     SceneError
-        The vector, called `key`, has no direction.
+        The vector, called `key` in the message, is zero.
     """
     largest = max(map(abs, vector))
     if largest == 0:
-        raise SceneError(f"{key} = {truncated(vector)}: must not be zero; it is a direction", id="zero-direction")
+        raise SceneError(f"{key} = {truncated(vector)}: a direction must not be zero", id="zero-direction")
     scaled = np.array(vector) / largest
     direction: Array = scaled / math.hypot(*scaled)
     return direction
 
 
 class Line(NamedTuple):
-    """Where the beam runs in a link's frame.
+    """Position and axes of the beam in a link's frame.
 
-    `start` [m] is its root, `length` [m] what it measures, `frame` (3, 3) the section's axes: v_link = frame @ v_beam.
+    `start` [m] is its root, `length` [m] its length, `frame` (3, 3) the section's axes: v_link = frame @ v_beam.
     """
 
     start: Array
@@ -42,30 +42,31 @@ class Line(NamedTuple):
 
 
 def line_of(ends: tuple[Vector3, Vector3], up: Vector3 | None, axis: Array) -> Line:
-    """The line from one point to another, and the section's axes along it.
+    """Return the line from one point to another, with the section's axes.
 
-    x runs along the line, z is what of `up` stands across it, y = z × x. Instead of `up` it is by default `axis`, the
-    joint's unit vector, so that a beam that bends about z stays in the plane in which the joint turns it; where that
-    runs along the line, it is z of the link's frame, or y for a line within 45° of z.
+    x points along the line, z is the component of `up` perpendicular to it, y = z × x. The default of `up` is `axis`,
+    the joint's unit vector, so a beam that bends about z stays in the plane of the joint's rotation. If the axis is
+    parallel to the line, `up` is z of the link's frame, or y for a line within 45° of z.
 
     Raises
     ------
     SceneError
-        The line has no length, or one beyond float64, or `up` runs along it.
+        The line has zero length or overflows float64, or `up` is parallel to it.
     """
     start, stop = np.array(ends)
-    with np.errstate(over="ignore"):  # refused below
+    with np.errstate(over="ignore"):  # checked below
         along = stop - start
     length = math.hypot(*along)
     if not 0 < length < math.inf:
         raise SceneError(
-            f"line = {truncated(ends)}: is {length:g} m long; must run from one point to another", id="no-length"
+            f"line = {truncated(ends)}: has length {length:g} m; its two points must differ", id="no-length"
         )
     x = unit("line", along)
     z = _across(x, axis if up is None else unit("up", up))
     if z is None and up is not None:
         raise SceneError(
-            f"up = {truncated(up)}: runs along the line; must point across it, as the section's z", id="up-along-line"
+            f"up = {truncated(up)}: is parallel to the line; must point across it, along the section's z",
+            id="up-along-line",
         )
     if z is None:
         z = _across(x, np.eye(3)[2 if x[2] ** 2 < 0.5 else 1])
@@ -74,11 +75,11 @@ def line_of(ends: tuple[Vector3, Vector3], up: Vector3 | None, axis: Array) -> L
 
 
 def _across(x: Array, direction: Array) -> Array | None:
-    """The direction of what of a unit vector stands across x; None if nothing does.
+    """Normalized component of a unit vector perpendicular to x; None if it is parallel to x.
 
-    Taken across twice: where the two nearly line up, the first time leaves eps / angle along x.
+    Projected twice: if the two are nearly parallel, the first pass leaves an error of eps / angle along x.
     """
-    if math.hypot(*np.cross(x, direction)) < 1e-6:  # parallel: files of robots state angles to some ten digits
+    if math.hypot(*np.cross(x, direction)) < 1e-6:  # parallel: robot files give angles to about ten digits
         return None
     for _ in range(2):
         across = direction - dot(direction, x) * x

@@ -1,7 +1,9 @@
-"""What a key of a scene takes, in words, and what to do instead where people look for something that is not there."""
+"""What a key of a scene accepts, in words, and alternatives to unknown keys and unsupported features."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
@@ -15,19 +17,20 @@ def _words() -> dict[str, Any]:
     return read_toml(Path(__file__).parent / "data" / "expected.toml")
 
 
-def expected(where: str, kind: Any, value: object) -> str:
-    """What a key takes, by its annotation or its name; empty where neither tells."""
-    return _allowed(kind, value) or _three_numbers(where, kind, value) or _as_written(where, value)
+def expected(where: str, kind: Any, value: object, reason: str, units: Sequence[str] = ()) -> str:
+    """What a key accepts, from its annotation, its name, or msgspec's reason and the key's units."""
+    known = _allowed(kind, value) or _three_numbers(where, kind, value) or _as_written(where, value)
+    return known or _in_words(reason, value, " or ".join(units))
 
 
 def _allowed(kind: Any, value: object) -> str:
-    """What a `Literal` annotation allows, and which of it was likely meant; empty for others."""
+    """Values allowed by a `Literal` annotation, with a suggestion; empty for other annotations."""
     allowed = get_args(kind) if get_origin(kind) is Literal else ()
     return "allowed are " + ", ".join(map(repr, allowed)) + did_you_mean(value, allowed) if allowed else ""
 
 
 def _three_numbers(where: str, kind: Any, value: object) -> str:
-    """What a vector's key takes, and an example, of an axis the one that is meant; empty for others."""
+    """Expected vector with an example; for a named axis, that axis. Empty for other keys."""
     directions = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
     known = _words()["three_numbers"].get(where.rpartition(".")[2])
     if kind != tuple[float, float, float] or known is None:
@@ -39,21 +42,52 @@ def _three_numbers(where: str, kind: Any, value: object) -> str:
 
 
 def _as_written(where: str, value: object) -> str:
-    """How a key's list or table is written, where a single one was given; empty for others."""
+    """Example of a key's list or table, if a single value was given; empty for other keys."""
     row = _words()["written"].get(where.rpartition(".")[2], {})
     given = float if isinstance(value, int | float) else type(value)
-    expected: str = row["expected"] if row.get("type") == given.__name__ else ""
-    return expected
+    wanted: str = row["expected"] if row.get("type") == given.__name__ else ""
+    return wanted
+
+
+def _in_words(reason: str, value: object, unit: str) -> str:
+    """msgspec's reason without names of Python types, with the unit of a number."""
+    if limit := re.fullmatch(r"Expected `(?:float|int)(?: \| null)?` ([<>]=?) (\S+)", reason):
+        return f"must be {limit[1]} {limit[2].removesuffix('.0')}"
+    if length := re.fullmatch(r"Expected `array(?: \| null)?` of length (>= |<= )?(\d+)(?:, got .*)?", reason):
+        bound = {">= ": "at least ", "<= ": "at most "}.get(length[1], "")
+        return f"expected {bound}{length[2]} value{'' if length[2] == '1' else 's'}"
+    kinds = re.fullmatch(r"Expected `([^`]*)`(?:, got `([^`]*)`)?", reason)
+    if kinds is None:
+        return (reason[:1].lower() + reason[1:]).replace("`", "")
+    wanted = [name for name in kinds[1].split(" | ") if name != "null"]
+    text = " or ".join(map(_name_of, wanted))
+    if unit and wanted == ["float"]:
+        text += f" in {unit}"
+        if isinstance(value, str) and re.match(r"\s*[+-]?\.?\d[\d.eE+-]*\s*[^\d\s]", value):
+            return f"expected {text}, without its unit"
+    if kinds[2] in {None, "null"} or (wanted, kinds[2]) == (["int"], "float"):
+        return f"expected {text}"
+    single = "array" in wanted and kinds[2] in {"int", "float"}
+    return f"expected {text}, not {'a single number' if single else _name_of(kinds[2])}"
+
+
+def _name_of(kind: str) -> str:
+    """Name of a type of TOML values."""
+    names = {
+        "float": "a number", "int": "an integer", "str": "a text", "bool": "true or false", "object": "a table",
+        "array": "a list",
+    }  # fmt: skip
+    return names.get(kind, kind)
 
 
 @cache
 def _instead(words: str) -> dict[str, str]:
-    """What to do instead by each of the "keys", or "values"."""
+    """Alternatives by each of the "keys" or "values"."""
     return {word: row["text"] for row in _words()["instead"] for word in row.get(words, ())}
 
 
 def why_not(key: str, value: object) -> str:
-    """What to do instead, as the end of a message on an unknown key or a value of the wrong type; empty if unknown."""
+    """Alternative to an unknown key or a value of the wrong type, as the end of a message; empty if unknown."""
     by_value = _instead("values").get(value.casefold(), "") if isinstance(value, str) else ""
     found = by_value or _instead("keys").get(key.casefold(), "")
     return f": {found}" if found else ""

@@ -1,4 +1,4 @@
-"""Motions, drives, references, wrenches whose tables stand in CSV files: read once, as a scene is made."""
+"""Motions, drives, references and wrenches with tables in CSV files: read once, when a scene is built."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from flexlink.describe.own_units import IN_METRES, OF_JOINT, Row
 from flexlink.describe.reference import OF_MOTION, Reference
 
 RATES = {"qd": "/s", "qdd": "/s²"}
-"""Of angles in a head "q NAME [deg]", their rates and accelerations "qd NAME [deg/s]", and what follows the unit."""
+"""Prefixes of headers of rates and accelerations ("qd NAME [deg/s]" for "q NAME [deg]"), with their unit suffixes."""
 
 
 def filled_from_files(
     arm: Arm, *, motion: tuple[PrescribedMotion, ...], drive: Drive, wrench: Wrench, initial: InitialState
 ) -> dict[str, Any]:
-    """What changes where tables in files become a scene's own; a joint that moves by one starts where its file does.
+    """Fields of a scene that change when tables in files are read; a joint moved by a file starts at its first row.
 
     Raises
     ------
     SceneError, DataFileError
-        As in `drive_from_file`, `reference_from_file`, `wrench_from_file`, `motion_from_file`; another start is given.
+        A file is invalid, or the scene gives a different initial state.
     """
     filled: dict[str, Any] = {}
     if any(each.file is not None for each in motion):
@@ -55,7 +55,7 @@ def filled_from_files(
 
 
 def _number(arm: Arm, motion: PrescribedMotion) -> int:
-    """Number of the link that moves; 0 of one that is not there, which the scene refuses."""
+    """Number of the link that moves; 0 if it does not exist, which the scene then refuses."""
     try:
         return arm.number(motion.link)
     except ArgumentError:
@@ -63,14 +63,14 @@ def _number(arm: Arm, motion: PrescribedMotion) -> int:
 
 
 def _started_with(initial: InitialState, arm: Arm, number: int, motion: PrescribedMotion) -> InitialState:
-    """The initial state with the first angle and rate of a motion; an angle near that may be given.
+    """Set the initial state of a joint to the first angle and rate of its motion; a nearly equal angle may be given.
 
     Raises
     ------
     SceneError
-        Another angle is given, or a rate.
+        A different angle, or a rate, is given.
     """
-    # how far from a file's first angle [deg], of a joint that slides place [m], a scene may say that a joint starts
+    # largest allowed difference between the given initial value and the file's first one, angle [deg] or position [m]
     near = {"joint": 0.01 if motion.slides else 1.0, "rate": 0.0}
     changes = {}
     for (name, allowed), column in zip(near.items(), motion.columns, strict=False):
@@ -81,8 +81,8 @@ def _started_with(initial: InitialState, arm: Arm, number: int, motion: Prescrib
         given = row[number - 1]
         if given and abs(given - first) > allowed:
             raise SceneError(
-                f"{arm.path(number, f'initial.{key}')} = {given!r}: the file of the motion of {motion.link!r} begins "
-                f"with {first:.6g}; check its unit, or leave this out: the joint starts where the file does",
+                f"{arm.path(number, f'initial.{key}')} = {given!r}: the file of the motion of {motion.link!r} starts "
+                f"at {first:.6g}; check its unit, or leave this out: the joint starts where the file does",
                 id="start-differs-from-file",
             )
         row[number - 1] = first
@@ -91,18 +91,18 @@ def _started_with(initial: InitialState, arm: Arm, number: int, motion: Prescrib
 
 
 def without_starts(initial: InitialState, arm: Arm, led: tuple[PrescribedMotion, ...], by: object) -> InitialState:
-    """The initial state for other motions, `by`: a joint that begins with its motion is free to begin with its file.
+    """The initial state without values set by earlier motions, so that new motions `by` may start elsewhere.
 
     Parameters
     ----------
     initial
-        The state.
+        The initial state.
     arm
         The arm.
     led
-        Motions so far.
+        The earlier motions.
     by
-        Tables or descriptions of motions in place of them.
+        The new motions, as tables or descriptions.
     """
     files = {
         each.get("link") if isinstance(each, dict) else getattr(each, "link", None)
@@ -121,14 +121,14 @@ def without_starts(initial: InitialState, arm: Arm, led: tuple[PrescribedMotion,
 
 
 def drive_from_file(drive: Drive, arm: Arm, moved: set[int]) -> Drive:
-    """A drive with the torques of its file: a column "tau NAME [N m]" for each joint that it drives.
+    """A drive with the torques of its file: one column "tau NAME [N m]" for each driven joint.
 
-    Joints that are locked, or `moved` as prescribed, by the numbers of their links, need none.
+    Locked joints, and joints with prescribed motion (`moved`, by link number), need no column.
 
     Raises
     ------
     DataFileError
-        As in `read_csv` and `CsvTable.column`.
+        From `read_csv` and `CsvTable.column`.
     """
 
     def filled(table: CsvTable) -> Drive:
@@ -147,17 +147,18 @@ def _torques(table: CsvTable, link: Link, moved: bool) -> Array:
 
 
 def reference_from_file(reference: Reference, arm: Arm, moved: set[int], starts: Sequence[float]) -> Reference:
-    """A reference with the angles in its file, a column "q NAME [deg]" for each joint that it leads.
+    """A reference with the angles of its file: one column "q NAME [deg]" for each joint that it moves.
 
-    Joints that are locked, or `moved` as prescribed, need none; the latter stay where they start. Of profile "smooth"
-    rates and accelerations come along where the file has them, or by a `cutoff`, by which the angles are `smoothed`.
+    Locked joints, and joints with prescribed motion (`moved`), need no column; the latter stay at their initial
+    position. With profile "smooth", rates and accelerations come from the file if present, or from `smoothed` if a
+    `cutoff` is given.
 
     Raises
     ------
     DataFileError
-        As in `drive_from_file`; or the file has rates, or accelerations, of some joints only.
+        From `drive_from_file`; or the file has rates or accelerations for only part of the joints.
     SceneError
-        As in `smoothed`.
+        From `smoothed`.
     """
 
     def filled(table: CsvTable) -> Reference:
@@ -186,22 +187,22 @@ def reference_from_file(reference: Reference, arm: Arm, moved: set[int], starts:
 
 
 def _angles(table: CsvTable, link: Link, cutoff: float | None, rates: Collection[str]) -> list[Array]:
-    """Places of a joint in its own unit, with rates and accelerations by a cutoff, or those of the file asked for."""
+    """Positions of a joint in its unit, with rates and accelerations from a cutoff, or the requested `rates`."""
     unit = OF_JOINT[link.joint.slides].unit
-    place = table.column(f"q {link.name}", unit)
+    positions = table.column(f"q {link.name}", unit)
     if cutoff is not None:
-        return [*smoothed(table.times, place, cutoff)]
+        return [*smoothed(table.times, positions, cutoff)]
     found = (table.column(f"{name} {link.name}", f"{unit}{per}") for name, per in RATES.items() if name in rates)
-    return [place, *found]
+    return [positions, *found]
 
 
 def wrench_from_file(wrench: Wrench) -> Wrench:
-    """A wrench with the components in its file, "force x [N]" … "moment z [N m]"; those without a column are 0.
+    """A wrench with the components of its file, "force x [N]" … "moment z [N m]"; missing components are 0.
 
     Raises
     ------
     DataFileError
-        There is none of them, or a head that begins so and is none; as in `drive_from_file`.
+        No component is present, or an unknown header starts with "force" or "moment"; or from `drive_from_file`.
     """
     parts = {"forces": ("force", "N"), "moments": ("moment", "N m")}
 
@@ -235,32 +236,32 @@ def wrench_from_file(wrench: Wrench) -> Wrench:
 
 
 def motion_from_file(motion: PrescribedMotion, link: Link) -> PrescribedMotion:
-    """A motion with the angles in its file, "q NAME [deg]", and their rates and accelerations.
+    """A motion with the angles of its file, "q NAME [deg]", and their rates and accelerations.
 
-    With a `cutoff` these are the library's, `smoothed`, and the angles are, too; without one they are the file's,
-    "qd NAME [deg/s]" and "qdd NAME [deg/s²]".
+    With a `cutoff`, angles, rates and accelerations come from `smoothed`; without one, rates and accelerations are the
+    columns "qd NAME [deg/s]" and "qdd NAME [deg/s²]".
 
     Raises
     ------
     DataFileError
-        As in `drive_from_file`; or the times do not begin at 0.
+        From `drive_from_file`; or the times do not start at 0.
     SceneError
-        As in `smoothed`; or neither a cutoff is given nor rates and accelerations.
+        From `smoothed`; or neither a cutoff nor rates and accelerations are given.
     """
 
     def filled(table: CsvTable) -> PrescribedMotion:
         slides, times = link.joint.slides, table.times
         if len(times) and times[0] != 0:
             raise DataFileError(
-                f"{table.path}: t begins at {float(times[0])!r} s; a motion begins at 0, so shift it", id="first-time"
+                f"{table.path}: t starts at {float(times[0])!r} s; a motion starts at 0, so shift it", id="first-time"
             )
         columns = _angles(table, link, motion.cutoff, ())
         if motion.cutoff is None:
             for name in RATES:
                 if f"{name} {link.name}" not in table.quantities:
                     raise SceneError(
-                        f"cutoff: missing; {table.path} has no column '{name} {link.name}'. Give cutoff [Hz], by which "
-                        "rates and accelerations are found, or a file that has them",
+                        f"cutoff: missing; {table.path} has no column '{name} {link.name}'. Give a cutoff [Hz] to "
+                        "compute rates and accelerations, or a file that contains them",
                         id="missing-key",
                     )
             columns = _angles(table, link, None, RATES)
@@ -272,11 +273,11 @@ def motion_from_file(motion: PrescribedMotion, link: Link) -> PrescribedMotion:
 
 
 def _read(path: str, file: str, filled: Callable[[CsvTable], T]) -> T:
-    """What becomes of the table in a file; errors say at which path it was named."""
+    """Read a CSV file and apply `filled` to it; errors start with the path of the key that names the file."""
     try:
         table = read_csv(Path(file))
         if not len(table.values):
-            raise DataFileError(f"{file}: no rows; expected one or more below the heads", id="file-empty")
+            raise DataFileError(f"{file}: no rows; expected one or more below the header", id="file-empty")
         return filled(table)
     except DataFileError as error:
         raise DataFileError(f"{path}.file = {file!r}: {str(error).removeprefix(f'{file}: ')}") from None

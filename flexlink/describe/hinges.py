@@ -1,4 +1,4 @@
-"""Where the links of an arm have hinges, by their lumping rules."""
+"""Positions of the hinges of an arm's links, by their lumping rules."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
 
 
 def hinges_of(arm: Arm) -> list[tuple[Array, Array]]:
-    """Nodes and weights, (segments − 1,) each, of every link of an arm by its rule; none on a rigid link.
+    """Nodes and weights, (segments − 1,) each, of every link by its rule; empty for a rigid link.
 
     Raises
     ------
     SceneError
-        No such rule, it does not exist for that many hinges, or a hinge would have no inertia on one of its sides.
+        The rule is unknown or does not exist for this number of hinges, or a hinge has no inertia on one side.
     DataFileError
-        A rule's own file is not valid.
+        A user's rule file is invalid.
     """
-    if any(is_user_file(link.lumping) for link in arm.links):  # a file, which may change
+    if any(is_user_file(link.lumping) for link in arm.links):  # the file may change
         return _of_all(arm)
     return HINGES(arm.links, None, lambda: _of_all(arm))
 
 
 HINGES = Memo(64)
-"""Nodes and weights of arms by their links, which variants of a material or a payload share."""
+"""Cached nodes and weights, keyed by an arm's links; variants of a material or a payload share them."""
 
 
 def _of_all(arm: Arm) -> list[tuple[Array, Array]]:
@@ -55,22 +55,22 @@ def _hinges_of(link: Link) -> tuple[Array, Array]:
     nodes, weights = _hinges(rule, link)
     if nodes[0] == 0 and link.root_springs:
         raise SceneError(
-            f"lumping = {link.lumping!r}: puts a hinge on the springs of root_stiffness, with no inertia between the "
-            "two; take a rule that puts none at the root, such as 'gauss' or 'gregory'",
+            f"lumping = {link.lumping!r}: puts a hinge on the springs of root_stiffness, with no inertia between them; "
+            "use a rule without a hinge at the root, such as 'gauss' or 'gregory'",
             id="hinge-without-inertia",
         )
     if nodes[0] == 0 and not _stands_alone(link):
         raise SceneError(f"lumping = {link.lumping!r}: puts a hinge on {_bare(link)}", id="hinge-without-inertia")
     if nodes[-1] == 1:
         raise SceneError(
-            f"lumping = {link.lumping!r}: puts a hinge at the link's end, where it carries no inertia",
+            f"lumping = {link.lumping!r}: puts a hinge at the link's end, with no inertia beyond it",
             id="hinge-without-inertia",
         )
     return nodes, weights
 
 
 def _check_root(link: Link) -> None:
-    """Refuse springs at the root that turn about the axis of the free joint itself, at the same place."""
+    """Refuse root springs about the axis of a free joint at the same place, with no inertia between them."""
     if not link.root_springs:
         return
     axis, lever = link.joint.direction, link.beam.start
@@ -83,18 +83,18 @@ def _check_root(link: Link) -> None:
 
 
 def _bare(link: Link) -> str:
-    """What stands before the beam without inertia behind it, and how to give it some: the end of a message."""
+    """The joint or gear before the beam, with no inertia in between, and how to add some: the end of a message."""
     between = "with no inertia between the two"
     if link.joint.gear_stiffness is not None:
         return (
-            f"the elastic gear, {between}: the armature is on the motor's side of it; give the link a hub with inertia "
+            f"the elastic gear, {between}: the armature is on the motor side; give the link a hub with inertia "
             "about the joint's axis, or leave gear_stiffness out"
         )
     return f"the free joint, {between}; lock the joint, or give it an armature or a hub"
 
 
 def _stands_alone(link: Link) -> bool:
-    """Whether a hinge at the root of the beam has a fixed place or inertia on its other side, or this one slides."""
+    """Whether a hinge at the beam's root has a fixed support or inertia on its other side, or the joint slides."""
     joint = link.joint
     if joint.slides and not joint.locked:
         return True
@@ -103,23 +103,25 @@ def _stands_alone(link: Link) -> bool:
 
 
 def _hinges(rule: LumpingRule, link: Link) -> tuple[Array, Array]:
-    # of a link that names no rule
+    # default rule
     default = Link(name="any").lumping
     count = link.segments - 1
     try:
         return _placed(rule, count)
     except ArgumentError as error:
-        rule_said = f"{link.lumping!r}{', the default,' if link.lumping == default else ''}"
-        raise SceneError(f"segments = {link.segments}, so {count} hinges: rule {rule_said} {error}") from None
+        name = f"{link.lumping!r}{', the default,' if link.lumping == default else ''}"
+        raise SceneError(
+            f"segments = {link.segments}, so {count} hinge{'s' * (count != 1)}: rule {name} {error}"
+        ) from None
 
 
 @functools.lru_cache(maxsize=64)
 def _placed(rule: LumpingRule, count: int) -> tuple[Array, Array]:
-    """Nodes and weights, read-only: scenes of a sweep share them."""
+    """Nodes and weights, read-only because scenes of a sweep share them."""
     nodes, weights = rule.hinges(count)
     if not ((np.diff(nodes) > 0).all() and np.isfinite([nodes, weights]).all() and (weights > 0).all()):
         raise ArgumentError(
-            "has spacings or weights below the resolution of float64; use fewer segments or another rule",
+            "has spacings or weights below float64 resolution; use fewer segments or another rule",
             id="rule-resolution",
         )
     nodes.flags.writeable = weights.flags.writeable = False

@@ -1,4 +1,4 @@
-"""The state in which a scene starts: joints, hinges, a free base."""
+"""Initial state of a scene: joints, hinges, and a free base."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flexlink.describe.spec import NonNegative, PerLink, Spec, Vector3, measured
 
 
 class BaseState(Spec, frozen=True):
-    """Where a free base starts: its frame in frame 0, and how it moves.
+    """Initial pose and velocity of a free base, in frame 0.
 
     Examples
     --------
@@ -24,28 +24,29 @@ class BaseState(Spec, frozen=True):
     """
 
     xyz: Annotated[Vector3, measured_in("m")] = (0.0, 0.0, 0.0)
-    """Place of its frame [m]."""
+    """Position of its frame [m]."""
     rpy_deg: Annotated[Vector3, measured_in("deg")] = (0.0, 0.0, 0.0)
     """Roll, pitch, yaw about fixed axes [deg]: R = Rz(yaw) Ry(pitch) Rx(roll); multiples of 90° are exact."""
     quaternion: tuple[float, float, float, float] | None = None
-    """Its attitude as w, x, y, z in place of `rpy_deg` [1]; its length does not matter."""
+    """Attitude as w, x, y, z instead of `rpy_deg` [1]; need not be normalized."""
     velocity: Annotated[Vector3, measured_in("m/s")] = (0.0, 0.0, 0.0)
-    """Velocity of its frame's origin, in frame 0 [m/s]."""
+    """Velocity of its origin, in frame 0 [m/s]."""
     spin_deg: Annotated[Vector3, measured_in("deg/s")] = (0.0, 0.0, 0.0)
     """Angular velocity, in axes of the base [deg/s]."""
     spin: Annotated[Vector3 | None, measured_in("rad/s")] = None
-    """The same [rad/s], in place of `spin_deg`."""
+    """Angular velocity, in axes of the base [rad/s], instead of `spin_deg`."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for name, other in (("quaternion", "rpy_deg"), ("spin", "spin_deg")):
             if getattr(self, name) is not None and any(getattr(self, other)):
                 raise SceneError(
-                    f"{name} = {truncated(getattr(self, name))}: {other} is given, too; give only one", id="both-given"
+                    f"{name} = {truncated(getattr(self, name))}: {other} is also given; specify only one",
+                    id="both-given",
                 )
         if self.quaternion is not None and not any(self.quaternion):
             raise SceneError(
-                "quaternion = (0.0, 0.0, 0.0, 0.0): has no direction; [1, 0, 0, 0] is no turn", id="zero-direction"
+                "quaternion = (0.0, 0.0, 0.0, 0.0): must not be zero; no rotation is [1, 0, 0, 0]", id="zero-direction"
             )
 
     @property
@@ -55,15 +56,15 @@ class BaseState(Spec, frozen=True):
 
 
 class InitialState(Spec, frozen=True):
-    """State at the start: one joint angle [deg] and rate [deg/s] per link; a locked joint stays at its angle.
+    """Initial state: one joint angle [deg] and rate [deg/s] per link; a locked joint stays at its angle.
 
-    Prismatic joints stand where `joint_m` [m] and `rate_m` [m/s] say, one number per link, too; either list has 0 where
-    a link's joint is of the other kind, and may be left out.
+    Prismatic joints use `joint_m` [m] and `rate_m` [m/s], also one number per link. Each list has 0 for joints of the
+    other kind, and may be left out.
 
-    passive = "zero": springs slack.  "static": hinges bent as gravity and tip wrench bend them with the joints held.
-    `q` [rad] and `qd` [rad/s], one number per joint of the chain in sequential order, take the place of all that, as
-    `time` [s] does of t = 0: the state from which another run is continued. Beside `q`, `joint_deg` is where the locked
-    joints stay, and may be left out: zero in a scene.
+    passive = "zero": springs slack.  "static": hinges bent by gravity and tip wrench, with the joints held.
+    Instead, `q` [rad] and `qd` [rad/s] give the complete state, one number per joint of the chain in order, and `time`
+    [s] the start time: this is how a run is continued. With `q`, `joint_deg` only gives the angles of locked joints;
+    its default is zero.
 
     Examples
     --------
@@ -84,29 +85,29 @@ class InitialState(Spec, frozen=True):
     base: BaseState = BaseState()
     """Where a free base starts, and how it moves."""
     passive: Literal["zero", "static"] = "zero"
-    """Hinges and elastic gears: springs slack (zero), or bent by gravity and tip wrench, joints held (static)."""
+    """Hinges and elastic gears: springs slack (zero), or in static equilibrium with the joints held (static)."""
     q: tuple[float, ...] | None = None
-    """Whole state instead: one angle per joint of the chain, in order [rad], of those that slide [m]."""
+    """Complete state instead: position of every joint of the chain, in order [rad], or [m] if it slides."""
     qd: tuple[float, ...] | None = None
-    """Whole state instead: one rate per joint of the chain, in order [rad/s], or [m/s]. Default: at rest."""
+    """Complete state instead: rate of every joint of the chain, in order [rad/s], or [m/s]. Default: at rest."""
     time: Annotated[NonNegative, measured_in("s")] = 0.0
-    """When the run starts [s]."""
+    """Start time of the run [s]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.q is not None and self.passive == "static":
             raise SceneError(
-                "passive = 'static': computes the hinges' angles, but q is given, too; give only one", id="both-given"
+                "passive = 'static': computes the hinge angles, but q is also given; specify only one", id="both-given"
             )
         for name in ("rate_deg", "rate_m"):
             if self.qd is not None and getattr(self, name) is not None:
-                raise SceneError(f"qd = {truncated(self.qd)}: {name} is given, too; give only one", id="both-given")
+                raise SceneError(f"qd = {truncated(self.qd)}: {name} is also given; specify only one", id="both-given")
 
     def own(self, name: str, slides: Slides) -> Row:
-        """A list of one number per link, "joint" or "rate", in the joints' own units; zero where nothing is said."""
+        """One number per link, "joint" or "rate", in the joints' own units, deg or m; zero where not given."""
         return together(slides, getattr(self, f"{name}_deg") or None, getattr(self, f"{name}_m"))
 
     @property
     def positions_m(self) -> tuple[float, ...]:
-        """Position of every prismatic joint, one number per link [m]; zero unless given."""
+        """Position of every prismatic joint, one number per link [m]; default zero."""
         return self.joint_m or (0.0,) * len(self.joint_deg)

@@ -1,4 +1,4 @@
-"""How a link hangs on the one before it: placement of the joint, and the joint itself."""
+"""Attachment of a link to its parent: the joint's placement, and the joint itself."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, measure
 class Joint(Spec, frozen=True):
     """Active joint at the root of a link, about or along `axis` in the link's frame; `locked` makes it rigid.
 
-    The link's frame turns about the axis of a revolute joint, slides along that of a prismatic one, and is the mount's
-    at zero. Where units are those of a revolute joint, as N m/rad, a prismatic one has N/m, and so on.
-    With `gear_stiffness` k the gear is elastic: motor, with armature, friction and drive, and link turn about
-    the same axis, and between them act k (θ_link − θ_motor) and `gear_damping` times the difference of
-    their rates. The joint's angle is then the motor's; `locked` holds the motor.
-    Friction torque T_FR = viscous · q̇ + coulomb · tanh(q̇ / coulomb_width). The tanh makes Coulomb's law
-    smooth, which Runge-Kutta needs: at |q̇| = 3 · coulomb_width it has reached 99.5 % of the dry torque.
+    The link's frame turns about the axis of a revolute joint and slides along that of a prismatic one; at zero it is
+    the mount's frame. Units are those of a revolute joint; a prismatic joint has N/m instead of N m/rad, and so on.
+    With `gear_stiffness` k the gear is elastic: the motor (with armature, friction and drive) and the link turn about
+    the same axis, connected by k (θ_link − θ_motor) and by `gear_damping` times the difference of their rates. The
+    joint's angle is then the motor's; `locked` holds the motor.
+    Friction torque T_FR = viscous · q̇ + coulomb · tanh(q̇ / coulomb_width). The tanh smooths Coulomb's law, as
+    Runge-Kutta methods require: at |q̇| = 3 · coulomb_width it reaches 99.5 % of the dry torque.
 
     Examples
     --------
@@ -40,36 +40,36 @@ class Joint(Spec, frozen=True):
     kind: Literal["revolute", "prismatic"] = "revolute"
     """Whether the joint turns about its axis (revolute) or slides along it (prismatic)."""
     axis: Vector3 = (0.0, 0.0, 1.0)
-    """Axis in the link's frame; its length does not matter."""
+    """Axis in the link's frame; need not be normalized."""
     locked: bool = False
-    """Whether the joint stays where it starts."""
+    """Whether the joint is fixed at its initial position."""
     viscous: Annotated[NonNegative, measured_in("N m s/rad", "N s/m")] = 0.0
     """Viscous friction torque per rate [N m s/rad]; of a prismatic joint [N s/m]."""
     viscous_lag: Annotated[NonNegative, measured_in("s")] = 0.0
-    """Time τ by which viscous friction lags behind the rate [s], as of a damper in series with a spring: d ζ with
-    τ ζ̇ = q̇ − ζ, in place of d q̇."""
+    """Time constant τ by which viscous friction lags behind the rate [s], as a damper in series with a spring: d ζ
+    with τ ζ̇ = q̇ − ζ, instead of d q̇."""
     quadratic: Annotated[NonNegative, measured_in("N m s²/rad²", "N s²/m²")] = 0.0
     """Torque c |q̇| q̇ per squared rate, as of a hydraulic damper [N m s²/rad²]; of a prismatic joint [N s²/m²]."""
     coulomb: Annotated[NonNegative, measured_in("N m", "N")] = 0.0
     """Dry friction torque c [N m], as c tanh(q̇ / coulomb_width); of a prismatic joint a force [N]."""
     coulomb_width: Annotated[Positive, measured_in("rad/s", "m/s")] = 0.01
-    """Rate at which tanh has reached 76 % of it [rad/s], or [m/s]; smaller is closer to Coulomb's law, and stiffer."""
+    """Rate at which tanh reaches 76 % [rad/s], or [m/s]; a smaller one is closer to Coulomb's law, but stiffer."""
     armature: Annotated[NonNegative, measured_in("kg m²", "kg")] = 0.0
-    """Rotor inertia seen at the joint [kg m²]: that of the motor times the square of the gear ratio; of a prismatic
-    joint [kg]."""
+    """Rotor inertia reflected to the joint [kg m²]: the motor's inertia times the square of the gear ratio; of a
+    prismatic joint [kg]."""
     gear_stiffness: Annotated[Positive | None, measured_in("N m/rad", "N/m")] = None
-    """Stiffness of an elastic gear between motor and link [N m/rad], of a belt or rope of a prismatic joint [N/m]; it
+    """Stiffness of an elastic gear between motor and link [N m/rad], or of a prismatic joint's belt or rope [N/m];
     needs `armature`. Default: rigid."""
     gear_damping: Annotated[NonNegative, measured_in("N m s/rad", "N s/m")] = 0.0
     """Damping of the elastic gear [N m s/rad], of a prismatic joint [N s/m]."""
     limits_deg: Annotated[tuple[float, float] | None, measured_in("deg")] = None
-    """Lower and upper limit of the angle [deg]: kept, exported, and told when a run passes them; no stops."""
+    """Lower and upper limit of the angle [deg]: exported, and a run that exceeds them warns; not enforced."""
     limits_m: Annotated[tuple[float, float] | None, measured_in("m")] = None
-    """Of a prismatic joint: lower and upper limit of its position [m]."""
+    """For a prismatic joint: lower and upper limit of its position [m]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.direction  # noqa: B018  refuses an axis without one
+        self.direction  # noqa: B018  refuses a zero axis
         other = "limits_deg" if self.slides else "limits_m"
         if getattr(self, other) is not None:
             raise SceneError(
@@ -78,7 +78,7 @@ class Joint(Spec, frozen=True):
             )
         if self.own_limits is not None and self.own_limits[0] >= self.own_limits[1]:
             raise SceneError(
-                f"{self.limits_key} = {self.own_limits}: the lower one must be below the upper one", id="limits-order"
+                f"{self.limits_key} = {self.own_limits}: the lower limit must be less than the upper", id="limits-order"
             )
         if self.viscous_lag and not self.viscous:
             raise SceneError(
@@ -88,33 +88,33 @@ class Joint(Spec, frozen=True):
             raise SceneError(f"gear_damping = {self.gear_damping!r}: needs a gear_stiffness", id="needs-another-key")
         if self.gear_stiffness is not None and not self.armature and not self.locked:
             raise SceneError(
-                f"armature = {self.armature!r}, the default: gear_stiffness = {self.gear_stiffness!r} needs the "
-                "motor's inertia; nothing else moves between motor and gear",
+                f"armature = {self.armature!r}: gear_stiffness = {self.gear_stiffness!r} needs the motor's inertia, "
+                "the only one between motor and gear (default: 0)",
                 id="needs-another-key",
             )
 
     @property
     def slides(self) -> bool:
-        """Whether it is prismatic."""
+        """Whether the joint is prismatic."""
         return self.kind == "prismatic"
 
     @property
     def lags(self) -> bool:
-        """Whether it turns, or slides, with friction that lags behind."""
+        """Whether the joint is free and has lagging viscous friction."""
         return self.viscous_lag > 0 and not self.locked
 
     @property
     def limits_key(self) -> str:
-        """The key of its limits."""
+        """Key of the joint's limits."""
         return "limits_m" if self.slides else "limits_deg"
 
     @property
     def own_limits(self) -> tuple[float, float] | None:
-        """Its limits [m], of a revolute joint [deg]."""
+        """The joint's limits [deg], of a prismatic joint [m]."""
         return self.limits_m if self.slides else self.limits_deg
 
     def position(self, deg: float, m: float) -> float:
-        """Its coordinate [rad], or [m] if it slides, by the two numbers of its link in lists in deg and in m."""
+        """The joint's coordinate [rad], or [m] if it slides, from its link's entries in the lists in deg and m."""
         return m if self.slides else math.radians(deg)
 
     @property
@@ -124,15 +124,15 @@ class Joint(Spec, frozen=True):
 
 
 class Mount(Spec, frozen=True):
-    """Placement of a joint frame in the end frame of the link before it (of the first link: in frame 0).
+    """Placement of a joint frame in the end frame of the parent link (of the first link: in frame 0).
 
     First the offset `xyz` [m], then `rpy_deg` [deg] or `rpy` [rad], roll, pitch, yaw about fixed axes:
     R = Rz(yaw) Ry(pitch) Rx(roll), the convention of URDF; v_parent = R v_joint. Multiples of 90° are exact.
 
     Examples
     --------
-    >>> upright = fl.Mount(rpy_deg=(90.0, 0.0, 0.0))  # the joint's axis horizontal, where Z is up
-    >>> beside = fl.Mount(xyz=(0.1, 0.0, 0.05))  # m, in the frame of the link before
+    >>> upright = fl.Mount(rpy_deg=(90.0, 0.0, 0.0))  # horizontal joint axis if Z is up
+    >>> beside = fl.Mount(xyz=(0.1, 0.0, 0.05))  # m, in the end frame of the parent link
     >>> link = fl.Link(name="boom", mount=upright)
     """
 
@@ -141,27 +141,28 @@ class Mount(Spec, frozen=True):
     rpy_deg: Annotated[Vector3, measured_in("deg")] = (0.0, 0.0, 0.0)
     """Roll, pitch, yaw about fixed axes [deg]; multiples of 90° are exact."""
     rpy: Annotated[Vector3 | None, measured_in("rad")] = None
-    """Roll, pitch, yaw [rad], in place of `rpy_deg`."""
+    """Roll, pitch, yaw [rad], instead of `rpy_deg`."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.rpy is not None and any(self.rpy_deg):
             raise SceneError(
-                f"rpy = {truncated(self.rpy)}: rpy_deg = {truncated(self.rpy_deg)} is given, too; give only one",
+                f"rpy = {truncated(self.rpy)}: rpy_deg = {truncated(self.rpy_deg)} is also given; specify only one",
                 id="both-given",
             )
 
 
 class DenavitHartenberg(Spec, frozen=True):
-    """A row of a table of Denavit and Hartenberg; the joint turns about Z, and its angle adds to `theta_deg`.
+    """A row of a Denavit-Hartenberg table; the joint turns about Z, and its angle adds to `theta_deg`.
 
-    standard (Siciliano et al. 2009, section 2.8.2): T = Rz(θ) Tz(d) Tx(a) Rx(α) from the axes before the joint's turn
+    standard (Siciliano et al. 2009, section 2.8.2): T = Rz(θ) Tz(d) Tx(a) Rx(α) from the axes before the joint turns
     to the link's end frame; the beam of a link with neither `length` nor `line` runs from the joint to (a, 0, d).
-    modified (Craig 2005, section 3.4): T = Rx(α) Tx(a) Rz(θ) Tz(d) from the frame of the link before, not from its end
-    frame, to this link's; a and α are Craig's of the link before, a_{i−1}, α_{i−1}, as in the rows of his tables.
-    Either way the table alone says where the axes are: a beam runs beside it, and carries it at its end. A standard
-    table says where the tip is, too; a modified one ends in the last joint's frame, and the tip is the end of the last
-    link's beam, without a beam that frame. The link's `mount`, that of the base, comes before the row. `a`, `d` [m].
+    modified (Craig 2005, section 3.4): T = Rx(α) Tx(a) Rz(θ) Tz(d) from the parent's frame (not its end frame) to this
+    link's frame; a and α are Craig's a_{i−1}, α_{i−1} of the parent, as in the rows of his tables.
+    In both conventions the table alone defines the axes: a beam may follow another line, and carries the next axes at
+    its end. A standard table also defines the tip. A modified table ends in the last joint's frame; the tip is the end
+    of the last link's beam, or that frame if there is no beam. A `mount`, as that of the base, precedes the row.
+    `a`, `d` [m].
 
     Examples
     --------
@@ -182,25 +183,25 @@ class DenavitHartenberg(Spec, frozen=True):
 
     @property
     def end(self) -> Vector3:
-        """Where the row ends the link, in the link's frame [m]; a modified one ends in the frame itself."""
+        """End of the link by this row, in the link's frame [m]; a modified row ends at the frame's origin."""
         return (self.a, 0.0, self.d) if self.convention == "standard" else (0.0, 0.0, 0.0)
 
 
 def refuse_beyond(course: ReferenceTrajectory, joints: Sequence[tuple[str, Joint]]) -> None:
-    """Refuse a course that leaves the limits of the joints of links of these names, at any extreme of any piece.
+    """Refuse a reference trajectory that leaves the limits of the joints of these links, at any of its extremes.
 
     Raises
     ------
     SceneError
         The message names the link, the angle reached and the limits.
     """
-    rounding = MOST_IMPULSES * np.finfo(float).eps  # of an angle that is the sum of as many
+    rounding = MOST_IMPULSES * np.finfo(float).eps  # an angle may be the sum of MOST_IMPULSES terms
     reached = in_own([joint.slides for _, joint in joints], course.extremes())
     for (name, joint), *extremes in zip(joints, *reached, strict=True):
         low, high = joint.own_limits or (-math.inf, math.inf)
-        for place in extremes:
-            if max(low - place, place - high) > rounding * np.abs(extremes).max():
+        for position in extremes:
+            if max(low - position, position - high) > rounding * np.abs(extremes).max():
                 reason = f"outside {joint.limits_key} = {[low, high]} of the joint of {name!r}"
                 raise SceneError(
-                    f"reaches {place:.9g} {OF_JOINT[joint.slides].unit}: {reason}", id="wrench-out-of-reach"
+                    f"reaches {position:.9g} {OF_JOINT[joint.slides].unit}: {reason}", id="wrench-out-of-reach"
                 )

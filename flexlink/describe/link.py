@@ -1,4 +1,4 @@
-"""A link: its place on the link before, its joint, its shape, its loads, and how finely it is cut."""
+"""A link: its attachment to the parent, joint, shape, loads, and number of segments."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ AXES = {"rigid": (), "z": (3,), "yz": (2, 3), "xyz": (1, 2, 3)}
 
 
 class Link(Spec, frozen=True):
-    """One link: an active joint, its hub, then a beam, rigid or cut into segments, then the rigid body at its end.
+    """One link: an active joint, its hub, a beam that is rigid or divided into segments, and a rigid body at its end.
 
-    The beam runs along local X over `length` [m], or along `line`, from one point of the link's frame to another [m].
-    Its section's z points to `up`, by default to the joint's axis (`line_of` says more). The link ends where the beam
-    does, with the axes of its own frame: there hang `end` and the next link's mount.
-    A link that bends has segments − 1 hinges, where `lumping` puts them.
+    The beam runs along local X over `length` [m], or along `line`, between two points of the link's frame [m]. The z
+    axis of its section points along `up`, by default along the joint's axis (see `line_of`). The link ends where the
+    beam ends, with the axes of the link's frame: `end` and the mount of the next link are attached there.
+    A flexible link has segments − 1 hinges, placed by the rule `lumping`.
 
     Examples
     --------
@@ -40,49 +40,49 @@ class Link(Spec, frozen=True):
     """
 
     name: str
-    """Name of the link, and of its joint; paths and messages use it."""
+    """Name of the link and of its joint, used in paths and messages."""
     on: str = ""
-    """Name of the link, further up in the list, that it hangs on, or "base". Default: the link before."""
+    """Parent link: a name earlier in the list, or "base". Default: the link before."""
     mount: Mount = Mount()
-    """Where the joint's frame sits in the end frame of the link that it hangs on; on the base in the base's frame."""
+    """Placement of the joint's frame in the end frame of the parent link, or in the base's frame."""
     dh: DenavitHartenberg | None = None
-    """A row of a table of Denavit and Hartenberg in place of a mount; all links of an arm use one convention."""
+    """A row of a Denavit-Hartenberg table instead of a mount; all links of an arm use one convention."""
     joint: Joint = Joint()
     """The active joint at the link's root."""
     hub: RigidBody = RigidBody()
     """Rigid body that turns with the joint, in the link's frame: motor housing, bearing."""
     root_stiffness: Annotated[RootStiffness | None, measured_in("N m/rad")] = None
-    """Springs where the beam begins, about axes of the link's frame [N m/rad]. Default: rigid."""
+    """Springs at the beam's root, about axes of the link's frame [N m/rad]. Default: rigid."""
     root_damping: Annotated[RootDamping | None, measured_in("N m s/rad")] = None
     """Damping of these springs [N m s/rad]."""
     length: Annotated[NonNegative, measured_in("m")] = 0.0
     """Length of the beam, along the link's x [m]; 0: no beam."""
     line: Annotated[tuple[Vector3, Vector3] | None, measured_in("m")] = None
-    """Where the beam runs in the link's frame, [[x, y, z], [x, y, z]] [m], in place of `length`."""
+    """Start and end of the beam in the link's frame, [[x, y, z], [x, y, z]] [m], instead of `length`."""
     up: Vector3 | None = None
     """Direction of the section's z in the link's frame; default: the joint's axis."""
     flex: Literal["rigid", "z", "yz", "xyz"] = "rigid"
-    """How the link bends: not, about the section's z, about y and z, or about y and z with twist about x."""
-    segments: Annotated[int, msgspec.Meta(ge=1, le=100_001)] = 1  # lumped in seconds
-    """Rigid segments of a link that bends; it has one hinge less than segments."""
+    """Flexibility: none, bending about the section's z, about y and z, or about y and z with twist about x."""
+    segments: Annotated[int, msgspec.Meta(ge=1, le=100_001)] = 1  # the largest is lumped within seconds
+    """Rigid segments of a flexible link, which has segments − 1 hinges."""
     lumping: str = "gauss"
-    """Where the hinges sit: a rule's name, or the path of a rule's file."""
+    """Rule that places the hinges: a name, or the path of a rule file."""
     material: str | None = None
-    """Name of the beam's material; without material and section the link has no mass of its own."""
+    """Name of the beam's material; a link without material and section has a massless beam."""
     section: str | None = None
     """Name of the beam's section at the joint."""
     section_tip: str | None = None
-    """Name of the section at the link's end, of the same shape: every dimension runs linearly, the beam tapers."""
+    """Name of the section at the link's end, of the same shape: all dimensions vary linearly, as in a tapered beam."""
     rigidity: str | None = None
-    """Name of a table of rigidities and mass along the beam, in place of material and section."""
+    """Name of a table of rigidities and mass along the beam, instead of material and section."""
     damping: Damping | None = None
-    """Damping of the link's bending, in place of the material's `loss_time`."""
+    """Damping of the link's bending, instead of the material's `loss_time`."""
     friction: Friction | None = None
     """Dry friction in the link's hinges."""
     drag: Drag | None = None
-    """Drag of the air that the beam moves through. Default: none."""
+    """Air drag on the beam. Default: none."""
     end: RigidBody = RigidBody()
-    """Rigid body at the end of the beam, with the axes of the link's frame: the next motor."""
+    """Rigid body at the end of the beam, such as the next motor, in axes of the link's frame."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -91,25 +91,26 @@ class Link(Spec, frozen=True):
             raise SceneError("name = '': must not be empty", id="empty-name")
         if (self.material is None) != (self.section is None):
             missing, given = ("section", "material") if self.section is None else ("material", "section")
-            said = f"{given} = {getattr(self, given)!r}"
+            other = f"{given} = {getattr(self, given)!r}"
             raise SceneError(
-                f"{missing}: missing; {said} is given: give both, or neither for a massless link", id="missing-key"
+                f"{missing}: missing; {other} is given: give both, or neither for a massless link", id="missing-key"
             )
         if self.rigidity is not None and self.material is not None:
             raise SceneError(
-                f"rigidity = {self.rigidity!r}: material = {self.material!r} is given, too; give only one",
+                f"rigidity = {self.rigidity!r}: material = {self.material!r} is also given; specify only one",
                 id="both-given",
             )
         if self.section_tip is not None and self.section is None:
             raise SceneError(
-                f"section_tip = {self.section_tip!r}: needs a section at the joint, too", id="needs-another-key"
+                f"section_tip = {self.section_tip!r}: also needs a section at the joint", id="needs-another-key"
             )
         if self.line is not None and self.length:
             raise SceneError(
-                f"length = {self.length!r}: line = {truncated(self.line)} is given, too; give only one", id="both-given"
+                f"length = {self.length!r}: line = {truncated(self.line)} is also given; specify only one",
+                id="both-given",
             )
         if self.dh is not None and (self.joint.direction != (0.0, 0.0, 1.0)).any():
-            raise SceneError(f"joint.axis = {truncated(self.joint.axis)}: with dh a joint turns about Z", id="dh-axis")
+            raise SceneError(f"joint.axis = {truncated(self.joint.axis)}: must be Z with dh", id="dh-axis")
         for axis in ROOT_AXES:
             damping = getattr(self.root_damping, axis, 0.0)
             if damping and axis not in self.root_springs:
@@ -121,30 +122,30 @@ class Link(Spec, frozen=True):
             self._check_flexible(length)
         elif self.segments != 1:
             raise SceneError(
-                f"segments = {self.segments}: a rigid link has 1; flex = 'z', 'yz' or 'xyz' makes it bend",
+                f"segments = {self.segments}: a rigid link has 1; to make it bend, set flex = 'z', 'yz' or 'xyz'",
                 id="rigid-segments",
             )
         elif self.rigidity is not None and length == 0:
             raise SceneError(
-                f"length = {self.length!r}, the default: a link with a rigidity needs a length > 0 or a line",
+                f"length = {self.length!r}: a link with a rigidity needs a length > 0 or a line (default: 0)",
                 id="needs-a-length",
             )
         elif self.material is not None and length == 0:
             raise SceneError(
-                f"length = {self.length!r}, the default: a link of material {self.material!r} needs a length > 0 or a "
-                "line; one without length has neither material nor section, but may have a hub",
+                f"length = {self.length!r}: a link of material {self.material!r} needs a length > 0 or a line; a link "
+                "without length has neither material nor section, but may have a hub",
                 id="needs-a-length",
             )
 
     def _check_flexible(self, length: float) -> None:
         if self.segments < 2:
             raise SceneError(
-                f"segments = {self.segments}, the default: a flexible link needs at least 2, such as 5",
+                f"segments = {self.segments}: a flexible link needs at least 2, such as 5 (default: 1)",
                 id="too-few-segments",
             )
         if length == 0:
             raise SceneError(
-                f"length = {self.length!r}, the default: a flexible link needs a length > 0 or a line",
+                f"length = {self.length!r}: a flexible link needs a length > 0 or a line (default: 0)",
                 id="needs-a-length",
             )
         if self.material is None and self.rigidity is None:
@@ -155,12 +156,12 @@ class Link(Spec, frozen=True):
 
     @property
     def elastic(self) -> bool:
-        """Whether the link bends, or turns in its gear or at its root."""
+        """Whether the link bends, or has an elastic gear or root springs."""
         return self.flex != "rigid" or self.turns_rigidly
 
     @property
     def turns_rigidly(self) -> bool:
-        """Whether the link turns in its gear or at its root, as a whole."""
+        """Whether the link as a rigid body turns in an elastic gear or at its root."""
         return self.joint.gear_stiffness is not None or bool(self.root_springs)
 
     @property
@@ -171,7 +172,7 @@ class Link(Spec, frozen=True):
 
     @property
     def beam(self) -> Line:
-        """Where the beam runs: start, length and axes; of a link without length a point in its joint."""
+        """Start, length and axes of the beam; for a link without length, a point at its joint."""
         return _beam(self.line, self.stop, self.up, self.joint.axis)
 
     @property
@@ -184,7 +185,7 @@ class Link(Spec, frozen=True):
 
 @functools.lru_cache(maxsize=256)
 def _beam(line: tuple[Vector3, Vector3] | None, stop: Vector3, up: Vector3 | None, axis: Vector3) -> Line:
-    """Read-only: links of one geometry share it."""
+    """The beam's line, read-only because links of the same geometry share it."""
     if line is None and not any(stop):
         beam = Line(np.zeros(3), 0.0, np.eye(3))
     else:

@@ -1,4 +1,4 @@
-"""Links by name or number: one rule wherever a link is asked for."""
+"""Look up links by name or number, with one rule for all arguments."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from flexlink.describe.spec import to_builtin
 
 
 def link_number(argument: str, value: object, names: Sequence[str]) -> int:
-    """Number, from 1, of the link that `value` names, or whose number it is.
+    """Number, from 1, of the link given by its name or number.
 
     Parameters
     ----------
     argument
-        What `value` is called, for the message.
+        Name of the argument, for the message.
     value
         A link's name, or its number from 1 to len(names).
     names
@@ -24,7 +24,7 @@ def link_number(argument: str, value: object, names: Sequence[str]) -> int:
     Raises
     ------
     ArgumentError
-        There is no such link; the message lists those that there are.
+        There is no such link; the message lists the existing ones.
     """
     wanted = to_builtin(value)
     if isinstance(wanted, str) and wanted in names:

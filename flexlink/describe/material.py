@@ -1,4 +1,4 @@
-"""What links are made of: materials, cross sections, damping and friction."""
+"""Materials, cross sections, damping and friction of links."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Material(Spec, frozen=True):
 
 
 class Section(Spec, frozen=True):
-    """Cross-section of a link: a shape and exactly the dimensions that the shape takes [m, m², m⁴].
+    """Cross section of a link: a shape and exactly the dimensions of that shape [m, m², m⁴].
 
     rectangle: height (along local y), width (along z); circle: diameter; tube: outer, inner (diameters);
     box: height, width, wall; general: area, i_y = ∫ z² dA, i_z = ∫ y² dA, torsion (St Venant's constant J).
@@ -52,27 +52,27 @@ class Section(Spec, frozen=True):
     """
 
     shape: Literal["rectangle", "circle", "tube", "box", "general"]
-    """Which shape; it takes exactly the dimensions that belong to it."""
+    """Shape of the section; it determines the required dimensions."""
     height: Annotated[Positive | None, measured_in("m")] = None
-    """Of a rectangle or box: outer size along the section's y [m]."""
+    """For a rectangle or box: outer size along the section's y [m]."""
     width: Annotated[Positive | None, measured_in("m")] = None
-    """Of a rectangle or box: outer size along the section's z [m]."""
+    """For a rectangle or box: outer size along the section's z [m]."""
     diameter: Annotated[Positive | None, measured_in("m")] = None
-    """Of a circle [m]."""
+    """For a circle: diameter [m]."""
     outer: Annotated[Positive | None, measured_in("m")] = None
-    """Of a tube: outer diameter [m]."""
+    """For a tube: outer diameter [m]."""
     inner: Annotated[NonNegative | None, measured_in("m")] = None
-    """Of a tube: inner diameter [m]."""
+    """For a tube: inner diameter [m]."""
     wall: Annotated[Positive | None, measured_in("m")] = None
-    """Of a box: thickness of its wall [m]."""
+    """For a box: wall thickness [m]."""
     area: Annotated[Positive | None, measured_in("m²")] = None
-    """Of a general section: area A [m²]."""
+    """For a general section: area A [m²]."""
     i_y: Annotated[Positive | None, measured_in("m⁴")] = None
-    """Of a general section: ∫ z² dA, which resists bending about y [m⁴]."""
+    """For a general section: ∫ z² dA, which resists bending about y [m⁴]."""
     i_z: Annotated[Positive | None, measured_in("m⁴")] = None
-    """Of a general section: ∫ y² dA, which resists bending about z [m⁴]."""
+    """For a general section: ∫ y² dA, which resists bending about z [m⁴]."""
     torsion: Annotated[Positive | None, measured_in("m⁴")] = None
-    """Of a general section: St Venant's torsion constant J [m⁴]."""
+    """For a general section: St Venant's torsion constant J [m⁴]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -96,7 +96,7 @@ class Section(Spec, frozen=True):
     def _check_properties(self, dimensions: tuple[str, ...]) -> None:
         try:
             properties = self.properties._asdict()
-        except OverflowError:  # of Python's own power
+        except OverflowError:  # raised by Python's power
             properties = {"area or second moment": math.inf}
         for name, value in properties.items():
             if not 0 < value < math.inf:
@@ -111,9 +111,9 @@ class Section(Spec, frozen=True):
         return self.towards(self, 0.0)
 
     def breadths(self, tip: Section, x: float) -> tuple[float, float] | None:
-        """How broad it is at the part `x` of the way to another section, seen along y and along z [m]; None: unknown.
+        """Breadth seen along y and along z at the fraction `x` of the way to another section [m].
 
-        Of a general section nothing is known but areas.
+        None for a general section, whose outline is unknown.
         """
         across = BREADTHS.get(self.shape)
         if across is None:
@@ -122,7 +122,7 @@ class Section(Spec, frozen=True):
         return y, z
 
     def towards(self, tip: Section, x: float) -> SectionProperties:
-        """Properties at the part `x` of the way to a section of the same shape, all dimensions linear in x."""
+        """Properties at the fraction `x` of the way to a section of the same shape; dimensions vary linearly."""
         formula, names = SHAPES[self.shape]
         return formula(*self._dimensions(names, tip, x))
 
@@ -131,15 +131,15 @@ class Section(Spec, frozen=True):
 
 
 class Damping(Spec, frozen=True):
-    """Structural damping by its effect: the damping ratio of a bending or twisting mode at a frequency.
+    """Structural damping, given as the damping ratio of a bending or twisting mode at a frequency.
 
-    proportional: Kelvin-Voigt's law, d = η k with η = ratio / (π at_hz), the same in every hinge, under which the ratio
-    of a mode grows with its frequency, ζ = η ω/2 = ratio · f / at_hz, however the link is cut. It shrinks the stable
-    step of explicit methods: `flexlink info` says by how much.
-    constant: dampers between all hinges of the links that have it, root and gear, too, such that every mode of the arm
-    has the same ratio, if all links that bend have it, with its joints held where `initial.joint_deg` and `joint_m` put
-    them; elsewhere modes are near it. A whole state, `initial.q`, as of a run that is continued, changes no dampers.
-    For links without branches or slides between them.
+    proportional: Kelvin-Voigt damping, d = η k with η = ratio / (π at_hz) in every hinge. A mode's ratio grows with its
+    frequency, ζ = η ω/2 = ratio · f / at_hz, for any number of segments. It reduces the stable step of explicit
+    methods; `flexlink info` reports by how much.
+    constant: dampers between all hinges of the links with this law, including root and gear, that give every mode the
+    same ratio. This is exact in the configuration `initial.joint_deg` and `joint_m` with the joints held, if all
+    flexible links have it; in other configurations ratios are close. A complete state `initial.q`, as of a continued
+    run, does not change the dampers. Not available across branches or prismatic joints between the links.
 
     Examples
     --------
@@ -157,15 +157,15 @@ class Damping(Spec, frozen=True):
     ratio: NonNegative
     """Damping ratio ζ of the mode at `at_hz`, or of all modes [1]: 0.01 is 1 % of critical."""
     at_hz: Annotated[Positive | None, measured_in("Hz")] = None
-    """Of the proportional law: frequency of the mode that has this ratio [Hz]; at others the ratio grows in
-    proportion."""
+    """For the proportional law: frequency of the mode that has this ratio [Hz]; the ratio of a mode is proportional to
+    its frequency."""
     law: Literal["proportional", "constant"] = "proportional"
-    """Whether the ratio of a mode grows in proportion to its frequency, or all modes of the link have the same."""
+    """Whether a mode's ratio is proportional to its frequency, or the same for all modes of the link."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.law == "proportional" and self.at_hz is None:
-            raise SceneError("at_hz: missing; this key is required, unless law = 'constant'", id="missing-key")
+            raise SceneError("at_hz: missing; required unless law = 'constant'", id="missing-key")
         if self.law == "constant" and self.at_hz is not None:
             raise SceneError(
                 f"at_hz = {self.at_hz!r}: has no effect with law = 'constant'; leave it out", id="no-effect"
@@ -178,15 +178,14 @@ class Damping(Spec, frozen=True):
 
     @property
     def loss_time(self) -> float:
-        """Kelvin-Voigt's η [s]; 0 where the ratio is constant."""
+        """Kelvin-Voigt loss time η [s]; 0 if the ratio is constant."""
         return 0.0 if self.at_hz is None else self.ratio / (math.pi * self.at_hz)
 
 
 class Friction(Spec, frozen=True):
-    """Dry friction in each passive hinge of a link: coulomb · tanh(q̇ / coulomb_width), the law of the joints.
+    """Dry friction in each passive hinge of a link: coulomb · tanh(q̇ / coulomb_width), the friction law of joints.
 
-    A link that bends by an angle loses coulomb times this
-    angle, however many hinges share it.
+    A link that bends by some angle dissipates coulomb times this angle, for any number of hinges.
 
     Examples
     --------
@@ -199,4 +198,4 @@ class Friction(Spec, frozen=True):
     coulomb: Annotated[NonNegative, measured_in("N m")]
     """Dry friction torque of each hinge [N m]."""
     coulomb_width: Annotated[Positive, measured_in("rad/s")] = 0.01
-    """Rate at which tanh has reached 76 % of it [rad/s]; smaller is closer to Coulomb's law, and stiffer."""
+    """Rate at which tanh reaches 76 % [rad/s]; a smaller one is closer to Coulomb's law, but stiffer."""

@@ -1,4 +1,4 @@
-"""All mistakes of a parsed file, one message each: looked for where reading it has failed; none hides another."""
+"""Collect all mistakes of a parsed file, one message each, after decoding has failed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flexlink.describe.spec import bare_type, decode, fields_of, key_mistakes, p
 
 
 def mistakes(raw: Any, kind: Any, path: str = "") -> list[Diagnostic]:
-    """What `decode` finds wrong with a value and with all below it; arguments as there."""
+    """All mistakes that `decode` would find in a value and below it; same arguments."""
     try:
         decode(raw, kind, path)
     except SceneError as error:
@@ -23,7 +23,7 @@ def mistakes(raw: Any, kind: Any, path: str = "") -> list[Diagnostic]:
 
 
 def _below(raw: Any, kind: Any, path: str) -> Iterator[Diagnostic]:
-    """Mistakes of a table's keys and of the tables in a list; none where the value as a whole is wrong."""
+    """Mistakes in a table's keys and in lists of tables; none if the value itself has the wrong type."""
     bare = bare_type(kind)
     if get_origin(bare) is dict and isinstance(raw, dict):
         for key, item in raw.items():
@@ -40,24 +40,24 @@ def _below(raw: Any, kind: Any, path: str) -> Iterator[Diagnostic]:
                 yield from mistakes(item, get_args(bare)[0], path_to([k], raw, kind, path))
 
 
-def raise_together(found: Iterable[str]) -> None:
-    """Raise one error that tells all mistakes, if there are any.
+def raise_together(found: Iterable[Diagnostic]) -> None:
+    """Raise one error that lists all mistakes, if there are any; its id is that of the first.
 
     Raises
     ------
     SceneError
-        The first one, and after "; also " each other one.
+        The mistakes, separated by "; also ".
     """
-    # how many mistakes are told; a file with more is of another kind
+    # largest number of mistakes listed; a file with more is probably not a scene
     most = 20
-    told = list(dict.fromkeys(found))
-    if told:
-        more = [f"{len(told) - most} more"] if len(told) > most else []
-        raise SceneError(ALSO.join([*told[:most], *more]), id=getattr(told[0], "id", "inconsistent"))
+    texts = list(dict.fromkeys(found))
+    if texts:
+        more = [f"{len(texts) - most} more"] if len(texts) > most else []
+        raise SceneError(ALSO.join([*texts[:most], *more]), id=texts[0].id)
 
 
 def check_all(checks: Sequence[Callable[[], object]]) -> None:
-    """Make all checks, and raise what they find together; errors as in `raise_together`."""
+    """Run all checks, and raise all mistakes together as in `raise_together`."""
     found = []
     for check in checks:
         try:

@@ -1,7 +1,7 @@
-"""Joints that turn have degrees, those that slide have metres: lists of one number per link come in both units.
+"""Lists of one number per link in two units: degrees for revolute joints, metres for prismatic ones.
 
-Such a list has a twin in the other unit (`joint_deg`, `joint_m`). A joint's number stands in the one that fits it, and
-the other one has 0 there. Together they are one list in the joints' own units, deg or m, and from there on one in SI.
+Such a list has a twin in the other unit (`joint_deg`, `joint_m`). The number of a joint is in the list of its unit; the
+other list has 0. Both are merged into one list in the joints' own units, deg or m, and then converted to SI.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from flexlink.common.types import Array
 
 Row = tuple[float, ...]
 Slides = tuple[bool, ...]
-"""Whether each joint slides, one per link."""
+"""Whether each joint is prismatic, one per link."""
 
 IN_METRES = {
     "joint_deg": "joint_m",
@@ -31,12 +31,12 @@ IN_METRES = {
     "angle_deg": "position_m",
     "acceleration_deg": "acceleration_m",
 }
-"""Keys in degrees, and their twins in metres."""
+"""Keys in degrees, with their twins in metres."""
 TWINS = IN_METRES | {m: deg for deg, m in IN_METRES.items()}
 
 
 def together(slides: Slides, deg: Row | None, m: Row | None) -> Row:
-    """One number per link, [deg] of a joint that turns and [m] of one that slides, of two lists; zero without one.
+    """Merge two lists into one number per link, [deg] for revolute and [m] for prismatic joints; default zero.
 
     >>> print(together((False, True), (30.0, 0.0), (0.0, 0.5)), together((False, True), None, (0.0, 0.5)))
     (30.0, 0.5) (0.0, 0.5)
@@ -46,12 +46,12 @@ def together(slides: Slides, deg: Row | None, m: Row | None) -> Row:
 
 
 def in_si(slides: Sequence[bool] | NDArray[np.bool_], own: ArrayLike) -> Array:
-    """Numbers in the joints' own units in rad, or m; those of a joint along the last axis."""
+    """Convert from the joints' own units, deg or m, to rad or m; joints are along the last axis."""
     return np.where(slides, own, np.radians(own)) if any(slides) else np.radians(own)
 
 
 def row_in_si(slides: Slides, own: Row) -> list[float]:
-    """The same of one row, as a list: of few numbers a tenth of the time.
+    """`in_si` for one row, as a list; ten times as fast for few numbers.
 
     >>> row_in_si((False, True), (180.0, 2.0))
     [3.141592653589793, 2.0]
@@ -60,14 +60,14 @@ def row_in_si(slides: Slides, own: Row) -> list[float]:
 
 
 def in_own(slides: Sequence[bool] | NDArray[np.bool_], si: ArrayLike) -> Array:
-    """Numbers in rad or m in the joints' own units, deg or m; those of a joint along the last axis."""
+    """Convert from rad or m to the joints' own units, deg or m; joints are along the last axis."""
     return np.where(slides, si, np.degrees(si)) if any(slides) else np.degrees(si)
 
 
 def misplaced(slides: Slides, names: Sequence[str], lists: Mapping[str, Row]) -> Iterator[tuple[int, str, str]]:
-    """What stands in the list of the wrong unit: number of the link, from 0, the key, and what is wrong.
+    """Numbers given in the list of the wrong unit: index of the link, key, and what is wrong.
 
-    Of lists by their keys, whose last part may have a number of a row behind it: `reference.angle_deg[3]`.
+    `lists` are by key; the last part of a key may have a row index, as in `reference.angle_deg[3]`.
     """
     for key, row in lists.items():
         name = key.rpartition(".")[2].partition("[")[0]
@@ -79,7 +79,7 @@ def misplaced(slides: Slides, names: Sequence[str], lists: Mapping[str, Row]) ->
 
 
 def in_words(slides: bool, si: float, form: str = ".6g") -> str:
-    """A coordinate as it is told: 30°, 0.5 m.
+    """A coordinate as text: 30°, 0.5 m.
 
     >>> print(in_words(False, 0.5), in_words(True, 0.5))
     28.6479° 0.5 m
@@ -88,7 +88,7 @@ def in_words(slides: bool, si: float, form: str = ".6g") -> str:
 
 
 class KindOfJoint(NamedTuple):
-    """Its name, its coordinate's own unit and that in SI, the unit of what drives it."""
+    """Name of a kind of joint, its own unit and SI unit, and the unit of its drive."""
 
     name: str
     unit: str
@@ -97,4 +97,4 @@ class KindOfJoint(NamedTuple):
 
 
 OF_JOINT = {False: KindOfJoint("revolute", "deg", "rad", "N m"), True: KindOfJoint("prismatic", "m", "m", "N")}
-"""By whether a joint slides."""
+"""Kinds of joints, by whether they slide."""

@@ -1,6 +1,6 @@
-"""Profiles of moves from rest to rest in closed form: s(t) from 0 to 1, and how long it takes within limits.
+"""Rest-to-rest motion profiles in closed form: s(t) from 0 to 1, and the shortest duration within limits.
 
-The trapezoid of speed is the S-curve without a limit to the jerk: one algorithm for both.
+The trapezoidal speed profile is the S-curve with unlimited jerk, so one algorithm handles both.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ from flexlink.common.types import Array
 
 
 class Quintic(NamedTuple):
-    """The unit move by one polynomial of degree 5, which starts and ends without acceleration."""
+    """Unit move by one polynomial of degree 5, with zero acceleration at both ends."""
 
     duration: float  # s
 
     def lasting(self, duration: float) -> Quintic:
-        """The same shape, over another time."""
+        """The same shape with another duration."""
         return Quintic(duration)
 
     @property
     def pieces(self) -> tuple[Array, Array]:
-        """Knots from 0 on [s], shape (3,), and coefficients (2, 6)."""
-        # s = 10 x³ − 15 x⁴ + 6 x⁵, x = t/T, about 0 and, so that little cancels at the end, about 1/2
+        """Knots from 0 [s], shape (3,), and coefficients (2, 6)."""
+        # s = 10 x³ − 15 x⁴ + 6 x⁵, x = t/T, expanded about 0 and about 1/2, which avoids cancellation at the end
         s = np.array([(0.0, 0.0, 0.0, 10.0, -15.0, 6.0), (0.5, 1.875, 0.0, -5.0, 0.0, 6.0)])
         return self.duration * np.array([0.0, 0.5, 1.0]), s / self.duration ** np.arange(6)
 
 
 class Ramps(NamedTuple):
-    """The unit move by two ramps of speed, t_j of jerk, t_a of acceleration, t_j of jerk, and t_v between them."""
+    """Unit move with two speed ramps, each t_j of jerk, t_a of acceleration and t_j of jerk, and t_v between them."""
 
     jerk: float  # s
     acceleration: float  # s
@@ -40,17 +40,17 @@ class Ramps(NamedTuple):
 
     @property
     def duration(self) -> float:
-        """Of the whole move [s]."""
+        """Duration of the complete move [s]."""
         return 4 * self.jerk + 2 * self.acceleration + self.cruise
 
     def lasting(self, duration: float) -> Ramps:
-        """The same shape, over another time."""
+        """The same shape with another duration."""
         by = duration / self.duration
         return Ramps(self.jerk * by, self.acceleration * by, self.cruise * by)
 
     @property
     def pieces(self) -> tuple[Array, Array]:
-        """Knots from 0 on [s] and cubic coefficients; phases without length are left out."""
+        """Knots from 0 [s] and cubic coefficients; phases of zero length are left out."""
         t_j, t_a, t_v = self
         A = 1 / ((t_j + t_a) * (2 * t_j + t_a + t_v))
         j = A / t_j if t_j else 0.0
@@ -73,21 +73,21 @@ Shape = Quintic | Ramps
 
 
 Limits = tuple[float, float, float]
-"""Largest rate, acceleration and jerk of a joint, inf where there is no limit."""
+"""Largest rate, acceleration and jerk of a joint; inf if unlimited."""
 
 
 def fastest_quintic(distance: float, limits: Limits) -> Quintic:
-    """The fastest quintic over a distance > 0 within limits."""
+    """Return the fastest quintic over a distance > 0 within limits."""
     peaks = 15 / 8, 10 / math.sqrt(3), 60.0  # largest s' T, s'' T², s''' T³
     parts = [peak * distance / limit for peak, limit in zip(peaks, limits, strict=True)]
     return Quintic(max(part ** (1 / order) for order, part in enumerate(parts, 1)))
 
 
 def fastest_ramps(distance: float, limits: Limits) -> Ramps:
-    """The fastest S-curve over a distance D > 0 within limits v, a, j; with j = inf the fastest trapezoid.
+    """Return the fastest S-curve over a distance D > 0 within limits v, a, j; with j = inf the fastest trapezoid.
 
-    The largest acceleration A is a, or what a jerk j reaches where rate or distance end its rise; t_a follows from the
-    speed of the ramp A (t_j + t_a) ≤ v, and from the distance of two of them A (t_j + t_a)(2 t_j + t_a) ≤ D.
+    The peak acceleration A is a, or what jerk j reaches if the rate or the distance limits the ramp. t_a follows from
+    the ramp's speed A (t_j + t_a) ≤ v and from the distance of both ramps A (t_j + t_a)(2 t_j + t_a) ≤ D.
     """
     v, a, j = limits
     A = min(a, math.sqrt(v) * math.sqrt(j), math.cbrt(distance / 2) * math.cbrt(j) ** 2)
@@ -104,5 +104,5 @@ MOVES: dict[str, tuple[Shape, Callable[[float, Limits], Shape]]] = {
     "trapezoidal": (Ramps(0.0, 1 / 3, 1 / 3), fastest_ramps),
     "s_curve": (Ramps(1 / 9, 1 / 9, 1 / 3), fastest_ramps),
 }
-"""Of each profile the move that is given a duration, and the one that is given limits. With a duration, a third each is
-for speeding up, cruise and braking, and of the ramps of an S-curve for rising, constant and falling acceleration."""
+"""For each profile, its unit move and the function for its fastest move. In a unit move, speeding up, cruising and
+braking take a third each; in the ramps of an S-curve, so do rising, constant and falling acceleration."""

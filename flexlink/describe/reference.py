@@ -1,4 +1,4 @@
-"""Reference of a drive: desired angles in time, a move from point to point or a table, input-shaped if asked for."""
+"""Reference of a drive: desired angles over time, as a point-to-point move or a table, with optional input shaping."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flexlink.common.wording import truncated
 from flexlink.describe import profiles
 from flexlink.describe.numbers import require_increasing, require_positive
 from flexlink.describe.own_units import IN_METRES, OF_JOINT, Row, Slides, in_si, together
-from flexlink.describe.reference_trajectory import ReferenceTrajectory, apart, from_rest_to_rest, side_by_side, still
+from flexlink.describe.reference_trajectory import ReferenceTrajectory, distinct, from_rest_to_rest, side_by_side, still
 from flexlink.describe.shaping import InputShaper
 from flexlink.describe.spec import NonNegative, NonNegativePerLink, PerLink, Positive, Spec, measured_in
 
@@ -28,30 +28,29 @@ TAKES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "smooth": (("times", "angle_deg"), ("rate_deg", "acceleration_deg")),
     "hold": (("times", "angle_deg"), ()),
 }
-"""What each profile needs, and what it may have, or the same in metres."""
+"""Keys that each profile needs, and optional keys; twins in metres are implied."""
 TABLED = tuple(profile for profile, (needs, _) in TAKES.items() if "times" in needs)
 LISTS = ("to_deg", "from_deg", *LIMITS)
 OF_MOTION = ("angle_deg", "rate_deg", "acceleration_deg")
 
 
 class Reference(Spec, frozen=True):
-    """Desired angles of the driven joints in time, one column per link [deg, deg/s, deg/s², deg/s³].
+    """Desired angles of the driven joints over time, one column per link [deg, deg/s, deg/s², deg/s³].
 
-    Positions of prismatic joints stand beside them [m, m/s, m/s², m/s³]: in `to_m` beside `to_deg` and so on, in
-    `position_m` beside `angle_deg`. Either list has 0 where a link's joint is of the other kind; one of a kind that the
-    arm does not have is left out.
+    Positions of prismatic joints [m, m/s, m/s², m/s³] are in twin lists: `to_m` for `to_deg` and so on, `position_m`
+    for `angle_deg`. Each list has 0 for joints of the other kind; omit the lists of a kind that the arm does not have.
 
-    A move, profile "quintic", "trapezoidal" (trapezoid of speed) or "s_curve" (limited jerk, up to 7 phases): from
-    `from_deg`, by default `initial.joint_deg` of the scene, to `to_deg`, from `start` on. It lasts for `duration`, or
-    as long as the slowest joint needs at its limits, of which one at least is then reached. All joints start and end
-    together: each takes its own fastest profile, stretched in time to that of the slowest one. With a duration, a third
-    of it is for speeding up, a third for braking, and of these a third each for rising and falling acceleration.
+    Move, profile "quintic", "trapezoidal" (trapezoidal speed) or "s_curve" (limited jerk, up to 7 phases): from
+    `from_deg`, by default `initial.joint_deg` of the scene, to `to_deg`, beginning at `start`. It lasts `duration`, or
+    as long as the slowest joint needs within its limits, at least one of which is then reached. All joints start and
+    end together: the fastest profile of each joint is stretched to the duration of the slowest. With `duration`, a
+    third is for speeding up and a third for braking; a third each of these is for rising and falling acceleration.
 
-    A table, rows `angle_deg` at `times`, profile "linear", "hold" (steps without a ramp) or "smooth": a cubic spline
-    from rest to rest, or, with `rate_deg`, cubic Hermite polynomials, or, with `acceleration_deg`, too, quintic ones.
-    Before and after the table its first and last angles are held. Its rows may stand in a CSV `file`.
+    Table, rows `angle_deg` at `times`, profile "linear", "hold" (steps without a ramp) or "smooth": a cubic spline from
+    rest to rest, with `rate_deg` cubic Hermite polynomials, or also with `acceleration_deg` quintic polynomials.
+    The first and last angles are held before and after the table. Its rows may be in a CSV `file`.
 
-    With a `shaper`, the sum of delayed references that leaves no vibration of its frequencies; it is later at its end.
+    A `shaper` sums delayed copies of the reference that leave no vibration at its frequencies; this takes longer.
 
     Examples
     --------
@@ -62,54 +61,54 @@ class Reference(Spec, frozen=True):
     """
 
     profile: Literal["quintic", "trapezoidal", "s_curve", "linear", "smooth", "hold"]
-    """A move (quintic, trapezoidal, s_curve), or a table (linear, smooth, hold)."""
+    """A move (quintic, trapezoidal, s_curve) or a table (linear, smooth, hold)."""
     to_deg: Annotated[PerLink | None, measured_in("deg")] = None
-    """Of a move: where it ends, one angle per link [deg]."""
+    """For a move: final angles, one per link [deg]."""
     to_m: Annotated[PerLink | None, measured_in("m")] = None
-    """Of a move: where it ends, one position per link [m]."""
+    """For a move: final positions, one per link [m]."""
     from_deg: Annotated[PerLink | None, measured_in("deg")] = None
-    """Of a move: where it starts, one angle per link [deg]. Default: `initial.joint_deg`."""
+    """For a move: initial angles, one per link [deg]. Default: `initial.joint_deg`."""
     from_m: Annotated[PerLink | None, measured_in("m")] = None
-    """Of a move: where it starts, one position per link [m]. Default: `initial.joint_m`."""
+    """For a move: initial positions, one per link [m]. Default: `initial.joint_m`."""
     start: Annotated[NonNegative, measured_in("s")] = 0.0
-    """Of a move: when it starts [s]."""
+    """For a move: start time [s]."""
     duration: Annotated[Positive | None, measured_in("s")] = None
-    """Of a move: how long it takes [s]; else as long as its limits ask for."""
+    """For a move: duration [s]. Default: the shortest within the limits."""
     max_rate_deg: Annotated[NonNegativePerLink | None, measured_in("deg/s")] = None
-    """Of a move: largest rate of each joint [deg/s]."""
+    """For a move: largest rate of each joint [deg/s]."""
     max_rate_m: Annotated[NonNegativePerLink | None, measured_in("m/s")] = None
-    """Of a move: largest rate of each prismatic joint [m/s]."""
+    """For a move: largest rate of each prismatic joint [m/s]."""
     max_acceleration_deg: Annotated[NonNegativePerLink | None, measured_in("deg/s²")] = None
-    """Of a move: largest acceleration of each joint [deg/s²]."""
+    """For a move: largest acceleration of each joint [deg/s²]."""
     max_acceleration_m: Annotated[NonNegativePerLink | None, measured_in("m/s²")] = None
-    """Of a move: largest acceleration of each prismatic joint [m/s²]."""
+    """For a move: largest acceleration of each prismatic joint [m/s²]."""
     max_jerk_deg: Annotated[NonNegativePerLink | None, measured_in("deg/s³")] = None
-    """Of a move: largest jerk of each joint [deg/s³]."""
+    """For a move: largest jerk of each joint [deg/s³]."""
     max_jerk_m: Annotated[NonNegativePerLink | None, measured_in("m/s³")] = None
-    """Of a move: largest jerk of each prismatic joint [m/s³]."""
+    """For a move: largest jerk of each prismatic joint [m/s³]."""
     times: Annotated[Row | None, measured_in("s")] = None
-    """Of a table: times of its rows [s]."""
+    """For a table: times of its rows [s]."""
     angle_deg: Annotated[tuple[PerLink, ...] | None, measured_in("deg")] = None
-    """Of a table: one row per time, of one angle per link [deg]."""
+    """For a table: one row per time, with one angle per link [deg]."""
     rate_deg: Annotated[tuple[PerLink, ...] | None, measured_in("deg/s")] = None
-    """Of a smooth table: rates at its times [deg/s]; pieces are then cubic Hermite polynomials."""
+    """For a smooth table: rates at its times [deg/s], for cubic Hermite interpolation."""
     acceleration_deg: Annotated[tuple[PerLink, ...] | None, measured_in("deg/s²")] = None
-    """Of a smooth table with rates: accelerations at its times [deg/s²]; pieces are then quintic."""
+    """For a smooth table with rates: accelerations at its times [deg/s²], for quintic interpolation."""
     position_m: Annotated[tuple[PerLink, ...] | None, measured_in("m")] = None
-    """Of a table: one row per time, of one position per link [m]."""
+    """For a table: one row per time, with one position per link [m]."""
     rate_m: Annotated[tuple[PerLink, ...] | None, measured_in("m/s")] = None
-    """Of a smooth table: rates of prismatic joints at its times [m/s]."""
+    """For a smooth table: rates of prismatic joints at its times [m/s]."""
     acceleration_m: Annotated[tuple[PerLink, ...] | None, measured_in("m/s²")] = None
-    """Of a smooth table with rates: accelerations of prismatic joints at its times [m/s²]."""
+    """For a smooth table with rates: accelerations of prismatic joints at its times [m/s²]."""
     file: str | None = None
-    """Of a table: a CSV file in place of its rows, with heads "t [s]" and, of every driven joint, "q NAME [deg]", or
-    any unit of angles, of a prismatic joint of lengths; of a smooth table "qd NAME [deg/s]" and "qdd NAME [deg/s²]",
-    too, if it has them. A path from the scene's folder; it is read once, when the scene is."""
+    """For a table: a CSV file instead of its rows, with headers "t [s]" and "q NAME [deg]" for every driven joint, in
+    any unit of angle or length; for a smooth table optionally "qd NAME [deg/s]" and "qdd NAME [deg/s²]". The path is
+    relative to the scene's folder; the file is read once, with the scene."""
     cutoff: Annotated[Positive | None, measured_in("Hz")] = None
-    """Of a smooth table's file: frequency at which a zero-phase low-pass of its angles lets half of the amplitude
-    through [Hz]; rates and accelerations are those of what is left. Default: those of the file, or of a spline."""
+    """For a smooth table's file: cutoff frequency (50 % amplitude) of a zero-phase low-pass filter of its angles [Hz],
+    which also gives rates and accelerations. Default: those of the file, or of a spline."""
     shaper: InputShaper | None = None
-    """Input shaper: delays copies of the reference so that it leaves no vibration."""
+    """Input shaper, which sums delayed copies of the reference that leave no vibration."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -140,47 +139,46 @@ class Reference(Spec, frozen=True):
             self._check_table(self.times)
 
     def _check_file(self) -> None:
-        """It stands for a table, and alone."""
+        """Check that a table profile has a file and no rows."""
         if self.profile not in TABLED:
             raise SceneError(
-                f"file = {self.file!r}: profile {self.profile!r} takes {_taken(*TAKES[self.profile])}; a file is a "
-                f"table's, of profile {', '.join(TABLED)}",
+                f"file = {self.file!r}: profile {self.profile!r} takes {_taken(*TAKES[self.profile])}; a file needs "
+                f"profile {', '.join(TABLED)}",
                 id="key-of-another-kind",
             )
         for key in sorted([*_in_both(*LISTS, *OF_MOTION), "times", "start", "duration"]):
             if getattr(self, key) not in (None, 0.0):
-                raise SceneError(f"file = {self.file!r}: {key} is given, too; give only one", id="both-given")
+                raise SceneError(f"file = {self.file!r}: {key} is also given; specify only one", id="both-given")
 
     def _check_limits(self) -> None:
-        """A limit is positive, but of a joint whose limit is in the other unit."""
+        """Check that limits are positive, except the zeros of joints whose limit is in the other unit."""
         given = {key.endswith("_m") for key in _in_both(*LISTS, *OF_MOTION) if getattr(self, key) is not None}
         for key in () if len(given) == 2 else _in_both(*LIMITS):
-            beside = "; 0 is for joints that turn, whose lists in deg are given, too" if key.endswith("_m") else ""
+            why = "; 0 is only for revolute joints with a limit in deg" if key.endswith("_m") else ""
             for k, limit in enumerate(getattr(self, key) or (), 1):
-                require_positive(f"{key}.{k}", limit, beside)
+                require_positive(f"{key}.{k}", limit, why)
 
     def _check_time_of_move(self) -> None:
-        limits = [name for name in LIMITS if self._said(name)]
-        # without a limit of the acceleration a trapezoid would be a jump
-        needed = self._deciding
+        limits, needed = [name for name in LIMITS if self._is_given(name)], self._deciding
         if self.duration is not None and limits:
-            raise SceneError(f"duration = {self.duration!r}: {limits[0]} is given, too; give only one", id="both-given")
+            both = f"duration = {self.duration!r}: {limits[0]} is also given"
+            raise SceneError(f"{both}; specify only one", id="both-given")
         if self.duration is None and not set(limits) & set(needed):
             named = needed if self.to_m is None or self.to_deg is not None else [IN_METRES[name] for name in needed]
-            raise SceneError(f"duration: missing; give it, or {' or '.join(named)}", id="missing-key")
+            raise SceneError(f"duration: missing; give duration, or {' or '.join(named)}", id="missing-key")
 
     @property
     def _deciding(self) -> tuple[str, ...]:
-        """Limits of which a move without a duration needs one."""
+        """Limits of which a move without a duration needs one: without limited acceleration a trapezoid would jump."""
         return {"quintic": LIMITS, "trapezoidal": LIMITS[1:2], "s_curve": LIMITS[2:]}[self.profile]
 
-    def _said(self, name: str) -> bool:
+    def _is_given(self, name: str) -> bool:
         """Whether a list is given, in either unit."""
         return getattr(self, name) is not None or getattr(self, IN_METRES[name]) is not None
 
     def _check_table(self, times: Row) -> None:
         require_increasing("times", times)
-        if self._said("acceleration_deg") and not self._said("rate_deg"):
+        if self._is_given("acceleration_deg") and not self._is_given("rate_deg"):
             raise SceneError("rate_deg: missing; acceleration_deg needs it", id="needs-another-key")
         for name in _in_both(*OF_MOTION):
             rows = getattr(self, name)
@@ -188,12 +186,12 @@ class Reference(Spec, frozen=True):
                 raise SceneError(f"{name} has {len(rows)} rows: expected one per time, {len(times)}", id="one-per-time")
 
     def starts_at_initial(self, *, slides: bool) -> bool:
-        """Whether a joint that turns, or slides, starts where the scene's joints are initially."""
+        """Whether a revolute joint, or with `slides` a prismatic one, starts at its initial position in the scene."""
         return self.profile not in TABLED and (self.from_m if slides else self.from_deg) is None
 
     @property
     def per_link(self) -> dict[str, Row]:
-        """Every list of one number per link, by its key."""
+        """All lists of one number per link, by key."""
         lists = {key: getattr(self, key) for key in _in_both(*LISTS)}
         for key in _in_both(*OF_MOTION):
             lists |= {f"{key}[{k}]": row for k, row in enumerate(getattr(self, key) or ())}
@@ -202,29 +200,29 @@ class Reference(Spec, frozen=True):
     def course(
         self, initial: ArrayLike, links: Sequence[int] | None = None, slides: Sequence[bool] | None = None
     ) -> ReferenceTrajectory:
-        """The desired angles in time [rad], and positions of joints that slide [m].
+        """Return the desired angles over time [rad], and positions of prismatic joints [m].
 
         Parameters
         ----------
         initial
-            Where the joints are initially, one number per link, [deg] or, where it slides, [m].
+            Initial positions of the joints, one number per link, [deg] or, if it slides, [m].
         links
-            Numbers from 0 of the links whose angles are wanted, and which others wait for; None: all.
+            Indices from 0 of the links to include, which all finish together; None: all.
         slides
-            Which of the joints slide, one per link; None: none.
+            Whether each joint is prismatic, one per link; None: none is.
 
         Returns
         -------
         ReferenceTrajectory
-            One angle per link asked for; called with times, it gives angles, rates and accelerations.
+            One column per included link; call it with times to get angles, rates and accelerations.
 
         Raises
         ------
         SceneError
-            Lists are not of one number per link, an angle changes faster than float64 can hold, or its table stands in
-            a file, which scenes read.
+            A list does not have one number per link, an angle changes too fast for float64, or the table is in a
+            file, which only scenes read.
         DataFileError
-            The shaper's own file is not valid.
+            The user's shaper file is invalid.
 
         Examples
         --------
@@ -233,7 +231,7 @@ class Reference(Spec, frozen=True):
         [ 45. -60.]
         """
         if self.file is not None:
-            raise SceneError(f"file = {self.file!r}: is read as part of a scene; take Scene.course", id="file-not-read")
+            raise SceneError(f"file = {self.file!r}: only scenes read files; use Scene.course", id="file-not-read")
         start = np.asarray(initial, dtype=np.float64)
         for name, row in self.per_link.items():
             if len(row) != len(start):
@@ -259,10 +257,10 @@ class Reference(Spec, frozen=True):
             raise kind(f"shaper.{error}") from None
 
     def _require_lists(self, kinds: set[bool]) -> None:
-        """Joints of either kind have goals, or tables, in their own unit."""
+        """Check that joints of either kind have targets, or tables, in their own unit."""
         for name in ("to_deg", *OF_MOTION):
             for key, slides in ((name, False), (IN_METRES[name], True)):
-                if slides in kinds and self._said(name) and getattr(self, key) is None:
+                if slides in kinds and self._is_given(name) and getattr(self, key) is None:
                     raise SceneError(f"{key}: missing; there are {OF_JOINT[slides].name} joints", id="missing-key")
 
     def _own(self, name: str, slides: Slides) -> Row:
@@ -276,14 +274,14 @@ class Reference(Spec, frozen=True):
         shapes = {k: self._shape(k, abs(to[k] - start[k]), slides[k]) for k in links if to[k] != start[k]}
         lasts = self.duration or max((shape.duration for shape in shapes.values()), default=0.0)
         courses = []
-        for k, a, b in zip(links, *(in_si(slides, place)[links] for place in (start, to)), strict=True):
+        for k, a, b in zip(links, *(in_si(slides, positions)[links] for positions in (start, to)), strict=True):
             if k not in shapes:
                 courses.append(still([a]))
                 continue
             knots, c = shapes[k].lasting(lasts).pieces
             knots, c = knots + self.start, (b - a) * c
             c[:, 0] += a
-            there = apart(knots)
+            there = distinct(knots)
             if not there[:-1].any():
                 raise SceneError(
                     f"start = {self.start!r}: too late: float64 cannot resolve a move of {lasts:.3g} s at that time; "
@@ -311,12 +309,12 @@ class Reference(Spec, frozen=True):
 
     def _table(self, times: Row, links: list[int], slides: Slides) -> ReferenceTrajectory:
         t = np.array(times)
-        known = [self._rows(name, slides)[:, links] for name in OF_MOTION if self._said(name)]
+        known = [self._rows(name, slides)[:, links] for name in OF_MOTION if self._is_given(name)]
         angles = known[0]
         if len(t) == 1:
             return still(angles[0])
         if self.profile == "hold":
-            on_time = 8 * np.finfo(float).eps  # more than a sample's time may be off by: a sample sees what follows
+            on_time = 8 * np.finfo(float).eps  # exceeds the rounding of a sample time, so a sample sees the new row
             return ReferenceTrajectory(t * (1 - on_time), angles[:, None])
         if self.profile == "linear":
             return from_rest_to_rest(
@@ -332,18 +330,18 @@ class Reference(Spec, frozen=True):
 
 
 def _in_both(*keys: str) -> list[str]:
-    """Keys of angles, each with its own in metres behind it."""
+    """Keys in degrees, each followed by its twin in metres."""
     return [one for key in keys for one in (key, IN_METRES[key])]
 
 
 def _taken(needs: Sequence[str], may: Sequence[str]) -> str:
-    """What a profile takes, in words."""
+    """Keys of a profile, as text."""
     return ", ".join(needs) + (f", and may have {', '.join(may)}" if may else "")
 
 
 def _smooth(t: Array, known: list[Array]) -> Array:
-    """A cubic spline through angles, or Hermite polynomials where rates, and accelerations, are known (m, ·, d)."""
-    from scipy.interpolate import BPoly, CubicSpline, PPoly  # noqa: PLC0415  0.1 s that few scenes need
+    """Cubic spline through angles, or Hermite polynomials if rates (and accelerations) are known (m, ·, d)."""
+    from scipy.interpolate import BPoly, CubicSpline, PPoly  # noqa: PLC0415  takes 0.1 s, and few scenes need it
 
     if len(known) == 1:
         pieces = CubicSpline(t, known[0], bc_type="clamped")

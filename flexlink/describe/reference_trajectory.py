@@ -1,7 +1,7 @@
-"""Angles given in time as polynomials piece by piece: evaluated, put together, delayed and summed, all without error.
+"""Piecewise polynomial angles over time: evaluated, combined, delayed and summed exactly.
 
-On piece i, from knot i to the next, r = Σ_j c_ij x^j with x = t − knot_i; the last piece goes on for ever, and before
-the first knot x = 0. The first and the last piece are constant: a course starts from rest and comes to rest.
+On piece i, from knot i to the next, r = Σ_j c_ij x^j with x = t − knot_i; the last piece has no end, and x = 0 before
+the first knot. The first and the last piece are constant: a trajectory starts and ends at rest.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from flexlink.describe.numbers import numbers
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ReferenceTrajectory:
-    """Desired angles in time, piecewise polynomials; called with times, it gives angle, rate and acceleration.
+    """Desired angles over time as piecewise polynomials; calling it with times returns angle, rate and acceleration.
 
     Attributes
     ----------
     knots
-        Where the pieces begin [s], increasing, shape (m,).
+        Start times of the pieces [s], increasing, shape (m,).
     coefficients
-        c_ij of every angle, shape (m, degree + 1, d) [rad/s^j]; in the first and last piece 0 but for j = 0.
+        c_ij of every angle, shape (m, degree + 1, d) [rad/s^j]; 0 for j > 0 in the first and last piece.
 
     Raises
     ------
     ArgumentError
-        Shapes do not fit, a number is not finite, knots do not increase, or it does not start and end at rest.
+        Shapes do not match, a number is not finite, knots do not increase, or it does not start and end at rest.
 
     Examples
     --------
@@ -63,12 +63,12 @@ class ReferenceTrajectory:
         if np.any(np.diff(knots) <= 0):
             k = int(np.argmax(np.diff(knots) <= 0))
             raise ArgumentError(
-                f"knots[{k + 1}] = {knots[k + 1]!r}: must be later than the one before, {knots[k]!r}",
+                f"knots[{k + 1}] = {knots[k + 1]!r}: must be later than the previous one, {knots[k]!r}",
                 id="times-not-increasing",
             )
         if c[0, 1:].any() or c[-1, 1:].any():
             raise ArgumentError(
-                "coefficients: the first and the last piece must be constant: from rest, and to rest", id="not-at-rest"
+                "coefficients: the first and the last piece must be constant (start and end at rest)", id="not-at-rest"
             )
         knots.flags.writeable = c.flags.writeable = False
 
@@ -83,9 +83,9 @@ class ReferenceTrajectory:
         return f"<ReferenceTrajectory of {d} angles: {m} pieces of degree {p - 1}, {first:g} to {last:g} s>"
 
     def restated(self, knots: Array) -> Array:
-        """Coefficients about other knots, each of which begins no later than the piece here that holds it ends.
+        """Coefficients about other knots; each new piece must lie within a piece of this trajectory.
 
-        Taylor's shift r(x₀ + x) by repeated synthetic division; shape (len(knots), degree + 1, d).
+        Taylor shift r(x₀ + x) by repeated synthetic division; shape (len(knots), degree + 1, d).
         """
         c, x = self._located(knots)
         for j in range(c.shape[1] - 1):
@@ -94,30 +94,30 @@ class ReferenceTrajectory:
         return c
 
     def delayed(self, delay: float) -> ReferenceTrajectory:
-        """The same, later by `delay` [s]."""
+        """The same trajectory, later by `delay` [s]."""
         return ReferenceTrajectory(self.knots + numbers("delay", delay), self.coefficients)
 
     def shaped(self, times: ArrayLike, weights: ArrayLike) -> ReferenceTrajectory:
-        """What an input shaper makes of it: Σ_i a_i r(t − t_i), `times` t_i [s] and `weights` a_i of its impulses.
+        """Apply an input shaper: Σ_i a_i r(t − t_i), with `times` t_i [s] and `weights` a_i of its impulses.
 
         Raises
         ------
         ArgumentError
-            Times and weights are no lists of the same length, a number is not finite, or pieces are too many.
+            Times and weights are not lists of equal length, a number is not finite, or there are too many pieces.
 
         Examples
         --------
         >>> shaper = fl.InputShaper(kind="ZV", frequency_hz=(2.0,))
-        >>> print(scene.course.shaped(*shaper.impulses).knots[-1])  # s: half a period later
+        >>> print(scene.course.shaped(*shaper.impulses).knots[-1])  # s, later by half a period
         0.75
         """
         t, a = numbers("times", times), numbers("weights", weights)
         if t.ndim != 1 or t.shape != a.shape or not len(t) or not (np.isfinite(t).all() and np.isfinite(a).all()):
             raise ArgumentError(
-                f"times, weights: shapes {t.shape}, {a.shape}; expected finite numbers, (k,) both, k > 0",
+                f"times, weights: shapes {t.shape}, {a.shape}; expected finite numbers of equal shape (k,), k > 0",
                 id="wrong-shape",
             )
-        most = 100_000  # beyond, putting them together takes minutes and gigabytes
+        most = 100_000  # more would take minutes and gigabytes
         if len(t) * len(self.knots) > most:
             raise ArgumentError(
                 f"{len(t)} impulses on {len(self.knots)} pieces are {len(t) * len(self.knots)}; at most {most}",
@@ -130,7 +130,7 @@ class ReferenceTrajectory:
         )
 
     def extremes(self) -> tuple[Array, Array]:
-        """Smallest and largest angles ever, shape (d,) each: at knots, and where the derivative of a piece is 0."""
+        """Smallest and largest angles over all time, shape (d,) each: at knots, and at extrema within pieces."""
         low, high = self._extremes
         return low.copy(), high.copy()
 
@@ -140,9 +140,9 @@ class ReferenceTrajectory:
             self.coefficients[:-1]
             * np.diff(self.knots)[:, None, None] ** np.arange(self.coefficients.shape[1])[:, None]
         )
-        at_knots = np.concatenate([self.coefficients[:, 0], c.sum(axis=1)])  # what a piece begins and ends with
+        at_knots = np.concatenate([self.coefficients[:, 0], c.sum(axis=1)])  # values at both ends of each piece
         low, high = at_knots.min(axis=0), at_knots.max(axis=0)
-        hull = np.einsum("ij,kjd->kid", _to_bernstein(c.shape[1] - 1), c)  # around all values of a piece
+        hull = np.einsum("ij,kjd->kid", _to_bernstein(c.shape[1] - 1), c)  # bounds all values of a piece
         rounded = 2.0**-48 * np.abs(c).sum(axis=1)
         beyond = (hull.min(axis=1) < low - rounded) | (hull.max(axis=1) > high + rounded)
         for piece, d in zip(*np.nonzero(beyond), strict=True):
@@ -153,7 +153,7 @@ class ReferenceTrajectory:
 
     @property
     def jumps(self) -> Array:
-        """Knots [s] at which an angle or a rate jumps, by more than rounding explains."""
+        """Knots [s] at which an angle or a rate jumps by more than rounding error."""
         c, x = self.coefficients, np.diff(self.knots)[:, None]
         powers = np.arange(c.shape[1])[:, None, None]
         jump = np.zeros(len(self.knots) - 1, dtype=bool)
@@ -165,28 +165,29 @@ class ReferenceTrajectory:
         return self.knots[1:][jump]
 
     def _located(self, t: Array) -> tuple[Array, Array]:
-        """Coefficients of the pieces that hold times t, and x there, shapes (len(t), degree + 1, d), (len(t), 1)."""
+        """Coefficients of the pieces at times t, and x there, shapes (len(t), degree + 1, d), (len(t), 1)."""
         piece = np.maximum(np.searchsorted(self.knots, t, side="right") - 1, 0)
         return self.coefficients[piece], np.maximum(t - self.knots[piece], 0.0)[:, None]
 
 
 @functools.cache
 def _to_bernstein(degree: int) -> Array:
-    """The matrix that makes coefficients of powers on [0, 1] those of Bernstein's polynomials, shape (degree + 1,) * 2.
+    """Matrix from power coefficients on [0, 1] to Bernstein coefficients, shape (degree + 1,) * 2.
 
-    A polynomial lies between the least and the largest of these (Farouki 2012, The Bernstein polynomial basis).
+    A polynomial lies between its smallest and largest Bernstein coefficient (Farouki 2012, The Bernstein polynomial
+    basis).
     """
     row = range(degree + 1)
     return np.array([[math.comb(i, j) / math.comb(degree, j) for j in row] for i in row])
 
 
 def still(angles: ArrayLike) -> ReferenceTrajectory:
-    """These angles (d,) for ever [rad]."""
+    """A trajectory at rest at these angles (d,) [rad]."""
     return ReferenceTrajectory(np.zeros(1), np.array(angles, dtype=np.float64)[None, None])
 
 
 def from_rest_to_rest(knots: Array, moving: Array, end: Array) -> ReferenceTrajectory:
-    """Pieces (m, degree + 1, d) between knots (m + 1,), with rest before, and after at the angles `end` (d,)."""
+    """Pieces (m, degree + 1, d) between knots (m + 1,), with rest before them, and after them at angles `end` (d,)."""
     rest = np.zeros((2, *moving.shape[1:]))
     rest[0, 0], rest[1, 0] = moving[0, 0], end
     before = knots[0] - max(1.0, abs(knots[0]))
@@ -194,7 +195,7 @@ def from_rest_to_rest(knots: Array, moving: Array, end: Array) -> ReferenceTraje
 
 
 def side_by_side(courses: Sequence[ReferenceTrajectory]) -> ReferenceTrajectory:
-    """The angles of all, on common knots."""
+    """One trajectory with the angles of all, on common knots."""
     if not courses:
         return still([])
     knots = common_knots(courses)
@@ -206,14 +207,14 @@ def side_by_side(courses: Sequence[ReferenceTrajectory]) -> ReferenceTrajectory:
 
 
 def common_knots(courses: Sequence[ReferenceTrajectory]) -> Array:
-    """All knots but the first ones, before which nothing moves, and one of those; of times that are one the last."""
+    """All knots except the first ones (nothing moves before them) plus the earliest; of equal times only the last."""
     later = np.unique(np.concatenate([course.knots[1:] for course in courses]))
     first = min(course.knots[0] for course in courses)
-    return np.concatenate([[first], later[apart(later)]])
+    return np.concatenate([[first], later[distinct(later)]])
 
 
-def apart(knots: Array) -> NDArray[np.bool_]:
-    """Which knots differ from the next by more than rounding: sums of the same delays in another order."""
+def distinct(knots: Array) -> NDArray[np.bool_]:
+    """Whether each knot differs from the next by more than rounding: sums of the same delays depend on their order."""
     rounding = 16 * np.finfo(float).eps
     return np.asarray(np.diff(knots, append=np.inf) > rounding * np.abs(knots).max(initial=0.0))
 

@@ -1,4 +1,4 @@
-"""A rigid body on an arm: a hub, what a link carries at its end, the payload."""
+"""A rigid body on an arm: a hub, a body at the end of a link, or the payload."""
 
 from __future__ import annotations
 
@@ -13,20 +13,21 @@ from flexlink.common.wording import truncated
 from flexlink.describe.spec import NonNegative, Spec, Vector3, measured_in
 
 ROUNDING = 32 * np.finfo(float).eps
-"""How far, as a part of the largest, principal moments may miss what a body can have: an eps for each of three
-given numbers, 12 for a turn I → R I Rᵀ on the way here (two products of three terms, R itself), 12 for eigenvalues."""
+"""Tolerance for impossible principal moments, relative to the largest: one eps for each of three given numbers, 12 for
+an earlier rotation I → R I Rᵀ (two products of three terms, and R itself), 12 for the eigenvalues."""
 
 
 class RigidBody(Spec, frozen=True):
     """Rigid body with `mass` [kg], centre of mass `center` [m] and `inertia` [kg m²] about that centre.
 
-    Centre and axes belong to the frame that the body is fixed in: of a hub the link's, of an end the link's at the end
-    of its beam, of the payload the tip frame. `inertia` has three moments, xx, yy, zz, or six numbers, xx, yy, zz and
-    the products xy, xz, yz, the elements of I = ∫ (ρ² 1 − ρ ρᵀ) dm itself (I_xy = −∫ x y dm, the sign of URDF).
+    Centre and axes are in the frame that the body is fixed to: for a hub the link's frame, for an end the link's frame
+    moved to the end of its beam, for the payload the tip frame. `inertia` has three moments, xx, yy, zz, or six
+    numbers, xx, yy, zz and the products xy, xz, yz, the elements of I = ∫ (ρ² 1 − ρ ρᵀ) dm (I_xy = −∫ x y dm, the sign
+    convention of URDF).
 
-    A body with mass has an inertia that bodies can have: its covariance ∫ ρ ρᵀ dm = tr(I)/2 · 1 − I is positive
-    semidefinite, that is, no principal moment exceeds the sum of the other two. Without mass it is a wheel given by its
-    inertia alone, such as a rotor's about one axis, and I need only be positive semidefinite itself.
+    A body with mass must have a physical inertia: its covariance ∫ ρ ρᵀ dm = tr(I)/2 · 1 − I is positive semidefinite,
+    that is, no principal moment exceeds the sum of the other two. A body without mass represents pure inertia, such as
+    a rotor's about one axis; I itself must then be positive semidefinite.
 
     Examples
     --------
@@ -38,9 +39,9 @@ class RigidBody(Spec, frozen=True):
     mass: Annotated[NonNegative, measured_in("kg")] = 0.0
     """Mass [kg]."""
     center: Annotated[Vector3, measured_in("m")] = (0.0, 0.0, 0.0)
-    """Centre of mass in the frame that the body is fixed in [m]."""
+    """Centre of mass in the frame that the body is fixed to [m]."""
     inertia: Annotated[tuple[float, ...], measured_in("kg m²")] = (0.0, 0.0, 0.0)
-    """About the centre of mass [kg m²]: three moments xx, yy, zz, or six numbers xx, yy, zz, xy, xz, yz."""
+    """Inertia about the centre of mass [kg m²]: three moments xx, yy, zz, or six numbers xx, yy, zz, xy, xz, yz."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -55,8 +56,8 @@ class RigidBody(Spec, frozen=True):
         most = low + middle if self.mass else np.inf
         if low < -ROUNDING * high or high > most + ROUNDING * high:
             moments = ", ".join(f"{size * moment:.6g}" for moment in (low, middle, high))
-            over = f"here by {size * (high - low - middle):.3g}"
-            rule = f", and none may exceed the sum of the other two, {over}" if self.mass else ""
+            excess = f"here by {size * (high - low - middle):.3g}"
+            rule = f", and none may exceed the sum of the other two, {excess}" if self.mass else ""
             raise SceneError(
                 f"inertia = {truncated(self.inertia)}: no body can have it; its principal moments are {moments}; none "
                 f"may be negative{rule}",
@@ -65,7 +66,7 @@ class RigidBody(Spec, frozen=True):
 
     @property
     def principal_moments(self) -> tuple[float, ...]:
-        """Of the inertia about the centre of mass, the least one first [kg m²]."""
+        """Principal moments of inertia about the centre of mass, ascending [kg m²]."""
         if len(self.inertia) == 3:
             return tuple(sorted(self.inertia))
         return tuple(np.linalg.eigvalsh(self.matrix).tolist())

@@ -1,4 +1,4 @@
-"""The arm as a controller knows it, who knows nothing of its bending."""
+"""The rigid model of an arm, as used by a controller that ignores bending."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from flexlink.describe.spec import build_validated
 
 
 def rigidified(scene: Scene) -> Scene:
-    """The same scene with all links, their roots and gears rigid, so that its chain has the driven joints only.
+    """Return the scene with all links, their roots and gears rigid: its chain has only the driven joints.
 
-    All that has mass stays, and so do friction and rotors of the joints; hinges, their friction and damping go. It
-    starts with the joints' angles and rates, `initial.joint_deg` and `rate_deg`, positions `joint_m` and `rate_m`.
+    All masses, joint friction and rotor inertia are unchanged; hinges, their friction and damping are removed. It
+    starts with the joints' angles and rates, `initial.joint_deg` and `rate_deg`, and positions `joint_m`, `rate_m`.
 
     Parameters
     ----------
@@ -25,12 +25,12 @@ def rigidified(scene: Scene) -> Scene:
     Returns
     -------
     Scene
-        Its twin, without drive, motions and wrench.
+        The rigid scene, without drive, motions and wrench.
 
     Raises
     ------
     ArgumentError
-        `scene` is no Scene.
+        `scene` is not a Scene.
 
     Examples
     --------
@@ -48,10 +48,12 @@ def rigidified(scene: Scene) -> Scene:
 
 def _rigidified(scene: Scene) -> Scene:
     links, given = scene.arm.links, scene.initial
-    free = [place for place, link in zip(scene.joint_positions.tolist(), links, strict=True) if not link.joint.locked]
-    # coordinates of a free base, the first of a chain
+    free = [
+        position for position, link in zip(scene.joint_positions.tolist(), links, strict=True) if not link.joint.locked
+    ]
+    # coordinates of a free base, which come first in a chain
     of_base = (given.q or ())[: 6 if scene.arm.base.free else 0]
-    q = None if given.q is None else (*of_base, *free)  # then the angles may lie beyond the limits
+    q = None if given.q is None else (*of_base, *free)  # a complete state may exceed the limits
     initial = replace(given, q=q, qd=None, passive="zero")
     arm = replace(scene.arm, links=tuple(map(_rigid, links)))
     return Scene(name=scene.name, arm=arm, initial=initial, about=scene.about, gravity=scene.gravity, run=scene.run)

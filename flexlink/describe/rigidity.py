@@ -1,4 +1,4 @@
-"""What a beam is from its root to its end, as a table: rigidities and mass per length, measured or from a program."""
+"""Beam properties as a table from root to end: rigidities and mass per length, measured or computed."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from flexlink.data.csv_table import head_of, read_csv
 from flexlink.describe.spec import NonNegative, Positive, Spec, measured_in
 
 COLUMNS = {"ei_y": "N m²", "ei_z": "N m²", "gj": "N m²", "rho_a": "kg/m", "rho_i_y": "kg m", "rho_i_z": "kg m"}
-"""What stands in a table beside x, with its unit."""
+"""Columns of a table other than x, with units."""
 HELD = {"z": ("ei_z",), "yz": ("ei_y", "ei_z"), "xyz": ("ei_y", "ei_z", "gj")}
 """Rigidities that a link needs, by its flex."""
 
 
 class Rigidity(Spec, frozen=True):
-    """Rigidities and mass of a beam as a table along it, in place of a material and a section.
+    """Rigidities and mass of a beam as a table along it, instead of a material and a section.
 
-    Columns are linear between rows; where a row repeats the x of the one before, they jump. Springs of hinges hold
-    ∫ dx/EI over what they stand for, segments have the mass, centre and inertia of their stretch, both exactly; in
-    cells of coupled springs masses stand at the cell's points, which leaves an error of order 2 where ρA jumps.
-    Of flex = "z" a link takes `ei_z`, of "yz" `ei_y`, too, of "xyz" `gj`, and inertia about its x.
+    Columns are linear between rows and jump where two rows have the same x. Hinge springs have the exact ∫ dx/EI of
+    their part of the beam; segments have the exact mass, centre and inertia of theirs. In cells of coupled springs,
+    masses are lumped at the cell's points, which leaves an error of order 2 where ρA jumps.
+    A link with flex = "z" needs `ei_z`; "yz" also needs `ei_y`; "xyz" also needs `gj` and inertia about its x.
 
     Examples
     --------
@@ -41,7 +41,7 @@ class Rigidity(Spec, frozen=True):
     """
 
     x: Annotated[tuple[NonNegative, ...], measured_in("m")] = ()
-    """Where the rows stand, from 0, the root of the beam, to its length [m]."""
+    """Positions of the rows, from 0 at the beam's root to its length [m]."""
     rho_a: Annotated[tuple[Positive, ...], measured_in("kg/m")] = ()
     """Mass per length ρA [kg/m]."""
     ei_y: Annotated[tuple[Positive, ...] | None, measured_in("N m²")] = None
@@ -51,18 +51,18 @@ class Rigidity(Spec, frozen=True):
     gj: Annotated[tuple[Positive, ...] | None, measured_in("N m²")] = None
     """Rigidity GJ against twist [N m²]."""
     rho_i_y: Annotated[tuple[NonNegative, ...] | None, measured_in("kg m")] = None
-    """Inertia per length about the section's y, ∫ ρ z² dA [kg m]. Default: 0, as of a thin beam."""
+    """Inertia per length about the section's y, ∫ ρ z² dA [kg m]. Default: 0, for a thin beam."""
     rho_i_z: Annotated[tuple[NonNegative, ...] | None, measured_in("kg m")] = None
-    """Inertia per length about the section's z, ∫ ρ y² dA [kg m]. Default: 0, as of a thin beam."""
+    """Inertia per length about the section's z, ∫ ρ y² dA [kg m]. Default: 0, for a thin beam."""
     file: str | None = None
-    """A CSV file in place of all these, with heads "x [m]", "EI_z [N m²]", "EI_y [N m²]", "GJ [N m²]", "rhoA [kg/m]",
-    "rhoI_y [kg m]", "rhoI_z [kg m]"; a path from the scene's folder. It is read once, when the scene is."""
+    """A CSV file instead of all these, with headers "x [m]", "EI_z [N m²]", "EI_y [N m²]", "GJ [N m²]", "rhoA [kg/m]",
+    "rhoI_y [kg m]", "rhoI_z [kg m]". The path is relative to the scene's folder; the file is read once."""
     loss_time: Annotated[NonNegative, measured_in("s")] = 0.0
-    """Kelvin-Voigt's loss time η [s], as of a material."""
+    """Kelvin-Voigt loss time η [s], as for a material."""
     stiffness_factor: Positive = 1.0
-    """Times what EI and GJ are of what the table says, along the whole beam: one number to vary or to fit [1]."""
+    """Factor on EI and GJ along the complete beam: one number to vary or to fit [1]."""
     mass_factor: Positive = 1.0
-    """Times what ρA and ρI are of what the table says, along the whole beam [1]."""
+    """Factor on ρA and ρI along the complete beam [1]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -70,28 +70,29 @@ class Rigidity(Spec, frozen=True):
             self._read(self.file)
         if len(self.x) < 2 or self.x[0] != 0:
             raise SceneError(f"x = {truncated(self.x)}: expected two rows or more, the first at 0", id="rigidity-table")
-        for k, (before, place) in enumerate(itertools.pairwise(self.x), 1):
-            if place < before or (k >= 2 and place == before == self.x[k - 2]):
+        for k, (before, x) in enumerate(itertools.pairwise(self.x), 1):
+            if x < before or (k >= 2 and x == before == self.x[k - 2]):
                 raise SceneError(
-                    f"x[{k}] = {place!r}: must not be below x[{k - 1}] = {before!r}; at most two rows may be equal",
+                    f"x[{k}] = {x!r}: must not be less than x[{k - 1}] = {before!r}; at most two rows may be equal",
                     id="rigidity-table",
                 )
         if self.x[0] == self.x[1] or self.x[-1] == self.x[-2]:
             raise SceneError(
-                f"x = {truncated(self.x)}: nothing jumps at the ends of a beam; give one row there", id="rigidity-table"
+                f"x = {truncated(self.x)}: the ends of a beam cannot have jumps; give one row there",
+                id="rigidity-table",
             )
         for name in COLUMNS:
             column = getattr(self, name)
             if column is not None and len(column) != len(self.x):
                 raise SceneError(
-                    f"{name} = {truncated(column)}: must have as many numbers as x, {len(self.x)}", id="one-per-row"
+                    f"{name} = {truncated(column)}: expected one number per row of x, {len(self.x)}", id="one-per-row"
                 )
 
     def _read(self, file: str) -> None:
-        """Fill the columns by those of a file, whose own path then is not needed any more."""
+        """Fill the columns from a file; its path is then no longer needed."""
         for name in ("x", *COLUMNS):
             if getattr(self, name):
-                raise SceneError(f"file = {file!r}: {name} is given, too; give only one", id="both-given")
+                raise SceneError(f"file = {file!r}: {name} is also given; specify only one", id="both-given")
         try:
             for name, column in _columns(Path(file)).items():
                 msgspec.structs.force_setattr(self, name, column)
@@ -100,30 +101,30 @@ class Rigidity(Spec, frozen=True):
         msgspec.structs.force_setattr(self, "file", None)
 
     def lacks(self, flex: str) -> Iterator[str]:
-        """Columns that a link of a flex needs, and that are not there; rotary inertia where it twists."""
+        """Missing columns that a link with this flex needs, including rotary inertia if it twists."""
         yield from (name for name in HELD.get(flex, ()) if getattr(self, name) is None)
         if flex == "xyz" and not any(map(any, (self.rho_i_y or (), self.rho_i_z or ()))):
             yield "rho_i_y or rho_i_z"
 
     def jump_at(self, x: float, flex: str) -> float | None:
-        """Where a rigidity that a link of this flex needs jumps, if that is at x [m], but for rounding."""
+        """Position of a jump at x [m], up to rounding, in a rigidity that a link with this flex needs; else None."""
         for k in range(1, len(self.x)):
             columns = (getattr(self, name) or () for name in HELD[flex])
-            # part of a beam's length that two places may differ by and be one
+            # relative distance below which two positions count as equal
             if self.x[k] == self.x[k - 1] and abs(x - self.x[k]) <= 1e-9 * self.x[-1]:
                 return self.x[k] if any(column[k] != column[k - 1] for column in columns if column) else None
         return None
 
     @property
     def rows(self) -> Rows:
-        """The table as arrays, with its factors."""
+        """The table as arrays, including its factors."""
         return _rows(self)
 
 
 def _columns(file: Path) -> dict[str, tuple[float, ...]]:
-    """Columns of a file by their keys; an unknown head is refused, since what is not read is not in the beam."""
+    """Columns of a file by key; unknown headers are refused, because they would be ignored silently."""
     tiny = float(np.finfo(np.float64).tiny)
-    # heads of a CSV file, and the columns that they are
+    # headers of a CSV file, and their keys
     heads = {"EI_y": "ei_y", "EI_z": "ei_z", "GJ": "gj", "rhoA": "rho_a", "rhoI_y": "rho_i_y", "rhoI_z": "rho_i_z"}
     table = read_csv(file)
     given = [head_of(head)[0] for head in table.heads]
@@ -145,10 +146,10 @@ def _columns(file: Path) -> dict[str, tuple[float, ...]]:
 
 
 class Rows(NamedTuple):
-    """A table as arrays."""
+    """A rigidity table as arrays."""
 
     x: Array  # (rows,) [m]
-    rigidities: Array  # (3, rows) GJ, EI_y, EI_z [N m²], 1 where there is none
+    rigidities: Array  # (3, rows) GJ, EI_y, EI_z [N m²], 1 if missing
     masses: Array  # (3, rows) ρA [kg/m], ρI_y, ρI_z [kg m]
 
 

@@ -1,4 +1,4 @@
-"""Springs at the root of a link: what clamps its beam, a bearing, a flange, a screwed joint, gives way."""
+"""Springs at the root of a link: compliance of the beam's clamping, such as a bearing, flange or screwed joint."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from flexlink.describe.spec import NonNegative, Positive, Spec, measured_in
 
 
 class RootStiffness(Spec, frozen=True):
-    """Springs about axes of a link's frame, where its beam begins; about an axis without a number it is rigid.
+    """Springs about axes of a link's frame, at the beam's root; an axis without a number is rigid.
 
-    They hold what turns at the root against the hub: the moment there is k times the angle, and every axis with a
-    spring is a hinge of the chain, of the name `boom.root.z`. A beam of rigidity EI and length L that is clamped so
-    stiffly that k L / EI is 100 has a first frequency 2 % lower than one that is clamped rigidly.
+    Springs connect the beam's root to the hub: the moment is k times the angle. Every axis with a spring is a hinge of
+    the chain, named `boom.root.z`. For a beam of rigidity EI and length L with k L / EI = 100, the first frequency is
+    2 % lower than with a rigid clamp.
 
     Examples
     --------
@@ -31,7 +31,7 @@ class RootStiffness(Spec, frozen=True):
 
 
 class RootDamping(Spec, frozen=True):
-    """Viscous damping of the springs at a link's root, each beside its spring.
+    """Viscous damping of the springs at a link's root, by axis; each axis needs a spring.
 
     Examples
     --------
@@ -50,4 +50,4 @@ class RootDamping(Spec, frozen=True):
 
 
 ROOT_AXES = "xyz"
-"""Axes of the springs at a root, in the order in which its hinges stand."""
+"""Axes of root springs, in the order of their hinges."""

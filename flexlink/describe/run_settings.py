@@ -1,4 +1,4 @@
-"""How to integrate: method, steps, duration, samples, solver of forward dynamics."""
+"""Integration settings: method, steps, duration, samples, and solver of forward dynamics."""
 
 from __future__ import annotations
 
@@ -17,34 +17,34 @@ from flexlink.describe.schemes.methods import method
 from flexlink.describe.spec import NonNegative, Positive, Spec, measured_in
 from flexlink.describe.whole_steps import is_whole, multiples, whole
 
-AUTO = "auto"  # in place of a method's name
+AUTO = "auto"  # instead of a method's name
 DEFAULT_TOLERANCE = 1e-3
-"""Part of the arm's reach that any body may be off by at the end of a run that says nothing of its steps."""
+"""Default tolerance, relative to the arm's reach: error of any body's position at the end of the run."""
 DEFAULT_DURATION = 5.0  # s
 ForwardSolver = Literal["articulated", "lu", "cholesky"]
 """Solvers of forward dynamics."""
 Unstable = Literal["refuse", "allow"]
-"""What becomes of a run that is not stable."""
+"""Treatment of an unstable run."""
 Accuracy = Literal["tip", "deflection"]
-"""What a relative tolerance is a part of."""
+"""Reference length of a relative tolerance."""
 
 
-class RunSettings(Spec, frozen=True, dict=True):  # with a dict, for cached properties
-    """How to integrate: method, steps, duration, time between stored samples [s], solver of forward dynamics.
+class RunSettings(Spec, frozen=True, dict=True):  # the dict is for cached properties
+    """Integration settings: method, steps, duration, time between stored samples [s], solver of forward dynamics.
 
-    Steps are fixed, of length `step`, or follow from the error that is allowed at the end of the run: `tolerance` [m]
-    of any body's place, or `relative_tolerance`, a part of the arm's reach (accuracy = "tip") or of how far all springs
-    have moved any body so far, at most (accuracy = "deflection"); `step` then has no effect. method = "auto", the
-    default then, takes the cheapest method. Vibrations too small to matter for the tip's path may be damped away by
-    accuracy = "tip".
+    Steps are either fixed, of length `step`, or adapted to the error allowed at the end of the run: `tolerance` [m] for
+    the position of any body, or `relative_tolerance`, relative to the arm's reach (accuracy = "tip") or to the largest
+    displacement of any body by the springs so far (accuracy = "deflection"). With a tolerance, method = "auto" is the
+    default: it picks the cheapest method. With accuracy = "tip", vibrations too small to affect the tip's path may be
+    damped numerically.
 
-    Where nothing is said of method, step and tolerance, steps keep a tolerance of a thousandth of the reach. A method
-    alone takes fixed steps of 1e-4 s.
+    If method, step and tolerance are all omitted, the tolerance is a thousandth of the reach. A method alone uses fixed
+    steps of 1e-4 s.
 
-    Such a run may take `max_evaluations` of forward or inverse dynamics: a hundred times what dry friction of the
-    stiffest arms has taken, and half a minute of ten joints. One that would take more tells where it hangs, then stops.
+    A run with a tolerance is limited to `max_evaluations` of forward or inverse dynamics: a hundred times the cost of
+    dry friction on the stiffest arms, and half a minute for ten joints. If it needs more, it stops and reports why.
 
-    `unstable` = "allow" insists on a step beyond the largest stable one, and on a run whose energy does not balance.
+    `unstable` = "allow" permits a step above the stability limit, and a run whose energy does not balance.
 
     Examples
     --------
@@ -55,28 +55,28 @@ class RunSettings(Spec, frozen=True, dict=True):  # with a dict, for cached prop
     """
 
     method: str = ""
-    """Runge-Kutta method: a name, the path of a method's file, or auto, the cheapest for the tolerance. Default: auto;
-    with a step RK4."""
+    """Runge-Kutta method: a name, the path of a method file, or auto, the cheapest for the tolerance. Default: auto;
+    RK4 if a step is given."""
     step: Annotated[Positive | None, measured_in("s")] = None
-    """Length of fixed steps [s]. Default: steps follow from a tolerance; of a method that is named 1e-4."""
+    """Length of fixed steps [s]. Default: adaptive steps; 1e-4 if only a method is given."""
     duration: Annotated[NonNegative, measured_in("s")] = DEFAULT_DURATION
-    """How long the run is [s]; 0: one sample, the start."""
+    """Duration of the run [s]; 0: only the initial sample."""
     sample: Annotated[Positive | None, measured_in("s")] = None
-    """Time between stored samples [s]. Default: 0.005, or what is nearest of the parts of the duration that are whole
-    numbers of steps."""
+    """Time between stored samples [s]. Default: 0.005, or the nearest value that divides the duration and is a multiple
+    of the step."""
     solver: ForwardSolver = "articulated"
-    """Of forward dynamics: articulated bodies, or M by LU (the paper's way) or Cholesky."""
+    """Forward dynamics: articulated bodies, or the mass matrix M with LU (as in the paper) or Cholesky."""
     unstable: Unstable = "refuse"
-    """What becomes of a step beyond the largest stable one, and of a run whose energy does not balance."""
+    """Treatment of a step above the stability limit, and of a run whose energy does not balance."""
     tolerance: Annotated[Positive | None, measured_in("m")] = None
-    """Largest error of any body's place at the end of the run [m]; steps follow from it."""
+    """Largest error of any body's position at the end of the run [m], which determines the steps."""
     relative_tolerance: Positive | None = None
-    """The same as a part of the reach, or of the deflection (`accuracy`) [1]. Default: 1e-3, where neither method nor
-    step are given."""
+    """The same, relative to the reach or to the deflection (`accuracy`) [1]. Default: 1e-3 if neither method nor step
+    is given."""
     accuracy: Accuracy = "tip"
-    """What a relative tolerance is a part of: the arm's reach (tip), or how far springs have moved it."""
+    """Reference length of a relative tolerance: the arm's reach (tip), or the displacement by springs (deflection)."""
     max_evaluations: Positive = 1e7
-    """Evaluations of dynamics after which a run with a tolerance stops as an error."""
+    """Evaluations of dynamics after which a run with a tolerance stops with an error."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -87,22 +87,22 @@ class RunSettings(Spec, frozen=True, dict=True):  # with a dict, for cached prop
         if self.controlled:
             self._check_tolerance()
         elif self.sample is None:
-            whole(self._duration_said, self.duration, self.said("step"), self.fixed_step)
+            whole(self._duration_key, self.duration, self.said("step"), self.fixed_step)
         else:
             whole("sample", self.sample, self.said("step"), self.fixed_step)
-        whole(self._duration_said, self.duration, self.said("sample"), self.spacing)
+        whole(self._duration_key, self.duration, self.said("sample"), self.spacing)
 
     def _check_tolerance(self) -> None:
         if self.tolerance is not None and self.relative_tolerance is not None:
             raise SceneError(
-                f"relative_tolerance = {self.relative_tolerance!r}: tolerance = {self.tolerance!r} is given, too; "
-                "give only one",
+                f"relative_tolerance = {self.relative_tolerance!r}: tolerance = {self.tolerance!r} is also given; "
+                "specify only one",
                 id="both-given",
             )
         if self.step is not None and self.has_tolerance:
             key = "tolerance" if self.tolerance is not None else "relative_tolerance"
             raise SceneError(
-                f"step = {self.step!r}: {key} = {getattr(self, key)!r} is given, too; give only one", id="both-given"
+                f"step = {self.step!r}: {key} = {getattr(self, key)!r} is also given; specify only one", id="both-given"
             )
         if self.accuracy == "deflection" and self.relative_tolerance is None:
             raise SceneError(
@@ -117,17 +117,17 @@ class RunSettings(Spec, frozen=True, dict=True):  # with a dict, for cached prop
 
     @functools.cached_property
     def controlled(self) -> bool:
-        """Whether steps follow from a tolerance."""
+        """Whether steps are adapted to a tolerance."""
         return self.has_tolerance or self.method == AUTO
 
     @property
     def by_default(self) -> bool:
-        """Whether steps follow from the tolerance that is taken where neither method, step nor tolerance are given."""
+        """Whether the default tolerance applies because neither method, step nor tolerance is given."""
         return self.method == AUTO and not self.has_tolerance
 
     @property
     def in_words(self) -> str:
-        """Method, step or tolerance, and duration, in one line."""
+        """Method, step or tolerance, and duration, on one line."""
         steps = f"step {self.fixed_step:g} s"
         if self.tolerance is not None:
             steps = f"tolerance {self.tolerance:g} m"
@@ -137,48 +137,48 @@ class RunSettings(Spec, frozen=True, dict=True):  # with a dict, for cached prop
 
     @property
     def measure(self) -> str:
-        """What a relative tolerance is a part of."""
+        """Reference length of a relative tolerance, as text."""
         return {"tip": "reach", "deflection": "deflection"}[self.accuracy]
 
     @property
-    def _duration_said(self) -> str:
-        """Its key, for messages."""
-        return "duration" if self.duration != DEFAULT_DURATION else f"duration, by default {DEFAULT_DURATION},"
+    def _duration_key(self) -> str:
+        """Key of the duration, for messages."""
+        return "duration" if self.duration != DEFAULT_DURATION else f"duration (default {DEFAULT_DURATION})"
 
     def said(self, key: str, above: str = "") -> str:
-        """A key of these settings, below another, for messages: of one that nobody wrote, that it is a default."""
+        """Key of a setting for messages, prefixed by `above`, and by "the default" if it was not given."""
         return f"{above}{key}" if getattr(self, key) is not None else f"the default {above}{key}"
 
     def tolerance_within(self, length: float) -> float:
-        """The tolerance [m], a relative one of this length."""
+        """The tolerance [m]; a relative one applies to `length`."""
         return self.tolerance or (self.relative_tolerance or DEFAULT_TOLERANCE) * length
 
     @property
     def fixed_step(self) -> float:
         """Length of fixed steps [s]."""
-        # length of the fixed steps of a run that names a method alone [s]
+        # default if only a method is given [s]
         return 1e-4 if self.step is None else self.step
 
     @functools.cached_property
     def spacing(self) -> float:
-        """Time between two stored samples [s]."""
+        """Time between stored samples [s]."""
         if self.sample is not None:
             return self.sample
         return default_sample(self.duration, None if self.controlled else self.fixed_step)
 
     @functools.cached_property
     def steps_per_sample(self) -> int:
-        """Number of fixed steps between two stored samples."""
+        """Number of fixed steps between stored samples."""
         return round(self.spacing / self.fixed_step)
 
     @functools.cached_property
     def between(self) -> float:
-        """Time between two stored samples [s]: of fixed steps what their number takes."""
+        """Time between stored samples [s]; with fixed steps, exactly their number times the step."""
         return self.spacing if self.controlled else self.steps_per_sample * self.fixed_step
 
     @functools.cached_property
     def samples(self) -> int:
-        """Number of stored samples, the initial one included."""
+        """Number of stored samples, including the initial one."""
         return round(self.duration / self.spacing) + 1
 
     @property
@@ -187,14 +187,14 @@ class RunSettings(Spec, frozen=True, dict=True):  # with a dict, for cached prop
         return self.times_from(0.0)
 
     def times_from(self, start: float) -> Array:
-        """Times of the stored samples [s]: whole multiples of the time between them, if the start is one."""
+        """Times of the stored samples [s]: integer multiples of the time between them, if the start is one."""
         return multiples(start, self.between, self.samples)
 
 
 @functools.lru_cache(maxsize=256)
 def default_sample(duration: float, step: float | None) -> float:
-    """Time between stored samples [s] where none is given: a part of the duration near 0.005 s, of whole steps."""
-    # time between stored samples where it fits the run [s]
+    """Default time between stored samples [s]: close to 0.005 s, divides the duration, a multiple of the step."""
+    # preferred time between stored samples [s]
     sample = 0.005
     if _fits(duration, sample) and (step is None or _fits(sample, step)):
         return sample
@@ -210,7 +210,7 @@ def _fits(long: float, unit: float) -> bool:
 
 
 def of_run_alone(changes: Mapping[str, object]) -> bool:
-    """Whether changes of a scene are of its run, to values that mean the same everywhere, as a user's file does not."""
+    """Whether all changes of a scene are of run settings, to plain values (no user file, whose content may change)."""
     return isinstance(changes, Mapping) and bool(changes) and all(map(_plain, changes, changes.values()))
 
 
@@ -220,18 +220,18 @@ def _plain(path: object, value: object) -> bool:
 
 
 def implied(run: RunSettings, changes: Mapping[str, object]) -> dict[str, None]:
-    """Settings of a run that changes by path leave out: a tolerance takes the place of fixed steps, and reversely.
+    """Run settings removed by changes: a tolerance replaces fixed steps, and a step replaces a tolerance.
 
     Raises
     ------
     SceneError
-        Both are given.
+        Both a tolerance and a step are given.
     """
     changed = {path for path, value in changes.items() if value is not None}
     tolerances, step = changed & {"run.tolerance", "run.relative_tolerance"}, "run.step" in changed
     if tolerances and step:
         raise SceneError(
-            f"run.step = {truncated(changes['run.step'])}: {min(tolerances)} is given, too; give only one",
+            f"run.step = {truncated(changes['run.step'])}: {min(tolerances)} is also given; specify only one",
             id="both-given",
         )
     gone: list[str] = []
@@ -247,36 +247,36 @@ def implied(run: RunSettings, changes: Mapping[str, object]) -> dict[str, None]:
 
 
 def steps_explicitly(run: RunSettings) -> bool:
-    """Whether a run takes fixed steps of an explicit method."""
+    """Whether a run uses fixed steps with an explicit method."""
     return not run.controlled and method(run.method).explicit
 
 
 def check_method(run: RunSettings) -> None:
-    """The method of a run is there, and it can do what the run asks of it.
+    """Check that the method of a run exists and supports its settings.
 
     Raises
     ------
     SceneError
         The message names the key, the value and what is allowed.
     DataFileError
-        The method's own file is not valid.
+        The user's method file is invalid.
     """
     if run.method == AUTO:
         if run.by_default and run.step is not None:
             raise SceneError(
-                f"run.method = {AUTO!r}: picks a method for a tolerance, but run.step = {run.step!r} is given; give "
-                "run.tolerance, or a method, or leave run.step out",
+                f"run.method = {AUTO!r}: needs a tolerance, but run.step = {run.step!r} is given; give run.tolerance "
+                "or a method, or leave run.step out",
                 id="method-and-step",
             )
         return
     try:
-        able = method(run.method).controlled or not run.controlled
+        supported = method(run.method).controlled or not run.controlled
     except (ArgumentError, DataFileError) as error:
         kind = DataFileError if isinstance(error, DataFileError) else SceneError
         raise kind(f"run.{error}") from None
-    if not able:
+    if not supported:
         allowed = ", ".join([AUTO, *(name for name in data_files.names("methods") if method(name).controlled)])
         raise SceneError(
-            f"run.method = {truncated(run.method)}: has no error estimate; with a tolerance allowed are {allowed}",
+            f"run.method = {truncated(run.method)}: has no error estimate; with a tolerance use {allowed}",
             id="method-without-error",
         )

@@ -1,4 +1,4 @@
-"""Scene: an arm with gravity, initial state, drive, motion, wrench and run settings; strict TOML in and out."""
+"""Scene: an arm with gravity, initial state, drive, motions, wrench and run settings; strict TOML input and output."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from flexlink.describe.writing import toml_of, without_defaults
 
 
 class Scene(Spec, frozen=True):
-    """One arm in one situation, as plain data: `lump` cuts it, `simulate` runs it; `gravity` [m/s²] in frame 0.
+    """One arm in one situation, as plain data for `lump` and `simulate`; `gravity` [m/s²] in frame 0.
 
     Examples
     --------
@@ -45,33 +45,33 @@ class Scene(Spec, frozen=True):
     """
 
     name: str
-    """Name of the scene; files written from it are called so."""
+    """Name of the scene, used for files written from it."""
     arm: Arm
-    """The arm; in a file its keys `link`, `material`, `section`, `tip`, `base` stand at the top."""
+    """The arm; in a file its keys `link`, `material`, `section`, `tip`, `base` are at the top level."""
     initial: InitialState = InitialState()
-    """State at the start. Default: all joints at zero, at rest."""
+    """Initial state. Default: all joints at zero, at rest."""
     about: str = ""
-    """A sentence on what the scene shows."""
+    """One-sentence description of the scene."""
     gravity: Annotated[Vector3, measured_in("m/s²")] = (0.0, 0.0, 9.81)
-    """Acceleration of gravity in frame 0 [m/s²]; [0, 0, 9.81] has Z down, [0, 0, -9.81] Z up."""
+    """Acceleration of gravity in frame 0 [m/s²]: [0, 0, 9.81] if Z points down, [0, 0, -9.81] if Z points up."""
     air_density: Annotated[Positive | None, measured_in("kg/m³")] = None
-    """Density ρ of the air in which links with `drag` move [kg/m³]; default: 1.225, at sea level and 15 °C."""
+    """Air density ρ for links with `drag` [kg/m³]. Default: 1.225, at sea level and 15 °C."""
     drive: Drive = Drive()
-    """What drives the joints."""
+    """Drive of the joints."""
     motion: tuple[PrescribedMotion, ...] = ()
-    """Motions of joints that are prescribed, `[[motion]]` in a file."""
+    """Prescribed motions of joints, `[[motion]]` in a file."""
     wrench: Wrench = Wrench()
     """Force and moment on the tip."""
     sensor: tuple[Sensor, ...] = ()
-    """What is measured, `[[sensor]]` in a file: columns of every run."""
+    """Sensors, `[[sensor]]` in a file: their readings are columns of every run."""
     run: RunSettings = RunSettings()
-    """How to integrate."""
+    """Integration settings."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.name:
             raise SceneError("name = '': must not be empty", id="empty-name")
-        said = {
+        names = {
             name: name if getattr(self.initial, name) else f"the default {name}" for name in ("joint_deg", "joint_m")
         }
         if not self.initial.joint_deg:
@@ -79,11 +79,11 @@ class Scene(Spec, frozen=True):
         self._read_files()
         check_parts(
             self.arm, self.initial, self.drive, self.run, motion=self.motion, wrench=self.wrench, sensor=self.sensor,
-            air_density=self.air_density, course=lambda: self.course, said=said,
+            air_density=self.air_density, course=lambda: self.course, names=names,
         )  # fmt: skip
 
     def _read_files(self) -> None:
-        """Tables in files become the scene's own; a joint that moves by one starts where its file does."""
+        """Read tables in files into the scene; a joint moved by a file starts where the file does."""
         filled = filled_from_files(
             self.arm, motion=self.motion, drive=self.drive, wrench=self.wrench, initial=self.initial
         )
@@ -92,28 +92,28 @@ class Scene(Spec, frozen=True):
 
     @property
     def fluid_density(self) -> float:
-        """Density of the air that links with drag move through [kg/m³]; 0 without any."""
+        """Air density for links with drag [kg/m³]; 0 if there are none."""
         sea_level = 1.225  # at 15 °C, of the International Standard Atmosphere
         return (self.air_density or sea_level) if self.arm.has_drag else 0.0
 
     @property
     def starts(self) -> Row:
-        """Where the joints start, one number per link, [deg] or, where it slides, [m]."""
+        """Initial joint positions, one number per link, [deg] or, if it slides, [m]."""
         return self.initial.own("joint", self.arm.slides)
 
     @property
     def joint_positions(self) -> Array:
-        """Where the joints start, one number per link, [rad] or, where it slides, [m]."""
+        """Initial joint positions, one number per link, [rad] or, if it slides, [m]."""
         return in_si(self.arm.slides, self.starts)
 
     @property
     def joint_rates(self) -> Array:
-        """Rates with which the joints start, one number per link, [rad/s] or, where it slides, [m/s]."""
+        """Initial joint rates, one number per link, [rad/s] or, if it slides, [m/s]."""
         return in_si(self.arm.slides, self.initial.own("rate", self.arm.slides))
 
     @property
     def joint_targets(self) -> Array:
-        """Where a law leads the joints, one number per link, [rad] or, where it slides, [m]; zero without any."""
+        """Target positions of a controller, one number per link, [rad] or, if it slides, [m]; zero without any."""
         return in_si(self.arm.slides, together(self.arm.slides, self.drive.target_deg, self.drive.target_m))
 
     def __repr__(self) -> str:
@@ -130,26 +130,26 @@ class Scene(Spec, frozen=True):
         return html_table(f"{self.name}: {run.in_words}", heads, rows)
 
     def plot(self) -> Any:
-        """Draw the arm where the scene starts, from the side and, if it is not in a plane, from above.
+        """Draw the arm in its initial state, from the side and, if it is not planar, from above.
 
-        Returns a matplotlib Figure, which a notebook shows once.
+        Returns a matplotlib Figure, which a notebook displays once.
 
         Raises
         ------
         MissingDependencyError
             matplotlib is not installed.
         SceneError, ConvergenceError
-            As in `initial_state`.
+            From `initial_state`.
 
         Examples
         --------
-        >>> picture = scene.plot()
-        >>> picture.savefig("two_links.png")
+        >>> figure = scene.plot()
+        >>> figure.savefig("two_links.png")
         """
         return drawing_module("scene_report.arm_picture").plot_scene(self)
 
     def _put_joints_at_zero(self) -> None:
-        """Where nothing else is said; but of a whole state nobody has said where a reference starts."""
+        """Set the default angles; with a complete state, a reference must then specify where it starts."""
         if self.initial.q is not None and self.drive.reference is not None:
             for slides in set(self.arm.slides):
                 key, default = f"from_{OF_JOINT[slides].unit}", f"joint_{OF_JOINT[slides].unit}"
@@ -163,21 +163,21 @@ class Scene(Spec, frozen=True):
 
     @property
     def course(self) -> ReferenceTrajectory | None:
-        """Where the drive's reference leads the joints that are not locked [rad, m], one column each; None without one.
+        """Reference trajectory of all joints that are not locked [rad, m], one column each; None without a reference.
 
         Raises
         ------
         SceneError
-            An angle changes faster than float64 can hold, or the reference does not fit the arm.
+            An angle changes too fast for float64, or the reference does not fit the arm.
         DataFileError
-            The file of its shaper is not valid.
+            The user's shaper file is invalid.
         """
         if self.drive.reference is None:
             return None
         reference, start, slides = self.drive.reference, self.starts, self.arm.slides
         free = tuple(k for k, link in enumerate(self.arm.links) if not link.joint.locked)
         try:
-            if reference.shaper is not None and documents.is_user_file(reference.shaper.kind):  # which may change
+            if reference.shaper is not None and documents.is_user_file(reference.shaper.kind):  # the file may change
                 return reference.course(start, free, slides)
             return _course(reference, start, free, slides)
         except (SceneError, DataFileError) as error:
@@ -185,41 +185,40 @@ class Scene(Spec, frozen=True):
 
     @property
     def tip_wrench(self) -> Array:
-        """Constant force and moment on the tip, frame 0, shape (6,).
+        """Constant force and moment on the tip, in frame 0, shape (6,).
 
         Raises
         ------
         SceneError
-            They are not constant there: `Trajectory.tip_wrench` holds what acted in a run.
+            They are not constant in frame 0: use `Trajectory.tip_wrench` of a run.
         """
         return self.wrench.constant
 
     def varied(self, changes: Mapping[str, object]) -> Scene:
-        """This scene with other values, each at a path in the words of the TOML file.
+        """Return this scene with other values, each at a key path of the TOML file.
 
         Parameters
         ----------
         changes
-            Values by path, put in one after the other; a value replaces all that stands at its path, and None leaves
-            the key out, so that its default holds. Paths lead through tables by their keys (`run.step`), through
-            materials and sections by name, through links by name, number from 1 or `*`, and so through motions and
-            lists of one number per link (`initial.joint_deg.upper`), into vectors by x, y and z (`gravity.x`); a name
-            with a dot stands in quotes. `*` stands for all links on which the key has an effect: `flex`, `segments`,
-            `lumping` and `damping` of those that are flexible, `material` and `section` of those that have some,
-            friction, armature, rates and torques of those whose joint is free. A tolerance takes the place of fixed
-            steps, and a step that of a tolerance.
+            Values by path, applied in order; a value replaces everything at its path, and None removes the key, which
+            restores its default. Paths lead through tables by key (`run.step`), through materials and sections by name,
+            through links by name, number from 1 or `*`, through motions and lists of one number per link
+            (`initial.joint_deg.upper`), and into vectors by x, y and z (`gravity.x`). Put a name with a dot in quotes.
+            `*` selects all links on which the key has an effect: `flex`, `segments`, `lumping` and `damping` of
+            flexible links, `material` and `section` of links that have them, friction, armature, rates and torques of
+            links with a free joint. A tolerance replaces fixed steps, and a step replaces a tolerance.
 
         Returns
         -------
         Scene
-            Checked like one that is read from a file, with the rules and the method that it names.
+            Checked as if read from a file, including its lumping rules and method.
 
         Raises
         ------
         SceneError
-            A path that leads nowhere, or a value that does not fit; the message names it and what is allowed.
+            A path does not exist, or a value is invalid; the message names it and what is allowed.
         ArgumentError
-            `changes` is no dict of values by path.
+            `changes` is not a dict of values by path.
 
         Examples
         --------
@@ -251,12 +250,12 @@ class Scene(Spec, frozen=True):
         return varied
 
     def values_at(self, path: str) -> list[Any]:
-        """What stands at a path of `varied`, as in a TOML file: one value, or, with `*`, several; None for nothing.
+        """Values at a path of `varied`, as in a TOML file: one, or several with `*`; None if nothing is there.
 
         Raises
         ------
         SceneError
-            The path leads nowhere.
+            The path does not exist.
 
         Examples
         --------
@@ -266,7 +265,7 @@ class Scene(Spec, frozen=True):
         return values_at(self.document(), FIELDS, path)
 
     def to_toml(self) -> str:
-        """This scene as a TOML document that `load_scene` reads back equal; defaults are left out, but for gravity.
+        """This scene as TOML, from which `load_scene` reads an equal scene; defaults are omitted, except gravity.
 
         Examples
         --------
@@ -277,24 +276,24 @@ class Scene(Spec, frozen=True):
         document |= document.pop("arm")
         initial = document.get("initial", {})
         turns_only = not (any(self.arm.slides) or self.arm.base.free)
-        if not (turns_only or self.initial.q or any(self.initial.joint_deg)):  # of other arms angles of 0 say little
+        if not (turns_only or self.initial.q or any(self.initial.joint_deg)):  # zero angles are trivial for other arms
             initial.pop("joint_deg", None)
         order = (
             "name", "about", "gravity", "air_density", "base", "material", "section", "rigidity", "link", "tip",
             "initial", "drive", "motion", "wrench", "sensor", "run",
         )  # fmt: skip
-        said = {key: document[key] for key in order if key in document and document[key] != {}}
-        return toml_of(said, inline=frozenset({"base"}))
+        written = {key: document[key] for key in order if key in document and document[key] != {}}
+        return toml_of(written, inline=frozenset({"base"}))
 
     def save(self, path: str | Path) -> Path:
-        """Write `to_toml` into a file that `load_scene` reads back equal; it appears whole or not at all.
+        """Write `to_toml` to a file, completely or not at all.
 
         Raises
         ------
         ArgumentError
-            `path` is no path.
+            `path` is not a path.
         OutputError
-            It cannot be written.
+            The file cannot be written.
 
         Examples
         --------
@@ -306,7 +305,7 @@ class Scene(Spec, frozen=True):
         return path
 
     def document(self, keys: Container[str] | None = None) -> dict[str, Any]:
-        """What a TOML parser returns of this scene, or of some of its keys, with all defaults written out."""
+        """This scene, or the given keys of it, as parsed TOML with all defaults."""
         parts, wanted = {**parts_by_key(self), **parts_by_key(self.arm)}, FIELDS if keys is None else keys
         return {key: to_document(value) for key, value in parts.items() if key in wanted and value is not None}
 
@@ -315,7 +314,7 @@ class Scene(Spec, frozen=True):
 def _course(
     reference: Reference, start: tuple[float, ...], free: tuple[int, ...], slides: tuple[bool, ...]
 ) -> ReferenceTrajectory:
-    """A reference's trajectory, which runs of one scene share."""
+    """Trajectory of a reference, shared by runs of one scene."""
     return reference.course(start, free, slides)
 
 
@@ -326,9 +325,7 @@ def scene_from(
     *,
     finite: bool = False,
 ) -> Scene:
-    """The scene of a parsed file, and of parts of another scene, or its whole arm, which have been checked.
-
-    `finite` as of `decode`.
+    """Build a scene from a parsed file and from checked parts of another scene; `finite` as in `decode`.
 
     Raises
     ------
@@ -341,11 +338,11 @@ def scene_from(
 
 
 def _fields() -> list[FieldInfo]:
-    """Fields of what a scene's file holds."""
+    """Fields of a scene file."""
     return [field for field in (*fields_of(Scene), *fields_of(Arm)) if field.name != "arm"]
 
 
 RUNS = Memo(256)
-"""Settings of runs by those that they are variants of, and the changes: scenes share them."""
+"""Run settings by their original and the changes to it, shared between scenes."""
 FIELDS: dict[str, Any] = {field.encode_name: field.type for field in _fields()}
-"""What stands at each key of a scene's file, which is flat: the arm's keys stand beside the scene's own."""
+"""Type at each key of a scene file, which is flat: keys of the arm are next to those of the scene."""

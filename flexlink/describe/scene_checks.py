@@ -1,6 +1,6 @@
-"""What the parts of a scene must have in common: a number per link, joints within limits, jumps at ends of steps.
+"""Consistency of a scene's parts: one number per link, joints within limits, jumps at step ends.
 
-Messages name the path, the value and what is allowed; `wrong_lists` yields them, the others raise the first.
+Messages name the path, the value and what is allowed; `wrong_lists` yields all, the other checks raise the first.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from flexlink.common.errors import ArgumentError, SceneError
-from flexlink.common.wording import did_you_mean, truncated
+from flexlink.common.wording import Diagnostic, did_you_mean, truncated
 from flexlink.describe.actions import Drive, PrescribedMotion, Wrench
 from flexlink.describe.arm import BASE, Arm
 from flexlink.describe.hinges import hinges_of
@@ -37,28 +37,28 @@ def check_parts(
     sensor: Sequence[Sensor],
     air_density: float | None,
     course: Callable[[], ReferenceTrajectory | None],
-    said: Mapping[str, str],
+    names: Mapping[str, str],
 ) -> None:
-    """The parts of a scene fit each other.
+    """Check that the parts of a scene are consistent.
 
     Parameters
     ----------
     arm, initial, drive, run, motion, wrench, sensor, air_density
-        Its parts.
+        Parts of the scene.
     course
-        Returns where its reference leads the joints.
-    said
-        What to call initial positions, by their keys.
+        Returns the reference trajectory of the joints.
+    names
+        Names of the initial positions in messages, by key.
 
     Raises
     ------
     SceneError
         The message names all mistakes, each with its key path, the value and what is allowed.
     """
-    raise_together(wrong_lists(arm, initial, drive))  # on whose lengths all else counts
+    raise_together(wrong_lists(arm, initial, drive))  # first, because the other checks rely on their lengths
     checks = [
         lambda: check_rate(initial, drive, run),
-        lambda: check_limits(arm, initial, said),
+        lambda: check_limits(arm, initial, names),
         lambda: check_reference(arm, drive, course(), run),
         lambda: check_motions(arm, initial, drive, motion),
         lambda: check_air(arm, air_density),
@@ -70,8 +70,8 @@ def check_parts(
     check_all([*grid, *checks])
 
 
-def wrong_lists(arm: Arm, initial: InitialState, drive: Drive) -> Iterator[str]:
-    """Lists of another length than the arm has links, numbers of joints that are locked, or in the wrong unit."""
+def wrong_lists(arm: Arm, initial: InitialState, drive: Drive) -> Iterator[Diagnostic]:
+    """Mistakes in lists of one number per link: wrong length, nonzero for a locked joint, or wrong unit."""
     links = arm.links
     reference = drive.reference.per_link if drive.reference is not None else {}
     per_link: dict[str, tuple[float, ...] | None] = {
@@ -88,7 +88,7 @@ def wrong_lists(arm: Arm, initial: InitialState, drive: Drive) -> Iterator[str]:
         **{f"drive.torques[{k}]": row for k, row in enumerate(drive.torques or ())},
         **{f"drive.reference.{key}": row for key, row in reference.items() if len(row) == len(links)},
     }
-    of_locked_joints_too = {
+    allowed_for_locked = {
         "initial.joint_deg", "initial.joint_m", "drive.target_deg", "drive.target_m", "drive.effort",
     }  # fmt: skip
     fitting = {}
@@ -96,56 +96,57 @@ def wrong_lists(arm: Arm, initial: InitialState, drive: Drive) -> Iterator[str]:
         if values is None:
             continue
         if len(values) != len(links):
-            yield f"{key} = {truncated(values)}: expected one number per link, {len(links)}"
+            yield Diagnostic(f"{key} = {truncated(values)}: expected one number per link, {len(links)}", "one-per-link")
             continue
         fitting[key] = values
         for k, link in enumerate(links if not key.startswith("drive.reference.") else ()):
-            if link.joint.locked and values[k] and key not in of_locked_joints_too:
-                where = arm.path(k + 1, key)
-                yield f"{where} = {values[k]!r}: the joint of {link.name!r} is locked; only 0 fits"
+            if link.joint.locked and values[k] and key not in allowed_for_locked:
+                path = f"{arm.path(k + 1, key)} = {values[k]!r}"
+                yield Diagnostic(f"{path}: the joint of {link.name!r} is locked; only 0 fits", "locked-and-moving")
     for k, key, wrong in misplaced(arm.slides, [link.name for link in links], fitting):
         if key.startswith("initial.") or not links[k].joint.locked:
-            yield f"{arm.path(k + 1, key)} = {fitting[key][k]!r}: {wrong}"
+            path = f"{arm.path(k + 1, key)} = {fitting[key][k]!r}"
+            yield Diagnostic(f"{path}: {wrong}", "unit-of-joint")
     if drive.kind in {"pd", "computed_torque"} and not reference:
         yield from _missing_targets(arm, drive)
 
 
-def _missing_targets(arm: Arm, drive: Drive) -> Iterator[str]:
-    """A law leads joints of either kind somewhere."""
+def _missing_targets(arm: Arm, drive: Drive) -> Iterator[Diagnostic]:
+    """Missing targets of a controller for either kind of joint."""
     for key, slides in (("target_deg", False), ("target_m", True)):
         names = [link.name for link in arm.links if not link.joint.locked and link.joint.slides == slides]
         if names and getattr(drive, key) is None:
-            yield f"drive.{key}: missing; joint {names[0]!r} is {OF_JOINT[slides].name}"
+            yield Diagnostic(f"drive.{key}: missing; joint {names[0]!r} is {OF_JOINT[slides].name}", "missing-key")
 
 
-def check_limits(arm: Arm, initial: InitialState, said: Mapping[str, str]) -> None:
-    """Joints start within their limits.
+def check_limits(arm: Arm, initial: InitialState, names: Mapping[str, str]) -> None:
+    """Check that joints start within their limits.
 
     Raises
     ------
     SceneError
-        One does not.
+        A joint does not.
     """
-    for k, (link, place) in enumerate(zip(arm.links, initial.own("joint", arm.slides), strict=True)):
-        outside = _outside_limits(link, place)
+    for k, (link, position) in enumerate(zip(arm.links, initial.own("joint", arm.slides), strict=True)):
+        outside = _outside_limits(link, position)
         if outside and (initial.q is None or link.joint.locked):
-            key = said["joint_m" if link.joint.slides else "joint_deg"].replace("joint_", "initial.joint_")
+            key = names["joint_m" if link.joint.slides else "joint_deg"].replace("joint_", "initial.joint_")
             raise SceneError(f"{arm.path(k + 1, key)} = {outside}", id="outside-limits")
 
 
 def check_motions(arm: Arm, initial: InitialState, drive: Drive, motions: Sequence[PrescribedMotion]) -> None:
-    """Each link moves by one motion, and is not driven by gains.
+    """Check that each link has at most one motion, and no gains if its motion is prescribed.
 
     Raises
     ------
     SceneError
-        One does not, or what it prescribes does not fit its joint or the start.
+        A link violates this, or its motion does not match its joint or the initial state.
     """
     moved: set[int] = set()
     for motion in motions:
         number = _check_motion(arm, initial, motion)
         if number in moved:
-            raise SceneError(f"motion.{motion.link}: the second motion of this link; give one", id="motion-twice")
+            raise SceneError(f"motion.{motion.link}: the second motion of this link; give only one", id="motion-twice")
         moved.add(number)
         for name in ("kp", "kd"):
             gains = getattr(drive, name)
@@ -157,7 +158,7 @@ def check_motions(arm: Arm, initial: InitialState, drive: Drive, motions: Sequen
 
 
 def _check_motion(arm: Arm, initial: InitialState, motion: PrescribedMotion) -> int:
-    """Number of the link that moves."""
+    """Number of the link that moves, after checks."""
     path = f"motion.{link_key([str(motion.link)], 0)}"
     try:
         number = arm.number(motion.link)
@@ -181,14 +182,14 @@ def _check_motion(arm: Arm, initial: InitialState, motion: PrescribedMotion) -> 
             raise SceneError(
                 f"{path}.{key}[0] = {first!r}: must be the initial value, {start!r}", id="start-differs-from-motion"
             )
-    for k, place in enumerate(motion.columns[0] if joint.own_limits is not None else ()):
-        if outside := _outside_limits(arm.links[number - 1], place):
+    for k, value in enumerate(motion.columns[0] if joint.own_limits is not None else ()):
+        if outside := _outside_limits(arm.links[number - 1], value):
             raise SceneError(f"{path}.{position}[{k}] = {outside}", id="outside-limits")
     return number
 
 
 def check_air(arm: Arm, density: float | None) -> None:
-    """Air without anything that it drags at."""
+    """Refuse an air density that has no effect."""
     if density is not None and not arm.has_drag:
         raise SceneError(
             f"air_density = {density!r}: has no effect; no link has drag; give one, such as link.NAME.drag = "
@@ -198,12 +199,12 @@ def check_air(arm: Arm, density: float | None) -> None:
 
 
 def check_base(arm: Arm, initial: InitialState, drive: Drive) -> None:
-    """What is said of the base's start, and what takes for granted that it does not float.
+    """Refuse an initial state of a fixed base, and drives that assume a fixed base on a free one.
 
     Raises
     ------
     SceneError
-        Something else is said.
+        The scene contains one of these.
     """
     free = arm.base.free
     if initial.base != BaseState() and not free:
@@ -214,87 +215,88 @@ def check_base(arm: Arm, initial: InitialState, drive: Drive) -> None:
         )
     if free and initial.passive == "static":
         raise SceneError(
-            "initial.passive = 'static': an arm on a free base has no rest; leave passive out", id="rest-of-free-base"
+            "initial.passive = 'static': an arm on a free base has no equilibrium; leave passive out",
+            id="rest-of-free-base",
         )
     for key, value in (("kind", drive.kind), ("gravity", drive.gravity)):
         if free and value in {"computed_torque", "rigid", "static"}:
             raise SceneError(
-                f"drive.{key} = {value!r}: takes the base for fixed, but it floats; a free base takes kind 'pd' "
-                "without gravity, or a law of your own",
+                f"drive.{key} = {value!r}: assumes a fixed base, but the base is free; use kind 'pd' without gravity, "
+                "or a custom controller",
                 id="drive-of-free-base",
             )
 
 
 def check_wrench(arm: Arm, wrench: Wrench) -> None:
-    """The wrench acts at the end of a link that no other hangs on.
+    """Check that the wrench acts on a link without children.
 
     Raises
     ------
     SceneError
-        There is no such link, or others hang on it.
+        There is no such link, or it has children.
     """
     on, tips = wrench.on, [arm.links[k - 1].name for k in arm.tips]
     if on and on not in tips:
         known = on in {link.name for link in arm.links}
-        why = "other links hang on it" if known else "no such link"
+        why = "other links are attached to it" if known else "no such link"
         if on == BASE:
-            why = "is no link; hang one of no length, its joint locked, on it (link.on = 'base'), and name that"
+            why = "is not a link; attach a locked link of zero length to it (link.on = 'base'), and name that"
         raise SceneError(
             f"wrench.on = {on!r}: {why}; allowed are {', '.join(tips)}{did_you_mean(on, tips)}", id="unknown-name"
         )
 
 
 def check_reference(arm: Arm, drive: Drive, course: ReferenceTrajectory | None, run: RunSettings) -> None:
-    """The reference stays within the joints' limits, at every extreme of a piece, and jumps at ends of steps.
+    """Check that the reference stays within the joint limits, also between knots, and jumps only at step ends.
 
     Raises
     ------
     SceneError
-        It does not.
+        The reference does not.
     """
     if course is None:
         return
     try:
         refuse_beyond(course, [(link.name, link.joint) for link in arm.links if not link.joint.locked])
         for time in [] if run.controlled or drive.rate else course.jumps:
-            whole("jumps, or its rate does: t", float(f"{time:.12g}"), run.said("step", "run."), run.fixed_step)
+            whole("has a jump in angle or rate: t", float(f"{time:.12g}"), run.said("step", "run."), run.fixed_step)
     except SceneError as error:
         raise SceneError(f"drive.reference {error}") from None
 
 
 def check_rate(initial: InitialState, drive: Drive, run: RunSettings) -> None:
-    """A law is asked at ends of steps, at the start of a run, and at every sample or as many samples apart.
+    """Check that the controller's sampling times match steps, samples and the start of the run.
 
     Raises
     ------
     SceneError
-        It is not.
+        They do not match.
     """
     rate = drive.rate
     if rate is None:
         return
-    apart = 1 / rate
-    long, short_one = (run.said("sample", "run."), run.spacing), ("1 / rate", apart)
-    if apart > run.spacing:
+    period = 1 / rate
+    long, short_one = (run.said("sample", "run."), run.spacing), ("1 / rate", period)
+    if period > run.spacing:
         long, short_one = short_one, long
     try:
         if not run.controlled:
-            whole("1 / rate", apart, run.said("step", "run."), run.fixed_step)
-        whole("initial.time", initial.time, "1 / rate", apart)
+            whole("1 / rate", period, run.said("step", "run."), run.fixed_step)
+        whole("initial.time", initial.time, "1 / rate", period)
         whole(*long, *short_one)
     except SceneError as error:
         fitting = max(1, round(run.spacing * rate)) / rate
-        own = "" if run.sample is not None else f"; give run.sample, such as {fitting:.6g}"
-        raise SceneError(f"drive.rate = {rate!r}: {error}{own}") from None
+        hint = "" if run.sample is not None else f"; give run.sample, such as {fitting:.6g}"
+        raise SceneError(f"drive.rate = {rate!r}: {error}{hint}") from None
 
 
 def check_grid(initial: InitialState, drive: Drive, wrench: Wrench, run: RunSettings) -> None:
-    """Fixed steps end where the run starts, and where a held row gives way to the next.
+    """Check that the start of the run, and the times of held rows, are multiples of the fixed step.
 
     Raises
     ------
     SceneError
-        They do not.
+        They are not.
     """
     whole("initial.time", initial.time, run.said("step", "run."), run.fixed_step)
     for name, table in (("drive", drive), ("wrench", wrench)):
@@ -302,24 +304,23 @@ def check_grid(initial: InitialState, drive: Drive, wrench: Wrench, run: RunSett
             whole(f"{name}.times[{k}]", time, run.said("step", "run."), run.fixed_step)
 
 
-def _outside_limits(link: Link, place: float) -> str:
-    """The angle [deg], or position [m], with what is wrong about it; empty within the joint's limits."""
+def _outside_limits(link: Link, position: float) -> str:
+    """The position [deg or m] and why it is outside the joint's limits; empty if it is inside."""
     joint = link.joint
     low, high = joint.own_limits or (-math.inf, math.inf)
-    return (
-        "" if low <= place <= high else f"{place!r}: outside {joint.limits_key} = {[low, high]} of joint {link.name!r}"
-    )
+    path = f"{joint.limits_key} = {[low, high]} of joint {link.name!r}"
+    return "" if low <= position <= high else f"{position!r}: outside {path}"
 
 
 def check_named(arm: Arm, run: RunSettings) -> None:
-    """What a scene names by name or file is there, and fits it: lumping rules and method.
+    """Check that the lumping rules and the method that a scene names exist and fit it.
 
     Raises
     ------
     SceneError
         The message names the key path, the value and what is allowed.
     DataFileError
-        The file of a rule or method is not valid.
+        A rule's or method's file is invalid.
     """
     try:
         hinges_of(arm)

@@ -1,4 +1,4 @@
-"""Scenes in files."""
+"""Read scenes from files."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ def load_scene(path: str | Path) -> Scene:
     Parameters
     ----------
     path
-        A TOML file in the format of the scenes in `models/`. Files that it names (`method`, `lumping`) are sought
-        from its own folder.
+        A TOML file in the format of the scenes in `models/`. Paths in it (`method`, `lumping`) are relative to its
+        folder.
 
     Returns
     -------
     Scene
-        As the file says.
+        The scene.
 
     Raises
     ------
     ArgumentError
-        `path` is no path.
+        `path` is not a path.
     SceneError
         The message names the file, the key path, the value and what is allowed.
     DataFileError
-        The file of a rule or method that the scene names is not valid.
+        A rule or method file named by the scene is invalid.
 
     Examples
     --------
@@ -49,13 +49,25 @@ def load_scene(path: str | Path) -> Scene:
         return scene
 
 
+def refuse_scene(document: dict[str, Any], path: Path, what: str) -> None:
+    """Refuse a scene file given instead of a file that names a scene.
+
+    Raises
+    ------
+    SceneError
+        The file is a scene; the message states how `what`, such as "a sweep plan", names it.
+    """
+    if "link" in document and "scene" not in document:
+        raise SceneError(f"this is a scene; {what} names one by scene = {path.name!r}", id="is-a-scene")
+
+
 def scene_named(document: dict[str, Any], folder: Path) -> Scene:
-    """Take `scene` out of what a TOML parser returned of a file in a folder, and read the scene that it names.
+    """Remove `scene` from a parsed TOML file in a folder, and read the scene that it names.
 
     Raises
     ------
     SceneError, DataFileError
-        It is no path; or as in `load_scene`.
+        `scene` is not a path, or `load_scene` raises the error.
     """
     name = document.pop("scene")
     if not isinstance(name, str):

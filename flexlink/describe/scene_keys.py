@@ -1,4 +1,4 @@
-"""The keys of a scene's file, which is flat: the arm's stand beside the scene's own."""
+"""Keys of a scene file, which is flat: keys of the arm are next to those of the scene."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from flexlink.common.errors import SceneError
+from flexlink.common.wording import Diagnostic
 from flexlink.describe.arm import Arm
 from flexlink.describe.mistakes import mistakes, raise_together
 from flexlink.describe.spec import build_validated, check_keys, decode, fields_of, key_mistakes
@@ -23,25 +24,25 @@ def read_keys(
     *,
     finite: bool = False,
 ) -> tuple[Arm, dict[str, Any]]:
-    """The arm and, by key, all else of a parsed file; of parts that are `kept`, or a whole arm, as they are.
+    """Decode a parsed file into the arm and all other values by key; `kept` and `arm` are already checked.
 
     Parameters
     ----------
     raw
-        What a TOML parser returns.
+        Parsed TOML.
     kinds
-        The annotation of what stands at each key.
+        Type annotation of each key.
     required
-        Keys that must be there.
+        Required keys.
     kept, arm
-        What has been checked.
+        Parts that are already checked.
     finite
-        As of `decode`.
+        As in `decode`.
 
     Raises
     ------
     SceneError
-        The message names the key path, the value and what is allowed, of all mistakes.
+        The message lists all mistakes, each with its key path, its value and what is allowed.
     """
     try:
         check_keys(raw, kinds, required)
@@ -59,8 +60,8 @@ def _arm_of(values: Mapping[str, Any]) -> Arm:
 
 def _mistakes(
     raw: Mapping[str, Any], kinds: Mapping[str, Any], kept: Mapping[str, Any], required: Sequence[str]
-) -> Iterator[str]:
-    """All mistakes of a parsed file, key by key; those of its arm, too, where its parts are right."""
+) -> Iterator[Diagnostic]:
+    """All mistakes of a parsed file, key by key; if the arm's parts are valid, also those of the arm."""
     yield from key_mistakes(raw, list(kinds), required)
     known = {key: value for key, value in raw.items() if key in kinds}
     wrong = {key: mistakes(value, kinds[key], key) for key, value in known.items()}

@@ -1,4 +1,4 @@
-"""Cross-section properties in closed form: one formula a shape, all in metres."""
+"""Cross-section properties in closed form: one formula per shape, in metres."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 
 class SectionProperties(NamedTuple):
-    """What a beam needs to know of its cross-section (local y and z through the centroid).
+    """Properties of a cross section, with local y and z through the centroid.
 
-    `i_y` = ∫z² dA resists bending about local y (in the XZ plane), `i_z` = ∫y² dA bending about local z
-    (in the XY plane); `torsion` is the St Venant constant J, which equals i_y + i_z for circles only.
+    `i_y` = ∫z² dA resists bending about local y (in the XZ plane), `i_z` = ∫y² dA bending about local z (in the XY
+    plane); `torsion` is the St Venant constant J, which equals i_y + i_z only for circles.
     """
 
     area: float  # m²
@@ -32,13 +32,13 @@ def circle(diameter: float) -> SectionProperties:
 
 
 def tube(outer: float, inner: float) -> SectionProperties:
-    """Circular tube, both diameters."""
+    """Circular tube with outer and inner diameter."""
     i = math.pi * (outer**4 - inner**4) / 64
     return SectionProperties(math.pi * (outer**2 - inner**2) / 4, i, i, 2 * i)
 
 
 def box(height: float, width: float, wall: float) -> SectionProperties:
-    """Rectangular tube of uniform wall; torsion by Bredt's formula J = 4 A_m² t / s_m, which holds for thin walls."""
+    """Rectangular tube of uniform wall; torsion by Bredt's formula J = 4 A_m² t / s_m, valid for thin walls."""
     h, w = height - 2 * wall, width - 2 * wall
     middle_area, middle_length = (height - wall) * (width - wall), 2 * (height + width - 2 * wall)
     return SectionProperties(
@@ -55,13 +55,13 @@ def general(area: float, i_y: float, i_z: float, torsion: float) -> SectionPrope
 
 
 def _rectangle_torsion(a: float, b: float) -> float:
-    """St Venant's series (Timoshenko & Goodier, art. 109), summed until the terms vanish in float64.
+    """St Venant's series (Timoshenko & Goodier, art. 109), summed until its terms vanish in float64.
 
     J = a b³ [1/3 − (64/π⁵)(b/a) Σ tanh(mπa/2b)/m⁵, m = 1, 3, 5, …],  a ≥ b
     """
     a, b = max(a, b), min(a, b)
-    # tanh = 1 − (1 − tanh): the part with 1 is 31ζ(5)/32 exactly, the rest decays like exp(−mπa/b),
-    # 2e-18 at m a/b = 13.
+    # tanh = 1 − (1 − tanh): the 1 sums to exactly 31ζ(5)/32, the remainder decays like exp(−mπa/b) and is 2e-18 at
+    # m a/b = 13.
     rest = math.fsum(2 / (math.exp(m * math.pi * a / b) + 1) / m**5 for m in range(1, 13, 2) if m * a / b < 13)
     zeta_5 = 1.0369277551433699263
     return a * b**3 * (1 / 3 - 64 / math.pi**5 * (b / a) * (31 / 32 * zeta_5 - rest))
@@ -71,7 +71,7 @@ BREADTHS = {
     "rectangle": ("width", "height"), "box": ("width", "height"), "circle": ("diameter", "diameter"),
     "tube": ("outer", "outer"),
 }  # fmt: skip
-"""Of each shape the dimensions that stand across flow along the section's y and along its z."""
+"""Dimensions of each shape that face a flow along the section's y, and along its z."""
 SHAPES: dict[str, tuple[Callable[..., SectionProperties], tuple[str, ...]]] = {
     "rectangle": (rectangle, ("height", "width")),
     "circle": (circle, ("diameter",)),

@@ -1,15 +1,15 @@
-"""What is measured on an arm: sensors, where they sit, and what each makes of what it sees."""
+"""Sensors on an arm: what they measure, where they are attached, and how they process the signal."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal
 
 import msgspec
 
 from flexlink.common.errors import ArgumentError, SceneError
-from flexlink.common.wording import truncated
+from flexlink.common.wording import Diagnostic, truncated
 from flexlink.data.csv_table import conversion
 from flexlink.describe.arm import BASE, Arm
 from flexlink.describe.directions import unit
@@ -19,45 +19,38 @@ from flexlink.describe.rigidity import Rigidity
 from flexlink.describe.spec import LARGE, SMALL, Deviation, NonNegative, Positive, Spec, Vector3, link_key, measured_in
 
 Kind = Literal["strain", "accelerometer", "gyroscope", "joint", "torque", "current", "position"]
-"""What a sensor measures."""
+"""Measured quantity of a sensor."""
 
 
-class KindOfSensor(NamedTuple):
-    """What a kind needs, what it may have besides, and the unit of what it sees; "": by the joint."""
-
-    needs: tuple[str, ...]
-    may: tuple[str, ...]
-    unit: str
-
-
-KINDS: dict[str, KindOfSensor] = {
-    "strain": KindOfSensor(("x", "fibre"), (), "1"),
-    "accelerometer": KindOfSensor((), ("x", "point", "axis"), "m/s²"),
-    "gyroscope": KindOfSensor((), ("x", "point", "axis"), "rad/s"),
-    "position": KindOfSensor((), ("x", "point", "axis"), "m"),
-    "joint": KindOfSensor((), (), ""),
-    "torque": KindOfSensor((), (), ""),
-    "current": KindOfSensor(("torque_constant",), (), "A"),
+KINDS: dict[str, tuple[tuple[str, ...], tuple[str, ...], str]] = {
+    "strain": (("x", "fibre"), (), "1"),
+    "accelerometer": ((), ("x", "point", "axis"), "m/s²"),
+    "gyroscope": ((), ("x", "point", "axis"), "rad/s"),
+    "position": ((), ("x", "point", "axis"), "m"),
+    "joint": ((), (), ""),
+    "torque": ((), (), ""),
+    "current": (("torque_constant",), (), "A"),
 }
+"""For each kind its required keys, its optional keys, and the unit of its signal; "" if that depends on the joint."""
 ON_A_BASE = ("accelerometer", "gyroscope", "position")
-"""Kinds that a free base can carry."""
+"""Kinds that may be attached to a free base."""
 OF_THE_DRIVE = ("joint", "torque", "current")
-"""Kinds that sit at a link's joint."""
+"""Kinds that are attached to a link's joint."""
 
 
 class Sensor(Spec, frozen=True):
-    """A sensor on the arm, and its instrument; a column of a run under its name, "root strain [1]".
+    """A sensor on the arm with its signal processing; its readings are a column of a run, such as "root strain [1]".
 
-    strain: a gauge along the beam of a link that bends, `x` from the beam's root, at the `fibre` (y, z) of the section:
-    ε = z κ_y − y κ_z, of bending, as `beam_strain` says, the curvature at `x` by the cubic through the four hinges
-    nearest to it; on a beam whose EI is a table, M/EI there, M by that cubic.
-    accelerometer, gyroscope: Rᵀ(a − g) and Rᵀω of a point of a link, in the link's axes as its segment there carries
-    them.  position: of such a point in frame 0.  Either way along `axis`, or three columns, "NAME x [m]" and so on.
-    joint: the angle of the link's joint, or how far it has slid; with an elastic gear the motor's.  torque: T_EX of its
-    drive, or what its prescribed motion takes.  current: T_EX / `torque_constant`.
+    strain: a gauge on the beam of a flexible link, at `x` from the beam's root and at the `fibre` (y, z) of the
+    section: bending strain ε = z κ_y − y κ_z (see `beam_strain`). The curvature at `x` is a cubic through the four
+    nearest hinges; if EI is a table, it is M/EI, where M is that cubic.
+    accelerometer, gyroscope: Rᵀ(a − g) and Rᵀω of a point of a link, in the link's axes as moved by the segment there.
+    position: of such a point, in frame 0. All three measure along `axis`, or in three columns, "NAME x [m]" and so on.
+    joint: angle or position of the link's joint; with an elastic gear, of the motor.  torque: T_EX of its drive, or the
+    torque required by its prescribed motion.  current: T_EX / `torque_constant`.
 
-    The instrument makes of that signal u, in this order: gain · u(t − delay) + bias, by a Butterworth `low_pass`;
-    asked at instants k / `rate` and held; to it noise is added; rounded to multiples of `resolution`.
+    The signal u is processed in this order: gain · u(t − delay) + bias, Butterworth `low_pass`, sampling at times
+    k / `rate` with hold, added noise, rounding to multiples of `resolution`.
 
     Examples
     --------
@@ -70,46 +63,46 @@ class Sensor(Spec, frozen=True):
     """
 
     name: str
-    """Name of the sensor, and of its columns; its unit stands behind it in brackets."""
+    """Name of the sensor and of its columns, followed by the unit in brackets."""
     kind: Kind
-    """What it measures: strain, acceleration against gravity, angular velocity, a place, the angle of a joint, the
-    torque of its drive, or the current of its motor."""
+    """Measured quantity: strain, acceleration minus gravity, angular velocity, position of a point, joint angle or
+    position, drive torque, or motor current."""
     link: str | int
-    """Link that it sits on, by name or number from 1, or "base" if that floats; of joint, torque and current the link
-    whose joint is meant."""
+    """Link of the sensor, by name or number from 1, or "base" if it floats; for joint, torque and current the link
+    whose joint is measured."""
     x: Annotated[NonNegative | None, measured_in("m")] = None
-    """Where it sits along the beam of the link, from the beam's root [m]. Default: the end of the link."""
+    """Position along the link's beam, from the beam's root [m]. Default: the end of the link."""
     point: Annotated[Vector3 | None, measured_in("m")] = None
-    """The same by a point of the straight link, in the link's frame [m]; the segment beside it carries the sensor."""
+    """Alternatively, a point of the straight link, in the link's frame [m]; the nearest segment carries the sensor."""
     fibre: Annotated[tuple[float, float] | None, measured_in("m")] = None
-    """Of strain: place (y, z) of the gauge in the section, from the line through its centroid [m]."""
+    """For strain: position (y, z) of the gauge in the section, relative to the centroid [m]."""
     axis: Vector3 | None = None
-    """Direction that is measured, in axes of the link, of a position in those of frame 0; its length does not matter.
-    Default: all three, a column each."""
+    """Measured direction, in axes of the link, or of frame 0 for a position; need not be normalized. Default: all
+    three, one column each."""
     torque_constant: Positive | None = None
-    """Of current: torque at the joint per current, gear ratio included [N m/A]; of a prismatic joint [N/A]."""
+    """For current: joint torque per current, including the gear ratio [N m/A]; of a prismatic joint [N/A]."""
     gain: Annotated[float, msgspec.Meta(ge=-LARGE, le=LARGE)] = 1.0
-    """What one unit of the signal, in SI units and radians, is in the column [its unit per SI unit]."""
+    """Factor from the signal, in SI units and radians, to the column [its unit per SI unit]."""
     unit: str | None = None
-    """Unit of the column, to which the gain leads. Default: the signal's own: 1, m/s², rad/s, rad or m, N m or N, A."""
+    """Unit of the column, after the gain. Default: unit of the signal, 1, m/s², rad/s, rad or m, N m or N, A."""
     bias: Annotated[float, msgspec.Meta(ge=-LARGE, le=LARGE)] = 0.0
-    """What it shows where there is nothing [unit of the column]."""
+    """Reading for a zero signal [unit of the column]."""
     delay: Annotated[NonNegative, measured_in("s")] = 0.0
-    """How much later the signal is seen [s]; before the start it was as at the start."""
+    """Delay of the signal [s]; before the start of the run it has its initial value."""
     low_pass: Annotated[Positive | None, measured_in("Hz")] = None
-    """Frequency at which a Butterworth low-pass lets 71 % of the amplitude through [Hz]; it starts settled. Default:
+    """Cutoff frequency (71 % amplitude) of a Butterworth low-pass filter [Hz]; it starts in steady state. Default:
     none."""
     order: Annotated[int, msgspec.Meta(ge=1, le=8)] | None = None
     """Order of the low-pass. Default: 1."""
     rate: Annotated[Positive | None, measured_in("Hz")] = None
-    """How often it is asked [Hz], at t = k / rate; in between the reading is held. Default: at every sample."""
+    """Sampling rate [Hz], at t = k / rate; readings are held in between. Default: every sample of the run."""
     resolution: Deviation | None = None
-    """Step between two readings, which are its multiples [unit of the column]. Default: none."""
+    """Quantization step of the readings [unit of the column]. Default: none."""
     noise: Annotated[float, msgspec.Meta(ge=0, le=LARGE)] = 0.0
-    """Standard deviation of the readings' white, normal noise [unit of the column]; without a rate every `run.sample`
-    has a number of its own."""
+    """Standard deviation of white Gaussian noise on the readings [unit of the column]; without a rate, every
+    `run.sample` has an independent value."""
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] | None = None
-    """Which noise: a sensor of this name has the same in every run of the same seed. Default: 0."""
+    """Seed of the noise: the noise depends only on the seed and the sensor's name. Default: 0."""
 
     def __post_init__(self) -> None:
         of_kinds = ("x", "point", "fibre", "axis", "torque_constant")
@@ -127,12 +120,12 @@ class Sensor(Spec, frozen=True):
                 )
         if self.x is not None and self.point is not None:
             raise SceneError(
-                f"point = {truncated(self.point)}: x = {self.x!r} is given, too; give only one", id="both-given"
+                f"point = {truncated(self.point)}: x = {self.x!r} is also given; specify only one", id="both-given"
             )
         if self.axis is not None:
             unit("axis", self.axis)
         if self.gain == 0:
-            raise SceneError("gain = 0.0: must not be 0; nothing would be measured", id="zero-gain")
+            raise SceneError("gain = 0.0: must not be 0, which measures nothing", id="zero-gain")
         if 0 < self.noise < SMALL:
             raise SceneError(f"noise = {self.noise!r}: must be 0, or at least {SMALL:g}", id="noise-too-small")
         self._check_unit()
@@ -144,8 +137,8 @@ class Sensor(Spec, frozen=True):
                 )
 
     def _check_name(self) -> None:
-        """Columns are told apart, and from others, by it."""
-        # names of other columns of a run; those that begin with "q ", "qd " and "tau " are taken, too
+        """Check that the name, which identifies columns, is valid and not in use."""
+        # other column names of a run; names that begin with "q ", "qd " and "tau " are also in use
         taken = (
             "t", "tip", "kinetic", "gravity", "elastic", "work", "imbalance", "attitude", "spin", "momentum",
             "angular momentum", "deflection",
@@ -153,18 +146,17 @@ class Sensor(Spec, frozen=True):
         for key, text in (("name", self.name), ("unit", self.unit)):
             if text is not None and (not text or text != text.strip() or re.search(r"[\[\]\n\r\t]", text)):
                 raise SceneError(
-                    f"{key} = {text!r}: expected a text without brackets, and without spaces at its ends",
+                    f"{key} = {text!r}: expected text without brackets, and without spaces at its ends",
                     id="sensor-name",
                 )
         if self.name in taken or re.match(r"(q|qd|tau) ", self.name):
             raise SceneError(
-                f"name = {self.name!r}: columns of a run are called so; give another name", id="sensor-name"
+                f"name = {self.name!r}: is the name of a column of every run; use another name", id="sensor-name"
             )
 
     def _check_unit(self) -> None:
-        """A column in a unit of what is measured, such as deg, has a gain; of others, such as V, it may be 1."""
-        # sizes of units of instruments in units of what they measure, besides those of angles, lengths, forces and
-        # torques
+        """Require a gain if the column's unit is another unit of the signal, such as deg; not for others, such as V."""
+        # factors of instrument units, in addition to those of angles, lengths, forces and torques
         instruments = {
             ("µm/m", "1"): 1e-6, ("um/m", "1"): 1e-6, ("µε", "1"): 1e-6, ("ppm", "1"): 1e-6, ("%", "1"): 1e-2,
             ("g", "m/s²"): 9.80665, ("mA", "A"): 1e-3,
@@ -173,82 +165,87 @@ class Sensor(Spec, frozen=True):
             size = instruments.get((self.unit or "", unit_)) or conversion(self.unit or "", unit_)
             if size is not None and size != 1:
                 raise SceneError(
-                    f"unit = {self.unit!r}: the column would be in {unit_}; give gain = {1 / size:.10g}, {self.unit} "
-                    f"per {unit_}, or leave unit out",
+                    f"unit = {self.unit!r}: the column would be in {unit_}; give gain = {1 / size:.10g} ({self.unit} "
+                    f"per {unit_}), or leave unit out",
                     id="unit-missing",
                 )
 
     @property
     def sees_points(self) -> bool:
-        """Whether it measures how a point of the arm moves."""
+        """Whether it measures the motion of a point."""
         return self.kind in ON_A_BASE
 
     @property
     def components(self) -> tuple[str, ...]:
-        """What stands behind its name for each of its columns: " x", " y", " z", or nothing for the only one."""
+        """Suffix of its name in each of its columns: " x", " y", " z", or "" for a single column."""
         return ("",) if not self.sees_points or self.axis is not None else (" x", " y", " z")
 
     def columns(self, slides: bool = False) -> tuple[str, ...]:
-        """Names of its columns, with unit; at a joint that `slides` or turns."""
+        """Names of its columns with units, at a joint that is prismatic (`slides`) or revolute."""
         return tuple(f"{self.name}{part} [{self.unit or self._own_unit(slides)}]" for part in self.components)
 
     def _own_unit(self, slides: bool) -> str:
-        """Of what it sees, in SI, at a joint that `slides` or turns."""
+        """SI unit of its signal, at a joint that is prismatic (`slides`) or revolute."""
         of_joint = OF_JOINT[slides]
-        return KINDS[self.kind].unit or (of_joint.si if self.kind == "joint" else of_joint.torque)
+        return KINDS[self.kind][2] or (of_joint.si if self.kind == "joint" else of_joint.torque)
 
 
 def column_names(sensors: Sequence[Sensor], arm: Arm) -> tuple[str, ...]:
-    """Names with units of the columns of sensors on an arm, in their order."""
+    """Names with units of all columns of the sensors, in order."""
     own = [sensor.kind in OF_THE_DRIVE and arm.slides[arm.number(sensor.link) - 1] for sensor in sensors]
     return tuple(name for sensor, slides in zip(sensors, own, strict=True) for name in sensor.columns(slides))
 
 
-def sensor_mistakes(sensors: Sequence[Sensor], arm: Arm) -> Iterator[str]:
-    """What does not fit the arm, or two sensors of one name."""
+def sensor_mistakes(sensors: Sequence[Sensor], arm: Arm) -> Iterator[Diagnostic]:
+    """Sensors that do not fit the arm, and duplicate names."""
     names = [sensor.name for sensor in sensors]
     for k, sensor in enumerate(sensors):
         path = f"sensor.{link_key(names, k)}"
         if names.index(sensor.name) < k:
-            yield f"{path}.name = {sensor.name!r}: names of sensors must differ"
-        yield from (f"{path}.{wrong}" for wrong in _misfits(sensor, arm))
+            yield Diagnostic(f"{path}.name = {sensor.name!r}: names of sensors must differ", "name-twice")
+        yield from (Diagnostic(f"{path}.{wrong}", wrong.id) for wrong in _misfits(sensor, arm))
 
 
-def _misfits(sensor: Sensor, arm: Arm) -> Iterator[str]:
-    kind, said = sensor.kind, f"link = {truncated(sensor.link)}"
+def _misfits(sensor: Sensor, arm: Arm) -> Iterator[Diagnostic]:
+    """Mistakes of one sensor on an arm, without its path."""
+    kind, on = sensor.kind, f"link = {truncated(sensor.link)}"
     if is_on_base(sensor, arm):
         if not arm.base.free:
-            yield f"{said}: the base is fixed, and nothing moves there; name a link"
+            yield Diagnostic(f"{on}: the base is fixed and does not move; name a link", "sensor-on-fixed-part")
         if kind not in ON_A_BASE:
-            yield f"{said}: a {kind} sensor sits on a link; the base carries {', '.join(ON_A_BASE)}"
+            allowed = ", ".join(ON_A_BASE)
+            yield Diagnostic(f"{on}: a {kind} sensor needs a link; allowed on the base are {allowed}", "sensor-on-base")
         if sensor.x is not None:
-            yield f"x = {sensor.x!r}: the base has no beam; give a point, or nothing for the origin of its frame"
+            reason = "the base has no beam; give a point, or leave both out for the origin of its frame"
+            yield Diagnostic(f"x = {sensor.x!r}: {reason}", "sensor-on-base")
         return
     try:
         link = arm.links[arm.number(sensor.link) - 1]
     except ArgumentError as error:
-        yield str(error)
+        yield error.diagnostic
         return
     if kind in OF_THE_DRIVE and link.joint.locked:
-        yield f"{said}: its joint is locked; a {kind} sensor needs one that moves"
+        yield Diagnostic(f"{on}: its joint is locked; a {kind} sensor needs a free joint", "sensor-of-locked-joint")
     if kind == "strain" and link.flex not in {"z", "yz", "xyz"}:
-        yield f"{said}: is rigid; a strain gauge needs a link that bends, with flex of z, yz or xyz"
+        yield Diagnostic(f"{on}: is rigid; a strain gauge needs a link with flex of z, yz or xyz", "link-is-rigid")
     if sensor.x is not None and sensor.x > link.beam.length:
-        yield f"x = {sensor.x!r}: beyond the beam of link {link.name!r}, which is {link.beam.length:g} m long"
+        reason = f"beyond the beam of link {link.name!r}, which is {link.beam.length:g} m long"
+        yield Diagnostic(f"x = {sensor.x!r}: {reason}", "out-of-range")
     elif kind == "strain" and link.rigidity in arm.rigidities and sensor.x is not None:
         yield from _on_a_jump(sensor.x, link, arm.rigidities[link.rigidity or ""])
 
 
-def _on_a_jump(x: float, link: Link, table: Rigidity) -> Iterator[str]:
-    """A gauge where EI jumps would show one strain or the other."""
+def _on_a_jump(x: float, link: Link, table: Rigidity) -> Iterator[Diagnostic]:
+    """Refuse a gauge at a jump of EI, where the strain is ambiguous."""
     jump, aside = table.jump_at(x, link.flex), 1e-3 * link.beam.length
     if jump is not None:
-        yield (
-            f"x = {x!r}: EI of link {link.name!r} jumps there, and with it the strain; say on which side the gauge is, "
-            f"such as x = {jump - aside:.6g} or {jump + aside:.6g}"
+        yield Diagnostic(
+            f"x = {x!r}: EI of link {link.name!r}, and so the strain, jumps there; move the gauge to one side, such as "
+            f"x = {jump - aside:.6g} or {jump + aside:.6g}",
+            "gauge-on-jump",
         )
 
 
 def is_on_base(sensor: Sensor, arm: Arm) -> bool:
-    """Whether a sensor sits on the base, not on a link that is called so."""
+    """Whether a sensor is on the base, not on a link with that name."""
     return sensor.link == BASE and BASE not in {link.name for link in arm.links}

@@ -1,11 +1,11 @@
-"""Input shapers as data: impulses whose sum of delayed responses leaves no vibration of given frequencies.
+"""Input shapers as data: impulses whose delayed responses add up to no vibration at given frequencies.
 
-Through impulses a_i at times t_i a vibration exp(λt) is left with |Σ a_i exp(−λ t_i)| times what one impulse leaves.
-For λ = −σ ± iω_d let T = π/ω_d be half a period, K = exp(−σT) what is left of an amplitude after it. Then
+Through impulses a_i at times t_i, a vibration exp(λt) has |Σ a_i exp(−λ t_i)| times the amplitude that a single impulse
+excites. For λ = −σ ± iω_d let T = π/ω_d be half a period, and K = exp(−σT) the decay over T. Then
 
     t_i = h_i T,   a_i = w_i K^h_i / Σ_k w_k K^h_k:   Σ a_i exp(−λ t_i) = Σ w_i exp(∓iπ h_i) / Σ_k w_k K^h_k
 
-and the numbers h_i, w_i make a shaper for any frequency and damping. Of several vibrations the shapers are convolved.
+and the numbers h_i, w_i define a shaper for any frequency and damping. Shapers of several vibrations are convolved.
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ from flexlink.describe.spec import NonNegative, Positive, Spec, measured_in
 Ratio = Annotated[float, msgspec.Meta(ge=0, lt=1)]
 
 MOST_IMPULSES = 1024
-"""Six vibrations by ZVD are 729; the move is then longer by six periods."""
+"""Largest number of impulses: six vibrations with ZVD need 729, and the move takes six periods longer."""
 
 
 class ShaperRule(Spec, frozen=True):
-    """A shaper of one vibration: impulses after `half_periods` h of it, weights w K^h before they are made to sum to 1.
+    """A shaper of one vibration: impulses after `half_periods` h, with weights w K^h before normalization to sum 1.
 
-    `zeros`: how often Σ w_i exp(iπ h_i) and its derivatives to the frequency vanish, 0 if it leaves something.
+    `zeros`: number of vanishing derivatives of Σ w_i exp(iπ h_i) with respect to frequency, from the 0th on.
     """
 
     about: str
-    """A sentence on what the shaper does."""
+    """One-sentence description of the shaper."""
     source: str
-    """Where it is published."""
+    """Publication."""
     zeros: Annotated[int, msgspec.Meta(ge=0)]
-    """How often Σ w exp(iπh) and its derivatives to the frequency vanish; 0 if it leaves something."""
+    """Number of derivatives of Σ w exp(iπh), from the 0th on, that vanish; 0 if some vibration remains."""
     half_periods: Annotated[tuple[NonNegative, ...], msgspec.Meta(min_length=1)]
-    """Times of the impulses, in half periods of the vibration, from 0 on [1]."""
+    """Times of the impulses in half periods of the vibration, from 0 [1]."""
     weights: tuple[float, ...]
-    """Weights w of the impulses, before K^h and the division by their sum [1]."""
+    """Weights w of the impulses, before multiplication by K^h and normalization [1]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -59,18 +59,19 @@ class ShaperRule(Spec, frozen=True):
             )
         if w.sum() <= 0:
             raise SceneError(
-                f"weights = {truncated(self.weights)}: must have a sum > 0, by which they are divided",
+                f"weights = {truncated(self.weights)}: must have a sum > 0, for normalization",
                 id="shaper-weights",
             )
         for k in range(self.zeros):
-            left = abs(np.sum(w * h**k * np.exp(1j * np.pi * h)))
-            if left > 1e-12 * np.sum(np.abs(w) * h**k):  # the rounding of numbers written with 13 digits or more
+            remainder = abs(np.sum(w * h**k * np.exp(1j * np.pi * h)))
+            if remainder > 1e-12 * np.sum(np.abs(w) * h**k):  # rounding of numbers written with 13 digits or more
                 raise SceneError(
-                    f"zeros = {self.zeros}: derivative {k} of what is left is {left:.3g}, not 0", id="shaper-zeros"
+                    f"zeros = {self.zeros}: derivative {k} of the vibration is {remainder:.3g}, not 0",
+                    id="shaper-zeros",
                 )
 
     def impulses(self, pole: complex) -> tuple[Array, Array]:
-        """Times [s] and weights, of sum 1, for a vibration exp(λt), Im λ > 0."""
+        """Times [s] and weights, with sum 1, for a vibration exp(λt), Im λ > 0."""
         h, w = np.array(self.half_periods), np.array(self.weights)
         half = math.pi / pole.imag
         a = w * np.exp(pole.real * half) ** h
@@ -78,13 +79,13 @@ class ShaperRule(Spec, frozen=True):
 
 
 class InputShaper(Spec, frozen=True):
-    """An input shaper for vibrations given by `frequency_hz`, undamped, and `damping` ratios, or by `poles`.
+    """An input shaper for vibrations given by undamped `frequency_hz` and `damping` ratios, or by `poles`.
 
-    `kind`: ZV, ZVD, …, or a path to a file of one's own. `poles` are [Re λ, Im λ] of each vibration [1/s].
+    `kind`: ZV, ZVD, …, or the path of a user's file. `poles` are [Re λ, Im λ] of each vibration [1/s].
 
     Examples
     --------
-    >>> slow = fl.small_motion.pd_poles(chain, q, kp=(2e4, 1e4), kd=(600.0, 250.0))[:1]  # what is to be left out
+    >>> slow = fl.small_motion.pd_poles(chain, q, kp=(2e4, 1e4), kd=(600.0, 250.0))[:1]  # vibration to suppress
     >>> shaper = fl.InputShaper.at(slow, "ZV")
     >>> times, amplitudes = shaper.impulses
     >>> print(times.round(3), amplitudes.round(3))  # s
@@ -93,27 +94,24 @@ class InputShaper(Spec, frozen=True):
     """
 
     kind: str
-    """Which shaper: a name, or the path of a shaper's file."""
+    """Shaper: a name, or the path of a shaper file."""
     frequency_hz: Annotated[tuple[Positive, ...] | None, measured_in("Hz")] = None
     """Undamped frequencies of the vibrations [Hz]."""
     damping: tuple[Ratio, ...] | None = None
     """Damping ratio of each vibration [1]. Default: none."""
     poles: Annotated[tuple[tuple[float, float], ...] | None, measured_in("1/s")] = None
-    """Vibrations by [Re λ, Im λ] [1/s], in place of `frequency_hz`."""
+    """Vibrations as [Re λ, Im λ] [1/s], instead of `frequency_hz`."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         msgspec.structs.force_setattr(self, "kind", documents.absolute(self.kind))
         if (self.frequency_hz is None) == (self.poles is None):
             raise SceneError(
-                f"frequency_hz = {truncated(self.frequency_hz)}, poles = {truncated(self.poles)}: give exactly one "
-                "of them",
+                f"frequency_hz = {truncated(self.frequency_hz)}, poles = {truncated(self.poles)}: specify exactly one",
                 id="both-given",
             )
         if not (self.frequency_hz or self.poles):
-            raise SceneError(
-                "frequency_hz = (): no vibration to shape away; give one or more", id="frequencies-missing"
-            )
+            raise SceneError("frequency_hz = (): no vibration to suppress; give at least one", id="frequencies-missing")
         if self.damping is not None and len(self.damping) != len(self.frequency_hz or ()):
             raise SceneError(
                 f"damping = {truncated(self.damping)}: expected one ratio per frequency_hz", id="one-per-frequency"
@@ -121,13 +119,13 @@ class InputShaper(Spec, frozen=True):
         for k, (re, im) in enumerate(self.poles or ()):
             if im <= 0 or re > 0:
                 raise SceneError(
-                    f"poles[{k}] = {truncated((re, im))}: a vibration has Re λ ≤ 0 and Im λ > 0",
+                    f"poles[{k}] = {truncated((re, im))}: a vibration needs Re λ ≤ 0 and Im λ > 0",
                     id="poles-not-a-vibration",
                 )
 
     @classmethod
     def at(cls, poles: ArrayLike, kind: str = "ZVD") -> InputShaper:
-        """The shaper for complex poles λ, Im λ > 0, as `pd_poles` gives them [1/s].
+        """Return the shaper for complex poles λ [1/s], Im λ > 0, as returned by `pd_poles`.
 
         Examples
         --------
@@ -139,20 +137,20 @@ class InputShaper(Spec, frozen=True):
 
     @property
     def rule(self) -> ShaperRule:
-        """Its numbers.
+        """Impulses of the shaper for one vibration.
 
         Raises
         ------
         ArgumentError
             Unknown name.
         DataFileError
-            A file that is not a valid shaper.
+            The file is not a valid shaper.
         """
         return data_files.load("shapers", "kind", self.kind, ShaperRule)
 
     @property
     def vibrations(self) -> list[complex]:
-        """Poles λ of the vibrations [1/s]: λ = ω (−ζ + i √(1 − ζ²)) where a frequency is given."""
+        """Poles λ of the vibrations [1/s]; λ = ω (−ζ + i √(1 − ζ²)) from a frequency and damping ratio."""
         if self.poles is not None:
             return [complex(*pole) for pole in self.poles]
         frequencies = self.frequency_hz or ()
@@ -164,12 +162,12 @@ class InputShaper(Spec, frozen=True):
 
     @property
     def impulses(self) -> tuple[Array, Array]:
-        """Times [s], increasing, and weights, of sum 1, of all impulses; errors also as in `rule`.
+        """Increasing times [s] and weights, with sum 1, of all impulses; also raises the errors of `rule`.
 
         Raises
         ------
         ArgumentError
-            There are too many, or they are farther apart than float64 can hold.
+            There are too many, or their times overflow float64.
         """
         rule, vibrations = self.rule, self.vibrations
         if len(rule.weights) ** len(vibrations) > MOST_IMPULSES:

@@ -1,4 +1,4 @@
-"""The base of every description: checked when built in Python, and decoded strictly from parsed TOML."""
+"""Base class of all descriptions: checked when built in Python, and decoded strictly from parsed TOML."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from flexlink.describe.expected import expected, why_not
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
 SMALL, LARGE = 1e-30, 1e30
-"""Of numbers that measure, so that float64 holds fourth powers of their quotients with ordinary ones."""
+"""Range of scale factors and deviations, so that fourth powers of their quotients with ordinary numbers fit float64."""
 Deviation = Annotated[float, msgspec.Meta(ge=SMALL, le=LARGE)]
 Vector3 = tuple[float, float, float]
 ONE_PER_LINK = msgspec.Meta(extra={"one per": "link"})
-"""Marks the annotation of a list with one number per link: paths lead to its items by the links' names or numbers."""
+"""Marks a list with one number per link: paths lead to its items by link name or number."""
 
 
 def measured_in(*units: str) -> msgspec.Meta:
-    """Marks the annotation of a number with its unit; of a joint's with two, of one that turns and one that slides."""
+    """Metadata with the unit of a number; two units for a joint's number, first revolute, then prismatic."""
     return msgspec.Meta(extra={"units": units})
 
 
@@ -44,11 +44,11 @@ BRIEF.maxstring, BRIEF.maxother = 60, 400
 
 TOO_DEEP = "nested too deeply"
 
-_thread = threading.local()  # `validated`: whether what this thread builds has been checked, number by number
+_thread = threading.local()  # `validated`: whether the values of the description being built are already checked
 
 
 def build_validated(make: Callable[..., T], *arguments: Any, **fields: Any) -> T:
-    """Make a description of values that have been checked, and are not checked again; what they are together is."""
+    """Build a description from checked values without checking them again; their consistency is still checked."""
     before = getattr(_thread, "validated", False)
     _thread.validated = True
     try:
@@ -76,13 +76,13 @@ class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
                 raise SceneError(f"{field.encode_name}: {TOO_DEEP}", id="nested-too-deeply") from None
             _check_finite(value, field.type, field.encode_name)
             try:
-                kept = msgspec.convert(value, field.type)  # a tuple for a list, a Spec for a dict, a float for an int
+                kept = msgspec.convert(value, field.type)  # list to tuple, dict to Spec, int to float
             except msgspec.ValidationError as error:
                 raise SceneError(_explain(value, field.type, field.encode_name, error)) from None
             msgspec.structs.force_setattr(self, field.name, kept)
 
     def __repr__(self) -> str:
-        """What is not as by default, long texts and tables cut."""
+        """Fields that differ from their defaults; long texts and tables are truncated."""
         fields = [
             f"{field.name}={BRIEF.repr(getattr(self, field.name))}"
             for field in msgspec.structs.fields(self)
@@ -92,21 +92,21 @@ class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
 
 def default_of(field: msgspec.structs.FieldInfo) -> object:
-    """What a field holds where nothing is said; of a required one msgspec's NODEFAULT."""
+    """Default value of a field; msgspec's NODEFAULT if it is required."""
     factory = field.default_factory
     return field.default if factory is msgspec.NODEFAULT else factory()
 
 
 @functools.cache
 def fields_of(kind: type[msgspec.Struct]) -> tuple[msgspec.structs.FieldInfo, ...]:
-    """Fields of a record; msgspec evaluates their annotations anew in every call."""
+    """Fields of a record, cached because msgspec evaluates annotations in every call."""
     return msgspec.structs.fields(kind)
 
 
 def to_builtin(value: object) -> object:
-    """`value` with Python's own numbers, texts and lists for NumPy's, at any depth.
+    """Convert NumPy numbers, texts and arrays to built-in ones, at any depth.
 
-    A sweep is written with NumPy; msgspec takes np.float64 for a class it does not know.
+    Sweeps are written with NumPy, but msgspec does not accept np.float64.
     """
     if isinstance(value, np.ndarray):
         return to_builtin(value.tolist())
@@ -120,35 +120,35 @@ def to_builtin(value: object) -> object:
 
 
 def _scalar(value: np.generic) -> object:
-    """The Python object of a NumPy scalar; `item` alone hands a longdouble back as it is."""
+    """Built-in object of a NumPy scalar; `item` alone would return a longdouble unchanged."""
     return float(value) if isinstance(value, np.floating) else value.item()
 
 
 def decode(raw: object, kind: type[T] | Any, path: str = "", *, finite: bool = False) -> T:
-    """Convert parsed TOML into a `Spec`, naming the key path, the value and what is allowed.
+    """Convert parsed TOML into a `Spec`; errors name the key path, the value and what is allowed.
 
     Parameters
     ----------
     raw
-        What the TOML parser returned for this part of the file.
+        Parsed TOML of this part of the file.
     kind
-        The type to build.
+        Type to build.
     path
         Key path of `raw` in its file, for messages.
     finite
-        All its numbers are known to be, and it is of a file.
+        Whether `raw` is from a file and all its numbers are known to be finite.
 
     Raises
     ------
     SceneError
-        Unknown key, wrong type, value out of range or not finite.
+        Unknown key, wrong type, or value out of range or not finite.
     """
     try:
         if not finite:
             _check_finite(raw, kind, path)
     except RecursionError:
         raise SceneError(f"{path}: {TOO_DEEP}", id="nested-too-deeply") from None
-    if get_origin(kind) is dict and isinstance(raw, dict):  # a table of named things: keep the name in the path
+    if get_origin(kind) is dict and isinstance(raw, dict):  # a table of named items: put the name into the path
         below = get_args(kind)[1]
         return {key: decode(item, below, f"{path}.{key}", finite=True) for key, item in raw.items()}  # type: ignore[return-value]
     try:
@@ -158,19 +158,22 @@ def decode(raw: object, kind: type[T] | Any, path: str = "", *, finite: bool = F
 
 
 def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) -> Diagnostic:
-    """Key path, value and what is allowed, from msgspec's "reason - at `$.path`"."""
+    """Message with key path, value and what is allowed, from msgspec's "reason - at `$.path`"."""
     reason, _, tail = str(error).rpartition(" - at `$") if " - at `$" in str(error) else (str(error), "", "")
     value, below = cast("Any", raw), kind
     keys: list[Any] = []
+    units = units_of(kind)
     for part in re.findall(r"\w+|\.\.\.", tail.rstrip("`")):
         if part == "...":  # msgspec does not name the key of a dict
             key = next(k for k, item in value.items() if not _fits(item, type_below(below, k)))
         else:
             key = int(part) if isinstance(value, list | tuple) else part
         keys.append(key)
-        value, below = value[key], type_below(below, key)
+        inner = type_below(below, key)
+        units = units_of(inner) if isinstance(bare_type(below), type) else units  # a list has the unit of its numbers
+        value, below = value[key], inner
     where, kind = path_to(keys, raw, kind, path), bare_type(below)
-    if error.__cause__ is not None:  # a Spec below already said which field, its value and what is allowed
+    if error.__cause__ is not None:  # the message of a nested Spec already names field, value and what is allowed
         return Diagnostic(f"{where}.{error.__cause__}".lstrip("."), getattr(error.__cause__, "id", ""))
     unknown = re.search(r"unknown field `(.*)`", reason)
     if unknown and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
@@ -179,18 +182,18 @@ def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) 
     missing = re.search(r"missing required field `(.*)`", reason)
     if missing:
         return _missing(f"{where}.{missing[1]}".lstrip("."))
-    wanted = expected(str(where), kind, value) or _lower(reason)
+    wanted = expected(str(where), kind, value, reason, units)
     text = f"{where} = {truncated(value)}: {wanted}{why_not('', value)}".removeprefix(" = ")
     return Diagnostic(text, "wrong-value")
 
 
 def check_keys(raw: Mapping[str, Any], allowed: Iterable[str], required: Iterable[str]) -> None:
-    """Of a parsed file, whose values are decoded one by one.
+    """Check the top-level keys of a parsed file.
 
     Raises
     ------
     SceneError
-        A key that is unknown, with its value and what is allowed, or one that is missing.
+        A key is unknown (with its value and what is allowed) or missing.
     """
     allowed = list(allowed)
     for key in raw:
@@ -204,7 +207,7 @@ def check_keys(raw: Mapping[str, Any], allowed: Iterable[str], required: Iterabl
 def key_mistakes(
     raw: Mapping[str, Any], allowed: Sequence[str], required: Iterable[str], path: str = ""
 ) -> Iterator[Diagnostic]:
-    """What is wrong with the keys of a table at a path: those that are unknown, then those that are missing."""
+    """Mistakes in the keys of a table at a path: first unknown keys, then missing ones."""
     yield from (_unknown(key, value, allowed, path) for key, value in raw.items() if key not in allowed)
     yield from (_missing(f"{path}.{key}".lstrip(".")) for key in required if key not in raw)
 
@@ -228,21 +231,21 @@ def _fits(value: object, kind: Any) -> bool:
 
 
 def path_to(keys: Iterable[Any], value: Any, kind: Any, path: str = "") -> str:
-    """The path of an item, as `Scene.varied` and `--set` take it.
+    """Path of an item, as in `Scene.varied` and `--set`.
 
-    Links, motions and lists of one number per link lead on by the link's name, or its number from 1; any other list by
-    the index of its item, from 0 and in brackets.
+    Items of links, motions and lists of one number per link are given by the link's name, or its number from 1; items
+    of other lists by an index from 0 in brackets.
 
     Parameters
     ----------
     keys
         Keys and indices that lead from `value` to the item.
     value
-        The value that stands at `path`.
+        The value at `path`.
     kind
-        Its annotation.
+        Its type annotation.
     path
-        Path so far.
+        Path of `value`.
     """
     for key in keys:
         if not isinstance(value, list | tuple):
@@ -259,7 +262,7 @@ def path_to(keys: Iterable[Any], value: Any, kind: Any, path: str = "") -> str:
 
 @functools.cache
 def is_per_link(kind: Any) -> bool:
-    """Whether an annotation, or one of a union, is marked by `ONE_PER_LINK`."""
+    """Whether an annotation, or a member of a union, is marked by `ONE_PER_LINK`."""
     if get_origin(kind) is Annotated:
         inner, *marks = get_args(kind)
         return ONE_PER_LINK in marks or is_per_link(inner)
@@ -267,14 +270,14 @@ def is_per_link(kind: Any) -> bool:
 
 
 def units_of(kind: Any) -> tuple[str, ...]:
-    """The units that an annotation is marked with by `measured_in`."""
+    """Units of an annotation, given by `measured_in`."""
     marks = get_args(kind)[1:] if get_origin(kind) is Annotated else ()
     extras = (mark.extra or {} for mark in marks if isinstance(mark, msgspec.Meta))
     return next((extra["units"] for extra in extras if "units" in extra), ())
 
 
 def link_key(names: Sequence[object], k: int) -> str:
-    """How a path names the link at index `k`: by its name, in quotes if it has a dot, or else by its number from 1."""
+    """Name of the link at index `k` in a path: its name, in quotes if it has a dot, or its number from 1."""
     name = names[k]
     if not isinstance(name, str) or not name or names.count(name) > 1 or re.search(r"[\"'*]", name):
         return str(k + 1)
@@ -282,7 +285,7 @@ def link_key(names: Sequence[object], k: int) -> str:
 
 
 def _link_name(item: Any) -> object:
-    """The name in the table of a link, or in that of a motion; None of what is no table."""
+    """Name in the table of a link or motion; None if it is not a table."""
     table = msgspec.structs.asdict(item) if isinstance(item, Spec) else item
     return table.get("name", table.get("link")) if isinstance(table, dict) else None
 
@@ -294,7 +297,7 @@ def _class_of(kind: Any) -> type:
 
 @functools.cache
 def type_below(kind: Any, key: str) -> Any:
-    """The annotation of `key` inside `kind`: one step down a key path."""
+    """Annotation of `key` inside `kind`: one step down a key path."""
     kind = bare_type(kind)
     if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         return next((f.type for f in fields_of(kind) if f.encode_name == key), None)
@@ -304,7 +307,7 @@ def type_below(kind: Any, key: str) -> Any:
 
 @functools.cache
 def bare_type(kind: Any) -> Any:
-    """An annotation without its range and without its `| None`."""
+    """An annotation without its constraints and without `| None`."""
     while get_origin(kind) in {Annotated, Union, UnionType}:
         kind = next(part for part in get_args(kind) if part is not NoneType)
     return kind
@@ -318,12 +321,12 @@ def _check_finite(value: object, kind: Any, path: str) -> None:
 
 
 def _flaw(value: object) -> tuple[Any, ...] | None:
-    """Keys to an item that is not finite, or has no order, at or below a value, and last what is wrong with it."""
+    """Keys to the first infinite, nan or unordered item at or below a value, followed by the reason; or None."""
     if type(value) in {str, int, bool, NoneType}:
         return None
     if isinstance(value, float):
         return None if math.isfinite(value) else (f"{value!r}: must be a finite number",)
-    if isinstance(value, (str, int, Spec)):  # holds no float, or was checked before
+    if isinstance(value, (str, int, Spec)):  # contains no float, or is already checked
         return None
     if isinstance(value, (set, frozenset)):
         return (f"{truncated(value)}: a set has no order; expected a list",)
@@ -337,9 +340,3 @@ def _flaw(value: object) -> tuple[Any, ...] | None:
         if flaw is not None:
             return key, *flaw
     return None
-
-
-def _lower(reason: str) -> str:
-    """msgspec's reason in the words of TOML."""
-    words = (reason[:1].lower() + reason[1:]).replace("`", "")
-    return words.replace(" | null", "").replace("object", "table").replace("array", "a list")

@@ -1,4 +1,4 @@
-"""Units of a scene's numbers, as its fields are marked with them."""
+"""Units of a scene's numbers, from the annotations of its fields."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from flexlink.describe.vary import Keys, routes_to
 
 
 def unit_of(scene: Scene, path: str) -> str:
-    """The unit of the number at a path of `Scene.varied`; "" of a pure number, or where the path alone does not say.
+    """Return the unit of the number at a path of `Scene.varied`; "" if it has none or the path does not determine it.
 
     Raises
     ------
     SceneError
-        The path leads nowhere.
+        The path does not exist.
     """
     found = set()
     for keys, _ in routes_to(scene.document(), FIELDS, path):
@@ -28,7 +28,7 @@ def unit_of(scene: Scene, path: str) -> str:
 
 
 def _of_joint(scene: Scene, keys: Keys, units: tuple[str, ...]) -> str:
-    """The unit that holds for the joint of a number."""
+    """Unit of a number that belongs to a joint, which may turn or slide."""
     if len(units) == 2 and keys[0] == "link" and keys[2] == "joint":
         units = (units[scene.arm.slides[keys[1]]],)
     return units[0] if len(units) == 1 else ""

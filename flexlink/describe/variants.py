@@ -1,7 +1,7 @@
-"""Many variants of one scene: what is a number is replaced where it stands, without reading the scene again.
+"""Many variants of one scene: numbers are replaced in place, without decoding the scene again.
 
-Equal to `Scene.varied`, which makes a variant where anything but numbers changes, and finds the words for what is not
-valid: whatever goes wrong here is tried there.
+Equivalent to `Scene.varied`, which is used if anything other than numbers changes. It also handles every failure here,
+because its messages explain invalid values.
 """
 
 from __future__ import annotations
@@ -24,28 +24,28 @@ from flexlink.describe.vary import Keys, parts_of, routes_to, to_document
 
 Tree = dict[Any, Any]
 Base = tuple[Scene, Mapping[str, Any], Tree]
-"""A scene, and where numbers are put into it: annotations of what stands at each path, and a tree from the scene's
-fields on, whose leaves are paths."""
+"""A scene and where numbers are inserted: type annotation at each path, and a tree of field names whose leaves are
+paths."""
 
 
 class Variants:
-    """Variants of a scene by values at the same paths, most of them numbers."""
+    """Variants of a scene by values at fixed paths, most of them numbers."""
 
     def __init__(self, scene: Scene, paths: Sequence[str]) -> None:
-        # tables whose paths lead where they do whatever the links are
-        beside_links = {"tip", "material", "section", "rigidity", "gravity", "run"}
+        # tables whose paths do not depend on the links
+        independent = {"tip", "material", "section", "rigidity", "gravity", "run"}
         self.scene = scene
-        elsewhere = {"run.tolerance", "run.relative_tolerance"}  # numbers that take others' place
+        elsewhere = {"run.tolerance", "run.relative_tolerance"}  # these replace other settings
         numbers = [path for path in paths if path not in elsewhere and _is_number(scene, path)]
         tops = {parts_of(path)[:1] for path in paths if path not in numbers}
         if ("link",) in tops or ("motion",) in tops:
-            numbers = [path for path in numbers if parts_of(path)[0] in beside_links]
+            numbers = [path for path in numbers if parts_of(path)[0] in independent]
             tops = {parts_of(path)[:1] for path in paths if path not in numbers}
         self.numbers = tuple(path for path in numbers if parts_of(path)[:1] not in tops)
-        self._base: tuple[list[object], Base | None] | None = None  # of the last values that are no numbers
+        self._base: tuple[list[object], Base | None] | None = None  # for the last values that are not numbers
 
     def varied(self, changes: Mapping[str, object]) -> Scene:
-        """`Scene.varied`, with values at all paths; errors as there."""
+        """Return `Scene.varied`, with values at all paths; raises the same errors."""
         numbers = {path: value for path, value in changes.items() if path in self.numbers}
         if numbers:
             base = self._base_of({path: value for path, value in changes.items() if path not in numbers})
@@ -66,7 +66,7 @@ class Variants:
 
 
 def _variant(base: Scene, kinds: Mapping[str, Any], tree: Tree, numbers: Mapping[str, object]) -> Scene | None:
-    """The scene with these numbers; None where `Scene.varied` has to look at them."""
+    """The scene with these numbers; None if `Scene.varied` must handle them."""
     if any(value is None for value in numbers.values()):
         return None
     try:
@@ -80,7 +80,7 @@ def _variant(base: Scene, kinds: Mapping[str, Any], tree: Tree, numbers: Mapping
 
 
 def _base(scene: Scene, paths: Sequence[str]) -> Base | None:
-    """None where a number of the scene cannot be replaced where it stands."""
+    """The scene with a tree of the paths; None if its numbers cannot be replaced in place."""
     if not _reads_back(scene, paths):
         return None
     tree: Tree = {}
@@ -94,7 +94,7 @@ def _base(scene: Scene, paths: Sequence[str]) -> Base | None:
 
 
 def _reads_back(scene: Scene, paths: Sequence[str]) -> bool:
-    """Whether all that is read anew by `Scene.varied` comes out as it is, and nothing else is left out by it."""
+    """Whether `Scene.varied` would decode the changed parts to the same values, and would remove nothing else."""
     gone = implied(scene.run, dict.fromkeys(paths, 0.0))
     if gone and scene.varied(gone) != scene:
         return False
@@ -109,11 +109,12 @@ def _reads_back(scene: Scene, paths: Sequence[str]) -> bool:
 
 
 def _plant(tree: Tree, part: Any, keys: Keys, path: str) -> bool:
-    """Put a path at the end of its keys; False where there is nothing, or another path, on the way."""
-    for k, said in enumerate(keys):
-        key = said
+    """Insert a path into the tree at its keys; False if the keys do not exist or another path is on the way."""
+    for k, given in enumerate(keys):
+        key = given
         if isinstance(part, Spec):
-            key = next((field.name for field in fields_of(type(part)) if said in {field.encode_name, field.name}), said)
+            fields = fields_of(type(part))
+            key = next((field.name for field in fields if given in {field.encode_name, field.name}), given)
             part = getattr(part, key)
         elif isinstance(part, dict | tuple):
             part = part[key]
@@ -130,7 +131,7 @@ def _plant(tree: Tree, part: Any, keys: Keys, path: str) -> bool:
 
 
 def _with(part: Any, tree: Tree | str, numbers: Mapping[str, Any]) -> Any:
-    """A part of a scene with numbers in their places."""
+    """A part of a scene with numbers inserted at the leaves of the tree."""
     if isinstance(tree, str):
         return numbers[tree]
     if isinstance(part, Spec):
@@ -147,7 +148,7 @@ def _read(value: object, kind: Any, path: str) -> Any:
 
 
 def _is_number(scene: Scene, path: str) -> bool:
-    """Whether a path leads to numbers, or to lists of them."""
+    """Whether a path leads to numbers or lists of numbers."""
     try:
         routes = routes_to(scene.document(), FIELDS, path)
     except FlexlinkError:

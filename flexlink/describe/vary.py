@@ -1,10 +1,10 @@
-"""The one way to vary a description: values by path, in the words of its TOML file.
+"""Variation of a description: values by path, in the terms of its TOML file.
 
 A path leads from table to table (`run.step`), to materials and sections by name (`material.steel.young`), to links by
-name or by number from 1 (`link.upper.length`, `link.2.length`), to motions by their link, to sensors by name, and so to
-the items of lists of one number per link (`initial.joint_deg.upper`); to the components of vectors by x, y and z
-(`gravity.x`). A name with a dot stands in quotes (`link."a.b".length`). `*` stands for all: of links, for those on
-which the key has an effect. Messages name a value by the path that sets it.
+name or number from 1 (`link.upper.length`, `link.2.length`), to motions by link and to sensors by name. It also leads
+to items of lists of one number per link (`initial.joint_deg.upper`) and to vector components x, y and z (`gravity.x`).
+Put a name with a dot in quotes (`link."a.b".length`). `*` selects all items; among links, those on which the key has an
+effect. Messages name a value by the path that sets it.
 """
 
 from __future__ import annotations
@@ -19,32 +19,33 @@ import msgspec
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.memo import keep_last
 from flexlink.common.wording import did_you_mean, truncated
+from flexlink.describe.expected import why_not
 from flexlink.describe.own_units import IN_METRES, TWINS
 from flexlink.describe.spec import Spec, Vector3, bare_type, fields_of, is_per_link, to_builtin, type_below
 
 Keys = tuple[Any, ...]
-"""Of tables, and numbers of items from 0."""
+"""Keys of tables, and indices of list items from 0."""
 
 
 def apply_changes(document: dict[str, Any], kinds: Mapping[str, Any], changes: Mapping[str, object]) -> dict[str, Any]:
-    """Put values into a parsed document, one after the other; what comes out is still to be checked as a whole.
+    """Insert values into a parsed document, in order; the result must still be checked.
 
     Parameters
     ----------
     document
-        What `to_document` returns of a whole scene, its arm's keys beside its own; its tables and lists are copied on
-        the way to what changes, and left as they are.
+        A complete scene from `to_document`, with the arm's keys at the top level. Tables and lists that change are
+        replaced by copies, so the originals are unchanged.
     kinds
-        The annotation of each key at its top.
+        Type annotation of each top-level key.
     changes
-        Values by path; None leaves the key out, so that its default holds.
+        Values by path; None removes the key, which restores its default.
 
     Raises
     ------
     ArgumentError
-        `changes` is no dict of values by path.
+        `changes` is not a dict of values by path.
     SceneError
-        A path that leads nowhere; the message names it, its value and what is allowed there.
+        A path does not exist; the message names it, its value and what is allowed there.
     """
     if not isinstance(changes, Mapping):
         raise ArgumentError(
@@ -54,7 +55,7 @@ def apply_changes(document: dict[str, Any], kinds: Mapping[str, Any], changes: M
         if not isinstance(path, str):
             raise ArgumentError(f"changes: {truncated(path)}: expected a path such as 'run.step'", id="path-form")
         change = _Change(document, path, value)
-        for node, key, _ in change.places(document, kinds):
+        for node, key, _ in change.targets(document, kinds):
             if change.drops and isinstance(node, dict):
                 node.pop(key, None)
             else:
@@ -63,14 +64,14 @@ def apply_changes(document: dict[str, Any], kinds: Mapping[str, Any], changes: M
 
 
 def top_level_keys(changes: Mapping[str, object]) -> set[str]:
-    """Top-level keys of the scene that the changes touch."""
+    """Top-level keys of the scene that the changes affect."""
     paths = changes if isinstance(changes, Mapping) else ()
     return {part for path in paths if isinstance(path, str) for part in parts_of(path)[:1]}
 
 
 @functools.lru_cache(maxsize=256)
 def parts_of(path: str) -> tuple[str, ...]:
-    """The keys and names of a path, none of what is no path."""
+    """Keys and names of a path; empty if it is not a valid path."""
     part = r"""(?:"[^"]+"|'[^']+'|[^."']+)"""
     if not re.fullmatch(rf"{part}(?:\.{part})*", path):
         return ()
@@ -78,39 +79,39 @@ def parts_of(path: str) -> tuple[str, ...]:
 
 
 def values_at(document: dict[str, Any], kinds: Mapping[str, Any], path: str) -> list[Any]:
-    """What stands at a path: one value, or, with `*`, several; None where nothing does. Arguments: `apply_changes`.
+    """Values at a path: one, or several with `*`; None if nothing is there. Arguments as in `apply_changes`.
 
     Raises
     ------
     SceneError
-        The path leads nowhere.
+        The path does not exist.
     """
-    places = _Change(document, path, None).places(document, kinds)
-    return [node.get(key) if isinstance(node, dict) else node[key] for node, key, _ in places]
+    targets = _Change(document, path, None).targets(document, kinds)
+    return [node.get(key) if isinstance(node, dict) else node[key] for node, key, _ in targets]
 
 
 def number_in(values: Sequence[Any]) -> float:
-    """The one number that stands at a path, from what `values_at` returns.
+    """Return the one number at a path, from the result of `values_at`.
 
     Raises
     ------
     SceneError
-        It is none, or there are several that differ; the message begins with the value, for the path to stand before.
+        It is not a number, or several numbers differ; the message starts with the value and needs the path before it.
     """
     if any(isinstance(value, bool) or not isinstance(value, int | float) for value in values):
         raise SceneError(f"{truncated(values[0])}: not a number in the scene; set it", id="not-a-number")
     if len(set(values)) != 1:
-        raise SceneError(f"{truncated(values)}: the values differ; name each path by itself", id="paths-differ")
+        raise SceneError(f"{truncated(values)}: the values differ; name each path separately", id="paths-differ")
     return float(values[0])
 
 
 def routes_to(document: dict[str, Any], kinds: Mapping[str, Any], path: str) -> list[tuple[Keys, Any]]:
-    """Where a path leads: keys of tables and numbers of items from 0, and the annotation of what stands there.
+    """Routes of a path: keys of tables and indices from 0, with the type annotation at the end.
 
     Arguments and errors as in `values_at`.
     """
     routes = []
-    for _, _, route in _Change(document, path, None).places(document, kinds):
+    for _, _, route in _Change(document, path, None).targets(document, kinds):
         kind: Any = kinds
         for key in route:
             kind = kind[key] if isinstance(kind, dict) else type_below(kind, str(key))
@@ -119,7 +120,7 @@ def routes_to(document: dict[str, Any], kinds: Mapping[str, Any], path: str) -> 
 
 
 def to_document(value: object) -> Any:
-    """A description as a TOML parser returns it: dicts without keys that have no value, and lists."""
+    """A description as parsed TOML: dicts without keys whose value is None, and lists."""
     if isinstance(value, Spec):
         return to_document(msgspec.to_builtins(value))
     if isinstance(value, dict):
@@ -128,7 +129,7 @@ def to_document(value: object) -> Any:
 
 
 def as_document(value: Any) -> Any:
-    """A description as a TOML parser returns it, to look at only: variants share all of it but dicts."""
+    """A read-only description as parsed TOML, shared between variants except for dicts."""
     if isinstance(value, dict):
         return {key: as_document(item) for key, item in value.items()}
     if isinstance(value, Spec | tuple):
@@ -138,12 +139,12 @@ def as_document(value: Any) -> Any:
 
 @keep_last(64)
 def _kept_document(part: Spec | tuple[Any, ...]) -> Any:
-    """A part of scenes as a TOML parser returns it."""
+    """A part of a scene as parsed TOML, cached."""
     return to_document(part)
 
 
 def parts_by_key(spec: Spec) -> dict[str, Any]:
-    """The fields of a description by their keys in a file."""
+    """Fields of a description by their keys in a file."""
     return {field.encode_name: getattr(spec, field.name) for field in fields_of(type(spec))}
 
 
@@ -153,12 +154,12 @@ def _keys_of(kind: type[msgspec.Struct]) -> tuple[str, ...]:
 
 
 class _Change:
-    """One value, on the way to its place."""
+    """One value and the path to where it is inserted."""
 
     def __init__(self, document: dict[str, Any], path: str, value: object) -> None:
         self.path, self.value, self.parts, self.drops = path, value, parts_of(path), value is None
         if not self.parts:
-            raise self.error("not a path; expected keys and names with dots between, such as run.step")
+            raise self.error("not a path; expected keys and names separated by dots, such as run.step")
         if type(value) is not float:
             try:
                 self.value = to_document(to_builtin(value))
@@ -170,10 +171,10 @@ class _Change:
     def error(self, reason: str) -> SceneError:
         return SceneError(f"{truncated(self.path)[1:-1]} = {truncated(self.value)}: {reason}", id="cannot-set")
 
-    def places(self, node: Any, kind: Any, above: Keys = ()) -> Iterator[tuple[Any, Any, Keys]]:
-        """From a table or list of this kind follow the rest of the path.
+    def targets(self, node: Any, kind: Any, above: Keys = ()) -> Iterator[tuple[Any, Any, Keys]]:
+        """Follow the remaining path from a table or list of this kind.
 
-        Yields tables or lists at its end, their keys, and all keys on the way there.
+        Yields tables or lists at the end of the path, their keys, and all keys of the route.
         """
         depth = len(above)
         for key in self._keys(node, kind, depth):
@@ -183,7 +184,7 @@ class _Change:
                     node[key] = [0.0] * len(self.links) if is_per_link(below) else {}
                 elif isinstance(node[key], dict | list):
                     node[key] = node[key].copy()
-                yield from self.places(node[key], below, (*above, key))
+                yield from self.targets(node[key], below, (*above, key))
             else:
                 yield node, key, (*above, key)
 
@@ -191,19 +192,19 @@ class _Change:
         return ".".join(self.parts[:depth])
 
     def _keys(self, node: Any, kind: Any, depth: int) -> Sequence[Any]:
-        """Keys of the table, or numbers of the list's items from 0, that this part of the path stands for."""
-        # what the components of a vector are called
+        """Keys of the table, or indices of list items, selected by this part of the path."""
+        # components of a vector
         axes = ("x", "y", "z")
-        # lists of tables other than links, and the key that names each
+        # lists of tables other than links, with the key that names their items
         named = {"motion": "link", "sensor": "name"}
         part = self.parts[depth]
         if isinstance(kind, dict):
-            return [self._one_of(part, kind)]
+            return [self._one_of(part, kind, keys=True)]
         above, per_link, kind = self._above(depth), is_per_link(kind), bare_type(kind)
         if isinstance(node, dict) and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
-            return [self._one_of(part, _keys_of(kind))]
+            return [self._one_of(part, _keys_of(kind), keys=True)]
         if isinstance(node, dict) and get_origin(kind) is dict:
-            new = depth == len(self.parts) - 1  # a material or section as a whole
+            new = depth == len(self.parts) - 1  # a complete material or section
             return list(node) if part == "*" else [part if new else self._one_of(part, node)]
         if isinstance(node, list) and above in named:
             return self._numbers(part, [str(get_in(item, named[above])) for item in node], [True] * len(node))
@@ -215,15 +216,15 @@ class _Change:
             return [axes.index(self._one_of(part, axes))]
         raise self.error(f"{above} is one value; set it as a whole")
 
-    def _one_of(self, part: str, names: Mapping[str, Any] | Sequence[str]) -> str:
+    def _one_of(self, part: str, names: Mapping[str, Any] | Sequence[str], *, keys: bool = False) -> str:
+        """Return `part`, which must be one of the names; if these are `keys`, the message may name an alternative."""
         if part not in names:
-            raise self.error(
-                f"{part!r} is unknown here; allowed are {', '.join(names) or 'none'}{did_you_mean(part, names)}"
-            )
+            listed = f"; allowed are {', '.join(names) or 'none'}{did_you_mean(part, names)}"
+            raise self.error(f"{part!r} is unknown here{(keys and why_not(part, None)) or listed}")
         return part
 
     def _numbers(self, part: str, names: list[str], concerned: list[bool]) -> list[int]:
-        """Which of the items that belong to the links of these names."""
+        """Indices of the items selected by `part`, for links with these names."""
         if part == "*" and any(concerned):
             return [k for k, counts in enumerate(concerned) if counts]
         if part in names:
@@ -236,7 +237,7 @@ class _Change:
         raise self.error(f"{part!r} is unknown here; allowed are {allowed}{did_you_mean(part, names)}")
 
     def _concerned(self, above: str, depth: int) -> list[bool]:
-        """The links on which the key has an effect."""
+        """Whether the key has an effect on each link."""
         below = self.parts[depth + 1 :]
         free = [not get_in(link, "joint", "locked") for link in self.links]
         if above != "link":
@@ -253,7 +254,7 @@ class _Change:
 
 
 def get_in(table: Any, *keys: str) -> Any:
-    """What stands below the keys; None if nothing does, also where an earlier change put something else."""
+    """Value below the keys; None if there is none, or if an earlier change replaced a table on the way."""
     for key in keys:
         table = table.get(key) if isinstance(table, dict) else None
     return table

@@ -1,4 +1,4 @@
-"""A description as TOML that a person would write: defaults left out, one line a key, what a link holds inline."""
+"""Write a description as readable TOML: defaults omitted, one line per key, tables inside links inline."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from flexlink.describe.spec import Spec, default_of, fields_of
 
 
 def without_defaults(value: Any, always: frozenset[str] = frozenset()) -> Any:
-    """What a description says that is not so by default, as dicts, lists, texts and numbers.
+    """Values of a description that differ from the defaults, as dicts, lists, texts and numbers.
 
     Parameters
     ----------
     value
-        A `Spec`, or what stands in one.
+        A `Spec`, or a value in one.
     always
-        Names of its fields that are said even where they are as by default.
+        Names of fields that are included even if they have their default.
     """
     if isinstance(value, Spec):
         fields = [(field, getattr(value, field.name)) for field in fields_of(type(value))]
@@ -34,12 +34,12 @@ def without_defaults(value: Any, always: frozenset[str] = frozenset()) -> Any:
 
 
 def toml_of(document: Mapping[str, Any], inline: frozenset[str] = frozenset()) -> str:
-    """The TOML text of a document; tables at the keys `inline`, and in a list of tables, stand in one line."""
+    """Return a document as TOML; tables at the keys `inline`, and tables in lists of tables, are written inline."""
     return "\n\n".join("\n".join(block) for block in _blocks(document, inline)) + "\n"
 
 
 def _blocks(table: Mapping[str, Any], inline: frozenset[str], path: str = "") -> Iterator[list[str]]:
-    """First what stands in the table itself, then table by table what stands below."""
+    """Blocks of lines: first the values of the table itself, then its subtables."""
     tables = {key: value for key, value in table.items() if isinstance(value, Mapping) and key not in inline}
     below = {key: value for key, value in table.items() if key in tables or _are_tables(value)}
     own = {key: value for key, value in table.items() if key not in below}
@@ -58,7 +58,7 @@ def _are_tables(value: object) -> bool:
 
 
 def _lines(table: Mapping[str, Any]) -> list[str]:
-    """One line a key, with aligned signs; a list beyond 120 characters has one item a line."""
+    """One line per key, with aligned equals signs; a list longer than 120 characters has one line per item."""
     width = max((len(_key(key)) for key in table), default=0)
     lines = []
     for key, value in table.items():
@@ -76,7 +76,7 @@ def _value(value: Any) -> str:
         return f"[{', '.join(map(_value, value))}]"
     if isinstance(value, float):
         return _number(value)
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # texts, true, false, and integers
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # text, true, false, or integer
 
 
 def _key(name: str) -> str:
@@ -84,7 +84,7 @@ def _key(name: str) -> str:
 
 
 def _number(value: float) -> str:
-    """The shortest decimals that read back to the same float64, with an exponent where that is shorter by far."""
+    """Shortest decimals that read back to the same float64, with an exponent if that is much shorter."""
     plain = repr(value)
     mantissa, _, exponent = f"{Decimal(plain):e}".partition("e")
     digits = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa

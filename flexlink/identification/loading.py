@@ -8,7 +8,7 @@ from typing import Any
 from flexlink.data import documents
 from flexlink.data.documents import paths_of
 from flexlink.describe.mistakes import mistakes, raise_together
-from flexlink.describe.scene_file import scene_named
+from flexlink.describe.scene_file import refuse_scene, scene_named
 from flexlink.describe.spec import check_keys, decode, fields_of
 from flexlink.identification.problem import FitProblem
 
@@ -46,6 +46,7 @@ def load_fit(path: str | Path) -> FitProblem:
     raw = documents.read_toml(path)
     with documents.errors_of(path):
         fields = {field.encode_name: field for field in fields_of(FitProblem)}
+        refuse_scene(raw, path, "a fit")
         check_keys(raw, fields, required=("scene", "parameter"))
         scene = scene_named(raw, path.parent)
         for part in ("run", "modes", "static"):

@@ -1,4 +1,4 @@
-"""Adaptive steps, and implicit ones, in chunks between which Python checks the samples."""
+"""Adaptive and implicit steps, taken in chunks; between chunks Python checks the samples."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, STEPPER
 from flexlink.motion.budget import FEWEST, Budget, Spent, warn
 from flexlink.motion.chunk_size import ChunkSize, Reached
 from flexlink.motion.floating_steps import is_far
-from flexlink.motion.hindrance import hanging, loop_is_unstable, stuck
+from flexlink.motion.hindrance import loop_is_unstable, slow_progress, stuck
 from flexlink.motion.method_steps import MethodSteps
 from flexlink.motion.method_trial import begin, consider
 from flexlink.motion.sampled_control import Control
@@ -21,13 +21,13 @@ from flexlink.results.record import Record
 from flexlink.results.stop_reasons import EvaluationLimitError, Failure, LawFailure
 
 NEAR = 1e-9
-"""Part of the time between samples within which two times are one."""
+"""Two times closer than this fraction of the sampling interval count as equal."""
 
 
 class AdaptiveSteps(MethodSteps):
-    """Stepper of a run; `failure` says why it ended early.
+    """Adaptive or implicit stepper of a run; `failure` is why it ended early.
 
-    It may have its longest steps `halved`, and its steps may not be such that one `passes` a sample.
+    `halved` halves its longest steps; `passes` allows a step to pass a sample.
     """
 
     def __init__(
@@ -37,7 +37,7 @@ class AdaptiveSteps(MethodSteps):
         self.control, self.ends = control, ends(record, control)
         self.failure: Failure | None = None
         self.budget = Budget(run.max_evaluations, run.duration)
-        self.slow = 0, ""  # row of the next sample when it was found, and what is to be told while the run goes on
+        self.slow = 0, ""  # index of the next sample when slow progress was found, and the warning to issue meanwhile
         super().__init__(record, control is None, halved, passes)
         begin(self)
 
@@ -58,13 +58,16 @@ class AdaptiveSteps(MethodSteps):
             if how == OUTCOME.stuck:
                 yield self.row, self._part
                 return
-            yield from self._ask(k)
+            yield from self._call_law(k)
             if pace.over or k == len(self.ends):
                 yield self.row, self._part
                 pace.start()
 
     def go(self, inputs: Inputs, start: float, end: float) -> Failure | None:
-        """Go on from `start` to `end` [s] under these inputs; returns why not, if not. If they are one, it compiles."""
+        """Integrate from `start` to `end` [s] under these inputs, and return the failure, if any.
+
+        If both times are equal, it only compiles.
+        """
         self.act(inputs)
         self.aim(start, end)
         self.budget.begin(self._spent(), end, self.dearest)
@@ -79,8 +82,8 @@ class AdaptiveSteps(MethodSteps):
                 warned = True
         return self.failure
 
-    def _ask(self, k: int) -> Iterator[Reached]:
-        """Let a law say what it holds from instant `k` on, if that is one; where it fails, say what came before."""
+    def _call_law(self, k: int) -> Iterator[Reached]:
+        """Call the controller at instant `k`, if there is one; if it fails, first yield the samples before it."""
         if self.control is None or k == len(self.control.times):
             return
         try:
@@ -92,15 +95,15 @@ class AdaptiveSteps(MethodSteps):
 
     @property
     def _part(self) -> float:
-        """Of the run's time."""
+        """Fraction of the run's duration that is done."""
         return (self.time - float(self.record.t[0])) / self.run.duration
 
     def _take(self, choice: tuple[str, str], now: float) -> None:
         super()._take(choice, now)
-        self.budget.safe = 0.0  # a step may be dearer now
+        self.budget.safe = 0.0  # a step may cost more now
 
     def _advance(self, most: int) -> int:
-        """Take up to so many steps, to the end of the piece; goes on with another method where that is cheaper."""
+        """Take up to `most` steps, at most to the end of the piece; switch to another method where it is cheaper."""
         if most > 0 and self.tries >= self.consider_at:
             consider(self)
         most = min(most, self.consider_at - self.tries)
@@ -114,7 +117,7 @@ class AdaptiveSteps(MethodSteps):
                 break
             if self.count[COUNT.knot] == len(self.knots[0]):
                 how = OUTCOME.ended
-            elif is_far(self.record, self.state[0]):  # as after a step that was taken whole
+            elif is_far(self.record, self.state[0]):  # as after an undivided step
                 how = OUTCOME.turned
             else:
                 how = self.take(max(least, last - int(self.count[COUNT.steps])))
@@ -127,23 +130,24 @@ class AdaptiveSteps(MethodSteps):
                 self.go_on_with(others[0])
                 how, self.judged, self.tried_for = int(OUTCOME.goes_on), None, None
         if how == OUTCOME.stuck:
-            # of a fixed step the smallest part that is tried
+            # the smallest part of a fixed step that is tried
             h = self.work.stepper[STEPPER.step] if self.run.controlled else self.run.fixed_step / 64
             unsolved = self.work.stepper[STEPPER.refusal] == REFUSAL.iteration
             worst = int(self.work.stepper[STEPPER.worst_joint]) if unsolved else None
-            self.failure = stuck(self.record, self.state[0], self.time, h, worst)
+            explicit = self.method.explicit
+            self.failure = stuck(self.record, self.state[0], self.time, h, unsolved=worst, explicit=explicit)
         return how
 
     def _affordable(self, most: int) -> int:
-        """As many of so many steps as the budget allows; 0, and the run has failed: none."""
+        """Number of steps, up to `most`, that the budget allows; at 0 the run has failed."""
         if self.dearest and self.evaluations + most * self.dearest > self.budget.safe:
             most = min(most, self.budget.affordable(self._spent(), self.dearest))
             if self.budget.slow and not self.slow[1]:
-                self.slow = self.row, "; ".join(hanging(self.record, self.state, self.time, self.budget.slow))
-            if most and self.budget.slow and loop_is_unstable(self.record):  # it only grows: no need to spend the rest
+                self.slow = self.row, "; ".join(slow_progress(self.record, self.state, self.time, self.budget.slow))
+            if most and self.budget.slow and loop_is_unstable(self.record):  # motion only grows: stop at once
                 most, self.budget.over = 0, self.budget.slow
             if not most:
-                where = hanging(self.record, self.state, self.time, self.budget.over)
+                where = slow_progress(self.record, self.state, self.time, self.budget.over)
                 self.failure = Failure(*where, EvaluationLimitError)
         return most
 
@@ -152,10 +156,10 @@ class AdaptiveSteps(MethodSteps):
 
 
 def ends(record: Record, control: Control | None) -> list[float]:
-    """Ends of the pieces of a run [s]: sampling instants of a control law, and the end of the run."""
+    """End times of the pieces of a run [s]: sampling instants of the controller, and the end of the run."""
     run = record.run
     start, end = float(record.t[0]), float(record.t[-1])
-    if not run.controlled:  # on the grid of all steps, to the bit
+    if not run.controlled:  # on the grid of all steps, bit for bit
         start, end = (run.fixed_step * (record.origin + k * run.steps_per_sample) for k in (0, len(record.t) - 1))
     between = [] if control is None else control.times[1:].tolist()
     return [*(t for t in between if t < end - NEAR * run.spacing), *([end] if end > start else [])]

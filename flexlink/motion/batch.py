@@ -1,8 +1,8 @@
-"""simulate_many(scenes): members of one layout side by side, eight in one pass of the compiled loop.
+"""simulate_many(scenes): similar scenes run side by side, eight in one pass of the compiled loop.
 
-Those with a tolerance run one by one: the lengths of their steps, and so the matrices that they factor, are their own;
-a step that one of eight refuses would hold up seven; and all their steps are but 15 to 30 % of what they cost, measured
-with ten joints, Radau5, 1e-4 m, 0.1 to 1 s.
+Runs with a tolerance go one by one. Each has its own step lengths, and so its own matrices to factor, and one rejected
+step would hold up the other seven. All their steps are only 15 to 30 % of their cost (measured with ten joints, Radau5,
+1e-4 m, 0.1 to 1 s).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.budget import warn
 from flexlink.motion.inputs.problem import problems_of
 from flexlink.motion.inputs.step_check import judge_steps
-from flexlink.motion.side_by_side import Block, Ended, Member, Run, alike, goes_along
+from flexlink.motion.side_by_side import Block, Ended, Member, Run, alike, fits_lanes
 from flexlink.motion.single_run import SingleRun
 from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError
 from flexlink.results.trajectory import Trajectory
@@ -30,12 +30,12 @@ Outcome = Ended | FlexlinkError
 
 
 def simulate_many(scenes: Sequence[Scene], *, threads: int = 1) -> list[Trajectory]:
-    """Simulate many scenes; neighbours in the list that are alike run eight side by side.
+    """Simulate many scenes; similar neighbours in the list run eight side by side.
 
-    Alike are scenes that differ in initial state, dimensions, materials and gravity only: same layout of bodies and
-    hinges, same drive, motion, wrench, constant in frame 0, and run settings, with dynamics "articulated", and with a
-    drive that neither is sampled nor knows the rigid arm. Others run one by one. The numbers are those of single runs,
-    and so are the judgements.
+    Similar scenes differ only in initial state, dimensions, materials and gravity. They have the same layout of bodies
+    and hinges, the same drive, motion, wrench (constant in frame 0) and run settings, dynamics "articulated", and a
+    drive that is not sampled and uses no rigid model. All others run one by one. Numbers and checks are those of single
+    runs.
 
     Parameters
     ----------
@@ -52,13 +52,13 @@ def simulate_many(scenes: Sequence[Scene], *, threads: int = 1) -> list[Trajecto
     Raises
     ------
     ArgumentError
-        `scenes` holds something that is no Scene, or `threads` is no whole number of at least 1.
+        `scenes` contains an item that is not a Scene, or `threads` is not an integer of at least 1.
     UnstableStepError
-        The step of a member is larger than its largest stable one; unstable = "allow" insists.
+        The step of a member is larger than its largest stable one; unstable = "allow" overrides this.
     DivergenceError
-        A member diverged, as in `simulate`; the error's `runs` holds all runs, that member's up to there.
+        A member diverged, as in `simulate`; the error's `runs` contains all runs, that one up to its last good sample.
     InterruptedRunError
-        Ctrl-C or SIGTERM; its `runs` holds all runs as far as they went.
+        Ctrl-C or SIGTERM; its `runs` contains all runs up to that point.
 
     Examples
     --------
@@ -86,17 +86,17 @@ def simulate_many(scenes: Sequence[Scene], *, threads: int = 1) -> list[Trajecto
 
 
 def outcomes(scenes: Sequence[Scene], stop: Stop, *, compared: int | None = None) -> list[Outcome]:
-    """What becomes of every scene, of those that are refused, too; neighbours that are alike run side by side.
+    """Outcome of every scene, a run or an error; similar neighbours run side by side.
 
-    The numbers of one do not depend on which others there are, to the bit. As many as `compared`, the first ones, are
-    compared with verification runs where their steps call for it; None: all.
+    Each outcome is bit-identical whatever the other scenes are. Only the first `compared` scenes (None: all) are
+    compared with verification runs, if their steps require one.
     """
     ends = ends_of(scenes, stop, compared=compared)
     return [end.trajectory() if isinstance(end, Run) else end for end in ends]
 
 
 def ends_of(scenes: Sequence[Scene], stop: Stop, *, compared: int | None = None) -> Iterator[Run | Outcome]:
-    """`outcomes`, in whose place those that passed every look beside others stand in their blocks."""
+    """Yield the `outcomes`; a member that passed all checks within its block is yielded as a `Run` of that block."""
     members = prepared(scenes, compared)
     kept, before = Kept(), None
     ends: deque[Run | Outcome] = deque()
@@ -115,21 +115,21 @@ def ends_of(scenes: Sequence[Scene], stop: Stop, *, compared: int | None = None)
 
 
 def prepared(scenes: Sequence[Scene], compared: int | None = None) -> list[Member | FlexlinkError]:
-    """The problems of all scenes, their steps judged, and what is refused; `compared` as in `outcomes`."""
+    """Problems of all scenes after the check of their steps, or their errors; `compared` as in `outcomes`."""
     most = len(scenes) if compared is None else compared
     problems = problems_of(scenes)
     good = [problem for problem in problems if isinstance(problem, InitialValueProblem)]
-    judged = iter(judge_steps(good))
+    checked = iter(judge_steps(good))
     members: list[Member | FlexlinkError] = []
     for number, problem in enumerate(problems):
         if isinstance(problem, FlexlinkError):
             members.append(problem)
         else:
-            warnings = next(judged)
+            warnings = next(checked)
             if isinstance(warnings, FlexlinkError):
                 members.append(warnings)
             else:
-                members.append(Member(problem, warnings, goes_along(problem), number < most))
+                members.append(Member(problem, warnings, fits_lanes(problem), number < most))
     return members
 
 
@@ -148,22 +148,22 @@ def _blocks(members: Iterable[Member]) -> Iterator[list[Member]]:
 
 
 def _simulated(members: Sequence[Member], kept: Kept, stop: Stop) -> Sequence[Run | Outcome]:
-    """Also one alone goes in lanes: its numbers are those that it has beside any others."""
+    """Simulate members in lanes, even a single one, so that its numbers do not depend on its neighbours."""
     if not members[0].along:
         return [_alone(members[0], stop)]
     try:
         block = Block(members, kept)
-    except (MemoryError, ValueError):  # ValueError: more than numpy can count
+    except (MemoryError, ValueError):  # ValueError: more elements than numpy can count
         return [_alone(member, stop) for member in members]
     if block.integrate(stop):
         return block.ends(stop)
-    if len(members) == 1:  # it diverges; it says so itself
+    if len(members) == 1:  # it diverges; the single run reports how
         return [_alone(members[0], stop)]
     return [end for member in members for end in _simulated([member], Kept(), stop)]
 
 
 def _ended(end: Run | Outcome) -> Ended:
-    """How a run ended; the error of one that did not start is raised."""
+    """Return how a run ended; raise the error of a run that did not start."""
     if isinstance(end, Run):
         return end.trajectory()
     if isinstance(end, FlexlinkError) and not isinstance(end, DivergenceError | InterruptedRunError):

@@ -1,4 +1,4 @@
-"""Evaluation budget of an adaptive run, and whether its steps still make progress."""
+"""Evaluation budget of an adaptive run, and the check that its steps still make progress."""
 
 from __future__ import annotations
 
@@ -6,14 +6,16 @@ import warnings
 from typing import NamedTuple
 
 LOOKS = 100
-"""How often in its budget a run looks whether it gets on: two looks, a fiftieth of it, and where it hangs is told."""
+"""Number of progress checks per budget; two slow ones in a row, a fiftieth of the budget, trigger a warning."""
 
 FEWEST = 100
-"""Steps from one look to the next, at least: after a jump a few are tiny, each up to five times the last."""
+"""Minimum number of steps between two checks: after a jump the first steps are tiny, each up to five times the last."""
 
 SHORTEST = 1e-10
-"""Mean step from one look to the next, as a part of the duration, below which a run hangs: 1e10 steps for all of it,
-10,000 times what the default budget pays, and no more than a hundred times the rounding of the time itself."""
+"""Mean step between two checks, relative to the duration, below which a run is stuck.
+
+It would need 1e10 steps for the duration, 10,000 times the default budget.
+"""
 
 
 class Spent(NamedTuple):
@@ -25,16 +27,16 @@ class Spent(NamedTuple):
 
 
 class Budget:
-    """Of a run, or of one call of a simulator.
+    """Evaluation budget of a run, or of one call of a simulator.
 
     Attributes
     ----------
     over
-        Why it may not go on; empty as long as it may.
+        Why the run must stop; empty while it may go on.
     slow
-        Why it will not end within the budget, if it goes on as it goes; empty until two looks have found that.
+        Why the run would exceed its budget at its present pace; empty until two checks in a row find that.
     safe
-        Evaluations up to which there is nothing to look at.
+        Number of evaluations up to which no check is due.
     """
 
     def __init__(self, most: float, duration: float) -> None:
@@ -42,7 +44,7 @@ class Budget:
         self.begin(Spent(0.0, 0, 0), 0.0)
 
     def begin(self, now: Spent, end: float, dearest: int = 0) -> None:
-        """Allow all of it from here to a time [s]; there may be nothing to look at for a while of steps so dear."""
+        """Start the budget for integration to `end` [s]; `dearest`: most evaluations of a step, to time the checks."""
         self.over = self.slow = ""
         self._crawls = False
         self._start = self._last = now
@@ -50,29 +52,29 @@ class Budget:
         self.safe = now.evaluations + min(self.most, self._apart(dearest)) if dearest else 0.0
 
     def affordable(self, now: Spent, dearest: int) -> int:
-        """Number of steps up to the next look, each as dear as one may be; 0: no more.
+        """Number of steps up to the next check if each takes `dearest` evaluations; 0: the run must stop.
 
-        By evaluations, not by time, so that a run stops at the same step on every machine.
+        Checks are timed by evaluations, so that a run stops at the same step on every machine.
         """
         used, pause = now.evaluations - self._start.evaluations, self._apart(dearest)
         if used + dearest > self.most:
             part = (now.time - self._start.time) / (self._end - self._start.time)
             self.over = (
-                f"after {used:,} evaluations, of max_evaluations = {self.most:g}, {part:.2%} of the time is done"
+                f"after {used:,} evaluations (max_evaluations = {self.most:g}) only {part:.2%} of the duration is done"
             )
         elif now.evaluations - self._last.evaluations + dearest > pause:
-            self._look(now)
+            self._check_progress(now)
         if self.over:
             return 0
         self.safe = min(self._start.evaluations + self.most, self._last.evaluations + pause)
         return int((self.safe - now.evaluations) / dearest)
 
     def _apart(self, dearest: int) -> float:
-        """Evaluations from one look to the next."""
+        """Evaluations between two checks."""
         return max(self.most / LOOKS, float(FEWEST * dearest))
 
-    def _look(self, now: Spent) -> None:
-        """Whether it gets on since the last look."""
+    def _check_progress(self, now: Spent) -> None:
+        """Check that the run has progressed since the last check."""
         past, steps, evaluations = (float(b - a) for a, b in zip(self._last, now, strict=True))
         self._last = now
         mean = past / max(steps, 1.0)
@@ -84,9 +86,9 @@ class Budget:
         crawled, self._crawls = self._crawls, now.evaluations - self._start.evaluations + rest > self.most
         if crawled and self._crawls and not self.slow:
             enough = f"more than max_evaluations = {self.most:g}"
-            self.slow = f"steps of {mean:.2g} s, with which the rest would take {rest:.2g} evaluations, {enough}"
+            self.slow = f"at steps of {mean:.2g} s, the rest of the run takes {rest:.2g} evaluations, {enough}"
 
 
 def warn(text: str) -> None:
-    """Tell what cannot wait for the end of a run."""
+    """Issue a warning during a run."""
     warnings.warn(text, RuntimeWarning, stacklevel=2)

@@ -1,26 +1,26 @@
-"""Size of the chunks of a run: how many steps to take before Python checks samples, signals and the terminal."""
+"""Size of the chunks of a run: number of steps before Python checks samples, signals and the terminal."""
 
 from __future__ import annotations
 
 import time
 
-BREATH = 0.1  # time between two looks at the samples, at signals and the terminal [s]
+BREATH = 0.1  # time between two checks of samples, signals and the terminal [s]
 
 
 Reached = tuple[int, float]
-"""Progress of a run: samples that are there, and the part of its time."""
+"""Progress of a run: number of samples computed, and the fraction of its duration."""
 
 
 class ChunkSize:
-    """Number of steps that take about `BREATH`: `size`, at first few for `n` joints, at most eight times the last."""
+    """Adaptive chunk size: `size` steps take about `BREATH`. It starts small for `n` joints, and grows up to 8-fold."""
 
     def __init__(self, n: int) -> None:
-        evaluations = 2000  # of one joint, and of a step of any method: 20 ms at most
+        evaluations = 2000  # of one joint in the first chunk: at most 20 ms with any method
         self.size, self._started = max(1, evaluations // n), time.perf_counter()
         self._looked = self._started
 
     def start(self) -> int:
-        """Time what is done from now on; returns `size`."""
+        """Start timing a chunk; returns `size`."""
         self._started = time.perf_counter()
         return self.size
 
@@ -30,11 +30,11 @@ class ChunkSize:
         return time.perf_counter() - self._started >= BREATH
 
     def end(self) -> bool:
-        """`size` steps have been taken; returns whether it is time to look at them."""
+        """Adapt `size` after a chunk of `size` steps; returns whether a check is due."""
         now = time.perf_counter()
-        # short runs take few pieces, and a clock that stands does not end it all in one
+        # the limit of 8 splits short runs into a few chunks, and keeps a stopped clock from running all in one
         self.size = max(1, int(self.size * min(8.0, BREATH / max(now - self._started, 1e-9))))
-        due = not 0 < now - self._looked < BREATH / 4  # 0: the clock stands
+        due = not 0 < now - self._looked < BREATH / 4  # 0: the clock has stopped
         if due:
             self._looked = now
         return due

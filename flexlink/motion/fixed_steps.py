@@ -1,4 +1,4 @@
-"""Fixed steps of an explicit Runge-Kutta method, t = k · step, in chunks between which Python checks the samples."""
+"""Fixed steps of an explicit Runge-Kutta method, t = k · step, taken in chunks between which Python checks samples."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import Failure
 
 Lanes = tuple[Any, Arrays, Arrays]
-"""Of eight runs side by side: scratch, state (n, 8) and samples (rows, n, 8)."""
+"""Workspace, state (n, 8) and samples (rows, n, 8) of eight runs side by side."""
 
 
 class FixedSteps:
-    """Stepper of a run, or of eight side by side in `lanes`; `failure` says why it ended early."""
+    """Stepper of a run, or of eight side by side in `lanes`; `failure` is why it ended early."""
 
-    slow, deflection, angle_travelled = (0, ""), 0.0, 0.0  # of steps with a tolerance, or of an implicit method
+    slow, deflection, angle_travelled = (0, ""), 0.0, 0.0  # only adaptive and implicit steps have these
 
     def __init__(self, record: Record, control: Control | None = None, lanes: Lanes | None = None) -> None:
         self.record, self.run, self.origin = record, record.run, record.origin
         self.failure: Failure | None = None
         self.tableau = method(record.run.method).arrays
         self.no_samples = *np.empty((2, 0, record.chain.n)), np.empty(0)
-        self._inputs: Inputs | None = None  # that `_integrate` is compiled for
+        self._inputs: Inputs | None = None  # for which `_integrate` is compiled
         record.begin()
         if lanes is None:
             start = record.q[0].copy(), record.qd[0].copy(), np.zeros(1)
@@ -43,7 +43,7 @@ class FixedSteps:
             self._pieces = pieces(self.run, record, self.scratch, self.state, samples)
         else:
             self._pieces = control.pieces(record, self.run, self.state)
-        self._done = next(self._pieces)  # compiles, while no signal is deferred
+        self._done = next(self._pieces)  # compiles while signals are not deferred
 
     def __iter__(self) -> Iterator[Reached]:
         run, (q, qd, _) = self.run, self.state
@@ -56,7 +56,7 @@ class FixedSteps:
             yield self._done // run.steps_per_sample + 1, self._done / last
 
     def go(self, inputs: Inputs, start: float, end: float) -> Failure | None:
-        """Go on from `start` to `end` [s] under these inputs; returns why not, if not."""
+        """Integrate from `start` to `end` [s] under these inputs; return the failure, if any."""
         h, origin = self.run.fixed_step, self.origin
         first, last = round(start / h) - origin, round(end / h) - origin
         fixed, rest = (self.scratch, self.tableau, inputs, h, origin), (NEVER, self.state, self.no_samples)
@@ -67,12 +67,12 @@ class FixedSteps:
         return None if self._done == last else self._not_finite()
 
     def saved(self) -> Any:
-        """All that `go` changes, for `restore`."""
+        """Copy of everything that `go` changes, for `restore`."""
         base = self.record.base.saved() if self.record.base is not None else None
         return *(array.copy() for array in self.state), base, self._done
 
     def restore(self, saved: Any) -> None:
-        """Go back to where `saved` was."""
+        """Return to a `saved` state."""
         *arrays, base, self._done = saved
         if self.record.base is not None:
             self.record.base.restore(base, self.scratch)
@@ -86,7 +86,7 @@ class FixedSteps:
 
     @property
     def methods(self) -> tuple[tuple[int, str, str]]:
-        """The method, with the row of its first sample."""
+        """The method, with the index of its first sample."""
         return ((0, self.run.method, ""),)
 
     def steps_before(self, row: int) -> Steps:
@@ -95,7 +95,7 @@ class FixedSteps:
 
     @property
     def time(self) -> float:
-        """Where the run is [s]."""
+        """Time reached [s]."""
         return (self.origin + self._done) * self.run.fixed_step
 
     def _not_finite(self) -> Failure:
@@ -112,9 +112,9 @@ def steps_up_to(run: RunSettings, number: int) -> Steps:
 
 
 def pieces(run: RunSettings, record: Record, scratch: Any, state: Arrays, samples: Arrays) -> Iterator[int]:
-    """Integrate in chunks of about `BREATH`; yields the number of the last step whose state is finite, at first 0.
+    """Integrate in chunks of about `BREATH`; yield the number of the last step with a finite state, first 0.
 
-    The state, and the samples, of one chain or, with their scratch, of eight side by side, are filled in place; see
+    The state and the samples are filled in place: of one chain or, with their workspace, of eight side by side. See
     `integrate`.
     """
     first, last, every = 0, (run.samples - 1) * run.steps_per_sample, run.steps_per_sample

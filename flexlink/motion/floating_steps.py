@@ -1,4 +1,4 @@
-"""Fixed steps of an arm whose base may be free: they go on in other coordinates where it has turned far."""
+"""Fixed steps of an arm whose base may be free; a base that has turned far changes coordinates."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ Arrays = tuple[Array, Array, Array]
 
 
 def far_of(record: Record) -> float:
-    """Angle by which the base may turn until steps go on in other coordinates [rad]; inf: it is fixed."""
+    """Rotation of a free base at which it changes coordinates [rad]; inf if the base is fixed."""
     return np.inf if record.base is None else FAR
 
 
 def is_far(record: Record, q: Array) -> bool:
-    """Whether the base is free and has turned so far at angles q (n,)."""
+    """Whether the base is free and has turned beyond `FAR` at angles q (n,)."""
     return record.base is not None and bool(np.abs(q[ANGLES]).max() > FAR)
 
 
@@ -33,9 +33,9 @@ def advance(
     rest: tuple[int, Arrays, Arrays],
     record: Record,
 ) -> int:
-    """Number of the last step, up to `stop`, whose state is finite; a free base goes on in other coordinates.
+    """Integrate to step `stop`; return the number of the last step with a finite state.
 
-    Also at `stop`, so that it does not matter where that is.
+    A free base that has turned far changes coordinates, also at `stop`: so the result does not depend on `stop`.
     """
     far, (every, (q, qd, _), _) = far_of(record), rest
     done = int(go(*fixed, first, stop, far, *rest))

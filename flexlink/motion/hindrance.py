@@ -1,4 +1,4 @@
-"""Known causes of short steps and of failing Newton iterations, and what helps: why steps hang or get stuck."""
+"""Known causes of short steps and of failing Newton iterations, each with a remedy."""
 
 from __future__ import annotations
 
@@ -22,57 +22,59 @@ from flexlink.results.stop_reasons import Failure
 
 
 def hindrance(record: Record, q: Array) -> tuple[str, str] | None:
-    """The known cause of short steps in a state with these angles (n,), and what to change; or None."""
+    """Known cause of short steps in a state with angles q (n,), and its remedy; or None."""
     if loop_is_unstable(record):
         growth, _ = sampled_growth(record)
         return (
             f"the control loop is unstable at drive.rate = {record.problem.scene.drive.rate:g} Hz: near the start, "
-            f"motion grows by a factor of {growth:.3g} from one sample to the next",
-            "use a higher rate, smaller gains, or no rate, or give the joints armature",
+            f"motion grows by a factor of {growth:.3g} per sampling period",
+            "use a higher rate, smaller gains, or no rate, or add armature to the joints",
         )
     return _locked_gimbal(record, q)
 
 
-def hanging(record: Record, state: Sequence[Array], t: float, how: str) -> tuple[str, str]:
-    """Where and how a run hangs in a state q, q̇, q̈ at time t [s], and what may help."""
+def slow_progress(record: Record, state: Sequence[Array], t: float, how: str) -> tuple[str, str]:
+    """Time and cause of slow progress in a state q, q̇, q̈ at time t [s], and a remedy."""
     text, (q, _, qdd, *_), chain = f"t = {t:.6g} s: {how}", state, record.chain
     if known := hindrance(record, q):
         cause, advice = known
         return f"{text}; {cause}", advice
     k, own = int(np.argmax(np.abs(qdd))), "" if record.run.method == AUTO else "method = 'auto', "
     at = in_words(bool(chain.slides[k]), float(q[k]), ".3g" if chain.slides[k] else ".1f")
-    worst = f"joint {chain.joint_name(k)!r} at {at} is accelerated most"
+    worst = f"joint {chain.joint_name(k)!r} at {at} has the largest acceleration"
     return f"{text}; {worst}", f"try {own}a larger tolerance or fixed steps, or raise max_evaluations"
 
 
-def stuck(record: Record, q: Array, t: float, h: float, unsolved: int | None) -> Failure:
-    """Why no step down to a length h [s] works at time t [s]: of which joint the stages are `unsolved`, if they are."""
+def stuck(record: Record, q: Array, t: float, h: float, *, unsolved: int | None, explicit: bool) -> Failure:
+    """Failure of a run if no step down to h [s] works at time t [s]; `unsolved`: joint at which stages failed."""
     run, chain = record.run, record.chain
-    text = f"no step down to {h:.3g} s meets the tolerance at t = {t:.6g} s"
+    text, id = f"no step down to {h:.3g} s meets the tolerance at t = {t:.6g} s", "tolerance-not-met"
     if unsolved is not None:
-        iteration = f"Newton's iteration does not converge (joint {chain.joint_name(unsolved)!r})"
-        text = f"no step down to {h:.3g} s works at t = {t:.6g} s: {iteration}"
+        reason, id = "Newton's iteration does not converge", "newton-failed"
+        if explicit:
+            reason, id = "the state is no longer finite", "diverged"
+        text = f"no step down to {h:.3g} s works at t = {t:.6g} s: {reason} (joint {chain.joint_name(unsolved)!r})"
     if known := hindrance(record, q):
         cause, advice = known
-        return Failure(f"{text}; {cause}", advice)
+        return Failure(f"{text}; {cause}", advice, id=id)
     if not run.controlled and chain.hinges["coulomb"].any():
-        cause, allowed = f"{text}; dry friction turns round within it", DEFAULT_TOLERANCE * chain.size
-        return Failure(cause, f"take run.tolerance, such as {allowed:.1g} m, in place of run.step")
-    fixed = f"try a tolerance, which steps follow, or a smaller step than {run.fixed_step:g} s"
-    return Failure(text, "" if run.controlled else fixed)
+        cause, allowed = f"{text}; dry friction changes sign within the step", DEFAULT_TOLERANCE * chain.size
+        return Failure(cause, f"use run.tolerance, such as {allowed:.1g} m, instead of run.step", id=id)
+    fixed = f"try a tolerance (adaptive steps), or a step smaller than {run.fixed_step:g} s"
+    return Failure(text, "" if run.controlled else fixed, id=id)
 
 
 def loop_is_unstable(record: Record) -> bool:
-    """Whether motion grows from sample to sample of a sampled drive, and would not without it."""
-    # By how much of itself a growth must be beyond that without the loop, which an arm that topples has, too
+    """Whether motion grows from sample to sample with a sampled drive, but not without it."""
+    # minimum relative excess over the growth without the drive, which a toppling arm also has
     faster_growth = 1e-3
     growth, without = sampled_growth(record)
     return growth > max(1.0, without) * (1.0 + faster_growth)
 
 
 def _locked_gimbal(record: Record, q: Array) -> tuple[str, str] | None:
-    """The hinge of three axes, if there is one, of which the outer two nearly coincide."""
-    # Cosine below which the outer two of three axes at one point nearly coincide: their rates are ten times the body's
+    """Cause and remedy if the outer two axes of a three-axis hinge nearly coincide, else None."""
+    # cosine below which the outer two of three axes nearly coincide: their rates are ten times the body's
     near_gimbal_lock = 0.1
     chain, places = record.chain, [(c.link, c.segment, c.of_root) for c in record.chain.coordinates]
     for place, group in itertools.groupby(range(chain.n), key=lambda k: places[k]):
@@ -81,7 +83,7 @@ def _locked_gimbal(record: Record, q: Array) -> tuple[str, str] | None:
             name, angle = chain.joint_name(axes[1]), np.degrees(q[axes[1]])
             return (
                 f"hinge {name!r} is bent by {angle:.1f}°, near gimbal lock: two of its three axes coincide",
-                "use more segments, or a shorter run",
+                "use more segments or a shorter run",
             )
     return None
 
@@ -89,9 +91,9 @@ def _locked_gimbal(record: Record, q: Array) -> tuple[str, str] | None:
 def sampled_growth(record: Record) -> tuple[float, float]:
     """Growth of the fastest growing motion per sampling period of a drive, with and without the drive.
 
-    The largest |λ| of Φ − Γ K, Φ = exp(A T) and Γ = ∫ exp(A t) B dt those of the linear arm about its start, held there
-    at rest, K the gains of the law; 0 where nothing is sampled. That without the drive is told where the first is above
-    1, so that they are compared; else it is 1.
+    Growth is the largest |λ| of Φ − Γ K. Φ = exp(A T) and Γ = ∫ exp(A t) B dt belong to the arm linearized about its
+    start, where it is held at rest; K are the gains of the control law. Both numbers are 0 without sampling. Growth
+    without the drive is computed only if that with the drive exceeds 1, else it is 1.
     """
     if not record.inputs.drive.rate:
         return 0.0, 0.0
@@ -118,7 +120,7 @@ def _sampled_growth(record: Record) -> tuple[float, float]:
     both[np.arange(n), n + np.arange(n)] = unit
     both[n : 2 * n] = np.hstack([slopes.dq / unit, slopes.dqd, slopes.dtau[:, moving]])
     both = scipy.linalg.expm(both / drive.rate)
-    if not np.isfinite(both).all():  # it grows beyond all bounds within a period, by itself
+    if not np.isfinite(both).all():  # the arm alone overflows within a period
         return np.inf, np.inf
     Φ, Γ = both[: 2 * n, : 2 * n], both[: 2 * n, 2 * n :]
     growth = _spectral_radius(Φ - Γ @ (K / np.concatenate([unit, np.ones(n)])))

@@ -1,4 +1,4 @@
-"""method = "auto": the integration method that is likely to reach the tolerance at the lowest cost, and why."""
+"""method = "auto": the integration method expected to reach the tolerance at the lowest cost, and the reason."""
 
 from __future__ import annotations
 
@@ -13,17 +13,19 @@ from flexlink.motion.inputs.drives import gains_at_zero
 from flexlink.results.record import Record
 
 STIFF = 600.0
-"""Product of the fastest frequency, or decay, and the duration from which a run does not begin with Radau9: vibration
-that its start excites asks for short steps, and Radau5 damps it first."""
+"""Fastest frequency (or decay rate) times duration above which a run does not start with Radau9.
+
+The start excites vibration that needs short steps; Radau5 damps it first.
+"""
 
 SMALL = 1e-5
-"""Part of the size: tolerances up to which Radau9 needs so many steps less than Radau5 that it is clearly cheaper."""
+"""Tolerance relative to the size below which Radau9 needs so few steps that it is clearly cheaper than Radau5."""
 
 
 def cheapest(record: Record, tolerance: float, slowest: float) -> tuple[str, str]:
-    """The method that is expected to be the cheapest for an error of `tolerance` [m] on a record's chain, and why.
+    """Method expected to be cheapest for an error of `tolerance` [m] on a record's chain, and the reason.
 
-    Its lowest frequency `slowest` [rad/s] is what the stiffness ratio is told by.
+    `slowest`: lowest natural frequency [rad/s], for the stiffness ratio in the reason.
     """
     costs, fastest = guessed_costs(record, tolerance), max(fastest_motion(record, record.q[0]))
     if fastest * record.run.duration > STIFF or tolerance > SMALL * record.chain.size:
@@ -38,24 +40,24 @@ def cheapest(record: Record, tolerance: float, slowest: float) -> tuple[str, str
 
 
 def guessed_costs(record: Record, tolerance: float) -> dict[str, float]:
-    """What each method costs in the whole run, as far as can be told at the start [s].
+    """Cost of the complete run by each method [s], as estimated at the start.
 
-    An explicit method takes as many steps as the fastest mode or damper asks for, and some more: gains of a drive
-    stiffen and brake, as springs and dampers do, and so does dry friction at rest, by its steepest slope. What an
-    implicit one takes, whose steps do not depend on them, was measured on 80 random scenes: 12 tries at 1e-2 of the
-    size, 19 at 1e-3, 30 at 1e-4, 76 at 1e-6 by Radau5, of which half are within a factor of 1.7; fewer by Radau9, as
-    dry friction does not leave a motion smooth.
+    An explicit method takes somewhat more steps than stability requires for the fastest mode or damper. Gains of a
+    drive count as springs and dampers, and dry friction at rest as a damper of its steepest slope. Steps of an implicit
+    method do not depend on these. Their number was measured on 80 random scenes: Radau5 attempts 12 steps at 1e-2 of
+    the size, 19 at 1e-3, 30 at 1e-4 and 76 at 1e-6, within a factor of 1.7 for half of the scenes. Radau9 needs fewer,
+    unless dry friction makes the motion nonsmooth.
     """
     run, part = record.run, tolerance / record.chain.size
     fastest, strict = max(fastest_motion(record, record.q[0])), 1e-2 / part
     tries = {"Radau5": 12.0 * strict**0.2}
     short = fastest * run.duration <= STIFF
     tries["Radau9"] = 11.0 * strict**0.11 if short else 1.3 * part ** (1 / 12) * tries["Radau5"]
-    # |h ω| up to which steps of DOP853 may be stable: it ends there, or before
+    # |h ω| = 6 is an upper bound of the stability limit of DOP853
     tries["DOP853"] = fastest * run.duration / 6.0 + 8.0 * strict**0.125
     if record.chain.hinges["coulomb"].any():
         tries["Radau9"] = max(tries["Radau9"], tries["Radau5"])
-    fewest = record.inputs.drive.rate * run.duration  # at the instants of a sampled law
+    fewest = record.inputs.drive.rate * run.duration  # steps end at the instants of a sampled law
     return {name: price_of_a_step(record, name) * max(fewest, tries[name]) for name in tries}
 
 
@@ -67,16 +69,16 @@ def prices(record: Record, *, explicit: bool) -> list[float]:
 
 
 def price_of_a_step(record: Record, name: str) -> float:
-    """CPU time of one try of a step of a method on a record's chain [s]."""
+    """CPU time of one attempted step of a method on a record's chain [s]."""
     rule = method(name)
     return cost_of_a_step(prices(record, explicit=rule.explicit), rule.stages, explicit=rule.explicit)
 
 
 def tumbles(record: Record) -> bool:
-    """Whether rigid bodies fly freely: nothing holds them, dampers are slow, and the motion alone limits a step.
+    """Whether rigid bodies fly freely: no springs, slow dampers, and only the motion itself limits the step.
 
-    Bodies that turn over multiply what long steps are off by: those of an explicit method end at samples there, and
-    are much more accurate than asked for.
+    Tumbling bodies amplify the errors of long steps. Explicit steps end at samples there, and so are much more accurate
+    than required.
     """
     if record.base is None:
         return False
@@ -85,13 +87,13 @@ def tumbles(record: Record) -> bool:
 
 
 def _nothing_holds(record: Record) -> bool:
-    slow = 500.0  # decay in the time of the run
+    slow = 500.0  # decay rate times the duration of the run
     frequency, decay = fastest_motion(record, record.q[0])
     return frequency == 0.0 and decay * record.run.duration <= slow
 
 
 def fastest_motion(record: Record, q: Array) -> tuple[float, float]:
-    """The fastest frequency [rad/s] and decay [1/s] of a chain under its drive at a posture."""
+    """Fastest frequency [rad/s] and decay rate [1/s] of a chain under its drive in a configuration."""
     chain = record.chain
     kp, kd = gains_at_zero(record.inputs.drive, chain).diagonals()
     return fastest_of(chain, q, chain.stiffness + kp, damping_slope(chain) + kd)

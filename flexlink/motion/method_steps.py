@@ -1,4 +1,4 @@
-"""Steps of one method after another: what they remember, how they turn, how a method goes on for another."""
+"""Steps of a run by one or several methods: memory of the steps, changes of coordinates, switches of method."""
 
 from __future__ import annotations
 
@@ -26,47 +26,47 @@ from flexlink.kernels.stepping.step_state import COUNT, SO_FAR, STEPPER
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.motion.method_choice import cheapest, fastest_motion, prices
 from flexlink.motion.step_settings import longest_step, longest_step_of, settings
-from flexlink.motion.step_workspace import FEW_PASSES, carried, drive_gains, stages_of, workspace
+from flexlink.motion.step_workspace import FEW_PASSES, drive_gains, remembered, stages_of, workspace
 from flexlink.motion.stop_times import StopTimes, only
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
 
 NEVER = 2**62
-"""Steps that do not end anything."""
+"""Number of steps that is never reached."""
 
 
 class MethodSteps:
-    """Steps from the start of a record's run, by its method or by the one that is picked for it.
+    """Steps of a record's run from its start, by the run's method or by an automatically chosen one.
 
     Attributes
     ----------
     state
-        q, q̇, q̈ (n,), and W with its power (2,), where they are.
+        q, q̇, q̈ (n,), and W with its power (2,), at the time reached.
     name, why, method
-        The method that takes them now, and why it was picked.
+        The present method, and why it was chosen.
     methods
-        All so far, each with the row of its first sample and why it was picked.
+        All methods so far, each with the index of its first sample and the reason for its choice.
     end
-        Where the present piece ends [s].
+        End of the present piece [s].
     settings
-        Of the steps, as `adaptive.advance` takes them.
+        Settings of the steps, in the order of `adaptive.advance`.
     dearest
-        Evaluations that a step with a tolerance may take; 0 of a fixed one.
+        Most evaluations of an adaptive step; 0 for a fixed step.
     types
-        Of all that steps work on, as code for them is kept by; empty: they are looked at.
+        Types of all arguments of the steps, the key of their compiled code; if empty, the arguments are inspected.
     prices
         CPU time of each of the method's `OPERATIONS` [s].
     spent, taken
-        CPU time of steps by methods before this one [s], and time from which it takes them [s].
+        CPU time of steps by earlier methods [s], and the time at which the present method took over [s].
     consider_at
-        Tries of steps at which it is considered whether another method goes on.
+        Number of attempted steps at which a switch of method is considered next.
     judged
-        Time, and the method's cost, where the steps begin that it is judged by.
+        Time and cost of the method at the start of the steps that its rate is computed from.
     guesses, rates
-        CPU time that a second of motion may cost by each method, and that it did [s/s]; inf: it got stuck.
+        CPU time per second of motion by each method, estimated and measured [s/s]; inf: it got stuck.
     tried, tried_for
-        What the run had cost when a method was last taken, or left [s]; the method, and why, in whose place one is
-        tried.
+        Cost of the run when each method was last started or left [s]; the method, with its reason, to which an
+        unsuccessful trial returns.
     """
 
     settings: tuple[float, ...]
@@ -95,7 +95,7 @@ class MethodSteps:
         self.spent, self.taken = 0.0, float(record.t[0])
         self.count[COUNT.row] = 1
         self.samples, self.forward = (record.t, record.q, record.qd, record.works, record.so_far), record.scratch
-        # fixed steps begin on the grid of all steps, to the bit
+        # fixed steps begin on the grid of all steps, bit for bit
         start = float(record.t[0]) if run.controlled else run.fixed_step * record.origin
         self._take(record.kept("choice", about, self._choice), start)
         self._begun: tuple[float, Inputs] | None = None
@@ -110,25 +110,25 @@ class MethodSteps:
             self.work.stepper[STEPPER.step] = run.fixed_step
 
     def _choice(self) -> tuple[str, str]:
-        """The method of a run, and the reason where it was chosen automatically."""
+        """Method of a run, and the reason if it was chosen automatically."""
         if self.run.method != AUTO:
             return self.run.method, ""
         return cheapest(self.record, self.run.tolerance_within(self.record.chain.size), self.slowest)
 
     def act(self, inputs: Inputs) -> None:
-        """Go on under these inputs; if they are other ones, it compiles."""
+        """Continue under these inputs; compiles if they are new."""
         if inputs is not self.given:
             self.given, self.inputs = inputs, with_own_limits(inputs)
             self._put_gains()
             self._compile()
 
     def saved(self) -> Any:
-        """All that steps change, for `restore`."""
+        """Copy of everything that steps change, for `restore`."""
         base = self.record.base.saved() if self.record.base is not None else None
         return vars(self).copy(), [array.copy() for array in self._changing], base
 
     def restore(self, saved: Any) -> None:
-        """Go back to where `saved` was."""
+        """Return to a `saved` state."""
         attributes, arrays, base = saved
         vars(self).update(attributes)
         if self.record.base is not None:
@@ -152,8 +152,8 @@ class MethodSteps:
         self._choose_branches()
 
     def _choose_branches(self) -> None:
-        """Where motors saturate, steps with a tolerance follow one branch of their torques each."""
-        if self.run.controlled and self.inputs is not self.given:  # which have no limits of their own elsewhere
+        """Keep each adaptive step on one branch of the torques where motors saturate."""
+        if self.run.controlled and self.inputs is not self.given:  # steps write limits only then
             choose_branches(self.time, self.inputs, self.state, self.work)
 
     def aim(self, start: float, end: float) -> None:
@@ -162,31 +162,31 @@ class MethodSteps:
         self.count[COUNT.knot], self.work.stepper[STEPPER.time] = 0, start
         self._choose_branches()
         begun, self._begun = self._begun, None
-        if begun is None or start != begun[0] or self.inputs is not begun[1]:  # else as it stands at the run's start
+        if begun is None or start != begun[0] or self.inputs is not begun[1]:  # else done at the start of the run
             self._begin(start, self.inputs, self.state, self.tau, self.forward)
 
     def take(self, most: int) -> int:
-        """Try up to so many steps; an OUTCOME."""
+        """Try up to `most` steps; returns an OUTCOME."""
         return int(self._take_steps(*self._arguments(most)))
 
     def turn(self) -> None:
-        """Go on in coordinates in which the angles of the base are zero."""
+        """Continue in coordinates in which the angles of the base are zero."""
         if self.record.base is not None:
             self.record.base.turn(self.row, *self.state[:2], self.forward, self.work)
         adaptive.forget(self.work.stepper)
         self._begin(self.time, self.inputs, self.state, self.tau, self.forward)
 
     def step_in_parts(self) -> bool:
-        """Go to the end of a fixed step in 2, 4, … 64 parts, each try from where the last one got to; whether one does.
+        """Take a fixed step in 2, 4, … 64 parts, each try from where the last one ended; returns whether one succeeds.
 
-        The end is that of the whole step to the bit, and what follows starts as after a knot.
+        It ends at the time of the undivided step, bit for bit, and the next step starts as after a knot.
         """
         (*fixed, _, _), knots, now, count = self.settings, self.knots, self.work.stepper, self.count
         step, k, start = self.run.fixed_step, int(count[COUNT.knot]), float(now[STEPPER.time])
         at_knot = start + adaptive.NEARLY * step >= knots[0][k]
         end = float(knots[0][k]) if at_knot else start + step
         try:
-            # in half a step Newton's iteration converges 4 times as fast
+            # with half the step Newton's iteration converges 4 times as fast
             solved = any(self._solved_in((end - start) / parts, end, fixed) for parts in (2, 4, 8, 16, 32, 64))
         finally:
             self.settings, self.knots, count[COUNT.knot] = (*fixed, step, step), knots, k
@@ -200,7 +200,7 @@ class MethodSteps:
         return True
 
     def _solved_in(self, part: float, end: float, fixed: list[float]) -> bool:
-        """Whether steps of a length [s] get to a time."""
+        """Whether steps of length `part` [s] reach the time `end` [s]."""
         self.settings, self.knots, self.count[COUNT.knot] = (*fixed, part, part), only(end), 0
         self._restart(part)
         while (how := self.take(NEVER)) == OUTCOME.turned:
@@ -208,22 +208,22 @@ class MethodSteps:
         return how == int(OUTCOME.ended)
 
     def _restart(self, step: float) -> None:
-        """Go on with steps of a length [s], as if none had been taken."""
+        """Restart with steps of a length [s], without memory of earlier ones."""
         adaptive.forget(self.work.stepper)
         self.work.stepper[STEPPER.step] = step
 
     def go_on_with(self, name: str, why: str = "") -> None:
-        """Go on with another method, from where it is to the end of the piece; why, if not as long as this one did."""
+        """Continue with another method to the end of the piece; by default the reason names the switch and its time."""
         before, time, end, self.evaluations_besides = self.work.stepper.copy(), self.time, self.end, self.evaluations
         self.count[COUNT.iterations] = 0
         self._take((name, why or f"{self.why}; {self.name} until t = {time:.3g} s"), time)
-        self._put_gains()  # of the inputs that act now: a simulator's are not always the record's
+        self._put_gains()  # of the present inputs: a simulator's may differ from the record's
         self.aim(time, end)
-        now, carried = self.work.stepper, [STEPPER.deflection, STEPPER.angle_travelled]
-        now[carried], now[STEPPER.step] = before[carried], min(before[STEPPER.step], self.settings[-1])
+        now, continued = self.work.stepper, [STEPPER.deflection, STEPPER.angle_travelled]
+        now[continued], now[STEPPER.step] = before[continued], min(before[STEPPER.step], self.settings[-1])
 
     def _take(self, choice: tuple[str, str], now: float) -> None:
-        """Prepare steps by a method, chosen for a reason, from a time on; compiles, while no signal is deferred."""
+        """Prepare steps by a method, with its reason, from a time on; compiles while signals are not deferred."""
         record, (self.name, self.why) = self.record, choice
         first = self.row if self.methods else 0
         self.spent, self.taken = self.spent + (self.cost if self.methods else 0.0), now
@@ -237,13 +237,13 @@ class MethodSteps:
         stops = lambda: StopTimes(rule, record, self.by_drive, halved=self.halved, passes=self.passes)  # noqa: E731
         self.prices = prices(record, explicit=rule.explicit)
         self.stop_times = record.kept(("stops", self.name), (rule, start, record.q[0].tobytes()), stops)
-        place = "settings", self.name, now == start  # at the start, and where it goes on for another
+        place = "settings", self.name, now == start  # at the start, and after a switch
         self.settings = record.kept(place, (now, *about), lambda: self._settings(now))
         self.end, self.knots = now, only(now)
         self._compile()
 
     def _settings(self, now: float) -> tuple[float, ...]:
-        """Those of the steps of the method, taken from a time on."""
+        """Settings of the method's steps from time `now` [s] on."""
         record = self.record
         longest, span = np.inf, self.stop_times.span
         if self.method.explicit and now > record.t[0]:
@@ -253,12 +253,12 @@ class MethodSteps:
         return settings(self.run, self.method, record, longest / 2 if self.halved else longest)
 
     def _scratch(self) -> EmbeddedWork | ImplicitWork:
-        """The scratch of the method, new or as new."""
+        """Workspace of the method, new or reset."""
         kept, key, name = self.record.kept, (self.method, self.run.controlled), self.name
         work: EmbeddedWork | ImplicitWork
         work = kept(("scratch", name), key, lambda: workspace(self.method, self.record, self.slowest))
-        new = kept(("new scratch", name), key, lambda: [array.copy() for array in carried(work)])
-        for array, value in zip(carried(work), new, strict=True):
+        new = kept(("new scratch", name), key, lambda: [array.copy() for array in remembered(work)])
+        for array, value in zip(remembered(work), new, strict=True):
             array[:] = value
         work.stepper[STEPPER.inverse_ω1] = 1.0 / self.slowest
         if self.record.base is not None:
@@ -266,7 +266,7 @@ class MethodSteps:
         return work
 
     def _compile(self) -> None:
-        kept = self.record.kept if self.given is self.record.inputs else Kept()  # whose code is for the record's types
+        kept = self.record.kept if self.given is self.record.inputs else Kept()  # code is compiled for types of inputs
         start, steps = (0.0, self.inputs, self.state, self.tau, self.forward), self._arguments(0)
         self.types = types = self._types(kept)
         self._begin = kept("begin", None, lambda: direct(adaptive.begin, *start, types=kept.types))
@@ -275,7 +275,7 @@ class MethodSteps:
         )
 
     def _types(self, kept: Kept) -> bytes:
-        """Types of all that steps work on, which a method's own file may change."""
+        """Types of all arguments of the steps; empty if a user's method file may change them."""
         return b"" if is_user_file(self.name) or not kept.types else kept.types + self.name.encode()
 
     def _arguments(self, most: int) -> tuple[Any, ...]:
@@ -290,7 +290,7 @@ class MethodSteps:
         return Steps(self.name, taken, self.evaluations, rejected, failed, self.why)
 
     def steps_before(self, row: int) -> Steps:
-        """Counts of the steps up to the one that passed a sample."""
+        """Counts of the steps up to the one that passed sample `row`."""
         *_, (_, name, why) = (found for found in self.methods if found[0] <= row)
         note = self.record.so_far[row].astype(int).tolist()
         evaluations = note[SO_FAR.besides] + note[SO_FAR.iterations] * method(name).stages
@@ -303,7 +303,7 @@ class MethodSteps:
 
     @property
     def evaluations_besides(self) -> int:
-        """Those by other methods, in trials, and of dense output."""
+        """Evaluations by other methods, in trials, and for dense output."""
         return int(self.count[COUNT.besides])
 
     @evaluations_besides.setter
@@ -312,7 +312,7 @@ class MethodSteps:
 
     @property
     def work_done(self) -> list[float]:
-        """How often this method did each of `OPERATIONS` since it took over."""
+        """Number of each of `OPERATIONS` done by this method since it took over."""
         s, now, (evaluations, tries) = self.method.stages, self.work.stepper.tolist(), self._at_first
         return [
             self.evaluations - evaluations, self.tries - tries, now[STEPPER.begun], s * now[STEPPER.prepared],
@@ -322,48 +322,48 @@ class MethodSteps:
 
     @property
     def cost(self) -> float:
-        """CPU time of that [s]."""
+        """CPU time of `work_done` [s]."""
         return math.fsum(map(operator.mul, self.prices, self.work_done))
 
     @property
     def time(self) -> float:
-        """Where the run is [s]."""
+        """Time reached [s]."""
         return float(self.work.stepper[STEPPER.time])
 
     @property
     def row(self) -> int:
-        """Row of the next sample."""
+        """Index of the next sample."""
         return int(self.count[COUNT.row])
 
     @property
     def tries(self) -> int:
-        """Steps that were tried so far."""
+        """Number of attempted steps."""
         count = self.count.tolist()
         return int(count[COUNT.steps] + count[COUNT.rejected] + count[COUNT.failed])
 
     @property
     def deflection(self) -> float:
-        """The largest so far [m]."""
+        """Largest deflection so far [m]."""
         return float(self.work.stepper[STEPPER.deflection])
 
     @property
     def angle_travelled(self) -> float:
-        """Angle [rad] that all free joints went through so far, forth and back."""
+        """Angle [rad] that all free joints have travelled so far, back and forth."""
         return float(self.work.stepper[STEPPER.angle_travelled])
 
     @property
     def fastest(self) -> float:
-        """The fastest frequency, or decay, at this posture [rad/s]."""
+        """Fastest frequency or decay rate in this configuration [rad/s]."""
         return max(fastest_motion(self.record, self.state[0]))
 
 
 def may_saturate(inputs: Inputs) -> bool:
-    """Whether a motor has a largest torque that it may reach within a step, as `saturation.saturates` of kernels."""
+    """Whether a motor may reach its torque limit within a step; see `saturation.saturates` of the kernels."""
     return not inputs.drive.rate and min(inputs.drive.effort.tolist(), default=np.inf) < np.inf
 
 
 def with_own_limits(inputs: Inputs) -> Inputs:
-    """The inputs with limits of the torques that steps may write to, where they do."""
+    """Inputs with a copy of the torque limits if steps may write to them."""
     if not may_saturate(inputs):
         return inputs
     return inputs._replace(drive=inputs.drive._replace(limits=inputs.drive.limits.copy()))

@@ -1,4 +1,4 @@
-"""Checks of a run while it goes on: power balance, bending, joint limits, errors of its steps."""
+"""Checks during a run: power balance, bending, joint limits, errors of its steps."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from flexlink.common.types import Array
+from flexlink.common.wording import Diagnostic
 from flexlink.describe.run_settings import AUTO
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.terms import mass_matrix
@@ -29,21 +30,21 @@ from flexlink.results.trajectory import Trajectory
 class Monitor:
     """Checks the samples of a run, chunk by chunk in the order of time.
 
-    Each is judged by what was before it, so that nothing depends on how long the chunks are.
+    Each sample is checked against earlier ones only, so results do not depend on the length of the chunks.
 
     Attributes
     ----------
     n_valid
-        Number of valid samples, from the first on.
+        Number of valid samples, counted from the first.
     failure
-        What is wrong with the next sample; empty if nothing is.
+        Fault of the next sample; empty if there is none.
     warnings
-        What a reader of the valid samples should know.
+        Warnings about the valid samples, with their ids.
     confirmed
         Whether a verification run agrees.
     """
 
-    def __init__(self, record: Record, warnings: tuple[str, ...] = (), control: Control | None = None) -> None:
+    def __init__(self, record: Record, warnings: tuple[Diagnostic, ...] = (), control: Control | None = None) -> None:
         chain, run = record.chain, record.run
         self.record, self.run, self.control = record, run, control
         self._balance = balance.Balance(
@@ -51,18 +52,19 @@ class Monitor:
             bend=Thresholds.far_bent, near=Thresholds.at_limit, kept=record.kept,
         )  # fmt: skip
         self.negative_rotors = record.kept("negative rotors", None, lambda: bool((chain.hinges["armature"] < 0).any()))
-        self.n_valid, self.failure = 0, ""
+        self.n_valid = 0
+        self.failure: str = ""
         self.warnings = list(warnings)
         self.confirmed = False
         self.explicit = record.problem.explicit
         self.steps, self.deflection, self.angle_travelled = Steps(run.method, 0, 0), 0.0, 0.0
         self._warned: set[str] = set()
         self._step_errors = [np.zeros(0)]
-        self._furthest = -Thresholds.a_degree  # bend of a hinge at which M was judged last [rad]
-        self._extent = 0, 0.0  # number of samples, and theirs
+        self._furthest = -Thresholds.a_degree  # bend of a hinge at the last check of M [rad]
+        self._extent = 0, 0.0  # number of samples, and their extent
 
     def begin(self) -> None:
-        """Find tip and energies of the first sample, by which all others are judged."""
+        """Compute tip and energies of the first sample, the reference for all others."""
         self.record.derive(0, 1)
         self._balance.start(self.record.energy[:, 0], self.record.tip[0])
 
@@ -81,11 +83,11 @@ class Monitor:
         deflection: float = 0.0,
         angle_travelled: float = 0.0,
     ) -> bool:
-        """Compute and check the samples before `stop` that are new; returns whether all are valid.
+        """Compute and check the new samples before `stop`; returns whether all are valid.
 
-        `errors`, if known: the `step_errors` of the steps from the samples that are `probed`. Of steps with a
-        tolerance: their `methods`, with the rows of their first samples and why they were picked, the largest
-        `deflection` so far [m], and the `angle_travelled` by all free joints [rad].
+        `errors`, if known: the `step_errors` of the steps from the `probed` samples. Adaptive steps pass their
+        `methods`, each with the index of its first sample and the reason for its choice, the largest `deflection` so
+        far [m], and the `angle_travelled` by all free joints [rad].
         """
         first, self.steps = self.n_valid, steps or self.steps
         self.deflection, self.angle_travelled = deflection, angle_travelled
@@ -93,57 +95,59 @@ class Monitor:
             return not self.failure
         self.record.derive(first, stop)
         definite = self._definite(first, stop) if self.negative_rotors else stop
-        self._look(first, definite, methods)
+        self._check_samples(first, definite, methods)
         if self.n_valid == definite < stop:
             bent = self._bent(definite, self._bends(slice(definite, stop))[0])
-            self.failure = f"{bent}, too far for matched twist: M is not positive definite; use more segments"
+            text = f"{bent}, too far for matched twist: M is not positive definite; use more segments"
+            self.failure = Diagnostic(text, "mass-not-positive-definite")
         if self.n_valid > first and self.explicit:
             whole = self.n_valid == stop
             self._step_errors.append(errors if whole and errors is not None else self._probed(first, errors))
         return not self.failure
 
     def trajectory(self) -> Trajectory:
-        """The valid samples, with the warnings; the first one if none was checked yet."""
+        """The valid samples with all warnings; the first sample if none has been checked yet."""
         if not self.n_valid:
             self.check(1)
         return self.record.trajectory(self.n_valid, (*self.warnings, *self._doubts()), self.steps)
 
     @property
     def last_time(self) -> float:
-        """That of the last valid sample, or of the first one if none was checked yet [s]."""
+        """Time of the last valid sample, or of the first one if none has been checked yet [s]."""
         return float(self.record.t[max(0, self.n_valid - 1)])
 
     @property
     def tolerance(self) -> float:
-        """Tolerance of the steps so far [m]; the rounding limit where nothing has bent yet."""
+        """Tolerance of the steps so far [m], at least the rounding limit."""
         return max(tolerance_of(self.run, self.record.chain, self.deflection), self.record.least_tolerance)
 
     @property
     def extent(self) -> float:
-        """Extent of the tip, or of what is compared in its place, in the valid samples (`extent_of_motion`) [m]."""
+        """Extent of the tip, or of the path compared instead, in the valid samples (`extent_of_motion`) [m]."""
         if self._extent[0] != self.n_valid:
             self._extent = self.n_valid, extent_of_motion(self.record.compared(self.n_valid))
         return self._extent[1]
 
     def diverged(self, failure: Failure | None = None) -> DivergenceError:
-        """The error to raise for a run that failed a check, or whose steps ended early."""
+        """Return the error of a run that failed a check, or whose steps ended early."""
         record, run = self.record, self.run
         advice = f"try a smaller step than {run.fixed_step:g} s"
         if run.controlled:
-            smaller = "smaller" if self.failure else "larger"  # no step was small enough
+            smaller = "smaller" if self.failure else "larger"  # else no step met the tolerance
             advice = f"try a {smaller} tolerance, another method, or fixed steps"
         loop = self._loop_advice()
         advice = loop or advice
         if self.failure or failure is None:
-            failure = Failure(f"t = {record.t[self.n_valid]:.6g} s: {self.failure}")
+            text = f"t = {record.t[self.n_valid]:.6g} s: {self.failure}"
+            failure = Failure(text, id=getattr(self.failure, "id", ""))
         if failure.advice:
             sampled = self.control is not None and self.control.sampled
             advice = f"{loop}; else {failure.advice}" if loop and sampled else failure.advice
         message = f"{record.chain.name}: {failure.text}; {advice}; {self.n_valid} samples kept"
-        return failure.kind(message, self.trajectory())
+        return failure.kind(message, self.trajectory(), id=failure.id)
 
     def _loop_advice(self) -> str:
-        """Where torques are held between samples and the step is within the stable one: the loop is to blame."""
+        """Advice if torques are held between samples in stable steps, so the loop is at fault; else empty."""
         if self.run.unstable == "allow":
             return ""
         if self.control is not None and self.control.sampled:
@@ -151,11 +155,13 @@ class Monitor:
         found = hindrance(self.record, self.record.q[0]) if self.record.inputs.drive.rate else None
         return "; ".join(found or ())
 
-    def _look(self, first: int, stop: int, methods: Sequence[tuple[int, str, str]]) -> None:
-        """Judge samples: numbers are finite, the kinetic energy is positive, energy balances, hinges bend, limits."""
+    def _check_samples(self, first: int, stop: int, methods: Sequence[tuple[int, str, str]]) -> None:
+        """Check samples: finite numbers, positive kinetic energy, energy balance, bends of hinges, joint limits."""
         wrong_samples = {
-            WRONG.kinetic: "the kinetic energy is negative: M is not positive definite",
-            WRONG.finite: "energies or torques overflow float64",
+            WRONG.kinetic: Diagnostic(
+                "the kinetic energy is negative: M is not positive definite", "mass-not-positive-definite"
+            ),
+            WRONG.finite: Diagnostic("energies or torques overflow float64", "diverged"),
         }
         seen, wrong = self._balance.seen, int(WRONG.nothing)
         if first == 0:
@@ -170,14 +176,15 @@ class Monitor:
             for row, key, text in sorted(self._findings(slice(first, self.n_valid)), key=lambda found: found[0]):
                 self._warn(key, row, text)
         if seen[SEEN.garbage] >= 0 and self.run.unstable != "allow":
-            self.failure = f"{self._imbalance()} (at most {balance.SHARE:.0%} allowed)"
+            unbalanced = f"{self._imbalance()} (at most {balance.SHARE:.0%} allowed)"
+            self.failure = Diagnostic(unbalanced, "energy-imbalance")
         self.failure = wrong_samples.get(wrong, self.failure)
 
-    def _findings(self, rows: slice) -> Iterator[tuple[int, str, str]]:
-        """What a reader of these samples should know: rows, what it is about, and texts."""
+    def _findings(self, rows: slice) -> Iterator[tuple[int, str, Diagnostic]]:
+        """Warnings about these samples: index of the sample, key and text."""
         seen = self._balance.seen
         if seen[SEEN.garbage] >= 0 and self.run.unstable == "allow":
-            yield int(seen[SEEN.garbage]), "balance", self._imbalance()
+            yield int(seen[SEEN.garbage]), "balance", Diagnostic(self._imbalance(), "energy-imbalance")
         if seen[SEEN.bent]:
             yield from self._far_bends(rows)
         if seen[SEEN.beyond]:
@@ -188,10 +195,10 @@ class Monitor:
         return f"the energy does not balance: E − E(0) − W = {r:.3g} J of {X:.3g} J exchanged"
 
     def unbalanced(self, q: Array, qd: Array, work: Array, steps: Steps, deflection: float) -> Failure | None:
-        """What is wrong with the energy in a state beyond the samples, if anything is, also where the run insists.
+        """Failure of the energy balance in a state beyond the samples, if it fails, also with unstable = "allow".
 
-        Of a run that has begun: angles and rates (n,), the integrated work (1,) and the steps to there, the largest
-        `deflection` so far [m]. What is wrong leaves no trace.
+        Takes angles and rates (n,), the integrated work (1,), the steps and the largest `deflection` [m] of a run in
+        progress up to this state. A failed check leaves the balance unchanged.
         """
         record, seen = self.record, self._balance.seen
         tip, energy = np.empty((1, 3)), np.empty((3, 1))
@@ -206,10 +213,10 @@ class Monitor:
             return None
         text = self._imbalance(SEEN.last, SEEN.exchanged)
         seen[:] = before
-        return Failure(text)
+        return Failure(text, id="energy-imbalance")
 
     def _allowance(self, name: str) -> Allowance:
-        """Energy imbalance that the tolerance explains of samples by a method."""
+        """Energy imbalance that the tolerance explains in samples by a method."""
         if not self.run.controlled:
             return balance.NOTHING
         about = self.record.q[0].tobytes()
@@ -217,27 +224,28 @@ class Monitor:
         return allowance
 
     def _explained_of(self, name: str) -> Allowance:
-        explicit = name != AUTO and method(name).explicit  # before the first step it may not be picked yet
+        explicit = name != AUTO and method(name).explicit  # before the first step the method may not be chosen
         return allowed_imbalance(
             self.run, self.record.chain, self.record.least_tolerance, explicit, compared=not explicit
         )
 
-    def _far_bends(self, rows: slice) -> Iterator[tuple[int, str, str]]:
-        """The first sample in which a hinge is bent too far."""
+    def _far_bends(self, rows: slice) -> Iterator[tuple[int, str, Diagnostic]]:
+        """Warning about the first sample in which a hinge is bent too far."""
         bends = self._bends(rows)
         if bends.size and bends.max() > Thresholds.far_bent:
             row = int(np.argmax(bends.max(axis=1) > Thresholds.far_bent))
             bent = self._bent(rows.start + row, bends[row])
             text = f"{bent}: beyond 84° the chain is no longer a good model of a beam; use more segments"
-            yield rows.start + row, "bend", text
+            yield rows.start + row, "bend", Diagnostic(text, "hinge-bent-far")
 
     def _bends(self, rows: slice) -> Array:
         return np.abs(self.record.q[rows][:, self._balance.bounds.bending])
 
     def _definite(self, first: int, stop: int) -> int:
-        """The first of these samples in which M is not positive definite, or `stop`: matched twist has negative rotors.
+        """Index of the first of these samples in which M is not positive definite, or `stop`.
 
-        Looked at where a hinge is bent a degree further than it was when M was judged last.
+        Only matched twist, with its negative rotor inertias, needs this check. It is made where a hinge is bent a
+        degree further than at the last check.
         """
         for row, bend in enumerate(self._bends(slice(first, stop)).max(axis=1).tolist(), first):
             if bend >= self._furthest + Thresholds.a_degree:
@@ -246,8 +254,8 @@ class Monitor:
                     return row
         return stop
 
-    def _past_limits(self, rows: slice) -> Iterator[tuple[int, str, str]]:
-        """Samples in which joints are beyond their limits; the model has no end stops."""
+    def _past_limits(self, rows: slice) -> Iterator[tuple[int, str, Diagnostic]]:
+        """Warnings about joints past their limits, which the model does not enforce."""
         chain = self.record.chain
         for k in self._balance.bounds.limited:
             q, lower, upper = self.record.q[rows, k], chain.hinges["lower"][k], chain.hinges["upper"][k]
@@ -257,15 +265,16 @@ class Monitor:
                 places = float(self.record.q[row, k]), float(lower), float(upper)
                 at, least, most = (chain.place_in_words(k, place) for place in places)
                 joint = f"joint {chain.joint_name(int(k))!r} is at {at}, past its limits {least} … {most}"
-                yield row, f"limit {k}", f"{joint}; the model has no end stops"
+                text = f"{joint}; joint limits are not enforced"
+                yield row, f"limit {k}", Diagnostic(text, "joint-past-limits")
 
     def _bent(self, row: int, bends: Array) -> str:
-        """Name and angle of the hinge that is bent most in a sample, for messages."""
+        """Name and angle of the most bent hinge of a sample, for messages."""
         k = int(self._balance.bounds.bending[np.argmax(bends)])
         return f"hinge {self.record.chain.joint_name(k)!r} is bent by {np.degrees(self.record.q[row, k]):.1f}°"
 
     def _probed(self, first: int, known: Array | None) -> Array:
-        """The errors of some steps from a valid sample on, measured if they are not known."""
+        """Errors of the probed steps from a valid sample on; measured unless known."""
         sampled = probed(self.run, slice(first, self.n_valid))
         if known is not None:
             return known[: len(sampled)]
@@ -274,12 +283,12 @@ class Monitor:
 
     @property
     def tip_error(self) -> float:
-        """Sum of the errors of an explicit method's fixed steps [m], extrapolated from measured ones; 0 of others."""
+        """Sum of the errors of fixed explicit steps [m], extrapolated from measured ones; 0 for other methods."""
         if not self.explicit:
             return 0.0
         return float(summed(self.run, np.concatenate(self._step_errors), np.array(self.record.chain.size)))
 
-    def _doubts(self) -> Iterator[str]:
+    def _doubts(self) -> Iterator[Diagnostic]:
         """Warnings of a run that passed all checks but may be inaccurate."""
         if self.n_valid < 2:
             return
@@ -289,22 +298,25 @@ class Monitor:
             rounded = float(rounded_away(self.run, q, qd, np.array(self.record.chain.size)))
         moved = self.extent if tip_error or rounded else np.inf
         if tip_error > Thresholds.doubt * Thresholds.tip_share * moved:
-            yield (
+            yield Diagnostic(
                 f"doubtful: step errors add up to {tip_error:.2g} m, "
                 f"{motion_in_words(self.record.chain, moved)}; "
-                "halve the step and compare"
+                "halve the step and compare",
+                "doubtful-step-errors",
             )
         if rounded > Thresholds.doubt * Thresholds.tip_share * moved:
             largest = np.abs(self.record.q[: self.n_valid]).max()
-            yield (
-                f"doubtful: rounding of angles up to {largest:.2g} rad adds up, step by step, "
-                f"to {rounded:.2g} m, while the tip moves {moved:.3g} m; start at angles of a few turns or less"
+            yield Diagnostic(
+                f"doubtful: rounding errors of angles up to {largest:.2g} rad add up "
+                f"to {rounded:.2g} m, while the tip moves {moved:.3g} m; start at angles of a few turns or less",
+                "doubtful-rounding",
             )
         if self.suspicious and not self.confirmed:
             excused, exchanged = self._balance.seen[[SEEN.excused, SEEN.exchanged]]
-            yield (
-                f"doubtful: the energy error is {excused / exchanged:.2g} of the energy "
-                f"exchanged; {'take a tenth of the tolerance' if self.run.controlled else 'halve the step'} and compare"
+            yield Diagnostic(
+                f"doubtful: the energy error is {excused / exchanged:.2g} of the energy exchanged; "
+                f"{'take a tenth of the tolerance' if self.run.controlled else 'halve the step'} and compare",
+                "doubtful-energy",
             )
 
     @property
@@ -316,10 +328,10 @@ class Monitor:
 
     @property
     def travelled(self) -> float:
-        """Angle [rad] that all driven joints travel, back and forth, in all steps, or by their rates at the samples."""
+        """Angle [rad] that all driven joints travel, back and forth: in all steps, or from their rates at samples."""
         return max(self.angle_travelled, float(self._balance.seen[SEEN.travelled]))
 
-    def _warn(self, key: str, row: int, text: str) -> None:
+    def _warn(self, key: str, row: int, text: Diagnostic) -> None:
         if key not in self._warned:
             self._warned.add(key)
-            self.warnings.append(f"t = {self.record.t[row]:.6g} s: {text}")
+            self.warnings.append(Diagnostic(f"t = {self.record.t[row]:.6g} s: {text}", text.id))

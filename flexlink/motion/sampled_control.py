@@ -31,10 +31,12 @@ from flexlink.results.record import Record
 from flexlink.results.stop_reasons import LawFailure
 
 Law = Callable[..., ArrayLike]
-"""T_EX of the driven joints (d,), `chain.active`, in N m, from t [s], q [rad] and q̇ [rad/s], both (n,), and, if it has
-a parameter `sensors`, from what they show, by the names of their columns."""
+"""T_EX of the driven joints (d,), `chain.active` [N m], from t [s], q [rad] and q̇ [rad/s], both (n,).
+
+A law with a parameter `sensors` also gets the readings of the sensors, by the names of their columns.
+"""
 SENSORS = "sensors"
-"""Name of a law's parameter by which it is told what sensors show."""
+"""Name of the parameter by which a law gets sensor readings."""
 Tableau = tuple[Array, Array, Array]
 """A, b and c of a method."""
 
@@ -45,15 +47,15 @@ class Control:
     Attributes
     ----------
     apart
-        Number of fixed steps between two instants; of steps with a tolerance there are no numbers.
+        Number of fixed steps between two instants; adaptive steps do not have it.
     times
-        Instants [s] for which the run holds what the law gives: where it is sampled, or the samples of the run.
+        Instants [s] for which the run stores the law's torques: its sampling instants, or the samples of the run.
     joints
         Number of driven joints.
     between
         Time between two instants [s].
     drive
-        What it gave at its instants, held: so far, 0 later.
+        Held torques of the law at its instants: those so far, 0 later.
     """
 
     def __init__(self, law: Law, rate: float | None, problem: InitialValueProblem) -> None:
@@ -75,34 +77,34 @@ class Control:
         self._problem, self._sensing = problem, Readings(problem.scene) if asks_for_sensors(law) else None
 
     def torque(self, t: float, q: Array, qd: Array, sensors: dict[str, dict[str, float]] | None = None) -> Array:
-        """Torques of the law, limited to the drive's `effort`, shape (d,); `sensors`: what it is told by this name.
+        """Torques of the law, limited to the drive's `effort`, shape (d,); `sensors`: its argument with the readings.
 
         Raises
         ------
         LawFailure
-            It raises, or gives no d finite numbers.
+            The law raises an exception, or does not return d finite numbers.
         """
         if self.base is not None:
             q, qd = self.base.told_from_start(q, qd)
         try:
             given = np.asarray(self.law(t, q.copy(), qd.copy(), **(sensors or {})))
         except Exception as error:
-            raise LawFailure(f"{self._asked(t)} raised {type(error).__name__}: {error}") from error
+            raise LawFailure(f"{self._label(t)} raised {type(error).__name__}: {error}") from error
         if given.dtype.kind in "fiu" and given.shape == (self.joints,):
             torque = given.astype(np.float64)
             if is_finite(torque):
                 return np.clip(torque, -self.effort, self.effort) if self.limited else torque
         raise LawFailure(
-            f"{self._asked(t)} returned {truncated(given.tolist())}; expected one finite number per driven joint, "
+            f"{self._label(t)} returned {truncated(given.tolist())}; expected one finite number per driven joint, "
             f"shape ({self.joints},)"
         )
 
-    def _asked(self, t: float) -> str:
-        """When a law was asked, and which."""
+    def _label(self, t: float) -> str:
+        """Time and name of the law, for messages."""
         return f"t = {t:.6g} s: control law {getattr(self.law, '__qualname__', type(self.law).__name__)}"
 
     def note(self, k: int, q: Array, qd: Array) -> None:
-        """Evaluate the law at instant `k`, and hold its torques from there; sensors see what has acted before."""
+        """Evaluate the law at instant `k`, and hold its torques from there; sensors see the torques before."""
         t, held = float(self.times[k]), self.drive.feedforward.coefficients
         sensors = None
         if self._sensing is not None:
@@ -112,12 +114,12 @@ class Control:
         held[k, 0] = self.torque(t, q, qd, sensors)
 
     def pieces(self, record: Record, run: RunSettings, state: tuple[Array, Array, Array]) -> Iterator[int]:
-        """Integrate; yields, about every `BREATH`, the number of the last step whose state is finite, at first 0.
+        """Integrate; yield, about every `BREATH`, the number of the last step with a finite state, first 0.
 
         Raises
         ------
         LawFailure
-            As in `torque`; the samples before that instant are there.
+            As in `torque`; the samples before that instant are valid.
         """
         last, go = (run.samples - 1) * run.steps_per_sample, self._sampled if self.sampled else self._continuous
         tableau, pace, number = method(run.method).arrays, ChunkSize(record.chain.n), 0
@@ -148,7 +150,7 @@ class Control:
     def _continuous(
         self, record: Record, tableau: Tableau, state: tuple[Array, Array, Array], first: int, stop: int
     ) -> int:
-        """As `integrate`, with the law evaluated at every stage."""
+        """Integrate as `integrate` does, with the law evaluated at every stage."""
         (A, b, c), run, inputs = tableau, record.run, record.inputs
         h = run.fixed_step
         (q, qd, work), (L, K) = state, np.zeros((2, len(c), self.chain.n))
@@ -177,34 +179,34 @@ class Control:
 
 
 def held_torques_advice(between: float) -> str:
-    """What to change where torques that are held for so long [s], in stable steps, drive an arm apart."""
+    """Remedy if torques held for `between` [s] destabilize an arm although its steps are stable."""
     return (
-        f"likely the loop that is sampled at {1 / between:.6g} Hz is unstable, not the steps: take lower gains, a "
-        "higher rate, or give the joints armature"
+        f"likely the control loop sampled at {1 / between:.6g} Hz is unstable, not the steps: use lower gains, a "
+        "higher rate, or add armature to the joints"
     )
 
 
 def control_of(problem: InitialValueProblem, law: Law | None, rate: float | None) -> Control | None:
-    """The law of a run, checked, or None.
+    """The checked control law of a run, or None.
 
     Raises
     ------
     ArgumentError
-        It cannot be called, the scene has a drive, too, the rate does not fit the step, or stages are not those that a
-        law can be asked at.
+        The law is not callable, the scene also has a drive, the rate does not fit the step, or the method has no stages
+        at which a law can be evaluated.
     """
     require_callable("control", law)
     if law is None:
         if rate is not None:
             raise ArgumentError(
-                f"rate = {rate!r}: has no effect without control; give control, or leave rate out", id="no-effect"
+                f"rate = {rate!r}: has no effect without control; specify control, or omit rate", id="no-effect"
             )
         return None
     run, scene = problem.run, problem.scene
     if scene.drive.kind != "none":
         raise ArgumentError(
-            f"control: the scene has a drive, {scene.drive.kind!r}, too; "
-            "give only one: scene.varied({'drive': None}) has none",
+            f"control: the scene also has a drive, {scene.drive.kind!r}; "
+            "specify only one: scene.varied({'drive': None}) removes the drive",
             id="both-given",
         )
     if rate is None and not problem.explicit:
@@ -216,18 +218,18 @@ def control_of(problem: InitialValueProblem, law: Law | None, rate: float | None
             else f"method = {run.method!r}, which is implicit"
         )
         raise ArgumentError(
-            f"control: with {what}, a control law needs a rate; give rate, or take fixed steps of an explicit method: "
-            "run.step, such as 1e-4, and run.method = 'RK4'",
+            f"control: with {what}, a control law needs a rate; specify rate, or use fixed steps of an explicit "
+            "method: run.step, such as 1e-4, and run.method = 'RK4'",
             id="controller-needs-rate",
         )
     if asks_for_sensors(law):
         if not scene.sensor:
             raise ArgumentError(
-                "control: its parameter sensors asks for readings, but the scene has no [[sensor]]", id="no-sensors"
+                "control: has the parameter sensors, but the scene has no [[sensor]]; add one", id="no-sensors"
             )
         if rate is None:
             raise ArgumentError(
-                "control: a law that is told what sensors show needs a rate; give rate [Hz]", id="controller-needs-rate"
+                "control: a law with the parameter sensors needs a rate; specify rate [Hz]", id="controller-needs-rate"
             )
     return Control(law, rate, problem)
 
@@ -236,5 +238,5 @@ def asks_for_sensors(law: Law) -> bool:
     """Whether a law has a parameter `sensors`."""
     try:
         return SENSORS in inspect.signature(law).parameters
-    except (TypeError, ValueError):  # of what is not written in Python
+    except (TypeError, ValueError):  # callables that are not written in Python
         return False

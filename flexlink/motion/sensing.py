@@ -1,4 +1,4 @@
-"""One sample of a problem as it goes on: what sensors see there, with the torques that act."""
+"""One sample of a problem during integration: what sensors measure, with the torques that act."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from flexlink.results.samples import RunSamples
 
 
 def sample_at(problem: InitialValueProblem, inputs: Inputs, t: float, q: Array, qd: Array) -> RunSamples:
-    """The one sample at time t [s] and a state (n,) of a run of the problem, under these inputs.
+    """The sample at time t [s] and a state (n,) of a problem under these inputs.
 
-    Of a free base the state is in the coordinates of the run, the sample in those of `problem.original`, as a run's is.
+    With a free base the state is in the coordinates of the run, and the sample, as in a run, in those of
+    `problem.original`.
     """
     chain, time = problem.original, np.array([t])
     wrench = inputs.tip_wrenches(time, q[None], qd[None])

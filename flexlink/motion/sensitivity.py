@@ -1,4 +1,4 @@
-"""sensitivities(scene, parameters): how a run changes with numbers of its scene."""
+"""sensitivities(scene, parameters): derivatives of a run with respect to parameters of its scene."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from flexlink.results.trajectory import Trajectory
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Sensitivities(Result):
-    """A run, and its derivatives along p numbers of the scene, each in units of the quantity per unit of the number.
+    """A run and its derivatives with respect to p parameters of the scene, in units of the quantity per unit of each.
 
     Attributes
     ----------
     run
         The run itself.
     parameters
-        Paths of the numbers.
+        Paths of the parameters.
     values
-        The numbers, shape (p,).
+        Values of the parameters, shape (p,).
     q, qd
         ∂q/∂p and ∂q̇/∂p at the samples, shape (samples, n, p) [rad, rad/s per unit].
     tip
         ∂tip/∂p in frame 0, shape (samples, 3, p) [m per unit].
     q_error, qd_error, tip_error
-        Estimates of the largest error of these along each number, shape (p,), in the same units.
+        Estimates of the largest error of these derivatives for each parameter, shape (p,), in the same units.
     step
-        How far apart the runs are whose differences they are, shape (p,), in units of the numbers.
+        Distance of the runs whose differences are taken, shape (p,), in units of the parameters.
     runs
         These runs.
     """
@@ -51,14 +51,14 @@ class Sensitivities(Result):
     runs: RunSlopes
 
     def column(self, name: str) -> Array:
-        """∂y/∂p of a column of the run, such as what a sensor shows, shape (samples, p) [its unit per unit].
+        """∂y/∂p of a column of the run, such as a sensor reading, shape (samples, p) [its unit per unit].
 
-        Noise and resolution of sensors are left out.
+        Noise and resolution of sensors are ignored.
 
         Raises
         ------
         ArgumentError
-            There is no such column, or it is the time or the imbalance, which is nothing but error.
+            There is no such column, or it is the time or the imbalance, which is only an error.
 
         Examples
         --------
@@ -71,7 +71,7 @@ class Sensitivities(Result):
         return self._column(name)[0]
 
     def column_error(self, name: str) -> Array:
-        """An estimate of the largest error of `column` along each number, shape (p,) [its unit per unit].
+        """Estimate of the largest error of `column` for each parameter, shape (p,) [its unit per unit].
 
         Raises
         ------
@@ -91,7 +91,7 @@ class Sensitivities(Result):
         known = [name for name in self.run.columns if name not in {"t [s]", "imbalance [J]"}]
         if name not in known:
             raise ArgumentError(
-                f"name = {truncated(name)}: no column with a slope; allowed are {short_list(known)}"
+                f"name = {truncated(name)}: no column with a derivative; allowed are {short_list(known)}"
                 f"{did_you_mean(name, known)}",
                 id="unknown-name",
             )
@@ -102,22 +102,22 @@ class Sensitivities(Result):
 
 
 def sensitivities(scene: Scene, parameters: object) -> Sensitivities:
-    """How a run changes with numbers of its scene: differences between runs side by side, their error estimated.
+    """Derivatives of a run with respect to parameters of its scene, by differences between runs, with error estimates.
 
-    Three runs beside the scene's own one for each number give slopes of third order, at a distance of 1e-5 of the
-    number (of 1 where it is 0), to one side of a number at its least or largest. The estimated error is what another
-    order changes; where it is more than 3e-6 of the largest slope, other distances are tried, with five runs. With
-    fixed steps slopes are off by 1e-7 to 1e-9 of the largest one. With a tolerance, for which runs of a relative
-    tolerance of 1e-9 are compared, it is 1e-5. Where the motion is so sensitive that rounding grows it is more. The
-    errors of the run's own steps are not counted.
+    Three additional runs per parameter, side by side, give derivatives of third order. Their distance is 1e-5 of the
+    parameter (1e-5 if it is 0), to one side of a parameter at its bound. The error estimate is the change from another
+    order. If it exceeds 3e-6 of the largest derivative, other distances are tried, with five runs. With fixed steps the
+    error is 1e-7 to 1e-9 of the largest derivative. With a tolerance it is 1e-5; the compared runs then have a relative
+    tolerance of 1e-9. Errors are larger where the motion is so sensitive that rounding errors grow. Errors of the run's
+    own steps are not included.
 
     Parameters
     ----------
     scene
         The scene.
     parameters
-        Paths of numbers, as in `Scene.varied`: "material.aluminium.young", "link.upper.damping.ratio", "tip.mass",
-        "drive.kp.upper", "initial.joint_deg.upper", "link.fore.length" …; `*` for several that are equal.
+        Paths of parameters, as in `Scene.varied`: "material.aluminium.young", "link.upper.damping.ratio", "tip.mass",
+        "drive.kp.upper", "initial.joint_deg.upper", "link.fore.length" …; `*` selects several of equal value.
 
     Returns
     -------
@@ -127,7 +127,7 @@ def sensitivities(scene: Scene, parameters: object) -> Sensitivities:
     Raises
     ------
     ArgumentError
-        There is no such number, or it is one of the run's settings; or the scene does not run on either side of it.
+        There is no such parameter, it is a run setting, or the scene does not run on either side of its value.
     SceneError, UnstableStepError, DivergenceError, InterruptedRunError
         As in `simulate`.
 
@@ -135,7 +135,7 @@ def sensitivities(scene: Scene, parameters: object) -> Sensitivities:
     --------
     >>> falling = scene.varied({"drive": fl.Drive(), "run.duration": 0.2})
     >>> slopes = fl.sensitivities(falling, ["tip.mass", "material.aluminium.young"])
-    >>> print((1e3 * slopes.tip[-1, 1, 0]).round(2))  # mm of the tip's height per kg
+    >>> print((1e3 * slopes.tip[-1, 1, 0]).round(2))  # mm of tip height per kg
     -0.97
     """
     paths = sequence("parameters", parameters, "path, such as 'tip.mass'")

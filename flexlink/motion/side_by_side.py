@@ -1,4 +1,4 @@
-"""Eight runs of one layout in one pass of the compiled loop, judged by the `Monitor` of each, as a run alone is.
+"""Eight runs of one layout in one pass of the compiled loop, each checked by its own `Monitor`, as a single run is.
 
 Samples have a leading axis of members.
 """
@@ -16,6 +16,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.interruption import Stop
 from flexlink.common.memo import Kept
 from flexlink.common.types import Array
+from flexlink.common.wording import Diagnostic
 from flexlink.describe.whole_steps import multiples
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.dynamics.energy import Energy
@@ -39,16 +40,16 @@ Ended = Trajectory | DivergenceError | InterruptedRunError
 
 
 class Member(NamedTuple):
-    """A problem whose step has been judged."""
+    """A problem whose step has been checked."""
 
     problem: InitialValueProblem
-    warnings: tuple[str, ...]
-    along: bool  # with others
-    compared: bool = True  # with a verification run where its steps call for one
+    warnings: tuple[Diagnostic, ...]
+    along: bool  # may run side by side with others
+    compared: bool = True  # with a verification run, if its steps require one
 
 
-def goes_along(problem: InitialValueProblem) -> bool:
-    """Whether the compiled loop takes it with others, or alone in its lanes."""
+def fits_lanes(problem: InitialValueProblem) -> bool:
+    """Whether the compiled loop can run a problem in lanes, with others or alone."""
     solver = solver_for(problem.chain, problem.run.solver)
     acts = problem.inputs.changing is not None or bool(problem.chain.forces) or not acts_on_many(problem.inputs.drive)
     alone = not problem.explicit or acts
@@ -56,8 +57,8 @@ def goes_along(problem: InitialValueProblem) -> bool:
 
 
 def alike(one: InitialValueProblem, other: InitialValueProblem) -> bool:
-    """Whether two that go along with others go along with each other."""
-    if one.start != other.start:  # one clock for all
+    """Whether two problems that fit lanes can run side by side."""
+    if one.start != other.start:  # all share the time
         return False
     a, b = one.scene, other.scene
     if not all(x is y or x == y for x, y in ((a.run, b.run), (a.motion, b.motion), (a.wrench, b.wrench))):
@@ -67,9 +68,9 @@ def alike(one: InitialValueProblem, other: InitialValueProblem) -> bool:
 
 
 class Samples(NamedTuple):
-    """As the fields of `RunSamples`, of several runs, which are their last axis."""
+    """The fields of `RunSamples` for several runs, which are the last axis."""
 
-    chain: Chain  # of the first
+    chain: Chain  # of the first run
     t: Array
     q: Array
     qd: Array
@@ -81,7 +82,7 @@ class Samples(NamedTuple):
 
 
 class Block:
-    """Up to eight alike members, and after `integrate` their samples as far as they went.
+    """Up to eight similar members, and after `integrate` their samples as far as they go.
 
     Attributes
     ----------
@@ -97,7 +98,7 @@ class Block:
         self.q, self.qd = np.empty((2, b, rows, n))
         self.tau, self.tip = np.empty((b, rows, n)), np.empty((b, rows, 3))
         self.energy, self.works = np.empty((b, 3, rows)), np.zeros((b, rows))
-        shared = None if problem.inputs.motion.joints.size else kept  # torques of motions take scratch of an own chain
+        shared = None if problem.inputs.motion.joints.size else kept  # prescribed joints need a workspace per chain
         each = zip(self.q, self.qd, self.tau, self.tip, self.energy, self.works, strict=True)
         steps = noted(problem, rows)
         self.records = [
@@ -109,7 +110,7 @@ class Block:
         self.errors = np.zeros((b, 0))
 
     def integrate(self, stop: Stop) -> bool:
-        """Go to the end, or as far as `stop` lets them; False where they end early: one leaves the finite numbers."""
+        """Integrate to the end, or until `stop`; return False if a member is no longer finite, which ends all early."""
         run, n, b = self.run, self.chain.n, len(self.members)
         for k, member in enumerate(self.members):
             self.q[k, 0], self.qd[k, 0] = member.problem.q, member.problem.qd
@@ -132,7 +133,7 @@ class Block:
         return True
 
     def ends(self, stop: Stop) -> list[Run | Ended]:
-        """What has become of every member."""
+        """Outcome of every member."""
         for monitor, errors in zip(self.monitors, self.errors, strict=True):
             monitor.check(self.rows, self.steps, errors)
         calm = self._calm().tolist()
@@ -140,7 +141,7 @@ class Block:
 
     @functools.cached_property
     def samples(self) -> Samples:
-        """Of all members, as columns are made of those of one run."""
+        """Samples of all members, in the form that columns are computed from."""
         q, qd, tau, tip = (np.moveaxis(part[:, : self.rows], 0, -1) for part in (self.q, self.qd, self.tau, self.tip))
         energy, work = self.energy[:, :, : self.rows], self.works[:, : self.rows].copy()
         for k, record in enumerate(self.records):
@@ -153,18 +154,18 @@ class Block:
 
     @functools.cached_property
     def deflections(self) -> Array:
-        """How far springs bend the tip away, (members, samples) [m]."""
+        """Deflection of the tip by the springs, (members, samples) [m]."""
         unmoved, tips = np.empty_like(self.tip[:, : self.rows]), self.tip[:, : self.rows]
         for k, record in enumerate(self.records):
             tip_points(record.chain.arrays, unbent(record.chain, self.q[k, : self.rows]), unmoved[k])
         return np.asarray(np.linalg.norm(tips - unmoved, axis=2))
 
     def trajectory(self, k: int) -> Trajectory:
-        """The run of a member that passed."""
+        """The run of a member that passed all checks."""
         return self.records[k].trajectory(self.rows, tuple(self.monitors[k].warnings), self.steps)
 
     def _ended(self, k: int, stop: Stop) -> Ended:
-        """What has become of a member that may be doubted, compared with another run, or no run at all."""
+        """Outcome of a member that failed, may be doubtful, or needs a verification run."""
         monitor = self.monitors[k]
         if monitor.failure:
             monitor.steps = steps_up_to(self.run, monitor.n_valid * self.run.steps_per_sample)
@@ -176,9 +177,9 @@ class Block:
         return monitor.trajectory()
 
     def _calm(self) -> NDArray[np.bool_]:
-        """Whose samples are all right, and nothing calls for a doubt or for another run."""
-        # part of a limit from which a member is looked at by itself: what is found together may differ in its last
-        # digits
+        """Whether each member is valid, and needs no warning and no verification run."""
+        # fraction of a limit above which a member is checked by itself: results computed side by side may differ in the
+        # last digits
         nearly = 0.9
         calm = [
             not (monitor.failure or monitor.suspicious or monitor.travelled > Thresholds.far_turned)
@@ -193,11 +194,11 @@ class Block:
 
 
 class Run(NamedTuple):
-    """A member of a block that passed every look."""
+    """A member of a block that passed all checks."""
 
     block: Block
     place: int
 
     def trajectory(self) -> Trajectory:
-        """The run by itself."""
+        """The run as a trajectory."""
         return self.block.trajectory(self.place)

@@ -48,8 +48,8 @@ def simulate(
 ) -> Trajectory:
     """Integrate the equation of motion M q̈ + T_GC + T_FL + T_FR = T_EX from the scene's initial state.
 
-    Runge-Kutta with a fixed step, t = k · step (paper, equations 5 to 12), or, with a tolerance, with steps that follow
-    from their error. The run judges itself: its step before it starts, and each sample by the power balance
+    Runge-Kutta with a fixed step, t = k · step (paper, equations 5 to 12), or with adaptive steps that meet a
+    tolerance. The run checks itself: its step before it starts, and each sample by the power balance
     E(t) − E(0) = W(t).
 
     Parameters
@@ -57,21 +57,21 @@ def simulate(
     scene
         Arm, gravity, initial state, drive, wrench and run settings.
     progress
-        Called with the finished fraction, now and then: 0 when everything is compiled and the run starts, 1 at its end.
+        Called with the finished fraction from time to time: 0 after compilation, when the run starts, 1 at its end.
     method, step, duration, sample, solver, unstable, tolerance, relative_tolerance, accuracy, max_evaluations
-        In place of those of `scene.run`, times in s, tolerance in m; None: as the scene says. A tolerance takes the
-        place of a fixed step, and a step that of a tolerance.
+        Replacements for the settings of `scene.run`, times in s, tolerance in m; None: as in the scene. A tolerance
+        replaces a fixed step, and a step replaces a tolerance.
     q0, qd0, t0
-        State to start from: joint angles [rad] and rates [rad/s], shape (n,), and the time [s], as `run.state` gives
-        them; None: as `scene.initial` says. A run with fixed steps that is continued from one of its samples gives
-        the same numbers to the bit.
+        State to start from: joint angles [rad] and rates [rad/s], shape (n,), and the time [s], as `run.state` returns
+        them; None: as in `scene.initial`. A run with fixed steps that continues from one of its samples is identical
+        bit for bit.
     control
-        Control law tau(t, q, qd) in place of the scene's drive: torques of the driven joints (`chain.active`) [N m],
+        Control law tau(t, q, qd) that replaces the scene's drive: torques of the driven joints (`chain.active`) [N m],
         shape (d,), from time [s], angles [rad] and rates [rad/s], shape (n,). A law tau(t, q, qd, sensors), which needs
-        a rate, is told what the scene's sensors show at its instants, too: numbers by the names of their columns.
+        a rate, also gets the sensor readings at its sampling instants: numbers by the names of their columns.
     rate
-        How often the law is asked [Hz], its torques held in between, as a real controller's are; None: at every stage
-        of every step, fixed ones of an explicit method.
+        Sampling rate of the law [Hz]; torques are held in between, as by a digital controller. None: the law is
+        evaluated at every stage of every step, which requires fixed steps of an explicit method.
 
     Returns
     -------
@@ -81,35 +81,35 @@ def simulate(
     Raises
     ------
     ArgumentError
-        `scene` is no Scene, or `progress` no function.
+        `scene` is not a Scene, or `progress` is not callable.
     SceneError
-        A run setting with a value that is not allowed.
+        A run setting has a value that is not allowed.
     DataFileError
-        The method's own file is not valid.
+        The user's method file is not valid.
     UnstableStepError
-        The step is larger than the largest stable one at the start (`stable_step`); unstable = "allow" insists.
+        The step is larger than the largest stable one at the start (`stable_step`); unstable = "allow" overrides this.
     DivergenceError
-        The state left the finite numbers, or the energy does not balance by more than a tenth of what was exchanged
-        (implicit steps with a tolerance: a second run is made, and may mark the run as doubtful instead); the error's
-        `trajectory` holds the good samples.
+        The state is no longer finite, or the energy imbalance exceeds a tenth of the energy exchanged (with adaptive
+        implicit steps a second run decides, and may mark the run as doubtful instead); the error's `trajectory`
+        contains the good samples.
     EvaluationLimitError
-        A DivergenceError, too: steps with a tolerance would take more than `max_evaluations`. Where such a run hangs is
-        told, as a RuntimeWarning, a fiftieth of the way to there.
+        Also a DivergenceError: adaptive steps would take more than `max_evaluations`. A RuntimeWarning gives the cause
+        of slow progress after a fiftieth of them.
     ControlError
-        The law raised, or gave no d finite numbers; its `trajectory` holds the samples before.
+        The law raised an exception, or did not return d finite numbers; `trajectory` contains the samples before.
     InterruptedRunError
-        Ctrl-C or SIGTERM; its `trajectory` holds the samples up to there.
+        Ctrl-C or SIGTERM; `trajectory` contains the samples up to that point.
 
     Examples
     --------
-    >>> run = fl.simulate(scene)  # as the scene says
+    >>> run = fl.simulate(scene)  # as specified in the scene
     >>> print(run, run.warnings)
     <Trajectory 'two_links': 101 samples, 0 … 1 s, 6 joints> ()
-    >>> exact = fl.simulate(scene, tolerance=1e-5)  # m; the method is picked, the steps follow
+    >>> exact = fl.simulate(scene, tolerance=1e-5)  # m; automatic method, adaptive steps
     >>> print(abs(run.tip - exact.tip).max() < 1e-4)  # m
     True
-    >>> later = fl.simulate(scene, q0=run.q[-1], qd0=run.qd[-1], t0=1.0, duration=0.1)  # goes on
-    >>> def damp(t, q, qd):  # a law in place of the scene's drive [N m]
+    >>> later = fl.simulate(scene, q0=run.q[-1], qd0=run.qd[-1], t0=1.0, duration=0.1)  # continues
+    >>> def damp(t, q, qd):  # replaces the scene's drive [N m]
     ...     return fl.gravity_torque(chain, q)[chain.active] - 50.0 * qd[chain.active]
     >>> undriven = scene.varied({"drive": fl.Drive()})
     >>> lazy = fl.simulate(undriven, control=damp, rate=1000.0, duration=0.1)
@@ -128,10 +128,10 @@ def simulate(
 
 
 class Problem:
-    """A scene that is prepared once and simulated many times, from other starts, over other times or by other laws.
+    """A scene prepared once for many simulations, with other initial states, durations or control laws.
 
-    Each run is what `simulate` makes of the same arguments, equal to the bit, and costs little more than its steps: the
-    chain, what is found of it, the inputs, scratch and machine code are those of the runs before. Threads may share it.
+    Each run is identical, bit for bit, to `simulate` with the same arguments, and costs little more than its steps: the
+    chain, its derived data, the inputs, workspace and machine code are reused. Threads may share it.
 
     Parameters
     ----------
@@ -141,12 +141,12 @@ class Problem:
     Attributes
     ----------
     scene, chain
-        The scene, and its chain as `lump` cuts it.
+        The scene, and its chain, as from `lump`.
 
     Raises
     ------
     ArgumentError
-        `scene` is no Scene.
+        `scene` is not a Scene.
     SceneError, ConvergenceError, DataFileError
         As in `lump` and `initial_state`.
 
@@ -165,7 +165,7 @@ class Problem:
         self._idle: list[tuple[InitialValueProblem, Kept]] = [(self._problem, Kept())]
 
     def __reduce__(self) -> tuple[type[Problem], tuple[Scene]]:
-        """Copies and pickles are prepared anew: machine code stays in its process."""
+        """Copies and pickles are prepared again: machine code stays in its process."""
         return Problem, (self.scene,)
 
     def __repr__(self) -> str:
@@ -187,19 +187,19 @@ class Problem:
         Parameters
         ----------
         q0, qd0, t0
-            State to start from: joint angles [rad] and rates [rad/s], shape (n,), and the time [s]; None: as
-            `scene.initial` says.
+            State to start from: joint angles [rad] and rates [rad/s], shape (n,), and the time [s]; None: as in
+            `scene.initial`.
         duration
-            How long [s]; None: as `scene.run` says.
+            Duration [s]; None: as in `scene.run`.
         control, rate
-            Control law tau(t, q, qd) in place of the scene's drive, and how often it is asked [Hz].
+            Control law tau(t, q, qd) that replaces the scene's drive, and its sampling rate [Hz].
         progress
-            Called with the finished fraction, now and then.
+            Called with the finished fraction from time to time.
 
         Returns
         -------
         Trajectory
-            Samples, at the distances that `scene.run` says.
+            Samples at the interval of `scene.run`.
 
         Examples
         --------
@@ -213,7 +213,7 @@ class Problem:
             return longer.simulate(q0=q0, qd0=qd0, t0=t0, control=control, rate=rate, progress=progress)
         try:
             problem, kept = self._idle.pop()
-        except IndexError:  # another thread runs it
+        except IndexError:  # in use by another thread
             problem, kept = problem_of(self.scene, self.chain), Kept()
         try:
             for array in remembered(problem.inputs.drive):
@@ -228,11 +228,11 @@ class Problem:
 
 
 PROBLEMS = Memo(16)
-"""Problems of scenes by the settings of their runs: who simulates a scene again has prepared it already."""
+"""Prepared problems by scene and run settings, for scenes that are simulated repeatedly."""
 
 
 def problem_with(scene: Scene, settings: dict[str, object]) -> Problem:
-    """The problem of a scene with other settings of its run, by path; errors as in `Scene.varied` and `Problem`."""
+    """The problem of a scene with other run settings, by path; errors as in `Scene.varied` and `Problem`."""
 
     def prepared() -> Problem:
         return Problem(scene.varied(settings) if settings else scene)
@@ -248,7 +248,7 @@ def problem_with(scene: Scene, settings: dict[str, object]) -> Problem:
 
 
 def names_files(scene: Scene) -> bool:
-    """Whether a scene names a method, a lumping rule or a shaper by a user's own file."""
+    """Whether a scene names a method, a lumping rule or a shaper in a user's file."""
     reference = scene.drive.reference
     shaper = reference.shaper.kind if reference is not None and reference.shaper is not None else ""
     return any(map(is_user_file, (scene.run.method, shaper, *(link.lumping for link in scene.arm.links))))
@@ -257,9 +257,9 @@ def names_files(scene: Scene) -> bool:
 def started_from(
     scene: Scene, q0: ArrayLike | None, qd0: ArrayLike | None, t0: float | None, **changes: object
 ) -> Scene:
-    """The scene, with these changes by path, from this state on, of which None leaves a part as it is.
+    """The scene with these changes by path and this initial state; None leaves a part of the state unchanged.
 
-    From arrays of finite numbers, which need no reading, in a tenth of the time.
+    Arrays of finite numbers are not validated, which takes a tenth of the time.
     """
     if q0 is None and qd0 is None and t0 is None and not changes:
         return scene

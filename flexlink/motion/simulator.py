@@ -1,4 +1,4 @@
-"""Simulator: an arm that is stepped from outside, as by a controller or a learning agent."""
+"""Simulator: an arm that is stepped from outside, for example by a controller or a learning agent."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from flexlink.results.samples import State
 from flexlink.results.stop_reasons import DivergenceError, Failure, ended_early
 
 OFTEN = 128
-"""Calls of `step` from one look at the power balance to the next; of the first ones, those of number 1, 2, 4, …"""
+"""Calls of `step` between two checks of the power balance; the first checks are at calls 1, 2, 4, …"""
 
 
 class Simulator:
     """An arm that is stepped from outside: M q̈ + T_GC + T_FL + T_FR = T_EX, by the scene's method.
 
-    The numbers are those of `simulate` with the same torques, sampled at the calls, to the bit. It judges itself as a
-    run does: a fixed step of an explicit method at `reset`, finite numbers at every call, and the power balance at
-    some. A tolerance is that of a run of `run.duration`, however long this one takes.
+    With the same torques, the numbers are identical, bit for bit, to those of `simulate` sampled at the calls. The
+    checks are those of a run: a fixed step of an explicit method at `reset`, finite numbers at every call, and the
+    power balance at some calls. A tolerance is that of a run of `run.duration`, however long this one takes.
 
     Parameters
     ----------
@@ -45,12 +45,12 @@ class Simulator:
     Attributes
     ----------
     chain
-        The chain that moves.
+        The chain that is simulated.
 
     Raises
     ------
     ArgumentError
-        `scene` is no Scene.
+        `scene` is not a Scene.
     SceneError, UnstableStepError
         As in `simulate`.
 
@@ -73,21 +73,21 @@ class Simulator:
             self.chain, np.zeros(1), np.zeros((1, len(self.chain.active))), effort_of(scene, self.chain)
         )
         self._readings: dict[str, float] = {}
-        self._lengths: dict[float, int] = {}  # of durations that were asked for, in fixed steps
+        self._lengths: dict[float, int] = {}  # number of fixed steps of each duration used so far
         self.reset()
 
     def __repr__(self) -> str:
         return f"<Simulator {self.chain.name!r}: t = {self.time:g} s, {self.chain.n} joints>"
 
     def reset(self, q: ArrayLike | None = None, qd: ArrayLike | None = None, *, time: float | None = None) -> State:
-        """Start again, from angles [rad] and rates [rad/s], shape (n,), at a time [s]; None: as the scene says.
+        """Restart from angles [rad] and rates [rad/s], shape (n,), at a time [s]; None: as in the scene.
 
         Raises
         ------
         SceneError
-            A state of the wrong shape, or that is not finite; a time that is no multiple of a fixed step.
+            A state of the wrong shape or with numbers that are not finite; a time that is not a multiple of the step.
         UnstableStepError
-            The step is larger than the largest stable one there.
+            The step is larger than the largest stable one in this state.
 
         Examples
         --------
@@ -109,21 +109,22 @@ class Simulator:
         self._sensing = Readings(scene) if scene.sensor else None
         self._monitor.begin()
         self._steps.go(self._pushed, self._time, self._time)  # compiles
-        self._look(self._driven)
+        self._sense(self._driven)
         return self.state
 
-    def _look(self, inputs: Inputs) -> None:
-        """Let sensors see where the arm is, and what acts on it."""
+    def _sense(self, inputs: Inputs) -> None:
+        """Update the sensor readings from the present state and the inputs that act."""
         if self._sensing is not None:
             q, qd, *_ = self._steps.state
             self._readings = self._sensing.after(sample_at(self._record.problem, inputs, self._time, q, qd))
 
     @property
     def readings(self) -> dict[str, float]:
-        """What the scene's sensors show now, by the names of their columns, "gauge [1]".
+        """Sensor readings at the present time, by the names of their columns, "gauge [1]".
 
-        They see the arm at the end of every step, and take their signals as straight in between; accelerometers see
-        what acts in the step that ends. With the scene's own drive, and steps of `run.sample`, they are those of a run.
+        Sensors sample the arm at the end of every step, and their signals are linear in between. Accelerometers measure
+        with the torques of the step that ends. With the scene's drive and steps of `run.sample`, readings are those of
+        a run.
 
         Examples
         --------
@@ -137,7 +138,7 @@ class Simulator:
 
     @property
     def time(self) -> float:
-        """Where the arm is in time [s]."""
+        """Present time [s]."""
         return self._time
 
     @property
@@ -149,28 +150,28 @@ class Simulator:
         return State(self._time, q.copy(), qd.copy())
 
     def step(self, tau: ArrayLike | None = None, *, duration: float | None = None) -> State:
-        """Go on for a time, with torques that are held, and return the state at its end.
+        """Advance with held torques, and return the state at the end.
 
         Parameters
         ----------
         tau
-            T_EX of the driven joints (`chain.active`) [N m], shape (d,), in place of the scene's drive; None: the
-            scene's drive acts. Of a joint whose motion is prescribed it has no effect.
+            T_EX of the driven joints (`chain.active`) [N m], shape (d,), that replaces the scene's drive; None: the
+            scene's drive acts. It has no effect on joints with prescribed motion.
         duration
-            How long [s], with fixed steps a multiple of theirs; None: `run.sample`.
+            Duration [s], a multiple of a fixed step; None: `run.sample`.
 
         Raises
         ------
         ArgumentError
-            A torque of the wrong shape, or that is not finite; a duration that is no multiple of a fixed step.
+            A torque of the wrong shape or not finite; a duration that is not a multiple of a fixed step.
         DivergenceError
-            The state left the finite numbers, no step keeps the tolerance, or the energy does not balance; the
-            simulator stays where it was before this call.
+            The state is no longer finite, no step meets the tolerance, or the energy does not balance; the simulator
+            stays in its state before this call.
 
         Examples
         --------
         >>> arm = fl.Simulator(scene)
-        >>> after = arm.step([30.0, 10.0], duration=0.01)  # N m of the driven joints, held for 0.01 s
+        >>> after = arm.step([30.0, 10.0], duration=0.01)  # N m on the driven joints, held for 0.01 s
         >>> print(after.t, after.q.shape)
         0.01 (6,)
         """
@@ -178,7 +179,7 @@ class Simulator:
         if tau is not None:
             self._held.feedforward.coefficients[0, 0] = vector("tau", tau, len(self.chain.active))
             inputs = self._pushed
-        drive = remembered(inputs.drive) if inputs.drive.rate else ()  # that of torques which are held remembers none
+        drive = remembered(inputs.drive) if inputs.drive.rate else ()  # held torques have no memory
         before = steps.saved(), drive, [array.copy() for array in drive]
         calls = self._calls + 1
         try:
@@ -186,7 +187,7 @@ class Simulator:
             if not fault and (calls % OFTEN == 0 or calls & (calls - 1) == 0):
                 q, qd, *_, done = steps.state
                 fault = self._monitor.unbalanced(q, qd, done[:1], steps.steps, steps.deflection)
-        except BaseException:  # Ctrl-C, too
+        except BaseException:  # including Ctrl-C
             self._restore(*before)
             raise
         if fault:
@@ -194,7 +195,7 @@ class Simulator:
             held = end - self._time if tau is not None else 0.0
             raise self._diverged(fault, held)
         self._time, self._calls = end, calls
-        self._look(inputs)
+        self._sense(inputs)
         return self.state
 
     def _restore(self, steps: Any, drive: Sequence[NDArray[Any]], remembered: Sequence[NDArray[Any]]) -> None:
@@ -203,7 +204,7 @@ class Simulator:
             array[:] = before
 
     def _later(self, duration: float) -> float:
-        """Time [s] after so long: of fixed steps one of their ends, else a multiple of the duration, if now is one."""
+        """End [s] of a step of this duration: on the grid of fixed steps, else a multiple of it if the time is one."""
         run, now = self._run, self._time
         if type(duration) is not float or duration not in self._lengths:
             duration = positive("duration", duration)
@@ -220,7 +221,7 @@ class Simulator:
         return end
 
     def _diverged(self, fault: Failure, held: float) -> DivergenceError:
-        """The error for a step that failed, with torques from outside that are held for so long [s], or none."""
+        """Error of a step that failed; `held`: time for which outside torques are held [s], or 0."""
         (t, q, qd), run = self.state, self._run
         fixed = f"a smaller step than {run.fixed_step:g} s"
         advice = fault.advice or f"try {'another tolerance, or fixed steps' if run.controlled else fixed}"
@@ -229,4 +230,5 @@ class Simulator:
         return fault.kind(
             f"{self.chain.name}: after t = {t:.6g} s: {fault.text}; {advice}",
             trajectory_from_states(problem_of(self._scene, self.chain), np.array([t]), q[None], qd[None]),
+            id=fault.id,
         )

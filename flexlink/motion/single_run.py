@@ -1,4 +1,4 @@
-"""One run of a scene: prepared, taken to its end, verified by a second one."""
+"""One run of a scene: preparation, integration to its end, verification by a second run."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from msgspec.structs import replace
 from flexlink.common.errors import FlexlinkError, SceneError
 from flexlink.common.interruption import Stop
 from flexlink.common.memo import Kept, keep_last
+from flexlink.common.wording import Diagnostic
 from flexlink.describe.run_settings import check_method
 from flexlink.describe.whole_steps import multiples
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
@@ -35,37 +36,36 @@ from flexlink.results.stop_reasons import (
 from flexlink.results.trajectory import Trajectory
 
 Stepper = FixedSteps | AdaptiveSteps
-"""What advances a run: fixed steps of an explicit method, or steps with a tolerance and those of implicit methods."""
+"""Stepper of a run: fixed steps of an explicit method, or adaptive or implicit steps."""
 
 GIVEN_UP = 50
-"""Times the evaluations of a run that a second one may take: one that ends takes a few times as many at most, and
-nobody waits for a second run much longer than for the first."""
+"""Limit on the evaluations of a verification run over those of the run; a useful one takes a few times as many."""
 
 
 class SingleRun:
-    """A run that is ready to start: its step is judged, its samples are allocated, all that it calls is compiled.
+    """A run that is ready to start: its step is checked, its samples are allocated, its code is compiled.
 
     Parameters
     ----------
     problem
-        What is integrated.
+        Problem to integrate.
     law, rate
-        A control law in place of the scene's drive, and how often it is asked [Hz].
+        Control law that replaces the scene's drive, and its sampling rate [Hz].
     rows
-        Number of samples that there is room for; None: as many as the run has.
+        Number of samples to allocate; None: all of the run.
     kept
-        Scratch and machine code of other runs of the problem.
+        Workspace and machine code of other runs of the problem.
     warnings
-        Those of the check of its step, if they are known.
+        Warnings of the check of its step, if known.
     halved
-        Whether its longest steps are, as those of a run that judges another one.
+        Whether its longest steps are halved, as in a verification run.
     passes
         Whether long steps of an explicit method may pass samples.
 
     Raises
     ------
     SceneError
-        The method is unknown, or cannot do what the run asks of it, or the samples do not fit into memory.
+        The method is unknown or cannot do what the run requires, or the samples do not fit into memory.
     UnstableStepError, ArgumentError, ControlError
         As in `simulate`.
     """
@@ -78,7 +78,7 @@ class SingleRun:
         *,
         rows: int | None = None,
         kept: Kept | None = None,
-        warnings: tuple[str, ...] | None = None,
+        warnings: tuple[Diagnostic, ...] | None = None,
         halved: bool = False,
         passes: bool = True,
     ) -> None:
@@ -109,11 +109,11 @@ class SingleRun:
         progress: Callable[[float], None] | None = None,
         *,
         compared: bool = True,
-        warn: Callable[[str], None] | None = None,
+        warn: Callable[[Diagnostic], None] | None = None,
     ) -> Trajectory:
-        """Run to the end, or until stopped; `compared` with a verification run where its steps call for one.
+        """Run to the end, or until stopped; if `compared`, verify the run by a second one if its steps require that.
 
-        `warn` is told, once, and while the run goes on, where it hangs.
+        `warn` is called once, during the run, with the cause of slow progress.
         """
         monitor, steps = self.monitor, self.steps
         try:
@@ -122,7 +122,7 @@ class SingleRun:
                 monitor.warnings += verify(monitor, monitor.steps.method, stop)
         except LawFailure as failure:
             raise ControlError(f"{monitor.record.chain.name}: {failure}", monitor.trajectory()) from failure.__cause__
-        except KeyboardInterrupt:  # of a caller's own handler, or of its `progress`
+        except KeyboardInterrupt:  # from a signal handler of the caller, or from `progress`
             stop.signal = signal.SIGINT
         if monitor.failure or steps.failure:
             raise monitor.diverged(steps.failure)
@@ -130,12 +130,14 @@ class SingleRun:
             raise InterruptedRunError(monitor.trajectory(), stop.signal)
         return monitor.trajectory()
 
-    def advance(self, stop: Stop, report: Callable[[float], None], warn: Callable[[str], None] | None = None) -> None:
-        """Advance until the run ends, a check fails, or somebody stops it."""
+    def advance(
+        self, stop: Stop, report: Callable[[float], None], warn: Callable[[Diagnostic], None] | None = None
+    ) -> None:
+        """Advance until the run ends, a check fails, or it is stopped."""
         monitor, steps = self.monitor, self.steps
         for rows, part in steps:
             good = True
-            if rows > 1 or part == 1.0 or steps.failure:  # one look is enough for a short run
+            if rows > 1 or part == 1.0 or steps.failure:  # one check is enough for a short run
                 good = monitor.check(
                     rows,
                     steps.steps,
@@ -144,8 +146,8 @@ class SingleRun:
                     angle_travelled=steps.angle_travelled,
                 )
             row, slow = steps.slow
-            if warn and slow and row <= max(1, monitor.n_valid):  # not of what came after a sample that is wrong
-                warn(f"{monitor.record.chain.name}: {slow}")
+            if warn and slow and row <= max(1, monitor.n_valid):  # no warning about steps after an invalid sample
+                warn(Diagnostic(f"{monitor.record.chain.name}: {slow}", "slow-progress"))
                 warn = None
             if not good:
                 monitor.steps = steps.steps_before(monitor.n_valid)
@@ -159,18 +161,20 @@ class SingleRun:
             steps.failure = ended_early(monitor.last_time, float(monitor.record.t[-1]))
 
 
-def verify(monitor: Monitor, name: str, stop: Stop) -> Iterator[str]:
-    """Compare a finished run of this method with verification runs: yields a warning where they contradict it."""
-    text, own, problem = "", monitor.steps.evaluations, monitor.record.problem
+def verify(monitor: Monitor, name: str, stop: Stop) -> Iterator[Diagnostic]:
+    """Compare a finished run of this method with verification runs; yield a warning if they contradict it."""
+    text = Diagnostic("", "")
+    own, problem = monitor.steps.evaluations, monitor.record.problem
     for second in second_runs(monitor, name):
-        text = text or (
+        text = text or Diagnostic(
             "doubtful: error unknown: no comparison run with other steps ended within "
-            f"{GIVEN_UP} times the evaluations; {advice(monitor)} and compare"
+            f"{GIVEN_UP} times the evaluations; {advice(monitor)} and compare",
+            "no-comparison-run",
         )
         most = min(second.run.max_evaluations, GIVEN_UP * own)
         limited = replace(second.run, max_evaluations=most) if second.run.controlled else second.run
         try:
-            again = replace(problem.scene, run=limited)  # whose steps may not be such that one begins at its start
+            again = replace(problem.scene, run=limited)  # fails if the start is not a multiple of the new step
             halved, passes = limited.controlled, problem.run.controlled
             other = SingleRun(problem_of(again, problem.original), halved=halved, passes=passes)
             other.advance(stop, lambda _: None)
@@ -182,7 +186,7 @@ def verify(monitor: Monitor, name: str, stop: Stop) -> Iterator[str]:
         limited_out = failure is not None and failure.kind is EvaluationLimitError and not wrong
         if limited_out or evaluations > GIVEN_UP * own:
             break
-        # a step of 2 h in two parts is two steps of the run itself, which would agree with themselves
+        # a step of 2 h in two parts is two steps of the run itself, so the runs would agree trivially
         in_parts = not second.run.controlled and other.steps.steps.failed > 0
         if not (wrong or failure or in_parts):
             text = doubt(monitor, second, other.monitor.record.compared(other.monitor.n_valid))
@@ -194,7 +198,7 @@ def verify(monitor: Monitor, name: str, stop: Stop) -> Iterator[str]:
 
 
 def _recorded(problem: InitialValueProblem, rows: int | None, kept: Kept | None) -> Record:
-    """The samples of a run of a problem, so many rows or all, of which the first is the start."""
+    """Record of a run of a problem, for `rows` samples or all; the first one is the start."""
     run, chain = problem.run, problem.chain
     try:
         number = run.samples if rows is None else rows
@@ -202,14 +206,14 @@ def _recorded(problem: InitialValueProblem, rows: int | None, kept: Kept | None)
         times = kept("times", (problem.start, number), lambda: multiples(problem.start, run.between, number)).copy()
         q, qd = np.empty((2, number, chain.n))
         record = Record(problem, times, q, qd, kept)
-    except (MemoryError, ValueError):  # ValueError: more than numpy can count
+    except (MemoryError, ValueError):  # ValueError: more elements than numpy can count
         raise SceneError(
             f"{run.said('sample', 'run.')} = {run.spacing!r}: {run.samples} samples of {chain.n} joints do not fit "
             "into memory",
             id="out-of-memory",
         ) from None
     record.q[0], record.qd[0] = problem.q, problem.qd
-    if not record.kept.types:  # all else that kernels are given here is made in one way
+    if not record.kept.types:  # all other arguments of kernels here always have the same types
         solver = f"{run.solver} {chain.is_planar}".encode()
         drive, *others = problem.inputs
         record.kept.types = types_of(chain.arrays, *others) + _types_of_drive(drive) + solver
@@ -218,5 +222,5 @@ def _recorded(problem: InitialValueProblem, rows: int | None, kept: Kept | None)
 
 @keep_last(64)
 def _types_of_drive(drive: Drive) -> bytes:
-    """Types of the numbers of a drive, which runs share."""
+    """Types of the arrays of a drive, which runs share."""
     return types_of(drive)

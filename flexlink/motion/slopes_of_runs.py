@@ -1,11 +1,12 @@
-"""Slopes of runs along numbers of their scene: differences between runs side by side.
+"""Derivatives of runs with respect to parameters of their scene: differences between runs side by side.
 
-A slope is that of the polynomial through the values at the point and at places beside it, counted in steps h:
+A derivative is that of the polynomial through the values at a point and at its neighbours, at multiples a_i of step h:
 
     f' ≈ Σ w_i (f(x + a_i h) − f(x)) / h        w_i = L_i'(0), of Lagrange's polynomials
 
-With m places beside the point the error is h^m f^(m+1) times a constant, and that of rounding Σ |w_i| ε / h. Its
-estimate is the difference from the slope of one order less, by the same runs, as in embedded Runge-Kutta methods.
+With m neighbours the truncation error is a constant times h^m f^(m+1), and the rounding error is Σ |w_i| ε / h. The
+error estimate is the difference from the derivative of one order less, from the same runs, as in embedded Runge-Kutta
+methods.
 """
 
 from __future__ import annotations
@@ -33,18 +34,18 @@ from flexlink.results.trajectory import Trajectory
 
 Value = TypeVar("Value")
 Places = tuple[int, ...]
-"""Where a function is evaluated beside a point, in steps."""
+"""Multiples of the step at which a function is evaluated beside a point."""
 CENTRAL: Places = (-1, 1)
-"""Error of order 2."""
+"""Central differences with an error of order 2."""
 CENTRAL_4: Places = (-2, -1, 1, 2)
-"""Error of order 4."""
+"""Central differences with an error of order 4."""
 FORWARD: Places = (1, 2)
-"""Error of order 2, at a lower bound; mirrored at an upper one."""
+"""One-sided differences with an error of order 2, at a lower bound; mirrored at an upper one."""
 
 
 @functools.cache
 def weights(at: Places) -> tuple[float, ...]:
-    """Weights of changes at these places, whose sum over the step is the slope.
+    """Weights of the differences at these multiples; their weighted sum over the step is the derivative.
 
     >>> print(weights((-1, 1)))
     (-0.5, 0.5)
@@ -56,16 +57,16 @@ def weights(at: Places) -> tuple[float, ...]:
 
 
 class Neighbours(NamedTuple, Generic[Value]):
-    """What a function is at places beside a point along one coordinate.
+    """Values of a function at the neighbours of a point along one coordinate.
 
     Attributes
     ----------
     at
-        The places.
+        The neighbours, in multiples of the step.
     step
-        How far apart they are.
+        The step.
     values
-        What it is at each.
+        Value at each neighbour.
     """
 
     at: Places
@@ -73,14 +74,14 @@ class Neighbours(NamedTuple, Generic[Value]):
     values: list[Value]
 
     def slope(self, middle: Array, read: Callable[[Value], Array]) -> Array:
-        """The slope of what `read` takes from values, which is `middle` at the point."""
+        """Derivative of what `read` extracts from the values; `middle` is that at the point."""
         return self._slope(self.at, self._changes(middle, read))
 
     def slope_with_error(self, middle: Array, read: Callable[[Value], Array]) -> tuple[Array, float]:
-        """The same, and an estimate of its largest error: three times what the last place changes.
+        """Return `slope` and an estimate of its largest error: three times the change by the last neighbour.
 
-        Truncation is far less, as the slope is of one order more than the one that it is compared with; rounding is 0.8
-        to 1.6 times as large.
+        The truncation error is far smaller, as the derivative is one order more accurate than the one it is compared
+        with. The rounding error is 0.8 to 1.6 times the change.
         """
         changes = self._changes(middle, read)
         found, rougher = self._slope(self.at, changes), self._slope(self.at[:-1], changes[:-1])
@@ -100,31 +101,31 @@ def neighbours(
     at: Sequence[Places],
     one_sided: Places = FORWARD,
 ) -> tuple[Value, list[Neighbours[Value] | FlexlinkError]]:
-    """A function of x, and what it is beside x along each coordinate, or why it is not, all in one call of `many`.
+    """Evaluate a function at x and at its neighbours along each coordinate, all in one call of `many`.
 
     Parameters
     ----------
     many
-        The function, at several points at once: values, or why there is none.
+        The function, at several points at once: values or errors.
     x, steps
         The point (p,), and the step along each coordinate (p,); 0: no neighbours.
     at
-        Of each coordinate the places.
+        Neighbours along each coordinate.
     one_sided
-        Places that are tried, and their mirror images, where there is no value at one of these.
+        Neighbours to try instead, and their mirror images, if a value at one of these is missing.
 
     Raises
     ------
     FlexlinkError
         There is no value at x.
     """
-    asked = [k for k in range(len(x)) if steps[k]]
-    points = [moved(x, k, place * steps[k]) for k in asked for place in at[k]]
+    varied = [k for k in range(len(x)) if steps[k]]
+    points = [moved(x, k, place * steps[k]) for k in varied for place in at[k]]
     middle, *beside = many([x, *points])
     if isinstance(middle, FlexlinkError):
         raise middle
     found, left = list[Neighbours[Value] | FlexlinkError](), iter(beside)
-    for k in asked:
+    for k in varied:
         places, values = at[k], [next(left) for _ in at[k]]
         for other in (mirrored(one_sided), one_sided):
             if any(isinstance(value, FlexlinkError) for value in values) and places != other:
@@ -136,37 +137,37 @@ def neighbours(
 
 
 def moved(x: Array, k: int, by: float) -> Array:
-    """A point beside x along coordinate k."""
+    """The point x moved along coordinate k."""
     point = x.copy()
     point[k] += by
     return point
 
 
 def mirrored(at: Places) -> Places:
-    """The same places on the other side."""
+    """The same multiples on the other side."""
     return tuple(-place for place in at)
 
 
 def smooth(scene: Scene, tolerance: float) -> Scene:
-    """The scene with runs that have slopes: sensors without noise and steps, and this relative tolerance at most."""
+    """The scene with differentiable runs: no noise or resolution of sensors, and at most this relative tolerance."""
     sensors = [replace(one, noise=0.0, seed=None, resolution=None) for one in scene.sensor]
     plain = replace(scene, sensor=tuple(sensors)) if sensors else scene
     return plain.varied({"run.relative_tolerance": tolerance}) if scene.run.controlled else plain
 
 
 class RunSlopes(NamedTuple):
-    """A run, and runs beside it along numbers of its scene.
+    """A run, and its neighbours along parameters of its scene.
 
     Attributes
     ----------
     run
         The run of the scene.
     middle
-        The same with sensors without noise, and of a small tolerance: what differences are taken from.
+        The run with noiseless sensors and a small tolerance, from which differences are taken.
     values
-        The numbers, shape (p,).
+        Values of the parameters, shape (p,).
     beside
-        The runs beside it, of each number.
+        The neighbouring runs of each parameter.
     """
 
     run: Trajectory
@@ -176,17 +177,17 @@ class RunSlopes(NamedTuple):
 
     @property
     def step(self) -> Array:
-        """How far apart the runs are along each number, shape (p,)."""
+        """Step between the runs along each parameter, shape (p,)."""
         return np.array([one.step for one in self.beside])
 
     def of(self, read: Callable[[Trajectory], Array]) -> tuple[Array, Array]:
-        """Slopes of what `read` takes from runs, with a last axis of numbers, and estimates of their errors (p,)."""
+        """Derivatives of what `read` extracts from runs, last axis parameters, and estimates of their errors (p,)."""
         middle = read(self.middle)
         found = [one.slope_with_error(middle, read) for one in self.beside]
         return np.stack([slope for slope, _ in found], axis=-1), np.array([error for _, error in found])
 
     def states(self) -> list[tuple[Array, Array]]:
-        """The same of q, q̇ and the tip; an angle of a free base that is told from another turn is told from its own."""
+        """Derivatives and errors of q, q̇ and the tip; angles of a free base are unwrapped to those of `middle`."""
         return [self.of(self._turned), self.of(lambda run: run.qd), self.of(_tip)]
 
     def _turned(self, run: Trajectory) -> Array:
@@ -198,35 +199,35 @@ class RunSlopes(NamedTuple):
 
 
 def slopes_of_runs(scene: Scene, paths: Sequence[str]) -> RunSlopes:
-    """A run and runs beside it along the numbers at `paths`, so far away as makes the estimated error small.
+    """A run and its neighbours along the parameters at `paths`, with steps that make the estimated error small.
 
     Raises
     ------
     ArgumentError
-        There is no such number, it is one of the run's own settings, or the scene does not run beside it.
+        There is no such parameter, it is a run setting, or the scene does not run at a neighbouring value.
     SceneError, UnstableStepError, DivergenceError, InterruptedRunError
         As in `simulate`.
     """
     x = np.array([_number(scene, path) for path in paths])
     runs = _Runs(scene, paths, x)
     size = np.where(x == 0, 1.0, np.abs(x))
-    third, fifth = (1, -1, 2), (1, -1, 2, -2, 3)  # orders of the error, without the last place one less
-    first, part = (fifth, 1e-2) if scene.run.controlled else (third, 1e-5)  # of numbers
-    rounding = 1e-8 if scene.run.controlled else 1e-13  # of runs, at most where their motion is not sensitive
-    enough = 3e-6  # estimated error of third order from which on others are worth it: mostly far more than the error
-    steps, best = part * size, dict[int, _Judged]()
+    third, fifth = (1, -1, 2), (1, -1, 2, -2, 3)  # orders of the error, one less without the last neighbour
+    first, part = (fifth, 1e-2) if scene.run.controlled else (third, 1e-5)  # step over the parameter
+    rounding = 1e-8 if scene.run.controlled else 1e-13  # upper bound for runs whose motion is not sensitive
+    enough = 3e-6  # estimated error of third order that needs no other step: mostly far more than the error itself
+    steps, best = part * size, dict[int, _Candidate]()
     for at in (first, fifth, fifth):
-        asked = np.flatnonzero(steps).tolist()
+        varied = np.flatnonzero(steps).tolist()
         middle, found = neighbours(runs.many, x, steps, [at] * len(x), tuple(range(1, len(at) + 1)))
-        for k, one in zip(asked, found, strict=True):
-            if isinstance(one, FlexlinkError):  # a scene may run nearby alone
+        for k, one in zip(varied, found, strict=True):
+            if isinstance(one, FlexlinkError):  # the scene may run only with a smaller step
                 if k not in best:
                     raise one
                 steps[k] = 0.0
                 continue
-            judged = _judged(one, middle, size[k], rounding)
-            best[k] = min(judged, best.get(k, judged), key=lambda each: each.error)
-            steps[k] = 0.0 if judged.error <= enough else _other(judged)
+            candidate = _candidate(one, middle, size[k], rounding)
+            best[k] = min(candidate, best.get(k, candidate), key=lambda each: each.error)
+            steps[k] = 0.0 if candidate.error <= enough else _other(candidate)
         if not steps.any():
             break
     return RunSlopes(runs.known[0], middle, x, tuple(best[k].beside for k in range(len(x))))
@@ -240,40 +241,40 @@ def _tip(run: Trajectory) -> Array:
     return run.tip
 
 
-class _Judged(NamedTuple):
-    """Runs beside another one, the largest error of their slopes, and that of rounding, as parts of the slopes."""
+class _Candidate(NamedTuple):
+    """Neighbours of a run, the largest error of their derivatives and its rounding error, relative to these."""
 
     beside: Neighbours[Trajectory]
     error: float
     rounding: float
 
 
-def _judged(beside: Neighbours[Trajectory], middle: Trajectory, size: float, rounding: float) -> _Judged:
+def _candidate(beside: Neighbours[Trajectory], middle: Trajectory, size: float, rounding: float) -> _Candidate:
     error = of_rounding = 0.0
     for read in (_angles, _tip):
         f = read(middle)
         slope, off = beside.slope_with_error(f, read)
         largest = float(np.abs(f).max())
-        most = max(float(np.abs(slope).max()), 1e-10 * largest / size)  # else it has no effect
+        most = max(float(np.abs(slope).max()), 1e-10 * largest / size)  # a smaller effect is none
         if most > 0 and off / most > error:
             error, of_rounding = off / most, rounding * largest / (beside.step * most)
-    return _Judged(beside, error, of_rounding)
+    return _Candidate(beside, error, of_rounding)
 
 
-def _other(judged: _Judged) -> float:
-    """A step of fifth order with less error.
+def _other(candidate: _Candidate) -> float:
+    """A step of fifth order with a smaller error.
 
-    A function that changes by its own size over L has an error of order 2 of (h/L)²/6, told three times. A hundredth
-    of L is taken.
+    A function that changes by its own size over a length L has an error of order 2 of (h/L)²/6; the estimate is three
+    times that. The new step is a hundredth of L.
     """
-    step = judged.beside.step
-    if judged.error <= judged.rounding:
-        return step * max(math.sqrt(judged.error / 1e-8), 5.0)
-    return step * (0.01 / math.sqrt(2 * judged.error) if len(judged.beside.at) == 3 else 0.2)
+    step = candidate.beside.step
+    if candidate.error <= candidate.rounding:
+        return step * max(math.sqrt(candidate.error / 1e-8), 5.0)
+    return step * (0.01 / math.sqrt(2 * candidate.error) if len(candidate.beside.at) == 3 else 0.2)
 
 
 class _Runs:
-    """Runs of a scene, and with other numbers, several at a time side by side."""
+    """Runs of a scene, and with other parameters, several at a time side by side."""
 
     def __init__(self, scene: Scene, paths: Sequence[str], x: Array) -> None:
         self.paths, self.x, self.plain = paths, x, smooth(scene, 1e-9)
@@ -282,14 +283,14 @@ class _Runs:
         self._variants = [Variants(self.plain, [path]) for path in paths]
 
     def many(self, points: Sequence[Array]) -> list[Trajectory | FlexlinkError]:
-        """Runs at several points, the scene's own among the first.
+        """Runs at several points, the scene's own values among the first.
 
         Raises
         ------
         InterruptedRunError
             Ctrl-C or SIGTERM.
         SceneError, UnstableStepError, DivergenceError
-            Of the scene's own run.
+            From the scene's own run.
         """
         new = () if self.known else self.starts
         numbers = [next(iter(np.flatnonzero(x != self.x).tolist()), None) for x in points]
@@ -308,10 +309,10 @@ class _Runs:
             return error
 
     def _checked(self, k: int, end: object) -> Trajectory | FlexlinkError:
-        """A run beside the scene's own one, of as many joints, or why there is none."""
+        """Return a neighbouring run if it has the same joints, else an error."""
         reason = end if isinstance(end, FlexlinkError) else ""
         if not reason and not self.known[-1].chain.same_layout(_run(end).chain):
-            reason = "a small change of it changes the number or kind of joints"
+            reason = "a small change of it changes the number or type of joints"
         if not reason:
             return _run(end)
         return ArgumentError(
@@ -328,12 +329,12 @@ def _run(end: object) -> Trajectory:
 
 
 def _number(scene: Scene, path: object) -> float:
-    """The number at a path; those of a run change its steps and its samples."""
+    """Value at a path; run settings are refused, since they change steps and samples."""
     if not isinstance(path, str):
         raise ArgumentError(f"parameters: {truncated(path)}: expected a path such as 'tip.mass'", id="path-form")
     if parts_of(path)[:1] == ("run",) or path == "initial.time":
         raise ArgumentError(
-            f"parameters: {truncated(path)}: not a parameter; allowed are numbers of anything but the run",
+            f"parameters: {truncated(path)}: not a parameter; run settings and initial.time are excluded",
             id="not-a-parameter",
         )
     values = scene.values_at(path)

@@ -1,6 +1,6 @@
-"""Errors of fixed steps at the tip: one step of h against two of h/2, from samples that stand for all.
+"""Errors of fixed steps at the tip: one step of h against two of h/2, from samples that represent all steps.
 
-Sums over all steps take runs side by side, too, which are a first axis.
+Sums over all steps also accept runs side by side, along a first axis.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from flexlink.results.tip_motion import apart, compared_path
 
 
 def step_errors(record: Record, probed: NDArray[np.intp]) -> Array:
-    """Distance of the tips after one step of h and after two of h/2 [m], from the samples `probed` of a run."""
+    """Distance of the tips after one step of h and after two of h/2 [m], from the `probed` samples of a run."""
     samples, found = (record.q, record.qd), [np.empty(0)]
     for part in record.parts(int(probed[0]), int(probed[-1]) + 1) if len(probed) else ():
         rows = probed[(probed >= part.start) & (probed < part.stop)]
@@ -34,25 +34,25 @@ def step_errors(record: Record, probed: NDArray[np.intp]) -> Array:
 def step_errors_side_by_side(
     records: Sequence[Record], scratch: Any, samples: tuple[Array, Array], probed: NDArray[np.intp]
 ) -> Array:
-    """`step_errors` of up to eight runs from their samples (rows, n, 8), with their scratch; shape (runs, probed)."""
+    """`step_errors` of up to eight runs from their samples (rows, n, 8), with their workspace; shape (runs, probed)."""
     one, two = _ends(records[0], scratch, samples, probed)
     return _tips(one, two, records)
 
 
 def summed(run: RunSettings, errors: Array, size: Array) -> Array:
-    """Sums of the errors of all steps [m], shape (…), from those of the probed ones (…, probed) of arms of a size (…).
+    """Sum of the errors of all steps [m], shape (…), from the probed ones (…, probed), for arms of a size (…).
 
-    Those that are rounding of the tip's place count as none.
+    Errors below the rounding error of the tip position count as zero.
     """
     counted = np.where(errors < rounding.of_reach(1.0) * size[..., None], 0.0, errors)
     return np.asarray(counted.sum(axis=-1) * tolerable.apart(run) * run.steps_per_sample)
 
 
 def rounded_away(run: RunSettings, q: Array, qd: Array, size: Array) -> Array:
-    """Tip motion [m], shape (…), that rounding of q + h q̇ in N fixed steps may lose: N h q̇, at most N ulp(q)/2.
+    """Tip motion [m], shape (…), that rounding of q + h q̇ may lose in N fixed steps: N h q̇, at most N ulp(q)/2.
 
-    Of samples (…, rows, n) of arms of a size (…). Nothing at the angles of a few turns, where that is what rounding
-    leaves anyway.
+    Takes samples (…, rows, n) of arms of a size (…). The result is zero for angles of a few turns, where it does not
+    exceed the usual rounding error.
     """
     most, steps = np.spacing(np.abs(q).max(axis=-2)) / 2, q.shape[-2] * run.steps_per_sample
     if (most.sum(axis=-1) <= rounding.of_reach(1.0)).all():
@@ -65,7 +65,7 @@ def _ends(record: Record, scratch: Any, samples: tuple[Array, Array], probed: ND
     """Angles (probed, n), or (probed, n, 8), after one step of h and after two of h/2."""
     run = record.run
     ends = np.empty((2, len(probed), *samples[0].shape[1:]))
-    drive = record.inputs.drive._replace(next_instant=np.array([NEVER]))  # a sampled law is not asked by these steps
+    drive = record.inputs.drive._replace(next_instant=np.array([NEVER]))  # these steps do not evaluate a sampled law
     inputs, origins = record.inputs._replace(drive=drive), record.origin + probed * run.steps_per_sample
     arguments = scratch, method(run.method).arrays, inputs, run.fixed_step, origins, probed, samples, ends
     record.kept("probed steps", ends.ndim, lambda: direct(probe, *arguments))(*arguments)
@@ -73,7 +73,7 @@ def _ends(record: Record, scratch: Any, samples: tuple[Array, Array], probed: ND
 
 
 def _tips(one: Array, two: Array, records: Sequence[Record]) -> Array:
-    """Distances of the tips of arms at two angles each, shape (arms, rows)."""
+    """Distance of the tips of arms between two configurations each, shape (arms, rows)."""
     found = np.empty((len(records), len(one)))
     for arm, record in enumerate(records):
         paths = (np.ascontiguousarray(part[..., arm] if part.ndim > 2 else part) for part in (one, two))

@@ -1,4 +1,4 @@
-"""Scratch of the steps of a method on a chain, and what steps remember from one to the next."""
+"""Workspace of the steps of a method on a chain, and what steps remember from one to the next."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ from flexlink.motion.inputs.drives import gains_at_zero
 from flexlink.results.record import Record
 
 FEW_PASSES = 12
-"""Newton iterations of a step with a tolerance, after which a shorter step is cheaper."""
+"""Newton iterations of an adaptive step beyond which a shorter step is cheaper."""
 
 
 def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | ImplicitWork:
-    """Scratch of the steps of a method on the chain of a record, with its lowest frequency [rad/s]."""
-    of_fixed_step = 50  # Newton iterations: a fixed step is worth more of them than one that may be shortened
+    """Workspace of a method's steps on the chain of a record; `slowest`: its lowest natural frequency [rad/s]."""
+    of_fixed_step = 50  # Newton iterations: more than for an adaptive step, since a fixed step cannot be shortened
     chain, arrays, n, s = record.chain, record.chain.arrays, record.chain.n, method.stages
     posture = posture_of(chain)
     numbers, new, width = np.zeros(STEPPER.size), np.zeros((3, n)), columns(posture.first)
@@ -59,9 +59,9 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     r, p = len(method.modes.real), len(method.modes.complex)
     turning, with_error = turning_of(chain, s, r, p), record.run.controlled and method.controlled
     numbers[STEPPER.wait] = 0.0 if with_error else np.inf
-    # times that the error counts of a step in which dry friction stops a joint or lets it go: what K jumps by is no
-    # small part of it, and the rate of the joint keeps what it got. Measured on stick and slip with widths from 1e-1 to
-    # 1e-6 rad/s: errors at the end are at most 2.5 tolerances, 14 if it counts once
+    # Factor on the error of a step in which dry friction stops or releases a joint: the stages K jump there, and the
+    # joint keeps the error of its rate. Measured on stick-slip motion with widths from 1e-1 to 1e-6 rad/s: errors at
+    # the end are at most 2.5 tolerances, and 14 with a factor of 1
     numbers[STEPPER.turning] = 4.0 if with_error and len(turning.joints) == len(turning.dry) else 0.0
     postures = (plane_postures if chain.is_planar else space_postures)(s, posture)
     return ImplicitWork(
@@ -74,12 +74,12 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
 
 
 def posture_of(chain: Chain) -> PlanePosture | SpacePosture:
-    """Scratch of the chain's postures, and what turning counts by where it moves no place."""
+    """Workspace of the chain's configurations, with the radii that weight rotations which move no point."""
     return scratch(chain)._replace(radius=chain.turning_radii)
 
 
 def drive_gains(chain: Chain, inputs: Inputs) -> tuple[Array, Array, Array]:
-    """Gains (n,) of the drive, for Newton's matrix, and T k_d of a sampled one; all share them."""
+    """Gains (n,) of the drive for Newton's matrix, and T k_d of a sampled drive; shared, so read-only."""
     drive = inputs.drive
     gains, kick = gains_at_zero(drive, chain), np.zeros(chain.n)
     if drive.rate:
@@ -87,19 +87,19 @@ def drive_gains(chain: Chain, inputs: Inputs) -> tuple[Array, Array, Array]:
     return *gains.diagonals(), kick
 
 
-def carried(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
-    """What steps remember from one to the next; all else is scratch within one."""
+def remembered(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
+    """Arrays that steps remember from one to the next; all others are temporary."""
     springs = work.springs
     return work.stepper, springs.kp, springs.kd, springs.impulse, *work.saturation[:2], *stages_of(work)
 
 
 def stages_of(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
-    """Stages of the last step, from which an implicit one starts its iteration."""
+    """Stages of the last step, the initial guess of an implicit step's iteration."""
     return (work.stages,) if isinstance(work, ImplicitWork) else ()
 
 
 def turning_of(chain: Chain, stages: int, r: int, p: int) -> Turning:
-    """Scratch of joints that turn round in a step of a method with r real and p pairs of eigenvalues."""
+    """Workspace of joints whose friction reverses in a step; the method has r real eigenvalues and p complex pairs."""
     coulomb = chain.hinges["coulomb"]
     if not any(coulomb.tolist()):
         return without_friction(chain.n, stages, r, p)._replace(count=np.zeros(1, np.int64))
@@ -108,12 +108,12 @@ def turning_of(chain: Chain, stages: int, r: int, p: int) -> Turning:
 
 @functools.cache
 def without_friction(n: int, stages: int, r: int, p: int) -> Turning:
-    """Scratch of no joints, empty but for their count; runs share the rest."""
+    """Workspace for no joints; runs share all arrays but the count."""
     return turning_at(np.empty(0, np.int64), n, stages, r, p)
 
 
 def turning_at(dry: Indices, n: int, stages: int, r: int, p: int) -> Turning:
-    """Scratch of these joints with dry friction, of n in all."""
+    """Workspace of these joints with dry friction, of n joints in total."""
     most = 8  # joints; the small matrix grows as (stages · joints)³
     d = min(most, len(dry))
     G, J = np.zeros((2, stages * d, stages * d))
@@ -124,7 +124,7 @@ def turning_at(dry: Indices, n: int, stages: int, r: int, p: int) -> Turning:
 
 @keep_last(32)
 def coefficients_of(method: Method) -> ImplicitMethod:
-    """An implicit method as its kernel takes it."""
+    """Coefficients of an implicit method in the form that its kernel takes."""
     (A, b, c), modes = method.arrays, method.modes
     γ, d = method.embedded if method.controlled else (0.0, np.zeros(method.stages))
     return ImplicitMethod(

@@ -1,4 +1,4 @@
-"""Times at which adaptive steps stop (tstops): knots of inputs, and samples of explicit ones, where that is cheaper."""
+"""Times at which adaptive steps stop (tstops): knots of inputs and, for explicit methods where cheaper, samples."""
 
 from __future__ import annotations
 
@@ -16,41 +16,41 @@ from flexlink.motion.method_choice import tumbles
 from flexlink.results.record import Record
 
 SHORTEST = 1e-14
-"""Part of the duration below which a step is none."""
+"""Fraction of the duration below which a step is skipped."""
 
 Stops = tuple[Array, Array]
-"""Times [s], and how long a step must be to pass each [s]; inf: it ends there."""
+"""Times [s], and the minimum length of a step that passes each [s]; inf: steps end there."""
 
 
 def only(end: float) -> Stops:
-    """No time but the end [s]."""
+    """The end [s] as the only stop."""
     return np.array([end]), np.array([np.inf])
 
 
 class StopTimes:
-    """Times at which the steps of a run stop, beside the ends of its pieces.
+    """Times at which the steps of a run stop, in addition to the ends of its pieces.
 
-    Steps of an explicit method end at samples, which cost nothing there. With dense output they pass them if they are
-    so much longer than the time between two samples that the stages which it takes are fewer than those of more steps.
-    Fixed steps end at samples, too, so that nothing but the state goes past one; and at the knots of a table that is
-    not smooth, and then on their own grid again. The instants of a law in Python are ends of pieces, those of a sampled
-    drive are ends of steps. Those of a run that judges another one are `halved`: between two times it stops once more,
-    so that its steps are shorter wherever these, and not the tolerance, made those of the other so long.
+    Explicit steps end at samples, which then cost nothing. With dense output they pass a sample if they are long enough
+    that the stages for dense output cost less than additional steps. Fixed steps also end at samples, so that only the
+    state is carried past a sample. They end at the knots of a nonsmooth table as well, and then on their grid again.
+    Instants of a control law in Python are ends of pieces; those of a sampled drive are ends of steps. A verification
+    run is `halved`: an additional stop halfway between two stops shortens its steps where stops, not the tolerance,
+    limit them.
 
-    No sample is passed where errors of long steps would count more than a tolerance says: by bodies that fly freely and
-    tumble, whose motion multiplies them, and where it is so told, as of a run that judges fixed steps.
+    No step passes a sample where errors of long steps would exceed the tolerance: for free tumbling bodies, whose
+    motion amplifies errors, and if `passes` is False, as in a run that verifies fixed steps.
 
     Attributes
     ----------
     passed_by
-        How long a step with a tolerance must be to pass a sample [s]; inf: it ends there.
+        Minimum length of an adaptive step that passes a sample [s]; inf: it ends there.
     """
 
     def __init__(
         self, method: Method, record: Record, by_drive: bool, *, halved: bool = False, passes: bool = True
     ) -> None:
-        part = 0.1  # of tolerance / size: torque, over the largest, that a step may miss between its stages
-        on_the_grid = 1e-6  # part of a fixed step within which a time counts as one of its ends
+        part = 0.1  # torque error between stages that a step may miss, over the largest torque and tolerance / size
+        on_the_grid = 1e-6  # fraction of a fixed step within which a time counts as on the grid
         run, (drive, motion, _, wrench) = record.run, record.inputs
         tables = [table for table in (drive if by_drive else None, wrench) if table is not None]
         self.drive = drive if by_drive and drive.rate else None
@@ -72,11 +72,11 @@ class StopTimes:
 
     @property
     def span(self) -> float:
-        """The longest time between two stops that every step must end at [s], but for rounding."""
+        """Longest time between two stops at which every step must end [s], up to rounding."""
         return self.run.spacing if self.passed_by == np.inf else self.run.duration
 
     def between(self, start: float, end: float) -> Stops:
-        """Those after `start` and before `end`, and `end`; not to be written to."""
+        """Stops after `start` and before `end`, and `end`; read-only."""
         if start == end:
             return only(end)
         if self.halved:
@@ -94,16 +94,16 @@ class StopTimes:
         if not (fixed or self.at_samples or self.drive):
             return only(end)
         samples = self._samples(start, end) if self.at_samples else range(0)
-        asked = instants(self.drive, start, end)
-        if not self.run.controlled:  # as they are on the grid, or a step of one rounding would lie between
-            asked = np.round(asked / self.run.fixed_step) * self.run.fixed_step
-        if not fixed and not samples and not len(asked):
+        sampled = instants(self.drive, start, end)
+        if not self.run.controlled:  # snap to the grid, or a step as short as a rounding error would result
+            sampled = np.round(sampled / self.run.fixed_step) * self.run.fixed_step
+        if not fixed and not samples and not len(sampled):
             return only(end)
-        times, must = self._times(np.arange(samples.start, samples.stop)), np.concatenate([fixed, asked])
+        times, must = self._times(np.arange(samples.start, samples.stop)), np.concatenate([fixed, sampled])
         if len(times) and len(must):
             times = np.unique(np.concatenate([must, times]))
-        elif len(must):  # of one kind they are in order
-            times = np.unique(must) if fixed and len(asked) else must
+        elif len(must):  # already sorted if of one kind
+            times = np.unique(must) if fixed and len(sampled) else must
         shortest = SHORTEST * self.run.duration + 2 * np.spacing(end)
         times = times[(times > start + shortest) & (times < end - shortest)]
         passed_by = np.full(len(times) + 1, self.passed_by)
@@ -112,7 +112,7 @@ class StopTimes:
         return np.append(times, end), passed_by
 
     def _samples(self, start: float, end: float) -> range:
-        """Numbers of the samples between two times."""
+        """Indices of the samples between two times."""
         run = self.run
         if run.controlled:
             first, last = (parts(t - self.start, run.spacing) for t in (start, end))

@@ -1,11 +1,13 @@
-"""A second run, by which a run judges what its own steps cannot tell: errors that the motion multiplies.
+"""A second run, which reveals what a run's own checks cannot: errors that the motion amplifies.
 
-Fixed steps of an implicit method are compared with a run of twice the step, for about half the cost, and, where the two
-differ or one of these steps was taken in parts, with one that keeps a tolerance. The errors of the steps themselves are
-bounded by a tolerance, or known, of a fixed step of an explicit method, and most motions add them up. Where joints turn
-round and round, or the loop of a sampled drive is unstable, errors grow. There a run with a tenth of the tolerance
-tells how far; fixed explicit steps, which may be far better than they need be, are compared with less and less
-tolerance, until a run agrees, is itself so strict that they are to blame, or has taken more evaluations than they have.
+Fixed steps of an implicit method are compared with a run of twice the step, at about half the cost. If the two differ,
+or one of these steps was taken in parts, a run with a tolerance follows.
+
+A tolerance bounds the errors of adaptive steps, and the errors of fixed explicit steps are measured; most motions only
+add them up. They grow where joints turn round and round, or where the loop of a sampled drive is unstable. There a run
+with a tenth of the tolerance shows by how much. Fixed explicit steps may be far more accurate than necessary. They are
+compared with runs of smaller and smaller tolerances, until a run agrees, is strict enough to prove them wrong, or has
+taken more evaluations than they have.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from flexlink.common.types import Array
+from flexlink.common.wording import Diagnostic
 from flexlink.describe.run_settings import AUTO, RunSettings
 from flexlink.motion.hindrance import sampled_growth
 from flexlink.motion.monitor import Monitor
@@ -24,25 +27,25 @@ from flexlink.motion.tolerable import Thresholds
 from flexlink.results.tip_motion import apart, motion_in_words
 
 STRICTER = 0.1
-"""Part of the tolerance, or of the error from which a run is doubtful, that the second run is allowed."""
+"""Tolerance of the second run over that of the first, or over the error at which a run is doubtful."""
 
 
 class Second(NamedTuple):
-    """A verification run, and how it compares."""
+    """A verification run, and how it is compared."""
 
     run: RunSettings
-    every: int  # of the first run's samples
-    larger: float  # how far the two are apart, over the error of the first
-    strict: bool = True  # so much that the first is to blame where they differ
+    every: int  # samples of the first run per compared sample
+    larger: float  # distance of the two runs over the error of the first
+    strict: bool = True  # so accurate that a difference proves the first run wrong
 
 
 def second_runs(monitor: Monitor, name: str) -> Iterator[Second]:
-    """Runs to compare a finished one with, that advanced by the method of this name: up to one that ends and is strict.
+    """Yield runs to compare a finished run by method `name` with; the first that ends and is strict decides.
 
-    None where a control law drives the arm: it may remember what it was asked.
+    There are none if a control law drives the arm: it may have memory.
     """
-    # Error of the run with twice the step, less that of the first, over that of the first, for order two: steps that
-    # hardly resolve the motion do not show the order of their method, and two such runs may be wrong alike.
+    # Ratio of the distance to a run with twice the step to the error of the first run, at order two. Steps that hardly
+    # resolve the motion do not show the order of their method, and two such runs may be wrong alike.
     error_ratio = 2**2 - 1.0
     run = monitor.run
     if monitor.control is not None:
@@ -61,8 +64,8 @@ def second_runs(monitor: Monitor, name: str) -> Iterator[Second]:
         yield Second(_within(run, AUTO, STRICTER * _tolerance(monitor)), 1, 1.0)
 
 
-def doubt(monitor: Monitor, second: Second, path: Array) -> str:
-    """The warning that follows from what a verification run has to compare; empty if both runs agree."""
+def doubt(monitor: Monitor, second: Second, path: Array) -> Diagnostic:
+    """Warning that follows from the path of a verification run; empty if both runs agree."""
     own = monitor.record.compared(monitor.n_valid)[:: second.every][: len(path)]
     error = float(apart(own, path).max()) / second.larger
     of = second.run.tolerance or STRICTER * _tolerance(monitor)
@@ -70,27 +73,28 @@ def doubt(monitor: Monitor, second: Second, path: Array) -> str:
     text = f"doubtful: tip error {error:.2g} m against a run with {steps}"
     if not (chain := monitor.record.chain).has_levers:
         text = (
-            f"doubtful: error {error:.2g} m, of places or angles times {chain.size:.3g} m, against a run with {steps}"
+            f"doubtful: error {error:.2g} m (positions, or angles times {chain.size:.3g} m) against a run with {steps}"
         )
     if monitor.run.controlled and error > Thresholds.tolerable * _tolerance(monitor):
-        return f"{text}{multiplies(monitor)}; {advice(monitor)} and compare"
+        return Diagnostic(f"{text}{multiplies(monitor)}; {advice(monitor)} and compare", "doubtful-comparison")
     if not monitor.run.controlled and error > _tolerance(monitor):
         grown = multiplies(monitor) if monitor.explicit else ""
-        return f"{text}, {motion_in_words(chain, monitor.extent)}{grown}; {advice(monitor)} and compare"
-    return ""
+        text = f"{text}, {motion_in_words(chain, monitor.extent)}{grown}"
+        return Diagnostic(f"{text}; {advice(monitor)} and compare", "doubtful-comparison")
+    return Diagnostic("", "")
 
 
 def multiplies(monitor: Monitor) -> str:
-    """Why a run may multiply its errors, as the end of a sentence; empty if there is no known reason."""
-    # Growth of motion by a sampled loop within a run, beyond that without the drive, that calls for a verification run.
-    # Of 44 random loops the stable ones came to 2.1 and less, the others to 4e3 and more.
+    """Why a run may amplify its errors, as the end of a sentence; empty if no reason is known."""
+    # Growth of motion by a sampled loop within a run, relative to that without the drive, above which a verification
+    # run is made. Among 44 random loops the stable ones reached at most 2.1, the others at least 4e3.
     notable_growth = 10.0
     if monitor.travelled > Thresholds.far_turned:
         return ": this motion amplifies errors"
-    # a motor that switches between its limits without end: of 120 arms whose motors saturate none rejected more than
-    # 0.7 of the steps taken
+    # a motor that keeps switching between its limits: among 120 arms with saturating motors none rejected more than 0.7
+    # of the steps taken
     if monitor.steps.rejected > 0.8 * max(monitor.steps.taken, 50):
-        return ": steps end at switches of the drive again and again, and each adds an error"
+        return ": the drive switches again and again, and each switch adds an error"
     growth, without = sampled_growth(monitor.record)
     more, rate = growth / max(1.0, without), monitor.record.problem.scene.drive.rate or 0.0
     if more > 1.0 and np.log(more) * rate * monitor.run.duration > np.log(notable_growth):
@@ -99,13 +103,13 @@ def multiplies(monitor: Monitor) -> str:
 
 
 def advice(monitor: Monitor) -> str:
-    """What to change in a run that its verification run contradicts."""
+    """Remedy for a run that its verification run contradicts."""
     return "take a hundredth of the tolerance" if monitor.run.controlled else "halve the step"
 
 
 def _stricter_and_stricter(monitor: Monitor) -> Iterator[Second]:
-    """Settings of stricter and stricter runs that may explain a difference by their own errors."""
-    finer = 1e-2  # Tolerance of a run that is to explain why two differ, over that of the one before
+    """Settings of stricter and stricter runs, until their own errors cannot explain a difference."""
+    finer = 1e-2  # tolerance of a run over that of the one before
     tolerance, own = STRICTER * _tolerance(monitor), STRICTER * max(monitor.tip_error, monitor.record.least_tolerance)
     while tolerance > own:
         yield Second(_within(monitor.run, AUTO, tolerance), 1, 1.0, strict=False)
@@ -134,7 +138,7 @@ def _within(run: RunSettings, name: str, tolerance: float) -> RunSettings:
 
 
 def _tolerance(monitor: Monitor) -> float:
-    """Of a run [m]; of fixed steps the error of the tip from which they are doubtful."""
+    """Tolerance of a run [m]; for fixed steps, the tip error at which they are doubtful."""
     if monitor.run.controlled:
         return monitor.tolerance
     return max(Thresholds.doubt * Thresholds.tip_share * monitor.extent, monitor.record.least_tolerance / STRICTER)

@@ -1,1 +1,1 @@
-"""A finished run, and what it is asked afterwards."""
+"""Results of a run: samples, derived quantities, files, tables and plots."""

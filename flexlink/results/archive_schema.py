@@ -1,6 +1,6 @@
-"""What a saved run must be: numbers that are finite, as many as there are samples and joints, of a chain that exists.
+"""Checks of a saved run: finite numbers, shapes that match its samples and joints, and a consistent chain.
 
-Kernels take indices of a chain as they are: one that points elsewhere would be read from elsewhere.
+Kernels use the indices of a chain unchecked: a wrong one would read other memory.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from flexlink.kernels.layout import FORCES
 
 
 def check_samples(arrays: Mapping[str, NDArray[Any]], n: int) -> None:
-    """Numbers of every sample, those that are there.
+    """Check the arrays with one entry per sample, as far as they are given.
 
     Raises
     ------
     ValueError
-        They are none, not finite, too few or too many, or times do not increase.
+        An array has the wrong type or shape, or is not finite; or times do not increase.
     """
     shapes: dict[str, tuple[int, ...]] = {  # of one sample
         "t": (), "q": (n,), "qd": (n,), "tau": (n,), "tip": (3,), "tip_wrench": (6,), "kinetic": (), "gravity": (),
@@ -34,7 +34,7 @@ def check_samples(arrays: Mapping[str, NDArray[Any]], n: int) -> None:
         array, wanted = arrays[name], (samples, *shapes[name])
         if array.dtype != np.float64:
             raise ValueError(f"{name} is of type {array.dtype}; expected float64")
-        if array.shape != wanted and not (name == "tip_wrench" and array.shape == (0, 6)):  # of no run
+        if array.shape != wanted and not (name == "tip_wrench" and array.shape == (0, 6)):  # not from a run
             raise ValueError(f"{name} has shape {array.shape}; expected {wanted}")
         if not np.isfinite(array).all():
             raise ValueError(f"{name} has numbers that are not finite")
@@ -43,12 +43,12 @@ def check_samples(arrays: Mapping[str, NDArray[Any]], n: int) -> None:
 
 
 def check_chain(chain: Chain) -> None:
-    """Its numbers are finite, and bodies, hinges and force elements belong to one another.
+    """Check that the chain's numbers are finite, and that its bodies, hinges and force elements are consistent.
 
     Raises
     ------
     ValueError
-        They do not.
+        The chain is not valid.
     """
     # fields that may be infinite
     unlimited = {"lower", "upper"}
@@ -81,7 +81,7 @@ def _is_tree(chain: Chain) -> bool:
 
 
 def _are_within(chain: Chain, rows: NDArray[np.void]) -> bool:
-    """Whether the hinges and bodies that force elements name are there, of couplings in ascending order."""
+    """Whether force elements refer to existing hinges and bodies, couplings in ascending order."""
     names = set(rows.dtype.names or ())
     ends = {"hinge": chain.n, "inner": chain.n, "outer": chain.n, "body": len(chain.bodies)}
     there = all(((rows[name] >= 0) & (rows[name] < ends[name])).all() for name in names & ends.keys())

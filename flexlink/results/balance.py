@@ -1,9 +1,9 @@
-"""The power balance, by which a run judges itself: E(t) − E(0) = W(t), the work done on the arm.
+"""The power balance, by which a run checks itself: E(t) − E(0) = W(t), the work done on the arm.
 
     d/dt (T + V_g + V_e) = q̇·(T_EX − T_FR) + f·ṗ + m·ω
 
 with T_EX of drives and prescribed motions, force f and moment m on the tip. W is integrated with the method of the
-run, so that the imbalance E − E(0) − W is what the discretisation, or an unstable step, has done to the energy.
+run, so the imbalance E − E(0) − W is the energy error of the discretisation, or of an unstable step.
 """
 
 from __future__ import annotations
@@ -20,27 +20,29 @@ from flexlink.kernels.stepping.judgement import SEEN, Allowance, Bounds, look_at
 from flexlink.kernels.tools.machine_code import direct
 
 SHARE = 0.1
-"""Imbalance, as a part of the energy exchanged, from which a run is garbage. An error ε of all rates changes the
-kinetic energy by 2 ε of itself: a tenth is lost or made where the rates are off by 5 %."""
+"""Imbalance relative to the energy exchanged above which a run is invalid.
+
+A relative error ε of all rates changes the kinetic energy by 2 ε: a tenth if the rates are off by 5 %.
+"""
 
 
 def imbalance(energy: Array, work: Array, start: Array) -> Array:
-    """E(t) − E(0) − W(t) [J], shape (…, samples), from the energies T, V_g, V_e (…, 3, samples), at first (…, 3)."""
+    """E(t) − E(0) − W(t) [J], shape (…, samples), from energies T, V_g, V_e (…, 3, samples), initially (…, 3)."""
     return np.asarray((energy - start[..., None]).sum(axis=-2) - work)
 
 
 def turned_over(energy: Array, work: Array, start: Array) -> Array:
-    """T + |ΔV_g| + |ΔV_e| + |W| [J], shape (…, samples); its largest value so far is the energy exchanged."""
+    """T + |ΔV_g| + |ΔV_e| + |W| [J], shape (…, samples); its running maximum is the energy exchanged."""
     moved = np.abs(energy[..., 1:, :] - start[..., 1:, None]).sum(axis=-2)
     return np.asarray(energy[..., 0, :] + moved + np.abs(work))
 
 
 NOTHING = Allowance()
-"""Explained of fixed steps."""
+"""Allowance of fixed steps: none."""
 
 
 class Balance:
-    """What is known of the samples of a run so far: `seen`, by SEEN."""
+    """Running results of the checks of a run's samples: `seen`, indexed by SEEN."""
 
     def __init__(
         self,
@@ -59,19 +61,19 @@ class Balance:
         self.seen[SEEN.garbage] = -1.0
 
     def start(self, energy: Array, tip: Array) -> None:
-        """The energies (3,) [J] and the place of the tip (3,) [m] that the run starts with."""
+        """Set the energies (3,) [J] and the tip position (3,) [m] at the start of the run."""
         self.seen[SEEN.start : SEEN.start + 3] = energy
         self.seen[SEEN.low : SEEN.low + 3] = self.seen[SEEN.high : SEEN.high + 3] = tip
 
     def look(
         self, first: int, stop: int, samples: tuple[Array, ...], allowance: Allowance = NOTHING
     ) -> tuple[int, int]:
-        """Judge samples as `look_at` does: the row of the first that is wrong, or `stop`, and what is wrong (WRONG)."""
+        """Check samples by `look_at`; return the index of the first invalid one, or `stop`, and its fault (WRONG)."""
         row, wrong = self._code(samples)(first, stop, samples, self.chain.hinges, self.bounds, allowance, self.seen)
         return row, wrong
 
     def compile(self, samples: tuple[Array, ...]) -> None:
-        """Compile what judges samples in such arrays."""
+        """Compile the check of samples in such arrays."""
         self._code(samples)
 
     def _code(self, samples: tuple[Array, ...]) -> Callable[..., tuple[int, int]]:
@@ -89,12 +91,12 @@ def _bounds(chain: Chain, force: Array, insisted: bool, bend: float, near: float
 
 
 WATCHED = Memo(64)
-"""Of chains of one layout: joints that bend, those with limits, and driven ones whose motion is not prescribed."""
+"""By layout of a chain: joints that bend, joints with limits, and driven joints without prescribed motion."""
 
 
 def _watched(chain: Chain) -> tuple[Indices, Indices, Indices]:
     free, prescribed = chain.active, chain.hinges["prescribed"]
     if np.count_nonzero(prescribed):
         free = free[prescribed[free] == 0]
-        free.flags.writeable = False  # as `chain.active`, for which the same code was compiled
+        free.flags.writeable = False  # as `chain.active`, so that the same compiled code fits
     return chain.bending, np.isfinite(chain.hinges["lower"]).nonzero()[0], free

@@ -1,4 +1,4 @@
-"""The columns of a trajectory by name, each made where it is asked for: sweeps ask for a few."""
+"""The columns of a trajectory by name, each computed when it is used: sweeps use only a few."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flexlink.common.types import Array
 from flexlink.results.samples import BaseMotion, RunSamples
 
 Source = Callable[[Any], Array]
-"""Of `RunSamples`, or of what has their fields with runs as a last axis."""
+"""Function of `RunSamples`, or of an object with its fields and runs as a last axis."""
 
 
 def _of_base(part: Callable[[BaseMotion], Array], k: int) -> Source:
@@ -38,7 +38,7 @@ class Columns(Mapping[str, Array]):
 
 
 def sources_of(chain: Chain, balanced: bool = True) -> Mapping[str, Source]:
-    """Where each column of runs of a chain comes from, in the order of the CSV file; of flexlink's own: `balanced`."""
+    """Source of each column of runs of a chain, in the order of the CSV file; `balanced`: with work and imbalance."""
     # attitude as a unit quaternion, angular velocity in axes of the base, momentum of all bodies in frame 0
     of_a_free_base: Mapping[str, Source] = {
         f"{name} {axis} [{unit}]": _of_base(part, k)
@@ -58,8 +58,8 @@ def sources_of(chain: Chain, balanced: bool = True) -> Mapping[str, Source]:
 def _sources(
     joints: tuple[str, ...], units: tuple[tuple[str, ...], tuple[str, ...]], active: tuple[int, ...], balanced: bool
 ) -> Mapping[str, Source]:
-    """Where each column comes from, in the order of the CSV file; runs of one layout share it."""
-    # of flexlink's own runs
+    """Source of each column, in the order of the CSV file; runs of one layout share it."""
+    # only flexlink's own runs have these
     of_balanced: Mapping[str, Source] = {
         "work [J]": lambda run: np.asarray(run.work),
         "imbalance [J]": lambda run: run.imbalance,

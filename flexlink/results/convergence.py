@@ -1,10 +1,10 @@
-"""Richardson extrapolation: the path of the tip that models with more and more hinges converge to.
+"""Richardson extrapolation: the path of the tip to which models with more and more hinges converge.
 
 x* ≈ x_b + (x_b − x_a) / ((N_b/N_a)^p − 1)                  two levels of N_a < N_b hinges, p the order of convergence
 p = log(|x_b − x_a| / |x_c − x_b|) / log(N_b/N_a)           observed with three levels, N_c/N_b = N_b/N_a
 
-The error of x* is estimated by its change from the level before, if the order is known and there are three levels, and
-otherwise by its distance |x* − x_b| from the finest level.
+With a known order and three levels, the error of x* is estimated by its change from the previous level, otherwise by
+its distance |x* − x_b| from the finest level.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ Level = tuple[float, Array]
 
 
 class Limit(NamedTuple):
-    """What the tip's path converges to as a model gets more hinges.
+    """Limit of the tip's path as a model gets more hinges.
 
     Attributes
     ----------
     tip
         The path, shape (samples, 3) [m].
     errors
-        Estimate of its largest error up to each sample, shape (samples,) [m].
+        Estimate of the largest error of `tip` up to each sample, shape (samples,) [m].
     order
-        Order of convergence that it is extrapolated with; nan if it is the finest level itself.
+        Order of convergence of the extrapolation; nan if the limit is the finest level itself.
     weights
-        Of the last level but one, and of the last, in `tip`.
+        Weights of the last two levels in `tip`.
     """
 
     tip: Array
@@ -44,24 +44,24 @@ class Limit(NamedTuple):
 
     @property
     def error(self) -> float:
-        """Estimate of its largest error at any sample [m]."""
+        """Estimate of the largest error at any sample [m]."""
         return float(self.errors[-1])
 
 
 def extrapolated(levels: Sequence[Level], order: float = 2.0) -> Limit:
-    """The limit of the last two levels, for a method of this order; its errors are not estimated yet, but inf."""
+    """Limit of the last two levels, for a method of this order; its errors are not estimated yet, and so inf."""
     (Na, a), (Nb, b) = levels[-2:]
     q = (Nb / Na) ** order - 1
     return Limit(b + (b - a) / q, np.full(len(b), np.inf), order, (-1 / q, 1 + 1 / q))
 
 
 def change_of_limit(levels: Sequence[Level], order: float = 2.0) -> Array:
-    """Difference of the limit of the last two levels from that of the two before (samples, 3) [m]; needs three."""
+    """Change of the limit when the last level is added (samples, 3) [m]; needs three levels."""
     return extrapolated(levels, order).tip - extrapolated(levels[:-1], order).tip
 
 
 def observed_order(levels: Sequence[Level]) -> float:
-    """The order of convergence that the last three levels show; inf if the last change is zero."""
+    """Order of convergence observed with the last three levels; inf if the last change is zero."""
     (Na, a), (Nb, b), (_, c) = levels[-3:]
     before, last = largest_distance(b, a), largest_distance(c, b)
     if not before or not last:

@@ -1,4 +1,4 @@
-"""Deflection: how far springs, of links and of gears, move the tip away from where it is with all of them at rest."""
+"""Deflection: displacement of the tip by the springs of links and gears, relative to unloaded springs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flexlink.results.trajectory import Trajectory
 
 
 def deflections(run: Trajectory) -> Array:
-    """How far the springs bend the tip away, at every sample of a run [m]."""
+    """Deflection of the tip by the springs, at every sample of a run [m]."""
     unmoved = np.empty(run.tip.shape)
     tip_points(run.chain.arrays, np.ascontiguousarray(unbent(run.chain, run.q)), unmoved)
     return distances(run.tip, unmoved)

@@ -1,4 +1,4 @@
-"""Files of trajectories and pictures: their formats, by the ending of the name, and what is written."""
+"""Files of trajectories and pictures: their formats, from the extension of the name, and their contents."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flexlink.results.samples import RunSamples
 
 
 def write(run: RunSamples, format: str, path: Path) -> None:
-    """Write a trajectory to a path, in a format."""
+    """Write a trajectory to a path in a format."""
     if format == ".npz":
         write_archive(path, _arrays(run))
         return
@@ -27,12 +27,14 @@ def write(run: RunSamples, format: str, path: Path) -> None:
 
 
 def _arrays(run: RunSamples) -> dict[str, Any]:
-    """All that a run consists of, and, for other readers, its imbalance and the names of its joints."""
+    """All data of a run and, for other programs, its imbalance and the names of its joints."""
     chain, balanced = run.chain, run.work is not None
     return {
         "t": run.t, "q": run.q, "qd": run.qd, "tau": run.tau, "tip": run.tip, "joints": np.array(chain.joint_names),
         **vars(run.energy), **({"work": run.work, "imbalance": run.imbalance} if balanced else {}),
-        "tip_wrench": run.tip_wrench, "warnings": np.array(run.warnings, str), "steps": json.dumps(run.steps),
+        "tip_wrench": run.tip_wrench, "warnings": np.array(run.warnings, str),
+        "warning_ids": np.array([getattr(warning, "id", "") for warning in run.warnings], str),
+        "steps": json.dumps(run.steps),
         "scene": run.scene.to_toml() if run.scene else "",
         "chain_name": chain.name, "chain_bodies": chain.bodies, "chain_hinges": chain.hinges,
         "chain_gravity": chain.gravity, "chain_coordinates": np.array(chain.coordinates),
@@ -51,29 +53,29 @@ def _of_base(run: RunSamples) -> dict[str, Any]:
 
 
 def _of_sensors(run: RunSamples) -> dict[str, Any]:
-    """What they show, for other readers; a run that is read again finds it from its scene."""
+    """Sensor readings, for other programs; a run that is loaded computes them from its scene."""
     names = run.sensor_names
     return {"sensors": np.array(names), "readings": np.array([run.readings[name] for name in names])} if names else {}
 
 
 def picture_format(path: Path) -> str:
-    """Format of a picture, from the ending of `path`.
+    """Format of a picture, from the extension of `path`.
 
     Raises
     ------
     ArgumentError
-        It is none of .png, .svg, .pdf.
+        The extension is none of .png, .svg, .pdf.
     """
     return _ending(path, (".png", ".svg", ".pdf"), "a picture")
 
 
 def output_format(path: Path) -> str:
-    """Format of a trajectory file, ".npz" or ".csv", from the ending of `path`.
+    """Format of a trajectory file, ".npz" or ".csv", from the extension of `path`.
 
     Raises
     ------
     ArgumentError
-        It is neither.
+        The extension is neither.
     """
     return _ending(path, (".npz", ".csv"), "a trajectory")
 

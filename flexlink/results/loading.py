@@ -1,4 +1,4 @@
-"""load_trajectory(path): a run that `Trajectory.save` has written, equal to the bit."""
+"""load_trajectory(path): a run that `Trajectory.save` has written, identical bit for bit."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import Coordinate
 from flexlink.common.errors import DataFileError, FlexlinkError
+from flexlink.common.wording import Diagnostic
 from flexlink.describe.scene import scene_from
 from flexlink.dynamics.energy import Energy
 from flexlink.dynamics.momentum import Momentum
@@ -36,15 +37,15 @@ def load_trajectory(path: str | Path) -> Trajectory:
     Returns
     -------
     Trajectory
-        Equal to the saved one to the bit, with every property of it.
+        Identical to the saved one bit for bit, with all its properties.
 
     Raises
     ------
     ArgumentError
-        `path` is no path, or does not end in .npz.
+        `path` is not a path, or does not end in .npz.
     DataFileError
-        The file is missing, or no run of this version of flexlink: its arrays have other types or shapes, numbers that
-        are not finite, or a chain whose parts do not belong together.
+        The file is missing, or is not a run of this version of flexlink: its arrays have other types or shapes, numbers
+        are not finite, or the parts of its chain are inconsistent.
 
     Examples
     --------
@@ -57,10 +58,10 @@ def load_trajectory(path: str | Path) -> Trajectory:
         return _trajectory(arrays)
     except KeyError as error:
         raise DataFileError(
-            f"{path}: holds no run of this version of flexlink: {error.args[0]} is missing", id="not-a-result"
+            f"{path}: not a run of this version of flexlink: {error.args[0]} is missing", id="not-a-result"
         ) from None
     except (ValueError, TypeError, IndexError, OverflowError, RecursionError, FlexlinkError) as error:
-        raise DataFileError(f"{path}: holds no run of this version of flexlink: {error}", id="not-a-result") from None
+        raise DataFileError(f"{path}: not a run of this version of flexlink: {error}", id="not-a-result") from None
 
 
 def _trajectory(arrays: Mapping[str, Any]) -> Trajectory:
@@ -73,11 +74,18 @@ def _trajectory(arrays: Mapping[str, Any]) -> Trajectory:
         **{name: arrays[name] for name in ("t", "q", "qd", "tau", "tip", "tip_wrench")},
         energy=Energy(arrays["kinetic"], arrays["gravity"], arrays["elastic"]),
         work=arrays.get("work"),
-        warnings=tuple(arrays["warnings"].tolist()),
+        warnings=tuple(_warnings(arrays)),
         steps=convert(steps, Steps | None),
         scene=scene_from(scene) if scene else None,
         base=_base(arrays) if "attitude" in arrays else None,
     )
+
+
+def _warnings(arrays: Mapping[str, Any]) -> Iterator[Diagnostic]:
+    """Warnings with their ids, which archives of older versions lack."""
+    texts: list[str] = arrays["warnings"].tolist()
+    ids: list[str] = arrays["warning_ids"].tolist() if "warning_ids" in arrays else [""] * len(texts)
+    return (Diagnostic(text, id) for text, id in zip(texts, ids, strict=True))
 
 
 def _base(arrays: Mapping[str, Any]) -> BaseMotion:
@@ -87,7 +95,7 @@ def _base(arrays: Mapping[str, Any]) -> BaseMotion:
 
 def _chain(arrays: Mapping[str, Any]) -> Chain:
     bodies, links = _records(arrays["chain_bodies"], BODY), arrays["chain_links"].tolist()
-    if "parent" not in (arrays["chain_bodies"].dtype.names or ()):  # of an older one, whose arms do not branch
+    if "parent" not in (arrays["chain_bodies"].dtype.names or ()):  # from an older version, without branches
         bodies["parent"] = np.arange(len(bodies))
         bodies["loaded"][-1] = 1
     tips = arrays.get("chain_tips", np.array([[len(links) - 1, len(bodies) - 1]]))
@@ -105,18 +113,18 @@ def _chain(arrays: Mapping[str, Any]) -> Chain:
 
 
 def _forces(arrays: Mapping[str, Any]) -> Iterator[tuple[str, NDArray[np.void]]]:
-    """Force elements of the chain, but for couplings, that are there."""
+    """Force elements of the chain, without couplings, as far as it has any."""
     for name, dtype in FORCES.items():
         if name != "couplings" and len(rows := arrays.get(f"chain_{name}", ())):
             yield name, _records(rows, dtype)
 
 
 def _records(rows: NDArray[np.void], dtype: np.dtype[np.void]) -> NDArray[np.void]:
-    """Rows of the very dtype that kernels are compiled for; an archive knows only names and formats.
+    """Rows with the dtype that kernels are compiled for; an archive stores only names and formats.
 
-    Older ones have bodies without `springs`, which then hold angles, or without what says how they branch.
+    Archives of older versions have bodies without `springs`, which then act on angles, or without branches.
     """
-    # fields that archives of older versions do not have
+    # fields that archives of older versions lack
     later = {"springs", "parent", "begins", "slot", "fork", "loaded"}
     there = rows.dtype.names or ()
     if there != tuple(name for name in dtype.names or () if name not in later or name in there):

@@ -1,4 +1,4 @@
-"""A figure that a notebook shows once, as the value of its cell, whatever backend is set."""
+"""A figure that a notebook shows once, as the value of its cell, with any backend."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import io
 from matplotlib.figure import Figure
 
 
-class NotebookFigure(Figure):  # type: ignore[misc]  # matplotlib has types that mypy is not asked to read
-    """Not known to pyplot, which would draw it again at the end of the cell."""
+class NotebookFigure(Figure):  # type: ignore[misc]  # mypy does not read matplotlib's types
+    """A figure unknown to pyplot, which would draw it again at the end of the cell."""
 
     def _repr_png_(self) -> bytes:
         picture = io.BytesIO()

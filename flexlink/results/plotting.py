@@ -1,4 +1,4 @@
-"""Plots of trajectories and modes; imports matplotlib, and is imported only where one is drawn."""
+"""Plots of trajectories and modes; this module needs matplotlib, and is imported only to plot."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
 
 def plot_trajectory(run: RunSamples) -> Figure:
-    """All `panels` against time, each with its legend beside it."""
-    # of the curves that a legend names, each its own
+    """Plot all `panels` against time, each with its legend to the right."""
+    # a different colour for each curve of a legend
     colours = (*CYCLE, GREY, INK)
-    panel_height = 1.9  # height [in]
+    panel_height = 1.9  # [in]
     shown = list(panels(run))
     figure = Figure(figsize=(8.4, panel_height * len(shown) + 0.7), layout="constrained")
     axes = figure.subplots(len(shown), 1, sharex=True, squeeze=False).ravel()
@@ -43,7 +43,7 @@ def plot_trajectory(run: RunSamples) -> Figure:
 
 
 def panels(run: RunSamples) -> Iterator[Callable[[Axes], None]]:
-    """What a picture of a run shows, from top to bottom: functions that draw it."""
+    """Functions that draw the panels of a run, from top to bottom."""
     of_joints = (
         (_driven(run, slides=False), "active joints [deg]"),
         (_driven(run, slides=True), "sliding joints [m]"),
@@ -59,21 +59,21 @@ def panels(run: RunSamples) -> Iterator[Callable[[Axes], None]]:
 
 
 def base(panel: Axes, run: RunSamples) -> None:
-    """Place of a free base."""
+    """Plot the position of a free base."""
     for k, axis in enumerate("xyz"):
         panel.plot(run.t, run.q[:, k], label=axis)
     panel.set_ylabel("base, frame 0 [m]")
 
 
 def tip(panel: Axes, run: RunSamples) -> None:
-    """Position of the tip."""
+    """Plot the position of the tip."""
     for column, axis in enumerate("xyz"):
         panel.plot(run.t, run.tip[:, column], label=axis)
     panel.set_ylabel("tip, frame 0 [m]")
 
 
 def exchanged_energy(panel: Axes, run: RunSamples) -> None:
-    """Kinetic and gravity energy and the sum of all, since the start: the zero of gravity energy says nothing."""
+    """Plot kinetic, gravity and total energy since the start, as the zero of gravity energy is arbitrary."""
     for name, values in (("kinetic", run.energy.kinetic), ("gravity", run.energy.gravity)):
         panel.plot(run.t, _since_start(values), label=name)
     panel.plot(run.t, _since_start(run.energy.total), label="total", color=INK, linestyle="--")
@@ -81,20 +81,20 @@ def exchanged_energy(panel: Axes, run: RunSamples) -> None:
 
 
 def elastic_energy(panel: Axes, run: RunSamples) -> None:
-    """Energy of the springs, often thousands of times smaller than what falls and swings."""
+    """Plot the energy of the springs, often thousands of times smaller than the other energies."""
     panel.plot(run.t, np.asarray(run.energy.elastic), label="elastic", color=GREEN)
     panel.set_ylabel("elastic\nenergy [J]")
 
 
 def imbalance(panel: Axes, run: RunSamples) -> None:
-    """What the discretisation has done to the energy."""
+    """Plot the energy error of the discretisation."""
     panel.plot(run.t, run.imbalance, label="E − E(0) − W", color=VERMILION)
     panel.set_ylabel("power\nbalance [J]")
     panel.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
 
 
 def plot_modes(found: Modes, chain: Chain, count: int = 8) -> Figure:
-    """Mode shapes as displaced arms, one panel a mode, each from where most of it is seen."""
+    """Plot mode shapes as displaced arms, one panel per mode, each from the view that shows it best."""
     shown = min(count, len(found.eigenvalues))
     reach = np.ptp(found.points, axis=0).max() or 1.0
     rows = -(-shown // 2)
@@ -128,12 +128,12 @@ def plot_modes(found: Modes, chain: Chain, count: int = 8) -> Figure:
 
 
 def _driven(run: RunSamples, *, slides: bool) -> list[int]:
-    """Driven joints that turn, or slide."""
+    """Driven joints that turn, or those that slide."""
     return [k for k in run.chain.active.tolist() if run.chain.slides[k] == slides]
 
 
 def _hinges(run: RunSamples, *, slides: bool) -> list[int]:
-    """Joints of links that nothing drives, those that turn, or slide."""
+    """Passive joints of links that turn, or those that slide."""
     chain, internal = run.chain, run.chain.internal
     passive = (k for k, c in enumerate(chain.coordinates) if c.link and c.axis and k not in internal)
     return [k for k in passive if chain.slides[k] == slides]
@@ -145,8 +145,8 @@ def _since_start(values: ArrayLike) -> NDArray[np.float64]:
 
 
 def _coordinates(panel: Axes, run: RunSamples, joints: list[int], label: str) -> None:
-    """Of joints of one kind."""
-    # more do not fit beside a panel
+    """Plot the coordinates of joints of one kind."""
+    # more entries do not fit next to a panel
     legend_entries = 8
     values = in_own(run.chain.slides[joints].tolist(), run.q[:, joints])
     for place, k in enumerate(joints):

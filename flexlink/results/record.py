@@ -10,6 +10,7 @@ import numpy as np
 
 from flexlink.common.memo import Kept
 from flexlink.common.types import Array
+from flexlink.common.wording import Diagnostic
 from flexlink.dynamics import rounding
 from flexlink.dynamics.energy import Energy
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
@@ -18,19 +19,19 @@ from flexlink.kernels.stepping.samples import derive, prescribed_torques
 from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.results.samples import BaseMotion, Steps
-from flexlink.results.tip_motion import compared_path, judged_path
+from flexlink.results.tip_motion import checked_path, compared_path
 from flexlink.results.trajectory import Trajectory
 
 
 def trajectory_from_states(problem: InitialValueProblem, t: Array, q: Array, qd: Array) -> Trajectory:
-    """Add tip, energies and drive torques to states that another engine's run of a problem went through."""
+    """Add tip, energies and drive torques to the states of another engine's run of a problem."""
     record = Record(problem, t, q.copy(), qd.copy())
     record.derive(0, len(t))
     return record.trajectory(len(t), balanced=False)
 
 
 class Record:
-    """Preallocated samples of a running simulation; rows beyond the last one reached are uninitialised.
+    """Preallocated samples of a running simulation; those beyond the last one reached are uninitialised.
 
     Attributes
     ----------
@@ -38,11 +39,11 @@ class Record:
         States (samples, n) and the integrated work (samples,), without that of a constant tip
         force, which has a potential.
     so_far
-        What is noted of the steps up to each sample (samples, SO_FAR.size).
+        Step counts and largest deflection up to each sample (samples, SO_FAR.size).
     origin
         Number of fixed steps from t = 0 to the start of the run.
     kept
-        Scratch and machine code of the problem's runs, one after another.
+        Workspace and machine code that consecutive runs of the problem reuse.
     """
 
     def __init__(
@@ -76,26 +77,26 @@ class Record:
 
     @property
     def scratch(self) -> Any:
-        """Scratch of the run's solver of forward dynamics."""
+        """Workspace of the run's solver of forward dynamics."""
         return self.kept("forward dynamics", None, self.problem.workspace)
 
     def begin(self) -> None:
-        """Tell the first sample of a free base from its own attitude, as the steps from there on are."""
+        """Express the first sample of a free base relative to its own attitude, as for the steps that follow."""
         if self.base is not None:
             self.base.turn(0, self.q[0], self.qd[0], self.scratch)
 
     def parts(self, first: int, stop: int) -> Iterator[slice]:
-        """Samples first … stop − 1, of a free base by the attitude that they are told from."""
+        """Samples first … stop − 1, split where a free base changes coordinates."""
         return iter([slice(first, stop)]) if self.base is None else self.base.parts(first, stop, self.scratch)
 
     @property
     def samples(self) -> tuple[Array, ...]:
-        """All that is known of the samples."""
+        """All arrays of the samples."""
         return self.t, self.q, self.qd, self.tau, self.tip, self.energy, self.works, self.so_far
 
     @property
     def path(self) -> Array:
-        """The `judged_path` of the samples: that of the tip, or of all bodies where turning moves no place."""
+        """The `checked_path` of the samples: that of the tip, or of all bodies if rotations move no point."""
         return self.tip if self._placed is None else self._placed
 
     def compared(self, stop: int) -> Array:
@@ -106,20 +107,20 @@ class Record:
 
     @functools.cached_property
     def least_tolerance(self) -> float:
-        """The smallest tolerance [m] that rounding allows, for the arm's size and its initial angles."""
-        # Roundings of the tip's place, each of one step, below which a tolerance asks for less than what they add up to
+        """Smallest tolerance [m] that rounding errors allow, for the arm's size and its initial angles."""
+        # rounding errors of the tip position, one per step, whose sum a tolerance must exceed
         roundings = 200.0
         return roundings * rounding.of_reach(self.chain.size, max(map(abs, self.q[0].tolist())))
 
     def compile(self) -> None:
-        """Compile what `derive` calls."""
+        """Compile the code of `derive`."""
         arguments = self.chain.arrays, self.inputs, 0, 0, *self.samples[:6]
         self._derive = self.kept("derive", None, lambda: direct(derive, *arguments, types=self.kept.types))
         if len(self.inputs.motion.joints):
             self._prescribe(slice(0))
 
     def derive(self, first: int, stop: int) -> None:
-        """Tip, energies and drive torques of the samples first … stop − 1."""
+        """Compute tip, energies and drive torques of the samples first … stop − 1."""
         if self._derive is None:
             self.compile()
         for part in self.parts(first, stop):
@@ -127,23 +128,23 @@ class Record:
             if len(self.inputs.motion.joints):
                 self._prescribe(part)
             if self._placed is not None:
-                self._placed[part] = judged_path(self.chain, self.q[part])
+                self._placed[part] = checked_path(self.chain, self.q[part])
 
     def _prescribe(self, rows: slice) -> None:
         t, q, qd, tau = (part[rows] for part in self.samples[:4])
         prescribed_torques(self.scratch, self.inputs, t, q, qd, tau)
 
     def work(self, rows: slice) -> Array:
-        """Work done up to these samples [J]: to the integrated one a constant force f adds f·(p − p(0)), p the tip."""
+        """Work done up to these samples [J]: the integrated work plus f·(p − p(0)) of a constant force f on the tip."""
         force = self.inputs.potential_force
         if not any(force.tolist()):
             return self.works[rows].copy()
         return np.asarray(self.works[rows] + (self.tip[rows] - self.tip[0]) @ force)
 
     def trajectory(
-        self, stop: int, warnings: tuple[str, ...] = (), steps: Steps | None = None, balanced: bool = True
+        self, stop: int, warnings: tuple[Diagnostic, ...] = (), steps: Steps | None = None, balanced: bool = True
     ) -> Trajectory:
-        """The samples before `stop`, read-only; this record must not go on."""
+        """The samples before `stop`, read-only; this record must not be used afterwards."""
         work = self.work(slice(stop)) if balanced else None
         wrench = joined([self._wrenches(part) for part in self.parts(0, stop)])
         q, qd, chain, motion = self.q, self.qd, self.chain, None
@@ -163,7 +164,7 @@ class Record:
 
 
 def noted(problem: InitialValueProblem, rows: int) -> Array:
-    """What is noted of the steps before a run (rows, SO_FAR.size): of fixed explicit ones their numbers are known."""
+    """Initial step counts of a run (rows, SO_FAR.size); those of fixed explicit steps are known in advance."""
     so_far = np.zeros((rows, SO_FAR.size))
     if problem.explicit:
         so_far[:, SO_FAR.steps] = problem.run.steps_per_sample * np.arange(rows)
@@ -171,10 +172,10 @@ def noted(problem: InitialValueProblem, rows: int) -> Array:
 
 
 def joined(parts: Sequence[Array]) -> Array:
-    """The rows of parts, one after another."""
+    """The rows of all parts in one array."""
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def _kept(array: Array, stop: int) -> Array:
-    """The first rows, without holding the memory of the rest."""
+    """The first rows, without keeping the memory of the others."""
     return array if stop == len(array) else array[:stop].copy()

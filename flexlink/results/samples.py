@@ -1,4 +1,4 @@
-"""Samples of a run, and what follows from them."""
+"""Samples of a run, and quantities derived from them."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from flexlink.chain.arguments import integer
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
+from flexlink.common.wording import Diagnostic
 from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
@@ -30,23 +31,23 @@ from flexlink.results import balance
 
 
 class Steps(NamedTuple):
-    """How a run advanced."""
+    """Method and step counts of a run."""
 
     method: str
     taken: int
     evaluations: int  # of forward or inverse dynamics
-    rejected: int = 0  # steps that were taken again, shorter: their error was too large
-    failed: int = 0  # … whose stages were not found
-    why: str = ""  # of a method that was picked
+    rejected: int = 0  # steps repeated with a shorter length, since their error was too large
+    failed: int = 0  # Newton failures: steps repeated, since the iteration did not converge
+    why: str = ""  # reason for an automatically chosen method
 
     def __str__(self) -> str:
-        again = f", {self.rejected} rejected, {self.failed} not solved" if self.rejected or self.failed else ""
+        again = f", {self.rejected} rejected, {self.failed} Newton failures" if self.rejected or self.failed else ""
         picked = f" ({self.why})" if self.why else ""
         return f"{self.method}{picked}: {self.taken} steps{again}, {self.evaluations} evaluations"
 
 
 class State(NamedTuple):
-    """Where an arm is: what a run is continued from."""
+    """State of an arm, from which a run can be continued."""
 
     t: float  # [s]
     q: Array  # (n,) [rad]
@@ -54,9 +55,9 @@ class State(NamedTuple):
 
 
 class BaseMotion(NamedTuple):
-    """How a free base turned, and what all bodies had of momentum, sample by sample.
+    """Attitude and angular velocity of a free base, and momentum of all bodies, at every sample.
 
-    Its place and velocity are the first three coordinates.
+    Position and velocity of the base are the first three coordinates.
     """
 
     attitude: Array  # (samples, 4) unit quaternions w, x, y, z: v_0 = R v
@@ -66,7 +67,7 @@ class BaseMotion(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class RunSamples(Result):
-    """Samples of a run, read-only, and what follows from them.
+    """Samples of a run, read-only, and quantities derived from them.
 
     Attributes
     ----------
@@ -77,27 +78,27 @@ class RunSamples(Result):
     q, qd
         Joint angles [rad] and rates [rad/s], shape (samples, n).
     tau
-        Drive torques T_EX [N m], shape (samples, n): 0 on passive joints; where a motion is prescribed, what it takes.
+        Drive torques T_EX [N m], shape (samples, n): 0 on passive joints, the required torque on prescribed ones.
     tip
         Position of the tip in frame 0 [m], shape (samples, 3).
     energy
         Kinetic, gravity and elastic energy [J], each of shape (samples,).
     work
         Work W done on the arm so far by drives, prescribed motions, tip wrench and friction [J], shape (samples,),
-        integrated with the run's own method; None of a run of another engine.
+        integrated with the run's own method; None for a run of another engine.
     warnings
-        What a reader of the result must know, such as that it was insisted on an unstable step.
+        Warnings about the result, each a string with a stable `id`, such as "unstable-step".
     steps
-        How the run advanced; None of a run of another engine.
+        Method and step counts; None for a run of another engine.
     tip_wrench
         Force and moment that acted on the tip, frame 0, shape (samples, 6) [N, N m].
     scene
-        The scene that ran, with the run's own settings: what a chain no longer knows, such as sections. Of a control
-        law in Python it knows nothing.
+        The simulated scene with the settings of the run. It has data that the chain lacks, such as sections, but no
+        control law in Python.
     base
-        Attitude and angular velocity of a free base; None of a fixed one. Its coordinates in q are its place in frame 0
-        [m] and the angles [rad] about X, Y, Z that turn it from the attitude at the start: where the one about Y comes
-        near 90° their rates grow without bound, and these are exact.
+        Attitude and angular velocity of a free base; None if it is fixed. The base's coordinates in q are its position
+        in frame 0 [m] and the angles [rad] about X, Y, Z from its attitude at the start. Near 90° about Y the rates of
+        these angles grow without bound; `base` stays exact.
     """
 
     chain: Chain
@@ -108,9 +109,9 @@ class RunSamples(Result):
     tip: Array
     energy: Energy
     work: Array | None = None
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Diagnostic, ...] = ()
     steps: Steps | None = None
-    tip_wrench: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 6)))  # none: that of no run
+    tip_wrench: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 6)))  # empty: not from a run
     scene: Scene | None = None
     base: BaseMotion | None = None
 
@@ -124,10 +125,10 @@ class RunSamples(Result):
 
     @property
     def momentum_error(self) -> tuple[float, float] | None:
-        """Largest error of the linear [N s] and angular momentum about the centre of mass [N m s] of a free base.
+        """Largest error of the linear [N s] and angular momentum about the centre of mass [N m s] with a free base.
 
-        From the first sample on linear momentum changes by m g t, the other not at all; None where a wrench acts, and
-        of a fixed base.
+        From the first sample on, linear momentum must change by m g t, and angular momentum must be constant. None if a
+        wrench acts, or if the base is fixed.
         """
         if self.base is None or self.tip_wrench.any() or not len(self.t):
             return None
@@ -139,18 +140,18 @@ class RunSamples(Result):
 
     @functools.cached_property
     def notes(self) -> tuple[str, ...]:
-        """What the run did by default, what its scene says without effect, and sensors that need more samples."""
+        """Defaults that the run used, settings of the scene without effect, and sensors that need more samples."""
         if self.scene is None:
             return ()
         return (*defaults(self.scene), *notes(self.scene), *coarse_samples(self.scene, self))
 
     @functools.cached_property
     def hints(self) -> tuple[str, ...]:
-        """Numbers of the scene that are likely given in another unit, a line each with the likely one."""
+        """Numbers of the scene that likely have another unit, one line each with the likely unit."""
         return () if self.scene is None else hints(self.scene)
 
     def state(self, k: int) -> State:
-        """Time, joint angles and rates of sample `k`, −1 the last; `simulate(scene, q0=, qd0=, t0=)` goes on there.
+        """Time, joint angles and rates of sample `k`, −1 the last; `simulate(scene, q0=, qd0=, t0=)` continues there.
 
         Raises
         ------
@@ -161,14 +162,14 @@ class RunSamples(Result):
         return State(float(self.t[k]), self.q[k].copy(), self.qd[k].copy())
 
     def tip_of(self, link: str | int) -> Array:
-        """Where the tip of a link is that no other hangs on, in frame 0 at the samples [m], shape (samples, 3).
+        """Position of the tip of a link without child links in frame 0, at the samples [m], shape (samples, 3).
 
-        `tip` is that of the last link.
+        `tip` is the position of the last link's tip.
 
         Raises
         ------
         ArgumentError
-            There is no such link, or others hang on it.
+            There is no such link, or other links are attached to it.
         """
         return read_only(tip_position(self.chain, self.q, tip=link))
 
@@ -182,15 +183,15 @@ class RunSamples(Result):
             As in `forward_dynamics`.
         """
         hinges = self.chain.hinges.copy()
-        hinges["prescribed"] = 0  # the torque that a prescribed motion has taken is in `tau`
+        hinges["prescribed"] = 0  # `tau` contains the torque that a prescribed motion requires
         free = dataclasses.replace(self.chain, hinges=hinges)
-        # state by state: what takes many at once takes seconds to compile, and the numbers are the same to the bit
+        # state by state: the batched function takes seconds to compile, and its results are identical bit for bit
         qdd = each(forward_dynamics, free, {"q": self.q, "qd": self.qd, "tau": self.tau}, tip_wrench=self.tip_wrench)
         return read_only(qdd)
 
     @functools.cached_property
     def loads(self) -> InternalLoads:
-        """`internal_loads` at the samples, each with a leading axis of samples, the run's own tip wrench counted.
+        """`internal_loads` at the samples, with a leading axis of samples; includes the run's own tip wrench.
 
         Raises
         ------
@@ -206,16 +207,16 @@ class RunSamples(Result):
 
     @functools.cached_property
     def readings(self) -> Mapping[str, Array]:
-        """What the scene's sensors show at the samples, each of shape (samples,), by its name with unit.
+        """Sensor readings at the samples, each of shape (samples,), by the name of the sensor with its unit.
 
-        Of delays and low-passes it counts what the signals were at the samples; in between they are taken as straight.
+        Delays and low-pass filters act on the signals at the samples, linear in between.
 
         Raises
         ------
         SceneError
-            A sensor sits on what is fixed in frame 0.
+            A sensor is attached to a body that is fixed in frame 0.
         SingularMassError
-            Of accelerometers, as in `qdd`.
+            For accelerometers, as in `qdd`.
         """
         if self.scene is None:
             return {}
@@ -223,12 +224,12 @@ class RunSamples(Result):
 
     @property
     def imbalance(self) -> Array:
-        """E(t) − E(0) − W(t) [J], shape (samples,): what the discretisation has done to the energy.
+        """E(t) − E(0) − W(t) [J], shape (samples,): the energy error of the discretisation.
 
         Raises
         ------
         ArgumentError
-            The run is another engine's, whose work is not known.
+            The run is from another engine, so its work is not known.
         """
         energy = self.energy.parts
         return balance.imbalance(energy, self._known_work, energy[:, 0])

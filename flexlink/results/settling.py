@@ -1,6 +1,6 @@
-"""How the tip comes to rest at the end of a move: settling time, overshoot, residual vibration.
+"""Settling of the tip at the end of a move: settling time, overshoot, residual vibration.
 
-All look at the samples of a run; between two of them the tip may be elsewhere: take ten or more a period.
+All measures use only the samples of a run: take ten or more per period of the vibration.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from flexlink.results.trajectory import Trajectory
 
 
 def settling_time(run: Trajectory, *, target: ArrayLike, tolerance: float, after: float = 0.0) -> float:
-    """Time until the tip is and stays, as far as the run goes, within a tolerance of its target.
+    """Time after which the tip stays within a tolerance of its target to the end of the run.
 
     Parameters
     ----------
     run
         The run.
     target
-        Where the tip comes to rest, frame 0, shape (3,) [m]: `fl.tip_position(chain, rest.q)`, rest of `solve_static`.
+        Rest position of the tip, frame 0, shape (3,) [m]: `fl.tip_position(chain, rest.q)`, rest of `solve_static`.
     tolerance
-        Largest distance from there that counts as settled, > 0 [m].
+        Largest distance from the target that counts as settled, > 0 [m].
     after
-        When the clock starts [s], such as the end of the move.
+        Time from which settling is measured [s], such as the end of the move.
 
     Returns
     -------
     float
-        Time [s] from `after` to the first sample from which on all are within; inf where the last one is not.
+        Time [s] from `after` to the first sample from which all are within the tolerance; inf if the last one is not.
 
     Raises
     ------
@@ -56,20 +56,20 @@ def settling_time(run: Trajectory, *, target: ArrayLike, tolerance: float, after
 
 
 def overshoot(run: Trajectory, *, target: ArrayLike) -> float:
-    """How far the tip gets beyond its target, along the straight line there from where it was first.
+    """Largest distance of the tip beyond its target, along the straight line from its start to the target.
 
     Parameters
     ----------
     run
         The run.
     target
-        Where the tip comes to rest, frame 0, shape (3,) [m].
+        Rest position of the tip, frame 0, shape (3,) [m].
 
     Returns
     -------
     float
-        Largest u·(p − target) [m], u the direction from the first place of the tip to the target; 0 where it does not
-        get beyond. By |target − p(0)| it is the overshoot of control theory.
+        Largest u·(p − target) [m], u the direction from the start of the tip to the target; 0 if the tip does not pass
+        the target. Divided by |target − p(0)| it is the overshoot of control theory.
 
     Raises
     ------
@@ -93,25 +93,25 @@ def overshoot(run: Trajectory, *, target: ArrayLike) -> float:
 
 
 def residual_vibration(run: Trajectory, *, after: float) -> float:
-    """Amplitude of the tip's vibration that is left when a move is over, whatever its place of rest.
+    """Amplitude of the tip's residual vibration after a move, wherever the tip comes to rest.
 
     Parameters
     ----------
     run
-        The run, which goes on for at least half a period after the move.
+        The run, which continues for at least half a period after the move.
     after
         End of the move [s].
 
     Returns
     -------
     float
-        Largest distance of the tip from the middle of all its places from `after` on, the centre of the smallest box
-        along frame 0 that holds them [m]: half the way from peak to peak of a vibration along a line.
+        Largest distance of the tip, from `after` on, from the centre of the smallest box along frame 0 around its path
+        [m]: half the peak-to-peak range of a vibration along a line.
 
     Raises
     ------
     ArgumentError
-        `after` is not a number, or less than two samples follow.
+        `after` is not a number, or fewer than two samples follow.
 
     Examples
     --------
@@ -123,7 +123,7 @@ def residual_vibration(run: Trajectory, *, after: float) -> float:
 
 
 def _from(run: Trajectory, after: float, least: int = 1) -> tuple[Array, Array]:
-    """Times and places of the tip from `after` on."""
+    """Times and positions of the tip from `after` on."""
     t = require_type("run", run, Trajectory).t
     kept = t >= real("after", after, "a time [s]")
     if kept.sum() < least:

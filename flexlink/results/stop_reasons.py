@@ -1,4 +1,4 @@
-"""How a run may end before its time: errors that hold every good sample up to there."""
+"""Errors of runs that end early; each contains every good sample up to that point."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ if TYPE_CHECKING:
 
 
 class DivergenceError(FlexlinkError, ArithmeticError):
-    """A run left the finite numbers, or its energy does not balance; `trajectory` holds every good sample before.
+    """The state of a run is no longer finite, or its energy does not balance; `trajectory` contains every good sample.
 
-    Of `simulate_many`, `runs` holds all runs, this one's samples among them.
+    The `id` distinguishes "diverged", "energy-imbalance", "newton-failed", "tolerance-not-met" and
+    "mass-not-positive-definite". From `simulate_many`, `runs` contains all runs, including this one.
 
     Examples
     --------
@@ -31,13 +32,13 @@ class DivergenceError(FlexlinkError, ArithmeticError):
 
     _id = "diverged"
 
-    def __init__(self, message: str, trajectory: Trajectory, runs: Sequence[Trajectory] = ()) -> None:
-        super().__init__(message)
+    def __init__(self, message: str, trajectory: Trajectory, runs: Sequence[Trajectory] = (), *, id: str = "") -> None:
+        super().__init__(message, id=id)
         self.trajectory, self.runs = trajectory, runs
 
 
 class EvaluationLimitError(DivergenceError):
-    """A run with a tolerance does not get on: it has taken all that `run.max_evaluations` allows, or would.
+    """A run with a tolerance progresses too slowly: it has used, or would exceed, `run.max_evaluations`.
 
     Examples
     --------
@@ -52,30 +53,31 @@ class EvaluationLimitError(DivergenceError):
 
 
 class Failure(NamedTuple):
-    """Why steps ended early."""
+    """Reason why steps ended early."""
 
     text: str
-    advice: str = ""  # of what is known of the cause; empty: as of any run
+    advice: str = ""  # remedy if the cause is known; empty: the general remedy
     kind: type[DivergenceError] = DivergenceError
+    id: str = ""  # empty: that of `kind`
 
 
 def ended_early(reached: float, end: float) -> Failure | None:
-    """What is wrong with steps that told no failure and stand at another time than their end [s]; None: nothing.
+    """Failure of steps that ended at another time than `end` [s] without reporting one; else None.
 
-    Every kind of run is asked, so that none is taken for a whole one that is not.
+    Every kind of run is checked, so that an incomplete run is never accepted as complete.
     """
     if reached == end:
         return None
-    text = f"the steps ended at t = {reached:.6g} s, not at {end:.6g} s, without a reason: a fault of flexlink itself"
-    return Failure(text, "take another method or step, and report this scene")
+    text = f"the steps ended at t = {reached:.6g} s instead of {end:.6g} s without a reason: a bug in flexlink"
+    return Failure(text, "try another method or step, and report this scene", id="ended-early")
 
 
-class LawFailure(Exception):  # noqa: N818  no ending yet: becomes the error below with the samples
-    """A control law raised, or gave no torques."""
+class LawFailure(Exception):  # noqa: N818  internal: becomes a ControlError with the samples
+    """A control law raised an exception, or returned no valid torques."""
 
 
 class ControlError(FlexlinkError, ValueError):
-    """A control law raised, or gave no torques; `trajectory` holds every sample before.
+    """A control law raised an exception, or returned no valid torques; `trajectory` contains every sample before.
 
     Examples
     --------
@@ -94,10 +96,10 @@ class ControlError(FlexlinkError, ValueError):
 
 
 class InterruptedRunError(KeyboardInterrupt):
-    """Ctrl-C or SIGTERM during a run; a KeyboardInterrupt for all who stop at one.
+    """Ctrl-C or SIGTERM during a run; a KeyboardInterrupt, so programs that handle one stop as usual.
 
-    `trajectory` holds every sample up to there, `signal` the number of the signal; of `simulate_many`, `runs` holds all
-    runs as far as they went.
+    `trajectory` contains every sample up to that point, and `signal` is the number of the signal. From `simulate_many`,
+    `runs` contains all runs up to that point.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A run as tables of other packages: pandas and xarray, which only those need who ask for them."""
+"""A run as tables of pandas and xarray, which are imported only if they are used."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flexlink.results.samples import RunSamples
 
 
 def to_pandas(run: RunSamples) -> Any:
-    """`Columns(run)` as a DataFrame, whose index is the time."""
+    """`Columns(run)` as a DataFrame with the time as its index."""
     columns = dict(Columns(run))
     time = columns.pop("t [s]")
     pandas = _package("pandas")

@@ -1,4 +1,4 @@
-"""Trajectory: what a simulation returns."""
+"""Trajectory: the result of a simulation."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Trajectory(RunSamples):
-    """Samples of a simulation (`RunSamples`), with files, tables, plots and pictures of them.
+    """Samples of a simulation (`RunSamples`), with files, tables, plots and films of them.
 
     Examples
     --------
@@ -40,27 +40,27 @@ class Trajectory(RunSamples):
     def columns(self) -> Mapping[str, Array]:
         """Every sampled quantity as a column, shape (samples,), by its name with unit, in the order of the CSV file.
 
-        "t [s]", then by the names of joints "q upper [rad]", "qd upper [rad/s]", of driven ones "tau upper [N m]", of
-        those that slide in m, m/s and N, then "tip x [m]", "tip y [m]", "tip z [m]", "kinetic [J]", "gravity [J]",
-        "elastic [J]", of flexlink's own runs "work [J]", "imbalance [J]", and of a free base "attitude w [1]" and so on
-        to z, "spin x [rad/s]" in axes of the base, "momentum x [N s]" and "angular momentum x [N m s]"; last what the
-        scene's sensors show, under their names.
+        "t [s]", then "q upper [rad]" and "qd upper [rad/s]" by the names of joints, "tau upper [N m]" of driven joints
+        (sliding joints: m, m/s and N), "tip x [m]", "tip y [m]", "tip z [m]", "kinetic [J]", "gravity [J]" and
+        "elastic [J]". Runs of flexlink itself add "work [J]" and "imbalance [J]". A free base adds "attitude w [1]" and
+        so on to z, "spin x [rad/s]" in axes of the base, "momentum x [N s]" and "angular momentum x [N m s]". The
+        readings of the scene's sensors come last, under their names.
         """
         return Columns(self)
 
     def save(self, path: str | Path) -> Path:
-        """Write an .npz archive, which `load_trajectory` reads back equal to the bit, or a .csv table of `columns`.
+        """Write an .npz archive, which `load_trajectory` reads back bit for bit, or a .csv table of `columns`.
 
-        The archive holds t, q, qd, tau, tip, kinetic, gravity, elastic, work, imbalance, tip_wrench, joints, warnings,
-        steps, scene (TOML), chain_… and, of a scene with sensors, their names, sensors, and readings. Numbers of the
-        table read back exactly. A file appears whole or not at all.
+        The archive contains t, q, qd, tau, tip, kinetic, gravity, elastic, work, imbalance, tip_wrench, joints,
+        warnings, warning_ids, steps, scene (TOML), chain_… and, if the scene has sensors, their names, sensors, and
+        readings. Numbers of the table read back exactly. The file appears complete or not at all.
 
         Raises
         ------
         ArgumentError
-            The name ends neither in .npz nor in .csv.
+            The name ends in neither .npz nor .csv.
         OutputError
-            It cannot be written.
+            The file cannot be written.
 
         Examples
         --------
@@ -73,18 +73,18 @@ class Trajectory(RunSamples):
         return path
 
     def writer(self, path: Path) -> Callable[[Path], None]:
-        """The function that writes this trajectory in the format that the ending of `path` names.
+        """Return the function that writes this trajectory in the format given by the extension of `path`.
 
         Raises
         ------
         ArgumentError
-            The name ends neither in .npz nor in .csv.
+            The name ends in neither .npz nor .csv.
         """
         format = output_format(path)
         return lambda place: write(self, format, place)
 
     def to_pandas(self) -> Any:
-        """All `columns` as a pandas.DataFrame, whose index is the time "t [s]".
+        """All `columns` as a pandas.DataFrame with the time "t [s]" as its index.
 
         Raises
         ------
@@ -102,7 +102,7 @@ class Trajectory(RunSamples):
     def to_xarray(self) -> Any:
         """All samples as an xarray.Dataset: q, qd, tau (time, joint), tip (time, axis), energies (time); with `units`.
 
-        Of a scene with sensors, too, their readings (time, sensor).
+        If the scene has sensors, it also contains their readings (time, sensor).
 
         Raises
         ------
@@ -124,7 +124,7 @@ class Trajectory(RunSamples):
         return html_table(f"{self!r}{doubts}", ("quantity", "first", "last", "smallest", "largest"), rows)
 
     def plot(self) -> Figure:
-        """Draw joint angles, tip and energy against time; a notebook shows the figure once. Needs matplotlib.
+        """Plot joint angles, tip and energy against time; a notebook shows the figure once. Needs matplotlib.
 
         Raises
         ------
@@ -149,27 +149,27 @@ class Trajectory(RunSamples):
         width: int = 640,
         progress: Callable[[float], None] | None = None,
     ) -> Path:
-        """Draw the arm in motion, its links as wide as their sections, gravity downwards, with the path of its tip.
+        """Draw the moving arm with its links as wide as their sections, gravity downwards, and the path of its tip.
 
-        Planar arms are seen across their plane, others from the side and above, with their shadow on a level floor. The
-        payload is a ball of steel of its mass; joints and thin links are drawn no smaller than they can be seen.
+        Planar arms are seen perpendicular to their plane, others from the side and above, with their shadow on a level
+        floor. The payload is a steel ball of its mass. Joints and thin links are enlarged until they are visible.
 
         Parameters
         ----------
         path
-            File, by its ending: .gif; .mp4, by the program ffmpeg; or .html, one page with a player, which needs
-            neither a network nor matplotlib.
+            File, whose extension gives the format: .gif; .mp4, by the program ffmpeg; or .html, one page with a player,
+            which needs neither a network nor matplotlib.
         magnify
-            How many times as far hinges and gears are bent as they are; the picture says so.
+            Factor on the deflections of hinges and gears; the picture shows it.
         colour
-            What colours the links: the size of the "moment" that bends them [N m], of `loads`, exact at hinges and
-            joints and linear between, or the "strain" that it makes at their surface.
+            Quantity that colours the links: the magnitude of the bending "moment" [N m], from `loads`, exact at hinges
+            and joints and linear between; or the bending "strain" at the surface.
         fps
-            Frames in a second of the film, at most as many as there are samples; a GIF lasts whole 1/100 s a frame.
+            Frames per second of the film, at most one per sample; a GIF shows each frame for a multiple of 1/100 s.
         speed
-            Seconds of the run in a second of the film.
+            Seconds of the run per second of the film.
         width
-            Of the picture, in pixels, 320 to 3840.
+            Width of the picture in pixels, 320 to 3840.
         progress
             Called with the finished fraction, 0 to 1.
 
@@ -181,13 +181,13 @@ class Trajectory(RunSamples):
         Raises
         ------
         ArgumentError
-            An argument is not allowed, the film would have too many frames, or the run does not know its scene.
+            An argument is not allowed, the film would have too many frames, or the run has no scene.
         MissingDependencyError
             matplotlib is not installed, or ffmpeg for .mp4.
         EngineError
             ffmpeg failed.
         KeyboardInterrupt
-            Ctrl-C or SIGTERM while it was drawn; nothing is written.
+            Ctrl-C or SIGTERM while drawing; nothing is written.
         OutputError
             The file cannot be written.
         SingularMassError
@@ -205,7 +205,7 @@ class Trajectory(RunSamples):
 
 
 def plotting() -> ModuleType:
-    """The module that draws, which needs matplotlib.
+    """The plotting module, which needs matplotlib.
 
     Raises
     ------

@@ -14,7 +14,7 @@ from flexlink.common.errors import FlexlinkError, SceneError
 from flexlink.common.wording import did_you_mean, truncated
 from flexlink.data import documents
 from flexlink.describe.scene import FIELDS, Scene
-from flexlink.describe.scene_file import scene_named
+from flexlink.describe.scene_file import refuse_scene, scene_named
 from flexlink.describe.spec import Spec, check_keys, decode, fields_of
 from flexlink.describe.variants import Variants
 from flexlink.describe.vary import apply_changes, top_level_keys
@@ -212,6 +212,7 @@ def load_sweep(path: str | Path) -> Sweep:
     raw = documents.read_toml(path)
     with documents.errors_of(path):
         fields = {field.encode_name: field for field in fields_of(Sweep)}
+        refuse_scene(raw, path, "a sweep plan")
         check_keys(raw, fields, required=("scene", "quantity"))
         folder = path.parent
         scene = scene_named(raw, folder)

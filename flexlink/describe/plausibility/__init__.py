@@ -1,1 +1,1 @@
-"""Numbers that are likely given in another unit: what is plausible, and which unit was likely meant."""
+"""Hints on implausible numbers: which values are plausible, and which unit was probably meant."""

@@ -1,17 +1,18 @@
-"""Angles in radians, times in milliseconds, tolerances in millimetres."""
+"""Hints on angles in radians, times in milliseconds and tolerances in millimetres."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
 
-from flexlink.describe.plausibility.ranges import told
+from flexlink.common.wording import Diagnostic
+from flexlink.describe.plausibility.ranges import hint_if_outside
 from flexlink.describe.plausibility.situation import Situation
 from flexlink.describe.scene import Scene
 
 
-def of_angles(scene: Scene) -> Iterator[str]:
-    """Angles in degrees whose digits are those of multiples of 5° in radians; radians beyond all turns."""
+def of_angles(scene: Scene) -> Iterator[Diagnostic]:
+    """Angles in degrees whose digits are those of multiples of 5° in radians; angles in radians beyond one turn."""
     arm, drive, reference = scene.arm, scene.drive, scene.drive.reference
     angles: list[tuple[str, Sequence[float]]] = [
         ("initial.joint_deg", scene.initial.joint_deg), ("drive.target_deg", drive.target_deg or ()),
@@ -32,20 +33,23 @@ def of_angles(scene: Scene) -> Iterator[str]:
         if link.dh is not None:
             angles += [(f"{path}.dh.alpha_deg", (link.dh.alpha_deg,)), (f"{path}.dh.theta_deg", (link.dh.theta_deg,))]
         if max(map(abs, link.mount.rpy or (0.0,))) > 2 * math.pi + 1e-3:
-            yield (
-                f"{path}.mount.rpy = {list(link.mount.rpy or ())} rad: more than a turn; likely given in deg: write it "
-                "as rpy_deg"
+            yield Diagnostic(
+                f"{path}.mount.rpy = {list(link.mount.rpy or ())} rad: more than one turn; likely given in deg: use "
+                "rpy_deg",
+                "likely-degrees",
             )
     for path, values in angles:
-        some = [value for value in values if value]
-        if some and max(map(abs, some)) <= 2 * math.pi + 0.01 and any(map(_looks_like_radians, some)):
+        nonzero = [value for value in values if value]
+        if nonzero and max(map(abs, nonzero)) <= 2 * math.pi + 0.01 and any(map(_looks_like_radians, nonzero)):
             inner = ", ".join(f"{math.degrees(value):.4g}" for value in values)
-            why = "the digits are those of whole angles in radians"
-            yield f"{path} = {list(values)} deg: {why}; likely given in rad: in degrees [{inner}]"
+            why = "the digits are those of round angles in radians"
+            yield Diagnostic(
+                f"{path} = {list(values)} deg: {why}; likely given in rad: in degrees [{inner}]", "likely-radians"
+            )
 
 
 def _looks_like_radians(value: float) -> bool:
-    """Whether the decimals are those of a multiple of 5° in radians, of right angles if there are only two of them."""
+    """Whether the decimals are those of a multiple of 5° in radians (of 90° if there are only two decimals)."""
     decimals = len(f"{abs(value):.12g}".partition(".")[2])
     if decimals < 2 or "e" in f"{value:.12g}":
         return False
@@ -54,15 +58,15 @@ def _looks_like_radians(value: float) -> bool:
     return nearest > 0 and abs(abs(value) - nearest) <= 1.1 * 10.0**-decimals
 
 
-def of_times(scene: Scene, about: Situation) -> Iterator[str]:
-    """Tables that outlast the run, and a tolerance of the size of the arm."""
+def of_times(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
+    """Tables much longer than the run, and tolerances as large as the arm."""
     run = scene.run
     tables = [("drive", scene.drive.times), ("wrench", scene.wrench.times)]
     tables += [(f"motion.{motion.link}", motion.times) for motion in scene.motion]
     tables += [("drive.reference", scene.drive.reference.times)] if scene.drive.reference is not None else []
     for path, times in tables:
         if times and run.duration > 0 and times[-1] > 10.0:
-            yield from told(f"{path}.times[{len(times) - 1}]", times[-1], "times", times[-1] / run.duration)
+            yield from hint_if_outside(f"{path}.times[{len(times) - 1}]", times[-1], "times", times[-1] / run.duration)
     if run.tolerance is not None and about.reach > 0:
         part = run.tolerance / about.reach
-        yield from told("run.tolerance", run.tolerance, "tolerance", part, 1.0, f", {part:.2g}")
+        yield from hint_if_outside("run.tolerance", run.tolerance, "tolerance", part, 1.0, f" {part:.2g}")

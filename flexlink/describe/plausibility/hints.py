@@ -1,10 +1,11 @@
-"""hints(scene): numbers that are likely given in another unit, a line each."""
+"""hints(scene): numbers that were likely given in another unit, one line each."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from flexlink.common.memo import keep_last
+from flexlink.common.wording import Diagnostic
 from flexlink.describe.plausibility.angles_and_times import of_angles, of_times
 from flexlink.describe.plausibility.loads import of_bodies, of_gravity, of_joints, of_loads, of_places
 from flexlink.describe.plausibility.sensors import of_sensors
@@ -14,11 +15,11 @@ from flexlink.describe.scene import Scene
 
 
 @keep_last(64)
-def hints(scene: Scene) -> tuple[str, ...]:
-    """Numbers that are likely mistaken by a factor of units, each with what is plausible and the likely unit.
+def hints(scene: Scene) -> tuple[Diagnostic, ...]:
+    """Numbers that are probably off by a factor between units, each with plausible values and the likely unit.
 
-    Never an error: arithmetic on what the scene says, nothing is built or solved. A unit is found by ranges of
-    materials, slenderness, sizes beside the arm's own, strains under its load; angles in radians by their digits.
+    Never raises: only arithmetic on the scene's numbers; nothing is built or solved. Units are inferred from ranges of
+    material properties, slenderness, sizes relative to the arm, strains under its load, and the digits of angles.
 
     Parameters
     ----------
@@ -27,16 +28,16 @@ def hints(scene: Scene) -> tuple[str, ...]:
 
     Returns
     -------
-    tuple of str
-        One line each, empty if there is nothing to say.
+    tuple of Diagnostic
+        One line each; empty if all numbers are plausible.
     """
     try:
         return tuple(_hints(scene))
-    except ArithmeticError:  # numbers beyond float64 are refused where the chain is made of them
+    except ArithmeticError:  # overflow is refused when the chain is built
         return ()
 
 
-def _hints(scene: Scene) -> Iterator[str]:
+def _hints(scene: Scene) -> Iterator[Diagnostic]:
     arm, about = scene.arm, situation_of(scene)
     causes = [*of_materials(arm), *of_sections(arm), *of_gravity(scene), *of_places(scene, about)]
     yield from causes
@@ -44,6 +45,6 @@ def _hints(scene: Scene) -> Iterator[str]:
     yield from of_angles(scene)
     yield from of_times(scene, about)
     yield from of_sensors(scene)
-    if not causes:  # what follows from a mistaken number is mistaken, too
+    if not causes:  # a wrong number would make these wrong as well
         loads = list(of_loads(scene, about))
         yield from loads or of_joints(scene, about)

@@ -1,61 +1,62 @@
-"""Plausible ranges of quantities, from `data/plausibility/ranges.toml`, and the hint on a number outside."""
+"""Plausible ranges of quantities, from `data/plausibility/ranges.toml`, and the hint on a value outside."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from flexlink.common.wording import Diagnostic
 from flexlink.describe.data_files import load
 from flexlink.describe.spec import Spec
 
 
 class Range(Spec, frozen=True):
-    """Which values of a quantity are plausible, and the units in which others may have been meant."""
+    """Plausible values of a quantity, and units that may have been used by mistake."""
 
     unit: str
-    """SI unit of the number that is told."""
+    """SI unit of the number in the hint."""
     range: tuple[float, float]
-    """Outside it a hint is given."""
+    """Plausible range; a value outside triggers a hint."""
     usual: tuple[float, float]
-    """Where a value lies once its unit is put right."""
+    """Usual range: the value must be in it after the unit is corrected."""
     reason: str
-    """What the range comes from."""
+    """Justification of the range."""
     mistaken: dict[str, float]
-    """Factors to SI, by unit."""
+    """Factors to SI, by mistaken unit."""
     of: str = ""
-    """What the range is of, with its unit, where that is not the number itself."""
+    """Quantity and unit that the range applies to, if it is not the number itself."""
 
     def holds(self, value: float) -> bool:
         """Whether a value is plausible."""
         return self.range[0] <= value <= self.range[1]
 
     def likely(self, value: float, power: float = 1.0) -> tuple[str, float] | None:
-        """The unit, and its factor, in which the number was likely given; the value goes with this power of it."""
+        """Unit, and factor, in which the number was probably given; the quantity scales with `power` of the number."""
         fitting = ((u, f) for u, f in self.mistaken.items() if self.usual[0] <= value * f**power <= self.usual[1])
         return next(fitting, None)
 
 
 def ranges() -> dict[str, Range]:
-    """Plausible ranges by name of the quantity."""
+    """Plausible ranges by name of quantity."""
     return load("plausibility", "plausibility", "ranges", dict[str, dict[str, Range]])["quantity"]
 
 
-def told(
+def hint_if_outside(
     path: str, value: float | Sequence[float], name: str, at: float, power: float = 1.0, detail: str = ""
-) -> Iterator[str]:
-    """A hint where a quantity is not plausible.
+) -> Iterator[Diagnostic]:
+    """Yield a hint if a quantity is not plausible.
 
     Parameters
     ----------
     path, value
-        The number that is told, or the numbers of a vector, and its path.
+        Path of a number or vector, and its value, for the hint.
     name
-        Of the quantity.
+        Name of the quantity.
     at
-        Its value: the number itself, or what follows from it.
+        Value of the quantity: the number itself, or one derived from it.
     power
-        With which power of the number the quantity goes.
+        Power of the number to which the quantity is proportional.
     detail
-        What is added to the reason.
+        Text appended to the reason.
     """
     known = ranges()[name]
     if known.holds(at):
@@ -63,10 +64,10 @@ def told(
     unit = "" if known.unit == "1" else f" {known.unit}"
     start = f"{path} = {_shown(value)}{unit}: {known.reason}{detail}"
     if (found := known.likely(at, power)) is None:
-        yield f"{start}; look at its unit"
+        yield Diagnostic(f"{start}; check its unit", "likely-unit")
         return
     other, factor = found
-    yield f"{start}; likely given in {other}: in SI {_shown(value, factor)}{unit}"
+    yield Diagnostic(f"{start}; likely given in {other}: in SI {_shown(value, factor)}{unit}", "likely-unit")
 
 
 def _shown(value: float | Sequence[float], factor: float = 1.0) -> str:

@@ -1,4 +1,4 @@
-"""An arm in round numbers, by which its loads, places and rotors are judged."""
+"""Rough dimensions and masses of an arm, to check loads, positions and rotors against."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from flexlink.describe.scene import Scene
 
 
 class Situation(NamedTuple):
-    """An arm in round numbers, stretched out straight."""
+    """Rough dimensions and masses of an arm that is stretched out."""
 
-    spans: tuple[float, ...]  # of each link, to the next joint [m]
-    masses: tuple[float, ...]  # of each link, hub and end included [kg]
+    spans: tuple[float, ...]  # from each link's joint to the next joint [m]
+    masses: tuple[float, ...]  # of each link, including hub and end [kg]
     payload: float  # kg
     gravity: float  # m/s²
 
@@ -26,28 +26,28 @@ class Situation(NamedTuple):
 
     @property
     def pull(self) -> float:
-        """Gravity, or the acceleration of handling [m/s²]."""
-        # acceleration [m/s²] that an arm bears where nothing weighs, such as in space
+        """Gravity, or at least a typical acceleration during handling [m/s²]."""
+        # acceleration of an arm during handling, which matters without gravity, as in space [m/s²]
         return max(self.gravity, 0.3)
 
     def moment(self, k: int) -> float:
-        """Of the weight, or handling, of all from link k (from 0) on, about its joint [N m]."""
+        """Moment about the joint of link k (from 0) of the weight, or handling force, of its subtree [N m]."""
         return self.pull * self._first_moment(k)
 
     def weight_moment(self, k: int) -> float:
-        """Of the weight that all from link k (from 0) on has on Earth, about its joint [N m]."""
+        """Moment about the joint of link k (from 0) of the subtree's weight on Earth [N m]."""
         return 9.81 * self._first_moment(k)
 
     def force(self, k: int) -> float:
-        """Of the weight, or handling, of all from link k (from 0) on, along its joint [N]."""
+        """Force along the joint of link k (from 0) by the weight, or handling force, of its subtree [N]."""
         return self.pull * self.mass(k)
 
     def mass(self, k: int = 0) -> float:
-        """Of all from link k (from 0) on [kg]."""
+        """Mass of link k (from 0) and its subtree [kg]."""
         return sum(self.masses[k:]) + self.payload
 
     def inertia(self, k: int = 0) -> float:
-        """Of all from link k (from 0) on, about its joint [kg m²]."""
+        """Inertia of link k (from 0) and its subtree about its joint [kg m²]."""
         return self._first_moment(k) * max(sum(self.spans[k:]), 1e-3)
 
     def _first_moment(self, k: int) -> float:
@@ -59,7 +59,7 @@ class Situation(NamedTuple):
 
 
 def situation_of(scene: Scene) -> Situation:
-    """The arm of a scene."""
+    """Return the rough dimensions and masses of a scene's arm."""
     links = scene.arm.links
     masses = []
     for link in links:
@@ -77,5 +77,5 @@ def situation_of(scene: Scene) -> Situation:
 
 
 def span(link: Link) -> float:
-    """From a link's joint to its end [m]."""
+    """Distance from a link's joint to its end [m]."""
     return math.dist((0.0, 0.0, 0.0), link.stop)

@@ -1,17 +1,18 @@
-"""Materials, sections and lengths."""
+"""Hints on materials, sections and lengths."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
 
+from flexlink.common.wording import Diagnostic
 from flexlink.describe.arm import Arm
 from flexlink.describe.material import Section
-from flexlink.describe.plausibility.ranges import ranges, told
+from flexlink.describe.plausibility.ranges import hint_if_outside, ranges
 
 
-def of_materials(arm: Arm) -> Iterator[str]:
-    """Modulus, density and damping of materials; not of those of which only products with a section mean something."""
+def of_materials(arm: Arm) -> Iterator[Diagnostic]:
+    """Modulus, density and damping of materials, except where only products with the section are meaningful."""
     # densities at which no material is soft [kg/m³]: metals, glass and stone
     heavy = 2500.0, 23000.0
     for name, material in arm.materials.items():
@@ -19,29 +20,29 @@ def of_materials(arm: Arm) -> Iterator[str]:
         if not _is_made_up(arm, name):
             known = ranges()
             dense = known["density"].holds(ρ)
-            yield from told(f"{path}.density", ρ, "density", ρ)
+            yield from hint_if_outside(f"{path}.density", ρ, "density", ρ)
             if not known["young"].holds(E):
-                yield from told(f"{path}.young", E, "young", E)
+                yield from hint_if_outside(f"{path}.young", E, "young", E)
             elif dense and heavy[0] < ρ < heavy[1]:
-                yield from told(f"{path}.young", E, "young_of_heavy", E)
-            # speed of sound beyond that of every solid [m/s]; diamond has 1.8e4
+                yield from hint_if_outside(f"{path}.young", E, "young_of_heavy", E)
+            # speed of sound above that of every solid [m/s]; diamond has 1.8e4
             elif dense and math.sqrt(E / ρ) > 2.5e4:
-                yield from told(f"{path}.density", ρ, "density_of_stiff", ρ)
-        yield from told(f"{path}.loss_time", material.loss_time, "loss_time", material.loss_time)
+                yield from hint_if_outside(f"{path}.density", ρ, "density_of_stiff", ρ)
+        yield from hint_if_outside(f"{path}.loss_time", material.loss_time, "loss_time", material.loss_time)
     for k, link in enumerate(arm.links, 1):
         if link.damping is not None:
             ratio = link.damping.ratio
-            yield from told(f"{arm.path(k)}.damping.ratio", ratio, "damping_ratio", ratio)
+            yield from hint_if_outside(f"{arm.path(k)}.damping.ratio", ratio, "damping_ratio", ratio)
 
 
 def _is_made_up(arm: Arm, material: str) -> bool:
-    """Whether a material is used by general sections alone that no section can be: so one enters EI and ρA as such."""
+    """Whether only unreal general sections use a material: a way to enter EI and ρA directly."""
     sections = [arm.sections[link.section] for link in arm.links if link.material == material and link.section]
     return bool(sections) and all(map(_is_no_section, sections))
 
 
 def _is_no_section(section: Section) -> bool:
-    """Whether a general section has the numbers of none: an area of 1, or two and more beyond all sections."""
+    """Whether a general section is unreal: an area of 1, or two or more implausible properties."""
     if section.shape != "general":
         return False
     known = ranges()
@@ -50,8 +51,8 @@ def _is_no_section(section: Section) -> bool:
     return area == 1.0 or sum(odd) > 1 or not all(known["shape"].holds(i / area**2) for i in moments)
 
 
-def of_sections(arm: Arm) -> Iterator[str]:
-    """Dimensions of sections, lengths of links, and how slender flexible ones are."""
+def of_sections(arm: Arm) -> Iterator[Diagnostic]:
+    """Dimensions of sections, lengths of links, and slenderness of flexible links."""
     mistaken: set[str] = set()
     for name, section in arm.sections.items():
         users = {link.material for link in arm.links if link.section == name and link.material}
@@ -63,7 +64,7 @@ def of_sections(arm: Arm) -> Iterator[str]:
         yield from found
     for k, link in enumerate(arm.links, 1):
         L = link.beam.length
-        long = list(told(f"{arm.path(k)}.length", L, "length", L)) if L else []
+        long = list(hint_if_outside(f"{arm.path(k)}.length", L, "length", L)) if L else []
         yield from long
         if link.section is None or link.flex == "rigid" or link.section in mistaken or long:
             continue
@@ -77,36 +78,36 @@ def of_sections(arm: Arm) -> Iterator[str]:
         wide = L / h < known.range[0]
         path = f"section.{link.section}.{key}" if wide else f"{arm.path(k)}.length"
         detail = f", and {link.name!r} is {L / h:.2g} times as long as wide"
-        yield from told(path, h if wide else L, "slenderness", L / h, -1.0 if wide else 1.0, detail)
+        yield from hint_if_outside(path, h if wide else L, "slenderness", L / h, -1.0 if wide else 1.0, detail)
 
 
 def _is_real(arm: Arm, material: str) -> bool:
-    """Whether modulus and density are those of a material."""
+    """Whether modulus and density are plausible for a material."""
     known, made_of = ranges(), arm.materials[material]
     return known["young"].holds(made_of.young) and known["density"].holds(made_of.density)
 
 
-def _dimensions(path: str, section: Section) -> Iterator[str]:
+def _dimensions(path: str, section: Section) -> Iterator[Diagnostic]:
     if section.shape != "general":
         name = "solid" if section.shape in {"rectangle", "circle"} else "hollow"
         for key in ("height", "width", "diameter", "outer", "wall"):
             value = getattr(section, key)
             if value is not None:
-                yield from told(f"{path}.{key}", value, name, value)
+                yield from hint_if_outside(f"{path}.{key}", value, name, value)
         return
     A = section.area or 1.0
-    area = list(told(f"{path}.area", A, "area", A))
+    area = list(hint_if_outside(f"{path}.area", A, "area", A))
     yield from area
     for key in ("i_y", "i_z", "torsion"):
         value = getattr(section, key)
-        moment = list(told(f"{path}.{key}", value, "second_moment", value))
+        moment = list(hint_if_outside(f"{path}.{key}", value, "second_moment", value))
         yield from moment
         if not area and not moment:
-            yield from told(f"{path}.{key}", value, "shape", value / A**2)
+            yield from hint_if_outside(f"{path}.{key}", value, "shape", value / A**2)
 
 
 def largest_dimension(section: Section) -> tuple[str, float]:
-    """The largest dimension of a section, with its key [m]."""
+    """The largest dimension of a section [m], with its key."""
     if section.shape == "general":
         A, i = section.area or 1.0, max(section.i_y or 0.0, section.i_z or 0.0)
         return "area", math.sqrt(12 * i / A)

@@ -1,1 +1,1 @@
-"""Runge-Kutta methods and lumping rules, as data files with what follows from their numbers."""
+"""Runge-Kutta methods and lumping rules as data files, with the quantities derived from them."""

@@ -1,11 +1,12 @@
-"""Runge-Kutta methods that collocate: nodes, and A and b that follow from them, in more digits than float64 holds.
+"""Collocation Runge-Kutta methods: nodes, and A and b derived from them, more precise than float64.
 
-The nodes of s stages on [0, 1] are zeros of combinations of P_k, Legendre's polynomials moved there:
+The nodes of s stages on [0, 1] are zeros of combinations of P_k, the Legendre polynomials shifted to [0, 1]:
 
     Gauss       P_s(c) = 0                    order 2s
     Radau IIA   P_s(c) − P_s−1(c) = 0         order 2s − 1, c_s = 1
 
-The method integrates the polynomial through the slopes at the nodes, ℓ_j Lagrange's (Hairer & Wanner, II, IV.5):
+The method integrates the polynomial that interpolates the derivatives at the nodes, with Lagrange polynomials ℓ_j
+(Hairer & Wanner, II, IV.5):
 
     a_ij = ∫_0^c_i ℓ_j(x) dx        b_j = ∫_0^1 ℓ_j(x) dx
 """
@@ -29,7 +30,7 @@ ORDER: dict[str, Callable[[int], int]] = {"Gauss": lambda s: 2 * s, "Radau IIA":
 
 @functools.cache
 def tableau(family: str, stages: int) -> Tableau:
-    """A, b, c of a method of a family, each within 2^−255."""
+    """A, b and c of a method of a family, each accurate to 2^−255."""
     p = _legendre(stages)
     c = _zeros(p if family == "Gauss" else add(p, [-x for x in _legendre(stages - 1)]))
     integrals = [integral(p) for p in lagrange(c)]
@@ -38,17 +39,17 @@ def tableau(family: str, stages: int) -> Tableau:
 
 
 def weights_at(c: Sequence[Fraction], x: Fraction) -> list[Fraction]:
-    """ℓ_j(x): the polynomial through values at the nodes c has the value Σ_j ℓ_j(x) f_j at x."""
+    """ℓ_j(x): interpolation weights, so that Σ_j ℓ_j(x) f_j is the interpolating polynomial's value at x."""
     return [evaluate(p, x) for p in lagrange(c)]
 
 
 def _legendre(s: int) -> Polynomial:
-    """P_s of Legendre on [0, 1], P_s(1) = 1."""
+    """Legendre polynomial P_s on [0, 1], with P_s(1) = 1."""
     return [Fraction((-1) ** (s + k) * comb(s, k) * comb(s + k, k)) for k in range(s + 1)]
 
 
 def _zeros(p: Polynomial) -> list[Fraction]:
-    """The zeros on [0, 1], all simple, ascending: those that float64 finds, then Newton's method."""
+    """Simple zeros on [0, 1], ascending: float64 values refined by Newton's method."""
     slope = derivative(p)
     zeros = [Fraction(float(x)) for x in np.sort(np.roots([float(x) for x in reversed(p)]).real)]
     for _doubling_of_digits in range(6):  # 8 → 512 bits
@@ -57,5 +58,5 @@ def _zeros(p: Polynomial) -> list[Fraction]:
 
 
 def _rounded(x: Fraction) -> Fraction:
-    """To a multiple of 2^−256, 60 digits behind those of float64: what solves and powers of A lose is nothing."""
+    """Round to a multiple of 2^−256, 60 digits beyond float64, which makes rounding errors negligible."""
     return Fraction(round(x * 2**256), 2**256)

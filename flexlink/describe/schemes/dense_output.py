@@ -1,13 +1,14 @@
-"""Dense output of explicit Runge-Kutta methods: polynomials of the part x of a step, whose stages they weigh.
+"""Dense output of explicit Runge-Kutta methods: stage weights as polynomials of the fraction x of a step.
 
-Published are rows d of weights of the stages, of the slope at the end of the step, number s + 1, and of e stages more.
-A part x of a step h from y to y + h Σ b_i K_i on, with H the cubic polynomial that has values and slopes of both ends,
+Published methods give rows d of weights for the s stages, for the derivative at the end of the step (number s + 1), and
+for e extra stages. At a fraction x of a step h from y to y + h Σ b_i K_i, where H is the cubic Hermite polynomial of
+both ends,
 
     y(x) = H(x) + h x² (1 − x)² Σ w_i(x) K_i        w_i(x) = d_1i + x (d_2i + (1 − x) (d_3i + x (d_4i + …)))
 
-so for DOP853 with four rows, and for DOPRI5 with one (Hairer, Nørsett & Wanner, Solving Ordinary Differential Equations
-I, II.6, and their codes). Here it is y(x) = y + h Σ β_i(x) K_i for rates y, and angles are their integral, α_i = ∫ β_i,
-with a cubic polynomial more that leads to the angles at the end of the step, which are of a higher order.
+DOP853 has four rows, DOPRI5 one (Hairer, Nørsett & Wanner, Solving Ordinary Differential Equations I, II.6, and their
+codes). Here y(x) = y + h Σ β_i(x) K_i gives rates, and their integral α_i = ∫ β_i gives angles. An added cubic
+polynomial matches the angles at the end of the step, which have a higher order.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ from flexlink.common.types import Array
 
 
 def polynomials(b: Sequence[Fraction], ends: Sequence[Fraction], rows: Sequence[Sequence[Fraction]]) -> Array:
-    """Coefficients of β_i / x and of α_i / x² (2, s + 1 + e, powers), lowest first.
+    """Coefficients of β_i / x and of α_i / x² (2, s + 1 + e, powers), lowest power first.
 
-    Of a step that ends at q + h q̇ + h² Σ ends_i K_i, q̇ + h Σ b_i K_i; `rows` of d.
+    The step ends at q + h q̇ + h² Σ ends_i K_i and q̇ + h Σ b_i K_i; `rows` are those of d.
     """
     s, stages = len(b), len(rows[0])
     powers = max(4, len(rows) + 3)
@@ -38,7 +39,7 @@ def polynomials(b: Sequence[Fraction], ends: Sequence[Fraction], rows: Sequence[
 
 
 def _weight(b: Fraction, first: bool, last: bool, d: Sequence[Fraction]) -> Polynomial:
-    """β_i of a stage with a weight b, the first one, the slope at the end, or another."""
+    """β_i of a stage with weight b: the `first` stage, the derivative at the end (`last`), or another."""
     x, rest = _polynomial(0, 1), _polynomial(1, -1)
     bump = multiply(x, rest)
     β = [b * p for p in _polynomial(0, 0, 3, -2)]
@@ -57,7 +58,7 @@ def _polynomial(*coefficients: int | Fraction) -> Polynomial:
 
 
 def _sum(p: Polynomial, q: Polynomial) -> Polynomial:
-    """p + q, whichever is the longer."""
+    """p + q of any degrees."""
     return add(p, q) if len(p) >= len(q) else add(q, p)
 
 

@@ -1,10 +1,10 @@
-"""Lumping rules as data: a rule places N hinges on a link of length 1 and gives each its weight.
+"""Lumping rules as data: a rule places N hinges on a link of length 1 and gives each a weight.
 
-A chain of rigid segments and springs is a quadrature of the curvature integral θ = ∫ M/EI dx:
-a hinge is a node, and its stiffness is k = EI / (weight · length). The frequencies are those of Nyström's method for
-λ κ(x) = ∫ M(x, y) κ(y) dy, M(x, y) the moment at x that a kink at y accelerates; M'' has a kink at x = y, so that
-no rule is of higher order than 4 in bending, and of 2 in twist (see `twist_inertias`). That is so without axial load
-and for small angles; with them only rules of `cells` are of higher order than 2.
+A chain of rigid segments and springs is a quadrature of the curvature integral θ = ∫ M/EI dx: hinges are nodes, with
+stiffness k = EI / (weight · length). The frequencies are those of Nyström's method for λ κ(x) = ∫ M(x, y) κ(y) dy,
+where M(x, y) is the inertial moment at x due to a kink at y. M'' has a kink at x = y, which limits every rule to order
+4 in bending, and to order 2 in twist (see `twist_inertias`). This applies without axial load and for small angles;
+otherwise only rules with `cells` exceed order 2.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ Exponent = Annotated[float, msgspec.Meta(ge=0, le=100)]
 class Grid(Spec, frozen=True):
     """Equally spaced nodes: x_j = (first + j − 1) h, j = 1 … N, with h = 1 / (first + N − 1 + last).
 
-    All weights are h, except those listed, in units of h, from the base and from the tip inward.
+    All weights are h, except the listed ones, in units of h, from the root and from the tip inward.
     """
 
     first: NonNegative
-    """Distance of the first hinge from the root, in units of the hinges' distance h [1]."""
+    """Distance of the first hinge from the root, in units of the hinge spacing h [1]."""
     last: NonNegative
     """Distance of the last hinge from the tip, in units of h [1]."""
     first_weights: tuple[Positive, ...] = ()
-    """Weights of the first hinges, from the root on, in units of h; others weigh h [1]."""
+    """Weights of the first hinges, from the root, in units of h; the other weights are h [1]."""
     last_weights: tuple[Positive, ...] = ()
     """Weights of the last hinges, from the tip inward, in units of h [1]."""
 
@@ -44,74 +44,74 @@ class Element(Spec, frozen=True):
     """Nodes and weights on [0, 1], repeated in equal elements along the link."""
 
     nodes: tuple[NonNegative, ...]
-    """Places of the hinges of an element on [0, 1]."""
+    """Positions of the hinges of an element on [0, 1]."""
     weights: tuple[Positive, ...]
-    """What stretch of the element each hinge stands for; their sum is 1."""
+    """Fraction of the element that each hinge represents; the sum is 1."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.nodes or len(self.nodes) != len(self.weights):
             raise SceneError(
-                f"weights = {truncated(self.weights)}: must be as many as nodes, {len(self.nodes)}, and at least one",
+                f"weights = {truncated(self.weights)}: expected one per node, {len(self.nodes)}, and at least one",
                 id="rule-weights",
             )
         if self.nodes[-1] > 1 or np.any(np.diff(self.nodes) <= 0):
             raise SceneError(f"nodes = {truncated(self.nodes)}: must increase within [0, 1]", id="rule-nodes")
-        if abs(sum(self.weights) - 1) > 1e-12:  # the rounding of weights written with 13 digits or more
+        if abs(sum(self.weights) - 1) > 1e-12:  # rounding of weights written with 13 digits or more
             raise SceneError(
-                f"weights = {truncated(self.weights)}: must sum to 1; together they stand for the whole element",
+                f"weights = {truncated(self.weights)}: must sum to 1",
                 id="rule-weights",
             )
 
 
 class Jacobi(Spec, frozen=True):
-    """Gauss-Jacobi nodes over the whole link, weight (1 − x)^tip x^root; both 0 is Gauss-Legendre.
+    """Gauss-Jacobi nodes over the complete link, weight function (1 − x)^tip x^root; Gauss-Legendre if both are 0.
 
-    The rule of N hinges is exact for bending moments (1 − x)^tip x^root · (polynomial of degree 2N − 1).
+    The rule with N hinges is exact for bending moments (1 − x)^tip x^root · (polynomial of degree 2N − 1).
     """
 
     root: Exponent = 0.0
-    """Exponent of x in the weight (1 − x)^tip x^root."""
+    """Exponent of x in the weight function (1 − x)^tip x^root."""
     tip: Exponent = 0.0
-    """Exponent of 1 − x in the weight."""
+    """Exponent of 1 − x in the weight function."""
 
 
 class LumpingRule(Spec, frozen=True):
-    """Where the hinges of a flexible link sit and what stretch of the beam each stands for.
+    """Positions of the hinges of a flexible link, and the part of the beam that each represents.
 
     `matched_twist` gives the twist hinges the (negative) rotor inertia of `twist_inertias`. M stays positive definite
-    while no hinge is bent far: measured with all hinges bent up to 50°, 40° of a link twice as thick at its tip as at
+    while hinges are bent moderately: measured up to 50° in all hinges, 40° for a link twice as thick at its tip as at
     its root; towards 90° the axes X and Z of a hinge coincide.
 
-    `alternate_axes` lets every second hinge turn about its axes in the order Z, Y, X. With θ = φ + O(φ²) the angles of
-    Rx Ry Rz, the springs' energy differs from that of the rotation vector φ by ½ (k_x − k_y + k_z) θ_x θ_y θ_z, which
-    adds up to an error of order 1 in bend-bend-twist coupling; the reversed order has the opposite sign. An error of
-    order 2 is left wherever a link bends far out of a plane.
+    `alternate_axes` reverses the axis order of every second hinge to Z, Y, X. With angles θ = φ + O(φ²) of Rx Ry Rz,
+    the springs' energy differs from that of the rotation vector φ by ½ (k_x − k_y + k_z) θ_x θ_y θ_z, which accumulates
+    to an error of order 1 in bend-bend-twist coupling; the reversed order has the opposite sign. An error of order 2
+    remains wherever a link bends far out of a plane.
 
-    `springs` = "rotation" lets the springs of a hinge hold φ itself, and those of a cell of two hinges the curvature of
-    the rotation between them, which is of order 4 then, too. It acts on links with flex = "xyz": with fewer axes no
-    rotation is free of twist, and in a plane angles are exact. See `flexlink.kernels.forces.rotation_springs`.
+    `springs` = "rotation" makes the springs of a hinge act on φ itself, and those of a cell of two hinges on the
+    curvature of the rotation between them, which then also has order 4. It affects links with flex = "xyz": with fewer
+    axes every rotation involves twist, and in a plane angles are exact. See `flexlink.kernels.forces.rotation_springs`.
     """
 
     about: str
-    """A sentence on the rule."""
+    """One-sentence description of the rule."""
     source: str
-    """Where it is published, or how it was derived."""
+    """Publication or derivation."""
     grid: Grid | None = None
-    """Equally spaced hinges; a rule has exactly one of grid, element, jacobi, cells."""
+    """Equally spaced hinges; a rule has exactly one of grid, element, jacobi and cells."""
     element: Element | None = None
     """Hinges of an element that is repeated along the link."""
     jacobi: Jacobi | None = None
-    """Gauss-Jacobi hinges over the whole link."""
+    """Gauss-Jacobi hinges over the complete link."""
     cells: Cells | None = None
-    """Cells of hinges whose springs are coupled."""
+    """Cells of hinges with coupled springs."""
     matched_twist: bool = False
-    """Whether twist hinges get the rotor inertia that makes twist of order 4, too."""
+    """Whether twist hinges get the rotor inertia that gives twist order 4."""
     alternate_axes: bool = False
-    """Whether every second hinge turns about its axes in the order Z, Y, X."""
+    """Whether every second hinge has the axis order Z, Y, X."""
     springs: Literal["angles", "rotation"] = "angles"
-    """What springs of hinges about three axes hold: their angles, or the rotation vector of all three, with which
-    bending far out of a plane is more accurate; other simulators do not have the latter."""
+    """Coordinates of the springs of three-axis hinges: the three angles, or the rotation vector, which is more accurate
+    for bending far out of a plane but not available in other simulators."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -119,7 +119,7 @@ class LumpingRule(Spec, frozen=True):
             raise SceneError("grid, element, jacobi, cells: a rule has exactly one of the four", id="rule-kind")
         if self.cells is not None and self.matched_twist:
             raise SceneError(
-                "matched_twist = true: not with cells, which twist with order 4 without it; leave it out",
+                "matched_twist = true: not needed with cells, whose twist has order 4 without it; leave it out",
                 id="rule-kind",
             )
 
@@ -129,7 +129,7 @@ class LumpingRule(Spec, frozen=True):
         Raises
         ------
         ArgumentError
-            The rule does not exist for that many hinges; the message says what it takes.
+            The rule does not exist for this number of hinges; the message states what it needs.
         """
         if self.grid is not None:
             return _grid_hinges(self.grid, count)
@@ -156,24 +156,24 @@ class LumpingRule(Spec, frozen=True):
     def twist_inertias(self, weights: Array, inertias: Array, moments: Array) -> Array:
         """Rotor inertia of the twist hinges [kg m²], shape (N,); zero unless `matched_twist`.
 
-        A twisting link turns linearly between its hinges, the chain in steps. Under an even twist (per unit of
-        acceleration) the link carries ∫_{x_i}^1 ξ p dξ beyond hinge i, p(ξ) = ρ I_p L, and the chain, which has
-        turned by C(ξ) = Σ w_j over x_j ≤ ξ, carries ∫_{x_i}^1 C p dξ. The difference is given to the hinge as inertia
-        of the relative motion,
+        The twist angle of a link varies linearly between hinges, that of the chain in steps. Under uniform twist (per
+        unit of acceleration) the link carries the moment ∫_{x_i}^1 ξ p dξ beyond hinge i, p(ξ) = ρ I_p L. The chain has
+        turned by C(ξ) = Σ w_j over x_j ≤ ξ and carries ∫_{x_i}^1 C p dξ. The difference is assigned to the hinge as an
+        inertia of the relative motion,
 
             r_i = 1/w_i ∫_{x_i}^1 (ξ − C(ξ)) p(ξ) dξ                                                 (negative).
 
         In the integral equation λ GJ κ(x) = ∫ P(max(x, y)) κ(y) dy, P(x) = ∫_x^1 p dξ, this subtracts the kink of the
-        kernel at y = x, ∫ P κ dy = κ(x) ∫ P dy + ∫ P (κ(y) − κ(x)) dy (Kantorovich & Krylov 1958), which lifts
-        Nyström's method from order 2, the limit of every rule here, to order 4, tapered or not. It needs a rule that
-        is exact for quadratics: not the midpoint rule.
+        kernel at y = x, ∫ P κ dy = κ(x) ∫ P dy + ∫ P (κ(y) − κ(x)) dy (Kantorovich & Krylov 1958), which raises
+        Nyström's method from order 2, the limit of every rule here, to order 4, with or without taper. It requires a
+        rule that is exact for quadratics, so not the midpoint rule.
 
         Parameters
         ----------
         weights
-            Of the hinges, shape (N,).
+            Weights of the hinges, shape (N,).
         inertias, moments
-            ∫ p dξ and ∫ ξ p dξ from each hinge to the next, of the last to the end [kg m²], shape (N,).
+            ∫ p dξ and ∫ ξ p dξ from each hinge to the next, or from the last to the end [kg m²], shape (N,).
         """
         if not self.matched_twist:
             return np.zeros(len(weights))
@@ -193,9 +193,9 @@ def _grid_hinges(grid: Grid, count: int) -> tuple[Array, Array]:
 
 
 def _jacobi_hinges(jacobi: Jacobi, count: int) -> tuple[Array, Array]:
-    from scipy import special  # noqa: PLC0415  0.2 s that few scenes need
+    from scipy import special  # noqa: PLC0415  takes 0.2 s, and few scenes need it
 
-    if count > 1000:  # eigenvalues take O(N²)
+    if count > 1000:  # the eigenvalue problem costs O(N²)
         raise ArgumentError("takes at most 1001 segments; rules such as gauss take any number", id="segments-of-rule")
     t, w = special.roots_jacobi(count, jacobi.tip, jacobi.root)  # on [−1, 1], for the weighted integrand
     x: Array = np.array((1 + t) / 2)
@@ -204,13 +204,13 @@ def _jacobi_hinges(jacobi: Jacobi, count: int) -> tuple[Array, Array]:
 
 
 def lumping_rule(name: str) -> LumpingRule:
-    """Load a rule that comes with flexlink, or the user's own TOML file.
+    """Load a built-in rule, or the user's TOML file.
 
     Raises
     ------
     ArgumentError
         Unknown name.
     DataFileError
-        A file that is not a valid rule.
+        The file is not a valid rule.
     """
     return data_files.load("lumping", "lumping", name, LumpingRule)

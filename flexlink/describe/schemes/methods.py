@@ -1,4 +1,4 @@
-"""Runge-Kutta methods as data: a family and its stages, or exact coefficient strings; order, source."""
+"""Runge-Kutta methods as data: a family with stages or exact coefficient strings, plus order and source."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from flexlink.describe.schemes import collocation, dense_output
 from flexlink.describe.spec import Spec
 
 CLOSE = Fraction(1, 10**15)
-"""How far sums of coefficients may be from what they must be: decimals are rounded."""
+"""Tolerance for sums of coefficients, which may be rounded decimals."""
 
 MOST_STAGES = 9
-"""Of an implicit method: beyond, the eigenvectors of A grow parallel (condition number 3e4 with 9 stages of Gauss)."""
+"""Limit for implicit methods: beyond it, eigenvectors of A become parallel (condition number 3e4 at 9 Gauss stages)."""
 
 
 class Modes(NamedTuple):
     """A = T_real diag(real) Tinv_real + 2 Re(T_complex diag(complex) Tinv_complex), and products of A."""
 
     real: Array  # (r,) real eigenvalues of A
-    complex: Complex  # (p,) one of each pair of the others, Im > 0
+    complex: Complex  # (p,) one of each complex pair, Im > 0
     T_real: Array  # (s, r)
     T_complex: Complex  # (s, p)
     Tinv_real: Array  # (r, s)
@@ -39,33 +39,33 @@ class Modes(NamedTuple):
     bA: Array  # noqa: N815  (s,) b A
 
 
-class Method(Spec, frozen=True, dict=True):  # with a dict, for cached properties
+class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
     """A Runge-Kutta method: `family` and `stages`, or the Butcher tableau A, b, c.
 
-    Coefficients are decimal strings or fractions such as "1/6". A is a strictly lower triangle (rows of 0, 1, 2, …
-    numbers: explicit) or square (implicit). `error` of an explicit method: rows of weights of the stages, and of q̈ at
-    the end of the step if there is one more, whose sums estimate the error of the step. Of two rows the first counts
-    and the second one scales it, as in DOP853. `dense` of an explicit method: rows d of weights by which samples inside
-    a step are found, of the stages, of q̈ at the end of the step, and of the stages that `dense_stages` adds. Between y
-    and y + Δ, with slopes f and f₁, a part x of a step h on, sums over the stages are
+    Coefficients are decimal strings or fractions such as "1/6". A is strictly lower triangular (rows of 0, 1, 2, …
+    numbers: explicit) or square (implicit). `error` of an explicit method: rows of weights for the stages, and
+    optionally for q̈ at the end of the step, whose sums estimate the step's error. With two rows, the second scales the
+    first, as in DOP853. `dense` of an explicit method: rows d of weights that interpolate samples inside a step, for
+    the stages, for q̈ at the end of the step, and for the extra stages `dense_stages`. Between y and y + Δ, with
+    derivatives f and f₁, at a fraction x of a step h, with sums over the stages:
 
         y + x (Δ + (1 − x) (h f − Δ + x (2 Δ − h f − h f₁ + (1 − x) h (Σ d_1i K_i + x (Σ d_2i K_i + (1 − x) (…))))))
 
     Raises
     ------
     SceneError
-        A coefficient is not a number, or the coefficients do not make a method: shapes, Σ_j a_ij = c_i, Σ b_j = 1,
-        Σ_j e_j = 0, Σ_i d_i = 0; a family without such a method; an A without eigenvectors, or singular iterations.
+        A coefficient is not a number, the coefficients are inconsistent (shapes, Σ_j a_ij = c_i, Σ b_j = 1,
+        Σ_j e_j = 0, Σ_i d_i = 0), the family has no such method, or A lacks eigenvectors or makes iterations singular.
     """
 
     about: str
-    """A sentence on the method."""
+    """One-sentence description of the method."""
     source: str
-    """Where it is published."""
+    """Publication."""
     order: Annotated[int, msgspec.Meta(ge=1)]
-    """Order p: errors fall as the step to the power p."""
+    """Order p: errors are proportional to the step to the power p."""
     family: Literal["Radau IIA", "Gauss"] | None = None
-    """An implicit family, whose coefficients are computed, in place of a tableau."""
+    """Implicit family with computed coefficients, instead of a tableau."""
     stages: Annotated[int, msgspec.Meta(ge=0)] = 0
     """Number of stages of a family."""
     c: tuple[str, ...] | None = None
@@ -75,11 +75,11 @@ class Method(Spec, frozen=True, dict=True):  # with a dict, for cached propertie
     A: tuple[tuple[str, ...], ...] | None = None
     """Coefficients of the tableau: rows of 0, 1, 2, … numbers (explicit), or a square (implicit)."""
     error_rows: tuple[tuple[str, ...], ...] = msgspec.field(default=(), name="error")
-    """Of an explicit method: one or two rows of weights whose sums estimate the error of a step."""
+    """For an explicit method: one or two rows of weights whose sums estimate the error of a step."""
     dense_rows: tuple[tuple[str, ...], ...] = msgspec.field(default=(), name="dense")
-    """Of an explicit method: rows of weights by which samples inside a step are found; without, steps end there."""
+    """For an explicit method: rows of weights that interpolate samples inside a step. Default: steps end at samples."""
     dense_stages: tuple[tuple[str, ...], ...] = ()
-    """Rows of A of stages beyond, for `dense` alone, after those of the step and the slope at its end."""
+    """Rows of A of extra stages used only by `dense`, after those of the step and the derivative at its end."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -90,19 +90,19 @@ class Method(Spec, frozen=True, dict=True):  # with a dict, for cached propertie
         self._check_error()
         self._check_dense()
         if not self.explicit:
-            self.modes  # noqa: B018  there are some
+            self.modes  # noqa: B018  raises if there are none
 
     @functools.cached_property
     def explicit(self) -> bool:
-        """Whether every stage needs the stages before it only."""
+        """Whether every stage depends only on earlier stages."""
         return not any(any(row[i:]) for i, row in enumerate(self.exact[0]))
 
     @functools.cached_property
     def controlled(self) -> bool:
         """Whether the method estimates the error of its steps.
 
-        An explicit one by its rows `error`; an implicit one, as Radau IIA of 3, 5, … stages, if it ends on its last
-        stage and A has one real eigenvalue.
+        An explicit method needs rows `error`; an implicit one must end on its last stage and A must have one real
+        eigenvalue, as in Radau IIA with 3, 5, … stages.
         """
         if self.explicit:
             return bool(self.error_rows)
@@ -111,7 +111,7 @@ class Method(Spec, frozen=True, dict=True):  # with a dict, for cached propertie
 
     @functools.cached_property
     def exact(self) -> collocation.Tableau:
-        """A (square), b and c as exact fractions: of their strings, or within 2^−255 of a family."""
+        """A (square), b and c as exact fractions: from strings, or accurate to 2^−255 for a family."""
         if self.family is not None:
             return collocation.tableau(self.family, self.stages)
         rows = [[Fraction(x) for x in row] for row in self.A or ()]
@@ -126,7 +126,7 @@ class Method(Spec, frozen=True, dict=True):  # with a dict, for cached propertie
 
     @functools.cached_property
     def error(self) -> Array:
-        """The rows `error` of an explicit method over its stages and q̈ at the end of the step (rows, s + 1)."""
+        """Rows `error` of an explicit method for its stages and q̈ at the end of the step (rows, s + 1)."""
         weights = np.zeros((len(self.error_rows), self.stages + 1))
         for row, given in zip(weights, self.error_rows, strict=True):
             row[: len(given)] = float64([Fraction(x) for x in given])
@@ -134,15 +134,15 @@ class Method(Spec, frozen=True, dict=True):  # with a dict, for cached propertie
 
     @property
     def more_stages(self) -> int:
-        """Evaluations that samples inside a step of an explicit method take beside those of the step."""
+        """Extra evaluations for samples inside a step of an explicit method."""
         return len(self.dense_stages)
 
     @functools.cached_property
     def dense(self) -> tuple[Array, Array, Array] | None:
-        """A (e, s + 1 + e) and c (e,) of the e stages beyond, and coefficients of β_i / x and α_i / x²; None: none.
+        """A (e, s + 1 + e) and c (e,) of the e extra stages, and coefficients of β_i / x and α_i / x²; or None.
 
-        Rates at a part x of a step are q̇ + h Σ β_i(x) q̈_i, with stages i = 1 … s + 1 + e (`embedded` of the kernels);
-        the coefficients (2, s + 1 + e, powers) have the lowest power first.
+        Rates at a fraction x of a step are q̇ + h Σ β_i(x) q̈_i, with stages i = 1 … s + 1 + e (`embedded` of the
+        kernels); the coefficients (2, s + 1 + e, powers) have the lowest power first.
         """
         if not self.dense_rows:
             return None
@@ -164,26 +164,26 @@ class Method(Spec, frozen=True, dict=True):  # with a dict, for cached propertie
         ArgumentError
             The method is explicit.
         SceneError
-            A has no basis of eigenvectors, or an eigenvalue for which M + h λ D + h² λ² K is singular at some step.
+            A has no basis of eigenvectors, or an eigenvalue that makes M + h λ D + h² λ² K singular at some step.
         """
         if self.explicit:
             raise ArgumentError(
-                f"{self.about}: explicit; only implicit methods are solved by the eigenvectors of A",
+                f"{self.about}: explicit; only implicit methods use the eigenvectors of A",
                 id="method-not-supported",
             )
         exact, b, _ = self.exact
         A = float64(exact)
         λ, T = np.linalg.eig(A)
-        if not np.linalg.cond(T) < 1e7:  # Newton's corrections pass through T and keep 9 digits
+        if not np.linalg.cond(T) < 1e7:  # Newton corrections are multiplied by T and keep 9 digits
             raise SceneError(
-                "A: too few eigenvectors, as with repeated diagonal elements; use another method",
+                "A: too few eigenvectors, for example because of repeated diagonal elements; use another method",
                 id="method-coefficients",
             )
         wrong = λ[(λ.real < 0) | ((λ.real == 0) & (λ.imag != 0))]
         if wrong.size:
-            first = wrong[0] if wrong[0].imag else wrong[0].real  # NumPy 2.5: always complex
+            first = wrong[0] if wrong[0].imag else wrong[0].real  # complex even if real, since NumPy 2.5
             raise SceneError(
-                f"A: eigenvalue {first:.3g}: its real part must be positive, else some steps are singular",
+                f"A: eigenvalue {first:.3g}: its real part must be positive, or some steps are singular",
                 id="method-coefficients",
             )
         Tinv = np.linalg.inv(T)
@@ -202,16 +202,16 @@ class Method(Spec, frozen=True, dict=True):  # with a dict, for cached propertie
     def embedded(self) -> tuple[float, Array]:
         """γ and d (stages,), the weights of an implicit method's error estimate.
 
-        The polynomial through values at the nodes is Σ_i ℓ_i(0) f_i at 0, so that d_i = −γ ℓ_i(0).
+        At 0, the polynomial through values f_i at the nodes is Σ_i ℓ_i(0) f_i, hence d_i = −γ ℓ_i(0).
 
         Raises
         ------
         ArgumentError
-            The method is explicit, or has no such estimate.
+            The method is explicit, or has no error estimate.
         """
         if self.explicit or not self.controlled:
             raise ArgumentError(
-                f"{self.about}: has no error estimate of an implicit method; Radau IIA with 3, 5, … stages has one",
+                f"{self.about}: has no implicit error estimate; Radau IIA with 3, 5, … stages has one",
                 id="method-without-error",
             )
         γ = float(self.modes.real[0])
@@ -269,8 +269,8 @@ class Method(Spec, frozen=True, dict=True):  # with a dict, for cached propertie
         for i, row in enumerate(self.error_rows):
             if len(row) not in {self.stages, self.stages + 1}:
                 raise SceneError(
-                    f"error[{i}] has {len(row)} weights: expected {self.stages}, one per stage, or one more for q̈ "
-                    "at the end of the step",
+                    f"error[{i}] has {len(row)} weights: expected {self.stages}, one per stage, or one more for q̈ at "
+                    "the end of the step",
                     id="method-error-weights",
                 )
             _check_differences(f"error[{i}]", row)
@@ -278,16 +278,16 @@ class Method(Spec, frozen=True, dict=True):  # with a dict, for cached propertie
     def _check_dense(self) -> None:
         if self.dense_rows and not self.explicit:
             raise SceneError(
-                "dense: only explicit methods take such weights, others have their own; leave dense out",
+                "dense: only explicit methods take these weights; leave dense out",
                 id="method-dense-output",
             )
         if self.dense_stages and not self.dense_rows:
-            raise SceneError("dense_stages: has no effect without dense; give dense, too", id="method-dense-output")
-        before = self.stages + 1  # the slope at the end of the step is one
+            raise SceneError("dense_stages: has no effect without dense; also give dense", id="method-dense-output")
+        before = self.stages + 1  # including the derivative at the end of the step
         for i, row in enumerate(self.dense_stages):
             if len(row) != before + i:
                 raise SceneError(
-                    f"dense_stages[{i}] has {len(row)} numbers: expected {before + i}, one a stage before",
+                    f"dense_stages[{i}] has {len(row)} numbers: expected {before + i}, one per earlier stage",
                     id="method-dense-output",
                 )
             for x in row:
@@ -303,20 +303,20 @@ class Method(Spec, frozen=True, dict=True):  # with a dict, for cached propertie
 
 
 def method(name: str) -> Method:
-    """Load a method that comes with flexlink ("RK4", "Radau5", …), or the user's own TOML file.
+    """Load a built-in method ("RK4", "Radau5", …), or the user's TOML file.
 
     Raises
     ------
     ArgumentError
         Unknown name.
     DataFileError
-        A file that is not a valid method.
+        The file is not a valid method.
     """
     return data_files.load("methods", "method", name, Method)
 
 
 def _check_differences(name: str, row: tuple[str, ...]) -> None:
-    """Weights that see differences alone: of slopes that are alike nothing is left."""
+    """Check weights that must sum to 0: they vanish for equal derivatives."""
     for x in row:
         _check_number(name, x)
     if abs(sum(map(Fraction, row), Fraction(0))) > CLOSE:
@@ -324,7 +324,7 @@ def _check_differences(name: str, row: tuple[str, ...]) -> None:
 
 
 def _check_number(where: str, x: str) -> None:
-    # short exponents: a Fraction of "1e999999999" would take all the memory there is
+    # limit the exponent: a Fraction of "1e999999999" would exhaust the memory
     if not re.fullmatch(r"[+-]?\d+(/0*[1-9]\d*|(\.\d*)?([eE][+-]?\d{1,2})?)", x):
         raise SceneError(
             f"{where}: {truncated(x)}: expected a decimal such as '1e-12', or a fraction such as '1/6'",

@@ -1,1 +1,1 @@
-"""What a scene gives a run from outside, as the arrays that kernels read."""
+"""Inputs of a run, as the arrays that kernels read."""

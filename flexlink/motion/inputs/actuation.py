@@ -25,7 +25,7 @@ def input_arrays(scene: Scene, chain: Chain) -> Inputs:
 
 
 def inputs_with(drive: Drive, scene: Scene, chain: Chain) -> Inputs:
-    """Those of a scene with another drive; errors as in `motion_arrays` and `loads_of`."""
+    """The inputs of a scene with another drive; errors as in `motion_arrays` and `loads_of`."""
     loads = loads_of(scene, chain)
     wrench = scene.tip_wrench if loads is None else np.full(6, np.nan)  # until a stage writes it
     if chain.arrays.rare is not None:
@@ -34,35 +34,35 @@ def inputs_with(drive: Drive, scene: Scene, chain: Chain) -> Inputs:
 
 
 def drive_for(chain: Chain, drive: Drive) -> Drive:
-    """The drive in the types of the loops for a chain: full ones have a rigid model, of no bodies if need be."""
+    """The drive with the types of the chain's loops: full loops have a rigid model, empty if it is not used."""
     return drive if chain.arrays.rare is None else drive._replace(model=drive.model or no_model())
 
 
 def of_kind(scene: Scene, chain: Chain) -> Chain:
-    """The chain for the kind of compiled loops that a scene takes.
+    """The chain for the kind of compiled loops that a scene needs.
 
-    There are two kinds, in a plane and in space each. *Plain*: springs and friction of joints, prescribed motions, laws
-    without a model, a constant wrench on the arm's tip. *Full*: all else, too: branches, joints that slide, a free
-    base, force elements (`kernels.forces.elements`), laws that ask a rigid model, wrenches that change or act on
-    another tip. A plain chain with one of the last two takes the full loops.
+    There are two kinds, each in a plane and in space. *Plain* loops support springs and friction of joints, prescribed
+    motions, laws without a model, and a constant wrench on the arm's tip. *Full* loops also support branches, sliding
+    joints, bases that move, force elements (`kernels.forces.elements`), laws that evaluate a rigid model, and wrenches
+    that change or act on another tip. A plain chain with one of the last two uses the full loops.
     """
     modelled = scene.drive.kind == "computed_torque" or scene.drive.gravity == "rigid"
     return chain.as_full() if chain.arrays.rare is None and (modelled or loads_of(scene, chain)) else chain
 
 
 def acting_at(inputs: Inputs, chain: Chain, t: float, q: Array, qd: Array) -> dict[str, Any]:
-    """Tip wrench, its frame and the gains of the drive about a state at time t [s], as `stable_step` takes them."""
+    """Tip wrench, its frame and the gains of the drive about a state at time t [s], as arguments of `stable_step`."""
     wrench, frame = wrench_at(inputs, t)
     return {"tip_wrench": wrench, "frame": frame, "gains": gains_of(chain, inputs.drive, t, q, qd)}
 
 
 def motion_arrays(scene: Scene, chain: Chain) -> MotionTable:
-    """The scene's prescribed motions; no joint at all if there is none.
+    """The scene's prescribed motions; without joints if it has none.
 
     Raises
     ------
     SceneError
-        An angle changes faster than float64 can hold.
+        An angle changes faster than float64 can represent.
     """
     if not scene.motion:
         return no_motion()
@@ -83,13 +83,13 @@ def motion_arrays(scene: Scene, chain: Chain) -> MotionTable:
 
 @functools.cache
 def no_motion() -> MotionTable:
-    """Motions of no joint. All runs share them, as nothing is written to them."""
+    """Motions without joints. All runs share them, since they are never written to."""
     return MotionTable(np.empty(0, np.int64), np.zeros(1, np.int64), np.empty(0), np.empty((0, 6)))
 
 
 @functools.lru_cache(maxsize=64)
 def _pieces(motion: PrescribedMotion) -> Array:
-    """Quintic Hermite pieces, then one that goes on at the final rate; found once for all models of a scene."""
+    """Quintic Hermite pieces, then one at the final rate; cached for all models of a scene."""
     columns = [in_si([motion.slides], np.array(column)[:, None])[:, 0] for column in motion.columns]
     pieces = np.zeros((len(motion.times), 6))
     if len(motion.times) > 1:

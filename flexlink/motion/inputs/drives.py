@@ -29,16 +29,16 @@ from flexlink.motion.inputs.static_feedforward import holding_torque
 
 
 def drive_arrays(scene: Scene, chain: Chain) -> Drive:
-    """The scene's drive; without driven joints where the scene has none.
+    """The scene's drive; without driven joints if the scene has none.
 
     Raises
     ------
     SceneError
-        The torques change by more than float64 can hold.
+        The torques change by more than float64 can represent.
     ConvergenceError
-        gravity = "static", and the arm finds no equilibrium at the reference.
+        gravity = "static", and the arm has no equilibrium at the reference.
     """
-    # by the kind of the drive
+    # by kind of drive
     laws: dict[str, Callable[[Scene, Chain], Drive]] = {
         "constant": _table,
         "table": _table,
@@ -48,7 +48,7 @@ def drive_arrays(scene: Scene, chain: Chain) -> Drive:
     kind = scene.drive.kind if len(chain.active) else "none"
     if kind == "none":
         return no_drive()
-    if kind in {"constant", "table"} and scene.drive.rate is None:  # nothing is written to it
+    if kind in {"constant", "table"} and scene.drive.rate is None:  # never written to
         joints = chain.active.tobytes(), tuple(chain.coordinates[k].link for k in chain.active.tolist())
         return TORQUES(scene.drive, (joints, len(chain.link_names)), lambda: _table(scene, chain))
     law = laws[kind](scene, chain)
@@ -56,7 +56,7 @@ def drive_arrays(scene: Scene, chain: Chain) -> Drive:
 
 
 TORQUES = Memo(64)
-"""Drives of torques in time by what describes them, and the joints that they drive: variants of an arm share them."""
+"""Torque tables by drive and driven joints, shared by variants of an arm."""
 
 
 def drive_of(joints: Indices, **parts: Any) -> Drive:
@@ -71,7 +71,7 @@ def drive_of(joints: Indices, **parts: Any) -> Drive:
 
 
 def limited(drive: Drive, effort: Array | None = None) -> Drive:
-    """The drive with torques within ± effort [N m], shape (d,): its own, or another."""
+    """The drive with torques within ± effort [N m], shape (d,): its own effort, or another."""
     effort = drive.effort if effort is None else effort
     return drive._replace(effort=effort, limits=np.array([-effort, effort]))
 
@@ -84,7 +84,7 @@ def held_torques(chain: Chain, times: Array, torques: Array, effort: Array | Non
 
 
 def effort_of(scene: Scene, chain: Chain) -> Array:
-    """Largest torque of every driven joint [N m], shape (d,); inf where none is said."""
+    """Torque limit of every driven joint [N m], shape (d,); inf if none is specified."""
     effort = scene.drive.effort
     return np.full(len(chain.active), np.inf) if effort is None else of_joints(chain, effort)
 
@@ -95,7 +95,7 @@ def acts_on_many(drive: Drive) -> bool:
 
 
 def same_law(a: Drive, b: Drive) -> bool:
-    """Whether two drives are one, and act on eight chains side by side: of numbers that are the same for all."""
+    """Whether two drives are equal, and can act on eight chains side by side."""
     return acts_on_many(a) and acts_on_many(b) and all(map(np.array_equal, _numbers(a), _numbers(b)))
 
 
@@ -109,17 +109,17 @@ def remembered(drive: Drive) -> tuple[NDArray[Any], ...]:
 
 
 def gains_of(chain: Chain, drive: Drive, t: float, q: Array, qd: Array) -> Gains:
-    """−∂T_EX/∂q and −∂T_EX/∂q̇ of a drive at a state, apart from its limits; those of a sampled one are zero.
+    """−∂T_EX/∂q and −∂T_EX/∂q̇ of a drive at a state, without its limits; zero if it is sampled.
 
-    Shape (n,) each if every joint's torque depends on its own motion only, else (n, n).
+    Each has shape (n,) if every joint's torque depends only on the joint's motion, else (n, n).
     """
     n, joints = chain.n, drive.joints
-    if not len(joints) or drive.law == TABLE:  # which asks nothing of the state
+    if not len(joints) or drive.law == TABLE:  # independent of the state
         return Gains(*np.zeros((2, n)))
     slopes = np.zeros((2, n, len(joints)))
     if not drive.rate:
         unlimited = limited(drive, np.full(len(joints), np.inf))
-        # angle [rad], or rate, of the central differences of a law; of a linear one they are exact but for rounding
+        # step [rad, rad/s] of the central differences; they are exact for a linear law, up to rounding
         drive_slopes(unlimited, t, np.array([q, qd]), 1e-5, np.zeros((2, n)), slopes)
     own = slopes[:, joints]
     on_diagonal = np.einsum("kii->ki", own)
@@ -133,13 +133,13 @@ def gains_of(chain: Chain, drive: Drive, t: float, q: Array, qd: Array) -> Gains
 
 
 @keep_last(64)
-def gains_at_zero(drive: Drive, chain: Chain, asked: bool = False) -> Gains:
-    """Those at one state whatever the run's, which so goes on to the bit; of a sampled law as if `asked` all the time.
+def gains_at_zero(drive: Drive, chain: Chain, continuous: bool = False) -> Gains:
+    """Gains at zero angles and rates, so that a continued run is identical bit for bit; read-only.
 
-    Read-only by agreement.
+    `continuous`: the gains of a sampled law as if it were continuous.
     """
     zero = np.zeros(chain.n)
-    return gains_of(chain, drive._replace(rate=0.0) if asked else drive, 0.0, zero, zero)
+    return gains_of(chain, drive._replace(rate=0.0) if continuous else drive, 0.0, zero, zero)
 
 
 def _table(scene: Scene, chain: Chain) -> Drive:
@@ -153,8 +153,8 @@ def _table(scene: Scene, chain: Chain) -> Drive:
 
 
 def _pd(scene: Scene, chain: Chain) -> Drive:
-    """A feed-forward of a reference that stays is computed once, the rigid model's of one that moves at every stage."""
-    # feed-forward of a reference that does not move, by the drive's `gravity`
+    """PD drive: the feed-forward is computed once for a constant reference, else at every stage by the rigid model."""
+    # feed-forward of a constant reference, by the drive's `gravity`
     gravity = {"none": _no_gravity, "rigid": _rigid_gravity, "static": _static_gravity}
     feedback = _feedback(scene, chain)
     target = feedback.reference
@@ -180,26 +180,26 @@ def _sampled(scene: Scene, law: Drive) -> Drive:
     """The law sampled at instants t = k / rate, with memory for all instants of the run."""
     run, rate = scene.run, float(scene.drive.rate or 0.0)
     if not run.controlled:
-        rate = 1.0 / (round(1.0 / (rate * run.fixed_step)) * run.fixed_step)  # as far from the decimal one as the step
+        rate = 1.0 / (round(1.0 / (rate * run.fixed_step)) * run.fixed_step)  # with the rounding error of the step
     rows = round(run.duration * rate) + 2
     return law._replace(rate=rate, held=np.zeros((rows, len(law.joints))))
 
 
 def rigid_model(chain: Chain) -> RigidModel:
-    """A chain with the motion that a law asks it about, and scratch."""
+    """Rigid model of a chain: its arrays, workspace, and the motion for which a law evaluates it."""
     arrays = chain.as_full().arrays
     return RigidModel(arrays, rne_workspace(arrays), np.zeros(6), *np.zeros((4, chain.n)))
 
 
 @functools.cache
 def no_drive() -> Drive:
-    """A drive of no joints. All runs share it, as nothing is written to it."""
+    """A drive without joints. All runs share it, since it is never written to."""
     return drive_of(np.empty(0, np.int64))
 
 
 @functools.cache
 def no_model() -> RigidModel:
-    """The model of laws that have none: a chain without bodies. All runs share it, as nothing is written to it."""
+    """Model for laws without one: a chain without bodies. All runs share it, since it is never written to."""
     return rigid_model(Chain("", np.empty(0, BODY), np.empty(0, HINGE), np.zeros(3), (), ()))
 
 
@@ -208,16 +208,16 @@ def _no_gravity(scene: Scene, chain: Chain, target: PiecewisePolynomial) -> Piec
 
 
 def _rigid_gravity(scene: Scene, chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
-    """Of the rigid model at the reference."""
+    """Gravity torque of the rigid model at the reference."""
     return constant(gravity_torque(lump(rigidified(scene)), target.coefficients[0, 0]))
 
 
 def _static_gravity(scene: Scene, chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
-    """Of the arm, bent by gravity with its joints at the reference."""
+    """Holding torque of the arm, bent by gravity with its joints at the reference."""
     return holding_torque(chain, target)
 
 
 def of_joints(chain: Chain, per_link: tuple[float, ...] | None) -> Array:
-    """Numbers of the driven joints, from one number per link, shape (d,)."""
+    """Values of the driven joints, from one value per link, shape (d,)."""
     numbers = per_link or (0.0,) * len(chain.link_names)
     return np.array([numbers[chain.coordinates[k].link - 1] for k in chain.active.tolist()], dtype=np.float64)

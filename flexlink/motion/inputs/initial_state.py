@@ -22,13 +22,13 @@ from flexlink.motion.inputs.tip_wrench import wrench_at
 
 
 def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
-    """Joint angles q0 [rad] and rates q̇0 [rad/s] with which a scene starts, in sequential order; where they slide [m].
+    """Initial joint angles q0 [rad] and rates q̇0 [rad/s] of a scene, in sequential order; [m, m/s] of sliding joints.
 
     Parameters
     ----------
     scene
-        The scene; with initial.passive = "static" its hinges are bent by gravity and the tip wrench that it starts
-        under, the joints held.
+        The scene. With initial.passive = "static" gravity and the initial tip wrench bend its hinges, while its joints
+        are held.
     chain
         Its chain, from `lump`.
 
@@ -40,11 +40,11 @@ def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
     Raises
     ------
     ArgumentError
-        `scene` is no Scene, or `chain` no Chain.
+        `scene` is not a Scene, or `chain` is not a Chain.
     SceneError
-        `initial.q` or `initial.qd` does not have n numbers, or is not where a prescribed motion is at `initial.time`.
+        `initial.q` or `initial.qd` does not have n numbers, or differs from a prescribed motion at `initial.time`.
     ConvergenceError
-        passive = "static", and the arm finds no equilibrium.
+        passive = "static", and the arm has no equilibrium.
 
     Examples
     --------
@@ -60,7 +60,7 @@ def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
 
 
 def state_under(inputs: Inputs, scene: Scene, chain: Chain) -> tuple[Array, Array]:
-    """`initial_state` where the inputs of the scene are known."""
+    """`initial_state` for known inputs of the scene."""
     initial = scene.initial
     q, qd = stated(scene, chain)
     q, qd = _given("q", initial.q, q), _given("qd", initial.qd, qd)
@@ -73,7 +73,7 @@ def state_under(inputs: Inputs, scene: Scene, chain: Chain) -> tuple[Array, Arra
 
 
 def stated(scene: Scene, chain: Chain) -> tuple[Array, Array]:
-    """q0 and q̇0 (n,) [rad, rad/s, m, m/s] by what is said of joints and of a free base, springs slack."""
+    """q0 and q̇0 (n,) [rad, rad/s, m, m/s] as specified for joints and for a free base; springs are unloaded."""
     initial, slides = scene.initial, scene.arm.slides
     q, qd = spread(chain, row_in_si(slides, initial.own("joint", slides))), np.zeros(chain.n)
     if initial.rate_deg or initial.rate_m:
@@ -104,17 +104,17 @@ def _given(name: str, numbers: tuple[float, ...] | None, otherwise: Array) -> Ar
 
 
 def _check_followed(motion: MotionTable, scene: Scene, chain: Chain, q: Array, qd: Array) -> None:
-    """Check that prescribed joints start on their motion."""
+    """Check that prescribed joints start on their motions."""
     there = q.copy(), qd.copy()
     follow(motion, scene.initial.time, *there, np.zeros(chain.n))
     for name, per, state, wanted in (("q", "", q, there[0]), ("qd", "/s", qd, there[1])):
         for k in motion.joints:
-            # how far a state may be from a prescribed motion [rad, rad/s], as a part where it is more than 1: what a
-            # rate or angle that was written with ten digits leaves
+            # tolerance between a state and a prescribed motion [rad, rad/s], relative where it exceeds 1: rounding of
+            # numbers written with ten digits
             if abs(state[k] - wanted[k]) > 1e-9 * max(1.0, abs(wanted[k])):
                 joint = chain.joint_name(int(k))
                 raise SceneError(
-                    f"initial.{name}[{k}] = {state[k]!r}: joint {joint!r} follows its motion, which is at "
-                    f" {wanted[k]!r} {chain.joint_units[k]}{per} at t = {scene.initial.time:g} s",
+                    f"initial.{name}[{k}] = {state[k]!r}: joint {joint!r} has a prescribed motion, which is at "
+                    f"{wanted[k]!r} {chain.joint_units[k]}{per} at t = {scene.initial.time:g} s",
                     id="start-differs-from-motion",
                 )

@@ -9,12 +9,12 @@ from flexlink.common.types import Array
 
 
 def pieces_of(name: str, times: Array, rows: Array, *, smooth: bool) -> Array:
-    """Coefficients (m, order + 1, d) of a table (m, d): straight from time to time, or a cubic spline; constant behind.
+    """Coefficients (m, order + 1, d) of a table (m, d): linear or a cubic spline, and constant after the last time.
 
     Raises
     ------
     SceneError
-        The rows of the table of this name change by more than float64 can hold.
+        The rows of the named table change by more than float64 can represent.
     """
     degree = 3 if smooth else 1
     coefficients = np.zeros((len(times), degree + 1, rows.shape[1]))
@@ -27,7 +27,7 @@ def pieces_of(name: str, times: Array, rows: Array, *, smooth: bool) -> Array:
             coefficients[:-1] = CubicSpline(times, rows).c[::-1].transpose(1, 0, 2)
     if not np.isfinite(coefficients).all():
         raise SceneError(
-            f"{name}: the change from one time to the next overflows float64; give smaller changes, or times farther "
+            f"{name}: the change from one time to the next overflows float64; use smaller changes, or times farther "
             "apart",
             id="overflow",
         )
@@ -35,8 +35,8 @@ def pieces_of(name: str, times: Array, rows: Array, *, smooth: bool) -> Array:
 
 
 def held_knots(times: Array) -> Array:
-    """Knots of rows that are held, each until the next time.
+    """Knots of rows that are each held until the next time.
 
-    They are rounded down by more than what a sample's time may be off by: a sample at a time sees what follows.
+    They are rounded down by more than the rounding error of a sample's time: a sample at a knot sees the new row.
     """
     return times * (1 - 8 * np.finfo(float).eps)

@@ -12,14 +12,14 @@ from flexlink.motion.inputs.interpolation import held_knots, pieces_of
 
 
 def loads_of(scene: Scene, chain: Chain) -> Loads | None:
-    """The tip wrench; None of a constant one on the arm's tip.
+    """The tip wrench; None if it is constant and acts on the arm's tip.
 
-    The motion of that tip tells the work of such a one, in frame 0.
+    The work of such a wrench follows from the motion of the tip in frame 0.
 
     Raises
     ------
     SceneError
-        It changes by more than float64 can hold.
+        The wrench changes by more than float64 can represent.
     """
     wrench = scene.wrench
     if not wrench.varies and (not wrench.acts or chain.loaded == len(chain.bodies) - 1):
@@ -38,5 +38,5 @@ def loads_of(scene: Scene, chain: Chain) -> Loads | None:
 
 
 def no_loads(chain: Chain) -> Loads:
-    """Those of a constant wrench on the tip of an arm."""
+    """Loads for a constant wrench on the tip of an arm."""
     return Loads(False, False, np.zeros(1), np.zeros((1, 1, 6)), chain.arrays, np.empty(0, np.int64))

@@ -18,7 +18,7 @@ def reference_arrays(scene: Scene, chain: Chain) -> PiecewisePolynomial:
     Raises
     ------
     SceneError
-        The run starts elsewhere than the reference takes for granted, or as in `Scene.course`.
+        The run does not start where the reference assumes, or as in `Scene.course`.
     DataFileError
         The file of the reference's shaper is not valid.
     """
@@ -28,30 +28,30 @@ def reference_arrays(scene: Scene, chain: Chain) -> PiecewisePolynomial:
     check_start(scene, chain)
     return PiecewisePolynomial(
         course.knots.copy(), course.coefficients.copy()
-    )  # writable: kernels take them for another type
+    )  # writable: kernels are compiled for writable arrays
 
 
 def check_start(scene: Scene, chain: Chain) -> None:
-    """A run from a state of one's own starts at t = 0 where a reference without `from_deg` does.
+    """Check that a run from given angles starts at t = 0 where a reference without `from_deg` starts.
 
     Raises
     ------
     SceneError
         It does not.
     """
-    close = 1e-9  # [deg, m] two roundings of one number
+    close = 1e-9  # tolerance [deg, m]: rounding of the same number
     initial, reference = scene.initial, scene.drive.reference
     if initial.q is None or initial.time or reference is None:
         return
     for k in chain.active.tolist():
         link = chain.coordinates[k].link - 1
         slides = scene.arm.slides[link]
-        starts, said, unit = float(in_own([slides], [initial.q[k]])[0]), scene.starts[link], OF_JOINT[slides].unit
+        starts, stated, unit = float(in_own([slides], [initial.q[k]])[0]), scene.starts[link], OF_JOINT[slides].unit
         missing, default = f"from_{unit}", f"joint_{unit}"
-        if reference.starts_at_initial(slides=slides) and abs(starts - said) > close:
+        if reference.starts_at_initial(slides=slides) and abs(starts - stated) > close:
             raise SceneError(
-                f"drive.reference.{missing}: missing; for the joint of {chain.link_names[link]!r} initial.q gives "
-                f"{starts:.9g} {unit} and initial.{default} {said:.9g}",
+                f"drive.reference.{missing}: missing; the joint of {chain.link_names[link]!r} starts at "
+                f"{starts:.9g} {unit} by initial.q, but at {stated:.9g} by initial.{default}",
                 id="missing-key",
             )
 

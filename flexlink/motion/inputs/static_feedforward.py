@@ -13,27 +13,27 @@ from flexlink.kernels.derivatives.static_continuation import gravity_torques
 from flexlink.kernels.inputs.record import PiecewisePolynomial
 
 TURN = np.radians(8.0)
-"""A polynomial of the torque is for a turn of no more: of degree 5, it is then within 1e-6 of the largest torque."""
+"""Largest turn per polynomial of degree 5 [rad]: its error is then within 1e-6 of the largest torque."""
 NODES = np.linspace(0.0, 1.0, 6)
 TO_POWERS = np.linalg.inv(np.vander(NODES, increasing=True))
 
 
 def holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
-    """Torque of the driven joints with which the arm rests wherever its reference is, in the form of a reference [N m].
+    """Torque of the driven joints that holds the arm at rest along its reference, in the form of a reference [N m].
 
-    Polynomials through equilibria (`static_postures`), six to a piece, and as many pieces as its turn takes.
+    Polynomials through equilibria (`static_postures`): six equilibria per piece, and as many pieces as the turn needs.
 
     Raises
     ------
     ConvergenceError
-        Somewhere the arm has no equilibrium.
+        The arm has no equilibrium somewhere along the reference.
     """
     kept = TORQUES.calling(_holding_torque, chain, target)
     return PiecewisePolynomial(*(part.copy() for part in kept))
 
 
 TORQUES = Memo(16)
-"""Holding torques of chains along references: some hundred equilibria each."""
+"""Holding torques by chain and reference; each takes some hundred equilibria."""
 
 
 def _holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
@@ -43,13 +43,13 @@ def _holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolyn
     x = NODES * h[:, None]
     angles = np.einsum("kjd,knj->knd", c, x[:, :, None] ** np.arange(c.shape[1]))
     moving = np.asarray(c[:, 1:].any(axis=(1, 2)))
-    asked = np.arange(len(NODES)) < np.where(moving, len(NODES), 1)[:, None]  # of a piece that stays, one node
-    nodes, which = _different(angles[asked])
+    needed = np.arange(len(NODES)) < np.where(moving, len(NODES), 1)[:, None]  # a constant piece needs one node
+    nodes, which = _different(angles[needed])
     postures = nodes if len(chain.active) == chain.n else static_postures(chain, nodes)
     holding = np.empty_like(postures)
     gravity_torques(chain.arrays, postures, holding)
     torques = np.zeros_like(angles)
-    torques[asked] = holding[which][:, chain.active]
+    torques[needed] = holding[which][:, chain.active]
     torques[~moving] = torques[~moving, :1]
     powers = np.einsum("jn,knd->kjd", TO_POWERS, torques) / h[:, None, None] ** np.arange(len(NODES))[:, None]
     powers[~moving, 1:] = 0.0
@@ -57,13 +57,13 @@ def _holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolyn
 
 
 def _different(nodes: Array) -> tuple[Array, Indices]:
-    """The nodes (rows, d) that differ from the one before, and which of them stands for each."""
+    """The nodes (rows, d) that differ from the one before, and for each node the index of the equal one."""
     new = np.append(True, (np.diff(nodes, axis=0) != 0).any(axis=1))
     return np.ascontiguousarray(nodes[new]), np.cumsum(new) - 1
 
 
 def _divided(knots: Array, c: Array) -> Array:
-    """Where parts of pieces begin that turn no joint by more than `TURN`; the last piece, which stays, is one."""
+    """Starts of parts of pieces that turn no joint by more than `TURN`; the last piece, a constant, is one part."""
     h = np.diff(knots)
     farthest = (np.abs(c[:-1, 1:]) * h[:, None, None] ** np.arange(1, c.shape[1])[:, None]).sum(axis=1)
     parts = np.maximum(1, np.ceil(farthest.max(axis=1, initial=0.0) / TURN).astype(np.int64)).tolist()

@@ -1,4 +1,4 @@
-"""A run's fixed step against the largest stable one, before the run starts."""
+"""Check of a run's fixed step against the largest stable one, before the run starts."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from flexlink.common.errors import FlexlinkError, UnstableStepError
+from flexlink.common.wording import Diagnostic
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.dynamics.vibration.stability import eigenvalue_bounds, fastest_eigenvalues, stable_step_of
@@ -16,25 +17,25 @@ from flexlink.dynamics.vibration.stability_function import stable_half_disc
 from flexlink.motion.inputs.actuation import acting_at
 
 
-def judge_steps(problems: Sequence[InitialValueProblem]) -> list[tuple[str, ...] | FlexlinkError]:
-    """`judge_step` of every problem, or the error that it raises; most are settled by their bounds, found together."""
+def judge_steps(problems: Sequence[InitialValueProblem]) -> list[tuple[Diagnostic, ...] | FlexlinkError]:
+    """Warnings from `judge_step` for every problem, or its error; bounds computed for all problems decide most."""
     within = _within_bounds(problems)
-    return [() if known else _judged(problem) for problem, known in zip(problems, within, strict=True)]
+    return [() if known else _checked(problem) for problem, known in zip(problems, within, strict=True)]
 
 
-def _judged(problem: InitialValueProblem) -> tuple[str, ...] | FlexlinkError:
+def _checked(problem: InitialValueProblem) -> tuple[Diagnostic, ...] | FlexlinkError:
     try:
-        return _judge_by_eigenvalues(problem)
+        return _check_by_eigenvalues(problem)
     except FlexlinkError as error:
         return error
 
 
 def _within_bounds(problems: Sequence[InitialValueProblem]) -> list[bool]:
-    """Whether the bound of a problem's eigenvalues says that its step is stable; those of one size together."""
+    """Whether a bound on the eigenvalues proves a problem's step stable; problems of one size are handled together."""
     within = [False] * len(problems)
     for n in {problem.chain.n for problem in problems}:
         these = [k for k, p in enumerate(problems) if p.chain.n == n and p.run.duration and p.explicit]
-        with contextlib.suppress(FlexlinkError):  # which the one whose it is raises by itself
+        with contextlib.suppress(FlexlinkError):  # the problem at fault raises it again by itself
             abouts = [(p.chain, p.q, p.qd) for p in map(problems.__getitem__, these)]
             for k, bound in zip(these, eigenvalue_bounds(abouts, _acting([problems[k] for k in these])), strict=True):
                 run = problems[k].run
@@ -43,7 +44,7 @@ def _within_bounds(problems: Sequence[InitialValueProblem]) -> list[bool]:
 
 
 def _acting(problems: Sequence[InitialValueProblem]) -> list[dict[str, Any]]:
-    """`acting_at` the start of each; what neither knows the arm nor the time is found once for all that share it."""
+    """`acting_at` the start of each problem; inputs that depend on neither arm nor time are evaluated once."""
     found: list[dict[str, Any]] = []
     for k, problem in enumerate(problems):
         inputs = problem.inputs
@@ -54,21 +55,21 @@ def _acting(problems: Sequence[InitialValueProblem]) -> list[dict[str, Any]]:
     return found
 
 
-def judge_step(problem: InitialValueProblem) -> tuple[str, ...]:
-    """Check the fixed step against the largest stable one about the initial state; a warning where the run insists.
+def judge_step(problem: InitialValueProblem) -> tuple[Diagnostic, ...]:
+    """Check the fixed step against the largest stable one at the start; warn if it exceeds it but is allowed.
 
     Raises
     ------
     UnstableStepError
-        The step is beyond it, and `run.unstable` does not allow it.
+        The step is larger, and `run.unstable` does not allow that.
     """
     if problem.run.duration == 0 or not problem.explicit or _within_bounds([problem])[0]:
         return ()
-    return _judge_by_eigenvalues(problem)
+    return _check_by_eigenvalues(problem)
 
 
-def _judge_by_eigenvalues(problem: InitialValueProblem) -> tuple[str, ...]:
-    """`judge_step` of a step that the bound does not settle."""
+def _check_by_eigenvalues(problem: InitialValueProblem) -> tuple[Diagnostic, ...]:
+    """`judge_step` of a step that the bound does not decide."""
     run = problem.run
     if run.duration == 0 or not problem.explicit:
         return ()
@@ -84,10 +85,10 @@ def _judge_by_eigenvalues(problem: InitialValueProblem) -> tuple[str, ...]:
     )
     if run.unstable == "refuse":
         raise UnstableStepError(
-            f"{reason}; take a tolerance in its place, for any stiffness: relative_tolerance = 1e-3 "
-            f"(--relative-tolerance 1e-3), or a step below {largest:.3g} s, or allow this one: unstable = 'allow' "
+            f"{reason}; use a tolerance instead, for any stiffness: relative_tolerance = 1e-3 "
+            f"(--relative-tolerance 1e-3), or a step below {largest:.3g} s, or override this check: unstable = 'allow' "
             "(--insist)",
             largest,
             id="unstable-step",
         )
-    return (f"{reason}; allowed by unstable = 'allow'",)
+    return (Diagnostic(f"{reason}; allowed by unstable = 'allow'", "unstable-step"),)

@@ -1,4 +1,4 @@
-"""A scene's tip wrench at its start, or at another time."""
+"""A scene's tip wrench at its start or at another time."""
 
 from __future__ import annotations
 

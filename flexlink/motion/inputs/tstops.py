@@ -9,11 +9,11 @@ from flexlink.kernels.inputs.laws import PD, TABLE
 from flexlink.kernels.inputs.record import Drive, Loads, PiecewisePolynomial
 
 LINEAR = 2
-"""Coefficients of a piece of a table that is not smooth."""
+"""Coefficients per piece of a piecewise linear table."""
 
 
 def breakpoints(given: Drive | Loads, part: float) -> Array:
-    """Times [s] between which an input is smooth, sampling instants not counted."""
+    """Times [s] between which an input is smooth, without sampling instants."""
     if isinstance(given, Loads):
         return merged_breakpoints(given, part)
     if given.rate:
@@ -24,7 +24,7 @@ def breakpoints(given: Drive | Loads, part: float) -> Array:
 
 
 def corners(given: Drive | Loads) -> Array:
-    """Knots [s] of an input at which fixed steps end, too, sampling instants not counted."""
+    """Knots [s] of an input at which fixed steps also end, without sampling instants."""
     if isinstance(given, Drive) and given.rate:
         return np.empty(0)
     if isinstance(given, Drive) and given.law != TABLE:
@@ -34,7 +34,7 @@ def corners(given: Drive | Loads) -> Array:
 
 
 def instants(drive: Drive | None, start: float, end: float) -> Array:
-    """Sampling instants [s] of a law from the first time to the last; none of a continuous law."""
+    """Sampling instants [s] of a law from the first time to the last; none if it is continuous."""
     if drive is None or not drive.rate:
         return np.empty(0)
     first, last = (round(t * drive.rate) for t in (start, end))
@@ -44,22 +44,22 @@ def instants(drive: Drive | None, start: float, end: float) -> Array:
 def merged_breakpoints(table: PiecewisePolynomial | Loads, part: float) -> Array:
     """Knots [s] between which the table is one cubic polynomial, up to `part` of the largest number of each column.
 
-    What a step sees at its stages is then, up to that part, what happens between them. Two pieces of a smooth table are
-    taken for one whatever they are: no blow of theirs falls between the stages of one step. Pieces are then put
-    together by twos, fours, eights, … as long as the cubic polynomial with the values and slopes of both ends runs
-    through all of their knots and midpoints.
+    What a step evaluates at its stages then represents, up to that error, what happens between them. Two pieces of a
+    smooth table are always merged: no peak of theirs falls between the stages of one step. Pieces are then merged by
+    twos, fours, eights, … as long as the cubic polynomial with the values and slopes of both ends passes through all of
+    their knots and midpoints.
     """
     knots, given = table.knots, table.coefficients
-    if len(knots) < 3:  # nothing to put together
+    if len(knots) < 3:  # nothing to merge
         return knots
-    c = np.concatenate([given, np.zeros_like(given[:, :1])], axis=1)  # held torques have a slope, too: none
+    c = np.concatenate([given, np.zeros_like(given[:, :1])], axis=1)  # gives held torques a slope of zero
     x = np.diff(knots)[:, None]
     powers = np.arange(c.shape[1])[:, None, None]
     middles = (c[:-1].transpose(1, 0, 2) * (0.5 * x) ** powers).sum(axis=0)
     slopes = c[:-1, 1], (powers[1:] * c[:-1, 1:].transpose(1, 0, 2) * x ** powers[:-1]).sum(axis=0)  # at both ends
     t, values = interleaved(knots, knots[:-1] + 0.5 * x[:, 0]), interleaved(c[:, 0], middles)
     allowed, kept = part * np.abs(c[:, 0]).max(axis=0, initial=0.0), np.ones(len(knots), dtype=bool)
-    size = 2  # pieces of a block
+    size = 2  # pieces per block
     if given.shape[1] > LINEAR:
         kept[1:-1:2], size = False, 4
     while size < len(knots):

@@ -1,1 +1,1 @@
-"""Pictures that move: an arm along a run, true to scale or with its deflections magnified, as GIF, video or page."""
+"""Films of an arm during a run, true to scale or with magnified deflections, as GIF, video or page."""

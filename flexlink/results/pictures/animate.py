@@ -1,4 +1,4 @@
-"""A run as a file to look at: what is asked for, checked; frames, made; the file, written whole."""
+"""A run as a film in a file: the arguments are checked, frames are drawn, and the complete file is written."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     Base = Path
 else:
-    Base = type(Path())  # before Python 3.12 only the class of this system's paths has heirs
+    Base = type(Path())  # before Python 3.12 only the class of this system's paths can be subclassed
 
 Progress = Callable[[float], None]
 
@@ -37,10 +37,10 @@ COLOURS: dict[str, Colour] = {"moment": "moment", "strain": "strain"}
 
 
 class PlayedPath(Base):
-    """The path of a film, which a notebook plays where it is the value of a cell."""
+    """Path of a film, which a notebook plays if it is the value of a cell."""
 
     def _repr_html_(self) -> str | None:
-        # bytes of a file that a cell takes in
+        # largest file that a cell embeds [bytes]
         if not self.is_file() or self.stat().st_size > 20_000_000:
             return None  # the notebook shows the path
         if self.suffix == ".html":
@@ -53,7 +53,7 @@ class PlayedPath(Base):
 
 
 class Shot(NamedTuple):
-    """What is asked for, and can be made: the arguments of `Trajectory.animate`."""
+    """Checked arguments of `Trajectory.animate`."""
 
     path: Path
     magnify: float
@@ -64,20 +64,20 @@ class Shot(NamedTuple):
 
 
 def shot(path: str | Path, *, magnify: float, colour: str, fps: float, speed: float, width: int) -> Shot:
-    """The arguments, checked; errors as of `Trajectory.animate`."""
+    """Check the arguments; errors as in `Trajectory.animate`."""
     path = require_path("path", path)
     require_film(path)
     fps, width = positive("fps", fps), integer("width", width, 320, 3840)
     if path.suffix == ".gif":
-        ticks = 100  # a second, in whole numbers of which a GIF's frames last
+        ticks = 100  # per second; a GIF shows each frame for an integer number of ticks
         fps = ticks / max(round(ticks / fps), 2)
     magnify, speed = positive("magnify", magnify), positive("speed", speed)
-    width += width % 2  # videos: even
+    width += width % 2  # a video needs an even width
     return Shot(path, magnify, require_one_of("colour", colour, COLOURS), fps, speed, width)
 
 
 def animate(run: RunSamples, wanted: Shot, progress: Progress | None = None) -> PlayedPath:
-    """Draw what is wanted of a run and write it; errors as of `Trajectory.animate`."""
+    """Draw and write the specified film of a run; errors as in `Trajectory.animate`."""
     writers = {".gif": _gif, ".mp4": _mp4, ".html": _html}
     require_callable("progress", progress)
     report, path = progress or (lambda _: None), wanted.path
@@ -95,12 +95,12 @@ def animate(run: RunSamples, wanted: Shot, progress: Progress | None = None) -> 
 
 
 def require_film(path: Path) -> None:
-    """Know before the work that a film of this name can be made.
+    """Check before the work that a film of this name can be made.
 
     Raises
     ------
     ArgumentError
-        It is none of .gif, .mp4, .html.
+        The extension is none of .gif, .mp4, .html.
     MissingDependencyError
         matplotlib is not installed, or, for .mp4, ffmpeg.
     """
@@ -119,7 +119,7 @@ def _drawing() -> ModuleType:
         return importlib.import_module("flexlink.results.pictures.drawing")
     except ImportError:
         raise MissingDependencyError(
-            "a film needs matplotlib; install it with: python -m pip install 'flexlink[report]'; or take .html",
+            "a film needs matplotlib; install it with: python -m pip install 'flexlink[report]'; or use .html",
             id="package-missing",
         ) from None
 
@@ -136,7 +136,7 @@ def _mp4(film: Film, place: Path, width: int, report: Progress) -> None:
 
 
 def _counted(drawing: Any, film: Film, report: Progress) -> Iterator[NDArray[np.uint8]]:
-    """Every frame, and how far they are."""
+    """Yield every frame, and report the progress."""
     for k in range(len(film.t)):
         yield drawing.image(k)
         report((k + 1) / len(film.t))

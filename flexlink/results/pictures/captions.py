@@ -1,4 +1,4 @@
-"""The words of a picture, the same in films and pages."""
+"""Texts of a picture, the same in films and pages."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from flexlink.results.pictures.view import View
 
 
 def subtitle(film: Film) -> str:
-    """How large the deflections are, and how fast time goes."""
+    """Magnification of the deflections, and speed of the film."""
     scale = "deflections true to scale" if film.magnify == 1 else f"deflections × {film.magnify:g}"
     return scale + ("" if film.speed == 1 else f", time × {film.speed:g}")
 
 
 def time_text(film: Film, k: int) -> str:
-    """Time of a frame, with as many digits as tell it from the next one."""
+    """Time of a frame, with enough digits to distinguish it from the next one."""
     return f"t = {film.t[k]:.{digits_of_time(film)}f} s"
 
 
 def digits_of_time(film: Film) -> int:
-    """Decimals that tell frames apart."""
+    """Number of decimals that distinguish consecutive frames."""
     return min(max(math.ceil(-math.log10(film.speed / film.fps) - 1e-9), 0), 9)
 
 
 def number(value: float) -> str:
-    """Three digits, as short as that goes."""
+    """A number with three digits, as short as possible."""
     return f"{value:.3g}" if value == 0 or 1e-3 <= abs(value) < 1e4 else f"{value:.2e}"
 
 
 def scale_bar(window: Window) -> tuple[float, str]:
-    """A nice length of about a fifth of the window's width [m], and what is written beside it."""
+    """Length of the scale bar [m], a round number of about a fifth of the window's width, and its label."""
     length = nice((window.right - window.left) / 8)
     for unit, metres in (("km", 1e3), ("m", 1.0), ("mm", 1e-3), ("µm", 1e-6)):
         if length >= 0.1 * metres or unit == "µm":

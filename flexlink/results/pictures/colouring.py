@@ -1,9 +1,9 @@
 """The colour of a link: bending moment, or strain of its surface, from the internal loads along a run.
 
-Loads are known in every hinge and joint. Between two of them moments run linearly here; M_s = M + r × F takes one
-from a joint to where the beam begins beside it. Bent about y and z, with half the height a and half the width b,
+Loads are known in every hinge and joint, and moments are linear between them. M_s = M + r × F moves a moment from a
+joint to the start of the beam next to it. For bending about y and z, with half the height a and half the width b,
 
-    ε = |M_z| a / EI_z + |M_y| b / EI_y          of a round section  ε = r √(M_y² + M_z²) / EI
+    ε = |M_z| a / EI_z + |M_y| b / EI_y          for a round section  ε = r √(M_y² + M_z²) / EI
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from flexlink.results.pictures.outline import Outline, has_rectangle_instead
 Colour = Literal["moment", "strain"]
 
 STOPS = ("#1f0c94", "#6a00a8", "#9c179e", "#c5407e", "#e16462", "#f38748", "#fdb42f")
-"""From 0 to the largest value, between which colours run linearly; told apart by the colour-blind, and in grey."""
+"""Colours from 0 to the largest value, linear in between; distinguishable by the colour-blind, and in grey."""
 
 UNKNOWN = "#8a8f94"
-"""Of links without a value: without a section, or rigid where strain is asked for."""
+"""Colour of links without a value: without a section, or rigid if strain is shown."""
 
 
 class Colouring(NamedTuple):
-    """Values along the arm, ≥ 0, not a number where there is none; their largest, and what they are, with the unit."""
+    """Values along the arm, ≥ 0, nan where there is none; the largest value; and a label with the unit."""
 
     values: Array  # (frames, s)
-    largest: float  # 0 where there is nothing to colour
+    largest: float  # 0 if there is nothing to colour
     label: str
 
 
 def colouring(
     colour: Colour, arm: Arm, outline: Outline, placed: tuple[Array, Array], loads: InternalLoads
 ) -> Colouring:
-    """Of every station of the outline at every frame; `placed` as of `Film`, rotations and points of the bodies."""
+    """Values at every station of the outline in every frame; `placed`: rotations and points of bodies, as in `Film`."""
     about = _bending(outline, placed, loads)
     if colour == "moment":
         values, label = np.hypot(about[..., 0], about[..., 1]), "bending moment [N m]"
@@ -52,8 +52,8 @@ def colouring(
 
 
 def _strain(arm: Arm, outline: Outline, about: Array) -> Array:
-    """In µm/m; none of rigid links."""
-    rates = np.full((len(outline.link), 2), np.nan)  # of strain by moment about y and z [1/(N m)]
+    """Bending strain at the surface [µm/m]; nan for rigid links."""
+    rates = np.full((len(outline.link), 2), np.nan)  # strain per moment about y and z [1/(N m)]
     for s, number in enumerate(outline.link):
         link = arm.links[number - 1]
         if link.flex == "rigid" or link.section is None or link.material is None:

@@ -1,4 +1,4 @@
-"""A film drawn frame by frame with matplotlib; of what it shows, not the words around it."""
+"""A film drawn frame by frame with matplotlib: the picture without its texts."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Image = NDArray[np.uint8]
 
 
 class Drawing:
-    """The picture of a film: what stands still is drawn once, what moves is drawn over it."""
+    """The picture of a film: static parts are drawn once, moving parts over them."""
 
     def __init__(self, film: Film, width: int) -> None:
         dpi = 100
@@ -27,7 +27,7 @@ class Drawing:
         window = self.projected.window
         aspect = (window.top - window.bottom) / (window.right - window.left)
         self.scene_height = round(width * min(max(aspect, 0.45), 1.0))
-        self.size = width, self.scene_height + HEAD + FOOT + (self.scene_height + HEAD + FOOT) % 2  # videos: even
+        self.size = width, self.scene_height + HEAD + FOOT + (self.scene_height + HEAD + FOOT) % 2  # even for videos
         self.window = window.filled(self.scene_height / width)
         self.figure = Figure(figsize=(self.size[0] / dpi, self.size[1] / dpi), dpi=dpi, facecolor="white")
         self.canvas = FigureCanvasAgg(self.figure)
@@ -58,7 +58,7 @@ class Drawing:
         self.axes.add_patch(self._base)
 
     def _moving(self) -> None:
-        """What moves, from the back to the front."""
+        """Create the moving parts, from back to front."""
         film, projected = self.film, self.projected
         (self._shadow,) = self.axes.plot([], [], color="0.86", linewidth=3.0, solid_joinstyle="round", animated=True)
         (self._trace,) = self.axes.plot([], [], color=TRACE, linewidth=0.9, alpha=0.75, animated=True)
@@ -97,7 +97,7 @@ class Drawing:
         self._clock.set_text(time_text(film, k))
 
     def _colours(self, k: int) -> NDArray[np.float64]:
-        """Of every span, of the mean of its ends."""
+        """Colour of every span, from the mean of its ends."""
         found, spans = self.film.colouring, self.projected.spans
         values = (found.values[k, spans] + found.values[k, spans + 1]) / 2
         return np.asarray(COLOURS(values / found.largest if found.largest else np.full(len(spans), np.nan)))

@@ -1,4 +1,4 @@
-"""A run as frames of a film: where every part of the arm is, at times that follow one another evenly."""
+"""A run as frames of a film: positions of all parts of the arm at equidistant times."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ class Film:
     Attributes
     ----------
     name, about
-        What the scene says of itself.
+        Name of the chain, and the scene's description.
     magnify, speed, fps
-        Of the deflections; seconds of the run, and frames, in a second of the film.
+        Factor on the deflections; seconds of the run, and frames, per second of the film.
     t
         Time of each frame in the run [s], shape (f,).
     R, p
         Rotations (f, b, 3, 3) and origins (f, b, 3) [m] of the bodies; 0 is the fixed base, the last one the tip frame.
     trace, trace_t
-        Path of the tip (m, 3) [m], and when it was there (m,) [s].
+        Path of the tip (m, 3) [m], and its times (m,) [s].
     """
 
     name: str
@@ -53,7 +53,7 @@ class Film:
 
     @property
     def bodies(self) -> Array:
-        """Origins of all that are part of the arm, from the base outward, and `rails`; (f, ·, 3) [m]."""
+        """Origins of all bodies of the arm, from the base outward, and `rails`; (f, ·, 3) [m]."""
         return np.concatenate([self.p[:, self.outline.base :], self.rails], axis=1)
 
     @property
@@ -64,7 +64,7 @@ class Film:
 
     @property
     def rails(self) -> Array:
-        """Where joints that slide are at zero, in frame 0, shape (f, r, 3) [m]."""
+        """Zero positions of sliding joints in frame 0, shape (f, r, 3) [m]."""
         body, place = self.outline.rails
         return np.asarray(self.p[:, body] + np.einsum("frij,rj->fri", self.R[:, body], place))
 
@@ -80,22 +80,22 @@ class Film:
 
     @property
     def reach(self) -> float:
-        """Length of the arm [m]: what is small beside it is drawn at a size that is seen."""
+        """Length of the arm [m], to which the size of small parts is compared."""
         return (
             sum(piece.length for piece in self.outline.pieces) or float(np.ptp(self.bodies, axis=(0, 1)).max()) or 1.0
         )
 
 
 def film_of(run: RunSamples, *, magnify: float, colour: Colour, fps: float, speed: float) -> Film:
-    """Frames `speed`/`fps` apart, each at the nearest sample; never more than there are samples.
+    """Frames `speed`/`fps` apart, each at the nearest sample.
 
     Raises
     ------
     ArgumentError
-        The run has no samples, does not know its scene, or makes too many frames.
+        The run has no samples or no scene, or needs too many frames.
     """
     if run.scene is None or not len(run.t):
-        what = "scene = None: the picture needs it for" if len(run.t) else "samples = 0: there is nothing to draw of"
+        what = "scene = None: a film needs the scene of" if len(run.t) else "samples = 0: a film needs samples of"
         raise ArgumentError(f"{what} {run.chain.name!r}; expected a run of `simulate`", id="wrong-type")
     scene: Scene = run.scene
     rows = _rows(run, fps, speed)
@@ -126,7 +126,7 @@ def film_of(run: RunSamples, *, magnify: float, colour: Colour, fps: float, spee
 
 
 def frame_count(lasts: float, fps: float, speed: float) -> int:
-    """Frames of a run of so many seconds.
+    """Number of frames of a run that lasts this long [s].
 
     Raises
     ------
@@ -136,15 +136,15 @@ def frame_count(lasts: float, fps: float, speed: float) -> int:
     count = 1 + int(lasts * fps / speed + 1e-6)
     if count > MOST_FRAMES:
         raise ArgumentError(
-            f"fps = {fps:g}, speed = {speed:g}: {count} frames of {lasts:g} s; at most {MOST_FRAMES}, so a speed of at "
-            f"least {1.01 * lasts * fps / MOST_FRAMES:.3g}, or fewer frames a second",
+            f"fps = {fps:g}, speed = {speed:g}: {count} frames for {lasts:g} s, more than {MOST_FRAMES}; use a speed "
+            f"of at least {1.01 * lasts * fps / MOST_FRAMES:.3g}, or a lower fps",
             id="too-many-frames",
         )
     return count
 
 
 def _rows(run: RunSamples, fps: float, speed: float) -> NDArray[np.intp]:
-    """Numbers of the samples that are shown."""
+    """Indices of the samples that are shown."""
     wanted = run.t[0] + np.arange(frame_count(float(run.t[-1] - run.t[0]), fps, speed)) * speed / fps
     after = np.clip(np.searchsorted(run.t, wanted), min(1, len(run.t) - 1), len(run.t) - 1)
     before = np.maximum(after - 1, 0)
@@ -152,7 +152,7 @@ def _rows(run: RunSamples, fps: float, speed: float) -> NDArray[np.intp]:
 
 
 def _magnified(run: RunSamples, magnify: float) -> Array:
-    """Angles whose passive joints are bent so many times as far, shape (samples, n)."""
+    """Angles with the deflections of passive joints magnified, shape (samples, n)."""
     q, passive = run.q.copy(), np.array([c.link > 0 for c in run.chain.coordinates])
     passive[run.chain.active] = False
     q[:, passive] = run.chain.rest[passive] + magnify * (run.q[:, passive] - run.chain.rest[passive])
@@ -160,7 +160,7 @@ def _magnified(run: RunSamples, magnify: float) -> Array:
 
 
 def placed(run: RunSamples, q: Array) -> tuple[Array, Array]:
-    """Rotations and origins of the bodies, the base before them."""
+    """Rotations and origins of the base and the bodies."""
     placed = frames(run.chain, q)
     count = len(q)
     base = np.broadcast_to(np.eye(3), (count, 1, 3, 3)), np.zeros((count, 1, 3))

@@ -1,4 +1,4 @@
-"""The words around a picture that matplotlib draws: name, scales, time, colours with their unit, what is what."""
+"""Texts around a picture drawn with matplotlib: name, scales, time, colour bar with unit, key."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ from flexlink.results.pictures.projection import Window
 from flexlink.results.pictures.view import View
 
 GREY, BASE, TRACE = "#595d61", "#73777b", BLUE
-HEAD, FOOT = 54, 80  # pixels for the words above the scene and the legend below it
-SIDE = 14  # pixels free beside them
+HEAD, FOOT = 54, 80  # pixels for the texts above the scene and the legend below it
+SIDE = 14  # margin at both sides [pixels]
 
 COLOURS = LinearSegmentedColormap.from_list("load", STOPS).with_extremes(bad=UNKNOWN)
 
 
 class Legend:
-    """Words in a figure of so many pixels, width and height."""
+    """Texts in a figure of a given width and height [pixels]."""
 
     def __init__(self, figure: Figure, size: tuple[int, int]) -> None:
         self.figure, self.width, self.height = figure, *size
 
     def head(self, film: Film) -> Text:
-        """Name and scales; returns the clock, which is empty."""
+        """Draw name and scales; return the clock, which is still empty."""
         self._text(SIDE, self.height - 10, film.name, va="top", fontsize=11, fontweight="bold", parse_math=False)
         self._text(SIDE, self.height - 31, subtitle(film), va="top", fontsize=9)
         style = {"va": "top", "ha": "right", "fontsize": 10, "family": "DejaVu Sans Mono"}
         return self._text(self.width - SIDE, self.height - 30, "", animated=True, **style)
 
     def foot(self, film: Film, window: Window) -> None:
-        """Colours with their unit, a bar of length, and what is what."""
+        """Draw the colour bar with its unit, the scale bar and the key."""
         if film.colouring.largest:
             self._colours(film.colouring.largest, film.colouring.label)
         length, text = scale_bar(window)
@@ -60,7 +60,7 @@ class Legend:
         self._text(SIDE, 29, label)
 
     def _axes(self, view: View) -> None:
-        """Axes of frame 0 as they are seen, between colours and scale."""
+        """Draw the axes of frame 0 in this view, between colour bar and scale bar."""
         side, x = 54, 0.42 * self.width + SIDE + 0.2 * (0.58 * self.width - 2 * SIDE)
         place = self.figure.add_axes((x / self.width, 26 / self.height, side / self.width, side / self.height))
         place.set(xlim=(-1.8, 1.8), ylim=(-1.8, 1.8))

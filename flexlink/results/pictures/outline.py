@@ -1,4 +1,4 @@
-"""What of an arm is drawn: its links as wide as their sections, in the frames of its bodies."""
+"""Outline of an arm for drawing: its links as wide as their sections, in the frames of its bodies."""
 
 from __future__ import annotations
 
@@ -23,14 +23,17 @@ Whole = Indices
 
 
 Cuts = tuple[tuple[int, ...], tuple[int, ...]]
-"""Where loads are known at the ends of a piece: at hinge points of bodies, counted from 0. What loads its start, the
-hinge that it begins at, or else what lies beyond; and all that hangs on its body and comes behind it."""
+"""Cuts that load the start and the end of a piece: hinge points of bodies, counted from 0.
+
+The start is loaded at the hinge where the piece begins, or else by the cuts beyond it. The end is loaded by all bodies
+attached to the piece's body beyond the piece.
+"""
 
 
 class Outline(NamedTuple):
     """Stations along the arm's links, from the base outward; bodies are counted from 1, 0 is the base.
 
-    `across` are half the height and half the width of the section [m]; both, of a round one, its radius.
+    `across` is half the height and half the width of the section [m]; both are the radius of a round one.
     """
 
     link: Whole  # (s,), from 1
@@ -39,21 +42,21 @@ class Outline(NamedTuple):
     axes: Array  # (s, 2, 3), the section's y and z in the body's frame
     across: Array  # (s, 2) [m]; 0 of links without a section
     round: NDArray[np.bool_]  # (s,)
-    piece: Whole  # (s,), of `pieces`
-    part: Array  # (s,), of the piece's length
-    bodies: int  # how many, the base and the tip frame counted
-    joints: Whole  # those that hang on driven joints
+    piece: Whole  # (s,), index into `pieces`
+    part: Array  # (s,), fraction of the piece's length
+    bodies: int  # number of bodies, including the base and the tip frame
+    joints: Whole  # bodies attached to driven joints
     ball: float  # radius of the payload [m], or 0
     center: Array  # (3,), its centre in the tip frame [m]
     pieces: list[Piece]
-    cuts: list[Cuts]  # of every piece
+    cuts: list[Cuts]  # for every piece
     base: int  # the body that is the base: 0, or one that floats
-    rails: tuple[Whole, Array]  # where joints that slide are at zero: bodies that these hang on (r,), places (r, 3)
-    order: Whole  # along the arm: bodies; stations and rails, which count on from there; −1 between two branches
+    rails: tuple[Whole, Array]  # zero positions of sliding joints: parent bodies (r,), positions (r, 3)
+    order: Whole  # along the arm: bodies, then numbers of stations and of rails; −1 between two branches
 
 
 def outline_of(scene: Scene, chain: Chain) -> Outline:
-    """Stations of every piece of every link; where two pieces meet in a hinge, one, of the outer piece."""
+    """Stations of every piece of every link; two pieces that meet in a hinge share one, of the outer piece."""
     arm, found = scene.arm, [piece for piece in pieces(scene) if piece.length > 0]
     rows = [row for k, piece in enumerate(found) for row in _stations(arm, found, k, piece)]
     link, body, place, axes, across, is_round, number, part = zip(*rows, strict=True) if rows else [()] * 8
@@ -71,13 +74,13 @@ def outline_of(scene: Scene, chain: Chain) -> Outline:
 
 
 def _rails(chain: Chain) -> tuple[Whole, Array]:
-    """`Outline.rails`."""
+    """Compute `Outline.rails`."""
     sliding = sliding_bodies(chain)
     return chain.bodies["parent"][sliding].astype(np.int64), chain.bodies["translation"][sliding]
 
 
 def _order(chain: Chain, body: Whole, piece: Whole, cuts: list[Cuts]) -> Whole:
-    """`Outline.order`: along every branch, from the body that it hangs on, what leads to the next body."""
+    """Compute `Outline.order`: along every branch, from its parent body, all points up to the next body."""
     count, order = len(chain.bodies) + 1, list[int]()
     rails = {k + 1: [count + len(body) + row] for row, k in enumerate(sliding_bodies(chain))}
     for branch in branches_of(chain):
@@ -90,7 +93,7 @@ def _order(chain: Chain, body: Whole, piece: Whole, cuts: list[Cuts]) -> Whole:
 
 
 def _cuts(arm: Arm, chain: Chain, found: list[Piece]) -> list[Cuts]:
-    """Behind a piece of a link come its own hinges, and the links that hang on it; other links on its body do not."""
+    """Cuts of every piece: its own hinges and the child links of its link, but not other links on the same body."""
     of_body = [
         chain.coordinates[first].link if stop > first else 0
         for first, stop in zip(chain.bodies["first"].tolist(), chain.bodies["stop"].tolist(), strict=True)
@@ -102,17 +105,17 @@ def _cuts(arm: Arm, chain: Chain, found: list[Piece]) -> list[Cuts]:
         behind[arm.parents[k - 1]] |= behind[k]
     parents, cuts = chain.bodies["parent"].tolist(), []
     for k, piece in enumerate(found):
-        hang = [j for j, parent in enumerate(parents) if parent == piece.body]
-        beyond = tuple(j for j in hang if of_body[j] in behind[piece.link])
+        children = [j for j, parent in enumerate(parents) if parent == piece.body]
+        beyond = tuple(j for j in children if of_body[j] in behind[piece.link])
         first = piece.body > 0 and (not k or found[k - 1].body != piece.body)
-        alone = len(beyond) == len(hang) or of_body[piece.body - 1] == piece.link
+        alone = len(beyond) == len(children) or of_body[piece.body - 1] == piece.link
         cuts.append(((piece.body - 1,) if first and alone else beyond, beyond))
     return cuts
 
 
 def _stations(arm: Arm, found: list[Piece], k: int, piece: Piece) -> list[tuple[object, ...]]:
     link = arm.links[piece.link - 1]
-    stations = 24  # along a link at least, for its colour
+    stations = 24  # minimum number along a link, for its colour
     steps = max(1, math.ceil((piece.part[1] - piece.part[0]) * stations))
     ends_here = k + 1 == len(found) or found[k + 1].link != piece.link
     rows: list[tuple[object, ...]] = []
@@ -125,7 +128,7 @@ def _stations(arm: Arm, found: list[Piece], k: int, piece: Piece) -> list[tuple[
 
 
 def half_dimensions(arm: Arm, link: Link, x: float) -> tuple[tuple[float, float], bool]:
-    """Half the height and width of a link's section at the part `x` of its length [m], and whether it is round.
+    """Half the height and width of a link's section at the fraction `x` of its length [m], and whether it is round.
 
     A general section is drawn as the rectangle of its radii of gyration, h² = 12 I_z/A, w² = 12 I_y/A.
     """
@@ -146,5 +149,5 @@ def half_dimensions(arm: Arm, link: Link, x: float) -> tuple[tuple[float, float]
 
 
 def has_rectangle_instead(section: Section) -> bool:
-    """Whether a section is drawn as another one, since its shape is not known."""
+    """Whether a section is drawn as a rectangle, since its shape is not known."""
     return section.shape == "general"

@@ -1,4 +1,4 @@
-"""A film as one page: data and player in one file, which needs no network and no program but a browser."""
+"""A film as one page: data and player in one file, which needs only a browser."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from flexlink.results.pictures.projection import AROUND, Projected, floor_level,
 
 
 def page(film: Film, width: int) -> str:
-    """The page: the template with the title, the data and the words put in."""
+    """Return the page: the template with title, data and texts."""
     template = (files("flexlink.results.pictures") / "data" / "player.html").read_text(encoding="utf-8")
     data = json.dumps(data_of(film), ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
     title = film.name.replace("&", "&amp;").replace("<", "&lt;")
@@ -26,7 +26,7 @@ def page(film: Film, width: int) -> str:
 
 
 def data_of(film: Film) -> dict[str, Any]:
-    """What the player draws; arrays are float32 or, colours, bytes, of which 255 stands for no value."""
+    """Data for the player; arrays are float32, and colours are bytes, where 255 means no value."""
     projected, outline, found = Projected(film), film.outline, film.colouring
     pivot, window = turned_window(projected)
     poses = np.concatenate([film.p, film.R[..., 1], film.R[..., 2]], axis=-1)  # origin, y and z of every body
@@ -76,9 +76,9 @@ def data_of(film: Film) -> dict[str, Any]:
 def turned_window(projected: Projected) -> tuple[Array, list[float]]:
     """The point in the middle of the window [m], and from there left, right, bottom, top [m].
 
-    The window holds the arm at all times, and a spatial one however it is turned about the vertical through that point:
-    seen from an angle e above the horizon, a point at the height h and at the distance r from this line is no higher in
-    the picture than h cos e + r sin e.
+    The window contains the arm at all times, and a spatial arm at any rotation about the vertical through that point.
+    Seen from an angle e above the horizon, a point at height h and distance r from this line is at most
+    h cos e + r sin e high in the picture.
     """
     film, view = projected.film, projected.view
     if not view.spatial:

@@ -1,4 +1,4 @@
-"""The arm in the plane of the picture: outlines of its links, from far to near, and a window that holds them all."""
+"""The arm projected into the picture: outlines of its links, from far to near, and a window around them."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from flexlink.common.types import Array, Indices
 from flexlink.results.pictures.film import Film
 from flexlink.results.pictures.view import View
 
-AROUND = 0.06  # of the window's size that stays free around the arm
-JOINT, BASE = 1.15, 1.3  # radius of a joint, by half the width of its link; half the side of the base, by the joint's
+AROUND = 0.06  # margin around the arm over the window's size
+JOINT, BASE = 1.15, 1.3  # radius of a joint over half the width of its link; half the side of the base over this radius
 
 
 class Window(NamedTuple):
-    """What of the picture's plane is shown [m]."""
+    """Part of the picture plane that is shown [m]."""
 
     left: float
     right: float
@@ -38,7 +38,7 @@ class Window(NamedTuple):
 
 
 class Projected:
-    """A film in its view; all lengths in m of the picture's plane."""
+    """A film in its view; all lengths in m in the picture plane."""
 
     def __init__(self, film: Film) -> None:
         self.film, self.view = film, film.view
@@ -49,7 +49,7 @@ class Projected:
 
     @functools.cached_property
     def window(self) -> Window:
-        """All of the arm at all times, its widths counted, with some space around it."""
+        """Window around the arm at all times, including its widths and a margin."""
         parts = [self.points, self.joints, self.ball, self.trace, self.view(self.film.bodies)]
         found = np.concatenate([part.reshape(-1, 3)[:, :2] for part in parts])
         if self.view.spatial:
@@ -60,24 +60,24 @@ class Projected:
 
     @functools.cached_property
     def thickest(self) -> float:
-        """Farthest that a link or the payload reaches from its line [m]."""
+        """Largest distance of the edge of a link or the payload from its line [m]."""
         return thickest(self.film)
 
     @functools.cached_property
     def floor(self) -> Array:
-        """Lines of a level grid below all that moves, shape (lines, 2, 3), in the view; none of a planar arm."""
+        """Lines of a level grid below the arm, shape (lines, 2, 3), in the view; none for a planar arm."""
         return self.view(floor_of(self.film)) if self.view.spatial else np.zeros((0, 2, 3))
 
     @functools.cached_property
     def shadow(self) -> Array:
-        """The arm's line straight below it on the floor, shape (f, b + s, 3), in the view."""
+        """Vertical projection of the arm's line onto the floor, shape (f, b + s, 3), in the view."""
         return self.view(dropped(self.skeleton_points, self.view, floor_level(self.film)))
 
     @property
     def skeleton_points(self) -> Array:
-        """What is drawn as a line where there is no section: bodies and stations, payload; frame 0, shape (f, m, 3).
+        """Points of the arm's line, which is drawn if there is no section; frame 0, shape (f, m, 3).
 
-        Not a number where the next station does not continue the one before.
+        They are bodies, stations and payload, with nan between two points that are not connected.
         """
         film = self.film
         every = np.concatenate([film.p, film.points, film.rails, np.full_like(film.p[:, :1], np.nan)], axis=1)
@@ -86,23 +86,23 @@ class Projected:
 
     @functools.cached_property
     def skeleton(self) -> Array:
-        """The same in the view."""
+        """`skeleton_points` in the view."""
         return self.view(self.skeleton_points)
 
     @functools.cached_property
     def thinnest(self) -> tuple[float, float]:
-        """Half the width of a link, and radius of a ball, that are still seen [m]."""
+        """Smallest visible half width of a link, and radius of a ball [m]."""
         return 0.0022 * self.window.size, 0.010 * self.window.size
 
     @functools.cached_property
     def spans(self) -> NDArray[np.intp]:
-        """Stations that the next one of the same link follows."""
+        """Stations followed by another one of the same link."""
         return np.flatnonzero(np.diff(self.film.outline.link) == 0)
 
     def outlines(self, k: int) -> tuple[Array, NDArray[np.intp]]:
         """Four corners of every span of the links in frame `k`, shape (spans, 4, 2), and their order from far to near.
 
-        Half the visible width of a section is |y·e| a + |z·e| b along the direction e across its line in the picture;
+        Half the visible width of a section is |y·e| a + |z·e| b, with e the direction across its line in the picture;
         neighbours share a corner.
         """
         P, spans = self.points[k], self.spans
@@ -112,7 +112,7 @@ class Projected:
         return quads, np.argsort(P[spans, 2] + P[spans + 1, 2], kind="stable")
 
     def _across(self, k: int) -> Array:
-        """From the line of the arm to its edge at every station, shape (s, 2)."""
+        """Vectors from the line of the arm to its edge at every station, shape (s, 2)."""
         outline, P = self.film.outline, self.points[k, :, :2]
         e = _normals(P, outline.link)
         seen = np.abs(np.einsum("sai,si->sa", self.view(self.film.axes[k])[..., :2], e))
@@ -121,7 +121,7 @@ class Projected:
 
     @functools.cached_property
     def joint_radii(self) -> Array:
-        """Of every driven joint: as thick as the link that begins there, and seen."""
+        """Radius of every driven joint: that of the link which begins there, but large enough to be visible."""
         outline, found = self.film.outline, []
         for body in outline.joints:
             here = outline.across[outline.body == body]
@@ -130,17 +130,17 @@ class Projected:
 
     @property
     def base_half(self) -> float:
-        """Half the side of the square that is the base: it looks out from under a joint."""
+        """Half the side of the square base, which is larger than the joint on it."""
         return BASE * max(self.thinnest[1], float(self.joint_radii[0]) if len(self.joint_radii) else 0.0)
 
     @property
     def ball_radius(self) -> float:
-        """Of the payload; 0 where there is none."""
+        """Radius of the payload; 0 without one."""
         return max(self.film.outline.ball, 1.3 * self.thinnest[1]) if self.film.outline.ball else 0.0
 
 
 def _normals(P: Array, link: Indices) -> Array:
-    """Unit vectors across a line of points, at each that of the sum of its two neighbours' directions, (s, 2)."""
+    """Unit vectors across a line of points, (s, 2): normal to the sum of the directions to both neighbours."""
     steps = np.diff(P, axis=0, append=P[-1:])
     steps[:-1][np.diff(link) != 0] = 0.0
     lengths = np.linalg.norm(steps, axis=1, keepdims=True)
@@ -152,12 +152,12 @@ def _normals(P: Array, link: Indices) -> Array:
 
 
 def thickest(film: Film) -> float:
-    """Farthest that a link, a joint, the base or the payload reaches from its line or centre [m]; √2 for corners."""
+    """Largest distance of the edge of a link, joint, base or payload from its line or centre [m]; √2 for corners."""
     return max(float(film.outline.across.max(initial=0.0)) * 2**0.5 * JOINT * BASE, film.outline.ball)
 
 
 def floor_level(film: Film) -> float:
-    """Height below which nothing of the arm comes, in direction of the vertical [m]."""
+    """Lowest height of the arm along the vertical [m]."""
     heights = np.concatenate([(part @ film.view.vertical).ravel() for part in (film.points, film.bodies, film.ball)])
     return float(heights.min()) - thickest(film) - 0.02 * film.reach
 
@@ -190,6 +190,6 @@ def _level(view: View) -> Array:
 
 
 def nice(length: float) -> float:
-    """The next of 1, 2, 5 × 10ⁿ from `length` on."""
+    """Smallest number among 1, 2, 5 × 10ⁿ that is at least `length`."""
     power = 10.0 ** np.floor(np.log10(max(length, 1e-12)))
     return float(next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= length * (1 - 1e-9)))

@@ -1,4 +1,4 @@
-"""The largest bending stress of a run: where along the links, and when."""
+"""Largest bending stress of a run: its position along the links, and its time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from flexlink.results.pictures.film import placed
 from flexlink.results.pictures.outline import Outline, has_rectangle_instead, outline_of
 from flexlink.results.samples import RunSamples, picked
 
-AT_ONCE = 500  # samples, so that little memory is needed
+AT_ONCE = 500  # samples per batch, which limits the memory
 
 
 class PeakStress(NamedTuple):
@@ -21,11 +21,11 @@ class PeakStress(NamedTuple):
     link: str
     along: float  # from the root of the link's beam [m]
     time: float  # [s]
-    rectangle: bool  # a general section has no surface: that of the rectangle with its radii of gyration is taken
+    rectangle: bool  # a general section has no known surface: the rectangle with its radii of gyration replaces it
 
 
 def peak_stress(run: RunSamples) -> PeakStress | None:
-    """The largest one over all samples; None where no link that bends has a section and a material."""
+    """Largest bending stress over all samples; None if no flexible link has a section and a material."""
     if run.scene is None or not len(run.t):
         return None
     arm, outline = run.scene.arm, outline_of(run.scene, run.chain)
@@ -48,6 +48,6 @@ def peak_stress(run: RunSamples) -> PeakStress | None:
 
 
 def _along(outline: Outline, station: int) -> float:
-    """Where a station is, as a part of its link's length."""
+    """Position of a station as a fraction of its link's length."""
     begin, end = outline.pieces[outline.piece[station]].part
     return float(begin + outline.part[station] * (end - begin))

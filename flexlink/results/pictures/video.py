@@ -1,4 +1,4 @@
-"""Frames as a GIF, by Pillow, which comes with matplotlib, or as a video, by ffmpeg."""
+"""Frames as a GIF by Pillow, which comes with matplotlib, or as a video by ffmpeg."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ Image = NDArray[np.uint8]
 
 
 def write_gif(place: Path, images: Iterable[Image], like: Iterable[Image], milliseconds: int) -> None:
-    """Frames of shape (height, width, 3) that are shown so long each, again and again.
+    """Write frames of shape (height, width, 3), each shown for this time, as a GIF that repeats endlessly.
 
-    All take the 256 colours that suit those in `like`: colours that change from frame to frame would flicker.
+    All frames use the 256 colours that suit those in `like`: colours that change from frame to frame would flicker.
     """
-    from PIL import Image as Pillow  # noqa: PLC0415  only those who draw need it
+    from PIL import Image as Pillow  # noqa: PLC0415  needed only for drawing
 
     palette = Pillow.fromarray(np.concatenate(list(like))).quantize(256, dither=Pillow.Dither.NONE)
     frames = (Pillow.fromarray(image).quantize(palette=palette, dither=Pillow.Dither.NONE) for image in images)
@@ -32,32 +32,32 @@ def write_gif(place: Path, images: Iterable[Image], like: Iterable[Image], milli
 
 
 def require_ffmpeg() -> str:
-    """The program's path.
+    """Path of the program ffmpeg.
 
     Raises
     ------
     MissingDependencyError
-        It is not installed.
+        ffmpeg is not installed.
     """
     found = shutil.which("ffmpeg")
     if found is None:
         raise MissingDependencyError(
             "an .mp4 needs the program ffmpeg, which is not on the PATH; install it (ffmpeg.org, or your system's "
-            "package ffmpeg), or take .gif or .html",
+            "package ffmpeg), or use .gif or .html",
             id="package-missing",
         )
     return found
 
 
 def write_mp4(place: Path, images: Iterable[Image], size: tuple[int, int], fps: float) -> None:
-    """Frames of shape (height, width, 3), both even, as H.264, which every browser plays.
+    """Write frames of shape (height, width, 3), both even, as H.264, which every browser plays.
 
     Raises
     ------
     MissingDependencyError
         ffmpeg is not installed.
     EngineError
-        It failed.
+        ffmpeg failed.
     """
     width, height = size
     command = [
@@ -70,12 +70,12 @@ def write_mp4(place: Path, images: Iterable[Image], size: tuple[int, int], fps: 
         reason = " ".join(output.read().decode(errors="replace").split())
     if code:
         raise EngineError(
-            f"ffmpeg failed with exit code {code}: {reason[-300:]}; take .gif or .html", id="ffmpeg-failed"
+            f"ffmpeg failed with exit code {code}: {reason[-300:]}; use .gif or .html", id="ffmpeg-failed"
         )
 
 
 def _fed(command: list[str], images: Iterable[Image], output: IO[bytes]) -> int:
-    """Exit code of a program that reads the frames; in a session of its own, so that a Ctrl-C is ours to answer."""
+    """Feed the frames to a program; return its exit code. It runs in a separate session, so only we receive Ctrl-C."""
     with subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=output, stderr=output, start_new_session=True
     ) as process:
@@ -84,7 +84,7 @@ def _fed(command: list[str], images: Iterable[Image], output: IO[bytes]) -> int:
             for image in images:
                 process.stdin.write(image.tobytes())
         except BrokenPipeError:
-            pass  # it has ended, and says why
+            pass  # the program has ended; its output gives the reason
         except BaseException:
             process.kill()
             raise

@@ -1,6 +1,7 @@
-"""From where an arm is looked at: a planar one across its plane, a spatial one from the side; gravity points down.
+"""Views of an arm: a planar one perpendicular to its plane, a spatial one from the side; gravity points down.
 
-Films show a spatial arm in parallel perspective, papers from the side and from above, true to scale along both axes.
+Films show a spatial arm obliquely in parallel projection. Figures show it from the side and from above, true to scale
+along both axes.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ from flexlink.common.types import Array
 
 
 class View(NamedTuple):
-    """Parallel projection: what of a vector points to the right, upwards and to the eye in the picture."""
+    """Parallel projection: components of a vector to the right, upwards and towards the eye."""
 
     axes: Array  # (3, 3), rows right, up, towards the eye; frame 0
-    spatial: bool  # whether it may be turned about `vertical`
+    spatial: bool  # whether the view may be rotated about `vertical`
     vertical: Array  # (3,), against gravity; frame 0
 
     def __call__(self, vectors: Array) -> Array:
@@ -31,13 +32,13 @@ class View(NamedTuple):
 
     @property
     def labels(self) -> tuple[str, str]:
-        """What points right and up, as labels of axes [m]."""
+        """Labels of the axes that point right and up [m]."""
         right, up = (_axis_name(axis) for axis in self.axes[:2])
         return f"{right or 'across'} [m]", f"{up or 'up'} [m]"
 
 
 def view_of(chain: Chain) -> View:
-    """Across the plane in which the arm moves, or, of one that moves in space, from the side and above."""
+    """View perpendicular to the plane of motion, or, for a spatial arm, from the side and above."""
     gravity = float(np.linalg.norm(chain.gravity))
     vertical = -chain.gravity / gravity if gravity else np.array([0.0, 0.0, 1.0])
     if chain.is_planar:
@@ -52,7 +53,7 @@ def view_of(chain: Chain) -> View:
 
 
 def views_of(chain: Chain, points: Array) -> list[View]:
-    """Where pictures are true to scale: `view_of` a planar arm; else from the side that shows more, and from above."""
+    """Views that are true to scale: `view_of` a planar arm; else the side view that shows more, and the top view."""
     view = view_of(chain)
     if not view.spatial:
         return [view]
@@ -66,7 +67,7 @@ def views_of(chain: Chain, points: Array) -> list[View]:
 
 
 def view_of_motion(chain: Chain, rest: Array, moved: Array) -> View:
-    """That of `views_of` in which most is seen of how points move from `rest` to `moved`, both (…, 3)."""
+    """The one of `views_of` that shows most of the motion of points from `rest` to `moved`, both (…, 3)."""
     return max(views_of(chain, np.stack([rest, moved])), key=lambda view: float(np.abs(view.flat(moved - rest)).sum()))
 
 
@@ -79,9 +80,9 @@ def _axis_name(direction: Array) -> str:
 
 
 def _across(normal: Array, vertical: Array, weighs: bool) -> Array:
-    """Axes of a view along the normal of a plane: gravity down, else X right, or Y; a plane that lies, from above."""
+    """Axes of a view normal to a plane: gravity down, else X right, or Y; a nearly level plane is seen from above."""
     rises, up = float(normal @ vertical), _part_across(vertical, normal)
-    lying = 0.7  # cosine between normal and vertical from which on a plane is looked at from above
+    lying = 0.7  # cosine between normal and vertical above which a plane is seen from above
     if abs(rises) > lying and rises < 0:
         normal = -normal
     if not weighs or np.linalg.norm(up) < 1e-3:
@@ -95,7 +96,7 @@ def _across(normal: Array, vertical: Array, weighs: bool) -> Array:
 
 
 def _level(vertical: Array) -> Array:
-    """The unit vector across the vertical that is nearest to X, or else to Y."""
+    """Unit vector perpendicular to the vertical that is nearest to X, or else to Y."""
     first = max((_part_across(axis, vertical) for axis in np.eye(3)), key=lambda v: round(float(v @ v), 6))
     return np.asarray(first / np.linalg.norm(first))
 
