@@ -372,7 +372,8 @@ def test_a_folder_that_cannot_be_written_has_one_warning_and_no_files_next_to_th
         assert compilations(lambda: fresh()(3.0)) == 1
         assert compilations(lambda: fresh()(3.0)) == 1
     (warning,) = caught
-    assert "NUMBA_CACHE_DIR" in str(warning.message)
+    variable = "NUMBA_CACHE_DIR"
+    assert variable in str(warning.message)
     reviewed("compiler: code cannot be cached", str(warning.message))
     assert set(Path(__file__).parent.rglob("*.nb?")) == beside
 

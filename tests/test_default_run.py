@@ -16,6 +16,7 @@ from flexlink.describe.scene import scene_from
 from tests.words import line, refused, reviewed
 
 GRAVITY = (0.0, -9.81, 0.0)
+NOTE = "no-step-given"
 
 
 def arm(**run: Any) -> fl.Scene:
@@ -98,7 +99,8 @@ def test_a_note_gives_the_default_tolerance_or_step(tmp_path: Path, capsys: Any)
     path = arm(duration=0.01).save(tmp_path / "arm.toml")
     (note,) = fl.simulate(fl.load_scene(path)).notes
     assert all(part in note for part in ("1.46 mm", "0.001 ", "auto"))
-    reviewed("default run: tolerance", note)
+    assert note.id == NOTE
+    reviewed(NOTE, note)
     assert main(["simulate", str(path)]) == 0
     assert line(capsys.readouterr().err, "1.46 mm").startswith(f"note: {note}")
     assert main(["simulate", str(path), "--step", "1e-4"]) == 0
@@ -106,7 +108,8 @@ def test_a_note_gives_the_default_tolerance_or_step(tmp_path: Path, capsys: Any)
     assert fl.simulate(fl.load_scene(path), tolerance=1e-4).notes == ()
     (fixed,) = fl.simulate(fl.load_scene(path), method="RK10").notes
     assert "0.0001 s" in fixed and "RK10" in fixed
-    reviewed("default run: fixed steps", fixed)
+    assert fixed.id == NOTE
+    reviewed(NOTE, fixed)
 
 
 def test_a_refused_step_has_a_tolerance_as_its_first_remedy() -> None:

@@ -61,7 +61,7 @@ def test_the_scene_itself_does_not_change(paper: fl.Scene) -> None:
     assert paper == fl.load_scene(PAPER)
 
 
-def test_a_star_stands_for_links_on_which_the_key_has_an_effect(paper: fl.Scene) -> None:
+def test_a_star_is_every_link_on_which_the_key_has_an_effect(paper: fl.Scene) -> None:
     links = paper.varied({"link.*.lumping": "gauss", "link.*.joint.viscous": 2.0, "link.*.hub.mass": 3.0}).arm.links
     assert [link.lumping for link in links] == [paper.arm.links[0].lumping, "gauss", "gauss"]
     assert [link.joint.viscous for link in links] == [0.0, 2.0, 2.0]  # the waist is locked
@@ -69,7 +69,8 @@ def test_a_star_stands_for_links_on_which_the_key_has_an_effect(paper: fl.Scene)
     thick = fl.Section(shape="circle", diameter=0.1)
     thicker = paper.varied({"section.thick": thick, "link.*.section": "thick"})
     assert [link.section for link in thicker.arm.links] == [None, "thick", "thick"]
-    assert paper.varied({"initial.joint_deg.*": 5.0}).initial.joint_deg == (5.0, 5.0, 5.0)
+    start = paper.varied({"initial.joint_deg.*": 5.0}).initial
+    assert start.joint_deg == (5.0, 5.0, 5.0)
 
 
 def test_changes_are_made_one_after_the_other(paper: fl.Scene) -> None:
