@@ -1,4 +1,4 @@
-"""Common mistakes in robot files, planted into exported files: the edit, and the expected finding."""
+"""Usual mistakes in robot files, planted into files of flexlink: the edit, and a part of the finding."""
 
 from __future__ import annotations
 
@@ -6,23 +6,39 @@ import itertools
 import math
 import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from flexlink.data.documents import read_toml
+from flexlink.diagnosis import mistakes
 from flexlink.formats.document import UPPER_TRIANGLE
 
 Edit = Callable[[ET.Element], object]
 
 
 class Planted(NamedTuple):
-    """A mistake in a file of one format; its first or second finding must contain `named`."""
+    """A mistake in a file of this format; the finding contains `named`: a name, a value or its cause."""
 
     form: str
     mistake: str
     edit: Edit
-    named: str
+    named: str = ""
+
+
+def cause(field: str, shape: str = "", *factors: float, setting: str = "") -> str:
+    """Likely mistake that the table names if a field differs in this shape; without a shape, a kind of displacement."""
+    table = read_toml(Path(mistakes.__file__).parent / "data" / "mistakes.toml")
+    if not shape:
+        return table["misplaced"][field]["likely"]
+    return next(
+        row["likely"]
+        for row in table["mistake"]
+        if (field in row["fields"], row["shape"], row.get("setting", "")) == (True, shape, setting)
+        and {*factors} <= {*row.get("factors", ())}
+    )
 
 
 def each(path: str, **attributes: str | None) -> Edit:
@@ -66,7 +82,7 @@ def said(path: str, value: str | None, only: int | None = None) -> Edit:
 
 
 def said_times(path: str, *factors: float, only: int | None = None) -> Edit:
-    """Multiply the numbers in the text of elements one by one."""
+    """Multiply the numbers in the text of elements, one by one."""
 
     def edit(root: ET.Element) -> None:
         found = root.findall(path)
@@ -213,7 +229,7 @@ def effort_0(root: ET.Element) -> None:
 
 
 def expressed_in_model(root: ET.Element) -> None:
-    """Express the axis of a joint further out in the model frame, in which its own frame is rotated."""
+    """Express the axis of a distal joint, whose frame is rotated, in the model's frame."""
     root.findall(".//axis/xyz")[5].set("expressed_in", "__model__")
 
 
@@ -232,96 +248,102 @@ def inertial_turned(root: ET.Element) -> None:
 for prefix, uri in {"drake": "http://drake.mit.edu", "flexlink": "urn:flexlink"}.items():
     ET.register_namespace(prefix, uri)
 PER_DEGREE = math.pi / 180
+DEGREES = cause("stiffness", "scaled_by", PER_DEGREE)
 OPTION, COMPILER = "option", "compiler"
 JOINT, BODY, INERTIAL = ".//joint", ".//body", ".//inertial"
 OWN = "joint/flexlink"
 ROTOR, SPRING, INERTIAS = ".//{http://drake.mit.edu}rotor_inertia", ".//spring_stiffness", ("ixx", "iyy", "izz")
 
 PLANTED = (
-    Planted("mjcf", "angles in degrees by default", each(COMPILER, angle=None), "rest angle of 18 joints"),
-    Planted("mjcf", "rest angles left out", each(JOINT, springref=None), "rest angle of 18 joints"),
-    Planted("mjcf", "springs left out", each(JOINT, stiffness=None), "spring stiffness of 18 joints"),
-    Planted("mjcf", "stiffness per degree", scaled(JOINT, "stiffness", PER_DEGREE), "degrees taken for radians"),
-    Planted("mjcf", "one spring doubled", scaled(JOINT, "stiffness", 2, only=5), "doubled or halved"),
-    Planted("mjcf", "spring at another joint", attribute_moved(JOINT, "stiffness"), "at another joint"),
-    Planted("mjcf", "springs disabled", each("option/flag", spring="disable"), "a flag disables springs"),
-    Planted("mjcf", "armature left out", each(JOINT, armature=None), "armature of 3 joints"),
-    Planted("mjcf", "armature added to all", each(JOINT, armature="0.01"), "armature of 20 joints"),
-    Planted("mjcf", "gravity off", each(OPTION, gravity="0 0 0"), "gravity is off"),
-    Planted("mjcf", "gravity disabled", each("option/flag", gravity="disable"), "gravity is off"),
-    Planted("mjcf", "gravity the other way", each(OPTION, gravity="0 0 -9.81"), "gravity has the wrong sign"),
-    Planted("mjcf", "gravity 9.8", each(OPTION, gravity="0 0 9.8"), "another value of g"),
-    Planted("mjcf", "gravity along y", each(OPTION, gravity="0 9.81 0"), "gravity along another axis"),
-    Planted("mjcf", "damping left out", each(JOINT, damping=None), "damping of 21 joints"),
-    Planted("mjcf", "dampers disabled", each("option/flag", damper="disable"), "a flag disables dampers"),
-    Planted("mjcf", "Coulomb torque left out", each(JOINT, frictionloss=None), "Coulomb torque of 3 joints"),
-    Planted("mjcf", "frictionloss, too", flag("frictionloss", "constraint"), "frictionloss acts as a constraint"),
-    Planted("mjcf", "axis flipped", scaled(JOINT, "axis", -1, only=5), "the axis is flipped"),
-    Planted("mjcf", "hinges in another order", hinges_reversed, "in another order"),
-    Planted("mjcf", "hinges in another order, without names", both(hinges_reversed, unnamed), "in another order"),
-    Planted("mjcf", "6 digits", written_with(".6g"), "digits were lost"),
-    Planted("mjcf", "10 digits", written_with(".10g"), "digits were lost"),
-    Planted("mjcf", "7 decimals", written_with(".7f"), "digits were lost"),
+    Planted("mjcf", "angles in degrees by default", each(COMPILER, angle=None), "18 joints"),
+    Planted("mjcf", "rest angles left out", each(JOINT, springref=None), "18 joints"),
+    Planted("mjcf", "springs left out", each(JOINT, stiffness=None), "18 joints"),
+    Planted("mjcf", "stiffness per degree", scaled(JOINT, "stiffness", PER_DEGREE), DEGREES),
+    Planted("mjcf", "one spring doubled", scaled(JOINT, "stiffness", 2, only=5), cause("stiffness", "scaled_by", 2)),
+    Planted("mjcf", "spring at another joint", attribute_moved(JOINT, "stiffness"), cause("stiffness", "permuted")),
+    Planted("mjcf", "springs disabled", each("option/flag", spring="disable"),
+            cause("stiffness", "all_zero", setting="no springs")),
+    Planted("mjcf", "armature left out", each(JOINT, armature=None), "3 joints"),
+    Planted("mjcf", "armature added to all", each(JOINT, armature="0.01"), "20 joints"),
+    Planted("mjcf", "gravity off", each(OPTION, gravity="0 0 0"), cause("gravity", "all_zero")),
+    Planted("mjcf", "gravity disabled", each("option/flag", gravity="disable"), cause("gravity", "all_zero")),
+    Planted("mjcf", "gravity the other way", each(OPTION, gravity="0 0 -9.81"), cause("gravity", "scaled_by", -1)),
+    Planted("mjcf", "gravity 9.8", each(OPTION, gravity="0 0 9.8"), cause("gravity", "proportional")),
+    Planted("mjcf", "gravity along y", each(OPTION, gravity="0 9.81 0"), cause("gravity", "same_length")),
+    Planted("mjcf", "damping left out", each(JOINT, damping=None), "21 joints"),
+    Planted("mjcf", "dampers disabled", each("option/flag", damper="disable"),
+            cause("damping", "all_zero", setting="no dampers")),
+    Planted("mjcf", "Coulomb torque left out", each(JOINT, frictionloss=None), "3 joints"),
+    Planted("mjcf", "frictionloss as well", flag("frictionloss", "constraint"), "frictionloss"),
+    Planted("mjcf", "axis flipped", scaled(JOINT, "axis", -1, only=5), cause("axes", "any_difference")),
+    Planted("mjcf", "hinges in another order", hinges_reversed),
+    Planted("mjcf", "hinges in another order, without names", both(hinges_reversed, unnamed)),
+    Planted("mjcf", "6 digits", written_with(".6g"), "%.17g"),
+    Planted("mjcf", "10 digits", written_with(".10g"), "%.17g"),
+    Planted("mjcf", "7 decimals", written_with(".7f"), "%.17g"),
     Planted("mjcf", "inertia from geoms", both(each(COMPILER, inertiafromgeom="true"), with_geoms()),
-            "the shapes of geoms"),
-    Planted("mjcf", "inertial quaternion", each(INERTIAL, quat="0.8 0.6 0 0"), "rotation of the principal axes"),
-    Planted("mjcf", "frame's quaternion x y z w", frame_quaternion, "joint 'waist' rotated by 168.2°"),
-    Planted("mjcf", "frame displaced", frame_moved(BODY, "pos", 4, (0.0, 1e-3, 0.0)), "displaced by 0.001 m"),
-    Planted("mjcf", "inertia about the joint", about_joint, "given about the joint"),
-    Planted("mjcf", "mass floor", each(COMPILER, boundmass="0.2"), "raises small m"),
-    Planted("mjcf", "inertia floor", each(COMPILER, boundinertia="0.001"), "raises small m"),
-    Planted("mjcf", "balanceinertia", both(each(COMPILER, balanceinertia="true"), slender), "balanceinertia makes"),
-    Planted("mjcf", "masses scaled to a total", each(COMPILER, settotalmass="10"), "masses are scaled to a total"),
-    Planted("mjcf", "grams", both(scaled(INERTIAL, "mass", 1e3), scaled(INERTIAL, "diaginertia", 1e3)), "grams"),
-    Planted("mjcf", "another density", scaled(INERTIAL, "mass", 2.71 / 2.70), "another density"),
-    Planted("mjcf", "payload left out", scaled(INERTIAL, "mass", 0.5, only=-2), "a part is missing"),
-    Planted("mjcf", "centre of mass in the joint", each(INERTIAL, pos="0 0 0"), "centre of mass of"),
-    Planted("mjcf", "ref for springref", each(JOINT, ref="0.1"), "the joint's zero is shifted"),
+            cause("masses", "any_difference", setting="inertiafromgeom")),
+    Planted("mjcf", "inertial quaternion", each(INERTIAL, quat="0.8 0.6 0 0"), cause("inertias", "axes_rotated")),
+    Planted("mjcf", "frame's quaternion x y z w", frame_quaternion, "168.2°"),
+    Planted("mjcf", "frame displaced", frame_moved(BODY, "pos", 4, (0.0, 1e-3, 0.0)), "0.001 m"),
+    Planted("mjcf", "inertia about the joint", about_joint, cause("inertias", "about_joint")),
+    Planted("mjcf", "mass floor", each(COMPILER, boundmass="0.2"), "boundmass"),
+    Planted("mjcf", "inertia floor", each(COMPILER, boundinertia="0.001"), "boundinertia"),
+    Planted("mjcf", "balanceinertia", both(each(COMPILER, balanceinertia="true"), slender), "balanceinertia"),
+    Planted("mjcf", "masses scaled to a total", each(COMPILER, settotalmass="10"),
+            cause("masses", "any_difference", setting="settotalmass")),
+    Planted("mjcf", "grams", both(scaled(INERTIAL, "mass", 1e3), scaled(INERTIAL, "diaginertia", 1e3)),
+            cause("masses", "scaled_by", 1000)),
+    Planted("mjcf", "another density", scaled(INERTIAL, "mass", 2.71 / 2.70), cause("masses", "proportional")),
+    Planted("mjcf", "payload left out", scaled(INERTIAL, "mass", 0.5, only=-2), cause("masses", "one_too_light")),
+    Planted("mjcf", "centre of mass in the joint", each(INERTIAL, pos="0 0 0"), cause("centers", "any_difference")),
+    Planted("mjcf", "ref for springref", each(JOINT, ref="0.1"), cause("centers", "any_difference", setting="ref")),
     Planted("mjcf", "limits active", both(flag("limit", "constraint"), each(JOINT, limited="true", range="-1.5 1.5")),
-            "limits are active: 21 joints"),
-    Planted("mjcf", "contacts active", both(flag("contact", "constraint"), with_geoms(mass="0")), "contacts are"),
-    Planted("mjcf", "gravity compensated", each(BODY, gravcomp="1"), "gravcomp cancels gravity on 10 bodies"),
-    Planted("mjcf", "air", each(OPTION, density="1.2", viscosity="1e-5"), "fluid forces are active"),
-    Planted("mjcf", "damping implicit", each(OPTION, integrator="Euler"), "the integrator is Euler, not RK4"),
-    Planted("mjcf", "damping implicit, always", each(OPTION, integrator="implicitfast"), "is Implicitfast, not"),
-    Planted("mjcf", "discrete integrator", each(OPTION, integrator="discrete"), "the integrator is Discrete"),
-    Planted("mjcf", "autoreset", flag("autoreset"), "restarts silently"),
-    Planted("mjcf", "a servo holds a joint", servo, "actuators act without a command"),
-    Planted("mjcf", "step of 10 ms", each(OPTION, timestep="0.01"), "step exceeds the stability limit"),
-    Planted("mjcf", "a joint is missing", first_joint_gone,
-            "20 joints instead of 21, without"),
-    Planted("urdf", "armature left out", each(OWN, armature="0"), "armature of 3 joints"),
-    Planted("urdf", "springs left out", each(OWN, stiffness="0"), "spring stiffness of 18 joints"),
-    Planted("urdf", "rest angles left out", each(OWN, rest="0"), "rest angle of 18 joints"),
-    Planted("urdf", "rest angles in degrees", scaled(OWN, "rest", 1 / PER_DEGREE), "degrees taken for radians"),
-    Planted("urdf", "gravity the other way", each("flexlink", gravity="0 0 -9.81"), "gravity has the wrong sign"),
-    Planted("urdf", "damping left out", each("joint/dynamics", damping="0"), "damping of 21 joints"),
-    Planted("urdf", "inertial rotation added", each(".//inertial/origin", rpy="0 0 0.3"), "rotation of the principal"),
-    Planted("urdf", "axis flipped", scaled("joint/axis", "xyz", -1, only=4), "the axis is flipped"),
-    Planted("urdf", "rotations in degrees", scaled("joint/origin", "rpy", 1 / PER_DEGREE), "joint 'waist' rotated by"),
-    Planted("urdf", "6 digits", written_with(".6g"), "digits were lost"),
-    Planted("urdf", "frame displaced", frame_moved("joint/origin", "xyz", 3, (0.0, 0.0, 0.01)), "displaced by 0.01 m"),
-    Planted("urdf", "inertia about the joint", urdf_about_joint, "given about the joint"),
-    Planted("urdf", "mass left out", scaled(".//mass", "value", 0, only=2), "the mass is missing"),
-    Planted("urdf", "pounds", scaled(".//mass", "value", 1 / 0.45359237), "another density"),
-    Planted("sdf", "rotors left out", said(ROTOR, None), "armature of 3 joints"),
-    Planted("sdf", "no actuator, no rotor", effort_0, "armature of joint 'waist'"),
-    Planted("sdf", "springs left out", said(SPRING, "0"), "spring stiffness of 18 joints"),
-    Planted("sdf", "stiffness per degree", said_times(SPRING, PER_DEGREE), "degrees taken for radians"),
-    Planted("sdf", "rest angles left out", said(".//spring_reference", None), "rest angle of 18 joints"),
-    Planted("sdf", "damping left out", said(".//damping", "0"), "damping of 21 joints"),
-    Planted("sdf", "Coulomb torque left out", said(".//friction", "0"), "Coulomb torque of 3 joints"),
-    Planted("sdf", "gravity the other way", said("world/gravity", "0 0 -9.81"), "gravity has the wrong sign"),
-    Planted("sdf", "axis flipped", said_times(".//xyz", -1, -1, -1, only=4), "the axis is flipped"),
-    Planted("sdf", "axes of another frame", expressed_in_model, "rotates about (0.920651, "),
-    Planted("sdf", "6 digits", written_with(".6g"), "digits were lost"),
+            "21 joints"),
+    Planted("mjcf", "contacts active", both(flag("contact", "constraint"), with_geoms(mass="0")), 'contact="disable"'),
+    Planted("mjcf", "gravity compensated", each(BODY, gravcomp="1"), "10 bodies"),
+    Planted("mjcf", "air", each(OPTION, density="1.2", viscosity="1e-5"), "density"),
+    Planted("mjcf", "damping implicit", each(OPTION, integrator="Euler"), "Euler"),
+    Planted("mjcf", "damping implicit, always", each(OPTION, integrator="implicitfast"), "Implicitfast"),
+    Planted("mjcf", "discrete integrator", each(OPTION, integrator="discrete"), "Discrete"),
+    Planted("mjcf", "autoreset", flag("autoreset"), "autoreset"),
+    Planted("mjcf", "a servo holds a joint", servo, cause("servo_stiffness", "none_expected")),
+    Planted("mjcf", "step of 10 ms", each(OPTION, timestep="0.01"), "0.01 s > "),
+    Planted("mjcf", "a joint is missing", first_joint_gone, "20 joints"),
+    Planted("urdf", "armature left out", each(OWN, armature="0"), "3 joints"),
+    Planted("urdf", "springs left out", each(OWN, stiffness="0"), "18 joints"),
+    Planted("urdf", "rest angles left out", each(OWN, rest="0"), "18 joints"),
+    Planted("urdf", "rest angles in degrees", scaled(OWN, "rest", 1 / PER_DEGREE), DEGREES),
+    Planted("urdf", "gravity the other way", each("flexlink", gravity="0 0 -9.81"), cause("gravity", "scaled_by", -1)),
+    Planted("urdf", "damping left out", each("joint/dynamics", damping="0"), "21 joints"),
+    Planted("urdf", "inertial rotation added", each(".//inertial/origin", rpy="0 0 0.3"),
+            cause("inertias", "axes_rotated")),
+    Planted("urdf", "axis flipped", scaled("joint/axis", "xyz", -1, only=4), cause("axes", "any_difference")),
+    Planted("urdf", "rotations in degrees", scaled("joint/origin", "rpy", 1 / PER_DEGREE), "joint 'waist'"),
+    Planted("urdf", "6 digits", written_with(".6g"), "%.17g"),
+    Planted("urdf", "frame displaced", frame_moved("joint/origin", "xyz", 3, (0.0, 0.0, 0.01)), "0.01 m"),
+    Planted("urdf", "inertia about the joint", urdf_about_joint, cause("inertias", "about_joint")),
+    Planted("urdf", "mass left out", scaled(".//mass", "value", 0, only=2), cause("masses", "all_zero")),
+    Planted("urdf", "pounds", scaled(".//mass", "value", 1 / 0.45359237), cause("masses", "proportional")),
+    Planted("sdf", "rotors left out", said(ROTOR, None), "3 joints"),
+    Planted("sdf", "no actuator, no rotor", effort_0, "joint 'waist'"),
+    Planted("sdf", "springs left out", said(SPRING, "0"), "18 joints"),
+    Planted("sdf", "stiffness per degree", said_times(SPRING, PER_DEGREE), DEGREES),
+    Planted("sdf", "rest angles left out", said(".//spring_reference", None), "18 joints"),
+    Planted("sdf", "damping left out", said(".//damping", "0"), "21 joints"),
+    Planted("sdf", "Coulomb torque left out", said(".//friction", "0"), "3 joints"),
+    Planted("sdf", "gravity the other way", said("world/gravity", "0 0 -9.81"), cause("gravity", "scaled_by", -1)),
+    Planted("sdf", "axis flipped", said_times(".//xyz", -1, -1, -1, only=4), cause("axes", "any_difference")),
+    Planted("sdf", "axes of another frame", expressed_in_model, "(0.920651, "),
+    Planted("sdf", "6 digits", written_with(".6g"), "%.17g"),
     Planted("sdf", "rotations in degrees", said_times("world/model/link/pose", 1, 1, 1, *[1 / PER_DEGREE] * 3),
-            "joint 'waist' rotated by"),
-    Planted("sdf", "inertial left out weighs 1 kg", said(".//inertial", None, only=1), "mass of joint"),
+            "joint 'waist'"),
+    Planted("sdf", "inertial left out weighs 1 kg", said(".//inertial", None, only=1), " kg"),
     Planted("sdf", "an inertia that no body can have",
-            impossible_without_a_world, "Drake takes a sphere of water"),
-    Planted("sdf", "inertial rotated", inertial_turned, "rotation of the principal"),
-    Planted("sdf", "inertia about the joint", sdf_about_joint, "given about the joint"),
-    Planted("sdf", "payload left out", said_times(".//mass", 0.5, only=-1), "a part is missing"),
-    Planted("sdf", "grams", both(said_times(".//mass", 1e3), *(said_times(f".//{i}", 1e3) for i in INERTIAS)), "grams"),
+            impossible_without_a_world, cause("inertias", "water_sphere")),
+    Planted("sdf", "inertial rotated", inertial_turned, cause("inertias", "axes_rotated")),
+    Planted("sdf", "inertia about the joint", sdf_about_joint, cause("inertias", "about_joint")),
+    Planted("sdf", "payload left out", said_times(".//mass", 0.5, only=-1), cause("masses", "one_too_light")),
+    Planted("sdf", "grams", both(said_times(".//mass", 1e3), *(said_times(f".//{i}", 1e3) for i in INERTIAS)),
+            cause("masses", "scaled_by", 1000)),
 )  # fmt: skip

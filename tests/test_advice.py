@@ -29,6 +29,7 @@ from flexlink.advice.thresholds import Thresholds
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.results.convergence import Limit
+from tests.words import reviewed
 
 Array = NDArray[np.float64]
 Errors = Callable[[float], float]
@@ -51,7 +52,7 @@ def outcome(tip: Array, evaluations: int = 100, why: str = "") -> Outcome:
 
 
 class Beams:
-    """Links whose errors are known: C_k / N², as a rigid link 20 C_k; fewer axes than all add an error of their own."""
+    """Links with known errors: C_k / N², rigid 20 C_k, and an additional error if axes are missing."""
 
     def __init__(self, *constants: float, axes: Axes | None = None, less: dict[tuple[int, str], float] | None = None):
         self.constants, self.less, self.bending = constants, less or {}, list(range(len(constants)))
@@ -76,7 +77,7 @@ class Beams:
 
 
 def hinges_of(model: Model | None) -> int:
-    """Of all links, one for each axis."""
+    """Number of hinges of all links, one for each axis."""
     assert model is not None
     return sum(len(bend.flex) * bend.hinges for bend in model if bend)
 
@@ -206,7 +207,7 @@ class Oracle:
     """A runner of one link whose runs are known, by the factor of their tolerance over the allowed error.
 
     The error is C / N² and that of the steps, `of_steps` over the allowed one; the cost is N times `evaluations`. Fixed
-    steps, of factor 0, have no error of their own, and a cost [s].
+    steps, of factor 0, have no error and the cost `fixed` [s].
     """
 
     def __init__(self, of_steps: Errors, evaluations: Errors, fixed: float) -> None:
@@ -337,7 +338,7 @@ def test_two_limits_that_agree_by_chance_are_believed_no_better_than_a_fast_orde
     assert limit.errors[1] < limit.errors[2]  # of each time by itself
 
 
-def test_the_error_of_a_limit_is_told_by_its_change() -> None:
+def test_the_error_of_a_limit_follows_from_its_change() -> None:
     paths = {"n1": along_x(0.0, 0.03), "n2": along_x(0.0, 0.02), "n4": along_x(0.0, 0.012)}
     limit = study_of_levels(**paths).limit
     assert limit is not None
@@ -374,14 +375,14 @@ class Strict:
 
 
 def with_strict_steps(off: dict[int, float], **strict: Array) -> RefinementStudy:
-    """A refinement of levels, their steps off by so much in x at the last sample, beside stricter ones."""
+    """A refinement whose levels have these step errors in x at the last sample, and stricter runs."""
     refinement = study_of_levels(**{f"n{n}": strict[f"n{n}"] + along_x(0.0, x) for n, x in off.items()})
     refinement.stepping = Stepping("Radau5", tolerance=1e-4)
     refinement.runner = cast("ModelRunner", Strict({int(name[1:]): path for name, path in strict.items()}))
     return refinement
 
 
-def test_what_steps_do_at_the_levels_of_a_limit_is_taken_out_of_it() -> None:
+def test_step_errors_of_the_levels_are_removed_from_the_limit() -> None:
     exact = {f"n{n}": along_x(0.0, 0.2 + 4e-3 / n**2) for n in (1, 2, 4)}
     off = {1: 0.0, 2: 1e-6, 4: -7e-6}
     refinement = with_strict_steps(off, **exact)
@@ -391,7 +392,7 @@ def test_what_steps_do_at_the_levels_of_a_limit_is_taken_out_of_it() -> None:
     assert left == pytest.approx([0.0, 0.1**0.5 * (off[2] + 4 * -off[4]) / 3])  # x* = (4 x₄ − x₂) / 3
 
 
-def test_where_no_stricter_steps_can_be_taken_at_the_last_level_a_coarser_one_tells_with_room() -> None:
+def test_without_stricter_steps_at_the_last_level_a_coarser_one_counts_with_a_margin() -> None:
     exact = {f"n{n}": along_x(0.0, 0.2 + 4e-3 / n**2) for n in (1, 2, 4)}
     refinement = with_strict_steps({1: 0.0, 2: 1e-6, 4: 0.0}, **{**exact, "n4": along_x(0.0, 0.2)})
     before = refinement.limit
@@ -457,7 +458,7 @@ def test_the_growth_of_an_error_is_how_much_farther_the_tip_is_off_than_the_star
     assert e_fold == np.inf
 
 
-def test_an_error_that_grows_by_e_in_a_time_is_told_with_that_time() -> None:
+def test_an_exponentially_growing_error_has_its_time_constant() -> None:
     t = 0.01 * np.arange(101)
     finest = outcome(along_x(*t))._replace(stepping=Stepping("Radau5", tolerance=1e-9))
     off = np.exp(t / 0.2)[:, None] * [0.0, 1.0, 0.0]
@@ -508,4 +509,4 @@ def test_a_run_ends_where_it_has_used_up_its_budget() -> None:
     assert whole.completed
     short = ModelRunner(scene, 0.1 * whole.seconds).run(model, steps)
     assert short.over_budget
-    assert "the budget of" in short.reason
+    reviewed("advice: over budget", short.reason, values=False)

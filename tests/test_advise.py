@@ -1,7 +1,8 @@
-"""Advice: the smallest model that is good enough, is good enough, and says what it cannot judge."""
+"""Advice on the smallest model: it meets its goal, its error is right, and it refuses what it cannot assess."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import cast
@@ -22,7 +23,7 @@ from flexlink.advice.verdict import Advice, payback
 from flexlink.cli.main import main
 from flexlink.describe.spec import decode
 from flexlink.motion.evaluation_cost import bodies_of, run_cost
-from tests.words import refused
+from tests.words import refused, reviewed
 from validation.advice import truth as advice_truth
 from validation.advice.scenes import robot_scene
 from validation.case import CASES, load_case
@@ -32,7 +33,7 @@ Array = NDArray[np.float64]
 
 
 def arm(thick: float = 0.01, *, links: int = 1, locked: bool = False, **situation: object) -> fl.Scene:
-    """Square bars of steel, 1 m each, that fall from the horizontal in half a second unless something else happens."""
+    """Square bars of steel, 1 m each, which by default fall from the horizontal for half a second."""
     bent = {"flex": "z", "segments": 3} if locked else {}  # a scene needs something that moves
     bars = tuple(
         fl.Link(name=f"bar{k}", length=1.0, material="steel", section="square", joint=fl.Joint(locked=locked), **bent)
@@ -48,18 +49,18 @@ def arm(thick: float = 0.01, *, links: int = 1, locked: bool = False, **situatio
     return scene.varied(situation)
 
 
-FINE = 16, 24  # hinges, from which the tip of these arms is extrapolated to 3e-6 m; to 8e-5 m from 8 and 12
+FINE = 16, 24  # hinges; the tip extrapolated from them is exact to 3e-6 m, from 8 and 12 hinges to 8e-5 m
 
 
 def truth(scene: fl.Scene, *, flex: str = "xyz", hinges: tuple[int, int] = FINE) -> Array:
-    """Tip of so many hinges at Gauss points, extrapolated; about all axes unless nothing leaves the plane."""
-    asked = msgspec.json.encode((scene, flex, hinges))
-    if asked not in TRUTHS:
-        TRUTHS[asked] = _truth(scene, flex, hinges)
-    return TRUTHS[asked]
+    """Tip for these numbers of hinges at Gauss points, extrapolated; by default with bending about all axes."""
+    key = msgspec.json.encode((scene, flex, hinges))
+    if key not in TRUTHS:
+        TRUTHS[key] = _truth(scene, flex, hinges)
+    return TRUTHS[key]
 
 
-TRUTHS: dict[bytes, Array] = {}  # some are asked for by several tests
+TRUTHS: dict[bytes, Array] = {}  # several tests need the same
 
 
 def _truth(scene: fl.Scene, flex: str, hinges: tuple[int, int]) -> Array:
@@ -69,7 +70,7 @@ def _truth(scene: fl.Scene, flex: str, hinges: tuple[int, int]) -> Array:
 
 
 def true_error(scene: fl.Scene, advice: Advice, hinges: tuple[int, int] = FINE) -> float:
-    """Of the scene that advice hands over [m]."""
+    """True tip error of the scene that advice returns [m]."""
     return float(np.linalg.norm(fl.simulate(advice.scene).tip - truth(scene, hinges=hinges), axis=1).max())
 
 
@@ -83,7 +84,7 @@ def led(*links: str, by: float = 40.0, end: float = 0.3) -> list[fl.PrescribedMo
 
 @pytest.mark.slow
 @pytest.mark.parametrize("tip", [1e-2, 1e-3, 1e-4])
-def test_what_is_said_to_be_met_is_met_and_stated_no_larger_than_it_need_be(tip: float) -> None:
+def test_a_met_tolerance_is_met_and_its_error_is_not_overestimated(tip: float) -> None:
     scene = arm(0.004, links=2, motion=led("bar0", "bar1"))
     advice = fl.advise(scene, tip)
     assert advice.met
@@ -92,7 +93,7 @@ def test_what_is_said_to_be_met_is_met_and_stated_no_larger_than_it_need_be(tip:
 
 
 @pytest.mark.slow
-def test_the_limit_is_better_than_the_model_and_known_as_well_as_it_says() -> None:
+def test_the_converged_tip_is_better_than_the_model_and_its_error_is_right() -> None:
     scene = arm(0.004, motion=led("bar0"))
     advice = fl.advise(scene, 1e-3)
     assert advice.converged_tip is not None
@@ -103,7 +104,7 @@ def test_the_limit_is_better_than_the_model_and_known_as_well_as_it_says() -> No
     )
 
 
-def test_a_stiff_arm_is_rigid_told_without_a_run_of_a_flexible_one() -> None:
+def test_a_stiff_arm_is_rigid_without_a_run_of_a_flexible_model() -> None:
     advice = fl.advise(arm(0.3, links=2, motion=led("bar0", "bar1")), 1e-2)
     assert advice.met
     assert advice.converged_tip is None
@@ -142,7 +143,7 @@ def test_only_the_link_that_bends_does() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("passive", ["zero", "static"])
-def test_where_no_joint_can_move_some_link_bends(passive: str) -> None:
+def test_a_link_bends_if_no_joint_can_move(passive: str) -> None:
     pushed = {"initial.passive": passive, "wrench.force": (0.0, 1.0, 0.0)}
     scene = arm(0.006, locked=True, **pushed, **{"material.steel.loss_time": 1e-3})  # few modes: the truth is one
     if passive == "static":  # at rest in its equilibrium: nothing moves, and a part of nothing is nothing
@@ -172,7 +173,7 @@ ACTS: dict[str, dict[str, object]] = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("what", ACTS)
-def test_whatever_acts_on_an_arm_is_judged(what: str) -> None:
+def test_advice_covers_every_load(what: str) -> None:
     scene = arm(0.01, **ACTS[what])
     advice = fl.advise(scene, 1e-2)
     assert advice.met
@@ -202,7 +203,7 @@ def test_vibrations_beyond_the_band_do_not_count() -> None:
 
 
 class Watch:
-    """A clock, and runs: code that is loaded at the very first takes 9 s, what a scene takes once 2, its steps 1 s."""
+    """A clock, and runs: loading code takes 9 s, once; preparing a scene takes 2 s, once; steps take 1 s."""
 
     def __init__(self) -> None:
         self.now, self.made, self.known = 0.0, list[object](), list[object]()
@@ -221,38 +222,43 @@ class Watch:
 
 
 @pytest.mark.parametrize(("enough", "times"), [(0.0, 2), (9.5, 4), (np.inf, 5)])
-def test_the_time_of_a_run_is_that_of_all_of_it_and_a_long_one_is_made_twice(
+def test_the_time_of_a_run_includes_its_preparation_and_long_runs_are_made_twice(
     enough: float, times: int, monkeypatch
 ) -> None:
     watch = Watch()
     names = {"thread_time": watch, "simulate": watch.simulate}
     for name, value in names.items():
         monkeypatch.setattr(f"flexlink.advice.run_time.{name}", value)
-    assert run_time(cast("Callable[[], fl.Scene]", watch.scene), enough) == (3.0, 1.0)
+    make = cast("Callable[[], fl.Scene]", watch.scene)
+    assert run_time(make, enough) == (3.0, 1.0)
     assert len(watch.made) == times
 
 
-def test_advice_says_after_how_many_runs_it_pays() -> None:
-    assert payback(0.1, 0.004, 0.002) == "; pays after 50 runs of the scene as it is, 4 ms each"
-    assert payback(0.1, 0.2, 0.002) == "; pays after 1 run of the scene as it is, 200 ms each"
-    assert payback(0.1, np.inf, 0.002) == "; pays after 1 run of the scene as it is"
-    assert payback(0.1, 0.001, 0.002) == "; a run of the scene as it is takes no longer"
+@pytest.mark.parametrize(
+    ("own", "numbers"), [(0.004, ["50", "4 ms"]), (0.2, ["1", "200 ms"]), (np.inf, ["1"]), (0.001, [])]
+)
+def test_advice_has_the_number_of_runs_after_which_it_pays(own: float, numbers: list[str]) -> None:
+    text = payback(0.1, own, 0.002)
+    assert re.findall(r"\d+(?: ms)?", text) == numbers
+    reviewed("advise: payback", text)
+
+
+def test_advice_has_no_payback_if_the_scene_was_not_timed() -> None:
     assert payback(0.1, np.nan, 0.002) == ""
 
 
-def test_a_run_of_the_scene_as_it_is_is_timed_unless_it_fails_or_takes_longer_than_the_advice() -> None:
+def test_the_scene_itself_is_timed_unless_it_fails_or_takes_longer_than_the_advice() -> None:
     scene = arm(0.3, links=2)
     fixed = {"run.method": "RK4", "run.step": 1e-4}
     free = {"run.method": "auto", "run.step": None, "run.relative_tolerance": 1e-4}
     for changes in (fixed, free):
         assert 0.0 < own_time(scene.varied(changes), 1.0) < 1.0
         assert own_time(scene.varied(changes), 1e-6) == np.inf
-    assert np.isnan(
-        own_time(arm(links=1).varied({"link.bar0.flex": "z", "link.bar0.segments": 9, **fixed, "run.step": 0.01}), 1.0)
-    )
+    unstable = arm(links=1).varied({"link.bar0.flex": "z", "link.bar0.segments": 9, **fixed, "run.step": 0.01})
+    assert np.isnan(own_time(unstable, 1.0))
 
 
-def test_what_is_advised_does_not_depend_on_the_times_that_are_measured(monkeypatch) -> None:
+def test_advice_does_not_depend_on_measured_times(monkeypatch) -> None:
     scene = arm(0.3, links=2, motion=led("bar0", "bar1"))
     first = fl.advise(scene, 1e-2)
     monkeypatch.setattr("flexlink.advice.run_time.thread_time", Watch())
@@ -277,20 +283,20 @@ def test_sensitive_motion_is_good_up_to_a_horizon_that_is_neither_too_late_nor_m
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "id"),
     [
         ({"initial.q": (0.0,)}, "hinge-state-with-advice"),
         ({"run.duration": 0.0}, "no-motion"),
         ({"link.1.material": None, "link.1.section": None}, "no-flexible-link"),
     ],
 )
-def test_what_advice_cannot_judge_is_refused_by_name(change: dict[str, object], message: str) -> None:
-    with refused(fl.errors.SceneError, message):
+def test_a_scene_that_advice_does_not_cover_is_refused(change: dict[str, object], id: str) -> None:
+    with refused(fl.errors.SceneError, id):
         fl.advise(arm(**change))
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("options", "id"),
     [
         ({"tip": 0.0}, "tip-goal"),
         ({"tip": 2.0}, "tip-goal"),
@@ -300,19 +306,19 @@ def test_what_advice_cannot_judge_is_refused_by_name(change: dict[str, object], 
         ({"budget": 0.0}, "out-of-range"),
     ],
 )
-def test_arguments_out_of_range_are_refused_by_name(options: dict[str, object], message: str) -> None:
-    with refused(fl.errors.ArgumentError, message):
+def test_arguments_out_of_range_are_refused(options: dict[str, object], id: str) -> None:
+    with refused(fl.errors.ArgumentError, id):
         fl.advise(arm(), **options)
 
 
-def test_a_goal_is_a_part_or_a_length() -> None:
+def test_a_goal_is_relative_or_a_length() -> None:
     run = fl.RunSettings(sample=0.01, step=0.01)
     assert goal_of(1e-3, deflection=False, band=None, run=run).tolerance(2.0, 0.5) == 2e-3
     assert goal_of(1e-3, deflection=True, band=None, run=run).tolerance(2.0, 0.5) == 5e-4
     assert goal_of("50 µm", deflection=False, band=None, run=run).tolerance(2.0, 0.5) == pytest.approx(5e-5)
 
 
-def test_a_band_lets_slow_differences_pass_and_fast_ones_not() -> None:
+def test_a_band_passes_slow_differences_only() -> None:
     t = np.arange(0.0, 2.0, 0.01)
     norm = TipErrorNorm(Goal(1e-3, band=5.0), 0.01)
     slow, fast = (np.sin(2 * np.pi * f * t)[:, None] * np.array([1.0, 0.0, 0.0]) for f in (0.25, 20.0))
@@ -321,7 +327,7 @@ def test_a_band_lets_slow_differences_pass_and_fast_ones_not() -> None:
     assert norm.lengths(fast)[middle].max() < 0.03
 
 
-def test_a_band_that_is_slower_than_the_run_is_long_has_a_length_at_every_sample() -> None:
+def test_a_band_with_a_period_beyond_the_run_has_an_error_at_every_sample() -> None:
     difference = np.ones((30, 1)) * np.array([3.0, 0.0, 4.0])
     assert TipErrorNorm(Goal(1e-3, band=2.0), 0.01).lengths(difference) == pytest.approx(np.full(30, 5.0))
 
@@ -335,7 +341,7 @@ def test_a_swing_is_that_of_the_oscillator() -> None:
     assert oscillator_response(ramp, ω, Δ, np.zeros(1))[:, 0] == pytest.approx(t - np.sin(ω * t) / ω, abs=1e-12)
 
 
-def test_prices_grow_with_the_chain_and_space_is_dearer() -> None:
+def test_costs_grow_with_the_chain_and_are_higher_in_space() -> None:
     scene = arm(links=2)
     plane, space = (fl.lump(with_model(scene, (Bend(flex, "gauss", 8),) * 2)) for flex in ("z", "xyz"))
     assert bodies_of(plane).tolist() == [0, 2 + 16, 0, 0]
@@ -344,34 +350,34 @@ def test_prices_grow_with_the_chain_and_space_is_dearer() -> None:
 
 
 @pytest.mark.slow
-def test_where_no_two_models_can_be_run_the_error_says_why() -> None:
+def test_advice_is_refused_if_no_two_models_can_run() -> None:
     with refused(fl.errors.AdviceError, "too-few-models"):
         fl.advise(arm(0.004, motion=led("bar0")), budget=1e-7)
 
 
 @pytest.mark.slow
-def test_the_command_says_why_and_writes_a_scene_that_runs(tmp_path: Path, models: Path, capsys) -> None:
+def test_the_command_prints_its_reasons_and_writes_a_scene_that_runs(tmp_path: Path, models: Path, capsys) -> None:
     out = tmp_path / "small.toml"
     options = ["--tip", "1e-2", "--set", "run.duration=0.5", "-o", str(out)]
     assert main(["advise", str(models / "t3_spatial.toml"), *options]) == 0
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
     for word in ("motion", "rigid", "axes", "link", "step", "error", "cost"):
-        assert f"\n{word} " in f"\n{said}"
+        assert f"\n{word} " in f"\n{printed}"
     assert fl.simulate(fl.load_scene(out)).tip.shape == (101, 3)
 
 
 @pytest.mark.slow
-def test_the_command_says_cannot(tmp_path: Path, capsys) -> None:
-    pushed = arm(0.006, locked=True, **{"wrench.force": (0.0, 1.0, 0.0)})  # at once: all modes ring
+def test_the_command_fails_if_no_model_meets_the_tolerance(tmp_path: Path, capsys) -> None:
+    pushed = arm(0.006, locked=True, **{"wrench.force": (0.0, 1.0, 0.0)})  # suddenly: all modes vibrate
     (tmp_path / "pushed.toml").write_text(pushed.to_toml(), encoding="utf-8")
     assert main(["advise", str(tmp_path / "pushed.toml"), "--tip", "1e-2", "--budget", "0.02"]) == 1
-    said = capsys.readouterr().out
-    assert "\ncannot " in said
-    assert "\nhorizon " in said
+    printed = capsys.readouterr().out
+    assert "\ncannot " in printed
+    assert "\nhorizon " in printed
 
 
 @pytest.mark.slow
-def test_advice_on_a_robot_from_a_file_is_true_and_what_cannot_bend_stays_rigid() -> None:
+def test_advice_on_a_robot_from_a_file_is_right_and_links_without_beams_stay_rigid() -> None:
     scene = robot_scene(1.0)
     advice = fl.advise(scene, 1e-2)
     assert advice.met
@@ -385,14 +391,17 @@ def test_advice_on_a_robot_from_a_file_is_true_and_what_cannot_bend_stays_rigid(
 
 
 @pytest.mark.slow
-def test_the_case_of_the_study_judges_advice_by_a_truth_of_its_own() -> None:
+def test_the_case_of_the_study_compares_advice_with_an_independent_reference() -> None:
     case = load_case(CASES / "advice.toml")
     only = replace(
         decode(case.settings, kind.Settings), first=25, scenes=1, robot=0.0, tumbling=(), released=(),
         tolerances=(1e-2,), grid=(25,),
     )  # fmt: skip
     rows = {row.quantity: row.value for row in kind.run(replace(case, scenes=()), only)}
-    assert rows["cells judged"] == rows["cells met"] == 1
-    assert rows["met, but is not"] == 0
-    assert rows["cost over the grid's cheapest"] >= 1
+    judged, met, wrong, cost = (
+        rows[name] for name in ("cells judged", "cells met", "met, but is not", "cost over the grid's cheapest")
+    )
+    assert judged == met == 1
+    assert wrong == 0
+    assert cost >= 1
     assert {*rows} <= {*case.quantity}

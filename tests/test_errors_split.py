@@ -1,4 +1,4 @@
-"""An error in parts: each part is found where it was put, and the page says which one leads."""
+"""Parts of an error: each part is found where it was planted, and the page names the largest."""
 
 import numpy as np
 import pytest
@@ -8,6 +8,7 @@ from flexlink.describe.scene_file import load_scene
 from reports.figures import errors_split as figure
 from reports.findings import errors_split as finding
 from reports.results import Results
+from tests.words import reviewed
 from validation.case import MODELS
 from validation.store import Series, Store, table
 from validation.trade.error_parts import Fine, Setup, Splitter
@@ -27,7 +28,7 @@ def scene():
 
 @pytest.fixture(scope="module")
 def splits(scene):
-    """The same, of soft links, each run coarse in one respect alone."""
+    """Errors in parts of that fall with soft links; each run is coarse in one respect."""
     exact = Fine(method="DOP853", tolerances=(1e-11, 1e-10), hinges=(10, 8))
     splitter = Splitter(scene.varied({"material.aluminium.young": 7e8}), "z", exact, exact)
     return {coarse: splitter.split(setup) for coarse, setup in COARSE.items()}
@@ -40,7 +41,7 @@ def test_the_largest_part_is_the_one_that_is_coarse(splits, coarse):
     assert parts[coarse].own < 0.1 * parts[coarse].size
 
 
-def test_a_rigid_arm_has_no_error_of_hinges_and_the_true_type_none_of_model(splits):
+def test_a_rigid_arm_has_no_error_of_hinges_and_the_right_model_none_of_model(splits):
     assert splits["model"].parts["space"].size == 0.0
     assert splits["space"].parts["model"].size == splits["time"].parts["model"].size == 0.0
 
@@ -56,17 +57,17 @@ def results(tmp_path):
     return Results.read(where)
 
 
-def test_the_table_names_the_part_to_mend_and_leaves_nothing_for_what_is_nothing(results):
+def test_the_table_names_the_largest_part_and_leaves_zeros_empty(results):
     (found,) = finding.find(results)
     assert [(line[0], line[1], line[-1]) for line in found.lines] == [
         ("arm: coarse", None, "space"), ("arm: slack", None, "time"),
     ]  # fmt: skip
-    said = " ".join(found.sentences)
-    assert "in 2 runs: " in said
-    assert "In 1 of them, smaller steps would gain less than 1 %" in said
+    text = " ".join(found.sentences)
+    assert "2 runs" in text and " 1 of " in text and " 1 %" in text
+    reviewed("errors split: finding", text)
 
 
-def test_a_part_that_is_nothing_is_not_drawn(results):
+def test_a_part_of_zero_is_not_drawn(results):
     (picture,) = figure.draw(results)
     (axes,) = picture.figure.axes
     drawn = {

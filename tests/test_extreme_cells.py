@@ -57,7 +57,7 @@ def test_axes_multiply_what_is_there_count_in_whole_numbers_repeat_links_and_spe
     assert state == {"rate": 2e5}
 
 
-def test_an_engine_that_is_better_by_luck_is_no_reason_to_ask_for_more() -> None:
+def test_an_engine_that_is_better_by_luck_does_not_tighten_the_limit() -> None:
     eps = np.finfo(float).eps
     errors = {("native", "M"): 6e-16, ("pinocchio", "M"): 0.0, ("mujoco", "M"): 1e-13}
     assert digits.CellErrors(16, 1.0, errors, "").ratio("M") == pytest.approx(6e-16 / (4 * eps))
@@ -66,7 +66,7 @@ def test_an_engine_that_is_better_by_luck_is_no_reason_to_ask_for_more() -> None
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_gimbal_lock_is_asked_for_by_how_far_it_is_away(sign: float) -> None:
+def test_states_have_the_given_distance_from_gimbal_lock(sign: float) -> None:
     chain = fl.lump(fl.load_scene(CASES.parent / "scenes" / "extreme_arm.toml"))
     (state,) = digits.States(gimbal=sign * 1e-3, samples=1).draw(chain)
     groups = chain.bodies[chain.bodies["stop"] - chain.bodies["first"] == 3]
@@ -74,17 +74,17 @@ def test_gimbal_lock_is_asked_for_by_how_far_it_is_away(sign: float) -> None:
     assert (state.q[groups["first"] + 1] == sign * (np.pi / 2 - 1e-3)).all()
 
 
-def test_of_a_cell_each_engine_tells_its_digits(monkeypatch, capsys) -> None:
+def test_a_cell_prints_the_error_of_each_engine(monkeypatch, capsys) -> None:
     pytest.importorskip("pinocchio")
     monkeypatch.setattr(sys, "argv", ["cell", "extremes_digits", "3"])
     assert cell.main() == 0
-    told = capsys.readouterr().out
-    assert "cond(M) = 2.7e+06" in told
-    errors = {tuple(line.split()[:2]): float(line.split()[-5]) for line in told.splitlines()[1:] if "error" in line}
+    printed = capsys.readouterr().out
+    assert "cond(M) = 2.7e+06" in printed
+    errors = {tuple(line.split()[:2]): float(line.split()[-5]) for line in printed.splitlines()[1:] if "error" in line}
     assert errors["native", "q̈"] < errors["pinocchio", "q̈"] < errors["mujoco", "q̈"] < 1e-9
 
 
-def test_the_picture_of_runs_tells_who_is_wrong_without_a_word_where_and_how_to_see_it_once_more(tmp_path) -> None:
+def test_the_picture_of_runs_names_silent_errors_with_engine_place_and_command(tmp_path) -> None:
     step, both = ("RK4", "step", 0.1, 0), {"young": 1.0, "mass": 2.0}
     found = [
         extremes.Cell("plane", values, extremes.HowTo(engine, *step), extremes.RunOutcome(outcome, 1.0, "", 0.0))
@@ -96,10 +96,11 @@ def test_the_picture_of_runs_tells_who_is_wrong_without_a_word_where_and_how_to_
     results = stored(tmp_path, row(case.name, kind="extremes"))
     Store(results).add_series(case.name, extremes._series(case, found))
     alone, pairs = extreme_runs.draw(Results.read(results))
-    told = [line.split(",") for line in alone.csv.splitlines()[1:]]
-    assert [line[:5] for line in told] == [
+    lines = [line.split(",") for line in alone.csv.splitlines()[1:]]
+    assert [line[:5] for line in lines] == [
         ["flexlink", "young", "young 1.0", "2", "0"], ["flexlink", "young", "young 3.0", "2", "0"],
         ["MuJoCo", "young", "young 1.0", "2", "1"], ["MuJoCo", "young", "young 3.0", "2", "0"],
     ]  # fmt: skip
-    assert told[2][5] == "python -m validation.cell extremes_beside 3"
+    command = "python -m validation.cell extremes_beside 3"
+    assert lines[2][5] == command
     assert [line.split(",")[4] for line in pairs.csv.splitlines()[1:]] == ["0", "1"]

@@ -1,4 +1,4 @@
-"""What is kept between calls: rows of sweeps and whose they are, archives of older versions, processes of engines."""
+"""State between calls: stored rows of sweeps and their origin, archives of older versions, processes of engines."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ OLDER_BODIES = {"parent", "begins", "slot", "fork", "loaded"}
 
 
 @pytest.mark.parametrize("suffix", [".py", ".toml"])
-def test_rows_are_of_the_sources_and_of_the_files_of_methods_and_rules(
+def test_stored_rows_depend_on_sources_and_on_files_of_methods_and_rules(
     suffix: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One more byte in any of them is another version."""
+    """One additional byte in any of them makes another version."""
     before, read = fingerprint.version.__wrapped__(), Path.read_bytes
     changed = next(path for path in sorted(Path(fl.__file__).parent.rglob(f"*{suffix}")))
     monkeypatch.setattr(Path, "read_bytes", lambda path: read(path) + (b"#" if path == changed else b""))
     assert fingerprint.version.__wrapped__() != before
 
 
-def test_rows_are_of_the_versions_of_all_that_computes_them() -> None:
+def test_stored_rows_depend_on_the_versions_of_all_packages() -> None:
     assert set(fingerprint.fingerprint(SWEEP)["versions"]) == {"flexlink", "numpy", "scipy", "numba"}
 
 
@@ -45,8 +45,8 @@ def row(number: int, reason: str = "") -> Row:
     return Row(number, "done" if not reason else "failed", reason, "", (1.0,))
 
 
-def test_a_fresh_start_leaves_no_row_of_a_process_that_was_killed(tmp_path: Path) -> None:
-    """Its last rows are in the write-ahead log, which would be read with the new file."""
+def test_a_fresh_start_removes_the_rows_of_a_killed_process(tmp_path: Path) -> None:
+    """Its last rows are in the write-ahead log, which the database would read with the new file."""
     plan, out, left = Plan(SWEEP), tmp_path / "sweep.db", tmp_path / "left.db"
     with Store(out, plan, {"of": "this"}) as store:
         store.add([row(0), row(1)])
@@ -60,13 +60,14 @@ def test_a_fresh_start_leaves_no_row_of_a_process_that_was_killed(tmp_path: Path
         assert store.count() == 2
 
 
-def test_a_sweep_that_was_stopped_says_so_and_by_which_signal() -> None:
-    stopped = fl.errors.InterruptedSweepError("2 of 3 members are done", 15)
-    assert (str(stopped), stopped.signal) == ("2 of 3 members are done", 15)
+def test_an_interrupted_sweep_has_its_signal() -> None:
+    text = "2 of 3 members are done"
+    stopped = fl.errors.InterruptedSweepError(text, 15)
+    assert (str(stopped), stopped.signal) == (text, 15)
 
 
-def test_damage_is_told_wherever_it_is(tmp_path: Path) -> None:
-    """Here in a page that holds the rest of a long reason, which nothing reads but who wants the table."""
+def test_damage_is_found_in_every_page(tmp_path: Path) -> None:
+    """Here the damaged page contains the end of a long reason, which only a query of the table reads."""
     plan, out = Plan(SWEEP), tmp_path / "sweep.db"
     with Store(out, plan, {"of": "this"}) as store:
         store.add([row(0, "x" * 20_000)])
@@ -75,13 +76,14 @@ def test_damage_is_told_wherever_it_is(tmp_path: Path) -> None:
     data[page : page + 4] = b"\xff" * 4  # the number of the next page
     out.write_bytes(data)
     with sqlite3.connect(out) as db:
-        assert db.execute("SELECT number FROM rows").fetchall() == [(0,)]
+        numbers = db.execute("SELECT number FROM rows").fetchall()
+    assert numbers == [(0,)]
     with refused(fl.errors.OutputError, "cannot-write"):
         Store(out, plan, {"of": "this"})
 
 
-def test_the_place_of_rest_keeps_driven_joints_where_they_end() -> None:
-    """A beam held at 30° sags from there; let go, it would hang."""
+def test_the_rest_position_has_the_final_angles_of_driven_joints() -> None:
+    """A beam held at 30° sags from there; released, it would hang down."""
     beam = flexible("a", segments=5, lumping="gauss")
     scene = make_scene(beam, gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_deg=(30.0,)))
     run = fl.simulate(scene, step=1e-5, duration=2e-5, sample=1e-5)
@@ -94,7 +96,7 @@ def test_the_place_of_rest_keeps_driven_joints_where_they_end() -> None:
     assert np.linalg.norm(sag) == pytest.approx(weight * 1.25**4 / (8 * EI), rel=0.05)
 
 
-def test_a_run_that_was_told_no_wrench_has_none() -> None:
+def test_a_trajectory_without_a_wrench_has_none() -> None:
     run = fl.simulate(SCENE)
     bare = fl.Trajectory(run.chain, run.t, run.q, run.qd, run.tau, run.tip, run.energy)
     assert bare.tip_wrench.shape == (0, 6)
@@ -117,7 +119,7 @@ def test_an_archive_of_a_version_without_branches_has_its_load_on_the_last_body(
 
 
 @pytest.mark.slow
-def test_the_process_of_an_engine_outlives_the_time_of_its_last_call(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_process_of_an_engine_outlives_the_timeout_of_its_last_call(monkeypatch: pytest.MonkeyPatch) -> None:
     engine = IsolatedEngine("native", fl.lump(SCENE))
     monkeypatch.setattr(child_process, "CALL_TIMEOUT", 5.0)
     q = np.zeros(engine.n)
@@ -128,7 +130,7 @@ def test_the_process_of_an_engine_outlives_the_time_of_its_last_call(monkeypatch
 
 
 @pytest.mark.slow
-def test_a_process_that_waits_is_given_to_one_engine_only(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_idle_process_serves_only_one_engine(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(child_process, "_idle", {})
     chains = fl.lump(SCENE), fl.lump(make_scene(flexible("arm", segments=9)))
     waiting = IsolatedEngine("native", chains[0])._child

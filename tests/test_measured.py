@@ -13,7 +13,7 @@ from conftest import ROOT
 import flexlink as fl
 from flexlink.data.measured import Measured, read_measured
 from flexlink.scene_report.fitting import Comparison, numbers_of
-from tests.words import refused
+from tests.words import refused, reviewed
 
 KNOWN = ("t [s]", "tip x [m]", "q upper [rad]", "qd upper [rad/s]")
 NOISE = 1e-4  # m
@@ -69,7 +69,7 @@ class TestReading:
             ("t [s]\n0\n1\n", "no-such-column"),
         ],
     )
-    def test_what_cannot_be_read_is_refused_with_its_place(self, tmp_path: Path, text: str, reason: str) -> None:
+    def test_a_file_that_cannot_be_read_is_refused(self, tmp_path: Path, text: str, reason: str) -> None:
         with refused(fl.errors.DataFileError, reason):
             self.read(tmp_path, text)
 
@@ -79,19 +79,22 @@ class TestFitting:
     def test_a_stiffness_that_is_five_percent_wrong_is_found_with_its_size(self, scene: fl.Scene) -> None:
         true = scene.varied({"material.aluminium.young": 0.95 * 70e9})
         best, *others = Comparison(scene, fl.simulate(scene), measured_of(true)).fits
-        assert best.number.path == "material.aluminium.young"
+        young = "material.aluminium.young"
+        assert best.number.path == young
         assert abs(best.value - 0.95 * 70e9) < 4 * best.spread
         assert best.spread < 0.01 * 70e9
         assert all(other.explained < best.explained for other in others)
 
-    def test_an_angle_at_the_start_is_told_in_degrees(self, scene: fl.Scene) -> None:
+    def test_an_initial_angle_is_in_degrees(self, scene: fl.Scene) -> None:
         free = scene.varied({"drive": fl.Drive(), "run.duration": 0.2})
         true = free.varied({"initial.joint_deg.fore": -60.5})
         best = Comparison(free, fl.simulate(free), measured_of(true)).fits[0]
-        assert best.number.what == "start of fore"
+        path = "initial.joint_deg.fore"
+        assert best.number.path == path
+        reviewed("measured: initial angle", best.number.what)
         assert abs(best.value + 60.5) < 4 * best.spread < 0.1
 
-    def test_what_is_left_of_a_perfect_model_is_the_noise(self, scene: fl.Scene) -> None:
+    def test_the_residual_of_a_perfect_model_is_the_noise(self, scene: fl.Scene) -> None:
         beside = Comparison(scene, run := fl.simulate(scene), measured_of(scene))
         assert beside.off(run)["tip z [m]"] == pytest.approx(NOISE, rel=0.2)
         assert all(fit.explained < 0.1 for fit in beside.fits)
@@ -113,8 +116,8 @@ def test_every_number_that_is_tried_can_be_varied(scene: fl.Scene) -> None:
         assert scene.varied({number.path: 1.01 * number.value}) != scene or number.value == 0
 
 
-def test_runs_that_are_fitted_go_on_to_the_sample_after_the_last_measurement(scene: fl.Scene) -> None:
-    """Samples are 10 ms apart here: of measurements up to 14 ms the run takes 20 ms."""
+def test_fitted_runs_end_at_the_sample_after_the_last_measurement(scene: fl.Scene) -> None:
+    """Samples are 10 ms apart, so a run for measurements up to 14 ms takes 20 ms."""
     apart = scene.varied({"run.sample": 0.01})
     run, t = SimpleNamespace(t=np.array([0.0, 0.6])), np.array([0.0, 0.014])
     beside = Comparison(apart, cast("Any", run), Measured(t, {"tip x [m]": t}))

@@ -1,7 +1,8 @@
-"""What a notebook shows: a compact table of every object that is looked at, and every picture once."""
+"""Display in notebooks: a compact table of every object, and every picture once."""
 
 from __future__ import annotations
 
+import html
 from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
@@ -16,7 +17,7 @@ import flexlink as fl
 from flexlink.advice.verdict import Advice
 from flexlink.common import notebook
 from flexlink.pages.verdict import Report, Verdict
-from tests.words import refused
+from tests.words import line, refused, reviewed
 
 SCENE = make_scene(
     flexible("a<b>&"), flexible("c", segments=30), run=fl.RunSettings(step=1e-6, sample=1e-5, duration=1e-4)
@@ -73,8 +74,8 @@ def test_an_object_is_shown_as_a_compact_table(shown: dict[str, Any], name: str,
 
 @pytest.mark.parametrize("name", ["scene", "chain", "run", "modes"])
 def test_a_picture_is_shown_once(shown: dict[str, Any], name: str) -> None:
-    """By the figure itself; pyplot, which would draw it a second time, does not know it."""
-    others = plt.get_fignums()  # what other tests of this process left open
+    """The figure shows itself; pyplot does not know it, and so does not draw it again."""
+    others = plt.get_fignums()  # figures that other tests of this process left open
     figure = shown[name].plot(*([shown["chain"]] if name == "modes" else []))
     assert figure._repr_png_().startswith(b"\x89PNG")
     assert plt.get_fignums() == others
@@ -82,7 +83,7 @@ def test_a_picture_is_shown_once(shown: dict[str, Any], name: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "tag"), [("arm.gif", "<img "), ("arm.html", "<iframe ")])
-def test_a_film_plays_where_its_path_is_the_value_of_a_cell(
+def test_a_film_plays_if_its_path_is_the_value_of_a_cell(
     shown: dict[str, Any], name: str, tag: str, tmp_path: Path
 ) -> None:
     path = shown["run"].animate(tmp_path / name, width=320)
@@ -93,12 +94,13 @@ def test_a_film_plays_where_its_path_is_the_value_of_a_cell(
     assert path._repr_html_() is None, "the notebook shows the path"
 
 
-def test_a_comparison_tells_the_mistake_in_a_notebook_too(tmp_path: Path) -> None:
+def test_a_notebook_shows_the_diagnosis_of_a_comparison(tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
     scene = SCENE.varied({"gravity": (0.0, -9.81, 0.0)})
     file = tmp_path / "theirs.xml"
     file.write_text(fl.to_mjcf(fl.lump(scene)).replace("-9.81", "9.81"), encoding="utf-8")
-    assert "gravity has the wrong sign" in fl.compare(scene, file=file, samples=4)._repr_html_()
+    found = fl.compare(scene, file=file, samples=4)
+    assert html.escape(line(found.diagnosis, "  1. "), quote=False) in found._repr_html_()
 
 
 def test_rows_of_a_sweep_are_a_table() -> None:
@@ -109,19 +111,24 @@ def test_rows_of_a_sweep_are_a_table() -> None:
     assert {"2 rows, 0 failed", "0.5", "1.5"} <= set(table.cells)
 
 
-def test_a_report_is_told_by_its_verdicts() -> None:
+def test_a_report_is_shown_by_its_verdicts() -> None:
     found = Report(Path("page/index.html"), (Verdict("Engines", "pass", "agree", "200 states <"),), ())
-    assert repr(found) == "<Report 'page/index.html': Engines agree>"
+    path = "page/index.html"
+    assert repr(found) == f"<Report '{path}': Engines agree>"
     table = Table(found._repr_html_())
-    assert {"Engines", "agree", "200 states <", "page/index.html"} <= set(table.cells)
+    for cell in ("Engines", "agree", "200 states <", path):
+        assert cell in table.cells
 
 
-def test_what_an_import_has_to_say_is_told_in_a_notebook() -> None:
+def test_a_notebook_shows_the_notes_of_an_import() -> None:
     found = fl.import_urdf(ROOT / "examples" / "reach_arm.urdf")
-    assert "5 joints from base to flange" in found._repr_html_()
+    first = Table(found._repr_html_()).cells[0].splitlines()[0]
+    assert first in str(found)
+    assert "5 joints" in first and "flange" in first
+    reviewed("notebook: first line of an import", first)
 
 
-def test_an_arm_is_drawn_where_it_is_asked_for() -> None:
+def test_an_arm_is_drawn_in_the_given_configuration() -> None:
     scene = SCENE.varied({"initial.joint_deg": [30.0, -20.0]})
     chain = fl.lump(scene)
     start, straight = (one.axes[0].lines[0].get_xydata() for one in (scene.plot(), chain.plot()))
@@ -137,7 +144,7 @@ def missing(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["scene", "chain", "run", "modes"])
-def test_without_matplotlib_a_plot_says_what_to_install(
+def test_without_matplotlib_a_plot_is_refused(
     shown: dict[str, Any], name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     load: Callable[[str], None] = missing

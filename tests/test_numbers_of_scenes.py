@@ -1,4 +1,4 @@
-"""Numbers of a scene: units of tables, dampers of the posture that a run starts from, hints by formulas of the book."""
+"""Numbers of a scene: units of tables, dampers in the initial configuration, hints by textbook formulas."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ import flexlink as fl
 from flexlink.data.csv_table import UNITS, read_csv
 from flexlink.describe.plausibility.hints import hints
 from flexlink.errors import SceneError
-from tests.words import refused
+from tests.words import refused, reviewed
 
 SIZES = {"k": 1e3, "m": 1e-3, "µ": 1e-6, "u": 1e-6, "": 1.0}
 HELD = fl.Joint(locked=True)
 
 
 def in_si(unit: str) -> float:
-    """A unit's size by its prefixes: "N mm²" is 1e-6 N m², "g/m" 1e-3 kg/m."""
+    """Size of a unit in SI units, from its prefixes: "N mm²" is 1e-6 N m², "g/m" 1e-3 kg/m."""
     if unit in {"rad", "deg", "mrad"}:
         return {"rad": 1.0, "deg": np.pi / 180, "mrad": 1e-3}[unit]
     size = 1.0
@@ -33,7 +33,7 @@ def in_si(unit: str) -> float:
 
 
 @pytest.mark.parametrize("unit", UNITS)
-def test_a_unit_is_what_its_prefixes_say(unit: str, tmp_path: Path) -> None:
+def test_the_size_of_a_unit_follows_from_its_prefixes(unit: str, tmp_path: Path) -> None:
     (tmp_path / "table.csv").write_text(f"a [{unit}]\n3\n", encoding="utf-8")
     column = read_csv(tmp_path / "table.csv").column("a", UNITS[unit][0])
     assert column[0] == pytest.approx(3 * in_si(unit), rel=1e-14)
@@ -45,7 +45,7 @@ def test_a_table_of_rigidities_may_be_in_millimetres_and_grams(tmp_path: Path) -
     np.testing.assert_allclose((table.x, table.ei_z, table.rho_a), ((0.0, 0.8), (50.0, 40.0), (2.0, 0.6)), rtol=1e-14)
 
 
-def test_a_table_neither_jumps_at_its_tip_nor_is_without_rigidity(tmp_path: Path) -> None:
+def test_a_table_with_a_jump_at_an_end_or_without_rigidity_is_refused(tmp_path: Path) -> None:
     for x in ((0.0, 1.0, 1.0), (0.0, 0.0, 1.0)):
         with refused(SceneError, "rigidity-table"):
             fl.Rigidity(x=x, rho_a=(1.0,) * 3)
@@ -56,8 +56,8 @@ def test_a_table_neither_jumps_at_its_tip_nor_is_without_rigidity(tmp_path: Path
 
 
 @pytest.mark.parametrize("first", [0.3, 1.2])
-def test_dampers_of_one_ratio_are_those_of_the_posture_that_angles_of_all_joints_say(first: float) -> None:
-    """Not those of a scene that was lumped before."""
+def test_dampers_of_one_ratio_follow_the_configuration(first: float) -> None:
+    """They are not those of a scene that was lumped before."""
     damping = fl.Damping(ratio=0.02, law="constant")
     scene = make_scene(*(flexible(name, "z", 3, damping=damping) for name in "ab"), gravity=(0.0, 0.0, 0.0))
     for elbow in (first, 0.1, first):
@@ -67,8 +67,8 @@ def test_dampers_of_one_ratio_are_those_of_the_posture_that_angles_of_all_joints
         np.testing.assert_allclose(fl.modes(chain, q, locked=chain.active).damping_ratios, 0.02, rtol=1e-8)
 
 
-def test_dampers_between_hinges_stand_in_their_order_beside_coupled_cells() -> None:
-    """Cells of the first link are coupled, all hinges of the second damped: kernels go through both in one pass."""
+def test_dampers_between_hinges_are_sorted_with_coupled_cells() -> None:
+    """Cells of the first link are coupled, all hinges of the second are damped; kernels pass through both at once."""
     alike = fl.Damping(ratio=0.02, law="constant")
     links = flexible("a", "z", 5, lumping="lobatto2"), flexible("b", "z", 5, damping=alike)
     chain = fl.lump(make_scene(*links))
@@ -91,13 +91,13 @@ def test_a_link_that_is_fixed_in_frame_0_feels_no_drag(rng: np.random.Generator)
 
 
 def cantilever(**fields: object) -> fl.Scene:
-    """A square bar of 2 m that is clamped, its weight along −Y."""
+    """A clamped square bar of 2 m, with gravity along −Y."""
     return make_scene(flexible("bar", length=2.0, joint=HELD), gravity=(0.0, -9.81, 0.0), **fields)
 
 
 WEIGHT = 2700.0 * 0.04**2 * 2.0 * 9.81
 YIELD = 0.1  # of `strain` in data/plausibility
-MOMENT = YIELD * 70e9 * (0.04**4 / 12) / 0.02 - WEIGHT * 1.0  # M c/(E I), beside its own weight
+MOMENT = YIELD * 70e9 * (0.04**4 / 12) / 0.02 - WEIGHT * 1.0  # M c/(E I), less the moment of its weight
 
 
 @pytest.mark.parametrize(
@@ -108,15 +108,17 @@ MOMENT = YIELD * 70e9 * (0.04**4 / 12) / 0.02 - WEIGHT * 1.0  # M c/(E I), besid
         ("wrench.moment", lambda part: {"wrench": fl.Wrench(moment=(0.0, 0.0, part * MOMENT))}),
     ],
 )
-def test_a_load_is_told_from_the_strain_on_that_no_metal_bears(key: str, load) -> None:
-    assert not [text for text in hints(cantilever(**load(0.99))) if "would strain" in text]
-    (told,) = [text for text in hints(cantilever(**load(1.01))) if "would strain" in text]
-    assert told.startswith(f"{key} = ")
-    assert "would strain by 0.1:" in told
+def test_a_load_beyond_the_largest_strain_of_metals_has_a_hint(key: str, load) -> None:
+    assert not hints(cantilever(**load(0.99)))
+    (hint,) = hints(cantilever(**load(1.01)))
+    assert hint.id == "likely-unit"
+    assert hint.startswith(f"{key} = ")
+    assert " 0.1" in hint and "'bar'" in hint
+    reviewed(hint.id, hint)
 
 
-def test_places_bodies_and_roots_are_told_from_their_limits_on() -> None:
-    """A place beyond 20 reaches, a radius of gyration beyond the reach, a root that its arm turns by 0.5 rad."""
+def test_points_bodies_and_springs_beyond_their_limits_have_a_hint() -> None:
+    """Points beyond 20 reaches, radii of gyration beyond the reach, root springs that bend by 0.5 rad."""
     arm = make_scene(flexible("bar", length=2.0), gravity=(0.0, -9.81, 0.0))
     moment = WEIGHT * 1.0
     cases = {
@@ -133,8 +135,9 @@ def test_places_bodies_and_roots_are_told_from_their_limits_on() -> None:
     }
     for key, change in cases.items():
         below, above = (hints(arm.varied(change(part))) for part in (0.99, 1.01))
-        assert not [text for text in below if text.startswith(key)], key
-        assert len([text for text in above if text.startswith(key)]) == 1, key
+        assert not [hint for hint in below if hint.startswith(key)], key
+        (hint,) = (hint for hint in above if hint.startswith(key))
+        reviewed(hint.id, hint)
 
 
 @pytest.mark.parametrize(
@@ -150,34 +153,39 @@ def test_places_bodies_and_roots_are_told_from_their_limits_on() -> None:
         (2, False),
     ],
 )
-def test_an_angle_whose_digits_are_those_of_a_whole_angle_in_radians_is_told(angle: float, radians: bool) -> None:
-    """A multiple of 5°, rounded where its decimals end; with two decimals only, a right angle."""
+def test_an_angle_with_the_digits_of_a_round_angle_in_radians_has_a_hint(angle: float, radians: bool) -> None:
+    """The angle is a multiple of 5°, rounded to its decimals; with only two decimals, a right angle."""
     scene = make_scene(flexible("a"), gravity=(0.0, 0.0, 0.0), initial=fl.InitialState(joint_deg=(angle,)))
-    told = [text for text in hints(scene) if "whole angles in radians" in text]
-    assert len(told) == radians
+    found = [hint for hint in hints(scene) if hint.id == "likely-radians"]
+    assert len(found) == radians
+    for hint in found:
+        reviewed(hint.id, hint)
 
 
-def test_a_rope_that_the_weight_stretches_by_half_a_metre_is_told() -> None:
-    """F/k = 0.5 m and more, F the weight of all that slides; likely the stiffness is in N/mm."""
+def test_a_spring_that_the_weight_stretches_by_half_a_metre_has_a_hint() -> None:
+    """F/k ≥ 0.5 m, with the weight F of the sliding bodies: the stiffness is probably in N/mm."""
     slide = fl.Joint(kind="prismatic", axis=(0.0, 1.0, 0.0))
     beam = fl.Link(name="car", length=2.0, material="aluminium", section="square", joint=slide)
     scene = make_scene(beam, gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_m=(0.0,)))
-    for part, told in ((0.99, 0), (1.01, 1)):
+    for part, count in ((0.99, 0), (1.01, 1)):
         stiffness = WEIGHT / (0.5 * part)
         changes = {"link.car.joint.gear_stiffness": stiffness, "link.car.joint.armature": 1.0}
-        said = [text for text in hints(scene.varied(changes)) if text.startswith("link.car.joint.gear_stiffness")]
-        assert len(said) == told
-        assert all("would stretch it by 0.51 m; likely given in N/mm" in text for text in said), said
+        found = [hint for hint in hints(scene.varied(changes)) if hint.startswith("link.car.joint.gear_stiffness")]
+        assert len(found) == count
+        for hint in found:
+            assert "0.51 m" in hint and "N/mm" in hint
+            reviewed("likely-unit", hint)
 
 
 @pytest.mark.parametrize(("length", "side", "key"), [(30.0, 5e-3, "link.bar.length"), (0.03, 0.04, "section.square.")])
-def test_of_a_link_that_is_no_beam_its_length_is_told_or_its_section(length: float, side: float, key: str) -> None:
-    """Too slender, L/h = 6000: likely the length is wrong; wider than long: the section."""
+def test_a_link_too_slender_or_too_short_for_a_beam_has_a_hint(length: float, side: float, key: str) -> None:
+    """If L/h = 6000, the length is probably wrong; if the link is wider than long, the section."""
     section = fl.Section(shape="rectangle", height=side, width=side)
     scene = make_scene(flexible("bar", length=length), gravity=(0.0, 0.0, 0.0)).varied({"section.square": section})
-    (told,) = [text for text in hints(scene) if "times as long as wide" in text]
-    assert told.startswith(key)
-    assert f"{length / side:.2g} times as long as wide" in told
+    (hint,) = hints(scene)
+    assert hint.startswith(key)
+    assert f" {length / side:.2g} " in hint
+    reviewed("likely-unit", hint)
 
 
 assert ALUMINIUM.young == 70e9

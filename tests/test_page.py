@@ -1,4 +1,4 @@
-"""The report in a real browser: nothing cut on a desk or a phone, light, dark or printed, and nobody is shut out."""
+"""Report in a real browser: nothing is cut on desktops, phones or paper, light or dark; the page is accessible."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def window() -> Iterator[Browser]:
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A study with everything that a page can hold: failures, gaps, busy timings, long names and notes."""
+    """A study with everything that a page can show: failures, gaps, disturbed timings, long names and notes."""
     folder = tmp_path_factory.mktemp("page")
     varied = {"rule": "gauss_matched", "hinges": 10, "step": 1e-4, "load": LONG}
     wordy = {"varied": varied, "note": "A note. " * 20}
@@ -97,11 +97,12 @@ class TestEverywhere:
 def test_no_word_of_a_drawing_is_cut(window: Browser, page: Path) -> None:
     window.open(page, *DESK)
     window.run(UNFOLD)
-    assert window.run("return document.querySelectorAll('.drawing g[transform*=\"scale(0.1\"]').length") > 20
+    words = window.run("return document.querySelectorAll('.drawing g[transform*=\"scale(0.1\"]').length")
+    assert words > 20
     assert window.run(CUT_WORDS) == []
 
 
-def test_the_first_screen_of_a_desk_holds_verdicts_numbers_and_the_figure(window: Browser, page: Path) -> None:
+def test_the_first_screen_of_a_desktop_has_verdicts_and_numbers(window: Browser, page: Path) -> None:
     window.open(page, *DESK)
     seen = window.run("""return ['.verdicts', '.facts'].map(name => {
         const box = document.querySelector(name).getBoundingClientRect(); return box.width > 0 && box.top < 800 })""")
@@ -124,13 +125,15 @@ def test_a_link_to_a_folded_case_unfolds_it(window: Browser, page: Path) -> None
     window.open(page, *DESK)
     window.run(FOLD)
     window.run("location.hash = 'case-many'")
-    assert window.run("return document.getElementById('case-many').closest('details').open") is True
+    unfolded = window.run("return document.getElementById('case-many').closest('details').open")
+    assert unfolded is True
 
 
-def test_on_paper_nothing_is_cut_and_the_navigation_is_gone(window: Browser, page: Path) -> None:
+def test_on_paper_nothing_is_cut_and_there_is_no_navigation(window: Browser, page: Path) -> None:
     window.open(page, 794, 1123, media="print")  # A4 at 96 dots an inch
     assert window.run(OFF_SCREEN) == []
-    assert window.run("return [...document.querySelectorAll('nav')].map(n => n.checkVisibility())") == [False, False]
+    visible = window.run("return [...document.querySelectorAll('nav')].map(n => n.checkVisibility())")
+    assert visible == [False, False]
     assert window.print().startswith(b"%PDF")
 
 
@@ -139,7 +142,7 @@ LATEST = Path(__file__).parent.parent / "reports" / "latest" / "index.html"
 
 @pytest.mark.skipif(not LATEST.is_file(), reason="needs a report: python -m validation")
 def test_the_whole_report_is_short_and_light_and_cuts_no_word(window: Browser) -> None:
-    """22 screens folded, of all 100 cases, with figures as wide as half the column; 2 MB without the drawings."""
+    """The page of all 100 cases has 22 screens when folded, and 2 MB without the drawings."""
     window.open(LATEST, *DESK)
     window.run(FOLD)
     assert window.run(SCREENS) <= 22

@@ -205,7 +205,7 @@ def test_colours_are_the_moments_and_strains_at_the_hinges() -> None:
 
 
 def test_moments_along_a_bent_spatial_arm_are_those_of_its_loads() -> None:
-    """In axes of the segment beyond each cut; where there is no own cut, at a hinge's other side, they agree, too."""
+    """Moments are in axes of the segment beyond each cut; they also agree on the other side of a hinge."""
     run = run_of("t3_spatial", 0.1)
     film = filmed(run)
     starts = np.flatnonzero((film.outline.part == 0) & (film.outline.link > 1))  # the waist is turned to its joint
@@ -236,7 +236,7 @@ def test_deflections_are_magnified_about_the_angles_at_rest() -> None:
     assert filmed(slack, magnify=5.0).p == pytest.approx(filmed(run).p, abs=1e-12)
 
 
-def test_the_clamped_end_has_the_moment_of_what_hangs_on_it() -> None:
+def test_the_clamped_end_has_the_moment_of_its_load() -> None:
     light = hanging(section="square").varied({"material.aluminium.density": 1e-6, "gravity": (0.0, -9.81, 0.0)})
     found = filmed(fl.simulate(light, duration=0.0)).colouring
     lever = fl.simulate(light, duration=0.0).tip[0, 0]
@@ -310,7 +310,7 @@ def test_a_video_has_every_frame(tmp_path: Path) -> None:
         assert last.size[0] == 322
 
 
-def test_without_ffmpeg_the_error_says_what_to_do(tmp_path: Path, monkeypatch) -> None:
+def test_a_film_without_ffmpeg_is_refused(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     with refused(fl.errors.MissingDependencyError, "package-missing"):
         run_of("paper_fig5", 0.0).animate(tmp_path / "arm.mp4")
@@ -370,15 +370,16 @@ def test_a_run_knows_the_scene_with_its_own_settings() -> None:
     assert [one.scene.arm.tip.mass for one in many if one.scene] == [0.0, 1.0]
 
 
-def test_the_command_writes_what_was_asked_for(tmp_path: Path, monkeypatch, capsys) -> None:
+def test_the_command_writes_the_film(tmp_path: Path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     scene = str(ROOT / "models" / "paper_fig5.toml")
     assert main(["show", scene, "--duration", "0.05", "--magnify", "20", "--colour", "strain"]) == 0
-    assert capsys.readouterr().out == "film: paper_fig5.html\n"
-    assert "deflections × 20" in (tmp_path / "paper_fig5.html").read_text(encoding="utf-8")
-    monkeypatch.setattr("flexlink.cli.show.simulate", None)  # nothing is run that cannot be drawn
+    name = "paper_fig5.html"
+    assert capsys.readouterr().out == f"film: {name}\n"
+    assert "deflections × 20" in (tmp_path / name).read_text(encoding="utf-8")
+    monkeypatch.setattr("flexlink.cli.show.simulate", None)  # options are checked before the simulation
     for wrong in (
         ["--speed", "1e-9"],
         ["-o", "arm.avi"],

@@ -1,4 +1,4 @@
-"""The page with the player in a real browser: the arm within its canvas, by mouse, finger and keys, for everybody."""
+"""Page with the player in a real browser: the arm within its canvas, use by mouse, touch and keys, accessibility."""
 
 from __future__ import annotations
 
@@ -36,6 +36,9 @@ let drawn = 0
 for (let i = 3; i < data.length; i += 4) drawn += data[i] > 128
 return drawn
 """
+LABEL, CLOCK = "return play.textContent", "return one('.clock').textContent"
+PLAYING, SEEN = "return running !== null", "return canvas.toDataURL()"
+WIDTH, LEGEND = "return document.documentElement.scrollWidth", "return one('.legend').getBoundingClientRect().bottom"
 VIOLATIONS = "const done = arguments[0]; axe.run().then(found => done(found.violations.map(v => v.id)))"
 
 
@@ -63,44 +66,46 @@ def test_the_arm_is_within_its_canvas_and_nothing_is_wider_than_the_screen(
     window.open(pages[name], *size)
     assert window.run(BEYOND) == []
     assert window.run(INK) > 1000
-    assert window.run("return document.documentElement.scrollWidth") <= size[0]
-    assert window.run("return one('.legend').getBoundingClientRect().bottom") <= size[1]
+    assert window.run(WIDTH) <= size[0]
+    assert window.run(LEGEND) <= size[1]
 
 
-def test_it_plays_and_stops_and_goes_where_the_slider_is(window: Browser, pages: dict[str, Path]) -> None:
+def test_the_player_plays_stops_and_follows_the_slider(window: Browser, pages: dict[str, Path]) -> None:
     window.open(pages["t3_spatial"], *PHONE)
-    assert window.run("return play.textContent") == "Pause"  # it plays by itself
+    assert window.run(LABEL) == "Pause"  # it starts playing
     window.run("play.click()")
-    assert window.run("return play.textContent") == "Play"
+    assert window.run(LABEL) == "Play"
     window.run("slider.value = 5; slider.dispatchEvent(new Event('input'))")
-    assert window.run("return one('.clock').textContent") == "t = 0.20 s"
-    assert window.run("return slider.getAttribute('aria-valuetext')") == "0.20 seconds"
+    assert window.run(CLOCK) == "t = 0.20 s"
+    spoken = window.run("return slider.getAttribute('aria-valuetext')")
+    assert spoken == "0.20 seconds"
     window.run("play.focus(); play.click()")
-    assert window.run("return document.activeElement === play && running !== null")
+    playing = window.run(f"{PLAYING} && document.activeElement === play")
+    assert playing
 
 
-def test_it_can_be_used_without_a_mouse(window: Browser, pages: dict[str, Path]) -> None:
+def test_the_player_works_without_a_mouse(window: Browser, pages: dict[str, Path]) -> None:
     window.open(pages["t3_spatial"], *DESK)
     stops = "[...document.querySelectorAll('button, input')].filter(e => e.checkVisibility() && e.tabIndex >= 0)"
     assert window.run(f"return {stops}.length") == 3
     window.run("document.activeElement.blur()")
-    playing = "return running !== null"
-    before = window.run(playing)
+    before = window.run(PLAYING)
     window.run("document.body.dispatchEvent(new KeyboardEvent('keydown', {key: ' ', bubbles: true}))")
-    assert window.run(playing) != before
+    assert window.run(PLAYING) != before
 
 
-def test_turning_it_changes_what_is_seen(window: Browser, pages: dict[str, Path]) -> None:
+def test_turning_the_view_changes_the_picture(window: Browser, pages: dict[str, Path]) -> None:
     window.open(pages["t3_spatial"], *DESK)
     window.run("stop(); slider.value = 3; show()")
-    seen = window.run("return canvas.toDataURL()")
+    seen = window.run(SEEN)
     window.run("turn.value = 90; turn.dispatchEvent(new Event('input'))")
-    assert window.run("return canvas.toDataURL()") != seen
-    assert window.run("return turn.getAttribute('aria-valuetext')") == "90 degrees"
+    assert window.run(SEEN) != seen
+    spoken = window.run("return turn.getAttribute('aria-valuetext')")
+    assert spoken == "90 degrees"
 
 
 @pytest.mark.skipif(axe() is None, reason="needs axe-core")
-def test_nobody_is_shut_out(window: Browser, pages: dict[str, Path]) -> None:
+def test_the_page_is_accessible(window: Browser, pages: dict[str, Path]) -> None:
     for page in pages.values():
         window.open(page, *PHONE)
         found = axe()

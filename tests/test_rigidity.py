@@ -15,7 +15,7 @@ import flexlink as fl
 from flexlink.chain.variants import lump_many
 from flexlink.cli.main import main
 from flexlink.errors import SceneError
-from tests.words import refused
+from tests.words import refused, refused_line
 
 STEP = 0.37  # m, of a beam of 1 m: where it becomes ten times as soft
 STEPPED = fl.Rigidity(x=(0.0, STEP, STEP, 1.0), ei_z=(50.0, 50.0, 5.0, 5.0), rho_a=(2.0, 2.0, 0.6, 0.6))
@@ -103,8 +103,8 @@ def test_a_stepped_beam_sags_exactly_where_the_rule_knows_its_moments() -> None:
         assert fl.tip_position(chain, q)[1] == pytest.approx(sag, rel=limit), rule
 
 
-def test_the_springs_of_any_table_are_positive_and_give_way_as_it_says(rng: np.random.Generator) -> None:
-    """Σ 1/k = ∫ dx/EI, of tables that jump by up to a thousand anywhere."""
+def test_springs_of_every_table_are_positive_and_have_its_compliance(rng: np.random.Generator) -> None:
+    """Σ 1/k = ∫ dx/EI for tables with jumps by factors of up to a thousand anywhere."""
     for rule, _ in itertools.product(("gauss", "midpoint", "legendre"), range(10)):
         inner = np.sort(rng.uniform(0.0, 1.0, 3)).repeat(2)
         EI = 10 ** rng.uniform(-1.5, 1.5, 8)
@@ -131,7 +131,7 @@ def test_mass_centre_and_inertia_are_those_of_the_table(rule: str) -> None:
         return float(sum(P(b) - P(a) for P, a, b in integrals))
 
     assert chain.mass == pytest.approx(moment(0), rel=1e-13)
-    limit = 1e-3 if "lobatto" in rule else 1e-12  # masses of cells stand at Lobatto's points
+    limit = 1e-3 if "lobatto" in rule else 1e-12  # masses of cells are at Lobatto's points
     assert chain.com(np.zeros(chain.n))[0] == pytest.approx(moment(1) / moment(0), rel=limit)
     about = fl.mass_matrix(chain, np.zeros(chain.n))[0, 0]
     assert about == pytest.approx(moment(2) + 0.4 * 1.5e-3 + 0.6 * 2e-3, rel=limit)
@@ -165,7 +165,7 @@ def test_a_gauge_on_a_stepped_beam_reads_the_moment_over_its_own_rigidity(rule: 
 
 
 @pytest.mark.parametrize("rule", ["gauss", "midpoint", "lobatto4", "gregory"])
-def test_a_gauge_between_hinges_reads_the_moment_over_the_rigidity_where_it_stands(rule: str) -> None:
+def test_a_gauge_between_hinges_reads_the_moment_over_the_rigidity_at_its_place(rule: str) -> None:
     """On both sides of a step, and on a taper with a kink: M of a tip force is linear, so the cubic is exact."""
     tapered = fl.Rigidity(x=(0.0, 0.5, 1.0), ei_z=(50.0, 40.0, 5.0), rho_a=(1.0, 1.0, 1.0))
     for table in (STEPPED, tapered):
@@ -217,7 +217,7 @@ def test_tables_damp_by_their_loss_time_or_that_of_the_link() -> None:
 
 
 @pytest.mark.parametrize(
-    ("fields", "said"),
+    ("fields", "id"),
     [
         ({"x": (0.1, 1.0)}, "rigidity-table"),
         ({"x": (0.0,), "rho_a": (1.0,)}, "rigidity-table"),
@@ -229,20 +229,21 @@ def test_tables_damp_by_their_loss_time_or_that_of_the_link() -> None:
         ({"rho_a": (1.0, -1.0)}, "wrong-value"),
     ],
 )
-def test_a_table_that_cannot_be_is_refused(fields: dict[str, object], said: str) -> None:
-    with refused(SceneError, said):
+def test_an_impossible_table_is_refused(fields: dict[str, object], id: str) -> None:
+    with refused(SceneError, id):
         fl.Rigidity(**{"x": (0.0, 1.0), "rho_a": (1.0, 1.0), **fields})
 
 
 def test_a_table_that_does_not_fit_its_link_is_refused() -> None:
-    for fields, said in (
-        ({"flex": "yz"}, r"^link\.spar\.rigidity = 'spar': has no ei_y; flex = 'yz' needs it"),
-        ({"flex": "xyz"}, r"has no gj; flex = 'xyz' needs it[\s\S]*has no rho_i_y or rho_i_z"),
-        ({"length": 1.1}, r"ends at x = 1\.0 m; the beam ends at 1\.1 m, and so must it"),
-        ({"material": "m", "section": "s"}, r"^rigidity = 'spar': material = 'm' is given, too; give only one"),
+    for fields, id, parts in (
+        ({"flex": "yz"}, "rigidity-table", ("link.spar.rigidity = 'spar'", "ei_y", "flex = 'yz'")),
+        ({"flex": "xyz"}, "rigidity-table", ("gj", "flex = 'xyz'", "rho_i_y", "rho_i_z")),
+        ({"length": 1.1}, "rigidity-table", ("1.0 m", "1.1 m")),
+        ({"material": "m", "section": "s"}, "both-given", ("rigidity = 'spar'", "material = 'm'")),
     ):
-        with pytest.raises(SceneError, match=said):
+        with refused(SceneError, id) as caught:
             beam(STEPPED, **fields)
+        assert all(part in str(caught.value) for part in parts)
     with refused(SceneError, "rigidity-table"):
         make_scene(fl.Link(name="a", length=1.0, rigidity="spar"))
 
@@ -261,35 +262,37 @@ rigidity = "spar"
 """
 
 
-def test_a_table_in_a_csv_file_beside_the_scene_is_that_table(tmp_path) -> None:
+def test_a_table_is_read_from_a_csv_file_next_to_the_scene(tmp_path) -> None:
     (tmp_path / "spar.csv").write_text(CSV, encoding="utf-8")
     (tmp_path / "spar.toml").write_text(SCENE, encoding="utf-8")
     scene = fl.load_scene(tmp_path / "spar.toml")
     (tmp_path / "spar.csv").unlink()  # it has been read
     assert scene.arm.rigidities["spar"].x == pytest.approx(STEPPED.x, abs=1e-15)
     np.testing.assert_allclose(fl.lump(scene).stiffness, fl.lump(beam(STEPPED)).stiffness, rtol=1e-12)
-    assert scene.varied({"rigidity.spar.stiffness_factor": 2.0}).arm.rigidities["spar"].ei_z == STEPPED.ei_z
+    stiffer = scene.varied({"rigidity.spar.stiffness_factor": 2.0})
+    assert stiffer.arm.rigidities["spar"].ei_z == STEPPED.ei_z
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "id", "parts"),
     [
-        (CSV.replace("x [mm]", "x"), "column 'x': without a unit"),
-        (CSV.replace("[N m²]", "[N m]"), "column 'EI_z [N m]': unit must be one of"),
-        (CSV.replace("EI_z", "EI"), "column 'EI [N m²]': not known; expected x [m], EI_y [N m²]"),
-        (CSV.replace(",rhoA [kg/m]", ",rhoI_z [kg m]"), "no column 'rhoA [kg/m]'"),
-        (CSV.replace("370,5,", "360,5,"), "x[2] = 0.36: must not be less than x[1] = 0.37"),
-        (CSV.replace("1000", "990"), "ends at x = 0.99 m; the beam ends at 1.0 m"),
-        (CSV.replace("x [mm]", "x [m]"), "ends at x = 1000.0 m; the beam ends at 1.0 m"),
-        (CSV.replace("50,2\n370", "-50,2\n370"), "line 2: ei_z must be positive"),
-        (CSV.replace("5,0.6", "5,a", 1), "line 4, rhoA [kg/m]: 'a' is not a number"),
-        (CSV.replace("50,2\n370", "50\n370"), "line 2: 2 cells; the header line has 3"),
-        ("", "is empty"),
+        (CSV.replace("x [mm]", "x"), "unit-missing", ("column 'x'",)),
+        (CSV.replace("[N m²]", "[N m]"), "unit-unknown", ("column 'EI_z [N m]'", "N m²")),
+        (CSV.replace("EI_z", "EI"), "unknown-column", ("column 'EI [N m²]'", " x [m], EI_y [N m²]")),
+        (CSV.replace(",rhoA [kg/m]", ",rhoI_z [kg m]"), "no-such-column", ("column 'rhoA [kg/m]'",)),
+        (CSV.replace("370,5,", "360,5,"), "rigidity-table", ("x[2] = 0.36", "x[1] = 0.37")),
+        (CSV.replace("1000", "990"), "rigidity-table", ("x = 0.99 m", " 1.0 m")),
+        (CSV.replace("x [mm]", "x [m]"), "rigidity-table", ("x = 1000.0 m", " 1.0 m")),
+        (CSV.replace("50,2\n370", "-50,2\n370"), "out-of-range", ("line 2", "ei_z")),
+        (CSV.replace("5,0.6", "5,a", 1), "csv-cell", ("line 4, rhoA [kg/m]", "'a'")),
+        (CSV.replace("50,2\n370", "50\n370"), "csv-cell", ("line 2: 2 ", " 3")),
+        ("", "file-empty", ()),
     ],
 )
-def test_a_mistake_in_a_csv_file_is_named_and_exits_2(text: str, said: str, tmp_path, capsys) -> None:
+def test_a_mistake_in_a_csv_file_exits_with_2(text: str, id: str, parts: tuple[str, ...], tmp_path, capsys) -> None:
     (tmp_path / "spar.csv").write_text(text, encoding="utf-8")
     (tmp_path / "spar.toml").write_text(SCENE, encoding="utf-8")
     assert main(["info", str(tmp_path / "spar.toml")]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert said in line
+    found = refused_line(capsys.readouterr().err, id)
+    assert "\n" not in found
+    assert all(part in found for part in parts)

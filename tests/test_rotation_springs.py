@@ -29,7 +29,7 @@ from flexlink.formats import read_urdf, to_urdf
 from flexlink.formats.small_mass import with_small_mass
 from flexlink.kernels.forces.rotation_tangent import excess_stiffness
 from flexlink.kernels.layout import SPRINGS
-from tests.words import refused
+from tests.words import refused, reviewed
 from validation.physics.hinge_sweep import order
 
 EPS = np.finfo(float).eps
@@ -131,8 +131,8 @@ def cantilever(rule: str, hinges: int, tip: float = 1.0) -> fl.Chain:
 
 @pytest.mark.parametrize("rule", ["gauss_rotation", "lobatto2_rotation"])
 @pytest.mark.parametrize("size", [1e-9, 1e-3, 0.05, 0.288, 0.3, 1.0, 1.8, 3.6])
-def test_torques_are_the_slope_of_the_potential_in_40_digits(rule: str, size: float) -> None:
-    """Of tapered cells, too; of hinges turned by 0.5 rad, where series end, and by 3.6 rad, more than half a turn."""
+def test_torques_are_the_gradient_of_the_potential_in_40_digits(rule: str, size: float) -> None:
+    """Also for tapered cells, for hinges at 0.5 rad, where series end, and at 3.6 rad, beyond half a turn."""
     chain, rng = cantilever(rule, 4, tip=0.5), np.random.default_rng(int(size * 10))
     q = rng.choice([-size, size], chain.n) if size == 0.288 else rng.uniform(-size, size, chain.n)
     if size > np.pi:
@@ -150,7 +150,7 @@ def test_torques_are_the_slope_of_the_potential_in_40_digits(rule: str, size: fl
     assert (bound <= 1e-11 * np.abs(chain.stiffness).max() * size).all(), "and no loose one"
 
 
-def test_torques_are_the_slope_of_the_energy_of_larger_cells(tmp_path: Path) -> None:
+def test_torques_are_the_gradient_of_the_energy_of_larger_cells(tmp_path: Path) -> None:
     """By differences of fourth order over 1e-3 rad: truncation 1e-12, roundings 1e3 eps."""
     chain = fl.lump(arm("cells of 3", tmp_path))
     q, _, _ = state(chain)
@@ -225,7 +225,7 @@ def test_variants_of_an_arm_have_the_springs_that_they_have_alone() -> None:
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_the_slope_of_torques_is_symmetric_and_that_of_differences(rule: str, tmp_path: Path) -> None:
+def test_the_derivative_of_torques_is_symmetric_and_equals_differences(rule: str, tmp_path: Path) -> None:
     """Of fourth order, over 1e-3 rad: truncation 1e-12, roundings 1e3 eps."""
     chain = fl.lump(arm(rule, tmp_path))
     q, _, _ = state(chain)
@@ -285,7 +285,7 @@ def test_runs_side_by_side_are_the_very_runs_alone(rule: str) -> None:
 
 @pytest.mark.parametrize("path", ["material.aluminium.young", "link.upper.damping.ratio", "link.upper.length"])
 @pytest.mark.parametrize("rule", ["gauss_rotation", "lobatto2_rotation"])
-def test_sensitivities_are_those_that_runs_tell(rule: str, path: str) -> None:
+def test_sensitivities_equal_differences_of_runs(rule: str, path: str) -> None:
     check(bent(rule).varied(RUNS["RK4"]), path)
 
 
@@ -302,11 +302,13 @@ def test_a_run_saved_before_there_were_such_springs_has_springs_of_angles(tmp_pa
         fl.load_trajectory(path)
 
 
-def test_info_says_which_springs_hold_a_rotation_vector(capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_marks_springs_of_rotation_vectors(capsys: pytest.CaptureFixture[str]) -> None:
     changes = ("--set", "link.*.lumping=gauss_rotation", "--set", "link.*.segments=3")
     assert main(["info", str(ROOT / "models" / "t3_spatial.toml"), *changes]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert sum("N m/rad, of a rotation vector" in line for line in lines) == 12
+    marked = [line for line in lines if "N m/rad" in line and "rotation" in line]
+    assert len(marked) == 12
+    reviewed("rotation springs: a line of info", marked[0])
 
 
 # Large bending in space.
@@ -369,7 +371,7 @@ def skew_scene(rule: str, hinges: int) -> fl.Scene:
 
 
 def test_a_cantilever_under_a_skew_dead_force_converges_to_the_rod() -> None:
-    """Order 4 with cells, gauss with less than an eighth of its error; curvature at the Gauss points converges, too."""
+    """Order 4 with cells, gauss with less than an eighth of its error; curvature at the Gauss points also converges."""
     bends: dict[int, float] = {}
 
     def errors(rule: str, *counts: int) -> dict[int, float]:
@@ -390,8 +392,8 @@ def test_a_cantilever_under_a_skew_dead_force_converges_to_the_rod() -> None:
     assert order({n: bends[n] for n in (8, 16, 32)}) > 1.9
 
 
-def test_small_motion_about_a_bent_posture_is_that_of_the_matrices() -> None:
-    """Of the tangent K, which O(n) eliminates with its blocks: the one that derivatives of q̈ tell."""
+def test_small_motion_about_a_bent_configuration_is_that_of_the_matrices() -> None:
+    """Its tangent stiffness K, eliminated in O(n) with its blocks, agrees with the derivatives of q̈."""
     chain = fl.lump(skew_scene("lobatto2_rotation", 8))
     wrench = np.array([*FORCE, 0.0, 0.0, 0.0])
     q = fl.solve_static(chain, tip_wrench=wrench).q
@@ -415,27 +417,18 @@ def test_small_motion_about_a_bent_posture_is_that_of_the_matrices() -> None:
 # Files and engines.
 
 
-@pytest.mark.parametrize(
-    "said, message",
-    [
-        ("0:1", "file-content"),
-        ("2:1", "file-content"),
-        ("1:3", "file-content"),
-        ("1:2", "file-content"),
-        ("x", "file-content"),
-    ],
-)
-def test_a_file_that_says_it_of_other_joints_is_refused(said: str, message: str) -> None:
+@pytest.mark.parametrize("springs", ["0:1", "2:1", "1:3", "1:2", "x"])
+def test_a_file_with_rotation_springs_of_other_joints_is_refused(springs: str) -> None:
     chain = fl.lump(arm("lobatto2_rotation"))
     text = to_urdf(chain)
     whole = " ".join(f"{b['first']}:{b['springs']}" for b in chain.bodies if b["springs"])
-    with refused(DataFileError, message):
-        read_urdf(text.replace(f'rotation_springs="{whole}"', f'rotation_springs="{said}"'))
+    with refused(DataFileError, "file-content"):
+        read_urdf(text.replace(f'rotation_springs="{whole}"', f'rotation_springs="{springs}"'))
 
 
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco", "exudyn", "drake"])
 @pytest.mark.parametrize("rule", ["gauss_rotation", "lobatto2_rotation"])
-def test_engines_take_what_we_compute_of_the_springs(engine: str, rule: str) -> None:
+def test_engines_use_our_torques_of_rotation_springs(engine: str, rule: str) -> None:
     pytest.importorskip({"drake": "pydrake"}.get(engine, engine))
     chain = fl.lump(arm(rule))
     other = load(engine, chain)
@@ -450,7 +443,7 @@ def test_engines_take_what_we_compute_of_the_springs(engine: str, rule: str) -> 
         assert np.abs(M @ (solutions[0] - solutions[1])).max() <= bound + start * np.abs(M).max() * size
 
 
-def test_a_file_of_such_springs_by_itself_is_refused_by_name(tmp_path: Path) -> None:
+def test_a_file_with_such_springs_is_refused_without_its_scene(tmp_path: Path) -> None:
     scene = arm("gauss_rotation")
     path = tmp_path / "arm.urdf"
     path.write_text(to_urdf(fl.lump(scene)), encoding="utf-8")

@@ -1,8 +1,6 @@
-"""XML from anywhere: what could harm is refused in one line, before it is expanded, fetched or held in memory."""
+"""XML from unknown sources: harmful documents are refused before anything is expanded, fetched or stored."""
 
 from __future__ import annotations
-
-import re
 
 import pytest
 
@@ -42,21 +40,22 @@ def test_a_document_type_is_refused_before_anything_is_expanded(text: str | byte
 
 
 @pytest.mark.parametrize("text", BROKEN.values(), ids=BROKEN)
-def test_what_is_no_xml_is_refused_in_one_line(text: str | bytes) -> None:
+def test_a_document_that_is_not_xml_is_refused(text: str | bytes) -> None:
     with refused(DataFileError, "not-xml"):
         parse(text, "arm.urdf")
 
 
-def test_what_would_fill_the_memory_is_refused() -> None:
+def test_a_document_that_would_fill_the_memory_is_refused() -> None:
     many = safe_xml.MOST_ELEMENTS
-    for text, message in {
-        "<a>" + " " * safe_xml.LARGEST + "</a>": "at most 5000000 are read",
-        "<a>" + "<b/>" * many + "</a>": "more than 200000 elements",
-        "<a " + " ".join(f'b{k}=""' for k in range(many)) + "/>": "more than 200000 elements",
-        "<a>" * (safe_xml.DEEPEST + 1): "nested deeper than 1000, at <a>",
-    }.items():
-        with pytest.raises(DataFileError, match=message):
+    for text, id, parts in (
+        ("<a>" + " " * safe_xml.LARGEST + "</a>", "file-too-large", ("5000000",)),
+        ("<a>" + "<b/>" * many + "</a>", "file-too-large", ("200000",)),
+        ("<a " + " ".join(f'b{k}=""' for k in range(many)) + "/>", "file-too-large", ("200000",)),
+        ("<a>" * (safe_xml.DEEPEST + 1), "xml-too-deep", ("1000", "<a>")),
+    ):
+        with refused(DataFileError, id) as caught:
             parse(text, "big")
+        assert all(part in str(caught.value) for part in parts)
 
 
 def test_text_and_bytes_of_every_usual_encoding_read_the_same() -> None:
@@ -69,4 +68,5 @@ def test_text_and_bytes_of_every_usual_encoding_read_the_same() -> None:
 
 def test_a_namespace_is_part_of_a_name() -> None:
     (child,) = parse('<sdf xmlns:drake="http://drake.mit.edu"><drake:rotor_inertia/></sdf>', "arm")
-    assert re.fullmatch(r"\{http://drake\.mit\.edu\}rotor_inertia", child.tag)
+    name = "{http://drake.mit.edu}rotor_inertia"
+    assert child.tag == name

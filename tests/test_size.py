@@ -120,8 +120,8 @@ def test_the_last_link_of_a_robot_without_a_place_on_it_is_within_the_tolerance(
 
 @compiled
 @EVERY
-def test_a_cart_on_a_spring_swings_as_its_closed_form_says(run: dict[str, Any]) -> None:
-    """x = x₀ cos √(k/m) t, a drive's gain for the spring; to its tolerance, or to 1e-6 by 600 steps a period."""
+def test_a_cart_on_a_spring_follows_its_closed_form(run: dict[str, Any]) -> None:
+    """x = x₀ cos √(k/m) t, with a gain of the drive as spring; to the tolerance, or to 1e-6 by 600 steps per period."""
     drive = fl.Drive(kind="pd", kp=(200.0,), kd=(0.0,), target_m=(0.0,))
     start = fl.InitialState(joint_m=(0.1,))
     found = fl.simulate(make_scene(cart(), drive=drive, initial=start, run=settled(run, 2.0), **STILL))
@@ -158,8 +158,8 @@ def spun(t: Array, ω: tuple[float, float]) -> Array:
 @compiled
 @pytest.mark.slow
 @EVERY
-def test_a_free_body_tumbles_as_jacobi_says(run: dict[str, Any]) -> None:
-    """Its spin, the errors of which grow about in proportion to the turns, to 30 tolerances of angle and rate."""
+def test_a_free_body_tumbles_as_in_jacobi_s_solution(run: dict[str, Any]) -> None:
+    """The error of its spin grows about in proportion to the turns; it is within 30 tolerances of angle and rate."""
     base = fl.Base(kind="free", mass=4.0, inertia=(1.0, 2.0, 3.0))
     arm = fl.Arm(links=(fl.Link(name="box", joint=fl.Joint(locked=True)),), base=base)
     initial = fl.InitialState(joint_deg=(0.0,), base=fl.details.BaseState(spin=(1.2, 0.0, 1.0)))
@@ -198,11 +198,11 @@ def test_commands_take_scenes_without_a_reach(links: tuple[fl.Link, ...], tmp_pa
     assert main(["show", path, "-o", str(tmp_path / "run.html")]) == 0
 
 
-def test_engines_are_compared_over_one_step_a_sample_where_no_step_is_unstable() -> None:
+def test_engines_are_compared_with_one_step_per_sample_if_no_step_is_unstable() -> None:
     scene = make_scene(cart(), run=fl.RunSettings(tolerance=1e-3, duration=1.0, sample=0.05), **STILL)
     fixed, words = in_fixed_steps(scene, fl.lump(scene))
     assert fixed.run.fixed_step == 0.05
-    assert "RK4 steps of 0.05 s" in words
+    assert "RK4" in words and "0.05 s" in words
 
 
 @compiled
@@ -210,7 +210,7 @@ def test_engines_are_compared_over_one_step_a_sample_where_no_step_is_unstable()
 @pytest.mark.parametrize(
     ("limits", "refused"), [({}, False), ({"limits_m": (-1.0, 1.0)}, True)], ids=["free", "limited"]
 )
-def test_a_recorded_place_is_too_far_only_where_limits_say_so(limits: dict[str, Any], refused: bool) -> None:
+def test_a_recorded_position_is_too_far_only_beyond_joint_limits(limits: dict[str, Any], refused: bool) -> None:
     t = np.linspace(0.0, 1.0, 21)
     columns = {"t [s]": tuple(t.tolist()), "tip x [m]": tuple((500.0 * t).tolist())}
     drive = fl.Drive(kind="constant", torque=(1.0,))

@@ -1,4 +1,4 @@
-"""What the terminal shows: a line that fits, how long it takes, and what the machine is busy with."""
+"""Output on a terminal: a progress line that fits, times, and the notice of a compilation."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ import pytest
 
 from flexlink.cli.terminal import Compiling
 from flexlink.common.progress import Progress, clock, progress_text, rate_text
+from tests.words import reviewed
 
 
 class Terminal(io.StringIO):
-    """A stderr that says that it is one."""
+    """A stream for stderr that claims to be a terminal."""
 
     def isatty(self) -> bool:
         return True
@@ -38,7 +39,7 @@ def test_the_line_of_a_run_fits_the_terminal(width: int, name: str) -> None:
             assert len(progress_text(name, fraction, elapsed, width)) <= width
 
 
-def test_the_line_of_a_run_says_how_far_how_long_and_how_long_still() -> None:
+def test_the_line_of_a_run_shows_progress_elapsed_and_remaining_time() -> None:
     assert progress_text("arm", 0.25, 30.0, 60) == "arm [" + "█" * 7 + "·" * 23 + "]  25% 0:30, 1:30 left"
     assert progress_text("arm", 0.25, 30.0, 39) == "arm [███·········]  25% 0:30, 1:30 left"
     assert progress_text("arm", 0.0, 0.0, 20).split() == ["arm", "[····]", "0%", "0:00"]
@@ -66,18 +67,20 @@ def test_progress_stays_in_one_line_of_a_narrow_terminal(monkeypatch) -> None:
     assert lines[-2].strip() == lines[-1] == ""
 
 
-def test_compiling_is_said_when_it_starts_with_the_time_it_takes(monkeypatch) -> None:
+def test_a_terminal_shows_the_time_of_a_compilation(monkeypatch) -> None:
     screen = narrow(monkeypatch)
     notice = Compiling()
     for _ in range(2):
         notice.started()
-        assert "compiling for this machine, once: 0:00" in screen.getvalue().split("\r")[-1]
+        shown = screen.getvalue().split("\r")[-1]
+        assert shown.rstrip().endswith(" 0:00")
+        reviewed("terminal: compilation", shown)
         notice.ended()
         assert screen.getvalue().split("\r")[-1] == ""
     assert "\n" not in screen.getvalue()
 
 
-def test_what_does_not_fit_is_cut(monkeypatch) -> None:
+def test_a_line_wider_than_the_terminal_is_cut(monkeypatch) -> None:
     screen = narrow(monkeypatch, 20)
     notice = Compiling()
     notice.started()
@@ -85,7 +88,7 @@ def test_what_does_not_fit_is_cut(monkeypatch) -> None:
     assert max(map(len, screen.getvalue().split("\r"))) == 19
 
 
-def test_without_a_terminal_compiling_is_said_once_and_progress_not_at_all(capsys) -> None:
+def test_without_a_terminal_a_compilation_has_one_line_and_progress_none(capsys) -> None:
     notice, bar = Compiling(), Progress("arm")
     for _ in range(2):
         notice.started()

@@ -1,4 +1,4 @@
-"""compare_trajectories(): the same run in several engines, and what is said of those that differ or cannot run it."""
+"""compare_trajectories(): the same run in several engines, and those that differ or cannot run it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.diagnosis import native, trajectories
 from flexlink.diagnosis.trajectories import ANGLE_TOLERANCE, CROSS_CHECK_FACTOR
-from tests.words import refused
+from tests.words import line, refused, refused_line, reviewed
 
 pytestmark = pytest.mark.slow
 SPATIAL = Path(__file__).parent.parent / "models" / "t3_spatial.toml"
@@ -21,22 +21,24 @@ BOTH = ("pinocchio", "mujoco")
 
 @pytest.fixture
 def engines() -> tuple[str, ...]:
-    """Those that tests need."""
+    """Engines that the tests need."""
     for name in BOTH:
         pytest.importorskip(name)
     return BOTH
 
 
-def test_a_scene_runs_alike_in_every_engine_with_all_that_acts(engines, capsys) -> None:
+def test_a_scene_with_a_wrench_has_the_same_run_in_every_engine(engines, capsys) -> None:
     table = "wrench={ frame='tip', times=[0, 0.01], moments=[[0, 0, 1], [1, 0, 0]], smooth=true }"
     options = ["--duration", "0.02", "--engines", *engines, "--set", table]
     assert main(["compare", str(SPATIAL), "--trajectory", *options]) == 0
     shown = capsys.readouterr().out
-    assert "0.02 s in RK4 steps of 5e-05 s" in shown
+    first = shown.splitlines()[0]
+    assert all(part in first for part in ("0.02 s", "RK4", "5e-05 s"))
     assert shown.count(" ok ") == 2
+    reviewed("trajectories: compared steps", first)
 
 
-def test_an_engine_that_leaves_out_the_wrench_is_told_by_joint_and_time(engines, monkeypatch, capsys) -> None:
+def test_an_engine_that_leaves_out_the_wrench_disagrees_at_a_joint_and_a_time(engines, monkeypatch, capsys) -> None:
     monkeypatch.setattr("flexlink.engines.steps.wrench_function", lambda _: None)
     found = fl.compare_trajectories(fl.load_scene(SPATIAL), engines=engines, duration=0.02)
     wrong, right = found.rows
@@ -51,13 +53,17 @@ def test_an_engine_that_leaves_out_the_wrench_is_told_by_joint_and_time(engines,
     assert "FAILED" in capsys.readouterr().out
 
 
-def test_a_scene_with_a_tolerance_is_compared_in_stable_steps_and_says_so(engines) -> None:
-    for changes in ({"run.tolerance": 1e-4}, {"run.method": "Radau5", "run.step": 5e-3}):
+def test_a_scene_without_fixed_explicit_steps_is_compared_in_stable_steps(engines) -> None:
+    for changes, own in (
+        ({"run.tolerance": 1e-4}, ("auto",)), ({"run.method": "Radau5", "run.step": 5e-3}, ("Radau5", "0.005 s")),
+    ):  # fmt: skip
         scene = fl.load_scene(SPATIAL).varied({**changes, "run.duration": 0.02, "run.sample": 0.01})
         found = fl.compare_trajectories(scene, engines=engines[:1])
         assert found.passed
-        assert "RK4 steps of" in found.steps
-        assert "of the stability limit (the scene has " in found.steps
+        steps, _, reason = found.steps.partition("(")
+        assert "RK4" in steps
+        assert all(part in reason for part in own)
+        reviewed("trajectories: stable steps", found.steps)
 
 
 def test_an_engine_that_cannot_run_a_scene_is_named_with_the_reason(engines) -> None:
@@ -68,25 +74,27 @@ def test_an_engine_that_cannot_run_a_scene_is_named_with_the_reason(engines) -> 
     found = fl.compare_trajectories(scene)
     assert [row.engine for row in found.rows] == ["pinocchio"]
     assert found.passed
-    assert any(reason.startswith("mujoco: ") and "is prescribed" in reason for reason in found.refused)
-    assert "not compared: mujoco: " in str(found)
+    (reason,) = (reason for reason in found.refused if reason.startswith("mujoco: "))
+    assert "'a'" in reason
+    assert reason in str(found)
+    reviewed("engine-does-not-support", reason)
     with refused(fl.errors.ArgumentError, "engine-does-not-support"):
         fl.compare_trajectories(scene, engines=["mujoco"])
 
 
-def test_a_run_that_diverges_elsewhere_disagrees_by_what_there_is_of_it(monkeypatch) -> None:
+def test_a_run_that_diverges_in_an_engine_disagrees_and_its_samples_are_compared(monkeypatch) -> None:
     def ends_early(_: native.NativeEngine, scene: fl.Scene) -> None:
         run = fl.simulate(scene, duration=0.01)
-        raise fl.errors.DivergenceError("no longer finite", run)
+        raise fl.errors.DivergenceError("infinite", run)
 
     monkeypatch.setattr(native.NativeEngine, "integrate", ends_early)
     found = fl.compare_trajectories(fl.load_scene(SPATIAL), engines=["native"], duration=0.02)
     assert not found.passed
     assert found.rows[0].q == 0.0
-    assert str(found).endswith("native: no longer finite")
+    assert str(found).endswith("native: infinite")
 
 
-def test_motion_that_multiplies_rounding_may_differ_by_what_a_twin_does(monkeypatch) -> None:
+def test_motion_that_amplifies_rounding_may_differ_as_two_of_our_runs_do(monkeypatch) -> None:
     scene = fl.load_scene(SPATIAL)
     ours, other = (fl.simulate(scene, duration=0.01, solver=name) for name in ("articulated", "lu"))
     apart = np.abs(other.q - ours.q).max()
@@ -100,21 +108,21 @@ def test_motion_that_multiplies_rounding_may_differ_by_what_a_twin_does(monkeypa
     twins = fl.compare_trajectories(scene, engines=["native"], duration=0.01)
     assert twins.rows[0].explained == CROSS_CHECK_FACTOR * apart
     assert twins.passed
-    assert "warning" not in str(twins)
+    assert "warning: " not in str(twins)
     monkeypatch.setattr(trajectories, "MEANINGFUL_TOLERANCE", 0.0)
-    assert "warning: this motion amplifies rounding so much" in str(twins)
+    reviewed("trajectories: motion amplifies rounding", line(str(twins), "warning: "))
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "id", "named"),
     [
-        (["--trajectory", "--file", "a.xml"], "--file a.xml: has no effect here; leave it out, or"),
-        (["--trajectory", "--samples", "9"], "--samples 9: has no effect here"),
-        (["--duration", "1"], "--duration 1.0: has no effect here; add --trajectory"),
-        (["--trajectory", "--duration", "0"], "duration = 0.0: must be a finite number > 0"),
-        (["--trajectory", "--engines", "bullet"], "engine = 'bullet': unknown"),
+        (["--trajectory", "--file", "a.xml"], "no-effect", "--file a.xml: "),
+        (["--trajectory", "--samples", "9"], "no-effect", "--samples 9: "),
+        (["--duration", "1"], "no-effect", "--duration 1.0: "),
+        (["--trajectory", "--duration", "0"], "out-of-range", "duration = 0.0: "),
+        (["--trajectory", "--engines", "bullet"], "unknown-name", "engine = 'bullet': "),
     ],
 )
-def test_what_has_no_effect_is_refused_by_name(options: list[str], told: str, capsys) -> None:
+def test_options_without_effect_and_wrong_values_are_refused(options: list[str], id: str, named: str, capsys) -> None:
     assert main(["compare", str(SPATIAL), *options]) == 2
-    assert told in capsys.readouterr().err
+    assert named in refused_line(capsys.readouterr().err, id)

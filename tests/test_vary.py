@@ -1,4 +1,4 @@
-"""One way to vary a scene: values by path, in the words of its file; what comes out is checked like a file."""
+"""Scene.varied(): values by path, with the keys of the file; the result is checked like a file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from conftest import MODELS, ROOT, flexible, make_scene
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.describe.variants import Variants
-from tests.words import refused
+from tests.words import refused, refused_line
 
 PAPER = ROOT / "models" / "paper_fig5.toml"
 
@@ -27,14 +27,14 @@ def paper() -> fl.Scene:
 
 
 @pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
-def test_a_scene_varied_by_nothing_is_the_same_to_the_bit(path: Path) -> None:
+def test_a_scene_without_changes_is_identical(path: Path) -> None:
     scene = fl.load_scene(path)
     assert scene.varied({}) == scene
     assert scene.varied({"run.step": scene.run.step, "link.1.length": scene.arm.links[0].length}) == scene
 
 
-def test_a_change_is_what_the_file_would_be_if_it_said_so(paper: fl.Scene, tmp_path: Path) -> None:
-    """Every kind of path, against the same values written into the file by hand."""
+def test_changes_equal_the_same_values_in_the_file(paper: fl.Scene, tmp_path: Path) -> None:
+    """Every kind of path is compared with the same values written into the file by hand."""
     raw = tomllib.loads(PAPER.read_text(encoding="utf-8"))
     raw["material"]["aluminium"]["young"] = 35e9
     raw["link"][1] |= {"segments": 9, "lumping": "gauss", "damping": {"ratio": 0.01, "at_hz": 4.0}}
@@ -56,32 +56,33 @@ def test_a_change_is_what_the_file_would_be_if_it_said_so(paper: fl.Scene, tmp_p
     assert paper.varied(changes) == fl.load_scene(by_hand)
 
 
-def test_the_scene_itself_stays_as_it_is(paper: fl.Scene) -> None:
+def test_the_scene_itself_does_not_change(paper: fl.Scene) -> None:
     paper.varied({"link.*.segments": 9, "initial.joint_deg.*": 1.0})
     assert paper == fl.load_scene(PAPER)
 
 
-def test_a_star_means_the_links_on_which_the_key_has_an_effect(paper: fl.Scene) -> None:
+def test_a_star_is_every_link_on_which_the_key_has_an_effect(paper: fl.Scene) -> None:
     links = paper.varied({"link.*.lumping": "gauss", "link.*.joint.viscous": 2.0, "link.*.hub.mass": 3.0}).arm.links
     assert [link.lumping for link in links] == [paper.arm.links[0].lumping, "gauss", "gauss"]
     assert [link.joint.viscous for link in links] == [0.0, 2.0, 2.0]  # the waist is locked
     assert [link.hub.mass for link in links] == [3.0, 3.0, 3.0]
     thick = fl.Section(shape="circle", diameter=0.1)
-    assert [k.section for k in paper.varied({"section.thick": thick, "link.*.section": "thick"}).arm.links] == [
-        None, "thick", "thick",
-    ]  # fmt: skip
-    assert paper.varied({"initial.joint_deg.*": 5.0}).initial.joint_deg == (5.0, 5.0, 5.0)
+    thicker = paper.varied({"section.thick": thick, "link.*.section": "thick"})
+    assert [link.section for link in thicker.arm.links] == [None, "thick", "thick"]
+    start = paper.varied({"initial.joint_deg.*": 5.0}).initial
+    assert start.joint_deg == (5.0, 5.0, 5.0)
 
 
 def test_changes_are_made_one_after_the_other(paper: fl.Scene) -> None:
-    """So that a link may be made rigid, and another one flexible."""
+    """This allows one link to become rigid, and another one flexible."""
     changes: dict[str, object] = {"link.fore.segments": 1, "link.fore.flex": "rigid", "link.*.segments": 9}
     assert [link.segments for link in paper.varied(changes).arm.links] == [1, 9, 1]
 
 
-def test_none_leaves_a_key_out_so_that_its_default_holds(paper: fl.Scene) -> None:
+def test_none_restores_the_default_of_a_key(paper: fl.Scene) -> None:
     scene = paper.varied({"link.upper.damping": fl.Damping(ratio=0.1, at_hz=1.0), "run.method": "RK10"})
-    assert scene.varied({"link.upper.damping": None, "run.method": None}) == paper
+    without = scene.varied({"link.upper.damping": None, "run.method": None})
+    assert without == paper
     with refused(fl.errors.SceneError, "missing-key"):
         paper.varied({"name": None})
 
@@ -89,55 +90,57 @@ def test_none_leaves_a_key_out_so_that_its_default_holds(paper: fl.Scene) -> Non
 def test_a_motion_is_found_by_its_link_and_all_are_replaced_at_once() -> None:
     rest = fl.PrescribedMotion(link="a.b", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
     scene = make_scene(flexible("a.b"), flexible("c"), motion=(rest,))
-    assert scene.varied({"motion.'a.b'.acceleration_deg": [2.0]}).motion[0].acceleration_deg == (2.0,)
+    faster = scene.varied({"motion.'a.b'.acceleration_deg": [2.0]})
+    assert faster.motion[0].acceleration_deg == (2.0,)
     assert scene.varied({"motion": ()}).motion == ()
     assert scene.varied({'link."a.b".length': 2.0}).arm.links[0].length == 2.0
 
 
 @pytest.mark.parametrize(
-    ("changes", "wanted"),
+    ("changes", "id", "path", "named"),
     [
-        ({"run.stp": 1}, r"run\.stp = 1: 'stp' is unknown here; allowed are method, .*; did you mean 'step'\?"),
-        ({"rum.step": 1}, r"rum\.step = 1: 'rum' is unknown here; allowed are name, .*; did you mean 'run'\?"),
-        ({"link.uper.length": 1.0}, r"link\.uper\.length = 1\.0: 'uper' is unknown here; .*; did you mean 'upper'\?"),
-        (
-            {"link.4.length": 1.0},
-            r".*: '4' is unknown here; allowed are waist, upper, fore, a number from 1 to 3 or",
-        ),
-        ({"link.0.length": 1.0}, r"link\.0\.length = 1\.0: '0' is unknown here"),
-        ({"material.aluminum.young": 1.0}, r".*'aluminum' is unknown here; .* did you mean 'aluminium'\?"),
-        ({"run.step.x": 1}, r"run\.step\.x = 1: run\.step is one value; set it as a whole"),
-        ({"gravity.w": 1.62}, r"gravity\.w = 1\.62: 'w' is unknown here; allowed are x, y, z"),
-        ({"gravity.z.z": 1.62}, r"gravity\.z\.z = 1\.62: gravity\.z is one value"),
-        ({"tip.inertia.x": 1.0}, r"tip\.inertia\.x = 1\.0: tip\.inertia is one value"),
-        ({"motion.upper.times": [0.0]}, r"motion\.upper\.times = \[0\.0\]: 'upper': there is no motion"),
-        ({"link.*.flex": "rigid", "link.*.segments": 1}, r"link\.\*\.segments = 1: '\*': there is no link on"),
-        ({"run..step": 1}, r"run\.\.step = 1: not a path"),
-        ({"": 1}, r" = 1: not a path"),
-        ({"run.step": -1}, r"run\.step = -1: expected float > 0\.0"),
-        ({"run.step": 3e-4}, r"run\.sample = 0\.005: must be a multiple of step = 0\.0003"),
-        ({"initial.time": np.array(None)}, r"initial\.time = None: expected float"),
-        ({"initial.joint_deg": {1.0, 2.0, 3.0}}, r"initial\.joint_deg = \{.*\}: a set has no order"),
-        ({"name": b"bytes"}, r"name = b'bytes': expected str"),
-        ({"tip": fl.RunSettings(step=1e-4)}, r"tip\.method = 'RK4': unknown key; allowed are mass, center, inertia"),
-        ({"run": 5, "run.step": 1e-4}, r"run\.step = 0\.0001: run is one value"),
-        ({"link": [5], "link.*.joint.viscous": 1.0}, r"link\.\*\.joint\.viscous = 1\.0: link\.\* is one value"),
+        ({"run.stp": 1}, "cannot-set", "run.stp = 1", "'step'?"),
+        ({"rum.step": 1}, "cannot-set", "rum.step = 1", "'run'?"),
+        ({"link.uper.length": 1.0}, "cannot-set", "link.uper.length = 1.0", "'upper'?"),
+        ({"link.4.length": 1.0}, "cannot-set", "link.4.length = 1.0", " 1 to 3 "),
+        ({"link.0.length": 1.0}, "cannot-set", "link.0.length = 1.0", "'0'"),
+        ({"material.aluminum.young": 1.0}, "cannot-set", "material.aluminum.young = 1.0", "'aluminium'?"),
+        ({"run.step.x": 1}, "cannot-set", "run.step.x = 1", "run.step "),
+        ({"gravity.w": 1.62}, "cannot-set", "gravity.w = 1.62", " x, y, z"),
+        ({"gravity.z.z": 1.62}, "cannot-set", "gravity.z.z = 1.62", "gravity.z "),
+        ({"tip.inertia.x": 1.0}, "cannot-set", "tip.inertia.x = 1.0", "tip.inertia "),
+        ({"motion.upper.times": [0.0]}, "cannot-set", "motion.upper.times = [0.0]", "'upper'"),
+        ({"link.*.flex": "rigid", "link.*.segments": 1}, "cannot-set", "link.*.segments = 1", "'*'"),
+        ({"run..step": 1}, "cannot-set", "run..step = 1", "run.step"),
+        ({"": 1}, "cannot-set", " = 1", "run.step"),
+        ({"run.step": -1}, "wrong-value", "run.step = -1", "> 0.0"),
+        ({"run.step": 3e-4}, "not-a-multiple", "run.sample = 0.005", "step = 0.0003"),
+        ({"initial.time": np.array(None)}, "wrong-value", "initial.time = None", "float"),
+        ({"initial.joint_deg": {1.0, 2.0, 3.0}}, "not-finite", "initial.joint_deg = {1.0, 2.0, 3.0}", "list"),
+        ({"name": b"bytes"}, "wrong-value", "name = b'bytes'", "str"),
+        ({"tip": fl.RunSettings(step=1e-4)}, "unknown-key", "tip.method = 'RK4'", "mass, center, inertia"),
+        ({"run": 5, "run.step": 1e-4}, "cannot-set", "run.step = 0.0001", "run "),
+        ({"link": [5], "link.*.joint.viscous": 1.0}, "cannot-set", "link.*.joint.viscous = 1.0", "link.* "),
         (
             {"link.*.segments": 8, "link.*.lumping": "gauss"},
-            r"link\.upper\.segments = 8, so 7 hinges: rule 'gauss'",
+            "hinges-of-rule", "link.upper.segments = 8", "'gauss'",
         ),
-        ({"link.*.lumping": "gaus"}, r"link\.upper\.lumping = 'gaus': unknown; .* did you mean 'gauss'\?"),
-        ({"run.method": "RK7"}, r"run\.method = 'RK7': unknown; allowed are"),
+        ({"link.*.lumping": "gaus"}, "unknown-name", "link.upper.lumping = 'gaus'", "'gauss'?"),
+        ({"run.method": "RK7"}, "unknown-name", "run.method = 'RK7'", "RK10"),
     ],
-)
-def test_what_does_not_fit_is_refused_in_one_line_that_helps(paper: fl.Scene, changes: dict, wanted: str) -> None:
-    with pytest.raises(fl.errors.SceneError, match=f"^({wanted})") as caught:
+)  # fmt: skip
+def test_a_wrong_change_is_refused_in_one_line_with_its_path(
+    paper: fl.Scene, changes: dict, id: str, path: str, named: str
+) -> None:
+    with refused(fl.errors.SceneError, id) as caught:
         paper.varied(changes)
-    assert "\n" not in str(caught.value)
+    text = str(caught.value)
+    assert text.startswith(path) and named in text[len(path) :]
+    assert "\n" not in text
 
 
 @pytest.mark.parametrize("names", [["upper", "a.b", "c'd", "2", "*"], ["1", "4", "3", "5", "2"], list("abcde")])
-def test_a_message_names_a_link_by_the_path_that_sets_it_and_by_the_number_of_its_coordinates(names: list) -> None:
+def test_a_message_names_a_link_by_its_path_or_number(names: list) -> None:
     scene = make_scene(*map(flexible, names))
     raw = scene.document()
     numbers = {joint.link for joint in fl.lump(scene).coordinates}
@@ -154,7 +157,7 @@ def test_a_message_names_a_link_by_the_path_that_sets_it_and_by_the_number_of_it
         assert f".{number} " in str(caught.value)
 
 
-def test_a_message_names_a_number_of_a_link_by_the_path_that_sets_it() -> None:
+def test_a_message_names_a_value_of_a_link_by_its_path() -> None:
     links = [fl.Link(name=name, length=1.0, joint=fl.Joint(limits_deg=(-9, 9))) for name in ("a", "b.c")]
     scene = make_scene(*links, drive=fl.Drive(kind="constant", torque=(0.0, 1.0)))
     for key, value, path in (
@@ -185,9 +188,10 @@ def test_simulate_s_keywords_are_changes_of_the_run(paper: fl.Scene) -> None:
 def test_every_command_that_takes_a_scene_takes_changes(command: str, tmp_path: Path, capsys) -> None:
     wrong = ["--set", "link.*.segmens=3"]
     assert main([command, str(PAPER), *wrong]) == 2
-    said = capsys.readouterr().err
-    assert f"{PAPER}: link.*.segmens = 3: 'segmens' is unknown here" in said
-    assert "did you mean 'segments'?" in said
+    text = refused_line(capsys.readouterr().err, "cannot-set")
+    path = f"{PAPER}: link.*.segmens = 3: "
+    assert path in text
+    assert "'segments'?" in text
 
 
 def test_values_on_the_command_line_are_toml_or_a_bare_word(tmp_path: Path, capsys) -> None:

@@ -1,4 +1,4 @@
-"""What a run is told: each look at its samples finds what is wrong there, alone and beside others."""
+"""Monitoring of runs: each check of the samples finds what is wrong, in single runs and in batches."""
 
 from __future__ import annotations
 
@@ -19,31 +19,34 @@ from flexlink.motion.tolerable import tolerance_of
 from flexlink.results import resolved_modes
 from flexlink.results.record import Record
 from flexlink.results.stop_reasons import Failure
+from tests.words import reviewed
 
 
 def monitor_of(scene: fl.Scene, *postures: Array) -> Monitor:
-    """The monitor of a run that shows these postures, at rest."""
+    """Monitor of a run with these configurations, at rest."""
     last = 0.01 * (len(postures) - 1)
     problem = problem_of(replace(scene, run=replace(scene.run, sample=0.01, duration=last)))
     q = np.array(postures)
     return Monitor(Record(problem, 0.01 * np.arange(len(q)), q, np.zeros_like(q)))
 
 
-@pytest.mark.parametrize(("angle", "told"), [(-31.0, "-31"), (-29.0, ""), (44.0, ""), (46.0, "46")])
-def test_a_joint_is_told_past_either_limit(angle: float, told: str) -> None:
+@pytest.mark.parametrize(("angle", "shown"), [(-31.0, "-31"), (-29.0, ""), (44.0, ""), (46.0, "46")])
+def test_a_joint_past_either_limit_has_a_warning(angle: float, shown: str) -> None:
     scene = make_scene(flexible("a", joint=fl.Joint(limits_deg=(-30.0, 45.0))))
     q = np.zeros(fl.lump(scene).n)
     bent = q.copy()
     bent[0] = np.radians(angle)
     seen = monitor_of(scene, q, bent)
     seen.check(2)
-    said = [text for text in seen.warnings if "past its limits" in text]
-    assert len(said) == bool(told)
-    assert all(f"is at {told}" in text for text in said)
+    expected = ["joint-past-limits"] * bool(shown)
+    assert [warning.id for warning in seen.warnings] == expected
+    for warning in seen.warnings:
+        assert all(part in warning for part in ("'a'", f" {shown}°", "-30°", "45°"))
+        reviewed(warning.id, warning)
 
 
-def test_m_is_judged_where_hinges_are_bent_most() -> None:
-    """Not only where a run starts: with matched twist M is indefinite at 80° (`test_monitor`)."""
+def test_m_is_checked_where_hinges_are_bent_most() -> None:
+    """With matched twist M is indefinite at 80° (`test_monitor`), not at the start of the run."""
     scene = make_scene(
         flexible("a", "xyz", 9, lumping="gauss_matched"), run=fl.RunSettings(step=1e-4, unstable="allow")
     )
@@ -51,51 +54,54 @@ def test_m_is_judged_where_hinges_are_bent_most() -> None:
     bent = np.where(chain.stiffness > 0, np.radians(80.0), 0.0)
     seen = monitor_of(scene, 0 * bent, bent, 0.1 * bent)
     assert not seen.check(3)
-    assert "M is not positive definite" in seen.failure
+    assert "80.0°" in seen.failure
+    reviewed("watching: matched twist", seen.failure)
     assert seen.n_valid == 1
 
 
-def test_a_run_that_is_wrong_wants_a_smaller_tolerance_and_one_whose_steps_vanish_a_larger_one() -> None:
+def test_a_wrong_run_needs_a_smaller_tolerance_and_one_with_vanishing_steps_a_larger_one() -> None:
     scene = make_scene(flexible("a"), run=fl.RunSettings(tolerance=1e-4, duration=0.1))
     still = np.zeros(fl.lump(scene).n)
     wrong, stuck = monitor_of(scene, still, still), monitor_of(scene, still, still)
     for each in (wrong, stuck):
         each.check(1)
-    wrong.failure = "the energy does not balance"
-    assert "try a smaller tolerance" in str(wrong.diverged())
-    assert "try a larger tolerance" in str(stuck.diverged(Failure("t = 0.01 s: no step is small enough")))
+    wrong.failure = "energy"
+    smaller, larger = str(wrong.diverged()), str(stuck.diverged(Failure("t = 0.01 s: steps")))
+    assert "a smaller tolerance" in smaller
+    assert "a larger tolerance" in larger
+    reviewed("watching: remedies", f"{smaller}\n{larger}")
 
 
 @compiled
-def test_m_of_matched_twist_is_judged_beside_others_as_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_m_of_matched_twist_is_checked_in_batches_as_in_single_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = make_scene(flexible("a", "xyz", 5, lumping="gauss_matched"), run=fl.RunSettings(step=1e-6, duration=4e-6))
     monkeypatch.setattr(monitor, "mass_matrix", lambda chain, q: -np.eye(chain.n))
-    told = []
+    texts = []
     for run in (lambda: fl.simulate(scene), lambda: fl.simulate_many([scene, scene])):
         with pytest.raises(fl.errors.DivergenceError) as caught:
             run()
-        told.append(str(caught.value))
-    assert "M is not positive definite" in told[0]
-    assert told[1] == told[0]
+        texts.append(str(caught.value))
+    assert texts[1] == texts[0]
+    reviewed("watching: M is indefinite", texts[0])
 
 
-def test_a_law_is_asked_once_for_each_instant_though_the_motion_multiplies_errors() -> None:
-    """It may remember what it was asked: no second run takes it."""
+def test_a_controller_is_called_once_per_instant_even_if_the_motion_amplifies_errors() -> None:
+    """It may have a state, so no second run calls it."""
     rod = fl.Link(name="rod", length=1.0, material="aluminium", section="square")
     start = fl.InitialState(joint_deg=(0.0,), rate_deg=(4000.0,))
     scene = make_scene(
         rod, initial=start, run=fl.RunSettings(method="DOP853", tolerance=1e-5, duration=0.5, sample=0.1)
     )
-    asked = []
+    times = []
 
-    def law(t: float, q: Array, qd: Array) -> Array:
-        asked.append(t)
+    def controller(t: float, q: Array, qd: Array) -> Array:
+        times.append(t)
         return np.array([50.0])
 
-    run = fl.simulate(scene, control=law, rate=100.0)
+    run = fl.simulate(scene, control=controller, rate=100.0)
     assert np.abs(run.q).max() > 30.0
-    np.testing.assert_allclose(asked, 0.01 * np.arange(51), atol=1e-12)
-    assert not [text for text in run.warnings if "against a run" in text], "nor is it compared with one without its law"
+    np.testing.assert_allclose(times, 0.01 * np.arange(51), atol=1e-12)
+    assert not run.warnings, run.warnings
 
 
 def test_a_feed_forward_belongs_to_its_reference() -> None:

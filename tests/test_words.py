@@ -42,22 +42,25 @@ def test_rounding_errors_are_close() -> None:
 
 
 def test_a_file_is_read_as_it_was_written(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
-    met = {"b": {"one\n  also: two", "x = 1.0"}, "a": {"x = 1.001", "x = 1.0"}}
+    long = "one\n  also: two"
+    met = {"b": {long, "x = 1.0"}, "a": {"x = 1.001", "x = 1.0"}}
     (tmp_path / "messages.txt").write_text(written(met), encoding="utf-8")
     monkeypatch.setattr(words, "FILE", tmp_path / "messages.txt")
     read = words.texts.__wrapped__()
-    assert read == {"a": ["x = 1.0"], "b": ["one\n  also: two", "x = 1.0"]}
+    assert read == {"a": ["x = 1.0"], "b": [long, "x = 1.0"]}
 
 
 def test_the_line_of_an_error_ends_in_its_id(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
     monkeypatch.setenv(words.RECORDER, str(tmp_path))
-    assert refused_line("note: n\nflexlink: a = 1: b\n  also: c  [id]\n", "id") == "flexlink: a = 1: b\n  also: c"
+    text = "flexlink: a = 1: b\n  also: c"
+    assert refused_line(f"note: n\n{text}  [id]\n", "id") == text
     with pytest.raises(AssertionError):
         refused_line("flexlink: a = 1: b  [other]\n", "id")
 
 
 def test_lines_and_sentences_are_found_by_names() -> None:
     assert line("a 1\nb 2\nb 3", "b", "2") == "b 2"
-    assert sentence("<p>One a. Two <b>b</b> c.</p><script>Two b.</script>", "b") == "Two b c."
+    page = "<p>One a. Two <b>b</b> c.</p><script>Two b.</script>"
+    assert sentence(page, "b") == "Two b c."
     with pytest.raises(ValueError):
         line("a\na", "a")

@@ -58,16 +58,14 @@ def test_a_situation_reads_back_equal() -> None:
     assert max(map(len, text_.splitlines())) <= 120
 
 
-def test_a_shaped_reference_has_tables_of_its_own() -> None:
+def test_a_shaped_reference_has_separate_tables() -> None:
     shaper = fl.InputShaper(kind="ZVD", frequency_hz=(1.5, 2.0), damping=(0.01, 0.0))
     reference = fl.Reference(profile="quintic", to_deg=(9.0,), duration=1.0, shaper=shaper)
     drive = fl.Drive(kind="pd", kp=(4.0,), kd=(1.0,), reference=reference)
     scene = make_scene(fl.Link(name="a"), drive=drive, run=fl.RunSettings())
     text_ = scene.to_toml()
     assert scene_from(tomllib.loads(text_)) == scene
-    assert (
-        text_[text_.index("[drive]") :]
-        == """\
+    expected = """\
 [drive]
 kind = "pd"
 kp   = [4.0]
@@ -83,7 +81,7 @@ kind         = "ZVD"
 frequency_hz = [1.5, 2.0]
 damping      = [0.01, 0.0]
 """
-    )
+    assert text_[text_.index("[drive]") :] == expected
 
 
 UR5 = """\
@@ -122,11 +120,11 @@ joint_deg = [0.0, -90.0]
 """
 
 
-def test_a_robot_is_written_as_one_would_write_it() -> None:
+def test_a_robot_is_written_as_by_hand() -> None:
     assert scene_from(tomllib.loads(UR5)).to_toml() == UR5
 
 
 def test_names_with_dots_and_quotes_stay_one_key() -> None:
-    odd = {"a.b": {"x": 1.0}, 'say "so"': {"x": 2}}
+    odd = {"a.b": {"x": 1.0}, 'quoted "so"': {"x": 2}}
     text_ = toml_of({"name": "tab\tand \x7f", "flag": True, "section": odd})
     assert tomllib.loads(text_) == {"name": "tab\tand \x7f", "flag": True, "section": odd}
