@@ -1,8 +1,8 @@
-"""Build backend: setuptools, with the solver compiled before anything is installed, as a native extension would be.
+"""Build backend: setuptools, which also compiles the solver beforehand, like a native extension.
 
-An editable install leaves the code in the user's cache, a wheel carries it. FLEXLINK_COMPILE says for which CPUs a
-wheel is built, such as "x86-64-v3 x86-64-v4", by default the one that it is built on; "no": nothing is compiled, and
-the code is made on first use. So it is where compiling fails.
+An editable install stores the code in the user's cache; a wheel contains it. FLEXLINK_COMPILE lists the CPU families of
+a wheel, for example "x86-64-v3 x86-64-v4"; by default the code is for the CPU of the build machine. With "no", or if
+compilation fails, nothing is compiled beforehand and the code is compiled on first use.
 """
 
 from __future__ import annotations
@@ -37,19 +37,19 @@ ROOT = Path(__file__).parent.parent
 
 
 def build_editable(*arguments: Any, **keywords: Any) -> str:
-    """As setuptools does, and the code into the user's cache."""
+    """Build an editable install; compile the solver into the user's cache."""
     compile_solver()
     return build_meta.build_editable(*arguments, **keywords)
 
 
 def build_wheel(*arguments: Any, **keywords: Any) -> str:
-    """As setuptools does, with the code."""
+    """Build a wheel that contains the compiled solver."""
     compile_solver("--out", str(ROOT / "flexlink" / "machine_code"))
     return build_meta.build_wheel(*arguments, **keywords)
 
 
 def compile_solver(*options: str) -> None:
-    """Call the command that does; what goes wrong is told, and the code made on first use."""
+    """Run `flexlink compile`; print a warning if it fails, because the code is then compiled on first use."""
     wanted = os.environ.get("FLEXLINK_COMPILE", "")
     if wanted == "no":
         return
@@ -58,4 +58,4 @@ def compile_solver(*options: str) -> None:
     path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH", "")]))
     run = subprocess.run(command, cwd=ROOT, env=os.environ | {"PYTHONPATH": path}, check=False)
     if run.returncode:
-        print("flexlink: the solver could not be compiled beforehand; it will be on first use", file=sys.stderr)
+        print("flexlink: the solver could not be compiled beforehand; it is compiled on first use", file=sys.stderr)

@@ -1,1 +1,1 @@
-"""The report of a validation study, made from its stored results alone."""
+"""Report of a validation study, made only from its stored results."""

@@ -1,4 +1,4 @@
-"""`python -m reports`: the report from stored results, without any engine."""
+"""`python -m reports`: build the report from stored results, without any engine."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ EXAMPLES = """examples:
   python -m reports
   python -m reports --results old/results --out old/report
   python -m reports --readme-figure docs/paper_fig5.png
-  python -m reports --full                              reports/full anew, from what python -m validation --full stored
-  python -m reports --reference                         after a whole study on a machine at rest
+  python -m reports --full                              rebuild reports/full, after python -m validation --full
+  python -m reports --reference                         after a complete study on an idle machine
 """
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command; returns the exit code: 0 written, 2 no results or nowhere to write."""
+    """Run the command and return its exit code: 0 if the report is written, 2 without results or a writable folder."""
     parser = argparse.ArgumentParser(
         prog="python -m reports",
         description="Make the validation report (index.html; a CSV per table; a PNG, SVG and CSV per figure) "
-        "from stored results. Runs no simulation and needs no engine.",
+        "from stored results. Does not run simulations and needs no engine.",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--results", type=Path, default=RESULTS, metavar="FOLDER", help="default: validation/results")
     parser.add_argument("--out", type=Path, default=OUT, metavar="FOLDER", help="default: reports/latest")
-    parser.add_argument("--readme-figure", type=Path, metavar="PNG", help="make only the README's figure, as this file")
-    parser.add_argument("--reference", action="store_true", help="make this study the reference run that is checked in")
-    parser.add_argument("--full", action="store_true", help="make reports/full, too, which is checked in")
+    parser.add_argument("--readme-figure", type=Path, metavar="PNG", help="write only the README's figure to PNG")
+    parser.add_argument("--reference", action="store_true", help="make this study the checked-in reference run")
+    parser.add_argument("--full", action="store_true", help="also rebuild reports/full, the checked-in full study")
     wanted = parser.parse_args(arguments)
     try:
         if wanted.readme_figure:

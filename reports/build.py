@@ -1,4 +1,4 @@
-"""The page: first screen, chapters from sections.toml filled by what the study holds, and the files beside it."""
+"""The report page: first screen, chapters of sections.toml with the results of the study, and the data files."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ from validation.judgement import JudgedRow
 from validation.store import Environment, Row
 
 HERE = Path(__file__).parent
-NO_TEXT = ("versions", "sources")  # of an environment: they have many values
-SUMMARY, ARM = "summary", "arm"  # where the figures of the first screen belong, and the one beside its first words
+NO_TEXT = ("versions", "sources")  # fields of an environment that have many values
+SUMMARY, ARM = "summary", "arm"  # chapter of the first screen's figures, and the figure next to its first sentences
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,13 +42,13 @@ class CaseBlock:
     about: str
     verdict: verdict.CaseVerdict
     table: Table
-    common: str  # what is the same in all rows, and has no column
+    common: str  # settings common to all rows, which have no column
     meanings: tuple[Meaning, ...]
 
 
 @dataclasses.dataclass(frozen=True)
 class StudyChapter(Chapter):
-    """A chapter with cases; figures of `more` are folded; `ran` says what ran, and what only the full study has."""
+    """A chapter with cases. `more` are folded figures; `ran` lists its cases and those only in reports/full."""
 
     headlines: tuple[str, ...] = ()
     more: tuple[Shown, ...] = ()
@@ -70,9 +70,9 @@ def build(
     reference_run: Path = reference.FOLDER,
     beside_full: Path | None = stored_full.FOLDER,
 ) -> Path:
-    """Write the report of a study: one page that stands alone, a CSV a table, a PNG, SVG and CSV a figure.
+    """Write the report of a study: one self-contained page, a CSV per table, and a PNG, SVG and CSV per figure.
 
-    A pure function of what is stored: no engine is needed and nothing is simulated.
+    A pure function of the stored results: needs no engine and runs no simulation.
 
     Parameters
     ----------
@@ -81,14 +81,14 @@ def build(
     out
         Folder for the report; made if missing.
     reference_run
-        Folder of the reference run whose times stand beside.
+        Folder of the reference run whose times are listed for comparison.
     beside_full
-        Folder of the full study that is checked in, which fills chapters of which nothing ran here; None for none.
+        Folder of the checked-in full study, which fills chapters without a case in this study; None to leave them out.
 
     Returns
     -------
     Path
-        index.html in `out`. It is written last and whole.
+        index.html in `out`. It is written last, in one piece.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def write(
     reference_run: Path = reference.FOLDER,
     beside_full: Path | None = stored_full.FOLDER,
 ) -> StudyReport:
-    """The same of results that are read, with what is on the page."""
+    """Write the report of results that are already read, and return its contents."""
     beside, whole = reference.read(reference_run), stored_full.read(beside_full) if beside_full else None
     make_folder(out)
     shown, definitions = figures_of(study, out)
@@ -146,12 +146,12 @@ def write(
 
 
 def _same(study: Results, out: Path, beside_full: Path | None) -> Table | None:
-    """The study's numbers beside the published ones; None where there is nothing to compare."""
+    """Comparison of the study's numbers with the published ones; None if there is nothing to compare."""
     if beside_full is None or not (beside_full / stored_full.CHAPTERS).is_file():
         return None
     try:
         found = same.compare(study, beside_full)
-    except FlexlinkError:  # a study without its numbers; the command says why
+    except FlexlinkError:  # the published numbers are unreadable; `python -m validation --same` reports the reason
         return None
     if not found.pairs:
         return None
@@ -161,7 +161,7 @@ def _same(study: Results, out: Path, beside_full: Path | None) -> Table | None:
 
 
 def _measurements(study: Results, out: Path) -> Table | None:
-    """The model against measurements, a line a group of quantities; None where there are none."""
+    """The model compared with measurements, one line per group of quantities; None without measured cases."""
     found = measurements.table(study)
     if found is not None:
         write_text(out / f"{found.name}.csv", found.csv)
@@ -184,19 +184,19 @@ def readme_figure(results: Path, path: Path) -> Path:
     Raises
     ------
     FlexlinkError
-        There are no readable results, they do not hold the run, or `path` cannot be written.
+        There are no readable results, they do not contain the run, or `path` cannot be written.
     """
     drawer = importlib.import_module("reports.figures.paper_fig5")
     with mpl.rc_context(RC):
         picture = drawer.readme(Results.read(results))
     if picture is None:
-        raise FlexlinkError(f"{results}: holds no run of the paper's figure 5; make results with: python -m validation")
+        raise FlexlinkError(f"{results}: no run of the paper's figure 5; make results with: python -m validation")
     picture.save_png(path)
     return path
 
 
 def given_up(results: Results) -> list[Row]:
-    """A row of every quantity whose limit was given up."""
+    """One row for every quantity whose limit was withdrawn."""
     return list({(row.case, row.quantity): row for row in results.rows if row.given_up}.values())
 
 
@@ -233,19 +233,19 @@ def _chapters(
 
 
 def _ran(section: Section, here: int, results: Results, whole: stored_full.Stored | None) -> str:
-    """How many of the chapter's cases the page stands on, and which only the full study has."""
+    """Number of cases of the chapter that ran for this page, and names of those only in the full study."""
     ran = f"Ran for this page: {plural(here, 'case')}."
     if not (here and whole):
         return ran if here else ""
     known = whole.study.chapter(section.id).cases
-    beyond = sorted({one.case.partition("-")[0] for one in known if one.case not in results.plan})  # files, not parts
+    beyond = sorted({one.case.partition("-")[0] for one in known if one.case not in results.plan})  # without parts
     if not beyond:
-        return f"{ran} The full study has no others."
+        return f"{ran} The full study has no further cases."
     return f"{ran} Only in the full study (reports/full): {', '.join(beyond)}."
 
 
 def _stored_chapter(section: Section, whole: stored_full.Stored, out: Path) -> StudyChapter:
-    """A chapter of which nothing ran here, from the full study."""
+    """A chapter from the full study, for which no case ran here."""
     stored = whole.study.chapter(section.id)
     ran = (
         f"No case of this chapter ran for this page. Shown: the full study, {plural(len(stored.cases), 'case')}, "
@@ -277,7 +277,7 @@ def _verdict_csv(results: Results) -> str:
 
 
 def environment_rows(environment: Environment) -> tuple[tuple[str, str], ...]:
-    """(name, text) of everything that is known."""
+    """(name, text) of every known property of the environment."""
     versions = environment.versions.items()
     own = ((f.name, getattr(environment, f.name)) for f in dataclasses.fields(environment) if f.name not in NO_TEXT)
     return tuple((name, str(value) or "–") for name, value in (*own, *versions))

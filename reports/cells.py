@@ -1,4 +1,4 @@
-"""Maps of cells: a panel an engine, side by side, a row a parameter with the range of its values."""
+"""Maps of cells: one panel per engine side by side, one row per parameter with the range of its values."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from flexlink.pages.colours import engine_name
 from flexlink.pages.numbers import number
 from flexlink.pages.style import WIDTH
 
-ROW = 0.24  # in, a row of cells
-LETTERS = 7.5  # pt
+ROW = 0.24  # height of a row of cells [in]
+LETTERS = 7.5  # font size of row names [pt]
 
 
 def panels_beside(engines: Sequence[str], rows: Sequence[str], room: float) -> tuple[Figure, list[Axes]]:
-    """A figure of a panel an engine, with the names of rows at the first; `room` inches for what else there is."""
+    """Figure with one panel per engine and row names at the first; `room` is the height of everything else [in]."""
     figure = Figure(figsize=(WIDTH, room + ROW * len(rows)), layout="constrained")
     axes = list(figure.subplots(1, len(engines), sharey=True, squeeze=False)[0])
     for panel, engine in zip(axes, engines, strict=True):
@@ -35,13 +35,13 @@ def panels_beside(engines: Sequence[str], rows: Sequence[str], room: float) -> t
 
 
 def fill(axes: Axes, values: Array, colours: object, highest: float) -> object:
-    """Cells in colours of 0 … `highest`; nan stays empty."""
+    """Fill cells with the colours of 0 to `highest`; nan cells stay empty."""
     cells = np.ma.masked_invalid(values)
     return axes.pcolormesh(cells, cmap=colours, vmin=0, vmax=highest, edgecolors="w", linewidth=0.6)
 
 
 def with_range(name: str, varied: Sequence[str]) -> str:
-    """A row's name with its first and last value: "density, times: 10⁻¹⁵ … 10⁶"."""
+    """Name of a row with its first and last value: "density, times: 10⁻¹⁵ … 10⁶"."""
     values = [float(text.rsplit(" ", 1)[-1]) for text in varied]
     plain, unit = (found[1], found[2]) if (found := re.fullmatch(r"(.*?)( \[[^\]]*\])", name)) else (name, "")
     ends = number(values[0], 2) if len(values) == 1 else f"{number(values[0], 2)} … {number(values[-1], 2)}"
@@ -49,7 +49,7 @@ def with_range(name: str, varied: Sequence[str]) -> str:
 
 
 def key(figure: Figure, entries: Sequence[tuple[str, str]], columns: int) -> None:
-    """What colours mean: (colour, words), above the panels."""
+    """Add a legend of colours, given as (colour, words), above the panels."""
     handles = [Patch(facecolor=colour, label=words) for colour, words in entries]
     figure.legend(
         handles=handles, loc="outside upper left", ncols=columns, frameon=False, fontsize=10.0, handlelength=1.0,

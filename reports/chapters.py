@@ -1,4 +1,4 @@
-"""The chapters of the report, and the numbers that it says in words: data of sections.toml, read once."""
+"""Chapters of the report and its key numbers, read once from sections.toml."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from flexlink.data.documents import read_toml
 from flexlink.describe.spec import Spec, decode
 
 FILE = Path(__file__).parent / "sections.toml"
-ANY = "*"  # the chapter that takes the kinds which no other names
+ANY = "*"  # marks the chapter of all kinds that no other chapter names
 
 
 class Wanted(Spec, frozen=True):
-    """The worst value of a quantity, over all rows of a kind that fit the rest; `pick` says which end is worse."""
+    """Worst value of a quantity over all matching rows of a kind; `pick` is the worse end."""
 
     kind: str
     quantity: str  # a pattern
@@ -25,20 +25,20 @@ class Wanted(Spec, frozen=True):
     varied: dict[str, str | int | float] = {}  # noqa: RUF012  msgspec copies it
     pick: Literal["largest", "smallest"] = "largest"
     text: str = "{value}"  # {value}, {quantity}, {where}
-    times: float = 1.0  # the value is shown times this, in `unit`
+    times: float = 1.0  # factor from the row's unit to `unit`
     unit: str = ""
-    beside: bool = False  # of the scene and the settings that the first value of its number was found at
+    beside: bool = False  # use the scene and settings of the number's first value
 
 
 class Number(Spec, frozen=True):
-    """One of the numbers of the first screen: what it says, and one or two values."""
+    """A key number of the first screen: its label, and one or two values."""
 
     label: str
     value: tuple[Wanted, ...]
 
 
 class Section(Spec, frozen=True):
-    """A chapter: the kinds of its cases, sentences with numbers, and the figures (patterns) that stand unfolded."""
+    """A chapter: kinds of its cases, sentences with numbers, and patterns of the figures that are not folded."""
 
     id: str
     title: str
@@ -54,11 +54,11 @@ class Paper(Spec, frozen=True):
 
     title: str
     source: str
-    about: str  # what it describes, and what is done with it here
+    about: str  # what the paper describes, and what this study does with it
 
 
 class Contents(Spec, frozen=True):
-    """The whole file."""
+    """All contents of sections.toml."""
 
     paper: Paper
     number: tuple[Number, ...]
@@ -67,17 +67,17 @@ class Contents(Spec, frozen=True):
 
 @functools.cache
 def contents() -> Contents:
-    """The file."""
+    """Contents of sections.toml."""
     found: Contents = decode(read_toml(FILE), Contents)
     return found
 
 
 def sections() -> tuple[Section, ...]:
-    """The chapters, in order."""
+    """Chapters in order."""
     return contents().section
 
 
 def chapter_of_kinds() -> Mapping[str, str]:
-    """Kind → id of its chapter; a kind that none names goes to the one that takes the rest."""
+    """Kind → id of its chapter; kinds that no chapter names are in the chapter with `ANY`."""
     rest = next(section.id for section in sections() if ANY in section.kinds)
     return collections.defaultdict(lambda: rest, {kind: s.id for s in sections() for kind in s.kinds})

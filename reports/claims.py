@@ -1,4 +1,4 @@
-"""What became of somebody's claims that cases of the study judge: a word and a colour, apart from the case's checks."""
+"""Verdict on a published claim that the study checks: a word and a colour, separate from the checks of the case."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import NamedTuple
 from flexlink.pages.verdict import State
 from validation.store import Row
 
-CLAIM = "claim"  # what the quantities that judge one begin with, and the fact that has its words
-PLAINLY, LIMITED = re.compile(r"holds($|[;:])"), re.compile(r"holds\b")  # what the note of a claim begins with
+CLAIM = "claim"  # first word of the quantities that check a claim, and the setting with the claim's text
+PLAINLY, LIMITED = re.compile(r"holds($|[;:])"), re.compile(r"holds\b")  # beginnings of the note of a confirmed claim
 
 
 class Standing(NamedTuple):
-    """How a claim came out."""
+    """Verdict on a claim."""
 
     word: str
     state: State
@@ -26,15 +26,15 @@ REFUTED = Standing("refuted", "fail")
 
 
 def standing(row: Row) -> Standing:
-    """What the measurement says of the row's claim."""
+    """Verdict on the claim of a row, from its note."""
     return CONFIRMED if PLAINLY.match(row.note) else IN_PART if LIMITED.match(row.note) else REFUTED
 
 
 def judging(rows: Iterable[Row]) -> list[Row]:
-    """The rows that judge a claim."""
+    """Rows that check a claim."""
     return [row for row in rows if row.quantity.startswith(CLAIM)]
 
 
 def words(row: Row) -> str:
-    """The claim's own words."""
+    """Text of the claim."""
     return str(row.varied.get(CLAIM, row.title))

@@ -1,4 +1,4 @@
-"""Any stored series as curves: what it needs to be drawn, it brings along."""
+"""Plots of any stored series as curves, with the labels and scales that the series contains."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from flexlink.pages.style import legend_above, stacked_axes, tidy_linear, tidy_l
 from reports.tables import series_csv
 from validation.store import Series
 
-FEW = 60  # a curve with fewer points shows them
-MOST = 2 * len(CYCLE)  # curves in a panel: each colour drawn through and dashed
+FEW = 60  # curves with fewer points have markers
+MOST = 2 * len(CYCLE)  # curves in a panel: solid and dashed in each colour
 
 
 class Curve(NamedTuple):
@@ -32,7 +32,7 @@ class Curve(NamedTuple):
 def panels_of(series: Series) -> list[tuple[str, Series]]:
     """(value of the panel column, the series of that panel), in order of appearance.
 
-    Without such a column ("", all), or, of more curves than can be told apart, a panel a quantity.
+    Without such a column: one panel, ("", all), or one panel per quantity if there are more than `MOST` curves.
     """
     if series.panel is None:
         names = quantities(series)
@@ -49,12 +49,12 @@ def panels_of(series: Series) -> list[tuple[str, Series]]:
 
 
 def quantities(series: Series) -> tuple[str, ...]:
-    """Columns of numbers other than the horizontal one."""
+    """Numeric columns, except the horizontal one."""
     return tuple(name for name, values in series.columns.items() if name != series.x and values.dtype.kind in "iuf")
 
 
 def groups(series: Series) -> list[tuple[str, NDArray[np.bool_]]]:
-    """(value of the group column, rows that have it), in order of appearance; ("", all) without one."""
+    """(value of the group column, rows with that value), in order of appearance; ("", all) without such a column."""
     if series.group is None:
         return [("", np.full(len(series.columns[series.x]), True))]
     column = np.asarray(series.columns[series.group]).astype(str)
@@ -62,7 +62,7 @@ def groups(series: Series) -> list[tuple[str, NDArray[np.bool_]]]:
 
 
 def curves(series: Series, *wanted: str) -> Iterator[Curve]:
-    """The curves of a series: its numbers against the horizontal ones, or only the `wanted`, for each group."""
+    """Curves of a series for each group: all numeric columns, or only `wanted`, against the horizontal column."""
     names = wanted or quantities(series)
     for group, rows in groups(series):
         for name in names:
@@ -71,12 +71,12 @@ def curves(series: Series, *wanted: str) -> Iterator[Curve]:
 
 
 def floats(column: NDArray[Any]) -> Array:
-    """A column as float64."""
+    """Convert a column to float64."""
     return np.asarray(column, dtype=np.float64)
 
 
 def draw_series(axes: Axes, series: Series) -> None:
-    """All curves with labels, scales and units as the series says."""
+    """Draw all curves, with the labels, scales and units of the series."""
     log = series.y_scale == "log"
     for place, curve in enumerate(curves(series)):
         visible = np.isfinite(curve.y) & (curve.y > 0.0 if log else True)
@@ -91,7 +91,7 @@ def draw_series(axes: Axes, series: Series) -> None:
 
 
 def put_labels(axes: Axes, series: Series) -> None:
-    """Scales and labels as the series says."""
+    """Set the scales and labels of the series."""
     unit = "" if "[" in series.y_label else " [1]"
     axes.set(xscale=series.x_scale, yscale=series.y_scale, xlabel=series.x_label, ylabel=series.y_label + unit)
     tidy_logs(axes)
@@ -99,7 +99,7 @@ def put_labels(axes: Axes, series: Series) -> None:
 
 
 def picture(case: str, series: Series) -> Picture:
-    """A figure of a series that no file in reports/figures/ takes care of."""
+    """Figure of a series that no file in reports/figures/ draws."""
     found = panels_of(series)
     figure, all_axes = stacked_axes(len(found), 3.2 if len(found) == 1 else 2.3)
     for axes, (name, part) in zip(all_axes, found, strict=True):

@@ -1,4 +1,4 @@
-"""The figures of a report, drawn and written by several processes: that is nearly all the work of a report."""
+"""Draw and write the figures of a report in several processes; this is most of the work of a report."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from reports import curves, figures, findings
 from reports.chapters import chapter_of_kinds
 from reports.results import Results
 
-WORTH_A_PROCESS = 10  # series; to start a process takes about as long as to write three or four figures
+WORTH_A_PROCESS = 10  # series per process: starting one takes as long as writing three or four figures
 
 
 class Drawn(NamedTuple):
-    """A figure whose files are written: its chapter's id, and what other figures may use of its SVG."""
+    """A figure whose files are written: its chapter's id, and the SVG definitions that other figures may share."""
 
     chapter: str
     shown: Shown
@@ -35,9 +35,9 @@ class Drawn(NamedTuple):
 
 
 def figures_of(results: Results, out: Path) -> tuple[dict[str, list[Shown]], dict[str, str]]:
-    """Chapter id → its figures, their files written to `out`; and what their SVGs share.
+    """Write the files of all figures to `out`; return chapter id → figures, and the shared SVG definitions.
 
-    The same on any number of processes: every process takes one figure in so many.
+    The result does not depend on the number n of processes, each of which writes every n-th figure.
     """
     shown: dict[str, list[Shown]] = {}
     definitions: dict[str, str] = {}
@@ -57,7 +57,7 @@ def figures_of(results: Results, out: Path) -> tuple[dict[str, list[Shown]], dic
 
 
 def _share(results: Results, out: Path, first: int, step: int) -> list[Drawn]:
-    """Every so many-th figure. Each process makes all of them, of which only writing takes time."""
+    """Write every `step`-th figure from `first` on. Each process generates all figures, but only writing takes time."""
     return [_written(*made, out) for made in islice(pictures(results), first, None, step)]
 
 
@@ -67,8 +67,8 @@ def _written(chapter: str, picture: Picture, out: Path) -> Drawn:
 
 
 def pictures(results: Results) -> Iterator[tuple[str, Picture]]:
-    """(chapter id, picture): what reports/figures/ draws, then every series that neither it nor a finding takes."""
-    taken = {what for finder in modules(findings) for what in getattr(finder, "TAKES", ())}  # it says them in words
+    """(chapter id, picture): those of reports/figures/, then all series that neither a figure nor a finding takes."""
+    taken = {what for finder in modules(findings) for what in getattr(finder, "TAKES", ())}  # shown in tables
     chapter_of = chapter_of_kinds()
     with mpl.rc_context(RC):
         for drawer in modules(figures):
@@ -82,6 +82,6 @@ def pictures(results: Results) -> Iterator[tuple[str, Picture]]:
 
 
 def modules(package: ModuleType) -> Iterator[Any]:
-    """Every module of a package, by name."""
+    """All modules of a package, by name."""
     for name in sorted(info.name for info in pkgutil.iter_modules(package.__path__)):
         yield importlib.import_module(f"{package.__name__}.{name}")

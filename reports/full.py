@@ -1,6 +1,6 @@
-"""The whole long study as it is checked in under reports/full: README.md, the figures as PNG, every number as CSV.
+"""Write the full study as checked in under reports/full: README.md, figures as PNG, and all numbers as CSV.
 
-Made of the report in reports/latest, without what a repository cannot hold: the page, SVGs, a table a case.
+Made from the report in reports/latest, without files too large for a repository: the page, SVGs, and a table per case.
 """
 
 from __future__ import annotations
@@ -40,15 +40,15 @@ from reports.tables import meanings, rows_csv
 from validation.judgement import crowd
 
 HERE = Path(__file__).parent
-MOST = 10_000_000  # bytes: what a repository may hold of generated files
-LARGE = 100_000  # bytes, of a table that is compressed: people look at small ones, programs at large ones
-COLOURS = 96  # of a picture: lines on a ground, and what softens their edges; a third of the bytes
+MOST = 10_000_000  # bytes: limit for generated files in the repository
+LARGE = 100_000  # bytes: larger tables are compressed
+COLOURS = 96  # most frequent colours of a picture in its palette; reduces the size to a third
 WRITTEN = ("README.md", "*.csv", "*.csv.gz", "*.json", "*.png")
-WORDS = ("kind", "title", "metric", "reason", "given_up")  # the same in many rows: they have a table of their own
+WORDS = ("kind", "title", "metric", "reason", "given_up")  # texts repeated in many rows; quantities.csv lists them once
 
 
 def save(results: Path, out: Path, folder: Path = FOLDER) -> Path:
-    """Write the report of a study to `out`, and what is checked in of it in place of what is in `folder`.
+    """Write the report of a study to `out`, and replace the checked-in files in `folder`.
 
     Returns
     -------
@@ -58,12 +58,12 @@ def save(results: Path, out: Path, folder: Path = FOLDER) -> Path:
     Raises
     ------
     FlexlinkError
-        There are no readable results, a folder cannot be written, or the second one holds more than `MOST` bytes.
+        There are no readable results, a folder cannot be written, or `folder` exceeds `MOST` bytes.
     """
     study = Results.read(results)
     report = write(study, out, beside_full=None)
     make_folder(folder)
-    for pattern in WRITTEN:  # figures of cases that are no more
+    for pattern in WRITTEN:  # removes files of former cases
         for file in folder.glob(pattern):
             file.unlink()
     for name in ("verdict.csv", "speed.csv", *_files(report)):
@@ -83,7 +83,7 @@ def save(results: Path, out: Path, folder: Path = FOLDER) -> Path:
 
 
 def _files(report: StudyReport) -> Iterator[str]:
-    """Figures and the tables of findings."""
+    """Names of the files of figures and findings."""
     for figure in (
         *report.overview,
         *(one for chapter in report.chapters for one in (*chapter.figures, *chapter.more)),
@@ -94,7 +94,7 @@ def _files(report: StudyReport) -> Iterator[str]:
 
 
 def _shrink(file: Path) -> None:
-    """A picture to few colours, a large table to one that pandas and NumPy still read as it is."""
+    """Reduce the colours of a picture; compress a large table with gzip, which pandas and NumPy read directly."""
     if file.suffix == ".png":
         picture = Image.open(file).convert("RGB")
         picture.quantize(palette=_palette(picture), dither=Image.Dither.NONE).save(file, optimize=True)
@@ -104,7 +104,7 @@ def _shrink(file: Path) -> None:
 
 
 def _palette(picture: Image.Image) -> Image.Image:
-    """The colours of engines and curves, however rare in the picture, and those that are most of it."""
+    """Palette of the colours of engines and curves, however rare, and the most frequent colours of the picture."""
     counts = picture.getcolors(picture.width * picture.height) or []
     common = [colour for _, colour in sorted(counts, reverse=True)[:COLOURS]]
     named = [ImageColor.getrgb(colour) for colour in (*CYCLE, INK, PAPER, GREY)]
@@ -120,7 +120,7 @@ def _meanings(study: Results) -> Iterator[tuple[str, ...]]:
 
 
 def _machine(study: Results) -> Iterator[tuple[str, str]]:
-    """The command, machine and versions; when each case ended, how long it took, and what the machine did besides."""
+    """Command, machine and versions; the end, duration and machine load of each case."""
     yield "command", COMMAND
     yield from environment_rows(study.environment)
     for case, done in study.finished.items():
@@ -132,7 +132,7 @@ def _machine(study: Results) -> Iterator[tuple[str, str]]:
 
 
 def _whole(study: Results, report: StudyReport) -> FullStudy:
-    """What the default report says and shows of it."""
+    """Contents that the default report shows from the full study."""
     chapters = (
         StoredChapter(
             chapter.id,
@@ -175,6 +175,6 @@ def _demand_small(folder: Path) -> None:
     if sum(sizes.values()) > MOST:
         largest = ", ".join(f"{name} {sizes[name] / 1e6:.2f} MB" for name in sorted(sizes, key=lambda n: -sizes[n])[:3])
         raise FlexlinkError(
-            f"{folder}: {sum(sizes.values()) / 1e6:.2f} MB, more than the {MOST / 1e6:g} MB that are checked in; the "
-            f"largest: {largest}"
+            f"{folder}: {sum(sizes.values()) / 1e6:.2f} MB, more than the {MOST / 1e6:g} MB allowed in the repository; "
+            f"largest files: {largest}"
         )

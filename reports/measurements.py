@@ -1,4 +1,4 @@
-"""Validation: the model against measurements, one line per group of quantities, for the first screen."""
+"""Validation: the model compared with measurements, one line per group of quantities, for the first screen."""
 
 from __future__ import annotations
 
@@ -12,23 +12,24 @@ from flexlink.common.types import Array
 from flexlink.pages.numbers import number
 from flexlink.pages.tables import Table
 from reports.results import Results
+from reports.wording import displayed
 from validation.measured.uncertainty import VERDICTS
 from validation.store import Series
 
-WHAT = "measured"  # series of the kind `measured`
-HEADS = ("measured", "quantities", "error E / D", "uncertainty u_val / D", *VERDICTS)
+WHAT = "measured"  # `what` of the series of measured cases
+HEADS = ("measured", "quantities", "error E / D", "uncertainty u_val / D", *map(displayed, VERDICTS))
 WORDS = (
     "E = S − D is the error of the simulation S against the measurement D. The validation uncertainty is "
     "u_val² = u_num² + u_input² + u_D²: discretization (grid convergence index), tolerances of the specimen, and the "
-    "measurement. Nothing was fitted, except for the laboratory arm: two root stiffnesses, a damping, the tilt of its "
-    "axes, the position of the second axis, and gains and offsets of the strain gauges. Validated: |E| ≤ 2 u_val. Not "
-    "validated: the discrepancy exceeds 2 u_val; the model, or the data of the specimen, are wrong by more than that. "
-    "Cannot be decided: 2 u_val is larger than the required accuracy."
+    "measurement. Nothing was fitted, except for the laboratory arm: two root stiffnesses, a damping ratio, the tilt "
+    "of its axes, the position of the second axis, and gains and offsets of the strain gauges. Validated: "
+    "|E| ≤ 2 u_val. Not validated: |E| > 2 u_val, so the error of the model or of the specimen data exceeds the "
+    "uncertainty. Cannot be decided: 2 u_val is larger than the required accuracy."
 )
 
 
 class Group(NamedTuple):
-    """Quantities of one case with a common line."""
+    """Quantities of a case that share a line of the table."""
 
     case: str
     title: str
@@ -49,7 +50,7 @@ class Group(NamedTuple):
 
 
 class Counts(NamedTuple):
-    """How many measured quantities are validated, not validated, and undecided."""
+    """Numbers of measured quantities that are validated, not validated, and undecided."""
 
     validated: int
     not_validated: int
@@ -81,13 +82,13 @@ class Counts(NamedTuple):
 
 
 def counts_of(verdicts: Iterable[str]) -> Counts | None:
-    """Counts of verdicts in the order of `VERDICTS`; None if there are none."""
+    """Counts of verdicts in the order of `VERDICTS`; None without verdicts."""
     found = list(verdicts)
     return Counts(*(found.count(verdict) for verdict in VERDICTS)) if found else None
 
 
 def total(results: Results) -> Counts | None:
-    """Counts over all measured cases; None without any."""
+    """Counts over all measured cases; None without measured cases."""
     return counts_of(verdict for group in groups(results) for verdict in group.columns["verdict"].tolist())
 
 
@@ -106,7 +107,7 @@ def groups(results: Results) -> Iterator[Group]:
 
 
 def groups_of(case: str, title: str, series: Series) -> Iterator[Group]:
-    """The groups of a case, in their order."""
+    """The groups of a case, in order."""
     of = series.columns["group"]
     for name in dict.fromkeys(of.tolist()):
         yield Group(case, title.partition(":")[0], name, {key: c[of == name] for key, c in series.columns.items()})
@@ -115,9 +116,7 @@ def groups_of(case: str, title: str, series: Series) -> Iterator[Group]:
 def table(results: Results) -> Table | None:
     """One line per group; None if the study has no measured case."""
     lines = tuple(_line(group) for group in groups(results))
-    return (
-        Table("measurements", "Validation: the model against measurements", HEADS, lines, (WORDS,)) if lines else None
-    )
+    return Table("measurements", "Validation: comparison with measurements", HEADS, lines, (WORDS,)) if lines else None
 
 
 def _line(group: Group) -> tuple[str | float, ...]:
@@ -127,6 +126,6 @@ def _line(group: Group) -> tuple[str | float, ...]:
 
 
 def span(percent: Array) -> str:
-    """Smallest … largest."""
+    """Range of percentages, "smallest … largest"."""
     low, high = (f"{number(float(each), 2)} %" for each in (percent.min(), percent.max()))
     return low if low == high else f"{low} … {high}"

@@ -16,17 +16,17 @@ from reports.results import Results
 from reports.tables import series_csv
 from validation.store import Series
 
-PANELS = ("active", "passive-2", "passive-3", "joint-3", "hand")  # a to e: parts of what is stored as "panel"
+PANELS = ("active", "passive-2", "passive-3", "joint-3", "hand")  # parts of the stored series "panel", a to e
 TAKES = ("panel",)
-POINTS = 12  # of an engine on a curve: enough to see, few enough to see between
+POINTS = 12  # points of an engine on a curve
 LOOK: dict[str, Any] = {
     "color": INK, "markersize": 4.5, "markerfacecolor": "none", "markeredgewidth": 0.8, "linestyle": "",
 }  # fmt: skip
-LEGEND = 4  # entries; more do not fit on a phone
+LEGEND = 4  # most entries that fit on a phone
 
 
 class Motion(NamedTuple):
-    """A scene's motion by panel, flexlink's own and the engines'."""
+    """Motion of a scene by panel, from flexlink and from the engines."""
 
     case: str
     scene: str
@@ -35,7 +35,7 @@ class Motion(NamedTuple):
 
 
 def motions(results: Results) -> list[Motion]:
-    """Every scene of which a case stored the motion."""
+    """Every scene whose motion is stored by a case."""
     found = []
     for case, scene in dict.fromkeys((case, series.scene) for case, series in results.showing("panel")):
         by_engine: dict[str, dict[str, Series]] = {"": {}}
@@ -47,7 +47,7 @@ def motions(results: Results) -> list[Motion]:
 
 
 def draw_tall(motion: Motion) -> Figure:
-    """All panels above each other, for a page."""
+    """All panels one above the other, for a page."""
     figure, axes = stacked_axes(len(motion.native), 1.7)
     _fill(axes, motion)
     axes[-1].set_xlabel("time [s]")
@@ -60,7 +60,7 @@ def draw_tall(motion: Motion) -> Figure:
 
 
 def draw_wide(motion: Motion) -> Figure:
-    """All panels in two rows, for a README."""
+    """All panels in two rows, for the README."""
     figure = Figure(figsize=(12.0, 5.6), layout="constrained")
     axes = list(figure.subplots(2, 3, sharex=True).flat)
     _fill(axes, motion)
@@ -75,7 +75,7 @@ def draw_wide(motion: Motion) -> Figure:
 
 
 def _key(motion: Motion, words: str = "") -> dict[str, Line2D]:
-    """What lines and points are."""
+    """Legend of lines and points."""
     key = {"flexlink": Line2D([], [], color=INK)}
     for name in motion.engines:
         key[engine_name(name) + words] = Line2D([], [], marker=_marker(name), **LOOK)
@@ -108,13 +108,13 @@ def _fill(axes: list[Axes], motion: Motion) -> None:
 
 
 def _entries(series: Series) -> list[str]:
-    """What the legend tells apart: every curve, or only what they share an entry for where that would be too many."""
+    """Legend entries: every curve, or the shared entries of the series if the curves are more than `LEGEND`."""
     labels = [curve.label for curve in curves(series)]
     return labels if len(labels) <= LEGEND else sorted({series.legend.get(label, label) for label in labels})
 
 
 def _points(panel: Axes, series: Series, number: int, marker: str) -> None:
-    """An engine's points; each engine at its own times, so that they do not cover each other."""
+    """Draw the points of an engine; each engine has different times, so points do not cover each other."""
     for curve in curves(series):
         step = max(1, len(curve.x) // POINTS)
         chosen = np.arange(number * step // 2, len(curve.x), step)
@@ -122,12 +122,12 @@ def _points(panel: Axes, series: Series, number: int, marker: str) -> None:
 
 
 def caption(motion: Motion) -> str:
-    """What the picture shows."""
+    """Caption of the picture."""
     who = " and ".join(engine_name(name) for name in motion.engines)
     overlay = f" Points: {who}, from the exported file, same method and step." if who else ""
-    return f"Angles of the joints, and positions in frame 0. Lines: flexlink.{overlay}"
+    return f"Joint angles, and positions in frame 0. Lines: flexlink.{overlay}"
 
 
 def data(motion: Motion) -> str:
-    """What the picture is drawn from, as CSV."""
+    """Data of the picture as CSV."""
     return series_csv(*(one for part in (motion.native, *motion.engines.values()) for one in part.values()))

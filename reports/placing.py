@@ -1,4 +1,4 @@
-"""Words beside points of a figure: each where it covers neither another word nor a point, or not at all."""
+"""Labels next to points of a figure: each is placed without covering another label or a point, or left out."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from matplotlib.axes import Axes
 from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
-LETTER, HEIGHT = 0.60, 1.25  # of the font's size: the mean width of a letter, the height of a line
+LETTER, HEIGHT = 0.60, 1.25  # mean width of a letter and height of a line, relative to the font size
 PLACES = ((0, -9), (0, 9), (1, -7), (1, 7), (-1, -7), (-1, 7), (1, 0), (-1, 0), (1, -14), (-1, 14), (1, 14), (-1, -14))
-"""Where a word is tried: its side (-1 left, 0 centred, 1 right of the point) and height above it [pt]."""
-GAP = 5.0  # pt, between a point and a word beside it
-COVERED = 3  # points; a word that hides more has no place
+"""Candidate positions of a label: side (-1 left, 0 centred, 1 right of the point) and height above the point [pt]."""
+GAP = 5.0  # between a point and its label [pt]
+COVERED = 3  # most points that a label may cover
 
 
 class Word(NamedTuple):
-    """A word and the point that it names, in the units of the axes."""
+    """A label and the point that it names, in axes units."""
 
     text: str
     x: float
@@ -27,13 +27,13 @@ class Word(NamedTuple):
 
 
 def place_words(axes: Axes, words: Sequence[Word], points: Iterable[tuple[float, float]], size: float = 8.5) -> None:
-    """Write the words; one that would cover another word or several of the points is left away.
+    """Write the labels, except those that would cover another label or more than `COVERED` points.
 
-    Call it when the axes are complete: the layout is found here.
+    Call it when the axes are complete, because it computes the layout.
     """
     figure = axes.get_figure(root=True)
     assert figure is not None
-    figure.draw_without_rendering()  # so that places on the page are known
+    figure.draw_without_rendering()  # computes positions on the page
     unit = figure.dpi / 72.0
     dots = axes.transData.transform(list(points) or np.empty((0, 2)))
     room, taken = axes.get_window_extent(), list[Bbox]()

@@ -1,4 +1,4 @@
-"""What an error costs, contestant by contestant: the runs, the fronts and the prices of what `speed_trade` stored."""
+"""CPU time of an error, by program: runs, Pareto fronts and prices from the series and rows of `speed_trade`."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ OURS = "flexlink"
 LOOKS = {
     (name if name == "solvers" else look.name): look for name, look in ENGINES.items() if name != "mpmath"
 }  # fmt: skip
-"""Contestant, as the rows and the methods' names call it → its look."""
+"""Program, as named in rows and in names of methods → its look."""
 AIMS = {"error": "tip", "deflection error": "deflection"}
-"""What an error is of, as rows and series call it → in a word."""
+"""Kind of error, as named in rows and series → what it refers to."""
 COST = "CPU time"
 BEYOND = {"Beyond": "by its order", "At its": "at its limit"}
-"""How the note on a time begins that no run has shown → in a few words."""
+"""Beginning of the note of an extrapolated time → remark."""
 
 
 class Run(NamedTuple):
-    """A run: who made it, by what step [s] or tolerance, CPU seconds, evaluations, error by aim, as a part."""
+    """A run: program, method, step [s] or tolerance, CPU time [s], evaluations, and relative error by kind."""
 
     who: str
     method: str
@@ -34,7 +34,7 @@ class Run(NamedTuple):
 
 
 class Price(NamedTuple):
-    """CPU time [ms] of an error, and the method; of others also what is not measured: `remark` says so."""
+    """CPU time [ms] of an error, and the method; `remark` marks times of other programs that are not measured."""
 
     time: float
     method: str
@@ -47,7 +47,7 @@ class Price(NamedTuple):
 
 
 def works(results: Results) -> Iterator[tuple[str, Series]]:
-    """(case, its runs), each scene once: the case that has the most."""
+    """(case, series of its runs), each scene once: from the case with the most runs."""
     found: dict[str, tuple[str, Series]] = {}
     for case, series in results.showing("work"):
         if series.scene not in found or _length(series) > _length(found[series.scene][1]):
@@ -69,13 +69,13 @@ def runs(series: Series) -> list[Run]:
 
 
 def _split(label: str) -> tuple[str, str]:
-    """Contestant and method: those of ours have no name before them."""
+    """Program and method; names of flexlink's methods have no program."""
     who, _, method = label.partition(" ")
     return (who, method) if who in LOOKS else (OURS, label.removesuffix(" at its limit"))
 
 
 def front(many: Sequence[Run], aim: str) -> list[Run]:
-    """The runs than which no other is both as cheap and as right, the most accurate first."""
+    """Pareto front: runs than which no other is both cheaper and more accurate, the most accurate first."""
     best: list[Run] = []
     for run in sorted(many, key=lambda run: (run.errors[aim], run.seconds)):
         if not best or run.seconds < best[-1].seconds:
@@ -84,7 +84,7 @@ def front(many: Sequence[Run], aim: str) -> list[Run]:
 
 
 def named(best: Sequence[Run], aim: str, apart: float) -> Iterator[Run]:
-    """Runs of a front to name: the first of each method, with `apart` times the error of the one named before."""
+    """Runs of a front to label: the first of each method, at `apart` times the error of the previous label or more."""
     last, known = None, set[tuple[str, str]]()
     for run in best:
         if (last is None or run.errors[aim] > apart * last.errors[aim]) and run[:2] not in known:
@@ -94,12 +94,12 @@ def named(best: Sequence[Run], aim: str, apart: float) -> Iterator[Run]:
 
 
 def errors(results: Results, aim: str) -> list[float]:
-    """The errors that prices were asked for, the largest first."""
+    """Target errors of the study, the largest first."""
     return sorted({float(row.varied[aim]) for row in _times(results, aim)}, reverse=True)
 
 
 def prices(results: Results, case: str, series: Series, aim: str, error: float) -> dict[str, Price]:
-    """Contestant → its cheapest: of ours a run that met the error, of others what the study grants them."""
+    """Program → its cheapest run: for flexlink a run that met the error, for others the study's estimate."""
     met = [run for run in runs(series) if run.who == OURS and run.errors[aim] <= error]
     found = {}
     if met:

@@ -1,4 +1,4 @@
-"""The reference run: what a machine at rest measured, checked in as small CSV files, beside which later runs stand."""
+"""The reference run: timed results of an idle machine, checked in as small CSV files for comparison with later runs."""
 
 from __future__ import annotations
 
@@ -17,36 +17,36 @@ from validation.store import Row
 
 FOLDER = Path(__file__).parent / "reference_run"
 HEADS = ("case", "quantity", "setting", "engine", "form", "value", "unit", "side", "limit", "state")
-FOUND = "form"  # the fact that is found rather than set: which of its forms an engine is fastest in
+FOUND = "form"  # setting that is an outcome: the fastest form of an engine
 ANEW = "make one with: python -m reports --reference"
-HOW = "run the whole study on a machine at rest: python -m validation --force"
+HOW = "run the complete study on an idle machine: python -m validation --force"
 
 
 @dataclasses.dataclass(frozen=True)
 class Reference:
-    """Values of limits of time by what `_asked` says, and on what they were measured; empty without a reference run."""
+    """Values of time limits by `_asked`, and the machine that measured them; empty without a reference run."""
 
     values: dict[tuple[str, str, str], float]
     machine: str
 
     def value(self, row: Row) -> float | None:
-        """What the reference run has for a row."""
+        """Value of the reference run for a row."""
         return self.values.get(_asked(row))
 
 
 def _asked(row: Row) -> tuple[str, str, str]:
-    """(case, quantity, setting): what was asked, whichever engine or form of it came out as the fastest."""
+    """(case, quantity, setting) of a row, without the engine and form that were the fastest."""
     set_ = in_words({name: value for name, value in row.varied.items() if name != FOUND})
     return row.case, row.quantity, ", ".join(part for part in (row.scene, set_) if part)
 
 
 def save(results: Results, folder: Path = FOLDER) -> Path:
-    """Make the reference run of a study: speed.csv, correctness.csv and machine.csv.
+    """Make the reference run from a study: speed.csv, correctness.csv and machine.csv.
 
     Raises
     ------
     FlexlinkError
-        The study is not whole, not right, or was timed on a busy machine; or the folder cannot be written.
+        The study is incomplete, has failures, or was timed on a busy machine; or the folder cannot be written.
     """
     verdict, fast = verification(results), speed(results.rows)
     if verdict.word != PASS:
@@ -70,12 +70,12 @@ def _line(row: JudgedRow) -> tuple[object, ...]:
 
 
 def read(folder: Path = FOLDER) -> Reference:
-    """The reference run that is checked in.
+    """The checked-in reference run.
 
     Raises
     ------
     FlexlinkError
-        Its files cannot be understood.
+        Its files are invalid.
     """
     if not (folder / "speed.csv").is_file():
         return Reference({}, "")

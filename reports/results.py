@@ -1,4 +1,4 @@
-"""What a study left behind, as the report reads it: only what belongs together, and what is missing. Nothing is run."""
+"""Stored results of a study, as the report reads them: consistent cases, and the missing ones. Runs nothing."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ERROR = "could not be run"
 
 @dataclasses.dataclass(frozen=True)
 class Missing:
-    """A case of the study that the results do not hold, or not whole, or not of these sources."""
+    """A case of the study without results, with incomplete results, or with results of other sources."""
 
     case: str
     title: str
@@ -27,12 +27,12 @@ class Missing:
 
 @dataclasses.dataclass(frozen=True)
 class Results:
-    """A stored study: the only thing that chapters and figures look at.
+    """A stored study, the only input of chapters and figures.
 
     Attributes
     ----------
     rows
-        Those of complete cases that were measured with the sources and versions of the study's last run.
+        Rows of complete cases, measured with the sources and versions of the study's last run.
     finished
         Key, date and machine of the same cases.
     missing
@@ -53,7 +53,7 @@ class Results:
         Raises
         ------
         FlexlinkError
-            There is none, or it cannot be understood.
+            There are none, or they are invalid.
         """
         for name in ("plan.json", "environment.json"):
             if not (path / name).is_file():
@@ -98,7 +98,7 @@ class Results:
         return {case: tuple(self.store.series(case).values()) for case in self.cases}
 
     def showing(self, *what: str) -> Iterator[tuple[str, Series]]:
-        """(case, series) of everything that shows one of these."""
+        """(case, series) of all series whose `what` is one of these."""
         for case, found in self.series.items():
             for series in found:
                 if series.what in what:
@@ -106,7 +106,7 @@ class Results:
 
 
 def used(row: Row) -> float | None:
-    """Share of the limit that a row uses up: at most 1 exactly when it passes; None without a limit.
+    """Ratio of value to limit: at most 1 exactly if the row passes; None without a limit.
 
     value / tolerance for an upper limit, tolerance / value for a lower one.
     """

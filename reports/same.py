@@ -1,10 +1,11 @@
-"""Whether the numbers of a study are those of one that is checked in: equal to the bit, within rounding, different.
+"""Compare the numbers of a study with published ones: equal to the bit, within rounding, or different.
 
-Of the same sources all numbers are the same, and there are as many. Where sources or a case were edited since, what is
-checked in both agrees within its limit, and no published check is missing; other numbers that differ, are new or are
-gone have moved, which is told. No limit is wider than the published one, unless the case says why (`widened`).
+If the sources are the same, all numbers must be equal, and none may be missing or new. If sources or a case were
+edited, checks of both studies must agree within their limit, and no published check may be missing. Other numbers that
+differ, are new or are missing are listed as moved. No limit may be wider than the published one, unless the case gives
+a reason (`widened`).
 
-What was timed stands apart: it depends on the machine, as do counts of runs that had a budget of time.
+Times are listed separately, because they depend on the machine. So do counts of runs with a time budget.
 """
 
 from __future__ import annotations
@@ -28,21 +29,21 @@ from validation.sources import changed
 from validation.store import Row
 
 FILE = "all_checks.csv"
-OF_LIMIT = 0.1  # of a check's limit: what moves a check by less decides nothing
-RELATIVE, LEFT = 1e-6, 1e-12  # of the larger number, and in its SI unit: what rounding leaves of any number
-INFORMING, SMALL = 1e-3, 1e-9  # the same of a number without a limit, which may be rounding that has grown
+OF_LIMIT = 0.1  # share of a check's limit below which a difference is insignificant
+RELATIVE, LEFT = 1e-6, 1e-12  # allowed for rounding: relative to the larger number, and absolute in its SI unit
+INFORMING, SMALL = 1e-3, 1e-9  # the same for numbers without a limit, whose rounding errors may have grown
 ROUNDING = "what rounding explains"
-"""In the words of a number without a limit: it is in parts of the rounding bound, whose limit is 1."""
-BY_TIME = ("extremes",)  # kinds whose counts without a limit tell how many runs a budget of time let end
+"""Part of the metric of a number that is relative to the rounding bound, so its natural limit is 1."""
+BY_TIME = ("extremes",)  # kinds whose counts without a limit depend on a time budget
 FIXED = ("case", "scene", "engine", "quantity", "value", "tolerance", "bound", "timed", "state")
-OF_SCALE = 1e-3  # of a limit that goes with what the physics of a run predicts, which rounding moves
+OF_SCALE = 1e-3  # allowed relative increase of a limit that is computed from a run, and so affected by rounding
 Kind = Literal["equal", "rounding", "different", "moved", "timed"]
 Asked = tuple[str, str, str, str, frozenset[tuple[str, str]]]
-"""Case, scene, engine, quantity and what was varied: what a number answers."""
+"""Key of a number: case, scene, engine, quantity and settings."""
 
 
 class Published(NamedTuple):
-    """A published number; None where it was not finite, or had no limit."""
+    """A published number; fields are None if it was not finite or had no limit."""
 
     value: float | None
     tolerance: float | None
@@ -51,7 +52,7 @@ class Published(NamedTuple):
 
 
 class Pair(NamedTuple):
-    """A number of the study, and the published one; None where there is none."""
+    """A number of the study, and the published one; None if that was not finite."""
 
     row: Row
     published: float | None
@@ -60,18 +61,18 @@ class Pair(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Comparison:
-    """All numbers that both have; those that only one has; limits that are wider than the published ones."""
+    """Numbers of both studies, those of only one study, and limits wider than the published ones."""
 
     pairs: tuple[Pair, ...]
-    missing: tuple[str, ...]  # only in one of both, where that may not be
+    missing: tuple[str, ...]  # in only one of the studies, although both must have them
     wider: tuple[str, ...]
-    moved: tuple[str, ...]  # only in one of both, of sources that were edited since
+    moved: tuple[str, ...]  # in only one of the studies, because sources were edited
     unpublished: tuple[str, ...]  # cases
-    cases: int  # that both have
+    cases: int  # cases of both studies
     published: int  # cases of the published study
 
     def of(self, kind: Kind) -> list[Pair]:
-        """The pairs of a kind."""
+        """Pairs of a kind."""
         return [pair for pair in self.pairs if pair.kind == kind]
 
     @property
@@ -80,9 +81,9 @@ class Comparison:
         return not (self.of("different") or self.missing or self.wider)
 
     def sentences(self) -> list[str]:
-        """What came out, the answer first."""
-        so_far = "" if self.cases == self.published else ", as far as they go"
-        answer = f"These are{'' if self.same else ' not'} the published numbers{so_far}."
+        """The result in sentences, the verdict first."""
+        partly = "" if self.cases == self.published else ", as far as compared"
+        answer = f"These are{'' if self.same else ' not'} the published numbers{partly}."
         equal, rounding, different, timed = (self.of(kind) for kind in ("equal", "rounding", "different", "timed"))
         counts = (
             f"{self.cases} of {plural(self.published, 'published case')} compared: {plural(len(equal), 'number')} "
@@ -90,45 +91,45 @@ class Comparison:
         )
         found = [answer, counts]
         if self.missing:
-            found.append(f"Only in one of both: {plural(len(self.missing), 'number')} ({self.missing[0]}, …).")
+            found.append(f"In only one of the studies: {plural(len(self.missing), 'number')} ({self.missing[0]}, …).")
         if self.wider:
             found.append(f"{plural(len(self.wider), 'limit')} wider than the published one ({self.wider[0]}, …).")
         if moved := [*self.moved, *(f"{pair.row.case}: {pair.row.quantity}" for pair in self.of("moved"))]:
             edited = len({words.partition(":")[0] for words in moved})
-            told = f"{plural(len(moved), 'number')} of {plural(edited, 'case')} ({moved[0]}, …)"
-            found.append(f"Moved, or new, as sources were edited since: {told}.")
+            listed = f"{plural(len(moved), 'number')} of {plural(edited, 'case')} ({moved[0]}, …)"
+            found.append(f"Changed or new, because sources were edited since: {listed}.")
         if self.unpublished:
-            found.append(f"Not published yet: {plural(len(self.unpublished), 'case')} ({', '.join(self.unpublished)}).")
+            found.append(f"Not yet published: {plural(len(self.unpublished), 'case')} ({', '.join(self.unpublished)}).")
         ratios = [pair.row.value / pair.published for pair in timed if pair.row.value and pair.published]
         if timed:
-            middle = f", in the middle {number(median(ratios), 2)} times the published value" if ratios else ""
-            found.append(f"Apart, since the machine decides them: {plural(len(timed), 'number')}{middle}.")
+            middle = f", median ratio to the published value {number(median(ratios), 2)}" if ratios else ""
+            found.append(f"Not compared, because they depend on the machine: {plural(len(timed), 'number')}{middle}.")
         return found
 
     def table(self) -> Table:
-        """A line a case, those that differ first, and what differs most in it."""
+        """A line per case with its largest difference; cases that differ come first."""
         by_case: dict[str, list[Pair]] = {}
         for pair in self.pairs:
             by_case.setdefault(pair.row.case, []).append(pair)
         cases = sorted(by_case.items(), key=lambda item: -_count(item[1], "different"))
-        heads = ("case", "verdict", "equal to the bit", "within rounding", "different", "timed", "differs most")
+        heads = ("case", "verdict", "equal to the bit", "within rounding", "different", "timed", "largest difference")
         lines = tuple(
             (case, "DIFFERENT" if _count(pairs, "different") else "same", *map(float, _counts(pairs)), _worst(pairs))
             for case, pairs in cases
         )
         classes = tuple("FAIL" if line[1] == "DIFFERENT" else "pass" for line in lines)
         return Table(
-            "same", "Your numbers and the published ones", heads, lines, tuple(self.sentences()), classes=classes
+            "same", "Comparison with the published numbers", heads, lines, tuple(self.sentences()), classes=classes
         )
 
 
 def compare(results: Results, folder: Path) -> Comparison:
-    """The numbers of a study beside those in a folder such as reports/full.
+    """Compare the numbers of a study with those in a folder, for example reports/full.
 
     Raises
     ------
     FlexlinkError
-        The folder holds no `FILE`, or one that cannot be understood.
+        The folder contains no `FILE`, or an invalid one.
     """
     published = _published(folder)
     known = {asked[0] for asked in published}
@@ -150,7 +151,7 @@ def compare(results: Results, folder: Path) -> Comparison:
 
 
 def _edited(folder: Path, known: set[str]) -> set[str]:
-    """Published cases that are not what was measured: all, where anything but files of cases has changed."""
+    """Published cases whose sources have changed: those of the changed case files, or all if any other file changed."""
     measured = read_sources(folder)
     files = [Path(file) for file in changed(measured)] if measured else []
     cases = {file.stem for file in files if file.parent.name == "cases"}
@@ -158,7 +159,7 @@ def _edited(folder: Path, known: set[str]) -> set[str]:
 
 
 def _is_wider(row: Row, there: Published) -> bool:
-    """Whether the limit of a check lets more pass than the published one."""
+    """Whether the limit of a check is wider than the published one."""
     if there.tolerance is None or row.timed:
         return False
     if row.tolerance is None:
@@ -178,7 +179,7 @@ def _in_words(asked: Asked) -> str:
 
 
 def _published(folder: Path) -> dict[Asked, Published]:
-    """Published numbers by what they answer."""
+    """Published numbers by key."""
     lines = csv.DictReader(io.StringIO(_text(folder), newline=""))
     heads = lines.fieldnames or ()
     if lacking := [head for head in FIXED if head not in heads]:
@@ -203,7 +204,7 @@ def _text(folder: Path) -> str:
         return content.decode()
     except (OSError, EOFError, ValueError) as error:
         why = getattr(error, "strerror", None) or error
-        raise FlexlinkError(f"{plain}[.gz]: no published numbers ({why}); such as reports/full hold them") from None
+        raise FlexlinkError(f"{plain}[.gz]: no published numbers ({why}); specify a folder like reports/full") from None
 
 
 def _kind(row: Row, there: Published, edited: bool) -> Kind:
@@ -227,7 +228,7 @@ def _passes(row: Row, value: float) -> bool | None:
 
 
 def allowed(row: Row, size: float) -> float:
-    """How far two numbers of that size may be apart: a part of the check's own limit, or what rounding leaves."""
+    """Allowed difference of two numbers of that size: a share of the check's limit, or the effect of rounding."""
     if row.tolerance is not None:
         return max(OF_LIMIT * abs(row.tolerance), RELATIVE * size)
     if ROUNDING in row.metric:
@@ -245,7 +246,7 @@ def _count(pairs: Iterable[Pair], kind: Kind) -> int:
 
 
 def _worst(pairs: Iterable[Pair]) -> str:
-    """The number that differs by most times what is allowed."""
+    """The number with the largest difference relative to the allowed one."""
     apart = [pair for pair in pairs if pair.kind == "different"]
     if not apart:
         return ""
@@ -267,5 +268,5 @@ def differences(comparison: Comparison) -> Iterator[str]:
     for pair in comparison.of("different"):
         row = pair.row
         yield f"{row.case}: {row.quantity} ({row.where}) = {row.value} {row.unit}, published {pair.published}"
-    yield from (f"only in one of both: {words}" for words in comparison.missing)
+    yield from (f"in only one of the studies: {words}" for words in comparison.missing)
     yield from (f"limit wider than the published one: {words}" for words in comparison.wider)

@@ -1,4 +1,4 @@
-"""What the names of scenes stand for: the words that their files, or the titles of their runs, have for them."""
+"""Descriptions of scenes, from their files or from the titles of their runs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FOLDERS = (STUDY_SCENES, MODELS, MODELS / "robots")
 
 
 def scene_names(results: Results) -> Table | None:
-    """A line a scene of the study; None without any whose words are known."""
+    """A line per scene of the study that has a description; None if there are none."""
     names = {row.scene for row in results.rows}
     known = dict(_words(results, names))
     lines = tuple((name, known[name]) for name in sorted(names & known.keys()))

@@ -1,4 +1,4 @@
-"""The table of speed: every limit of time, what became of it, and the same number in the reference run."""
+"""Table of speed: every time limit, its result, and the value of the reference run."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from validation.judgement import JudgedRow, crowd
 
 
 def limits_of_time(results: Results) -> list[JudgedRow]:
-    """What was missed first, then what was not measured, then what was met."""
+    """Rows with a time limit: missed ones first, then those not measured, then those met."""
     found = [row for row in results.rows if row.timed and row.passed is not None]
     return sorted(found, key=lambda row: STATES.index(row.state))
 
 
 def speed_table(results: Results, beside: Reference) -> Table:
-    """The table of the page."""
+    """Table of time limits for the page."""
     heads = ("state", "quantity", "setting", "value", "limit", *(("reference run",) if beside.machine else ()))
     rows = limits_of_time(results)
     lines = [
@@ -29,13 +29,13 @@ def speed_table(results: Results, beside: Reference) -> Table:
 
 
 def conditions(results: Results) -> list[tuple[str, str, str]]:
-    """(case, end of its run, what the machine did besides) of everything that was timed."""
+    """(case, end of its run, machine load) of every timed case."""
     timed = ((case, done.date, done.conditions) for case, done in results.finished.items())
     return [(case, f"{date:%Y-%m-%d %H:%M} UTC", crowd(found)) for case, date, found in timed if found]
 
 
 def csv_text(results: Results, beside: Reference) -> str:
-    """The table with every digit, and the machine's load and spread beside each line."""
+    """The same table with every digit, and with the load and timing spread of the machine."""
     heads = ("case", "quantity", "where", "value", "unit", "side", "limit", "state", "reference", "load", "spread")
     return table_csv(heads, (_line(row, beside) for row in limits_of_time(results)))
 

@@ -1,8 +1,8 @@
-"""The full study that is checked in, as `reports/full.py` wrote it, for the default report and the site.
+"""The checked-in full study, written by `reports/full.py`, for the default report and the site.
 
-chapters.json    `FullStudy`: verdicts, commit, and of every chapter its sentences, figures and cases
-sources.csv      digests of the files that it was measured with
-NAME.csv[.gz]    the tables of its findings; NAME.png and NAME.csv[.gz]: its figures
+chapters.json    `FullStudy`: verdicts, commit, and the sentences, figures and cases of every chapter
+sources.csv      digests of the source files that the study used
+NAME.csv[.gz]    table of a finding; NAME.png and NAME.csv[.gz]: a figure
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ CHAPTERS, SOURCES = "chapters.json", "sources.csv"
 
 
 class StoredFinding(Spec, frozen=True):
-    """A finding; its table is a CSV file."""
+    """A finding, whose table is a CSV file."""
 
     name: str
     title: str
@@ -109,7 +109,7 @@ class Stored(NamedTuple):
             yield Table(finding.name, finding.title, tuple(heads), table, finding.sentences, to_look_up=True)
 
     def figures(self, section: Section, out: Path) -> Iterator[Shown]:
-        """Figures of a chapter that are shown unfolded; PNG and CSV are copied to `out`."""
+        """Figures of a chapter that are shown unfolded; their PNG and CSV are copied to `out`."""
         for figure in self.study.chapter(section.id).figures:
             if any(fnmatch(figure.name, pattern) for pattern in section.open):
                 png, data = (self.folder / f"{figure.name}.png").read_bytes(), self._data(figure.name)
@@ -135,7 +135,7 @@ class Stored(NamedTuple):
 
 
 def _cell(text: str) -> str | float | None:
-    """A cell as a number, a text, or None if it is empty."""
+    """Convert a cell to a number, text, or None if it is empty."""
     try:
         return float(text) if text else None
     except ValueError:
@@ -143,7 +143,7 @@ def _cell(text: str) -> str | float | None:
 
 
 def read(folder: Path = FOLDER) -> Stored | None:
-    """The full study that is checked in; None if there is none.
+    """The checked-in full study; None if there is none.
 
     Raises
     ------
@@ -162,7 +162,7 @@ def read(folder: Path = FOLDER) -> Stored | None:
 
 
 def read_sources(folder: Path = FOLDER) -> dict[str, str]:
-    """Path → digest of the files that the study in this folder was measured with."""
+    """Path → digest of the source files that the study in this folder used."""
     file = folder / SOURCES
     if not file.is_file():
         return {}
@@ -171,10 +171,10 @@ def read_sources(folder: Path = FOLDER) -> dict[str, str]:
 
 
 def since(commit: str, measured: Mapping[str, str]) -> str:
-    """Whether flexlink/ or validation/ have changed since the study was measured at a commit, in one sentence."""
+    """Commit of the study, and whether flexlink/ or validation/ have changed since, in one sentence."""
     at = f"Measured at commit {commit}" if commit else "Measured outside a repository"
     if not measured:
         return f"{at}; later changes are unknown."
     if not any(True for _ in changed(measured)):
         return f"{at}; the code that affects the results has not changed since."
-    return f"{at}; code that may affect the results has changed since. To measure again: {COMMAND}."
+    return f"{at}; code that may affect the results has changed since. To run it again: {COMMAND}."

@@ -1,4 +1,4 @@
-"""Tables of checks: for the page as rows of text, beside it as CSV with every digit."""
+"""Tables of checks: rounded text for the page, and CSV with every digit."""
 
 from __future__ import annotations
 
@@ -10,17 +10,18 @@ from flexlink.pages.colours import engine_name
 from flexlink.pages.numbers import amount
 from flexlink.pages.tables import Table, table_csv
 from reports.results import used
+from reports.wording import displayed
 from validation.facts import column_head, in_words
 from validation.judgement import JudgedRow, State
 from validation.store import Row, Series
 
-STATES = get_args(State)  # in the order of a table's lines
+STATES = get_args(State)  # order of the lines of a table
 CSV_FIELDS = tuple(f.name for f in dataclasses.fields(Row) if f.name not in ("key", "varied"))
 
 
 @dataclasses.dataclass(frozen=True)
 class Meaning:
-    """Of some quantities: how they are measured, why their limit is what it is, why a limit was given up."""
+    """Definition of some quantities, the reason for their limit, and the reason for its withdrawal."""
 
     quantities: tuple[str, ...]
     metric: str
@@ -29,11 +30,11 @@ class Meaning:
 
 
 def checks(rows: Sequence[JudgedRow]) -> tuple[Table, str]:
-    """The checks of a case: failing ones first, information last; and what all have in common, which has no column."""
+    """Checks of a case, failing ones first and information last; and the settings common to all, without a column."""
     facts = {name: {row.varied.get(name) for row in rows} for row in rows for name in row.varied}
     differ = {name for name, values in facts.items() if len(values) > 1}
     columns: dict[str, list[str]] = {
-        "quantity": [row.quantity for row in rows],
+        "quantity": [displayed(row.quantity) for row in rows],
         "scene": [row.scene for row in rows],
         "engine": [engine_name(row.engine) for row in rows],
         "setting": [in_words({name: v for name, v in row.varied.items() if name in differ}) for row in rows],
@@ -55,23 +56,23 @@ def checks(rows: Sequence[JudgedRow]) -> tuple[Table, str]:
 
 
 def meanings(rows: Iterable[Row]) -> Iterable[Meaning]:
-    """What the quantities of rows are; those that share all words stand together."""
+    """Definitions of the quantities of rows; quantities with the same words share one entry."""
     found: dict[tuple[str, str, str], list[str]] = {}
     for row in rows:
         found.setdefault((row.metric, row.reason, row.given_up), []).append(row.quantity)
     for (metric, reason, given_up), quantities in found.items():
-        yield Meaning(tuple(dict.fromkeys(quantities)), metric, reason, given_up)
+        yield Meaning(tuple(dict.fromkeys(map(displayed, quantities))), metric, reason, given_up)
 
 
 def limit(row: Row) -> str:
-    """The limit with its side, "≤ 10⁻¹² rad"; empty without one."""
+    """The limit with its side, "≤ 10⁻¹² rad"; empty without a limit."""
     if row.tolerance is None:
         return ""
     return f"{'≥' if row.bound == 'at least' else '≤'} {amount(row.tolerance, row.unit)}"
 
 
 def share(part: float | None) -> str:
-    """Part of a limit as a percentage, or how many times too much; empty for None."""
+    """Share of a limit as a percentage, or as a factor above ten; empty for None."""
     if part is None:
         return ""
     if part > 10.0:
@@ -80,7 +81,7 @@ def share(part: float | None) -> str:
 
 
 def rows_csv(rows: Sequence[JudgedRow], without: Collection[str] = ()) -> str:
-    """All fields of the rows, a column for each thing varied; numbers are written so that they read back exactly."""
+    """All fields of the rows, with a column per setting; numbers read back exactly."""
     fields = tuple(f for f in CSV_FIELDS if f not in without)
     facts = tuple(dict.fromkeys(name for row in rows for name in row.varied))
     heads = (*fields, *(column_head(name) for name in facts), "state")
@@ -89,7 +90,7 @@ def rows_csv(rows: Sequence[JudgedRow], without: Collection[str] = ()) -> str:
 
 
 def series_csv(*many: Series) -> str:
-    """The points of a figure, one line each: which series, which curve, x and y."""
+    """Points of a figure, one per line: series, panel, curve, column, x and y."""
     lines: list[tuple[object, ...]] = []
     for series in many:
         names = [n for n in series.columns if n not in (series.x, series.group, series.panel)]

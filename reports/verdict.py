@@ -14,6 +14,7 @@ from reports.claims import CONFIRMED, judging, standing
 from reports.measurements import Counts, by_case, total
 from reports.results import Results, used
 from reports.tables import share
+from reports.wording import displayed
 from validation.judgement import JudgedRow, correctness, speed
 from validation.store import Row
 
@@ -33,36 +34,36 @@ class Fact:
 
 @dataclasses.dataclass(frozen=True)
 class CaseVerdict:
-    """A case in one line: passed checks, closest check, time limits, and what it found out about claims or a model."""
+    """Summary of a case: checks, closest check, time limits, and verdicts on claims or on the model."""
 
     judged: int
     failed: int
     informing: int
     speed: str
-    worst: Row | None  # the check that uses the largest part of its limit
-    claims: tuple[str, ...] = ()  # outcomes of published claims
-    validated: str = ""  # outcome of a comparison with measurements; empty for other cases
+    worst: Row | None  # check with the largest share of its limit
+    claims: tuple[str, ...] = ()  # verdicts on published claims
+    validated: str = ""  # result of the comparison with measurements; empty for other cases
     all_validated: bool = False
 
     @property
     def word(self) -> str:
-        """The state; if all checks pass, the outcome of claims or of the validation."""
+        """The state; if all checks pass, the verdicts on claims or the result of the validation."""
         return (self.validated or "; ".join(self.claims) or self.state) if self.state == "pass" else self.state
 
     @property
     def look(self) -> str:
-        """CSS class of the word; green only if every claim is confirmed and every measured quantity validated."""
+        """CSS class of the word; green only if every claim is confirmed and every measured quantity is validated."""
         doubted = (self.claims and set(self.claims) != {CONFIRMED.word}) or (self.validated and not self.all_validated)
         return "doubt" if doubted and self.state == "pass" else self.state.lower()
 
     @property
     def state(self) -> str:
-        """'FAIL' or 'pass'; without a check 'timed' or 'info'."""
+        """'FAIL' or 'pass'; without checks 'timed' or 'info'."""
         return "FAIL" if self.failed else "pass" if self.judged else "timed" if self.speed else "info"
 
     @property
     def text(self) -> str:
-        """The line."""
+        """Summary in one line."""
         parts = []
         if self.judged:
             parts.append(f"{self.judged - self.failed} of {self.judged} pass")
@@ -76,7 +77,7 @@ class CaseVerdict:
 
 
 def case_verdict(rows: Sequence[JudgedRow], validated: Counts | None = None) -> CaseVerdict:
-    """The line of a case; `validated` counts its measured quantities."""
+    """Summary of a case; `validated` counts its measured quantities."""
     right, fast = correctness(rows), speed(rows)
     judged = [row for row in rows if row.passed is not None and not row.timed]
     worst = max(judged, key=lambda row: used(row) or 0.0, default=None)
@@ -88,13 +89,13 @@ def case_verdict(rows: Sequence[JudgedRow], validated: Counts | None = None) -> 
 
 
 def case_verdicts(results: Results) -> dict[str, CaseVerdict]:
-    """The line of every case."""
+    """Summary of every case."""
     counts = by_case(results)
     return {case: case_verdict(rows, counts.get(case)) for case, rows in results.cases.items()}
 
 
 def compared(results: Results) -> str:
-    """Sentences on what was compared with what."""
+    """Sentence on what is compared with what."""
     versions = results.environment.versions
     ours = f"flexlink {versions.get('flexlink', '')}".strip()
     engines = [f"{name} {versions[package]}" for package, name in NAMES.items() if versions.get(package)]
@@ -126,7 +127,7 @@ def _when(results: Results) -> str:
 
 
 def verification(results: Results) -> Verdict:
-    """Whether the equations are solved correctly: all checks except time limits; missing cases are named."""
+    """Whether the equations are solved correctly: all checks except time limits; missing cases are counted."""
     judged, failed = correctness(results.rows)
     checks = plural(judged, "check")
     if failed:
@@ -160,7 +161,7 @@ def validation(results: Results) -> Verdict | None:
 
 
 def fast(results: Results) -> Verdict:
-    """Whether the time limits are met; on a busy machine they are not checked."""
+    """Whether the time limits are met; they are not checked on a busy machine."""
     found = speed(results.rows)
     state: State = "missed" if found.missed else "not-measured" if found.unmeasured or not found.met else "met"
     text = found.sentence()
@@ -168,7 +169,7 @@ def fast(results: Results) -> Verdict:
 
 
 def numbers_that_matter(results: Results, wanted: Iterable[Number]) -> list[Fact]:
-    """The key numbers that the study contains."""
+    """Key numbers that the study contains."""
     found = []
     for each in wanted:
         first = worst(results, each.value[0])
@@ -180,7 +181,7 @@ def numbers_that_matter(results: Results, wanted: Iterable[Number]) -> list[Fact
 
 
 def headlines(results: Results, wanted: Iterable[Wanted]) -> list[str]:
-    """A sentence for each wanted quantity in the study, with a remark if it misses its limit."""
+    """A sentence for each wanted quantity of the study, with a remark if it misses its limit."""
     found = []
     for want in wanted:
         row = worst(results, want)
@@ -193,7 +194,7 @@ def headlines(results: Results, wanted: Iterable[Wanted]) -> list[str]:
 
 def _sentence(want: Wanted, row: Row) -> str:
     value = amount(want.times * (row.value or 0.0), want.unit or row.unit)
-    return want.text.format(value=value, quantity=row.quantity, where=row.where)
+    return want.text.format(value=value, quantity=displayed(row.quantity), where=row.where)
 
 
 def _remark(row: JudgedRow) -> str:
@@ -204,7 +205,7 @@ def _remark(row: JudgedRow) -> str:
 
 
 def worst(results: Results, want: Wanted, beside: Row | None = None) -> JudgedRow | None:
-    """The row with the worst value among those that match; with `beside`, only of its scene and settings."""
+    """The row with the worst value among the matching ones; with `beside`, only of its scene and settings."""
     rows = [
         row
         for row in results.rows

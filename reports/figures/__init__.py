@@ -1,6 +1,6 @@
-"""One figure a file.
+"""One figure per file.
 
-A module here says which chapter it belongs to (`SECTION`, an id of sections.toml), which stored series it takes
-care of (`TAKES`, patterns of names; all others are drawn plainly) and has `draw(results) -> Iterator[Picture]`,
-which yields nothing when the study holds nothing to draw. That is all: it is found by being here.
+Each module defines the id of its chapter in sections.toml (`SECTION`), the stored series that it draws (`TAKES`, their
+`what`; all others are drawn as plain curves), and `draw(results) -> Iterator[Picture]`, which yields nothing without
+data. New modules are found automatically.
 """

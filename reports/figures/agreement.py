@@ -1,4 +1,4 @@
-"""Every term of the equation of motion against the other engines: marks for engines, a tick for the limit."""
+"""Every term of the equation of motion compared with the other engines: a marker per engine, a tick for the limit."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from validation.judgement import JudgedRow
 SECTION = "agreement"
 TAKES: tuple[str, ...] = ()
 KINDS = {"pointwise": "flexlink", "judge": "50-digit arithmetic"}
-"""Kind of the cases → what its numbers are differences from."""
-LINE = 0.36  # in, a term
+"""Kind of cases → the reference of its differences."""
+LINE = 0.36  # height per term [in]
 
 
 def draw(results: Results) -> Iterator[Picture]:
-    """One picture a case and scene, all on one scale."""
+    """One picture per case and scene, all with the same scale."""
     rows = [row for row in results.rows if row.kind in KINDS and row.value is not None]
     shown = [value for row in rows for value in (row.value, row.tolerance) if value]
     if not shown:
@@ -39,7 +39,7 @@ def _picture(case: str, scene: str, rows: Sequence[JudgedRow], limits: tuple[flo
     figure, (axes,) = stacked_axes(1, 1.4 + LINE * lines / 1.3)
     for number, engine in enumerate(engines):
         found = [row for row in rows if row.engine == engine]
-        values = [max(row.value or 0.0, limits[0] * 1.3) for row in found]  # 0 has no place on a log axis: at its edge
+        values = [max(row.value or 0.0, limits[0] * 1.3) for row in found]  # a log axis has no 0: at its edge
         offset = 0.16 * (number - 0.5 * (len(engines) - 1))
         places = [terms.index(row.quantity) + offset for row in found]
         look = ENGINES[engine]
@@ -54,7 +54,7 @@ def _picture(case: str, scene: str, rows: Sequence[JudgedRow], limits: tuple[flo
     axes.set_ylim(len(labels) - 0.5, -0.5)
     legend_above(figure, axes, len(engines) + 1)
     caption = (
-        f"Largest difference from {KINDS[rows[0].kind]} over joints and states. Left of the limit: equal up to "
-        "rounding; at the left edge: exactly equal."
+        f"Largest difference from {KINDS[rows[0].kind]} over joints and states. Left of the limit: equal to within "
+        "rounding. At the left edge: exactly equal."
     )
     return Picture(f"{case}.{scene}", f"{scene}: {rows[0].title}", figure, caption, rows_csv(rows))

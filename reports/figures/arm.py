@@ -24,10 +24,10 @@ SCENES = {
     "paper_fig5": "hanging 10° from the vertical (scene paper_fig5)",
     "paper_fig5_raised": "10° from upright (scene paper_fig5_raised, the other reading of the paper's angle)",
 }
-"""Initial configuration by scene; the first scene of the study is drawn."""
-UNTIL = 1.0  # s
-POSTURES = 6  # configurations drawn in this time
-CAPTION = "Two flexible links of 1.25 m fall from rest, {}: light to dark in 1 s."
+"""Initial configuration by scene; the first scene in the study is drawn."""
+UNTIL = 1.0  # end of the picture's interval [s]
+POSTURES = 6  # configurations drawn in this interval
+CAPTION = "Two flexible links of 1.25 m each fall from rest, {}. Light to dark: 0 to 1 s."
 TITLE = "The arm of the paper's figure 5"
 
 
@@ -70,6 +70,6 @@ def _picture(motion: Motion) -> Picture:
 
 
 def _path(motion: Motion, part: str) -> tuple[Array, Array]:
-    """Times, and x and z of a point at each."""
+    """Times, and the coordinates x and z of a point at each time."""
     columns = motion.native[part].columns
     return floats(columns["time [s]"]), np.column_stack([floats(columns[axis]) for axis in "xz"])

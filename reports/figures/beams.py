@@ -1,4 +1,4 @@
-"""Distance of the tip from that of exact beams: samples of a fast vibration, which no line may join."""
+"""Tip distance from exact beams: samples of a fast vibration, drawn as points because no line can join them."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from reports.tables import series_csv
 SECTION = "physics"
 TAKES = ("beams",)
 UNITS = ((1.0, "m"), (1e3, "mm"), (1e6, "µm"), (1e9, "nm"))
-CAPTION = "Tip of flexlink's chain against exact beams (Exudyn); it vibrates between the samples."
+CAPTION = "Tip distance between flexlink's chain and exact beams (Exudyn). The tip vibrates between the samples."
 
 
 def draw(results: Results) -> Iterator[Picture]:
-    """One picture a scene."""
+    """One picture per scene."""
     for case, series in results.showing(*TAKES):
         found = list(curves(series))
         largest = max(float(curve.y.max()) for curve in found)

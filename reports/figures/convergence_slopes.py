@@ -1,4 +1,4 @@
-"""Measured order: error against step, with the fitted slope."""
+"""Measured order of convergence: error against step, with the fitted slope."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TAKES = ("convergence",)
 
 
 def draw(results: Results) -> Iterator[Picture]:
-    """One picture a case."""
+    """One picture per case."""
     for case, rows in results.of_kind("convergence"):
         slopes = {row.varied["method"]: row.value for row in rows if row.quantity == "slope"}
         for series in (s for s in results.series[case] if s.what in TAKES):
@@ -27,5 +27,5 @@ def draw(results: Results) -> Iterator[Picture]:
                 axes.plot(curve.x, curve.y, MARKERS[place] + "-", color=CYCLE[place], label=label)
             put_labels(axes, series)
             legend_above(figure, axes, 2)
-            words = f"{series.title}; slopes by least squares."
+            words = f"{series.title}. Slopes are least-squares fits."
             yield Picture(f"{case}.{series.name}", rows[0].title, figure, words, series_csv(series))

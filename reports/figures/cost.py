@@ -1,4 +1,4 @@
-"""Cost of a step: median over the runs of each method."""
+"""CPU time of a step: median over the runs of each method."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TAKES: tuple[str, ...] = ()
 
 
 def draw(results: Results) -> Iterator[Picture]:
-    """One bar a method."""
+    """One bar per method."""
     for case, rows in results.of_kind("integrators"):
         costs: dict[str, list[float]] = {}
         for row in rows:
@@ -30,10 +30,10 @@ def draw(results: Results) -> Iterator[Picture]:
         values = [median(found) for found in costs.values()]
         bars = axes.barh(list(costs), values, color=CYCLE[: len(costs)], height=0.6)
         axes.bar_label(bars, [f"{number(value)} {unit}" for value in values], padding=3)
-        axes.set(xlabel=f"cost of a step [{unit}]", xlim=(0.0, 1.3 * max(values)))
+        axes.set(xlabel=f"CPU time per step [{unit}]", xlim=(0.0, 1.3 * max(values)))
         axes.invert_yaxis()
         axes.grid(visible=False, axis="y")
-        words = "CPU time of one step on one core, sampling and energies included."
+        words = "CPU time per step on one core, including sampling and energies."
         shown = [row for row in rows if row.quantity == "cost per step"]
-        title = f"{rows[0].scene}: cost of a step by method"
+        title = f"{rows[0].scene}: CPU time per step by method"
         yield Picture(f"{case}.cost", title, figure, words, rows_csv(shown))

@@ -1,4 +1,4 @@
-"""Where the energy goes: each part's change since the start; that of the springs on a scale of its own."""
+"""Energy balance: change of each part since the start; spring energy has a separate scale."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from reports.tables import series_csv
 SECTION = "trajectory"
 TAKES = ("energy",)
 LOOKS = {"kinetic": (BLUE, "-"), "gravity": (VERMILION, "-"), "elastic": (GREEN, "-"), "total": (INK, "--")}
-OWN_SCALE = "elastic"  # often thousands of times smaller than what falls and swings
+OWN_SCALE = "elastic"  # often thousands of times smaller than the kinetic and potential energy
 
 
 def draw(results: Results) -> Iterator[Picture]:
-    """One picture a scene of which a case stored the motion."""
+    """One picture per scene with a stored motion."""
     for case, series in results.showing(*TAKES):
         if not series.engine:
             figure, (upper, lower) = stacked_axes(2, 2.1)
@@ -26,12 +26,12 @@ def draw(results: Results) -> Iterator[Picture]:
                 colour, line = LOOKS[curve.label]
                 panel = lower if curve.label == OWN_SCALE else upper
                 panel.plot(curve.x, curve.y - curve.y[0], color=colour, linestyle=line, label=curve.label)
-            upper.set_ylabel("change [J]")
-            lower.set(xlabel=series.x_label, ylabel="elastic, change [J]")
+            upper.set_ylabel("energy change [J]")
+            lower.set(xlabel=series.x_label, ylabel="elastic [J]")
             tidy_linear(lower)
             legend_above(figure, upper, 3)
-            title = f"{series.scene}: where the energy goes"
+            title = f"{series.scene}: energy balance"
             yield Picture(f"{case}.{series.name}", title, figure, CAPTION, series_csv(series))
 
 
-CAPTION = "Change of each energy since the start. Below: energy of the springs, on its own scale."
+CAPTION = "Change of each energy since the start. Lower panel: elastic energy of the springs, on a separate scale."

@@ -1,4 +1,4 @@
-"""Energy drift of runs without friction, measured and predicted."""
+"""Energy drift of frictionless runs: measured and predicted."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TAKES = ("drift",)
 
 
 def draw(results: Results) -> Iterator[Picture]:
-    """Points measured, lines predicted, one colour a method."""
+    """Points are measured, lines are predicted, with one colour per method."""
     for case, series in results.showing(*TAKES):
         figure, (axes,) = stacked_axes(1, 3.2)
         predicted = list(curves(series, "predicted"))
@@ -30,6 +30,6 @@ def draw(results: Results) -> Iterator[Picture]:
 
 
 CAPTION = (
-    "Largest change of the total energy, which the exact motion conserves. Predicted: numerical damping of the excited "
-    "elastic modes, plus rounding."
+    "Largest change of the total energy, which is constant in the exact motion. Prediction: numerical damping of the "
+    "excited elastic modes, plus rounding."
 )

@@ -1,4 +1,4 @@
-"""A run's error and its parts on one logarithmic line: a panel a scene, a line a run."""
+"""Error of a run and its parts on one logarithmic line: one panel per scene, one line per run."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ LOOKS = {
     "total": (INK, "|"),
 }  # fmt: skip
 CAPTION = (
-    "Largest tip error and its parts: type of the links (model), hinges (space), steps (time), rounding. The rightmost "
-    "part is worth improving first."
+    "Largest tip error and its parts: link type (model), hinges (space), steps (time), rounding. Reduce the rightmost "
+    "part first."
 )
-LINE = 0.5  # in, a run
+LINE = 0.5  # height per run [in]
 
 
 def draw(results: Results) -> Iterator[Picture]:
-    """One picture of all scenes."""
+    """One picture with all scenes."""
     found = [series for _, series in results.showing(*TAKES)]
     if not found:
         return
@@ -39,7 +39,7 @@ def draw(results: Results) -> Iterator[Picture]:
     for axes, series in zip(panels, found, strict=True):
         _fill(axes, series)
     left, right = panels[-1].get_xlim()
-    panels[-1].set(xlabel="error of the tip [m]", xlim=(0.3 * left, right))  # its first number stands on the page whole
+    panels[-1].set(xlabel="tip error [m]", xlim=(0.3 * left, right))  # room for the first tick label
     legend_above(figure, panels[0], 3)
     yield Picture("errors_split.parts", "Where the error of a run comes from", figure, CAPTION, series_csv(*found))
 

@@ -1,4 +1,4 @@
-"""The map of extremes: digits of q̈ by axis and value in every engine, and errors against cond(M)."""
+"""Maps of extreme parameters: correct digits of q̈ by parameter, value and engine, and errors against cond(M)."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from reports.results import Results
 SECTION = "extremes"
 TAKES = ("digits",)
 ENGINES = ("native", "pinocchio", "mujoco")
-MOST = 16  # digits of float64
+MOST = 16  # decimal digits of float64
 SHADES = ListedColormap(["#b2182b", "#d6604d", "#f4a582", "#fddbc7", "#d1e5f0", "#92c5de", "#4393c3", "#2166ac"])
 MAP = (
-    "One cell per value of one parameter, first value left; the worse of two scenes. Grey: refused with a message. The "
-    "CSV has all cells, also of two parameters."
+    "One cell per value of one parameter, in order from the left; each shows the less accurate of two scenes. Grey: "
+    "refused with a message. The CSV includes pairs of parameters."
 )
-CLOUD = "Error of q̈ over its largest element, in every cell of the map and of its pairs. 1: no correct digit."
+CLOUD = "Error of q̈ relative to its largest element, in every cell of the map and of its pairs. 1: no correct digit."
 
 
 def draw(results: Results) -> Iterator[Picture]:
-    """Two pictures a case."""
+    """Two pictures per case."""
     for case, series in results.showing(*TAKES):
         csv = columns_csv(series.columns)
         yield _map(case, series.columns, csv)
@@ -54,7 +54,7 @@ def _map(case: str, columns: Mapping[str, NDArray[Any]], csv: str) -> Picture:
                     digits[row, place] = -np.log10(max(np.nanmax(errors), 10.0**-MOST))
         shown = fill(axes, digits, SHADES, MOST)
     figure.colorbar(shown, ax=panels, location="bottom", label="correct digits of q̈", fraction=0.03, pad=0.03)
-    title = "Correct digits of q̈ at extremes, judged by 100-digit arithmetic"
+    title = "Correct digits of q̈ at extreme parameters, compared with 100-digit arithmetic"
     return Picture(f"{case}.map", title, figure, MAP, csv)
 
 

@@ -1,4 +1,4 @@
-"""Where runs at extremes are wrong without a word: cell by cell, flexlink and the engines beside it."""
+"""Runs at extreme parameters that are wrong without a warning: one cell per value, in flexlink and other engines."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ from reports.cells import fill, key, panels_beside, with_range
 from reports.results import Results
 
 SECTION = "extremes"
-TAKES = ()  # `outcomes` is drawn by the figure of that name
+TAKES = ()  # `outcomes.py` draws this series as well and takes it
 KNOWN = ("within", "near", "warned", "false doubt")
 REFUSED = "error"
-NOTHING, STOPPED, GOOD, WRONG = range(4)  # nothing to judge, all refused, none wrong, wrong without a warning
+NOTHING, STOPPED, GOOD, WRONG = range(4)  # no reference, all refused, none wrong, wrong without a warning
 COLOURS = (PALE, GREY, GREEN, VERMILION)
 WORDS = ("no reference", "all refused or stopped", "none wrong", "number of wrong runs")
 TITLE = "Runs that are wrong without a warning"
 ALONE = (
-    "One parameter at a time, all scenes. Wrong: tip error above ten tolerances (fixed steps: 5 % of the motion), no "
-    "warning. All runs are in the CSV."
+    "One parameter at a time, all scenes. Wrong: the tip error exceeds ten tolerances (fixed steps: 5 % of the motion) "
+    "without a warning. The CSV has all runs."
 )
 PAIRS = (
-    "Two parameters at a time, a few values each. Wrong: tip error above ten tolerances (fixed steps: 5 % of the "
-    "motion), no warning."
+    "Two parameters at a time, a few values each. Wrong: the tip error exceeds ten tolerances (fixed steps: 5 % of the "
+    "motion) without a warning."
 )
 AND = " and "
-"""Between the names of the axes of a cell."""
+"""Separator between the parameter names of a cell."""
 
 
 class Runs(NamedTuple):
-    """Columns of a map's runs."""
+    """Columns of the runs of a map."""
 
     engine: NDArray[np.str_]
     axes: NDArray[np.str_]
@@ -49,7 +49,7 @@ class Runs(NamedTuple):
 
 
 class Grid(NamedTuple):
-    """Names of rows and of columns, if these have any, and which runs stand at (row, column)."""
+    """Names of rows, names of columns if there are any, and the runs of each cell (row, column)."""
 
     rows: list[str]
     columns: list[str]
@@ -57,7 +57,7 @@ class Grid(NamedTuple):
 
 
 def draw(results: Results) -> Iterator[Picture]:
-    """Of each case with engines beside, one axis at a time and two, where there are any."""
+    """For each case with other engines: a map with one parameter at a time, and a map with pairs of parameters."""
     for case, series in results.showing("outcomes"):
         runs = Runs(*(np.asarray(series.columns[name]).astype(str) for name in Runs._fields))
         if set(runs.engine.tolist()) <= {"native"}:
@@ -100,7 +100,7 @@ def _picture(name: str, caption: str, grid: Grid, runs: Runs) -> Picture:
 
 
 def _stacked(engines: Sequence[str], grid: Grid) -> tuple[Figure, list[Axes]]:
-    """Panels above each other, for maps of as many columns as rows."""
+    """Panels one above the other, for maps with as many columns as rows."""
     figure, panels = stacked_axes(len(engines), 0.6 + 0.2 * len(grid.rows))
     for axes in panels:
         axes.set_yticks(np.arange(len(grid.rows)) + 0.5, grid.rows, fontsize=8)
@@ -112,7 +112,7 @@ def _stacked(engines: Sequence[str], grid: Grid) -> tuple[Figure, list[Axes]]:
 
 
 def _panel(axes: Axes, grid: Grid, runs: Runs, engine: str) -> Iterator[tuple[object, ...]]:
-    """Draw the cells of one engine; yields what they say."""
+    """Draw the cells of one engine and yield a CSV line for each."""
     colours = np.full((len(grid.rows), 1 + max(column for _, column in grid.members)), np.nan)
     own, silent = runs.engine == engine, runs.outcome == "silent wrong"
     for (row, column), at in grid.members.items():
@@ -136,5 +136,5 @@ def _panel(axes: Axes, grid: Grid, runs: Runs, engine: str) -> Iterator[tuple[ob
 
 
 def _state(outcomes: NDArray[np.str_]) -> int:
-    """Of runs of which none is wrong without a warning."""
+    """State of a cell whose runs include none that is wrong without a warning."""
     return GOOD if np.isin(outcomes, KNOWN).any() else STOPPED if (outcomes == REFUSED).all() else NOTHING

@@ -1,4 +1,4 @@
-"""Chaos: how fast rounding errors grow, in flexlink against itself and against the engines."""
+"""Chaos: growth of rounding errors, between two runs of flexlink and between flexlink and other engines."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TAKES = ("growth",)
 
 
 def draw(results: Results) -> Iterator[Picture]:
-    """Difference up to time t on a log axis, with the fitted growth and the horizon."""
+    """Difference up to time t on a log axis, with the fitted growth and the time up to which runs are compared."""
     for case, rows in results.of_kind("rounding_growth"):
         value = {(row.scene, row.quantity): row.value for row in rows if row.engine == "native"}
         for series in (s for s in results.series[case] if s.what in TAKES):
@@ -28,7 +28,7 @@ def draw(results: Results) -> Iterator[Picture]:
             for curve in curves(series):
                 seen = curve.y > 0.0
                 look = look_of(curve.label) or ENGINES["native"]
-                label = look.name if look_of(curve.label) else "flexlink, rounded otherwise"
+                label = look.name if look_of(curve.label) else "flexlink, different rounding"
                 axes.plot(curve.x[seen], curve.y[seen], color=look.colour, label=label)
             rate, horizon = value.get((scene, "growth rate")), value.get((scene, "horizon"))
             if rate is not None and horizon is not None:
@@ -40,11 +40,11 @@ def draw(results: Results) -> Iterator[Picture]:
                 axes.axvline(horizon, color=GREY, linestyle=":", label=f"compared up to {number(horizon)} s")
             put_labels(axes, series)
             legend_above(figure, axes, 2)
-            title = f"{scene}: how rounding errors grow"
+            title = f"{scene}: growth of rounding errors"
             yield Picture(f"{case}.{series.name}", title, figure, CAPTION, series_csv(series))
 
 
 CAPTION = (
-    "Largest difference of any joint angle up to time t. Blue: the effect of rounding alone; engines that compute the "
-    "same motion follow it."
+    "Largest joint-angle difference up to time t. Blue: effect of rounding alone. Engines that compute the same motion "
+    "follow the blue curve."
 )

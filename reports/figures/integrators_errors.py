@@ -1,4 +1,4 @@
-"""Runge-Kutta methods: error against step, evaluations and seconds, and energy drift against step."""
+"""Runge-Kutta methods: error against step, evaluations and CPU time, and energy drift against step."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ X_LABELS = {
     "evaluations per simulated second": "evaluations of q̈ per simulated time [1/s]",
     "core seconds per simulated second": "CPU time / simulated time [1]",
 }  # fmt: skip
-"""Column → what the axis says."""
+"""Column → axis label."""
 VIEWS = (
     ("step", "step [s]", ERROR, "error against step"),
-    ("evaluations", "evaluations per simulated second", ERROR, "error against work counted in evaluations of q̈"),
-    ("seconds", "core seconds per simulated second", ERROR, "error against work in time of one core"),
+    ("evaluations", "evaluations per simulated second", ERROR, "error against evaluations of q̈"),
+    ("seconds", "core seconds per simulated second", ERROR, "error against CPU time"),
     ("drift", "step [s]", "energy drift [J]", "energy drift against step"),
 )
 
 
 def draw(results: Results) -> Iterator[Picture]:
-    """Four views of every comparison."""
+    """Four pictures of every comparison."""
     for case, series in results.showing(*TAKES):
         for view, x, y, words in VIEWS:
             yield _picture(f"{case}.{series.scene}.{view}", series, x, y, f"{series.scene}: {words}")
@@ -41,7 +41,7 @@ def _picture(name: str, series: Series, x: str, y: str, title: str) -> Picture:
     figure, (axes,) = stacked_axes(1, 3.4)
     for place, (method, rows) in enumerate(groups(series)):
         across, up = floats(series.columns[x][rows]), floats(series.columns[y][rows])
-        seen = np.isfinite(up) & (up > 0.0)  # a run that diverged has no error to draw
+        seen = np.isfinite(up) & (up > 0.0)  # a diverged run has no finite error
         axes.plot(across[seen], up[seen], MARKERS[place] + "-", color=CYCLE[place], label=method)
     axes.set(xscale="log", yscale="log", xlabel=X_LABELS.get(x, x), ylabel=y.replace("error", "max |Δq|"))
     tidy_logs(axes)

@@ -1,4 +1,4 @@
-"""Errors against measurements, with the interval that data, inputs and grid leave open."""
+"""Errors against measurements, with the validation uncertainty from data, inputs and grid."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ SECTION = "measured"
 TAKES = (WHAT,)
 COLOURS = {"validated to u_val": BLUE, "not validated": VERMILION, "cannot be told": GREY}
 CAPTION = (
-    "Points: E / D; bars: ± 2 u_val / D. Blue: validated. Orange: the bar ends before zero, not validated. "
-    "Grey: too uncertain for what is asked."
+    "Points: E / D; bars: ± 2 u_val / D. Blue: validated. Orange: not validated, the bar does not reach zero. "
+    "Grey: cannot be decided, the uncertainty exceeds the required accuracy."
 )
-LINE = 0.17  # in: height of a quantity
+LINE = 0.17  # height per quantity [in]
 
 
 def draw(results: Results) -> Iterator[Picture]:
-    """One picture a case: a panel a group, a line a quantity."""
+    """One picture per case, with a panel per group and a line per quantity."""
     for case, series in results.showing(WHAT):
         title = results.cases[case][0].title
         found = list(groups_of(case, title, series))

@@ -1,4 +1,4 @@
-"""The motion of all scenes but the paper's, in the panels of its figure 5."""
+"""Motion of every scene except the paper's, in the panels of the paper's figure 5."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ SECTION = "trajectory"
 
 
 def draw(results: Results) -> Iterator[Picture]:
-    """Up to five panels a scene."""
+    """Up to five panels per scene."""
     for motion in motions(results):
         if motion.scene not in paper_fig5.SCENES:
-            name, title = f"{motion.case}.{motion.scene}", f"{motion.scene}: the motion"
+            name, title = f"{motion.case}.{motion.scene}", f"{motion.scene}: motion"
             yield Picture(name, title, draw_tall(motion), caption(motion), data(motion))

@@ -1,4 +1,4 @@
-"""What became of runs at extremes: of every method and way of stepping, or engine, the parts that ended so or so."""
+"""Outcomes of runs at extreme parameters: counts per method and step, or per engine."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from reports.results import Results
 SECTION = "extremes"
 TAKES = ("outcomes",)
 SHOWN = {
-    "within": ("within tolerance", GREEN), "near": ("within ten", SKY), "warned": ("warned", BLUE),
-    "error": ("ended by message", GREY), "dear": ("too expensive", PALE),
-    "unknown": ("no reference", PURPLE), "false doubt": ("needless warning", ORANGE),
+    "within": ("within tolerance", GREEN), "near": ("within 10 tolerances", SKY), "warned": ("warned", BLUE),
+    "error": ("ended with a message", GREY), "dear": ("too expensive", PALE),
+    "unknown": ("no reference", PURPLE), "false doubt": ("unnecessary warning", ORANGE),
     "silent wrong": ("wrong, no warning", VERMILION),
 }  # fmt: skip
 """Outcome of a run → words, colour."""
 CAPTION = (
-    "Runs by method and step or tolerance (part of the reach). Within one or ten tolerances; warned; ended with a "
-    "message; not judged; wrong without a warning."
+    "Outcomes of runs by method and by step or tolerance (relative to the reach). The number of runs with each outcome "
+    "is in brackets."
 )
 
 
 def draw(results: Results) -> Iterator[Picture]:
-    """One picture a case."""
+    """One picture per case."""
     for case, rows in results.of_kind("extremes"):
         for series in (s for s in results.series[case] if s.what in TAKES):
             columns = {name: np.asarray(values).astype(str) for name, values in series.columns.items()}
@@ -51,7 +51,7 @@ def draw(results: Results) -> Iterator[Picture]:
 
 
 def _ways(columns: dict[str, NDArray[np.str_]]) -> NDArray[np.str_]:
-    """How every run advanced, in words; beside other engines without its step."""
+    """Name of each run: method and step, or engine and method if there are several engines."""
     methods = columns["method"]
     if len(set(columns["engine"].tolist())) > 1:
         engines = np.array([engine_name(name) for name in columns["engine"].tolist()])
@@ -61,7 +61,7 @@ def _ways(columns: dict[str, NDArray[np.str_]]) -> NDArray[np.str_]:
 
 
 def _in_order(way: str) -> tuple[str, float]:
-    """Words first, then the number that they end with: 0.01 before 0.0001, as the list of settings has them."""
+    """Sort key: words, then the number at the end in descending order (0.01 before 0.0001)."""
     words, _, end = way.removesuffix(" s").rpartition(" ")
     try:
         return words.casefold(), -float(end)

@@ -1,4 +1,4 @@
-"""Every check of correctness as a dot: how much of its limit it uses. The one figure of the first screen."""
+"""Every verification check as a dot at the share of its limit that it uses: the figure of the first screen."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from validation.store import Row
 
 SECTION = "summary"
 TAKES: tuple[str, ...] = ()
-LEAST, MOST = 1e-4, 5.0  # of a limit; what uses less stands at the left edge, what uses more at the right
-SPREAD = 0.62  # of the height of a line: dots of one chapter above each other
+LEAST, MOST = 1e-4, 5.0  # share of the limit; smaller and larger ones are drawn at the left and right edge
+SPREAD = 0.62  # of the height of a line, over which the dots of a chapter are spread
 
 
 def draw(results: Results) -> Iterator[Picture]:
-    """One picture: a line a chapter."""
+    """One picture with a line per chapter."""
     rows = [row for row in results.rows if row.passed is not None and not row.timed]
     chapters = chapter_of_kinds()
     names = [section.short for section in sections() if any(chapters[row.kind] == section.id for row in rows)]
@@ -38,17 +38,17 @@ def draw(results: Results) -> Iterator[Picture]:
             axes.plot(x, y, marker, color=colour, markersize=size, markeredgewidth=0, label=label, clip_on=False)
     axes.axvline(1.0, color=INK, label="limit")
     axes.set(xscale="log", xlim=(LEAST, MOST), yticks=range(len(names)), yticklabels=names)
-    axes.set(xlabel="share of its limit used [1]")
+    axes.set(xlabel="value / limit [1]")
     axes.set_ylim(len(names) - 0.5, -0.5)
     tidy_logs(axes)
     axes.set_xticks([10.0**k for k in range(-4, 1)])
     axes.set_xticklabels([f"≤ {number(LEAST)}", *(number(10.0**k) for k in range(-3, 1))])
     legend_above(figure, axes, 3)
-    title = "All checks of correctness: share of the limit that each uses"
-    words = "One dot per check. Further left is better; checks right of the line fail."
+    title = "All verification checks: share of the limit that each uses"
+    words = "One dot per check. Checks right of the line fail."
     yield Picture("overview", title, figure, words, rows_csv(rows))
 
 
 def _offset(row: Row) -> float:
-    """Spreads the dots of a line over its height, each row always at its own place."""
+    """Vertical offset of a dot within its line; the same row always has the same offset."""
     return SPREAD * ((zlib.crc32(f"{row.case} {row.quantity} {row.where}".encode()) % 97) / 96 - 0.5)

@@ -15,14 +15,14 @@ SCENES = {"paper_fig5": "hanging arm", "paper_fig5_raised": "raised arm"}
 
 
 def draw(results: Results) -> Iterator[Picture]:
-    """Five panels a reading."""
+    """Five panels per reading."""
     for motion in _found(results):
         title = f"Figure 5 of the paper, {SCENES[motion.scene]}"
         yield Picture(f"figure5.{motion.scene}", title, draw_tall(motion), caption(motion), data(motion))
 
 
 def readme(results: Results) -> Picture | None:
-    """The first reading in a shape for the README."""
+    """First reading in the format of the README."""
     for motion in _found(results):
         return Picture("readme", "Figure 5 of the paper", draw_wide(motion), caption(motion), data(motion))
     return None

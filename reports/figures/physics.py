@@ -1,4 +1,4 @@
-"""The chain against the beam: error by rule and number of hinges, its price, and the motions."""
+"""Segment chain compared with the continuous beam: error by rule and number of hinges, its cost, and motions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from validation.store import Row, Series
 
 SECTION = "physics"
 TAKES = ("sweep", "price", "motion", "published")
-LOOKS = {  # colour, marker, line of a rule, the same in all figures
+LOOKS = {  # rule → colour, marker, line style; the same in all figures
     "paper": (VERMILION, "s", "-"),
     "midpoint": (BLUE, "o", "-"),
     "gauss": (GREEN, "^", "-"),
@@ -35,12 +35,12 @@ LOOKS = {  # colour, marker, line of a rule, the same in all figures
     "open": (GREY, "s", ":"),
 }
 PLAIN = (GREY, ".", "-")
-LETTERS = 22  # that fit along the height of a panel
-ROUNDING = 1e-15  # errors below say nothing
+LETTERS = 22  # letters that fit along the height of a panel
+ROUNDING = 1e-15  # smaller errors are rounding errors
 
 
 def draw(results: Results) -> Iterator[Picture]:
-    """For each case its sweeps, then what it has of price and motion."""
+    """Pictures of each case: its sweeps, then its cost and motion if stored."""
     for case, found in results.series.items():
         rows = results.cases[case]
         title, shown = rows[0].title, {what: [s for s in found if s.what == what] for what in TAKES}
@@ -48,19 +48,17 @@ def draw(results: Results) -> Iterator[Picture]:
             words = READ
             yield Picture(f"{case}.sweep", f"{title}: error by rule", _sweeps(sweeps, rows), words, series_csv(*sweeps))
         for series in shown["price"]:
-            yield Picture(f"{case}.price", f"{title}: price", _price(series), PRICE, series_csv(series))
+            yield Picture(f"{case}.price", f"{title}: cost", _price(series), PRICE, series_csv(series))
         for series in shown["motion"]:
             yield Picture(f"{case}.motion", f"{title}: motion", _motion(series), MOTION, series_csv(series))
 
 
-READ = (
-    "Error against the number of hinges of a link. Order: of the first panel, by its last three marks above rounding."
-)
+READ = "Error against the number of hinges of a link. Orders are fitted to the last three marks above rounding."
 PRICE = (
     "Error of the first mode against the work of RK4 at its largest stable step (EI = ρA = L = 1). Short end segments, "
-    "as of legendre, need small steps."
+    "as with legendre, require small steps."
 )
-MOTION = "Above: continuous reference, judged chain, and one for comparison. Below: their difference from it."
+MOTION = "Upper panel: continuous reference, the chain under test, and one for comparison. Lower panel: their error."
 
 
 def _sweeps(sweeps: Sequence[Series], rows: Sequence[Row]) -> Figure:

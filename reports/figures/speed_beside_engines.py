@@ -1,4 +1,4 @@
-"""Speed of a whole simulation beside the engines, same method and step."""
+"""Speed of a complete simulation in flexlink and in the engines, with the same method and step."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ QUANTITIES = ("real-time factor", "real-time factor of another engine")
 
 
 def draw(results: Results) -> Iterator[Picture]:
-    """A bar an engine, scene and way of solving for q̈."""
+    """One bar per engine, scene and solver for q̈."""
     for case, rows in results.of_kind("speed"):
         found = [row for row in rows if row.quantity in QUANTITIES and row.value]
         if not found:
@@ -32,15 +32,15 @@ def draw(results: Results) -> Iterator[Picture]:
         axes.bar_label(bars, [f"{number(value)}×" for value in values], padding=3)
         for limit in sorted({row.tolerance for row in found if row.tolerance is not None}):
             axes.axvline(limit, color=INK, label=f"limit: {number(limit)}×")
-        axes.set(xlabel="simulated seconds per CPU second [1]", xlim=(0.0, 1.25 * max(values)))
+        axes.set(xlabel="simulated time / CPU time [1]", xlim=(0.0, 1.25 * max(values)))
         axes.invert_yaxis()
         axes.grid(visible=False, axis="y")
         legend_above(figure, axes, 1)
-        words = "Simulated seconds per CPU second on one core, same method and step; engines are called from Python."
+        words = "Simulated time per CPU time on one core, same method and step. Engines are called from Python."
         yield Picture(case, rows[0].title, figure, words, rows_csv(found))
 
 
 def _solver(row: Row) -> str:
-    """How q̈ was solved for, where the case tells."""
+    """Solver for q̈, if the row states it."""
     solver = str(row.varied.get("solver", ""))
     return f",\n{SOLVERS.get(solver, solver)}" if solver else ""

@@ -1,4 +1,4 @@
-"""Cost against the number of joints on log axes, with fitted exponents: a panel a family of chains."""
+"""CPU time against the number of joints on log axes, with fitted exponents: a panel per family of chains."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from validation.store import Series
 
 SECTION = "speed"
 TAKES = ("cost",)
-LOOKS = {  # curve → engine, line, marker's face, what is said beside the engine's name
+LOOKS = {  # curve → engine, line style, marker face, remark after the engine's name
     "native": ("native", "-", None, ", compiled loop"),
     "public": ("native", "--", "none", ", Python call"),
-    "pinocchio": ("pinocchio", "-", None, ", one joint a hinge"),
+    "pinocchio": ("pinocchio", "-", None, ", one joint per hinge"),
     "pinocchio, fastest": ("pinocchio", "--", "none", ", fastest form"),
     "mujoco": ("mujoco", "-", None, ""),
 }
@@ -27,7 +27,7 @@ Exponents = Mapping[tuple[Fact, Fact, str], float | None]  # (chain, job, engine
 
 
 def draw(results: Results) -> Iterator[Picture]:
-    """One picture a job: q̈, RNE, M, T_GC, a step of RK4."""
+    """One picture per job: q̈, RNE, M, T_GC, an RK4 step."""
     for case, series in results.showing(*TAKES):
         exponents = {
             (row.varied["chain"], row.varied["job"], row.engine): row.value
@@ -55,14 +55,14 @@ def _picture(name: str, series: Series, exponents: Exponents) -> Picture:
     axes[-1].set_xlabel(series.x_label)
     legend_over(axes[0], figure=figure)
     caption = (
-        "CPU time against the number of joints n, a panel a family of chains; exponents are fitted for n ≥ 100. The "
-        "engines are called from Python."
+        "CPU time against the number of joints n, one panel per family of chains. Exponents are fitted for n ≥ 100. "
+        "Engines are called from Python."
     )
     return Picture(name, series.title, figure, caption, series_csv(series))
 
 
 def _growth(chain: str, job: str, exponents: Exponents) -> str:
-    """Exponents of ours and of MuJoCo, "flexlink ∝ n^1"."""
+    """Growth of flexlink's and MuJoCo's CPU time: "flexlink ∝ n^1"."""
     names = (("native", "flexlink"), ("mujoco", "MuJoCo"))
     found = [(name, exponents.get((chain, job, engine))) for engine, name in names]
     return ", ".join(f"{name} ∝ $n^{{{number(p, 3)}}}$" for name, p in found if p is not None)

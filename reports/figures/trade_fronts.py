@@ -1,4 +1,4 @@
-"""Work against precision: every run of a scene, and each contestant's front, of the tip and of the deflection."""
+"""CPU time against error: every run of a scene, and each program's Pareto front, for the tip and the deflection."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from reports.results import Results
 
 SECTION = "trade"
 TAKES = ("work",)
-APART = 20.0  # in error, of two names
-SHOWN = 1.0  # an error of everything or more is no result
+APART = 20.0  # smallest ratio of the errors of two named runs
+SHOWN = 1.0  # relative error from which a run is not drawn
 CAPTION = (
-    "Left: more accurate; low: cheaper. Line: best runs of each program, with their methods. Errors relative to the "
-    "tip's motion or deflection."
+    "Left: more accurate; lower: cheaper. Line: best runs of each program, labelled with their methods. Errors are "
+    "relative to the motion of the tip, or to its deflection."
 )
-HEADS = ("contestant", "method", "step [s] or tolerance [m]", "CPU time [s]", "evaluations", *AIMS, *(
+HEADS = ("program", "method", "step [s] or tolerance [m]", "CPU time [s]", "evaluations", *AIMS, *(
     f"on its front, {word}" for word in AIMS.values()
 ))  # fmt: skip
 
 
 def draw(results: Results) -> Iterator[Picture]:
-    """One picture a scene."""
+    """One picture per scene."""
     for case, series in works(results):
         many = [run for run in runs(series) if run.seconds > 0.0]
         figure, panels = stacked_axes(len(AIMS), 3.2, share=False)
@@ -62,7 +62,7 @@ def _contestant(axes: Axes, many: Sequence[Run], aim: str) -> None:
 
 
 def _name(axes: Axes, many: Sequence[Run], aim: str) -> None:
-    """Methods beside the fronts, where there is room."""
+    """Label the fronts with methods where there is room."""
     fronts = {who: front([run for run in many if run.who == who], aim) for who in LOOKS}
     words = [
         Word(run.method, run.errors[aim], run.seconds, LOOKS[who].colour)
@@ -81,7 +81,7 @@ def _along(best: Sequence[Run], aim: str) -> Iterator[tuple[float, float]]:
 
 
 def _csv(many: Sequence[Run]) -> str:
-    """Every run, and whether it is on its contestant's front."""
+    """Every run, and whether it is on its program's front."""
     best = {(who, aim): front([run for run in many if run.who == who], aim) for who in LOOKS for aim in AIMS}
     lines = (
         (run.who, run.method, run.setting, run.seconds, run.evaluations, *run.errors.values(),

@@ -1,4 +1,4 @@
-"""Which model an error needs: every type, rule, number of hinges, method and step, and the front of all of them."""
+"""Model needed for a given error: every link type, rule, number of hinges, method and step, and their Pareto front."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ SECTION = "trade"
 TAKES = ("models",)
 LOOKS = {"rigid": (GREY, "s"), "T1": (ORANGE, "o"), "T2": (GREEN, "^"), "T3": (SKY, "D")}
 AIM = "error"
-ROOM = 0.15  # of the smallest error, for the name of the first run
-SHOWN = 1.0  # an error of everything or more is no result
-APART = 4.0  # in error, of two names
+ROOM = 0.15  # of the smallest error, as room for the name of the first run
+SHOWN = 1.0  # relative error from which a run is not drawn
+APART = 4.0  # smallest ratio of the errors of two named runs
 CAPTION = (
-    "One mark per choice of link type, hinges, rule, method and steps. Line: the best. A vertical edge: what a type "
-    "leaves out, whatever its hinges."
+    "One mark per combination of link type, hinges, rule, method and step. Line: the best ones. A vertical edge is the "
+    "error of a link type, which more hinges do not reduce."
 )
 
 
 def draw(results: Results) -> Iterator[Picture]:
-    """One picture a scene."""
+    """One picture per scene."""
     for case, series in results.showing(*TAKES):
         many = [run for run in _runs(series) if 0.0 < run.errors[AIM] < SHOWN]
         best = front(many, AIM)
@@ -49,12 +49,12 @@ def draw(results: Results) -> Iterator[Picture]:
 
 
 def _cut(run: Run) -> str:
-    """Type, hinges and rule of a run."""
+    """Link type, number of hinges and rule of a run."""
     return "rigid" if run.who == "rigid" else f"{run.who}, {run.method}"
 
 
 def _runs(series: Series) -> Iterator[Run]:
-    """Runs by type of the links, their cut in place of the method's name."""
+    """Runs by link type, with number of hinges and rule in place of the method."""
     names = ("type", "rule", "hinges", "setting", "error", "CPU time [s]")
     for flex, rule, hinges, setting, error, seconds in zip(*(series.columns[n].tolist() for n in names), strict=True):
         yield Run(flex, f"{hinges} {rule}", setting, seconds, 0, {AIM: error})

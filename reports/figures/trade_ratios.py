@@ -1,4 +1,4 @@
-"""What others take for an error over what flexlink takes, scene by scene: wins right of the line, losses left."""
+"""CPU time of other programs relative to flexlink's at equal error, by scene: flexlink wins right of the line."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ SECTION = "trade"
 TAKES: tuple[str, ...] = ()
 AIM = "error"
 CAPTION = (
-    "Each program's cheapest run with that error. Left of the line flexlink is slower. Hollow: extrapolated, in the "
-    "other's favour."
+    "Cheapest run of each program with that error. Left of the line flexlink is slower. Hollow: extrapolated, in "
+    "favour of the other program."
 )
-LETTERS = 74  # in a line of what a scene is
+LETTERS = 74  # letters in a line of a scene's description
 WRITTEN: dict[str, Any] = {
     "fontsize": 8.5, "va": "top", "bbox": {"facecolor": PAPER, "edgecolor": "none", "pad": 0.3},
 }  # fmt: skip
-HEIGHT, ROOM = 0.15, 0.24  # in: of such a line, and of the marks below it
+HEIGHT, ROOM = 0.15, 0.24  # in; height of such a line, and of the marks below it
 HEADS = (
     "scene",
-    "contestant",
+    "program",
     "its cheapest",
     "CPU time [ms]",
     "flexlink's cheapest",
@@ -41,7 +41,7 @@ HEADS = (
 
 
 def draw(results: Results) -> Iterator[Picture]:
-    """One picture an error of the tip."""
+    """One picture per error of the tip."""
     scenes = list(works(results))
     about = {series.scene: series.title.removeprefix(f"{series.scene}: ") for _, series in scenes}
     for error in errors(results, AIM):
@@ -69,17 +69,17 @@ def _picture(error: float, found: dict[str, dict[str, Price]], about: dict[str, 
     for scene, top in zip(scenes, tops, strict=False):
         axes.axhline(places[scene], color=GREY, linewidth=0.5, zorder=0)
         axes.text(0.012, top + 0.03, words[scene], transform=axes.get_yaxis_transform(), **WRITTEN)
-    axes.axvline(1.0, color=INK, label="as fast as flexlink")
-    axes.set(xscale="log", xlabel="CPU time / that of flexlink [1]", yticks=[], ylim=(tops[-1] + 0.1, -0.1))
+    axes.axvline(1.0, color=INK, label="equal to flexlink")
+    axes.set(xscale="log", xlabel="CPU time / flexlink's CPU time [1]", yticks=[], ylim=(tops[-1] + 0.1, -0.1))
     axes.grid(False, axis="y")
     tidy_logs(axes)
     legend_above(figure, axes, 3)
-    title = f"CPU time of others over flexlink's, tip error {number(error)} of the motion"
+    title = f"CPU time of other programs relative to flexlink's, tip error {number(error)} of the motion"
     return Picture(f"trade_ratios.{error:g}", title, figure, CAPTION, _csv(found))
 
 
 def _with_units(words: str) -> str:
-    """Numbers and what they count stay in one line."""
+    """Keep numbers and their units on one line."""
     return re.sub(r"(?<=\d) (?=\w)", JOIN, words)
 
 

@@ -1,6 +1,5 @@
-"""What follows from the rows, in sentences; one finding a file.
+"""Findings: conclusions from the stored rows, in sentences; one finding per file.
 
-A module here says which chapter it belongs to (`SECTION`, an id of sections.toml) and has
-`find(results) -> Iterator[Table]`; `TAKES` names stored series that need no figure beside its words. That is all:
-it is found by being here.
+Each module defines the id of its chapter in sections.toml (`SECTION`) and `find(results) -> Iterator[Table]`.
+`TAKES` names stored series that need no figure because the table covers them. New modules are found automatically.
 """

@@ -1,4 +1,4 @@
-"""Data sheets of the benchmarks, a table each: description, accepted error, accuracy and CPU time at three settings."""
+"""Data sheets of the benchmarks, one table each: description, accepted error, accuracy, CPU time at three settings."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ TAKES = (SHEET,)
 
 
 def find(results: Results) -> Iterator[Table]:
-    """One table a benchmark."""
+    """One table per benchmark."""
     for case, series in results.showing(SHEET):
         title, _, about = series.title.partition(". ")
         lines = tuple(zip(*(column.tolist() for column in series.columns.values()), strict=True))

@@ -1,4 +1,4 @@
-"""Which part of a run's error is worth mending: one table over all scenes."""
+"""Parts of the error of each run, and which part is worth reducing: one table over all scenes."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ PARTS = {
     "time": "method and step",
     "rounding": "rounding",
 }
-MM = 1e3  # in a metre
-LITTLE = 0.01  # of the error: what is smaller is not worth mending
+MM = 1e3  # millimetres per metre
+LITTLE = 0.01  # share of the error below which a part is not worth reducing
 
 
 def find(results: Results) -> Iterator[Table]:
-    """One table, if the study split any error."""
+    """One table, if the study has split any error into parts."""
     runs = [run for _, series in results.showing("errors") for run in _runs(series)]
     if runs:
         lines = tuple(_line(name, errors) for name, errors in runs)
@@ -53,6 +53,6 @@ def _sentences(runs: Sequence[Mapping[str, float]]) -> Iterator[str]:
         + "."
     )
     idle = sum(errors["time"] < LITTLE * errors["total"] for errors in runs)
-    yield f"In {idle} of them, smaller steps would gain less than {100 * LITTLE:.0f} %."
+    yield f"In {idle} of them, smaller steps would reduce the error by less than {100 * LITTLE:.0f} %."
     worst = max(errors["rounding"] / errors["total"] for errors in runs)
-    yield f"Rounding causes at most {number(worst, 2)} of an error."
+    yield f"Rounding is at most {number(worst, 2)} of the error of a run."

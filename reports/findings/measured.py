@@ -1,4 +1,4 @@
-"""Every measured quantity: error beside validation uncertainty, its parts, and the verdict; and held-out recordings."""
+"""Measured quantities: error, validation uncertainty with its parts, and verdict; and fits of held-out recordings."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from flexlink.pages.tables import Table
 from reports.measurements import WHAT
 from reports.results import Results
+from reports.wording import displayed
 
 SECTION = "measured"
 HELD_OUT = "held out"
@@ -14,19 +15,20 @@ TAKES = (HELD_OUT,)
 COLUMNS = ("quantity", "unit", "S", "D", "E", "u_num", "GCI", "order", "u_input", "u_D", "u_val", "verdict")
 HEADS = {"GCI": "grid convergence index", "order": "observed order", "S": "S, simulated", "D": "D, measured"}
 FIT = (
-    "100 (1 − |measured − model| / |measured|): 100 is perfect, 0 as good as nothing. psf and fsf are the two "
-    "recordings."
+    "Fit: 100 (1 − |measured − model| / |measured|). 100 is a perfect model, 0 is no better than a zero signal. "
+    "psf and fsf are the two recordings."
 )
 
 
 def find(results: Results) -> Iterator[Table]:
-    """A table of held-out recordings, then one of quantities a case."""
+    """A table of held-out recordings per case, then a table of quantities per case."""
     for case, series in results.showing(HELD_OUT):
         fits = tuple(zip(*(column.tolist() for column in series.columns.values()), strict=True))
         title = f"{results.cases[case][0].title}: fit [%]"
         yield Table(f"{case}.held_out", title, tuple(series.columns), fits, (FIT,), opened=True)
     heads = tuple(HEADS.get(name, name) for name in COLUMNS)
     for case, series in results.showing(WHAT):
-        lines = tuple(zip(*(series.columns[name].tolist() for name in COLUMNS), strict=True))
+        columns = [series.columns[name].tolist() for name in COLUMNS[:-1]]
+        lines = tuple(zip(*columns, map(displayed, series.columns[COLUMNS[-1]].tolist()), strict=True))
         title = results.cases[case][0].title
         yield Table(f"{case}.quantities", f"{title}: all quantities", heads, lines, (), to_look_up=True)

@@ -1,4 +1,4 @@
-"""What each judge has in common with flexlink: words of oracles.toml, and the imports of its source."""
+"""What each independent reference shares with flexlink: oracles.toml, and the imports of its source."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ SECTION = "agreement"
 FILE = Path(__file__).parent.parent / "oracles.toml"
 ORACLES = ROOT / "validation" / "oracles"
 TYPES = {"flexlink.common.types", "flexlink.common.errors"}
-"""Names of arrays and errors, which hold no number."""
-HEADS = ("judge", "shares with flexlink", "does by itself", "imports of flexlink")
-ASKED = {"judge", "judge_trees", "measured", "manufactured"}  # kinds of a study that the table belongs to
+"""Modules of types and errors, which contain no numbers."""
+HEADS = ("independent reference", "shares with flexlink", "does independently", "imports from flexlink")
+ASKED = {"judge", "judge_trees", "measured", "manufactured"}  # kinds of cases for which the table is shown
 
 
 class Judge(Spec, frozen=True):
-    """A program, an oracle of the study, formulas or experiments."""
+    """An independent reference: a program, an oracle of the study, formulas or experiments."""
 
     name: str
     shares: str
@@ -31,24 +31,24 @@ class Judge(Spec, frozen=True):
 
     @property
     def imports(self) -> tuple[str, ...]:
-        """Modules of flexlink that its files, or oracles that they use, import, but for types and errors."""
+        """Modules of flexlink that its files and the oracles used by them import, except types and errors."""
         return tuple(sorted(set().union(*map(imports_of, self.files)) - TYPES))
 
 
 class Judges(Spec, frozen=True):
-    """The whole file."""
+    """All entries of oracles.toml."""
 
     judge: tuple[Judge, ...]
 
 
 def judges() -> tuple[Judge, ...]:
-    """All of them, in order."""
+    """All independent references, in order."""
     found: Judges = decode(read_toml(FILE), Judges)
     return found.judge
 
 
 def imports_of(oracle: str) -> set[str]:
-    """Modules of flexlink that an oracle's file imports, itself or by another oracle."""
+    """Modules of flexlink that an oracle imports, directly or through another oracle."""
     tree = ast.parse((ORACLES / f"{oracle}.py").read_text(encoding="utf-8"))
     modules = {node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
     modules |= {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
@@ -58,10 +58,11 @@ def imports_of(oracle: str) -> set[str]:
 
 
 def find(results: Results) -> Iterator[Table]:
-    """One table."""
+    """One table, if the study has a case of the kinds `ASKED`."""
     if not ASKED.isdisjoint(planned.kind for planned in results.plan.values()):
         lines = tuple(
             (j.name, j.shares, j.own, ", ".join(name.removeprefix("flexlink.") for name in j.imports) or "–")
             for j in judges()
         )
-        yield Table("judges", "What each judge shares with flexlink", HEADS, lines, (), to_look_up=True)
+        title = "Independent references and what they share with flexlink"
+        yield Table("judges", title, HEADS, lines, (), to_look_up=True)

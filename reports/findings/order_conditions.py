@@ -1,4 +1,4 @@
-"""The order of every Runge-Kutta method: how well all conditions are met, and how badly those of the next order."""
+"""Order of every Runge-Kutta method: residuals of all its order conditions, and of those of the next order."""
 
 from __future__ import annotations
 
@@ -23,19 +23,15 @@ def find(results: Results) -> Iterator[Table]:
         lines: tuple[tuple[Cell, ...], ...] = tuple(
             (name, *map(found.get, (MET, NEXT))) for name, found in values.items()
         )
-        heads = ("method", "largest residual up to its order [1]", "one order above [1]")
+        heads = ("method", "largest residual up to its order [1]", "largest residual one order above [1]")
         title = "Order conditions of the Runge-Kutta methods"
         yield Table("order_conditions.methods", title, heads, lines, (_sentence(values),), to_look_up=True)
-
-
-def _line(method: str, found: dict[str, float | None]) -> tuple[Cell, ...]:
-    return method, found.get(MET), found.get(NEXT)
 
 
 def _sentence(values: dict[str, dict[str, float | None]]) -> str:
     met = max(found.get(MET) or 0.0 for found in values.values())
     beyond = min((found[NEXT] or 0.0 for found in values.values() if NEXT in found), default=None)
-    words = f"All order conditions of {len(values)} sets of coefficients are met to {amount(met, '')}"
+    words = f"All order conditions of {len(values)} sets of coefficients are satisfied to {amount(met, '')}"
     if beyond is None:
         return f"{words}."
-    return f"{words}; those of the next order are missed by {amount(beyond, '')} or more, so that no order is higher."
+    return f"{words}. Those of the next order have residuals of {amount(beyond, '')} or more, so no order is higher."

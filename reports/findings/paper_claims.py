@@ -1,4 +1,4 @@
-"""The paper's claims, one a line: whether it holds, in which limits, and what was measured."""
+"""The paper's claims, one per line: verdict, limits, and what was measured."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SECTION = "claims"
 
 
 def find(results: Results) -> Iterator[Table]:
-    """One table over all cases that judge a claim."""
+    """One table over all cases that check a claim."""
     claims = _once(judging(results.rows))
     if claims:
         heads = ("verdict", f"{CLAIM} of the paper", "limits", "measured")
@@ -28,12 +28,12 @@ def find(results: Results) -> Iterator[Table]:
 
 
 def _limits(row: Row) -> str:
-    """What is said of a claim beside that it holds."""
+    """Limits within which the claim is confirmed."""
     return row.note.removeprefix("holds").lstrip(" ;:")
 
 
 def _once(rows: list[Row]) -> list[Row]:
-    """Each claim once: of cases that judge the same one that which took the most arms."""
+    """Each claim once; if several cases check the same claim, the one with the most arms."""
     found: dict[str, Row] = {}
     for row in rows:
         other = found.get(words(row))

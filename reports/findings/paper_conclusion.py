@@ -1,4 +1,4 @@
-"""The paper's conclusion, "RK4 suffices, RK10 is not justified", on its own arm, whichever way it goes."""
+"""Whether the paper's conclusion, "RK4 suffices, RK10 is not justified", is confirmed for its own arm."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from reports.results import Results
 
 SECTION = "integrators"
 ERROR, WORK = "error [rad]", "evaluations per simulated second"
-TARGETS = tuple(float(f"1e-{k}") for k in range(1, 13))  # rad; one accuracy a decade
+TARGETS = tuple(float(f"1e-{k}") for k in range(1, 13))  # rad; one accuracy per decade
 
-Costs = Mapping[str, float]  # method → evaluations per simulated second, of those that reach an accuracy
+Costs = Mapping[str, float]  # method → evaluations per simulated second, of the methods that reach an accuracy
 
 
 def find(results: Results) -> Iterator[Table]:
-    """One finding a scene of every comparison of methods."""
+    """One finding per scene of every comparison of methods."""
     for case, series in results.showing("comparison"):
         works = {
             method: (floats(series.columns[WORK][rows]), floats(series.columns[ERROR][rows]))
@@ -30,7 +30,7 @@ def find(results: Results) -> Iterator[Table]:
 
 
 def conclusion(name: str, scene: str, works: Mapping[str, tuple[Array, Array]]) -> Table:
-    """The cheapest method at every accuracy that any method reaches, and what that makes of the paper's conclusion."""
+    """Cheapest method at every accuracy that any method reaches, and the verdict on the paper's conclusion."""
     table = {}
     for target in TARGETS:
         needed = {method: evaluations(work, error, target) for method, (work, error) in works.items()}
@@ -44,7 +44,7 @@ def conclusion(name: str, scene: str, works: Mapping[str, tuple[Array, Array]]) 
 
 
 def evaluations(work: Array, error: Array, target: float) -> float | None:
-    """Fewest evaluations that bring the error down to `target`, interpolated between logarithms; None if none do."""
+    """Fewest evaluations for an error of `target`, by log-log interpolation; None if no run reaches it."""
     order = np.argsort(work)
     order = order[np.isfinite(error[order])]
     x, y = np.log(work[order]), np.log(np.maximum(error[order], 1e-300))
@@ -52,7 +52,7 @@ def evaluations(work: Array, error: Array, target: float) -> float | None:
     if not below.any():
         return None
     first = int(np.argmax(below))
-    if first == 0:  # the longest step tried is more accurate already
+    if first == 0:  # the longest step tried is already accurate enough
         return float(np.exp(x[0]))
     part = (y[first - 1] - np.log(target)) / (y[first - 1] - y[first])
     return float(np.exp(x[first - 1] + part * (x[first] - x[first - 1])))
@@ -61,29 +61,27 @@ def evaluations(work: Array, error: Array, target: float) -> float | None:
 def _sentences(table: Mapping[float, Costs], best: Mapping[float, str]) -> Iterator[str]:
     holds = [target for target, method in best.items() if method == "RK4"]
     fails = [target for target, method in best.items() if method == "RK10"]
-    claim = (
-        "“RK4 suffices, RK10 is not justified”, counted in evaluations of q̈ for a given accuracy of the joint angles, "
-    )
+    claim = "“RK4 suffices, RK10 is not justified”, measured by evaluations of q̈ for a given joint-angle accuracy, "
     if not fails:
-        yield claim + "holds at every accuracy tried."
+        yield claim + "is confirmed at every accuracy tried."
     elif not holds:
-        yield claim + "does not hold at any accuracy tried: RK4 is never the cheapest."
+        yield claim + "is refuted at every accuracy tried: RK4 is never the cheapest."
     else:
-        yield claim + f"holds for errors of {_span(holds)}, and does not hold for errors of {_span(fails)}."
+        yield claim + f"is confirmed for errors of {_span(holds)} and refuted for errors of {_span(fails)}."
     for winner, loser, targets in (("RK4", "RK10", holds), ("RK10", "RK4", fails)):
         ratios = {t: table[t][loser] / table[t][winner] for t in targets if loser in table[t]}
         if ratios:
             most = max(ratios, key=lambda t: ratios[t])
-            times = f"{number(ratios[most], 2)} times as many"
-            yield f"Where {winner} is the cheapest, {loser} takes up to {times} (at {_rad(most)})."
+            times = f"{number(ratios[most], 2)} times as many evaluations"
+            yield f"If {winner} is the cheapest, {loser} needs up to {times} (at {_rad(most)})."
         alone = [t for t in targets if loser not in table[t]]
         if alone:
             yield f"{loser} does not reach errors of {_span(alone)} with the steps tried."
     second = [target for target, method in best.items() if method == "RK2"]
     yield f"RK2 is the cheapest for errors of {_span(second)}." if second else "RK2 is never the cheapest."
     yield (
-        "The table holds evaluations per simulated second; where a method's number does not change between rows, "
-        "its longest step is already accurate enough, and longer steps are near the stability limit or beyond it."
+        "The table lists evaluations per simulated second. If the number of a method is the same in several rows, its "
+        "longest step is already accurate enough, and longer steps are near or beyond the stability limit."
     )
 
 

@@ -1,4 +1,4 @@
-"""Which lumping rule, and how many hinges, for which need; where the paper's own layout is enough."""
+"""Lumping rule and number of hinges for each requirement, and where the paper's own layout is sufficient."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from flexlink.pages.tables import Table
 from reports.results import Results
 
 SECTION = "physics"
-GENERAL = ("paper", "midpoint", "gregory", "gauss", "legendre")  # for any joint and load; a column each
+GENERAL = ("paper", "midpoint", "gregory", "gauss", "legendre")  # rules for any joint and load, one column each
 FREE, CLAMPED = "physics_pinned", "physics_clamped"  # cases
-NEAR = 2.0  # times the fewest hinges that still count as enough
+NEAR = 2.0  # ratio to the fewest hinges up to which a rule is sufficient
 
 
 class Need(NamedTuple):
-    """Rule → hinges needed, and rule → hinges that were not enough."""
+    """Rule → hinges needed, and rule → most hinges that were insufficient."""
 
     needed: dict[str, float]
     missed: dict[str, float]
@@ -27,7 +27,7 @@ def find(results: Results) -> Iterator[Table]:
     needs = _needs(results)
     if not needs:
         return
-    heads = ("need", *GENERAL, "others")
+    heads = ("requirement", *GENERAL, "others")
     lines = tuple(
         (name.replace(" %", f"{JOIN}%"), *(_cell(need, rule) for rule in GENERAL), _others(need))
         for name, need in needs.items()
@@ -36,7 +36,7 @@ def find(results: Results) -> Iterator[Table]:
     yield Table("physics_choice", "Lumping rule and number of hinges for each requirement", heads, lines, sentences)
 
 
-READ = "“> n”: n hinges were not enough, and more were not tried. Empty: the rule was not tried."
+READ = "“> n”: n hinges were insufficient, and more were not tried. Empty: the rule was not tried."
 
 
 def _needs(results: Results) -> dict[str, Need]:
@@ -65,7 +65,7 @@ def _winners(needs: Mapping[str, Need]) -> Iterator[str]:
         met = [need.needed[rule] for need in tried if rule in need.needed]
         if met:
             most = number(max(met))
-            yield f"{rule} meets {len(met)} of the {len(tried)} needs it was tried on, with at most {most} hinges."
+            yield f"{rule} meets {len(met)} of the {len(tried)} requirements it was tried on, with up to {most} hinges."
 
 
 def _paper(needs: Mapping[str, Need]) -> Iterator[str]:
@@ -77,14 +77,14 @@ def _paper(needs: Mapping[str, Need]) -> Iterator[str]:
     missed = sum("paper" in need.missed for need in needs.values())
     if enough:
         yield (
-            f"The paper’s own layout is enough, at no more than {number(NEAR)} times the fewest hinges, for: "
+            f"The paper’s own layout is sufficient, with no more than {number(NEAR)} times the fewest hinges, for: "
             f"{'; '.join(enough)}."
         )
-    yield f"It misses {missed} of {len(needs)} needs altogether."
+    yield f"It misses {missed} of all {len(needs)} requirements."
 
 
 def _orders(results: Results) -> Iterator[str]:
-    """Where the paper's layout loses its order."""
+    """Orders of the paper's layout with free and with clamped ends."""
     orders = {
         row.case: number(row.value, 2)
         for row in results.rows
@@ -92,8 +92,8 @@ def _orders(results: Results) -> Iterator[str]:
     }
     if FREE in orders and CLAMPED in orders:
         yield (
-            f"Its order in the first mode is {orders[FREE]} where both ends are free of torque, as in its figure 5, "
-            f"and {orders[CLAMPED]} at a clamped, held or driven joint, because no hinge represents the half segments."
+            f"Its order for the first mode is {orders[FREE]} if both ends are free of torque, as in its figure 5, and "
+            f"{orders[CLAMPED]} at a clamped, locked or driven joint, because no hinge represents the half segments."
         )
 
 
@@ -104,7 +104,7 @@ def _steps(results: Results, needs: Mapping[str, Need]) -> Iterator[str]:
         hinges, times = f"{found[0].varied['hinges']} hinges", number(steps["gauss"] / steps["legendre"], 2)
         fewest = sum(need.needed.get("legendre") == min(need.needed.values(), default=None) for need in needs.values())
         yield (
-            f"legendre takes the fewest hinges of all rules for {fewest} of {len(needs)} needs, but its short end "
-            f"segments make RK4’s largest stable step {times} times smaller than gauss’s ({hinges}): legendre "
-            "is the better choice for modes and statics, gauss, the default, for motion."
+            f"legendre needs the fewest hinges for {fewest} of {len(needs)} requirements. But its short end "
+            f"segments make RK4’s largest stable step {times} times smaller than gauss’s ({hinges}). legendre "
+            "is the better choice for modes and statics; gauss, the default, is better for motion."
         )

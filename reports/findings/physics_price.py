@@ -1,4 +1,4 @@
-"""What a rule costs an explicit method: the largest stable step, and the work for a first mode within a limit."""
+"""Cost of a lumping rule for an explicit method: the largest stable step."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from flexlink.pages.tables import Table
 from reports.results import Results
 
 SECTION = "physics"
-HEADS = ("rule", "largest stable RK4 step [s]", "of the longest", "hinges")
+HEADS = ("rule", "largest stable RK4 step [s]", "relative to the longest", "hinges")
 
 
 def find(results: Results) -> Iterator[Table]:
-    """One table: the rules by stable step, with the same number of hinges each."""
+    """One table: rules by stable step, with the same number of hinges each."""
     found = [
         (str(row.varied["rule"]), row.value, row.varied["hinges"])
         for row in results.rows
@@ -30,9 +30,9 @@ def find(results: Results) -> Iterator[Table]:
         HEADS,
         lines,
         (
-            "An explicit method must follow the highest frequency of the chain, which its shortest segments set. "
-            f"With equal numbers of hinges (EI = ρA = L = 1), {first} allows the longest steps; {last} takes "
-            f"{number(longest / shortest, 2)} times as many. Kelvin-Voigt damping shortens steps further, because "
-            "the damping ratio of a mode grows with its frequency.",
+            "The highest frequency of the chain, set by its shortest segments, limits the step of an explicit method. "
+            f"With equal numbers of hinges (EI = ρA = L = 1), {first} allows the longest steps; {last} needs "
+            f"{number(longest / shortest, 2)} times as many. Kelvin-Voigt damping shortens the stable step further, "
+            "because the damping ratio of a mode increases with its frequency.",
         ),
     )

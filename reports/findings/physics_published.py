@@ -1,4 +1,4 @@
-"""Published numbers beside ours."""
+"""Published values compared with flexlink's."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from flexlink.pages.tables import Table
 from reports.results import Results
 
 SECTION = "physics"
-SHOWN = 4  # of a case; all stand in the notes of its table
+SHOWN = 4  # lines per case; the notes of its table list all values
 DIGITS = 7
 
 
 def find(results: Results) -> Iterator[Table]:
-    """One table over all cases: the first numbers of each, and the largest difference of all of them."""
+    """One table over all cases: the first values of each, and the largest difference of the others."""
     lines: list[tuple[str | float | None, ...]] = []
     compared = cases = 0
     for case, series in results.showing("published"):
@@ -43,7 +43,7 @@ def find(results: Results) -> Iterator[Table]:
 
 def _sentence(compared: int, cases: int) -> str:
     return (
-        f"{plural(compared, 'value')} of {cases} benchmarks. The tables below give the lumping rule, the number of "
+        f"{plural(compared, 'value')} of {cases} benchmarks. The tables below list the lumping rule, the number of "
         "hinges, and all values in their notes."
     )
 

@@ -1,4 +1,4 @@
-"""What was tried for the lumping of links, and what became of it: words, from reports/tried.toml."""
+"""Lumping rules that were tried, and the outcome of each, from reports/tried.toml."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ FILE = Path(__file__).parent.parent / "tried.toml"
 
 
 def find(results: Results) -> Iterator[Table]:
-    """One table, if the study holds physics at all."""
+    """One table, if the study has a case of the physics chapter."""
     if any(results.of_kind("frequencies")):
         data = tomllib.loads(FILE.read_text(encoding="utf-8"))
         lines = tuple((entry["idea"], entry["outcome"]) for entry in data["tried"])
-        yield Table("physics_tried", "Ideas that were tried", ("idea", "outcome"), lines, (data["text"],))
+        yield Table("physics_tried", "Lumping rules that were tried", ("idea", "outcome"), lines, (data["text"],))

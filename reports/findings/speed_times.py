@@ -1,4 +1,4 @@
-"""Times against n as a table: every engine beside ours."""
+"""CPU times against n as a table: flexlink and every engine."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ ORDER = ("native", "public", "pinocchio", "pinocchio, fastest", "mujoco")
 
 
 def find(results: Results) -> Iterator[Table]:
-    """One table a job."""
+    """One table per job."""
     for case, series in results.showing("cost"):
         times: dict[tuple[str, float], dict[str, float]] = {}
         for family, part in panels_of(series):

@@ -1,4 +1,4 @@
-"""Largest stable steps: how far those of runs are from the prediction, method by method."""
+"""Largest stable steps: difference between observation and prediction, per method."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from validation.store import Row
 SECTION = "extremes"
 KIND, QUANTITY = "stable_steps", "observed / predicted − 1"
 TAKES = ("stable steps",)
-CLOSE = 1e-3  # of a step: so close is as good as equal, for a choice of steps
+CLOSE = 1e-3  # relative difference of two steps that are equal in practice
 
 
 def find(results: Results) -> Iterator[Table]:
-    """One table a case."""
+    """One table per case."""
     for case, rows in results.of_kind(KIND):
         found: dict[str, list[Row]] = {}
         for row in rows:
             if row.quantity == QUANTITY and row.value is not None:
                 found.setdefault(str(row.varied["method"]), []).append(row)
         if found:
-            heads = ("method", "scenes", "median difference [1]", "largest difference [1]", "in scene")
+            heads = ("method", "scenes", "median difference [1]", "largest difference [1]", "scene of the largest")
             lines = tuple(_line(method, of) for method, of in found.items())
-            title = "Largest stable step: runs against the prediction from the modes"
+            title = "Largest stable step: runs compared with the prediction from the modes"
             sentence = _sentence([row for of in found.values() for row in of])
             yield Table(f"{case}.methods", title, heads, lines, (sentence,))
 
@@ -44,5 +44,5 @@ def _sentence(rows: list[Row]) -> str:
     worst, close = max(rows, key=_off), sum(_off(row) <= CLOSE for row in rows)
     return (
         f"{close} of {plural(len(rows), 'largest stable step')}, found by bisection, are within {number(CLOSE)} of "
-        f"the prediction; the farthest is off by {number(_off(worst))} ({worst.where})."
+        f"the prediction; the largest difference is {number(_off(worst))} ({worst.where})."
     )

@@ -1,4 +1,4 @@
-"""The price list: for each scene and error the cheapest way of every contestant, losses like wins."""
+"""CPU time of each program's cheapest run for each scene and error, including those in which flexlink loses."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from reports.prices import AIMS, LOOKS, OURS, Price, errors, prices, works
 from reports.results import Results
 
 SECTION = "trade"
-MOST = 8  # losses that a sentence names
+MOST = 8  # losses listed in a sentence
 FAVOUR = (
-    "Times of others without a run are extrapolated by the method's order, or taken from a run at the stability limit "
-    "that is assumed to be accurate: both in their favour."
+    "Times of other programs without a run are extrapolated by the order of the method, or taken from a run at the "
+    "stability limit that is assumed to be accurate. Both are in their favour."
 )
 Line = tuple[str, float, dict[str, Price]]  # scene, error, contestant → price
 
 
 def find(results: Results) -> Iterator[Table]:
-    """A table of errors of the tip, and one of those of the deflection."""
+    """One table for errors of the tip, and one for errors of the deflection."""
     for aim, word in AIMS.items():
         wanted = errors(results, aim)
         lines = [
@@ -33,8 +33,8 @@ def find(results: Results) -> Iterator[Table]:
 
 def _finding(word: str, lines: list[Line]) -> Table:
     names = [who for who in LOOKS if any(who in price for _, _, price in lines)]
-    said = [LOOKS[who].name for who in names]
-    times, methods = (f"{who} [ms]" for who in said), (f"{who} by" for who in said)
+    shown = [LOOKS[who].name for who in names]
+    times, methods = (f"{who} [ms]" for who in shown), (f"{who}: method" for who in shown)
     table = tuple((scene, error, *_cells(price, names)) for scene, error, price in lines)
     heads = ("scene", f"error of the {word}", *times, "cheapest other / flexlink", *methods)
     title = f"CPU time for an error of the {word}: cheapest run of each program"
@@ -42,7 +42,7 @@ def _finding(word: str, lines: list[Line]) -> Table:
 
 
 def _cells(price: dict[str, Price], names: list[str]) -> Iterator[float | str | None]:
-    """Times, the ratio, and, where they may be out of sight on a narrow page, the methods."""
+    """CPU times, then the ratio, then the methods, which a narrow page may hide."""
     found = [price.get(who) for who in names]
     yield from (each and each.time for each in found)
     yield _ratio(price)
@@ -50,7 +50,7 @@ def _cells(price: dict[str, Price], names: list[str]) -> Iterator[float | str | 
 
 
 def _ratio(price: dict[str, Price]) -> float | None:
-    """Time of the cheapest other over ours."""
+    """CPU time of the cheapest other program relative to flexlink's."""
     others = [each.time for who, each in price.items() if who != OURS]
     return min(others) / price[OURS].time if others and OURS in price else None
 
@@ -66,5 +66,5 @@ def _sentences(lines: list[Line]) -> tuple[str, ...]:
         more = "; …" if len(lost) > MOST else ""
         sentences.append(f"Another program is cheaper in {len(lost)}: {'; '.join(named[:MOST])}{more}.")
     if nowhere:
-        sentences.append(f"flexlink does not reach the error within the study's time budget: {'; '.join(nowhere)}.")
+        sentences.append(f"flexlink does not reach the error within the study's time budget for: {'; '.join(nowhere)}.")
     return (*sentences, FAVOUR)
