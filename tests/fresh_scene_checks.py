@@ -52,9 +52,7 @@ class Judged:
         try:
             check()
         except fl.FlexlinkError as error:
-            on_purpose = name == "other engines" and isinstance(
-                error, fl.errors.ArgumentError
-            )  # limits of the formats
+            on_purpose = name == "other engines" and isinstance(error, fl.errors.ArgumentError)  # limits of the formats
             self.say(
                 "error" if not on_purpose and not self.made.extreme else "told",
                 f"{name}: {type(error).__name__}: {error}",

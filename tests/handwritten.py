@@ -22,9 +22,7 @@ Array = np.ndarray
 class Habit(NamedTuple):
     """Style of a third-party file."""
 
-    turned: float = (
-        0.0  # rotation between frames and frame 0, a rotation vector that grows from link to link [rad]
-    )
+    turned: float = 0.0  # rotation between frames and frame 0, a rotation vector that grows from link to link [rad]
     slid: float = 0.0  # offset of origins along the axis from flexlink's origins [m]
     split: float = 0.0  # share of each mass in a separate link, fixed to the first
     degrees: bool = False
