@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import functools
+import re
 import tomllib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -71,9 +72,15 @@ def texts() -> dict[str, set[str]]:
     found: dict[str, set[str]] = {}
     for path in sorted(LIBRARY.rglob("*.py")):
         for name, text in _identified(ast.walk(ast.parse(path.read_text(encoding="utf-8")))):
+            if not name:
+                continue
             found.setdefault(name, set())
             if len(text.replace("…", "").split()) > 1:
                 found[name].add(text)
+    for name in re.findall(
+        r'\bid = "([a-z-]+)"', (LIBRARY / "diagnosis/data/mistakes.toml").read_text(encoding="utf-8")
+    ):
+        found.setdefault(name, set())
     return found
 
 
@@ -82,13 +89,18 @@ def _identified(nodes: Iterable[ast.AST]) -> Iterator[tuple[str, str]]:
     for node in nodes:
         if isinstance(node, ast.Call):
             named = [given.value for given in node.keywords if given.arg == "id"]
-            if isinstance(node.func, ast.Name) and node.func.id == "Diagnostic":
-                named = [*node.args[1:2], *named]
+            place = {"Diagnostic": 1, "Finding": 3}.get(ast.unparse(node.func))
+            named += [] if place is None else node.args[place : place + 1]
             for given in named:
                 for name in _constants(given):
                     yield name, _template(node.args[0]) if node.args else ""
-        elif isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "_id":
-            yield from ((name, "") for name in _constants(node.value) if name)
+        elif isinstance(node, ast.Assign) and re.search(r"\b(_?id|ref)\b", ast.unparse(node.targets[0])):
+            texts = (part.value for part in ast.walk(node.value) if isinstance(part, ast.Constant))
+            yield from (
+                (text, "")
+                for text in texts
+                if isinstance(text, str) and re.fullmatch(r"[a-z]+(-[a-z0-9]+)+|diverged", text)
+            )
 
 
 def _constants(node: ast.expr) -> Iterator[str]:

@@ -192,30 +192,45 @@ def _notes(robot: Robot, way: Paths, stated: set[str], lifeless: tuple[str, ...]
     """Return notes on how the robot was changed."""
     notes: list[Diagnostic] = []
 
-    def note(id: str, text: str) -> None:
-        notes.append(Diagnostic(text, id))
-
     moving = sum(part.body.mass for part in way.parts)
-    note("imported", f"{robot.name}: {_span(way)}; moving mass {moving:.6g} kg")
+    notes.append(Diagnostic(f"{robot.name}: {_span(way)}; moving mass {moving:.6g} kg", "imported"))
     if way.free_base is not None:
         others = short_list([*way.free_base.folded]) or "nothing else"
-        note("imported-base", f"{way.base}: the floating base, {way.free_base.body.mass:.6g} kg; includes {others}")
+        notes.append(
+            Diagnostic(
+                f"{way.base}: the floating base, {way.free_base.body.mass:.6g} kg; includes {others}", "imported-base"
+            )
+        )
     for part in way.parts:
         if part.folded:
-            note("link-folded", f"{part.link}: includes {short_list(part.folded)}, which do not move relative to it")
+            notes.append(
+                Diagnostic(
+                    f"{part.link}: includes {short_list(part.folded)}, which do not move relative to it", "link-folded"
+                )
+            )
         start, limits = way.positions[part.joint.name], part.joint.limits
         if start and part.joint.name not in stated:
             position = f"{start:.4g} {'rad' if part.joint.turns else 'm'}"
-            note("joint-start", f"{part.joint.name}: starts at {position}, the middle of its limits, which exclude 0")
+            notes.append(
+                Diagnostic(
+                    f"{part.joint.name}: starts at {position}, the middle of its limits, which exclude 0", "joint-start"
+                )
+            )
         if limits is not None and limits[0] == limits[1]:
-            note("limits-equal", f"{part.joint.name}: limits {limits[0]:g} and {limits[1]:g} are equal and ignored")
+            notes.append(
+                Diagnostic(
+                    f"{part.joint.name}: limits {limits[0]:g} and {limits[1]:g} are equal and ignored", "limits-equal"
+                )
+            )
     if lifeless:
-        note("joint-without-inertia", f"joints with no inertia attached are fixed: {short_list(lifeless)}")
+        notes.append(
+            Diagnostic(f"joints with no inertia attached are fixed: {short_list(lifeless)}", "joint-without-inertia")
+        )
     if way.held:
         positions = [f"{name} at {way.positions[name]:.4g}" for name in way.held]
-        note("joint-fixed", f"fixed at [rad, m]: {short_list(positions)}")
+        notes.append(Diagnostic(f"fixed at [rad, m]: {short_list(positions)}", "joint-fixed"))
     ignored = [f"{count} {name}" for name, count in robot.left_out.items()]
-    note("ignored", "ignored: " + ", ".join(["limits of effort and velocity", *ignored]))
+    notes.append(Diagnostic("ignored: " + ", ".join(["limits of effort and velocity", *ignored]), "ignored"))
     return notes
 
 
