@@ -1,4 +1,4 @@
-"""Fits of a scene to data: what is said of them, and what comes of them; `flexlink.fit` runs one."""
+"""Problems and results of parameter identification; `flexlink.fit` and `flexlink.check_fit` use them."""
 
 from flexlink.identification.fit import check_fit
 from flexlink.identification.fitted import Fitted

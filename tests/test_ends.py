@@ -50,7 +50,7 @@ def test_a_free_base_in_implicit_steps_reaches_its_end_or_fails_with_a_reason(
     try:
         run = fl.simulate(satellite(spin), method=method, step=step)
     except fl.errors.DivergenceError as error:
-        assert error.id == "diverged"
+        assert error.id in {"diverged", "newton-failed"}
         reviewed("diverged: Newton's iteration", str(error), values=False)
         return
     assert run.t[-1] == 0.4
@@ -150,7 +150,7 @@ def test_steps_that_end_early_without_a_reason_are_an_error_in_every_kind_of_run
     monkeypatch.setattr(fixed_steps, "advance", some)
     with pytest.raises(fl.errors.DivergenceError) as caught:
         RUNS[kind]()
-    assert caught.value.id == "diverged"
+    assert caught.value.id == "ended-early"
     reviewed(f"ends early: {kind}", str(caught.value), values=False)
 
 

@@ -19,7 +19,8 @@ from scipy.stats import t as student
 
 import flexlink as fl
 from flexlink.identification import fit as fitting
-from flexlink.identification import judge, page, solve
+from flexlink.identification import columns as kept_columns
+from flexlink.identification import page, solve
 from flexlink.identification.block import SHARE, Block, Colour, colour_of, whiteness
 from flexlink.identification.checked_page import told
 from flexlink.identification.coordinates import Coordinate, coordinate_of, coordinates_of, prior_rows
@@ -116,8 +117,8 @@ PROBLEM = problem_of(MASS, YOUNG)
 
 @pytest.fixture
 def fit_of(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Fitted]:
-    """Fit films with the toy; how it is judged, too, where some are kept."""
-    for module in (fitting, solve, judge):
+    """Fit films with the toy model, and compare columns that are kept for checking."""
+    for module in (fitting, solve, kept_columns):
         monkeypatch.setattr(module, "Signals", Toy)
 
     def fitted(
@@ -339,8 +340,8 @@ class TestKept:
         assert theirs.times_noise == pytest.approx(theirs.off(theirs.after) / ours.noise)
         runs = [[film(first, 0.1, gain=True).blocks[0]] for _ in range(2)]
         gains = [[cast("Any", SimpleNamespace(gain=gain))] for gain in (1.2, 1.4)]
-        assert judge._gains(runs, gains) == {FILM: pytest.approx(1.3)}  # the mean of several runs
-        stated = judge._known(film(second, 7.0, stated=True, gain=True).blocks[0], {}, {FILM: 0.02})
+        assert kept_columns._gains(runs, gains) == {FILM: pytest.approx(1.3)}  # the mean of several runs
+        stated = kept_columns._known(film(second, 7.0, stated=True, gain=True).blocks[0], {}, {FILM: 0.02})
         assert (stated.σ[0], stated.gain) == (7.0, True)
 
 

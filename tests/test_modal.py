@@ -33,6 +33,7 @@ from flexlink.dynamics.tangent import gyroscopic_matrix, load_torque, stiffness_
 from flexlink.dynamics.vibration.eigenproblem import first_order_matrix
 from flexlink.dynamics.vibration.modal import scaled
 from flexlink.errors import ArgumentError
+from tests.words import refused
 from validation.oracles import bending_chain
 from validation.reference_values import look_up
 
@@ -374,24 +375,25 @@ def test_what_is_locked_is_given_by_name_index_or_mask(function, locked):
 
 
 @pytest.mark.parametrize(
-    ("locked", "message"),
+    ("locked", "id"),
     [
-        ([99], "99: no joint of this chain; allowed are 0 … 9, names such as 'link.10.z', and links: link"),
-        ([-1], "-1: no joint"),
-        ([1.0], "1.0: no joint"),
-        ([True, 3], "True: no joint"),
-        (None, "None: no joint"),
-        (list(range(10)), "nothing is left to move"),
-        ([True] * 10, "nothing is left to move"),
-        ([True, False], "a mask of 2 booleans; expected one per joint, 10"),
-        ("lnk", "'lnk': no joint of this chain; .* links: link; did you mean 'link'?"),
-        (["link.11.z"], "'link.11.z': no joint.*did you mean"),
+        ([99], "unknown-joint"),
+        ([-1], "unknown-joint"),
+        ([1.0], "unknown-joint"),
+        ([True, 3], "unknown-joint"),
+        (None, "unknown-joint"),
+        (list(range(10)), "nothing-to-move"),
+        ([True] * 10, "nothing-to-move"),
+        ([True, False], "wrong-shape"),
+        ("lnk", "unknown-joint"),
+        (["link.11.z"], "unknown-joint"),
     ],
 )
 @pytest.mark.parametrize("function", [modes, fl.solve_static, fl.strength.buckling_loads])
-def test_bad_locks_are_named(function, locked, message):
-    with pytest.raises(ArgumentError, match=f"^locked.*{message}"):
+def test_bad_locks_are_named(function, locked, id):
+    with refused(ArgumentError, id) as caught:
         function(cantilever("gauss", 10), locked=locked)
+    assert str(caught.value).startswith("locked")
 
 
 def test_a_joint_with_prescribed_motion_takes_no_part_in_modes_and_stable_steps():

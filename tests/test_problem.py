@@ -77,11 +77,11 @@ def test_what_simulate_refuses_a_problem_refuses_in_the_same_words() -> None:
     problem, n = fl.Problem(scene), fl.lump(scene).n
     for wrong in ({"q0": np.zeros(n + 1)}, {"q0": np.full(n, np.nan)}, {"qd0": ["a"] * n}, {"t0": -1.0}, {"t0": 1.5e-4},
                   {"duration": 0.0123}, {"rate": 100.0}, {"progress": 3}, {"control": 3}):  # fmt: skip
-        with pytest.raises(fl.FlexlinkError) as told:
+        with pytest.raises(fl.FlexlinkError) as of_simulate:
             fl.simulate(scene, **wrong)
-        with pytest.raises(type(told.value)) as refused:
+        with pytest.raises(type(of_simulate.value)) as of_problem:
             problem.simulate(**wrong)
-        assert str(refused.value) == str(told.value)
+        assert str(of_problem.value) == str(of_simulate.value)
     with refused(fl.errors.ArgumentError, "wrong-type"):
         fl.Problem(3)
 
