@@ -32,7 +32,7 @@ FILE = "all_checks.csv"
 OF_LIMIT = 0.1  # share of a check's limit below which a difference is insignificant
 RELATIVE, LEFT = 1e-6, 1e-12  # allowed for rounding: relative to the larger number, and absolute in its SI unit
 INFORMING, SMALL = 1e-3, 1e-9  # the same for numbers without a limit, whose rounding errors may have grown
-ROUNDING = "what rounding explains"
+ROUNDING = "relative to the rounding bound"
 """Part of the metric of a number that is relative to the rounding bound, so its natural limit is 1."""
 BY_TIME = ("extremes",)  # kinds whose counts without a limit depend on a time budget
 FIXED = ("case", "scene", "engine", "quantity", "value", "tolerance", "bound", "timed", "state")

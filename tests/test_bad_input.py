@@ -72,23 +72,23 @@ STEEP = {"times": [0.0, 5e-324, 1.0], "torques": [[0.0] * 3, [1e308] * 3, [0.0] 
 
 @pytest.mark.parametrize("command", ["info", "simulate", "modes"])
 @pytest.mark.parametrize(
-    ("edit", "wanted"),
+    ("edit", "named", "id"),
     [
-        (massless, "joint 'waist' moves no inertia"),
-        (coaxial, "joint 'upper' moves no inertia"),
-        (lambda raw: raw["link"][1].update(length=1e300), "overflows float64"),
-        (lambda raw: raw["link"][1]["mount"].update(xyz=[1e308, 0.0, 0.0]), "overflows float64"),
-        (lambda raw: raw["tip"].update(mass=1e308), "overflows float64"),
-        (static, "go up to |gravity[0]| = 1e+308"),
+        (massless, "joint 'waist'", "joint-without-inertia"),
+        (coaxial, "joint 'upper'", "joint-without-inertia"),
+        (lambda raw: raw["link"][1].update(length=1e300), "", "overflow"),
+        (lambda raw: raw["link"][1]["mount"].update(xyz=[1e308, 0.0, 0.0]), "", "overflow"),
+        (lambda raw: raw["tip"].update(mass=1e308), "", "overflow"),
+        (static, "|gravity[0]| = 1e+308", "overflow"),
     ],
 )
 def test_an_arm_that_cannot_be_computed_is_refused_by_file_and_joint(
-    command: str, edit: Edit, wanted: str, tmp_path: Path, capsys
+    command: str, edit: Edit, named: str, id: str, tmp_path: Path, capsys
 ) -> None:
     path = write(tmp_path / "scene.toml", edit)
     line = refusal([command, path], capsys)
     assert line.startswith(f"flexlink: {path}: ")
-    assert wanted in line
+    assert named in line and line.endswith(f"[{id}]")
 
 
 @pytest.mark.parametrize("edit", [drive(**STEEP), drive(**STEEP, smooth=True)])
@@ -266,7 +266,6 @@ def test_scenes_that_would_be_exported_over_each_other_are_refused(tmp_path: Pat
 
 def test_a_wrong_option_is_answered_in_one_line(capsys) -> None:
     for arguments in (
-        [],
         ["foo"],
         ["simulate", "a.toml", "--step", "abc"],
         ["export", "a.toml", "--format", "sdformat"],

@@ -293,7 +293,7 @@ def test_a_mass_matrix_close_to_singular_is_exported_or_refused_by_name(damping:
             try:
                 work(chain)
             except SingularMassError as error:
-                assert "moves no inertia of its own" in str(error)
+                assert error.id == "joint-without-inertia"
                 known += 1
     assert 0 < known < 3 * 41
 

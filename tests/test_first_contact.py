@@ -159,7 +159,7 @@ def test_the_command_line_has_a_line_for_each_mistake(tmp_path: Path, capsys: An
     assert main(["info", str(path)]) == 2
     first, second = capsys.readouterr().err.splitlines()
     assert first.startswith(f"flexlink: {path}: gravty = ")
-    assert second == "  also: run.step = -1.0: must be > 0"
+    assert second == "  also: run.step = -1.0: must be > 0  [unknown-key]"
 
 
 def test_the_initial_state_may_be_left_out() -> None:

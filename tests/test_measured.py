@@ -89,7 +89,7 @@ class TestFitting:
         free = scene.varied({"drive": fl.Drive(), "run.duration": 0.2})
         true = free.varied({"initial.joint_deg.fore": -60.5})
         best = Comparison(free, fl.simulate(free), measured_of(true)).fits[0]
-        path = "initial.joint_deg.fore"
+        path = "initial.joint_deg.3"
         assert best.number.path == path
         reviewed("measured: initial angle", best.number.what)
         assert abs(best.value + 60.5) < 4 * best.spread < 0.1

@@ -87,7 +87,7 @@ def test_the_list_has_wins_losses_and_errors_that_flexlink_does_not_reach(tmp_pa
     lines = [dict(zip(finding.heads, line, strict=True)) for line in finding.lines]
     assert [line[TIP] for line in lines] == [1e-2, 1e-4, 1e-6]
     assert [line[RATIO] for line in lines] == [1.5, pytest.approx(2 / 3), None]
-    assert (lines[1]["MuJoCo [ms]"], lines[1]["MuJoCo by"]) == (90.0, f"Euler ({BY_ORDER})")
+    assert (lines[1]["MuJoCo [ms]"], lines[1]["MuJoCo: method"]) == (90.0, f"Euler ({BY_ORDER})")
     assert lines[0]["Pinocchio [ms]"] is None
 
 

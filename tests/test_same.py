@@ -49,7 +49,7 @@ def kinds(found: same.Comparison) -> list[str]:
     (INFORMING, {"value": 3.95}, "different"),
     (LEFT_OVER, {"value": 9e-16}, "rounding"),
     (LEFT_OVER, {"value": 1e-7}, "different"),
-    (INFORMING | {"metric": "residual over what rounding explains", "value": 0.005}, {"value": 0.008}, "rounding"),
+    (INFORMING | {"metric": "residual relative to the rounding bound", "value": 0.005}, {"value": 0.008}, "rounding"),
     (CHECK, {"value": None}, "different"),
     (CHECK | {"timed": True}, {"value": 9.0}, "timed"),
     ({"kind": "extremes", "quantity": "too expensive", "value": 9.0, "tolerance": None}, {"value": 1.0}, "timed"),

@@ -187,16 +187,17 @@ def test_several_numbers_that_lead_to_one_place_are_each_varied_alone() -> None:
 
 def test_what_cannot_be_differentiated_is_refused_by_name() -> None:
     scene = arm()
-    for path, reason in (
-        ("run.step", "not a parameter; allowed are numbers of anything but the run"),
-        ("initial.time", "not a parameter"),
-        ("link.upper.segments", "cannot be varied: .* expected int"),
-        ("link.upper.name", "not a number"),
-        ("drive.kp.upper", "cannot be varied"),
-        ("tip.maß", "unknown here"),
+    for path, id in (
+        ("run.step", "not-a-parameter"),
+        ("initial.time", "not-a-parameter"),
+        ("link.upper.segments", "parameter-cannot-vary"),
+        ("link.upper.name", "not-a-number"),
+        ("drive.kp.upper", "parameter-cannot-vary"),
+        ("tip.maß", "cannot-set"),
     ):
-        with pytest.raises((ArgumentError, fl.errors.SceneError), match=reason):
+        with pytest.raises((ArgumentError, fl.errors.SceneError)) as caught:
             fl.sensitivities(scene, [path])
+        assert caught.value.id == id and path in str(caught.value), path
     with refused(ArgumentError, "wrong-type"):
         fl.sensitivities(scene, "tip.mass")
     with refused(ArgumentError, "empty"):

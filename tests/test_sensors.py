@@ -334,12 +334,12 @@ def test_samples_too_far_apart_for_a_low_pass_are_told_and_enough_of_them_are_no
     gauge = Sensor(name="gauge", kind="strain", link="beam", x=0.1, fibre=(0.02, 0.0), low_pass=50.0)
     scene = cantilever(gauge).varied({"initial.passive": "zero", "run.duration": 0.4, "run.tolerance": 1e-5})
     coarse, fine = (fl.simulate(scene, sample=sample) for sample in (0.005, 0.0005))
-    told = [note for note in coarse.notes if "sensor.gauge: between samples, 0.005 s apart" in note]
+    told = [note for note in coarse.notes if note.id == "coarse-samples"]
     assert len(told) == 1
     assert not [note for note in fine.notes if "sensor" in note]
     exact = np.interp(coarse.t, fine.t, fine.columns["gauge [1]"])
     off = np.abs(coarse.columns["gauge [1]"] - exact).max() / np.ptp(coarse.columns["gauge [1]"])
-    said = float(re.search(r"by ([0-9.]+)% of its range", told[0])[1]) / 100
+    said = float(re.search(r"([0-9.]+) ?%", told[0])[1]) / 100
     assert off < said < 5 * off
     plain = scene.varied({"sensor.gauge.low_pass": None, "sensor.gauge.delay": 0.04, "sensor.gauge.rate": 25.0})
     assert not [note for note in fl.simulate(plain, sample=0.02).notes if "sensor" in note]
@@ -403,12 +403,13 @@ def test_markers_sit_where_links_begin_and_end(path: Path, rng: np.random.Genera
             assert np.linalg.norm(stop - start) == pytest.approx(link.beam.length)
 
 
-@pytest.mark.parametrize(("segments", "told"), [(2, "one, so its strain is even"), (3, "two, so"), (5, "")])
-def test_a_gauge_on_few_hinges_is_doubted(segments: int, told: str) -> None:
+@pytest.mark.parametrize(("segments", "doubted"), [(2, True), (3, True), (5, False)])
+def test_a_gauge_on_few_hinges_is_doubted(segments: int, doubted: bool) -> None:
     gauge = Sensor(name="gauge", kind="strain", link="beam", x=0.1, fibre=(0.02, 0.0))
-    said = [note for note in notes(cantilever(gauge, segments=segments, lumping="midpoint")) if "sensor.gauge" in note]
-    assert len(said) == bool(told)
-    assert all(told in note for note in said)
+    found = [
+        note.id for note in notes(cantilever(gauge, segments=segments, lumping="midpoint")) if "sensor.gauge" in note
+    ]
+    assert found == ["few-hinges"] * doubted
 
 
 def test_the_strain_of_a_uniform_load_is_exact_from_three_hinges_on() -> None:

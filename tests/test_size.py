@@ -17,6 +17,7 @@ import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.common.types import Array
 from flexlink.diagnosis.trajectories import in_fixed_steps
+from tests.words import refused
 
 ROOT = Path(__file__).parent.parent
 SLIDE = fl.Joint(kind="prismatic", axis=(1.0, 0.0, 0.0))
@@ -208,9 +209,9 @@ def test_engines_are_compared_with_one_step_per_sample_if_no_step_is_unstable() 
 @compiled
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("limits", "refused"), [({}, False), ({"limits_m": (-1.0, 1.0)}, True)], ids=["free", "limited"]
+    ("limits", "is_refused"), [({}, False), ({"limits_m": (-1.0, 1.0)}, True)], ids=["free", "limited"]
 )
-def test_a_recorded_position_is_too_far_only_beyond_joint_limits(limits: dict[str, Any], refused: bool) -> None:
+def test_a_recorded_position_is_too_far_only_beyond_joint_limits(limits: dict[str, Any], is_refused: bool) -> None:
     t = np.linspace(0.0, 1.0, 21)
     columns = {"t [s]": tuple(t.tolist()), "tip x [m]": tuple((500.0 * t).tolist())}
     drive = fl.Drive(kind="constant", torque=(1.0,))
@@ -219,7 +220,7 @@ def test_a_recorded_position_is_too_far_only_beyond_joint_limits(limits: dict[st
         scene=scene, run=(fl.fits.FitRun(name="push", columns=columns),),
         parameter=(fl.fits.FitParameter(path="link.cart.hub.mass", between=(1.0, 3.0)),),
     )  # fmt: skip
-    if refused:
+    if is_refused:
         with refused(fl.FlexlinkError, "likely-unit"):
             fl.fits.check_fit(problem)
     else:

@@ -46,7 +46,7 @@ class TestOutputs:
 
     def test_the_first_parameter_of_a_direction_changes_by_ten_percent(self) -> None:
         text = Direction(("a", "b"), (0.8, -0.4), 2.0, True).text
-        assert "a +10 %, b -5 %" in text
+        assert "+10 %" in text and "-5 %" in text
         reviewed("slips: direction", text)
 
     def test_the_uncertainty_of_a_negative_number_is_positive(self) -> None:

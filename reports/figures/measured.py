@@ -18,8 +18,8 @@ SECTION = "measured"
 TAKES = (WHAT,)
 COLOURS = {"validated to u_val": BLUE, "not validated": VERMILION, "cannot be told": GREY}
 CAPTION = (
-    "Points: E / D; bars: ± 2 u_val / D. Blue: validated. Orange: not validated, the bar does not reach zero. "
-    "Grey: cannot be decided, the uncertainty exceeds the required accuracy."
+    "Points: E / D; bars: ± 2 u_val / D. Blue: validated. Orange: not validated, the bar misses zero. "
+    "Grey: cannot be decided, the uncertainty is too large."
 )
 LINE = 0.17  # height per quantity [in]
 
