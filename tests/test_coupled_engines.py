@@ -186,7 +186,7 @@ NAMED = [
     ("mjcf", "a joint's own", scaled(".//joint", "stiffness", 2, only=1), r"stiffness of joint 'upper\.1\.x': "),
     ("mjcf", "6 digits", planted.written_with(".6g"), r" [67] digits"),
     ("mjcf", "hinges in another order", planted.hinges_reversed, "order"),
-    ("mjcf", "elsewhere slack", each(TENDON, springlength="0.1"), "slack"),
+    ("mjcf", "elsewhere slack", each(TENDON, springlength="0.1"), "tendons.*springlength"),
     ("urdf", "one stiffness", scaled(URDF, "stiffness", 1.5, only=1), rf"<coupling stiffness> .*{NAMES}"),
     ("urdf", "one sign", scaled(URDF, "stiffness", -1, only=1), STIFFNESS),
     ("urdf", "one damper", scaled(URDF, "damping", 0, only=1), f"{DAMPING}0 "),

@@ -14,7 +14,7 @@ import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.data.csv_table import read_csv
 from flexlink.data.smoothing import smoothed
-from tests.words import refused
+from tests.words import refused, refused_line
 
 HUB = fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1))
 LINKS = (
@@ -201,61 +201,61 @@ def edited(find: str, replace: str) -> str:
 
 
 MISTAKES = {
-    "no such file": (MOTION, None, "cannot be read"),
-    "empty": (MOTION, "", "is empty"),
-    "heads alone": (MOTION, "t [s],q upper [deg]\n", "no rows; expected one or more"),
-    "semicolons": (MOTION, GOOD.replace(",", ";"), "separated by semicolons; expected commas"),
-    "tabs": (MOTION, GOOD.replace(",", "\t"), "separated by tabs; expected commas"),
-    "no time": (MOTION, edited("t [s]", "time [s]"), "no column 't [s]'"),
-    "time without a unit": (MOTION, edited("t [s]", "t"), "column 't': without a unit"),
-    "time in minutes": (MOTION, edited("t [s]", "t [min]"), "column 't [min]': unit must be one of s, ms"),
-    "an angle without a unit": (MOTION, edited(" [deg]", ""), "column 'q upper': without a unit"),
-    "an angle in a unit of torques": (MOTION, edited("[deg]", "[N m]"), "unit must be one of rad, deg, mrad"),
-    "a rate for an angle": (MOTION, edited("[deg]", "[deg/s]"), "unit must be one of rad, deg, mrad"),
-    "an unknown unit": (MOTION, edited("[deg]", "[gon]"), "unit must be one of rad, deg, mrad"),
-    "another joint": (MOTION, edited("q upper", "q cart"), "no column 'q upper [deg]'; columns: t [s], q cart [deg]"),
-    "a joint misspelt": (MOTION, edited("q upper", "q uper"), "did you mean 'q uper [deg]'?"),
-    "a column twice": (MOTION, "t [s],q upper [deg],q upper [rad]\n0,1,1\n", "'q upper' appears twice"),
-    "too few cells": (MOTION, edited("0.05,5\n", "0.05\n"), "line 7: 1 cells; the header line has 2"),
-    "a decimal comma": (MOTION, edited("0.05,5\n", "0,05,5\n"), "line 7: 3 cells; the header line has 2"),
-    "no number": (MOTION, edited("0.05,5\n", "0.05,five\n"), "line 7, q upper [deg]: 'five' is not a number"),
-    "an underscore": (MOTION, edited("0.05,5\n", "0.05,1_000\n"), "line 7, q upper [deg]: '1_000' is not a number"),
-    "other digits": (MOTION, edited("0.05,5\n", "0.05,٥\n"), "line 7, q upper [deg]: '٥' is not a number"),
-    "a long text": (MOTION, edited("0.05,5\n", f"0.05,{'long ' * 99}\n"), "long l… is not a number"),
-    "not finite": (MOTION, edited("0.05,5\n", "0.05,nan\n"), "line 7, q upper [deg]: 'nan' is not finite"),
-    "an empty cell": (MOTION, edited("0.05,5\n", "0.05,\n"), "line 7, q upper [deg]: empty"),
-    "rows in disorder": (MOTION, edited("0.05,5\n0.06,6\n", "0.06,6\n0.05,5\n"), "line 8: t = 0.05 s: must be later"),
-    "a time twice": (MOTION, edited("0.06,6\n", "0.05,6\n"), "line 8: t = 0.05 s: must be later than the one before"),
-    "a late begin": (MOTION, edited("0.0,0\n", ""), "t begins at 0.01 s; a motion begins at 0"),
-    "no cutoff": (MOTION.replace("cutoff = 5.0\n", ""), GOOD, "cutoff: missing; "),
-    "a cutoff beyond the rate": (MOTION.replace("5.0", "60.0"), GOOD, "expected below 50 Hz"),
-    "few rows": (MOTION, "".join(GOOD.splitlines(keepends=True)[:5]), "4 samples are too few; expected 5 or more"),
-    "a file and a table": (MOTION + "times = [0.0]\n", GOOD, "file = ", "times is given, too"),
-    "a cutoff without a file": (MOTION.replace('file = "run.csv"\n', ""), GOOD, "cutoff = 5.0: has no effect"),
+    "no such file": (MOTION, None, "cannot-read"),
+    "empty": (MOTION, "", "file-empty"),
+    "heads alone": (MOTION, "t [s],q upper [deg]\n", "file-empty"),
+    "semicolons": (MOTION, GOOD.replace(",", ";"), "not-csv"),
+    "tabs": (MOTION, GOOD.replace(",", "\t"), "not-csv"),
+    "no time": (MOTION, edited("t [s]", "time [s]"), "no-such-column"),
+    "time without a unit": (MOTION, edited("t [s]", "t"), "unit-missing"),
+    "time in minutes": (MOTION, edited("t [s]", "t [min]"), "unit-unknown"),
+    "an angle without a unit": (MOTION, edited(" [deg]", ""), "unit-missing"),
+    "an angle in a unit of torques": (MOTION, edited("[deg]", "[N m]"), "unit-unknown"),
+    "a rate for an angle": (MOTION, edited("[deg]", "[deg/s]"), "unit-unknown"),
+    "an unknown unit": (MOTION, edited("[deg]", "[gon]"), "unit-unknown"),
+    "another joint": (MOTION, edited("q upper", "q cart"), "no-such-column"),
+    "a joint misspelt": (MOTION, edited("q upper", "q uper"), "no-such-column"),
+    "a column twice": (MOTION, "t [s],q upper [deg],q upper [rad]\n0,1,1\n", "column-twice"),
+    "too few cells": (MOTION, edited("0.05,5\n", "0.05\n"), "csv-cell"),
+    "a decimal comma": (MOTION, edited("0.05,5\n", "0,05,5\n"), "csv-cell"),
+    "no number": (MOTION, edited("0.05,5\n", "0.05,five\n"), "csv-cell"),
+    "an underscore": (MOTION, edited("0.05,5\n", "0.05,1_000\n"), "csv-cell"),
+    "other digits": (MOTION, edited("0.05,5\n", "0.05,٥\n"), "csv-cell"),
+    "a long text": (MOTION, edited("0.05,5\n", f"0.05,{'long ' * 99}\n"), "csv-cell"),
+    "not finite": (MOTION, edited("0.05,5\n", "0.05,nan\n"), "csv-cell"),
+    "an empty cell": (MOTION, edited("0.05,5\n", "0.05,\n"), "csv-cell"),
+    "rows in disorder": (MOTION, edited("0.05,5\n0.06,6\n", "0.06,6\n0.05,5\n"), "times-not-increasing"),
+    "a time twice": (MOTION, edited("0.06,6\n", "0.05,6\n"), "times-not-increasing"),
+    "a late begin": (MOTION, edited("0.0,0\n", ""), "first-time"),
+    "no cutoff": (MOTION.replace("cutoff = 5.0\n", ""), GOOD, "missing-key"),
+    "a cutoff beyond the rate": (MOTION.replace("5.0", "60.0"), GOOD, "cutoff-too-high"),
+    "few rows": (MOTION, "".join(GOOD.splitlines(keepends=True)[:5]), "too-few-samples"),
+    "a file and a table": (MOTION + "times = [0.0]\n", GOOD, "both-given"),
+    "a cutoff without a file": (MOTION.replace('file = "run.csv"\n', ""), GOOD, "no-effect"),
     "radians called degrees": (
         "initial = { joint_deg = [28.6, 0.0] }\n" + MOTION, edited("0.0,0\n", "0.0,0.5\n"),
-        "initial.joint_deg.upper = 28.6: the file of the motion of 'upper' begins with",
+        "start-differs-from-file",
     ),
-    "a driven joint is left out": (DRIVE, "t [s],tau upper [N m]\n0,1\n", "no column 'tau cart [N]'"),
-    "a force in N m": (DRIVE, "t [s],tau upper [N m],tau cart [N m]\n0,1,1\n", "unit must be one of N, kN"),
+    "a driven joint is left out": (DRIVE, "t [s],tau upper [N m]\n0,1\n", "no-such-column"),
+    "a force in N m": (DRIVE, "t [s],tau upper [N m],tau cart [N m]\n0,1,1\n", "unit-unknown"),
     "a drive of another kind": (
-        DRIVE.replace("table", "constant") + "torque = [1.0, 0.0]\n", GOOD, "file = ", "takes torque",
+        DRIVE.replace("table", "constant") + "torque = [1.0, 0.0]\n", GOOD, "key-of-another-kind",
     ),
-    "torques beside a file": (DRIVE + "times = [0.0]\n", GOOD, "times = ", "takes file"),
-    "a joint that nothing leads": (LED, GOOD, "drive.reference.file = ", "no column 'q cart [m]'"),
-    "a place in degrees": (LED, BOTH.replace("[m]", "[deg]"), "column 'q cart [deg]': unit must be one of m, mm"),
+    "torques beside a file": (DRIVE + "times = [0.0]\n", GOOD, "key-of-another-kind"),
+    "a joint that nothing leads": (LED, GOOD, "no-such-column"),
+    "a place in degrees": (LED, BOTH.replace("[m]", "[deg]"), "unit-unknown"),
     "rates of one joint alone": (
-        LED, "t [s],q upper [deg],q cart [m],qd upper [deg/s]\n0,0,0,0\n", "no column 'qd cart [m/s]'",
+        LED, "t [s],q upper [deg],q cart [m],qd upper [deg/s]\n0,0,0,0\n", "no-such-column",
     ),
-    "a move from a file": (LED.replace("smooth", "quintic"), BOTH, "takes to_deg", "a file is a table's"),
-    "a reference and a file": (LED + "times = [0.0]\n", BOTH, "drive.reference.file = ", "times is given, too"),
+    "a move from a file": (LED.replace("smooth", "quintic"), BOTH, "key-of-another-kind"),
+    "a reference and a file": (LED + "times = [0.0]\n", BOTH, "both-given"),
     "a cutoff of a held one": (
-        LED.replace("smooth", "hold") + "cutoff = 5.0\n", BOTH, "reference.cutoff = 5.0: needs a file and profile",
+        LED.replace("smooth", "hold") + "cutoff = 5.0\n", BOTH, "needs-another-key",
     ),
-    "a reference beyond the rate": (LED + "cutoff = 60.0\n", BOTH, "drive.reference.cutoff = 60.0: ", "below 50 Hz"),
-    "a wrench of nothing": (WRENCH, GOOD, "no column such as 'force x [N]'"),
-    "a force along q": (WRENCH, "t [s],force q [N]\n0,1\n", "column 'force q [N]': not known"),
-    "a force beside a file": (WRENCH + "force = [1.0, 0.0, 0.0]\n", "t [s],force x [N]\n0,1\n", "force is given, too"),
+    "a reference beyond the rate": (LED + "cutoff = 60.0\n", BOTH, "cutoff-too-high"),
+    "a wrench of nothing": (WRENCH, GOOD, "no-such-column"),
+    "a force along q": (WRENCH, "t [s],force q [N]\n0,1\n", "unknown-column"),
+    "a force beside a file": (WRENCH + "force = [1.0, 0.0, 0.0]\n", "t [s],force x [N]\n0,1\n", "both-given"),
 }  # fmt: skip
 
 
@@ -275,17 +275,16 @@ def test_line_ends_of_any_system_are_line_ends(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", MISTAKES)
 def test_every_mistake_is_named_and_ends_with_2(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    table, text, *expected = MISTAKES[name]
+    table, text, id = MISTAKES[name]
     scene = make_scene(*LINKS).to_toml()
     top, _, rest = table.partition("\n") if table.startswith("initial") else ("", "", table)
     (tmp_path / "scene.toml").write_text(f"{top}\n{scene}\n{rest}", encoding="utf-8")
     if text is not None:
         (tmp_path / "run.csv").write_text(text, encoding="utf-8")
     assert main(["info", str(tmp_path / "scene.toml")]) == 2
-    said = capsys.readouterr().err
-    assert len(said.splitlines()) == 1
-    for words in expected:
-        assert words in said
+    printed = capsys.readouterr().err
+    assert len(printed.splitlines()) == 1
+    refused_line(printed, id)
 
 
 def test_the_file_that_is_edited_has_no_mistake(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

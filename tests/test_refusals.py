@@ -26,42 +26,42 @@ def locked() -> fl.Link:
 
 REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "walls as thick as the box": (
-        lambda: fl.Section(**BOX, wall=0.02), r"wall = 0.02: must be less than half of height and width"),
-    "a box without wall": (lambda: fl.Section(**BOX), r"wall: missing; a box needs"),
-    "a link without name": (lambda: fl.Link(name=""), r"name = '': must not be empty"),
+        lambda: fl.Section(**BOX, wall=0.02), "section-walls"),
+    "a box without wall": (lambda: fl.Section(**BOX), "missing-key"),
+    "a link without name": (lambda: fl.Link(name=""), "empty-name"),
     "material without section": (
         lambda: fl.Link(name="a", length=1.0, material="steel"),
-        r"section: missing; material = 'steel' is given: give both, or"),
+        "missing-key"),
     "taper to a section from none": (
-        lambda: fl.Link(name="a", length=1.0, section_tip="thin"), r"section_tip = 'thin': needs a section at the"),
+        lambda: fl.Link(name="a", length=1.0, section_tip="thin"), "needs-another-key"),
     "a rigid link in segments": (
         lambda: fl.Link(name="a", length=1.0, segments=3),
-        r"segments = 3: a rigid link has 1; flex = 'z', .* makes it bend"),
-    "a flexible link in one": (lambda: flexible("a", segments=1), r"segments = 1, the default: a flexible link"),
+        "rigid-segments"),
+    "a flexible link in one": (lambda: flexible("a", segments=1), "too-few-segments"),
     "a flexible link without length": (
-        lambda: flexible("a", length=0.0), r"length = 0.0, the default: a flexible link needs a length > 0"),
+        lambda: flexible("a", length=0.0), "needs-a-length"),
     "a flexible link without material": (
-        lambda: fl.Link(name="a", length=1.0, flex="z", segments=3), r"^material, section: missing;"),
-    "a scene without name": (lambda: replace(make_scene(flexible("a")), name=""), r"name = '': must not be"),
+        lambda: fl.Link(name="a", length=1.0, flex="z", segments=3), "missing-key"),
+    "a scene without name": (lambda: replace(make_scene(flexible("a")), name=""), "empty-name"),
     "times that stand": (
-        lambda: fl.Drive(**TABLE | {"times": (1.0, 1.0)}), r"times\[1\] = 1\.0: must be greater than times\[0\]"),
+        lambda: fl.Drive(**TABLE | {"times": (1.0, 1.0)}), "times-not-increasing"),
     "smooth through one point": (
         lambda: fl.Drive(kind="table", times=(0.0,), torques=((1.0,),), smooth=True),
-        r"smooth = True: needs a table with at least 2 times"),
+        "needs-another-key"),
     "a row of torques too few": (
-        lambda: fl.Drive(**TABLE | {"torques": ((0.0,),)}), r"torques has 1 rows: expected one per time, 2"),
+        lambda: fl.Drive(**TABLE | {"torques": ((0.0,),)}), "one-per-time"),
     "a motion of a locked joint": (
         lambda: make_scene(locked(), motion=(fl.PrescribedMotion(link="boom", **RISE),)),
-        r"motion\.boom: its joint is locked; a motion needs a free joint"),
+        "motion-of-locked-joint"),
     "two motions of one joint": (
         lambda: make_scene(flexible("boom"), motion=(fl.PrescribedMotion(link="boom", **RISE),) * 2),
-        r"motion\.boom: the second motion"),
+        "motion-twice"),
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("build", "told"), REFUSED.values(), ids=REFUSED.keys())
-def test_a_description_that_contradicts_itself_is_refused(build: Callable[[], object], told: str) -> None:
-    with pytest.raises(fl.errors.SceneError, match=told):
+@pytest.mark.parametrize(("build", "id"), REFUSED.values(), ids=REFUSED.keys())
+def test_a_description_that_contradicts_itself_is_refused(build: Callable[[], object], id: str) -> None:
+    with refused(fl.errors.SceneError, id):
         build()
 
 

@@ -135,23 +135,23 @@ def test_a_shaper_of_ones_own_is_a_file(tmp_path: Path) -> None:
 
 
 REFUSED = {
-    "frequency": ({"frequency_hz": (0.0,)}, r"frequency_hz\[0\] = 0.0: expected float > 0"),
-    "negative frequency": ({"frequency_hz": (1.0, -2.0)}, r"frequency_hz\[1\] = -2.0"),
-    "damping of 1": ({"frequency_hz": (1.0,), "damping": (1.0,)}, r"damping\[0\] = 1.0: expected float < 1"),
-    "damping below 0": ({"frequency_hz": (1.0,), "damping": (-0.1,)}, r"damping\[0\] = -0.1: expected float >= 0"),
-    "dampings": ({"frequency_hz": (1.0,), "damping": (0.1, 0.1)}, "expected one ratio per frequency_hz"),
-    "both": ({"frequency_hz": (1.0,), "poles": ((-1.0, 2.0),)}, "give exactly one of them"),
-    "neither": ({}, "give exactly one of them"),
-    "no vibration": ({"frequency_hz": ()}, "no vibration to shape away"),
-    "a growing pole": ({"poles": ((1.0, 2.0),)}, r"poles\[0\] = \(1.0, 2.0\): a vibration has Re λ ≤ 0 and Im λ > 0"),
-    "an aperiodic pole": ({"poles": ((-1.0, 0.0),)}, r"poles\[0\] = "),
+    "frequency": ({"frequency_hz": (0.0,)}, "wrong-value"),
+    "negative frequency": ({"frequency_hz": (1.0, -2.0)}, "wrong-value"),
+    "damping of 1": ({"frequency_hz": (1.0,), "damping": (1.0,)}, "wrong-value"),
+    "damping below 0": ({"frequency_hz": (1.0,), "damping": (-0.1,)}, "wrong-value"),
+    "dampings": ({"frequency_hz": (1.0,), "damping": (0.1, 0.1)}, "one-per-frequency"),
+    "both": ({"frequency_hz": (1.0,), "poles": ((-1.0, 2.0),)}, "both-given"),
+    "neither": ({}, "both-given"),
+    "no vibration": ({"frequency_hz": ()}, "frequencies-missing"),
+    "a growing pole": ({"poles": ((1.0, 2.0),)}, "poles-not-a-vibration"),
+    "an aperiodic pole": ({"poles": ((-1.0, 0.0),)}, "poles-not-a-vibration"),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("what", REFUSED)
 def test_a_bad_shaper_is_refused(what: str) -> None:
-    given, message = REFUSED[what]
-    with pytest.raises(fl.errors.SceneError, match=message):
+    given, id = REFUSED[what]
+    with refused(fl.errors.SceneError, id):
         fl.InputShaper(kind="ZV", **given)
 
 

@@ -21,8 +21,8 @@ TAKES = ("work",)
 APART = 20.0  # smallest ratio of the errors of two named runs
 SHOWN = 1.0  # relative error from which a run is not drawn
 CAPTION = (
-    "Left: more accurate; lower: cheaper. Line: best runs of each program, labelled with their methods. Errors are "
-    "relative to the motion of the tip, or to its deflection."
+    "Left: more accurate; lower: cheaper. Line: best runs of each program, with their methods. Errors are relative "
+    "to the motion of the tip or its deflection."
 )
 HEADS = ("program", "method", "step [s] or tolerance [m]", "CPU time [s]", "evaluations", *AIMS, *(
     f"on its front, {word}" for word in AIMS.values()
