@@ -82,6 +82,6 @@ def test_the_old_file_is_whole_until_the_new_one_is(tmp_path: Path) -> None:
 
 def test_a_result_that_its_file_cannot_take_is_kept_elsewhere(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    with refused(fl.errors.OutputError, "result-kept"):
+    with refused(fl.errors.OutputError, "result-kept", values=False):
         write_or_keep(tmp_path / "missing" / "result.txt", lambda place: place.write_text("found", encoding="utf-8"))
     assert [path.read_text(encoding="utf-8") for path in tmp_path.iterdir()] == ["found"]

@@ -26,7 +26,9 @@ HEAD = """\
 # Folders are left out; # stands for a number that is not compared. Other numbers may differ by 1 %: processors round.
 """
 NUMBER = re.compile(r"(?<![\w.])[-−+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w*\()", re.IGNORECASE)
-FOLDER = re.compile(r"(?<![\w.])(?:[A-Z]:)?/(?:[^\s/:'\"<>,;()]+/)+")
+FOLDER = re.compile(r"(?<!\w)(?:[A-Z]:)?/(?:[^\s/:'\"<>,;()]+/)+")
+TEMPORARY = re.compile(r"\btest_\w*\d+(?=:)|(?<=')[\w.-]*(?=…)")
+"""Names of temporary folders, and of paths that are cut: they depend on the number of the run."""
 RECORDER = "FLEXLINK_WORDS"
 
 
@@ -51,7 +53,7 @@ def refused(kind: type[BaseException], id: str, *, values: bool = True) -> Itera
 
 def reviewed(key: str, text: str, *, values: bool = True) -> None:
     """Check that the reviewed file holds this text under this key: the same words, and numbers within 1 %."""
-    shown = FOLDER.sub("", text).strip()
+    shown = normal(text)
     if not values:
         shown = NUMBER.sub("#", shown)
     if recorder := os.environ.get(RECORDER):
@@ -92,6 +94,11 @@ def sentence(page: str, *parts: str) -> str:
     return found
 
 
+def normal(text: str) -> str:
+    """A text without folders and names of temporary ones."""
+    return TEMPORARY.sub("", FOLDER.sub("", text)).strip()
+
+
 def split(text: str) -> tuple[str, tuple[float, ...]]:
     """A text with # for its numbers, and the numbers."""
     return NUMBER.sub("#", text), tuple(float(number.replace("−", "-")) for number in NUMBER.findall(text))
@@ -99,7 +106,7 @@ def split(text: str) -> tuple[str, tuple[float, ...]]:
 
 def close(a: float, b: float) -> bool:
     """Equal up to what another processor may round differently, in a number that is printed with few digits."""
-    return abs(a - b) <= 0.01 * max(abs(a), abs(b)) + 1e-10
+    return a == b or abs(a - b) <= 0.01 * max(abs(a), abs(b)) + 1e-10
 
 
 @functools.cache
@@ -118,7 +125,7 @@ def known_texts() -> dict[str, dict[str, list[tuple[float, ...]]]]:
     found: dict[str, dict[str, list[tuple[float, ...]]]] = {}
     for key, several in texts().items():
         for text in several:
-            words, numbers = split(text)
+            words, numbers = split(normal(text))
             found.setdefault(key, {}).setdefault(words, []).append(numbers)
     return found
 
