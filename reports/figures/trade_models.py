@@ -21,8 +21,8 @@ ROOM = 0.15  # of the smallest error, as room for the name of the first run
 SHOWN = 1.0  # relative error from which a run is not drawn
 APART = 4.0  # smallest ratio of the errors of two named runs
 CAPTION = (
-    "One mark per combination of link type, hinges, rule, method and step. Line: the best ones. Vertical edge: error of "
-    "a link type, whatever its hinges."
+    "One mark per combination of link type, hinges, rule, method and step. Line: the best ones. Vertical edge: error "
+    "of a link type, whatever its hinges."
 )
 
 
