@@ -79,13 +79,16 @@ def _of_python(path: Path, source: str) -> Iterator[tuple[int, str]]:
 
 
 def files() -> list[Path]:
-    """Files of the project with texts."""
-    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split(
-        "\n"
-    )
+    """Files of the project with texts; in a checkout those under version control."""
+    try:
+        found = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split(
+            "\n"
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return []
     kinds = {".py", ".md", ".toml", ".cff"}
     return [
-        ROOT / name for name in listed
+        ROOT / name for name in found
         if Path(name).suffix in kinds and not name.startswith(LEFT_OUT) and (ROOT / name).is_file()
     ]  # fmt: skip
 
