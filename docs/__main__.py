@@ -2,7 +2,7 @@
 
 python -m docs            all of it; gallery pages whose example has not changed are not run again
 python -m docs --quick    without running any code of pages and gallery
-python -m docs --links    check every link to other sites, too (needs a network)
+python -m docs --links    also check every link to other sites (needs a network)
 python -m docs --readme   write the README's figures and badges from the stored study
 """
 
