@@ -1,4 +1,5 @@
-"""Compiled recursions: plain floats and arrays in, no checks, no strings, no callables.
+"""Compiled recursions on plain floats and arrays: no checks, no strings, no callables.
 
-Scratch of an algorithm `x` is an `XWork`, a NamedTuple with the chain or its constants in it, made by `x_workspace`.
+The scratch arrays of an algorithm `x` are an `XWork`, a NamedTuple that also contains the chain or its constants; it is
+made by `x_workspace`.
 """

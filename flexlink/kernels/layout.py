@@ -1,8 +1,8 @@
-"""Layout of a chain's arrays, which every kernel reads: its bodies, its hinges, gravity, and what is rare.
+"""Layout of the arrays of a chain, which every kernel reads: bodies, hinges, gravity and optional features.
 
-Bodies form a tree; each comes after the one that it hangs on, mostly right after it. A recursion outward goes from body
-to body and keeps, at a body on which branches begin, what these go on from (`fork`, `slot`); one inward adds up there
-what comes from the branches.
+Bodies form a tree. Each body comes after its parent, in most cases directly after it. A forward pass goes from the base
+to the tips; at a body with several children it stores the state from which the branches continue (`fork`, `slot`). A
+backward pass adds up the contributions of the branches there.
 """
 
 from typing import Any, NamedTuple
@@ -14,24 +14,24 @@ from flexlink.kernels.tools.numbered import numbered
 
 
 def record(fields: list[Any]) -> np.dtype[Any]:
-    """Aligned records whose fields are attributes in Python, too, as in compiled kernels, which so run as either."""
+    """Return the type of aligned records; fields are attributes both in Python and in compiled kernels."""
     return np.dtype((np.record, np.dtype(fields, align=True)))
 
 
 BODY = record(
     [
-        ("first", np.int64),  # its hinges are first … stop − 1
+        ("first", np.int64),  # its hinges have indices first … stop − 1
         ("stop", np.int64),
-        ("parent", np.int64),  # number, from 1, of the body that it hangs on; 0: the base
-        ("begins", np.int64),  # 1: a branch begins with it, it does not hang on the body before it
-        ("slot", np.int64),  # of such a one, where the state of what it hangs on is kept; 0: that of the base
-        ("fork", np.int64),  # where this body's state is kept for branches that begin on it; 0: none does
+        ("parent", np.int64),  # number of the parent body, from 1; 0: the base
+        ("begins", np.int64),  # 1: the first body of a branch, so its parent is not the body before it
+        ("slot", np.int64),  # first body of a branch: row with the state of its parent; 0: that of the base
+        ("fork", np.int64),  # row in which the state of this body is stored for its branches; 0: it has none
         ("loaded", np.int64),  # 1: the tip wrench acts at its hinge point
         ("turned", np.int64),  # 1 if `rotation` is not the identity
-        ("springs", np.int64),  # what those of its hinges hold: 0 angles, 1 their rotation vector (X, Y, Z or Z, Y, X),
-        # 2 that and the curvature of a cell, with the next body outward
+        ("springs", np.int64),  # variable of its hinges' springs: 0 angles, 1 rotation vector (X, Y, Z or Z, Y, X),
+        # 2 rotation vector and the curvature of a cell that includes the next body
         ("rotation", np.float64, (3, 3)),  # R: v_parent = R v_body at zero joint angles
-        ("translation", np.float64, (3,)),  # r: hinge point in the frame of the body before it [m]
+        ("translation", np.float64, (3,)),  # r: hinge point in the frame of the parent body [m]
         ("mass", np.float64),  # [kg]
         ("center", np.float64, (3,)),  # c: centre of mass in the body frame [m]
         ("inertia", np.float64, (3, 3)),  # I: about the centre of mass, body axes [kg m²]
@@ -40,48 +40,48 @@ BODY = record(
 
 HINGE = record(
     [
-        ("axis", np.int64),  # 0, 1, 2: turns about X, Y, Z; 3, 4, 5: slides along them
-        ("stiffness", np.float64),  # k, K_ii where springs are coupled [N m/rad], of a sliding joint [N/m]; and so on
+        ("axis", np.int64),  # 0, 1, 2: revolute about X, Y, Z; 3, 4, 5: prismatic along them
+        ("stiffness", np.float64),  # k, or K_ii of coupled springs [N m/rad]; prismatic: [N/m], and so on for all units
         ("rest", np.float64),  # θ₀ [rad]
-        ("damping", np.float64),  # d, viscous and structural, D_ii where dampers are coupled [N m s/rad]
+        ("damping", np.float64),  # d, viscous and structural, or D_ii of coupled dampers [N m s/rad]
         ("coulomb", np.float64),  # dry friction torque [N m]
-        ("coulomb_width", np.float64),  # rate over which the dry torque turns round [rad/s]
+        ("coulomb_width", np.float64),  # rate over which the dry torque changes sign [rad/s]
         ("armature", np.float64),  # rotor inertia, added to the diagonal of M [kg m²]
-        ("lower", np.float64),  # limits of the angle, kept for whoever asks; ±inf without [rad]
+        ("lower", np.float64),  # joint limits, for information only; ±inf: none [rad]
         ("upper", np.float64),
-        ("prescribed", np.int64),  # 1 if the motion of the hinge is given in time, and its torque sought
+        ("prescribed", np.int64),  # 1 if the motion of the hinge is prescribed and its torque unknown
     ]
 )
 
 COUPLING = record(
     [
-        ("inner", np.int64),  # two hinges, inner < outer, of the cell that overlapping couplings make
+        ("inner", np.int64),  # two hinges, inner < outer, of one cell (overlapping couplings form a cell)
         ("outer", np.int64),
         ("stiffness", np.float64),  # K_ij = K_ji: torque −K_ij (θ_j − θ₀_j) on i, −K_ij (θ_i − θ₀_i) on j [N m/rad]
-        ("damping", np.float64),  # D_ij = D_ji, of the rates likewise [N m s/rad]
+        ("damping", np.float64),  # D_ij = D_ji: the same with rates [N m s/rad]
     ]
 )
 
 
 DRAG = record(
     [
-        ("body", np.int64),  # on which the point is
+        ("body", np.int64),  # index of the body with the point
         ("point", np.float64, (3,)),  # in the frame of the body [m]
-        ("across", np.float64, (2, 3)),  # unit vectors across the link there, the section's y and z, in body axes
-        ("drag", np.float64, (2,)),  # ½ ρ c_d b Δx of flow along each of them [kg/m]
+        ("across", np.float64, (2, 3)),  # unit vectors normal to the link: y and z of the section, body axes
+        ("drag", np.float64, (2,)),  # ½ ρ c_d b Δx for flow along each of these vectors [kg/m]
     ]
 )
 
 SPRINGS = numbered("angles rotation cell")
-"""What springs of a body's hinges hold (`BODY.springs`); the last with those of the next body outward, too."""
+"""Variable of the springs of a body's hinges (`BODY.springs`); `cell` includes those of the next body outward."""
 SLIDES = 3
-"""Hinges whose axis is as large slide; a body's hinges either all turn, or all slide."""
+"""Hinges with at least this axis number are prismatic. The hinges of a body are all revolute or all prismatic."""
 
 
 DAMPER = record(
     [
         ("hinge", np.int64),
-        ("quadratic", np.float64),  # c: torque c |q̇| q̇ resists [N m s²/rad²]
+        ("quadratic", np.float64),  # c: resisting torque c |q̇| q̇ [N m s²/rad²]
     ]
 )
 
@@ -89,16 +89,16 @@ GYRATOR = record(
     [
         ("inner", np.int64),  # two hinges
         ("outer", np.int64),
-        ("gyration", np.float64),  # g: torque g q̇_outer resists at the inner one, −g q̇_inner at the outer one
+        ("gyration", np.float64),  # g: resisting torque g q̇_outer at the inner hinge, −g q̇_inner at the outer one
     ]
 )
 
 FORCES = {"couplings": COUPLING, "drag": DRAG, "dampers": DAMPER, "gyrators": GYRATOR}
-"""Force elements of a chain by name; fields `hinge`, `inner` and `outer` are numbers of hinges, `body` of bodies."""
+"""Force elements of a chain by name. Fields `hinge`, `inner` and `outer` are indices of hinges, `body` of bodies."""
 
 
 class Rare(NamedTuple):
-    """What a plain chain has not: its force elements, each of which may be empty, by the names of `FORCES`."""
+    """Optional features of a chain: its force elements by the names of `FORCES`; each array may be empty."""
 
     couplings: NDArray[np.void]
     drag: NDArray[np.void]
@@ -107,10 +107,10 @@ class Rare(NamedTuple):
 
 
 class ChainArrays(NamedTuple):
-    """What the kernels see of a chain.
+    """Arrays of a chain that kernels read.
 
-    `rare` is None of a plain one: no branches, no joints that slide, no force elements. No code is made for these then
-    (`tools.absent`).
+    `rare` is None if the chain is plain: no branches, no prismatic joints, no force elements. The kernels are then
+    compiled without code for them (`tools.absent`).
     """
 
     bodies: NDArray[np.void]

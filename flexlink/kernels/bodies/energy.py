@@ -1,4 +1,4 @@
-"""Kinetic, gravity and elastic energy, body by body: an independent road beside ½ q̇ᵀ M q̇."""
+"""Kinetic, gravitational and elastic energy, summed over the bodies: independent of ½ q̇ᵀ M q̇."""
 
 from flexlink.kernels.forces.elements import elastic_energy, forces_of
 from flexlink.kernels.geometry.kinematics import forward_kinematics, motion_of
@@ -9,13 +9,13 @@ from flexlink.kernels.tools.vec3 import ZERO, add, apply, apply_transposed, cros
 
 @kernel
 def energies(chain, q, qd):
-    """T = Σ ½ m v² + ½ ω·Iω + ½ armature q̇²,  V_g = −Σ m g·p_c,  V_e of all springs [J]; V_g = 0 at 0."""
+    """T = Σ ½ m v² + ½ ω·Iω + ½ armature q̇²,  V_g = −Σ m g·p_c,  V_e of all springs [J]; V_g = 0 at the origin."""
     return energies_of(chain, q, qd, forward_kinematics(chain, q), forces_of(chain))
 
 
 @recursion
 def energies_of(chain, q, qd, placed, forces):
-    """The same where `kinematics` has been, of a chain with these `forces_of` it."""
+    """`energies` from the results of `kinematics` and the `forces_of` the chain."""
     bodies, hinges = chain.bodies, chain.hinges
     rotations, points, axes = placed.rotations, placed.points, placed.axes
     kinetic, gravity, elastic = 0.0, 0.0, 0.0
@@ -46,5 +46,5 @@ def energies_of(chain, q, qd, placed, forces):
 
 @subroutine
 def slid(v, rate, axis):
-    """Velocity of a point that slides at a rate along an axis, from that of the point before it."""
+    """Velocity of a point after a prismatic joint, from that of the point before it."""
     return add(v, scale(rate, vector(axis)))

@@ -1,12 +1,12 @@
-"""Mass matrix four ways: the three methods of Walker & Orin (1982) that the paper names, and composite bodies.
+"""Mass matrix in four ways: the three methods of Walker & Orin (1982) that the paper names, and composite bodies.
 
-columns     every column is an inverse dynamics with one unit acceleration and without all that is then zero
-lower       the same, inward to the moving joint only: the part of the column on and below the diagonal
-upper       the bodies beyond the joint move as one rigid body: the part on and above the diagonal, in body frames
+columns     each column by inverse dynamics with one unit acceleration, without terms that are then zero
+lower       the same, with the backward pass ending at the moving joint: the part on and below the diagonal
+upper       the bodies outboard of the joint move as one rigid body: the part on and above the diagonal, body frames
 composite   the same bodies in inertial axes: a row needs only the joints' axes and points (Featherstone 2008, 6.2)
 
-The first two are for what the paper has, serial arms of hinges. All write
-M (n, n) and return its trace. One source of the last serves one state and eight side by side (`lanes`).
+The first two take the arms of the paper only, unbranched and with revolute joints. All write M (n, n) and return its
+trace. One source of `composite` serves one state and eight states side by side (`lanes`).
 """
 
 from typing import Any, NamedTuple
@@ -62,7 +62,7 @@ from flexlink.kernels.tools.vec3 import (
 
 @inlined
 def trace(M):
-    """Σ M_kk, finite if M is: |M_jk|² ≤ M_jj M_kk."""
+    """Σ M_kk; if it is finite, so is M, since |M_jk|² ≤ M_jj M_kk."""
     total = 0.0
     for k in range(len(M)):
         total += M[k, k]
@@ -71,7 +71,7 @@ def trace(M):
 
 @kernel
 def turns_of(q):
-    """Cosine and sine of every hinge, and its coordinate, (n, 3)."""
+    """Cosine and sine of every hinge angle, and the coordinate, (n, 3)."""
     turns = np.empty((len(q), 3))
     for k in range(len(q)):
         turns[k, 0], turns[k, 1] = cos_sin(q[k])
@@ -81,10 +81,10 @@ def turns_of(q):
 
 @recursion
 def column(chain, start, j, last, M, turns, loads):
-    """Column j of M, rows n − 1 … `last`: Newton-Euler with q̈_j = 1, hinge j on body `start`, and nothing else.
+    """Column j of M, rows n − 1 … `last`: Newton-Euler with q̈_j = 1 only; hinge j belongs to body `start`.
 
-    What is zero is not there: gravity, rates and with them gyroscopic terms, springs, the tip wrench, and whatever lies
-    inward of hinge j, which is at rest. `turns` are those of q; `loads` is scratch, force and moment of every body.
+    Terms that are zero are left out: gravity, rates, gyroscopic terms, springs, the tip wrench, and the motion of all
+    bodies inboard of hinge j. `turns` are those of q; `loads` is scratch, force and moment of every body.
     """
     bodies, hinges = chain.bodies, chain.hinges
     α, a = unit(hinges[j].axis), ZERO
@@ -123,26 +123,26 @@ def column(chain, start, j, last, M, turns, loads):
 
 @subroutine
 def before_slide(axis, q, f, n):
-    """Moment about the point before a joint that slides, of a force and a moment at the point to which it does."""
+    """Moment about the point before a prismatic joint, from force and moment about the point after it."""
     return sub(n, scale(q, cross_unit(f, axis - SLIDES, 0.0)))
 
 
 @subroutine
 def asked_by_slide(axis, m, h):
-    """Force and moment that bodies of mass m and first moment h ask for where they slide."""
+    """Force and moment of a unit acceleration along the joint, for bodies of mass m and first moment h."""
     return scale(m, unit(axis - SLIDES)), cross(h, unit(axis - SLIDES))
 
 
 @subroutine
 def slid(axis, q, m, h, J):
-    """Their first moment and inertia about the point before a joint that slides."""
+    """First moment and inertia about the point before a prismatic joint, from those about the point after it."""
     r = scale(q, unit(axis - SLIDES))
     return add(h, scale(m, r)), sym_add(J, sym_add(product_inertia(h, r), point_inertia(m, r)))
 
 
 @kernel
 def mass_columns(chain, q, M):
-    """M by n columns (Walker-Orin method 1)."""
+    """M by n columns (Walker and Orin, method 1)."""
     turns, loads = turns_of(q), np.empty((len(chain.bodies), 2, 3))
     for start in range(len(chain.bodies)):
         for j in range(chain.bodies[start].first, chain.bodies[start].stop):
@@ -152,7 +152,7 @@ def mass_columns(chain, q, M):
 
 @kernel
 def mass_lower(chain, q, M):
-    """M by columns from the diagonal down (Walker-Orin method 2)."""
+    """M by columns from the diagonal down (Walker and Orin, method 2)."""
     turns, loads = turns_of(q), np.empty((len(chain.bodies), 2, 3))
     for start in range(len(chain.bodies)):
         for j in range(chain.bodies[start].first, chain.bodies[start].stop):
@@ -164,10 +164,10 @@ def mass_lower(chain, q, M):
 
 @kernel
 def mass_upper(chain, q, M):
-    """M by composite bodies in body frames (Walker-Orin method 3): the column above the diagonal, inward."""
+    """M by composite bodies in body frames (Walker and Orin, method 3): each column above the diagonal, inward."""
     bodies, hinges, turns = chain.bodies, chain.hinges, turns_of(q)
-    m, h, J = 0.0, ZERO, ZERO6  # mass, first moment, inertia of all bodies from here on, about the hinge point
-    beyond = np.zeros((0 if chain.rare is None else len(bodies), 10))  # those of branches that begin on a body
+    m, h, J = 0.0, ZERO, ZERO6  # mass, first moment and inertia of all outboard bodies, about the hinge point
+    beyond = np.zeros((0 if chain.rare is None else len(bodies), 10))  # the same of the branches that begin on a body
     M[:] = 0.0
     for start in range(len(bodies) - 1, -1, -1):
         b = bodies[start]
@@ -221,18 +221,18 @@ def mass_upper(chain, q, M):
 
 
 class CompositeWork(NamedTuple):
-    """Scratch of `composite`."""
+    """Scratch arrays of `composite`."""
 
     placed: KinematicsWork
     pivots: Any  # hinge point of every hinge
-    masses: Any  # (rows,) m of branches; None of a plain chain
-    forks: Any  # (rows, 9) their C and J; likewise
-    starts: Any  # (bodies,) number of the body that a body's branch begins with
+    masses: Any  # (rows,) m of branches; None for a plain chain
+    forks: Any  # (rows, 9) C and J of branches; None for a plain chain
+    starts: Any  # (bodies,) index of the first body of the branch that contains each body
 
 
 @kernel
 def composite_workspace(chain):
-    """Scratch of `composite` for a chain."""
+    """Allocate the workspace of `composite` for a chain."""
     return CompositeWork(
         kinematics_workspace(chain), np.empty((len(chain.hinges), 3)), masses_of_branches(chain), fork_rows(chain, 9),
         starts_of_branches(chain.bodies),
@@ -241,7 +241,7 @@ def composite_workspace(chain):
 
 @kernel
 def masses_of_branches(chain):
-    """A number for every fork; None of a plain chain."""
+    """Return an array with one number per fork; None for a plain chain."""
     if chain.rare is None:
         return None
     return np.empty(rows_of_forks(chain.bodies))
@@ -249,7 +249,7 @@ def masses_of_branches(chain):
 
 @kernel
 def starts_of_branches(bodies):
-    """Number of the body that each body's branch begins with, (bodies,)."""
+    """Index of the first body of the branch that contains each body, (bodies,)."""
     starts = np.zeros(len(bodies), np.int64)
     for i in range(1, len(bodies)):
         starts[i] = i if bodies[i].begins else starts[i - 1]
@@ -265,11 +265,12 @@ def mass_composite(chain, q, M):
 
 @recursion
 def composite(chain, q, M, work):
-    """M by composite bodies in inertial axes, at angles (n,), or `Turns` of eight states side by side, M (n, n, 8).
+    """M by composite bodies in inertial axes, for coordinates (n,), or M (n, n, 8) for `Turns` of eight states.
 
-    With mass m, centre C and inertia J of all bodies beyond hinge k at p_k, unit acceleration about its axis gives
-    f = m axis_k × (C − p_k),  n = J axis_k + (C − p_k) × f,  and  M_jk = axis_j · (n + (p_k − p_j) × f),  j ≤ k,
-    between k and the base. Of a joint that slides f = m axis_k, n = (C − p_k) × f; and M_jk = axis_j · f if j does.
+    m, C and J are mass, centre and inertia of all bodies outboard of hinge k at p_k. Unit acceleration about its axis
+    gives f = m axis_k × (C − p_k),  n = J axis_k + (C − p_k) × f,  and  M_jk = axis_j · (n + (p_k − p_j) × f)  for
+    hinges j ≤ k between k and the base. If joint k is prismatic, f = m axis_k and n = (C − p_k) × f; if joint j is,
+    M_jk = axis_j · f.
     """
     bodies, hinges = chain.bodies, chain.hinges
     kinematics(chain, q, work.placed)
@@ -327,7 +328,7 @@ def composite(chain, q, M, work):
 
 @inlined
 def begin_branches(M, work, o):
-    """Nothing is kept of branches; M of joints on different ones is zero."""
+    """Clear the sums of branches, and M, whose elements for joints on different branches stay zero."""
     for row in range(len(work.masses)):
         work.masses[row] = 0.0
         for column in range(9):
@@ -339,7 +340,7 @@ def begin_branches(M, work, o):
 
 @inlined
 def together(m, C, J, m_other, C_other, J_other):
-    """Mass, centre and inertia about it of two bodies."""
+    """Mass, centre, and inertia about the centre, of two bodies combined."""
     if m + m_other == 0.0:
         return 0.0, C, sym_add(J, J_other)
     d = sub(C_other, C)
@@ -349,7 +350,7 @@ def together(m, C, J, m_other, C_other, J_other):
 
 @kernel
 def mass_of_many(chain, q):
-    """M of many states, (b, n, n) of angles (b, n), by composite bodies, eight states side by side."""
+    """M of many states, (b, n, n) for coordinates (b, n), by composite bodies, eight states side by side."""
     b, n, m = len(q), len(chain.hinges), len(chain.bodies)
     found, M, trig = np.empty((b, n, n)), empty_lanes((n, n)), empty_lanes((3, n))
     placed = KinematicsWork(empty_lanes((m, 3, 3)), empty_lanes((m, 3)), empty_lanes((n, 3)))

@@ -1,4 +1,4 @@
-"""Momentum of all bodies, and their centre of mass, body by body, in frame 0."""
+"""Momentum and centre of mass of all bodies, in frame 0."""
 
 from flexlink.kernels.geometry.kinematics import kinematics, kinematics_workspace, motion_of
 from flexlink.kernels.layout import SLIDES
@@ -8,7 +8,7 @@ from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, apply, apply_tran
 
 @kernel
 def momenta(chain, qs, qds, found):
-    """Σ m v, Σ c × m v + I ω about the origin, and Σ m c / Σ m, of states (rows, n) into `found` (rows, 3, 3)."""
+    """Write Σ m v, Σ c × m v + I ω about the origin, and Σ m c / Σ m of states (rows, n) to `found` (rows, 3, 3)."""
     placed = kinematics_workspace(chain)
     bodies, hinges = chain.bodies, chain.hinges
     for row in range(len(qs)):

@@ -1,15 +1,15 @@
-"""Recursive Newton-Euler in a plane: the torques of a given motion, on the constants of `planar`.
+"""Recursive Newton-Euler in a plane, with the constants of `plane`.
 
-Inertial axes, absolute angles, rates and accelerations φ, ω, α; a of the hinge point; d = r turned by 90°, h = m c
-turned by 90°; I about the hinge point. A body's centre accelerates by a + (α h − ω² m c) / m, so that
+Inertial axes; φ, ω, α are absolute angle, rate and acceleration of a body; a is the acceleration of its hinge point.
+d is r rotated by 90°; h is m c rotated by 90°; I is the inertia about the hinge point. The centre of mass accelerates
+by a + (α h − ω² m c) / m, so
 
     forward     φ ← φ + σ q        ω ← ω + σ q̇        α ← α + σ q̈
     body        F = m a + α h − ω² m c        N = I α + h·a            about the hinge point
                 a ← a + α d − ω² r
     backward    n ← n + N + d·f        f ← f + F        τ = σ n + A q̈
 
-No turning of vectors from frame to frame, no products with zeros of the third axis: a quarter of the cost of
-`rne`.
+No vectors are rotated between frames, and no third components computed: a quarter of the cost of `rne`.
 """
 
 from flexlink.kernels.bodies.plane import BASE, LINK, cos_sin_less_turns, in_plane
@@ -19,12 +19,12 @@ from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sincos import cos_sin_all
 from flexlink.kernels.tools.vec3 import dot, scale
 
-FORCE = numbered("x y", start=LINK.ux)  # F of a body, in place of what `planar` keeps there
+FORCE = numbered("x y", start=LINK.ux)  # F of a body, stored in columns that only `planar` uses
 
 
 @recursion
 def planar_rne(wrench, q, qd, qdd, tau, work):
-    """Write τ = M q̈ + T_GC, all (n,), with tip wrench (6,), on scratch of `planar`.
+    """Write τ = M q̈ + T_GC (n,) for the tip wrench (6,), in a workspace of `planar`.
 
     Returns the power m·ω of the moment on the tip [W].
     """
@@ -43,7 +43,7 @@ def planar_rne(wrench, q, qd, qdd, tau, work):
 
 @inlined
 def forward(base, links, cosines, sines, qd, qdd, tau):
-    """Keep d and F of every body in its row, N in `tau`."""
+    """Write d and F of every body to its row, and N to `tau`."""
     ax, ay = in_plane(base, scale(-1.0, vec(base, BASE.gravity)))
     ω = α = 0.0
     for k in range(len(qd)):
@@ -62,7 +62,7 @@ def forward(base, links, cosines, sines, qd, qdd, tau):
 
 @inlined
 def backward(base, links, wrench, qdd, tau):
-    """Moments at the hinge points, of each body and all beyond it, less those of the wrench on the tip."""
+    """Write the joint torques: moments of each body and all outboard bodies, minus those of the tip wrench."""
     fx, fy = in_plane(base, scale(-1.0, vec(wrench, 0)))
     n = -dot(vec(base, BASE.normal), vec(wrench, 3))
     for k in range(len(qdd) - 1, -1, -1):

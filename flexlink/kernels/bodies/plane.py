@@ -1,6 +1,7 @@
-"""Constants of a chain in a plane, or of eight chains side by side: its links in inertial axes, projected once.
+"""Constants of a planar chain, or of eight planar chains side by side: its links projected on inertial axes.
 
-Read by the plane's recursions: forward dynamics (`planar`), inverse dynamics (`planar_rne`), M + A and derivatives.
+Used by the recursions for planar chains: forward dynamics (`planar`), inverse dynamics (`planar_rne`), M + A, and
+derivatives.
 """
 
 import math
@@ -36,36 +37,36 @@ from flexlink.kernels.tools.vec3 import (
 
 LINK = numbered(
     "sign armature mass inertia",  # σ, rotor A, mass, I about the hinge point
-    "rx ry sx sy",  # r to the next hinge (of the last link to the tip) and m c, at q = 0
-    "rate2 torque dx dy",  # of the state: ω², τ, d
+    "rx ry sx sy",  # r to the next hinge (last link: to the tip), and m c, at q = 0
+    "rate2 torque dx dy",  # functions of the state: ω², τ, d
     "ux uy α β γ",  # H / D, T / D, A / D, 1 − A / D
     start=JOINT.size,
 )
-"""Numbers of a link, after those of its joint."""
+"""Columns of a link, after those of its joint."""
 BASE = numbered("u:3 v:3 normal:3 gravity:3")
-"""Numbers of the base: plane u, v, normal (right-handed) and gravity, in frame 0."""
+"""Numbers of the base: u, v and the normal of the plane (right-handed), and gravity, in frame 0."""
 
 
 class PlanarWork(NamedTuple):
-    """Scratch of `planar`, with the constants of a chain, or of eight."""
+    """Scratch arrays of `planar`, with the constants of one chain, or of eight."""
 
     base: Any
     links: Any
     prescribed: Any
     dry: Any
-    flat: Any  # angles, cosines and sines, for the loop over all of them
-    trig: Any  # the same memory, for the links
-    forces: Any  # force elements; None of a plain chain
+    flat: Any  # angles, cosines, sines, for a loop over all of them
+    trig: Any  # the same memory, by link
+    forces: Any  # force elements; None for a plain chain
 
 
 @kernel
 def planar_workspace(bodies, hinges, gravity, rare):
-    """Scratch of `planar` with the chain's constants."""
+    """Allocate the workspace of `planar`, and fill in the chain's constants."""
     n = len(hinges)
     base, links = np.zeros(12), np.zeros((n, LINK.size))
     put(base[BASE.gravity :], vector(gravity))
     x, y, z = X, Y, Z
-    to_body = ZERO  # from the hinge of the present link to the present body's origin
+    to_body = ZERO  # from the hinge of the current link to the origin of the current body
     k = -1
     for i in range(len(bodies)):
         b = bodies[i]
@@ -89,14 +90,14 @@ def planar_workspace(bodies, hinges, gravity, rare):
             links[k, LINK.sy] += b.mass * cy
             own = dot(normal, sym_apply(symmetric(b.inertia), normal))
             links[k, LINK.inertia] += own + b.mass * (cx * cx + cy * cy)
-    trig = np.zeros((3, -(-n // LANES) * LANES))  # angles, cosines, sines; whole vectors of angles
+    trig = np.zeros((3, -(-n // LANES) * LANES))  # angles, cosines, sines; padded to full vectors
     dry, forces = dry_joints(links[:, JOINT.coulomb]), forces_of(ChainArrays(bodies, hinges, gravity, rare))
     return PlanarWork(base, links, prescribed_joints(hinges), dry, trig, trig, forces)
 
 
 @kernel
 def planar_lanes_workspace(bodies, hinges, gravity, rare):
-    """The same for eight chains side by side, arrays of shape (8, bodies), (8, n), (8, 3), and of what is rare."""
+    """The same for eight chains side by side: arrays (8, bodies), (8, n), (8, 3), and optional features."""
     n, chains = hinges.shape[1], eight_of(bodies, hinges, gravity, rare)
     base, links, coulomb = np.empty((12, LANES)), np.empty((n, LINK.size, LANES)), np.zeros(n)
     trig = np.empty((3, n * LANES))
@@ -116,7 +117,7 @@ def planar_lanes_workspace(bodies, hinges, gravity, rare):
 
 @kernel
 def span_plane(normal, base):
-    """Write u, v and normal; u and v are coordinate axes if they can be."""
+    """Write u, v and the normal; u and v are coordinate axes if possible."""
     least = 0
     for k in range(1, 3):
         if abs(normal[k]) < abs(normal[least]):
@@ -136,7 +137,7 @@ def in_plane(base, a):
 
 @recursion
 def cos_sin_less_turns(q, links, flat, angles):
-    """Cosines and sines once more, of sums of joint angles less whole turns; `angles` is the memory of `flat[0]`."""
+    """Recompute cosines and sines from sums of joint angles without full turns; `angles` is the memory of `flat[0]`."""
     for k in range(len(q)):
         put_at(angles, at(q, k), k)
     less_whole_turns(flat[0])

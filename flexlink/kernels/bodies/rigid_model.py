@@ -1,4 +1,4 @@
-"""The arm as its controller knows it: one rigid link behind every driven joint."""
+"""The arm as modelled by its controller: one rigid link after every driven joint."""
 
 from typing import Any, NamedTuple
 
@@ -8,12 +8,12 @@ from flexlink.kernels.tools.vec3 import vector
 
 
 class RigidModel(NamedTuple):
-    """A chain of d hinges, with the motion that it is asked about, and scratch."""
+    """A chain of d hinges with its motion and scratch arrays."""
 
     chain: Any
     rne: Any
-    wrench: Any  # (6,) none
-    q: Any  # (d,), and so on
+    wrench: Any  # (6,) zero
+    q: Any  # (d,); all arrays below as well
     qd: Any
     qdd: Any
     tau: Any
@@ -21,6 +21,6 @@ class RigidModel(NamedTuple):
 
 @recursion
 def model_torque(model):
-    """Write τ = M q̈ + T_GC of the model in motion."""
+    """Write τ = M q̈ + T_GC of the model for its motion."""
     gravity = vector(model.chain.gravity)
     rne(model.chain, gravity, model.wrench, model.q, model.qd, model.qdd, model.tau, model.rne)

@@ -4,9 +4,9 @@
     body        F = m (a + α × c + ω × (ω × c))        N = I α + ω × I ω + c × F
     backward    f ← f + F        n ← n + N        τ = e·n + armature q̈        n ← R n + r × R f
 
-of a joint that slides by q, forward a ← a + α × e q + ω × (ω × e q) + 2 ω × e q̇ + e q̈, backward τ = e·f + armature q̈
-and n ← n + e q × f. Gravity is an upward acceleration −g of the base; the tip wrench is carried outward to the tip
-frame. One source serves one state and eight side by side (`lanes`).
+Prismatic joint: forward a ← a + α × e q + ω × (ω × e q) + 2 ω × e q̇ + e q̈, backward τ = e·f + armature q̈ and
+n ← n + e q × f. Gravity is an upward acceleration −g of the base. The tip wrench is transformed outward to the tip
+frame. One source serves one state and eight states side by side (`lanes`).
 """
 
 from typing import Any, NamedTuple
@@ -48,22 +48,22 @@ from flexlink.kernels.tools.vec3 import (
 
 
 class RneWork(NamedTuple):
-    """Scratch of `rne`."""
+    """Scratch arrays of `rne`."""
 
-    turns: Any  # (n, 2) cosine and sine of every hinge; how far one that slides is out
+    turns: Any  # (n, 2) cosine and sine of every hinge angle; displacement of prismatic joints
     loads: Any  # (bodies, 6) force and moment of every body
-    forks: Any  # (rows, 15) ω, α, a, and the tip wrench, where branches begin; None of a plain chain
+    forks: Any  # (rows, 15) ω, α, a and the tip wrench where branches begin; None for a plain chain
 
 
 @kernel
 def rne_workspace(chain):
-    """Scratch of `rne` for a chain."""
+    """Allocate the workspace of `rne` for a chain."""
     return RneWork(np.empty((len(chain.hinges), 2)), np.empty((len(chain.bodies), 6)), fork_rows(chain, 15))
 
 
 @kernel
 def inverse_dynamics(chain, wrench, q, qd, qdd):
-    """τ = M q̈ + T_GC in a new array (n,), under the chain's gravity."""
+    """τ = M q̈ + T_GC in a new array (n,), with the chain's gravity."""
     tau = np.empty(len(q))
     rne(chain, vector(chain.gravity), wrench, q, qd, qdd, tau, rne_workspace(chain))
     return tau
@@ -89,9 +89,9 @@ def inverse_dynamics_of_many(chain, wrench, q, qd, qdd):
 
 @subroutine
 def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
-    """Inverse dynamics τ = M q̈ + T_GC, written to `tau` (n,); `gravity` tuple and `wrench` (6,) in frame 0.
+    """Inverse dynamics: write τ = M q̈ + T_GC to `tau` (n,); `gravity`, a tuple, and `wrench` (6,) in frame 0.
 
-    Of eight states side by side `q` are their `Turns`, all else is (…, 8).
+    For eight states side by side, `q` are their `Turns` and all other arrays are (…, 8).
 
     Returns the power m·ω of the moment on the tip [W].
     """
@@ -168,7 +168,7 @@ def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
 
 @inlined
 def slide(axis, q, qd, qdd, ω, α, a):
-    """Acceleration a of a hinge point that slides out along an axis."""
+    """Acceleration a of the hinge point after a prismatic joint."""
     o = 0.0 * q
     ωe = cross_unit(ω, axis, o)
     return add_along(axis, qdd, add(a, add(scale(q, add(cross_unit(α, axis, o), cross(ω, ωe))), scale(2.0 * qd, ωe))))

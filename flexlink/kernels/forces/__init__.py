@@ -1,4 +1,4 @@
-"""What acts on a chain besides inertia and gravity: springs and friction of single joints, and force elements.
+"""Forces on a chain besides inertia and gravity: springs and friction of single joints, and force elements.
 
-A force element is a record with its constants and scratch, and a function for each line of the table in `elements`.
+A force element is a record of constants and scratch arrays, and a function for each line of the table in `elements`.
 """

@@ -1,1 +1,1 @@
-"""Where bodies and hinges are, and how a tree of them branches."""
+"""Positions of bodies and hinges, and the branches of their tree."""

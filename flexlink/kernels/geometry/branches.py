@@ -1,6 +1,7 @@
-"""Where a recursion keeps what branches of a tree go on from, and adds up what they bring: a row for every fork.
+"""Rows in which a recursion stores the state at the forks of a tree and adds up the contributions of the branches.
 
-Row 0 is that of the base; a body's is its `fork`, and of one with which a branch begins its `slot` (`layout`).
+Row 0 is that of the base. A body with branches has row `fork`; the first body of a branch has the row of its parent,
+`slot` (`layout`).
 """
 
 import numpy as np
@@ -11,7 +12,7 @@ from flexlink.kernels.tools.lanes import empty_lanes
 
 @kernel
 def rows_of_forks(bodies):
-    """How many rows there are, that of the base included; none of a chain without branches."""
+    """Number of rows, including that of the base; zero for a chain without branches."""
     rows = 0
     for i in range(len(bodies)):
         if bodies[i].begins:
@@ -21,7 +22,7 @@ def rows_of_forks(bodies):
 
 @kernel
 def fork_rows(chain, size):
-    """As many rows of `size` numbers; None of a plain chain."""
+    """Return an array with a row of `size` numbers per fork; None for a plain chain."""
     if chain.rare is None:
         return None
     return np.zeros((rows_of_forks(chain.bodies), size))
@@ -29,7 +30,7 @@ def fork_rows(chain, size):
 
 @kernel
 def fork_lanes(chain, size):
-    """The same for eight states side by side."""
+    """`fork_rows` for eight states side by side."""
     if chain.rare is None:
         return None
     return empty_lanes((rows_of_forks(chain.bodies), size))
@@ -37,7 +38,7 @@ def fork_lanes(chain, size):
 
 @kernel
 def loaded_body(bodies):
-    """Number of the one on which the tip wrench acts."""
+    """Index of the body on which the tip wrench acts."""
     found = len(bodies) - 1
     for i in range(len(bodies)):
         if bodies[i].loaded:
@@ -47,7 +48,7 @@ def loaded_body(bodies):
 
 @kernel
 def path_to(bodies, last):
-    """Numbers of the bodies on the path from the base to one, itself included."""
+    """Indices of the bodies on the path from the base to body `last`, inclusive."""
     path, number = np.full(len(bodies), -1), last + 1
     first = len(path)
     while number > 0:

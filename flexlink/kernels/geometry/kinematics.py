@@ -1,6 +1,6 @@
-"""Forward kinematics: where every body and hinge axis is, in frame 0.
+"""Forward kinematics: positions of all bodies and hinge axes in frame 0.
 
-p ← p + R r        R ← R R_mount        axis_k = R e_k        R ← R R_k(q_k), of a joint that slides p ← p + axis_k q_k
+p ← p + R r        R ← R R_mount        axis_k = R e_k        R ← R R_k(q_k)        prismatic: p ← p + axis_k q_k
 """
 
 import math
@@ -32,23 +32,23 @@ from flexlink.kernels.tools.vec3 import (
 
 
 class KinematicsWork(NamedTuple):
-    """What `kinematics` writes, in frame 0."""
+    """Results of `kinematics`, in frame 0."""
 
     rotations: Any  # R of every body, (nb, 3, 3)
-    points: Any  # hinge point p of every body, (nb, 3); of one that slides, where it has slid to
-    axes: Any  # of every hinge, (n, 3)
+    points: Any  # hinge point p of every body, (nb, 3); after prismatic hinges, the displaced point
+    axes: Any  # of all hinges, (n, 3)
 
 
 @kernel
 def kinematics_workspace(chain):
-    """Scratch of `kinematics` for a chain."""
+    """Allocate the results of `kinematics` for a chain."""
     m, n = len(chain.bodies), len(chain.hinges)
     return KinematicsWork(np.empty((m, 3, 3)), np.empty((m, 3)), np.empty((n, 3)))
 
 
 @kernel
 def forward_kinematics(chain, q):
-    """R and p of every body and all hinge axes, in new arrays."""
+    """R and p of every body, and all hinge axes, in new arrays."""
     work = kinematics_workspace(chain)
     kinematics(chain, q, work)
     return work
@@ -56,7 +56,7 @@ def forward_kinematics(chain, q):
 
 @kernel
 def tip_points(chain, qs, tips):
-    """Write the origin of the tip frame, (states, 3), at the angles of each state, (states, n)."""
+    """Write the origin of the tip frame, (states, 3), for the coordinates (states, n)."""
     work = kinematics_workspace(chain)
     for row in range(len(qs)):
         kinematics(chain, qs[row], work)
@@ -65,7 +65,7 @@ def tip_points(chain, qs, tips):
 
 @recursion
 def kinematics(chain, q, work):
-    """Write R and p of every body and all hinge axes, at angles (n,), or `Turns` of eight states side by side."""
+    """Write R and p of every body, and all hinge axes, for coordinates (n,) or `Turns` of eight states side by side."""
     bodies, hinges = chain.bodies, chain.hinges
     rotations, points, axes = work.rotations, work.points, work.axes
     o = zero_of(points, 0, 0)
@@ -98,7 +98,7 @@ def kinematics(chain, q, work):
 
 @inlined
 def columns_of(R):
-    """Columns x, y, z of an array R of shape (3, 3), or of eight side by side."""
+    """Columns x, y, z of an array R of shape (3, 3), or of eight such arrays side by side."""
     return (
         (at(R, 0, 0), at(R, 1, 0), at(R, 2, 0)), (at(R, 0, 1), at(R, 1, 1), at(R, 2, 1)),
         (at(R, 0, 2), at(R, 1, 2), at(R, 2, 2)),
@@ -107,9 +107,10 @@ def columns_of(R):
 
 @recursion
 def motion_of(chain, body, qd, placed):
-    """ω of a body, given by its number from 1, 0 the base, and the velocity of its hinge point, where `kinematics` was.
+    """ω of a body and the velocity of its hinge point, from the results of `kinematics`.
 
-    Sums over the joints between it and the base: ω = Σ q̇ e of those that turn, v = Σ q̇ e × (p − p_k), or Σ q̇ e.
+    `body` counts from 1; 0 is the base. Sums over the joints on the path to it: revolute ω = Σ q̇ e and
+    v = Σ q̇ e × (p − p_k), prismatic v = Σ q̇ e.
     """
     ω, v, i = ZERO, ZERO, body - 1
     while i >= 0:
@@ -126,7 +127,7 @@ def motion_of(chain, body, qd, placed):
 
 @kernel
 def arm_length(bodies):
-    """How far along all bodies [m], 1 where that is nothing: what a slide by as much compares with a turn by 1 rad."""
+    """Sum of the lengths of all bodies [m], or 1 if it is zero: it makes slides comparable with rotations."""
     length = 0.0
     for i in range(len(bodies)):
         r = vector(bodies[i].translation)
@@ -136,7 +137,7 @@ def arm_length(bodies):
 
 @kernel
 def turned_with_tip(chain, wrench, q):
-    """A wrench (6,) given in axes of the tip frame that it acts on, in frame 0."""
+    """Convert a wrench (6,) from axes of the tip frame on which it acts to frame 0."""
     tip, turned = forward_kinematics(chain, q).rotations[loaded_body(chain.bodies)], np.empty(6)
     put(turned[:3], apply(tip, vector(wrench)))
     put(turned[3:], apply(tip, vector(wrench[3:])))

@@ -1,1 +1,1 @@
-"""What acts on a run from outside, evaluated at a time and a state."""
+"""Inputs of a run (drives, prescribed motions, tip wrench), evaluated at a time and a state."""

@@ -1,18 +1,19 @@
-"""What the driven and the prescribed joints are asked for in time: drive torques by a law, prescribed motions."""
+"""Inputs of joints: torques of the drives by their control law, and prescribed motions."""
 
 from flexlink.kernels.inputs.laws import law_torque
 from flexlink.kernels.inputs.references import locate
 from flexlink.kernels.tools.compiler import entry, inlined
 from flexlink.kernels.tools.lanes import put_at, zero_of
 
-LATE = 1.0 + 8.0 * 2.0**-52  # an instant's number by its time, which is off by less
+LATE = 1.0 + 8.0 * 2.0**-52  # allowed relative rounding error of the number of an instant
 
 
 @inlined
 def stage_torque(drive, t, middle, q, qd, tau):
-    """Write T_EX at the driven joints by the drive's law, within ± effort; `tau` (n,) stays as it is elsewhere.
+    """Write T_EX of the drive's law at the driven joints, within ± effort; the rest of `tau` (n,) is not changed.
 
-    `middle` of the step that t belongs to. A sampled law gives what it gave at its last instant (`sample_law`).
+    `middle` is the midpoint of the step that contains t. A sampled law applies the torque of its last instant
+    (`sample_law`).
     """
     if drive.rate > 0.0:
         last = int(middle * drive.rate * LATE) % len(drive.held)
@@ -24,16 +25,16 @@ def stage_torque(drive, t, middle, q, qd, tau):
 
 @entry
 def drive_torque(drive, t, middle, q, qd, tau):
-    """`stage_torque` for Python."""
+    """`stage_torque` for calls from Python."""
     stage_torque(drive, t, middle, q, qd, tau)
 
 
 @entry
 def drive_slopes(drive, t, state, nudge, ends, slopes):
-    """−∂T_EX/∂q and −∂T_EX/∂q̇ (2, n, d) by the angle and rate of each driven joint, at q and q̇ of a `state` (2, n).
+    """−∂T_EX/∂q and −∂T_EX/∂q̇, (2, n, d), with respect to angle and rate of each driven joint at a `state` (2, n).
 
-    By central differences, a `nudge` to either side, which are exact for a linear law but for rounding; `ends` (2, n)
-    are the torques there, zero before.
+    Central differences with step `nudge`, exact for a linear law except for rounding. `ends` (2, n), initially zero,
+    receives the torques at both ends.
     """
     for part in range(2):
         for d in range(len(drive.joints)):
@@ -48,16 +49,16 @@ def drive_slopes(drive, t, state, nudge, ends, slopes):
 
 @inlined
 def sample_at_step(drive, t, middle, q, qd, tau):
-    """`sample_law`, whose record is handed over only where there is an instant."""
+    """Call `sample_law` only if the drive is sampled, so that other drives do not pay for passing its record."""
     if drive.rate > 0.0:
         sample_law(drive, t, middle, q, qd, tau)
 
 
 @entry
 def sample_law(drive, t, middle, q, qd, tau):
-    """At an instant t = k / rate of a sampled law, the start of a step, hold what it gives; of others nothing is held.
+    """Evaluate a sampled law at one of its instants t = k / rate, the start of a step, and store its torques.
 
-    `middle` of the step that begins at t; scratch `tau` (n,).
+    Other laws store nothing. `middle` is the midpoint of the step that begins at t; `tau` (n,) is scratch.
     """
     now = int(middle * drive.rate * LATE)
     if q.ndim == 1:  # noqa: SIM102  to the compiler; arms side by side have no sampled law
@@ -70,7 +71,7 @@ def sample_law(drive, t, middle, q, qd, tau):
 
 @entry
 def follow(motion, t, q, qd, qdd):
-    """Put angle, rate and acceleration of the prescribed joints at time t into `q`, `qd`, `qdd` (n,)."""
+    """Write position, rate and acceleration of the prescribed joints at time t into `q`, `qd`, `qdd` (n,)."""
     for m in range(len(motion.joints)):
         k = motion.joints[m]
         piece = locate(motion.knots, motion.first[m], motion.first[m + 1], t)

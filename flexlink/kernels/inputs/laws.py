@@ -1,15 +1,15 @@
-"""Control laws of the d driven joints, r(t) the reference, g(t) torques in time, T_G and M those of a rigid model.
+"""Control laws of the d driven joints. r(t) is the reference, g(t) a torque table, T_G and M belong to a rigid model.
 
     TABLE               T_EX = g(t)
     PD                  T_EX = k_p (r − q) + k_d (ṙ − q̇) + g(t)
     PD_GRAVITY          T_EX = k_p (r − q) + k_d (ṙ − q̇) + T_G(r)
-    COMPUTED_TORQUE     T_EX = M(q) (r̈ + k_d (ṙ − q̇) + k_p (r − q)) + T_GC(q, q̇), q the driven joints'
+    COMPUTED_TORQUE     T_EX = M(q) (r̈ + k_d (ṙ − q̇) + k_p (r − q)) + T_GC(q, q̇), q of the driven joints
 
-Of an arm that is as rigid as its model, computed torque makes the errors e = r − q go by ë + k_d ė + k_p e = 0
+If the arm is as rigid as its model, computed torque gives the error dynamics ë + k_d ė + k_p e = 0 with e = r − q
 (Siciliano et al. 2009, section 8.5.2).
 
-Torques that are held jump at
-their knots: the piece of a step is then that of its middle, so that a stage at its end does not see what follows.
+Piecewise constant torques jump at their knots. A step uses the piece at its midpoint, so a stage at the end of the step
+is not affected by a jump there.
 """
 
 from flexlink.kernels.bodies.rigid_model import model_torque
@@ -22,9 +22,9 @@ TABLE, PD, PD_GRAVITY, COMPUTED_TORQUE = range(4)
 
 @inlined
 def law_torque(drive, t, middle, q, qd, tau):
-    """Write T_EX at the driven joints to `tau` (n,), within its limits, at time t in a step of this `middle`.
+    """Write T_EX at the driven joints to `tau` (n,), within the limits of the drive, at time t of a step with `middle`.
 
-    Expanded where it is called: to hand over the record of a drive takes longer than most laws.
+    Inlined: passing the record of a drive takes longer than evaluating most laws.
     """
     unlimited_torque(drive, t, middle, q, qd, tau)
     for d in range(len(drive.joints)):
@@ -34,7 +34,7 @@ def law_torque(drive, t, middle, q, qd, tau):
 
 @inlined
 def unlimited_torque(drive, t, middle, q, qd, tau):
-    """`law_torque` of motors that give any torque."""
+    """`law_torque` without torque limits."""
     joints, g = drive.joints, drive.feedforward
     if drive.law == TABLE:
         held = g.coefficients.shape[1] == 1
@@ -58,7 +58,7 @@ def unlimited_torque(drive, t, middle, q, qd, tau):
 
 @subroutine
 def torques_by_model(drive, t, middle, q, qd, tau):
-    """Write T_EX of a law that asks the rigid model."""
+    """Write T_EX of a law that uses the rigid model."""
     model, computed = drive.model, drive.law == COMPUTED_TORQUE
     for d in range(len(drive.joints)):
         k = drive.joints[d]

@@ -1,4 +1,4 @@
-"""Record of all that acts on a run from outside: drive, prescribed motions, tip wrench."""
+"""Record of all inputs of a run: drive, prescribed motions, tip wrench."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from flexlink.kernels.layout import ChainArrays
 
 
 class PiecewisePolynomial(NamedTuple):
-    """Σ_j c_j x^j of d joints, x = t − the last knot; the last piece goes on for ever.
+    """Σ_j c_j x^j of d joints, with x = t − the last knot; the last piece continues without end.
 
-    Before the first knot stands its value, with its rate and acceleration: let it lie at or before the start of the
-    run, or its piece be a constant one.
+    Before the first knot the value, rate and acceleration at the knot apply. The first knot must therefore be at or
+    before the start of the run, or its piece constant.
     """
 
     knots: Array  # (m,) [s]
@@ -24,27 +24,27 @@ class PiecewisePolynomial(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """The drive of d joints by any law (`laws`); what a law does not use is empty or zero.
+    """The drive of d joints by any law (`laws`); entries that a law does not use are empty or zero.
 
-    One type for all laws: stepping loops are compiled once, whatever drives the arm.
+    All laws share one type, so stepping loops are compiled once.
     """
 
-    law: int  # its number in `laws`
-    rate: float  # how often it is sampled, its torques held in between [Hz]; 0: asked at every stage
+    law: int  # number of the law in `laws`
+    rate: float  # sampling rate; torques are constant between samples [Hz]; 0: evaluated at every stage
     joints: Indices  # (d,)
     effort: Array  # (d,) largest torque [N m]
-    limits: Array  # (2, d) least and largest torque [N m]: ± effort, or what a step takes them for (`saturation`)
+    limits: Array  # (2, d) smallest and largest torque [N m]: ± effort, or as assumed in a step (`saturation`)
     reference: PiecewisePolynomial  # r [rad / s^j]
     feedforward: PiecewisePolynomial  # g [N m / s^j]
-    kp: Array  # (d,) [N m/rad], of computed torque [1/s²]
-    kd: Array  # (d,) [N m s/rad], of computed torque [1/s]
-    model: RigidModel | None  # of the laws that need one; None in loops for plain chains
-    held: Array  # (m, d) what a sampled law gave at its last m instants [N m]
-    next_instant: Indices  # (1,) number of the instant of a sampled law that comes next
+    kp: Array  # (d,) [N m/rad]; computed torque: [1/s²]
+    kd: Array  # (d,) [N m s/rad]; computed torque: [1/s]
+    model: RigidModel | None  # for laws that need one; None in loops for plain chains
+    held: Array  # (m, d) torques of a sampled law at its last m instants [N m]
+    next_instant: Indices  # (1,) number of the next instant of a sampled law
 
 
 class MotionTable(NamedTuple):
-    """θ = Σ_j c_j x^j of every prescribed joint; its pieces are first[m] … first[m + 1] − 1."""
+    """θ = Σ_j c_j x^j of every prescribed joint; joint m has pieces first[m] … first[m + 1] − 1."""
 
     joints: Indices  # (r,)
     first: Indices  # (r + 1,)
@@ -53,61 +53,61 @@ class MotionTable(NamedTuple):
 
 
 class Loads(NamedTuple):
-    """The tip wrench where it changes, or its work has to be found, at every stage.
+    """Tip wrench that changes with time, or whose work must be integrated; evaluated at every stage.
 
-    F = Σ_j c_j x^j, x = time since the last knot, in axes of frame 0 or, if it follows, of the tip.
+    F = Σ_j c_j x^j, with x = time since the last knot, in axes of frame 0 or, for a follower, of the tip.
     """
 
-    varies: bool  # False: the constant wrench of the inputs acts on the arm's tip, and nothing is to find
+    varies: bool  # False: the constant wrench of the inputs acts on the tip, nothing is evaluated
     follows: bool
     knots: Array  # (m,) [s]
     coefficients: Array  # (m, order + 1, 6) [N / s^j, N m / s^j]
-    chain: ChainArrays  # at whose tip it acts
-    path: Indices  # bodies from the base to that tip
+    chain: ChainArrays  # the chain with the loaded tip
+    path: Indices  # indices of the bodies from the base to that tip
 
     def holding(self, wrench: Array, chain: ChainArrays) -> Loads:
-        """The same with a constant wrench (6,) in frame 0, on a chain that may say otherwise where a base is."""
+        """Return a copy with a constant wrench (6,) in frame 0, on `chain`, whose base may be elsewhere."""
         return self._replace(follows=False, knots=np.zeros(1), coefficients=wrench.reshape(1, 1, 6).copy(), chain=chain)
 
 
 class GivenWrench(NamedTuple):
-    """What `analysis` takes of a wrench that does not change with time, as `solve_static` and `modes`."""
+    """A constant wrench, as `solve_static` and `modes` take it."""
 
     tip_wrench: Array  # (6,)
-    follower: bool  # it is in axes of the tip frame
+    follower: bool  # whether it is in axes of the tip frame
 
 
 def given_at(loads: Loads, t: float) -> GivenWrench:
-    """Their wrench at time t [s]."""
+    """Return the wrench at time t [s]."""
     given = np.empty(6)
     put_given(loads, t, t, given)
     return GivenWrench(given, loads.follows)
 
 
 class Inputs(NamedTuple):
-    """All that acts on a run from outside."""
+    """All inputs of a run."""
 
     drive: Drive
     motion: MotionTable
-    wrench: Array  # (6,) [N, N m] on the tip, frame 0; constant, or what every stage writes there from
+    wrench: Array  # (6,) [N, N m] on the tip, frame 0; constant, or overwritten at every stage
     loads: Loads | None  # None in loops for plain chains
 
     @property
     def changing(self) -> Loads | None:
-        """Those of a tip wrench that has to be found at every stage."""
+        """Loads that must be evaluated at every stage; None if the wrench is constant."""
         return self.loads if self.loads is not None and self.loads.varies else None
 
     def given_wrench(self, t: float) -> GivenWrench:
-        """The wrench at time t [s], in the axes that it is given in."""
+        """Return the wrench at time t [s], in the axes in which it was specified."""
         return given_at(self.changing, t) if self.changing else GivenWrench(self.wrench, False)
 
     @property
     def potential_force(self) -> Array:
-        """A constant force, which has a potential and whose work runs do not integrate, shape (3,); else zero."""
+        """Constant force (3,), else zero. It has a potential, so runs do not integrate its work."""
         return np.zeros(3) if self.changing else self.wrench[:3]
 
     def tip_wrenches(self, t: Array, q: Array, qd: Array) -> Array:
-        """Force and moment in frame 0 at samples (rows,) with states (rows, n), shape (rows, 6)."""
+        """Force and moment in frame 0, (rows, 6), at the times (rows,) and states (rows, n) of samples."""
         found = np.empty((len(t), 6))
         found[:] = self.wrench
         if self.changing:

@@ -1,7 +1,7 @@
-"""What is given in time as piecewise polynomials, and where a drive is to lead its joints by them.
+"""Piecewise polynomials in time, and the reference motion of a drive.
 
-On piece i, from knot i to the next, value = Σ_j c_ij x^j with x = t − knot_i; before the first knot x = 0, and the last
-piece goes on for ever.
+On piece i, from knot i to the next, value = Σ_j c_ij x^j with x = t − knot_i. Before the first knot x = 0; the last
+piece continues without end.
 """
 
 from flexlink.kernels.tools.compiler import entry, recursion
@@ -9,7 +9,7 @@ from flexlink.kernels.tools.compiler import entry, recursion
 
 @recursion
 def locate(knots, first, stop, t):
-    """Number of the piece that holds time t, among pieces first … stop − 1, by bisection."""
+    """Index of the piece that contains time t, among pieces first … stop − 1, by bisection."""
     low, high = first, stop
     while high - low > 1:
         middle = (low + high) // 2
@@ -24,9 +24,9 @@ def locate(knots, first, stop, t):
 def reference(ref, t, middle, d):
     """Value [rad], rate [rad/s] and acceleration [rad/s²] of column `d` of a reference at time t.
 
-    `ref`: knots (m,) and coefficients (m, p + 1, d). The piece is that of the `middle` of the step that t belongs to: a
-    stage at the end of the step does not see what follows, be it a jump or another acceleration, and one before a knot
-    within the step sees what follows, so that the step's own polynomial is smooth.
+    `ref` has knots (m,) and coefficients (m, p + 1, d). All stages of a step use the piece at its `middle`, so the
+    polynomial is smooth within the step: a stage at its end ignores a jump there, and with a knot inside the step
+    stages before the knot extrapolate the later piece.
     """
     piece = locate(ref.knots, 0, len(ref.knots), middle)
     x, c = t - ref.knots[piece], ref.coefficients[piece]

@@ -1,8 +1,8 @@
-"""The wrench on the tip at a stage, in frame 0: constant, or from a table in time, in axes of frame 0 or of the tip.
+"""The tip wrench at a stage, in frame 0: constant, or from a table in time, in axes of frame 0 or of the tip.
 
-A constant force has a potential. One that changes, or turns with the tip, has none: its power is
+A constant force has a potential. A force that changes, or rotates with the tip, has none. Its power is
 
-    f·ṗ = f · Σ (ω_i × r_i + e_k q̇_k)            along the path to the tip, e_k of hinges that slide
+    f·ṗ = f · Σ (ω_i × r_i + e_k q̇_k)            along the path to the tip, e_k of prismatic hinges
 """
 
 from flexlink.kernels.inputs.references import locate
@@ -30,9 +30,10 @@ from flexlink.kernels.tools.vec3 import (
 
 @recursion
 def put_wrench(loads, t, middle, q, qd, wrench):
-    """Write force and moment at time t and state q, q̇ (n,) into `wrench` (6,), frame 0; returns their f·ṗ [W].
+    """Write force and moment at time t and state q, q̇ (n,) into `wrench` (6,), frame 0; return the power f·ṗ [W].
 
-    `middle` of the step that t belongs to. Of a constant one nothing is to do; arms side by side have no other.
+    `middle` is the midpoint of the step that contains t. A constant wrench is not changed; arms side by side have no
+    other.
     """
     if q.ndim == 1:  # noqa: SIM102  to the compiler
         if loads is not None and loads.varies:
@@ -42,7 +43,7 @@ def put_wrench(loads, t, middle, q, qd, wrench):
 
 @recursion
 def put_acting(loads, t, middle, q, qd, wrench):
-    """`put_wrench` of a loads."""
+    """`put_wrench` for loads that are not None."""
     bodies, hinges = loads.chain.bodies, loads.chain.hinges
     x, y, z = X, Y, Z  # columns of R
     ω = v = ZERO
@@ -69,7 +70,7 @@ def put_acting(loads, t, middle, q, qd, wrench):
 
 @entry
 def put_given(loads, t, middle, wrench):
-    """Write force and moment at time t into `wrench` (6,), in the axes that they are given in."""
+    """Write force and moment at time t into `wrench` (6,), in the axes in which they are specified."""
     held = loads.coefficients.shape[1] == 1
     piece = locate(loads.knots, 0, len(loads.knots), middle if held else t)
     x = max(0.0, t - loads.knots[piece])
@@ -82,6 +83,6 @@ def put_given(loads, t, middle, wrench):
 
 @kernel
 def wrenches(loads, ts, qs, qds, found):
-    """What acts at the samples of a run, (samples, 6) in frame 0; a sample at a knot sees what follows."""
+    """Wrenches at the samples of a run, (samples, 6) in frame 0; a sample at a knot uses the later piece."""
     for row in range(len(ts)):
         put_wrench(loads, ts[row], ts[row], qs[row], qds[row], found[row])
