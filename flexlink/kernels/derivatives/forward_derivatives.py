@@ -1,17 +1,19 @@
-"""Slopes of forward dynamics along all angles, rates and torques, O(n²).
+"""Derivatives of forward dynamics with respect to all angles, rates and torques, O(n²).
 
-Articulated bodies run once, for q̈ and the factors of M. Then, for every column of ∂q̈/∂q and ∂q̈/∂q̇, what the change
-asks of each body goes through these factors as forces on the bodies, eight columns side by side. (As torques of the
-joints, M⁻¹ ∂T/∂q, it would be summed over all bodies beyond a joint and taken apart again, which costs digits.)
+The articulated-body algorithm runs once, for q̈ and the factors of M. For every column of ∂q̈/∂q and ∂q̈/∂q̇, the change
+of each body's inertial force is then a load on that body, and the loads are solved with these factors, eight columns
+side by side. (Solving M⁻¹ ∂T/∂q with joint torques instead would sum over all outboard bodies and separate them again,
+which loses digits.)
 
-The bodies beyond hinge j demand, about their hinge points, with ρ = p − p_j and symbols of `inverse_derivatives`,
+The bodies outboard of hinge j need these additional forces and moments about their hinge points, with ρ = p − p_j and
+the symbols of `inverse_derivatives`:
 
     δa = δa_j + η_j × ρ + 2 δω_j × (v − v_j)
     f = m δa + η_j × m c + 2 δω_j × (ω × m c)          n = m c × δa + I η_j − 2 G δω_j
 
-and where an angle changes, the body before the hinge meets e_j × f_j and e_j × n_j, what the hinge transmits, turned.
-An acceleration that is given, of joints with prescribed motion, asks with η_j = e_j alone. A hinge that slides asks for
-δa alone, and shifts what it transmits: the body before it meets the moment e_j × f_j.
+For a change of angle the load transmitted by the hinge is also rotated: e_j × f_j and e_j × n_j act on the body inboard
+of the hinge. A prescribed acceleration has η_j = e_j only. A prismatic hinge has δa only, and its displacement adds the
+moment e_j × f_j on the body inboard.
 """
 
 import math
@@ -49,15 +51,15 @@ from flexlink.kernels.tools.rare import rarely
 from flexlink.kernels.tools.sym3 import sym_apply, sym_of
 from flexlink.kernels.tools.vec3 import ZERO, X, Y, Z, add, cross, dot, place, scale, sub
 
-VARIABLE = numbered("q qd tau")  # along which the derivatives are taken
+VARIABLE = numbered("q qd tau")  # variables of the derivatives
 
 
 class ForwardDerivativesWork(NamedTuple):
-    """Scratch of `derivatives_in_space`, with the constants of a chain."""
+    """Scratch arrays of `derivatives_in_space`, with the constants of a chain."""
 
     factors: ArticulatedWork
     solution: Any  # (2, n) T_EX and q̈
-    slopes: Slopes | None  # of force elements; None of a plain chain
+    slopes: Slopes | None  # derivatives of force elements; None for a plain chain
     motion: Any  # of `outward`
     axes: Any  # (bodies, 9) working axes in frame 0
     accelerations: Any  # (bodies, 6) α of the body, and a − g of its hinge point, frame 0
@@ -69,7 +71,7 @@ class ForwardDerivativesWork(NamedTuple):
 
 @kernel
 def forward_derivatives_workspace(bodies, hinges, gravity, rare):
-    """Scratch of `derivatives_in_space` for a chain."""
+    """Allocate the workspace of `derivatives_in_space` for a chain."""
     n, m, factors = len(hinges), len(bodies), articulated_workspace(bodies, hinges, gravity, rare)
     chain = ChainArrays(bodies, hinges, gravity, rare)
     return ForwardDerivativesWork(
@@ -81,7 +83,7 @@ def forward_derivatives_workspace(bodies, hinges, gravity, rare):
 
 @kernel
 def forward_derivatives(bodies, hinges, gravity, rare, wrench, q, qd, tau, found):
-    """∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX into `found` (3, n, n), of prescribed joints ∂q̈/∂q̈_given; whether all is finite."""
+    """Write ∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX (prescribed joints: ∂q̈/∂q̈) to `found` (3, n, n); return whether all is finite."""
     work = forward_derivatives_workspace(bodies, hinges, gravity, rare)
     chain, slopes = ChainArrays(bodies, hinges, gravity, rare), (found[0], found[1], found[2])
     return derivatives_in_space(chain, wrench, q, qd, tau, slopes, work)
@@ -89,7 +91,7 @@ def forward_derivatives(bodies, hinges, gravity, rare, wrench, q, qd, tau, found
 
 @subroutine
 def derivatives_in_space(chain, wrench, q, qd, tau, found, work):
-    """Write three arrays (n, n), on scratch that serves many states; whether all is finite."""
+    """Write three arrays (n, n), with a workspace that serves many states; return whether all is finite."""
     n, hinges, factors, torque, qdd = len(q), chain.hinges, work.factors, work.solution[0], work.solution[1]
     begin(tau, torque, qdd)
     forward_dynamics(wrench, q, qd, torque, qdd, factors)
@@ -109,14 +111,14 @@ def derivatives_in_space(chain, wrench, q, qd, tau, found, work):
 
 @recursion
 def begin(tau, torque, qdd):
-    """Drive torques in scratch, where forward dynamics adds those of prescribed joints, which accelerate by 0 here."""
+    """Copy drive torques to scratch, where forward dynamics adds those of prescribed joints, whose q̈ is 0 here."""
     for k in range(len(tau)):
         torque[k], qdd[k] = tau[k], 0.0
 
 
 @recursion
 def transmit(chain, force, moment, work):
-    """Force and moment through the hinges of every body, as in `rne`."""
+    """Force and moment transmitted by the hinges of every body, as in `rne`."""
     rows, transmitted = work.motion.bodies, work.transmitted
     f = n = ZERO
     if chain.rare is not None:
@@ -138,7 +140,7 @@ def transmit(chain, force, moment, work):
 
 @recursion
 def clear_forks(bodies, transmitted):
-    """No branch has brought anything to the bodies that they begin on."""
+    """Clear the loads of bodies with branches."""
     for i in range(len(bodies)):
         if bodies[i].fork > 0:
             for k in range(6):
@@ -147,7 +149,7 @@ def clear_forks(bodies, transmitted):
 
 @recursion
 def add_to_body(transmitted, number, n, f):
-    """Add what a branch brings to the row of a body, counted from 1; 0 is the base."""
+    """Add the load of a branch to its parent body, counted from 1; 0 is the base."""
     if number > 0:
         put_vec_of(transmitted, add(vec_of(transmitted, number - 1, 0), n), number - 1, 0)
         put_vec_of(transmitted, add(vec_of(transmitted, number - 1, 3), f), number - 1, 3)
@@ -155,7 +157,7 @@ def add_to_body(transmitted, number, n, f):
 
 @recursion
 def keep_solution(factors, axes, accelerations):
-    """Working axes of `articulated` at every body, and the accelerations that it has found, in frame 0."""
+    """Copy the working axes of every body, and its acceleration in frame 0, from the workspace of `articulated`."""
     x, y, z = X, Y, Z
     for i in range(len(axes)):
         if factors.forks is not None and factors.layout[i, LAYOUT.begins]:
@@ -178,10 +180,10 @@ def axes_on(axes, number):
     return X, Y, Z
 
 
-# Inlined, as a call hands over every number that describes the arrays of `work`: 500, a third of all the time.
+# Inlined, since a call would pass the 500 numbers that describe the arrays of `work`: a third of the total time.
 @inlined
 def write_loads(chain, qd, variable, first, work):
-    """Write what the columns from `first` on ask of joints and bodies."""
+    """Write the loads on joints and bodies for the columns from `first`."""
     joint_loads(chain.hinges, qd, variable, first, work.r)
     if work.slopes is not None and rarely(work.slopes.act) and variable != VARIABLE.tau:
         force_loads(work.slopes.found[variable], first, work.r)
@@ -198,7 +200,7 @@ def write_loads(chain, qd, variable, first, work):
 
 @recursion
 def joint_loads(hinges, qd, variable, first, r):
-    """Torques of the joints where the angles, rates or drive torques of the columns from `first` on change by 1."""
+    """Torques of the joints for a unit change of the angles, rates or drive torques of the columns from `first`."""
     for k in range(len(r)):
         for lane in range(LANES):
             r[k, lane] = 0.0
@@ -213,7 +215,7 @@ def joint_loads(hinges, qd, variable, first, r):
 
 @recursion
 def force_loads(slopes, first, r):
-    """Add those of force elements, whose slopes (n, n) along angles or rates are known."""
+    """Add the torques of force elements, given by their derivatives (n, n) with respect to angles or rates."""
     for k in range(len(r)):
         for j in range(first, min(first + LANES, len(r))):
             r[k, j - first] -= slopes[k, j]
@@ -221,7 +223,7 @@ def force_loads(slopes, first, r):
 
 @recursion
 def keep_prescribed(hinges, by_input):
-    """Put 1 where a prescribed acceleration is its own derivative."""
+    """Set the derivative of a prescribed acceleration with respect to itself to 1."""
     for k in range(len(hinges)):
         if hinges[k].prescribed:
             by_input[k, k] = 1.0
@@ -229,7 +231,7 @@ def keep_prescribed(hinges, by_input):
 
 @inlined
 def turn_transmitted(chain, i, j, lane, r, loads, work):
-    """What the hinges of body `i` before hinge `j`, and the body before them, meet when the hinge turns."""
+    """Loads on the hinges of body `i` before hinge `j`, and on the body inboard, from rotating the transmitted load."""
     hinges = work.motion.hinges
     e, parent = of_hinge(hinges, j, HINGE_MOTION.e), chain.bodies[i].parent - 1
     n, f = cross(e, vec_of(work.transmitted, i, 0)), cross(e, vec_of(work.transmitted, i, 3))
@@ -254,7 +256,7 @@ def in_axes(axes, i, a):
 
 @inlined
 def body_loads(chain, variable, block, work):
-    """What bodies beyond the hinges of a block demand; nothing of the others."""
+    """Loads on the bodies outboard of the hinges of a block; zero on all other bodies."""
     loads, first, prescribed = work.loads, block * LANES, any_prescribed(chain.hinges)
     for i in range(len(chain.bodies)):
         beyond = chain.bodies[i].stop - first
@@ -275,7 +277,7 @@ def body_loads(chain, variable, block, work):
 
 @subroutine
 def slide_loads(chain, variable, first, motion, axes, loads):
-    """What bodies demand where rates or accelerations of hinges from `first` on change that slide."""
+    """Loads on bodies for changes of rate or acceleration of prismatic hinges from `first`."""
     for number in range(len(motion.slides)):
         j = motion.slides[number]
         if first <= j < first + LANES and (variable == VARIABLE.qd or chain.hinges[j].prescribed):
@@ -292,7 +294,7 @@ def slide_loads(chain, variable, first, motion, axes, loads):
 
 @subroutine
 def part_branches(bodies, first, loads):
-    """No load where hinges from `first` on are not on the path from the base to a body."""
+    """Set the load to zero where hinges from `first` are not on the path from the base to a body."""
     for i in range(len(bodies)):
         number, stop = i + 1, first + LANES
         while stop > first:
@@ -326,7 +328,7 @@ def load_of_body(bodies, hinges, i, m, variable, block):
 
 @inlined
 def any_prescribed(hinges):
-    """Whether the motion of some joint is prescribed."""
+    """Whether the motion of any joint is prescribed."""
     count = 0
     for k in range(len(hinges)):
         count += hinges[k].prescribed

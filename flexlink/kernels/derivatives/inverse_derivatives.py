@@ -1,37 +1,38 @@
-"""Slopes of inverse dynamics along all angles, rates and accelerations, O(n²) (Carpentier & Mansard 2018; Singh,
-Russell & Wensing 2022), in axes of frame 0 and with moments about the hinge points.
+"""Derivatives of inverse dynamics with respect to all angles, rates and accelerations, O(n²) (Carpentier & Mansard
+2018; Singh, Russell & Wensing 2022), in axes of frame 0, with moments about the hinge points.
 
-A turn of hinge j carries all bodies beyond it along. Seen from them, what comes from before hinge j turns the other
-way, and so does what keeps its direction in frame 0, gravity and the tip wrench w = (F, m). With ω, α, a (a − g of the
-hinge point p_j) before hinge j, a material point x beyond it is asked for the further acceleration
+A rotation of hinge j moves all outboard bodies rigidly. In their axes, the motion inboard of hinge j rotates the
+opposite way, and so do vectors that are constant in frame 0: gravity and the tip wrench w = (F, m). Let ω, α, a (a − g
+of the hinge point p_j) be the motion inboard of hinge j. A material point x outboard has the additional acceleration
 
     δa(x) = δa_j + η_j × (x − p_j) + 2 δω_j × (v_x − v_j)
 
-    along q_j       δa_j = a × e_j      δω_j = ω × e_j      η_j = α × e_j + ω × δω_j      δF = F × e_j      δm = m × e_j
-    along q̇_j       δa_j = 0            δω_j = e_j          η_j = 2 ω × e_j
-    along q̈_j       δa_j = 0            δω_j = 0            η_j = e_j
+    q_j       δa_j = a × e_j      δω_j = ω × e_j      η_j = α × e_j + ω × δω_j      δF = F × e_j      δm = m × e_j
+    q̇_j       δa_j = 0            δω_j = e_j          η_j = 2 ω × e_j
+    q̈_j       δa_j = 0            δω_j = 0            η_j = e_j
 
-A hinge that slides takes them along as they are, the wrench with them:
+A prismatic hinge translates the outboard bodies and the wrench:
 
-    along q_j       δa = α × e_j + ω × (ω × e_j)        along q̇_j       δa = 2 ω × e_j        along q̈_j       δa = e_j
+    q_j       δa = α × e_j + ω × (ω × e_j)        q̇_j       δa = 2 ω × e_j        q̈_j       δa = e_j
 
-What all bodies beyond hinge i demand for it at p_i, with u = v_x − v_i and ρ = x − p_i, follows from their composite
+The additional force and moment of all bodies outboard of hinge i, at p_i, follow from the composite of these bodies,
+with u = v_x − v_i and ρ = x − p_i:
 
     m       s = Σ m ρ       I = Σ m (ρ·ρ 1 − ρ ρᵀ)       P = Σ m u       G = Σ m u ρᵀ
     δf_i = m δa + η × s + 2 δω × P                δn_i = s × δa + I η + 2 (tr G δω − G δω)           (δa at p_i)
 
-and so do the slopes of the torques outward of the joint that moves, j ≤ i, and inward of it:
+This gives the derivatives of the torques at and outboard of the moving joint, j ≤ i, and inboard of it:
 
     ∂τ_i/∂q_j = e_i·(δn_i − δm_j − d_i × δF_j)        d_i = p_tip − p_i
     ∂τ_j/∂q_i = e_j·(n* + (p_i − p_j) × f*)           f* = δf_i − δF_i + e_i × f_i
                                                       n* = δn_i − δm_i − d_i × δF_i + e_i × n_i
 
-with f_i, n_i the force and moment that hinge i transmits; a rate turns nothing, its inner slopes lack the last terms. A
-follower wrench turns with the arm: δF = δm = 0. Of a hinge that slides the torque is e·f in place of e·n, and its own
-slide shifts what it transmits, f* = δf_i, n* = δn_i + e_i × f_i. Eight joints j go side by side (`lanes`), as if all
-turned; the few that slide are then written over.
+where hinge i transmits the force f_i and the moment n_i. A rate rotates nothing, so its derivatives lack the last
+terms. A follower wrench rotates with the arm: δF = δm = 0. For a prismatic hinge the torque is e·f instead of e·n, and
+its displacement moves the transmitted load: f* = δf_i, n* = δn_i + e_i × f_i. Eight joints j are processed side by side
+(`lanes`) as revolute joints; results of prismatic joints are then overwritten.
 
-A joint moves nothing but what is beyond it, on the same path from the base: other slopes are 0.
+Derivatives for joints that are not on one path from the base are 0.
 """
 
 from typing import Any, NamedTuple
@@ -75,25 +76,25 @@ from flexlink.kernels.tools.vec3 import (
 )
 
 HINGE_MOTION = numbered("e:3 p:3 v:3 δa:3 η:3 δω:3 δF:3 δm:3 δv:3")
-"""Numbers of a hinge: e, p, v, then what a turn of it asks for; of one that slides δa, and δv = ω × e, the others 0."""
+"""Columns of a hinge: e, p, v, then η, δω, δa for a rotation; for a prismatic hinge δa and δv = ω × e, the others 0."""
 BODY_MOTION = numbered("r:3 u:3 mc:3 ω:3 F:3 N:3 I:6 p:3 v:3")
-"""Numbers of a body: r from the body that it hangs on and u = dr/dt, m c, ω, force and moment that its motion takes, I
-about the hinge point, and p and v of this point."""
+"""Columns of a body: r from its parent and u = dr/dt, m c, ω, force and moment of its motion, I about the hinge point,
+and p and v of this point."""
 COMPOSITE = numbered("m s:3 I:6 P:3 G:9 f:3 n:3 d:3 loaded")
-"""What branches bring: their composite, f, n and d, and 1 with the wrench, which is d from there."""
+"""Sum over branches: their composite, f, n and d; and 1 if the wrench acts on one of them, at d."""
 
 
 class MotionWork(NamedTuple):
-    """What `outward` writes, in frame 0."""
+    """Results of `outward`, in frame 0."""
 
     hinges: Any  # (⌈n/8⌉, HINGE, 8)
     bodies: Any  # (bodies, BODY)
-    slides: Any  # numbers of the hinges that slide; None of a plain chain
-    forks: Any  # (rows, COMPOSITE) outward the state, inward the composites; likewise
+    slides: Any  # indices of prismatic hinges; None for a plain chain
+    forks: Any  # (rows, COMPOSITE) forward pass: state, backward pass: composites; None for a plain chain
 
 
 class InverseDerivativesWork(NamedTuple):
-    """Scratch of `inverse_derivatives`: ∂τ_i/∂x_j, j ≤ i, at [j // 8, i, j % 8]."""
+    """Scratch arrays of `inverse_derivatives`: ∂τ_i/∂x_j, j ≤ i, at [j // 8, i, j % 8]."""
 
     by_angle: Any  # (⌈n/8⌉, n, 8)
     by_rate: Any
@@ -105,7 +106,7 @@ class InverseDerivativesWork(NamedTuple):
 
 @kernel
 def motion_workspace(chain):
-    """Scratch of `outward` for a chain."""
+    """Allocate the results of `outward` for a chain."""
     blocks = -(-len(chain.hinges) // LANES)
     return MotionWork(
         np.zeros((blocks, HINGE_MOTION.size, LANES)), np.empty((len(chain.bodies), BODY_MOTION.size)),
@@ -115,7 +116,7 @@ def motion_workspace(chain):
 
 @kernel
 def sliding_hinges(chain):
-    """Numbers of those that slide, ascending; None of a plain chain."""
+    """Indices of prismatic hinges, ascending; None for a plain chain."""
     if chain.rare is None:
         return None
     hinges, count = chain.hinges, 0
@@ -131,7 +132,7 @@ def sliding_hinges(chain):
 
 @kernel
 def derivatives_workspace(chain):
-    """Scratch of `inverse_derivatives` for a chain."""
+    """Allocate the workspace of `inverse_derivatives` for a chain."""
     n = len(chain.hinges)
     slopes = np.empty((5, -(-n // LANES), n, LANES))
     return InverseDerivativesWork(slopes[0], slopes[1], slopes[2], slopes[3], slopes[4], motion_workspace(chain))
@@ -139,16 +140,16 @@ def derivatives_workspace(chain):
 
 @kernel
 def all_inverse_derivatives(bodies, hinges, gravity, rare, wrench, q, qd, qdd, found):
-    """∂τ/∂q, ∂τ/∂q̇ and ∂τ/∂q̈ = M into `found` (3, n, n); whether all is finite.
+    """Write ∂τ/∂q, ∂τ/∂q̇ and ∂τ/∂q̈ = M to `found` (3, n, n); return whether all is finite.
 
-    The chain's arrays come one by one: to tell the type of them as one tuple takes half a microsecond of each call.
+    The chain's arrays are separate arguments: finding the type of a tuple of them takes half a microsecond per call.
     """
     return load_slopes(ChainArrays(bodies, hinges, gravity, rare), wrench, False, q, qd, qdd, found)
 
 
 @kernel
 def load_slopes(chain, wrench, follower, q, qd, qdd, found):
-    """The same under a wrench (6,) in frame 0, or, a follower, in axes of the tip frame."""
+    """The same under a wrench (6,) in frame 0 or, for a follower, in axes of the tip frame."""
     return slopes_under(
         chain, wrench, follower, q, qd, qdd, (found[0], found[1], found[2]), derivatives_workspace(chain)
     )
@@ -156,7 +157,7 @@ def load_slopes(chain, wrench, follower, q, qd, qdd, found):
 
 @subroutine
 def inverse_derivatives(chain, wrench, q, qd, qdd, found, work):
-    """Write three arrays (n, n), on scratch that serves many states; whether all is finite."""
+    """Write three arrays (n, n), with a workspace that serves many states; return whether all is finite."""
     return slopes_under(chain, wrench, False, q, qd, qdd, found, work)
 
 
@@ -176,7 +177,7 @@ def slopes_under(chain, wrench, follower, q, qd, qdd, found, work):
 
 @recursion
 def keep_slopes(outer, inner, found):
-    """Put ∂τ_i/∂x_j in its place, j ≤ i, and ∂τ_j/∂x_i, j < i."""
+    """Copy ∂τ_i/∂x_j, j ≤ i, and ∂τ_j/∂x_i, j < i, to the rows and columns of `found`."""
     for block in range(len(outer) - 1, -1, -1):
         keep_columns(outer[block], block * LANES, found)
     for i in range(len(found)):
@@ -186,7 +187,7 @@ def keep_slopes(outer, inner, found):
 
 @recursion
 def part_branches(bodies, slopes):
-    """Put 0 where two joints are not on one path from the base."""
+    """Set the derivative to 0 for joints that are not on one path from the base."""
     for i in range(len(bodies)):
         number = i + 1
         while number > 0:
@@ -200,9 +201,9 @@ def part_branches(bodies, slopes):
 
 @recursion
 def keep_columns(x, first, found):
-    """Copy a block of columns to its place, the last block first: eight numbers of a row go at once.
+    """Copy blocks of eight columns, the last block first, eight numbers of a row at once.
 
-    What they write beyond the last column the next row, or the next block, writes anew.
+    Numbers written past the last column are overwritten by the next row or the next block.
     """
     n, elements = len(x), found.reshape(-1)
     for k in range(n):
@@ -216,10 +217,10 @@ def keep_columns(x, first, found):
 
 @recursion
 def outward(chain, wrench, follower, q, qd, qdd, solved, work):
-    """Motion of the bodies, and what a turn of each hinge asks for; returns force and moment of the wrench, frame 0.
+    """Write the motion of the bodies and δa, δω, η of each hinge; return force and moment of the wrench, frame 0.
 
-    `solved`: α and a of the bodies (bodies, 6) where forward dynamics has found them, or None. Light segments may
-    have q̈ of which a heavy body beyond sees but a small difference: as a sum of q̈ its α would lose digits.
+    `solved`: α and a of the bodies (bodies, 6) from forward dynamics, or None. For light segments with a heavy body
+    outboard, q̈ may nearly cancel in the sum, so its α would lose digits.
     """
     rows = work.bodies
     force, moment = vector(wrench), (wrench[3], wrench[4], wrench[5])
@@ -271,7 +272,7 @@ def outward(chain, wrench, follower, q, qd, qdd, solved, work):
         I = sym_add(sym_from_axes(x, y, z, symmetric(b.inertia)), point_inertia(b.mass, center))
         F = add(scale(b.mass, a), add(cross(α, mc), cross(ω, cross(ω, mc))))
         N = add(cross(mc, a), add(sym_apply(I, α), cross(ω, sym_apply(I, ω))))
-        keep(rows, i, (r, u, mc, ω, F, N, I, p, v))  # `BODY_MOTION`
+        keep(rows, i, (r, u, mc, ω, F, N, I, p, v))  # in the order of `BODY_MOTION`
         if chain.rare is not None and b.fork > 0:
             keep(work.forks, b.fork, (x, y, z, p, v, ω, α, a))
         if b.loaded and follower:
@@ -281,13 +282,13 @@ def outward(chain, wrench, follower, q, qd, qdd, solved, work):
 
 @inlined
 def body_slides(hinges, body):
-    """Whether the hinges of a body slide."""
+    """Whether the hinges of a body are prismatic."""
     return body.first < body.stop and hinges[body.first].axis >= SLIDES
 
 
 @recursion
 def sum_along(hinges, body, q, x, y, z):
-    """Σ e q of the hinges of a body that slides."""
+    """Σ e q of the prismatic hinges of a body."""
     total = ZERO
     for k in range(body.first, body.stop):
         total = add_scaled(total, q[k], pick(hinges[k].axis - SLIDES, x, y, z))
@@ -296,7 +297,7 @@ def sum_along(hinges, body, q, x, y, z):
 
 @recursion
 def put_slide(rows, k, e, p, v, ω, α):
-    """Numbers of a hinge that slides."""
+    """Write the columns of a prismatic hinge."""
     δv = cross(ω, e)
     put_of_hinge(rows, k, HINGE_MOTION.e, e)
     put_of_hinge(rows, k, HINGE_MOTION.p, p)
@@ -318,28 +319,28 @@ def put_of_hinge(rows, k, first, a):
 
 @inlined
 def of_hinge(rows, k, first):
-    """Read it."""
+    """Read a 3-vector of hinge `k`."""
     block, lane = k // LANES, k % LANES
     return rows[block, first, lane], rows[block, first + 1, lane], rows[block, first + 2, lane]
 
 
 @inlined
 def spin(G, a):
-    """2 (tr G a − G a), for the columns of G."""
+    """2 (tr G a − G a), where G is given by its columns."""
     trace = G[0][0] + G[1][1] + G[2][2]
     return scale(2.0, sub(scale(trace, a), place(a, G[0], G[1], G[2])))
 
 
 @inlined
 def spin_transposed(G, a):
-    """2 (tr G a − Gᵀ a), for the columns of G."""
+    """2 (tr G a − Gᵀ a), where G is given by its columns."""
     trace = G[0][0] + G[1][1] + G[2][2]
     return scale(2.0, sub(scale(trace, a), (dot(G[0], a), dot(G[1], a), dot(G[2], a))))
 
 
 @inlined
 def add_dyad(G, a, b):
-    """G + a bᵀ, columns."""
+    """Columns of G + a bᵀ."""
     return add_scaled(G[0], b[0], a), add_scaled(G[1], b[1], a), add_scaled(G[2], b[2], a)
 
 
@@ -355,7 +356,7 @@ def own_spin(ω, I):
 
 @recursion
 def inward(chain, force, moment, work):
-    """Composites from the tips on, and with each hinge its row of slopes."""
+    """Composites from the tips inward; with each hinge its row of derivatives."""
     rows, forks = work.motion.bodies, work.motion.forks
     if work.motion.forks is not None:
         forks[:] = 0.0
@@ -396,14 +397,14 @@ def inward(chain, force, moment, work):
 
 @subroutine
 def unload(hinges, k):
-    """The wrench does not act beyond hinge `k`."""
+    """Set the derivatives of the wrench for hinge `k` to zero: it does not act outboard."""
     put_of_hinge(hinges, k, HINGE_MOTION.δF, ZERO)
     put_of_hinge(hinges, k, HINGE_MOTION.δm, ZERO)
 
 
 @recursion
 def derivatives_of_turn(i, m, s, I, P, G, f, n, d, loaded, work):
-    """Rows of hinge i, whose composite this is."""
+    """Rows of the revolute hinge i, from the composite of its outboard bodies."""
     hinges = work.motion.hinges
     e, δa, η = (
         of_hinge(hinges, i, HINGE_MOTION.e),
@@ -412,7 +413,7 @@ def derivatives_of_turn(i, m, s, I, P, G, f, n, d, loaded, work):
     )
     δω = of_hinge(hinges, i, HINGE_MOTION.δω)
     δF, δm = of_hinge(hinges, i, HINGE_MOTION.δF), of_hinge(hinges, i, HINGE_MOTION.δm)
-    # e·δn for any δa, η, δω, δF, δm
+    # e·δn as a linear function of δa, η, δω, δF, δm
     by_a, by_η, by_ω, by_F = cross(e, s), sym_apply(I, e), spin_transposed(G, e), cross(e, d)
     by_m = e if loaded > 0.0 else ZERO
     f_q = sub(add(add(scale(m, δa), cross(η, s)), add(scale(2.0, cross(δω, P)), cross(e, f))), δF)
@@ -425,7 +426,7 @@ def derivatives_of_turn(i, m, s, I, P, G, f, n, d, loaded, work):
 
 @subroutine
 def derivatives_of_slide(i, m, s, P, f, loaded, work):
-    """Of one that slides: e·δf for any δa, η, δω, δF; force and moment that itself asks for."""
+    """Rows of the prismatic hinge i: e·δf as a linear function of δa, η, δω, δF; and its own force and moment."""
     hinges = work.motion.hinges
     e, δa = of_hinge(hinges, i, HINGE_MOTION.e), of_hinge(hinges, i, HINGE_MOTION.δa)
     by_a, by_η, by_ω, by_F = scale(m, e), cross(s, e), scale(2.0, cross(P, e)), scale(loaded, e)
@@ -436,7 +437,7 @@ def derivatives_of_slide(i, m, s, P, f, loaded, work):
 
 @inlined
 def put_row(i, by_a, by_η, by_ω, by_F, by_m, f_q, n_q, f_qd, n_qd, work):
-    """The slopes of joint i and all before it, eight by eight as if these turned."""
+    """Derivatives of joint i and all before it, eight by eight, as if these were revolute."""
     hinges = work.motion.hinges
     p, v = of_hinge(hinges, i, HINGE_MOTION.p), of_hinge(hinges, i, HINGE_MOTION.v)
     for b in range(i // LANES + 1):
@@ -458,7 +459,7 @@ def put_row(i, by_a, by_η, by_ω, by_F, by_m, f_q, n_q, f_qd, n_qd, work):
 
 @subroutine
 def put_slides(i, by_a, f_q, f_qd, work):
-    """What is else where those before it slide."""
+    """Overwrite the derivatives with respect to prismatic joints before joint i."""
     hinges, slides = work.motion.hinges, work.motion.slides
     for number in range(len(slides)):
         j = slides[number]

@@ -1,4 +1,4 @@
-"""Slopes of forward and inverse dynamics at many states of a chain: one after another, on one scratch."""
+"""Derivatives of forward and inverse dynamics at many states of a chain, one after another in one workspace."""
 
 from flexlink.kernels.derivatives.forward_derivatives import (
     ForwardDerivativesWork,
@@ -20,12 +20,12 @@ from flexlink.kernels.tools.compiler import by_type, kernel
     }
 )
 def derivatives_into(chain, wrench, q, qd, given, found, work):
-    """Write the slopes along q, q̇ and `given`, T_EX or q̈, three arrays (n, n); whether all is finite."""
+    """Write derivatives by q, q̇ and `given` (T_EX or q̈), three arrays (n, n); return whether all is finite."""
 
 
 @kernel
 def write_all(chain, wrench, q, qd, given, found, work):
-    """Slopes of states (b, n), wrenches (b, 6), into `found` (3, b, n, n); whether all are finite."""
+    """Write derivatives at states (b, n), wrenches (b, 6), to `found` (3, b, n, n); return whether all are finite."""
     finite = True
     for k in range(len(q)):
         slopes = (found[0, k], found[1, k], found[2, k])
@@ -35,12 +35,12 @@ def write_all(chain, wrench, q, qd, given, found, work):
 
 @kernel
 def forward_derivatives_of_many(chain, wrench, q, qd, tau, found):
-    """Of forward dynamics."""
+    """Derivatives of forward dynamics."""
     work = forward_derivatives_workspace(chain.bodies, chain.hinges, chain.gravity, chain.rare)
     return write_all(chain, wrench, q, qd, tau, found, work)
 
 
 @kernel
 def inverse_derivatives_of_many(chain, wrench, q, qd, qdd, found):
-    """Of inverse dynamics."""
+    """Derivatives of inverse dynamics."""
     return write_all(chain, wrench, q, qd, qdd, found, derivatives_workspace(chain))

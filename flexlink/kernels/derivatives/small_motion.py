@@ -1,13 +1,13 @@
-"""Products of λ² M + λ C + K with small motion x exp(λt) of a chain about a state with constant rates, in O(n).
+"""Products with λ² M + λ C + K for small motion x exp(λt) about a state with constant rates, in O(n).
 
-K = ∂(T_GC + T_FL)/∂q, C = ∂(T_GC + T_FR)/∂q̇. What a hinge that moves by x_k asks of all bodies beyond it is that of
-`inverse_derivatives`, seen from them and added up along the chain:
+K = ∂(T_GC + T_FL)/∂q, C = ∂(T_GC + T_FR)/∂q̇. The accelerations of the bodies for a motion x_k of hinge k are those of
+`inverse_derivatives`, in body axes. They are added up along the chain:
 
     y ← y + j_k x_k         y = (δa, δφ, η, δω)         δa ← δa + η × r + 2 δω × ṙ              from body to body
-    j_k = along q_k + λ along q̇_k + λ² along q̈_k
+    j_k = (term of q_k) + λ (term of q̇_k) + λ² (term of q̈_k)
 
-Force and moment at a hinge point follow from the tip on. A hinge that turns also turns what it transmits, (e × f,
-e × n); one that slides shifts it: (0, e × f).
+Force and moment at the hinge points follow in a backward pass. A revolute hinge rotates its transmitted load,
+(e × f, e × n); a prismatic hinge displaces it: (0, e × f).
 """
 
 from typing import Any, NamedTuple
@@ -36,30 +36,30 @@ from flexlink.kernels.tools.vec3 import ZERO, X, Y, Z, add, add_scaled, cross, d
 
 UNITS = (X, Y, Z)
 PARTS = numbered("δa:3 δφ:3 η:3 δω:3")
-"""Numbers of y, and columns of its matrices."""
+"""Components of y, and columns of its matrices."""
 HINGE = numbered("e:3 moved:6 j:12 c:6 p:12 D w eb")
-"""Numbers of a hinge: e; e × f and e × n; then j, c, p, D, w and e·b of the elimination."""
+"""Columns of a hinge: e; e × f and e × n; then j, c, p, D, w and e·b of the elimination."""
 
 
 class SmallMotion(NamedTuple):
-    """A chain in a state, and the matrix that `factor` has eliminated."""
+    """A chain in a state, and its matrix factored by `factor`."""
 
     chain: Any
-    cells: Any  # `Cells` of coupled springs, for `factor` and `solve`; None without
+    cells: Any  # `Cells` of coupled springs, for `factor` and `solve`; None if there are none
     motion: MotionWork
-    tip: Any  # (2, 3) force and moment that turn against the arm, 0 of a follower
-    moving: Any  # (1,) bool: rates are not zero
+    tip: Any  # (2, 3) force and moment that rotate relative to the arm, 0 for a follower
+    moving: Any  # (1,) bool: whether rates are nonzero
     hinges: Any  # (n, HINGE)
     demands: Any  # (bodies, 6) scratch
     A: Any  # (12, 6) scratch
-    forks: Any  # (rows, 12, 6) scratch: A of what branches bring, or y, or force and moment
-    size: Any  # (1,) how many numbers of y can differ from 0
+    forks: Any  # (rows, 12, 6) scratch: A, y, or force and moment of branches
+    size: Any  # (1,) number of components of y that can be nonzero
     given: Any  # (n,) bool: not eliminated
 
 
 @kernel
 def small_motion(chain):
-    """Scratch of a chain, for `place`."""
+    """Allocate the workspace of a chain; `set_state` fills it in."""
     n, m = len(chain.hinges), len(chain.bodies)
     return SmallMotion(
         chain, None, motion_workspace(chain), np.zeros((2, 3)), np.zeros(1, np.bool_), np.zeros((n, HINGE.size)),
@@ -70,7 +70,7 @@ def small_motion(chain):
 
 @kernel
 def matrices_of_forks(chain):
-    """Scratch (rows, 12, 6); None of a plain chain."""
+    """Scratch (rows, 12, 6); None for a plain chain."""
     if chain.rare is None:
         return None
     return np.empty((rows_of_forks(chain.bodies), 12, 6))
@@ -78,7 +78,7 @@ def matrices_of_forks(chain):
 
 @kernel
 def place(work, wrench, follower, q, qd):
-    """Angles and constant rates (n,); wrench (6,) in frame 0, or, a follower, in axes of the tip frame."""
+    """Set angles and constant rates (n,), and a wrench (6,) in frame 0 or, for a follower, in axes of the tip frame."""
     chain, motion, rows = work.chain, work.motion, work.hinges
     force, moment = outward(chain, wrench, follower, q, qd, np.zeros(len(q)), None, motion)
     f = t = ZERO
@@ -111,26 +111,26 @@ def place(work, wrench, follower, q, qd):
 
 @recursion
 def clear_loads(forks):
-    """No branch has brought force and moment yet."""
+    """Set the force and moment of all branches to zero."""
     forks[:, 0] = 0.0
 
 
 @recursion
 def with_loads(forks, row, f, n):
-    """Force and moment with those of branches."""
+    """Add the force and moment of the branches of a fork."""
     return added(forks[row], 0, (f, n))
 
 
 @recursion
 def add_loads(forks, row, f, n):
-    """Add those of a branch; returns those with which the next one begins at its tip."""
+    """Add force and moment of a branch to its fork; return those at the tip of the next branch."""
     keep(forks[row], 0, added(forks[row], 0, (f, n)))
     return ZERO, ZERO
 
 
 @recursion
 def weigh(work, by_angle, by_rate, by_acceleration):
-    """j of every hinge, of so much of K, C and M."""
+    """j of every hinge for given weights of K, C and M."""
     rows, motion = work.hinges, work.motion.hinges
     for k in range(len(rows)):
         e, δω = vec_of(rows, k, HINGE.e), of_hinge(motion, k, HINGE_MOTION.δω)
@@ -147,7 +147,7 @@ def weigh(work, by_angle, by_rate, by_acceleration):
 
 @recursion
 def weigh_slides(work, by_angle, by_rate, by_acceleration):
-    """Those of hinges that slide, written over."""
+    """Overwrite j of prismatic hinges."""
     rows, motion = work.hinges, work.motion.hinges
     for k in work.motion.slides:
         δa = add_scaled(
@@ -160,7 +160,7 @@ def weigh_slides(work, by_angle, by_rate, by_acceleration):
 
 @inlined
 def felt(chain, k):
-    """Where the part that a hinge feels begins in force and moment (6,): that of force if it slides."""
+    """First index, in the wrench (6,), of the part that acts on a hinge: force if it is prismatic, else moment."""
     if chain.rare is not None and chain.hinges[k].axis >= SLIDES:
         return 0
     return 3
@@ -168,46 +168,46 @@ def felt(chain, k):
 
 @inlined
 def by_acceleration(bodies, m, i, δa):
-    """Force and moment that body i asks for where its hinge point is accelerated."""
+    """Force and moment of body i for an acceleration δa of its hinge point."""
     return scale(m, δa), cross(vec_of(bodies, i, BODY_MOTION.mc), δa)
 
 
 @inlined
 def by_turning(bodies, i, η):
-    """The same of η."""
+    """Force and moment of body i for η."""
     return cross(η, vec_of(bodies, i, BODY_MOTION.mc)), sym_apply(sym_of(bodies, i, BODY_MOTION.I), η)
 
 
 @inlined
 def by_spin(bodies, i, δω):
-    """The same of δω."""
+    """Force and moment of body i for δω."""
     ω, I = vec_of(bodies, i, BODY_MOTION.ω), sym_of(bodies, i, BODY_MOTION.I)
     return scale(2.0, cross(δω, cross(ω, vec_of(bodies, i, BODY_MOTION.mc)))), spin(own_spin(ω, I), δω)
 
 
 @inlined
 def add_column(A, column, f, n):
-    """Column += (f, n)."""
+    """Add (f, n) to a column of A."""
     put_vec_of(A, add(vec_of(A, column, 0), f), column, 0)
     put_vec_of(A, add(vec_of(A, column, 3), n), column, 3)
 
 
 @recursion
 def keep_motion(forks, row, δa, δφ, η, δω):
-    """Keep the y that branches go on from."""
+    """Store y for the branches of a fork."""
     keep(forks[row], 0, (δa, δφ))
     keep(forks[row], 1, (η, δω))
 
 
 @recursion
 def kept_motion(forks, row):
-    """Read it."""
+    """Read y for a branch."""
     return kept(forks[row], 0, (ZERO, ZERO)) + kept(forks[row], 1, (ZERO, ZERO))
 
 
 @inlined
 def carried(bodies, i, δa, η, δω):
-    """δa at the hinge point of body i, from that of the body that it hangs on."""
+    """δa at the hinge point of body i, from that of its parent body."""
     r, u = vec_of(bodies, i, BODY_MOTION.r), vec_of(bodies, i, BODY_MOTION.u)
     return add(δa, add(cross(η, r), scale(2.0, cross(δω, u))))
 
@@ -223,7 +223,7 @@ def beyond_hinge(rows, k, x, δa, δφ, η, δω):
 
 @kernel
 def multiply(work, weights, κ, x, product):
-    """Write (weights[0] K + weights[1] C + weights[2] M) x for x (columns, n), springs, friction and rotors in `κ`."""
+    """Write (weights[0] K + weights[1] C + weights[2] M) x for x (columns, n); `κ`: springs, friction and rotors."""
     weigh(work, weights[0], weights[1], weights[2])
     for column in range(len(x)):
         ask(work, x[column])
@@ -232,7 +232,7 @@ def multiply(work, weights, κ, x, product):
 
 @kernel
 def mass_products(chain, q, x, product):
-    """Write M x for x (columns, n), in body axes: twist of a slender arm, straight, keeps its digits."""
+    """Write M x for x (columns, n), in body axes: the twist of a straight, slender arm keeps its digits."""
     zero, wrench, work = np.zeros(len(q)), np.zeros(6), rne_workspace(chain)
     for column in range(len(x)):
         rne(chain, ZERO, wrench, q, zero, x[column], product[column], work)
@@ -240,7 +240,7 @@ def mass_products(chain, q, x, product):
 
 @recursion
 def ask(work, x):
-    """What every body asks for, with the turned wrench in that of the loaded one."""
+    """Force and moment of every body; the loaded one includes the rotated wrench."""
     rows, bodies, demands = work.hinges, work.motion.bodies, work.demands
     δa = δφ = η = δω = ZERO
     if work.forks is not None and len(work.forks) > 0:
@@ -264,7 +264,7 @@ def ask(work, x):
 
 @recursion
 def answer(work, by_angle, κ, x, product):
-    """Forces and moments from the tips on, and of every hinge κ x + e·n."""
+    """Backward pass: forces and moments, and κ x + e·n of every hinge."""
     rows, bodies, demands = work.hinges, work.motion.bodies, work.demands
     f = n = ZERO
     if work.forks is not None:

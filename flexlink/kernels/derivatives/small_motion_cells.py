@@ -1,8 +1,8 @@
-"""Cells of coupled springs and dampers in `small_motion_factors`: κ is full within each.
+"""Cells of coupled springs and dampers in `small_motion_factors`: κ is a full matrix within each cell.
 
-Hinge by hinge from the tip on. A hinge k that is taken out leaves to every hinge j before it in its cell an open
-column, what x_j = 1 adds to force and moment at the place of the elimination, and, the matrix not being symmetric, an
-open row, what row j asks of the y there:
+Hinges are eliminated one by one from the tip. Eliminating hinge k fills in, for every hinge j before it in its cell, a
+column G_j (force and moment for x_j = 1) and, since the matrix is not symmetric, a row q_j (the coefficient of y in
+equation j):
 
     (f, n) = A y + Σ_j G_j x_j + b                    Σ_i κ_ji x_i + q_j·y + w_j e_j·n = r_j
 
@@ -11,9 +11,9 @@ open row, what row j asks of the y there:
                 L_j = κ_kj + w e·G_j                  U_j = κ_jk + q_j·j         j < k, its cell
                 A ← A − c pᵀ / D      G_j ← G_j − c L_j / D      q_j ← q_j − U_j p / D      κ_ji ← κ_ji − U_j L_i / D
     load        T = (r − w e·b) / D                   b ← b + c T                r_j ← r_j − U_j T
-    outward     x = T − (p·y + Σ_j L_j x_j) / D
+    forward     x = T − (p·y + Σ_j L_j x_j) / D
 
-A hinge whose x is given keeps it in place of T, and nothing else changes.
+A hinge with given x uses it in place of T; all else is the same.
 """
 
 from typing import Any, NamedTuple
@@ -29,20 +29,20 @@ from flexlink.kernels.tools.vec3 import add, cross, dot, scale
 
 
 class Cells(NamedTuple):
-    """What a chain's cells add to the elimination; w = hinges of the longest."""
+    """Factors and scratch arrays for cells; w is the number of hinges of the longest cell."""
 
-    first: Any  # (n,) first hinge of the cell of each
-    L: Any  # (n, w) L_j of hinge k, j from the first of its cell on
-    U: Any  # (n, w) likewise
-    G: Any  # (w, 6) of the cell that is open, scratch
-    q: Any  # (w, 12) likewise
-    κ: Any  # (w, w) likewise
-    known: Any  # (n,) scratch of a solution: what is taken off r
+    first: Any  # (n,) first hinge of each hinge's cell
+    L: Any  # (n, w) L_j of hinge k, j from the first hinge of its cell
+    U: Any  # (n, w) U_j of hinge k
+    G: Any  # (w, 6) G of the current cell, scratch
+    q: Any  # (w, 12) q of the current cell, scratch
+    κ: Any  # (w, w) κ of the current cell, scratch
+    known: Any  # (n,) scratch of a solution: sum subtracted from r
 
 
 @kernel
 def cells_workspace(chain):
-    """Scratch of a chain with couplings."""
+    """Allocate the factors of a chain with couplings."""
     n, first = len(chain.hinges), cells_of(len(chain.hinges), chain.rare)
     w = 1
     for k in range(n):
@@ -53,7 +53,7 @@ def cells_workspace(chain):
 
 @recursion
 def put_couplings(work, weights):
-    """K_kj and D_kj, weighed, where L_j of hinge k will stand."""
+    """Write the weighted sum of K_kj and D_kj to the memory of L_j of hinge k."""
     couplings, cells = work.chain.rare.couplings, work.cells
     for k in range(len(cells.L)):
         for j in range(cells.L.shape[1]):
@@ -65,7 +65,7 @@ def put_couplings(work, weights):
 
 @recursion
 def open_cell(cells, κ, k):
-    """κ of the cell that ends at hinge k, if one does, as nothing has been taken out of it; returns hinges before k."""
+    """Set up κ of the cell that ends at hinge k, if one does; return the number of hinges before k in its cell."""
     begin = cells.first[k]
     if k + 1 == len(κ) or cells.first[k + 1] != begin:
         for i in range(k - begin + 1):
@@ -79,7 +79,7 @@ def open_cell(cells, κ, k):
 
 @recursion
 def demand_in_cell(work, k, size, pj, w):
-    """c and p of hinge k, into its row, L and U; returns D from p·j of the hinges beyond the cell."""
+    """Write c and p of hinge k to its row, L and U; return D, from p·j of the outboard hinges."""
     rows, cells, G, q, κ = work.hinges, work.cells, work.cells.G, work.cells.q, work.cells.κ
     e, part, own = vec_of(rows, k, HINGE.e), felt(work.chain, k), k - cells.first[k]
     D = κ[own, own] + w * (pj + dot(e, vec_of(G, own, part)))
@@ -98,7 +98,7 @@ def demand_in_cell(work, k, size, pj, w):
 
 @recursion
 def eliminate_in_cell(work, k, size):
-    """What hinge k leaves to those before it in its cell."""
+    """Update the equations of the hinges before k in its cell."""
     rows, cells, own = work.hinges, work.cells, k - work.cells.first[k]
     for j in range(own):
         column, row = cells.L[k, j] / rows[k, HINGE.D], cells.U[k, j] / rows[k, HINGE.D]
@@ -112,7 +112,7 @@ def eliminate_in_cell(work, k, size):
 
 @recursion
 def move_open(work, i, size, count):
-    """The first `count` open rows and columns at the hinge point of the body that i hangs on."""
+    """Transfer the first `count` rows and columns of the cell to the hinge point of body i's parent."""
     bodies, G, q = work.motion.bodies, work.cells.G, work.cells.q
     r, u = vec_of(bodies, i, BODY_MOTION.r), scale(2.0, vec_of(bodies, i, BODY_MOTION.u))
     for j in range(count):
@@ -127,7 +127,7 @@ def move_open(work, i, size, count):
 
 @recursion
 def load_in_cell(work, k, eb, r, x):
-    """T of hinge k into x, and what it takes off r of those before it in its cell into `known`."""
+    """Write T of hinge k to x; add its part of r for the hinges before it in its cell to `known`."""
     rows, cells = work.hinges, work.cells
     cells.known[k] += rows[k, HINGE.w] * eb
     if not work.given[k]:

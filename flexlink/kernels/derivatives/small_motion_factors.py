@@ -1,20 +1,22 @@
-"""(λ² M + λ C + K) x = r in O(n) for small motion of a chain: see `small_motion`, whose y and j these are.
+"""Solve (λ² M + λ C + K) x = r in O(n) for small motion of a chain; y and j are those of `small_motion`.
 
-Force and moment at a hinge point are linear in the y there, (f, n) = A y + b, with whatever the hinges beyond do. So
-from the tip on, as articulated bodies (Featherstone 2008, chapter 7), with A and b in place of the articulated inertia:
+Force and moment at a hinge point are linear in y there, (f, n) = A y + b, for any motion of the outboard hinges. The
+elimination therefore runs from the tip like the articulated-body algorithm (Featherstone 2008, chapter 7), with A and b
+in place of articulated inertia and bias force:
 
-    body        A ← A + what it asks for              then moved by r to the hinge point of the body before
+    body        A ← A + force and moment per y        then transferred by r to the hinge point of the parent
     hinge       c = A j + (e × f, e × n)      p = e·A                 D = κ + w p·j        κ = k + λ d + λ² armature
                 A ← A − c w pᵀ / D            b ← b + c (r − w e·b) / D
-    outward     x = (r − w (e·b + p·y)) / D                           row by row  κ x + w (e·n) = r
+    forward     x = (r − w (e·b + p·y)) / D                           row by row  κ x + w (e·n) = r
 
-A hinge that slides has e·f in place of e·n. Branches add up their A and b where they begin, and go on from the y there.
-Where springs of a cell are coupled, κ is full within it: see `small_motion_cells`, which adds to c, p and D.
+A prismatic hinge has e·f in place of e·n. At a fork, A and b of the branches are added, and the forward pass continues
+from its y. With coupled springs, κ is a full matrix within each cell: `small_motion_cells` adds to c, p and D.
 
-w scales a row's part of the loads. D are the pivots of an elimination from the tip on: of a symmetric matrix as many
-are negative as eigenvalues are (Sylvester). Hinges with too small a pivot are not eliminated, their x is given.
+w scales the loads in a row. The D are the pivots of an elimination from the tip. For a symmetric matrix the number of
+negative pivots equals the number of negative eigenvalues (Sylvester). Hinges whose pivot is too small are not
+eliminated; their x is given.
 
-Columns of A stand in the order of y; those that nothing can ask for, behind `size`, are zero and left out.
+Columns of A are ordered as y; those from `size` on are always zero and left out.
 """
 
 from flexlink.kernels.derivatives.inverse_derivatives import BODY_MOTION
@@ -54,9 +56,9 @@ from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, cross, dot, scale
 def factor(work, weights, κ, w, sizes, smallest):
     """Eliminate (weights[0] K + weights[1] C + weights[2] M) x, springs, friction and rotors in `κ` (n,).
 
-    The springs and dampers that couple hinges of a cell, which `κ` lacks, are the chain's. Hinges that are `given` keep
-    their x, and so do those with |D| ≤ smallest · sizes[k], which become given, too. Returns how many pivots are not
-    positive; of hinges that are given D is the diagonal of what is left of the matrix.
+    Springs and dampers that couple hinges are not in `κ` but in the chain. Hinges that are `given` keep their x.
+    Hinges with |D| ≤ smallest · sizes[k] become given as well; their D is the diagonal of the Schur complement. Returns
+    the number of pivots that are not positive.
     """
     weigh(work, weights[0], weights[1], weights[2])
     rows, bodies, A, given, size = work.hinges, work.motion.bodies, work.A, work.given, work.size[0]
@@ -90,7 +92,7 @@ def factor(work, weights, κ, w, sizes, smallest):
             move_columns(bodies, i, size, A)
             if work.cells is not None:
                 move_open(work, i, size, open_)
-        if work.forks is not None and b.begins:  # no cell is open here: the hinges of one are in a row
+        if work.forks is not None and b.begins:  # no cell continues here: the hinges of a cell are consecutive
             add_matrix(A, work.forks[b.slot])
             A[:] = 0.0
     return negative
@@ -98,7 +100,7 @@ def factor(work, weights, κ, w, sizes, smallest):
 
 @recursion
 def begin(work):
-    """A of the last tip, and of what branches have brought so far."""
+    """A of the last tip, plus that of branches added so far."""
     work.A[:] = 0.0
     if work.forks is not None:
         work.forks[:] = 0.0
@@ -114,7 +116,7 @@ def add_matrix(B, A):
 
 @recursion
 def begin_at_tip(tip, A):
-    """A of the loaded tip: a wrench that keeps its direction turns against the arm."""
+    """A of the loaded tip: a wrench of constant direction rotates relative to the arm."""
     for column in range(3):
         put_vec_of(A, cross(UNITS[column], vec_of(tip, 0, 0)), PARTS.δφ + column, 0)
         put_vec_of(A, cross(UNITS[column], vec_of(tip, 1, 0)), PARTS.δφ + column, 3)
@@ -122,7 +124,7 @@ def begin_at_tip(tip, A):
 
 @recursion
 def add_body(bodies, m, i, size, A):
-    """A ← A + what body i asks for."""
+    """Add the force and moment of body i per y to A."""
     for column in range(3):
         unit = UNITS[column]
         add_column(A, PARTS.δa + column, *by_acceleration(bodies, m, i, unit))
@@ -134,7 +136,7 @@ def add_body(bodies, m, i, size, A):
 
 @recursion
 def move_columns(bodies, i, size, A):
-    """A at the hinge point of the body that i hangs on."""
+    """Transfer A to the hinge point of body i's parent."""
     r, u = vec_of(bodies, i, BODY_MOTION.r), scale(2.0, vec_of(bodies, i, BODY_MOTION.u))
     for column in range(3):
         if size > PARTS.η:
@@ -147,14 +149,14 @@ def move_columns(bodies, i, size, A):
 
 @inlined
 def add_combined(A, column, δa):
-    """Column += that of an acceleration δa."""
+    """Add the force and moment of an acceleration δa to a column of A."""
     for i in range(6):
         A[column, i] += A[PARTS.δa, i] * δa[0] + A[PARTS.δa + 1, i] * δa[1] + A[PARTS.δa + 2, i] * δa[2]
 
 
 @recursion
 def demand(rows, k, part, size, by_angle, A):
-    """c and p of hinge k, which feels such a `part`, into its row, and p·j."""
+    """Write c and p of hinge k to its row, and return p·j; `part` is from `wrench_part`."""
     e, total = vec_of(rows, k, HINGE.e), 0.0
     for i in range(6):
         rows[k, HINGE.c + i] = by_angle * rows[k, HINGE.moved + i]
@@ -178,9 +180,9 @@ def eliminate(rows, k, size, factor, A):
 
 @kernel
 def solve(work, r, x, left):
-    """Write x with the matrix of `factor` times x = r (columns, n), x as it is where it is given.
+    """Write x (columns, n) with the matrix of `factor` times x = r; given x stay.
 
-    `left` (columns, n): of given hinges, which the elimination has not touched, the matrix times x.
+    `left` (columns, n): the matrix times x in the rows of given hinges, which are not eliminated.
     """
     for column in range(len(r)):
         load(work, r[column], x[column])
@@ -189,7 +191,7 @@ def solve(work, r, x, left):
 
 @recursion
 def load(work, r, x):
-    """b from the tip on; T into x, of given hinges e·b into their rows; of cells, what is taken off r into `known`."""
+    """Backward pass for b; writes T to x, e·b of given hinges to their rows, and for cells the sums `known`."""
     rows, bodies, given = work.hinges, work.motion.bodies, work.given
     f = n = ZERO
     if work.cells is not None:
@@ -217,7 +219,7 @@ def load(work, r, x):
 
 @recursion
 def move(work, x, left):
-    """x = T − (w p·y + Σ_j L_j x_j) / D, and y with it."""
+    """Forward pass: x = T − (w p·y + Σ_j L_j x_j) / D, and y."""
     rows, bodies, given, size = work.hinges, work.motion.bodies, work.given, work.size[0]
     δa = δφ = η = δω = ZERO
     if work.forks is not None and len(work.forks) > 0:

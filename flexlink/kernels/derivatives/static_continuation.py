@@ -1,7 +1,7 @@
-"""Postures in which a chain rests, its springs bent by gravity, from one position of the held joints to the next.
+"""Static equilibria of a chain under gravity, from one position of the held joints to the next.
 
-Newton's method, T_G(q) + T_FL(q) = 0 on the joints that are not held, with a matrix that is kept as long as every
-correction is a tenth of the last one, or less: what bends hardly changes from one position to the next.
+Newton's method solves T_G(q) + T_FL(q) = 0 for the joints that are not held. The matrix is reused as long as every
+correction is at most a tenth of the previous one: deflections hardly change from one position to the next.
 """
 
 import math
@@ -19,12 +19,12 @@ from flexlink.kernels.tools.vec3 import vector
 
 @kernel
 def follow_equilibria(chain, held, free, angles, q, postures):
-    """Write the postures (rows, n) with the joints `held` at `angles` (rows, held), from an equilibrium `q` (n,) on.
+    """Write equilibria (rows, n) with the joints `held` at `angles` (rows, held), starting at an equilibrium `q` (n,).
 
-    Returns how many were found: up to where Newton's method fails, bends by more than it should, or finds an
-    equilibrium that would not stay.
+    Returns the number of rows found: it stops where Newton's method fails, deflections exceed a limit, or an
+    equilibrium is unstable.
     """
-    most, far, shrinks, small = 30, 0.1, 0.1, 1e-11  # corrections; rad, or of the arm's length; of the last one; rad
+    most, far, shrinks, small = 30, 0.1, 0.1, 1e-11  # corrections; rad, or of the length; to the last one; rad
     n, f = len(q), len(free)
     zero, none, torque, x, work = np.zeros(n), np.zeros(6), np.zeros(n), np.zeros(f), rne_workspace(chain)
     forces, spare = forces_of(chain), np.empty((n, n))
@@ -66,7 +66,7 @@ def follow_equilibria(chain, held, free, angles, q, postures):
                 return row
             for i in range(f):
                 q[free[i]] -= x[i]
-            if size == 0.0 or (size < small and size > shrinks * last):  # rounding is all that is left
+            if size == 0.0 or (size < small and size > shrinks * last):  # only rounding errors remain
                 break
             known = size <= shrinks * last
             last = size
@@ -86,7 +86,7 @@ def gravity_torques(chain, postures, torques):
 
 @recursion
 def factor_block(K, free, L):
-    """L Lᵀ = K of the joints `free`, its lower triangle; False where it is not positive definite."""
+    """Lower triangle of L Lᵀ = K for the joints `free`; False if K is not positive definite there."""
     for j in range(len(free)):
         for i in range(j, len(free)):
             total = K[free[i], free[j]]
@@ -103,7 +103,7 @@ def factor_block(K, free, L):
 
 @recursion
 def solve_block(L, x, sizes):
-    """x ← (L Lᵀ)⁻¹ x; returns the largest |x_i| / sizes_i, nan if one is."""
+    """x ← (L Lᵀ)⁻¹ x; return the largest |x_i| / sizes_i, nan if any is."""
     for i in range(len(x)):
         for k in range(i):
             x[i] -= L[i, k] * x[k]

@@ -1,4 +1,4 @@
-"""Springs and dampers between two hinges: K_ij and D_ij beside the diagonals that hinges keep."""
+"""Springs and dampers between two hinges: off-diagonal K_ij and D_ij; the hinges have the diagonals."""
 
 from typing import Any, NamedTuple
 
@@ -8,19 +8,19 @@ from flexlink.kernels.tools.compiler import kernel, recursion
 from flexlink.kernels.tools.lanes import LANES, at, empty_lanes, put_at, zero_of
 from flexlink.kernels.tools.numbered import numbered
 
-CONSTANT = numbered("stiffness damping inner_rest outer_rest")  # of a coupling i, j: K_ij, D_ij, θ₀ of i and of j
+CONSTANT = numbered("stiffness damping inner_rest outer_rest")  # of coupling i, j: K_ij, D_ij, θ₀ of i and of j
 
 
 class Couplings(NamedTuple):
-    """Force element: torque K_ij (θ_j − θ₀_j) + D_ij q̇_j on hinge i, and the same of i on hinge j."""
+    """Force element: torque K_ij (θ_j − θ₀_j) + D_ij q̇_j on hinge i, and with i and j exchanged on hinge j."""
 
-    pairs: Any  # (m, 2) the two hinges of each
-    constants: Any  # (m, CONSTANT.size), or with eight chains' numbers side by side
+    pairs: Any  # (m, 2) indices of both hinges
+    constants: Any  # (m, CONSTANT.size); for eight chains side by side, eight of each number
 
 
 @kernel
 def couplings_of(chain):
-    """Those of a chain."""
+    """Couplings of a chain."""
     couplings, hinges = chain.rare.couplings, chain.hinges
     pairs, constants = np.empty((len(couplings), 2), np.int64), np.empty((len(couplings), CONSTANT.size))
     for c in range(len(couplings)):
@@ -33,7 +33,7 @@ def couplings_of(chain):
 
 @kernel
 def couplings_side_by_side(chains):
-    """Those of eight chains, alike in hinges."""
+    """Couplings of eight chains with equal hinges."""
     pairs = couplings_of(chains[0]).pairs
     constants = empty_lanes((len(pairs), CONSTANT.size))
     for lane in range(LANES):
@@ -43,7 +43,7 @@ def couplings_side_by_side(chains):
 
 @recursion
 def coupling_torque(element, q, qd, torque):
-    """Add the torques to `torque` (n,), or of eight states side by side; returns the power that dampers take [W]."""
+    """Add the torques to `torque` (n,), or of eight states side by side; return the power of the dampers [W]."""
     pairs, constants, power = element.pairs, element.constants, zero_of(qd)
     for c in range(len(pairs)):
         i, j, k, d = pairs[c, 0], pairs[c, 1], at(constants, c, CONSTANT.stiffness), at(constants, c, CONSTANT.damping)
@@ -77,9 +77,9 @@ def coupling_slopes(element, q, qd, by_angle, by_rate):
 
 @kernel
 def cells_of(n, rare):
-    """First hinge of the cell of every hinge, (n,): a run of hinges that couplings overlap; (0,) without couplings.
+    """First hinge of each hinge's cell, (n,); (0,) without couplings, None for a plain chain.
 
-    None of a plain chain.
+    A cell is a sequence of hinges with overlapping couplings.
     """
     if rare is None:
         return None
@@ -99,7 +99,7 @@ def cells_of(n, rare):
 
 @kernel
 def factor_springs(chain, joints):
-    """L D Lᵀ = K of some joints with springs, in ascending order, O(n): D_i, then L_{i,i−1}, L_{i,i−2}, … in row i."""
+    """L D Lᵀ = K of some joints with springs, in ascending order, O(n): row i has D_i, then L_{i,i−1}, L_{i,i−2}, …"""
     place, width = np.full(len(chain.hinges), -1), 0
     for i in range(len(joints)):
         place[joints[i]] = i
@@ -128,7 +128,7 @@ def factor_springs(chain, joints):
 
 @recursion
 def solve_springs(rows, x):
-    """x ← K⁻¹ x, of the joints of `factor_springs`."""
+    """x ← K⁻¹ x for the joints of `factor_springs`."""
     for i in range(len(x)):
         for j in range(max(0, i - rows.shape[1] + 1), i):
             x[i] -= rows[i, i - j] * x[j]
@@ -140,7 +140,7 @@ def solve_springs(rows, x):
 
 @kernel
 def give_way(chain, joints, torques):
-    """Torques (rows, joints) on springs become the angles by which they give way."""
+    """Replace torques on springs, (rows, joints), by the angles of the springs under them."""
     rows = factor_springs(chain, joints)
     for row in range(len(torques)):
         solve_springs(rows, torques[row])

@@ -1,4 +1,4 @@
-"""Quadratic dampers of single joints, as of a hydraulic brake: T = c |q̇| q̇ resists, and c |q̇|³ ≥ 0 is lost."""
+"""Quadratic dampers of single joints, such as hydraulic brakes: resisting torque T = c |q̇| q̇, power loss c |q̇|³."""
 
 from typing import Any, NamedTuple
 
@@ -13,13 +13,13 @@ class Dampers(NamedTuple):
 
 @kernel
 def dampers_of(chain):
-    """Those of a chain."""
+    """Quadratic dampers of a chain."""
     return Dampers(chain.rare.dampers)
 
 
 @recursion
 def damper_torque(element, q, qd, torque):
-    """Add T to `torque` (n,); returns the power that is lost [W]."""
+    """Add T to `torque` (n,); return the power loss [W]."""
     power = 0.0
     for damper in element.rows:
         k = damper.hinge
@@ -39,7 +39,7 @@ def damper_slopes(element, q, qd, by_angle, by_rate):
 
 @recursion
 def damper_brakes(element, q, qd, brakes):
-    """Add the same to (n,)."""
+    """Add ∂T/∂q̇ to (n,)."""
     for damper in element.rows:
         k = damper.hinge
         brakes[k] += 2.0 * damper.quadratic * abs(qd[k])

@@ -1,13 +1,13 @@
-"""Torques of the drag of a fluid at rest on points of the bodies, in inertial axes.
+"""Torques from the drag of a fluid at rest on points of the bodies, in inertial axes.
 
-    outward     kinematics      ω ← ω + e q̇      v ← v + ω × Δp, of a joint that slides v ← v + e q̇
+    forward     kinematics      ω ← ω + e q̇      v ← v + ω × Δp, prismatic: v ← v + e q̇
     point       v_i = v + ω × R p        u = v_i·R e_y        w = v_i·R e_z        s = √(u² + w²)
                 f_i = −s (d_y u R e_y + d_z w R e_z)        d = ½ ρ c_d b Δx
-    inward      f ← f + f_i        n ← n + R p × f_i        T = −e·n, of a joint that slides −e·f        n ← n + Δp × f
+    backward    f ← f + f_i        n ← n + R p × f_i        T = −e·n, prismatic: −e·f        n ← n + Δp × f
 
-T stands beside T_FR: M q̈ = T_EX − T_GC − T_FL − T_FR − T, and q̇·T = Σ s (d_y u² + d_z w²) ≥ 0 is lost. One source
-serves real numbers and complex ones: a slope is the imaginary part along x + i ε, ε so small that ε² is nothing
-(Squire & Trapp 1998); s is smooth but where it is 0, and there the slope is 0.
+T resists like T_FR: M q̈ = T_EX − T_GC − T_FL − T_FR − T, with power loss q̇·T = Σ s (d_y u² + d_z w²) ≥ 0. One source
+serves real and complex numbers. A derivative is the imaginary part of T at x + i ε, divided by ε, with ε so small that
+ε² vanishes (Squire & Trapp 1998). s is smooth except at 0, where the derivative is 0.
 """
 
 from typing import Any, NamedTuple
@@ -21,21 +21,21 @@ from flexlink.kernels.tools.lanes import Turns
 from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, apply, cross, dot, put, scale, sub, vector
 
 EPSILON = 1e-100
-"""ε of the imaginary parts."""
+"""ε, size of the imaginary parts."""
 
 
 class Drag(NamedTuple):
-    """Force element: drag of links, with scratch of floats, or of complex numbers for its slopes."""
+    """Force element: drag of links, with real scratch arrays, or complex ones for its derivatives."""
 
     chain: Any
     placed: KinematicsWork
-    motion: Any  # (bodies, 2, 3) ω and v of every body, at its hinge point
-    loads: Any  # (bodies, 2, 3) force and moment on it and all beyond, likewise
+    motion: Any  # (bodies, 2, 3) ω and v of every body at its hinge point
+    loads: Any  # (bodies, 2, 3) force and moment on each body and all outboard bodies at its hinge point
     torque: Any  # (n,) T
 
 
 class DragSlopes(NamedTuple):
-    """Slopes of it."""
+    """Derivatives of drag."""
 
     drag: Drag
     turns: Turns  # complex angles (n,)
@@ -44,7 +44,7 @@ class DragSlopes(NamedTuple):
 
 @kernel
 def drag_of(chain):
-    """That of a chain; its scratch is empty, and few arrays, where no link meets drag."""
+    """Drag of a chain; if no link has drag, the scratch arrays are empty."""
     m, n = drag_sizes(chain)
     points, motion = np.empty((m, 3)), np.empty((m, 2, 3))
     axes, loads = points, motion
@@ -55,7 +55,7 @@ def drag_of(chain):
 
 @kernel
 def drag_slopes_of(chain):
-    """Its slopes; likewise."""
+    """Derivatives of a chain's drag; if no link has drag, the scratch arrays are empty."""
     (m, n), c = drag_sizes(chain), np.complex128
     points, motion, torque, angles = np.empty((m, 3), c), np.empty((m, 2, 3), c), np.empty(n, c), np.empty((3, n), c)
     axes, loads, rates = points, motion, torque
@@ -67,14 +67,14 @@ def drag_slopes_of(chain):
 
 @kernel
 def drag_sizes(chain):
-    """How many bodies and hinges scratch is for: none where no link meets drag."""
+    """Numbers of bodies and hinges of the scratch arrays: zero if no link has drag."""
     some = min(1, len(chain.rare.drag))
     return some * len(chain.bodies), some * len(chain.hinges)
 
 
 @subroutine
 def drag_torque(element, q, qd, torque):
-    """Add T to `torque` (n,), at angles (n,) and rates (n,); returns the power q̇·T that is lost [W]."""
+    """Add T to `torque` (n,) at angles (n,) and rates (n,); return the power loss q̇·T [W]."""
     power = 0.0
     if len(element.torque) > 0:
         find_torques(element, q, qd)
@@ -86,14 +86,14 @@ def drag_torque(element, q, qd, torque):
 
 @inlined
 def find_torques(work, q, qd):
-    """T, at angles (n,), or `Turns` of them, and rates (n,)."""
+    """T at angles (n,), or their `Turns`, and rates (n,)."""
     put_loads(work, q, qd)
     add_up(work)
 
 
 @inlined
 def put_loads(work, q, qd):
-    """Outward: force on every body, and moment about its hinge point."""
+    """Forward pass: force on every body, and moment about its hinge point."""
     drag = work.chain.rare.drag
     kinematics(work.chain, q, work.placed)
     move(work, qd)
@@ -125,7 +125,7 @@ def move(work, qd):
 
 @inlined
 def pull(point, R, motion, loads):
-    """Add the force at a point to the loads of its body, and its moment."""
+    """Add the force at a point, and its moment, to the loads of its body."""
     lever = apply(R, vector(point.point))
     v = add(vector(motion[1]), cross(vector(motion[0]), lever))
     y, z = apply(R, vector(point.across[0])), apply(R, vector(point.across[1]))
@@ -138,7 +138,7 @@ def pull(point, R, motion, loads):
 
 @inlined
 def add_up(work):
-    """Inward: T of every joint, from the loads on what is beyond it."""
+    """Backward pass: T of every joint, from the loads on its outboard bodies."""
     bodies, hinges, loads, torque = work.chain.bodies, work.chain.hinges, work.loads, work.torque
     points, axes = work.placed.points, work.placed.axes
     for i in range(len(bodies) - 1, -1, -1):
@@ -162,7 +162,7 @@ def drag_loads(chain, q, qd):
 
 @subroutine
 def drag_slopes(element, q, qd, by_angle, by_rate):
-    """Add ∂T/∂q and ∂T/∂q̇ to (n, n) each; O(n²) in all."""
+    """Add ∂T/∂q and ∂T/∂q̇ to (n, n) each; O(n²) in total."""
     work, turns, rates, moves = element.drag, element.turns, element.rates, False
     for k in range(len(work.torque)):
         moves = moves or qd[k] != 0.0

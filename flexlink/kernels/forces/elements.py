@@ -1,18 +1,18 @@
-"""Force elements: what acts on a chain beside inertia, gravity, and the spring and friction of each joint.
+"""Force elements: forces on a chain besides inertia, gravity, and the springs and friction of single joints.
 
-All that a chain has is a tuple of records, one of every kind, of a plain chain none at all; each function here is that
-of every record, by its type, and the sum of what they return. A new kind is a record with these functions, written into
-the tables below and into `in_motion`; its numbers are a structured array of the chain, named in `layout.FORCES`:
+A chain has a tuple of records, one of each kind; a plain chain has none. Each function here calls the function of every
+record, by its type, and returns the sum of their results. To add a kind, write a record with these functions, and enter
+them in the tables below and in `in_motion`. Its numbers are a structured array of the chain, named in `layout.FORCES`:
 
-    of a chain      (chain) -> record                             its constants and scratch
-    torque          (record, q, qd, torque) -> power lost [W]     adds T (n,), which resists as T_FR does
-    energy          (record, q) -> V [J]                          of a law that has a potential
+    of a chain      (chain) -> record                             its constants and scratch arrays
+    torque          (record, q, qd, torque) -> power loss [W]     adds T (n,), which resists like T_FR
+    energy          (record, q) -> V [J]                          if the law has a potential
     slopes          (record, q, qd, by_angle, by_rate)            adds ∂T/∂q and ∂T/∂q̇ (n, n)
-    brakes          (record, q, qd, brakes)                       adds ∂T_k/∂q̇_k (n,) where implicit steps need them
+    brakes          (record, q, qd, brakes)                       adds ∂T_k/∂q̇_k (n,) for implicit steps
 
-None of them makes arrays. Slopes may have a record of their own, with more scratch. A law with states of its own is
-made of internal coordinates and gyrators (`gyrators`). Springs and dampers between hinges go eight states side by side,
-too.
+These functions allocate no arrays. Derivatives may have a separate record, with more scratch. A law with internal
+states is made of internal coordinates and gyrators (`gyrators`). Springs and dampers between hinges can be computed for
+eight states side by side.
 """
 
 from typing import Any, NamedTuple
@@ -47,16 +47,16 @@ class Forces(NamedTuple):
     """All force elements of a chain."""
 
     elements: Any  # a tuple of records
-    act: bool  # whether there is one
+    act: bool  # whether there is any
     torque: Any  # (n,) scratch, or (n, 8)
 
 
 class Slopes(NamedTuple):
-    """Slopes of them all."""
+    """Derivatives of all force elements."""
 
     elements: Any  # a tuple of records
     act: bool
-    found: Any  # (2, n, n) ∂T/∂q and ∂T/∂q̇; (2, 0, 0) where nothing acts
+    found: Any  # (2, n, n) ∂T/∂q and ∂T/∂q̇; (2, 0, 0) without force elements
 
 
 @of_each({
@@ -64,12 +64,12 @@ class Slopes(NamedTuple):
     Dampers: damper_torque, Gyrators: gyrator_torque,
 })  # fmt: skip
 def add_torques(elements, q, qd, torque):
-    """Add T of all elements to `torque` (n,), or (n, 8); returns the power that is lost [W]."""
+    """Add T of all elements to `torque` (n,), or (n, 8); return the power loss [W]."""
 
 
 @of_each({Couplings: coupling_energy, RotationSprings: rotation_energy}, optional=True)
 def elastic_energy(elements, q):
-    """Energy that all elements hold [J]."""
+    """Potential energy of all elements [J]."""
 
 
 @of_each({
@@ -77,17 +77,17 @@ def elastic_energy(elements, q):
     Dampers: damper_slopes, Gyrators: gyrator_slopes,
 }, summed=False)  # fmt: skip
 def add_slopes(elements, q, qd, by_angle, by_rate):
-    """Add the slopes of all elements' T to (n, n) each."""
+    """Add ∂T/∂q and ∂T/∂q̇ of all elements to (n, n) each."""
 
 
 @of_each({Dampers: damper_brakes}, summed=False, optional=True)
 def add_brakes(elements, q, qd, brakes):
-    """Add to (n,) the slopes of T by each joint's own rate that implicit steps and their errors are to count."""
+    """Add ∂T_k/∂q̇_k to (n,) for elements that count in implicit steps and their error estimates."""
 
 
 @recursion
 def find_brakes(forces, q, qd, brakes):
-    """Write them (n,)."""
+    """Write ∂T_k/∂q̇_k (n,)."""
     for k in range(len(brakes)):
         brakes[k] = 0.0
     if forces.act:
@@ -96,7 +96,7 @@ def find_brakes(forces, q, qd, brakes):
 
 @recursion
 def find_slopes(slopes, q, qd):
-    """Write the slopes of all elements' T."""
+    """Write ∂T/∂q and ∂T/∂q̇ of all elements."""
     if slopes.act:
         for part in range(2):
             for i in range(len(q)):
@@ -107,7 +107,7 @@ def find_slopes(slopes, q, qd):
 
 @kernel
 def forces_of(chain):
-    """Those of a chain; None of a plain one."""
+    """Force elements of a chain; None for a plain chain."""
     if chain.rare is None:
         return None
     elements = (couplings_of(chain), rotation_of(chain)) + in_motion(chain)  # noqa: RUF005
@@ -116,14 +116,14 @@ def forces_of(chain):
 
 @recursion
 def any_acts(rare, rotation):
-    """Whether a chain has a force element."""
+    """Whether a chain has any force element."""
     springs = len(rare.couplings) > 0 or len(rotation.hinges) > 0
     return springs or len(rare.drag) > 0 or len(rare.dampers) > 0 or len(rare.gyrators) > 0
 
 
 @kernel
 def force_slopes_of(chain, forces):
-    """The slopes of the elements of a chain; None of a plain one."""
+    """Derivatives of the force elements of a chain; None for a plain chain."""
     if forces is None:
         return None
     couplings, rotation, _, dampers, gyrators = forces.elements
@@ -134,13 +134,13 @@ def force_slopes_of(chain, forces):
 
 @kernel
 def in_motion(chain):
-    """Elements that are no springs between hinges, nor dampers."""
+    """Elements other than springs and dampers between hinges."""
     return drag_of(chain), dampers_of(chain), gyrators_of(chain)
 
 
 @kernel
 def motion_torques(chain, qs, qds, found):
-    """Add T of those `in_motion` to `found` (b, n), of states (b, n)."""
+    """Add T of the elements `in_motion` at states (b, n) to `found` (b, n)."""
     elements = in_motion(chain)
     for row in range(len(qs)):
         add_torques(elements, qs[row], qds[row], found[row])
@@ -148,19 +148,19 @@ def motion_torques(chain, qs, qds, found):
 
 @kernel
 def motion_slopes(chain, q, qd, by_angle, by_rate):
-    """Add the slopes of T of those `in_motion` to (n, n) each."""
+    """Add ∂T/∂q and ∂T/∂q̇ of the elements `in_motion` to (n, n) each."""
     add_slopes((drag_slopes_of(chain), dampers_of(chain), gyrators_of(chain)), q, qd, by_angle, by_rate)
 
 
 @kernel
 def one_of(bodies, hinges, gravity, rare, lane):
-    """One of eight chains, arrays (8, …)."""
+    """Chain number `lane` of eight, from arrays (8, …)."""
     return ChainArrays(bodies[lane], hinges[lane], gravity[lane], one_rare(rare, lane))
 
 
 @kernel
 def one_rare(rare, lane):
-    """What is rare of it."""
+    """Optional features of that chain."""
     if rare is None:
         return None
     return Rare(rare.couplings[lane], rare.drag[lane], rare.dampers[lane], rare.gyrators[lane])
@@ -168,7 +168,7 @@ def one_rare(rare, lane):
 
 @kernel
 def eight_of(bodies, hinges, gravity, rare):
-    """All of them."""
+    """All eight chains."""
     return (
         one_of(bodies, hinges, gravity, rare, 0), one_of(bodies, hinges, gravity, rare, 1),
         one_of(bodies, hinges, gravity, rare, 2), one_of(bodies, hinges, gravity, rare, 3),
@@ -179,7 +179,7 @@ def eight_of(bodies, hinges, gravity, rare):
 
 @kernel
 def forces_side_by_side(chains):
-    """Those of eight chains, alike in hinges, none of them `in_motion`; None of plain ones."""
+    """Force elements of eight chains with equal hinges, none of them `in_motion`; None for plain chains."""
     if chains[0].rare is None:
         return None
     elements = couplings_side_by_side(chains), rotation_springs_side_by_side(chains)
@@ -188,7 +188,7 @@ def forces_side_by_side(chains):
 
 @subroutine
 def subtract_torques(forces, rows, q, qd, net):
-    """Subtract T of all elements from column `net` of the rows of the hinges; returns the power that is lost [W]."""
+    """Subtract T of all elements from column `net` of the hinges' rows; return the power loss [W]."""
     torque = forces.torque
     for k in range(len(torque)):
         put_at(torque, zero_of(qd), k)

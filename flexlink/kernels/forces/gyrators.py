@@ -1,8 +1,8 @@
-"""Gyrators between two hinges: T_i = g q̇_j and T_j = −g q̇_i, which lose no power together.
+"""Gyrators between two hinges: T_i = g q̇_j and T_j = −g q̇_i, with zero total power.
 
-A force law with a state of its own is a gyrator between its joint and an internal coordinate, whose rate is the state:
-a hinge with a rotor that carries nothing. Viscous friction d that lags by τ behind the rate, as of a damper in series
-with a spring, with the state ζ, has g = d, a rotor d τ and a damper d:
+A force law with an internal state is a gyrator between its joint and an internal coordinate whose rate is the state.
+The internal coordinate is a hinge with a rotor and no body. Viscous friction d that lags the rate with time constant τ,
+as a damper in series with a spring does, has the state ζ, g = d, rotor d τ and damper d:
 
     T = d ζ        d τ ζ̇ = d q̇ − d ζ
 """
@@ -20,13 +20,13 @@ class Gyrators(NamedTuple):
 
 @kernel
 def gyrators_of(chain):
-    """Those of a chain."""
+    """Gyrators of a chain."""
     return Gyrators(chain.rare.gyrators)
 
 
 @recursion
 def gyrator_torque(element, q, qd, torque):
-    """Add T to `torque` (n,); no power is lost."""
+    """Add T to `torque` (n,); the power loss is zero."""
     for gyrator in element.rows:
         i, j, g = gyrator.inner, gyrator.outer, gyrator.gyration
         torque[i] += g * qd[j]

@@ -1,4 +1,4 @@
-"""Torques of the joints themselves: springs and friction."""
+"""Torques of the springs and of the friction of single joints."""
 
 import math
 
@@ -24,20 +24,20 @@ def friction(hinge, rate):
     return torque
 
 
-# Numbers of a joint at the head of a row, as `smooth_torques` and `subtract_dry_friction` read them: k, θ₀, d, c, w.
+# First columns of a joint's row, as `smooth_torques` and `subtract_dry_friction` read them: k, θ₀, d, c, w.
 JOINT = numbered("stiffness rest damping coulomb width")
 
 
 @kernel
 def put_joint(rows, k, hinge):
-    """Copy k, θ₀, d, c, w to the head of row `k`."""
+    """Copy k, θ₀, d, c, w to the first columns of row `k`."""
     rows[k, JOINT.stiffness], rows[k, JOINT.rest], rows[k, JOINT.damping] = hinge.stiffness, hinge.rest, hinge.damping
     rows[k, JOINT.coulomb], rows[k, JOINT.width] = hinge.coulomb, hinge.coulomb_width
 
 
 @kernel
 def dry_joints(coulomb):
-    """Indices of the joints whose dry torque is not zero: the others save a tanh."""
+    """Indices of the joints with dry friction; the others need no tanh."""
     count = 0
     dry = np.empty(len(coulomb), np.int64)
     for k in range(len(coulomb)):
@@ -49,7 +49,7 @@ def dry_joints(coulomb):
 
 @kernel
 def prescribed_joints(hinges):
-    """Which joints have prescribed motion, as (n,) of bool."""
+    """Whether the motion of each joint is prescribed, (n,) bool."""
     prescribed = np.empty(len(hinges), np.bool_)
     for k in range(len(hinges)):
         prescribed[k] = hinges[k].prescribed
@@ -58,16 +58,16 @@ def prescribed_joints(hinges):
 
 @inlined
 def smooth_torques(rows, k, angle, rate, torque):
-    """T_EX − d q̇ of joint `k`, or of eight side by side, whose power is work; and with the spring, − k (θ − θ₀)."""
+    """T_EX − d q̇ of joint `k`, or of eight side by side, which do work; and the same minus k (θ − θ₀)."""
     working = torque - at(rows, k, JOINT.damping) * rate
     return working, working - at(rows, k, JOINT.stiffness) * (angle - at(rows, k, JOINT.rest))
 
 
 @recursion
 def subtract_dry_friction(rows, dry, qd, net):
-    """Subtract c tanh(q̇ / w) from column `net` of the rows of the joints in `dry`; its own loop, free of it mostly.
+    """Subtract c tanh(q̇ / w) from column `net` of the rows of the joints in `dry`, in most chains none.
 
-    Returns the power that it takes [W].
+    Returns the power of the dry friction [W].
     """
     power = zero_of(qd)
     for i in range(len(dry)):

@@ -1,24 +1,25 @@
 """Springs of the rotation vector φ = log R of three hinges at one point, in place of springs of their angles θ.
 
-R is the product of the hinges' rotations, in their order X, Y, Z or Z, Y, X. Angles of Euler are φ + O(φ²), which holds
-any rule at order 2 where a link bends far out of a plane. Of a chain's K, coupled springs included,
+R is the product of the hinge rotations in the order X, Y, Z or Z, Y, X. The hinge angles are φ + O(φ²); springs of the
+angles would limit any lumping rule to order 2 where a link bends far out of a plane. With K of the chain, including
+coupled springs,
 
     V = ½ φ·K φ        m = ∂V/∂φ        n = m − ½ φ × m + g φ × (φ × m)        τ_k = e_k·n
     g = (1 − ½ |φ| cot ½|φ|) / |φ|²
 
-with vectors in axes of the body behind the hinges. Of two triples that are a cell, the springs hold the curvature
-Θ' − ½ Θ × Θ' of the rotation vector Θ that is quadratic through −φ₁, 0, φ₂, at both Gauss points, which adds
+with vectors in axes of the outboard body. For a cell of two triples, the springs act on the curvature Θ' − ½ Θ × Θ' at
+both Gauss points, where the rotation vector Θ is the quadratic polynomial through −φ₁, 0, φ₂. This adds
 
     V += (β₁∘φ₁ + β₂∘φ₂)·w + ½ w·(γ∘w)        w = −φ₁ × φ₂ / 6        β_i = (K_ii + K_12) / 2        γ = (β₁ + β₂) / 2
 
-axis by axis, exact up to the fourth power of the cell's length, of tapered links, too.
+with ∘ the product by components; exact to the fourth power of the cell's length, also for tapered links.
 
-R is known by its quaternion, from the half angles: φ is smooth up to a whole turn, and turns over beyond it. In the
-order Z, Y, X it is −φ(−θ) of X, Y, Z, so that a factor σ = ±1 serves both. Kernels take the torques K (θ − θ₀) of all
-hinges first; what is found here is the rest, the excess of the law over them.
+R is computed as a quaternion, from the half angles. φ is smooth up to a full turn, where it changes sign. For the order
+Z, Y, X it is −φ(−θ) of X, Y, Z, so a factor σ = ±1 serves both. Kernels first apply the torques K (θ − θ₀) of all
+hinges. The functions here compute the excess of the law over them.
 
-Eight triples go side by side (`lanes`), of one chain as of eight: each has a slot in rows of numbers, first the inner
-ones of cells, then the outer ones in the same order, then all others.
+Eight triples are computed side by side (`lanes`), of one chain or of eight. Each triple has a slot in rows of numbers:
+first the inner triples of cells, then the outer ones in the same order, then all others.
 """
 
 import math
@@ -35,12 +36,12 @@ from flexlink.kernels.tools.vec3 import add, add_scaled, cross, dot, scale, sub
 
 ROW = numbered(
     "half:3 cosine:3 sine:3",  # ½ (θ − θ₀) of the hinges about X, Y, Z
-    "sense stiffness:3 rest:3 coupled:3",  # σ, K_ii, θ₀; of the inner triple of a cell K_12
+    "sense stiffness:3 rest:3 coupled:3",  # σ, K_ii, θ₀; inner triple of a cell: K_12
     "v:3 w square factor g",  # quaternion of σ (θ − θ₀), v·v, |φ| / |v|, g
-    "φ:3 moment:3 linear:3 excess:3",  # φ, m, K (θ − θ₀) and what the law takes more
+    "φ:3 moment:3 linear:3 excess:3",  # φ, m, K (θ − θ₀) and the excess torque
 )
-"""Rows of numbers, each with one of every triple."""
-NEAR = 1 / 16  # v·v, |φ| < 0.505 rad: up to it both series are exact to rounding
+"""Rows of numbers; each has one number per triple."""
+NEAR = 1 / 16  # v·v, |φ| < 0.505 rad: below, both series are exact to rounding
 ARCSINE = tuple(2 * math.comb(2 * k, k) / 4**k / (2 * k + 1) for k in range(13))
 """2 arcsin(s) / s in powers of s²; the next term is below 1e-17."""
 COTANGENT = (
@@ -51,15 +52,15 @@ COTANGENT = (
 
 
 class RotationSprings(NamedTuple):
-    """Force element: springs of rotation vectors with scratch; empty of a chain that has none."""
+    """Force element: springs of rotation vectors, with scratch arrays; empty for a chain without any."""
 
-    hinges: Any  # (t, 3) numbers of the hinges about X, Y, Z of every triple
-    slots: Any  # (t,) where it stands in each row
-    cells: Any  # (c, 2) triples
-    outer: Any  # (1,) how far, in numbers, the outer triple of a cell stands behind the inner one
-    within: Any  # (w, 3) couplings of a cell's hinges about one axis: axis, slot of the inner one, number
-    pairs: Any  # (m, 5) other couplings: axis and slot of the inner hinge, of the outer one, number
-    coupled: Any  # (m, 1) K_ij of the latter
+    hinges: Any  # (t, 3) indices of the hinges about X, Y, Z of every triple
+    slots: Any  # (t,) slot of each triple
+    cells: Any  # (c, 2) triples of each cell
+    outer: Any  # (1,) offset of the outer triple of a cell from the inner one
+    within: Any  # (w, 3) couplings within a cell about one axis: axis, inner slot, index of the coupling
+    pairs: Any  # (m, 5) other couplings: axis and slot of the inner hinge, of the outer one, index
+    coupled: Any  # (m, 1) K_ij of `pairs`
     numbers: Any  # (ROW, slots in eights)
     side: Any  # the same memory, by slots
     flat: Any  # (3, …) the same memory: half angles, cosines, sines
@@ -68,7 +69,7 @@ class RotationSprings(NamedTuple):
 @shared
 @kernel
 def rotation_springs(bodies, hinges, couplings):
-    """Scratch of a chain."""
+    """Allocate the element of a chain."""
     triples, cells = triples_of(bodies, hinges)
     if len(triples) == 0:
         return no_springs(triples, cells)
@@ -94,7 +95,7 @@ def rotation_springs(bodies, hinges, couplings):
 
 @kernel
 def no_springs(triples, cells):
-    """Scratch of a chain that has none, in few arrays: forward dynamics of one state asks for it."""
+    """The element of a chain without such springs, with few arrays, as forward dynamics of one state needs."""
     none, pairs, numbers = np.empty(0, np.int64), np.empty((0, 5), np.int64), np.empty((ROW.size, 0))
     coupled = np.empty((0, 1))
     return RotationSprings(triples, none, cells, none, triples, pairs, coupled, numbers, numbers, turns_of(numbers))
@@ -120,20 +121,20 @@ def triples_of(bodies, hinges):
 
 @kernel
 def eights(count):
-    """The next multiple of eight."""
+    """`count` rounded up to a multiple of eight."""
     return -(-count // LANES) * LANES
 
 
 @kernel
 def turns_of(numbers):
-    """All half angles, cosines and sines in a row each: the first nine rows."""
+    """All half angles, cosines and sines in one row each: the first nine rows."""
     size = 3 * numbers.shape[1]
     return numbers.reshape(-1)[: 3 * size].reshape(3, size)
 
 
 @kernel
 def slots_of(cells, count, room):
-    """Slots (t,), the outer triples of cells in a multiple of `room`, and how far in numbers these are behind."""
+    """Slots (t,), outer triples of cells from a multiple of `room` on, and the offset of outer from inner triples."""
     slots, behind = np.full(count, -1), -(-len(cells) // room) * room
     for c in range(len(cells)):
         slots[cells[c, 0]], slots[cells[c, 1]] = c, behind + c
@@ -170,7 +171,7 @@ def joined(triples, slots, cells, couplings, n):
 
 @kernel
 def put_constants(springs, own, both):
-    """Let K have the diagonal `own` (n,) and the couplings `both` (couplings,); the law is linear in them."""
+    """Set the diagonal `own` (n,) and the couplings `both` (couplings,) of K; the law is linear in them."""
     for t in range(len(springs.hinges)):
         for a in range(3):
             springs.numbers[ROW.stiffness + a, springs.slots[t]] = own[springs.hinges[t, a]]
@@ -182,7 +183,7 @@ def put_constants(springs, own, both):
 
 @kernel
 def rotation_springs_side_by_side(chains):
-    """Scratch of eight chains, alike in hinges."""
+    """The element of eight chains with equal hinges."""
     first = rotation_springs(chains[0].bodies, chains[0].hinges, chains[0].rare.couplings)
     slots, outer = slots_of(first.cells, len(first.hinges), 1)
     within, pairs = first.within.copy(), first.pairs.copy()
@@ -203,7 +204,7 @@ def rotation_springs_side_by_side(chains):
 
 @recursion
 def move_slots(springs, slots, within, pairs):
-    """Let couplings name other slots of the triples."""
+    """Replace the slots in the couplings."""
     for t in range(len(slots)):
         for w in range(len(within)):
             if springs.within[w, 1] == springs.slots[t]:
@@ -216,13 +217,13 @@ def move_slots(springs, slots, within, pairs):
 
 @kernel
 def rotation_of(chain):
-    """Those of a chain, which may have none."""
+    """The element of a chain; it may be empty."""
     return rotation_springs(chain.bodies, chain.hinges, chain.rare.couplings)
 
 
 @recursion
 def rotation_torque(springs, q, qd, torque):
-    """Add what the law takes more than K (θ − θ₀); no power is lost."""
+    """Add the excess over K (θ − θ₀) to `torque`; the power loss is zero."""
     if len(springs.hinges) > 0:
         add_excess(q, springs, torque)
     return zero_of(qd)
@@ -230,13 +231,13 @@ def rotation_torque(springs, q, qd, torque):
 
 @recursion
 def rotation_energy(springs, q):
-    """What the law holds more than ½ (θ − θ₀)·K (θ − θ₀) [J]."""
+    """Excess of the energy over ½ (θ − θ₀)·K (θ − θ₀) [J]."""
     return excess_energy(q, springs) if len(springs.hinges) > 0 else 0.0
 
 
 @recursion
 def add_excess(q, springs, torque):
-    """Add what the law takes more to `torque` (n,), or of eight states side by side."""
+    """Add the excess torque to `torque` (n,), or of eight states side by side."""
     find_excess(q, springs)
     for t in range(len(springs.hinges)):
         for a in range(3):
@@ -246,7 +247,7 @@ def add_excess(q, springs, torque):
 
 @kernel
 def excess_torque(bodies, hinges, couplings, q):
-    """What the law takes more than K (θ − θ₀), in a new array (n,)."""
+    """Excess over K (θ − θ₀), in a new array (n,)."""
     torque = np.zeros(len(q))
     add_excess(q, rotation_springs(bodies, hinges, couplings), torque)
     return torque
@@ -254,7 +255,7 @@ def excess_torque(bodies, hinges, couplings, q):
 
 @kernel
 def rotation_vectors(bodies, hinges, couplings, q):
-    """Angles (n,), those of triples whose springs hold φ replaced by φ about their axes."""
+    """Angles (n,); for triples with springs of φ, φ about their axes instead."""
     springs, found = rotation_springs(bodies, hinges, couplings), q.copy()
     find_quaternions(q, springs)
     find_moments(springs)
@@ -266,7 +267,7 @@ def rotation_vectors(bodies, hinges, couplings, q):
 
 @kernel
 def stretches(bodies, hinges, couplings, q):
-    """Hinges (t, 3) of the triples, and ½|φ| / sin ½|φ|, by which errors of R count in φ, (t,)."""
+    """Hinges (t, 3) of the triples, and ½|φ| / sin ½|φ|, the factor from errors of R to errors of φ, (t,)."""
     springs = rotation_springs(bodies, hinges, couplings)
     find_quaternions(q, springs)
     return springs.hinges, 0.5 * springs.numbers[ROW.factor][springs.slots]
@@ -274,7 +275,7 @@ def stretches(bodies, hinges, couplings, q):
 
 @recursion
 def excess_energy(q, springs):
-    """V of the law less ½ (θ − θ₀)·K (θ − θ₀) of a chain [J]."""
+    """Energy of the law minus ½ (θ − θ₀)·K (θ − θ₀) of a chain [J]."""
     find_quaternions(q, springs)
     find_moments(springs)
     numbers, found = springs.numbers, 0.0
@@ -293,7 +294,7 @@ def excess_energy(q, springs):
 
 @inlined
 def energy_of_cell(numbers, t, u):
-    """What K_12 and w add for the cell with slots `t` and `u`."""
+    """Energy from K_12 and w of the cell with slots `t` and `u`."""
     θ1, θ2 = three(numbers, ROW.half, t), three(numbers, ROW.half, u)
     φ1, φ2, both = three(numbers, ROW.φ, t), three(numbers, ROW.φ, u), three(numbers, ROW.coupled, t)
     β1, β2, γ = bending_of_cell(three(numbers, ROW.stiffness, t), three(numbers, ROW.stiffness, u), both)
@@ -316,7 +317,7 @@ def eight(numbers, row, first):
 
 @inlined
 def put_eight_of(numbers, a, row, first):
-    """Write what `eight` reads."""
+    """Write the numbers that `eight` reads."""
     put_eight(numbers[row], a[0], first)
     put_eight(numbers[row + 1], a[1], first)
     put_eight(numbers[row + 2], a[2], first)
@@ -337,7 +338,7 @@ def bending_of_cell(inner, outer, both):
 
 @recursion
 def find_excess(q, springs):
-    """Torque of the law less K (θ − θ₀), of every triple."""
+    """Excess of the law's torque over K (θ − θ₀), for every triple."""
     find_quaternions(q, springs)
     find_moments(springs)
     numbers = springs.numbers
@@ -388,7 +389,7 @@ def find_quaternions(q, springs):
 
 @inlined
 def near(square):
-    """|φ| / |v| and g of a small v·v."""
+    """|φ| / |v| and g for small v·v, by series."""
     factor = polynomial(ARCSINE, square)
     return factor, polynomial(COTANGENT, factor * factor * square)
 
@@ -404,7 +405,7 @@ def polynomial(coefficients, x):
 
 @recursion
 def find_far(numbers):
-    """|φ| / |v| and g of the quaternions beyond the series."""
+    """|φ| / |v| and g of quaternions outside the range of the series."""
     for k in range(numbers.shape[1]):
         w, square = numbers[ROW.w, k], numbers[ROW.square, k]
         if square >= NEAR or w < 0.0:
@@ -443,7 +444,7 @@ def vectors_of(numbers, k):
 
 @inlined
 def bend_cell(numbers, k, l):
-    """The same of eight cells, inner triples from `k`, outer ones from `l`: K φ, and what w adds."""
+    """K φ, and the terms of w, of eight cells with inner triples from slot `k`, outer ones from `l`."""
     (φ1, θ1, inner), (φ2, θ2, outer) = vectors_of(numbers, k), vectors_of(numbers, l)
     both = eight(numbers, ROW.coupled, k)
     put_eight_of(numbers, φ1, ROW.φ, k)
@@ -460,6 +461,6 @@ def bend_cell(numbers, k, l):
 
 @inlined
 def add_product(side, a, t, both, b, u):
-    """Add what the coupling with axis `b` in slot `u` adds at axis `a` in slot `t`."""
+    """Add the torque at axis `a` in slot `t` of the coupling with axis `b` in slot `u`."""
     put_at(side, at(side, ROW.moment + a, t) + both * at(side, ROW.φ + b, u), ROW.moment + a, t)
     put_at(side, at(side, ROW.linear + a, t) + 2.0 * both * at(side, ROW.half + b, u), ROW.linear + a, t)

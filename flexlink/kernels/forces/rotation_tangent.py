@@ -1,13 +1,13 @@
-"""Slopes of the torques of rotation vectors' springs: what their K(θ) is beyond the chain's K, in blocks of 3 × 3.
+"""Derivatives of the torques of rotation-vector springs: ∂excess/∂θ, in blocks of 3 × 3.
 
-With symbols of `rotation_springs`, A = 1 + ½ φ × + g φ × φ ×, so that δφ = A e_k δθ_k and n = Aᵀ m,
+With the symbols of `rotation_springs`, A = 1 + ½ φ × + g φ × φ ×, so δφ = A e_k δθ_k and n = Aᵀ m,
 
     ∂τ_k/∂θ_j = (A e_k)·∂²V/∂φ² (A e_j) + e_k·∂Aᵀ/∂θ_j m + ∂e_k/∂θ_j·n
 
-the last two of one triple; ∂e_k/∂θ_j = −e_j × e_k where hinge j is behind hinge k, or else 0. Of a cell,
+The last two terms are within one triple; ∂e_k/∂θ_j = −e_j × e_k if hinge j is outboard of hinge k, else 0. For a cell,
 
     W₁ = φ₂ × / 6        W₂ = −φ₁ × / 6        M = ∂V/∂w
-    ∂²V/∂φ_i∂φ_j += β_i∘W_j + W_iᵀ β_j∘ + W_iᵀ γ∘W_j + (M × / 6 of i = 1, j = 2)
+    ∂²V/∂φ_i∂φ_j += β_i∘W_j + W_iᵀ β_j∘ + W_iᵀ γ∘W_j + (M × / 6 for i = 1, j = 2)
 """
 
 import math
@@ -32,18 +32,18 @@ from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subrouti
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
 from flexlink.kernels.tools.vec3 import X, Y, Z, add, add_scaled, cross, dot, pick, scale, vector
 
-SLOPE = tuple(k * c for k, c in enumerate(COTANGENT))[1:]  # of g
+SLOPE = tuple(k * c for k, c in enumerate(COTANGENT))[1:]  # of dg/d|φ|²
 
 
 class RotationTangent(NamedTuple):
-    """Slopes of springs of rotation vectors, with scratch."""
+    """Derivatives of rotation-vector springs, with scratch arrays."""
 
     springs: RotationSprings
-    blocks: Any  # (b, 2) triples t ≤ u that springs join, first each with itself
-    values: Any  # (b, 3, 3) ∂excess_t/∂θ_u, by the hinges about X, Y, Z; that of u, t is its transpose
+    blocks: Any  # (b, 2) triples t ≤ u that springs couple; first each triple with itself
+    values: Any  # (b, 3, 3) ∂excess_t/∂θ_u, by the hinges about X, Y, Z; block u, t is the transpose
     bent: Any  # (b, 3, 3) ∂²V/∂φ_t∂φ_u
-    of_pair: Any  # (m,) of the block of each coupling
-    of_cell: Any  # (c,) of the block between the triples of each cell
+    of_pair: Any  # (m,) index of the block of each coupling
+    of_cell: Any  # (c,) index of the block between the triples of each cell
     axes: Any  # (t, 3, 3) e_k
     turning: Any  # (t, 3, 3) A e_k
 
@@ -57,7 +57,7 @@ def rotation_slopes(element, q, qd, by_angle, by_rate):
 
 @kernel
 def rotation_tangent(springs):
-    """Those of a chain's springs, of which there may be none."""
+    """Allocate the derivatives of a chain's springs; there may be none."""
     count, most = len(springs.hinges), len(springs.hinges) + len(springs.pairs) + len(springs.cells)
     if count == 0:
         none, values = springs.slots, np.empty((0, 3, 3))
@@ -79,7 +79,7 @@ def rotation_tangent(springs):
 
 @kernel
 def block_of(t, u, blocks, count):
-    """Number of the block of two triples among the first `count`, or `count`, where it is then."""
+    """Index of the block of two triples among the first `count`; a new one, `count`, if there is none."""
     t, u = min(t, u), max(t, u)
     for b in range(count - 1, -1, -1):
         if blocks[b, 0] == t and blocks[b, 1] == u:
@@ -133,7 +133,7 @@ def find_tangent(q, springs, tangent):
 
 @recursion
 def turn_vectors(springs, t, tangent):
-    """Write e_k and A e_k of a triple, by the hinges about X, Y, Z, of the angles σ (θ − θ₀)."""
+    """Write e_k and A e_k of a triple, by the hinges about X, Y, Z, for the angles σ (θ − θ₀)."""
     numbers, k = springs.numbers, springs.slots[t]
     σ, c, s, φ = (
         numbers[ROW.sense, k],
@@ -152,7 +152,7 @@ def turn_vectors(springs, t, tangent):
 
 @recursion
 def add_turning(numbers, slot, axes, turning, values):
-    """Add e_k·∂Aᵀ/∂θ_j m and ∂e_k/∂θ_j·n to the block of the triple in a slot with itself, all of σ (θ − θ₀)."""
+    """Add e_k·∂Aᵀ/∂θ_j m and ∂e_k/∂θ_j·n, for the angles σ (θ − θ₀), to the diagonal block of the triple in `slot`."""
     σ, g = numbers[ROW.sense, slot], numbers[ROW.g, slot]
     φ, m = scale(σ, three(numbers, ROW.φ, slot)), scale(σ, three(numbers, ROW.moment, slot))
     n, once = turned_back(1.0, g, φ, m), cross(φ, m)
@@ -170,7 +170,7 @@ def add_turning(numbers, slot, axes, turning, values):
 
 @recursion
 def slope_of_g(w, square, φ, g):
-    """dg/d|φ|² of a quaternion."""
+    """dg/d|φ|² as a function of the quaternion."""
     x = dot(φ, φ)
     if square < NEAR and w >= 0.0:
         return polynomial(SLOPE, x)
@@ -198,7 +198,7 @@ def bend_blocks(springs, tangent):
 
 @recursion
 def bend_cell_blocks(numbers, t, u, own, others, mixed):
-    """Add those of the cell in slots `t` and `u` to its three blocks."""
+    """Add the terms of the cell in slots `t` and `u` to its three blocks."""
     φ1, φ2, both = three(numbers, ROW.φ, t), three(numbers, ROW.φ, u), three(numbers, ROW.coupled, t)
     β1, β2, γ = bending_of_cell(three(numbers, ROW.stiffness, t), three(numbers, ROW.stiffness, u), both)
     w, W1, W2 = scale(-1.0 / 6.0, cross(φ1, φ2)), scale(1.0 / 6.0, φ2), scale(-1.0 / 6.0, φ1)
@@ -228,16 +228,16 @@ def add_curvature(block, β1, β2, γ, W1, W2):
 
 @inlined
 def add_coupling(springs, m, block, sign):
-    """Add ± K_ij of a coupling beyond cells at its axes."""
+    """Add ± K_ij of a coupling outside cells, at its axes."""
     a, b, k = springs.pairs[m, 0], springs.pairs[m, 2], sign * springs.coupled[m, 0]
-    block[a, b] += k  # the triple of its inner hinge comes first, or is that of its outer one
+    block[a, b] += k  # the triple of the inner hinge comes first, or both hinges are in one triple
     if springs.pairs[m, 1] == springs.pairs[m, 3]:
         block[b, a] += k
 
 
 @recursion
 def take_off_linear(springs, tangent):
-    """Take the chain's own K off."""
+    """Subtract the chain's K."""
     numbers = springs.numbers
     for t in range(len(springs.hinges)):
         for k in range(3):

@@ -1,1 +1,1 @@
-"""Forward dynamics, O(n), and the inverse of M plus a diagonal."""
+"""Forward dynamics in O(n), and solutions of (M + A) x = r with a diagonal or block-diagonal A."""

@@ -1,31 +1,33 @@
-"""Articulated bodies, O(n) (Featherstone 1983), in working axes, hinge groups of any number of axes at one point.
+"""Articulated-body algorithm, O(n) (Featherstone 1983), in working axes, with any number of hinges at one point.
 
-What a body and all beyond it demand at its hinge point, for angular acceleration α and acceleration a of the point:
+Moment and force at the hinge point of a body, from the body and all outboard bodies, are linear in the angular
+acceleration α and the acceleration a of the point:
 
     n = J α + H a + n₀          f = Hᵀ α + M a + f₀          (J, M symmetric 3×3)
 
-Inward, one hinge axis e with rotor A and torque T after another is eliminated, which leaves J e = Hᵀ e = 0 if A = 0:
+The backward pass eliminates one hinge after another, with axis e, rotor inertia A and torque T. If A = 0, then
+J e = Hᵀ e = 0 afterwards:
 
     D = e·J e + A      q̈ = (T − e·n₀ − e·(J α + H a)) / D      J ← J − J e (J e)ᵀ/D, …
 
-Of a hinge that slides force and moment change places, α and a, too: D = e·M e + A, and J ← J − H e (H e)ᵀ/D, …. Its
-body's hinge point moves with it, at r + Σ e q from the one before. Where branches begin, what they demand at their
-hinge points is brought to that of the body they hang on, and added up there (`articulated_branches`).
+For a prismatic hinge force and moment are exchanged, and so are α and a: D = e·M e + A, and J ← J − H e (H e)ᵀ/D, ….
+The hinge point of its body is displaced, to r + Σ e q from the previous one. At a fork the moments and forces of all
+branches are transferred to the hinge point of their parent body and added (`articulated_branches`).
 
-Behind a triple, three axes without rotors, the moment is known from the torques alone, t with e_k·t = τ_k: only M and
-f₀ travel inward, and the body's own axes x_j are eliminated, which stay perpendicular where hinges line up (gimbal
-lock). If the next body outward passes no J and H either, with d_j = x_j × r,
+Inboard of a triple, three axes without rotors, the moment t follows from the torques alone, e_k·t = τ_k. Only M and f₀
+are passed on. The body's own axes x_j are eliminated instead of the hinge axes, since they stay perpendicular where
+hinge axes align (gimbal lock). If the next body outward passes no J and H either, then with d_j = x_j × r
 
     h_j = m x_j × c + M d_j        J_jk = I_jk + d_j·M d_k        M ← M + m 1 − Σ h_j (J⁻¹)_jk h_kᵀ
 
-and nothing is rotated but vectors. Behind a pair, e₁ and e₂, two moments are known; x₁ = e₂, x₂ = e₁ are eliminated in
-the same way, and x₃ = t, normal to both, is left: J = j t tᵀ, H = t hᵀ, which adds to the next body inward
+and no matrix is rotated. Inboard of a pair, e₁ and e₂, two components of the moment are known. x₁ = e₂ and x₂ = e₁ are
+eliminated in the same way. x₃ = t, normal to both, remains: J = j t tᵀ, H = t hᵀ, which adds to the next body inboard
 
     h_j += t_j h        J_jk += j t_j t_k + t_j g_k + g_j t_k        t_j = x_j·t        g_j = h·d_j
 
-`articulated_layout` says how the hinges of a body are eliminated, and where working axes restart that make a single
-hinge's axis z; all vectors are in the working axes of their body. One source serves one chain and eight side by side
-(`lanes`).
+`articulated_layout` chooses how the hinges of a body are eliminated, and where working axes restart so that the axis of
+a single hinge is z. All vectors are in the working axes of their body. One source serves one chain and eight chains
+side by side (`lanes`).
 """
 
 from flexlink.kernels.forces.elements import subtract_torques
@@ -72,7 +74,7 @@ from flexlink.kernels.tools.vec3 import add, add_along, add_scaled, cross, dot, 
 
 @recursion
 def articulated(wrench, q, qd, tau, qdd, work):
-    """Write q̈ for drive torques `tau`, all (n,) or (n, 8), and tip wrench (6,); see `forward_dynamics`."""
+    """Write q̈ for drive torques `tau`, all (n,) or (n, 8), and the tip wrench (6,); see `forward_dynamics`."""
     layout, prescribed, bodies, hinges, trig = work.layout, work.prescribed, work.bodies, work.hinges, work.trig
     power = prepare(q, qd, tau, hinges, trig[0])
     lost = subtract_dry_friction(hinges, work.dry, qd, HINGE_ROW.torque)
@@ -88,7 +90,7 @@ def articulated(wrench, q, qd, tau, qdd, work):
 
 @inlined
 def prepare(q, qd, tau, hinges, angles):
-    """Angles in their place, torques that are left for the motion; returns the power of drive and viscous friction."""
+    """Store angles and torques less those of springs and friction; return the power of drives and viscous friction."""
     power = zero_of(q)
     for k in range(len(q)):
         put_at(angles, at(q, k), k)
@@ -100,9 +102,9 @@ def prepare(q, qd, tau, hinges, angles):
 
 @inlined
 def outward(layout, axes, bodies, hinges, forks, wrench, qd, places, cosines, sines):
-    """Axes, and what the rates alone ask for; returns −wrench in the working axes where it acts, and its power m·ω.
+    """Store axes and velocity terms; return −wrench in the working axes of the loaded body, and its power m·ω.
 
-    `places`: angles, and where hinges that slide are.
+    `places`: angles, and positions of prismatic hinges.
     """
     o = zero_of(qd)
     zero = (o, o, o)
@@ -149,7 +151,7 @@ def outward(layout, axes, bodies, hinges, forks, wrench, qd, places, cosines, si
 
 @inlined
 def put_lever(bodies, i, ω, x, y, z):
-    """Keep r to the hinge point of body `i`, from that of a body with axes x, y, z, and what its ω asks for."""
+    """Store r of body `i`, from the hinge point of its parent with axes x, y, z, and the centripetal acceleration b."""
     r = place(vec_of(bodies, i, BODY_ROW.reach), x, y, z)
     put_vec_of(bodies, r, i, BODY_ROW.r)
     put_vec_of(bodies, swung(ω, r), i, BODY_ROW.b)
@@ -157,7 +159,7 @@ def put_lever(bodies, i, ω, x, y, z):
 
 @inlined
 def put_body(bodies, i, ω, x, y, z):
-    """Keep m c of body `i` with axes x, y, z, and what its rate ω asks for."""
+    """Store m c of body `i` with axes x, y, z, and its centripetal force at the rate ω."""
     mc = place(vec_of(bodies, i, BODY_ROW.moment), x, y, z)
     put_vec_of(bodies, mc, i, BODY_ROW.mc)
     put_vec_of(bodies, swung(ω, mc), i, BODY_ROW.f)
@@ -165,7 +167,7 @@ def put_body(bodies, i, ω, x, y, z):
 
 @inlined
 def put_axes(bodies, i, ω, x, y, z):
-    """Keep the axes of body `i` for its joint group, and ω × I ω along them."""
+    """Store the axes of body `i` for its group of hinges, and ω × I ω along them."""
     put_axes_of(bodies, x, y, z, i, BODY_ROW.axes)
     ω = components(ω, x, y, z)
     put_vec_of(bodies, cross(ω, sym_apply(sym_of(bodies, i, BODY_ROW.inertia), ω)), i, BODY_ROW.n)
@@ -179,9 +181,9 @@ def components(a, x, y, z):
 
 @inlined
 def begin_axes(bodies, i, x, y, z):
-    """Axes of body `i` before its hinge, in those that begin here: unit vectors; keeps x, y, z, which they are.
+    """Restart working axes at body `i`: store x, y, z, its axes before its hinge, and return unit vectors.
 
-    Of chains side by side where they do not begin in all, the others go on in their axes: kept are unit vectors.
+    If chains side by side do not all restart here, the others continue in their axes and store unit vectors.
     """
     μ = at(bodies, i, RESTART.restarts)
     ν = 1.0 - μ
@@ -198,7 +200,7 @@ def mixed(μ, x, y, z, ν):
 
 @inlined
 def pair_axes(bodies, i, hinges, k, axes, cosines, sines):
-    """e₂, e₁, e₂ × e₁ of a pair of hinges Y, Z or Z, Y; turns the body's inertia into them."""
+    """e₂, e₁, e₂ × e₁ of a pair of hinges Y, Z or Z, Y; rotates the body's inertia into these axes."""
     e1, e2 = vec_of(hinges, k, HINGE_ROW.axis), vec_of(hinges, k + 1, HINGE_ROW.axis)
     c, s, I = at(cosines, k + 1), at(sines, k + 1), sym_of(bodies, i, BODY_ROW.own_inertia)
     if axes[k + 1] == 2:
@@ -214,14 +216,14 @@ def pair_axes(bodies, i, hinges, k, axes, cosines, sines):
 
 @inlined
 def inward(layout, axes, prescribed, bodies, hinges, forks, n_tip, f_tip, qdd, cosines):
-    """What each body and all beyond it demand at its hinge point, from the n and f that the loaded tip demands."""
+    """Eliminate all hinges from the tips to the base; n_tip and f_tip act on the loaded tip."""
     o = zero_of(qdd)
     zero = (o, o, o)
     if forks is not None:
         clear(forks)
     n, f = zero, zero
     J, H, M = (o, o, o, o, o, o), (zero, zero, zero), (o, o, o, o, o, o)
-    j, h, t = o, zero, zero  # J = j t tᵀ and H = t hᵀ of a pair outward
+    j, h, t = o, zero, zero  # J = j t tᵀ and H = t hᵀ of a pair on the next body
     outer = GROUP.tip
     for i in range(len(layout) - 1, -1, -1):
         group, k, following = layout[i, LAYOUT.group], layout[i, LAYOUT.first], layout[i, LAYOUT.next]
@@ -239,7 +241,7 @@ def inward(layout, axes, prescribed, bodies, hinges, forks, n_tip, f_tip, qdd, c
                 J, H = in_full(o, outer, J, H, j, h, t)
                 M, n, f = eliminate_triple(bodies, i, hinges, k, c, *propagate_any(bodies, i, following, J, H, M, n, f))
         elif group == GROUP.pair:
-            if outer > GROUP.pair:  # nothing is passed
+            if outer > GROUP.pair:  # it passes no J and H
                 j, h = o, zero
             if outer >= GROUP.pair:
                 body = add_pair(bodies, i, following, j, h, t, *propagate_body(bodies, i, following, M, n, f))
@@ -262,7 +264,7 @@ def inward(layout, axes, prescribed, bodies, hinges, forks, n_tip, f_tip, qdd, c
 
 @subroutine
 def add_branch(bodies, i, forks, slot, J, H, M, n, f):
-    """Add what a branch that begins with body `i` demands to the row of the fork, at the fork's hinge point."""
+    """Add the articulated inertia and bias force of the branch that begins with body `i` to its fork's row."""
     if slot > 0:
         n, f = with_bias(bodies, i, H, M, n, f)
         add_load_of_branch(forks, slot, vec_of(bodies, i, BODY_ROW.r), n, f)
@@ -271,14 +273,14 @@ def add_branch(bodies, i, forks, slot, J, H, M, n, f):
 
 @subroutine
 def with_branches(bodies, i, forks, k, J, H, M, n, f):
-    """What all that hangs on a fork demands at its hinge point: the branches, and, from here on, body `i` after it."""
+    """Articulated inertia and bias force at a fork: the branches in its row, plus the chain that follows body `i`."""
     add_branch(bodies, i, forks, k, J, H, M, n, f)
     return kept(forks, k, (J, H, M, n, f))
 
 
 @inlined
 def propagate_joints(layout, i, following, axes, forks, prescribed, bodies, hinges, qdd, J, H, M, n, f):
-    """J, H, M, n, f before body `i`, whose hinges go one after another; where q̈ is given, it adds to n and f."""
+    """J, H, M, n, f inboard of body `i`, hinge by hinge; a given q̈ adds to n and f."""
     J, H, M, n, f = propagate_inertia(bodies, i, following, J, H, M, n, f)
     if layout[i, LAYOUT.group] == GROUP.along:
         J, H, M, n, f = eliminate_along(hinges, layout[i, LAYOUT.first], J, H, M, n, f)
@@ -300,10 +302,10 @@ def propagate_joints(layout, i, following, axes, forks, prescribed, bodies, hing
 
 @inlined
 def accelerate(gravity, layout, forks, prescribed, bodies, hinges, qd, tau, qdd, power):
-    """Absolute accelerations, and their differences at the hinges; where these are given, the torque they take.
+    """Forward pass: absolute accelerations, q̈ from their differences, and torques of prescribed hinges.
 
-    Returns the power with that of these torques. The rows of the bodies keep α for ζ and a, with −g, for b, from which
-    branches go on.
+    Returns the power including that of these torques. The rows of the bodies then have α in place of ζ and a − g in
+    place of b, from which branches continue.
     """
     o = zero_of(qdd)
     α, a = (o, o, o), scale(-1.0, vec(gravity, 0))
@@ -351,7 +353,7 @@ def accelerate(gravity, layout, forks, prescribed, bodies, hinges, qd, tau, qdd,
 
 @subroutine
 def motion_of_branch(bodies, i, parent, gravity):
-    """α and a, with −g, before the hinges of body `i`, which hangs on another, counted from 1, or on the base, 0."""
+    """α and a − g before the hinges of body `i`; `parent` is the number of its parent from 1, 0 for the base."""
     if parent == 0:
         o = zero_of(bodies, 0, 0)
         return (o, o, o), scale(-1.0 + o, vec(gravity, 0))
@@ -361,7 +363,7 @@ def motion_of_branch(bodies, i, parent, gravity):
 
 @inlined
 def along_group(bodies, i, α3, a):
-    """α along the axes of body `i` from its part α₃ and the acceleration of the hinge point: Lᵀ α = D⁻¹ (T − h·a)."""
+    """α along the axes of body `i` from its part α₃ and the hinge point's acceleration: Lᵀ α = D⁻¹ (T − h·a)."""
     l12, l13, l23 = vec_of(bodies, i, BODY_ROW.factors)
     α2 = at(bodies, i, BODY_ROW.α + 1) - dot(vec_of(bodies, i, BODY_ROW.h_D + 3), a) - l23 * α3
     α1 = at(bodies, i, BODY_ROW.α) - dot(vec_of(bodies, i, BODY_ROW.h_D), a) - l12 * α2 - l13 * α3
@@ -370,7 +372,7 @@ def along_group(bodies, i, α3, a):
 
 @inlined
 def spread(hinges, k, step, qdd):
-    """q̈ of the triple from `k`, from the step of angular acceleration over it."""
+    """q̈ of the triple from hinge `k`, from the difference of angular acceleration across it."""
     first = dot(vec_of(hinges, k, HINGE_ROW.Je), step)
     put_at(qdd, first, k)
     put_at(qdd, dot(vec_of(hinges, k + 1, HINGE_ROW.axis), step), k + 1)

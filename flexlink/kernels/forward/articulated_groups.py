@@ -1,16 +1,16 @@
-"""What a body and all beyond it demand (see `articulated`): inertia is propagated, then joints are eliminated.
+"""Steps of the backward pass (`articulated`): transfer the articulated inertia to a body, then eliminate its hinges.
 
-    group           propagated by                                        eliminated by
+    group           transferred by                                       eliminated by
     slides          `propagate_inertia`                                  `eliminate_slides`
     hinges          `propagate_inertia`                                  `eliminate_joint`, for each
     along           `propagate_inertia`                                  `eliminate_along`
     pair            `propagate_body` and `add_pair`, or `propagate_any`  `eliminate_pair`
     triple          `propagate_body`, or `propagate_any`                 `eliminate_triple`
 
-The first two work with J and H in working axes, the others along the axes x_j of the body (`AXES`), which stay
-perpendicular where hinges line up: J_jk = x_j·J x_k, h_j = Hᵀ x_j, n_j = x_j·n.
+The first three use J and H in working axes, the others along the axes x_j of the body (`AXES`), which stay
+perpendicular where hinge axes align: J_jk = x_j·J x_k, h_j = Hᵀ x_j, n_j = x_j·n.
 
-Hinges that slide are eliminated as those that turn, with force for moment (`slides`).
+Prismatic hinges are eliminated like revolute ones, with force and moment exchanged (`slides`).
 """
 
 from flexlink.kernels.forward.articulated_branches import over_lever
@@ -24,7 +24,7 @@ from flexlink.kernels.tools.vec3 import add, add_scaled, combine, cross, dot, pl
 
 @inlined
 def propagate_inertia(bodies, i, outer, J, H, M, n, f):
-    """J, H, M, n, f at the body's hinge point, body included, from those at the next hinge point, of row `outer`."""
+    """J, H, M, n, f at the hinge point of body `i`, including its inertia, from those at the hinge point of `outer`."""
     x, y, z = axes_of(bodies, i, BODY_ROW.axes)
     r, mc, m = vec_of(bodies, outer, BODY_ROW.r), vec_of(bodies, i, BODY_ROW.mc), at(bodies, i, BODY_ROW.mass)
     n, f = with_bias(bodies, outer, H, M, n, f)
@@ -42,7 +42,7 @@ def propagate_inertia(bodies, i, outer, J, H, M, n, f):
 
 @inlined
 def with_bias(bodies, i, H, M, n, f):
-    """n and f with what the acceleration b of hinge point `i` against the one before asks for."""
+    """Add the terms of the acceleration b of hinge point `i` relative to the previous one to n and f."""
     bias = vec_of(bodies, i, BODY_ROW.b)
     n = add(n, (dot(H[0], bias), dot(H[1], bias), dot(H[2], bias)))
     return n, add(f, sym_apply(M, bias))
@@ -62,10 +62,11 @@ def with_mass(M, m):
 
 @inlined
 def eliminate_joint(hinges, k, again, J, H, M, n, f):
-    """J, H, M, n, f before a hinge from those behind it; `again`: the one behind it turns about the same axis.
+    """J, H, M, n, f inboard of a hinge, from those outboard; `again`: the next hinge outward has the same axis.
 
-    Along that axis, of a motor before its elastic gear, J is what the gear's rotor leaves, A / D of what it was, or
-    nothing: as what is left of J it would be the rounding of the arm's inertia, to which a rotor is small.
+    Along the axis of an elastic gear's motor, J is exactly the contribution of the gear's rotor, A / D of the previous
+    value, or zero. Computed as a difference it would be the rounding error of the arm's inertia, which may exceed the
+    rotor's.
     """
     e = vec_of(hinges, k, HINGE_ROW.axis)
     Je, He = sym_apply(J, e), place(e, H[0], H[1], H[2])
@@ -78,7 +79,7 @@ def eliminate_joint(hinges, k, again, J, H, M, n, f):
     J, M = sym_add_dyad(J, -inverse, Je), sym_add_dyad(M, -inverse, He)
     H = (add_scaled(H[0], -u[0], He), add_scaled(H[1], -u[1], He), add_scaled(H[2], -u[2], He))
     n, f = add_scaled(n, T, u), add_scaled(f, T * inverse, He)
-    # Along e only the rotor is left. Rounding leaves more, which matters where the rest is small: take it off.
+    # Along e only the rotor's part remains. Subtract the rounding error, which matters where the other terms are small.
     rotor = at(hinges, k, HINGE_ROW.armature) * inverse
     ρ = sub(sym_apply(J, e), scale(rotor, Je))
     η = sub(place(e, H[0], H[1], H[2]), scale(rotor, He))
@@ -94,7 +95,7 @@ def eliminate_joint(hinges, k, again, J, H, M, n, f):
 
 @inlined
 def eliminate_along(hinges, k, J, H, M, n, f):
-    """The same where the hinge's axis is the working axis z: what is left along it is exact."""
+    """The same for a hinge along the working axis z: the remainder along z is exact."""
     Je, He, τ, A = (J[4], J[3], J[2]), H[2], at(hinges, k, HINGE_ROW.torque), at(hinges, k, HINGE_ROW.armature)
     T, inverse = τ - n[2], 1.0 / (J[2] + A)
     keep_joint(hinges, k, Je, He, T, inverse)
@@ -107,7 +108,7 @@ def eliminate_along(hinges, k, J, H, M, n, f):
 
 @inlined
 def propagate_prescribed(hinges, k, acceleration, J, H, n, f):
-    """n, f before a hinge whose q̈ is given; keeps J e, Hᵀ e and e·n for the torque that it takes."""
+    """n, f inboard of a hinge with given q̈; stores J e, Hᵀ e and e·n to compute its torque."""
     e = vec_of(hinges, k, HINGE_ROW.axis)
     Je, He = sym_apply(J, e), place(e, H[0], H[1], H[2])
     put_vec_of(hinges, Je, k, HINGE_ROW.Je)
@@ -118,7 +119,7 @@ def propagate_prescribed(hinges, k, acceleration, J, H, n, f):
 
 @inlined
 def missing_torque(hinges, k, acceleration, α, a):
-    """What a hinge whose q̈ is given takes, e·(J α + H a + n) + A q̈, beyond what drive, spring and friction give it."""
+    """Torque of a hinge with given q̈, e·(J α + H a + n) + A q̈, minus those of drive, spring and friction."""
     Je, He = vec_of(hinges, k, HINGE_ROW.Je), vec_of(hinges, k, HINGE_ROW.He)
     moment = dot(Je, α) + dot(He, a) + at(hinges, k, HINGE_ROW.T)
     return moment + at(hinges, k, HINGE_ROW.armature) * acceleration - at(hinges, k, HINGE_ROW.torque)
@@ -126,7 +127,7 @@ def missing_torque(hinges, k, acceleration, α, a):
 
 @inlined
 def keep_joint(hinges, k, Je, He, T, inverse):
-    """What q̈ of a hinge follows from, once the accelerations before it are known."""
+    """Store the coefficients from which q̈ is computed in the forward pass."""
     put_vec_of(hinges, Je, k, HINGE_ROW.Je)
     put_vec_of(hinges, He, k, HINGE_ROW.He)
     put_at(hinges, T, k, HINGE_ROW.T)
@@ -135,7 +136,7 @@ def keep_joint(hinges, k, Je, He, T, inverse):
 
 @inlined
 def in_axes_before(bodies, i, J, H, M, n, f):
-    """J, H, M, n, f in the working axes before those that begin at body `i`."""
+    """Convert J, H, M, n, f to the working axes that apply inboard of body `i`, where the axes restart."""
     x, y, z = axes_of(bodies, i, RESTART.axes_before)
     p, q, r = place(H[0], x, y, z), place(H[1], x, y, z), place(H[2], x, y, z)
     H = (
@@ -146,7 +147,7 @@ def in_axes_before(bodies, i, J, H, M, n, f):
 
 @inlined
 def propagate_body(bodies, i, outer, M, n, f):
-    """J, h, n along the body's axes, M, f, at its hinge point, body included, where J = H = 0 at the next."""
+    """J, h, n along the body's axes, M, f at its hinge point, including its inertia, if J = H = 0 at the next one."""
     x, y, z = axes_of(bodies, i, BODY_ROW.axes)
     r, mc, m = vec_of(bodies, outer, BODY_ROW.r), vec_of(bodies, i, BODY_ROW.mc), at(bodies, i, BODY_ROW.mass)
     I = sym_of(bodies, i, BODY_ROW.inertia)
@@ -164,7 +165,7 @@ def propagate_body(bodies, i, outer, M, n, f):
 
 @inlined
 def add_pair(bodies, i, outer, j, h, t, J, h_body, n, M, f):
-    """What `propagate_body` gives, with J = j t tᵀ and H = t hᵀ at the next hinge point added."""
+    """Add the terms of J = j t tᵀ and H = t hᵀ at the next hinge point to the result of `propagate_body`."""
     x, y, z = axes_of(bodies, i, BODY_ROW.axes)
     r = vec_of(bodies, outer, BODY_ROW.r)
     s = dot(h, vec_of(bodies, outer, BODY_ROW.b))
@@ -182,7 +183,7 @@ def add_pair(bodies, i, outer, j, h, t, J, h_body, n, M, f):
 
 @inlined
 def propagate_any(bodies, i, outer, J, H, M, n, f):
-    """The same as `propagate_body` with any J and H at the next hinge point."""
+    """`propagate_body` for any J and H at the next hinge point."""
     x, y, z = axes_of(bodies, i, BODY_ROW.axes)
     J, H, M, n, f = propagate_inertia(bodies, i, outer, J, H, M, n, f)
     Jx, Jy, Jz = sym_apply(J, x), sym_apply(J, y), sym_apply(J, z)
@@ -192,7 +193,7 @@ def propagate_any(bodies, i, outer, J, H, M, n, f):
 
 @inlined
 def in_full(o, outer, J, H, j, h, t):
-    """J and H of the next body outward by its group: as they are, j t tᵀ and t hᵀ of a pair, or zero, o."""
+    """J and H of the next body outward by its group: full, j t tᵀ and t hᵀ of a pair, or zero, o."""
     if outer > GROUP.pair:
         return (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
     if outer == GROUP.pair:
@@ -204,7 +205,7 @@ def in_full(o, outer, J, H, j, h, t):
 
 @inlined
 def eliminate_two(bodies, i, J, h, T, M, f):
-    """J₃₃, h₃, T₃, M, f once the axes x₁ and x₂ are eliminated: the first steps of J = L D Lᵀ."""
+    """J₃₃, h₃, T₃, M, f after elimination of the axes x₁ and x₂: the first steps of J = L D Lᵀ."""
     J11, J22, J33, J23, J13, J12 = J
     h1, h2, h3 = h
     T1, T2, T3 = T
@@ -230,7 +231,7 @@ def eliminate_two(bodies, i, J, h, T, M, f):
 
 @inlined
 def eliminate_pair(bodies, i, hinges, k, J, h, n, M, f):
-    """j, h, t, M, n, f before a pair of hinges `k`, `k` + 1: x₁ = e₂ and x₂ = e₁ are eliminated, x₃ = t is left."""
+    """j, h, t, M, n, f inboard of a pair of hinges `k`, `k` + 1: x₁ = e₂ and x₂ = e₁ are eliminated, x₃ = t remains."""
     e2, e1, t = axes_of(bodies, i, BODY_ROW.axes)
     τ1, τ2 = at(hinges, k, HINGE_ROW.torque), at(hinges, k + 1, HINGE_ROW.torque)
     j, h, T, M, f = eliminate_two(bodies, i, J, h, (τ2 - n[0], τ1 - n[1], -n[2]), M, f)
@@ -240,7 +241,7 @@ def eliminate_pair(bodies, i, hinges, k, J, h, n, M, f):
 
 @inlined
 def eliminate_triple(bodies, i, hinges, k, c, J, h, n, M, f):
-    """M, n, f before a triple of hinges from `k`; c = e₁·e₂×e₃. The moment is known from the torques alone."""
+    """M, n, f inboard of a triple of hinges from `k`; c = e₁·e₂×e₃. The moment follows from the torques alone."""
     x, y, z = axes_of(bodies, i, BODY_ROW.axes)
     t = known_moment(hinges, k, c)
     T = dot(x, t) - n[0], dot(y, t) - n[1], dot(z, t) - n[2]
@@ -255,10 +256,10 @@ def eliminate_triple(bodies, i, hinges, k, c, J, h, n, M, f):
 
 @inlined
 def known_moment(hinges, k, c):
-    """t with e_j·t = τ_j for the three axes from `k`, neighbours perpendicular; keeps e₁*: e₁*·e₁ = 1, others 0.
+    """Solve e_j·t = τ_j for the three axes from `k`, neighbours perpendicular; store e₁*, with e₁*·e₁ = 1, others 0.
 
-    e₁·e₂×e₃ as a product fits the rounded axes, as ± the cosine `c` of the middle angle it keeps its digits near gimbal
-    lock: the first counts with c², the second with s².
+    The triple product e₁·e₂×e₃ is consistent with the rounded axes; ± the cosine `c` of the middle angle keeps its
+    relative accuracy near gimbal lock. They are averaged with weights c² (product) and s² (cosine).
     """
     e1, e2 = vec_of(hinges, k, HINGE_ROW.axis), vec_of(hinges, k + 1, HINGE_ROW.axis)
     e3 = vec_of(hinges, k + 2, HINGE_ROW.axis)

@@ -1,18 +1,18 @@
-"""How `articulated` eliminates the hinges of a body, and where working axes restart: whole numbers of a chain.
+"""How `articulated` eliminates the hinges of each body, and where working axes restart, as integers.
 
-    group   hinges of the body, all at one point      passes inward
-    slides  that slide, one after another             J, H, M
+    group   hinges of the body, all at one point      passed inboard
+    slides  prismatic, one after another              J, H, M
     hinges  any, one after another                    J, H, M
-    along   one, along the working axis z             J, H, M; along z only the rotor's part, to the last bit
+    along   one, along the working axis z             J, H, M; along z only the rotor's part, exactly
     pair    Y and Z in either order, without rotors   j, h, M: J = j t tᵀ and H = t hᵀ, t normal to both axes
     triple  X, Y and Z in any order, without rotors   M: J = H = 0
-    tip     none, nor any mass: the frame of the tip  nothing
+    tip     no hinges, no mass: the tip frame         nothing
 
-Hinges of prescribed motion go one after another. Working axes are those of frame 0 and restart, as axes of the body,
-at every single hinge Z that is not along the working axis z as it is. Links that bend in a plane carry z on without
-rounding: what is left of J along their hinges is small, and stays right only where it does not share its numbers with
-the inertia of the link across its plane, which is n³ times that of one of its n segments. A branch goes on in the
-working axes of the body that it begins on.
+Prescribed hinges are handled one after another. Working axes are initially those of frame 0. They restart as the axes
+of the body at every single hinge Z that is not exactly along the working axis z. Links that bend in a plane pass z on
+without rounding. This matters because the remainder of J along their hinges is small: it stays accurate only if it is
+not added to the link's inertia about other axes, which is n³ times that of one of its n segments. A branch continues in
+the working axes of its parent body.
 """
 
 import numpy as np
@@ -22,9 +22,9 @@ from flexlink.kernels.tools.compiler import kernel
 from flexlink.kernels.tools.numbered import numbered
 
 LAYOUT = numbered("first stop turned restart group parent begins slot fork loaded next")
-"""Whole numbers of a body: its hinges are first … stop − 1; turned by a mount; working axes restart here; its group;
-place in the tree, and whether the tip wrench acts on it, as in `BODY`; number of the body after it if that hangs on it,
-otherwise how many bodies there are."""
+"""Integers of a body: its hinges are first … stop − 1; whether a mount rotates it; whether working axes restart here;
+its group; position in the tree, and whether the tip wrench acts on it, as in `BODY`; index of the next body if that is
+its child, otherwise the number of bodies."""
 GROUP = numbered("slides hinges along pair triple tip")
 
 
@@ -32,8 +32,8 @@ GROUP = numbered("slides hinges along pair triple tip")
 def layout_of(bodies, hinges):
     """Layout of a chain, shape (bodies, LAYOUT_SIZE)."""
     layout = np.zeros((len(bodies), LAYOUT.size), np.int64)
-    along = True  # whether z of the present body, before it turns, is the working axis z to the last bit
-    beyond = np.ones(1 + len(bodies), np.bool_)  # the same of what hangs on a body, from 1, and on the base
+    along = True  # whether z of the current body, before its hinges, is exactly the working axis z
+    beyond = np.ones(1 + len(bodies), np.bool_)  # the same after each body, counted from 1, and after the base
     for i in range(len(bodies)):
         b = bodies[i]
         if b.begins:
@@ -57,7 +57,7 @@ def layout_of(bodies, hinges):
 
 @kernel
 def group_of(body, hinges):
-    """Group of a body's hinges by their axes, as a set, if they are all different."""
+    """Group of a body's hinges by the set of their axes, if all axes are different."""
     axes, rotors = 0, False
     if body.stop > body.first and hinges[body.first].axis >= SLIDES:
         return GROUP.slides
@@ -77,7 +77,7 @@ def group_of(body, hinges):
 
 @kernel
 def common_layout(layouts):
-    """Layout that serves chains side by side, layouts of shape (lanes, bodies, LAYOUT_SIZE): alike in their hinges."""
+    """Layout for chains side by side, from layouts (lanes, bodies, LAYOUT_SIZE) with equal hinges."""
     layout = layouts[0].copy()
     for i in range(len(layout)):
         for lane in range(1, len(layouts)):

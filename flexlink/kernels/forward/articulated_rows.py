@@ -1,4 +1,4 @@
-"""Rows of numbers that `articulated` works on: one row per body and per hinge, contiguous, as an array of float64."""
+"""Workspace of `articulated`: one contiguous row of float64 numbers per body and per hinge."""
 
 from typing import Any, NamedTuple
 
@@ -17,45 +17,45 @@ from flexlink.kernels.tools.sym3 import point_inertia, sym_add, symmetric
 from flexlink.kernels.tools.vec3 import scale, vector
 
 BODY_ROW = numbered(
-    # Fixed: columns of the mount's rotation, and reach, its hinge point, in axes of what it hangs on; mass, m c and
-    # inertia about the hinge point in its own.
+    # Constant: columns of the mount's rotation; reach, the hinge point in axes of the parent body; mass, m c and
+    # inertia about the hinge point in body axes.
     "mount:9 mass moment:3 own_inertia:6 reach:3",
-    # Of the state, working axes: x_j, m c, ζ = Σ q̇_k ω × e_k, f = m ω × (ω × c); inertia and n = ω × I ω along x_j.
-    # These are the axes of the body, but of a pair e₂, e₁, e₂ × e₁. In the working axes before those that may begin at
-    # this body: r, from the hinge point that it hangs on to its own, and b = ω × (ω × r), with ω of what it hangs on;
-    # where it slides, too, b has 2 q̇ ω × e of each hinge.
+    # Functions of the state, working axes: x_j, m c, ζ = Σ q̇_k ω × e_k, f = m ω × (ω × c); inertia, n = ω × I ω
+    # along x_j. The x_j are the axes of the body, for a pair e₂, e₁, e₂ × e₁. In the axes that apply inboard of it:
+    # r, from the hinge point of the parent to that of the body, and b = ω × (ω × r), with ω of the parent;
+    # each prismatic hinge adds 2 q̇ ω × e to b.
     "axes:9 r:3 mc:3 b:3 ζ:3 f:3 inertia:6 n:3",
-    # Of a pair or triple, once J is eliminated: h_j / D_j, the factors of J, α and 1 / D_j.
+    # Pair or triple, after elimination of J: h_j / D_j, the factors of J, α and 1 / D_j.
     "h_D:9 factors:3 α:3 inverses:3",
 )
 RESTART = numbered("axes_before:9 restarts", start=BODY_ROW.h_D)
-"""Where working axes may restart, of no pair or triple: the axes before in these (columns), and whether, 1 or 0."""
+"""Where working axes may restart, never at a pair or triple: the previous axes (columns); 1 if they do restart."""
 HINGE_ROW = numbered("armature torque axis:3 Je:3 He:3 T inverse", start=JOINT.size)
-"""Numbers of a hinge, after those of its joint: rotor A, torque, e, J e, Hᵀ e, T, 1 / D; in a triple e₁* for J e."""
+"""Columns of a hinge, after those of its joint: rotor A, torque, e, J e, Hᵀ e, T, 1 / D; in a triple e₁* for J e."""
 THIRD_HINGE = numbered("e13 sense", start=HINGE_ROW.T)
-"""Of a triple: e₁·e₃, and 1 or −1, the sense of the axes, with which the cosine of the middle angle is e₁·e₂×e₃."""
+"""Columns of a triple: e₁·e₃, and 1 or −1, the sign by which the cosine of the middle angle equals e₁·e₂×e₃."""
 
 
 class ArticulatedWork(NamedTuple):
-    """Scratch of `articulated`, with the constants of a chain, or of eight."""
+    """Scratch arrays of `articulated`, with the constants of one chain, or of eight."""
 
     gravity: Any
     layout: Any
     axes: Any
     prescribed: Any
-    bodies: Any  # rows of numbers of the bodies, and one of zeros: nothing hangs on the last
-    hinges: Any  # and of the hinges
+    bodies: Any  # rows of the bodies, and a row of zeros in place of a child where there is none
+    hinges: Any  # rows of the hinges
     dry: Any
-    flat: Any  # angles, cosines and sines, for the loop over all of them
-    trig: Any  # the same memory, for the hinges
-    forks: Any  # rows of what branches go on from, and of what they demand; None of a plain chain
-    forces: Any  # force elements; likewise
+    flat: Any  # angles, cosines, sines, for a loop over all of them
+    trig: Any  # the same memory, by hinge
+    forks: Any  # rows of the forks; None for a plain chain
+    forces: Any  # force elements; None for a plain chain
 
 
 @shared
 @kernel
 def articulated_workspace(bodies, hinges, gravity, rare):
-    """Scratch of `articulated` with the chain's constants."""
+    """Allocate the workspace of `articulated`, and fill in the chain's constants."""
     n = len(hinges)
     layout, axes = layout_of(bodies, hinges), np.empty(n, np.int64)
     rows, joints = np.zeros((len(bodies) + 1, BODY_ROW.size)), np.zeros((n, HINGE_ROW.size))
@@ -74,7 +74,7 @@ def articulated_workspace(bodies, hinges, gravity, rare):
         joints[k, HINGE_ROW.armature], axes[k] = hinges[k].armature, hinges[k].axis
     for k in layout[layout[:, LAYOUT.group] == GROUP.triple, LAYOUT.first]:
         joints[k + 2, THIRD_HINGE.sense] = 1.0 if axes[k + 1] == (axes[k] + 1) % 3 else -1.0
-    trig = np.zeros((3, -(-n // LANES) * LANES))  # angles, cosines, sines; whole vectors of angles
+    trig = np.zeros((3, -(-n // LANES) * LANES))  # angles, cosines, sines; padded to full vectors
     chain, dry = ChainArrays(bodies, hinges, gravity, rare), dry_joints(joints[:, JOINT.coulomb])
     return ArticulatedWork(
         gravity.copy(), layout, axes, prescribed_joints(hinges), rows, joints, dry, trig, trig,
@@ -84,7 +84,7 @@ def articulated_workspace(bodies, hinges, gravity, rare):
 
 @kernel
 def articulated_lanes_workspace(bodies, hinges, gravity, rare):
-    """The same for eight chains side by side, arrays (8, bodies), (8, n), (8, 3), and what is rare; alike in hinges."""
+    """The same for eight chains with equal hinges side by side: arrays (8, bodies), (8, n), (8, 3), rare features."""
     m, n, chains = bodies.shape[1], hinges.shape[1], eight_of(bodies, hinges, gravity, rare)
     axes, coulomb, layouts = np.empty(n, np.int64), np.zeros(n), np.empty((LANES, m, LAYOUT.size), np.int64)
     base, rows = empty_lanes((3,)), empty_lanes((m + 1, BODY_ROW.size))
@@ -106,7 +106,7 @@ def articulated_lanes_workspace(bodies, hinges, gravity, rare):
 
 @inlined
 def inertia_alone(work):
-    """The scratch without force elements: a call hands over every number that describes its arrays."""
+    """The workspace without force elements, which makes calls faster: every array is passed by several numbers."""
     return ArticulatedWork(
         work.gravity, work.layout, work.axes, work.prescribed, work.bodies, work.hinges, work.dry, work.flat, work.trig,
         work.forks, None,
@@ -115,13 +115,13 @@ def inertia_alone(work):
 
 @inlined
 def axes_of(bodies, i, first):
-    """Three vectors that start at `first` of row `i`."""
+    """Three vectors that start at column `first` of row `i`."""
     return vec_of(bodies, i, first), vec_of(bodies, i, first + 3), vec_of(bodies, i, first + 6)
 
 
 @inlined
 def put_axes_of(bodies, x, y, z, i, first):
-    """Write what `axes_of` reads."""
+    """Write the vectors that `axes_of` reads."""
     put_vec_of(bodies, x, i, first)
     put_vec_of(bodies, y, i, first + 3)
     put_vec_of(bodies, z, i, first + 6)

@@ -1,15 +1,15 @@
-"""M x = r for many right-hand sides, O(n) each, on what forward dynamics has left in its scratch.
+"""M x = r for many right-hand sides, O(n) each, with the factors that forward dynamics has left in its workspace.
 
-    group      load, inward                                              outward
+    group      load, backward pass                                       forward pass
     one hinge  T = r − e·n          n ← n + T J e / D                    x = (T − J e·α − Hᵀe·a) / D
                f ← f + T Hᵀe / D    then e·n ← r − A T / D               α ← α + x e
-    a slide    the same with f for n, a for α, H e and M e for J e and Hᵀ e
+    prismatic  the same with f for n, a for α, H e and M e for J e and Hᵀ e
     triple     t with e_k·t = r_k   T = L⁻¹ (x_j·t − x_j·n)              Lᵀα = D⁻¹ (T − h·a)
-    pair       t = r₁ e₁ + r₂ e₂    f ← f + Σ T_j h_j / D_j              x from the step of α over the group
+    pair       t = r₁ e₁ + r₂ e₂    f ← f + Σ T_j h_j / D_j              x from the difference of α across the group
 
-n ← n + r × f and a ← a + α × r from point to point, as in `articulated` at rest and without gravity. The factors are
-floats, r and x floats or eight side by side (`lanes`). What branches demand becomes a load of the body that they begin
-on; outward the loads' rows keep its accelerations for them.
+Between points n ← n + r × f and a ← a + α × r, as in `articulated` at rest and without gravity. The factors are floats;
+r and x are floats or eight floats side by side (`lanes`). The load of a branch is added to that of its parent body. In
+the forward pass the rows of the loads store the accelerations from which branches continue.
 """
 
 from flexlink.kernels.forward.articulated import spread
@@ -23,9 +23,9 @@ from flexlink.kernels.tools.vec3 import add, add_scaled, combine, combine2, cros
 
 @recursion
 def solve_on_articulated(r, loads, x, work):
-    """Write x (n,) with M x + Jᵀ(loads) = r, 0 at prescribed joints; `work` as `articulated` leaves it.
+    """Write x (n,) with M x + Jᵀ(loads) = r, 0 at prescribed joints; `work` from a call of `articulated`.
 
-    `loads` (bodies, 6): moment and force that bodies demand at their hinge points, working axes; scratch afterwards.
+    `loads` (bodies, 6): moment and force of the bodies at their hinge points, working axes; overwritten.
     """
     layout, prescribed, bodies, hinges = work.layout, work.prescribed, work.bodies, work.hinges
     o = zero_of(x)
@@ -75,7 +75,7 @@ def solve_on_articulated(r, loads, x, work):
 
 @subroutine
 def add_branch(loads, number, r, n, f):
-    """Load body `number`, counted from 1, with what a branch demands at a hinge point r away; 0 is the base."""
+    """Add the load of a branch, at a hinge point displaced by r, to body `number`, counted from 1; 0 is the base."""
     if number > 0:
         put_vec_of(loads, add(add(n, cross(r, f)), vec_of(loads, number - 1, 0)), number - 1, 0)
         put_vec_of(loads, add(f, vec_of(loads, number - 1, 3)), number - 1, 3)
@@ -83,7 +83,7 @@ def add_branch(loads, number, r, n, f):
 
 @subroutine
 def motion_of_branch(loads, number, r):
-    """α and a of a branch at a hinge point r away from that of such a body, whose row keeps its own."""
+    """α and a of a branch at a hinge point displaced by r from that of body `number`, whose row stores its own."""
     if number == 0:
         o = zero_of(loads, 0, 0)
         return (o, o, o), (o, o, o)
@@ -93,7 +93,7 @@ def motion_of_branch(loads, number, r):
 
 @inlined
 def load_hinge(hinges, k, first, second, r, x, n, f):
-    """n and f before a hinge; x keeps T / D. `first` and `second` say where J e and Hᵀ e are kept."""
+    """n and f inboard of a hinge; stores T / D in x. `first` and `second` are the columns of J e and Hᵀ e."""
     e, torque = vec_of(hinges, k, HINGE_ROW.axis), at(r, k)
     T = (torque - dot(e, n)) * hinges[k, HINGE_ROW.inverse]
     put_at(x, T, k)
@@ -103,7 +103,7 @@ def load_hinge(hinges, k, first, second, r, x, n, f):
 
 @subroutine
 def load_slides(layout, i, prescribed, hinges, r, x, n, f):
-    """n and f before the hinges of body `i`, which slide."""
+    """n and f inboard of the prismatic hinges of body `i`."""
     for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
         if not prescribed[k]:
             f, n = load_hinge(hinges, k, HINGE_ROW.He, HINGE_ROW.Je, r, x, f, n)
@@ -112,7 +112,7 @@ def load_slides(layout, i, prescribed, hinges, r, x, n, f):
 
 @subroutine
 def move_slides(layout, i, prescribed, hinges, x, α, a):
-    """a behind such hinges, and their x."""
+    """a outboard of the prismatic hinges of body `i`, and their x."""
     for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
         if prescribed[k]:
             put_at(x, zero_of(x), k)
@@ -125,7 +125,7 @@ def move_slides(layout, i, prescribed, hinges, x, α, a):
 
 @inlined
 def load_group(bodies, i, hinges, k, triple, r, x, n, f):
-    """n and f before a triple or a pair of hinges from `k`; x keeps T_j / D_j of the axes that are eliminated."""
+    """n and f inboard of a triple or pair of hinges from `k`; stores T_j / D_j of the eliminated axes in x."""
     u, v, w = axes_of(bodies, i, BODY_ROW.axes)
     l12, l13, l23 = vec_of(bodies, i, BODY_ROW.factors)
     e1, e2, τ1, τ2 = vec_of(hinges, k, HINGE_ROW.axis), vec_of(hinges, k + 1, HINGE_ROW.axis), at(r, k), at(r, k + 1)
@@ -151,7 +151,7 @@ def load_group(bodies, i, hinges, k, triple, r, x, n, f):
 
 @inlined
 def move_group(bodies, i, hinges, k, triple, x, before, a):
-    """α beyond a group of hinges from `k`, and their x."""
+    """α outboard of a group of hinges from `k`, and their x."""
     u, v, w = axes_of(bodies, i, BODY_ROW.axes)
     l12, l13, l23 = vec_of(bodies, i, BODY_ROW.factors)
     α3 = dot(w, before)

@@ -1,7 +1,7 @@
-"""(M + A) x = r for an A that is diagonal, or full in cells of coupled springs; and what small changes of angles move.
+"""Solve (M + A) x = r with diagonal A or, with coupled springs, block-diagonal A; displacements for changes of angles.
 
-The type of the posture says whether the recursion is for a plane or for space, as in `forward`, and whether springs are
-coupled: where `first` is None the same recursion has no code for cells. All numbers may be complex but the posture's.
+The type of the posture selects the recursion for a plane or for space, as in `forward`. It also selects whether springs
+are coupled: if `first` is None, no code for cells is compiled. All numbers but those of the posture may be complex.
 """
 
 from flexlink.kernels.forward.mass_plus_plane import (
@@ -26,7 +26,7 @@ from flexlink.kernels.tools.compiler import by_type, inlined, recursion, subrout
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.rare import rarely
 
-FACTORS = numbered("A inverse others:6")  # of a hinge: A, 1 / D, and what else each of the two keeps
+FACTORS = numbered("A inverse others:6")  # of a hinge: A, 1 / D, and factors that differ between plane and space
 
 
 @by_type({PlanePosture: plane_posture_of, SpacePosture: space_posture_of})
@@ -36,28 +36,28 @@ def posture_of_stage(i, postures):
 
 @by_type({PlanePosture: place_in_plane, SpacePosture: place_in_space})
 def place_bodies(q, posture):
-    """Take on the posture of angles q (n,)."""
+    """Set the posture to the angles q (n,)."""
 
 
 @by_type({PlanePosture: plane_without_cells, SpacePosture: space_without_cells})
 def without_cells(posture):
-    """The posture by whose type no springs are coupled."""
+    """The same posture with the type of a chain without coupled springs."""
 
 
 @by_type({PlanePosture: factor_in_plane, SpacePosture: factor_in_space})
 def factor_by_type(factors, posture):
-    """`factor` with cells or without."""
+    """`factor` for a chain with or without cells, selected by type."""
 
 
 @subroutine
 def factor_cells(factors, posture):
-    """`factor` with cells, which few chains have: no kernel holds a copy."""
+    """`factor` for a chain with cells, which is rare: not inlined into other kernels."""
     factor_by_type(factors, posture)
 
 
 @recursion
 def factor(factors, posture):
-    """Prepare `solve` for the diagonal of A in the first column of `factors` (n, 8), the rest from `COUPLED.L` on."""
+    """Prepare `solve`; column 0 of `factors` (n, 8) is the diagonal of A, columns from `COUPLED.L` its cells."""
     if posture.first is not None and len(posture.first) > 0:
         factor_cells(factors, posture)
     else:
@@ -66,18 +66,18 @@ def factor(factors, posture):
 
 @by_type({PlanePosture: solve_in_plane, SpacePosture: solve_in_space})
 def solve_by_type(factors, r, x, posture):
-    """`solve` with cells or without."""
+    """`solve` for a chain with or without cells, selected by type."""
 
 
 @subroutine
 def solve_cells(factors, r, x, posture):
-    """`solve` with cells, which few chains have: no kernel holds a copy."""
+    """`solve` for a chain with cells, which is rare: not inlined into other kernels."""
     solve_by_type(factors, r, x, posture)
 
 
 @recursion
 def solve(factors, r, x, posture):
-    """Write x (n,) with (M + A) x = r, 0 at prescribed joints, M without rotors; after `factor`."""
+    """Write x (n,) with (M + A) x = r, 0 at prescribed joints, M without rotors; call `factor` first."""
     if posture.first is not None and len(posture.first) > 0:
         solve_cells(factors, r, x, posture)
     else:
@@ -86,14 +86,14 @@ def solve(factors, r, x, posture):
 
 @by_type({PlanePosture: displacement_in_plane, SpacePosture: displacement_in_space})
 def displacement_of_places(δ, posture):
-    """Largest displacement [m] that small changes δ (n,) of the angles give to the far end of any segment."""
+    """Largest displacement [m] of the outboard end of any segment for small changes δ (n,) of the angles."""
 
 
 @inlined
 def displacement(δ, posture):
-    """The same, or the largest by a joint that moves no place and counts by a radius."""
+    """The same, or the largest |δ_k| times a radius for joints that displace no point."""
     largest = displacement_of_places(δ, posture)
     if rarely(len(posture.radius) > 0):
         for k in range(len(δ)):
-            largest = max(largest, posture.radius[k] * abs(δ[k]))  # nan stays
+            largest = max(largest, posture.radius[k] * abs(δ[k]))  # propagates nan
     return largest

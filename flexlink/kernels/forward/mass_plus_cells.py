@@ -1,4 +1,4 @@
-"""Where A of cells of coupled springs stands beside the factors of a hinge, for a plane and for space alike."""
+"""Columns for cells of coupled springs in a hinge's row of factors, for a plane and for space."""
 
 import numpy as np
 
@@ -6,13 +6,13 @@ from flexlink.kernels.tools.compiler import kernel, subroutine
 from flexlink.kernels.tools.numbered import numbered
 
 COUPLED = numbered("inertia L", start=8)
-"""Numbers of a hinge k behind its factors: the inertia that it turns, without rotors; then, of every hinge j before it
-in its cell, A_kj, which becomes L_kj."""
+"""Columns of hinge k after its factors: the inertia that it moves, without rotors; then A_kj for every hinge j before
+it in its cell, which becomes L_kj."""
 
 
 @kernel
 def columns(first):
-    """Numbers of a hinge's row of factors, for cells that begin at `first` (n,)."""
+    """Number of columns of the factors for cells that begin at the hinges `first` (n,)."""
     if first is None or len(first) == 0:
         return COUPLED.inertia
     longest = 0
@@ -37,7 +37,7 @@ def rows_beside(first, rare):
 
 @subroutine
 def put_couplings(u, v, beside, factors):
-    """A_kj = u D_kj + v K_kj of every two hinges of a cell, from `rows_beside`."""
+    """Write A_kj = u D_kj + v K_kj for all pairs of hinges of a cell; K and D from `rows_beside`."""
     for k in range(beside.shape[0]):
         for j in range(beside.shape[1]):
             factors[k, COUPLED.L + j] = u * beside[k, j, 1] + v * beside[k, j, 0]
@@ -45,7 +45,7 @@ def put_couplings(u, v, beside, factors):
 
 @subroutine
 def add_products(u, v, rare, x, r):
-    """r += (u D + v K) x, of couplings alone."""
+    """r += (u D + v K) x, for the couplings alone."""
     couplings = rare.couplings
     for c in range(len(couplings)):
         pair = couplings[c]

@@ -1,28 +1,28 @@
-"""(M + A) x = r in a plane, O(n), real or complex: a mass matrix with other rotors, and springs and dampers with them.
+"""(M + A) x = r in a plane, O(n), real or complex: the mass matrix plus rotors, springs and dampers.
 
-Absolute angles and accelerations as in `planar`, at rest and without forces; d = r turned by 90°, h = m c likewise.
-With A diagonal:
+Absolute angles and accelerations as in `planar`, at rest and without forces; d and h are r and m c rotated by 90°. For
+a diagonal A:
 
-    inward      H = h + g + M d          D = I + A + j + 2 d·g + d·M d        M ← M + m 1 − H Hᵀ / D
+    backward    H = h + g + M d          D = I + A + j + 2 d·g + d·M d        M ← M + m 1 − H Hᵀ / D
     load        n ← n + d·f              T = σ r − n       n ← σ r − A T / D      f ← f + H T / D
-    outward     α = T / D + (A / D) α_before − H·a / D           σ x = α − α_before          a ← a + α d
+    forward     α = T / D + (A / D) α_before − H·a / D           σ x = α − α_before          a ← a + α d
 
-j = A (1 − A / D) and g = H A / D are what a rotor passes inward; 1 − A / D is (D − A) / D, as in `planar`.
+j = A (1 − A / D) and g = H A / D are the terms of a rotor; 1 − A / D is computed as (D − A) / D, as in `planar`.
 
-Where springs of a cell are coupled, A is full within it. A hinge k that is taken out leaves to every hinge j before it
-in its cell a term of j's equation that depends on the motion at its place, c_j α + g_j·a, and, M + A being symmetric,
-the same moment c_j and force g_j where ξ_j = 1: an open column, which travels inward as a load does. With ξ = σ x, A_kj
-times σ_k σ_j, and D the inertia beyond without the rotor,
+With coupled springs, A is full within a cell. Eliminating hinge k leaves c_j α + g_j·a in the equation of every hinge j
+before it in its cell, where α and a are the motion at the current point. Since M + A is symmetric, ξ_j = 1 causes the
+same moment c_j and force g_j there. This column of j is transferred inboard like a load. With ξ = σ x, A_kj multiplied
+by σ_k σ_j, and D the outboard inertia without the rotor,
 
     body        c_j ← c_j + d·g_j
     hinge       U = D + c_k        G = H + g_k        S = U + c_k + A_kk        L_kj = A_kj + c_j        j < k, its cell
                 j = (D A_kk − c_k²) / S               g = ((c_k + A_kk) H − U g_k) / S                M ← M − G Gᵀ / S
                 c_j ← c_j − L_kj U / S                g_j ← g_j − L_kj G / S                 A_ij ← A_ij − L_ki L_kj / S
     load        T = (τ − n) / S       n ← (U τ + (c_k + A_kk) n) / S       f ← f + G T       r_j ← r_j − L_kj T
-    outward     ξ = T − (U α_before + G·a + Σ_j L_kj ξ_j) / S
+    forward     ξ = T − (U α_before + G·a + Σ_j L_kj ξ_j) / S
 
-Nothing cancels where A is large. Column j stands in the places of row j's own factors until j is taken out. What is
-kept is σ_j L_kj, which acts on r_j and x_j themselves.
+There is no cancellation for large A. Column j is stored in the columns of row j's factors until j is eliminated. The
+stored numbers are σ_j L_kj, which multiply r_j and x_j directly.
 """
 
 import math
@@ -38,8 +38,8 @@ from flexlink.kernels.tools.lanes import at, put_at
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sincos import cos_sin_all
 
-ROW = numbered("A inverse gx gy β γ")  # of a hinge that is out: A_kk, 1 / S, G, (c_k + A_kk) / S and U / S
-OPEN = numbered("rotor gx gy c", start=ROW.inverse)  # of one that is not: A_kk so far, its open column
+ROW = numbered("A inverse gx gy β γ")  # of an eliminated hinge: A_kk, 1 / S, G, (c_k + A_kk) / S and U / S
+OPEN = numbered("rotor gx gy c", start=ROW.inverse)  # of a hinge before its elimination: A_kk so far, its column c, g
 
 
 class PlanePosture(NamedTuple):
@@ -48,16 +48,16 @@ class PlanePosture(NamedTuple):
     links: Any
     prescribed: Any
     trig: Any  # absolute angles, cosines, sines
-    d: Any  # (n, 2) r turned by 90°
-    h: Any  # (n, 2) m c turned by 90°
-    first: Any  # (n,) of each hinge the first of its cell; (0,) without couplings; None of a plain chain
-    beside: Any  # (n, w, 2) K and D of those before it in its cell
-    radius: Any  # (n,) by which turning counts as a displacement where it moves no place [m]; (0,) elsewhere
+    d: Any  # (n, 2) r rotated by 90°
+    h: Any  # (n, 2) m c rotated by 90°
+    first: Any  # (n,) first hinge of each hinge's cell; (0,) without couplings; None for a plain chain
+    beside: Any  # (n, w, 2) K and D with the hinges before it in its cell
+    radius: Any  # (n,) displacement per rotation of joints that displace no point [m]; (0,) if there are none
 
 
 @kernel
 def plane_posture(bodies, hinges, gravity, rare):
-    """Scratch of a planar chain."""
+    """Allocate the posture of a planar chain."""
     n, work = len(hinges), planar_workspace(bodies, hinges, gravity, rare)
     d, h, first = np.zeros((n, 2)), np.zeros((n, 2)), cells_of(n, rare)
     return PlanePosture(work.links, work.prescribed, work.trig, d, h, first, rows_beside(first, rare), np.zeros(0))
@@ -65,7 +65,7 @@ def plane_posture(bodies, hinges, gravity, rare):
 
 @kernel
 def plane_postures(s, posture):
-    """Scratch of `s` postures of the same chain, whose arrays have a leading dimension (s,)."""
+    """Allocate `s` postures of the same chain; their arrays have a leading dimension (s,)."""
     n = len(posture.d)
     trig, d, h = np.zeros((s, 3, n)), np.zeros((s, n, 2)), np.zeros((s, n, 2))
     return PlanePosture(posture.links, posture.prescribed, trig, d, h, posture.first, posture.beside, posture.radius)
@@ -73,14 +73,14 @@ def plane_postures(s, posture):
 
 @kernel
 def levers_alone(planar, levers):
-    """A posture on scratch of `planar`, of one state or of eight, for those who take d and h alone."""
+    """A posture that shares the memory of `planar`, of one state or of eight, for uses of d and h only."""
     links, prescribed, trig = planar.links, planar.prescribed, planar.trig
     return PlanePosture(links, prescribed, trig, levers[0], levers[1], None, None, np.empty(0))
 
 
 @inlined
 def plane_without_cells(posture):
-    """The posture by whose type no springs are coupled."""
+    """The same posture with the type of a chain without coupled springs."""
     links, prescribed, trig, d, h = posture.links, posture.prescribed, posture.trig, posture.d, posture.h
     return PlanePosture(links, prescribed, trig, d, h, None, None, posture.radius)
 
@@ -96,7 +96,7 @@ def plane_posture_of(i, postures):
 
 @recursion
 def place_in_plane(q, posture):
-    """Posture of angles q (n,)."""
+    """Set the posture to the angles q (n,)."""
     links, trig = posture.links, posture.trig
     φ = 0.0
     for k in range(len(q)):
@@ -109,7 +109,7 @@ def place_in_plane(q, posture):
 
 @recursion
 def turn_levers(posture):
-    """d and h from the cosines and sines of the absolute angles, of one state or of eight side by side."""
+    """d and h from cosines and sines of the absolute angles, of one state or of eight side by side."""
     links, trig, d, h = posture.links, posture.trig, posture.d, posture.h
     for k in range(len(d)):
         c, s = at(trig[1], k), at(trig[2], k)
@@ -122,11 +122,11 @@ def turn_levers(posture):
 
 @recursion
 def factor_in_plane(factors, posture):
-    """Prepare `solve_in_plane`; A_kk in the first column of `factors`, with cells A_kj from `COUPLED.L` on."""
+    """Prepare `solve_in_plane`; column 0 of `factors` is A_kk, columns from `COUPLED.L` are A_kj."""
     links, prescribed, d, h, first = posture.links, posture.prescribed, posture.d, posture.h, posture.first
     o = factors.dtype.type(0)
     Mxx = Mxy = Myy = j = gx = gy = o
-    beyond = len(factors)  # the cell of the hinge beyond; its first hinge
+    beyond = len(factors)  # first hinge of the cell of the hinge outboard
     for k in range(len(factors) - 1, -1, -1):
         dx, dy, m = d[k, 0], d[k, 1], links[k, LINK.mass]
         D = links[k, LINK.inertia] + j + 2.0 * (dx * gx + dy * gy)
@@ -159,7 +159,7 @@ def factor_in_plane(factors, posture):
 
 @inlined
 def open_columns(factors, begin, k, beyond, dx, dy):
-    """Open columns of a cell from `begin` to k, at the place of hinge k; `beyond` is where the cell before began."""
+    """Columns of a cell, hinges `begin` … k, at the point of hinge k; `beyond` is the start of the previous cell."""
     o = factors.dtype.type(0)
     for i in range(begin, k + 1):
         if begin == beyond:
@@ -171,7 +171,7 @@ def open_columns(factors, begin, k, beyond, dx, dy):
 
 @inlined
 def close_hinge(factors, links, k, begin, U, Gx, Gy):
-    """What hinge k leaves to those before it in its cell, from `begin` on; keeps σ_j L_kj."""
+    """Eliminate hinge k from the hinges before it in its cell, from `begin`; stores σ_j L_kj."""
     inverse, σ = factors[k, ROW.inverse], links[k, LINK.sign]
     for i in range(begin, k):
         own = links[i, LINK.sign]
@@ -224,11 +224,11 @@ def solve_in_plane(factors, r, x, posture):
 
 @recursion
 def displacement_in_plane(δ, posture):
-    """Largest displacement [m] that small changes δ (n,) of the angles give to the far end of any segment."""
+    """Largest displacement [m] of the outboard end of any segment for small changes δ (n,) of the angles."""
     links, d = posture.links, posture.d
     φ = x = y = largest = 0.0
     for k in range(len(δ)):
         φ += links[k, LINK.sign] * δ[k]
         x, y = x + φ * d[k, 0], y + φ * d[k, 1]
         largest = max(largest, x * x + y * y)
-    return math.sqrt(largest + (φ - φ))  # nan, which `max` passes by, if a δ is not finite
+    return math.sqrt(largest + (φ - φ))  # nan if a δ is not finite; `max` would ignore it

@@ -1,4 +1,4 @@
-"""Hinges that slide in (M + A) x = r, a body's in one call: see `mass_plus_space`; their springs are not coupled."""
+"""Prismatic hinges in (M + A) x = r, all hinges of a body in one call: see `mass_plus_space`; springs not coupled."""
 
 from flexlink.kernels.forward.articulated_layout import LAYOUT
 from flexlink.kernels.forward.mass_plus_cells import COUPLED
@@ -9,12 +9,12 @@ from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sym3 import sym_add_dyad, sym_apply
 from flexlink.kernels.tools.vec3 import add_scaled, dot, pick, scale
 
-FACTORS = numbered("A inverse He:3 Me:3")  # of a hinge that slides: A, 1 / D, H e and M e
+FACTORS = numbered("A inverse He:3 Me:3")  # of a prismatic hinge: A, 1 / D, H e and M e
 
 
 @subroutine
 def place_slides(q, posture, i, x, y, z):
-    """Axes of the hinges of body `i` with axes x, y, z, and its hinge point where they are at q."""
+    """Axes of the prismatic hinges of body `i` with axes x, y, z, and its hinge point at q."""
     r = vec_of(posture.r, i, 0)
     for k in range(posture.layout[i, LAYOUT.first], posture.layout[i, LAYOUT.stop]):
         e = pick(posture.axes[k] - SLIDES, x, y, z)
@@ -25,7 +25,7 @@ def place_slides(q, posture, i, x, y, z):
 
 @subroutine
 def factor_slides(factors, posture, i, J, H, M):
-    """J, H and M before the hinges of body `i`, whose factors are kept."""
+    """J, H and M inboard of the hinges of body `i`; stores their factors."""
     for k in range(posture.layout[i, LAYOUT.stop] - 1, posture.layout[i, LAYOUT.first] - 1, -1):
         if not posture.prescribed[k]:
             e = vec_of(posture.e, k, 0)
@@ -45,7 +45,7 @@ def factor_slides(factors, posture, i, J, H, M):
 
 @subroutine
 def load_slides(factors, r, x, posture, i, n, f):
-    """n and f before the hinges of body `i`; x keeps T."""
+    """n and f inboard of the hinges of body `i`; stores T in x."""
     for k in range(posture.layout[i, LAYOUT.stop] - 1, posture.layout[i, LAYOUT.first] - 1, -1):
         if not posture.prescribed[k]:
             T = (r[k] - dot(vec_of(posture.e, k, 0), f)) * factors[k, FACTORS.inverse]
@@ -57,7 +57,7 @@ def load_slides(factors, r, x, posture, i, n, f):
 
 @subroutine
 def move_slides(factors, x, posture, i, α, a):
-    """a behind the hinges of body `i`, and their x."""
+    """a outboard of the hinges of body `i`, and their x."""
     for k in range(posture.layout[i, LAYOUT.first], posture.layout[i, LAYOUT.stop]):
         x[k] = 0.0 if posture.prescribed[k] else x[k]
         if not posture.prescribed[k]:
@@ -69,7 +69,7 @@ def move_slides(factors, x, posture, i, α, a):
 
 @subroutine
 def displace_slides(δ, posture, i, p):
-    """How far the hinge point of body `i` moves, from how far it moves by all before it."""
+    """Displacement of the hinge point of body `i`, from its displacement by all hinges before."""
     for k in range(posture.layout[i, LAYOUT.first], posture.layout[i, LAYOUT.stop]):
         p = add_scaled(p, δ[k], vec_of(posture.e, k, 0))
     return p

@@ -1,25 +1,26 @@
-"""(M + A) x = r in space, O(n), real or complex: a mass matrix with other rotors, and springs and dampers with them.
+"""(M + A) x = r in space, O(n), real or complex: the mass matrix plus rotors, springs and dampers.
 
-Articulated bodies as in `articulated`, hinge by hinge, at rest and without forces, in axes of frame 0. With A diagonal:
+Articulated bodies as in `articulated`, hinge by hinge, at rest and without forces, in axes of frame 0. Diagonal A:
 
-    inward      J ← J + I + Σ…       H ← H + M r̃ + m c̃       M ← M + m 1              (a body, r̃ its lever)
+    backward    J ← J + I + Σ…       H ← H + M r̃ + m c̃       M ← M + m 1              (body with lever r)
                 D = e·J e + A         J ← J − J e (J e)ᵀ / D    H ← H − J e (Hᵀ e)ᵀ / D    M ← M − Hᵀ e (Hᵀ e)ᵀ / D
     load        n ← n + r × f         T = (r − e·n) / D         n ← n + T J e              f ← f + T Hᵀ e
-    outward     x = T − (J e·α + Hᵀ e·a) / D                    α ← α + x e                a ← a + α × r
+    forward     x = T − (J e·α + Hᵀ e·a) / D                    α ← α + x e                a ← a + α × r
 
-Of a hinge that slides D = e·M e + A, H e and M e stand for J e and Hᵀ e, f for n, a for α.
+A prismatic hinge has D = e·M e + A, H e and M e in place of J e and Hᵀ e, f in place of n, a in place of α.
 
-Where springs of a cell are coupled, with the open columns of `mass_plus_plane`, here a moment c_j and a force g_j: what
-hinge j's equation asks of the motion at the place of the recursion, c_j·α + g_j·a.
+With coupled springs, each hinge j of a cell has a column as in `mass_plus_plane`, here a moment c_j and a force g_j.
+Its equation contains c_j·α + g_j·a for the motion at the current point.
 
     body        c_j ← c_j + r × g_j
     hinge       U = J e + c_k        G = Hᵀ e + g_k        S = e·J e + 2 e·c_k + A_kk        L_kj = A_kj + e·c_j
                 J ← J − U Uᵀ / S        H ← H − U Gᵀ / S        M ← M − G Gᵀ / S
                 c_j ← c_j − L_kj U / S          g_j ← g_j − L_kj G / S         A_ij ← A_ij − L_ki L_kj / S
     load        T = (r − e·n) / S       n ← n + T U       f ← f + T G       r_j ← r_j − L_kj T
-    outward     x = T − (U·α + G·a + Σ_j L_kj x_j) / S
+    forward     x = T − (U·α + G·a + Σ_j L_kj x_j) / S
 
-No branch begins within a cell, and its hinges turn. One that slides is a cell by itself: U = H e, G = M e, S = e·G + A.
+No branch begins within a cell, and all its hinges are revolute. A prismatic hinge is a cell of one hinge: U = H e,
+G = M e, S = e·G + A.
 """
 
 import math
@@ -49,8 +50,8 @@ from flexlink.kernels.tools.sincos import cos_sin_all
 from flexlink.kernels.tools.sym3 import sym_add_dyad, sym_apply, sym_from_axes, sym_of
 from flexlink.kernels.tools.vec3 import ZERO, X, Y, Z, add, add_scaled, cross, dot, pick, place, scale, turn_axes
 
-ROW = numbered("A inverse U:3 G:3")  # of a hinge that is out: A_kk, 1 / S, U and G
-OPEN = numbered("rotor c:3 g:3", start=ROW.inverse)  # of one that is not: A_kk so far, its open column
+ROW = numbered("A inverse U:3 G:3")  # of an eliminated hinge: A_kk, 1 / S, U and G
+OPEN = numbered("rotor c:3 g:3", start=ROW.inverse)  # of a hinge before its elimination: A_kk so far, its column c, g
 
 
 class SpacePosture(NamedTuple):
@@ -62,18 +63,18 @@ class SpacePosture(NamedTuple):
     prescribed: Any
     trig: Any  # angles, cosines, sines
     e: Any  # (n, 3) hinge axes
-    r: Any  # (bodies + 1, 3) to the hinge point, from that of the body before; one more row of zeros
+    r: Any  # (bodies + 1, 3) from the previous hinge point to that of the body; a last row of zeros
     moments: Any  # (bodies, 3) m c
     inertias: Any  # (bodies, 6) about the hinge point
-    first: Any  # (n,) of each hinge the first of its cell; (0,) without couplings; None of a plain chain
-    beside: Any  # (n, w, 2) K and D of those before it in its cell
-    forks: Any  # rows of what branches go on from, and of what they demand, scratch; of a tree, or where joints slide
-    radius: Any  # (n,) by which turning counts as a displacement where it moves no place [m]; (0,) elsewhere
+    first: Any  # (n,) first hinge of each hinge's cell; (0,) without couplings; None for a plain chain
+    beside: Any  # (n, w, 2) K and D with the hinges before it in its cell
+    forks: Any  # rows of the forks, scratch; for a tree, or for prismatic joints
+    radius: Any  # (n,) displacement per rotation of joints that displace no point [m]; (0,) if there are none
 
 
 @kernel
 def space_posture(bodies, hinges, gravity, rare):
-    """Scratch of a chain in space."""
+    """Allocate the posture of a chain in space."""
     n, m, work = len(hinges), len(bodies), articulated_workspace(bodies, hinges, gravity, rare)
     first = cells_of(n, rare)
     return SpacePosture(
@@ -85,7 +86,7 @@ def space_posture(bodies, hinges, gravity, rare):
 
 @kernel
 def rows_of_tree(forks, axes):
-    """Rows for forks; one at least where joints slide."""
+    """Rows for forks; at least one if there are prismatic joints."""
     if forks is None:
         return None
     return np.zeros((max(len(forks), int(axes.max() >= SLIDES)), forks.shape[1]))
@@ -93,7 +94,7 @@ def rows_of_tree(forks, axes):
 
 @kernel
 def space_postures(s, posture):
-    """Scratch of `s` postures of the same chain, whose arrays have a leading dimension (s,)."""
+    """Allocate `s` postures of the same chain; their arrays have a leading dimension (s,)."""
     n, m = len(posture.e), len(posture.moments)
     return SpacePosture(
         posture.layout, posture.axes, posture.rows, posture.prescribed, np.zeros((s, 3, n)),
@@ -104,7 +105,7 @@ def space_postures(s, posture):
 
 @inlined
 def space_without_cells(posture):
-    """The posture by whose type no springs are coupled."""
+    """The same posture with the type of a chain without coupled springs."""
     return SpacePosture(
         posture.layout, posture.axes, posture.rows, posture.prescribed, posture.trig, posture.e, posture.r,
         posture.moments, posture.inertias, None, None, posture.forks, posture.radius,
@@ -123,7 +124,7 @@ def space_posture_of(i, postures):
 
 @recursion
 def place_in_space(q, posture):
-    """Posture of angles q (n,)."""
+    """Set the posture to the coordinates q (n,)."""
     layout, axes, rows, trig = posture.layout, posture.axes, posture.rows, posture.trig
     es, rs, moments, inertias = posture.e, posture.r, posture.moments, posture.inertias
     for k in range(len(q)):
@@ -155,7 +156,7 @@ def place_in_space(q, posture):
 
 @recursion
 def factor_in_space(factors, posture):
-    """Prepare `solve_in_space`; A_kk in the first column of `factors`, with cells A_kj from `COUPLED.L` on."""
+    """Prepare `solve_in_space`; column 0 of `factors` is A_kk, columns from `COUPLED.L` are A_kj."""
     layout, prescribed, es, rs, first = posture.layout, posture.prescribed, posture.e, posture.r, posture.first
     o = factors.dtype.type(0)
     J, M, H = (o, o, o, o, o, o), (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
@@ -163,7 +164,7 @@ def factor_in_space(factors, posture):
     if posture.forks is not None:
         forks = posture.forks.view(factors.dtype)
         clear(forks)
-    begin = len(factors)  # hinges from here on that are not out yet have open columns
+    begin = len(factors)  # hinges from `begin` are not yet eliminated and have columns c, g
     for i in range(len(layout) - 1, -1, -1):
         J, H, M = add_body(posture, i, J, H, M)
         if posture.forks is not None and rarely(layout[i, LAYOUT.fork] > 0):
@@ -202,7 +203,7 @@ def factor_in_space(factors, posture):
 
 @inlined
 def move_columns(factors, begin, stop, r):
-    """Open columns of hinges begin … stop − 1 at a place that is −r away."""
+    """Transfer the columns of hinges begin … stop − 1 to a point displaced by −r."""
     for j in range(begin, stop):
         c, g = vec_of(factors, j, OPEN.c), vec_of(factors, j, OPEN.g)
         put_vec_of(factors, add(c, cross(r, g)), j, OPEN.c)
@@ -210,7 +211,7 @@ def move_columns(factors, begin, stop, r):
 
 @inlined
 def open_columns(factors, begin, stop):
-    """Nothing has been taken out of a cell of hinges begin … stop − 1."""
+    """Initialize the columns of a cell of hinges begin … stop − 1."""
     o = factors.dtype.type(0)
     for j in range(begin, stop):
         factors[j, OPEN.rotor] = factors[j, ROW.A]
@@ -220,7 +221,7 @@ def open_columns(factors, begin, stop):
 
 @inlined
 def close_hinge(factors, k, begin, e, U, G):
-    """What hinge k leaves to those before it in its cell, from `begin` on."""
+    """Eliminate hinge k from the hinges before it in its cell, from `begin`."""
     inverse = factors[k, ROW.inverse]
     for j in range(begin, k):
         c = vec_of(factors, j, OPEN.c)
@@ -309,7 +310,7 @@ def solve_in_space(factors, r, x, posture):
 
 @recursion
 def displacement_in_space(δ, posture):
-    """Largest displacement [m] that small changes δ (n,) of angles and of slides give to either end of any segment."""
+    """Largest displacement [m] of either end of any segment for small changes δ (n,) of the coordinates."""
     layout, es, rs = posture.layout, posture.e, posture.r
     if posture.forks is not None and rarely(len(posture.forks) > 0):
         return displacement_in_tree(δ, posture)
@@ -319,12 +320,12 @@ def displacement_in_space(δ, posture):
             φ = add_scaled(φ, δ[k], vec_of(es, k, 0))
         p = add(p, cross(φ, vec_of(rs, i + 1, 0)))
         largest = max(largest, dot(p, p))
-    return math.sqrt(largest + (φ[0] - φ[0]))  # nan, which `max` passes by, if a δ is not finite
+    return math.sqrt(largest + (φ[0] - φ[0]))  # nan if a δ is not finite; `max` would ignore it
 
 
 @subroutine
 def displacement_in_tree(δ, posture):
-    """The same where branches begin or joints slide: apart, as implicit steps call the loop above most of all."""
+    """The same for a tree or prismatic joints: separate, since implicit steps call the other loop most often of all."""
     layout, es, rs, forks = posture.layout, posture.e, posture.r, posture.forks
     φ, p, largest = ZERO, ZERO, 0.0
     keep(forks, 0, (φ, p))

@@ -1,18 +1,18 @@
-"""Articulated bodies in a plane, O(n): all hinge axes parallel, so the hinges see motion normal to them only.
+"""Articulated-body algorithm in a plane, O(n), for chains with parallel hinge axes.
 
-In inertial axes, with the acceleration a of the hinge point as the unknown, what a body and all beyond it demand of
-the body before it is  f = M a + f₀ : the moment is the joint torque, known. Only M (2×2) and f₀ travel inward.
-d = r turned by 90°, h = m c turned by 90°, φ and α absolute, D = inertia about the hinge point plus rotor A; where φ is
-large, it is the sum of angles less whole turns, so that they keep all digits:
+Inertial axes; the unknown is the acceleration a of the hinge point. The force of a body and all outboard bodies is
+f = M a + f₀. Their moment equals the joint torque, which is known, so only M (2×2) and f₀ are passed on. d is r rotated
+by 90°, h is m c rotated by 90°, φ and α are absolute, D is the inertia about the hinge point plus rotor A. A large φ is
+summed from angles without full turns, so it keeps all digits:
 
-    outward     φ ← φ + σ q       ω ← ω + σ q̇
-    inward      f₀ ← f₀ − M ω² r             H = h + M d            D = I + d·M d + A        T = σ τ − n − d·f₀
+    forward     φ ← φ + σ q       ω ← ω + σ q̇
+    backward    f₀ ← f₀ − M ω² r             H = h + M d            D = I + d·M d + A        T = σ τ − n − d·f₀
                 M ← M + m 1 − H Hᵀ / D       f₀ ← f₀ − ω² m c + H T / D
-    outward     α = (T − H·a) / D            σ q̈ = α − α_before    a ← a + α d − ω² r
+    forward     α = (T − H·a) / D            σ q̈ = α − α_before    a ← a + α d − ω² r
 
-A rotor's torque A q̈ is not known beforehand; it adds a moment that depends on motion, j α + g·a (zero if A = 0), with
-j = A (1 − A/D), and 1 − A/D as (D − A)/D, of which a large rotor takes no digits. One source serves one chain and eight
-side by side (`lanes`).
+A rotor's torque A q̈ is not known in advance. It adds a moment that depends on the motion, j α + g·a (zero if A = 0),
+with j = A (1 − A/D). 1 − A/D is computed as (D − A)/D, so a large rotor loses no digits. One source serves one chain
+and eight chains side by side (`lanes`).
 """
 
 from flexlink.kernels.bodies.plane import BASE, LINK, cos_sin_less_turns, in_plane
@@ -30,7 +30,7 @@ from flexlink.kernels.tools.vec3 import (
 
 @recursion
 def planar(wrench, q, qd, tau, qdd, work):
-    """Write q̈ for drive torques `tau`, all (n,) or (n, 8), and tip wrench (6,); see `forward_dynamics`."""
+    """Write q̈ for drive torques `tau`, all (n,) or (n, 8), and the tip wrench (6,); see `forward_dynamics`."""
     base, links, prescribed, trig = work.base, work.links, work.prescribed, work.trig
     ω, power = outward(q, qd, tau, links, trig[0])
     lost = subtract_dry_friction(links, work.dry, qd, LINK.torque)
@@ -45,9 +45,9 @@ def planar(wrench, q, qd, tau, qdd, work):
 
 @inlined
 def outward(q, qd, tau, links, angles):
-    """Absolute angles and rates, and the torques that are left for the motion.
+    """Store absolute angles and rates, and torques less those of springs and friction.
 
-    Returns the rate of the tip, and the power of drive and viscous friction.
+    Returns the rate of the tip, and the power of drives and viscous friction.
     """
     φ = ω = power = zero_of(q)
     for k in range(len(q)):
@@ -64,7 +64,7 @@ def outward(q, qd, tau, links, angles):
 
 @inlined
 def inward(base, wrench, prescribed, qdd, links, cosines, sines):
-    """What each link and all beyond it demand at the link's hinge point: M, f₀ and the moment n."""
+    """M, f₀ and the moment n of each link and all outboard links at its hinge point."""
     o = zero_of(cosines)
     Mxx = Mxy = Myy = j = gx = gy = o
     fx, fy = in_plane(base, scale(-1.0, vec(wrench, 0)))
@@ -88,9 +88,9 @@ def inward(base, wrench, prescribed, qdd, links, cosines, sines):
         fx, fy = fx + (Mxx * ax + Mxy * ay), fy + (Mxy * ax + Myy * ay)
         n += dx * fx + dy * fy
         Mxx, Myy, fx, fy = Mxx + m, Myy + m, fx - w * hy, fy + w * hx
-        if prescribed[k]:  # kept for `accelerate`: the moment is n + D α + H·a once α and a are known
+        if prescribed[k]:  # stored for `accelerate`: the moment is n + D α + H·a for the resulting α and a
             step = at(links, k, LINK.sign) * at(qdd, k)
-            ux, uy, α, β, γ = Hx, Hy, n, D, D  # without the rotor, which turns with the hinge alone, as given
+            ux, uy, α, β, γ = Hx, Hy, n, D, D  # without the rotor, whose acceleration is prescribed
             j, gx, gy, n = D, Hx, Hy, n + D * step
             fx, fy = fx + Hx * step, fy + Hy * step
         else:
@@ -110,9 +110,9 @@ def inward(base, wrench, prescribed, qdd, links, cosines, sines):
 
 @inlined
 def accelerate(base, prescribed, links, qd, tau, qdd, power):
-    """Absolute accelerations, and their differences at the hinges; where these are given, the torque they take.
+    """Absolute accelerations, q̈ from their differences, and torques of prescribed hinges.
 
-    Returns the power with that of these torques. The rows of the links keep α for T / D.
+    Returns the power including that of these torques. The rows of the links then have α in place of T / D.
     """
     ax, ay = in_plane(base, scale(-1.0, vec(base, BASE.gravity)))
     before = zero_of(qdd)
@@ -122,7 +122,7 @@ def accelerate(base, prescribed, links, qd, tau, qdd, power):
         if prescribed[k]:
             α = before + at(links, k, LINK.sign) * at(qdd, k)
             moment = at(links, k, LINK.sign) * (at(links, k, LINK.α) + at(links, k, LINK.β) * α + pull)
-            # more than all else gives it
+            # torque beyond those of drive, spring and friction
             more = moment + at(links, k, LINK.armature) * at(qdd, k) - at(links, k, LINK.torque)
             put_at(tau, at(tau, k) + more, k)
             power += at(qd, k) * more

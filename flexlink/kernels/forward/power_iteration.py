@@ -1,10 +1,10 @@
-"""The ends of a chain's spectrum by power iterations, each a product in O(n): estimates of frequencies.
+"""Largest and smallest frequency of a chain by power iteration, O(n) per iteration: estimates.
 
-    fastest     φ ← M⁻¹ W φ        W φ = λ M φ, W diagonal but for couplings, prescribed joints at rest
+    fastest     φ ← M⁻¹ W φ        W φ = λ M φ, W diagonal except for couplings, prescribed joints at rest
     slowest     φ ← K⁻¹ S φ        K φ = ω² S φ on the joints with springs, S = M_pp − M_pa M_aa⁺ M_ap
 
-S is what is left of M with the free joints a, which follow the others without a torque: φ_a = −M_aa⁺ M_ap φ_p. M_aa is
-singular where a stretched arm moves nothing but a point mass; any inverse on its range will do, as M_ap lies in it.
+S is the Schur complement of M for the free joints a, which follow the others without torque: φ_a = −M_aa⁺ M_ap φ_p.
+M_aa is singular if a stretched arm moves only a point mass. Any inverse on its range is correct, since M_ap is in it.
 """
 
 import math
@@ -23,10 +23,10 @@ EPS = 2.0**-52
 
 @kernel
 def largest_eigenvalue(chain, q, weights, coupled, passes, close, posture):
-    """Largest λ of W φ = λ M φ, from below, after so many passes or as soon as one changes it by a part `close`.
+    """Largest λ of W φ = λ M φ, from below, after `passes` iterations or when one changes it by less than `close` λ.
 
-    `weights` (n,) on W's diagonal, `coupled` (couplings,) beside it; scratch `posture` of the chain. Not finite where M
-    is singular.
+    `weights` (n,) are the diagonal of W, `coupled` (couplings,) its other elements; `posture` is scratch. Not finite if
+    M is singular.
     """
     n, last = len(q), 0.0
     φ, r, factors = np.zeros(n), np.zeros(n), np.zeros((n, columns(posture.first)))
@@ -54,7 +54,7 @@ def largest_eigenvalue(chain, q, weights, coupled, passes, close, posture):
 
 @recursion
 def largest(φ):
-    """The largest |φ_k|; nan if one is."""
+    """The largest |φ_k|; nan if any is."""
     size = 0.0
     for k in range(len(φ)):
         size = max(size, abs(φ[k])) + (φ[k] - φ[k])
@@ -63,7 +63,7 @@ def largest(φ):
 
 @kernel
 def smallest_square(chain, q, passes, close):
-    """Smallest ω² of K φ = ω² S φ, from above, on the joints with springs, others free; inf: none; passes as above."""
+    """Smallest ω² of K φ = ω² S φ, from above, on the joints with springs; inf: none; `passes` as above."""
     bent, free = joints_of(chain, True), joints_of(chain, False)
     n, p, a, last = len(q), len(bent), len(free), 0.0
     if p == 0:
@@ -110,7 +110,7 @@ def smallest_square(chain, q, passes, close):
 
 @recursion
 def coupled_energy(couplings, φ):
-    """2 K_ij φ_i φ_j of all couplings; those of joints whose motion is prescribed are at rest."""
+    """Σ 2 K_ij φ_i φ_j over all couplings; prescribed joints are at rest."""
     energy = 0.0
     for c in range(len(couplings)):
         pair = couplings[c]
@@ -120,7 +120,7 @@ def coupled_energy(couplings, φ):
 
 @kernel
 def joints_of(chain, springs):
-    """The joints with springs, or those without, whose motion is not prescribed."""
+    """The joints with springs, or those without, except prescribed joints."""
     found, count = np.zeros(len(chain.hinges), np.int64), 0
     for k in range(len(chain.hinges)):
         if (chain.hinges[k].stiffness > 0.0) == springs and not chain.hinges[k].prescribed:
@@ -131,9 +131,9 @@ def joints_of(chain, springs):
 
 @recursion
 def factor_semidefinite(A, order):
-    """P A Pᵀ = L Lᵀ by Cholesky's method, the largest pivot first; returns the rank r. L stands in the r first columns.
+    """P A Pᵀ = L Lᵀ by Cholesky's method with the largest pivot first; returns the rank r. L is in the first r columns.
 
-    `order` (n,) becomes the rows of A in the order of L's. Where rounding is all that is left of the pivots, it ends.
+    `order` (n,) receives the row of A for each row of L. Ends when all remaining pivots are rounding errors.
     """
     n = len(A)
     for i in range(n):
@@ -163,7 +163,7 @@ def factor_semidefinite(A, order):
 
 @recursion
 def solve_semidefinite(L, order, rank, x, y):
-    """A solution x, in place of b, of A x = b with b in A's range, 0 where L has no pivot; scratch `y` (n,), zeros."""
+    """Overwrite b in `x` with a solution of A x = b, 0 where L has no pivot; b in A's range, scratch `y` (n,) zero."""
     for i in range(rank):
         y[i] = x[order[i]]
         for k in range(i):

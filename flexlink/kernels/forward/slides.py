@@ -1,10 +1,11 @@
-"""Hinges that slide, in recursions of articulated bodies: a body's hinges in one call, apart from those that turn.
+"""Prismatic hinges in the articulated-body algorithm, all hinges of a body in one call.
 
-Force and moment change places, acceleration and angular acceleration, too. With U = H e and G = M e, for J e and Hᵀ e
+Force and moment are exchanged, and so are acceleration and angular acceleration. With U = H e and G = M e in place of
+J e and Hᵀ e:
 
     D = e·G + A      q̈ = (T − e·f − U·α − G·a) / D      J ← J − U Uᵀ/D      H ← H − U Gᵀ/D      M ← M − G Gᵀ/D
 
-The body's hinge point moves with it: r ← r + e q, and b ← b + ω × (ω × e q) + 2 q̇ ω × e.
+The hinge point of the body moves: r ← r + e q, and b ← b + ω × (ω × e q) + 2 q̇ ω × e.
 """
 
 from flexlink.kernels.forward.articulated_groups import eliminate_joint, missing_torque, propagate_prescribed, swung
@@ -18,7 +19,7 @@ from flexlink.kernels.tools.vec3 import add, add_scaled, cross, dot, pick, scale
 
 @subroutine
 def put_slides(layout, i, axes, bodies, hinges, x, y, z, ω, places, qd):
-    """Keep the axes of the hinges of body `i` with axes x, y, z, and what they change in its r and b."""
+    """Store the axes of the prismatic hinges of body `i` with axes x, y, z, and update its r and b."""
     r, b = vec_of(bodies, i, BODY_ROW.r), vec_of(bodies, i, BODY_ROW.b)
     for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
         e = pick(axes[k] - SLIDES, x, y, z)
@@ -31,7 +32,7 @@ def put_slides(layout, i, axes, bodies, hinges, x, y, z, ω, places, qd):
 
 @subroutine
 def eliminate_slides(layout, i, axes, prescribed, hinges, qdd, J, H, M, n, f):
-    """J, H, M, n, f before the hinges of body `i`, from those behind them; where q̈ is given, it adds to n and f."""
+    """J, H, M, n, f inboard of the hinges of body `i`, from those outboard; a given q̈ adds to n and f."""
     H = transposed(H)
     for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
         if prescribed[k]:
@@ -55,7 +56,7 @@ def transposed(A):
 
 @subroutine
 def accelerate_slides(layout, i, prescribed, hinges, qd, tau, qdd, α, a):
-    """Write q̈ of the hinges of body `i`, or the torques they take; returns a behind them, and the torques' power."""
+    """Write q̈ of the hinges of body `i`, or their torques; return a outboard of them, and the power of the torques."""
     power = zero_of(qdd)
     for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
         if not prescribed[k]:

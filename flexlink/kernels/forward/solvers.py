@@ -1,6 +1,6 @@
 """Forward dynamics: q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR.
 
-The type of the scratch says which algorithm it is for, so that machine code is made for the one in use only.
+The type of the workspace selects the algorithm, so only the one in use is compiled.
 """
 
 from collections.abc import Callable
@@ -29,12 +29,12 @@ from flexlink.kernels.tools.vec3 import ZERO, add_scaled, dot, vector
 
 
 class DenseWork(NamedTuple):
-    """Scratch of `dense`, with its chain."""
+    """Scratch arrays of `dense`, with its chain."""
 
     chain: Any
     by_lu: Any
     rne: RneWork
-    forces: Any  # force elements; None of a plain chain
+    forces: Any  # force elements; None for a plain chain
     composite: CompositeWork
     M: Any
     known: Any
@@ -44,7 +44,7 @@ class DenseWork(NamedTuple):
 
 @kernel
 def dense_workspace(chain, by_lu):
-    """Scratch of `dense`, by LU or by Cholesky."""
+    """Allocate the workspace of `dense`, by LU or by Cholesky."""
     n = len(chain.hinges)
     return DenseWork(
         chain,
@@ -61,7 +61,7 @@ def dense_workspace(chain, by_lu):
 
 @subroutine
 def dense(wrench, q, qd, tau, qdd, work):
-    """Set up M and the right-hand side, take out the rows whose q̈ is given, and solve; see `forward_dynamics`."""
+    """Set up M and the right-hand side, remove the rows of prescribed joints, and solve; see `forward_dynamics`."""
     chain, M, known, bias = work.chain, work.M, work.known, work.bias
     for k in range(len(qdd)):
         known[k] = qdd[k] if chain.hinges[k].prescribed else 0.0
@@ -92,7 +92,7 @@ def dense(wrench, q, qd, tau, qdd, work):
 
 @recursion
 def turning_of_tip(chain, qd, rates):
-    """Write the rates of the hinges that turn the body on which the tip wrench acts, of all others zero."""
+    """Write q̇ of the revolute hinges on the path to the loaded body, zero for all others."""
     i = 0
     for k in range(len(qd)):
         rates[k] = 0.0
@@ -109,7 +109,7 @@ def turning_of_tip(chain, qd, rates):
 
 @recursion
 def take_torques(chain, wrench, q, qd, qdd, tau, torque, work):
-    """Write the torques that the prescribed motions take, if there are any."""
+    """Write the torques of prescribed motions, if there are any."""
     for k in range(len(qdd)):
         if chain.hinges[k].prescribed:
             rne(chain, vector(chain.gravity), wrench, q, qd, qdd, torque, work.rne)
@@ -123,24 +123,24 @@ def take_torques(chain, wrench, q, qd, qdd, tau, torque, work):
 
 @by_type({PlanarWork: planar, ArticulatedWork: articulated, DenseWork: dense})
 def forward_dynamics(wrench, q, qd, tau, qdd, work):
-    """Write q̈ for drive torques `tau`, all (n,), and tip wrench (6,); returns a power [W].
+    """Write q̈ for drive torques `tau`, all (n,), and the tip wrench (6,); return a power [W].
 
-    The scratch holds what is constant of the chain, or of eight chains side by side (`lanes`): the arrays are then of
+    The workspace contains the constants of the chain, or of eight chains side by side (`lanes`): the arrays are then of
     shape (n, 8).
 
-    Hybrid dynamics: at prescribed hinges `qdd` is given and stays, and the drive torque that it takes is written to
-    `tau` (Featherstone 2008, section 9.2).
+    Hybrid dynamics: at prescribed hinges `qdd` is given, and the required drive torque is written to `tau`
+    (Featherstone 2008, section 9.2).
 
-    The power is q̇·(T_EX − T_FR) + m·ω: that of all that has no potential, as springs, gravity and a force on the tip
-    have. Its integral is the work by which the energy changes.
+    The power is q̇·(T_EX − T_FR) + m·ω, the power of all torques and forces without a potential. (Springs, gravity and a
+    constant force on the tip have a potential.) Its integral is the work that changes the energy.
     """
 
 
 @inlined
 def forward_under(inputs, t, middle, q, qd, tau, qdd, work):
-    """`forward_dynamics` under the tip wrench of a time; `middle` of the step that it belongs to.
+    """`forward_dynamics` with the tip wrench at time t; `middle` is the midpoint of the step that contains t.
 
-    Returns the power of all that has no potential [W], which a force on the tip that changes has not, either.
+    Returns the power of all forces without a potential [W], which include a force on the tip that changes.
     """
     if inputs.loads is None:
         return forward_dynamics(inputs.wrench, q, qd, tau, qdd, work)
@@ -149,7 +149,7 @@ def forward_under(inputs, t, middle, q, qd, tau, qdd, work):
 
 
 class Solver(NamedTuple):
-    """An algorithm as the checked functions call it, each a single compiled call."""
+    """An algorithm as the functions with argument checks call it; each entry is a single compiled call."""
 
     workspace: Callable[..., Any]  # (chain) -> scratch
     accelerations: Callable[..., Any]  # (chain, wrench, q, qd, tau) -> q̈ in a new array
@@ -206,9 +206,9 @@ def _cholesky(chain, wrench, q, qd, tau):
 
 @kernel
 def accelerations_of_many(work, wrench, q, qd, tau):
-    """q̈ of many states (b, n) with wrenches (b, 6) of a scratch's chains, eight side by side.
+    """q̈ of many states (b, n) with wrenches (b, 6) for the chains of a workspace, eight states side by side.
 
-    The last state fills up the last eight.
+    The last eight are filled up with copies of the last state.
     """
     b, n = q.shape
     qdd = np.zeros((b, n))

@@ -1,14 +1,14 @@
-"""Steps whose length follows from their error, and samples at any time between them; whole loop compiled.
+"""Steps whose length follows from their error, and samples at any time between them; the full loop is compiled.
 
     h ← 0.9 h (tolerance / error)^(1/p)        p: order of the error in h
 
-and no more than what the last two errors predict (Gustafsson; Hairer & Wanner, Solving Ordinary Differential Equations
-II, IV.8). A step ends where an input has a knot, of which no polynomial knows, or where a motor saturates
-(`saturation`), and is not soon longer than one that failed. Samples between the ends of a step are its dense output; an
-explicit method ends a step at a sample, where that is cheaper, or where it has no dense output.
+The step is at most the one predicted from the last two errors (Gustafsson; Hairer & Wanner, Solving Ordinary
+Differential Equations II, IV.8), and grows slowly after a rejection. A step ends at a knot of an input, where the
+derivatives jump, and where a motor saturates (`saturation`). Samples inside a step are its dense output. An explicit
+method ends a step at a sample if that is cheaper, or if it has no dense output.
 
-With a tolerance of infinity all steps are as long as the largest, and nothing but the state is remembered past a knot:
-who starts from the state there goes on with the same numbers.
+With an infinite tolerance all steps have the maximum length, and only the state is carried across a knot, so a run that
+is continued from the state there gives the same numbers.
 """
 
 import math
@@ -34,34 +34,34 @@ from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, SO_FAR, STEPPER
 from flexlink.kernels.tools.compiler import by_type, entry, inlined, recursion, shared
 from flexlink.kernels.tools.numbered import numbered
 
-OUTCOME = numbered("goes_on ended stuck turned")  # of `advance`; a free base has turned far
-SAFETY, SHRINK = 0.9, 1 / 8  # of what the error allows; of h, at most
-NEARLY = 1.01  # steps up to the next knot that are taken in one
-AT_THE_END = 1e-9  # part of a step that is no time between its ends
-OF_A_SWITCH = 0.1  # of the error of a long step: what a torque may throw bodies by that is off for the end of a step
+OUTCOME = numbered("goes_on ended stuck turned")  # results of `advance`; "turned": a free base has turned far
+SAFETY, SHRINK = 0.9, 1 / 8  # factor on the step that the error allows; smallest factor on h
+NEARLY = 1.01  # steps up to the next knot that are replaced by one
+AT_THE_END = 1e-9  # relative distance from an end of the step below which a time counts as the end
+OF_A_SWITCH = 0.1  # part of the allowed error: displacement of bodies by a wrong torque in the rest of a step
 
 
 @by_type({ImplicitWork: implicit_step, EmbeddedWork: embedded_step})
 def take_step(t, h, inputs, state, allowed, work):
-    """One step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; returns its error [m] and iterations."""
+    """One step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; return its error [m] and number of iterations."""
 
 
 @entry
 def advance(work, forward, inputs, settings, count, state, tau, knots, samples, most):
-    """Take up to `most` steps from `state` q, q̇, q̈ (n,) and W (2,), in place, and fill in the samples on the way.
+    """Take up to `most` steps from `state` q, q̇, q̈ (n,) and W (2,), in place, and fill in the samples passed.
 
-    `work` is scratch of the method, `forward` of forward dynamics, `tau` (n,).
+    `work` is the workspace of the method, `forward` that of forward dynamics, `tau` (n,) scratch.
 
-    `settings`: error that a long step may have [m], and that as a part of the largest deflection; the length from which
-    a step is long [s], a shorter one may have its part of that length of it, so that the errors of many steps add up to
-    the same; what the iteration may leave [m], and that as a part of the error; p; how long the run is; smallest and
-    largest step [s]. `knots`: times where a step ends, of which the last is the end, and how long a step must be to
-    pass each [s], inf if none may. `samples`: times (rows,), q and q̇ (rows, n), W (rows,), and what is noted of the
+    `settings`: allowed error of a long step [m], and the same relative to the largest deflection; the length from which
+    a step is long [s] (the allowed error of a shorter one is proportional to its length, so the sum over many steps is
+    the same); tolerance of the iteration [m], and the same relative to the error; p; duration of the run; smallest and
+    largest step [s]. `knots`: times at which a step must end, the last one the end of the run, and for each the length
+    [s] of a step that may pass it, or inf. `samples`: times (rows,), q and q̇ (rows, n), W (rows,), and counters of the
     steps so far (rows, SO_FAR.size).
     """
     absolute, part, long, exact, left, p, duration, smallest, largest = settings
     stepper, switches = work.stepper, absolute < math.inf and saturates(inputs.drive)
-    least = 1e-3  # part of the error of a long step that any step may have: the shortest are few, after a jump
+    least = 1e-3  # part of the error of a long step that every step is allowed: after a jump a few steps are very short
     for _ in range(most):
         t = stepper[STEPPER.time]
         knot = next_knot(t, stepper[STEPPER.step], knots, count)
@@ -121,7 +121,7 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
 
 @inlined
 def next_knot(t, h, knots, count):
-    """Number of the knot at which a step of length h ends, if it gets so far; it passes those before."""
+    """Index of the knot at which a step of length h ends, if it reaches one; passes earlier knots that it may pass."""
     times, passed_by = knots
     k = count[COUNT.knot]
     while passed_by[k] < h and times[k] < t + NEARLY * h:
@@ -131,7 +131,7 @@ def next_knot(t, h, knots, count):
 
 @inlined
 def pass_knots(t, knots, count):
-    """Knots up to a time lie behind, but for those that no step passes."""
+    """Mark knots up to time t as passed, except those at which a step must end."""
     times, passed_by = knots
     while times[count[COUNT.knot]] <= t and passed_by[count[COUNT.knot]] < math.inf:
         count[COUNT.knot] += 1
@@ -139,16 +139,16 @@ def pass_knots(t, knots, count):
 
 @entry
 def first_step(work, state, settings, duration, bent):
-    """Set the deflection, and the first step to one in which q̈ moves no body by more than the error of a step.
+    """Set the deflection, and choose the first step so that q̈ displaces no body by more than the allowed error.
 
-    Scratch `bent` (n,).
+    `bent` (n,) is scratch.
     """
     absolute, part, largest = settings[0], settings[1], settings[8]
     q, qd, qdd = state[0], state[1], state[2]
     stepper, τ = work.stepper, min(work.stepper[STEPPER.inverse_ω1], duration)
     place_bodies(q, work.posture)
     stepper[STEPPER.deflection] = spring_displacement(q, bent, work)
-    for k in range(len(q)):  # of an arm with slack springs: what q̇ and q̈ bend in 1 / ω₁
+    for k in range(len(q)):  # for an arm with slack springs: deflection by q̇ and q̈ in the time 1 / ω₁
         bent[k] = qd[k] + τ * qdd[k]
     stepper[STEPPER.deflection] = max(
         stepper[STEPPER.deflection], deflection_norm(τ, bent, work.springs, work.posture, work.chain)
@@ -162,7 +162,7 @@ def first_step(work, state, settings, duration, bent):
 
 @recursion
 def spring_displacement(q, bent, work):
-    """Largest displacement [m] of a body by all springs' angles; scratch `bent` (n,)."""
+    """Largest displacement [m] of a body by the angles of all springs; `bent` (n,) is scratch."""
     for k in range(len(q)):
         hinge = work.chain.hinges[k]
         bent[k] = q[k] - hinge.rest if hinge.stiffness > 0.0 else 0.0
@@ -172,7 +172,7 @@ def spring_displacement(q, bent, work):
 @shared
 @entry
 def begin(t, inputs, state, tau, forward):
-    """q̈ and the power of a state at time t, where an input may have a knot."""
+    """q̈ and power at time t, where an input may have a knot."""
     q, qd, qdd, done = state
     for k in range(len(tau)):
         tau[k] = 0.0
@@ -184,7 +184,7 @@ def begin(t, inputs, state, tau, forward):
 
 @inlined
 def accept(state, work):
-    """The end of the step is the new state."""
+    """Make the end of the step the new state."""
     q, qd, qdd, done = state
     for k in range(len(q)):
         if work.chain.hinges[k].stiffness == 0.0 and not work.chain.hinges[k].prescribed:
@@ -196,7 +196,7 @@ def accept(state, work):
 
 @entry
 def forget(stepper):
-    """The next step is as one that follows none."""
+    """Treat the next step as the first one."""
     stepper[STEPPER.last_step] = stepper[STEPPER.last_error] = stepper[STEPPER.accepted] = stepper[
         STEPPER.contraction
     ] = stepper[STEPPER.max_step] = stepper[STEPPER.refusal] = 0.0
@@ -204,7 +204,7 @@ def forget(stepper):
 
 @recursion
 def refuse(h, error, p, stepper, count):
-    """A shorter step, after one with an error, as a part of the tolerance, of 1 or more; nan: no step was found."""
+    """Set a shorter step after a rejection: `error` ≥ 1 relative to the tolerance, or nan if the iteration failed."""
     if math.isnan(error):
         if stepper[STEPPER.refusal] > 0.0:
             stepper[STEPPER.last_step] = 0.0
@@ -219,7 +219,7 @@ def refuse(h, error, p, stepper, count):
 
 @recursion
 def following(h, error, p, iterations, stepper):
-    """Length of the step after one of length h with an error, as a part of the tolerance, below 1."""
+    """Length of the next step, after one of length h with an `error` < 1 relative to the tolerance."""
     safety = SAFETY * 21.0 / (20.0 + iterations)
     error = max(error, 1e-10)
     factor = safety * error ** (-1.0 / p)
@@ -229,7 +229,7 @@ def following(h, error, p, iterations, stepper):
             safety * h / stepper[STEPPER.last_step] * (stepper[STEPPER.last_error] / (error * error)) ** (1.0 / p),
         )
     wanted = h * min(5.0, max(SHRINK, factor))
-    if stepper[STEPPER.contraction] > 0.0:  # which grows as h²
+    if stepper[STEPPER.contraction] > 0.0:  # proportional to h²
         wanted = min(wanted, h * max(1.2, math.sqrt(0.5 / stepper[STEPPER.contraction])))
     count_step(iterations, stepper)
     if stepper[STEPPER.refusal] > 0.0:
@@ -243,9 +243,9 @@ def following(h, error, p, iterations, stepper):
 
 @inlined
 def off_inside(t, h, long_error, inputs, state, knots, count, samples, work):
-    """How far samples inside a step may be off, as a part of what they may be; 0 if it passes none.
+    """Error of samples inside a step, relative to the allowed error; 0 if it contains none.
 
-    Twenty times the error of a long step: this one is not carried on.
+    The allowed error is 20 times that of a long step, because it does not propagate.
     """
     off, times = 0.0, 20.0
     if passes(t + (1.0 - AT_THE_END) * h, knots[0], count[COUNT.knot], samples[0], count[COUNT.row]):
@@ -256,14 +256,14 @@ def off_inside(t, h, long_error, inputs, state, knots, count, samples, work):
 
 @inlined
 def begin_anew(t, inputs, state, tau, forward, stepper):
-    """Go on from a time as from a start."""
+    """Restart from a time as from an initial state."""
     begin(t, inputs, state, tau, forward)
     stepper[STEPPER.begun] += 1.0
 
 
 @inlined
 def passes(t, knots, knot, times, row):
-    """Whether a step that ends beyond a time passes a sample, or a knot that is one even if nobody asks for it."""
+    """Whether the step contains a sample or an optional knot after time t."""
     return knots[knot] < t or (row < len(times) and times[row] < t)
 
 
@@ -281,7 +281,7 @@ def sample(t, h, inputs, state, work, count, samples, spare):
 
 @inlined
 def note(stepper, count, so_far):
-    """Note what a sample is judged by, whenever somebody looks at it."""
+    """Store the counters by which a sample is checked, whenever it is read."""
     so_far[SO_FAR.deflection] = stepper[STEPPER.deflection]
     for k in range(COUNT.knot):
         so_far[SO_FAR.steps + k] = count[k]
@@ -289,7 +289,7 @@ def note(stepper, count, so_far):
 
 @recursion
 def place(x, h, state, work, angles, rates):
-    """Write q and q̇ at a part x of the step that was just taken from `state`; returns W there."""
+    """Write q and q̇ at a fraction x of the last step from `state`; return W there."""
     if x < 1.0 - AT_THE_END:
         return inside(x, h, state, angles, rates, work)
     for k in range(len(angles)):

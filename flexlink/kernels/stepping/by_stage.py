@@ -1,8 +1,8 @@
-"""When the stages of a step have matrices of their own (see `newton`): only where one for all is not enough.
+"""When each stage of a step gets a separate matrix (see `newton`): only if one matrix for all is not enough.
 
-A step whose iteration does not converge is tried again with them. They stay for eight steps, for twice as many and more
-where their end is soon followed by the next failure. If two steps in a row fail in spite of them, they end, and the
-next trial comes after twice as many failures.
+A step whose iteration does not converge is repeated with one matrix per stage. This mode lasts for eight steps; if the
+next failure follows soon after its end, it lasts twice as long the next time. If two steps in a row fail in this mode,
+it ends, and is tried again after twice as many failures as before.
 """
 
 from flexlink.kernels.stepping.step_state import REFUSAL, STEPPER
@@ -11,7 +11,7 @@ from flexlink.kernels.tools.compiler import inlined, recursion
 
 @recursion
 def tried_again(stepper):
-    """Whether a step that failed is tried again as it is, with matrices of its stages."""
+    """Whether a failed step is repeated at the same length, with one matrix per stage."""
     if stepper[STEPPER.by_stage] > 0.0:
         if stepper[STEPPER.refusal] != REFUSAL.none:
             stepper[STEPPER.by_stage] = stepper[STEPPER.stay] = 0.0
@@ -27,7 +27,7 @@ def tried_again(stepper):
 
 @recursion
 def count_step(iterations, stepper):
-    """A step was taken, after so many iterations; where they were many, the next ones have matrices of their stages."""
+    """Count an accepted step and its iterations; if there were many, use one matrix per stage for the next steps."""
     many = 9
     if stepper[STEPPER.by_stage] > 0.0:
         stepper[STEPPER.by_stage] -= 1.0
@@ -41,7 +41,7 @@ def count_step(iterations, stepper):
 
 @inlined
 def begin(stepper):
-    """From now on for some steps."""
+    """Use one matrix per stage for some steps."""
     fewest = 8.0
     stepper[STEPPER.stay] = 2.0 * stepper[STEPPER.stay] + fewest
     stepper[STEPPER.by_stage] = stepper[STEPPER.stay]

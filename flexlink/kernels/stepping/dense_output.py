@@ -1,8 +1,8 @@
-"""q and q̇ at a part x of the step that was just taken: the polynomial of the stages, or of both ends.
+"""q and q̇ at a fraction x of the last step, by the polynomial of the stages or of both ends.
 
-Samples inside a step are its dense output (`implicit`, `embedded`), for which an explicit method evaluates a few stages
-more. Where one of its steps is looked at often, whether a motor saturates, q is the quintic polynomial with q, q̇ and q̈
-of both ends, and q̇ its slope.
+Samples inside a step are its dense output (`implicit`, `embedded`). An explicit method evaluates a few more stages for
+it. To look for a motor that saturates, an explicit step uses the quintic polynomial with q, q̇ and q̈ of both ends, and
+its derivative.
 """
 
 import math
@@ -15,7 +15,7 @@ from flexlink.kernels.tools.compiler import by_type, inlined, recursion, subrout
 
 @recursion
 def of_implicit(x, h, state, angles, rates, work):
-    """Write q and q̇ at a part x of the step that was just taken from `state`; returns W there."""
+    """Write q and q̇ at a fraction x of the last step from `state`; return W there."""
     q, qd, done = state[0], state[1], state[3]
     dense, qdd, W = work.method.dense, work.stages[STAGE.qdd], done[0]
     s, n = qdd.shape
@@ -36,7 +36,7 @@ def of_implicit(x, h, state, angles, rates, work):
 
 @recursion
 def of_explicit(x, h, state, angles, rates, work):
-    """The same, by the polynomials that `prepare_explicit` found; of a method without dense output there are none."""
+    """The same by the polynomials of `prepare_explicit`, for a method with dense output."""
     q, qd, done = state[0], state[1], state[3]
     once, twice, W = work.inside[0], work.inside[1], 0.0
     for k in range(len(q)):
@@ -54,11 +54,11 @@ def of_explicit(x, h, state, angles, rates, work):
 
 @recursion
 def between_ends(x, h, state, angles, rates, work):
-    """Write q and q̇ at a part x of the step, by both of its ends; W is not known there: nan."""
+    """Write q and q̇ at a fraction x of the step from both ends; W is unknown there: nan."""
     q, qd, qdd, new = state[0], state[1], state[2], work.new
     for k in range(len(q)):
         v, a = h * qd[k], h * h * qdd[k]
-        off = new[0, k] - (q[k] + v + 0.5 * a)  # what the end has more than q + v x + a x² / 2
+        off = new[0, k] - (q[k] + v + 0.5 * a)  # q at the end minus q + v + a / 2
         off_v, off_a = h * new[1, k] - (v + a), h * h * new[2, k] - a
         c3 = 10.0 * off - 4.0 * off_v + 0.5 * off_a
         c4 = -15.0 * off + 7.0 * off_v - off_a
@@ -70,20 +70,21 @@ def between_ends(x, h, state, angles, rates, work):
 
 @by_type({ImplicitWork: of_implicit, EmbeddedWork: between_ends})
 def between(x, h, state, angles, rates, work):
-    """Write q and q̇ at a part x of the step that was just taken from `state`, at no cost; returns W there."""
+    """Write q and q̇ at a fraction x of the last step from `state` without further evaluations; return W there."""
 
 
 @inlined
 def is_prepared(t, h, inputs, state, work):
-    """An implicit step is, and as good inside as its error says."""
+    """Nothing to prepare for an implicit step: its dense output is as accurate as its end."""
     return 0.0, 0
 
 
 @subroutine
 def prepare_explicit(t, h, inputs, state, work):
-    """Find the polynomials inside, with a few stages more; returns by how much they may be off [m], and how many more.
+    """Compute the polynomials with a few more stages; return their error [m], and the number of additional stages.
 
-    Half a step on, the angles by the rates of the stages, which are of one order less, are to be those by their q̈.
+    The error is the difference, at half the step, between angles from the rates of the stages (one order lower) and
+    angles from their q̈.
     """
     off, evaluations, x = 0.0, 0, 0.5
     if work.method.dense is not None:
@@ -125,9 +126,9 @@ def add_up_stages(h, work):
 
 @by_type({ImplicitWork: is_prepared, EmbeddedWork: prepare_explicit})
 def prepare_inside(t, h, inputs, state, work):
-    """Prepare `inside`; returns by how much it may displace a body [m], and how many evaluations that took."""
+    """Prepare `inside`; return the displacement error of a body [m], and the number of evaluations."""
 
 
 @by_type({ImplicitWork: of_implicit, EmbeddedWork: of_explicit})
 def inside(x, h, state, angles, rates, work):
-    """Write q and q̇ of a sample at a part x of the step, after `prepare_inside`; returns W there."""
+    """Write q and q̇ of a sample at a fraction x of the step, after `prepare_inside`; return W there."""

@@ -1,13 +1,14 @@
-"""Dry friction in the stages of an implicit step, at joints that come to rest or turn round, with its own law.
+"""Dry friction in the stages of an implicit step, for joints that come to rest or reverse.
 
-There the slope of f = c tanh(V / w) says nothing of the next pass: a joint that comes to rest turns its torque round
-within the step. Of all that `newton` solves, L x = R with L = 1 ⊗ M + h A ⊗ D + h² A² ⊗ K, the rates V of these joints
-in all stages answer to their friction torques by a small matrix, and V is the root of
+Newton's iteration for all joints fails there: the derivative of f = c tanh(V / w) at one iterate does not predict the
+next, since the torque reverses within the step. The linear system of `newton`, L x = R with
+L = 1 ⊗ M + h A ⊗ D + h² A² ⊗ K, gives the rates V of these joints in all stages as a function of their friction
+torques by a small matrix. V is the root of
 
     V = v⁰ − G f(V)        G = h A L⁻¹ at these joints = Σ_λ hλ T_λ (M + A_λ)⁻¹ T⁻¹_λ        v⁰: rates without f
 
-by Newton's iteration with J = 1 + G f'(V). Where it does not get there, w is widened to as much as the rates go, for
-which one or two iterations do, and narrowed by a factor of eight at a time. K is what R + f makes less what f does.
+found by Newton's iteration with J = 1 + G f'(V). If that fails, it is solved first with w as large as the rates, which
+takes one or two iterations, then with w reduced by factors of eight. K is then the solution for R + f minus that for f.
 """
 
 import math
@@ -20,15 +21,15 @@ from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.solve import solve_lu
 
-ROW = numbered("free v step f slope")  # of `Turning.rows`: v⁰, V, what one iteration adds to V, f(V) and f'(V)
+ROW = numbered("free v step f slope")  # of `Turning.rows`: v⁰, V, change of V in an iteration, f(V) and f'(V)
 
 
 @subroutine
 def note_turning(h, qd, work):
-    """Add joints that friction may stop within the step to those where it has its own law; whether there are any.
+    """Add the joints that friction may stop within the step to the list of this module; return whether there are any.
 
-    It takes c h / inertia of a joint's rate. Of faster ones it hardly changes: from three widths on its slope is 1 % of
-    that at rest.
+    Friction changes a joint's rate by up to c h / inertia. Faster joints are left out: at three widths the derivative
+    is 1 % of that at rest.
     """
     turning, before = work.turning, work.turning.count[0]
     for k in turning.dry:
@@ -46,7 +47,7 @@ def note_turning(h, qd, work):
 
 @inlined
 def is_noted(k, turning):
-    """Whether it is one of them."""
+    """Whether joint k is in the list."""
     noted = False
     for a in range(turning.count[0]):
         noted = noted or turning.joints[a] == k
@@ -55,7 +56,7 @@ def is_noted(k, turning):
 
 @subroutine
 def factor_turning(h, work):
-    """Y = (M + A_λ)⁻¹ of these joints' columns, and G; after `factor_all`."""
+    """Y = (M + A_λ)⁻¹ in the columns of these joints, and G; call `factor_all` first."""
     method, turning, s = work.method, work.turning, work.stages.shape[1]
     r, z, d = work.vectors[VECTOR.rhs], work.pairs[0], turning.count[0]
     for m in range(s * d):
@@ -78,7 +79,7 @@ def factor_turning(h, work):
 
 @inlined
 def add_answer(z, T, Tinv, m, y, b, s, turning):
-    """G += Re(z T y T⁻¹), y the answer of all joints to a torque at joint b."""
+    """G += Re(z T y T⁻¹), with y the solution for all joints for a torque at joint b."""
     d = turning.count[0]
     for i in range(s):
         for j in range(s):
@@ -89,7 +90,7 @@ def add_answer(z, T, Tinv, m, y, b, s, turning):
 
 @recursion
 def leave_out_friction(work):
-    """R_i + f(V_i): what the stages would lack without the friction of these joints."""
+    """R_i + f(V_i): the residual of the stages without the friction of these joints."""
     for i in range(work.stages.shape[1]):
         for a in range(work.turning.count[0]):
             k = work.turning.joints[a]
@@ -100,7 +101,7 @@ def leave_out_friction(work):
 
 @subroutine
 def put_in_friction(h, qd, work):
-    """K −= L⁻¹ f(V), after K has been improved without friction; whether V was found."""
+    """K −= L⁻¹ f(V), after a correction of K without friction; return whether V was found."""
     turning, stages = work.turning, work.stages
     s, d = stages.shape[1], turning.count[0]
     free, v = turning.rows[ROW.free], turning.rows[ROW.v]
@@ -149,7 +150,7 @@ def subtract_answers(h, work):
 
 @recursion
 def narrow(size, work):
-    """Find V for wide friction first, then for narrower and narrower one; whether it was found."""
+    """Find V for large widths first, then for smaller ones; return whether it was found."""
     turning, wider = work.turning, 1.0
     for m in range(size):
         hinge = work.chain.hinges[turning.joints[m % turning.count[0]]]
@@ -164,9 +165,9 @@ def narrow(size, work):
 
 @recursion
 def find_rates(wider, size, work):
-    """Newton's iteration for V, of friction whose widths are so many times wider; whether it converges."""
+    """Newton's iteration for V with widths multiplied by `wider`; return whether it converges."""
     turning, J, rows = work.turning, work.turning.J, work.turning.rows
-    most, enough = 12, 1e-7  # iterations; change of a joint's torque, as a part of its largest
+    most, enough = 12, 1e-7  # iterations; change of a joint's torque relative to its maximum
     torques(wider, size, work)
     for _ in range(most):
         for m in range(size):
@@ -187,7 +188,7 @@ def find_rates(wider, size, work):
 
 @recursion
 def torques(wider, size, work):
-    """f(V) and its slope; returns by how much f changes at most, as a part of the largest torque of its joint."""
+    """f(V) and its derivative; return the largest change of f relative to the maximum torque of its joint."""
     turning, rows, largest = work.turning, work.turning.rows, 0.0
     for m in range(size):
         hinge = work.chain.hinges[turning.joints[m % turning.count[0]]]

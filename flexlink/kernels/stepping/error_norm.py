@@ -1,16 +1,16 @@
-"""How far errors of angles and rates at the end of a step move bodies: what a tolerance in metres is about.
+"""Displacement of bodies by errors of angles and rates at the end of a step: the error that the tolerance [m] limits.
 
-An error e_q of the angles moves them at once. One of the rates, e_v, goes on moving them, against the springs and
-dampers, and gets in a time τ, by an implicit Euler step, as far as
+An error e_q of the angles displaces bodies at once. An error e_v of the rates continues to displace them, against
+springs and dampers. In a time τ, by an implicit Euler step, the displacement follows from
 
     δ = τ (M + τ D + τ² K)⁻¹ M e_v
 
-What counts is the largest δ of τ = 1/ω₁ (the lowest frequency), 1/(8 ω₁), … > h: of a swing with the frequency ω it
-is 0.3 to 0.5 of e_v/ω, how far it goes, and of what is free to turn e_v/ω₁. Weighing all rates by 1/ω₁ is simpler, and
-counts fast vibrations hundreds of times; weighing them by h lets any error of a slow one pass at small steps.
+The norm is the largest δ for τ = 1/ω₁ (ω₁ the lowest frequency), 1/(8 ω₁), … > h. For a vibration of frequency ω it is
+0.3 to 0.5 of the amplitude e_v/ω; for a free joint it is e_v/ω₁. Weighting all rates by 1/ω₁ would be simpler, but
+overestimates fast vibrations by factors of hundreds; weighting them by h accepts any error of slow ones at small steps.
 
-A sampled law sees the rates of fast vibrations, too, and holds what it makes of them for a period T: an error of theirs
-that comes to nothing by itself becomes an impulse T k_d e_v, which throws bodies, in 1/ω₁, by
+A sampled law also measures the rates of fast vibrations, and applies its torque for a period T. A rate error that would
+average to zero then becomes an impulse T k_d e_v, which displaces bodies, in 1/ω₁, by
 
     δ = τ (M + τ D + τ² K)⁻¹ T k_d e_v
 """
@@ -23,18 +23,18 @@ from flexlink.kernels.forward.mass_plus_cells import add_products, put_couplings
 from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 
-CLOSER = 1 / 8  # from one τ to the next
+CLOSER = 1 / 8  # ratio of successive τ
 
 
 class Springs(NamedTuple):
-    """What holds the joints of a chain beside their hinges, and scratch."""
+    """Stiffness and damping of joints in addition to their springs, and scratch arrays."""
 
-    kp: Any  # (n,) a drive's gains, and so kd
+    kp: Any  # (n,) gains of the drive; kd the same
     kd: Any
-    brakes: Any  # (n,) slopes of force elements by each joint's own rate; None of a plain chain
+    brakes: Any  # (n,) ∂T_k/∂q̇_k of force elements; None for a plain chain
     impulse: Any  # (n,) T k_d of a sampled law
     factors: Any  # (n, 8)
-    r: Any  # (n,), and so δ
+    r: Any  # (n,); δ the same
     δ: Any
 
 
@@ -42,7 +42,7 @@ class Springs(NamedTuple):
 def step_error_norm(h, e_q, e_v, springs, posture, chain, stepper):
     """Error [m] of a step of length h with errors of its angles and rates (n,).
 
-    Beside them parts of the scratch of a method: calls pass what they take by value, and all of it is a thousand words.
+    Only parts of a method's workspace are passed: calls pass it by value, and all of it is a thousand words.
     """
     longest = max(h, stepper[STEPPER.inverse_ω1])
     at_once = displacement(e_q, posture)
@@ -67,14 +67,14 @@ def step_error_norm(h, e_q, e_v, springs, posture, chain, stepper):
 
 @recursion
 def displacement_norm(τ, e_v, springs, posture, chain):
-    """Largest displacement [m] in a time τ."""
+    """Largest displacement [m] by an error of the rates in a time τ."""
     displace(τ, e_v, springs, posture, chain)
     return displacement(springs.δ, posture)
 
 
 @recursion
 def deflection_norm(τ, e_v, springs, posture, chain):
-    """Largest displacement [m] in a time τ by the springs' angles alone."""
+    """Largest displacement [m] in a time τ, computed from the angles of springs only."""
     displace(τ, e_v, springs, posture, chain)
     for k in range(len(e_v)):
         if chain.hinges[k].stiffness == 0.0:
@@ -84,7 +84,7 @@ def deflection_norm(τ, e_v, springs, posture, chain):
 
 @subroutine
 def displace(τ, e_v, springs, posture, chain):
-    """δ of rates. Of dry friction nothing holds: its slope at rest would hide any rate."""
+    """δ of an error of the rates, without dry friction: its slope at rest would suppress any error."""
     factors, r, δ = springs.factors, springs.r, springs.δ
     for k in range(len(e_v)):
         held = implicit_rotor(τ, k, springs, chain)
@@ -100,7 +100,7 @@ def displace(τ, e_v, springs, posture, chain):
 
 @recursion
 def impulse_norm(τ, e_v, springs, posture, chain):
-    """Largest displacement [m] in a time τ by what a sampled law makes of errors of the rates."""
+    """Largest displacement [m] in a time τ by the response of a sampled law to errors of the rates."""
     for k in range(len(e_v)):
         springs.r[k] = τ * springs.impulse[k] * e_v[k]
     return thrown(τ, springs, posture, chain)
@@ -121,7 +121,7 @@ def thrown(τ, springs, posture, chain):
 
 @inlined
 def implicit_rotor(τ, k, springs, chain):
-    """τ D + τ² K of a joint, its own and its drive's."""
+    """τ D + τ² K of a joint and its drive."""
     hinge = chain.hinges[k]
     d = hinge.damping + springs.kd[k]
     if springs.brakes is not None:

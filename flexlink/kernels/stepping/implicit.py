@@ -1,22 +1,22 @@
-"""One step of an implicit Runge-Kutta method for M q̈ = f(t, q, q̇), in O(n); unknown are the stages' q̈, K_i.
+"""One step of an implicit Runge-Kutta method for M q̈ = f(t, q, q̇), in O(n); the unknowns are the stages' q̈, K_i.
 
     Q_i = q + c_i h q̇ + h² Σ (A²)_ij K_j       V_i = q̇ + h Σ a_ij K_j
     R_i = f(t + c_i h, Q_i, V_i) − M(Q_i) K_i = 0                            by recursive Newton-Euler
     q ← q + h q̇ + h² Σ (b A)_i K_i             q̇ ← q̇ + h Σ b_i K_i
 
-The stages are found by Newton's iteration, whose linear systems are those of `newton`.
+The stages are found by Newton's iteration with the linear systems of `newton`.
 
-Dense output at t + x h, by the polynomial q̈ through the stages, integrated once and twice:
+Dense output at t + x h is the polynomial q̈ through the stages, integrated once and twice:
 
     q̇(x) = q̇ + h Σ β_i(x) K_i     q(x) = q + x h q̇ + h² Σ α_i(x) K_i     W(x) = W + h Σ β_i(x) P_i
 
-with ℓ_i, 1 at c_i and 0 at the other nodes, β_i = ∫ ℓ_i and α_i = ∫ β_i. At x = 1 it is the end of the step; in between
-its order is that of the error estimate, s + 1, so that the tolerance holds for it, too. The q̈ that the step starts from
-has no part in it: after a jump of torque that is of vibrations that the step does not resolve.
+with β_i = ∫ ℓ_i and α_i = ∫ β_i for the Lagrange polynomials ℓ_i of the nodes. At x = 1 it is the end of the step.
+Inside, its order is that of the error estimate, s + 1, so it meets the tolerance as well. The initial q̈ of the step is
+not used: after a jump of torque it belongs to vibrations that the step does not resolve.
 
-Error (Hairer & Wanner, Solving Ordinary Differential Equations II, IV.8), γ₀ the real eigenvalue of A:
+Error (Hairer & Wanner, Solving Ordinary Differential Equations II, IV.8), with γ₀ the real eigenvalue of A:
 
-    e_q = h (γ₀ q̇ + Σ d_i V_i)       e_v = h (γ₀ q̈ + Σ d_i K_i)       both (1 − hγ₀ J)⁻¹, weighed as in `error_norm`
+    e_q = h (γ₀ q̇ + Σ d_i V_i)       e_v = h (γ₀ q̈ + Σ d_i K_i)       times (1 − hγ₀ J)⁻¹, measured by `error_norm`
 """
 
 import math
@@ -52,15 +52,15 @@ from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 from flexlink.kernels.tools.rare import rarely
 
-FIRST_CONTRACTION = 0.3  # taken for granted in the first iteration
+FIRST_CONTRACTION = 0.3  # assumed in the first iteration
 
 
 @subroutine
 def implicit_step(t, h, inputs, state, allowed, work):
-    """Step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; returns its error [m] and iterations.
+    """Step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; return its error [m] and number of iterations.
 
-    `allowed`: error of the step, and how far from its end the iteration may move a body at last [m]. The error is nan
-    if it does not get there.
+    `allowed`: allowed error of the step, and tolerance of the iteration, both displacements of a body at its end [m].
+    The error is nan if the iteration does not converge.
     """
     q, qd, qdd, done = state
     tolerance, accurate = allowed
@@ -74,19 +74,19 @@ def implicit_step(t, h, inputs, state, allowed, work):
         find_brakes(work.forces, angles, rates, work.springs.brakes)
     by_stage = work.stepper[STEPPER.by_stage] > 0.0
     if by_stage:
-        accurate *= 0.3  # what is left of K counts more in the error than at the end of the step
+        accurate *= 0.3  # an error of K counts more in the error estimate than at the end of the step
     law = work.stepper[STEPPER.turning] > 0.0
     work.turning.count[0] = 0
-    roundings = 200.0 * work.stepper[STEPPER.rounding]  # of the place of a body, added up by a step through all joints
+    roundings = 200.0 * work.stepper[STEPPER.rounding]  # of the position of a body, summed over all joints of a step
     most = work.stepper[STEPPER.max_iterations]
-    stalled_at, slow_from = 0.5, 0.25  # contractions: rounding is all that moves; friction may turn round in the step
-    of_friction = 100.0 * accurate  # [m] may be left at joints with dry friction: five times a step's error, measured
-    before = math.inf  # what the last pass moved
+    stalled_at, slow_from = 0.5, 0.25  # contractions: only rounding remains; friction may reverse in the step
+    of_friction = 100.0 * accurate  # [m] allowed at joints with dry friction: five times a step's error, measured
+    before = math.inf  # displacement by the last iteration
     fresh, settled, contraction, error, iteration = not law, False, FIRST_CONTRACTION, math.nan, 0
     while not settled:
         residuals(t, h, inputs, q, qd, work)
         iteration += 1
-        if not math.isnan(error):  # P_i are those of the stages now
+        if not math.isnan(error):  # P_i are those of the current stages
             break
         if iteration == 1:
             prepare_systems(h, rates, by_stage, work)
@@ -118,7 +118,7 @@ def implicit_step(t, h, inputs, state, allowed, work):
 
 @recursion
 def prepare_systems(h, rates, by_stage, work):
-    """All that the next passes solve with; friction has the slope at these rates, none where it has its own law."""
+    """Factor the systems of the next iterations; friction has the slope at these rates, or its own iteration."""
     if work.stepper[STEPPER.turning] > 0.0:
         for k in work.turning.dry:
             rates[k] = math.inf
@@ -131,7 +131,7 @@ def prepare_systems(h, rates, by_stage, work):
 
 @inlined
 def improve_stages(h, qd, by_stage, work):
-    """One pass: K from R; returns how far it moves a body at the end of the step [m], nan if friction is not found."""
+    """One iteration: K from R; return the displacement at the end of the step [m], nan if friction is not solved."""
     begin_changes(work)
     if work.turning.count[0] > 0:
         leave_out_friction(work)
@@ -146,9 +146,9 @@ def improve_stages(h, qd, by_stage, work):
 
 @inlined
 def likely_contraction(h, moved, stepper):
-    """That of the first iteration, from the last step's (Hairer & Wanner, IV.8): it is about in proportion to h².
+    """Contraction of the first iteration, from that of the last step (Hairer & Wanner, IV.8): proportional to h².
 
-    Not where the iteration moves much farther than it did then: curvature contracts in proportion to that.
+    Not used if the iteration displaces bodies much more than then: contraction by curvature grows with displacement.
     """
     known, last = stepper[STEPPER.contraction], stepper[STEPPER.last_step]
     stepper[STEPPER.contraction] = 0.0
@@ -160,7 +160,7 @@ def likely_contraction(h, moved, stepper):
 
 @inlined
 def predict(h, work):
-    """K from the last step's polynomial; from 0 after none, or a much shorter one: h² would magnify stiff noise."""
+    """K from the last step's polynomial, or 0 after none or a much shorter one, since h² would amplify stiff noise."""
     c, qdd, before = work.method.weights[WEIGHT.c], work.stages[STAGE.qdd], work.stages[STAGE.last_qdd]
     last = work.stepper[STEPPER.last_step]
     s, n = qdd.shape
@@ -183,7 +183,7 @@ def predict(h, work):
 
 @inlined
 def residuals(t, h, inputs, q, qd, work):
-    """R_i of all stages, and the power P_i of all that has no potential."""
+    """R_i of all stages, and the power P_i of all forces without a potential."""
     A, c, qdd = work.method.A, work.method.weights[WEIGHT.c], work.stages[STAGE.qdd]
     for i in range(len(c)):
         Q, V, ti = work.stages[STAGE.q, i], work.stages[STAGE.qd, i], t + c[i] * h
@@ -200,7 +200,7 @@ def residuals(t, h, inputs, q, qd, work):
 
 @inlined
 def residual(t, middle, inputs, q, qd, qdd, R, work):
-    """Write f(t, q, q̇) − M q̈, 0 at prescribed joints; returns the power of all that has no potential."""
+    """Write f(t, q, q̇) − M q̈, 0 at prescribed joints; return the power of all forces without a potential."""
     chain, tau = work.chain, work.vectors[VECTOR.tau]
     for k in range(len(q)):
         tau[k] = 0.0
@@ -224,9 +224,9 @@ def residual(t, middle, inputs, q, qd, qdd, R, work):
 
 @inlined
 def unsettled(h, work):
-    """How far [m] the torques that are left at joints with dry friction would move a body, were they free to turn.
+    """Displacement [m] of a body by the residual torques at joints with dry friction, if these were free to move.
 
-    The slope of friction at rest moves such a joint by next to nothing, however far it is from where it belongs.
+    The slope of friction at rest lets such a joint move very little, however large its residual.
     """
     δ, largest = work.vectors[VECTOR.q_middle], 0.0
     if len(work.turning.dry) == 0:
@@ -243,10 +243,10 @@ def unsettled(h, work):
 
 @inlined
 def tells_work(moved, q, allowed, work):
-    """Whether the stages' powers, found before the last pass moved a body so far, tell the work of the step.
+    """Whether the powers of the stages, from before the last iteration with displacement `moved`, give W of the step.
 
-    They do if it is no farther than 4 times the step's error: all steps together put W off by no more than if the
-    forces acted farther by the tolerance. Of a fixed step 1e-3 of what the whole step moves a body by will do.
+    They do if it is at most 4 times the step's error: W of all steps is then off by less than forces times the
+    tolerance. For a fixed step the limit is 1e-3 of the displacement in the step.
     """
     tolerance, accurate = allowed
     if tolerance < math.inf:
@@ -259,7 +259,7 @@ def tells_work(moved, q, allowed, work):
 
 @inlined
 def does_work(inputs, work):
-    """Whether anything has power that has no potential: drives, dampers, friction, prescribed motions, the wrench."""
+    """Whether there are forces without a potential: drives, dampers, friction, prescribed motions, the wrench."""
     hinges = work.chain.hinges
     works = len(inputs.drive.joints) + len(inputs.motion.joints) > 0
     if inputs.loads is not None:
@@ -275,7 +275,7 @@ def does_work(inputs, work):
 
 @recursion
 def finish(t, h, inputs, q, qd, work):
-    """The end of the step; its q̈ is K_s, which is that of a method with b = (a_s1 … a_ss)."""
+    """The end of the step; its q̈ is K_s, exact for a method with b = (a_s1 … a_ss)."""
     weights, qdd, new = work.method.weights, work.stages[STAGE.qdd], work.new
     s = len(qdd)
     for k in range(len(q)):
@@ -298,22 +298,22 @@ def add_up_work(h, done, work):
 
 @subroutine
 def estimate(h, qd, qdd, tolerance, work):
-    """Error of the step [m], 0 of a fixed one.
+    """Error of the step [m]; 0 for a fixed step.
 
-    Of a first step, and of one after a refusal, an error beyond the tolerance is damped once more: one of stiff
-    vibrations, as after a jump, would not become smaller with h (Hairer & Wanner II, equation IV.8.20, J for f).
-    Dry friction's slope in D is that at the end of the step: the steepest one, with which the iteration ends, would
-    hide what turning round did.
+    After a start or a rejection, an error above the tolerance is damped once more: the error of stiff vibrations, as
+    after a jump, would not decrease with h (Hairer & Wanner II, equation IV.8.20, J for f). The slope of dry friction
+    in D is that at the end of the step; the steepest one, used by the last iteration, would hide the error of a
+    reversal.
     """
     hγ, vectors = h * work.method.γ, work.vectors
-    if hγ == 0.0 or tolerance == math.inf:  # none is estimated, or none is asked for
+    if hγ == 0.0 or tolerance == math.inf:  # no estimate exists, or it is not used
         return 0.0
     if len(work.turning.dry) > 0:
         shift_rotors(hγ, work.new[1], work.factors[0], work)
         factor(work.factors[0], work.posture)
     e_q, e_v = vectors[VECTOR.q_middle], vectors[VECTOR.qd_middle]
     for k in range(len(qd)):
-        e_q[k], e_v[k] = hγ * qd[k], hγ * qdd[k] if math.isfinite(qdd[k]) else 0.0  # M of a start may be singular
+        e_q[k], e_v[k] = hγ * qd[k], hγ * qdd[k] if math.isfinite(qdd[k]) else 0.0  # M may be singular
         for i in range(work.stages.shape[1]):
             e_q[k] += h * work.method.weights[WEIGHT.d, i] * work.stages[STAGE.qd, i, k]
             e_v[k] += h * work.method.weights[WEIGHT.d, i] * work.stages[STAGE.qdd, i, k]
@@ -325,7 +325,7 @@ def estimate(h, qd, qdd, tolerance, work):
 
 @subroutine
 def damped_error(h, hγ, e_q, e_v, work):
-    """Damp errors of angles and rates (n,) in place by (1 − hγ₀ J)⁻¹; returns how far they move a body [m].
+    """Multiply errors of angles and rates (n,) by (1 − hγ₀ J)⁻¹, in place; return the displacement of a body [m].
 
     (M + A) y = −hγ₀ D e_v − (hγ₀)² K e_v − hγ₀ K e_q,  e_v ← e_v + y,  e_q ← e_q + hγ₀ e_v.
     """

@@ -1,12 +1,12 @@
-"""One look at new samples of a run: their power balance, bends, limits, and how far the joints have turned.
+"""Checks of new samples of a run: power balance, bending angles, joint limits, and the angle travelled.
 
-A sample is judged by what was before it, so that it does not matter when somebody looks.
+A sample is checked against earlier samples only, so the result does not depend on when samples are read.
 
     d/dt (T + V_g + V_e) = q̇·(T_EX − T_FR) + f·ṗ + m·ω        r = E(t) − E(0) − W(t)
 
-Up to each sample X is the largest T + |ΔV_g| + |ΔV_e| + |W|, the energy exchanged, and ε what rounding explains: the
-largest of one step's, 4 eps (|T| + |V_g| + |V_e| + |W| + m g · size · max(1, |q|)), times all steps. A sample is
-garbage where |r| > share · X + ε + what the tolerance explains.
+X is the largest T + |ΔV_g| + |ΔV_e| + |W| up to the sample, the energy exchanged. ε is the effect of rounding: the
+largest of one step, 4 eps (|T| + |V_g| + |V_e| + |W| + m g · size · max(1, |q|)), times the number of steps. A sample
+is garbage if |r| > share · X + ε + the effect of the tolerance.
 """
 
 import math
@@ -21,51 +21,51 @@ EPS = 2.0**-52
 SEEN = numbered(
     "start:3",  # T, V_g and V_e at the start [J]
     "low:3 high:3",  # corners of the box around the path of the tip [m]
-    "exchanged rounded",  # X, and what one step may round, largest so far [J]
-    "unbalanced excused",  # |r| less what is explained, and less what rounding explains, largest so far [J]
-    "travelled",  # angle by all free joints, forth and back, by their rates [rad]
-    "garbage imbalance available",  # the first row that is garbage, −1: none; its r and X [J]
+    "exchanged rounded",  # X, and the rounding error of one step, largest so far [J]
+    "unbalanced excused",  # |r| minus the effect of the tolerance, and minus that of rounding, largest so far [J]
+    "travelled",  # angle of all free joints, back and forth, from their rates [rad]
+    "garbage imbalance available",  # row of the first garbage sample, −1: none; its r and X [J]
     "last",  # r of the last row [J]
-    "bent beyond",  # whether a hinge is bent too far, a joint past its limits
+    "bent beyond",  # whether a hinge is bent too far; whether a joint is past its limits
 )
-"""What is known of the samples so far."""
+"""Results of the checks so far."""
 
 WRONG = numbered("nothing balance kinetic finite")
-"""Of a sample: its energy does not balance, its kinetic energy is negative, a number is not finite."""
+"""Faults of a sample: its energy does not balance, its kinetic energy is negative, a number is not finite."""
 
 
 class Allowance(NamedTuple):
-    """What a tolerance δ explains of an imbalance: δ (weight + momentum √T), T the kinetic energy."""
+    """Imbalance that a tolerance δ may cause: δ (weight + momentum √T), T the kinetic energy."""
 
-    least: float = 0.0  # δ [m], or more:
+    least: float = 0.0  # δ [m], at least:
     part: float = 0.0  # of the largest deflection so far
     weight: float = 0.0  # at any sample [N]
-    momentum: float = 0.0  # of one that moves [√J/m]
-    share: float = math.inf  # times δ over the extent of the motion so far: of the energy exchanged, at most
-    damped: bool = False  # losses are explained: an implicit method damps fast vibrations
-    compared: bool = False  # no sample is garbage: a second run judges
+    momentum: float = 0.0  # of a moving sample [√J/m]
+    share: float = math.inf  # upper limit, relative to the energy exchanged: share · δ / extent of the motion so far
+    damped: bool = False  # whether losses are allowed: an implicit method damps fast vibrations
+    compared: bool = False  # whether a second run checks instead, so no sample is garbage
 
 
 class Bounds(NamedTuple):
-    """What no sample may pass, and the joints that are looked at."""
+    """Limits of the checks, and the joints to which they apply."""
 
-    force: Any  # (3,) a constant one on the tip, whose work is not integrated [N]
+    force: Any  # (3,) a constant force on the tip, whose work is not integrated [N]
     weight: float  # m g · size [J]
-    share: float  # of the energy exchanged, from which an imbalance is garbage
-    insisted: bool  # garbage is told, and the run goes on
+    share: float  # imbalance relative to the energy exchanged from which a sample is garbage
+    insisted: bool  # whether the run continues after a warning of garbage
     bend: float  # angle of a hinge [rad]
-    near: float  # how far past a limit an angle still counts as at it [rad]
-    bending: Any  # numbers of the joints that bend,
+    near: float  # tolerance of a joint limit [rad]
+    bending: Any  # indices of the joints that bend,
     limited: Any  # of those with limits,
-    travelling: Any  # of the driven ones whose motion is not prescribed
+    travelling: Any  # of the driven ones that are not prescribed
 
 
 @entry
 def look_at(first, stop, samples, hinges, bounds, allowance, seen):
-    """Look at the samples `first` … `stop` − 1, up to one that is wrong; returns its row (`stop`: none is) and why.
+    """Check the samples `first` … `stop` − 1 up to the first fault; return its row (`stop`: none) and the fault.
 
-    `samples`: t (rows,), q, q̇, τ (rows, n), tip (rows, 3), energies (3, rows), W (rows,) without a constant force's,
-    and what is noted of the steps so far (rows, SO_FAR.size). `seen` (SEEN.size,) is carried on.
+    `samples`: t (rows,), q, q̇, τ (rows, n), tip (rows, 3), energies (3, rows), W (rows,) without that of a constant
+    force, and counters of the steps so far (rows, SO_FAR.size). `seen` (SEEN.size,) is updated.
     """
     t, q, qd, tau, tip, energy, works, so_far = samples
     for row in range(first, stop):
@@ -102,7 +102,7 @@ def look_at(first, stop, samples, hinges, bounds, allowance, seen):
 
 @recursion
 def look_at_joints(row, t, q, qd, hinges, bounds, seen):
-    """Whether a hinge is bent too far, or a joint past its limits, and how far joints turned since the last row."""
+    """Check bending angles and joint limits, and add the angle travelled since the last row."""
     for k in bounds.bending:
         if abs(q[row, k]) > bounds.bend:
             seen[SEEN.bent] = 1.0
@@ -125,9 +125,9 @@ def extent(seen):
 
 @entry
 def explained_by(allowance, δ, moved, r, X, T):
-    """What a tolerance δ explains [J] of an imbalance r where the tip has moved so far [m], X is exchanged, T is there.
+    """Part [J] of an imbalance r that a tolerance δ may cause, after the tip has moved by `moved` [m].
 
-    T is the kinetic energy.
+    X is the energy exchanged, T the kinetic energy.
     """
     if allowance.damped and r < 0.0:
         return math.inf
@@ -139,7 +139,7 @@ def explained_by(allowance, δ, moved, r, X, T):
 
 @recursion
 def largest(a):
-    """The largest |a_k|; 0 of none."""
+    """The largest |a_k|; 0 for an empty array."""
     size = 0.0
     for k in range(len(a)):
         size = max(size, abs(a[k]))

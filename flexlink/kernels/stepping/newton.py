@@ -2,21 +2,22 @@
 
     R_i = f(t_i, Q_i, V_i) − M(Q_i) K_i → 0        K ← K + x
 
-Of the Jacobian only springs, dampers, friction's slope and a drive's gains, diagonal matrices K and D, and M at the
-posture in the middle of the step. With A = T Λ T⁻¹ it falls apart into one system for each eigenvalue λ of A, of which
-one of each complex pair suffices, M with other rotors A_λ = hλ D + h²λ² K:
+The approximate Jacobian contains only springs, dampers, the derivative of friction and a drive's gains, diagonal
+matrices K and D, and M at the middle of the step. With A = T Λ T⁻¹ the system decouples into one for each eigenvalue λ
+of A (one of each complex pair suffices): M with rotors A_λ = hλ D + h²λ² K,
 
     (M + A_λ) x_λ = T⁻¹ R        x = T x_λ
 
-What is left out, stiffness of gravity and of rates, makes the iteration contract by 1e-3 to 0.2 at useful steps.
+The neglected derivatives of gravity and velocity terms make the iteration contract by 1e-3 to 0.2 at useful steps.
 
-A hinge that twists a slender arm turns a millionth of the inertia that it moves when the arm is bent: there the change
-of M from stage to stage, δM, is no small part of M, and M⁻¹ δM K_i makes the iteration diverge. Where it does, every
-stage is divided by its own matrix, and what one matrix says of the stages together is put right by the other:
+A hinge that twists a slender arm moves a millionth of the inertia that it moves when the arm is bent. The change δM of
+M between stages is then not small relative to M, and M⁻¹ δM K_i makes the iteration diverge. In that case each stage is
+solved with its own matrix, followed by a correction for the coupling of the stages:
 
     w_i = (M(Q_i) + A_γ)⁻¹ R_i        x_λ = T⁻¹ w − (M + A_λ)⁻¹ (A_λ − A_γ) T⁻¹ w        γ the real eigenvalue
 
-so that x_γ = T⁻¹ w. Without dampers what is left of δM is (1 − λ²/γ²) (M + h²λ² K)⁻¹ δM (M + h²γ² K)⁻¹ h²γ² K.
+Thus x_γ = T⁻¹ w. Without dampers the remaining effect of δM is
+(1 − λ²/γ²) (M + h²λ² K)⁻¹ δM (M + h²γ² K)⁻¹ h²γ² K.
 """
 
 import math
@@ -37,7 +38,7 @@ from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 
 @inlined
 def slope(work, k, rate):
-    """D of one joint: dampers, a drive's gain and the slope of the chord of dry friction, which does not overshoot."""
+    """D of one joint: dampers, a drive's gain, and dry friction's secant slope, which does not overshoot."""
     hinge = work.chain.hinges[k]
     d = hinge.damping + work.springs.kd[k]
     if work.springs.brakes is not None:
@@ -50,7 +51,7 @@ def slope(work, k, rate):
 
 @recursion
 def factor_all(h, rates, work):
-    """Prepare M + hλ D + h²λ² K for every λ, with friction's slope at these rates; of a rate of infinity it is 0."""
+    """Prepare M + hλ D + h²λ² K for every λ, with the slope of friction at these rates; at infinite rate it is 0."""
     for m in range(len(work.method.real)):
         shift_rotors(h * work.method.real[m], rates, work.factors[m], work)
         factor(work.factors[m], work.posture)
@@ -72,7 +73,7 @@ def shift_rotors(z, rates, factors, work):
 
 @recursion
 def slowest_rates(qd, rates, work):
-    """The rate of each joint nearest to 0 at the start and in all stages, 0 if it turns round: the steepest chord."""
+    """The rate of each joint nearest to 0 at the start and in all stages, or 0 if it reverses: the steepest secant."""
     for k in range(len(qd)):
         least = qd[k]
         for i in range(work.stages.shape[1]):
@@ -86,7 +87,7 @@ def slowest_rates(qd, rates, work):
 
 @inlined
 def inertia_beyond(k, work):
-    """What a joint turns [kg m²], its rotor apart, while joints further out are as stiff as the first factors say."""
+    """Inertia that a joint moves [kg m²] without its rotor, with outboard joints as stiff as in the first factors."""
     if work.posture.first is not None and len(work.posture.first) > 0:
         return abs(
             work.factors[0, k, COUPLED.inertia] if len(work.factors) > 0 else work.factors_pairs[0, k, COUPLED.inertia]
@@ -98,7 +99,7 @@ def inertia_beyond(k, work):
 
 @subroutine
 def factor_stages(h, work):
-    """Prepare M(Q_i) + A_γ of every stage, at the angles where the iteration begins."""
+    """Prepare M(Q_i) + A_γ of every stage, at the angles at which the iteration begins."""
     z = h * work.method.real[0]
     for i in range(work.stages.shape[1]):
         posture, factors = posture_of_stage(i, work.stage_postures), work.stage_factors[i]
@@ -120,7 +121,7 @@ def divide_stages(work):
 
 @inlined
 def improve(h, by_stage, work):
-    """K += T x for all eigenvalues; adds what it changes at the end of the step to the vectors of `changes`."""
+    """K += T x for all eigenvalues; add the resulting change at the end of the step to the vectors of `changes`."""
     method, qdd = work.method, work.stages[STAGE.qdd]
     R = work.stages[STAGE.divided if by_stage else STAGE.residual]
     r, x, z = work.vectors[VECTOR.rhs], work.vectors[VECTOR.solution], work.pairs
@@ -148,7 +149,7 @@ def improve(h, by_stage, work):
 
 @inlined
 def solve_one(h, λ, factors, r, x, by_stage, work):
-    """x_λ of r = T⁻¹ R, or of r = T⁻¹ w."""
+    """x_λ for r = T⁻¹ R, or for r = T⁻¹ w."""
     if not by_stage:
         solve(factors, r, x, work.posture)
         return
@@ -164,7 +165,7 @@ def solve_one(h, λ, factors, r, x, by_stage, work):
 
 @inlined
 def add_change(h, method, i, weight, x, qdd, δq, δv):
-    """K_i += Re(weight x), and what that changes at the end of the step."""
+    """K_i += Re(weight x), and add the resulting change at the end of the step."""
     for k in range(len(x)):
         δ = (weight * x[k]).real
         qdd[k] += δ
@@ -174,13 +175,13 @@ def add_change(h, method, i, weight, x, qdd, δq, δv):
 
 @inlined
 def changes(work):
-    """What a pass changes of angles and rates at the end of the step, (n,) each."""
+    """Changes of angles and rates at the end of the step by one iteration, (n,) each."""
     return work.vectors[VECTOR.q_middle], work.vectors[VECTOR.tau]
 
 
 @inlined
 def begin_changes(work):
-    """None so far."""
+    """Set the changes to zero."""
     δq, δv = changes(work)
     for k in range(len(δq)):
         δq[k] = δv[k] = 0.0
@@ -188,7 +189,7 @@ def begin_changes(work):
 
 @inlined
 def moved_by_changes(h, work):
-    """How far they move a body at the end of the step [m]; notes the joint whose rate changes most."""
+    """Displacement of a body at the end of the step by the changes [m]; stores the joint whose rate changes most."""
     δq, δv = changes(work)
     worst = 0
     for k in range(len(δv)):

@@ -1,10 +1,10 @@
-"""Explicit Runge-Kutta with fixed step for q̈ = f(t, q, q̇), the paper's equations 5 to 12, whole loop compiled.
+"""Explicit Runge-Kutta with fixed step for q̈ = f(t, q, q̇), the paper's equations 5 to 12; the full loop is compiled.
 
 L_i = q̇ + h Σ_j<i a_ij K_j        K_i = f(t + c_i h, q + h Σ_j<i a_ij L_j, L_i)
 q ← q + h Σ b_i L_i               q̇ ← q̇ + h Σ b_i K_i
 
-The work of all that has no potential, P = q̇·(T_EX − T_FR) + m·ω, and + f·ṗ of a force on the tip that changes
-(`tip_wrench`), is integrated with the same method:
+The work of all forces without a potential is integrated with the same method. Their power is P = q̇·(T_EX − T_FR) + m·ω,
+plus f·ṗ for a force on the tip that changes (`tip_wrench`):
 
 W ← W + h Σ b_i P_i
 """
@@ -21,11 +21,11 @@ from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import at, put_at
 
 NEVER = 2**62
-"""`every` of `integrate` where no step is a sample."""
+"""Value of `every` in `integrate` if no step is a sample."""
 
 
 class StepWork(NamedTuple):
-    """Scratch of `step`: a stage's angles and drive torques; rates L_i and accelerations K_i of all stages."""
+    """Scratch arrays of `step`: angles and drive torques of a stage; rates L_i and accelerations K_i of all stages."""
 
     q: Any
     tau: Any
@@ -35,22 +35,22 @@ class StepWork(NamedTuple):
 
 @kernel
 def step_workspace(tableau, q):
-    """Scratch of `step` for states like `q`, of one chain or of eight."""
+    """Allocate the workspace of `step` for states like `q`, of one chain or of eight."""
     shape = (len(tableau[2]), *q.shape)
     return StepWork(np.empty_like(q), np.zeros_like(q), np.empty(shape), np.empty(shape))
 
 
 @kernel
 def integrate(work, tableau, inputs, h, origin, first, last, far, every, state, samples):
-    """Advance the state q, q̇ (n,) and W (1,) in place from step number `first` to `last`, with scratch of a solver.
+    """Advance the state q, q̇ (n,) and W (1,) in place from step number `first` to `last`.
 
-    Where the base is free and has turned by more than `far` [rad], inf if it is fixed, it stops early.
+    Stops early if a free base has turned by more than `far` [rad]; inf for a fixed base.
 
-    Steps are counted from the start of the run, where t = origin · h. Every `every`-th state since then goes to its row
-    of `samples`: q, q̇ (rows, n) and W (rows,). Returns the number of the last step whose q and q̇ are finite; if that
-    is not `last`, the state is the first that is not, unless the base has turned.
-    With scratch of eight chains side by side all states are (…, 8), and the first chain that leaves the finite
-    numbers stops all.
+    Steps are counted from the start of the run, where t = origin · h. Every `every`-th state is written to its row of
+    `samples`: q, q̇ (rows, n) and W (rows,). Returns the number of the last step with finite q and q̇. If that is less
+    than `last`, the state is the first one that is not finite, unless the base has turned.
+    With the workspace of eight chains side by side all states are (…, 8); the first chain whose state is not finite
+    stops all.
     """
     q, qd, done = state
     qs, qds, works = samples
@@ -74,7 +74,7 @@ def integrate(work, tableau, inputs, h, origin, first, last, far, every, state, 
 
 @inlined
 def has_turned(q, far):
-    """Whether a free base has turned by more than `far`; of a fixed one that is inf, and arms side by side have one."""
+    """Whether a free base has turned by more than `far`; inf for a fixed base and for arms side by side."""
     if q.ndim == 1:
         return far < math.inf and base_angle(q) > far
     return False
@@ -90,7 +90,7 @@ def base_angle(q):
 def probe(work, tableau, inputs, h, origins, rows, samples, ends):
     """Write to `ends` (2, rows, n) the angles after one step of h, and after two of h/2, from rows of q and q̇.
 
-    Each from step number `origins[i]` of h, counted from t = 0.
+    Row i starts at step number `origins[i]` of h, counted from t = 0.
     """
     qs, qds = samples
     q, qd = np.empty_like(qs[0]), np.empty_like(qds[0])
@@ -113,7 +113,7 @@ def probe(work, tableau, inputs, h, origins, rows, samples, ends):
 
 @inlined
 def ask_at(inputs, h, number, state, stages):
-    """Ask a sampled law before the step from t = number · h, if that is an instant of it."""
+    """Evaluate a sampled law before the step from t = number · h, if that is one of its instants."""
     sample_at_step(inputs.drive, number * h, (number + 0.5) * h, state[0], state[1], stages.tau)
 
 
@@ -142,9 +142,9 @@ def step(work, tableau, inputs, h, number, state, stages):
 
 @kernel
 def stage(work, inputs, t, middle, q, qd, tau, qdd):
-    """Write q̈ of a stage whose drive torques `tau` (n,) are given; returns the power of all that has no potential.
+    """Write q̈ of a stage with given drive torques `tau` (n,); return the power of all forces without a potential.
 
-    `middle` of the step that t belongs to.
+    `middle` is the midpoint of the step that contains t.
     """
     follow(inputs.motion, t, q, qd, qdd)
     return forward_under(inputs, t, middle, q, qd, tau, qdd, work)
@@ -152,7 +152,7 @@ def stage(work, inputs, t, middle, q, qd, tau, qdd):
 
 @inlined
 def add_stage(weight, L, K, i, q, qd):
-    """q += weight L_i and q̇ += weight K_i; nothing to do for the many zeros of high-order tableaus."""
+    """q += weight L_i and q̇ += weight K_i; skips the many zeros of high-order tableaus."""
     if weight != 0.0:
         for k in range(len(q)):
             put_at(q, at(q, k) + weight * at(L, i, k), k)

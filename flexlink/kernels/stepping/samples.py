@@ -1,4 +1,4 @@
-"""What follows from the states of a run: tip, energies, and the drive torques that the run took."""
+"""Tip positions, energies and drive torques from the states of a run."""
 
 import numpy as np
 
@@ -19,7 +19,7 @@ def tips_and_energies(chain, qs, qds, tips, parts):
 
 @subroutine
 def tips_and_energies_of(chain, first, stop, qs, qds, tips, parts, placed, forces):
-    """Those of the samples first … stop − 1; scratch `placed`, `forces_of` the chain."""
+    """The same for the samples first … stop − 1; scratch `placed`, and `forces_of` the chain."""
     for row in range(first, stop):
         kinematics(chain, qs[row], placed)
         put(tips[row], vector(placed.points[-1]))
@@ -28,17 +28,17 @@ def tips_and_energies_of(chain, first, stop, qs, qds, tips, parts, placed, force
 
 @kernel
 def derive(chain, inputs, first, stop, ts, qs, qds, taus, tips, parts):
-    """Of the samples first … stop − 1 the tip positions, energies, and drive torques T_EX: each in its row."""
+    """Tip positions, energies and drive torques T_EX of the samples first … stop − 1, written to their rows."""
     tips_and_energies_of(chain, first, stop, qs, qds, tips, parts, kinematics_workspace(chain), forces_of(chain))
     for row in range(first, stop):
         taus[row] = 0.0
-        sample_at_step(inputs.drive, ts[row], ts[row], qs[row], qds[row], taus[row])  # of a run by another engine
+        sample_at_step(inputs.drive, ts[row], ts[row], qs[row], qds[row], taus[row])  # for runs by other engines
         stage_torque(inputs.drive, ts[row], ts[row], qs[row], qds[row], taus[row])
 
 
 @kernel
 def prescribed_torques(work, inputs, ts, qs, qds, taus):
-    """Write to `taus` (samples, n), which hold the drive's, what the prescribed motions take at their joints."""
+    """Add the torques of prescribed motions to the drive torques in `taus` (samples, n), at their joints."""
     qdd = np.zeros(qs.shape[1])
     for row in range(len(ts)):
         q, qd = qs[row].copy(), qds[row].copy()

@@ -1,1 +1,1 @@
-"""What all kernels are made with: compiler, vectors, eight chains side by side."""
+"""Tools of all kernels: compiler, vectors, eight chains side by side."""

@@ -1,8 +1,8 @@
-"""What a record lacks, None, is no code: `if record.part is not None` is decided by the type of the record.
+"""Remove code for absent parts: `if record.part is not None` is decided at compile time, by the type of the record.
 
-Numba leaves out the branch that is not taken where an argument itself is None. Here parts of arguments that are named
-tuples count, too, and arguments that are something: a plain chain is then compiled without branches, slides and force
-elements, and one that has them without a test for them.
+Numba removes such a branch only if an argument itself is None. This pass also handles parts of arguments that are named
+tuples, and arguments that are not None. A plain chain is then compiled without branches, prismatic joints and force
+elements, and a chain that has them without run-time tests.
 """
 
 import operator
@@ -19,7 +19,7 @@ from flexlink.kernels.tools.parts import Part
 
 @register_pass(mutates_CFG=False, analysis_only=False)
 class DecideAbsent(FunctionPass):
-    """Put a constant for `x is None` and `x is not None` where the type of x is known from the arguments."""
+    """Replace `x is None` and `x is not None` by a constant where the arguments determine the type of x."""
 
     _name = "flexlink_decide_absent"
 
@@ -27,7 +27,7 @@ class DecideAbsent(FunctionPass):
         FunctionPass.__init__(self)
 
     def run_pass(self, state: Any) -> bool:
-        """Rewrite them all; Numba's own pruning of dead branches does the rest."""
+        """Rewrite all such expressions; Numba's pruning of dead branches does the rest."""
         changed = False
         for block in state.func_ir.blocks.values():
             for each in block.body:
@@ -44,7 +44,7 @@ class DecideAbsent(FunctionPass):
 
 
 def _type_of(func_ir: Any, arguments: Any, variable: Any) -> Any:
-    """Type of a variable that is an argument, a part of one, or None; None of any other."""
+    """Type of a variable that is an argument, part of one, or None; else None."""
     value = guard(get_definition, func_ir, variable)
     if isinstance(value, ir.Const) and value.value is None:
         return types.none
@@ -68,14 +68,14 @@ def _type_of(func_ir: Any, arguments: Any, variable: Any) -> Any:
 
 
 class KernelCompiler(CompilerBase):
-    """Numba's compiler with this pass; of what is only copied it makes a `Part`."""
+    """Numba's compiler with this pass; for a function that is only inlined it makes a `Part`."""
 
     def __init__(self, *arguments: Any, part: bool = False) -> None:
         super().__init__(*arguments)
         self.part = part
 
     def define_pipelines(self) -> list[Any]:
-        """Its passes."""
+        """Passes of the compiler."""
         if self.part:
             self.state.library = Part(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
         passes = DefaultPassBuilder.define_nopython_pipeline(self.state)

@@ -1,12 +1,12 @@
-"""Where machine code lies on disk: the user's folder of it, and the code that the package carries.
+"""Files of machine code: the user's cache folder, and the code shipped with the package.
 
-The name of a folder hashes every kernel file, the layout of their records among them, and the versions that compile
-them. A user's NUMBA_CACHE_DIR says where that folder lies.
+The name of a folder is a hash of all kernel sources, including the layout of their records, and of the compiler
+versions. The environment variable NUMBA_CACHE_DIR sets the parent folder.
 
-A package carries one archive of all files for each family of CPUs, x86-64, v3 and v4, one that is built from source for
-the CPU that it was built on. It is unpacked into the user's folder when something is first missing there. Packed
-together files are a fifteenth as large: most of them is names of types, the same in all. Code of several families works
-together: all calls are alike.
+A package contains one archive of all files for each family of CPUs (x86-64, v3, v4); one built from source contains an
+archive for the CPU of the build. The archive is unpacked into the user's folder when a file is first missing there. As
+one archive the files are a fifteenth of their size, since most of the content is names of types, the same in all. Code
+of different families can be mixed, since calling conventions are equal.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ from flexlink.common.output import write_whole
 Cpu = tuple[str, str, str]
 """A CPU as Numba names targets: triple, name, features."""
 HERE = Path(__file__).parent.parent
-KEPT = 8  # folders of other sources and versions, up to 17 MB each, that stay: the last used
+KEPT = 8  # folders of other sources and versions, up to 17 MB each: the last used are kept
 
 
 def sources() -> list[Path]:
-    """Every file whose change makes kept machine code that of other sources."""
+    """Every file that affects the compiled code."""
     return sorted(HERE.rglob("*.py"))
 
 
 def state() -> str:
-    """Name of the state of sources and versions, the same on every machine."""
+    """Hash of sources and versions, the same on every machine."""
     digest = hashlib.sha256(f"{sys.implementation.cache_tag} {numba.__version__} {llvmlite.__version__}".encode())
     for source in sources():
         digest.update(source.read_bytes())
@@ -50,13 +50,13 @@ def state() -> str:
 
 
 def cache_folder() -> Path:
-    """Where compiled kernels are kept: the user's cache folder, one sub-folder per state of sources and versions."""
+    """User's cache folder of compiled kernels, with one sub-folder per state of sources and versions."""
     root = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
     if not root and sys.platform == "win32":
         root = os.environ.get("LOCALAPPDATA")
     try:
         place = Path(root or Path.home() / ".cache").absolute()
-    except RuntimeError:  # a user without a home
+    except RuntimeError:  # a user without home directory
         place = Path(os.devnull)
     return place / "flexlink" / state()
 
@@ -66,33 +66,33 @@ FAMILIES = {
     "x86-64-v3": "avx2 bmi bmi2 f16c fma lzcnt movbe",
     "x86-64": "",
 }
-"""Families of CPUs, the best first, and what their members have (System V ABI, x86-64 psABI, table 3.1). The last one
-rounds a·b + c twice, so that its results differ from those of the others in their last digits."""
+"""Families of CPUs, the best first, with their required features (System V ABI, x86-64 psABI, table 3.1). The last one
+has no fused multiply-add, so its results differ from those of the others in the last digits."""
 
 
 def families(cpu: Cpu) -> list[Cpu]:
-    """Those that a CPU is of."""
+    """Families to which a CPU belongs."""
     triple, _, features = cpu
     has = {feature[1:] for feature in features.split(",") if feature[:1] == "+"}
     of = FAMILIES if triple.startswith("x86_64") else {}
     return [(triple, name, "") for name, needed in of.items() if has.issuperset(needed.split())]
 
 
-FOLDER = cache_folder()  # now, before the sources can change under a running process
-SHIPPED = HERE.parent / "machine_code" / FOLDER.name  # the code that the package carries
+FOLDER = cache_folder()  # computed at import, before the sources can change under a running process
+SHIPPED = HERE.parent / "machine_code" / FOLDER.name  # code shipped with the package
 with contextlib.suppress(OSError):
-    os.utime(FOLDER)  # used
+    os.utime(FOLDER)  # mark as used
 
 
 def archive_name(cpu: Cpu) -> str:
-    """Name of the archive of all code for a CPU or a family."""
+    """Name of the archive for a CPU or a family."""
     return f"{hashlib.sha256(repr(cpu).encode()).hexdigest()[:16]}.tar.xz"
 
 
 def pack(code: Path, archive: Path) -> None:
-    """Put the files of machine code in a folder into an archive, without what only compiling needs.
+    """Put the machine code files of a folder into an archive, without parts that only compiling needs.
 
-    Its filter finds what files at its two ends share, and takes bytes for text: 6 % smaller than by default.
+    The settings of the filter fit this data: 6 % smaller than by default.
     """
     densely = {"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "dict_size": 2**26, "lc": 4, "pb": 0}
     with lzma.open(archive, "w", filters=[densely]) as content, tarfile.open(fileobj=content, mode="w") as packed:
@@ -102,7 +102,7 @@ def pack(code: Path, archive: Path) -> None:
 
 @functools.cache
 def shipped(cpu: Cpu) -> dict[str, bytes]:
-    """The files that the package carries for a CPU; they are put into the user's folder, too, for later processes."""
+    """Files shipped for a CPU; also copied to the user's folder, for later processes."""
     for each in (cpu, *families(cpu)):
         with contextlib.suppress(OSError, tarfile.TarError), tarfile.open(SHIPPED / archive_name(each)) as packed:
             files = {member.name: cast(IO[bytes], packed.extractfile(member)).read() for member in packed}
@@ -120,9 +120,9 @@ def _fill(place: Path, content: bytes) -> None:
 
 @contextlib.contextmanager
 def alone(file: Path) -> Iterator[Path]:
-    """Wait while another process makes this file, and let none begin to meanwhile: both would compile the same."""
+    """Lock a file: wait for another process that compiles it, and keep others from compiling it meanwhile."""
     with contextlib.ExitStack() as stack:
-        with contextlib.suppress(ImportError, OSError):  # Windows; a folder that is not writable
+        with contextlib.suppress(ImportError, OSError):  # Windows; a folder without write permission
             import fcntl  # noqa: PLC0415
 
             make(FOLDER)
@@ -130,7 +130,7 @@ def alone(file: Path) -> Iterator[Path]:
             beside = file.with_suffix(".lock")
             lock = stack.enter_context(beside.open("w"))
             stack.callback(beside.unlink, missing_ok=True)
-            until = time.monotonic() + 600.0  # [s], longer than any function takes
+            until = time.monotonic() + 600.0  # [s], more than any function takes to compile
             while time.monotonic() < until and not _locked(lock, fcntl):
                 time.sleep(0.02)
         yield file
@@ -145,7 +145,7 @@ def _locked(lock: Any, fcntl: Any) -> bool:
 
 
 def checked(content: bytes, mark: bytes = b"") -> bytes:
-    """Content behind its checksum, which is `mark` where that is known."""
+    """Content after its checksum, which must be `mark` if that is given."""
     size = hashlib.sha256().digest_size
     if hashlib.sha256(content[size:]).digest() != content[:size] or not content.startswith(mark):
         raise ValueError("damaged, or not that with this checksum")
@@ -153,21 +153,21 @@ def checked(content: bytes, mark: bytes = b"") -> bytes:
 
 
 def read(file: Path, mark: bytes = b"") -> bytes:
-    """Content of a file behind its checksum."""
+    """Content of a file after its checksum."""
     return checked(file.read_bytes(), mark)
 
 
 def write(file: Path, content: bytes) -> bytes:
-    """Write a file with its checksum, which is returned."""
+    """Write a file with a checksum; return the checksum."""
     checksum = hashlib.sha256(content).digest()
     write_whole(file, functools.partial(_fill, content=checksum + content))
     return checksum
 
 
 def make(folder: Path) -> None:
-    """A new folder takes the place of the one that was not used for longest.
+    """Make a new folder, and remove the least recently used one if there are too many.
 
-    To remove one is safe at any time: a process that still uses it compiles anew what it does not find.
+    Removing a folder is safe at any time: a process that uses it recompiles missing functions.
     """
     if folder.is_dir():
         return
@@ -180,5 +180,5 @@ def make(folder: Path) -> None:
 def _last_use(folder: Path) -> float:
     try:
         return folder.lstat().st_mtime
-    except OSError:  # another process has just removed it
+    except OSError:  # removed by another process
         return 0.0

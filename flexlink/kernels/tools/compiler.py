@@ -1,4 +1,4 @@
-"""The decorators of all kernels: compiled by numba, kept on disk (`machine_code`)."""
+"""Decorators of all kernels: compiled by Numba, cached on disk (`machine_code`)."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ class _Watch(event.Listener):
 
 @contextlib.contextmanager
 def watched(started: Callable[[], None], ended: Callable[[], None]) -> Iterator[None]:
-    """Call `started` when something is about to be compiled, which takes seconds, and `ended` afterwards."""
+    """Call `started` before a function is compiled, which takes seconds, and `ended` afterwards."""
     with event.install_listener("numba:compile", _Watch(started, ended)):
         yield
 
 
 _THRESHOLD = gc.get_threshold()
-# Python's garbage collector collects rarely while something is compiled, and never all: an eighth of the time.
+# While compiling, the garbage collector runs rarely, and never a full collection: this saves an eighth of the time.
 event.register(
     "numba:compile",
     _Watch(lambda: gc.set_threshold(50_000, 20, 1000), lambda: gc.set_threshold(*_THRESHOLD)),
@@ -47,56 +47,56 @@ event.register(
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compile `function` on its first call and keep the machine code on disk.
+    """Compile `function` on its first call and cache the machine code on disk.
 
-    `error_model="numpy"` makes a division by zero inf or nan instead of a branch to raise: no check in kernels.
+    With `error_model="numpy"` a division by zero gives inf or nan instead of an exception: kernels have no checks.
     """
     return _compile(function)
 
 
-# `contract` lets a·b + c be one instruction with one rounding; nothing is reordered.
+# `contract` allows fused multiply-add for a·b + c; nothing is reordered.
 ARITHMETIC: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
-RECURSION = {**BORROWS, **ONLY_KERNELS, **ARITHMETIC}  # of overloads
+RECURSION = {**BORROWS, **ONLY_KERNELS, **ARITHMETIC}  # for overloads
 INLINED = {"forceinline": True, **RECURSION}
 
 
 def recursion(function: Callable[..., Any]) -> Any:
-    """A part of kernels that makes no arrays, only borrows those of its caller: it does not count references to them.
+    """A function for kernels that allocates no arrays and does not count references to those of its caller.
 
-    Only kernels call it, Python cannot.
+    It cannot be called from Python.
     """
     return _compile(function, **BORROWS, **ONLY_KERNELS)
 
 
 def subroutine(function: Callable[..., Any]) -> Any:
-    """A long recursion: kernels call its machine code; none holds a copy, which would be compiled once more.
+    """A long recursion that kernels call by its symbol: they do not inline it, so it is compiled only once.
 
-    Not for forward dynamics, which loops call so often that steps take 4 to 20 % longer without a copy.
+    Not used for forward dynamics, which loops call so often that steps take 4 to 20 % longer without inlining.
     """
     return shared(recursion(function))
 
 
 def shared(compiled: Any) -> Any:
-    """What Python calls, too, as a `subroutine` of kernels."""
+    """Make a function that Python also calls a `subroutine` of kernels."""
     if not numba.config.DISABLE_JIT:
         share(compiled)
     return compiled
 
 
 def entry(function: Callable[..., Any]) -> Any:
-    """A recursion that Python calls, too."""
+    """A recursion that Python also calls."""
     return _compile(function, **BORROWS)
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """A formula: a recursion that is expanded where it is called, so that loops can become vector instructions."""
+    """A formula: a recursion that is always inlined, so loops can be vectorized."""
     return _compile(function, forceinline=True, **BORROWS, **ONLY_KERNELS)
 
 
 def by_type(algorithms: dict[type, Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Let the type of the last argument, a scratch, say which of some functions is called in place of another.
+    """Replace a function by one of several algorithms, selected by the type of its last argument, a workspace.
 
-    A kernel that is compiled calls that one, and no code is made for the others.
+    A compiled kernel calls the selected function directly; the others are not compiled.
     """
 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -113,9 +113,9 @@ def by_type(algorithms: dict[type, Any]) -> Callable[[Callable[..., Any]], Calla
 def of_each(
     functions: dict[type, Any], *, summed: bool = True, optional: bool = False
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Let a function of a tuple of records call, for each of them, the function for its type; sums what they return.
+    """Define a function of a tuple of records: it calls the function for each record's type, and sums the results.
 
-    In a kernel that is compiled they stand one after another. `optional`: types without a function are left out.
+    In a compiled kernel the loop is unrolled. `optional`: types without a function are skipped.
     """
 
     def of(kinds: list[type]) -> dict[int, Any]:

@@ -1,4 +1,4 @@
-"""Whether arrays hold only finite numbers: one pass, no temporary."""
+"""Check whether all numbers of an array are finite: one pass, no temporary array."""
 
 from flexlink.kernels.tools.compiler import entry, inlined
 from flexlink.kernels.tools.lanes import LANES, all_zero, at, eight_of, zero_of
@@ -7,7 +7,7 @@ from flexlink.kernels.tools.lanes import LANES, all_zero, at, eight_of, zero_of
 @entry
 def is_finite(a):
     """True if no element of `a`, (n,) or eight side by side (n, 8), is nan or infinite."""
-    first = second = third = fourth = zero_of(a)  # four sums: each addition waits for the one before it
+    first = second = third = fourth = zero_of(a)  # four sums, since each addition waits for the one before
     whole = len(a) - len(a) % 4
     for k in range(0, whole, 4):
         first += at(a, k) - at(a, k)  # 0 if finite, nan otherwise

@@ -1,10 +1,10 @@
-"""Eight numbers side by side as one number of the kernels, so that one source serves one chain and eight at once.
+"""Eight numbers side by side as one number of a kernel, so one source serves one chain and eight chains at once.
 
-`Lanes` is LLVM's vector of eight doubles: one register with AVX-512, two with AVX2, four with SSE2. It knows
-+ − × ÷ and negation; tuples of it are 3-vectors as ever. A kernel reads and writes its arrays by `at` and `put_at`: of
-an array of shape (m,) or (m, p) they mean a float, of one of shape (m, 8) or (m, p, 8) eight numbers.
+`Lanes` is LLVM's vector of eight doubles: one register with AVX-512, two with AVX2, four with SSE2. It has + − × ÷ and
+negation; tuples of three are 3-vectors, as for floats. A kernel accesses arrays by `at` and `put_at`: for shape (m,) or
+(m, p) they read and write a float, for shape (m, 8) or (m, p, 8) eight numbers.
 
-With NUMBA_DISABLE_JIT=1 the functions run as they stand here, and eight numbers are an array, `Eight`.
+With NUMBA_DISABLE_JIT=1 the functions run as Python code, and eight numbers are an array, `Eight`.
 """
 
 import math
@@ -20,12 +20,12 @@ from numba.extending import intrinsic, models, overload, register_model
 from flexlink.kernels.tools.compiler import INLINED, inlined, kernel, recursion, subroutine
 
 LANES = 8
-CACHE_LINE = 64  # bytes, as many as the lanes have
+CACHE_LINE = 64  # bytes; the size of the lanes
 VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 
 
 class Eight(np.ndarray):
-    """Eight numbers where no kernel is compiled; as with a float, `x += y` changes no other name of x."""
+    """Eight numbers for uncompiled code; as for a float, `x += y` does not change other names of the same object."""
 
     def __iadd__(self, other):  # type: ignore[misc]
         return self + other
@@ -56,7 +56,7 @@ class LanesModel(models.PrimitiveModel):
 
 
 def _splat(builder, value):
-    """Machine code of lanes from lanes, or of eight equal ones from a double."""
+    """Machine code that converts a double to eight equal lanes; lanes are returned unchanged."""
     if value.type == VECTOR:
         return value
     undefined = ir.Constant(VECTOR, ir.Undefined)
@@ -125,10 +125,10 @@ def _store(typing, array, index, value):
 
 @kernel
 def empty_lanes(shape):
-    """Array of this shape with a last axis of eight, from the start of a cache line on, not initialized.
+    """Uninitialized array of this shape with a last axis of eight, aligned to cache lines.
 
-    numba's own arrays start there or in the middle, so that every access is to two lines: recursions take 1.15 times as
-    long, or not, from one array to the next.
+    Numba aligns arrays to a cache line or to half of one. In the latter case every access is to two lines, and
+    recursions take 1.15 times the time.
     """
     count = LANES
     for extent in shape:
@@ -139,28 +139,28 @@ def empty_lanes(shape):
 
 
 def at(array, *index):
-    """Number of an array of shape (m,) or (m, p); of one with a last axis of eight, the eight numbers as lanes."""
+    """Element of an array of shape (m,) or (m, p); with a last axis of eight, the eight numbers as lanes."""
     found = array[index]
     return found.copy().view(Eight) if found.ndim else found
 
 
 def put_at(array, value, *index):
-    """Write what `at` reads."""
+    """Write an element that `at` reads."""
     array[index] = value
 
 
 def eight_of(array, first):
-    """Eight numbers from `first` on of a contiguous array (m,), as lanes."""
+    """Eight numbers from index `first` of a contiguous array (m,), as lanes."""
     return array[first : first + LANES].copy().view(Eight)
 
 
 def put_eight(array, value, first):
-    """Write what `eight_of` reads."""
+    """Write eight numbers that `eight_of` reads."""
     array[first : first + LANES] = value
 
 
 def zero_of(array, *index):
-    """Zero of the kind that `at` reads of an array, of one index unless others are named."""
+    """Zero of the type that `at` returns for an array; by default for one index."""
     return np.zeros(LANES).view(Eight) if array.ndim > max(1, len(index)) else 0.0
 
 
@@ -269,14 +269,14 @@ def _tanh(x):
 
 
 def clipped(x, least, most):
-    """A float, or lanes, from `least` to `most`, floats; nan stays."""
+    """Clip a float, or lanes, to the floats `least` … `most`; nan stays nan."""
     within = np.where(x > most, most, np.where(x < least, least, x))
     return within.view(Eight) if np.ndim(x) else float(within)
 
 
 @inlined
 def clip(x, least, most):
-    """As `clipped`, of a float."""
+    """`clipped` for a float."""
     return most if x > most else (least if x < least else x)
 
 
@@ -291,7 +291,7 @@ def _clipped(x, least, most):
 
 
 class Turns(NamedTuple):
-    """Angles side by side with their cosines and sines: a loop over all of them finds them first."""
+    """Angles side by side with their cosines and sines, which one loop computes for all of them."""
 
     cosines: Any  # (n, 8)
     sines: Any
@@ -311,7 +311,7 @@ def _cos_sin_of(q, k):
 
 
 def position_of(q, k):
-    """Angle, or place of a sliding joint, `k` of an array (n,), or of `Turns`."""
+    """Coordinate `k`, an angle or a displacement, of an array (n,), or of `Turns`."""
     return at(q.angles, k) if isinstance(q, Turns) else q[k]
 
 
@@ -324,7 +324,7 @@ def _position_of(q, k):
 
 @subroutine
 def put_lanes(rows, start, side):
-    """Put rows `start` … of an array (b, p) side by side, (p, 8); the last row fills up the last eight."""
+    """Write rows `start` … of an array (b, p) side by side, (p, 8); lanes past the last row repeat it."""
     for lane in range(LANES):
         i = min(start + lane, len(rows) - 1)
         for k in range(len(side)):
@@ -333,7 +333,7 @@ def put_lanes(rows, start, side):
 
 @recursion
 def keep_lanes(side, start, rows):
-    """Write to rows `start` … what stands side by side."""
+    """Write numbers side by side to the rows `start` … of an array (b, p)."""
     for lane in range(min(LANES, len(rows) - start)):
         for k in range(len(side)):
             rows[start + lane, k] = side[k, lane]
@@ -341,19 +341,19 @@ def keep_lanes(side, start, rows):
 
 @inlined
 def vec(array, first):
-    """The 3-vector that starts at `first` of an array of shape (m,)."""
+    """The 3-vector that starts at index `first` of an array (m,)."""
     return at(array, first), at(array, first + 1), at(array, first + 2)
 
 
 @inlined
 def vec_of(array, k, first):
-    """The 3-vector that starts at `first` of row `k` of an array of shape (m, p)."""
+    """The 3-vector that starts at column `first` of row `k` of an array (m, p)."""
     return at(array, k, first), at(array, k, first + 1), at(array, k, first + 2)
 
 
 @inlined
 def put_vec_of(array, a, k, first):
-    """Write what `vec_of` reads."""
+    """Write a vector that `vec_of` reads."""
     put_at(array, a[0], k, first)
     put_at(array, a[1], k, first + 1)
     put_at(array, a[2], k, first + 2)

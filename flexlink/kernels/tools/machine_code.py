@@ -1,29 +1,28 @@
-"""All that kernels need of Numba beyond what it documents, in one place: a new version of Numba is tried here first.
+"""Everything that kernels use of Numba's undocumented interfaces, in one place: try a new version of Numba here first.
 
-Code on disk, under a key of all kernel sources. What Numba documents, `cache=True`, looks at the file of the function
-alone, so that an edit in a helper's file would silently return stale machine code; it raises whatever reading a damaged
-file raises; and where its folder cannot be written it falls back to one beside the sources, with code that other
-sources may have left there. `code_files` says where it lies.
+Code on disk, under a hash of all kernel sources. The documented option `cache=True` checks only the file of the
+function itself, so an edit of another file would silently return stale machine code. It passes on any exception from
+reading a damaged file. If its folder is not writable, it uses one beside the sources, which may contain code of other
+sources. `code_files` describes the folders.
 
-A file `.bin` has the machine code, with what Numba knows of the function; one of the same name, `.bc`, LLVM's bitcode,
-which another function that copies this one needs, when that is compiled. It is read then, if written together with it:
-two processes that compile the same function call it by different names. Functions that no Python and no symbol calls
-have no machine code, and lie in a folder of their own. Processes that need the same function at the same time compile
-it once: the others wait. The package has no bitcode, which would be five times as large: a function that a new one
-copies is then compiled once more.
+A file `.bin` contains the machine code and Numba's record of the function. The `.bc` file of the same name contains
+LLVM bitcode, which is needed when another function that inlines this one is compiled. It is used only if it was written
+together with the `.bin`, since processes that compile the same function give it different names. Functions that are
+only inlined have no machine code and a separate folder. If several processes need a function at the same time, one
+compiles it and the others wait. The package ships no bitcode, which would be five times as large. A function that a new
+one inlines is then compiled once more.
 
-Borrowed arrays. Numba has no documented way to leave out the counting of references.
+Borrowed arrays: Numba has no documented way to omit reference counting.
 
-Code that callers share. Numba copies the code of a callee into that of its caller, to optimise both together, and so
-does the caller's caller: a recursion is compiled once more for each of them. Most that are long get nothing from it.
-Callers know those by a symbol instead, which says module, name and types, and is the same in every process.
+Shared code: Numba inlines the code of a callee into its caller, to optimize both together, and that into the caller's
+caller, so a recursion is compiled again for each of them. Most long functions gain nothing from this. Their callers
+call them by a symbol instead, which consists of module, name and types, and is the same in every process.
 
-A choice by types. What Numba documents, an overload, compiles one function more for each choice, with a copy of what it
-calls.
+Selection by type: the documented way, an overload, compiles one more function per selection, with a copy of the callee.
 
-Calls from a loop in Python. A call looks at the types of all arguments, array by array, to find its code: 4 to 10 µs.
-To find the code itself, for calls that do not look, takes 0.7 ms, unless it was found before: the fingerprint by which
-Numba's own calls remember types tells.
+Calls from a loop in Python: a call examines the types of all arguments, array by array, to find its code, 4 to 10 µs.
+Looking up the code once, for calls without this check, takes 0.7 ms; later lookups use the fingerprint by which Numba
+remembers types.
 """
 
 from __future__ import annotations
@@ -54,20 +53,20 @@ from flexlink.kernels.tools.code_files import Cpu, checked, families, make, read
 from flexlink.kernels.tools.parts import part_of
 
 BORROWS: dict[str, Any] = {"_nrt": False}
-"""Option of functions that make no arrays, only borrow those of their caller: references to them are not counted, which
-costs about 10 ns per array and call (two atomic instructions), as much as a joint."""
+"""Option for functions that allocate no arrays: references to those of the caller are not counted, which saves about
+10 ns per array and call (two atomic instructions), the cost of a joint."""
 
-NO_C: dict[str, Any] = {"no_cfunc_wrapper": True}  # no entry for callers in C, which there are none of
+NO_C: dict[str, Any] = {"no_cfunc_wrapper": True}  # no C callback wrapper
 ONLY_KERNELS: dict[str, Any] = {"no_cpython_wrapper": True, **NO_C}
-"""Option of functions that Python does not call: the code that takes its objects apart, array by array, is as long as a
-recursion itself."""
+"""Option for functions that Python does not call: the wrapper that unpacks the arguments, array by array, is as long as
+a recursion."""
 
 
 def direct(compiled: Any, *arguments: Any, types: bytes = b"") -> Callable[..., Any]:
-    """The code of a kernel for arguments of these types, compiled; it looks at no types, so none but these may come.
+    """The compiled code of a kernel for the types of these arguments; calls with other types are not detected.
 
-    Who knows that other calls with the same `types`, such as `types_of` a part of the arguments, have the same in all
-    other arguments, too, need not have them looked at: 10 to 30 µs.
+    `types`, such as `types_of` some of the arguments, identifies the types of all of them if the caller guarantees it;
+    this saves 10 to 30 µs.
     """
     if numba.config.DISABLE_JIT:
         return cast("Callable[..., Any]", compiled)
@@ -78,7 +77,7 @@ def direct(compiled: Any, *arguments: Any, types: bytes = b"") -> Callable[..., 
 
 
 def types_of(*arguments: Any) -> bytes:
-    """What distinguishes the types of arguments from all others."""
+    """Fingerprint that identifies the types of arguments."""
     return b"" if numba.config.DISABLE_JIT else bytes(compute_fingerprint(arguments))
 
 
@@ -86,20 +85,20 @@ _FOUND: dict[tuple[Any, bytes], Callable[..., Any]] = {}
 
 
 def refuse_python(compiled: Any) -> None:
-    """Let a function that was compiled with `ONLY_KERNELS` answer a call from Python with an error, not a crash."""
+    """Make a function compiled with `ONLY_KERNELS` raise an error when called from Python, instead of crashing."""
 
-    def add_overload(result: Any) -> None:  # for kernels; not among those that Python's calls are looked up in
+    def add_overload(result: Any) -> None:  # for kernels only; not found by calls from Python
         compiled.overloads[tuple(result.signature.args)] = result
 
     def refuse(*arguments: Any, **keywords: Any) -> None:
-        raise TypeError(f"{compiled.__name__}: only kernels can call it; as an `entry` Python can, too")
+        raise TypeError(f"{compiled.__name__}: only kernels can call it; make it an `entry` to call it from Python")
 
     compiled.add_overload, compiled._compile_for_args = add_overload, refuse
     compiled._cache.folder, compiled._compiler.pipeline_class = PARTS, functools.partial(KernelCompiler, part=True)
 
 
 def share(compiled: Any) -> None:
-    """Let the code of kernels call a function that was compiled by its symbol, and hold no copy of it."""
+    """Make compiled kernels call a compiled function by its symbol instead of inlining a copy."""
     own = compiled.add_overload
 
     def add_overload(result: Any) -> None:
@@ -107,7 +106,7 @@ def share(compiled: Any) -> None:
         context, types = result.target_context, tuple(result.signature.args)
         symbol = f"{SHARED}{_key(compiled.py_func, types)}"
         if _SHARED.setdefault(symbol, (compiled, types))[0] is not compiled:
-            return  # a function of the same name, defined anew
+            return  # a function of the same name that was redefined
         llvmlite.binding.add_symbol(symbol, result.library.get_pointer_to_function(result.fndesc.mangled_name))
         known = copy.copy(result.fndesc)
         known.mangled_name = symbol
@@ -119,7 +118,7 @@ def share(compiled: Any) -> None:
 
 
 def choose(call: Callable[..., Any], algorithms: dict[type, Any]) -> None:
-    """Let kernels that call `call` call one of the compiled algorithms instead, by the type of the last argument."""
+    """Make kernels that call `call` call one of the algorithms instead, selected by the type of the last argument."""
 
     class Chosen(AbstractTemplate):
         key = call
@@ -143,40 +142,40 @@ def here() -> Cpu:
 
 
 def families_here() -> list[str]:
-    """Those that it is of."""
+    """Names of the families to which this CPU belongs."""
     return [name for _, name, _ in families(here())]
 
 
 SHARED = "flexlink."
-"""How symbols of shared code begin."""
+"""Prefix of the symbols of shared code."""
 _SHARED: dict[str, tuple[Any, tuple[Any, ...]]] = {}
 
 
 def _called(library: Any) -> list[tuple[str, str, tuple[Any, ...]]]:
-    """The shared functions that machine code calls: module, name and types of each."""
+    """Shared functions that machine code calls: module, name and types of each."""
     symbols = {function.name for function in library._final_module.functions if function.is_declaration}
     called = [_SHARED[symbol] for symbol in sorted(symbols & _SHARED.keys())]
     return [(compiled.__module__, compiled.__name__, types) for compiled, types in called]
 
 
 def keep_on_disk(compiled: Any) -> None:
-    """Let a compiled function look for its machine code on disk first, and leave it there."""
+    """Make a compiled function load its machine code from disk if possible, and save it there."""
     compiled._cache = cache = DiskCache(compiled)
     compiled._compiler.compile = functools.partial(cache.compile_once, compiled._compiler.compile)
 
 
 PARTS = "parts"
-"""Folder of code that is only copied by other code."""
+"""Folder for code that is only inlined by other code."""
 NO_BITCODE = llvmlite.binding.parse_assembly("").as_bitcode()
 
 
 class DiskCache:
-    """Machine code of one function in the place of numba's cache: files of each signature, with their checksums.
+    """Replacement of Numba's cache for one function: one file per signature, with checksum.
 
-    A file that is missing, torn or damaged is as good as none: the code is compiled anew.
+    A file that is missing, incomplete or damaged is ignored: the code is compiled again.
     """
 
-    told = False  # that code cannot be kept
+    warned = False  # that code cannot be saved
     folder = ""
 
     def __init__(self, compiled: Any) -> None:
@@ -184,16 +183,16 @@ class DiskCache:
 
     @property
     def cache_path(self) -> str:
-        """Where the files lie."""
+        """Folder of the files."""
         return str(code_files.FOLDER)
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         """The compiled function for `signature`, or None."""
         rtsys.initialize(target)
         for content in self._contents(signature, target.codegen().magic_tuple()):
-            with contextlib.suppress(Exception):  # whatever is wrong with it
+            with contextlib.suppress(Exception):  # a damaged file may raise anything
                 called, rest = pickle.loads(content)
-                for module, name, types in called:  # before the code, which looks for their symbols
+                for module, name, types in called:  # before the code that needs their symbols
                     getattr(importlib.import_module(module), name).compile(types)
                 mark, *parts = pickle.loads(rest)
                 found = _rebuilt(target, *parts)
@@ -203,7 +202,7 @@ class DiskCache:
         return None
 
     def _contents(self, signature: Any, cpu: Cpu) -> Iterator[bytes]:
-        """What the user's folder, then the package, have for this CPU or a family that it is of."""
+        """Contents in the user's folder, then in the package, for this CPU or a family to which it belongs."""
         files = [self._file(signature, each) for each in (cpu, *families(cpu))]
         for file in files:
             with contextlib.suppress(OSError, ValueError):
@@ -213,11 +212,11 @@ class DiskCache:
                 yield checked(code_files.shipped(cpu)[file.name])
 
     def _file(self, signature: Any, cpu: Cpu) -> Path:
-        """Where the user's folder has the code for a CPU."""
+        """File in the user's folder with the code for a CPU."""
         return code_files.FOLDER / self.folder / f"{_key(self._function, signature, cpu)}.bin"
 
     def _module(self, found: Any, file: Path, mark: bytes) -> Any:
-        """LLVM's module of code that was on disk, for a function that copies it."""
+        """LLVM module of code loaded from disk, for a function that inlines it."""
         if found.library._shared_module is None:
             try:
                 bitcode = read(file.with_suffix(".bc"), mark)
@@ -228,14 +227,14 @@ class DiskCache:
         return found.library._shared_module
 
     def _module_of_sources(self, found: Any) -> Any:
-        """The same, compiled anew, under the name by which the function is known."""
+        """The same, compiled again, under the name by which the function is known."""
         anew = self._compiled._compiler._compile_core(tuple(found.signature.args), None)
         module = llvmlite.binding.parse_bitcode(anew.library._get_module_for_linking().as_bitcode())
         module.get_function(anew.fndesc.mangled_name).name = found.fndesc.mangled_name
         return module
 
     def compile_once(self, compile_: Callable[..., Any], arguments: tuple[Any, ...], returned: Any) -> Any:
-        """The function, compiled by this process, or by another one that was about it."""
+        """The function, compiled by this process or by another one that has begun to."""
         target = cpu_target.target_context
         with code_files.alone(self._file(arguments, target.codegen().magic_tuple())) as file:
             found = self.load_overload(arguments, target) if file.exists() else None
@@ -244,14 +243,14 @@ class DiskCache:
                 return found
             found = compile_(arguments, returned)
             if not (found.lifted or found.library.has_dynamic_globals or self._function.__closure__):
-                self._save(file, found)  # nothing that only this process knows
+                self._save(file, found)  # contains nothing specific to this process
             return found
 
     def _save(self, file: Path, compiled: Any) -> None:
-        """Keep a compiled function; where that fails, the process says so, once, and goes on."""
+        """Save a compiled function; if that fails, warn once and continue."""
         (name, _, (code, bitcode)), *others = compiled._reduce()
-        others[5] = ""  # the sources with all types, as text
-        others[7] = ()  # constants of what was copied: parts, which have none
+        others[5] = ""  # the typed sources as text
+        others[7] = ()  # constants of inlined code: parts, which have none
         known = compiled.fndesc.mangled_name, compiled.fndesc.llvm_cpython_wrapper_name
         symbols = {each.name for each in compiled.library._final_module.functions if not each.is_declaration}
         try:
@@ -261,18 +260,18 @@ class DiskCache:
             rest = serialize.dumps((mark, name, code, [each for each in known if each in symbols], *others))
             write(file, serialize.dumps((_called(compiled.library), rest)))
         except OSError as error:
-            self._tell(error)
+            self._warn(error)
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
-        """Nothing: it was kept when it was compiled."""
+        """Do nothing: the code was saved when it was compiled."""
 
     def flush(self) -> None:
-        """Forget nothing: a file that is there is right."""
+        """Do nothing: existing files are valid."""
 
     @classmethod
-    def _tell(cls, why: OSError) -> None:
-        if not cls.told:
-            cls.told = True
+    def _warn(cls, why: OSError) -> None:
+        if not cls.warned:
+            cls.warned = True
             warnings.warn(
                 f"compiled code cannot be cached, so every process compiles again: {why}; set NUMBA_CACHE_DIR to a "
                 "writable folder",
@@ -282,7 +281,7 @@ class DiskCache:
 
 
 def _rebuilt(target: Any, name: str, code: bytes, symbols: list[str], *others: Any) -> Any:
-    """What Numba knows of a function that was on disk."""
+    """Numba's record of a function that was loaded from disk."""
     if not code:
         return part_of(target, name, *others)
     target.codegen()._engine._defined_symbols.update(symbols)
@@ -292,7 +291,7 @@ def _rebuilt(target: Any, name: str, code: bytes, symbols: list[str], *others: A
 
 
 def _key(function: Callable[..., Any], types: Any, cpu: Cpu = ("", "", "")) -> str:
-    """Name of the code of a function for arguments of these types, on a CPU as Numba names it, or on any."""
+    """Name of the code of a function for arguments of these types, on a CPU as named by Numba, or on any."""
     own = _source(function.__code__.co_filename)
     digest = hashlib.sha256(repr((types, cpu)).encode() + own).hexdigest()[:16]
     return f"{function.__module__}.{function.__qualname__}-{digest}"
@@ -300,6 +299,6 @@ def _key(function: Callable[..., Any], types: Any, cpu: Cpu = ("", "", "")) -> s
 
 @functools.cache
 def _source(file: str) -> bytes:
-    """The sources of a function that the name of the folder does not hash."""
+    """The sources of a function that are not part of the folder's hash."""
     source = Path(file)
     return b"" if source.is_relative_to(code_files.HERE) else source.read_bytes()

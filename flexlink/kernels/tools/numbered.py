@@ -1,13 +1,13 @@
-"""Names of numbers: where each number of a row stands, or what a code means."""
+"""Names for integers: indices of the numbers in a row, or codes."""
 
 from collections import namedtuple
 from typing import Any, cast
 
 
 def numbered(*names: str, start: int = 0) -> Any:
-    """Names for whole numbers, one after another, and `size` for their end; `name:3` takes three of them.
+    """Return a record of consecutive integers by name, with `size` for their end; `name:3` takes three of them.
 
-    Kernels read a record of them as a global: its fields are constants of their machine code.
+    Kernels use the record as a global: its fields become constants of the machine code.
     """
     fields, size = {}, start
     for each in " ".join(names).split():

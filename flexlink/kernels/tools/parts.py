@@ -1,7 +1,7 @@
-"""Functions that are only copied: what LLVM holds of them.
+"""Functions that are only inlined into others: their LLVM code.
 
-Most functions are never called by their address: callers copy them. To make machine code of those, and to optimise them
-fully before they are copied, takes a seventh of all compiling.
+Most functions are never called by their address, but inlined by their callers. Generating machine code for them, and
+optimizing them fully before they are inlined, would take a seventh of the compile time.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from numba.core.compiler import CompileResult
 
 
 class Part(JITCodeLibrary):
-    """Of a function that is only copied: no machine code, and only the passes that make it short."""
+    """Code library of a function that is only inlined: no machine code, and only the passes that shorten it."""
 
     def _optimize_final_module(self) -> None:
         codegen = self._codegen
@@ -28,14 +28,14 @@ class Part(JITCodeLibrary):
 
     @property
     def codegen(self) -> Any:
-        """Where constants of called functions are put, which a part is not."""
+        """Library for constants of called functions, which a part does not contain."""
         return self
 
     def set_env(self, name: str, environment: Any) -> None:
-        """Nothing."""
+        """Do nothing."""
 
     def serialize_using_object_code(self) -> tuple[str, str, tuple[bytes, bytes]]:
-        """No object code."""
+        """Return no object code."""
         return self.name, "object", (b"", self._get_module_for_linking().as_bitcode())
 
 
@@ -43,7 +43,7 @@ def part_of(
     target: Any, name: str, descriptor: Any, environment: Any, signature: Any, mode: Any, lifted: Any, annotation: str,
     reload_init: Any, environments: Any,
 ) -> CompileResult:  # fmt: skip
-    """What Numba knows of a function that is only copied, from what it kept of it."""
+    """Numba's record of a function that is only inlined, restored from disk."""
     library = Part(target.codegen(), name)
     library._finalized = True
     return CompileResult(

@@ -1,6 +1,6 @@
-"""Conditions that rarely hold: LLVM lays out the code that they guard apart, and keeps registers for the other.
+"""Conditions that are rarely true: LLVM moves the code behind them out of the loop, and keeps registers for the rest.
 
-Of loops with some twenty vectors at work it otherwise spills them, on every turn, around calls that few chains need.
+A loop with some twenty live vectors would otherwise spill them in every iteration, around calls that few chains need.
 """
 
 import numba
@@ -10,11 +10,11 @@ from numba.extending import intrinsic
 
 
 def rarely(condition):
-    """Whether a number is not zero, which it rarely is; to be called in the `if` itself."""
+    """Whether a number is not zero, which is rare; must be called in the `if` itself."""
     return bool(condition)
 
 
-# LLVM looks for it where the branch is: not in a function of its own, so that an `overload` would lose it.
+# LLVM expects the hint at the branch: in a separate function, as an `overload` makes it, it would be lost.
 @intrinsic
 def _rarely(typing, condition):
     def generate(context, builder, sig, args):

@@ -1,7 +1,7 @@
-"""Nested tuples of numbers in a row of an array, number behind number: what recursions keep of a body or at a fork.
+"""Nested tuples of numbers stored in a row of an array: the data that recursions store for a body or a fork.
 
-The code is made from the types, so that a tuple of vectors and matrices is written and read as if by hand. The numbers
-are floats, complex, or eight side by side (`lanes`), as `at` and `put_at` know them.
+The code is generated from the types, so tuples of vectors and matrices are written and read as if coded by hand. The
+numbers are floats, complex, or eight side by side (`lanes`), as for `at` and `put_at`.
 """
 
 from collections.abc import Iterator
@@ -15,18 +15,18 @@ from flexlink.kernels.tools.lanes import at, put_at
 
 
 def keep(rows, k, values, first=0):
-    """Write `values` to row k, from its column `first` on."""
+    """Write `values` to row k, starting at column `first`."""
     for column, value in enumerate(_numbers(values)):
         put_at(rows, value, k, first + column)
 
 
 def kept(rows, k, like, first=0):
-    """Read what `keep` has written, in the shape of `like`, whose values do not count."""
+    """Read what `keep` has written, in the structure of `like`, whose values are not used."""
     return _filled(like, (at(rows, k, first + column) for column, _ in enumerate(_numbers(like))))
 
 
 def added(rows, k, values, first=0):
-    """`values` plus those that are kept."""
+    """`values` plus the stored values."""
     return _filled(values, (value + at(rows, k, first + column) for column, value in enumerate(_numbers(values))))
 
 
@@ -43,7 +43,7 @@ def _filled(like: Any, numbers: Iterator[Any]) -> Any:
 
 
 def _names(kind: types.Type, name: str) -> Any:
-    """Nested tuple of how the code names the numbers of a tuple of this type."""
+    """Nested tuple of variable names for the numbers of a tuple of this type, in the generated code."""
     if isinstance(kind, types.BaseTuple):
         return tuple(_names(part, f"{name}[{i}]") for i, part in enumerate(kind))
     return name

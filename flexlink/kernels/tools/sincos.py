@@ -1,4 +1,4 @@
-"""Cosine and sine without branches, so that a loop over many angles becomes vector instructions.
+"""Cosine and sine without branches, so loops over many angles are vectorized.
 
 Cody & Waite (1980): x = k π/2 + y + tail with π/2 in three parts of 33 bits, products with k < 2²⁰ exact; then the
 minimax polynomials of fdlibm (`k_sin.c`, `k_cos.c`, Sun Microsystems 1993) on |y| ≤ π/4. Error below 1 ulp.
@@ -10,14 +10,14 @@ import numpy as np
 
 from flexlink.kernels.tools.compiler import entry, inlined
 
-LIMIT = 1e5  # rad, k < 2¹⁶: well within the 2²⁰ up to which the products are exact
+LIMIT = 1e5  # rad, k < 2¹⁶: well below the limit 2²⁰ for exact products
 TWO_OVER_PI = 0.6366197723675814
-HALF_PI = (1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21)  # 33 bits, 33 bits, the rest
+HALF_PI = (1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21)  # 33 bits, 33 bits, remainder
 
 FAR = 4e8  # rad, fewer than 2²⁶ turns: their products with parts of 26 bits are exact
-OFTEN = 64.0  # rad, from where an angle takes a digit of a sum of angles
+OFTEN = 64.0  # rad, from which an angle costs a sum of angles a digit
 TURNS = 0.15915494309189535
-TURN = (6.283185243606567, 6.357301884918343e-08, 2.4492935982947064e-16)  # 2π: 26 bits, 26 bits, the rest
+TURN = (6.283185243606567, 6.357301884918343e-08, 2.4492935982947064e-16)  # 2π: 26 bits, 26 bits, remainder
 
 
 @inlined
@@ -46,7 +46,7 @@ def cos_sin_bounded(x):
     y = first - second
     tail = ((first - y) - second) - k * HALF_PI[2]
     c, s = cos_sin_reduced(y, tail)
-    quarter = 0.25 * k - np.floor(0.25 * k)  # 0, ¼, ½, ¾: number of the quadrant
+    quarter = 0.25 * k - np.floor(0.25 * k)  # 0, ¼, ½, ¾: the quadrant
     odd = quarter == 0.25 or quarter == 0.75  # noqa: PLR1714, a membership test does not vectorise
     cosine, sine = (s, c) if odd else (c, s)
     cosine = -cosine if quarter == 0.25 or quarter == 0.5 else cosine  # noqa: PLR1714
@@ -56,7 +56,7 @@ def cos_sin_bounded(x):
 
 @entry
 def cos_sin_all(x, cosines, sines):
-    """Write cos x and sin x of an array, any finite x; returns whether some |x| is beyond half of `OFTEN`."""
+    """Write cos x and sin x of an array, any finite x; return whether some |x| is beyond half of `OFTEN`."""
     for k in range(len(x)):
         cosines[k], sines[k] = cos_sin_bounded(x[k])
     often = False
@@ -70,10 +70,10 @@ def cos_sin_all(x, cosines, sines):
 
 @entry
 def less_whole_turns(x):
-    """Take whole turns off those of an array of angles beyond `OFTEN`, any finite x, within an ulp of π.
+    """Subtract full turns from the angles beyond `OFTEN` of an array, any finite x, within an ulp of π.
 
-    Whoever adds up angles and finds no sum beyond half of that has none of them: for him nothing changes, whatever
-    others stand beside.
+    Sums of angles whose absolute values stay below half of `OFTEN` are not affected, whatever other angles are in the
+    array.
     """
     for k in range(len(x)):
         turns = np.floor(x[k] * TURNS + 0.5)

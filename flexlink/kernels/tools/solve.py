@@ -1,9 +1,9 @@
-"""Linear solvers for M x = b with small dense M, in place, without a call out of the compiled loop.
+"""Linear solvers for M x = b with small dense M, in place, without calls out of the compiled loop.
 
-Of a singular M rounding leaves a regular one, whose solution is finite and wrong. A second right-hand side therefore
-goes along: e_k = ±√M_kk, the signs chosen on the way so that its solution z grows most (Cline, Moler, Stewart &
-Wilkinson 1979). With M = D H D, D_kk = √M_kk, the growth Σ √M_kk |z_k| estimates 1/λ_min(H), which bounds what rounding
-does to x: a relative n eps / λ_min (Demmel 1989; Higham 2002, theorem 10.6). Where that reaches 1, x is nan.
+Rounding turns a singular M into a regular one, whose solution is finite and wrong. A second right-hand side detects
+this: e_k = ±√M_kk, with signs chosen during the elimination so that its solution z grows most (Cline, Moler, Stewart &
+Wilkinson 1979). With M = D H D, D_kk = √M_kk, the growth Σ √M_kk |z_k| estimates 1/λ_min(H), which bounds the rounding
+error of x: a relative n eps / λ_min (Demmel 1989; Higham 2002, theorem 10.6). Where that reaches 1, x is nan.
 """
 
 import math
@@ -24,7 +24,7 @@ def begin_probe(A, probe):
 
 @inlined
 def end_probe(b, probe):
-    """Leave nan in b if the probe has grown until rounding may be all there is."""
+    """Set b to nan if the growth of the probe shows that the solution may be all rounding error."""
     growth = 0.0
     for k in range(len(b)):
         growth += probe[0, k] * abs(probe[2, k])
@@ -34,9 +34,9 @@ def end_probe(b, probe):
 
 @entry
 def solve_lu(A, b, probe):
-    """x with A x = b, A symmetric positive definite, by LU with partial pivoting (the paper's way).
+    """Solve A x = b, A symmetric positive definite, by LU with partial pivoting (the paper's method).
 
-    Overwrites A, leaves x in b, nan if A is singular to rounding; scratch `probe` (3, n).
+    Overwrites A; the result is in b, nan if A is singular to rounding; `probe` (3, n) is scratch.
     """
     n, z = len(b), probe[2]
     begin_probe(A, probe)
@@ -72,7 +72,7 @@ def solve_lu(A, b, probe):
 
 @entry
 def solve_cholesky(A, b, probe):
-    """The same by A = L Lᵀ; nan, too, if A is not positive definite."""
+    """The same by A = L Lᵀ; also nan if A is not positive definite."""
     n, z = len(b), probe[2]
     begin_probe(A, probe)
     for j in range(n):

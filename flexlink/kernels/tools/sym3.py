@@ -9,13 +9,13 @@ ZERO6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 @inlined
 def symmetric(J):
-    """From an array of shape (3, 3)."""
+    """Return the tensor of an array of shape (3, 3)."""
     return (J[0, 0], J[1, 1], J[2, 2], J[1, 2], J[0, 2], J[0, 1])
 
 
 @inlined
 def sym_of(rows, i, first):
-    """From an array of rows of shape (m, p), xx at `first` of row `i`."""
+    """Return the tensor stored in row `i` of an array (m, p), with xx in column `first`."""
     a, b = vec_of(rows, i, first), vec_of(rows, i, first + 3)
     return a[0], a[1], a[2], b[0], b[1], b[2]
 
@@ -104,7 +104,7 @@ def point_inertia(m, d):
 
 @inlined
 def product_inertia(h, r):
-    """2 h·r 1 − h rᵀ − r hᵀ: what a shift by r adds to the inertia of a body with first moment h."""
+    """2 h·r 1 − h rᵀ − r hᵀ: change of inertia by a displacement r, for a body with first moment h."""
     x, y, z = h[0] * r[0], h[1] * r[1], h[2] * r[2]
     return (
         2.0 * (y + z), 2.0 * (z + x), 2.0 * (x + y),

@@ -1,4 +1,4 @@
-"""Vectors of three as tuples: measured as fast as hand-expanded scalars, and readable."""
+"""3-vectors as tuples: measured as fast as hand-expanded scalars, and readable."""
 
 import math
 
@@ -101,7 +101,7 @@ def unit(axis):
 
 @inlined
 def turn(axis, c, s, a):
-    """R_axis(θ) a with c = cos θ, s = sin θ: components in the frame before the hinge. No product with 0 or 1."""
+    """R_axis(θ) a with c = cos θ, s = sin θ: components in the frame before the hinge, without products with 0 or 1."""
     if axis == 2:
         return (c * a[0] - s * a[1], s * a[0] + c * a[1], a[2])
     if axis == 1:
@@ -121,7 +121,7 @@ def add_along(axis, x, a):
 
 @inlined
 def cross_unit(a, axis, zero):
-    """a × e_axis, with a zero of the kind of a's numbers."""
+    """a × e_axis; `zero` has the type of a's components."""
     if axis == 2:
         return (a[1], -a[0], zero)
     if axis == 1:
@@ -153,7 +153,7 @@ def place(a, x, y, z):
 
 @inlined
 def place_axes(R, x, y, z):
-    """The columns x, y, z after a fixed rotation, an array R of shape (3, 3): (x y z) ← (x y z) R."""
+    """The columns x, y, z after a constant rotation by an array R of shape (3, 3): (x y z) ← (x y z) R."""
     return (
         combine(R[0, 0], x, R[1, 0], y, R[2, 0], z),
         combine(R[0, 1], x, R[1, 1], y, R[2, 1], z),
@@ -163,5 +163,5 @@ def place_axes(R, x, y, z):
 
 @inlined
 def pick(axis, x, y, z):
-    """The one of x, y, z that `axis` = 0, 1, 2 names."""
+    """The one of x, y, z that `axis` = 0, 1, 2 selects."""
     return z if axis == 2 else (y if axis == 1 else x)
