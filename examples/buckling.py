@@ -1,8 +1,8 @@
-"""Buckling, and what comes after
-==============================
+"""Buckling and post-buckling
+==========================
 
-A strip of spring steel stands on its end and carries a load. ``fl.strength.buckling_loads`` says at which multiple of
-that load it gives way, ``fl.solve_static`` how it then stands: Euler's load, and his elastica.
+A vertical strip of spring steel, clamped at its base, carries a load. ``fl.strength.buckling_loads`` computes the load
+at which it buckles, ``fl.solve_static`` its shape beyond: Euler's buckling load, and his elastica.
 """
 
 import matplotlib.pyplot as plt
@@ -15,7 +15,7 @@ euler = np.pi**2 * YOUNG * WIDTH * HEIGHT**3 / 12 / (4 * LENGTH**2)  # N, clampe
 
 
 def strip(segments: int, load: float) -> fl.Scene:
-    """Standing upwards along X, without weight, pressed by a load [N]."""
+    """Return a vertical strip along X without weight, under a load [N]."""
     link = fl.Link(
         name="strip",
         length=LENGTH,
@@ -35,8 +35,8 @@ def strip(segments: int, load: float) -> fl.Scene:
 
 
 # %%
-# Factors of the present load, here 1 N: the first one is the buckling load. Its error falls with the square of the
-# number of hinges.
+# Factors on the present load, here 1 N: the first one is the buckling load. Its error is inversely proportional to the
+# square of the number of hinges.
 factors = {}
 for segments in (3, 5, 9, 17):
     scene = strip(segments, load=1.0)
@@ -49,7 +49,8 @@ for segments in (3, 5, 9, 17):
 print(f"Euler    : {euler:.6f} N")
 
 # %%
-# Beyond it the straight strip is an equilibrium that no strip keeps: from a slight bend, another one is found.
+# Beyond the buckling load the straight strip is an unstable equilibrium. Starting slightly bent, the solver finds the
+# stable one.
 fig, panel = plt.subplots(figsize=(5, 3.8), layout="constrained")
 shapes = {}
 for part in (0.99, 1.015, 1.063, 1.152, 1.293):  # of Euler's load

@@ -1,8 +1,8 @@
 """Computed torque from the rigid model
 ====================================
 
-What is a controller worth that knows the arm's masses, but not that it bends? Sampled at 1 kHz, on a rigid arm, and on
-one of slender tube with 8 kg at the tip.
+A controller with the right masses, but rigid links in its model: how well does it control an arm that bends? It is
+sampled at 1 kHz, on a rigid arm and on a slender tube with 8 kg at the tip.
 """
 
 from pathlib import Path
@@ -23,7 +23,7 @@ rigid, model, reference = (
 
 
 def follow(scene: fl.Scene) -> tuple[float, np.ndarray]:
-    """Largest error of a driven joint [rad]; how far the tip is from its place on a rigid arm [m], (samples,)."""
+    """Largest error of a driven joint [rad], and distance of the tip from that of a rigid arm [m], (samples,)."""
     run = fl.simulate(scene)
     angle, _, _ = reference(run.t)
     error = np.abs(run.q[:, run.chain.active] - angle).max()
@@ -31,7 +31,7 @@ def follow(scene: fl.Scene) -> tuple[float, np.ndarray]:
 
 
 # %%
-# The joints do what they are told. The tip does not: it sags, and swings after the move, which ends at 1 s.
+# The joints follow the reference. The tip does not: it sags, and oscillates after the end of the move at 1 s.
 found = {"rigid": follow(rigid), "bending": follow(bending)}
 for name, (error, away) in found.items():
     print(
@@ -47,6 +47,6 @@ for (name, (_, away)), style in zip(found.items(), ("--", "-"), strict=True):
         style,
         label=f"{name} arm",
     )
-panel.set(xlabel="time [s]", ylabel="tip, from where it should be [mm]")
+panel.set(xlabel="time [s]", ylabel="tip error [mm]")
 panel.legend()
 panel.grid(alpha=0.3)

@@ -1,8 +1,8 @@
-"""A crane, from nothing to a film
-===============================
+"""A crane, from the scene to a film
+=================================
 
-Ten metres of tapered steel boom, six of jib, half a tonne at the end. The arm is described in Python, moved by its
-drives along an S-curve, and filmed with the bending moments as colours.
+A tapered steel boom of 10 m, a jib of 6 m, and a load of 500 kg. The arm is described in Python, moved by its drives
+along an S-curve, and filmed with bending moments shown as colours.
 """
 
 # sphinx_gallery_thumbnail_number = 2
@@ -26,7 +26,7 @@ arm = fl.Arm(
     },
     tip=fl.RigidBody(mass=500.0),  # kg
 )
-start = fl.InitialState(joint_deg=(30.0, -20.0), passive="static")  # sagged already
+start = fl.InitialState(joint_deg=(30.0, -20.0), passive="static")  # sagged
 luff = fl.Reference(
     profile="s_curve",
     to_deg=(60.0, -55.0),
@@ -41,23 +41,23 @@ scene = fl.Scene(name="crane", arm=arm, gravity=down, initial=start, drive=drive
 scene.plot()
 
 # %%
-# What an engineer asks first: how far does it sag, at which frequency does it swing with its drives braked?
+# Static deflection, and first frequency with braked drives.
 chain = fl.lump(scene)
 bent, _ = fl.initial_state(scene, chain)
 straight = np.where(np.isin(range(chain.n), chain.active), bent, 0.0)
 sag = fl.tip_position(chain, straight)[1] - fl.tip_position(chain, bent)[1]
 swing = fl.modes(chain, bent, locked=["boom", "jib"]).hertz[0]
 torque = fl.gravity_torque(chain, bent)[0]
-print(f"sags by {1e3 * sag:.0f} mm, swings at {swing:.2f} Hz")
-print(f"{1e-3 * torque:.0f} kN m hold the boom")
+print(f"deflection {1e3 * sag:.0f} mm, first frequency {swing:.2f} Hz")
+print(f"{1e-3 * torque:.0f} kN m at the boom's joint")
 
 # %%
-# Then it moves. Frames are drawn from the run's samples; ``speed=2`` shows two seconds of it in one.
+# The move. Frames are drawn from the samples of the run; ``speed=2`` shows two seconds in one.
 run = fl.simulate(scene)
 run.animate("crane.gif", fps=12, speed=2, width=480)
 
 # %%
-# Where the load is off its rigid place, because boom and jib bend, and what is left of its swing in the end.
+# Deflection of the load by bending of boom and jib, and the residual vibration at the end.
 driven = np.zeros_like(run.q)
 driven[:, chain.active] = run.q[:, chain.active]
 off = np.linalg.norm(run.tip - fl.tip_position(chain, driven), axis=1)

@@ -1,9 +1,8 @@
-"""Fit a model to a measurement: derivatives of runs for SciPy
-===========================================================
+"""Fit to a measurement with SciPy
+===============================
 
-A strip is let go from straight, its tip is filmed. Which Young's modulus, payload and damping explain the film?
-``fl.sensitivities`` gives the run and its derivatives along these numbers at once: the Jacobian that SciPy's least
-squares asks for.
+A straight strip is released, and its tip is filmed. Which Young's modulus, payload and damping fit the film?
+``fl.sensitivities`` computes a run and its derivatives by these parameters: the Jacobian for SciPy's least squares.
 """
 
 import matplotlib.pyplot as plt
@@ -24,7 +23,7 @@ strip = fl.Link(
 )
 arm = fl.Arm(
     links=(strip,),
-    materials={"steel": fl.Material(young=150e9, density=7850.0)},  # guessed
+    materials={"steel": fl.Material(young=150e9, density=7850.0)},  # initial guess
     sections={"flat": fl.Section(shape="rectangle", height=0.004, width=0.03)},
     tip=fl.RigidBody(mass=0.2),
 )
@@ -41,7 +40,7 @@ numbers = {  # path: unit
 }
 
 # %%
-# The measurement: made here from numbers that the fit is not told, with a noise of 0.5 mm.
+# The measurement, here simulated with the true parameters, which the fit does not use, and 0.5 mm of noise.
 truth = {
     "material.steel.young": 206e9,
     "tip.mass": 0.31,
@@ -54,34 +53,34 @@ units = np.array(list(numbers.values()))
 
 
 def found_with(x: np.ndarray) -> fl.Scene:
-    """The scene with these numbers, counted in their units."""
+    """Return the scene with these parameters, scaled by their units."""
     return guess.varied(dict(zip(numbers, (x * units).tolist(), strict=True)))
 
 
 def residual(x: np.ndarray) -> np.ndarray:
-    """What the model leaves unexplained, in standard deviations of the noise."""
+    """Residuals in standard deviations of the noise."""
     return (fl.simulate(found_with(x)).tip[:, 1] - measured) / NOISE
 
 
 def jacobian(x: np.ndarray) -> np.ndarray:
-    """Its derivatives along the numbers."""
+    """Derivatives of the residuals by the parameters."""
     return fl.sensitivities(found_with(x), list(numbers)).tip[:, 1] * units / NOISE
 
 
 # %%
-# A handful of iterations; standard deviations come from the same Jacobian.
+# Few iterations; standard deviations follow from the same Jacobian.
 start = np.array([guess.values_at(path)[0] for path in numbers]) / units
 fit = least_squares(residual, start, jacobian, x_scale=start)
 spread = np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac)))
 for path, value, deviation, unit in zip(numbers, fit.x, spread, units, strict=True):
-    print(f"{path:25} {value * unit:.4g} ± {deviation * unit:.1g}, in truth {truth[path]:.4g}")
+    print(f"{path:25} {value * unit:.4g} ± {deviation * unit:.1g}, true value {truth[path]:.4g}")
 print(f"{fit.njev} Jacobians, {fit.nfev} runs")
 
 # %%
 fig, panel = plt.subplots(figsize=(5, 3.4), layout="constrained")
 before, after = fl.simulate(guess), fl.simulate(found_with(fit.x))
 panel.plot(after.t, 1e3 * measured, ".", color="0.5", markersize=3, label="measured")
-panel.plot(after.t, 1e3 * before.tip[:, 1], "--", linewidth=1, label="guessed")
+panel.plot(after.t, 1e3 * before.tip[:, 1], "--", linewidth=1, label="initial guess")
 panel.plot(after.t, 1e3 * after.tip[:, 1], linewidth=1, label="fitted")
 panel.set(xlabel="time [s]", ylabel="tip, height [mm]")
 panel.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3, frameon=False)

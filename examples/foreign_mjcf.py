@@ -1,8 +1,8 @@
-"""Their file gives other numbers: who is wrong?
-=============================================
+"""Find the mistakes in a third-party MJCF file
+============================================
 
-A colleague has rebuilt the arm for MuJoCo, and it falls differently. ``fl.compare`` reads the file with MuJoCo,
-compares what MuJoCo has read, and names the mistake. (The file is ours here, with two mistakes planted in it.)
+A colleague has modelled the same arm for MuJoCo, and it falls differently. ``fl.compare`` loads the file in MuJoCo,
+compares the loaded model with the scene, and names the mistakes. (Here the file is exported, with two mistakes added.)
 """
 
 import re
@@ -39,7 +39,7 @@ scene = fl.Scene(
 )
 
 # %%
-# Their file: the springs of the upper arm are in N m per degree, and gravity points along −Z, as is usual in MuJoCo.
+# The third-party file: springs of the upper arm in N m per degree, and gravity along −Z, as usual in MuJoCo.
 theirs = fl.to_mjcf(fl.lump(scene))
 theirs = re.sub(
     r'(name="upper\.\d\.z"[^>]*stiffness=")([^"]+)',
@@ -54,7 +54,7 @@ with TemporaryDirectory() as folder:
 print(found.diagnosis)
 
 # %%
-# How far each term is off, as a multiple of what rounding may explain: all that depend on springs and gravity.
+# Difference of each term as a multiple of the rounding bound: all terms with springs or gravity differ.
 rows = [row for row in found.rows if row.error > 0]
 fig, panel = plt.subplots(figsize=(5, 3), layout="constrained")
 panel.barh(

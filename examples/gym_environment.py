@@ -1,8 +1,8 @@
-"""A learning agent's environment: Gymnasium
+"""An environment for reinforcement learning
 =========================================
 
-Torques at 100 Hz are to bring the tip of a bending arm to a target at rest. Gymnasium's class is what learning
-libraries look for; its checker says whether it is one.
+An agent sets torques at 100 Hz to bring the tip of a flexible arm to rest at a target. The environment is a subclass of
+Gymnasium's ``Env``, which learning libraries use, and passes its checker.
 """
 
 from pathlib import Path
@@ -15,7 +15,7 @@ import flexlink as fl
 
 models = Path("models") if Path("models").is_dir() else Path("../models")  # of the checkout
 SCENE = fl.load_scene(models / "three_links.toml").varied({"run.step": 1e-3})
-EFFORT = np.array([200.0, 400.0, 200.0])  # N m, twice what gravity takes at most
+EFFORT = np.array([200.0, 400.0, 200.0])  # N m, twice the largest gravity torque
 PERIOD, EPISODE = 0.01, 3.0  # s
 
 
@@ -32,7 +32,7 @@ class ArmEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     def reset(
         self, *, seed: int | None = None, options: dict | None = None
     ) -> tuple[np.ndarray, dict]:
-        """At rest as the scene says, with another target."""
+        """Start at rest as in the scene, with a new target."""
         super().reset(seed=seed)
         self.goal = np.zeros(self.arm.reset().q.size)
         self.goal[self.arm.chain.active] = self.np_random.uniform(
@@ -42,12 +42,12 @@ class ArmEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         return self.observe(), {}
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
-        """Hold torques for a period; lost is an arm whose motion is beyond what can be computed."""
+        """Apply torques for a period; the episode ends if the motion cannot be computed."""
         try:
             self.arm.step(EFFORT * np.clip(action, -1.0, 1.0), duration=PERIOD)
             lost = False
         except fl.errors.DivergenceError:
-            lost = True  # the arm stays where it was
+            lost = True  # the arm keeps its state
         seen = self.observe()
         return (
             seen,
@@ -64,7 +64,7 @@ class ArmEnv(gymnasium.Env[np.ndarray, np.ndarray]):
 
 
 # %%
-# An episode of an agent that knows more than one that learns: joint PD towards the target's angles, and gravity held.
+# An episode with a model-based agent: joint PD towards the target's angles, with gravity compensation.
 env = ArmEnv()
 seen, _ = env.reset(seed=7)
 own, rewards, ended = env.arm.chain.active, [], False
@@ -75,5 +75,5 @@ while not ended:
     rewards.append(reward)
 fig, panel = plt.subplots(figsize=(5, 3), layout="constrained")
 panel.semilogy(PERIOD * np.arange(1, len(rewards) + 1), -1e3 * np.array(rewards))
-panel.set(xlabel="time [s]", ylabel="tip, from its target [mm]")
+panel.set(xlabel="time [s]", ylabel="distance of tip from target [mm]")
 panel.grid(alpha=0.3)

@@ -1,8 +1,8 @@
-"""A linear-quadratic regulator, and whether its poles come out as designed
-========================================================================
+"""A linear-quadratic regulator (LQR)
+==================================
 
-``fl.linearize`` gives A, B, C, D about any posture; SciPy's Riccati solver does the rest. The gain is then put on the
-nonlinear arm, whose poles are measured.
+``fl.linearize`` computes A, B, C, D about any posture; SciPy solves the Riccati equation. The gain is then applied to
+the nonlinear arm, and the measured poles are compared with the designed ones.
 """
 
 from pathlib import Path
@@ -20,7 +20,7 @@ own, n = chain.active, chain.n
 still = fl.solve_static(chain, fl.initial_state(scene, chain)[0], locked=own)  # bent by gravity
 rest = np.append(still.q, np.zeros(n))  # (q, q̇)
 model = fl.linearize(chain, still.q, tau=still.tau)
-price = 0.01  # of a torque [1/(N m)²], against 1e4 of an angle and 1e2 of a rate
+price = 0.01  # weight of a torque [1/(N m)²]; an angle has 1e4, a rate 1e2
 Q, R = np.diag([1e4] * n + [1e2] * n), price * np.eye(len(own))
 riccati = solve_continuous_are(model.A, model.B, Q, R)
 gain = model.B.T @ riccati / price
@@ -28,7 +28,7 @@ designed = np.linalg.eigvals(model.A - model.B @ gain)
 
 
 def run(x: np.ndarray, duration: float, sample: float) -> fl.Trajectory:
-    """The nonlinear arm from the state x, δu = −K δx at every stage of every step."""
+    """Run the nonlinear arm from state x with δu = −K δx at every stage of every step."""
 
     def law(_: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
         return still.tau[own] - gain @ (np.concatenate([q, qd]) - rest)
@@ -37,7 +37,7 @@ def run(x: np.ndarray, duration: float, sample: float) -> fl.Trajectory:
 
 
 # %%
-# The nonlinear arm's poles: what a millisecond does to small changes of the state, one after the other.
+# Poles of the nonlinear arm, from the change of small perturbations of the state in one millisecond.
 small = 1e-5  # rad and rad/s
 brief = 1e-3  # s: less than half a period of the fastest pole
 ends = [
@@ -55,10 +55,10 @@ print(
 )
 
 # %%
-# Far from that posture, 0.2 rad in each joint, it still brings the tip to rest.
+# From 0.2 rad off in each joint, the regulator still brings the tip to rest.
 far = run(rest + 0.2 * np.isin(range(2 * n), own), 2.0, 0.01)
 away = np.linalg.norm(far.tip - fl.tip_position(chain, rest[:n]), axis=1)  # [m]
 fig, panel = plt.subplots(figsize=(5, 3), layout="constrained")
 panel.semilogy(far.t, 1e3 * away)
-panel.set(xlabel="time [s]", ylabel="tip, from its place at rest [mm]")
+panel.set(xlabel="time [s]", ylabel="tip error [mm]")
 panel.grid(alpha=0.3)

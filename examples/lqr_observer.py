@@ -1,8 +1,8 @@
 """LQR with an observer, from encoders and a strain gauge
 ======================================================
 
-Nobody measures the hinges of a link. A Kalman filter estimates them from the joints' encoders and one strain gauge, and
-the regulator, 1000 times a second, takes its estimate. The arm is the nonlinear one, the measurements are noisy.
+The hinge angles of a link cannot be measured. A Kalman filter estimates them from the joint encoders and one strain
+gauge, and the regulator uses the estimate at 1 kHz. The arm is nonlinear, and the measurements are noisy.
 """
 
 import matplotlib.pyplot as plt
@@ -35,7 +35,7 @@ rest = fl.solve_static(chain, fl.initial_state(scene, chain)[0], locked=own)
 
 # %%
 # The plant at 1 kHz. Outputs are the two encoders [rad] and the strain at the root of the upper arm, which is linear in
-# the hinges' angles: its row of C is what the gauge reads of each of them.
+# the hinges' angles: its row of C is the gauge's signal for a unit of each angle.
 SAMPLE, FIBRE = 1e-3, (0.02, 0.0)  # s; m, at the surface
 plant = fl.linearize(chain, rest.q, tau=rest.tau)
 gauge = fl.strength.beam_strain(scene, np.eye(n), link="upper", fibre=FIBRE).strain[:, 0]
@@ -46,15 +46,16 @@ NOISE = np.array([1e-4, 1e-4, 2e-6])  # rad, rad, strain
 Q, R = np.diag([1e4] * n + [1e2] * n), 0.01 * np.eye(2)
 P = solve_discrete_are(A, B, Q, R)
 K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
-W, V = 25.0 * B @ B.T + 1e-12 * np.eye(2 * n), np.diag(NOISE**2)  # torques off by 5 N m
+W, V = 25.0 * B @ B.T + 1e-12 * np.eye(2 * n), np.diag(NOISE**2)  # torque errors of 5 N m
 S = solve_discrete_are(A.T, C.T, W, V)
 L = np.linalg.solve(C @ S @ C.T + V, C @ S).T
 
 
 # %%
-# The loop: measure, correct the estimate, ask the gain, predict. It starts 0.15 rad off in each joint, not knowing so.
+# The loop: measure, correct the estimate, compute the torque, predict. The arm starts 0.15 rad off in each joint; the
+# estimate starts at the goal.
 def closed_loop(observed: bool) -> fl.Trajectory:
-    """The arm under the regulator, fed by the filter or by the true state."""
+    """Run the arm with the regulator, with the estimated or the true state."""
     random, x = np.random.default_rng(0), np.zeros(2 * n)
 
     def law(_: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
@@ -74,6 +75,6 @@ runs = {"true state": closed_loop(False), "Kalman filter": closed_loop(True)}
 fig, panel = plt.subplots(figsize=(5, 3.2), layout="constrained")
 for name, found in runs.items():
     panel.semilogy(found.t, 1e3 * np.linalg.norm(found.tip - goal, axis=1), label=name)
-panel.set(xlabel="time [s]", ylabel="tip, from its place at rest [mm]")
+panel.set(xlabel="time [s]", ylabel="tip error [mm]")
 panel.legend()
 panel.grid(alpha=0.3)

@@ -1,8 +1,8 @@
-"""In a notebook
-=============
+"""flexlink in a notebook
+======================
 
-Every object says what it is as the last line of a cell: scenes, chains, modes, runs and advice as tables, plots as
-pictures. Download this page as a notebook and change its numbers.
+As the last line of a cell, every object displays itself: scenes, chains, modes, runs and advice as tables, plots as
+figures. Download this page as a notebook and change its numbers.
 """
 
 import flexlink as fl
@@ -24,33 +24,33 @@ scene = fl.Scene(name="strips", arm=arm, gravity=down, initial=start, run=run_fo
 scene.plot()
 
 # %%
-# A scene never changes; another one comes of it by ``varied``, with paths in the words of the scene's file.
+# A scene is immutable; ``varied`` returns a changed copy. Paths are those of the scene's file.
 scene.varied({"link.*.segments": 7, "tip.mass": 0.3})
 
 # %%
-# The chain that it is cut into: joints, springs, dampers.
+# The chain of rigid segments: joints, springs, dampers.
 chain = fl.lump(scene)
 fl.lump(scene)
 
 # %%
-# Modes about the posture in which it sags, joints held, as a table …
+# Modes about the static equilibrium with the joints fixed, as a table …
 rest = fl.solve_static(chain, fl.initial_state(scene, chain)[0], locked=chain.active)
 fl.modes(chain, rest.q, locked=chain.active)
 
 # %%
-# … and as pictures.
+# … and as figures.
 modes = fl.modes(chain, rest.q, locked=chain.active)
 modes.plot(chain, count=4)
 
 # %%
-# A run, as a table of all that is sampled …
+# A run as a table of all samples …
 fl.simulate(scene)
 
 # %%
-# … and drawn.
+# … and as a plot.
 run = fl.simulate(scene)
 run.plot()
 
 # %%
-# What is good enough for the tip to be right within a centimetre.
+# The cheapest model for a tip error below 1 cm.
 fl.advise(scene, tip="10 mm")

@@ -1,8 +1,8 @@
-"""Figure 5 of the paper: two links that fall
-==========================================
+"""Figure 5 of the paper: two falling links
+========================================
 
 The arm of *Dynamic Simulation of Nonrigid Link Manipulators*: a locked waist and two aluminium links of 1.25 m, each of
-five segments joined by springs, that fall from rest, hanging 10° from the vertical.
+five segments joined by springs. They fall from rest, 10° from hanging vertically.
 """
 
 from pathlib import Path
@@ -14,11 +14,11 @@ import flexlink as fl
 
 models = Path("models") if Path("models").is_dir() else Path("../models")  # of the checkout
 scene = fl.load_scene(models / "paper_fig5.toml")
-run = fl.simulate(scene)  # RK4 at the step that the scene names, as in the paper
+run = fl.simulate(scene)  # RK4 with the step of the scene, as in the paper
 print(run, run.steps, sep="\n")
 
 # %%
-# The joints swing by ten degrees, each hinge by a thousandth of one: that is why the paper draws them apart.
+# The joints swing by ten degrees, each hinge by a thousandth of a degree, so the paper plots them separately.
 chain = run.chain
 fig, (joints, hinges, tip) = plt.subplots(3, 1, figsize=(5, 7), sharex=True, layout="constrained")
 for k in chain.active:
@@ -38,6 +38,6 @@ for panel, label in (
 tip.set_xlabel("time [s]")
 
 # %%
-# Nothing drives or brakes this arm, so that its energy should stay what it is. What the steps have made or lost of it:
+# Without drives and friction the energy is constant. The energy error of the steps:
 lost = np.abs(run.imbalance).max() / run.exchanged[-1]
 print(f"{lost:.1e} of the {run.exchanged[-1]:.1f} J exchanged")

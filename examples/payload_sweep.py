@@ -1,8 +1,8 @@
-"""A sweep, read with pandas
-=========================
+"""A sweep, evaluated with pandas
+==============================
 
-How far may an arm bend, by its payload and the wall of its tube? Thirty runs, one row each, in one table; members that
-are alike run eight side by side.
+Largest deflection of an arm by payload and wall thickness of its tube: thirty runs, one row each, in one table. Runs of
+similar arms are computed eight side by side.
 """
 
 import matplotlib.pyplot as plt
@@ -32,7 +32,7 @@ scene = fl.Scene(
 
 # %%
 # Keys are paths, as in ``Scene.varied`` and ``--set``; outputs are columns of a run, reduced to a number. With
-# ``out="swing.db"`` rows are kept as they are done, and a sweep that was stopped goes on.
+# ``out="swing.db"`` rows are saved as they are completed, and an interrupted sweep continues.
 plan = fl.Sweep(
     scene=scene,
     grid={
@@ -49,7 +49,7 @@ table = rows.to_pandas()
 table.head()
 
 # %%
-# From here on it is pandas: millimetres of bending, by payload and wall.
+# Evaluation with pandas: deflection in mm by payload and wall thickness.
 table["wall [mm]"] = (500 * (0.06 - table["section.tube.inner"])).round(1)
 bend = 1e3 * table.pivot_table(index="tip.mass", columns="wall [mm]", values="bend [m]")
 print(bend.round(1))

@@ -1,8 +1,8 @@
-"""A report on your own arm
-========================
+"""A report on an arm
+==================
 
-``fl.report`` puts one arm to the proof and writes a page that stands alone: do other engines agree, how far is the tip
-off by hinges and by steps, how does the arm sag, swing and settle, which loads does it carry.
+``fl.report`` checks one arm and writes a self-contained page: agreement with other engines, tip error by number of
+hinges and by steps, static deflection, vibration and settling, and internal loads.
 """
 
 import matplotlib.pyplot as plt
@@ -45,12 +45,12 @@ for verdict in written.verdicts:
     print(f"{verdict.about}: {verdict.word}. {verdict.text}")
 
 # %%
-# What the page begins with can be had by itself: the run, its loads, how it settles.
+# The main results are also available separately: the run, its loads, its settling time.
 run = fl.simulate(scene)
 root = run.loads.moment[:, run.chain.body("arm"), 2]
 goal = run.tip[-1]
 settled = fl.measures.settling_time(run, target=goal, tolerance=1e-3)
-print(f"settles within 1 mm of its last place {settled:.2f} s after the start")
+print(f"settles within 1 mm of its final position {settled:.2f} s after the start")
 
 # %%
 fig, (upper, lower) = plt.subplots(2, 1, figsize=(5, 4.6), sharex=True, layout="constrained")

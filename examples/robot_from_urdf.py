@@ -1,9 +1,9 @@
-"""Your robot from its URDF, two links of it flexible
-==================================================
+"""A robot from its URDF, with two flexible links
+==============================================
 
-A URDF, whole or the paths to some of its links, becomes an arm; of the links that you name, each gets a beam, by the
-first frequency that was measured, or by its section. Mass, centre and inertia stay those of the file. Put yours in
-place of ``reach_arm.urdf``; ``flexlink robots`` lists forty that come with the package example-robot-data.
+Import a URDF, or the paths to some of its links, and make links flexible by name. Each gets a beam, specified by a
+measured first frequency or by its section. Mass, centre and inertia are those of the file. Replace ``reach_arm.urdf``
+by your file; ``flexlink robots`` lists forty robots of the package example-robot-data.
 """
 
 from pathlib import Path
@@ -13,9 +13,9 @@ import numpy as np
 
 import flexlink as fl
 
-folder = Path("examples") if Path("examples").is_dir() else Path()  # of the checkout, or here
+folder = Path("examples") if Path("examples").is_dir() else Path()  # in the checkout, or here
 damping, tube = fl.Damping(ratio=0.01, at_hz=8.0), fl.Section(shape="tube", outer=0.07, inner=0.064)
-motors = dict.fromkeys(("turn", "shoulder", "elbow"), 1.5)  # kg m², rotors beyond their gears
+motors = dict.fromkeys(("turn", "shoulder", "elbow"), 1.5)  # kg m², reflected rotor inertia
 found = fl.import_urdf(
     folder / "reach_arm.urdf",
     flexible={
@@ -25,17 +25,17 @@ found = fl.import_urdf(
     posture={"shoulder": 0.9, "elbow": -1.2},  # rad
     armature=motors | dict.fromkeys(("wrist_bend", "wrist_turn"), 0.1),
 )
-print(found)  # what was folded, held, and what the beams are made of
+print(found)  # links that were merged, joints that were locked, and the beams
 
 # %%
-# The arm as it will start, and its first modes with the joints held.
+# The arm in its initial posture, and its first modes with the joints fixed.
 scene = found.scene.varied({"initial.passive": "static"})
 chain = fl.lump(scene)
 start, _ = fl.initial_state(scene, chain)
 fl.modes(chain, start, locked=chain.active).plot(chain, count=2)
 
 # %%
-# A move of the turntable in 1 s under joint PD with gravity held. Links are named by the URDF.
+# A move of the turntable in 1 s under joint PD with gravity compensation. Links have the names of the URDF.
 there = (90.0, np.degrees(0.9), np.degrees(-1.2), 0.0, 0.0)
 pd = fl.Drive(
     kind="pd",
@@ -52,5 +52,5 @@ off = np.linalg.norm(run.tip - rigid.tip, axis=1)
 # %%
 fig, panel = plt.subplots(figsize=(5, 3), layout="constrained")
 panel.plot(run.t, 1e3 * off)
-panel.set(xlabel="time [s]", ylabel="flange, from the rigid robot's [mm]")
+panel.set(xlabel="time [s]", ylabel="flange, distance from rigid robot [mm]")
 panel.grid(alpha=0.3)

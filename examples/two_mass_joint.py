@@ -1,8 +1,8 @@
 """An elastic gear between motor and link
 ======================================
 
-``joint.gear_stiffness`` puts a spring between the motor, with its ``armature``, and the link: a two-mass oscillator,
-whose frequency is known, ω² = k (1/I_motor + 1/I_link).
+``joint.gear_stiffness`` adds a spring between the motor, with its ``armature``, and the link: a two-mass oscillator
+with the frequency ω² = k (1/I_motor + 1/I_link).
 """
 
 from pathlib import Path
@@ -26,10 +26,10 @@ print(
 )
 
 # %%
-# A run, from the motor at zero and the gear twisted by 0.01 rad, beside its closed form.
+# A run with the motor initially at zero and the gear twisted by 0.01 rad, compared with the closed form.
 run = fl.simulate(scene, method="RK10", step=1e-3)
 twist = scene.initial.q[1]
-swing = twist * np.cos(omega * run.t)  # of the gear; the motor answers: nothing turns as a whole
+swing = twist * np.cos(omega * run.t)  # of the gear; the total angular momentum is zero
 exact = np.column_stack([inertia / (motor + inertia) * (twist - swing), swing])
 error = np.abs(run.q - exact).max()
 print(f"run of {run.t[-1]:g} s: {error:.1e} rad from the closed form")

@@ -228,7 +228,7 @@ def _chapters(
                 cases=tuple(sorted(blocks, key=lambda block: block.verdict.state != "FAIL")),
                 ran=_ran(section, len(blocks), results, whole),
             )  # fmt: skip
-        elif whole and whole.study.chapter(section.id).says:
+        elif whole and whole.study.chapter(section.id).has_findings:
             yield _stored_chapter(section, whole, out)
 
 

@@ -68,7 +68,7 @@ class StoredChapter(Spec, frozen=True):
     cases: tuple[StoredCase, ...] = ()
 
     @property
-    def says(self) -> bool:
+    def has_findings(self) -> bool:
         """Whether it has headlines or findings."""
         return bool(self.headlines or self.findings)
 

@@ -355,7 +355,7 @@ class Judged:
                 self.say("silent", f"column {name!r}: not finite, or of another length")
         passed = False
         for link, k in zip([link for link in self.scene.arm.links if not link.joint.locked], chain.active, strict=True):
-            limits = link.joint.own_limits
+            limits = link.joint.limits
             if limits is not None:
                 low, high = limits if link.joint.slides else np.radians(limits)
                 passed |= bool((run.q[:, k] > high + 1e-9).any() or (run.q[:, k] < low - 1e-9).any())

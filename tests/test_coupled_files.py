@@ -20,9 +20,9 @@ from flexlink.cli.info import _without_structural_damping
 from flexlink.engines import load
 from flexlink.errors import ArgumentError, DataFileError
 from flexlink.formats import FORMATS
-from flexlink.formats.features import not_held
+from flexlink.formats.features import unsupported
 from flexlink.formats.small_mass import with_small_mass
-from flexlink.formats.tendons import left_to_joints
+from flexlink.formats.tendons import diagonal_remainder
 from tests.words import refused
 
 EPS = np.finfo(float).eps
@@ -112,7 +112,7 @@ def test_a_cell_that_tendons_cannot_represent_is_refused_and_more_segments_help(
     for format in ("urdf", "sdf"):
         assert contents(FORMATS[format].read(FORMATS[format].write(chain))) == contents(chain)
     fine = tapered(5)
-    assert (left_to_joints(fine, "stiffness")[fine.bending] > 0).all()
+    assert (diagonal_remainder(fine, "stiffness")[fine.bending] > 0).all()
     assert_springs_of_mujoco(fine)
 
 
@@ -125,7 +125,7 @@ def test_dampers_have_the_same_limit() -> None:
         hinges["damping"][j] *= 2
         changed = dataclasses.replace(chain, couplings=couplings, hinges=hinges)
         if held:
-            assert left_to_joints(changed, "damping")[i] == 0.0
+            assert diagonal_remainder(changed, "damping")[i] == 0.0
             assert_springs_of_mujoco(changed)
         else:
             with refused(ArgumentError, "tendon-stiffness"):
@@ -168,7 +168,7 @@ def test_an_edited_number_changes_the_chain(form: str, path: str) -> None:
 
 def test_urdf_and_sdf_store_them_in_custom_elements_and_mjcf_in_tendons() -> None:
     scene = arm()
-    missing = {name: "springs between hinges" in not_held(scene, fl.lump(scene), format=name) for name in FORMATS}
+    missing = {name: "springs between hinges" in unsupported(scene, fl.lump(scene), format=name) for name in FORMATS}
     assert missing == {"urdf": True, "mjcf": False, "sdf": True}
 
 

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from scipy.integrate import solve_ivp
 
 import flexlink as fl
-from flexlink.formats.features import not_held
+from flexlink.formats.features import unsupported
 from tests.words import refused
 
 HARD = "link.wheel.joint.quadratic"
@@ -88,6 +88,6 @@ def test_archives_continued_runs_and_sweeps_know_them(tmp_path) -> None:
 
 def test_files_and_engines_name_what_they_lack() -> None:
     scene = damped()
-    assert "quadratic dampers" in not_held(scene, fl.lump(scene), format="mjcf")
+    assert "quadratic dampers" in unsupported(scene, fl.lump(scene), format="mjcf")
     with refused(fl.FlexlinkError, "arguments-not-counted"):
         fl.compare_trajectories(scene, engines=["mujoco"])

@@ -11,7 +11,7 @@ from conftest import ROOT, flexible, make_scene, nasty_scene
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.formats import FORMATS
-from flexlink.formats.features import FEATURES, not_held
+from flexlink.formats.features import FEATURES, unsupported
 from flexlink.formats.small_mass import added_inertia, with_small_mass
 from tests.words import refused, refused_line, reviewed
 
@@ -40,14 +40,14 @@ EXAMPLES = {
 
 
 def test_formats_store_an_arm_without_these_features_completely() -> None:
-    assert all(not_held(BARE, fl.lump(BARE), format=format) == {} for format in FORMATS)
+    assert all(unsupported(BARE, fl.lump(BARE), format=format) == {} for format in FORMATS)
 
 
 @pytest.mark.parametrize("feature", EXAMPLES)
 def test_only_the_features_of_an_arm_are_noted(feature: str) -> None:
     scene = EXAMPLES[feature]
     for format in FORMATS:
-        missing = not_held(scene, fl.lump(scene), format=format)
+        missing = unsupported(scene, fl.lump(scene), format=format)
         springs = {name: {"springs"} for name in ("springs between hinges", "springs of rotation vectors")}
         implied = {"elastic gear": {"springs", "rotor inertia"}, **springs}.get(feature, set())
         assert set(missing) == {name for name in {feature, *implied} if format in FEATURES[name][1]}
@@ -56,19 +56,19 @@ def test_only_the_features_of_an_arm_are_noted(feature: str) -> None:
 def test_the_angle_of_a_locked_joint_is_part_of_the_arm() -> None:
     links = fl.Link(name="base", joint=fl.Joint(locked=True)), fl.Link(name="rod", length=1.0)
     scene = make_scene(*links, gravity=(0.0, 0.0, 0.0), initial=fl.InitialState(joint_deg=(30.0, 0.0)))
-    assert not_held(scene, fl.lump(scene), format="sdf") == {}
+    assert unsupported(scene, fl.lump(scene), format="sdf") == {}
 
 
 @pytest.mark.parametrize("key", ["q", "qd"])
 def test_a_complete_state_overrides_initial_angles(key: str) -> None:
     elsewhere = BARE.varied({"initial.joint_deg.rod": 10.0, "initial.q": (0.0,)})
     for scene, noted in ((BARE.varied({f"initial.{key}": (0.1,)}), {"initial state"}), (elsewhere, set())):
-        assert set(not_held(scene, fl.lump(scene), format="urdf")) == noted
+        assert set(unsupported(scene, fl.lump(scene), format="urdf")) == noted
 
 
 def test_an_unknown_format_is_refused() -> None:
     with refused(fl.errors.ArgumentError, "unknown-name"):
-        not_held(BARE, fl.lump(BARE), format="dae")
+        unsupported(BARE, fl.lump(BARE), format="dae")
 
 
 def test_the_table_of_features_names_known_formats_only() -> None:

@@ -44,7 +44,7 @@ def test_a_signal_waits_for_the_end_of_the_block_and_its_results(number: int) ->
         with deferred() as inner:
             signal.raise_signal(number)
         assert inner is outer
-        assert (outer.asked, outer.signal) == (True, number)
+        assert (outer.requested, outer.signal) == (True, number)
         raise fl.errors.ArgumentError("results")
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
@@ -81,7 +81,7 @@ def test_signal_handlers_of_a_program_are_not_replaced(own: object) -> None:
     with deferred() as stop:
         assert signal.getsignal(signal.SIGINT) is own
         signal.raise_signal(signal.SIGINT)
-        assert not stop.asked
+        assert not stop.requested
 
 
 def test_threads_see_the_signal_of_the_main_thread() -> None:
@@ -89,7 +89,7 @@ def test_threads_see_the_signal_of_the_main_thread() -> None:
 
     def look() -> None:
         with deferred() as stop:
-            seen.append(stop.asked)
+            seen.append(stop.requested)
 
     def beside() -> None:
         thread = threading.Thread(target=look)

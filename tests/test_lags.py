@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import flexlink as fl
-from flexlink.formats.features import not_held
+from flexlink.formats.features import unsupported
 from tests.words import refused
 
 FIXED = 1e-9  # for steps of 1 ms
@@ -133,7 +133,7 @@ def test_a_locked_joint_and_statics_have_no_state() -> None:
 def test_what_does_not_support_lags_refuses_them() -> None:
     scene = lagging()
     chain = fl.lump(scene)
-    assert "lagging friction" in not_held(scene, chain, format="mjcf")
+    assert "lagging friction" in unsupported(scene, chain, format="mjcf")
     for function in (fl.to_mjcf, fl.to_urdf, fl.to_sdf, fl.modes):
         with refused(fl.FlexlinkError, "not-supported-here"):
             function(chain)

@@ -13,7 +13,7 @@ from numpy.polynomial import Polynomial
 import flexlink as fl
 from flexlink.describe.schemes.methods import method
 from flexlink.engines import base, load
-from flexlink.formats.features import not_held
+from flexlink.formats.features import unsupported
 from flexlink.kernels.inputs.drive_torque import drive_torque
 from flexlink.kernels.inputs.record import PiecewisePolynomial
 from flexlink.kernels.inputs.references import reference
@@ -283,9 +283,9 @@ def test_an_arm_without_driven_joints_has_nothing_to_drive() -> None:
 def test_no_file_says_a_law_and_it_is_told() -> None:
     scene = arm({**PD, "effort": EFFORT})
     for format in ("urdf", "mjcf", "sdf"):
-        told = not_held(scene, fl.lump(scene), format=format)
+        told = unsupported(scene, fl.lump(scene), format=format)
         assert {"drive torques", "control law", "torque limits"} <= told.keys()
-    assert "control law" not in not_held(arm(), fl.lump(arm()), format="urdf")
+    assert "control law" not in unsupported(arm(), fl.lump(arm()), format="urdf")
 
 
 @pytest.mark.parametrize(

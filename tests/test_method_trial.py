@@ -92,7 +92,7 @@ def test_another_method_goes_on_when_a_run_has_cost_a_part_of_what_it_promises(c
     assert (steps.name, steps.tried_for) == ("DOP853", ("Radau5", ""))
     assert steps.rates == {"Radau5": pytest.approx(1.01 * enough)}
     assert steps.tried == {"Radau5": steps.spent, "DOP853": steps.spent}
-    assert steps.judged is None
+    assert steps.rated_since is None
 
 
 def test_what_is_hardly_cheaper_is_left_alone(considered: Any) -> None:
@@ -157,7 +157,7 @@ def test_what_others_cost_falls_with_what_the_present_method_costs(considered: A
 def test_steps_that_have_just_begun_or_did_not_get_on_are_not_judged(considered: Any) -> None:
     for judged in (None, (1.0, 0.0)):
         steps = considered("Radau5", 1e3, judged=judged)
-        assert (steps.name, steps.rates, steps.judged) == ("Radau5", {}, (1.0, 1e3))
+        assert (steps.name, steps.rates, steps.rated_since) == ("Radau5", {}, (1.0, 1e3))
     assert steps.consider_at == 64 + round(2 * Thresholds.switch / STEP)
     tried = considered("Radau5", 1.0, judged=None, tried={"Radau5": 1.0}, spent=1.0)
     assert tried.consider_at == 64 + round(Thresholds.trial / 2 / STEP)
@@ -176,8 +176,8 @@ def test_what_is_known_of_methods_goes_back_with_steps_that_failed(whipping: fl.
     steps.take(20)
     names = "name", "spent", "taken", "judged", "rates", "tried", "tried_for", "consider_at", "cost"
     saved, before = steps.saved(), {name: getattr(steps, name) for name in names}
-    steps.judged, steps.rates, steps.tried_for = (0.0, 0.0), {**steps.rates, "DOP853": 1e-9}, ("Radau5", "")
-    method_trial.look_around(steps, 1e9)
+    steps.rated_since, steps.rates, steps.tried_for = (0.0, 0.0), {**steps.rates, "DOP853": 1e-9}, ("Radau5", "")
+    method_trial.consider_others(steps, 1e9)
     assert steps.name != before["name"]
     steps.take(20)
     steps.restore(saved)

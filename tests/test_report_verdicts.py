@@ -48,9 +48,9 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Part]:
         study = SimpleNamespace(travel=1.0, moves=True, scene=scene)
         run = SimpleNamespace(tip=np.zeros((3, 3)), t=np.arange(3.0) / 2, warnings=more.get("warnings", ()))
         about = SimpleNamespace(
-            study=study, scene=scene, run=run, model=(hinges,), says_state=False, of_steps=steps, cuts={},
+            study=study, scene=scene, run=run, model=(hinges,), gives_state=False, of_steps=steps, cuts={},
             limit=Limit(np.zeros((3, 3)), np.array([0.0, 1e-4, 2.5e-4]), 2.02), is_known=more.get("known", True),
-            error=lambda _: error, known_until=lambda part: 25 * part, choices=lambda: CHOICES,
+            error=lambda _: error, accurate_until=lambda part: 25 * part, choices=lambda: CHOICES,
         )  # fmt: skip
         monkeypatch.setattr(f"{PARTS}.accuracy.Refinement", lambda _: about)
         monkeypatch.setattr(f"{PARTS}.accuracy._in_time", lambda _: None)

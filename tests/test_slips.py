@@ -23,7 +23,7 @@ from flexlink.diagnosis.differences import _differing
 from flexlink.diagnosis.matching import Match
 from flexlink.dynamics.sensors.instrument import Instrument
 from flexlink.engines.read_back import of_chain
-from flexlink.formats.features import not_held
+from flexlink.formats.features import unsupported
 from flexlink.identification.coordinates import coordinate_of
 from flexlink.identification.identifiability import Check, Direction
 from flexlink.pages.numbers import number
@@ -66,7 +66,7 @@ class TestOutputs:
 
     def test_formats_without_states_cannot_store_the_initial_state(self) -> None:
         scene = ROD.varied({"initial.joint_deg.rod": 10.0})
-        urdf, sdf = (not_held(scene, fl.lump(scene), format=format)["initial state"] for format in ("urdf", "sdf"))
+        urdf, sdf = (unsupported(scene, fl.lump(scene), format=format)["initial state"] for format in ("urdf", "sdf"))
         assert urdf == sdf
         reviewed("slips: initial state in a file", urdf)
 

@@ -16,8 +16,8 @@ from flexlink.chain.coordinates import LAG, Coordinate, joint_names
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
+from flexlink.describe.joint_units import OF_JOINT, in_words
 from flexlink.describe.links import link_number
-from flexlink.describe.own_units import OF_JOINT, in_words
 from flexlink.kernels.geometry.kinematics import forward_kinematics
 from flexlink.kernels.layout import SLIDES, ChainArrays
 

@@ -250,7 +250,7 @@ def _add_joint(builder: Builder, link: Link, number: int, start: tuple[float, fl
         builder.start_body()
     axis += SLIDES * joint.slides
     if not joint.locked:
-        lower, upper = (joint.position(limit, limit) for limit in joint.own_limits or (-np.inf, np.inf))
+        lower, upper = (joint.position(limit, limit) for limit in joint.limits or (-np.inf, np.inf))
         viscous = 0.0 if joint.lags else joint.viscous
         builder.add_hinge(
             Coordinate(number, 0, 0), axis, damping=viscous, coulomb=joint.coulomb, width=joint.coulomb_width,

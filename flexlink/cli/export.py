@@ -20,7 +20,7 @@ from flexlink.common.output import make_folder, write_text
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.formats import FORMATS
-from flexlink.formats.features import not_held, storage_note
+from flexlink.formats.features import storage_note, unsupported
 from flexlink.formats.small_mass import added_inertia, with_small_mass
 from flexlink.motion.inputs.initial_state import initial_state
 
@@ -90,7 +90,7 @@ def _chain_and_state(
 
 def _missing(target: Path, scene: Scene, chain: Chain, format: str, *, strict: bool) -> list[str]:
     """A note on what a format cannot represent; with `--strict` an error."""
-    missing = not_held(scene, chain, format=format)
+    missing = unsupported(scene, chain, format=format)
     if missing and strict:
         raise ArgumentError(
             f"--strict: {format} cannot represent {', '.join(missing)}; no file written", id="not-representable"

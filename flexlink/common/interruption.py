@@ -34,7 +34,7 @@ class Stop:
         self._counts = dict.fromkeys(SIGNALS, 0)
 
     @property
-    def asked(self) -> bool:
+    def requested(self) -> bool:
         """Whether a signal has arrived."""
         return self.signal is not None
 
@@ -63,7 +63,7 @@ _finished = False  # whether the command line has saved all results
 def deferred() -> Iterator[Stop]:
     """Only record SIGINT and SIGTERM, in the `Stop` that the block receives.
 
-    The body checks `stop.asked`, finishes its current work and raises an error that contains the results, such as
+    The body checks `stop.requested`, finishes its current work and raises an error that contains the results, such as
     `InterruptedRunError`. A signal that the body did not answer with an exception is sent again on leaving, so none is
     lost. The second signal of a kind prints a warning; the third raises `StoppedError`, a KeyboardInterrupt, at once.
 

@@ -75,7 +75,7 @@ def absolute(name: str, folder: Path = Path()) -> str:
     return str((folder / name).absolute()) if is_user_file(name) else name
 
 
-def beside(folder: Path, document: T) -> T:
+def with_absolute_paths(folder: Path, document: T) -> T:
     """Make all file names in a parsed file absolute, relative to its `folder`; tables and lists change in place.
 
     File names are all values of `file`, and values of `method`, `lumping` and `kind` that end in .toml. A key may be a

@@ -10,8 +10,8 @@ import numpy as np
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
+from flexlink.describe.joint_units import TWINS, Row
 from flexlink.describe.numbers import require_increasing
-from flexlink.describe.own_units import TWINS, Row
 from flexlink.describe.reference import OF_MOTION, Reference
 from flexlink.describe.spec import (
     ONE_PER_LINK,

@@ -17,8 +17,8 @@ from flexlink.data.smoothing import smoothed
 from flexlink.describe.actions import Drive, PrescribedMotion, Wrench
 from flexlink.describe.arm import Arm
 from flexlink.describe.initial import InitialState
+from flexlink.describe.joint_units import IN_METRES, OF_JOINT, Row
 from flexlink.describe.link import Link
-from flexlink.describe.own_units import IN_METRES, OF_JOINT, Row
 from flexlink.describe.reference import OF_MOTION, Reference
 
 RATES = {"qd": "/s", "qdd": "/s²"}

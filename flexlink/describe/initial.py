@@ -9,7 +9,7 @@ import numpy as np
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
-from flexlink.describe.own_units import Row, Slides, together
+from flexlink.describe.joint_units import Row, Slides, together
 from flexlink.describe.spec import NonNegative, PerLink, Spec, Vector3, measured_in
 
 

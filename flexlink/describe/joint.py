@@ -12,7 +12,7 @@ from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.describe.directions import unit
-from flexlink.describe.own_units import OF_JOINT, in_own
+from flexlink.describe.joint_units import OF_JOINT, in_joint_units
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.shaping import MOST_IMPULSES
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, measured_in
@@ -76,9 +76,9 @@ class Joint(Spec, frozen=True):
                 f"{other} = {getattr(self, other)}: a {self.kind} joint takes {self.limits_key}",
                 id="key-of-another-kind",
             )
-        if self.own_limits is not None and self.own_limits[0] >= self.own_limits[1]:
+        if self.limits is not None and self.limits[0] >= self.limits[1]:
             raise SceneError(
-                f"{self.limits_key} = {self.own_limits}: the lower limit must be less than the upper", id="limits-order"
+                f"{self.limits_key} = {self.limits}: the lower limit must be less than the upper", id="limits-order"
             )
         if self.viscous_lag and not self.viscous:
             raise SceneError(
@@ -109,7 +109,7 @@ class Joint(Spec, frozen=True):
         return "limits_m" if self.slides else "limits_deg"
 
     @property
-    def own_limits(self) -> tuple[float, float] | None:
+    def limits(self) -> tuple[float, float] | None:
         """The joint's limits [deg], of a prismatic joint [m]."""
         return self.limits_m if self.slides else self.limits_deg
 
@@ -196,9 +196,9 @@ def refuse_beyond(course: ReferenceTrajectory, joints: Sequence[tuple[str, Joint
         The message names the link, the angle reached and the limits.
     """
     rounding = MOST_IMPULSES * np.finfo(float).eps  # an angle may be the sum of MOST_IMPULSES terms
-    reached = in_own([joint.slides for _, joint in joints], course.extremes())
+    reached = in_joint_units([joint.slides for _, joint in joints], course.extremes())
     for (name, joint), *extremes in zip(joints, *reached, strict=True):
-        low, high = joint.own_limits or (-math.inf, math.inf)
+        low, high = joint.limits or (-math.inf, math.inf)
         for position in extremes:
             if max(low - position, position - high) > rounding * np.abs(extremes).max():
                 reason = f"outside {joint.limits_key} = {[low, high]} of the joint of {name!r}"

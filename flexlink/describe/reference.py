@@ -13,8 +13,8 @@ from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.describe import profiles
+from flexlink.describe.joint_units import IN_METRES, OF_JOINT, Row, Slides, in_si, together
 from flexlink.describe.numbers import require_increasing, require_positive
-from flexlink.describe.own_units import IN_METRES, OF_JOINT, Row, Slides, in_si, together
 from flexlink.describe.reference_trajectory import ReferenceTrajectory, distinct, from_rest_to_rest, side_by_side, still
 from flexlink.describe.shaping import InputShaper
 from flexlink.describe.spec import NonNegative, NonNegativePerLink, PerLink, Positive, Spec, measured_in

@@ -87,10 +87,10 @@ class RunSettings(Spec, frozen=True, dict=True):  # the dict is for cached prope
         if self.controlled:
             self._check_tolerance()
         elif self.sample is None:
-            whole(self._duration_key, self.duration, self.said("step"), self.fixed_step)
+            whole(self._duration_key, self.duration, self.label("step"), self.fixed_step)
         else:
-            whole("sample", self.sample, self.said("step"), self.fixed_step)
-        whole(self._duration_key, self.duration, self.said("sample"), self.spacing)
+            whole("sample", self.sample, self.label("step"), self.fixed_step)
+        whole(self._duration_key, self.duration, self.label("sample"), self.spacing)
 
     def _check_tolerance(self) -> None:
         if self.tolerance is not None and self.relative_tolerance is not None:
@@ -145,7 +145,7 @@ class RunSettings(Spec, frozen=True, dict=True):  # the dict is for cached prope
         """Key of the duration, for messages."""
         return "duration" if self.duration != DEFAULT_DURATION else f"duration (default {DEFAULT_DURATION})"
 
-    def said(self, key: str, above: str = "") -> str:
+    def label(self, key: str, above: str = "") -> str:
         """Key of a setting for messages, prefixed by `above`, and by "the default" if it was not given."""
         return f"{above}{key}" if getattr(self, key) is not None else f"the default {above}{key}"
 

@@ -20,7 +20,7 @@ from flexlink.describe.actions import Drive, PrescribedMotion, Wrench
 from flexlink.describe.arm import Arm
 from flexlink.describe.from_files import filled_from_files, without_starts
 from flexlink.describe.initial import InitialState
-from flexlink.describe.own_units import OF_JOINT, Row, in_si, together
+from flexlink.describe.joint_units import OF_JOINT, Row, in_si, together
 from flexlink.describe.reference import Reference
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.run_settings import RunSettings, implied, of_run_alone

@@ -15,9 +15,9 @@ from flexlink.describe.arm import BASE, Arm
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.initial import BaseState, InitialState
 from flexlink.describe.joint import refuse_beyond
+from flexlink.describe.joint_units import OF_JOINT, misplaced
 from flexlink.describe.link import Link
 from flexlink.describe.mistakes import check_all, raise_together
-from flexlink.describe.own_units import OF_JOINT, misplaced
 from flexlink.describe.reference import OF_MOTION
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.run_settings import RunSettings, check_method
@@ -182,7 +182,7 @@ def _check_motion(arm: Arm, initial: InitialState, motion: PrescribedMotion) -> 
             raise SceneError(
                 f"{path}.{key}[0] = {first!r}: must be the initial value, {start!r}", id="start-differs-from-motion"
             )
-    for k, value in enumerate(motion.columns[0] if joint.own_limits is not None else ()):
+    for k, value in enumerate(motion.columns[0] if joint.limits is not None else ()):
         if outside := _outside_limits(arm.links[number - 1], value):
             raise SceneError(f"{path}.{position}[{k}] = {outside}", id="outside-limits")
     return number
@@ -259,7 +259,7 @@ def check_reference(arm: Arm, drive: Drive, course: ReferenceTrajectory | None, 
     try:
         refuse_beyond(course, [(link.name, link.joint) for link in arm.links if not link.joint.locked])
         for time in [] if run.controlled or drive.rate else course.jumps:
-            whole("has a jump in angle or rate: t", float(f"{time:.12g}"), run.said("step", "run."), run.fixed_step)
+            whole("has a jump in angle or rate: t", float(f"{time:.12g}"), run.label("step", "run."), run.fixed_step)
     except SceneError as error:
         raise SceneError(f"drive.reference {error}") from None
 
@@ -276,12 +276,12 @@ def check_rate(initial: InitialState, drive: Drive, run: RunSettings) -> None:
     if rate is None:
         return
     period = 1 / rate
-    long, short_one = (run.said("sample", "run."), run.spacing), ("1 / rate", period)
+    long, short_one = (run.label("sample", "run."), run.spacing), ("1 / rate", period)
     if period > run.spacing:
         long, short_one = short_one, long
     try:
         if not run.controlled:
-            whole("1 / rate", period, run.said("step", "run."), run.fixed_step)
+            whole("1 / rate", period, run.label("step", "run."), run.fixed_step)
         whole("initial.time", initial.time, "1 / rate", period)
         whole(*long, *short_one)
     except SceneError as error:
@@ -298,16 +298,16 @@ def check_grid(initial: InitialState, drive: Drive, wrench: Wrench, run: RunSett
     SceneError
         They are not.
     """
-    whole("initial.time", initial.time, run.said("step", "run."), run.fixed_step)
+    whole("initial.time", initial.time, run.label("step", "run."), run.fixed_step)
     for name, table in (("drive", drive), ("wrench", wrench)):
         for k, time in enumerate(table.times or () if table.hold else ()):
-            whole(f"{name}.times[{k}]", time, run.said("step", "run."), run.fixed_step)
+            whole(f"{name}.times[{k}]", time, run.label("step", "run."), run.fixed_step)
 
 
 def _outside_limits(link: Link, position: float) -> str:
     """The position [deg or m] and why it is outside the joint's limits; empty if it is inside."""
     joint = link.joint
-    low, high = joint.own_limits or (-math.inf, math.inf)
+    low, high = joint.limits or (-math.inf, math.inf)
     path = f"{joint.limits_key} = {[low, high]} of joint {link.name!r}"
     return "" if low <= position <= high else f"{position!r}: outside {path}"
 

@@ -42,7 +42,7 @@ def load_scene(path: str | Path) -> Scene:
     three_links 8.0
     """
     path = documents.require_path("path", path)
-    raw = documents.beside(path.parent, documents.read_toml(path))
+    raw = documents.with_absolute_paths(path.parent, documents.read_toml(path))
     with documents.errors_of(path):
         scene = scene_from(raw, finite=documents.is_finite(raw))
         check_named(scene.arm, scene.run)

@@ -13,8 +13,8 @@ from flexlink.common.wording import Diagnostic, truncated
 from flexlink.data.csv_table import conversion
 from flexlink.describe.arm import BASE, Arm
 from flexlink.describe.directions import unit
+from flexlink.describe.joint_units import OF_JOINT
 from flexlink.describe.link import Link
-from flexlink.describe.own_units import OF_JOINT
 from flexlink.describe.rigidity import Rigidity
 from flexlink.describe.spec import LARGE, SMALL, Deviation, NonNegative, Positive, Spec, Vector3, link_key, measured_in
 

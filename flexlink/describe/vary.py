@@ -20,7 +20,7 @@ from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.memo import keep_last
 from flexlink.common.wording import did_you_mean, truncated
 from flexlink.describe.expected import why_not
-from flexlink.describe.own_units import IN_METRES, TWINS
+from flexlink.describe.joint_units import IN_METRES, TWINS
 from flexlink.describe.spec import Spec, Vector3, bare_type, fields_of, is_per_link, to_builtin, type_below
 
 Keys = tuple[Any, ...]

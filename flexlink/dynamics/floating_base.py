@@ -125,7 +125,7 @@ class FloatingBase:
         back = self.start * np.array([1.0, -1.0, -1.0, -1.0])
         return angles_of(matrices_from_quaternions(product_of(back, attitudes)))
 
-    def told_from_start(self, q: Array, qd: Array) -> tuple[Array, Array]:
+    def relative_to_start(self, q: Array, qd: Array) -> tuple[Array, Array]:
         """The present state (n,) in coordinates of `original`."""
         ω = rates_matrices(q[ANGLES]) @ qd[ANGLES]
         q, qd = q.copy(), qd.copy()

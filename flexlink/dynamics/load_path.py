@@ -90,7 +90,7 @@ class Equations:
         s, q = x[0], x[1:]
         load, w = self.load(q), np.where(self.sprung, s, 1.0)
         by_s = np.where(self.sprung, load, 0.0) + self.held
-        self.motion.place(q)
+        self.motion.set_position(q)
         self.motion.eliminate(K_ALONE, w, self.chain.stiffness + np.abs(w) * self.sizes)
         return self._value(x, load), np.where(self.locked, 0.0, by_s)
 
@@ -110,22 +110,22 @@ class Equations:
         """
         if not (is_finite(by_s) and is_finite(residual)):
             return np.full(len(row), np.nan)  # the corrector then fails
-        spared = self.motion.spared
-        x, of_spared = self.motion.solve(np.array([by_s, residual]))
+        skipped = self.motion.skipped
+        x, of_skipped = self.motion.solve(np.array([by_s, residual]))
         columns = np.concatenate([-x[:1], x[2:]])
         along = columns @ row[1:]
         along[0] += row[0]
         right = last - row[1:] @ x[1]
-        if len(spared):
-            small = np.empty((1 + len(spared), 1 + len(spared)))
-            small[:-1, 0] = by_s[spared] - of_spared[0]
-            small[:-1, 1:] = of_spared[2:].T
+        if len(skipped):
+            small = np.empty((1 + len(skipped), 1 + len(skipped)))
+            small[:-1, 0] = by_s[skipped] - of_skipped[0]
+            small[:-1, 1:] = of_skipped[2:].T
             small[-1] = along
-            sizes = np.append(self.motion.sizes[spared], max(np.abs(along).max(), np.finfo(float).tiny))
+            sizes = np.append(self.motion.sizes[skipped], max(np.abs(along).max(), np.finfo(float).tiny))
             sizes[sizes == 0] = 1.0
             if held:
                 small[:-1, 1:] += np.diag(np.sqrt(self.motion.rounding) * sizes[:-1])
-            right_sides = np.append(residual[spared] - of_spared[1], right)
+            right_sides = np.append(residual[skipped] - of_skipped[1], right)
             found = _shortest(small, right_sides, sizes, self.motion.rounding)
         else:
             with np.errstate(divide="ignore", invalid="ignore"):

@@ -12,7 +12,7 @@ from flexlink.common.types import Array
 from flexlink.dynamics import rounding
 from flexlink.dynamics.forces import refuse_forces
 from flexlink.dynamics.springs import about, damping_slope
-from flexlink.kernels.derivatives.small_motion import HINGE, mass_products, multiply, place, small_motion
+from flexlink.kernels.derivatives.small_motion import HINGE, mass_products, multiply, set_state, small_motion
 from flexlink.kernels.derivatives.small_motion_cells import cells_workspace
 from flexlink.kernels.derivatives.small_motion_factors import factor, solve
 
@@ -28,7 +28,7 @@ class SmallMotion:
 
     Attributes
     ----------
-    spared
+    skipped
         Indices of the coordinates that `eliminate` skipped because their pivots are too small.
     sizes
         Magnitude of the terms in each row of the eliminated matrix, shape (n,).
@@ -45,17 +45,17 @@ class SmallMotion:
         self._chain, self._state, self._couplings = chain, (wrench, follower, qd), sprung.couplings
         self._work = small_motion(sprung.arrays)
         self._cells = cells_workspace(sprung.arrays) if len(sprung.couplings) else None
-        self.place(q)
+        self.set_position(q)
         self.scales = rounding.scales(chain)
         self.locked, self.rounding = locked, int((~locked).sum()) * rounding.of_load_stiffness(chain)
-        self.spared, self.sizes = np.zeros(0, np.intp), np.zeros(chain.n)
+        self.skipped, self.sizes = np.zeros(0, np.intp), np.zeros(chain.n)
 
-    def place(self, q: Array) -> None:
+    def set_position(self, q: Array) -> None:
         """Move to another configuration."""
         if (sprung := about(self._chain, q)) is not self._chain:
             self._bend(sprung)
         wrench, follower, qd = self._state
-        place(self._work, wrench, follower, q, qd)
+        set_state(self._work, wrench, follower, q, qd)
         self._q = q
 
     def _bend(self, sprung: Chain) -> None:
@@ -92,7 +92,7 @@ class SmallMotion:
         self.sizes, given = sizes, self._work.given
         given[:] = self.locked
         negative = factor(self._matrix, weights, weights @ self._diagonals, w, sizes, smallest)
-        self.spared = np.flatnonzero(given & ~self.locked)
+        self.skipped = np.flatnonzero(given & ~self.locked)
         return int(negative)
 
     def inertias(self) -> tuple[Array, Array]:
@@ -107,14 +107,14 @@ class SmallMotion:
     def solve(self, r: Array) -> tuple[Array, Array]:
         """Solutions for right sides r (m, n) with skipped coordinates at 0, then for r = 0 with each at 1 in turn.
 
-        Returns the solutions (m + spared, n), and the left sides of the skipped rows, (m + spared, spared).
+        Returns the solutions (m + skipped, n), and the left sides of the skipped rows, (m + skipped, skipped).
         """
-        m, spared = len(r), self.spared
-        right, x = (np.zeros((m + len(spared), r.shape[1])) for _ in range(2))
+        m, skipped = len(r), self.skipped
+        right, x = (np.zeros((m + len(skipped), r.shape[1])) for _ in range(2))
         right[:m], left = r, np.zeros_like(right)
-        x[m + np.arange(len(spared)), spared] = 1.0
+        x[m + np.arange(len(skipped)), skipped] = 1.0
         solve(self._matrix, right, x, left)
-        return x, left[:, spared]
+        return x, left[:, skipped]
 
     def falling(self, weights: Array, more: Array) -> int:
         """Number of negative eigenvalues of weights · (K, C, M) + diag(more), if that is symmetric."""

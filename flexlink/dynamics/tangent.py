@@ -156,7 +156,7 @@ def falls(
         locked[free] = False
         motion = SmallMotion(chain, q, qd, wrench, follower, locked)
     else:
-        motion.place(q)
+        motion.set_position(q)
     square = chain.stiffness + rounding.largest_load_stiffness(chain, qd, wrench)
     square[square == 0] = 1.0
     if potential:

@@ -25,7 +25,7 @@ from flexlink.kernels.inputs.drive_torque import drive_torque, sample_law
 from flexlink.kernels.inputs.record import Drive
 from flexlink.kernels.inputs.tip_wrench import put_given
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.inputs.step_check import judge_step
+from flexlink.motion.inputs.step_check import check_step
 from flexlink.motion.inputs.tip_wrench import wrench_at
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.stop_reasons import DivergenceError
@@ -243,7 +243,7 @@ def fixed_steps_problem(scene: Scene) -> InitialValueProblem:
             f"method = {scene.run.method!r}: other engines need fixed steps of an explicit method; set method and step",
             id="engine-method",
         )
-    judge_step(problem)
+    check_step(problem)
     return problem
 
 

@@ -86,7 +86,7 @@ def _features() -> dict[str, Feature]:
 FEATURES = _features()
 
 
-def not_held(scene: Scene, chain: Chain, *, format: str) -> dict[str, str]:
+def unsupported(scene: Scene, chain: Chain, *, format: str) -> dict[str, str]:
     """Return the features of a scene that a format cannot represent, and what happens instead.
 
     Parameters
@@ -115,7 +115,7 @@ def not_held(scene: Scene, chain: Chain, *, format: str) -> dict[str, str]:
 
 
 def storage_note(target: Path, missing: Mapping[str, str], *, format: str) -> Diagnostic:
-    """Return a note on the features of file `target` that `not_held` lists, and what happens instead."""
+    """Return a note on the features of file `target` that `unsupported` lists, and what happens instead."""
     groups: dict[str, list[str]] = {}
     for name, instead in missing.items():
         if name != "drive torques" or "control law" not in missing:

@@ -59,7 +59,7 @@ from flexlink.formats.principal import (
     _principal,
     _require_loadable,
 )
-from flexlink.formats.tendons import SHARED, add_tendons, left_to_joints
+from flexlink.formats.tendons import SHARED, add_tendons, diagonal_remainder
 from flexlink.kernels.layout import BODY, HINGE, SLIDES
 
 JOINT_ATTRIBUTES = {
@@ -322,7 +322,7 @@ def _without_tendons(chain: Chain) -> NDArray[np.void]:
         return chain.hinges
     hinges = chain.hinges.copy()
     for field in SHARED:
-        hinges[field] = left_to_joints(chain, field)
+        hinges[field] = diagonal_remainder(chain, field)
     return hinges
 
 

@@ -39,7 +39,7 @@ def add_tendons(root: ET.Element, chain: Chain, joints: Sequence[str]) -> None:
         ET.SubElement(tendon, "joint", joint=joints[outer], coef=str(sign))
 
 
-def left_to_joints(chain: Chain, field: str) -> Array:
+def diagonal_remainder(chain: Chain, field: str) -> Array:
     """Return K_ii − Σ_j |K_ij| for `field` "stiffness", or D_ii − Σ_j |D_ij| for "damping", shape (n,).
 
     Raises

@@ -37,7 +37,7 @@ def build_check(problem: FitProblem, check: Check, folder: Path, command: str) -
     make_folder(folder)
     write_text(folder / "check.json", json.dumps(document(check), indent=1, ensure_ascii=False) + "\n")
     parts = {
-        "identifiability": ("Identifiability", "Identifiability", told(check)),
+        "identifiability": ("Identifiability", "Identifiability", identifiability(check)),
         "problem": (
             "Problem",
             "Problem",
@@ -69,7 +69,7 @@ def document(check: Check) -> dict[str, object]:
     }
 
 
-def told(check: Check) -> Part:
+def identifiability(check: Check) -> Part:
     """Result of an identifiability check."""
     head = "± of 95 % [% of value or unit]"
     lines = tuple(

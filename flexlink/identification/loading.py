@@ -51,7 +51,7 @@ def load_fit(path: str | Path) -> FitProblem:
         scene = scene_named(raw, path.parent)
         for part in ("run", "modes", "static"):
             if isinstance(raw.get(part), list):
-                raw[part] = documents.beside(path.parent, [_as_paths(table) for table in raw[part]])
+                raw[part] = documents.with_absolute_paths(path.parent, [_as_paths(table) for table in raw[part]])
         raise_together(wrong for key, value in raw.items() for wrong in mistakes(value, fields[key].type, key))
         parts = {key: decode(value, fields[key].type, key) for key, value in raw.items()}
         return FitProblem(scene=scene, **parts)

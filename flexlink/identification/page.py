@@ -10,7 +10,13 @@ import matplotlib as mpl
 import numpy as np
 
 from flexlink.common.output import make_folder
-from flexlink.identification.checked_page import differences_of_runs, priors_in_words, problem_part, reproduction, told
+from flexlink.identification.checked_page import (
+    differences_of_runs,
+    identifiability,
+    priors_in_words,
+    problem_part,
+    reproduction,
+)
 from flexlink.identification.fitted import Estimate, Fitted, FittedColumn
 from flexlink.pages.chapter import Chapter
 from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
@@ -36,8 +42,8 @@ def build(fitted: Fitted, folder: Path, command: str) -> Report:
     parts = {
         "numbers": ("Estimated parameters", "Estimates", _numbers(fitted)),
         "data": ("Measured and predicted", "Data", _data(fitted)),
-        "residuals": ("Residuals", "Residuals", _left(fitted)),
-        "identifiability": ("Identifiability", "Identifiability", told(fitted.check)),
+        "residuals": ("Residuals", "Residuals", _residuals(fitted)),
+        "identifiability": ("Identifiability", "Identifiability", identifiability(fitted.check)),
         "problem": ("Problem", "Problem", problem_part(fitted.problem)),
         "reproduce": ("How to reproduce this page", "Reproduce", reproduction(fitted.scene, "fitted.toml", command)),
     }
@@ -48,12 +54,12 @@ def build(fitted: Fitted, folder: Path, command: str) -> Report:
             for name, (title, short, part) in parts.items()
         ]
     verdicts = _verdicts(fitted)
-    facts = [Fact(_told(one), f"{one.name}, {_how_known(one)}") for one in fitted.numbers if one.path]
+    facts = [Fact(_with_interval(one), f"{one.name}, {_confidence(one)}") for one in fitted.numbers if one.path]
     page = write_page(folder, fitted.scene.name, "fit", chapters, verdicts, facts, definitions)
     return Report(page, tuple(verdicts), chapters)
 
 
-def _told(one: Estimate) -> str:
+def _with_interval(one: Estimate) -> str:
     """Estimate with ± its interval, or with both ends if they are asymmetric, and the unit."""
     level = 0.2  # largest asymmetry of a ± interval, relative to its half-width
     unit = f" {one.unit}" if one.unit else ""
@@ -71,7 +77,7 @@ def _told(one: Estimate) -> str:
     return f"({both}){unit}" if power else f"{both}{unit}"
 
 
-def _how_known(one: Estimate) -> str:
+def _confidence(one: Estimate) -> str:
     """Confidence level and verdict."""
     if not math.isfinite(one.half):
         return "not identifiable"
@@ -225,7 +231,7 @@ def _panels(
     return Picture(name, title, figure, caption, _padded(columns))
 
 
-def _left(fitted: Fitted) -> Part:
+def _residuals(fitted: Fitted) -> Part:
     white = 0.01  # p-value below which residuals are not white noise
     runs = [one for one in fitted.columns if one.t is not None]
     coloured = [one for one in runs if one.whiteness < white]

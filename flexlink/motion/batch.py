@@ -20,7 +20,7 @@ from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.budget import warn
 from flexlink.motion.inputs.problem import problems_of
-from flexlink.motion.inputs.step_check import judge_steps
+from flexlink.motion.inputs.step_check import check_steps
 from flexlink.motion.side_by_side import Block, Ended, Member, Run, alike, fits_lanes
 from flexlink.motion.single_run import SingleRun
 from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError
@@ -119,7 +119,7 @@ def prepared(scenes: Sequence[Scene], compared: int | None = None) -> list[Membe
     most = len(scenes) if compared is None else compared
     problems = problems_of(scenes)
     good = [problem for problem in problems if isinstance(problem, InitialValueProblem)]
-    checked = iter(judge_steps(good))
+    checked = iter(check_steps(good))
     members: list[Member | FlexlinkError] = []
     for number, problem in enumerate(problems):
         if isinstance(problem, FlexlinkError):

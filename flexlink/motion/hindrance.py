@@ -10,7 +10,7 @@ import scipy
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
-from flexlink.describe.own_units import in_words
+from flexlink.describe.joint_units import in_words
 from flexlink.describe.run_settings import AUTO, DEFAULT_TOLERANCE
 from flexlink.dynamics.derivatives import forward_dynamics_derivatives
 from flexlink.dynamics.tangent import load_torque

@@ -60,7 +60,7 @@ class MethodSteps:
         CPU time of steps by earlier methods [s], and the time at which the present method took over [s].
     consider_at
         Number of attempted steps at which a switch of method is considered next.
-    judged
+    rated_since
         Time and cost of the method at the start of the steps that its rate is computed from.
     guesses, rates
         CPU time per second of motion by each method, estimated and measured [s/s]; inf: it got stuck.
@@ -72,7 +72,7 @@ class MethodSteps:
     settings: tuple[float, ...]
     types: bytes
     consider_at: int
-    judged: tuple[float, float] | None
+    rated_since: tuple[float, float] | None
     guesses: dict[str, float]
     rates: dict[str, float]
     tried: dict[str, float]

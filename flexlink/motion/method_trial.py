@@ -22,7 +22,7 @@ from flexlink.motion.tolerable import Thresholds
 
 def begin(steps: MethodSteps) -> None:
     """Set up the costs of methods before the first step."""
-    steps.judged, steps.rates, steps.tried, steps.tried_for, steps.guesses = (steps.time, 0.0), {}, {}, None, {}
+    steps.rated_since, steps.rates, steps.tried, steps.tried_for, steps.guesses = (steps.time, 0.0), {}, {}, None, {}
     record, run = steps.record, steps.run
     if run.method != AUTO or run.duration == 0.0 or tumbles(record):
         steps.consider_at = NEVER
@@ -35,21 +35,21 @@ def begin(steps: MethodSteps) -> None:
 
 def consider(steps: MethodSteps) -> None:
     """Compute the cost since the last time, and switch to another method if the rest likely costs less by it."""
-    time, cost, since = steps.time, steps.cost, steps.judged
+    time, cost, since = steps.time, steps.cost, steps.rated_since
     if since is None or time <= since[0]:  # it has just begun, or made no progress
-        steps.judged, steps.consider_at = (time, cost), steps.tries + few(steps)
+        steps.rated_since, steps.consider_at = (time, cost), steps.tries + few(steps)
         return
     rate, overall = (cost - since[1]) / (time - since[0]), cost / (time - steps.taken)
-    steps.judged, steps.consider_at = (time, cost), 2 * steps.tries
+    steps.rated_since, steps.consider_at = (time, cost), 2 * steps.tries
     steps.rates = updated(steps, rate)
     if steps.tried_for and not stays(steps, rate, steps.rates[steps.tried_for[0]]):
         go_on_with(steps, *steps.tried_for)
     else:
         steps.tried_for = None
-        look_around(steps, min(rate, overall))
+        consider_others(steps, min(rate, overall))
 
 
-def look_around(steps: MethodSteps, rate: float) -> None:
+def consider_others(steps: MethodSteps, rate: float) -> None:
     """Switch to the most promising method, or try one, if the present one costs `rate` per second of motion [s/s]."""
     if rate * rest_of(steps) < Thresholds.switch:
         return
@@ -70,7 +70,7 @@ def go_on_with(steps: MethodSteps, name: str, why: str = "") -> None:
     spent = steps.spent + steps.cost
     steps.tried = {**steps.tried, steps.name: spent, name: spent}
     steps.go_on_with(name, why)
-    steps.judged, steps.tried_for, steps.consider_at = None, None, steps.tries + few(steps)
+    steps.rated_since, steps.tried_for, steps.consider_at = None, None, steps.tries + few(steps)
 
 
 def rest_of(steps: MethodSteps) -> float:

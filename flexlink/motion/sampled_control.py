@@ -74,7 +74,7 @@ class Control:
             last = (run.samples - 1) * run.steps_per_sample
             self.times = np.asarray((self.origin + np.arange(0, last + 1, self.apart)) * run.fixed_step)
         self.drive = drive_for(chain, held_torques(chain, self.times, np.zeros((len(self.times), self.joints))))
-        self._problem, self._sensing = problem, Readings(problem.scene) if asks_for_sensors(law) else None
+        self._problem, self._sensing = problem, Readings(problem.scene) if takes_sensors(law) else None
 
     def torque(self, t: float, q: Array, qd: Array, sensors: dict[str, dict[str, float]] | None = None) -> Array:
         """Torques of the law, limited to the drive's `effort`, shape (d,); `sensors`: its argument with the readings.
@@ -85,7 +85,7 @@ class Control:
             The law raises an exception, or does not return d finite numbers.
         """
         if self.base is not None:
-            q, qd = self.base.told_from_start(q, qd)
+            q, qd = self.base.relative_to_start(q, qd)
         try:
             given = np.asarray(self.law(t, q.copy(), qd.copy(), **(sensors or {})))
         except Exception as error:
@@ -222,7 +222,7 @@ def control_of(problem: InitialValueProblem, law: Law | None, rate: float | None
             "method: run.step, such as 1e-4, and run.method = 'RK4'",
             id="controller-needs-rate",
         )
-    if asks_for_sensors(law):
+    if takes_sensors(law):
         if not scene.sensor:
             raise ArgumentError(
                 "control: has the parameter sensors, but the scene has no [[sensor]]; add one", id="no-sensors"
@@ -234,7 +234,7 @@ def control_of(problem: InitialValueProblem, law: Law | None, rate: float | None
     return Control(law, rate, problem)
 
 
-def asks_for_sensors(law: Law) -> bool:
+def takes_sensors(law: Law) -> bool:
     """Whether a law has a parameter `sensors`."""
     try:
         return SENSORS in inspect.signature(law).parameters

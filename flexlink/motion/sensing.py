@@ -22,7 +22,7 @@ def sample_at(problem: InitialValueProblem, inputs: Inputs, t: float, q: Array, 
     chain, time = problem.original, np.array([t])
     wrench = inputs.tip_wrenches(time, q[None], qd[None])
     if problem.base is not None:
-        q, qd = problem.base.told_from_start(q, qd)
+        q, qd = problem.base.relative_to_start(q, qd)
     states = time, q[None].copy(), qd[None].copy()
     tau, tip, energy = np.zeros((1, chain.n)), np.empty((1, 3)), np.empty((3, 1))
     derive(chain.arrays, inputs, 0, 1, *states, tau, tip, energy)

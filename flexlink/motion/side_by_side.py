@@ -122,10 +122,10 @@ class Block:
         work = lanes_workspace(solver_for(self.chain, run.solver), [record.chain for record in self.records])
         steps = FixedSteps(self.records[0], lanes=(work, state, samples))
         for self.rows, _ in steps:
-            if stop.asked:
+            if stop.requested:
                 break
         self.steps = steps.steps
-        if not stop.asked and ended_early(float(self.t[self.rows - 1]), float(self.t[-1])):
+        if not stop.requested and ended_early(float(self.t[self.rows - 1]), float(self.t[-1])):
             return False
         self.errors = step_errors_side_by_side(self.records, work, samples[:2], probed(run, slice(0, self.rows)))
         for own, of_all in ((self.q, q), (self.qd, qd), (self.works, samples[2])):
@@ -137,7 +137,7 @@ class Block:
         for monitor, errors in zip(self.monitors, self.errors, strict=True):
             monitor.check(self.rows, self.steps, errors)
         calm = self._calm().tolist()
-        return [Run(self, k) if calm[k] and not stop.asked else self._ended(k, stop) for k in range(len(calm))]
+        return [Run(self, k) if calm[k] and not stop.requested else self._ended(k, stop) for k in range(len(calm))]
 
     @functools.cached_property
     def samples(self) -> Samples:
@@ -170,7 +170,7 @@ class Block:
         if monitor.failure:
             monitor.steps = steps_up_to(self.run, monitor.n_valid * self.run.steps_per_sample)
             return monitor.diverged()
-        if self.members[k].compared and not stop.asked:
+        if self.members[k].compared and not stop.requested:
             monitor.warnings += verify(monitor, self.steps.method, stop)
         if stop.signal is not None:
             return InterruptedRunError(monitor.trajectory(), stop.signal)

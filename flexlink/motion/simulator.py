@@ -146,7 +146,7 @@ class Simulator:
         """Time [s], angles [rad] and rates [rad/s], shape (n,); copies."""
         q, qd, *_ = self._steps.state
         if self._record.base is not None:
-            return State(self._time, *self._record.base.told_from_start(q, qd))
+            return State(self._time, *self._record.base.relative_to_start(q, qd))
         return State(self._time, q.copy(), qd.copy())
 
     def step(self, tau: ArrayLike | None = None, *, duration: float | None = None) -> State:
@@ -208,7 +208,7 @@ class Simulator:
         run, now = self._run, self._time
         if type(duration) is not float or duration not in self._lengths:
             duration = positive("duration", duration)
-            unit = run.said("step", "run."), run.fixed_step
+            unit = run.label("step", "run."), run.fixed_step
             whole_steps = 0 if run.controlled else whole("duration", duration, *unit, ArgumentError)
             self._lengths[duration] = whole_steps
         if not run.controlled:

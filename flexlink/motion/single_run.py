@@ -21,7 +21,7 @@ from flexlink.kernels.tools.machine_code import types_of
 from flexlink.motion.adaptive_steps import AdaptiveSteps
 from flexlink.motion.fixed_steps import FixedSteps
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.inputs.step_check import judge_step
+from flexlink.motion.inputs.step_check import check_step
 from flexlink.motion.monitor import Monitor
 from flexlink.motion.sampled_control import Law, control_of
 from flexlink.motion.verification import advice, doubt, second_runs
@@ -89,7 +89,7 @@ class SingleRun:
         record = _recorded(problem, rows, kept)
         about = problem.q.tobytes(), problem.qd.tobytes(), problem.start
         if warnings is None:
-            warnings = record.kept("step", about, lambda: judge_step(problem))
+            warnings = record.kept("step", about, lambda: check_step(problem))
         self.monitor = Monitor(record, warnings, control)
         if control is not None:
             try:
@@ -118,7 +118,7 @@ class SingleRun:
         monitor, steps = self.monitor, self.steps
         try:
             self.advance(stop, progress or (lambda _: None), warn=warn)
-            if compared and not (monitor.failure or steps.failure or stop.asked):
+            if compared and not (monitor.failure or steps.failure or stop.requested):
                 monitor.warnings += verify(monitor, monitor.steps.method, stop)
         except LawFailure as failure:
             raise ControlError(f"{monitor.record.chain.name}: {failure}", monitor.trajectory()) from failure.__cause__
@@ -155,7 +155,7 @@ class SingleRun:
             if steps.failure:
                 break
             report(part)
-            if stop.asked:
+            if stop.requested:
                 break
         else:
             steps.failure = ended_early(monitor.last_time, float(monitor.record.t[-1]))
@@ -180,7 +180,7 @@ def verify(monitor: Monitor, name: str, stop: Stop) -> Iterator[Diagnostic]:
             other.advance(stop, lambda _: None)
         except FlexlinkError:
             continue
-        if stop.asked:
+        if stop.requested:
             return
         evaluations, wrong, failure = other.monitor.steps.evaluations, other.monitor.failure, other.steps.failure
         limited_out = failure is not None and failure.kind is EvaluationLimitError and not wrong
@@ -208,7 +208,7 @@ def _recorded(problem: InitialValueProblem, rows: int | None, kept: Kept | None)
         record = Record(problem, times, q, qd, kept)
     except (MemoryError, ValueError):  # ValueError: more elements than numpy can count
         raise SceneError(
-            f"{run.said('sample', 'run.')} = {run.spacing!r}: {run.samples} samples of {chain.n} joints do not fit "
+            f"{run.label('sample', 'run.')} = {run.spacing!r}: {run.samples} samples of {chain.n} joints do not fit "
             "into memory",
             id="out-of-memory",
         ) from None

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.branches import as_lines
-from flexlink.describe.own_units import in_own
+from flexlink.describe.joint_units import in_joint_units
 from flexlink.pages.colours import BLUE, CYCLE, GREEN, GREY, INK, VERMILION
 from flexlink.results.notebook_figure import NotebookFigure as Figure
 from flexlink.results.pictures.view import view_of_motion
@@ -148,7 +148,7 @@ def _coordinates(panel: Axes, run: RunSamples, joints: list[int], label: str) ->
     """Plot the coordinates of joints of one kind."""
     # more entries do not fit next to a panel
     legend_entries = 8
-    values = in_own(run.chain.slides[joints].tolist(), run.q[:, joints])
+    values = in_joint_units(run.chain.slides[joints].tolist(), run.q[:, joints])
     for place, k in enumerate(joints):
         name = run.chain.joint_name(k) if place < legend_entries else None
         panel.plot(run.t, values[:, place], label=name, linewidth=1.0)

@@ -19,7 +19,7 @@ import scipy
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.data.measured import Measured
-from flexlink.describe.own_units import OF_JOINT
+from flexlink.describe.joint_units import OF_JOINT
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.rounding import EPS, ROUNDINGS
 from flexlink.identification.fit import quick_estimates
@@ -77,7 +77,7 @@ class Fit:
         return None if self.number.is_angle else self.value / self.number.value
 
     @property
-    def left(self) -> float:
+    def remaining(self) -> float:
         """Root mean square difference after the fit divided by that before."""
         return math.sqrt(max(1.0 - self.explained, 0.0))
 

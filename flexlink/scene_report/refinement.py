@@ -64,14 +64,14 @@ class Refinement:
         return Stepping("auto", tolerance=off * self.study.travel)
 
     @property
-    def says_state(self) -> bool:
+    def gives_state(self) -> bool:
         """Whether the scene gives the initial state of all its joints, so no other discretisation can start from it."""
         return self.scene.initial.q is not None or self.scene.initial.qd is not None
 
     @cached_property
     def cuts(self) -> dict[float, Outcome]:
         """Completed runs by multiple of the scene's number of hinges; 1 is the scene's discretisation."""
-        if self.says_state or not any(self.model):
+        if self.gives_state or not any(self.model):
             return {}
         apart = {self.cut(factor): factor for factor in (*FACTORS, 1.0)}  # a link with one hinge keeps it at factor 0.5
         runs = {factor: self.runner.run(model, self.strict) for model, factor in apart.items()}
@@ -102,7 +102,7 @@ class Refinement:
         errors = largest_so_far(distances(limit.tip, finest)) + (self.strict.tolerance or 0.0)
         return limit._replace(errors=errors)
 
-    def known_until(self, part: float) -> float:
+    def accurate_until(self, part: float) -> float:
         """Return the time [s] up to which the two finest discretisations differ by less than `part` of the travel."""
         t, cuts = self.run.t, list(self.cuts.values())[-2:]
         if len(cuts) < 2:
@@ -112,10 +112,10 @@ class Refinement:
 
     def error(self, tip: Array) -> float:
         """Return the largest distance of a tip path from the limit [m]; nan if that is unknown."""
-        return largest_distance(tip, self.limit.tip) if self.limit is not None and self.is_known else math.nan
+        return largest_distance(tip, self.limit.tip) if self.limit is not None and self.is_accurate else math.nan
 
     @property
-    def is_known(self) -> bool:
+    def is_accurate(self) -> bool:
         """Whether the limit is accurate enough to measure errors against it."""
         return self.limit is not None and self.limit.error <= ENOUGH * self.study.travel
 
@@ -148,7 +148,7 @@ class Refinement:
         return machine_factor(problem_of(self.scene, self.chain))
 
     @cached_property
-    def own(self) -> Choice:
+    def this_scene(self) -> Choice:
         """The scene without changes."""
         steps = self.run.steps
         seconds = self.scale * run_cost(self.chain, steps.method, steps.evaluations) if steps else math.nan
@@ -159,9 +159,9 @@ class Refinement:
         """Return the scene's run, followed by the alternatives."""
         controlled = self.scene.run.controlled
         what = "tolerance" if controlled else "step"
-        found = [self.own]
+        found = [self.this_scene]
         found += [self._choice(f"{_times(k)} the {what}", self.model, self.stepping(k)) for k in self.factors]
-        if self.says_state or not any(self.model):
+        if self.gives_state or not any(self.model):
             return found
         if not controlled:
             found.append(self._choice("adaptive steps", self.model, self.strict))

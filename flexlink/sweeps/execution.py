@@ -53,7 +53,7 @@ class Execution:
         """
         self._handshake()
         poll_interval = 0.2  # longest delay of the reaction to a signal [s]
-        while not self.stop.asked:
+        while not self.stop.requested:
             self._fill(missing)
             if not self.running:
                 return
@@ -83,7 +83,7 @@ class Execution:
         """Start tasks until all workers are busy; one task at a time as long as there are suspects."""
         while self.suspects and not self.running:
             self._start(self.suspects.popleft())
-        while not self.suspects and len(self.running) < self.pool.slots and not self.stop.asked:
+        while not self.suspects and len(self.running) < self.pool.slots and not self.stop.requested:
             numbers = self._next(missing)
             if not numbers:
                 break
@@ -120,7 +120,7 @@ class Execution:
         size = len(numbers) * TASK_SECONDS / max(seconds, 1e-6)
         # members in a task: half a second of short runs
         self.size = int(min(size, 4 * len(numbers), 4096))  # limited growth: the first task compiles
-        if len(rows) < len(numbers) and not self.stop.asked:  # the worker received a signal, this process did not
+        if len(rows) < len(numbers) and not self.stop.requested:  # the worker received a signal, this process did not
             self.suspects.append(sorted({*numbers} - {row.number for row in rows}))
         return rows
 

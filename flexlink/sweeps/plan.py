@@ -222,10 +222,10 @@ def load_sweep(path: str | Path) -> Sweep:
         scene = scene_named(raw, folder)
         for table, leaf in (("set", ()), ("grid", ("between",)), ("together", ("between",))):
             if isinstance(raw.get(table), dict):
-                raw[table] = documents.beside(folder, dict(documents.paths_of(raw[table], leaf)))
+                raw[table] = documents.with_absolute_paths(folder, dict(documents.paths_of(raw[table], leaf)))
         sample = raw.get("sample")
         if isinstance(sample, dict) and isinstance(sample.get("keys"), dict):
-            sample["keys"] = documents.beside(
+            sample["keys"] = documents.with_absolute_paths(
                 folder, dict(documents.paths_of(sample["keys"], ("between", "mean", "deviation")))
             )
         sweep = Sweep(scene=scene, **{key: decode(value, fields[key].type, key) for key, value in raw.items()})

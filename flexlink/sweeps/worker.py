@@ -60,7 +60,7 @@ def rows_of(text: bytes, theirs: str, numbers: Sequence[int]) -> tuple[list[Row]
     with deferred() as stop:
         rows = []
         for part in (numbers[first : first + together] for first in range(0, len(numbers), together)):
-            if stop.asked:
+            if stop.requested:
                 break
             ends = zip(part, _ends(plan, part, stop), strict=True)
             rows += [_row(plan, number, end) for number, end in ends if not isinstance(end, InterruptedRunError)]

@@ -107,7 +107,7 @@ class Subspace:
     def _shift(self, σ: float, smallest: float = 0.0) -> bool:
         """Factorize K + σ C + σ² M; return whether all pivots are positive and not small compared with their rows."""
         weights, ones = np.array([1.0, σ, σ**2]), np.ones(len(self.square))
-        return not self.motion.eliminate(weights, ones, self.square, smallest) and not len(self.motion.spared)
+        return not self.motion.eliminate(weights, ones, self.square, smallest) and not len(self.motion.skipped)
 
     def _least_shift(self) -> float:
         """Return the first σ of 0, σ₁, 2 σ₁ … for which K + σ C + σ² M is regular.

@@ -128,7 +128,7 @@ def before_slide(axis, q, f, n):
 
 
 @subroutine
-def asked_by_slide(axis, m, h):
+def wrench_of_slide(axis, m, h):
     """Force and moment of a unit acceleration along the joint, for bodies of mass m and first moment h."""
     return scale(m, unit(axis - SLIDES)), cross(h, unit(axis - SLIDES))
 
@@ -180,7 +180,7 @@ def mass_upper(chain, q, M):
         for j in range(b.stop - 1, b.first - 1, -1):
             axis = hinges[j].axis
             if chain.rare is not None and axis >= SLIDES:
-                f, n = asked_by_slide(axis, m, h)
+                f, n = wrench_of_slide(axis, m, h)
             else:
                 f = cross(unit(axis), h)
                 n = sym_apply(J, unit(axis))

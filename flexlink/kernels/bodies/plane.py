@@ -27,9 +27,9 @@ from flexlink.kernels.tools.vec3 import (
     cross,
     dot,
     pick,
-    place,
     place_axes,
     put,
+    rotate,
     scale,
     unit,
     vector,
@@ -70,7 +70,7 @@ def planar_workspace(bodies, hinges, gravity, rare):
     k = -1
     for i in range(len(bodies)):
         b = bodies[i]
-        to_body = add(to_body, place(vector(b.translation), x, y, z))
+        to_body = add(to_body, rotate(vector(b.translation), x, y, z))
         x, y, z = place_axes(b.rotation, x, y, z)
         if k >= 0:
             links[k, LINK.rx], links[k, LINK.ry] = in_plane(base, to_body)
@@ -83,7 +83,7 @@ def planar_workspace(bodies, hinges, gravity, rare):
             put_joint(links, k, hinges[k])
             links[k, LINK.armature] = hinges[k].armature
         if k >= 0:
-            cx, cy = in_plane(base, add(to_body, place(vector(b.center), x, y, z)))
+            cx, cy = in_plane(base, add(to_body, rotate(vector(b.center), x, y, z)))
             normal = (dot(x, vec(base, BASE.normal)), dot(y, vec(base, BASE.normal)), dot(z, vec(base, BASE.normal)))
             links[k, LINK.mass] += b.mass
             links[k, LINK.sx] += b.mass * cx

@@ -49,7 +49,7 @@ from flexlink.kernels.tools.lanes import LANES, put_vec_of, vec_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.rare import rarely
 from flexlink.kernels.tools.sym3 import sym_apply, sym_of
-from flexlink.kernels.tools.vec3 import ZERO, X, Y, Z, add, cross, dot, place, scale, sub
+from flexlink.kernels.tools.vec3 import ZERO, X, Y, Z, add, cross, dot, rotate, scale, sub
 
 VARIABLE = numbered("q qd tau")  # variables of the derivatives
 
@@ -164,12 +164,12 @@ def keep_solution(factors, axes, accelerations):
             x, y, z = axes_on(axes, factors.layout[i, LAYOUT.parent])
         if factors.layout[i, LAYOUT.restart]:
             u, v, w = axes_of(factors.bodies, i, RESTART.axes_before)
-            x, y, z = place(u, x, y, z), place(v, x, y, z), place(w, x, y, z)
+            x, y, z = rotate(u, x, y, z), rotate(v, x, y, z), rotate(w, x, y, z)
         put_vec_of(axes, x, i, 0)
         put_vec_of(axes, y, i, 3)
         put_vec_of(axes, z, i, 6)
-        put_vec_of(accelerations, place(vec_of(factors.bodies, i, BODY_ROW.ζ), x, y, z), i, 0)
-        put_vec_of(accelerations, place(vec_of(factors.bodies, i, BODY_ROW.b), x, y, z), i, 3)
+        put_vec_of(accelerations, rotate(vec_of(factors.bodies, i, BODY_ROW.ζ), x, y, z), i, 0)
+        put_vec_of(accelerations, rotate(vec_of(factors.bodies, i, BODY_ROW.b), x, y, z), i, 3)
 
 
 @recursion
@@ -321,7 +321,7 @@ def load_of_body(bodies, hinges, i, m, variable, block):
     if variable == VARIABLE.q:
         δa = add(δa, vec_of(hinges, block, HINGE_MOTION.δa))
     G = own_spin(ω, I)
-    n = add(cross(mc, δa), sub(sym_apply(I, η), scale(2.0, place(δω, G[0], G[1], G[2]))))
+    n = add(cross(mc, δa), sub(sym_apply(I, η), scale(2.0, rotate(δω, G[0], G[1], G[2]))))
     f = add(scale(m, δa), add(cross(η, mc), scale(2.0, cross(δω, cross(ω, mc)))))
     return n, f
 

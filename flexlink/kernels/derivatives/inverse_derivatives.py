@@ -67,8 +67,8 @@ from flexlink.kernels.tools.vec3 import (
     cross,
     dot,
     pick,
-    place,
     place_axes,
+    rotate,
     scale,
     sub,
     turn_axes,
@@ -207,12 +207,12 @@ def keep_columns(x, first, found):
     """
     n, elements = len(x), found.reshape(-1)
     for k in range(n):
-        place = k * n + first
-        if place + LANES <= n * n:
-            put_eight(elements, at(x, k), place)
+        offset = k * n + first
+        if offset + LANES <= n * n:
+            put_eight(elements, at(x, k), offset)
         else:
             for lane in range(min(LANES, n - first)):
-                elements[place + lane] = x[k, lane]
+                elements[offset + lane] = x[k, lane]
 
 
 @recursion
@@ -235,7 +235,7 @@ def outward(chain, wrench, follower, q, qd, qdd, solved, work):
         b = chain.bodies[i]
         if chain.rare is not None and b.begins:
             x, y, z, p, v, ω, α, a = kept(work.forks, b.slot, (x, y, z, p, v, ω, α, a))
-        r = place(vector(b.translation), x, y, z)
+        r = rotate(vector(b.translation), x, y, z)
         u = cross(ω, r)
         p, v, a = add(p, r), add(v, u), add(a, add(cross(α, r), cross(ω, u)))
         if b.turned:
@@ -267,7 +267,7 @@ def outward(chain, wrench, follower, q, qd, qdd, solved, work):
             x, y, z = turn_axes(axis, c, s, x, y, z)
         if solved is not None:
             α = vec_of(solved, i, 0)
-        center = place(vector(b.center), x, y, z)
+        center = rotate(vector(b.center), x, y, z)
         mc = scale(b.mass, center)
         I = sym_add(sym_from_axes(x, y, z, symmetric(b.inertia)), point_inertia(b.mass, center))
         F = add(scale(b.mass, a), add(cross(α, mc), cross(ω, cross(ω, mc))))
@@ -276,7 +276,7 @@ def outward(chain, wrench, follower, q, qd, qdd, solved, work):
         if chain.rare is not None and b.fork > 0:
             keep(work.forks, b.fork, (x, y, z, p, v, ω, α, a))
         if b.loaded and follower:
-            f_tip, n_tip = place(force, x, y, z), place(moment, x, y, z)
+            f_tip, n_tip = rotate(force, x, y, z), rotate(moment, x, y, z)
     return f_tip, n_tip
 
 
@@ -328,7 +328,7 @@ def of_hinge(rows, k, first):
 def spin(G, a):
     """2 (tr G a − G a), where G is given by its columns."""
     trace = G[0][0] + G[1][1] + G[2][2]
-    return scale(2.0, sub(scale(trace, a), place(a, G[0], G[1], G[2])))
+    return scale(2.0, sub(scale(trace, a), rotate(a, G[0], G[1], G[2])))
 
 
 @inlined

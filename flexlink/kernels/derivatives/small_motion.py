@@ -77,7 +77,7 @@ def matrices_of_forks(chain):
 
 
 @kernel
-def place(work, wrench, follower, q, qd):
+def set_state(work, wrench, follower, q, qd):
     """Set angles and constant rates (n,), and a wrench (6,) in frame 0 or, for a follower, in axes of the tip frame."""
     chain, motion, rows = work.chain, work.motion, work.hinges
     force, moment = outward(chain, wrench, follower, q, qd, np.zeros(len(q)), None, motion)
@@ -95,7 +95,7 @@ def place(work, wrench, follower, q, qd):
         for k in range(b.first, b.stop):
             e = of_hinge(motion.hinges, k, HINGE_MOTION.e)
             put_vec_of(rows, e, k, HINGE.e)
-            slides = felt(chain, k) == 0
+            slides = wrench_part(chain, k) == 0
             put_vec_of(rows, ZERO if slides else cross(e, f), k, HINGE.moved)
             put_vec_of(rows, cross(e, f if slides else t), k, HINGE.moved + 3)
         t = add(t, cross(vec_of(motion.bodies, i, BODY_MOTION.r), f))
@@ -159,7 +159,7 @@ def weigh_slides(work, by_angle, by_rate, by_acceleration):
 
 
 @inlined
-def felt(chain, k):
+def wrench_part(chain, k):
     """First index, in the wrench (6,), of the part that acts on a hinge: force if it is prismatic, else moment."""
     if chain.rare is not None and chain.hinges[k].axis >= SLIDES:
         return 0
@@ -206,7 +206,7 @@ def kept_motion(forks, row):
 
 
 @inlined
-def carried(bodies, i, δa, η, δω):
+def hinge_acceleration(bodies, i, δa, η, δω):
     """δa at the hinge point of body i, from that of its parent body."""
     r, u = vec_of(bodies, i, BODY_MOTION.r), vec_of(bodies, i, BODY_MOTION.u)
     return add(δa, add(cross(η, r), scale(2.0, cross(δω, u))))
@@ -226,7 +226,7 @@ def multiply(work, weights, κ, x, product):
     """Write (weights[0] K + weights[1] C + weights[2] M) x for x (columns, n); `κ`: springs, friction and rotors."""
     weigh(work, weights[0], weights[1], weights[2])
     for column in range(len(x)):
-        ask(work, x[column])
+        body_loads(work, x[column])
         answer(work, weights[0], κ, x[column], product[column])
 
 
@@ -239,7 +239,7 @@ def mass_products(chain, q, x, product):
 
 
 @recursion
-def ask(work, x):
+def body_loads(work, x):
     """Force and moment of every body; the loaded one includes the rotated wrench."""
     rows, bodies, demands = work.hinges, work.motion.bodies, work.demands
     δa = δφ = η = δω = ZERO
@@ -249,7 +249,7 @@ def ask(work, x):
         b = work.chain.bodies[i]
         if work.forks is not None and b.begins:
             δa, δφ, η, δω = kept_motion(work.forks, b.slot)
-        δa = carried(bodies, i, δa, η, δω)
+        δa = hinge_acceleration(bodies, i, δa, η, δω)
         for k in range(b.first, b.stop):
             δa, δφ, η, δω = beyond_hinge(rows, k, x[k], δa, δφ, η, δω)
         f, n = by_acceleration(bodies, b.mass, i, δa)
@@ -275,7 +275,7 @@ def answer(work, by_angle, κ, x, product):
             f, n = with_loads(work.forks, b.fork, f, n)
         f, n = add(f, vec_of(demands, i, 0)), add(n, vec_of(demands, i, 3))
         for k in range(b.stop - 1, b.first - 1, -1):
-            product[k] = κ[k] * x[k] + dot(vec_of(rows, k, HINGE.e), n if felt(work.chain, k) else f)
+            product[k] = κ[k] * x[k] + dot(vec_of(rows, k, HINGE.e), n if wrench_part(work.chain, k) else f)
             f = add_scaled(f, by_angle * x[k], vec_of(rows, k, HINGE.moved))
             n = add_scaled(n, by_angle * x[k], vec_of(rows, k, HINGE.moved + 3))
         n = add(n, cross(vec_of(bodies, i, BODY_MOTION.r), f))

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.kernels.derivatives.inverse_derivatives import BODY_MOTION
-from flexlink.kernels.derivatives.small_motion import HINGE, PARTS, UNITS, felt
+from flexlink.kernels.derivatives.small_motion import HINGE, PARTS, UNITS, wrench_part
 from flexlink.kernels.forces.couplings import cells_of
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
@@ -81,7 +81,7 @@ def open_cell(cells, κ, k):
 def demand_in_cell(work, k, size, pj, w):
     """Write c and p of hinge k to its row, L and U; return D, from p·j of the outboard hinges."""
     rows, cells, G, q, κ = work.hinges, work.cells, work.cells.G, work.cells.q, work.cells.κ
-    e, part, own = vec_of(rows, k, HINGE.e), felt(work.chain, k), k - cells.first[k]
+    e, part, own = vec_of(rows, k, HINGE.e), wrench_part(work.chain, k), k - cells.first[k]
     D = κ[own, own] + w * (pj + dot(e, vec_of(G, own, part)))
     for i in range(6):
         rows[k, HINGE.c + i] += G[own, i]

@@ -30,13 +30,13 @@ from flexlink.kernels.derivatives.small_motion import (
     by_acceleration,
     by_spin,
     by_turning,
-    carried,
     clear_loads,
-    felt,
+    hinge_acceleration,
     keep_motion,
     kept_motion,
     weigh,
     with_loads,
+    wrench_part,
 )
 from flexlink.kernels.derivatives.small_motion_cells import (
     demand_in_cell,
@@ -74,7 +74,7 @@ def factor(work, weights, κ, w, sizes, smallest):
             begin_at_tip(work.tip, A)
         add_body(bodies, b.mass, i, size, A)
         for k in range(b.stop - 1, b.first - 1, -1):
-            D = demand(rows, k, felt(work.chain, k), size, weights[0], A)
+            D = demand(rows, k, wrench_part(work.chain, k), size, weights[0], A)
             if work.cells is None:
                 D, part = κ[k] + w[k] * D, w[k]
             else:
@@ -203,7 +203,7 @@ def load(work, r, x):
         if work.forks is not None and b.fork > 0:
             f, n = with_loads(work.forks, b.fork, f, n)
         for k in range(b.stop - 1, b.first - 1, -1):
-            eb = dot(vec_of(rows, k, HINGE.e), n if felt(work.chain, k) else f)
+            eb = dot(vec_of(rows, k, HINGE.e), n if wrench_part(work.chain, k) else f)
             if work.cells is not None:
                 load_in_cell(work, k, eb, r, x)
             elif given[k]:
@@ -228,7 +228,7 @@ def move(work, x, left):
         b = work.chain.bodies[i]
         if work.forks is not None and b.begins:
             δa, δφ, η, δω = kept_motion(work.forks, b.slot)
-        δa = carried(bodies, i, δa, η, δω)
+        δa = hinge_acceleration(bodies, i, δa, η, δω)
         for k in range(b.first, b.stop):
             w, D, py = rows[k, HINGE.w], rows[k, HINGE.D], along(rows, k, size, δa, δφ, η, δω)
             pull = w * py if work.cells is None else pull_in_cell(work.cells, k, py, x)

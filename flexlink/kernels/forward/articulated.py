@@ -69,7 +69,7 @@ from flexlink.kernels.tools.rare import rarely
 from flexlink.kernels.tools.records import keep, kept
 from flexlink.kernels.tools.sincos import cos_sin_all
 from flexlink.kernels.tools.sym3 import sym_apply, sym_of, sym_turn
-from flexlink.kernels.tools.vec3 import add, add_along, add_scaled, cross, dot, pick, place, scale, sub, turn_axes
+from flexlink.kernels.tools.vec3 import add, add_along, add_scaled, cross, dot, pick, rotate, scale, sub, turn_axes
 
 
 @recursion
@@ -119,7 +119,7 @@ def outward(layout, axes, bodies, hinges, forks, wrench, qd, places, cosines, si
         put_lever(bodies, i, ω, x, y, z)
         if layout[i, LAYOUT.turned]:
             u, v, w = axes_of(bodies, i, BODY_ROW.mount)
-            x, y, z = place(u, x, y, z), place(v, x, y, z), place(w, x, y, z)
+            x, y, z = rotate(u, x, y, z), rotate(v, x, y, z), rotate(w, x, y, z)
         if layout[i, LAYOUT.restart]:
             x, y, z = begin_axes(bodies, i, x, y, z)
             u, v, w = axes_of(bodies, i, RESTART.axes_before)
@@ -152,7 +152,7 @@ def outward(layout, axes, bodies, hinges, forks, wrench, qd, places, cosines, si
 @inlined
 def put_lever(bodies, i, ω, x, y, z):
     """Store r of body `i`, from the hinge point of its parent with axes x, y, z, and the centripetal acceleration b."""
-    r = place(vec_of(bodies, i, BODY_ROW.reach), x, y, z)
+    r = rotate(vec_of(bodies, i, BODY_ROW.reach), x, y, z)
     put_vec_of(bodies, r, i, BODY_ROW.r)
     put_vec_of(bodies, swung(ω, r), i, BODY_ROW.b)
 
@@ -160,7 +160,7 @@ def put_lever(bodies, i, ω, x, y, z):
 @inlined
 def put_body(bodies, i, ω, x, y, z):
     """Store m c of body `i` with axes x, y, z, and its centripetal force at the rate ω."""
-    mc = place(vec_of(bodies, i, BODY_ROW.moment), x, y, z)
+    mc = rotate(vec_of(bodies, i, BODY_ROW.moment), x, y, z)
     put_vec_of(bodies, mc, i, BODY_ROW.mc)
     put_vec_of(bodies, swung(ω, mc), i, BODY_ROW.f)
 
@@ -294,7 +294,7 @@ def propagate_joints(layout, i, following, axes, forks, prescribed, bodies, hing
                 again = k + 1 < layout[i, LAYOUT.stop] and axes[k] == axes[k + 1] and not prescribed[k + 1]
                 J, H, M, n, f = eliminate_joint(hinges, k, again, J, H, M, n, f)
     ζ = vec_of(bodies, i, BODY_ROW.ζ)
-    n, f = add(n, sym_apply(J, ζ)), add(f, place(ζ, H[0], H[1], H[2]))
+    n, f = add(n, sym_apply(J, ζ)), add(f, rotate(ζ, H[0], H[1], H[2]))
     if layout[i, LAYOUT.restart]:
         J, H, M, n, f = in_axes_before(bodies, i, J, H, M, n, f)
     return J, H, M, n, f
@@ -321,11 +321,11 @@ def accelerate(gravity, layout, forks, prescribed, bodies, hinges, qd, tau, qdd,
         if group == GROUP.triple:
             α3 = at(bodies, i, BODY_ROW.α + 2) - dot(vec_of(bodies, i, BODY_ROW.h_D + 6), a)
             α1, α2, α3 = along_group(bodies, i, α3, a)
-            α = place((α1, α2, α3), x, y, z)
+            α = rotate((α1, α2, α3), x, y, z)
             spread(hinges, first, sub(α, before), qdd)
         elif group == GROUP.pair:
             α1, α2, α3 = along_group(bodies, i, dot(z, before), a)
-            α = place((α1, α2, α3), x, y, z)
+            α = rotate((α1, α2, α3), x, y, z)
             put_at(qdd, α2 - dot(y, before), first)
             put_at(qdd, α1 - dot(x, before), first + 1)
         elif forks is not None and rarely(group == GROUP.slides):

@@ -19,7 +19,7 @@ from flexlink.kernels.forward.articulated_rows import BODY_ROW, HINGE_ROW, RESTA
 from flexlink.kernels.tools.compiler import inlined
 from flexlink.kernels.tools.lanes import at, put_at, put_vec_of, vec_of, zero_of
 from flexlink.kernels.tools.sym3 import sym_add, sym_add_dyad, sym_apply, sym_from_axes, sym_of
-from flexlink.kernels.tools.vec3 import add, add_scaled, combine, cross, dot, place, scale, sub
+from flexlink.kernels.tools.vec3 import add, add_scaled, combine, cross, dot, rotate, scale, sub
 
 
 @inlined
@@ -28,7 +28,7 @@ def propagate_inertia(bodies, i, outer, J, H, M, n, f):
     x, y, z = axes_of(bodies, i, BODY_ROW.axes)
     r, mc, m = vec_of(bodies, outer, BODY_ROW.r), vec_of(bodies, i, BODY_ROW.mc), at(bodies, i, BODY_ROW.mass)
     n, f = with_bias(bodies, outer, H, M, n, f)
-    n = add(add(n, cross(r, f)), place(vec_of(bodies, i, BODY_ROW.n), x, y, z))
+    n = add(add(n, cross(r, f)), rotate(vec_of(bodies, i, BODY_ROW.n), x, y, z))
     f = add(f, vec_of(bodies, i, BODY_ROW.f))
     o = zero_of(bodies, i, BODY_ROW.mass)
     ΔJ, (K1, K2, K3) = over_lever(o, r, H, M)
@@ -69,7 +69,7 @@ def eliminate_joint(hinges, k, again, J, H, M, n, f):
     rotor's.
     """
     e = vec_of(hinges, k, HINGE_ROW.axis)
-    Je, He = sym_apply(J, e), place(e, H[0], H[1], H[2])
+    Je, He = sym_apply(J, e), rotate(e, H[0], H[1], H[2])
     if again:
         left = at(hinges, k + 1, HINGE_ROW.armature) * at(hinges, k + 1, HINGE_ROW.inverse)
         Je, He = scale(left, vec_of(hinges, k + 1, HINGE_ROW.Je)), scale(left, vec_of(hinges, k + 1, HINGE_ROW.He))
@@ -82,7 +82,7 @@ def eliminate_joint(hinges, k, again, J, H, M, n, f):
     # Along e only the rotor's part remains. Subtract the rounding error, which matters where the other terms are small.
     rotor = at(hinges, k, HINGE_ROW.armature) * inverse
     ρ = sub(sym_apply(J, e), scale(rotor, Je))
-    η = sub(place(e, H[0], H[1], H[2]), scale(rotor, He))
+    η = sub(rotate(e, H[0], H[1], H[2]), scale(rotor, He))
     ρ = add_scaled(ρ, -0.5 * dot(e, ρ), e)
     J = (
         J[0] - 2.0 * e[0] * ρ[0], J[1] - 2.0 * e[1] * ρ[1], J[2] - 2.0 * e[2] * ρ[2],
@@ -110,7 +110,7 @@ def eliminate_along(hinges, k, J, H, M, n, f):
 def propagate_prescribed(hinges, k, acceleration, J, H, n, f):
     """n, f inboard of a hinge with given q̈; stores J e, Hᵀ e and e·n to compute its torque."""
     e = vec_of(hinges, k, HINGE_ROW.axis)
-    Je, He = sym_apply(J, e), place(e, H[0], H[1], H[2])
+    Je, He = sym_apply(J, e), rotate(e, H[0], H[1], H[2])
     put_vec_of(hinges, Je, k, HINGE_ROW.Je)
     put_vec_of(hinges, He, k, HINGE_ROW.He)
     put_at(hinges, dot(e, n), k, HINGE_ROW.T)
@@ -138,11 +138,11 @@ def keep_joint(hinges, k, Je, He, T, inverse):
 def in_axes_before(bodies, i, J, H, M, n, f):
     """Convert J, H, M, n, f to the working axes that apply inboard of body `i`, where the axes restart."""
     x, y, z = axes_of(bodies, i, RESTART.axes_before)
-    p, q, r = place(H[0], x, y, z), place(H[1], x, y, z), place(H[2], x, y, z)
+    p, q, r = rotate(H[0], x, y, z), rotate(H[1], x, y, z), rotate(H[2], x, y, z)
     H = (
         combine(x[0], p, y[0], q, z[0], r), combine(x[1], p, y[1], q, z[1], r), combine(x[2], p, y[2], q, z[2], r),
     )  # fmt: skip
-    return sym_from_axes(x, y, z, J), H, sym_from_axes(x, y, z, M), place(n, x, y, z), place(f, x, y, z)
+    return sym_from_axes(x, y, z, J), H, sym_from_axes(x, y, z, M), rotate(n, x, y, z), rotate(f, x, y, z)
 
 
 @inlined
@@ -188,7 +188,7 @@ def propagate_any(bodies, i, outer, J, H, M, n, f):
     J, H, M, n, f = propagate_inertia(bodies, i, outer, J, H, M, n, f)
     Jx, Jy, Jz = sym_apply(J, x), sym_apply(J, y), sym_apply(J, z)
     J = dot(x, Jx), dot(y, Jy), dot(z, Jz), dot(y, Jz), dot(x, Jz), dot(x, Jy)
-    return J, (place(x, *H), place(y, *H), place(z, *H)), (dot(x, n), dot(y, n), dot(z, n)), M, f
+    return J, (rotate(x, *H), rotate(y, *H), rotate(z, *H)), (dot(x, n), dot(y, n), dot(z, n)), M, f
 
 
 @inlined

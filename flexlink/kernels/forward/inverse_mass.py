@@ -18,7 +18,7 @@ from flexlink.kernels.forward.articulated_rows import BODY_ROW, HINGE_ROW, RESTA
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 from flexlink.kernels.tools.lanes import at, put_at, put_vec_of, vec_of, zero_of
 from flexlink.kernels.tools.rare import rarely
-from flexlink.kernels.tools.vec3 import add, add_scaled, combine, combine2, cross, dot, place, sub
+from flexlink.kernels.tools.vec3 import add, add_scaled, combine, combine2, cross, dot, rotate, sub
 
 
 @recursion
@@ -44,7 +44,7 @@ def solve_on_articulated(r, loads, x, work):
                     n, f = load_hinge(hinges, k, HINGE_ROW.Je, HINGE_ROW.He, r, x, n, f)
         if layout[i, LAYOUT.restart]:
             u, v, w = axes_of(bodies, i, RESTART.axes_before)
-            n, f = place(n, u, v, w), place(f, u, v, w)
+            n, f = rotate(n, u, v, w), rotate(f, u, v, w)
         if work.forks is not None and rarely(layout[i, LAYOUT.begins]):
             add_branch(loads, layout[i, LAYOUT.parent], vec_of(bodies, i, BODY_ROW.r), n, f)
             n, f = (o, o, o), (o, o, o)
@@ -159,7 +159,7 @@ def move_group(bodies, i, hinges, k, triple, x, before, a):
         α3 = at(x, k + 2) - dot(vec_of(bodies, i, BODY_ROW.h_D + 6), a)
     α2 = at(x, k + 1) - dot(vec_of(bodies, i, BODY_ROW.h_D + 3), a) - l23 * α3
     α1 = at(x, k) - dot(vec_of(bodies, i, BODY_ROW.h_D), a) - l12 * α2 - l13 * α3
-    α = place((α1, α2, α3), u, v, w)
+    α = rotate((α1, α2, α3), u, v, w)
     if triple:
         spread(hinges, k, sub(α, before), x)
     else:

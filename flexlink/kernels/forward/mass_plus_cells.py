@@ -36,11 +36,11 @@ def rows_beside(first, rare):
 
 
 @subroutine
-def put_couplings(u, v, beside, factors):
+def put_couplings(u, v, coupled, factors):
     """Write A_kj = u D_kj + v K_kj for all pairs of hinges of a cell; K and D from `rows_beside`."""
-    for k in range(beside.shape[0]):
-        for j in range(beside.shape[1]):
-            factors[k, COUPLED.L + j] = u * beside[k, j, 1] + v * beside[k, j, 0]
+    for k in range(coupled.shape[0]):
+        for j in range(coupled.shape[1]):
+            factors[k, COUPLED.L + j] = u * coupled[k, j, 1] + v * coupled[k, j, 0]
 
 
 @subroutine

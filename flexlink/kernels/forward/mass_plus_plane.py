@@ -51,7 +51,7 @@ class PlanePosture(NamedTuple):
     d: Any  # (n, 2) r rotated by 90°
     h: Any  # (n, 2) m c rotated by 90°
     first: Any  # (n,) first hinge of each hinge's cell; (0,) without couplings; None for a plain chain
-    beside: Any  # (n, w, 2) K and D with the hinges before it in its cell
+    coupled: Any  # (n, w, 2) K and D with the hinges before it in its cell
     radius: Any  # (n,) displacement per rotation of joints that displace no point [m]; (0,) if there are none
 
 
@@ -68,7 +68,7 @@ def plane_postures(s, posture):
     """Allocate `s` postures of the same chain; their arrays have a leading dimension (s,)."""
     n = len(posture.d)
     trig, d, h = np.zeros((s, 3, n)), np.zeros((s, n, 2)), np.zeros((s, n, 2))
-    return PlanePosture(posture.links, posture.prescribed, trig, d, h, posture.first, posture.beside, posture.radius)
+    return PlanePosture(posture.links, posture.prescribed, trig, d, h, posture.first, posture.coupled, posture.radius)
 
 
 @kernel
@@ -90,7 +90,7 @@ def plane_posture_of(i, postures):
     """Posture `i` of several, whose arrays have a leading dimension."""
     trig, d, h = postures.trig[i], postures.d[i], postures.h[i]
     return PlanePosture(
-        postures.links, postures.prescribed, trig, d, h, postures.first, postures.beside, postures.radius
+        postures.links, postures.prescribed, trig, d, h, postures.first, postures.coupled, postures.radius
     )
 
 

@@ -48,7 +48,7 @@ from flexlink.kernels.tools.rare import rarely
 from flexlink.kernels.tools.records import added, keep, kept
 from flexlink.kernels.tools.sincos import cos_sin_all
 from flexlink.kernels.tools.sym3 import sym_add_dyad, sym_apply, sym_from_axes, sym_of
-from flexlink.kernels.tools.vec3 import ZERO, X, Y, Z, add, add_scaled, cross, dot, pick, place, scale, turn_axes
+from flexlink.kernels.tools.vec3 import ZERO, X, Y, Z, add, add_scaled, cross, dot, pick, rotate, scale, turn_axes
 
 ROW = numbered("A inverse U:3 G:3")  # of an eliminated hinge: A_kk, 1 / S, U and G
 OPEN = numbered("rotor c:3 g:3", start=ROW.inverse)  # of a hinge before its elimination: A_kk so far, its column c, g
@@ -67,7 +67,7 @@ class SpacePosture(NamedTuple):
     moments: Any  # (bodies, 3) m c
     inertias: Any  # (bodies, 6) about the hinge point
     first: Any  # (n,) first hinge of each hinge's cell; (0,) without couplings; None for a plain chain
-    beside: Any  # (n, w, 2) K and D with the hinges before it in its cell
+    coupled: Any  # (n, w, 2) K and D with the hinges before it in its cell
     forks: Any  # rows of the forks, scratch; for a tree, or for prismatic joints
     radius: Any  # (n,) displacement per rotation of joints that displace no point [m]; (0,) if there are none
 
@@ -99,7 +99,7 @@ def space_postures(s, posture):
     return SpacePosture(
         posture.layout, posture.axes, posture.rows, posture.prescribed, np.zeros((s, 3, n)),
         np.zeros((s, n, 3)), np.zeros((s, m + 1, 3)), np.zeros((s, m, 3)), np.zeros((s, m, 6)),
-        posture.first, posture.beside, posture.forks, posture.radius,
+        posture.first, posture.coupled, posture.forks, posture.radius,
     )  # fmt: skip
 
 
@@ -118,7 +118,7 @@ def space_posture_of(i, postures):
     return SpacePosture(
         postures.layout, postures.axes, postures.rows, postures.prescribed, postures.trig[i],
         postures.e[i], postures.r[i], postures.moments[i], postures.inertias[i],
-        postures.first, postures.beside, postures.forks, postures.radius,
+        postures.first, postures.coupled, postures.forks, postures.radius,
     )  # fmt: skip
 
 
@@ -136,17 +136,17 @@ def place_in_space(q, posture):
     for i in range(len(layout)):
         if posture.forks is not None and rarely(layout[i, LAYOUT.begins]):
             x, y, z = kept(posture.forks, layout[i, LAYOUT.slot], (x, y, z))
-        put_vec_of(rs, place(vec_of(rows, i, BODY_ROW.reach), x, y, z), i, 0)
+        put_vec_of(rs, rotate(vec_of(rows, i, BODY_ROW.reach), x, y, z), i, 0)
         if layout[i, LAYOUT.turned]:
             u, v, w = axes_of(rows, i, BODY_ROW.mount)
-            x, y, z = place(u, x, y, z), place(v, x, y, z), place(w, x, y, z)
+            x, y, z = rotate(u, x, y, z), rotate(v, x, y, z), rotate(w, x, y, z)
         if posture.forks is not None and rarely(layout[i, LAYOUT.group] == GROUP.slides):
             place_slides(q, posture, i, x, y, z)
         else:
             for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
                 put_vec_of(es, pick(axes[k], x, y, z), k, 0)
                 x, y, z = turn_axes(axes[k], trig[1, k], trig[2, k], x, y, z)
-        put_vec_of(moments, place(vec_of(rows, i, BODY_ROW.moment), x, y, z), i, 0)
+        put_vec_of(moments, rotate(vec_of(rows, i, BODY_ROW.moment), x, y, z), i, 0)
         I = sym_from_axes(x, y, z, sym_of(rows, i, BODY_ROW.own_inertia))
         put_vec_of(inertias, (I[0], I[1], I[2]), i, 0)
         put_vec_of(inertias, (I[3], I[4], I[5]), i, 3)
@@ -180,7 +180,7 @@ def factor_in_space(factors, posture):
                     open_columns(factors, begin, k + 1)
                 if not prescribed[k]:
                     e = vec_of(es, k, 0)
-                    U, G = sym_apply(J, e), place(e, H[0], H[1], H[2])
+                    U, G = sym_apply(J, e), rotate(e, H[0], H[1], H[2])
                     if first is None:
                         inverse = 1.0 / (dot(e, U) + factors[k, ROW.A])
                     else:

@@ -21,9 +21,9 @@ from flexlink.kernels.tools.vec3 import (
     cross,
     dot,
     pick,
-    place,
     place_axes,
     put,
+    rotate,
     scale,
     sub,
     turn_axes,
@@ -78,7 +78,7 @@ def kinematics(chain, q, work):
             if b.parent > 0:
                 x, y, z = columns_of(rotations[b.parent - 1])
                 p = vec_of(points, b.parent - 1, 0)
-        p = add(p, place(vector(b.translation), x, y, z))
+        p = add(p, rotate(vector(b.translation), x, y, z))
         if b.turned:
             x, y, z = place_axes(b.rotation, x, y, z)
         for k in range(b.first, b.stop):

@@ -20,8 +20,8 @@ from flexlink.kernels.tools.vec3 import (
     cross,
     dot,
     pick,
-    place,
     place_axes,
+    rotate,
     scale,
     turn_axes,
     vector,
@@ -49,7 +49,7 @@ def put_acting(loads, t, middle, q, qd, wrench):
     ω = v = ZERO
     for number in range(len(loads.path)):
         b = bodies[loads.path[number]]
-        v = add(v, cross(ω, place(vector(b.translation), x, y, z)))
+        v = add(v, cross(ω, rotate(vector(b.translation), x, y, z)))
         if b.turned:
             x, y, z = place_axes(b.rotation, x, y, z)
         for k in range(b.first, b.stop):
@@ -63,8 +63,8 @@ def put_acting(loads, t, middle, q, qd, wrench):
             x, y, z = turn_axes(axis, c, s, x, y, z)
     put_given(loads, t, middle, wrench)
     if loads.follows:
-        wrench[0], wrench[1], wrench[2] = place(vec(wrench, 0), x, y, z)
-        wrench[3], wrench[4], wrench[5] = place(vec(wrench, 3), x, y, z)
+        wrench[0], wrench[1], wrench[2] = rotate(vec(wrench, 0), x, y, z)
+        wrench[3], wrench[4], wrench[5] = rotate(vec(wrench, 3), x, y, z)
     return dot(vec(wrench, 0), v)
 
 

@@ -273,7 +273,7 @@ def sample(t, h, inputs, state, work, count, samples, spare):
     times, qs, qds, works, so_far = samples
     while count[COUNT.row] < len(times) and times[count[COUNT.row]] <= t + (1.0 + AT_THE_END) * h:
         row = count[COUNT.row]
-        works[row] = place(min(1.0, (times[row] - t) / h), h, state, work, qs[row], qds[row])
+        works[row] = write_state(min(1.0, (times[row] - t) / h), h, state, work, qs[row], qds[row])
         follow(inputs.motion, times[row], qs[row], qds[row], spare)
         note(work.stepper, count, so_far[row])
         count[COUNT.row] += 1
@@ -288,7 +288,7 @@ def note(stepper, count, so_far):
 
 
 @recursion
-def place(x, h, state, work, angles, rates):
+def write_state(x, h, state, work, angles, rates):
     """Write q and q̇ at a fraction x of the last step from `state`; return W there."""
     if x < 1.0 - AT_THE_END:
         return inside(x, h, state, angles, rates, work)

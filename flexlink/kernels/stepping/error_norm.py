@@ -90,7 +90,7 @@ def displace(τ, e_v, springs, posture, chain):
         held = implicit_rotor(τ, k, springs, chain)
         factors[k, FACTORS.A], r[k] = chain.hinges[k].armature + held, -τ * held * e_v[k]
     if posture.first is not None and len(posture.first) > 0:
-        put_couplings(τ, τ * τ, posture.beside, factors)
+        put_couplings(τ, τ * τ, posture.coupled, factors)
         add_products(-τ * τ, -τ * τ * τ, chain.rare, e_v, r)
     factor(factors, posture)
     solve(factors, r, δ, posture)
@@ -113,7 +113,7 @@ def thrown(τ, springs, posture, chain):
     for k in range(len(r)):
         factors[k, FACTORS.A] = chain.hinges[k].armature + implicit_rotor(τ, k, springs, chain)
     if posture.first is not None and len(posture.first) > 0:
-        put_couplings(τ, τ * τ, posture.beside, factors)
+        put_couplings(τ, τ * τ, posture.coupled, factors)
     factor(factors, posture)
     solve(factors, r, δ, posture)
     return displacement(δ, posture)

@@ -104,7 +104,7 @@ def implicit_step(t, h, inputs, state, allowed, work):
             work.stepper[STEPPER.displacement] = moved if iteration == 1 else before
             finish(t, h, inputs, q, qd, work)
             error = estimate(h, qd, qdd, tolerance, work)
-            settled = math.isnan(error) or tells_work(moved, q, allowed, work) or not does_work(inputs, work)
+            settled = math.isnan(error) or work_is_accurate(moved, q, allowed, work) or not does_work(inputs, work)
         elif not moved < math.inf or (iteration > 3 and contraction > 1.0) or iteration == most:
             return math.nan, iteration
         elif fresh and iteration > 1 and contraction > slow_from:
@@ -242,7 +242,7 @@ def unsettled(h, work):
 
 
 @inlined
-def tells_work(moved, q, allowed, work):
+def work_is_accurate(moved, q, allowed, work):
     """Whether the powers of the stages, from before the last iteration with displacement `moved`, give W of the step.
 
     They do if it is at most 4 times the step's error: W of all steps is then off by less than forces times the

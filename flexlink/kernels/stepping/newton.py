@@ -68,7 +68,7 @@ def shift_rotors(z, rates, factors, work):
         held = slope(work, k, rates[k]) + z * (hinge.stiffness + work.springs.kp[k])
         factors[k, FACTORS.A] = hinge.armature + z * held
     if work.posture.first is not None and len(work.posture.first) > 0:
-        put_couplings(z, z * z, work.posture.beside, factors)
+        put_couplings(z, z * z, work.posture.coupled, factors)
 
 
 @recursion
@@ -107,7 +107,7 @@ def factor_stages(h, work):
         for k in range(len(factors)):
             factors[k, FACTORS.A] = work.factors[0, k, FACTORS.A]
         if work.posture.first is not None and len(posture.first) > 0:
-            put_couplings(z, z * z, posture.beside, factors)
+            put_couplings(z, z * z, posture.coupled, factors)
         factor(factors, posture)
 
 

@@ -56,7 +56,7 @@ def integrate(work, tableau, inputs, h, origin, first, last, far, every, state, 
     qs, qds, works = samples
     stages = step_workspace(tableau, q)
     for number in range(first, last):
-        ask_at(inputs, h, origin + number, state, stages)
+        sample_law_at(inputs, h, origin + number, state, stages)
         step(work, tableau, inputs, h, origin + number, state, stages)
         if not (is_finite(q) and is_finite(qd)):
             return number
@@ -68,7 +68,7 @@ def integrate(work, tableau, inputs, h, origin, first, last, far, every, state, 
             put_at(works, at(done, 0), row)
         if has_turned(q, far):
             return number + 1
-    ask_at(inputs, h, origin + last, state, stages)
+    sample_law_at(inputs, h, origin + last, state, stages)
     return last
 
 
@@ -103,7 +103,7 @@ def probe(work, tableau, inputs, h, origins, rows, samples, ends):
                 put_at(qd, at(qds, rows[i], k), k)
             for part in range(parts):
                 number = parts * origins[i] + part
-                ask_at(inputs, h / parts, number, (q, qd, done), stages)
+                sample_law_at(inputs, h / parts, number, (q, qd, done), stages)
                 step(work, tableau, inputs, h / parts, number, (q, qd, done), stages)
                 if not (is_finite(q) and is_finite(qd)):
                     break
@@ -112,7 +112,7 @@ def probe(work, tableau, inputs, h, origins, rows, samples, ends):
 
 
 @inlined
-def ask_at(inputs, h, number, state, stages):
+def sample_law_at(inputs, h, number, state, stages):
     """Evaluate a sampled law before the step from t = number · h, if that is one of its instants."""
     sample_at_step(inputs.drive, number * h, (number + 0.5) * h, state[0], state[1], stages.tau)
 

@@ -146,7 +146,7 @@ def turn_axes(axis, c, s, x, y, z):
 
 
 @inlined
-def place(a, x, y, z):
+def rotate(a, x, y, z):
     """R a, for the columns x, y, z of R."""
     return combine(a[0], x, a[1], y, a[2], z)
 

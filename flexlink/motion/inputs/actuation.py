@@ -11,7 +11,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.describe.actions import PrescribedMotion
-from flexlink.describe.own_units import in_si
+from flexlink.describe.joint_units import in_si
 from flexlink.describe.scene import Scene
 from flexlink.kernels.inputs.record import Drive, Inputs, MotionTable
 from flexlink.motion.inputs.drives import drive_arrays, gains_of, no_model

@@ -11,7 +11,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
-from flexlink.describe.own_units import row_in_si
+from flexlink.describe.joint_units import row_in_si
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.static_postures import static_posture
 from flexlink.kernels.inputs.drive_torque import follow

@@ -7,7 +7,7 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
-from flexlink.describe.own_units import OF_JOINT, in_own
+from flexlink.describe.joint_units import OF_JOINT, in_joint_units
 from flexlink.describe.scene import Scene
 from flexlink.kernels.inputs.record import PiecewisePolynomial
 
@@ -46,7 +46,11 @@ def check_start(scene: Scene, chain: Chain) -> None:
     for k in chain.active.tolist():
         link = chain.coordinates[k].link - 1
         slides = scene.arm.slides[link]
-        starts, stated, unit = float(in_own([slides], [initial.q[k]])[0]), scene.starts[link], OF_JOINT[slides].unit
+        starts, stated, unit = (
+            float(in_joint_units([slides], [initial.q[k]])[0]),
+            scene.starts[link],
+            OF_JOINT[slides].unit,
+        )
         missing, default = f"from_{unit}", f"joint_{unit}"
         if reference.starts_at_initial(slides=slides) and abs(starts - stated) > close:
             raise SceneError(

@@ -17,8 +17,8 @@ from flexlink.dynamics.vibration.stability_function import stable_half_disc
 from flexlink.motion.inputs.actuation import acting_at
 
 
-def judge_steps(problems: Sequence[InitialValueProblem]) -> list[tuple[Diagnostic, ...] | FlexlinkError]:
-    """Warnings from `judge_step` for every problem, or its error; bounds computed for all problems decide most."""
+def check_steps(problems: Sequence[InitialValueProblem]) -> list[tuple[Diagnostic, ...] | FlexlinkError]:
+    """Warnings from `check_step` for every problem, or its error; bounds computed for all problems decide most."""
     within = _within_bounds(problems)
     return [() if known else _checked(problem) for problem, known in zip(problems, within, strict=True)]
 
@@ -55,7 +55,7 @@ def _acting(problems: Sequence[InitialValueProblem]) -> list[dict[str, Any]]:
     return found
 
 
-def judge_step(problem: InitialValueProblem) -> tuple[Diagnostic, ...]:
+def check_step(problem: InitialValueProblem) -> tuple[Diagnostic, ...]:
     """Check the fixed step against the largest stable one at the start; warn if it exceeds it but is allowed.
 
     Raises
@@ -69,7 +69,7 @@ def judge_step(problem: InitialValueProblem) -> tuple[Diagnostic, ...]:
 
 
 def _check_by_eigenvalues(problem: InitialValueProblem) -> tuple[Diagnostic, ...]:
-    """`judge_step` of a step that the bound does not decide."""
+    """`check_step` of a step that the bound does not decide."""
     run = problem.run
     if run.duration == 0 or not problem.explicit:
         return ()
@@ -79,7 +79,7 @@ def _check_by_eigenvalues(problem: InitialValueProblem) -> tuple[Diagnostic, ...
     if run.fixed_step <= largest:
         return ()
     reason = (
-        f"{run.said('step', 'run.')} = {run.fixed_step:g} s: more than {largest:.3g} s, the largest stable step of "
+        f"{run.label('step', 'run.')} = {run.fixed_step:g} s: more than {largest:.3g} s, the largest stable step of "
         f"{run.method} at the start "
         f"of {problem.scene.name!r} (fastest eigenvalue {np.abs(λ).max():.4g} 1/s)"
     )

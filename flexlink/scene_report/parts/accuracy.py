@@ -37,14 +37,14 @@ def made(study: Study) -> Part | None:
 def _hinge_error(about: Refinement) -> list[str]:
     if not any(about.model):
         return ["All links are rigid: there are no hinges to refine."]
-    if about.says_state:
+    if about.gives_state:
         return ["Tip error from the number of hinges: unknown, because initial.q fixes that number."]
     limit = about.limit
     if limit is None:
         early = "; ".join(f"{factor:g} times the hinges: {why}" for factor, why in _early(about))
         return [f"Tip error from the number of hinges: unknown, because too few other runs completed ({early})."]
-    if not about.is_known:
-        until = about.known_until(ENOUGH)
+    if not about.is_accurate:
+        until = about.accurate_until(ENOUGH)
         return [
             f"Tip error from the number of hinges: unknown. More hinges still move the tip by {_length(limit.error)}, "
             f"as in motion that amplifies small errors. Up to {number(until)} s the two finest models differ by less "
@@ -131,7 +131,7 @@ def _table(about: Refinement, choices: Sequence[Choice]) -> Table:
 
 def _in_time(about: Refinement) -> Picture | None:
     """Plot the tip's distance from the limit along the run, for every discretisation."""
-    if about.limit is None or not about.is_known:
+    if about.limit is None or not about.is_accurate:
         return None
     figure, (axes,) = stacked_axes(1, 3.2)
     columns: dict[str, np.ndarray] = {"t [s]": about.run.t}

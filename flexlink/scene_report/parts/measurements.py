@@ -23,30 +23,30 @@ def made(study: Study) -> Part | None:
     if study.against is None or not study.measurements:
         return None
     measured = read_measured(study.against, study.run.columns)
-    beside = Comparison(study.scene, study.run, measured)
-    if len(beside.t) < 2:
+    comparison = Comparison(study.scene, study.run, measured)
+    if len(comparison.t) < 2:
         return Part((
             f"Fewer than two samples of {study.against.name} ({measured.t[0]:g} … {measured.t[-1]:g} s) are within the "
             f"run ({study.run.t[0]:g} … {study.run.t[-1]:g} s); use the times of the scene (initial.time).",
         ))  # fmt: skip
-    fits = beside.fits
+    fits = comparison.fits
     best = fits[0] if fits and fits[0].explained > 0.5 else None  # fraction of the mean square difference
     first = (
-        f"{study.against.name}: {plural(len(beside.measured), 'column')}, {len(beside.t)} samples from "
-        f"{number(float(beside.t[0]))} to {number(float(beside.t[-1]))} s"
+        f"{study.against.name}: {plural(len(comparison.measured), 'column')}, {len(comparison.t)} samples from "
+        f"{number(float(comparison.t[0]))} to {number(float(comparison.t[-1]))} s"
     )
-    first += f"; {beside.left_out} outside the run are ignored." if beside.left_out else "."
-    sentences = (first, _about_difference(study, beside), *_about_fits(fits, best))
-    tables = [_columns(study, beside, best)]
+    first += f"; {comparison.left_out} outside the run are ignored." if comparison.left_out else "."
+    sentences = (first, _about_difference(study, comparison), *_about_fits(fits, best))
+    tables = [_columns(study, comparison, best)]
     if fits:
         tables.append(_numbers(fits))
-    pictures = (_overlay(study, beside, best), _difference(study, beside, best))
-    return Part(tuple(filter(None, sentences)), (_verdict(study, beside, best),), pictures, tuple(tables))
+    pictures = (_overlay(study, comparison, best), _difference(study, comparison, best))
+    return Part(tuple(filter(None, sentences)), (_verdict(study, comparison, best),), pictures, tuple(tables))
 
 
-def _about_difference(study: Study, beside: Comparison) -> str:
-    off, name = _worst(study, beside)
-    size = float(np.nanmax(beside.measured[name]) - np.nanmin(beside.measured[name]))
+def _about_difference(study: Study, comparison: Comparison) -> str:
+    off, name = _worst(study, comparison)
+    size = float(np.nanmax(comparison.measured[name]) - np.nanmin(comparison.measured[name]))
     share = f", {_share(off / size)} of the measured range" if size > 0 else ""
     return f"RMS difference: {_with_unit(off, name)} in {_bare(name)}{share}."
 
@@ -57,22 +57,22 @@ def _about_fits(fits: Sequence[Fit], best: Fit | None) -> list[str]:
     if best is None:
         return [
             f"No single parameter of the scene explains the difference. With the best, {fits[0].number.what}, "
-            f"{_share(fits[0].left)} of it remains.",
+            f"{_share(fits[0].remaining)} of it remains.",
         ]
     sentences = [
         f"Best explanation: {best.number.what} {_change(best)}, {_value(best)} instead of "
-        f"{number(best.number.value)}; {_share(best.left)} of the difference remains."
+        f"{number(best.number.value)}; {_share(best.remaining)} of the difference remains."
     ]
     clearly = 2.0  # a parameter is the cause if every other leaves at least twice its difference
     rivals = [
-        f"{fit.number.what} ({_change(fit)}; {_share(fit.left)} remains)"
+        f"{fit.number.what} ({_change(fit)}; {_share(fit.remaining)} remains)"
         for fit in fits[1:]
-        if fit.left < clearly * best.left
+        if fit.remaining < clearly * best.remaining
     ]
     if rivals:
         sentences.append(f"The cause is uncertain, because other parameters fit nearly as well: {', '.join(rivals)}.")
     elif len(fits) > 1:
-        sentences.append(f"With the next best, {fits[1].number.what}, {_share(fits[1].left)} remains.")
+        sentences.append(f"With the next best, {fits[1].number.what}, {_share(fits[1].remaining)} remains.")
     sentences.append(
         "Each parameter is fitted alone; ± is one standard deviation if the remaining difference is noise."
     )
@@ -95,10 +95,10 @@ def _change(fit: Fit) -> str:
     return f"{by:+.3g} ± {number(spread, 2)}{unit}".replace("-", "−")
 
 
-def _worst(study: Study, beside: Comparison) -> tuple[float, str]:
+def _worst(study: Study, comparison: Comparison) -> tuple[float, str]:
     """Return the column with the largest difference relative to its spread."""
-    off = beside.off(study.run)
-    name = max(off, key=lambda name: off[name] / (float(np.nanstd(beside.measured[name])) or 1.0))
+    off = comparison.off(study.run)
+    name = max(off, key=lambda name: off[name] / (float(np.nanstd(comparison.measured[name])) or 1.0))
     return off[name], name
 
 
@@ -111,21 +111,21 @@ def _with_unit(value: float, name: str) -> str:
     return f"{number(1e3 * value)} mm" if unit == "m" and value < 0.1 else f"{number(value)} {unit}"
 
 
-def _verdict(study: Study, beside: Comparison, best: Fit | None) -> Verdict:
-    off, name = _worst(study, beside)
+def _verdict(study: Study, comparison: Comparison, best: Fit | None) -> Verdict:
+    off, name = _worst(study, comparison)
     text = f"RMS difference in {_bare(name)}."
     if best is not None:
         text += f" Best explanation: {best.number.what} {_change(best)}."
     return Verdict("Measurements", "info", _with_unit(off, name), text)
 
 
-def _columns(study: Study, beside: Comparison, best: Fit | None) -> Table:
+def _columns(study: Study, comparison: Comparison, best: Fit | None) -> Table:
     heads = ["column", "RMS difference", "largest difference", "at [s]"]
-    off, differences = beside.off(study.run), beside.differences(study.run)
+    off, differences = comparison.off(study.run), comparison.differences(study.run)
     lines: list[tuple[Cell, ...]] = []
     for name, column in differences.items():
         worst = int(np.nanargmax(np.abs(column)))
-        line = name, off[name], abs(float(column[worst])), float(beside.t[worst])
+        line = name, off[name], abs(float(column[worst])), float(comparison.t[worst])
         lines.append((*line, best.off[name]) if best else line)
     if best:
         heads.append("RMS after fitting")
@@ -136,30 +136,30 @@ def _numbers(fits: Sequence[Fit]) -> Table:
     heads = ("parameter", "in the scene", "fitted", "±", "factor", "remaining difference", "path")
     lines = tuple(
         (fit.number.what, fit.number.value, fit.value, fit.spread, fit.factor,
-         fit.left, fit.number.path)
+         fit.remaining, fit.number.path)
         for fit in fits
     )  # fmt: skip
     return Table("numbers", "Parameters of the scene, each fitted alone", heads, lines)
 
 
-def _drawn(beside: Comparison) -> list[str]:
+def _drawn(comparison: Comparison) -> list[str]:
     """Return the columns to plot: the first four, so the page stays short."""
-    return list(beside.measured)[:4]
+    return list(comparison.measured)[:4]
 
 
-def _overlay(study: Study, beside: Comparison, best: Fit | None) -> Picture:
-    names = _drawn(beside)
+def _overlay(study: Study, comparison: Comparison, best: Fit | None) -> Picture:
+    names = _drawn(comparison)
     figure, axes = stacked_axes(len(names), 2.2)
-    columns: dict[str, np.ndarray] = {"t [s]": beside.t}
+    columns: dict[str, np.ndarray] = {"t [s]": comparison.t}
     runs = {"run": study.run} | ({"fitted": best.run} if best else {})
-    found = {label: beside.at_times(run) for label, run in runs.items()}
+    found = {label: comparison.at_times(run) for label, run in runs.items()}
     for panel, name in zip(axes, names, strict=True):
-        panel.plot(beside.t, beside.measured[name], ".", color=GREY, markersize=3, label="measured")
-        panel.plot(beside.t, found["run"][name], color=VERMILION, label="this scene")
+        panel.plot(comparison.t, comparison.measured[name], ".", color=GREY, markersize=3, label="measured")
+        panel.plot(comparison.t, found["run"][name], color=VERMILION, label="this scene")
         if best:
-            panel.plot(beside.t, found["fitted"][name], color=BLUE, linestyle="--", label="fitted")
+            panel.plot(comparison.t, found["fitted"][name], color=BLUE, linestyle="--", label="fitted")
         panel.set_ylabel(name)
-    for name, column in beside.measured.items():
+    for name, column in comparison.measured.items():
         columns[f"measured {name}"] = column
         columns |= {f"{label} {name}": found[label][name] for label in runs}
     axes[-1].set_xlabel("time [s]")
@@ -169,17 +169,17 @@ def _overlay(study: Study, beside: Comparison, best: Fit | None) -> Picture:
     return Picture("beside", "Measured and computed", figure, caption, csv)
 
 
-def _difference(study: Study, beside: Comparison, best: Fit | None) -> Picture:
-    names = _drawn(beside)
+def _difference(study: Study, comparison: Comparison, best: Fit | None) -> Picture:
+    names = _drawn(comparison)
     figure, axes = stacked_axes(len(names), 2.0)
-    columns: dict[str, np.ndarray] = {"t [s]": beside.t}
+    columns: dict[str, np.ndarray] = {"t [s]": comparison.t}
     for panel, name in zip(axes, names, strict=True):
         panel.axhline(0.0, color=INK, linewidth=0.8)
-        columns[f"this scene {name}"] = beside.differences(study.run)[name]
-        panel.plot(beside.t, columns[f"this scene {name}"], color=VERMILION, label="this scene")
+        columns[f"this scene {name}"] = comparison.differences(study.run)[name]
+        panel.plot(comparison.t, columns[f"this scene {name}"], color=VERMILION, label="this scene")
         if best:
-            columns[f"fitted {name}"] = beside.differences(best.run)[name]
-            panel.plot(beside.t, columns[f"fitted {name}"], color=BLUE, label="fitted")
+            columns[f"fitted {name}"] = comparison.differences(best.run)[name]
+            panel.plot(comparison.t, columns[f"fitted {name}"], color=BLUE, label="fitted")
         panel.set_ylabel(f"Δ {name}")
         panel.ticklabel_format(axis="y", style="sci", scilimits=(-3, 3))
     axes[-1].set_xlabel("time [s]")

@@ -8,8 +8,8 @@ import numpy as np
 
 from flexlink.common.wording import short_list
 from flexlink.describe.hinges import hinges_of
+from flexlink.describe.joint_units import in_joint_units
 from flexlink.describe.link import Link
-from flexlink.describe.own_units import in_own
 from flexlink.describe.plausibility.hints import hints
 from flexlink.dynamics.notes import defaults, notes
 from flexlink.dynamics.placement import frames
@@ -91,7 +91,7 @@ def _joint(link: Link, start: float) -> tuple[Cell, ...]:
     joint = link.joint
     if joint.locked:
         return (f"{link.name} (locked)", start, "", None, None, None)
-    limits = "none" if joint.own_limits is None else " … ".join(map(number, joint.own_limits))
+    limits = "none" if joint.limits is None else " … ".join(map(number, joint.limits))
     return link.name, start, limits, joint.viscous, joint.coulomb, joint.armature
 
 
@@ -110,7 +110,7 @@ def _springs(study: Study) -> Iterator[Table]:
 def _each_spring(study: Study, *, slides: bool) -> Iterator[tuple[Cell, ...]]:
     chain = study.chain
     for k in np.flatnonzero((chain.stiffness > 0) & (chain.slides == slides)):
-        angles = (float(in_own([slides], [si])[0]) for si in (chain.rest[k], study.start[0][k]))
+        angles = (float(in_joint_units([slides], [si])[0]) for si in (chain.rest[k], study.start[0][k]))
         coupled = (
             (short_list(list(map(chain.joint_name, chain.coupled_joints[k]))),)
             if len(chain.couplings) and not slides

@@ -6,7 +6,7 @@ import numpy as np
 
 from flexlink.chain.branches import base_body
 from flexlink.common.errors import FlexlinkError
-from flexlink.describe.own_units import OF_JOINT, in_own
+from flexlink.describe.joint_units import OF_JOINT, in_joint_units
 from flexlink.dynamics.placement import frames
 from flexlink.pages.colours import CYCLE, GREY
 from flexlink.pages.numbers import number
@@ -61,7 +61,7 @@ def _postures(study: Study) -> Picture:
 
 def _in_time(study: Study) -> Picture:
     run, chain = study.run, study.chain
-    own, slides = in_own(chain.slides, run.q), chain.slides[chain.active]
+    own, slides = in_joint_units(chain.slides, run.q), chain.slides[chain.active]
     kinds = [kind for kind in (False, True) if (slides == kind).any()] or [False]
     figure, axes = stacked_axes(len(kinds) + (2 if study.bends else 1), 1.9)
     columns = {"t [s]": run.t}

@@ -7,7 +7,7 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
-from flexlink.describe.own_units import in_own
+from flexlink.describe.joint_units import in_joint_units
 from flexlink.dynamics.buckling import buckling_loads
 from flexlink.dynamics.placement import frames, tip_position, unbent
 from flexlink.dynamics.terms import bias_torque
@@ -68,7 +68,7 @@ def _held(chain: Chain, tau: Array) -> tuple[Fact, ...]:
 
 def _holding(chain: Chain, q: Array, tau: Array) -> tuple[Table, ...]:
     """Return tables of the holding torques and forces of the driven joints."""
-    tau, own = _without_rounding(tau), in_own(chain.slides, q)
+    tau, own = _without_rounding(tau), in_joint_units(chain.slides, q)
     kinds = [
         ("holding", "Holding torques", ("joint", "angle [deg]", "torque [N m]"), False),
         ("forces", "Holding forces", ("joint", "position [m]", "force [N]"), True),

@@ -59,7 +59,7 @@ def row_in_si(slides: Slides, own: Row) -> list[float]:
     return [number if s else math.radians(number) for s, number in zip(slides, own, strict=True)]
 
 
-def in_own(slides: Sequence[bool] | NDArray[np.bool_], si: ArrayLike) -> Array:
+def in_joint_units(slides: Sequence[bool] | NDArray[np.bool_], si: ArrayLike) -> Array:
     """Convert from rad or m to the joints' own units, deg or m; joints are along the last axis."""
     return np.where(slides, si, np.degrees(si)) if any(slides) else np.degrees(si)
 
