@@ -361,7 +361,7 @@ class Judged:
                 passed |= bool((run.q[:, k] > high + 1e-9).any() or (run.q[:, k] < low - 1e-9).any())
         told = any("no end stops" in w for w in run.warnings)
         if passed != told:
-            self.say("silent" if passed else "doubt", f"limits passed: {passed}, told: {told}")
+            self.say("silent" if passed else "doubt", f"limits passed: {passed}, reported: {told}")
         if run.momentum_error is not None and not self.doubts and not self.made.extreme:
             momentum = run.base.momentum.linear if run.base is not None else np.zeros(1)
             scale = np.abs(momentum).max() + chain.mass * self.tolerance / max(run.t[-1] - run.t[0], 1e-9)

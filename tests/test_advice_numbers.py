@@ -1,4 +1,4 @@
-"""What advice says is met is met, of arms whose tip is known in closed form: truer than any model of the search."""
+"""Limits that advice reports as met are met, for arms whose tip is known in closed form, independent of any model."""
 
 from __future__ import annotations
 
@@ -148,8 +148,8 @@ def off(tip: Array) -> float:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("tip", [1e-2, 1e-3, 1e-4])
-def test_what_is_said_to_be_met_is_met_in_thirty_worlds(advised: Any, tip: float) -> None:
-    """The error is told, no less than it is, and met only where that is within the tolerance."""
+def test_a_limit_reported_as_met_is_met_in_thirty_worlds(advised: Any, tip: float) -> None:
+    """The reported error is at least the true one, and the limit counts as met only if it is within the tolerance."""
     met = 0
     for world in worlds():
         advice, true = advised(world, tip)
@@ -201,7 +201,7 @@ def test_what_is_not_known_of_the_reference_is_taken_off_what_a_model_may_be_off
 def test_rigid_links_are_enough_below_half_the_tolerance_growth_of_errors_counted(
     advised: Any, estimated: float, grows: float, rigid_links: bool
 ) -> None:
-    """Growth beyond ten counts: 0.1 grown by 30 is told as 0.3 tolerances, by 90 as 0.9: too much."""
+    """Growth above ten counts: 0.1 grown by 30 is reported as 0.3 tolerances, by 90 as 0.9, which is too much."""
     tolerance = 0.01 * TRAVEL
     world = World(estimated=estimated * tolerance, grows=grows, constants=(1e-6, 1e-6), steps=0.5)
     advice, true = advised(world, 0.01)
@@ -223,7 +223,7 @@ def test_rigid_links_take_the_loosest_steps_that_are_allowed(advised: Any, steps
 
 
 def test_rigid_links_that_are_good_enough_are_taken_with_what_is_not_known(advised: Any) -> None:
-    """No estimate holds, but finer models tell: they lack the axes that were left out, as rigid links do."""
+    """No estimate is valid, but finer models show it: the axes that were left out are missing, as for rigid links."""
     tolerance = 1e-3 * TRAVEL
     advice, true = advised(World(constants=(1e-6, 1e-6), aside=0.04 * tolerance, steps=0.0), 1e-3)
     assert {link.flex for link in advice.scene.arm.links} == {"rigid"}
@@ -236,7 +236,7 @@ def test_a_part_of_the_deflection_is_that_of_the_springs(advised: Any) -> None:
     assert true <= advice.error <= advice.tolerance
 
 
-def test_what_cannot_be_met_is_said_with_the_time_up_to_which_it_holds(advised: Any) -> None:
+def test_an_unreachable_limit_is_reported_with_the_time_until_which_it_is_met(advised: Any) -> None:
     """Models beyond four hinges do not end: the fourth order leaves the limit unknown to more than is allowed."""
     world = World(fourth=0.5, fails=tuple(range(5, 200)), steps=0.0)
     advice, true = advised(world, 1e-4)
@@ -261,7 +261,7 @@ def study_of(world: World) -> tuple[KnownRunner, TipErrorNorm, RefinementStudy]:
 
 
 def test_errors_of_a_link_are_those_of_its_models_also_where_they_change_their_sign(advised: Any) -> None:
-    """1/N² − 8/N⁴ is positive for four hinges, negative for two and one: as it is measured, so it is told."""
+    """1/N² − 8/N⁴ is positive for four hinges, negative for two and one; the report has the measured sign."""
     runner, norm, study = study_of(World(fourth=8.0, steps=0.0))
     study.refine()
     study.limit = Limit(

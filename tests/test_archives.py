@@ -1,4 +1,4 @@
-"""Archives of runs that somebody changed: what is wrong is named in a line, and nothing is computed with it."""
+"""Archives of runs that were edited: one line names what is wrong, and nothing is computed with it."""
 
 from __future__ import annotations
 

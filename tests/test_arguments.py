@@ -50,7 +50,7 @@ WRONG = {
     "none in a 0-d array": np.array(None),
     "array of rows": np.ones((2, 2, 2)),
 }
-"""Kinds that no argument below takes, except where `FITS` says so."""
+"""Types that no argument below accepts, except as listed in `FITS`."""
 
 ZERO = np.zeros(10)
 CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
@@ -315,7 +315,7 @@ def test_a_motion_names_its_link_or_its_number() -> None:
 
 
 def test_one_class_of_error_a_cause(tmp_path: Path) -> None:
-    """What a scene says, what a function is given and what a file of data holds."""
+    """Values in a scene, in an argument, and in a data file."""
     broken = tmp_path / "own.toml"
     broken.write_text("other = 1\n", encoding="utf-8")
     link = functools.partial(flexible, "a", segments=3)

@@ -249,7 +249,7 @@ def test_chains_with_and_without_rotors_within_groups_do_not_go_side_by_side() -
         assert chain.same_layout(dataclasses.replace(chain, hinges=hinges)) is alike
 
 
-def test_tips_with_and_without_inertia_of_their_own_go_side_by_side(rng: np.random.Generator) -> None:
+def test_tips_with_and_without_inertia_run_side_by_side(rng: np.random.Generator) -> None:
     """Of chains made by hand, whose last body need not be a mere frame."""
     light = lump(make_scene(flexible("a", "xyz", 3, mount=SKEW)))
     bodies = light.bodies.copy()
@@ -272,7 +272,7 @@ def relative_error(chain: Chain, *state: np.ndarray) -> float:
 def test_long_arms_on_a_turning_waist_keep_their_digits(
     flex: str, segments: int, bend: float, rng: np.random.Generator
 ) -> None:
-    """n eps: a rounding a body. Shared with the inertia across its plane, what is left of J was off by 100 eps."""
+    """n eps: one rounding per body. Added to the inertia about other axes, the remainder of J was off by 100 eps."""
     links = flexible("a", flex, segments, mount=Mount(rpy_deg=(-90.0, 0.0, 0.0))), flexible("b", flex, segments)
     chain = lump(make_scene(Link(name="waist"), *links))
     passive = chain.stiffness > 0
@@ -371,7 +371,7 @@ def test_long_chain_solves_its_equation_of_motion(flex: str, rng: np.random.Gene
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 100.0, LIMIT, 1e9])
 def test_cosine_and_sine_are_right_to_one_ulp(scale: float, rng: np.random.Generator) -> None:
-    """Against 60 digits, close to the multiples of π/2 too, where all digits of π/2 count."""
+    """Against 60 digits, also close to multiples of π/2, where all digits of π/2 count."""
     x = np.concatenate([rng.uniform(-scale, scale, 500), np.rint(rng.uniform(-scale, scale, 500)) * np.pi / 2])
     cosines, sines = np.empty_like(x), np.empty_like(x)
     cos_sin_all(x, cosines, sines)

@@ -39,7 +39,7 @@ def write(path: Path, edit: Edit = lambda _: None) -> str:
 
 
 def refusal(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
-    """The line with which the command is refused; further mistakes have lines of their own."""
+    """The line of the refusal; further mistakes have separate lines."""
     assert main(arguments) == 2
     lines = [line for line in capsys.readouterr().err.splitlines() if not line.startswith(("compiling", "warning"))]
     assert all(line.startswith("  also: ") for line in lines[1:])
@@ -142,7 +142,7 @@ def places(value: object, path: tuple[str | int, ...] = ()) -> Iterator[tuple[st
 @pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("odd", ODD, ids=str)
-def test_whatever_stands_at_a_key_is_taken_as_a_whole_or_refused_in_one_line(odd: object) -> None:
+def test_any_value_of_a_key_is_accepted_as_a_whole_or_refused_in_one_line(odd: object) -> None:
     refused = 0
     for *above, last in places(T3):
         raw = copy.deepcopy(T3)
@@ -379,7 +379,7 @@ def test_methods_that_are_no_text_are_refused(models) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("program", ["reports", "validation"])
-def test_programs_without_their_packages_say_what_to_install(program: str) -> None:
+def test_programs_without_their_packages_report_what_to_install(program: str) -> None:
     code = f"import sys, runpy; sys.modules['jinja2'] = sys.modules['rich'] = None; runpy.run_module('{program}')"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 2

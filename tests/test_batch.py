@@ -54,7 +54,7 @@ def test_functions_of_many_states_leave_them_as_they_were(chain: fl.Chain, rng: 
 
 
 @pytest.mark.parametrize("made", ["read only", "of whole numbers", "every other row", "a column first"])
-def test_any_array_serves_as_many_states(chain: fl.Chain, made: str, rng: np.random.Generator) -> None:
+def test_any_array_serves_as_a_batch_of_states(chain: fl.Chain, made: str, rng: np.random.Generator) -> None:
     """Kernels are compiled for one kind of array."""
     tau = np.round(rng.normal(size=(8, chain.n)))
     kinds = {

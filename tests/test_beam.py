@@ -141,7 +141,7 @@ def test_a_hinge_with_a_negative_rotor_passes_little_of_what_turns_behind_it(tmp
 
 
 def test_matched_rotors_that_outweigh_what_turns_are_refused_by_name(tmp_path: Path) -> None:
-    rule = tmp_path / "heavy.toml"  # the light last hinge would take 1/0.1 of what is left out beyond it
+    rule = tmp_path / "heavy.toml"  # the light last hinge would take 1/0.1 of the neglected outboard inertia
     rule.write_text(
         'about = ""\nsource = ""\nmatched_twist = true\n[element]\nnodes = [0.2, 0.5]\nweights = [0.9, 0.1]\n'
     )

@@ -1,4 +1,4 @@
-"""Runs with a tolerance that do not get on: they stop, keep their samples, and say where and why they hang."""
+"""Runs with a tolerance that make no progress: they stop, keep their samples, and report where and why."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_a_budget_is_never_passed_and_spent_to_within_one_step() -> None:
 
 
 @pytest.mark.parametrize(("step", "over", "slow"), [(1e-3, False, False), (1e-6, False, True), (1e-11, True, False)])
-def test_what_hangs_is_told_after_two_looks_and_steps_of_next_to_nothing_end_a_run(
+def test_a_hanging_run_is_reported_after_two_looks_and_steps_of_next_to_nothing(
     step: float, over: bool, slow: bool
 ) -> None:
     budget, now, dearest, most = Budget(1e6, 1.0), Spent(0.0, 0, 0), 10, 1e6
@@ -128,7 +128,7 @@ def test_the_growth_of_a_sampled_loop_is_that_of_a_wheel_by_hand() -> None:
 
 
 @compiled
-def test_members_of_a_batch_and_rows_of_a_sweep_say_why_they_stopped() -> None:
+def test_members_of_a_batch_and_rows_of_a_sweep_report_why_they_stopped() -> None:
     good, bad = swinging(**{"run.tolerance": 1e-3}), swinging(**{"run.max_evaluations": 1000})
     with pytest.raises(fl.errors.EvaluationLimitError) as error:
         fl.simulate_many([good, bad])
@@ -152,7 +152,7 @@ def test_a_simulator_stays_where_it_was_and_every_call_may_take_as_much() -> Non
 
 
 @compiled
-def test_where_it_hangs_is_told_while_it_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_place_of_a_hang_is_reported_while_it_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("flexlink.motion.budget.FEWEST", 1)
     monkeypatch.setattr("flexlink.motion.chunk_size.BREATH", 0.0)  # a look after every piece
     scene = swinging(**{"run.max_evaluations": 2500})

@@ -53,7 +53,7 @@ def test_mujoco_starts_at_the_keyframe_and_drives_the_driven_joints(rng: np.rand
     assert data.qfrc_actuator.tolist() == torque.tolist()
 
 
-def test_shapes_neither_weigh_nor_touch_and_stand_on_the_segments(rng: np.random.Generator) -> None:
+def test_shapes_have_no_mass_no_contact_and_are_on_the_segments(rng: np.random.Generator) -> None:
     mujoco = pytest.importorskip("mujoco")
     chain = fl.lump(nasty_scene())
     model = mujoco.MjModel.from_xml_string(fl.to_mjcf(chain))

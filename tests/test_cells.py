@@ -319,5 +319,5 @@ def test_newton_s_iteration_takes_the_passes_that_it_takes_without_couplings(met
 
 @pytest.mark.parametrize("path", ["material.aluminium.young", "link.upper.damping.ratio", "link.upper.length"])
 @pytest.mark.parametrize("flex", ["z", "xyz"])
-def test_sensitivities_are_those_that_runs_tell(flex: str, path: str) -> None:
+def test_sensitivities_are_those_of_finite_differences(flex: str, path: str) -> None:
     check(arm(flex, segments=3).varied(RUNS["RK4"]), path)

@@ -41,7 +41,7 @@ def test_they_are_those_of_finite_differences_of_runs(path: str) -> None:
 
 
 def test_a_number_at_its_least_is_moved_to_one_side() -> None:
-    """Of an undamped arm, whose damping cannot be less."""
+    """An undamped arm: its damping cannot be less."""
     slopes = fl.sensitivities(scene_of(0.0), ["link.boom.damping.ratio"])
     near = [
         fl.sensitivities(scene_of(ratio), ["link.boom.damping.ratio"]).column("imu [m/s²]") for ratio in (1e-8, 2e-8)

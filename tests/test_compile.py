@@ -1,4 +1,4 @@
-"""The solver compiled ahead: every kind of scene and every public function, by a command that says what it lacks."""
+"""Compiling in advance: every kind of scene and every public function, by a command that lists what is missing."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ def test_links_may_have_different_ratios_and_others_none() -> None:
     assert not D[4:, 4:].any()
 
 
-def test_the_command_says_what_was_asked_for(tmp_path, capsys) -> None:
+def test_the_command_reports_what_was_requested(tmp_path, capsys) -> None:
     scene = make_scene(flexible("a", damping=ALIKE, joint=HELD), gravity=(0.0, 0.0, 0.0))
     assert main(["modes", str(scene.save(tmp_path / "a.toml")), "--count", "2"]) == 0
     lines = capsys.readouterr().out.splitlines()

@@ -1,4 +1,4 @@
-"""Control laws from outside: sampled or continuous, in `simulate` and in a loop of one's own with a Simulator."""
+"""User-defined control laws: sampled or continuous, in `simulate` and in a loop with a Simulator."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Quadratic dampers of joints, c |q̇| q̇: closed forms, other integrators, and what does not know them says so."""
+"""Quadratic dampers of joints, c |q̇| q̇: closed forms, other integrators, and refusals if not supported."""
 
 from __future__ import annotations
 

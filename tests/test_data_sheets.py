@@ -1,4 +1,4 @@
-"""Data sheets of the benchmarks: which there are, at which settings, and what stands in them."""
+"""Data sheets of the benchmarks: list, settings, and contents."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def settings_of(case: Case):
 
 
 @pytest.mark.parametrize("case", SHEETS, ids=lambda case: case.name)
-def test_a_sheet_says_its_error_and_has_settings_from_few_to_many_hinges(case):
+def test_a_sheet_lists_its_error_and_has_settings_from_few_to_many_hinges(case):
     assert case.sheet.error
     assert case.sheet.accepted > 0
     assert case.sheet.unit in {"rad/s", "Hz", "m", "N"}

@@ -78,7 +78,7 @@ def test_a_row_may_turn_and_shift_anyhow(convention, rng) -> None:
 
 @pytest.mark.parametrize("convention", ["standard", "modified"])
 def test_beams_run_beside_the_table_and_change_nothing_of_it(convention, rng) -> None:
-    """A straight arm whose links have beams on lines of their own has its axes where the table says."""
+    """A straight arm with beams along `line` has its axes at the positions of the table."""
     beam = {"material": "aluminium", "section": "square", "flex": "yz", "segments": 3}
     table = UR5 if convention == "standard" else PUMA
     bare = fl.lump(make_scene(*links_of(table, convention, np.zeros(6))))
@@ -90,7 +90,7 @@ def test_beams_run_beside_the_table_and_change_nothing_of_it(convention, rng) ->
         full = np.zeros(bent.n)
         full[bent.active] = q
         got = tip_of(bent, full)
-        if convention == "modified":  # the tip stands at the end of the last line, 1 m along its z
+        if convention == "modified":  # the tip is at the end of the last line, 1 m along its z
             got[:3, 3] -= got[:3, 2]
         np.testing.assert_allclose(got, tip_of(bare, q), rtol=0, atol=40 * EPS)
 
@@ -136,6 +136,6 @@ def test_a_mount_in_radians_is_one_in_degrees(rng) -> None:
          "dh-conventions-differ"),
     ],
 )  # fmt: skip
-def test_what_no_table_says_is_refused(build, wanted) -> None:
+def test_an_incomplete_or_unknown_table_is_refused(build, wanted) -> None:
     with refused(fl.errors.SceneError, wanted):
         build()

@@ -1,4 +1,4 @@
-"""What is handed out between the ends of implicit steps: samples and work, after jumps, too."""
+"""Dense output of implicit steps: samples and work, also after jumps."""
 
 from __future__ import annotations
 

@@ -128,7 +128,7 @@ def test_a_light_segment_that_is_thrown_about_does_not_cost_the_others_digits() 
 
 
 def test_a_small_rotor_behind_an_elastic_gear_keeps_its_digits() -> None:
-    """What is left of the arm's inertia about the motor's axis, 1e-16 of it, is 1e-8 of this rotor."""
+    """The rounding error of the arm's inertia about the motor's axis, 1e-16 of it, is 1e-8 of this rotor."""
     gear = Joint(armature=1e-8, gear_stiffness=100.0)
     links = Link(name="a"), Link(name="b", joint=gear, length=0.5, mount=Mount(rpy_deg=(40.0, 50.0, 60.0)))
     chain = fl.lump(make_scene(*links, tip=RigidBody(mass=3.0, inertia=(1.0, 1.0, 1.0)), gravity=(1.0, 2.0, 9.0)))
@@ -224,7 +224,7 @@ def test_one_joint_has_the_derivatives_of_a_pendulum() -> None:
 
 
 @pytest.mark.slow
-def test_long_chains_have_derivatives_too(rng: np.random.Generator) -> None:
+def test_long_chains_also_have_derivatives(rng: np.random.Generator) -> None:
     chain = fl.lump(make_scene(flexible("a", "z", 400)))
     q, qd = np.full(chain.n, 1e-3), np.full(chain.n, 0.1)
     found = fl.forward_dynamics_derivatives(chain, q, qd, 0 * q)

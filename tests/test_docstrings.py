@@ -1,4 +1,4 @@
-"""Each public name has an example, and the examples do what they say, in a folder with the checkout's models."""
+"""Each public name has an example that gives its printed result, in a folder with the checkout's models."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MODULES = {name: module for name in fl.__all__ if inspect.ismodule(module := get
 PUBLIC = {name: getattr(fl, name) for name in fl.__all__ if name not in MODULES} | {
     f"{name}.{one}": getattr(module, one) for name, module in MODULES.items() for one in module.__all__
 }
-RUN = PUBLIC | {"Modes": Modes}  # what some return shows examples, too
+RUN = PUBLIC | {"Modes": Modes}  # some results also have examples
 SLOW = {"Trajectory", "advise", "compare", "compare_trajectories", "report"}  # other engines, pages, many runs
 NEEDS = {"compare": "mujoco", "compare_trajectories": "mujoco", "errors.EngineError": "mujoco", "report": "pinocchio"}
 
@@ -35,7 +35,7 @@ def without_example(names: Mapping[str, object]) -> list[str]:
 
 
 def examples(name: str, names: dict[str, Any]) -> Iterator[doctest.DocTest]:
-    """Of a public name, and of its public methods."""
+    """Docstrings of a public name and of its public methods."""
     thing = RUN[name]
     parser = doctest.DocTestParser()
     members = inspect.getmembers(thing) if inspect.isclass(thing) else []
@@ -71,8 +71,8 @@ def test_every_public_name_has_an_example() -> None:
     assert without_example(PUBLIC) == []
 
 
-def test_a_name_without_an_example_is_told() -> None:
+def test_a_name_without_an_example_is_reported() -> None:
     def bare() -> None:
-        """Says nothing of how it is called: >> is no prompt."""
+        """Has no example: >> is no prompt."""
 
     assert without_example({"mass_matrix": fl.mass_matrix, "bare": bare, "no text": object()}) == ["bare", "no text"]

@@ -104,7 +104,7 @@ def test_torques_are_those_of_virtual_work_on_any_arm(seed: int) -> None:
 
 
 def test_modes_of_an_arm_that_turns_are_damped_by_it() -> None:
-    """Of a rigid bar at the rate ω small changes decay by 2 β ω / I, β |ω| ω its drag."""
+    """Small changes of the rate ω of a rigid bar decay with 2 β ω / I; β |ω| ω is its drag."""
     bar = fl.lump(BAR)
     model = fl.linearize(bar, [0.0], [OMEGA])
     inertia = fl.mass_matrix(bar, [0.0])[0, 0]
@@ -138,7 +138,7 @@ def test_what_does_not_fit_is_refused(changes: dict[str, Any], said: str) -> Non
         BAR.varied(changes)
 
 
-def test_a_general_section_does_not_say_how_broad_it_is() -> None:
+def test_a_general_section_has_no_width() -> None:
     section = fl.Section(shape="general", area=1e-4, i_y=1e-9, i_z=1e-9, torsion=1e-9)
     link = fl.Link(name="a", length=1.0, material="m", section="s", drag=fl.Drag(coefficient=1.0))
     with refused(fl.errors.SceneError, "missing-key"):

@@ -151,7 +151,7 @@ def test_a_singular_mass_matrix_names_joint_and_posture(method: str) -> None:
 @pytest.mark.parametrize("method", ["lu", "cholesky"])
 @pytest.mark.parametrize("distance", [1e-6, 1e-7, 1e-8, 0.0])
 def test_no_number_where_rounding_leaves_m_no_digit(method: str, distance: float, rng) -> None:
-    """Of a free group near gimbal lock M is singular to rounding, and its decomposition gave finite numbers."""
+    """For a free group near gimbal lock M is singular to rounding, and its decomposition gave finite numbers."""
     chain = fl.lump(make_scene(flexible("a", "xyz", 4, mount=fl.Mount(rpy_deg=(-90.0, 0.0, 0.0)))))
     q, qd, tau = rng.uniform(-0.3, 0.3, (3, chain.n))
     q[5] = np.pi / 2 - distance
@@ -184,7 +184,7 @@ def test_a_run_with_a_singular_mass_matrix_is_no_result(method: str) -> None:
     scene = make_scene(*links, tip=fl.RigidBody(mass=1.0, inertia=(0.1, 0.2, 0.3)), gravity=(0.0, 9.81, 0.0), run=run)
     M = fl.mass_matrix(fl.lump(scene), [0.0, 0.0])
     assert 0 < abs(np.linalg.det(M)) < 10 * EPS
-    with pytest.raises(fl.errors.SingularMassError):  # told before the run, or where the run gets there, by nan
+    with pytest.raises(fl.errors.SingularMassError):  # before the run, or during the run, by nan
         fl.simulate(scene)
     with refused(fl.errors.DivergenceError, "diverged"):
         SingleRun(problem_of(scene), warnings=()).finish(Stop())

@@ -1,4 +1,4 @@
-"""Every script in `examples/` runs where a gallery or a reader starts it, is short, and shows what it says."""
+"""Every script in `examples/` runs from both folders, is short, and gives the described results."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def test_computed_torque_is_exact_on_the_rigid_arm_but_for_its_sampling(figures:
 
 @pytest.mark.slow
 def test_poles_of_the_regulated_nonlinear_arm_are_those_of_the_linear_model(figures: Figures) -> None:
-    """What is left is the integrator's, |λh|⁴/120 of RK4, largest for the fastest pole: far below the 1 % asked for."""
+    """The error of the integrator, |λh|⁴/120 for RK4, is largest for the fastest pole: far below the required 1 %."""
     found = figures("lqr")
     designed, poles, step = found["designed"], found["poles"], found["scene"].run.step
     fastest = np.abs(designed).max() * step
@@ -155,7 +155,7 @@ def test_poles_of_the_regulated_nonlinear_arm_are_those_of_the_linear_model(figu
     assert not found["far"].warnings
 
 
-def test_an_elastic_gear_swings_as_the_closed_form_says(figures: Figures) -> None:
+def test_an_elastic_gear_oscillates_at_the_frequency_of_the_closed_form(figures: Figures) -> None:
     """RK10's own error, (ωh)¹¹ a step, is below rounding: that of the rates, ε twist ω a step, carried to the end."""
     found = figures("two_mass_joint")
     assert found["free"] == pytest.approx(found["omega"], rel=1e-12)
@@ -210,7 +210,7 @@ def test_a_beam_that_spins_up_lags_as_published(figures: Figures) -> None:
     assert all(abs(lag[-100:]).max() < 0.01 for lag in found["lags"].values()), "and is straight again"
 
 
-def test_a_strip_buckles_at_eulers_load_and_stands_as_his_elastica(figures: Figures) -> None:
+def test_a_strip_buckles_at_eulers_load_into_his_elastica(figures: Figures) -> None:
     """Angles of the tip by load: Timoshenko and Gere, Theory of Elastic Stability, table 2-4."""
     found = figures("buckling")
     errors = np.array(list(found["factors"].values())) / found["euler"] - 1
@@ -270,7 +270,7 @@ def test_a_fit_with_exact_derivatives_finds_the_numbers_that_made_the_measuremen
 
 
 @pytest.mark.slow
-def test_a_foreign_file_is_told_both_its_mistakes(figures: Figures) -> None:
+def test_both_mistakes_of_a_foreign_file_are_named(figures: Figures) -> None:
     pytest.importorskip("mujoco")
     found = figures("foreign_mjcf")["found"]
     assert not found.passed

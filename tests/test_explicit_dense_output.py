@@ -172,7 +172,7 @@ def test_only_steps_that_hold_a_sample_take_the_stages_beyond() -> None:
 @compiled
 @pytest.mark.parametrize("drive", [None, fl.Drive(kind="pd", kp=(9.0,), kd=(0.3,), target_deg=(10.0,), rate=50.0)])
 def test_where_samples_are_rarer_than_steps_they_end_at_samples_as_ever(drive: fl.Drive | None, tmp_path: Path) -> None:
-    """Equal to the bit to what they were without dense output, evaluations and work, too."""
+    """Equal to the bit to results without dense output, including evaluations and work."""
     scene = make_scene(flexible("a", segments=3), initial=fl.InitialState(joint_deg=(40.0,)))
     joint = {"link.a.joint.armature": 0.5}
     scene = scene.varied({**FINE, **joint, "drive": drive, "run.duration": 0.2, "run.sample": 0.02})
@@ -201,7 +201,7 @@ def test_steps_end_where_torques_jump_whatever_samples_lie_between() -> None:
 
 @compiled
 def test_a_loop_of_ones_own_gives_the_numbers_of_a_run_whose_steps_pass_samples() -> None:
-    """The law is asked eight times a second; 16 samples lie between, whether anybody reads them or not."""
+    """The law is evaluated eight times a second; there are 16 samples in between, whether they are read or not."""
 
     def law(t: float, q: np.ndarray, qd: np.ndarray) -> list[float]:
         return [6.0 * float(np.radians(30.0) - q[0]) - 0.5 * float(qd[0])]  # nothing at the start: equal first steps

@@ -1,4 +1,4 @@
-"""The exported files say what the chain says: read back by the engines themselves, number by number."""
+"""Exported files represent the chain: read back by the engines, number by number."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ QUATERNION = 6 * EPS
 # The same, after three angles of up to pi that are rounded (eps) and come out of atan2 to one ulp (eps).
 ROLL_PITCH_YAW = QUATERNION + 6 * EPS
 # Principal moments and axes are backward stable (3 eps), the axes then pass through a quaternion from both sides.
-# Whatever Pinocchio hangs on a joint, even without mass, it fuses as c = (m · (1/m)) c: eps/2 in the factor, eps/2 in
+# Pinocchio merges any body on a joint, even without mass, as c = (m · (1/m)) c: eps/2 in the factor, eps/2 in
 # the product. That happens twice behind each joint (link, its frame), behind the last also for the tip's two frames.
 FUSION = EPS
 
@@ -125,8 +125,8 @@ def test_mujoco_reads_back_every_axis_and_placement(chain: Chain) -> None:
     assert_allclose(engine.data.site_xmat[0].reshape(3, 3), rotations[-1], rtol=0, atol=turn)
 
 
-def test_mujoco_places_an_arm_behind_massless_turns_where_it_stands() -> None:
-    """Where the arm stands as a whole shows neither in M nor in torques."""
+def test_mujoco_places_an_arm_at_its_position_behind_massless_turns() -> None:
+    """Neither M nor torques depend on the position of the arm as a whole."""
     turns = [
         Link(name=f"gimbal {k}", length=0.1 * k, mount=Mount(xyz=(0.1, -0.2, 0.3), rpy_deg=(30.0 * k, 40.0, -50.0)))
         for k in range(3)
@@ -190,7 +190,7 @@ def test_names_survive_the_engines(name: str) -> None:
 
 
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
-def test_names_that_collide_are_told_apart(engine: str) -> None:
+def test_colliding_names_get_different_suffixes(engine: str) -> None:
     names = ("upper", "upper.1.z", "universe", "world", "tip", "base_link", "tip_joint")
     chain = lump(make_scene(*(flexible(name, segments=2) for name in names)))
     assert load(engine, chain).n == chain.n == 2 * len(names)

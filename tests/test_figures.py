@@ -61,7 +61,7 @@ def test_an_engine_is_known_by_its_stored_and_its_own_name(name: str) -> None:
     assert look_of("RK4") is None
 
 
-def test_no_figure_has_colours_of_its_own() -> None:
+def test_all_figures_share_their_colours() -> None:
     """A map from red to blue, and the greys of a film, are no colours of curves."""
     others = {"extreme_digits.py": 8, "legend.py": 2, "colouring.py": 8}
     for folder in ("reports", "flexlink/results", "flexlink/scene_report"):

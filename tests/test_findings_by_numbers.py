@@ -1,4 +1,4 @@
-"""Tables of the study's page and what is read of foreign files, recomputed from numbers that stand here."""
+"""Tables of the study's page and results for foreign files, recomputed from numbers in this file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a newcomer writes wrong is told at once, in words that say what to write instead."""
+"""Mistakes of new users are reported at once, with the remedy."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_what_does_not_exist_is_refused_with_what_to_do(edit: Edit, wanted: str)
     assert re.search(wanted, message), message
 
 
-def test_all_mistakes_of_a_file_are_told_at_once() -> None:
+def test_all_mistakes_of_a_file_are_reported_at_once() -> None:
     message = refused(
         at("link", 0, lenght=1.0), at("link", 1, flex=True), at("link", 2, material="stell"), at(gravty=1),
         lambda raw: raw["material"]["aluminium"].pop("density"), lambda raw: raw.pop("name"), at("run", step="fast"),
@@ -141,12 +141,12 @@ def test_a_robot_file_in_place_of_a_scene_is_explained(tmp_path: Path) -> None:
     assert "flexlink import" in str(caught.value)
 
 
-def test_lists_of_the_wrong_length_are_told_together() -> None:
+def test_lists_of_the_wrong_length_are_reported_together() -> None:
     message = refused(at("initial", joint_deg=[0.0]), at(drive={"kind": "constant", "torque": [1.0]}))
     assert message.split("; also ")[1].startswith("drive.torque = (1.0,): expected one number per link, 3")
 
 
-def test_a_mistake_is_told_once_and_a_single_one_as_before() -> None:
+def test_a_mistake_is_reported_once_and_a_single_one_as_before() -> None:
     assert refused(at("run", step=-1.0)) == "run.step = -1.0: must be > 0"
 
 
@@ -171,7 +171,7 @@ def test_the_initial_state_may_be_left_out() -> None:
     assert scene_from({**raw, "initial": {"passive": "static"}}).initial.joint_deg == (0.0, 0.0, 0.0)
 
 
-def test_an_angle_that_nobody_wrote_is_said_to_be_a_default() -> None:
+def test_an_angle_that_is_not_in_the_file_is_called_a_default() -> None:
     raw = copy.deepcopy(T3)
     raw.pop("initial")
     raw["link"][1].setdefault("joint", {})["limits_deg"] = [10.0, 20.0]

@@ -61,7 +61,7 @@ def clean(Φ: Array) -> Array:
 
 
 class Toy:
-    """Stands for `Signals`: every column of a run is linear in what is sought, or what a law of its own says."""
+    """Replacement of `Signals`: every column of a run is linear in the parameters, or follows a given law."""
 
     Φ, law, runs = np.zeros((0, 2)), staticmethod(of_logs), 0
 
@@ -157,7 +157,7 @@ class TestCoverage:
             wide = spread_of([part], np.zeros((0, sought))).wide
             assert wide == pytest.approx(student.ppf(0.975, n - sought), rel=1e-12)
 
-    def test_samples_that_hang_together_count_as_fewer(self) -> None:
+    def test_autocorrelated_samples_count_as_fewer(self) -> None:
         """Mean squares of noise with ρ_k = a^|k| are as uncertain as those of n (1 − a²)/(1 + a²) samples."""
         e, J = noise(np.random.default_rng(2), 200, (1.0, -0.9)), np.ones((200, 1))
         found = spread_of([([e], [J], True)], np.zeros((0, 1)))
@@ -184,13 +184,13 @@ class TestCoverage:
             np.testing.assert_allclose(found.covariance, factor * np.linalg.inv(J.T @ J), rtol=1e-9)
             assert found.wide == pytest.approx(1.96, abs=1e-4)
 
-    def test_a_constant_is_told_as_uncertain_as_if_noise_had_followed_it(self) -> None:
+    def test_a_constant_is_as_uncertain_as_if_noise_had_followed_it(self) -> None:
         """C = Σ e² / n², and Σ (1 − |k|/n) over all pairs, n (2 n² + 1)/(3 n), of what the fit has taken off."""
         e, n = np.random.default_rng(14).standard_normal(30), 30
         found = spread_of([([e], [np.ones((n, 1))], True)], np.zeros((0, 1))).covariance[0, 0]
         assert found == pytest.approx(float(e @ e) / n**2 * (1 + (2 * n**2 + 1) / (3 * n**2)), rel=1e-9)
 
-    def test_the_same_column_twice_tells_no_more_than_once(self) -> None:
+    def test_the_same_column_twice_adds_no_information(self) -> None:
         rng = np.random.default_rng(16)
         e, J = rng.standard_normal(30), rng.standard_normal((30, 1))
         once, twice = (spread_of([([e] * k, [J] * k, True)], np.zeros((0, 1))).covariance for k in (1, 2))
@@ -221,7 +221,7 @@ class TestCoverage:
 
 
 class TestSearch:
-    """How a search weighs what is left, on problems whose answer is known."""
+    """Weights of residuals in a search, for problems with known solutions."""
 
     def test_numbers_are_those_of_linear_least_squares_and_profiles_their_intervals(self, fit_of: Any) -> None:
         rng = np.random.default_rng(8)
@@ -240,7 +240,7 @@ class TestSearch:
         C = np.linalg.inv(Φ.T @ Φ)
         assert fitted.correlation[0, 1] == pytest.approx(C[0, 1] / math.sqrt(C[0, 0] * C[1, 1]), abs=0.1)
 
-    def test_what_the_scene_lacks_is_no_noise_that_hangs_together(self, fit_of: Any) -> None:
+    def test_model_error_is_not_taken_for_autocorrelated_noise(self, fit_of: Any) -> None:
         """A slow drift, as large as the signal: what leaves least stays, though whitened residuals are for another."""
         t = np.linspace(0.0, 1.0, 200)
         Φ = np.column_stack([t, np.sin(40 * t)])
@@ -250,7 +250,7 @@ class TestSearch:
         assert math.log(fitted[MASS].value) == pytest.approx(best[0], rel=1e-6)
 
     def test_columns_weigh_by_the_noise_that_is_left_of_each(self, fit_of: Any) -> None:
-        """One column is a hundred times noisier than the other, which nobody has stated."""
+        """One column is a hundred times noisier than the other, which is not specified."""
         rng, n = np.random.default_rng(15), 80
         Φ = rng.standard_normal((n, 2))
         loud, quiet = (clean(Φ) + size * rng.standard_normal(n) for size in (1.0, 0.01))
@@ -361,7 +361,7 @@ class TestEstimates:
         assert (angle.value, angle.deviation, angle.low, angle.high) == pytest.approx((10.0, 0.1, 9.8, 10.2))
         assert (young.at_bound, angle.at_bound) == (False, True)
 
-    def test_gains_and_biases_stand_behind_with_their_start_and_unit(self) -> None:
+    def test_gains_and_biases_follow_with_their_start_and_unit(self) -> None:
         one = film(np.array([1.0, 3.0, 5.2]), 1.0, gain=True)
         one.blocks = (dataclasses.replace(one.blocks[0], bias=True),)
         row = row_of(one.blocks[0], np.array([0.0, 1.0, 2.0]))
@@ -372,7 +372,7 @@ class TestEstimates:
             assert (each.start, each.value, each.low, each.high, each.deviation) == pytest.approx(values)
         assert [each.unit for each in found] == ["", "m"]
 
-    def test_slopes_are_those_of_what_is_left_with_gain_and_bias_at_their_best(self) -> None:
+    def test_derivatives_are_those_of_residuals_with_gain_and_bias_at_their_best(self) -> None:
         """Exact where nothing is left: differences of residuals, each with its own best gain and bias."""
         t = np.linspace(0.0, 1.0, 20)
         swing = lambda x: np.sin((5 + x) * t)  # noqa: E731

@@ -1,4 +1,4 @@
-"""Planted pairs and triples that data cannot tell apart: each is refused and named before the fit."""
+"""Planted pairs and triples that data cannot distinguish: each is refused and named before the fit."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ THREE = fl.load_scene(ROOT / "models" / "three_links.toml").varied({"run.duratio
 WEIGHTLESS = THREE.varied({"gravity": (0.0, 0.0, 0.0)})
 BARE = WEIGHTLESS.varied({"tip.mass": 0.0})
 DAMPED = THREE.varied({f"link.{name}.damping": {"ratio": 0.01, "at_hz": 3.0} for name in ("upper", "fore")})
-PUSHED = WEIGHTLESS.varied({  # nothing has a mass or a torque of its own
+PUSHED = WEIGHTLESS.varied({  # nothing else has a mass or a torque
     "tip.mass": 0.0, "link.*.joint.armature": 0.0, "material.aluminium.loss_time": 0.0, "initial.passive": "zero",
     "initial.rate_deg": [0.0, 0.0, 0.0], "drive": fl.Drive(kind="constant", torque=(0.0, 50.0, 0.0)),
 })  # fmt: skip

@@ -49,8 +49,8 @@ def exact(course: fl.ReferenceTrajectory, times: np.ndarray) -> np.ndarray:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("profile", REFERENCES)
-def test_a_wheel_follows_as_the_exact_solution_says(profile: str) -> None:
-    """Knots at ends of steps cost no accuracy: what is left is RK4's own error, some (ωh)⁴/120 = 1e-12 a step.
+def test_a_wheel_follows_the_exact_solution(profile: str) -> None:
+    """Knots at ends of steps cost no accuracy: the error is RK4's own, about (ωh)⁴/120 = 1e-12 per step.
 
     At others the step goes on by the piece of its middle, for h/2 at most: a jump j of the jerk is then worth an
     impulse of kd j h³/48, and turns the wheel by no more than that by I ω. All jumps of a shaped move are those of the
@@ -87,7 +87,7 @@ def arm(reference: fl.Reference, **drive: object) -> fl.Scene:
 
 @pytest.mark.slow
 def test_the_torque_that_holds_the_bent_arm_follows_a_reference() -> None:
-    """Between the equilibria that it goes through: within 1e-6 of its largest, as said."""
+    """Between the equilibria: within 1e-6 of the largest value, as documented."""
     reference = fl.Reference(profile="quintic", to_deg=(-120.0, 90.0), duration=1.0, shaper=ZVD)
     scene = arm(reference, gravity="static")
     chain = fl.lump(scene)

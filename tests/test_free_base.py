@@ -80,7 +80,7 @@ def test_it_turned_through_attitudes_where_its_angles_are_none(run: fl.Trajector
     assert np.abs(np.sum(before * after, axis=1)).min() > 0.97  # cos of half the turn between samples
 
 
-def test_its_coordinates_tell_attitude_and_spin(run: fl.Trajectory) -> None:
+def test_its_coordinates_give_attitude_and_spin(run: fl.Trajectory) -> None:
     assert run.base is not None
     for q, qd, attitude, spin in zip(run.q, run.qd, run.base.attitude, run.base.spin, strict=True):
         R = run.chain.bodies["rotation"][1] @ rotations_of(q[3:6])
@@ -133,7 +133,7 @@ def test_a_mirror_shows_a_motion_that_there_can_be(run: fl.Trajectory) -> None:
     assert np.abs(other.tip - run.tip * [1.0, -1.0, 1.0]).max() < 1e-11
 
 
-def test_a_simulator_and_a_law_are_told_coordinates_from_the_start(run: fl.Trajectory) -> None:
+def test_a_simulator_and_a_law_get_coordinates_relative_to_the_start(run: fl.Trajectory) -> None:
     arm = fl.Simulator(scene())
     for _ in range(15):
         state = arm.step(duration=0.05)
@@ -178,7 +178,7 @@ def test_slopes_of_a_run_go_through_all_turns_of_its_base() -> None:
 
 
 def test_slopes_of_an_angle_that_is_half_a_turn_are_those_of_any_other() -> None:
-    """Beside it the angle is told from the next turn."""
+    """Otherwise the angle is relative to the next turn."""
     spun = fl.InitialState(base=fl.details.BaseState(spin_deg=(0.0, 0.0, 180.0)))
     alone = fl.Arm(
         links=(fl.Link(name="a", joint=fl.Joint(locked=True), end=fl.RigidBody(mass=1.0)),),

@@ -27,7 +27,7 @@ SWING = np.degrees(0.5 * (1 - np.cos(2 * np.pi * T)))  # deg, from rest and to r
 
 
 def run_file(folder: Path, **columns: np.ndarray) -> Path:
-    """A file of columns by their heads, times first unless they have a head of their own."""
+    """A file of columns by name, times first unless there is a column of times."""
     times = {} if any(head.startswith("t [") for head in columns) else {"t [s]": T}
     path, table = folder / "run.csv", {**times, **columns}
     text = "\n".join(",".join(map(repr, row)) for row in np.column_stack([*table.values()]).tolist())
@@ -95,7 +95,7 @@ class TestMotions:
 
 
 @pytest.mark.parametrize("part", [0.2, 1 / 3, 0.5, 1.0, 2.0])
-def test_the_low_pass_is_the_one_it_says_and_without_delay(part: float) -> None:
+def test_the_low_pass_is_the_documented_one_and_without_delay(part: float) -> None:
     """1/(1 + (f/cutoff)⁶) of an oscillation, far from the ends of the record."""
     t, cutoff = np.arange(0, 8, 0.005), 4.0
     y, inside, ω = np.sin(2 * np.pi * part * cutoff * t), (t > 3) & (t < 5), 2 * np.pi * part * cutoff

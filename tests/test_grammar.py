@@ -59,7 +59,7 @@ def test_what_a_function_is_about_comes_first_and_everything_else_is_given_by_na
     assert positional(function) == OF_OTHERS[function]
 
 
-def test_options_of_one_name_stand_in_one_order() -> None:
+def test_options_of_one_name_have_one_order() -> None:
     order = ["tip_wrench", "frame", "gains", "locked", "solver", "algorithm", "method", "tolerance"]
     for function in OF_A_STATE:
         options = [name for name in by_name(function) if name in order]
@@ -73,7 +73,7 @@ FUNCTIONS = [
 
 
 @pytest.mark.parametrize("function", FUNCTIONS, ids=lambda function: function.__name__)
-def test_a_public_function_says_what_it_takes_returns_and_raises(function: Callable) -> None:
+def test_a_public_function_documents_its_parameters_result_and_errors(function: Callable) -> None:
     told = inspect.getdoc(function) or ""
     for section in ("Parameters", "Returns", "Raises"):
         assert f"\n\n{section}\n{'-' * len(section)}\n" in told

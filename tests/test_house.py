@@ -1,6 +1,6 @@
 """The size of the house, as counts that may fall and not rise: a change that lowers one lowers its bar here.
 
-A file mentions a feature where one of its words stands in code, comments or docstrings.
+A file mentions a feature if one of its words is in code, comments or docstrings.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def sources(folder: str) -> dict[Path, str]:
 
 
 def definitions_in(part: ast.AST) -> Iterator[ast.ClassDef | ast.FunctionDef]:
-    """Classes and functions, which stand among statements: expressions, most of a tree, are not looked into."""
+    """Classes and functions, which are statements: expressions, most of a tree, are not visited."""
     for child in ast.iter_child_nodes(part):
         if isinstance(child, ast.ClassDef | ast.FunctionDef):
             yield child

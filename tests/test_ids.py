@@ -116,7 +116,7 @@ def test_the_error_of_a_failed_run_has_the_id_of_its_cause(name: str) -> None:
 
 
 def raised_without_id() -> list[str]:
-    """Errors that are raised with a text of their own, outside a handler that would pass an id on, and no id."""
+    """Errors raised with a new text, outside a handler that would pass an id on, and without id."""
     found = []
     for path in SOURCES.rglob("*.py"):
         tree = ast.parse(path.read_text(encoding="utf-8"))

@@ -39,7 +39,7 @@ def runs(process: int) -> bool:
         os.kill(process, 0)
     except ProcessLookupError:
         return False
-    status = Path(f"/proc/{process}/stat")  # one that ended and that nobody asked how still has its number
+    status = Path(f"/proc/{process}/stat")  # a process that has ended and was not waited for keeps its number
     return not (status.exists() and status.read_text(encoding="utf-8").rpartition(")")[2].split()[0] == "Z")
 
 

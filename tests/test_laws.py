@@ -215,7 +215,7 @@ def test_a_probed_step_does_not_ask_a_sampled_law() -> None:
         np.testing.assert_array_equal(array, kept)
 
 
-def test_the_effort_limits_laws_and_torques_from_outside_too() -> None:
+def test_the_effort_limits_laws_and_also_torques_from_outside() -> None:
     scene = arm({"kind": "none", "effort": EFFORT})
     limited = [sign * e for sign, e in zip((1, -1, 1), EFFORT, strict=True)]
     run = fl.simulate(scene, control=lambda t, q, qd: [1e4, -1e4, 1e4], rate=100.0)
@@ -244,7 +244,7 @@ def test_a_law_at_its_limit_still_has_its_gains() -> None:
     assert np.linalg.norm(free.kp) > 0
 
 
-def test_a_rigid_arm_under_computed_torque_forgets_its_errors_as_its_gains_say() -> None:
+def test_a_rigid_arm_under_computed_torque_reduces_its_errors_at_the_rate_of_its_gains() -> None:
     """ë + 12 ė + 60 e = 0 in every joint, whatever the posture and the payload."""
     scene = fl.rigidified(arm()).varied({"drive": LAWS["computed torque"], "link.*.joint.coulomb": 0.0,
                                          "link.*.joint.viscous": 0.0, "run.duration": 1.0})  # fmt: skip
@@ -280,7 +280,7 @@ def test_an_arm_without_driven_joints_has_nothing_to_drive() -> None:
     assert len(drive_arrays(scene, fl.lump(scene)).joints) == 0
 
 
-def test_no_file_says_a_law_and_it_is_told() -> None:
+def test_no_file_stores_a_law_and_a_note_reports_it() -> None:
     scene = arm({**PD, "effort": EFFORT})
     for format in ("urdf", "mjcf", "sdf"):
         told = unsupported(scene, fl.lump(scene), format=format)

@@ -1,4 +1,4 @@
-"""Every kind of the study is told lies, and has to say so: a check that passes whatever is measured checks nothing.
+"""Every kind of the study is given false values and must report them: a check that always passes checks nothing.
 
 Each case is cut short, passes as it is, and then fails where one function of the library is wrong in one call. Lies are
 a few limits large, so that a limit that is 1000 times too wide lets them pass, as a mean in place of a maximum does.
@@ -68,7 +68,7 @@ def test_a_kind_that_is_lied_to_fails(cut: Cut) -> None:
 def test_a_kind_that_leaves_a_scene_out_fails(cut: Cut) -> None:
     try:
         rows = cut.rows_of(left_out=1)
-    except FlexlinkError:  # says which
+    except FlexlinkError:  # names it
         return
     except ValueError as error:  # a kind that takes its scenes apart by name or number
         assert "unpack" in str(error)
@@ -76,14 +76,14 @@ def test_a_kind_that_leaves_a_scene_out_fails(cut: Cut) -> None:
     assert [row.quantity for row in rows if row.passed is False and row.quantity.startswith("rows of ")]
 
 
-def test_every_kind_is_lied_to_or_says_why_not() -> None:
+def test_every_kind_is_lied_to_or_has_a_reason_why_not() -> None:
     lied, spared = {cut.kind for cut in CUTS if cut.lie}, not_lied_to()
     assert lied | set(spared) == set(KINDS)
     assert lied & set(spared) == set()
     assert all(len(why) > 10 for why in spared.values())
 
 
-def test_a_lie_is_a_millionth_at_most_or_says_why_it_is_larger() -> None:
+def test_a_lie_is_a_millionth_at_most_or_has_a_reason_to_be_larger() -> None:
     large = [
         (cut.case, lie.of, lie.size) for cut in CUTS for lie in cut.lie if abs(lie.size) > MILLIONTH and not lie.why
     ]
@@ -117,7 +117,7 @@ def test_an_engine_that_refuses_an_arm_fails_the_study(case: str, monkeypatch: p
     assert failed == {"arms refused"}
 
 
-def test_a_lie_is_told_to_the_study_and_not_kept() -> None:
+def test_a_lie_reaches_the_study_and_is_not_kept() -> None:
     before = fl.mass_matrix
     with told("M", 1e-6, None):
         assert fl.mass_matrix is terms.mass_matrix is not before

@@ -36,7 +36,7 @@ def test_its_eigenvalues_are_those_of_the_modes_of_the_paper_s_arm(ratio: float)
 
 
 @pytest.mark.parametrize(("name", "stiffer"), [("t2_spatial", 1.0), ("t3_spatial", 1.0), ("t3_spatial", 1e4)])
-def test_slow_modes_of_stiff_arms_are_told_as_well(name: str, stiffer: float) -> None:
+def test_slow_modes_of_stiff_arms_are_as_accurate(name: str, stiffer: float) -> None:
     """λ from 0.003 to 2e4 1/s, and 2e6 of links a hundred times as fast.
 
     A backward stable solver moves λ of 2n rows by 2n eps ‖A‖ times its condition 1/|yᴴx|; the slowest, where rows are

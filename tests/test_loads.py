@@ -1,4 +1,4 @@
-"""Internal loads, strain gauges, accelerometers: what engineers read off an arm that stands or moves."""
+"""Internal loads, strain gauges, accelerometers, for an arm at rest or in motion."""
 
 from __future__ import annotations
 

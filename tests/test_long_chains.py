@@ -20,7 +20,7 @@ COUNT = 8
 
 
 def long_arm(hinges: int, flex: str = "z", **changes: object) -> fl.Scene:
-    """The paper's two links, behind their two joints, with so many hinges each at 1, 2 or 3 axes."""
+    """The paper's two links with their two joints, and `count` hinges each at 1, 2 or 3 axes."""
     segments = {f"link.{link}.segments": hinges + 1 for link in ("upper", "fore")}
     scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml")
     return scene.varied({"link.*.flex": flex, **segments, "link.*.lumping": "gauss", **changes})
@@ -83,7 +83,7 @@ def test_the_slowest_modes_are_those_of_all(
 
 
 @pytest.mark.slow
-def test_the_slowest_modes_have_the_digits_of_their_own_size() -> None:
+def test_the_slowest_modes_keep_their_relative_accuracy() -> None:
     """Rayleigh's quotient of each shape is its ω², though the fastest ω² of the chain is 1e8 times as large."""
     chain = fl.lump(long_arm(60))
     for state in ({"locked": chain.active}, standing(chain)):
@@ -97,7 +97,7 @@ def test_the_slowest_modes_have_the_digits_of_their_own_size() -> None:
 
 @pytest.mark.slow
 def test_a_mode_that_the_start_does_not_contain_is_missed_and_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A straight arm bends in two planes that do not know of each other; at first only one of them is looked at."""
+    """A straight arm bends in two independent planes; the first test is for one of them."""
     chain, times = fl.lump(long_arm(30, "yz", gravity=[0.0, 0.0, 0.0])), []
     bent = lowest.Subspace.bent
 
@@ -112,7 +112,7 @@ def test_a_mode_that_the_start_does_not_contain_is_missed_and_found(monkeypatch:
     assert found == pytest.approx(wanted, rel=1e-12)
 
 
-def test_joints_that_nothing_holds_rest_in_a_long_chain_too() -> None:
+def test_joints_that_nothing_holds_rest_also_in_a_long_chain() -> None:
     chain = fl.lump(long_arm(60, gravity=[0.0, 0.0, 0.0]))
     found = fl.modes(chain, count=5)
     assert (found.eigenvalues[:2] == 0).all()
@@ -130,7 +130,7 @@ def test_fast_modes_beside_joints_that_nothing_holds_are_found(monkeypatch: pyte
     assert found.frequencies[-1] > 5e3
 
 
-def test_a_joint_without_inertia_is_named_in_a_long_chain_too() -> None:
+def test_a_joint_without_inertia_is_named_also_in_a_long_chain() -> None:
     chain = fl.lump(long_arm(60))
     bodies = chain.bodies.copy()
     bodies["mass"][-3:] = 0.0
@@ -162,7 +162,7 @@ def test_of_a_short_chain_the_slowest_modes_are_the_first_of_all_to_the_bit() ->
             fl.modes(chain, count=wrong)
 
 
-def test_a_long_column_stands_up_to_greenhill_s_weight() -> None:
+def test_a_long_column_is_stable_up_to_greenhill_s_weight() -> None:
     """(q l³ / EI) = 7.837: stable below, not above; the tangent's own eigenvalues need n³ for that."""
     for weight, stands in ((7.83, True), (7.85, False)):
         column = cantilever("gauss", 300, gravity=(-weight, 0.0, 0.0))
@@ -186,7 +186,7 @@ def test_a_long_arm_bends_as_one_of_fewer_hinges(flex: str, hinges: int) -> None
 
 
 @pytest.mark.slow
-def test_what_falls_under_a_load_without_potential_falls_in_a_long_chain_too(rng: np.random.Generator) -> None:
+def test_what_falls_under_a_load_without_potential_falls_also_in_a_long_chain(rng: np.random.Generator) -> None:
     """Moments in space and follower forces about a column's critical load, π²/4: by all eigenvalues, and by one."""
     column = thin_arm(thin_link("midpoint", 36, flex="xyz"))
     zero, every, found = np.zeros(column.n), np.arange(column.n), []

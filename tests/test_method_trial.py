@@ -1,4 +1,4 @@
-"""auto: the method goes on by which the rest of a run is likely to cost least, as its own steps tell."""
+"""auto: a run continues with the method that is likely to cost least, according to its own steps."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ STEP = 1e-5  # CPU time of a step by any method [s]
 
 
 class Counted:
-    """Steps by a method since t = 0 that cost so much [s], of which the second half is judged, with 10 s to go."""
+    """Steps by a method since t = 0 of this cost [s], of which the second half is rated, with 10 s to go."""
 
     def __init__(self, name: str, cost: float, **known: Any) -> None:
         self.name, self.why, self.cost, self.spent, self.taken = name, "", cost, 0.0, 0.0

@@ -45,7 +45,7 @@ def fixed_bodies(chain: fl.Chain, place: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("place", [1, 4, 7])
-def test_bodies_without_hinges_hang_on_the_link_before_them(place: int, rng: np.random.Generator) -> None:
+def test_bodies_without_hinges_are_attached_to_the_link_before_them(place: int, rng: np.random.Generator) -> None:
     skew = fl.Mount(rpy_deg=(-75.0, 20.0, 30.0), xyz=(0.1, -0.2, 0.3))
     links = flexible("a", segments=4, mount=skew), flexible("b", segments=4, joint=fl.Joint(armature=0.2, coulomb=0.3))
     chain = fl.lump(make_scene(*links, tip=TIP, gravity=(3.0, -4.0, 8.0)))
@@ -120,7 +120,7 @@ def errors_beside_space(
 def test_heavy_rotors_take_no_digits(armature: float, rng: np.random.Generator) -> None:
     """Of q̈ some thousand roundings, cond(M) of the links; a lost digit a decade would leave 8 of 16.
 
-    The rotors' own q̈ keep theirs, too, which are as much smaller as the rotors are heavier.
+    The rotors' q̈ also keep theirs; they are smaller in proportion to the mass of the rotors.
     """
     chain = two_links(armature)
     q = random_state(chain, rng)[0]

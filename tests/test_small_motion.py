@@ -73,7 +73,7 @@ def test_whatever_is_spared_a_step_of_newton_s_method_is_that_of_the_whole_matri
     assert len(equations.motion.spared) == chain.n or smallest < 1
 
 
-def test_pivots_tell_what_eigenvalues_tell(rng: Rng) -> None:
+def test_pivots_have_the_signs_of_the_eigenvalues(rng: Rng) -> None:
     """Of columns about their buckling load, of an arm in any posture, of a moment in space."""
     seen = []
     for _ in range(40):

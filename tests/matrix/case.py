@@ -1,4 +1,4 @@
-"""An arm of `chains/`, with cached results that many claims need."""
+"""An arm of `chains/`, with cached results for many claims."""
 
 from __future__ import annotations
 

@@ -111,7 +111,7 @@ def outermost(name: str) -> str:
 def clock() -> float:
     """Processor time of this process and of its finished children [s]."""
     own = time.process_time()
-    import resource  # noqa: PLC0415  only here, as judges fork, too
+    import resource  # noqa: PLC0415  only here, since judges also fork
 
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
     return own + children.ru_utime + children.ru_stime
