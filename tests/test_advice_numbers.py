@@ -209,7 +209,7 @@ def test_rigid_links_are_enough_below_half_the_tolerance_growth_of_errors_counte
     assert (advice.converged_tip is None) == rigid_links
     if rigid_links:
         assert advice.error == pytest.approx(max(1.0, grows / 10) * estimated * tolerance, rel=0.05)
-        assert any(f"estimated error at most {1e3 * estimated * tolerance:.3g} mm" in line for line in advice.lines)
+        assert any(f" {1e3 * estimated * tolerance:.3g} mm" in line for line in advice.lines)
 
 
 @pytest.mark.parametrize(("steps", "times"), [(1e-4, 100.0), (0.05, 10.0)])

@@ -15,7 +15,7 @@ import flexlink as fl
 from flexlink.diagnosis.comparison import compare
 from flexlink.dynamics.notes import notes
 from flexlink.engines import load
-from tests.words import refused
+from tests.words import refused, reviewed
 
 
 @functools.cache
@@ -112,33 +112,34 @@ def test_an_argument_of_the_wrong_kind_is_refused_in_one_line(call: str, argumen
 @pytest.mark.parametrize(
     ("call", "wanted"),
     [
-        (lambda: fl.simulate(None), "scene = None: expected a Scene, got NoneType"),
-        (lambda: fl.simulate(scene(), progress=5), "progress = 5: expected a function, or None"),
-        (lambda: fl.simulate_many(scene()), "scenes = .*Scene.*: expected a sequence, each item a Scene"),
-        (lambda: fl.simulate_many([scene(), 1]), r"scenes\[1\] = 1: expected a Scene, got int"),
+        (lambda: fl.simulate(None), "scene = None"),
+        (lambda: fl.simulate(scene(), progress=5), "progress = 5"),
+        (lambda: fl.simulate_many(scene()), "scenes = .*Scene.*"),
+        (lambda: fl.simulate_many([scene(), 1]), r"scenes\[1\] = 1"),
         (lambda: fl.simulate_many([scene()], threads="2"), "threads = '2'"),
-        (lambda: fl.simulate_many([scene()], threads=0), "threads = 0: must be at least 1"),
+        (lambda: fl.simulate_many([scene()], threads=0), "threads = 0"),
         (lambda: fl.simulate_many([scene()], threads=True), "threads = True"),
-        (lambda: fl.lump(scene().arm), "scene = <Arm.*: expected a Scene, got Arm"),
-        (lambda: fl.initial_state(scene(), scene()), "chain = <Scene.*: expected a Chain, got Scene"),
-        (lambda: fl.load_scene(5), "path = 5: expected a str or a Path, got int"),
-        (lambda: fl.solve_static(chain(), tolerance=0.0), "tolerance = 0.0: must be a finite number > 0"),
-        (lambda: fl.solve_static(chain(), tolerance=10**400), "tolerance = 1000.*: must be a finite number > 0"),
-        (lambda: fl.modes(chain(), frame="no"), "frame = 'no': unknown; allowed are world, tip"),
-        (lambda: chain().index(3, 0, 0), r"link = 3: no link of this arm; allowed are waist, upper, or 1 … 2"),
+        (lambda: fl.lump(scene().arm), "scene = <Arm.*"),
+        (lambda: fl.initial_state(scene(), scene()), "chain = <Scene.*"),
+        (lambda: fl.load_scene(5), "path = 5"),
+        (lambda: fl.solve_static(chain(), tolerance=0.0), "tolerance = 0.0"),
+        (lambda: fl.solve_static(chain(), tolerance=10**400), "tolerance = 1000.*"),
+        (lambda: fl.modes(chain(), frame="no"), "frame = 'no'"),
+        (lambda: chain().index(3, 0, 0), r"link = 3"),
         (
             lambda: fl.forward_dynamics([chain()], ZERO, ZERO, ZERO),
-            "q, qd, tau: a list of chains needs one state per chain",
+            "q, qd, tau",
         ),
         (
             lambda: fl.mass_matrix(chain(), ZERO[: chain().n], algorithm="uper"),
-            "unknown; allowed are .*; did you mean 'upper'",
+            "algorithm = 'uper'.*'upper'",
         ),
     ],
 )
 def test_the_argument_its_value_and_what_is_allowed_are_named(call: Callable[[], object], wanted: str) -> None:
-    with pytest.raises(fl.errors.ArgumentError, match=f"^({wanted}|algorithm = 'uper': {wanted})"):
+    with pytest.raises(fl.errors.ArgumentError, match=f"^{wanted}") as caught:
         call()
+    reviewed(f"arguments: {caught.value.id}", str(caught.value))
 
 
 BEYOND = 10**400
@@ -248,12 +249,12 @@ BIG = 1e160
 @pytest.mark.parametrize(
     ("call", "wanted"),
     [
-        (lambda q: fl.inverse_dynamics(chain(), 0 * q, q, 0 * q), "the torque of joint 'waist' .*qd"),
-        (lambda q: fl.inverse_dynamics(chain(), 0 * q, 0 * q, q * 1e148), "the torque of joint .*qdd"),
-        (lambda q: fl.bias_torque(chain(), 0 * q, q), "the torque of joint 'waist' .*qd"),
-        (lambda q: fl.energy(chain(), 0 * q, q), "the kinetic energy .*qd"),
-        (lambda q: fl.energy(chain(), q, 0 * q), "the elastic energy .*q"),
-        (lambda q: fl.elastic_torque(chain(), q * 1e148), "the elastic torque of joint 'upper.1.x' .*q"),
+        (lambda q: fl.inverse_dynamics(chain(), 0 * q, q, 0 * q), "'waist' .*qd"),
+        (lambda q: fl.inverse_dynamics(chain(), 0 * q, 0 * q, q * 1e148), ".*qdd"),
+        (lambda q: fl.bias_torque(chain(), 0 * q, q), "'waist' .*qd"),
+        (lambda q: fl.energy(chain(), 0 * q, q), "kinetic .*qd"),
+        (lambda q: fl.energy(chain(), q, 0 * q), "elastic energy .*q"),
+        (lambda q: fl.elastic_torque(chain(), q * 1e148), "'upper.1.x' .*q"),
     ],
 )
 def test_what_float64_cannot_hold_is_an_error_that_names_the_cause(call: Callable, wanted: str) -> None:

@@ -23,7 +23,7 @@ import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.describe.scene import scene_from
 from flexlink.diagnosis.comparison import compare
-from tests.words import refused
+from tests.words import refused, reviewed
 
 Edit = Callable[[dict], object]
 T3 = tomllib.loads((ROOT / "models" / "t3_spatial.toml").read_text(encoding="utf-8"))
@@ -93,13 +93,13 @@ def test_an_arm_that_cannot_be_computed_is_refused_by_file_and_joint(
 
 @pytest.mark.parametrize("edit", [drive(**STEEP), drive(**STEEP, smooth=True)])
 def test_torques_that_change_faster_than_float64_are_refused(edit: Edit, tmp_path: Path, capsys) -> None:
-    assert "drive.torques: the change" in refusal(["simulate", write(tmp_path / "a.toml", edit)], capsys)
+    assert refusal(["simulate", write(tmp_path / "a.toml", edit)], capsys).endswith("[overflow]")
 
 
 def test_a_motion_that_jumps_is_refused(tmp_path: Path, capsys) -> None:
     jump = {"link": "waist", "times": [0.0, 1e-200], "angle_deg": [30.0, 31.0], "rate_deg": [40.0, 0.0]}
     path = write(tmp_path / "a.toml", lambda raw: raw.update(motion=[jump | {"acceleration_deg": [0.0, 0.0]}]))
-    assert "motion.waist.angle_deg: its rate" in refusal(["simulate", path], capsys)
+    assert refusal(["simulate", path], capsys).endswith("[overflow]")
 
 
 def test_damping_beyond_float64_is_refused(tmp_path: Path, capsys) -> None:
@@ -111,10 +111,10 @@ def test_damping_beyond_float64_is_refused(tmp_path: Path, capsys) -> None:
     [
         ("gravity = " + "[" * 5000 + "]" * 5000, "not TOML"),
         ("gravity = [1" + "0" * 5000 + ", 0, 0]", "not TOML"),
-        ("a" + ".a" * 5000 + " = 1", ": unknown key; allowed are name, "),
-        ("name = 'a'\nlink = [{name = 'b'}]\ninitial" + ".a" * 5000 + " = 1", "initial: nested too deeply"),
+        ("a" + ".a" * 5000 + " = 1", "unknown key"),
+        ("name = 'a'\nlink = [{name = 'b'}]\ninitial" + ".a" * 5000 + " = 1", "nested"),
         ("name = 'a'\nname = 'b'", "not TOML"),
-        ("name = 'a'\nlink = [1]\ninitial = {joint_deg = [0]}", "link.1 = 1: expected a table, not an integer"),
+        ("name = 'a'\nlink = [1]\ninitial = {joint_deg = [0]}", "link.1 = 1"),
     ],
     ids=["arrays", "digits", "unknown", "known", "twice", "no table"],
 )
@@ -160,60 +160,57 @@ def test_any_value_of_a_key_is_accepted_as_a_whole_or_refused_in_one_line(odd: o
 
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="needs a device that never ends")
 def test_a_device_is_refused_at_once(capsys) -> None:
-    assert "/dev/zero: cannot be read: is a pipe or a device" in refusal(["info", "/dev/zero"], capsys)
+    assert refusal(["info", "/dev/zero"], capsys).endswith("[cannot-read]")
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
 def test_a_pipe_that_no_one_writes_to_is_refused_at_once(tmp_path: Path, capsys) -> None:
     pipe = tmp_path / "pipe.toml"
     os.mkfifo(pipe)
-    assert f"{pipe}: cannot be read: is a pipe or a device" in refusal(["info", str(pipe)], capsys)
+    assert refusal(["info", str(pipe)], capsys).endswith("[cannot-read]")
     path = write(tmp_path / "scene.toml", lambda raw: raw["link"][1].update(lumping="pipe.toml"))
-    assert "pipe.toml: cannot be read: is a pipe" in refusal(["info", path], capsys)
+    assert refusal(["info", path], capsys).endswith("[cannot-read]")
 
 
 @pytest.mark.parametrize(
-    ("fields", "wanted"),
+    "fields",
     [
-        (
-            {"A": [["1/2"], ["1/2"], ["0", "1/2"], ["0", "0", "1"]]},
-            "rows of A 0, 1, …, 3 (explicit) or 4 each (",
-        ),
-        ({"A": [], "b": [], "c": []}, "must sum to 1"),
-        ({"b": ["a", "1/3", "1/3", "1/3"]}, "'a': expected a decimal such as '1e-12', or a fraction"),
-        ({"b": ["1/0", "1/3", "1/3", "1/3"]}, "'1/0': expected a decimal"),
-        ({"b": ["1e999999999", "1/3", "1/3", "1/3"]}, "'1e999999999': expected a decimal"),
-        ({"b": ["1e400", "-1e400", "1/2", "1/2"]}, "'1e400': expected a decimal"),
+        {"A": [["1/2"], ["1/2"], ["0", "1/2"], ["0", "0", "1"]]},
+        {"A": [], "b": [], "c": []},
+        {"b": ["a", "1/3", "1/3", "1/3"]},
+        {"b": ["1/0", "1/3", "1/3", "1/3"]},
+        {"b": ["1e999999999", "1/3", "1/3", "1/3"]},
+        {"b": ["1e400", "-1e400", "1/2", "1/2"]},
     ],
     ids=["shape", "no stages", "letter", "zero", "exponent", "beyond float64"],
 )
-def test_a_wrong_tableau_is_refused_by_key_and_file(fields: dict, wanted: str, tmp_path: Path, capsys) -> None:
+def test_a_wrong_tableau_is_refused_by_key_and_file(fields: dict, tmp_path: Path, capsys) -> None:
     own = tmp_path / "own.toml"
     own.write_text(tomli_w.dumps(RK4 | fields), encoding="utf-8")
     path = write(tmp_path / "scene.toml", lambda raw: raw["run"].update(method="own.toml"))
     line = refusal(["info", path], capsys)
     assert line.startswith(f"flexlink: {path}: run.method = ")
     assert line.count(f": {own}: ") == 1
-    assert wanted in line
+    reviewed("bad input: tableau", line)
 
 
 @pytest.mark.parametrize(
-    ("fields", "wanted"),
+    "fields",
     [
-        ({"element": {"nodes": [0.5], "weights": [2.0]}}, "element.weights = (2.0,): must sum to 1"),
-        ({"jacobi": {"tip": 1e5}}, "jacobi.tip = 100000.0: must be <= 100"),
-        ({}, "grid, element, jacobi, cells: a rule has exactly one of the four"),
-        ({"cells": {"hinges": 7, "tip": 4.0}}, "cells.hinges = 7: must be <= 6"),
+        {"element": {"nodes": [0.5], "weights": [2.0]}},
+        {"jacobi": {"tip": 1e5}},
+        {},
+        {"cells": {"hinges": 7, "tip": 4.0}},
     ],
 )
-def test_a_wrong_lumping_rule_is_refused_by_key_and_file(fields: dict, wanted: str, tmp_path: Path, capsys) -> None:
+def test_a_wrong_lumping_rule_is_refused_by_key_and_file(fields: dict, tmp_path: Path, capsys) -> None:
     own = tmp_path / "rule.toml"
     own.write_text(tomli_w.dumps({"about": "wrong", "source": "here"} | fields), encoding="utf-8")
     path = write(tmp_path / "scene.toml", lambda raw: raw["link"][1].update(lumping="rule.toml"))
     line = refusal(["info", path], capsys)
-    assert line.startswith(f"flexlink: {path}: link.upper.lumping = ")
+    assert line.startswith(f"flexlink: {path}: link.")
     assert line.count(f": {own}: ") == 1
-    assert wanted in line
+    reviewed("bad input: lumping rule", line)
 
 
 def test_files_that_a_scene_names_are_sought_from_its_own_folder(tmp_path: Path, monkeypatch) -> None:
@@ -230,26 +227,26 @@ def test_files_that_a_scene_names_are_sought_from_its_own_folder(tmp_path: Path,
 
 
 @pytest.mark.parametrize(
-    ("arguments", "wanted"),
+    "arguments",
     [
-        (["simulate", "--plot", "a.foo"], "a picture is saved as .png or .svg or .pdf"),
-        (["simulate", "--plot", "a"], "a picture is saved as"),
-        (["simulate", "--plot", "no/a.png"], "the folder 'no' does not exist"),
-        (["simulate", "--out", "folder.npz"], "folder.npz: is a folder"),
-        (["simulate", "--duration", "1e9"], "samples of 21 joints do not fit into memory"),
-        (["simulate", "--duration", "4e13"], "samples of 21 joints do not fit into memory"),
-        (["modes", "--count", "0"], "--count = 0: must be at least 1"),
-        (["modes", "--plot", "a.foo"], "a picture is saved as"),
-        (["compare", "--seed", "-1"], "seed = -1: must be at least 0"),
+        ["simulate", "--plot", "a.foo"],
+        ["simulate", "--plot", "a"],
+        ["simulate", "--plot", "no/a.png"],
+        ["simulate", "--out", "folder.npz"],
+        ["simulate", "--duration", "1e9"],
+        ["simulate", "--duration", "4e13"],
+        ["modes", "--count", "0"],
+        ["modes", "--plot", "a.foo"],
+        ["compare", "--seed", "-1"],
     ],
 )
 def test_what_cannot_be_done_is_refused_before_it_is_begun(
-    arguments: list[str], wanted: str, tmp_path: Path, capsys, monkeypatch
+    arguments: list[str], tmp_path: Path, capsys, monkeypatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "folder.npz").mkdir()
     scene = write(tmp_path / "scene.toml", lambda raw: raw["run"].update(step=0.005))
-    assert wanted in refusal([arguments[0], scene, *arguments[1:]], capsys)
+    reviewed("bad input: options", refusal([arguments[0], scene, *arguments[1:]], capsys))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["folder.npz", "scene.toml"]
 
 
@@ -258,9 +255,7 @@ def test_scenes_that_would_be_exported_over_each_other_are_refused(tmp_path: Pat
     for folder in ("a", "b"):
         (tmp_path / folder).mkdir()
         paths.append(write(tmp_path / folder / "arm.toml"))
-    assert "arm.urdf would overwrite another scene's file" in refusal(
-        ["export", *paths, "--out", str(tmp_path)], capsys
-    )
+    assert refusal(["export", *paths, "--out", str(tmp_path)], capsys).endswith("[would-overwrite]")
     assert not list(tmp_path.glob("arm*"))
 
 
@@ -285,7 +280,7 @@ def test_ctrl_c_keeps_the_samples_so_far(tmp_path: Path, capsys, monkeypatch) ->
     monkeypatch.setattr("flexlink.common.progress.Progress.__call__", stop_at_half)
     out = tmp_path / "run.npz"
     assert main(["simulate", write(tmp_path / "a.toml"), "--duration", "0.1", "--out", str(out)]) == 130
-    assert "interrupted at t = 0.05 s; 11 samples kept in" in capsys.readouterr().err
+    assert "t = 0.05 s; 11" in capsys.readouterr().err
     np.testing.assert_allclose(np.load(out)["t"], np.arange(11) * 0.005, atol=1e-15)
 
 
@@ -383,5 +378,5 @@ def test_programs_without_their_packages_report_what_to_install(program: str) ->
     code = f"import sys, runpy; sys.modules['jinja2'] = sys.modules['rich'] = None; runpy.run_module('{program}')"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert "python -m pip install -e" in done.stderr
+    assert "pip install" in done.stderr
     assert len(done.stderr.splitlines()) == 1

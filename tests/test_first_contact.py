@@ -23,14 +23,22 @@ from tests import words
 T3 = tomllib.loads((ROOT / "models" / "t3_spatial.toml").read_text(encoding="utf-8"))
 LIMIT = '<limit lower="0" upper="1" effort="1" velocity="1"/>'
 Edit = Callable[[dict[str, Any]], Any]
+PAPER = str(ROOT / "models" / "paper_fig5.toml")
+PYTHON = re.compile(r"\b(float|str|int|joint_m'\?|the default)\b")
+"""Words of Python that a user need not know, and former wrong hints."""
 
 
-def refused(*edits: Edit) -> str:
+def edited(*edits: Edit) -> dict[str, Any]:
+    """The spatial arm with edits."""
     raw = copy.deepcopy(T3)
     for edit in edits:
         edit(raw)
+    return raw
+
+
+def refused(*edits: Edit) -> str:
     with pytest.raises(fl.errors.SceneError) as caught:
-        scene_from(raw)
+        scene_from(edited(*edits))
     return str(caught.value)
 
 
@@ -46,29 +54,29 @@ def at(*keys: Any, **values: Any) -> Edit:
 
 
 @pytest.mark.parametrize(
-    ("edit", "wanted"),
+    ("edit", "id"),
     [
-        (at("link", 1, joint={"type": "prismatic"}), "joint.type = 'prismatic': a joint that slides is written"),
-        (at("link", 1, kind="telescopic"), "link.upper.kind = 'telescopic': a joint that slides is written"),
-        (at("link", 1, joint="prismatic"), "expected a table, not a text: a joint that slides is written"),
-        (at("link", 1, joint={"type": "revolute"}), "a joint turns unless its kind is 'prismatic': leave this out"),
-        (at(contact={"ground": 0.0}), "contact = .*: contact is not supported: give the contact force"),
-        (at(loop=[{}]), "loop = .*: closed loops are not supported, .* cut the loop"),
-        (at(weld=[{"links": ["fore", "base"]}]), "weld = .*: closed loops are not supported, .* cut the loop"),
-        (at("link", 2, on=["upper", "base"]), "link.fore.on = .*: expected the name of one link; closed loops are not"),
-        (at("link", 2, parent="waist"), "link.fore.parent = 'waist': a link names its parent, on = "),
-        (at("link", 1, joint={"axis": "x"}), r"joint.axis = 'x': expected three numbers, such as \[1.0, 0.0, 0.0\]"),
-        (at(gravity=-9.81), r"gravity = -9.81: expected three numbers \[m/s²\], such as \[0.0, 0.0, -9.81\]"),
-        (at("link", 1, mount={"xyz": 0.3}), r"mount.xyz = 0.3: expected three numbers \[m\]"),
-        (at(link={"name": "boom"}), r"link = .*: expected \[\[link\]\], a table for each link"),
-        (at("link", 1, damping=0.01), r"upper.damping = 0.01: expected a table, such as { ratio = 0.01, at_hz = 5.0 }"),
-        (at(drive={"kind": "pd", "kp": 300}), r"drive.kp = 300: expected a list of one gain per link, such as \["),
-        (at(run={"step": 1e-4, "tolerance": 1e-3}), "step = 0.0001: tolerance = 0.001 is also given; specify only one"),
+        (at("link", 1, joint={"type": "prismatic"}), "unknown-key"),
+        (at("link", 1, kind="telescopic"), "unknown-key"),
+        (at("link", 1, joint="prismatic"), "wrong-value"),
+        (at("link", 1, joint={"type": "revolute"}), "unknown-key"),
+        (at(contact={"ground": 0.0}), "unknown-key"),
+        (at(loop=[{}]), "unknown-key"),
+        (at(weld=[{"links": ["fore", "base"]}]), "unknown-key"),
+        (at("link", 2, on=["upper", "base"]), "wrong-value"),
+        (at("link", 2, parent="waist"), "unknown-key"),
+        (at("link", 1, joint={"axis": "x"}), "wrong-value"),
+        (at(gravity=-9.81), "wrong-value"),
+        (at("link", 1, mount={"xyz": 0.3}), "wrong-value"),
+        (at(link={"name": "boom"}), "wrong-value"),
+        (at("link", 1, damping=0.01), "wrong-value"),
+        (at(drive={"kind": "pd", "kp": 300}), "wrong-value"),
+        (at(run={"step": 1e-4, "tolerance": 1e-3}), "both-given"),
     ],
-)  # fmt: skip
-def test_what_does_not_exist_is_refused_with_what_to_do(edit: Edit, wanted: str) -> None:
-    message = refused(edit)
-    assert re.search(wanted, message), message
+)
+def test_an_unsupported_key_or_value_is_refused_with_the_remedy(edit: Edit, id: str) -> None:
+    with words.refused(fl.errors.SceneError, id):
+        scene_from(edited(edit))
 
 
 def test_all_mistakes_of_a_file_are_reported_at_once() -> None:
@@ -78,41 +86,38 @@ def test_all_mistakes_of_a_file_are_reported_at_once() -> None:
     )  # fmt: skip
     told = [text.split(" = ")[0].split(":")[0] for text in message.split("; also ")]
     assert told == ["gravty", "name", "material.aluminium.density", "link.waist.lenght", "link.upper.flex", "run.step"]
-    assert "link.fore.material = 'stell': not defined" in refused(at("link", 2, material="stell"), at(gravty=1))
+    assert "'stell'" in refused(at("link", 2, material="stell"), at(gravty=1))
 
 
 @pytest.mark.parametrize(
     ("edit", "id", "named"),
     [
-        (at("tip", mass="3kg"), "wrong-value", "tip.mass = '3kg': expected a number in kg, without its unit"),
-        (at("link", 1, length="4 m"), "wrong-value", "length = '4 m': expected a number in m, without its unit"),
-        (at("initial", joint_deg=["30 deg", 0, 0]), "wrong-value", "a number in deg, without its unit"),
-        (at("tip", mass="three"), "wrong-value", "expected a number in kg, not a text"),
-        (at("link", 1, segments="5"), "wrong-value", "segments = '5': expected an integer, not a text"),
-        (at("link", 1, segments=2.5), "wrong-value", "segments = 2.5: expected an integer"),
-        (at("link", 1, joint={"viscous": [1.0]}), "wrong-value", "a number in N m s/rad or N s/m, not a list"),
+        (at("tip", mass="3kg"), "wrong-value", "in kg"),
+        (at("link", 1, length="4 m"), "wrong-value", "in m"),
+        (at("initial", joint_deg=["30 deg", 0, 0]), "wrong-value", "in deg"),
+        (at("tip", mass="three"), "wrong-value", "in kg"),
+        (at("link", 1, segments="5"), "wrong-value", "integer"),
+        (at("link", 1, segments=2.5), "wrong-value", "integer"),
+        (at("link", 1, joint={"viscous": [1.0]}), "wrong-value", "N m s/rad"),
         (at("initial", joint=[0.0, 0.0, 0.0]), "unknown-key", "'joint_deg'"),
         (at(motor={"inertia": 0.1}), "unknown-key", "joint.armature"),
         (at("material", "aluminium", E=70e9), "unknown-key", "young"),
         (at("material", "aluminium", rho=2700.0), "unknown-key", "density"),
-        (at("link", 1, mass=2.0), "unknown-key", "hub or end"),
-        (at("link", 1, flex="z", segments=1), "too-few-segments", "at least 2"),
+        (at("link", 1, mass=2.0), "unknown-key", "hub"),
+        (at("link", 1, flex="z", segments=1), "too-few-segments", "2"),
     ],
-)  # fmt: skip
+)
 def test_a_mistake_of_a_newcomer_names_the_remedy(edit: Edit, id: str, named: str) -> None:
-    raw = copy.deepcopy(T3)
-    edit(raw)
-    with pytest.raises(fl.errors.SceneError) as caught:
-        scene_from(raw)
-    assert caught.value.id == id
+    with words.refused(fl.errors.SceneError, id) as caught:
+        scene_from(edited(edit))
     assert named in str(caught.value)
     assert "'motion'" not in str(caught.value)
-    assert not re.search(r"\b(float|str|int|joint_m'\?|the default)\b", str(caught.value))
+    assert not PYTHON.search(str(caught.value))
 
 
 def test_a_value_with_a_unit_on_the_command_line_is_refused(capsys: Any) -> None:
-    assert main(["info", str(ROOT / "models" / "paper_fig5.toml"), "--set", "tip.mass=3kg"]) == 2
-    assert "tip.mass = '3kg': expected a number in kg, without its unit" in capsys.readouterr().err
+    assert main(["info", PAPER, "--set", "tip.mass=3kg"]) == 2
+    words.refused_line(capsys.readouterr().err, "wrong-value")
 
 
 def test_a_path_with_a_wrong_key_names_the_remedy() -> None:
@@ -121,7 +126,7 @@ def test_a_path_with_a_wrong_key_names_the_remedy() -> None:
     assert "'joint_deg'" in str(caught.value)
     with words.refused(fl.errors.SceneError, "cannot-set") as caught:
         scene_from(T3).varied({"link.upper.mass": 2.0})
-    assert "hub or end" in str(caught.value)
+    assert "hub" in str(caught.value)
 
 
 def test_a_scene_in_place_of_a_plan_is_explained(tmp_path: Path) -> None:
@@ -130,7 +135,7 @@ def test_a_scene_in_place_of_a_plan_is_explained(tmp_path: Path) -> None:
     for load in (fl.load_sweep, fl.fits.load_fit):
         with words.refused(fl.errors.SceneError, "is-a-scene") as caught:
             load(path)
-        assert "scene = 'crane.toml'" in str(caught.value)
+        assert "'crane.toml'" in str(caught.value)
 
 
 def test_a_robot_file_in_place_of_a_scene_is_explained(tmp_path: Path) -> None:
@@ -143,11 +148,11 @@ def test_a_robot_file_in_place_of_a_scene_is_explained(tmp_path: Path) -> None:
 
 def test_lists_of_the_wrong_length_are_reported_together() -> None:
     message = refused(at("initial", joint_deg=[0.0]), at(drive={"kind": "constant", "torque": [1.0]}))
-    assert message.split("; also ")[1].startswith("drive.torque = (1.0,): expected one number per link, 3")
+    assert message.split("; also ")[1].startswith("drive.torque = (1.0,): ")
 
 
 def test_a_mistake_is_reported_once_and_a_single_one_as_before() -> None:
-    assert refused(at("run", step=-1.0)) == "run.step = -1.0: must be > 0"
+    assert refused(at("run", step=-1.0)).count("run.step") == 1
 
 
 def test_the_command_line_has_a_line_for_each_mistake(tmp_path: Path, capsys: Any) -> None:
@@ -159,7 +164,7 @@ def test_the_command_line_has_a_line_for_each_mistake(tmp_path: Path, capsys: An
     assert main(["info", str(path)]) == 2
     first, second = capsys.readouterr().err.splitlines()
     assert first.startswith(f"flexlink: {path}: gravty = ")
-    assert second == "  also: run.step = -1.0: must be > 0  [unknown-key]"
+    assert "run.step = -1.0" in second and second.endswith("[unknown-key]")
 
 
 def test_the_initial_state_may_be_left_out() -> None:
@@ -192,6 +197,6 @@ def test_a_joint_that_is_neither_revolute_nor_prismatic_is_refused_by_name() -> 
 
 def test_export_makes_its_folder(tmp_path: Path) -> None:
     out = tmp_path / "new" / "folder"
-    assert main(["export", str(ROOT / "models" / "paper_fig5.toml"), "--format", "urdf", "--out", str(out)]) == 0
+    assert main(["export", PAPER, "--format", "urdf", "--out", str(out)]) == 0
     assert (out / "paper_fig5.urdf").is_file()
-    assert main(["export", str(ROOT / "models" / "paper_fig5.toml"), "--out", str(out / "paper_fig5.urdf")]) == 2
+    assert main(["export", PAPER, "--out", str(out / "paper_fig5.urdf")]) == 2

@@ -14,7 +14,7 @@ from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.schemes.methods import Method, method
 from flexlink.describe.spec import decode
-from tests.words import refused
+from tests.words import refused, reviewed
 from validation.oracles.collocation import collocation
 
 EPS = np.finfo(float).eps
@@ -106,28 +106,29 @@ def test_a_square_of_zeros_above_the_diagonal_is_explicit() -> None:
 @pytest.mark.parametrize(
     ("fields", "wanted"),
     [
-        ({}, "family, A, b, c: give either family, or all of A, b and c"),
-        ({"family": "Gauss", "stages": 1, "b": ("1",)}, "family, b: both are given; give either family, or A, b and c"),
-        ({"family": "Gauss"}, "stages = 0: must be 1 … 9 for family 'Gauss'"),
-        ({"family": "Gauss", "stages": 10}, "stages = 10: must be 1 … 9 for family 'Gauss'"),
-        ({"family": "Radau IIA", "stages": 3}, "order = 2: Radau IIA with 3 stages has order 5"),
-        ({"family": "Lobatto"}, "family = 'Lobatto': allowed are 'Radau IIA', 'Gauss'"),
-        (TRAPEZOID | {"stages": 3}, "stages = 3: c has 2"),
-        ({"A": (("1",) * 10,) * 10, "b": ("1",) * 10, "c": ("1",) * 10}, "10 stages; an implicit method takes at"),
-        (TRAPEZOID | {"error": (("1", "-1"),)}, "error: only explicit methods take error weights"),
-        (TRAPEZOID | {"A": (("0", "0"), ("1/2", "1/3"))}, "A[1] = ('1/2', '1/3'): must sum to c[1] = '1'"),
-        ({"A": ((), ("1",)), "b": ("1/2", "1/2"), "c": ("0", "1"), "error": (("1",),)}, "error[0] has 1 weights: expe"),
+        ({}, "family, A, b, c"),
+        ({"family": "Gauss", "stages": 1, "b": ("1",)}, "family, b"),
+        ({"family": "Gauss"}, "stages = 0"),
+        ({"family": "Gauss", "stages": 10}, "stages = 10"),
+        ({"family": "Radau IIA", "stages": 3}, "order = 2"),
+        ({"family": "Lobatto"}, "family = 'Lobatto'"),
+        (TRAPEZOID | {"stages": 3}, "stages = 3"),
+        ({"A": (("1",) * 10,) * 10, "b": ("1",) * 10, "c": ("1",) * 10}, "10 stages"),
+        (TRAPEZOID | {"error": (("1", "-1"),)}, "error: "),
+        (TRAPEZOID | {"A": (("0", "0"), ("1/2", "1/3"))}, "A[1] = "),
+        ({"A": ((), ("1",)), "b": ("1/2", "1/2"), "c": ("0", "1"), "error": (("1",),)}, "error[0]"),
         ({"A": ((), ("1",)), "b": ("1/2", "1/2"), "c": ("0", "1"), "error": (("1", "1"),)}, "must sum to 0"),
-        ({"A": ((), ("1",)), "b": ("1/2", "1/2"), "c": ("0", "1"), "error": (("1", "x"),)}, "error[0]: 'x': expected"),
-        ({"A": (("1/4", "0"), ("1/2", "1/4")), "b": ("1/2", "1/2"), "c": ("1/4", "3/4")}, "A: too few eigen"),
-        ({"A": (("-1",),), "b": ("1",), "c": ("-1",)}, "A: eigenvalue -1: its real part must be positive"),
+        ({"A": ((), ("1",)), "b": ("1/2", "1/2"), "c": ("0", "1"), "error": (("1", "x"),)}, "error[0]: 'x'"),
+        ({"A": (("1/4", "0"), ("1/2", "1/4")), "b": ("1/2", "1/2"), "c": ("1/4", "3/4")}, "A: "),
+        ({"A": (("-1",),), "b": ("1",), "c": ("-1",)}, "-1"),
     ],
 )  # fmt: skip
 def test_what_makes_no_method_is_refused_in_one_line(fields: dict, wanted: str) -> None:
-    with pytest.raises(SceneError) as refused:
+    with pytest.raises(SceneError) as caught:
         from_file(fields)
-    assert wanted in str(refused.value)
-    assert "\n" not in str(refused.value)
+    assert wanted in str(caught.value)
+    assert "\n" not in str(caught.value)
+    reviewed(f"methods: {caught.value.id}", str(caught.value))
 
 
 def from_file(fields: dict) -> Method:
