@@ -102,7 +102,7 @@ def test_a_newton_step_with_eliminated_coordinates_is_that_of_the_full_matrix(
     found = equations.solve(by_s, row, left[:-1], float(left[-1]))
     sizes = np.append(equations.motion.sizes, 1.0)[:, None]
     assert np.abs(found - wanted).max() <= 1e3 * EPS * np.linalg.cond(A / sizes) * np.abs(wanted).max()
-    assert (len(equations.motion.spared) == n) == (smallest > 1)
+    assert (len(equations.motion.skipped) == n) == (smallest > 1)
 
 
 @pytest.mark.parametrize("rule", ["lobatto2", "lobatto4"])

@@ -47,7 +47,7 @@ def compilations(call: Callable[[], float]) -> int:
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch) -> Path:
     monkeypatch.setattr(code_files, "FOLDER", tmp_path / "flexlink" / "0123456789abcdef")
-    monkeypatch.setattr(machine_code.DiskCache, "told", False)
+    monkeypatch.setattr(machine_code.DiskCache, "warned", False)
     return code_files.FOLDER
 
 

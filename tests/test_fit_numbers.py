@@ -65,7 +65,7 @@ class Toy:
 
     Φ, law, runs = np.zeros((0, 2)), staticmethod(of_logs), 0
 
-    def __init__(self, sources: Sequence[Source], coordinates: Sequence[Coordinate]) -> None:
+    def __init__(self, sources: Sequence[Source], coordinates: Sequence[Coordinate], _: Any = None) -> None:
         self.sources, self.coordinates = sources, coordinates
 
     def model(self, x: Array) -> list[list[Array]]:

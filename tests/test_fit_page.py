@@ -74,7 +74,10 @@ class TestPage:
     def test_an_estimate_has_two_digits_of_its_interval_or_both_ends(
         self, value: float, low: float, high: float, text: str
     ) -> None:
-        assert page._told(Estimate(MASS, MASS, 1.0, value, low, high, 0.1, unit="kg")).replace("\xa0", " ") == text
+        assert (
+            page._with_interval(Estimate(MASS, MASS, 1.0, value, low, high, 0.1, unit="kg")).replace("\xa0", " ")
+            == text
+        )
 
     def test_differences_are_root_mean_squares_and_shares_of_the_signal(self) -> None:
         far, near = self.Y + 0.2, self.Y * 0.9
@@ -128,7 +131,7 @@ class TestPage:
             column(name, "fit", self.Y, self.Y, self.Y + 0.1, whiteness=p)
             for name, p in zip("abc", (1e-4, 0.02, 0.5), strict=True)
         ]
-        part = page._left(fitted_with(*several))
+        part = page._residuals(fitted_with(*several))
         assert "1 of 3 " in part.sentences[0]
         reviewed("fit page: autocorrelated residuals", part.sentences[0])
         assert [line["p of whiteness"] for line in lines(part.tables, "left")] == [1e-4, 0.02, 0.5]

@@ -57,7 +57,7 @@ class Counted:
 
     def __init__(self, name: str, cost: float, **known: Any) -> None:
         self.name, self.why, self.cost, self.spent, self.taken = name, "", cost, 0.0, 0.0
-        self.time, self.judged, self.tries = 1.0, (0.5, cost / 2), 64
+        self.time, self.rated_since, self.tries = 1.0, (0.5, cost / 2), 64
         self.record, self.run = SimpleNamespace(t=[0.0]), SimpleNamespace(duration=11.0)
         self.guesses = {"Radau5": 1.0, "Radau9": 10.0, "DOP853": 10.0}
         self.rates: dict[str, float] = {}
@@ -155,11 +155,11 @@ def test_what_others_cost_falls_with_what_the_present_method_costs(considered: A
 
 
 def test_steps_that_have_just_begun_or_did_not_get_on_are_not_judged(considered: Any) -> None:
-    for judged in (None, (1.0, 0.0)):
-        steps = considered("Radau5", 1e3, judged=judged)
+    for rated in (None, (1.0, 0.0)):
+        steps = considered("Radau5", 1e3, rated_since=rated)
         assert (steps.name, steps.rates, steps.rated_since) == ("Radau5", {}, (1.0, 1e3))
     assert steps.consider_at == 64 + round(2 * Thresholds.switch / STEP)
-    tried = considered("Radau5", 1.0, judged=None, tried={"Radau5": 1.0}, spent=1.0)
+    tried = considered("Radau5", 1.0, rated_since=None, tried={"Radau5": 1.0}, spent=1.0)
     assert tried.consider_at == 64 + round(Thresholds.trial / 2 / STEP)
 
 
@@ -174,7 +174,7 @@ def test_what_is_known_of_methods_goes_back_with_steps_that_failed(whipping: fl.
     assert isinstance(steps, MethodSteps)
     steps.aim(0.0, 0.5)
     steps.take(20)
-    names = "name", "spent", "taken", "judged", "rates", "tried", "tried_for", "consider_at", "cost"
+    names = "name", "spent", "taken", "rated_since", "rates", "tried", "tried_for", "consider_at", "cost"
     saved, before = steps.saved(), {name: getattr(steps, name) for name in names}
     steps.rated_since, steps.rates, steps.tried_for = (0.0, 0.0), {**steps.rates, "DOP853": 1e-9}, ("Radau5", "")
     method_trial.consider_others(steps, 1e9)

@@ -40,7 +40,7 @@ def test_the_error_of_the_limit_includes_its_distance_from_a_much_finer_model(
 ) -> None:
     finest = scene.varied({"link.*.segments": 17, "run.tolerance": 1e-6, "run.method": "Radau5"})
     assert about.limit is not None
-    assert about.is_known
+    assert about.is_accurate
     assert largest_distance(fl.simulate(finest).tip, about.limit.tip) <= about.limit.error
     assert about.limit.error < 0.5 * about.error(about.cuts[1.0].tip)
 

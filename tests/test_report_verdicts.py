@@ -49,7 +49,7 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Part]:
         run = SimpleNamespace(tip=np.zeros((3, 3)), t=np.arange(3.0) / 2, warnings=more.get("warnings", ()))
         about = SimpleNamespace(
             study=study, scene=scene, run=run, model=(hinges,), gives_state=False, of_steps=steps, cuts={},
-            limit=Limit(np.zeros((3, 3)), np.array([0.0, 1e-4, 2.5e-4]), 2.02), is_known=more.get("known", True),
+            limit=Limit(np.zeros((3, 3)), np.array([0.0, 1e-4, 2.5e-4]), 2.02), is_accurate=more.get("known", True),
             error=lambda _: error, accurate_until=lambda part: 25 * part, choices=lambda: CHOICES,
         )  # fmt: skip
         monkeypatch.setattr(f"{PARTS}.accuracy.Refinement", lambda _: about)

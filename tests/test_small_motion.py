@@ -47,7 +47,7 @@ def test_products_and_solutions_are_those_of_the_matrices(chain: fl.Chain, follo
 
 
 @pytest.mark.parametrize("smallest", [1e-8, 0.9, 1e9])
-def test_whatever_is_spared_a_step_of_newton_s_method_is_that_of_the_whole_matrix(
+def test_a_newton_step_with_skipped_rows_is_that_of_the_whole_matrix(
     chain: fl.Chain, smallest: float, rng: Rng, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Coordinates whose pivots are too small, none, some or all, are found with the load and the row below."""
@@ -70,7 +70,7 @@ def test_whatever_is_spared_a_step_of_newton_s_method_is_that_of_the_whole_matri
     assert found == pytest.approx(wanted, abs=1e-7)
     rounded = len(wanted) * np.finfo(float).eps * (np.abs(A) @ np.abs(wanted)).max()  # of the left sides
     assert np.abs(found[1:][neutral]).max(initial=0.0) <= rounded
-    assert len(equations.motion.spared) == chain.n or smallest < 1
+    assert len(equations.motion.skipped) == chain.n or smallest < 1
 
 
 def test_pivots_have_the_signs_of_the_eigenvalues(rng: Rng) -> None:

@@ -118,7 +118,7 @@ def solved(q, factors, u, v, r, posture):
     x = np.empty_like(r)
     place_bodies(q, posture)
     if len(posture.first) > 0:
-        put_couplings(u, v, posture.beside, factors)
+        put_couplings(u, v, posture.coupled, factors)
     factor(factors, posture)
     solve(factors, r, x, posture)
     return x
