@@ -1,1 +1,1 @@
-"""Rigid-body recursions for a given motion: inverse dynamics, mass matrix, energies, positions."""
+"""Rigid-body recursions for a given state: inverse dynamics, mass matrix, energy and momentum."""

@@ -1,4 +1,4 @@
-"""Kinetic, gravitational and elastic energy, summed over the bodies: independent of ½ q̇ᵀ M q̇."""
+"""Kinetic, gravity and elastic energy, summed over the bodies: an independent check of ½ q̇ᵀ M q̇."""
 
 from flexlink.kernels.forces.elements import elastic_energy, forces_of
 from flexlink.kernels.geometry.kinematics import forward_kinematics, motion_of
@@ -9,13 +9,16 @@ from flexlink.kernels.tools.vec3 import ZERO, add, apply, apply_transposed, cros
 
 @kernel
 def energies(chain, q, qd):
-    """T = Σ ½ m v² + ½ ω·Iω + ½ armature q̇²,  V_g = −Σ m g·p_c,  V_e of all springs [J]; V_g = 0 at the origin."""
+    """Return T = Σ ½ m v² + ½ ω·Iω + ½ armature q̇², V_g = −Σ m g·p_c and the energy V_e of all springs [J].
+
+    V_g is zero at the origin of frame 0.
+    """
     return energies_of(chain, q, qd, forward_kinematics(chain, q), forces_of(chain))
 
 
 @recursion
 def energies_of(chain, q, qd, placed, forces):
-    """`energies` from the results of `kinematics` and the `forces_of` the chain."""
+    """Return T, V_g and V_e, given the kinematics `placed` and the `forces_of` the chain."""
     bodies, hinges = chain.bodies, chain.hinges
     rotations, points, axes = placed.rotations, placed.points, placed.axes
     kinetic, gravity, elastic = 0.0, 0.0, 0.0
@@ -46,5 +49,5 @@ def energies_of(chain, q, qd, placed, forces):
 
 @subroutine
 def slid(v, rate, axis):
-    """Velocity of a point after a prismatic joint, from that of the point before it."""
+    """v + rate · axis: the velocity of the point after a prismatic hinge, from the velocity v before it."""
     return add(v, scale(rate, vector(axis)))

@@ -1,6 +1,6 @@
 """Inverse dynamics: τ = M q̈ + T_GC.
 
-The type of the workspace selects the recursion, as in `forward`.
+The type of the scratch selects the recursion, as in `forward`.
 """
 
 from flexlink.kernels.bodies.planar_rne import planar_rne
@@ -12,19 +12,19 @@ from flexlink.kernels.tools.vec3 import vector
 
 @entry
 def in_space(chain, wrench, q, qd, qdd, tau, work):
-    """Use `rne`, with the chain's gravity."""
+    """Run `rne` under the chain's gravity."""
     return rne(chain, vector(chain.gravity), wrench, q, qd, qdd, tau, work)
 
 
 @entry
 def in_plane(chain, wrench, q, qd, qdd, tau, work):
-    """Use `planar_rne`, whose workspace contains the chain's constants."""
+    """Run `planar_rne`, whose scratch contains the chain's constants and gravity."""
     return planar_rne(wrench, q, qd, qdd, tau, work)
 
 
 @by_type({PlanarWork: in_plane, RneWork: in_space})
 def inverse_dynamics_into(chain, wrench, q, qd, qdd, tau, work):
-    """Write the torques `tau` (n,) that balance the accelerations q̈ (n,), gravity and the tip wrench (6,).
+    """Write the torques `tau` (n,) that produce q̈ (n,) in the state q, q̇ under gravity and the tip wrench (6,).
 
     Returns the power m·ω of the moment on the tip [W].
     """

@@ -1,12 +1,12 @@
-"""Mass matrix in four ways: the three methods of Walker & Orin (1982) that the paper names, and composite bodies.
+"""Mass matrix by four methods: the three of Walker & Orin (1982) that the paper names, and composite bodies.
 
-columns     each column by inverse dynamics with one unit acceleration, without terms that are then zero
-lower       the same, with the backward pass ending at the moving joint: the part on and below the diagonal
-upper       the bodies outboard of the joint move as one rigid body: the part on and above the diagonal, body frames
-composite   the same bodies in inertial axes: a row needs only the joints' axes and points (Featherstone 2008, 6.2)
+columns     each column is an inverse dynamics with one unit acceleration; terms that are then zero are omitted
+lower       the same, with the backward pass only as far as the moving joint: the column on and below the diagonal
+upper       bodies outboard of the joint move as one rigid body, in body frames: the column on and above the diagonal
+composite   the same composite bodies in inertial axes: a row needs only joint axes and points (Featherstone 2008, 6.2)
 
-The first two take the arms of the paper only, unbranched and with revolute joints. All write M (n, n) and return its
-trace. One source of `composite` serves one state and eight states side by side (`lanes`).
+The first two methods are for the arms of the paper: serial chains of revolute hinges. All four write M (n, n) and
+return its trace. The source of the last serves one state, or eight states side by side (`lanes`).
 """
 
 from typing import Any, NamedTuple
@@ -62,7 +62,7 @@ from flexlink.kernels.tools.vec3 import (
 
 @inlined
 def trace(M):
-    """Σ M_kk; if it is finite, so is M, since |M_jk|² ≤ M_jj M_kk."""
+    """Σ M_kk; if it is finite, so is every entry of M, since |M_jk|² ≤ M_jj M_kk."""
     total = 0.0
     for k in range(len(M)):
         total += M[k, k]
@@ -71,7 +71,7 @@ def trace(M):
 
 @kernel
 def turns_of(q):
-    """Cosine and sine of every hinge angle, and the coordinate, (n, 3)."""
+    """Cosine, sine and value of every hinge coordinate, (n, 3)."""
     turns = np.empty((len(q), 3))
     for k in range(len(q)):
         turns[k, 0], turns[k, 1] = cos_sin(q[k])
@@ -81,10 +81,10 @@ def turns_of(q):
 
 @recursion
 def column(chain, start, j, last, M, turns, loads):
-    """Column j of M, rows n − 1 … `last`: Newton-Euler with q̈_j = 1 only; hinge j belongs to body `start`.
+    """Write column j of M, rows n − 1 … `last`, by Newton-Euler with q̈_j = 1; hinge j belongs to body `start`.
 
-    Terms that are zero are left out: gravity, rates, gyroscopic terms, springs, the tip wrench, and the motion of all
-    bodies inboard of hinge j. `turns` are those of q; `loads` is scratch, force and moment of every body.
+    Gravity, rates, gyroscopic terms, springs and the tip wrench are zero and omitted. Bodies inboard of hinge j are at
+    rest. `turns` are the `turns_of` q; `loads` is scratch for the force and moment of every body.
     """
     bodies, hinges = chain.bodies, chain.hinges
     α, a = unit(hinges[j].axis), ZERO
@@ -123,26 +123,26 @@ def column(chain, start, j, last, M, turns, loads):
 
 @subroutine
 def before_slide(axis, q, f, n):
-    """Moment about the point before a prismatic joint, from force and moment about the point after it."""
+    """Moment about the point before a prismatic joint, from force f and moment n at the point after it."""
     return sub(n, scale(q, cross_unit(f, axis - SLIDES, 0.0)))
 
 
 @subroutine
 def wrench_of_slide(axis, m, h):
-    """Force and moment of a unit acceleration along the joint, for bodies of mass m and first moment h."""
+    """Force and moment that accelerate bodies of mass m and first moment h by 1 m/s² along a prismatic joint."""
     return scale(m, unit(axis - SLIDES)), cross(h, unit(axis - SLIDES))
 
 
 @subroutine
 def slid(axis, q, m, h, J):
-    """First moment and inertia about the point before a prismatic joint, from those about the point after it."""
+    """First moment and inertia about the point before a prismatic joint, from h and J about the point after it."""
     r = scale(q, unit(axis - SLIDES))
     return add(h, scale(m, r)), sym_add(J, sym_add(product_inertia(h, r), point_inertia(m, r)))
 
 
 @kernel
 def mass_columns(chain, q, M):
-    """M by n columns (Walker and Orin, method 1)."""
+    """Write M by n full columns (Walker-Orin method 1)."""
     turns, loads = turns_of(q), np.empty((len(chain.bodies), 2, 3))
     for start in range(len(chain.bodies)):
         for j in range(chain.bodies[start].first, chain.bodies[start].stop):
@@ -152,7 +152,7 @@ def mass_columns(chain, q, M):
 
 @kernel
 def mass_lower(chain, q, M):
-    """M by columns from the diagonal down (Walker and Orin, method 2)."""
+    """Write M by columns from the diagonal down (Walker-Orin method 2)."""
     turns, loads = turns_of(q), np.empty((len(chain.bodies), 2, 3))
     for start in range(len(chain.bodies)):
         for j in range(chain.bodies[start].first, chain.bodies[start].stop):
@@ -164,10 +164,10 @@ def mass_lower(chain, q, M):
 
 @kernel
 def mass_upper(chain, q, M):
-    """M by composite bodies in body frames (Walker and Orin, method 3): each column above the diagonal, inward."""
+    """Write M by composite bodies in body frames (Walker-Orin method 3): each column from the diagonal up."""
     bodies, hinges, turns = chain.bodies, chain.hinges, turns_of(q)
-    m, h, J = 0.0, ZERO, ZERO6  # mass, first moment and inertia of all outboard bodies, about the hinge point
-    beyond = np.zeros((0 if chain.rare is None else len(bodies), 10))  # the same of the branches that begin on a body
+    m, h, J = 0.0, ZERO, ZERO6  # mass, first moment and inertia of this body and all outboard, about the hinge point
+    beyond = np.zeros((0 if chain.rare is None else len(bodies), 10))  # m, h, J of the branches on each body
     M[:] = 0.0
     for start in range(len(bodies) - 1, -1, -1):
         b = bodies[start]
@@ -221,18 +221,18 @@ def mass_upper(chain, q, M):
 
 
 class CompositeWork(NamedTuple):
-    """Scratch arrays of `composite`."""
+    """Scratch of `composite`."""
 
     placed: KinematicsWork
     pivots: Any  # hinge point of every hinge
-    masses: Any  # (rows,) m of branches; None for a plain chain
-    forks: Any  # (rows, 9) C and J of branches; None for a plain chain
-    starts: Any  # (bodies,) index of the first body of the branch that contains each body
+    masses: Any  # (rows,) masses m of the branches; None for a plain chain
+    forks: Any  # (rows, 9) centres C and inertias J of the branches; None for a plain chain
+    starts: Any  # (bodies,) index of the first body of each body's branch
 
 
 @kernel
 def composite_workspace(chain):
-    """Allocate the workspace of `composite` for a chain."""
+    """Scratch of `composite` for a chain."""
     return CompositeWork(
         kinematics_workspace(chain), np.empty((len(chain.hinges), 3)), masses_of_branches(chain), fork_rows(chain, 9),
         starts_of_branches(chain.bodies),
@@ -241,7 +241,7 @@ def composite_workspace(chain):
 
 @kernel
 def masses_of_branches(chain):
-    """Return an array with one number per fork; None for a plain chain."""
+    """Scratch for the mass on every fork; None for a plain chain."""
     if chain.rare is None:
         return None
     return np.empty(rows_of_forks(chain.bodies))
@@ -249,7 +249,7 @@ def masses_of_branches(chain):
 
 @kernel
 def starts_of_branches(bodies):
-    """Index of the first body of the branch that contains each body, (bodies,)."""
+    """Index of the first body of each body's branch, (bodies,)."""
     starts = np.zeros(len(bodies), np.int64)
     for i in range(1, len(bodies)):
         starts[i] = i if bodies[i].begins else starts[i - 1]
@@ -258,19 +258,19 @@ def starts_of_branches(bodies):
 
 @kernel
 def mass_composite(chain, q, M):
-    """M by composite bodies in inertial axes."""
+    """Write M by composite bodies in inertial axes; return its trace."""
     composite(chain, q, M, composite_workspace(chain))
     return trace(M)
 
 
 @recursion
 def composite(chain, q, M, work):
-    """M by composite bodies in inertial axes, for coordinates (n,), or M (n, n, 8) for `Turns` of eight states.
+    """Write M by composite bodies in inertial axes; q are angles (n,), or the `Turns` of eight states for M (n, n, 8).
 
-    m, C and J are mass, centre and inertia of all bodies outboard of hinge k at p_k. Unit acceleration about its axis
-    gives f = m axis_k × (C − p_k),  n = J axis_k + (C − p_k) × f,  and  M_jk = axis_j · (n + (p_k − p_j) × f)  for
-    hinges j ≤ k between k and the base. If joint k is prismatic, f = m axis_k and n = (C − p_k) × f; if joint j is,
-    M_jk = axis_j · f.
+    Let all bodies outboard of hinge k at p_k have mass m, centre C and inertia J about C. A unit acceleration of the
+    hinge takes f = m axis_k × (C − p_k) and n = J axis_k + (C − p_k) × f, or, if hinge k slides, f = m axis_k and
+    n = (C − p_k) × f. For each hinge j ≤ k on the path to the base, M_jk = axis_j · (n + (p_k − p_j) × f), or
+    M_jk = axis_j · f if hinge j slides.
     """
     bodies, hinges = chain.bodies, chain.hinges
     kinematics(chain, q, work.placed)
@@ -328,7 +328,7 @@ def composite(chain, q, M, work):
 
 @inlined
 def begin_branches(M, work, o):
-    """Clear the sums of branches, and M, whose elements for joints on different branches stay zero."""
+    """Clear the composite bodies of the branches, and M, whose entries for joints on different branches stay zero."""
     for row in range(len(work.masses)):
         work.masses[row] = 0.0
         for column in range(9):
@@ -340,7 +340,7 @@ def begin_branches(M, work, o):
 
 @inlined
 def together(m, C, J, m_other, C_other, J_other):
-    """Mass, centre, and inertia about the centre, of two bodies combined."""
+    """Mass, centre of mass, and inertia about this centre, of two bodies taken as one."""
     if m + m_other == 0.0:
         return 0.0, C, sym_add(J, J_other)
     d = sub(C_other, C)
@@ -350,7 +350,7 @@ def together(m, C, J, m_other, C_other, J_other):
 
 @kernel
 def mass_of_many(chain, q):
-    """M of many states, (b, n, n) for coordinates (b, n), by composite bodies, eight states side by side."""
+    """M (b, n, n) of many states q (b, n), by composite bodies, eight states side by side."""
     b, n, m = len(q), len(chain.hinges), len(chain.bodies)
     found, M, trig = np.empty((b, n, n)), empty_lanes((n, n)), empty_lanes((3, n))
     placed = KinematicsWork(empty_lanes((m, 3, 3)), empty_lanes((m, 3)), empty_lanes((n, 3)))

@@ -1,4 +1,4 @@
-"""Momentum and centre of mass of all bodies, in frame 0."""
+"""Linear momentum, angular momentum and centre of mass of a chain, summed over its bodies, in frame 0."""
 
 from flexlink.kernels.geometry.kinematics import kinematics, kinematics_workspace, motion_of
 from flexlink.kernels.layout import SLIDES
@@ -8,7 +8,10 @@ from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, apply, apply_tran
 
 @kernel
 def momenta(chain, qs, qds, found):
-    """Write Σ m v, Σ c × m v + I ω about the origin, and Σ m c / Σ m of states (rows, n) to `found` (rows, 3, 3)."""
+    """Write Σ m v, Σ (c × m v + I ω) and Σ m c / Σ m of states (rows, n) to `found` (rows, 3, 3).
+
+    The angular momentum is about the origin. c is the centre of mass of a body, v the velocity of c.
+    """
     placed = kinematics_workspace(chain)
     bodies, hinges = chain.bodies, chain.hinges
     for row in range(len(qs)):

@@ -1,15 +1,15 @@
-"""Recursive Newton-Euler in a plane, with the constants of `plane`.
+"""Recursive Newton-Euler in a plane: the torques for a given motion, with the constants of `planar`.
 
-Inertial axes; φ, ω, α are absolute angle, rate and acceleration of a body; a is the acceleration of its hinge point.
-d is r rotated by 90°; h is m c rotated by 90°; I is the inertia about the hinge point. The centre of mass accelerates
-by a + (α h − ω² m c) / m, so
+All vectors are in inertial axes. φ, ω, α are the absolute angle, rate and acceleration of a link, a the acceleration of
+its hinge point, and I its inertia about this point. r is the vector to the next hinge point, m c the first moment; d
+and h are r and m c turned by 90°. The centre of mass accelerates by a + (α h − ω² m c) / m. The recursion is therefore
 
     forward     φ ← φ + σ q        ω ← ω + σ q̇        α ← α + σ q̈
     body        F = m a + α h − ω² m c        N = I α + h·a            about the hinge point
                 a ← a + α d − ω² r
     backward    n ← n + N + d·f        f ← f + F        τ = σ n + A q̈
 
-No vectors are rotated between frames, and no third components computed: a quarter of the cost of `rne`.
+It costs a quarter of `rne`: no vector is rotated from frame to frame or multiplied by zeros of the third axis.
 """
 
 from flexlink.kernels.bodies.plane import BASE, LINK, cos_sin_less_turns, in_plane
@@ -19,12 +19,12 @@ from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sincos import cos_sin_all
 from flexlink.kernels.tools.vec3 import dot, scale
 
-FORCE = numbered("x y", start=LINK.ux)  # F of a body, stored in columns that only `planar` uses
+FORCE = numbered("x y", start=LINK.ux)  # F of a body; `planar` uses these columns for H / D
 
 
 @recursion
 def planar_rne(wrench, q, qd, qdd, tau, work):
-    """Write τ = M q̈ + T_GC (n,) for the tip wrench (6,), in a workspace of `planar`.
+    """Write τ = M q̈ + T_GC (n,) to `tau`, under the tip wrench (6,), with the scratch of `planar`.
 
     Returns the power m·ω of the moment on the tip [W].
     """
@@ -62,7 +62,7 @@ def forward(base, links, cosines, sines, qd, qdd, tau):
 
 @inlined
 def backward(base, links, wrench, qdd, tau):
-    """Write the joint torques: moments of each body and all outboard bodies, minus those of the tip wrench."""
+    """Write τ: sum N and F of all bodies outboard of each hinge, less the tip wrench, about the hinge point."""
     fx, fy = in_plane(base, scale(-1.0, vec(wrench, 0)))
     n = -dot(vec(base, BASE.normal), vec(wrench, 3))
     for k in range(len(qdd) - 1, -1, -1):

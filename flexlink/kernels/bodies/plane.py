@@ -1,7 +1,6 @@
-"""Constants of a planar chain, or of eight planar chains side by side: its links projected on inertial axes.
+"""Constants of one planar chain, or of eight side by side: the links at q = 0, projected once onto the plane of motion.
 
-Used by the recursions for planar chains: forward dynamics (`planar`), inverse dynamics (`planar_rne`), M + A, and
-derivatives.
+The planar recursions read them: forward dynamics (`planar`), inverse dynamics (`planar_rne`), M + A and derivatives.
 """
 
 import math
@@ -36,32 +35,32 @@ from flexlink.kernels.tools.vec3 import (
 )
 
 LINK = numbered(
-    "sign armature mass inertia",  # σ, rotor A, mass, I about the hinge point
-    "rx ry sx sy",  # r to the next hinge (last link: to the tip), and m c, at q = 0
-    "rate2 torque dx dy",  # functions of the state: ω², τ, d
+    "sign armature mass inertia",  # sign σ of the hinge axis, armature A, mass, inertia I about the hinge point
+    "rx ry sx sy",  # r to the next hinge (last link: to the tip) and s = m c, at q = 0
+    "rate2 torque dx dy",  # of the state: ω², τ, d (r turned by 90°)
     "ux uy α β γ",  # H / D, T / D, A / D, 1 − A / D
     start=JOINT.size,
 )
 """Columns of a link, after those of its joint."""
 BASE = numbered("u:3 v:3 normal:3 gravity:3")
-"""Numbers of the base: u, v and the normal of the plane (right-handed), and gravity, in frame 0."""
+"""Entries of the base: in-plane axes u and v, normal (right-handed) and gravity, in frame 0."""
 
 
 class PlanarWork(NamedTuple):
-    """Scratch arrays of `planar`, with the constants of one chain, or of eight."""
+    """Scratch of `planar`, with the constants of one chain or of eight."""
 
     base: Any
     links: Any
     prescribed: Any
     dry: Any
-    flat: Any  # angles, cosines, sines, for a loop over all of them
-    trig: Any  # the same memory, by link
+    flat: Any  # angles, cosines and sines as flat arrays, for one SIMD loop
+    trig: Any  # the same memory, indexed by link
     forces: Any  # force elements; None for a plain chain
 
 
 @kernel
 def planar_workspace(bodies, hinges, gravity, rare):
-    """Allocate the workspace of `planar`, and fill in the chain's constants."""
+    """Scratch of `planar` with the chain's constants."""
     n = len(hinges)
     base, links = np.zeros(12), np.zeros((n, LINK.size))
     put(base[BASE.gravity :], vector(gravity))
@@ -90,14 +89,14 @@ def planar_workspace(bodies, hinges, gravity, rare):
             links[k, LINK.sy] += b.mass * cy
             own = dot(normal, sym_apply(symmetric(b.inertia), normal))
             links[k, LINK.inertia] += own + b.mass * (cx * cx + cy * cy)
-    trig = np.zeros((3, -(-n // LANES) * LANES))  # angles, cosines, sines; padded to full vectors
+    trig = np.zeros((3, -(-n // LANES) * LANES))  # angles, cosines, sines, padded to full SIMD vectors
     dry, forces = dry_joints(links[:, JOINT.coulomb]), forces_of(ChainArrays(bodies, hinges, gravity, rare))
     return PlanarWork(base, links, prescribed_joints(hinges), dry, trig, trig, forces)
 
 
 @kernel
 def planar_lanes_workspace(bodies, hinges, gravity, rare):
-    """The same for eight chains side by side: arrays (8, bodies), (8, n), (8, 3), and optional features."""
+    """Scratch of `planar` for eight chains side by side: `bodies` (8, bodies), `hinges` (8, n), `gravity` (8, 3)."""
     n, chains = hinges.shape[1], eight_of(bodies, hinges, gravity, rare)
     base, links, coulomb = np.empty((12, LANES)), np.empty((n, LINK.size, LANES)), np.zeros(n)
     trig = np.empty((3, n * LANES))
@@ -117,7 +116,7 @@ def planar_lanes_workspace(bodies, hinges, gravity, rare):
 
 @kernel
 def span_plane(normal, base):
-    """Write u, v and the normal; u and v are coordinate axes if possible."""
+    """Write u, v and normal to `base`; for a normal along a coordinate axis, u and v lie along the other two."""
     least = 0
     for k in range(1, 3):
         if abs(normal[k]) < abs(normal[least]):
@@ -137,7 +136,10 @@ def in_plane(base, a):
 
 @recursion
 def cos_sin_less_turns(q, links, flat, angles):
-    """Recompute cosines and sines from sums of joint angles without full turns; `angles` is the memory of `flat[0]`."""
+    """Recompute cosines and sines for large angles: whole turns are removed from each joint angle before the sum.
+
+    `angles` is a view of `flat[0]`.
+    """
     for k in range(len(q)):
         put_at(angles, at(q, k), k)
     less_whole_turns(flat[0])

@@ -1,4 +1,4 @@
-"""The arm as modelled by its controller: one rigid link after every driven joint."""
+"""Rigid model of the arm for its controller: one rigid link outboard of every driven joint."""
 
 from typing import Any, NamedTuple
 
@@ -8,12 +8,12 @@ from flexlink.kernels.tools.vec3 import vector
 
 
 class RigidModel(NamedTuple):
-    """A chain of d hinges with its motion and scratch arrays."""
+    """A rigid chain of d hinges, with the motion to evaluate, the torques and scratch."""
 
     chain: Any
     rne: Any
-    wrench: Any  # (6,) zero
-    q: Any  # (d,); all arrays below as well
+    wrench: Any  # (6,) zeros
+    q: Any  # (d,), as are the three below
     qd: Any
     qdd: Any
     tau: Any
@@ -21,6 +21,6 @@ class RigidModel(NamedTuple):
 
 @recursion
 def model_torque(model):
-    """Write τ = M q̈ + T_GC of the model for its motion."""
+    """Write τ = M q̈ + T_GC of the model, for its q, q̇ and q̈."""
     gravity = vector(model.chain.gravity)
     rne(model.chain, gravity, model.wrench, model.q, model.qd, model.qdd, model.tau, model.rne)

@@ -4,9 +4,11 @@
     body        F = m (a + α × c + ω × (ω × c))        N = I α + ω × I ω + c × F
     backward    f ← f + F        n ← n + N        τ = e·n + armature q̈        n ← R n + r × R f
 
-Prismatic joint: forward a ← a + α × e q + ω × (ω × e q) + 2 ω × e q̇ + e q̈, backward τ = e·f + armature q̈ and
-n ← n + e q × f. Gravity is an upward acceleration −g of the base. The tip wrench is transformed outward to the tip
-frame. One source serves one state and eight states side by side (`lanes`).
+R and r are the rotation and translation from the previous frame to this one, e is the hinge axis, a the acceleration of
+the frame origin, c the centre of mass and I the inertia about c. A prismatic joint adds to a in the forward pass
+α × e q + ω × (ω × e q) + 2 ω × e q̇ + e q̈; in the backward pass it gives τ = e·f + armature q̈ and n ← n + e q × f.
+Gravity enters as an acceleration −g of the base. The forward pass rotates the tip wrench into the tip frame. One source
+serves one state and eight side by side (`lanes`).
 """
 
 from typing import Any, NamedTuple
@@ -48,22 +50,22 @@ from flexlink.kernels.tools.vec3 import (
 
 
 class RneWork(NamedTuple):
-    """Scratch arrays of `rne`."""
+    """Scratch of `rne`."""
 
-    turns: Any  # (n, 2) cosine and sine of every hinge angle; displacement of prismatic joints
+    turns: Any  # (n, 2) cosine and sine of every revolute hinge; displacement of a sliding one
     loads: Any  # (bodies, 6) force and moment of every body
     forks: Any  # (rows, 15) ω, α, a and the tip wrench where branches begin; None for a plain chain
 
 
 @kernel
 def rne_workspace(chain):
-    """Allocate the workspace of `rne` for a chain."""
+    """Scratch of `rne` for a chain."""
     return RneWork(np.empty((len(chain.hinges), 2)), np.empty((len(chain.bodies), 6)), fork_rows(chain, 15))
 
 
 @kernel
 def inverse_dynamics(chain, wrench, q, qd, qdd):
-    """τ = M q̈ + T_GC in a new array (n,), with the chain's gravity."""
+    """Return τ = M q̈ + T_GC in a new array (n,), under the chain's gravity."""
     tau = np.empty(len(q))
     rne(chain, vector(chain.gravity), wrench, q, qd, qdd, tau, rne_workspace(chain))
     return tau
@@ -71,7 +73,7 @@ def inverse_dynamics(chain, wrench, q, qd, qdd):
 
 @kernel
 def inverse_dynamics_of_many(chain, wrench, q, qd, qdd):
-    """τ of many states (b, n) with wrenches (b, 6), eight states side by side."""
+    """Return τ (b, n) of many states (b, n) with tip wrenches (b, 6), eight states side by side."""
     b, n = q.shape
     tau, state, acting, trig = np.empty((b, n)), empty_lanes((4, n)), empty_lanes((6,)), empty_lanes((2, n))
     angles, flat, turns = state[0].reshape(-1), trig.reshape(2, n * LANES), Turns(trig[0], trig[1], state[0])
@@ -89,9 +91,9 @@ def inverse_dynamics_of_many(chain, wrench, q, qd, qdd):
 
 @subroutine
 def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
-    """Inverse dynamics: write τ = M q̈ + T_GC to `tau` (n,); `gravity`, a tuple, and `wrench` (6,) in frame 0.
+    """Write the inverse dynamics τ = M q̈ + T_GC to `tau` (n,); `gravity` (a tuple) and `wrench` (6,) are in frame 0.
 
-    For eight states side by side, `q` are their `Turns` and all other arrays are (…, 8).
+    For eight states side by side, `q` are their `Turns`, and the other state arrays have shape (…, 8).
 
     Returns the power m·ω of the moment on the tip [W].
     """
@@ -168,7 +170,7 @@ def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
 
 @inlined
 def slide(axis, q, qd, qdd, ω, α, a):
-    """Acceleration a of the hinge point after a prismatic joint."""
+    """Acceleration of the point after a prismatic hinge, from that of the point before it, a."""
     o = 0.0 * q
     ωe = cross_unit(ω, axis, o)
     return add_along(axis, qdd, add(a, add(scale(q, add(cross_unit(α, axis, o), cross(ω, ωe))), scale(2.0 * qd, ωe))))

@@ -1,1 +1,1 @@
-"""Derivatives of the equation of motion, and of runs."""
+"""Derivatives of the equation of motion, small motion about a state, and equilibria."""

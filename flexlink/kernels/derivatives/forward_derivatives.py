@@ -1,19 +1,19 @@
 """Derivatives of forward dynamics with respect to all angles, rates and torques, O(n²).
 
-The articulated-body algorithm runs once, for q̈ and the factors of M. For every column of ∂q̈/∂q and ∂q̈/∂q̇, the change
-of each body's inertial force is then a load on that body, and the loads are solved with these factors, eight columns
-side by side. (Solving M⁻¹ ∂T/∂q with joint torques instead would sum over all outboard bodies and separate them again,
-which loses digits.)
+The articulated-body algorithm runs once, for q̈ and the factors of M. For each column of ∂q̈/∂q and ∂q̈/∂q̇, the change
+of the load on each body is then solved with these factors as a force on the body, eight columns side by side. (As joint
+torques, M⁻¹ ∂T/∂q, the loads would be summed over all bodies outboard of a joint and separated again, which costs
+digits.)
 
-The bodies outboard of hinge j need these additional forces and moments about their hinge points, with ρ = p − p_j and
-the symbols of `inverse_derivatives`:
+The force f and the moment n that a body outboard of hinge j requires, about the hinge point p of the body, change as
+follows, with ρ = p − p_j, the velocity v of p, and the symbols of `inverse_derivatives`:
 
     δa = δa_j + η_j × ρ + 2 δω_j × (v − v_j)
     f = m δa + η_j × m c + 2 δω_j × (ω × m c)          n = m c × δa + I η_j − 2 G δω_j
 
-For a change of angle the load transmitted by the hinge is also rotated: e_j × f_j and e_j × n_j act on the body inboard
-of the hinge. A prescribed acceleration has η_j = e_j only. A prismatic hinge has δa only, and its displacement adds the
-moment e_j × f_j on the body inboard.
+A change of an angle also rotates the force and moment that the hinge transmits: the body inboard of the hinge bears
+e_j × f_j and e_j × n_j. A given acceleration, of a joint with prescribed motion, has η_j = e_j alone. A prismatic hinge
+has δa alone. Its displacement changes the lever arm of its load: the body inboard of it bears the moment e_j × f_j.
 """
 
 import math
@@ -51,18 +51,18 @@ from flexlink.kernels.tools.rare import rarely
 from flexlink.kernels.tools.sym3 import sym_apply, sym_of
 from flexlink.kernels.tools.vec3 import ZERO, X, Y, Z, add, cross, dot, rotate, scale, sub
 
-VARIABLE = numbered("q qd tau")  # variables of the derivatives
+VARIABLE = numbered("q qd tau")  # with respect to which derivatives are taken
 
 
 class ForwardDerivativesWork(NamedTuple):
-    """Scratch arrays of `derivatives_in_space`, with the constants of a chain."""
+    """Scratch of `derivatives_in_space`, with the constants of a chain."""
 
     factors: ArticulatedWork
     solution: Any  # (2, n) T_EX and q̈
-    slopes: Slopes | None  # derivatives of force elements; None for a plain chain
-    motion: Any  # of `outward`
+    slopes: Slopes | None  # of force elements; None for a plain chain
+    motion: Any  # results of `outward`
     axes: Any  # (bodies, 9) working axes in frame 0
-    accelerations: Any  # (bodies, 6) α of the body, and a − g of its hinge point, frame 0
+    accelerations: Any  # (bodies, 6) α of the body and a − g of its hinge point, frame 0
     transmitted: Any  # (bodies, 6) moment and force at the hinge point, frame 0
     loads: Any  # (bodies, 6, 8)
     r: Any  # (n, 8)
@@ -71,7 +71,7 @@ class ForwardDerivativesWork(NamedTuple):
 
 @kernel
 def forward_derivatives_workspace(bodies, hinges, gravity, rare):
-    """Allocate the workspace of `derivatives_in_space` for a chain."""
+    """Scratch of `derivatives_in_space` for a chain."""
     n, m, factors = len(hinges), len(bodies), articulated_workspace(bodies, hinges, gravity, rare)
     chain = ChainArrays(bodies, hinges, gravity, rare)
     return ForwardDerivativesWork(
@@ -83,7 +83,10 @@ def forward_derivatives_workspace(bodies, hinges, gravity, rare):
 
 @kernel
 def forward_derivatives(bodies, hinges, gravity, rare, wrench, q, qd, tau, found):
-    """Write ∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX (prescribed joints: ∂q̈/∂q̈) to `found` (3, n, n); return whether all is finite."""
+    """Write ∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX to `found` (3, n, n); return whether all is finite.
+
+    The column of a prescribed joint in ∂q̈/∂T_EX is the derivative with respect to its given acceleration.
+    """
     work = forward_derivatives_workspace(bodies, hinges, gravity, rare)
     chain, slopes = ChainArrays(bodies, hinges, gravity, rare), (found[0], found[1], found[2])
     return derivatives_in_space(chain, wrench, q, qd, tau, slopes, work)
@@ -91,7 +94,10 @@ def forward_derivatives(bodies, hinges, gravity, rare, wrench, q, qd, tau, found
 
 @subroutine
 def derivatives_in_space(chain, wrench, q, qd, tau, found, work):
-    """Write three arrays (n, n), with a workspace that serves many states; return whether all is finite."""
+    """Write the three derivatives to the arrays `found`, (n, n) each; return whether all is finite.
+
+    The scratch `work` can be reused for other states.
+    """
     n, hinges, factors, torque, qdd = len(q), chain.hinges, work.factors, work.solution[0], work.solution[1]
     begin(tau, torque, qdd)
     forward_dynamics(wrench, q, qd, torque, qdd, factors)
@@ -111,14 +117,14 @@ def derivatives_in_space(chain, wrench, q, qd, tau, found, work):
 
 @recursion
 def begin(tau, torque, qdd):
-    """Copy drive torques to scratch, where forward dynamics adds those of prescribed joints, whose q̈ is 0 here."""
+    """Copy the drive torques to scratch, where forward dynamics adds those of prescribed joints; set every q̈ to 0."""
     for k in range(len(tau)):
         torque[k], qdd[k] = tau[k], 0.0
 
 
 @recursion
 def transmit(chain, force, moment, work):
-    """Force and moment transmitted by the hinges of every body, as in `rne`."""
+    """Write the force and moment that the hinges of every body transmit, by the backward pass of `rne`."""
     rows, transmitted = work.motion.bodies, work.transmitted
     f = n = ZERO
     if chain.rare is not None:
@@ -140,7 +146,7 @@ def transmit(chain, force, moment, work):
 
 @recursion
 def clear_forks(bodies, transmitted):
-    """Clear the loads of bodies with branches."""
+    """Set the transmitted loads to 0 for bodies on which branches begin; each branch adds its load there."""
     for i in range(len(bodies)):
         if bodies[i].fork > 0:
             for k in range(6):
@@ -149,7 +155,7 @@ def clear_forks(bodies, transmitted):
 
 @recursion
 def add_to_body(transmitted, number, n, f):
-    """Add the load of a branch to its parent body, counted from 1; 0 is the base."""
+    """Add the moment n and force f of a branch to the row of its parent body `number`, from 1; 0 is the base."""
     if number > 0:
         put_vec_of(transmitted, add(vec_of(transmitted, number - 1, 0), n), number - 1, 0)
         put_vec_of(transmitted, add(vec_of(transmitted, number - 1, 3), f), number - 1, 3)
@@ -157,7 +163,7 @@ def add_to_body(transmitted, number, n, f):
 
 @recursion
 def keep_solution(factors, axes, accelerations):
-    """Copy the working axes of every body, and its acceleration in frame 0, from the workspace of `articulated`."""
+    """Write the working axes of `articulated` at every body, and the accelerations that it has found, in frame 0."""
     x, y, z = X, Y, Z
     for i in range(len(axes)):
         if factors.forks is not None and factors.layout[i, LAYOUT.begins]:
@@ -174,16 +180,16 @@ def keep_solution(factors, axes, accelerations):
 
 @recursion
 def axes_on(axes, number):
-    """Working axes of a body, counted from 1, or of the base, 0."""
+    """Working axes of body `number`, counted from 1; 0 is the base."""
     if number > 0:
         return vec_of(axes, number - 1, 0), vec_of(axes, number - 1, 3), vec_of(axes, number - 1, 6)
     return X, Y, Z
 
 
-# Inlined, since a call would pass the 500 numbers that describe the arrays of `work`: a third of the total time.
+# Inlined: a call would pass the 500 numbers that describe the arrays of `work`, a third of the run time.
 @inlined
 def write_loads(chain, qd, variable, first, work):
-    """Write the loads on joints and bodies for the columns from `first`."""
+    """Write the loads on joints and bodies for the eight columns from `first` on."""
     joint_loads(chain.hinges, qd, variable, first, work.r)
     if work.slopes is not None and rarely(work.slopes.act) and variable != VARIABLE.tau:
         force_loads(work.slopes.found[variable], first, work.r)
@@ -200,7 +206,7 @@ def write_loads(chain, qd, variable, first, work):
 
 @recursion
 def joint_loads(hinges, qd, variable, first, r):
-    """Torques of the joints for a unit change of the angles, rates or drive torques of the columns from `first`."""
+    """Write to r the joint torques due to unit angles, rates or drive torques of the columns from `first` on."""
     for k in range(len(r)):
         for lane in range(LANES):
             r[k, lane] = 0.0
@@ -215,7 +221,7 @@ def joint_loads(hinges, qd, variable, first, r):
 
 @recursion
 def force_loads(slopes, first, r):
-    """Add the torques of force elements, given by their derivatives (n, n) with respect to angles or rates."""
+    """Subtract the derivatives `slopes` (n, n) of the force elements' torques from r, columns from `first` on."""
     for k in range(len(r)):
         for j in range(first, min(first + LANES, len(r))):
             r[k, j - first] -= slopes[k, j]
@@ -223,7 +229,7 @@ def force_loads(slopes, first, r):
 
 @recursion
 def keep_prescribed(hinges, by_input):
-    """Set the derivative of a prescribed acceleration with respect to itself to 1."""
+    """Write 1 on the diagonal for prescribed joints: the derivative of q̈ with respect to itself."""
     for k in range(len(hinges)):
         if hinges[k].prescribed:
             by_input[k, k] = 1.0
@@ -231,7 +237,10 @@ def keep_prescribed(hinges, by_input):
 
 @inlined
 def turn_transmitted(chain, i, j, lane, r, loads, work):
-    """Loads on the hinges of body `i` before hinge `j`, and on the body inboard, from rotating the transmitted load."""
+    """Add the loads due to a motion of hinge `j`, which rotates or shifts the force and moment it transmits.
+
+    They act on the hinges of body `i` before hinge `j` and on the parent body.
+    """
     hinges = work.motion.hinges
     e, parent = of_hinge(hinges, j, HINGE_MOTION.e), chain.bodies[i].parent - 1
     n, f = cross(e, vec_of(work.transmitted, i, 0)), cross(e, vec_of(work.transmitted, i, 3))
@@ -256,7 +265,7 @@ def in_axes(axes, i, a):
 
 @inlined
 def body_loads(chain, variable, block, work):
-    """Loads on the bodies outboard of the hinges of a block; zero on all other bodies."""
+    """Write the loads on the bodies outboard of the hinges of a block, and 0 for all other bodies."""
     loads, first, prescribed = work.loads, block * LANES, any_prescribed(chain.hinges)
     for i in range(len(chain.bodies)):
         beyond = chain.bodies[i].stop - first
@@ -277,7 +286,7 @@ def body_loads(chain, variable, block, work):
 
 @subroutine
 def slide_loads(chain, variable, first, motion, axes, loads):
-    """Loads on bodies for changes of rate or acceleration of prismatic hinges from `first`."""
+    """Overwrite the loads due to rates or given accelerations of prismatic hinges in the block from `first` on."""
     for number in range(len(motion.slides)):
         j = motion.slides[number]
         if first <= j < first + LANES and (variable == VARIABLE.qd or chain.hinges[j].prescribed):
@@ -294,7 +303,7 @@ def slide_loads(chain, variable, first, motion, axes, loads):
 
 @subroutine
 def part_branches(bodies, first, loads):
-    """Set the load to zero where hinges from `first` are not on the path from the base to a body."""
+    """Set the loads on a body to 0 for hinges from `first` on that are not on its path from the base."""
     for i in range(len(bodies)):
         number, stop = i + 1, first + LANES
         while stop > first:
@@ -308,7 +317,7 @@ def part_branches(bodies, first, loads):
 
 @inlined
 def load_of_body(bodies, hinges, i, m, variable, block):
-    """Moment and force of body `i` for a block of changes."""
+    """Moment and force that body `i` requires, for a block of eight changes."""
     mc, ω, I = vec_of(bodies, i, BODY_MOTION.mc), vec_of(bodies, i, BODY_MOTION.ω), sym_of(bodies, i, BODY_MOTION.I)
     ρ = sub(vec_of(bodies, i, BODY_MOTION.p), vec_of(hinges, block, HINGE_MOTION.p))
     u = sub(vec_of(bodies, i, BODY_MOTION.v), vec_of(hinges, block, HINGE_MOTION.v))
@@ -328,7 +337,7 @@ def load_of_body(bodies, hinges, i, m, variable, block):
 
 @inlined
 def any_prescribed(hinges):
-    """Whether the motion of any joint is prescribed."""
+    """Whether the motion of some joint is prescribed."""
     count = 0
     for k in range(len(hinges)):
         count += hinges[k].prescribed
@@ -337,7 +346,7 @@ def any_prescribed(hinges):
 
 @recursion
 def friction_derivative(hinge, rate):
-    """∂T_FR/∂q̇ = d + c / w sech²(q̇ / w) of one hinge."""
+    """∂T_FR/∂q̇ = d + (c / w) sech²(q̇ / w) of one hinge: damping d, Coulomb torque c of width w."""
     slope = hinge.damping
     if hinge.coulomb > 0.0:
         decay = math.exp(-abs(rate) / hinge.coulomb_width)

@@ -1,38 +1,39 @@
 """Derivatives of inverse dynamics with respect to all angles, rates and accelerations, O(n²) (Carpentier & Mansard
-2018; Singh, Russell & Wensing 2022), in axes of frame 0, with moments about the hinge points.
+2018; Singh, Russell & Wensing 2022), in axes of frame 0 and with moments about the hinge points.
 
-A rotation of hinge j moves all outboard bodies rigidly. In their axes, the motion inboard of hinge j rotates the
-opposite way, and so do vectors that are constant in frame 0: gravity and the tip wrench w = (F, m). Let ω, α, a (a − g
-of the hinge point p_j) be the motion inboard of hinge j. A material point x outboard has the additional acceleration
+A rotation of hinge j carries all outboard bodies along. In the frame of these bodies, the motion inboard of hinge j
+rotates the opposite way. So do the vectors fixed in frame 0: gravity and the tip wrench w = (F, m). Let ω, α and a (the
+acceleration of the hinge point p_j less gravity) be the motion inboard of hinge j. The acceleration of a material point
+x outboard of it then changes by
 
     δa(x) = δa_j + η_j × (x − p_j) + 2 δω_j × (v_x − v_j)
 
-    q_j       δa_j = a × e_j      δω_j = ω × e_j      η_j = α × e_j + ω × δω_j      δF = F × e_j      δm = m × e_j
-    q̇_j       δa_j = 0            δω_j = e_j          η_j = 2 ω × e_j
-    q̈_j       δa_j = 0            δω_j = 0            η_j = e_j
+    along q_j       δa_j = a × e_j      δω_j = ω × e_j      η_j = α × e_j + ω × δω_j      δF = F × e_j      δm = m × e_j
+    along q̇_j       δa_j = 0            δω_j = e_j          η_j = 2 ω × e_j
+    along q̈_j       δa_j = 0            δω_j = 0            η_j = e_j
 
-A prismatic hinge translates the outboard bodies and the wrench:
+A prismatic hinge translates the outboard bodies and the wrench without a rotation:
 
-    q_j       δa = α × e_j + ω × (ω × e_j)        q̇_j       δa = 2 ω × e_j        q̈_j       δa = e_j
+    along q_j       δa = α × e_j + ω × (ω × e_j)        along q̇_j       δa = 2 ω × e_j        along q̈_j       δa = e_j
 
-The additional force and moment of all bodies outboard of hinge i, at p_i, follow from the composite of these bodies,
-with u = v_x − v_i and ρ = x − p_i:
+The change of the load on all bodies outboard of hinge i, about p_i, follows from their composite. With u = v_x − v_i,
+ρ = x − p_i and δa at p_i,
 
     m       s = Σ m ρ       I = Σ m (ρ·ρ 1 − ρ ρᵀ)       P = Σ m u       G = Σ m u ρᵀ
-    δf_i = m δa + η × s + 2 δω × P                δn_i = s × δa + I η + 2 (tr G δω − G δω)           (δa at p_i)
+    δf_i = m δa + η × s + 2 δω × P                δn_i = s × δa + I η + 2 (tr G δω − G δω)
 
-This gives the derivatives of the torques at and outboard of the moving joint, j ≤ i, and inboard of it:
+The derivatives of the torques outboard of the joint that moves, j ≤ i, and inboard of it, are
 
     ∂τ_i/∂q_j = e_i·(δn_i − δm_j − d_i × δF_j)        d_i = p_tip − p_i
     ∂τ_j/∂q_i = e_j·(n* + (p_i − p_j) × f*)           f* = δf_i − δF_i + e_i × f_i
                                                       n* = δn_i − δm_i − d_i × δF_i + e_i × n_i
 
-where hinge i transmits the force f_i and the moment n_i. A rate rotates nothing, so its derivatives lack the last
-terms. A follower wrench rotates with the arm: δF = δm = 0. For a prismatic hinge the torque is e·f instead of e·n, and
-its displacement moves the transmitted load: f* = δf_i, n* = δn_i + e_i × f_i. Eight joints j are processed side by side
-(`lanes`) as revolute joints; results of prismatic joints are then overwritten.
+with f_i, n_i the force and moment that hinge i transmits. A change of a rate rotates nothing: f* and n* then lack their
+last terms. A follower wrench rotates with the arm: δF = δm = 0. The torque of a prismatic hinge is e·f in place of e·n,
+and its displacement changes the lever arm of its load: f* = δf_i, n* = δn_i + e_i × f_i. Eight joints j are computed
+side by side (`lanes`) as if all were revolute; the few that slide are then overwritten.
 
-Derivatives for joints that are not on one path from the base are 0.
+A joint moves only the bodies outboard of it, so derivatives between joints on different branches are 0.
 """
 
 from typing import Any, NamedTuple
@@ -76,12 +77,12 @@ from flexlink.kernels.tools.vec3 import (
 )
 
 HINGE_MOTION = numbered("e:3 p:3 v:3 δa:3 η:3 δω:3 δF:3 δm:3 δv:3")
-"""Columns of a hinge: e, p, v, then η, δω, δa for a rotation; for a prismatic hinge δa and δv = ω × e, the others 0."""
+"""Columns of a hinge: axis e, point p, its velocity v, the changes above; δv = ω × e and δa alone if it slides."""
 BODY_MOTION = numbered("r:3 u:3 mc:3 ω:3 F:3 N:3 I:6 p:3 v:3")
-"""Columns of a body: r from its parent and u = dr/dt, m c, ω, force and moment of its motion, I about the hinge point,
-and p and v of this point."""
+"""Columns of a body: r from the parent body and u = dr/dt, m c, ω, the force F and moment N of its motion, its inertia
+I about the hinge point, and position p and velocity v of this point."""
 COMPOSITE = numbered("m s:3 I:6 P:3 G:9 f:3 n:3 d:3 loaded")
-"""Sum over branches: their composite, f, n and d; and 1 if the wrench acts on one of them, at d."""
+"""Columns of a branch: its composite, f, n, the vector d to the loaded tip, and 1 if the wrench acts on it."""
 
 
 class MotionWork(NamedTuple):
@@ -89,12 +90,12 @@ class MotionWork(NamedTuple):
 
     hinges: Any  # (⌈n/8⌉, HINGE, 8)
     bodies: Any  # (bodies, BODY)
-    slides: Any  # indices of prismatic hinges; None for a plain chain
-    forks: Any  # (rows, COMPOSITE) forward pass: state, backward pass: composites; None for a plain chain
+    slides: Any  # indices of the prismatic hinges; None for a plain chain
+    forks: Any  # (rows, COMPOSITE) state in `outward`, composites in `inward`; None for a plain chain
 
 
 class InverseDerivativesWork(NamedTuple):
-    """Scratch arrays of `inverse_derivatives`: ∂τ_i/∂x_j, j ≤ i, at [j // 8, i, j % 8]."""
+    """Scratch of `inverse_derivatives`: ∂τ_i/∂x_j, j ≤ i, at [j // 8, i, j % 8]."""
 
     by_angle: Any  # (⌈n/8⌉, n, 8)
     by_rate: Any
@@ -106,7 +107,7 @@ class InverseDerivativesWork(NamedTuple):
 
 @kernel
 def motion_workspace(chain):
-    """Allocate the results of `outward` for a chain."""
+    """Scratch of `outward` for a chain."""
     blocks = -(-len(chain.hinges) // LANES)
     return MotionWork(
         np.zeros((blocks, HINGE_MOTION.size, LANES)), np.empty((len(chain.bodies), BODY_MOTION.size)),
@@ -116,7 +117,7 @@ def motion_workspace(chain):
 
 @kernel
 def sliding_hinges(chain):
-    """Indices of prismatic hinges, ascending; None for a plain chain."""
+    """Indices of the prismatic hinges, ascending; None for a plain chain."""
     if chain.rare is None:
         return None
     hinges, count = chain.hinges, 0
@@ -132,7 +133,7 @@ def sliding_hinges(chain):
 
 @kernel
 def derivatives_workspace(chain):
-    """Allocate the workspace of `inverse_derivatives` for a chain."""
+    """Scratch of `inverse_derivatives` for a chain."""
     n = len(chain.hinges)
     slopes = np.empty((5, -(-n // LANES), n, LANES))
     return InverseDerivativesWork(slopes[0], slopes[1], slopes[2], slopes[3], slopes[4], motion_workspace(chain))
@@ -142,14 +143,14 @@ def derivatives_workspace(chain):
 def all_inverse_derivatives(bodies, hinges, gravity, rare, wrench, q, qd, qdd, found):
     """Write ∂τ/∂q, ∂τ/∂q̇ and ∂τ/∂q̈ = M to `found` (3, n, n); return whether all is finite.
 
-    The chain's arrays are separate arguments: finding the type of a tuple of them takes half a microsecond per call.
+    The chain's arrays are separate arguments: to identify the type of one tuple takes half a microsecond per call.
     """
     return load_slopes(ChainArrays(bodies, hinges, gravity, rare), wrench, False, q, qd, qdd, found)
 
 
 @kernel
 def load_slopes(chain, wrench, follower, q, qd, qdd, found):
-    """The same under a wrench (6,) in frame 0 or, for a follower, in axes of the tip frame."""
+    """Write the derivatives to `found` (3, n, n); the wrench (6,) is in frame 0, or in the tip frame if `follower`."""
     return slopes_under(
         chain, wrench, follower, q, qd, qdd, (found[0], found[1], found[2]), derivatives_workspace(chain)
     )
@@ -157,13 +158,16 @@ def load_slopes(chain, wrench, follower, q, qd, qdd, found):
 
 @subroutine
 def inverse_derivatives(chain, wrench, q, qd, qdd, found, work):
-    """Write three arrays (n, n), with a workspace that serves many states; return whether all is finite."""
+    """Write the three derivatives to the arrays `found`, (n, n) each; return whether all is finite.
+
+    The scratch `work` can be reused for other states.
+    """
     return slopes_under(chain, wrench, False, q, qd, qdd, found, work)
 
 
 @recursion
 def slopes_under(chain, wrench, follower, q, qd, qdd, found, work):
-    """The same under a wrench that may be a follower."""
+    """Write the three derivatives under a wrench that may be a follower; return whether all is finite."""
     force, moment = outward(chain, wrench, follower, q, qd, qdd, None, work.motion)
     inward(chain, force, moment, work)
     keep_slopes(work.by_angle, work.by_angle_inner, found[0])
@@ -177,7 +181,7 @@ def slopes_under(chain, wrench, follower, q, qd, qdd, found, work):
 
 @recursion
 def keep_slopes(outer, inner, found):
-    """Copy ∂τ_i/∂x_j, j ≤ i, and ∂τ_j/∂x_i, j < i, to the rows and columns of `found`."""
+    """Copy ∂τ_i/∂x_j, j ≤ i, from `outer` and ∂τ_j/∂x_i, j < i, from `inner` to the matrix `found` (n, n)."""
     for block in range(len(outer) - 1, -1, -1):
         keep_columns(outer[block], block * LANES, found)
     for i in range(len(found)):
@@ -187,7 +191,7 @@ def keep_slopes(outer, inner, found):
 
 @recursion
 def part_branches(bodies, slopes):
-    """Set the derivative to 0 for joints that are not on one path from the base."""
+    """Set the derivatives between joints on different branches to 0."""
     for i in range(len(bodies)):
         number = i + 1
         while number > 0:
@@ -201,9 +205,9 @@ def part_branches(bodies, slopes):
 
 @recursion
 def keep_columns(x, first, found):
-    """Copy blocks of eight columns, the last block first, eight numbers of a row at once.
+    """Copy the block x (n, 8) to the columns of `found` from `first` on; the last block must be copied first.
 
-    Numbers written past the last column are overwritten by the next row or the next block.
+    Eight numbers of a row are stored at once. Those past the last column are overwritten by the next row or block.
     """
     n, elements = len(x), found.reshape(-1)
     for k in range(n):
@@ -217,10 +221,10 @@ def keep_columns(x, first, found):
 
 @recursion
 def outward(chain, wrench, follower, q, qd, qdd, solved, work):
-    """Write the motion of the bodies and δa, δω, η of each hinge; return force and moment of the wrench, frame 0.
+    """Write the motion of bodies and hinges to `work`; return force and moment of the wrench in frame 0.
 
-    `solved`: α and a of the bodies (bodies, 6) from forward dynamics, or None. For light segments with a heavy body
-    outboard, q̈ may nearly cancel in the sum, so its α would lose digits.
+    `solved`: α and a of the bodies (bodies, 6) if forward dynamics has found them, or None. The q̈ of light segments
+    can nearly cancel in the α of a heavy outboard body, and their sum would lose digits.
     """
     rows = work.bodies
     force, moment = vector(wrench), (wrench[3], wrench[4], wrench[5])
@@ -272,7 +276,7 @@ def outward(chain, wrench, follower, q, qd, qdd, solved, work):
         I = sym_add(sym_from_axes(x, y, z, symmetric(b.inertia)), point_inertia(b.mass, center))
         F = add(scale(b.mass, a), add(cross(α, mc), cross(ω, cross(ω, mc))))
         N = add(cross(mc, a), add(sym_apply(I, α), cross(ω, sym_apply(I, ω))))
-        keep(rows, i, (r, u, mc, ω, F, N, I, p, v))  # in the order of `BODY_MOTION`
+        keep(rows, i, (r, u, mc, ω, F, N, I, p, v))  # `BODY_MOTION`
         if chain.rare is not None and b.fork > 0:
             keep(work.forks, b.fork, (x, y, z, p, v, ω, α, a))
         if b.loaded and follower:
@@ -282,13 +286,13 @@ def outward(chain, wrench, follower, q, qd, qdd, solved, work):
 
 @inlined
 def body_slides(hinges, body):
-    """Whether the hinges of a body are prismatic."""
+    """Whether the hinges of `body` are prismatic hinges."""
     return body.first < body.stop and hinges[body.first].axis >= SLIDES
 
 
 @recursion
 def sum_along(hinges, body, q, x, y, z):
-    """Σ e q of the prismatic hinges of a body."""
+    """Σ e q over the hinges of a body with prismatic hinges."""
     total = ZERO
     for k in range(body.first, body.stop):
         total = add_scaled(total, q[k], pick(hinges[k].axis - SLIDES, x, y, z))
@@ -297,7 +301,7 @@ def sum_along(hinges, body, q, x, y, z):
 
 @recursion
 def put_slide(rows, k, e, p, v, ω, α):
-    """Write the columns of a prismatic hinge."""
+    """Write the columns of prismatic hinge k."""
     δv = cross(ω, e)
     put_of_hinge(rows, k, HINGE_MOTION.e, e)
     put_of_hinge(rows, k, HINGE_MOTION.p, p)
@@ -312,41 +316,41 @@ def put_slide(rows, k, e, p, v, ω, α):
 
 @inlined
 def put_of_hinge(rows, k, first, a):
-    """Write a 3-vector of hinge `k`."""
+    """Write the 3-vector a of hinge `k` to the columns from `first` on."""
     block, lane = k // LANES, k % LANES
     rows[block, first, lane], rows[block, first + 1, lane], rows[block, first + 2, lane] = a
 
 
 @inlined
 def of_hinge(rows, k, first):
-    """Read a 3-vector of hinge `k`."""
+    """Return the 3-vector of hinge `k` in the columns from `first` on."""
     block, lane = k // LANES, k % LANES
     return rows[block, first, lane], rows[block, first + 1, lane], rows[block, first + 2, lane]
 
 
 @inlined
 def spin(G, a):
-    """2 (tr G a − G a), where G is given by its columns."""
+    """2 (tr G a − G a); G is a tuple of its columns."""
     trace = G[0][0] + G[1][1] + G[2][2]
     return scale(2.0, sub(scale(trace, a), rotate(a, G[0], G[1], G[2])))
 
 
 @inlined
 def spin_transposed(G, a):
-    """2 (tr G a − Gᵀ a), where G is given by its columns."""
+    """2 (tr G a − Gᵀ a); G is a tuple of its columns."""
     trace = G[0][0] + G[1][1] + G[2][2]
     return scale(2.0, sub(scale(trace, a), (dot(G[0], a), dot(G[1], a), dot(G[2], a))))
 
 
 @inlined
 def add_dyad(G, a, b):
-    """Columns of G + a bᵀ."""
+    """G + a bᵀ, both as tuples of columns."""
     return add_scaled(G[0], b[0], a), add_scaled(G[1], b[1], a), add_scaled(G[2], b[2], a)
 
 
 @inlined
 def own_spin(ω, I):
-    """Columns of Σ m (ω × ρ) ρᵀ = ω̃ (½ tr I 1 − I) of one body."""
+    """Columns of G = Σ m (ω × ρ) ρᵀ = ω̃ (½ tr I 1 − I) of one body."""
     half = 0.5 * (I[0] + I[1] + I[2])
     return (
         cross(ω, (half - I[0], -I[5], -I[4])), cross(ω, (-I[5], half - I[1], -I[3])),
@@ -356,7 +360,7 @@ def own_spin(ω, I):
 
 @recursion
 def inward(chain, force, moment, work):
-    """Composites from the tips inward; with each hinge its row of derivatives."""
+    """Backward pass: add up the composite from the tips to the base, and write the derivatives at each hinge."""
     rows, forks = work.motion.bodies, work.motion.forks
     if work.motion.forks is not None:
         forks[:] = 0.0
@@ -397,14 +401,14 @@ def inward(chain, force, moment, work):
 
 @subroutine
 def unload(hinges, k):
-    """Set the derivatives of the wrench for hinge `k` to zero: it does not act outboard."""
+    """Set δF and δm of hinge `k` to 0: the wrench does not act outboard of it."""
     put_of_hinge(hinges, k, HINGE_MOTION.δF, ZERO)
     put_of_hinge(hinges, k, HINGE_MOTION.δm, ZERO)
 
 
 @recursion
 def derivatives_of_turn(i, m, s, I, P, G, f, n, d, loaded, work):
-    """Rows of the revolute hinge i, from the composite of its outboard bodies."""
+    """Write the derivatives at revolute hinge i, from the composite of all bodies outboard of it."""
     hinges = work.motion.hinges
     e, δa, η = (
         of_hinge(hinges, i, HINGE_MOTION.e),
@@ -413,7 +417,7 @@ def derivatives_of_turn(i, m, s, I, P, G, f, n, d, loaded, work):
     )
     δω = of_hinge(hinges, i, HINGE_MOTION.δω)
     δF, δm = of_hinge(hinges, i, HINGE_MOTION.δF), of_hinge(hinges, i, HINGE_MOTION.δm)
-    # e·δn as a linear function of δa, η, δω, δF, δm
+    # coefficients of δa, η, δω, δF, δm in e·δn
     by_a, by_η, by_ω, by_F = cross(e, s), sym_apply(I, e), spin_transposed(G, e), cross(e, d)
     by_m = e if loaded > 0.0 else ZERO
     f_q = sub(add(add(scale(m, δa), cross(η, s)), add(scale(2.0, cross(δω, P)), cross(e, f))), δF)
@@ -426,7 +430,7 @@ def derivatives_of_turn(i, m, s, I, P, G, f, n, d, loaded, work):
 
 @subroutine
 def derivatives_of_slide(i, m, s, P, f, loaded, work):
-    """Rows of the prismatic hinge i: e·δf as a linear function of δa, η, δω, δF; and its own force and moment."""
+    """Write the derivatives at prismatic hinge i, from the composite of all bodies outboard of it."""
     hinges = work.motion.hinges
     e, δa = of_hinge(hinges, i, HINGE_MOTION.e), of_hinge(hinges, i, HINGE_MOTION.δa)
     by_a, by_η, by_ω, by_F = scale(m, e), cross(s, e), scale(2.0, cross(P, e)), scale(loaded, e)
@@ -437,7 +441,10 @@ def derivatives_of_slide(i, m, s, P, f, loaded, work):
 
 @inlined
 def put_row(i, by_a, by_η, by_ω, by_F, by_m, f_q, n_q, f_qd, n_qd, work):
-    """Derivatives of joint i and all before it, eight by eight, as if these were revolute."""
+    """Write the derivatives between joint i and all joints j ≤ i, eight at a time, as if all j were revolute.
+
+    `by_*` are the coefficients of δa, η, δω, δF, δm in the torque of joint i. The rest are f* and n* of joint i.
+    """
     hinges = work.motion.hinges
     p, v = of_hinge(hinges, i, HINGE_MOTION.p), of_hinge(hinges, i, HINGE_MOTION.v)
     for b in range(i // LANES + 1):
@@ -459,7 +466,7 @@ def put_row(i, by_a, by_η, by_ω, by_F, by_m, f_q, n_q, f_qd, n_qd, work):
 
 @subroutine
 def put_slides(i, by_a, f_q, f_qd, work):
-    """Overwrite the derivatives with respect to prismatic joints before joint i."""
+    """Overwrite the derivatives between joint i and the prismatic joints j ≤ i."""
     hinges, slides = work.motion.hinges, work.motion.slides
     for number in range(len(slides)):
         j = slides[number]

@@ -1,4 +1,4 @@
-"""Derivatives of forward and inverse dynamics at many states of a chain, one after another in one workspace."""
+"""Derivatives of forward and inverse dynamics at many states of a chain, one after another with the same scratch."""
 
 from flexlink.kernels.derivatives.forward_derivatives import (
     ForwardDerivativesWork,
@@ -20,7 +20,10 @@ from flexlink.kernels.tools.compiler import by_type, kernel
     }
 )
 def derivatives_into(chain, wrench, q, qd, given, found, work):
-    """Write derivatives by q, q̇ and `given` (T_EX or q̈), three arrays (n, n); return whether all is finite."""
+    """Write the derivatives with respect to q, q̇ and `given`, (n, n) each; return whether all is finite.
+
+    `given` is T_EX for forward and q̈ for inverse dynamics.
+    """
 
 
 @kernel
@@ -35,12 +38,12 @@ def write_all(chain, wrench, q, qd, given, found, work):
 
 @kernel
 def forward_derivatives_of_many(chain, wrench, q, qd, tau, found):
-    """Derivatives of forward dynamics."""
+    """Write the derivatives of forward dynamics at many states; return whether all are finite."""
     work = forward_derivatives_workspace(chain.bodies, chain.hinges, chain.gravity, chain.rare)
     return write_all(chain, wrench, q, qd, tau, found, work)
 
 
 @kernel
 def inverse_derivatives_of_many(chain, wrench, q, qd, qdd, found):
-    """Derivatives of inverse dynamics."""
+    """Write the derivatives of inverse dynamics at many states; return whether all are finite."""
     return write_all(chain, wrench, q, qd, qdd, found, derivatives_workspace(chain))

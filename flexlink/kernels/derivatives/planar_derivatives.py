@@ -1,19 +1,19 @@
-"""Derivatives of forward dynamics in a plane, O(n²): `planar` differentiated by the absolute angle of each link.
+"""Derivatives of forward dynamics in a plane, O(n²): `planar`, differentiated by the absolute angle of each link.
 
-If link k alone rotates, r changes by d, d by −r, m c by h and h by −m c. At constant α and a, these forces and moments
-on it change by
+A unit rotation of link k alone changes r by d, d by −r, m c by h and h by −m c (symbols of `planar_rne`). At constant α
+and a, the following quantities change by
 
     b = −α r − ω² d                   acceleration of the next hinge point
-    f = M b − α m c − ω² h            M and g of the outboard links, as `planar` passes them on
-    n = g·b + d·M b − m c·a − r·f⁺    f⁺ the force that the next hinge transmits
+    f = M b − α m c − ω² h            force; M is the translational inertia of all outboard links, from `planar`
+    n = g·b + d·M b − m c·a − r·f⁺    moment; g couples this inertia to rotation; f⁺ is the force of the next hinge
 
-For a change of its rate alone, b = −2 ω r, f = M b − 2 ω m c, n = g·b + d·M b. For a change of its acceleration, b = d,
-f = M d + h, n = I + g·d + d·M d. A unit change of q_j rotates all links from j on by σ_j, so every column uses the same
-numbers, from j on. They are solved with the factors of M, eight columns side by side or, for many states, column by
-column of eight states:
+A unit change of the rate gives b = −2 ω r, f = M b − 2 ω m c, n = g·b + d·M b. A unit change of the acceleration gives
+b = d, f = M d + h, n = I + g·d + d·M d. A unit change of q_j rotates all links from j on by σ_j, so column j uses the
+same b, f, n as every other column, from link j on. The factors of the mass matrix then give x, with joint torques r,
+for eight columns side by side, or, for many states, column by column for eight states:
 
-    backward    n ← n + d·f + n_k        f ← f + f_k        T = σ r − n       n ← σ r − A T / D       f ← f + H T / D
-    forward     α = T / D + (A / D) α_before − H·a / D      σ x = α − α_before      a ← a + α d + b_k
+    inward      n ← n + d·f + n_k        f ← f + f_k        T = σ r − n       n ← σ r − A T / D       f ← f + H T / D
+    outward     α = T / D + (A / D) α_before − H·a / D      σ x = α − α_before      a ← a + α d + b_k
 """
 
 from typing import Any, NamedTuple
@@ -40,28 +40,28 @@ from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.vec3 import scale
 
 ROW = numbered(
-    "inverse hx hy β γ",  # of a link: factors of M
-    "Mxx Mxy Myy gx gy",  # terms of all outboard links in the equation of the link
-    "ω α ax ay fx fy",  # motion; force transmitted by the next hinge
-    "changes:15 unused",  # a `CHANGE` each for angle, rate and acceleration
+    "inverse hx hy β γ",  # factors of the mass matrix: 1 / D, H, A / D, 1 − A / D
+    "Mxx Mxy Myy gx gy",  # M and g of all outboard links
+    "ω α ax ay fx fy",  # motion; force through the next hinge
+    "changes:15 unused",  # a `CHANGE` by the angle, by the rate and by the acceleration
 )
 CHANGE = numbered("n fx fy bx by")
 
 
 class PlanarDerivativesWork(NamedTuple):
-    """Scratch arrays for eight columns of one state side by side, or for eight states side by side."""
+    """Scratch for one state with eight columns side by side, or for eight states side by side."""
 
     posture: PlanePosture
     rows: Any  # (n, SIZE)
-    turned: Any  # (9, 8) row t: σ of the first t columns of a block, 0 elsewhere
-    prescribed: Any  # (9, 8) the same for columns of prescribed joints
+    turned: Any  # (9, 8) row t: σ for the first t columns of a block, 0 for the others
+    prescribed: Any  # (9, 8) the same, with 0 for all joints but prescribed ones
     r: Any  # (3, n, 8)
     x: Any  # (3, n, 8)
 
 
 @kernel
 def planar_derivatives(bodies, hinges, gravity, rare, wrench, q, qd, tau, found):
-    """Write ∂q̈/∂q, ∂q̈/∂q̇, ∂q̈/∂T_EX to `found` (3, n, n), as `forward_derivatives`; return whether all is finite."""
+    """Write ∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX to `found` (3, n, n) like `forward_derivatives`; return whether all is finite."""
     n, planar = len(q), planar_workspace(bodies, hinges, gravity, rare)
     qdd, levers, lanes = np.zeros(n), np.empty((2, n, 2)), np.empty((6, n, LANES))
     forward_dynamics(wrench, q, qd, tau.copy(), qdd, planar)
@@ -88,7 +88,7 @@ def planar_derivatives(bodies, hinges, gravity, rare, wrench, q, qd, tau, found)
 
 @recursion
 def differentiate(base, wrench, qd, work):
-    """Write the changes of forces on links, from the results of forward dynamics."""
+    """Write the factors and the changes b, f, n of every link; forward dynamics must have run on this state."""
     turn_levers(work.posture)
     factor(work)
     move(base, wrench, qd, work)
@@ -98,7 +98,7 @@ def differentiate(base, wrench, qd, work):
 
 @recursion
 def factor(work):
-    """M of the chain, link by link from the tip, as in `planar`, and the terms of the outboard links."""
+    """Factor the mass matrix from the tip to the base, as in `planar`; keep M and g of the links outboard of each."""
     links, prescribed, d, h = work.posture.links, work.posture.prescribed, work.posture.d, work.posture.h
     rows = work.rows
     o = zero_of(rows, 0, 0)
@@ -126,7 +126,7 @@ def factor(work):
 
 @recursion
 def move(base, wrench, qd, work):
-    """Absolute rates and accelerations, with α from `planar`, and the forces that hinges transmit."""
+    """Write absolute rates, accelerations (α as `planar` has found it) and the forces that the hinges transmit."""
     links, d, h, rows = work.posture.links, work.posture.d, work.posture.h, work.rows
     ω = zero_of(qd)
     ax, ay = in_plane(base, scale(-1.0, vec(base, BASE.gravity)))
@@ -148,7 +148,7 @@ def move(base, wrench, qd, work):
 
 @recursion
 def write_changes(k, work):
-    """Change of forces on link k per unit of its angle, rate and acceleration; r = (d_y, −d_x), m c = (h_y, −h_x)."""
+    """Write b, f, n of link k for unit angle, rate and acceleration; r = (d_y, −d_x), m c = (h_y, −h_x)."""
     rows, d, h = work.rows, work.posture.d, work.posture.h
     dx, dy, hx, hy = at(d, k, 0), at(d, k, 1), at(h, k, 0), at(h, k, 1)
     ω, α, I = at(rows, k, ROW.ω), at(rows, k, ROW.α), at(work.posture.links, k, LINK.inertia)
@@ -164,7 +164,7 @@ def write_changes(k, work):
 
 @recursion
 def write_change(rows, k, first, dx, dy, bx, by, fx, fy, n):
-    """Store n, f, b, including the forces that b causes on all outboard links."""
+    """Write n, f and b to row k; n and f include the load of all outboard links due to b."""
     Mxx, Mxy, Myy = vec_of(rows, k, ROW.Mxx)
     Mbx, Mby = Mxx * bx + Mxy * by, Mxy * bx + Myy * by
     turned = n + at(rows, k, ROW.gx) * bx + at(rows, k, ROW.gy) * by + dx * Mbx + dy * Mby
@@ -175,7 +175,7 @@ def write_change(rows, k, first, dx, dy, bx, by, fx, fy, n):
 
 @recursion
 def weigh(hinges, first, work):
-    """σ of the first columns of a block, and of those of prescribed joints alone."""
+    """Write σ of the first t columns of a block, t = 0 … 8, for all joints and for prescribed joints alone."""
     for j in range(LANES):
         k, σ, prescribed = first + j, 0.0, 0.0
         if k < len(hinges):
@@ -190,7 +190,10 @@ def weigh(hinges, first, work):
 
 @recursion
 def solve(first, work):
-    """x of a block of columns for all three kinds of changes, interleaved: steps of one do not wait for another."""
+    """Write x, the derivatives of q̈ by q, q̇ and T_EX, for a block of columns; the three recursions run interleaved.
+
+    They are independent of each other, so no step of one waits for a step of another.
+    """
     o = zero_of(work.x, 0, 0)
     at_rest = o, o, o
     angle, speed, input = at_rest, at_rest, at_rest
@@ -209,14 +212,14 @@ def solve(first, work):
 
 @inlined
 def weights_of(k, first, work):
-    """σ of the columns of a block that rotate link k, and of those that accelerate it."""
+    """σ of the columns of a block that move link k, for all joints and for prescribed joints alone."""
     columns = max(0, min(LANES, k + 1 - first))
     return at(work.turned, columns), at(work.prescribed, columns)
 
 
 @inlined
 def load(k, variable, weight, work, n, fx, fy):
-    """n and f inboard of link k, from those outboard; stores T / D in x."""
+    """Return n and f inboard of link k, from those outboard of it; write T / D to x."""
     links, prescribed, d, rows = work.posture.links, work.posture.prescribed, work.posture.d, work.rows
     p = ROW.changes + variable * CHANGE.size
     n += at(d, k, 0) * fx + at(d, k, 1) * fy + at(rows, k, p + CHANGE.n) * weight
@@ -232,7 +235,7 @@ def load(k, variable, weight, work, n, fx, fy):
 
 @inlined
 def turn(k, variable, weight, work, before, ax, ay):
-    """α of link k and a outboard of it, from those inboard; stores the joint's part in x."""
+    """Return α of link k and a at its far end, from α and a inboard of it; write the q̈ of joint k to x."""
     links, prescribed, d, rows = work.posture.links, work.posture.prescribed, work.posture.d, work.rows
     p = ROW.changes + variable * CHANGE.size
     if prescribed[k]:
@@ -249,9 +252,9 @@ def turn(k, variable, weight, work, before, ax, ay):
 
 @kernel
 def planar_derivatives_of_many(chain, planar, wrench, q, qd, tau, found):
-    """Derivatives at states (b, n), wrenches (b, 6), written to `found` (3, b, n, n), eight states side by side.
+    """Write derivatives at states (b, n), wrenches (b, 6), to `found` (3, b, n, n), eight states side by side.
 
-    `planar` is the workspace of eight such chains. Returns whether all is finite.
+    `planar` is scratch for eight copies of the chain. Returns whether all is finite.
     """
     hinges, finite = chain.hinges, True
     n, slopes = len(hinges), slopes_side_by_side(chain)
@@ -290,7 +293,7 @@ def planar_derivatives_of_many(chain, planar, wrench, q, qd, tau, found):
 
 @recursion
 def put_joint_loads(hinge, j, qd, r):
-    """Torques of joint j in eight states for a unit change of its angle, rate or drive torque."""
+    """Write the torques of joint j in eight states due to its unit angle, rate or drive torque."""
     for lane in range(LANES):
         r[VARIABLE.q, j, lane] = -hinge.stiffness
         r[VARIABLE.qd, j, lane] = -friction_derivative(hinge, qd[j, lane])
@@ -299,7 +302,7 @@ def put_joint_loads(hinge, j, qd, r):
 
 @kernel
 def slopes_side_by_side(chain):
-    """Allocate the derivatives (2, n, n, 8) of force elements in eight states; None for a plain chain."""
+    """Scratch (2, n, n, 8) for derivatives of force elements in eight states; None for a plain chain."""
     if chain.rare is None:
         return None
     n = len(chain.hinges)
@@ -308,7 +311,7 @@ def slopes_side_by_side(chain):
 
 @kernel
 def find_slopes_of_eight(chain, q, qd, start, found):
-    """Derivatives of force elements in eight states from number `start`."""
+    """Write the derivatives of force elements by q and q̇ to `found`, for up to eight states from `start` on."""
     slopes = force_slopes_of(chain, forces_of(chain))
     for lane in range(min(LANES, len(q) - start) if slopes.act else 0):
         find_slopes(slopes, q[start + lane], qd[start + lane])
@@ -317,7 +320,7 @@ def find_slopes_of_eight(chain, q, qd, start, found):
 
 @recursion
 def put_force_loads(slopes, j, r):
-    """Add the torques of force elements in eight states for a change of angle or rate of joint j."""
+    """Subtract the derivatives of force elements by the angle and rate of joint j from r, for eight states."""
     for part in range(2):
         for k in range(r.shape[1]):
             for lane in range(LANES):
@@ -326,7 +329,7 @@ def put_force_loads(slopes, j, r):
 
 @recursion
 def solve_column(j, work):
-    """x of column j for all three kinds of changes."""
+    """Write x, column j of the derivatives of q̈ by q, q̇ and T_EX, for eight states."""
     o = zero_of(work.x, 0, 0)
     σ = at(work.posture.links, j, LINK.sign)
     given = σ if work.posture.prescribed[j] else o

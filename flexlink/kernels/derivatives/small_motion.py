@@ -1,13 +1,13 @@
-"""Products with λ² M + λ C + K for small motion x exp(λt) about a state with constant rates, in O(n).
+"""Products of λ² M + λ C + K with small motion x exp(λt) of a chain about a state with constant rates, in O(n).
 
-K = ∂(T_GC + T_FL)/∂q, C = ∂(T_GC + T_FR)/∂q̇. The accelerations of the bodies for a motion x_k of hinge k are those of
-`inverse_derivatives`, in body axes. They are added up along the chain:
+K = ∂(T_GC + T_FL)/∂q, C = ∂(T_GC + T_FR)/∂q̇. A motion x_k of hinge k changes the motion of all outboard bodies by the
+δa, η, δω of `inverse_derivatives`, and their orientation by δφ. The sum y of these changes is passed outward:
 
-    y ← y + j_k x_k         y = (δa, δφ, η, δω)         δa ← δa + η × r + 2 δω × ṙ              from body to body
-    j_k = (term of q_k) + λ (term of q̇_k) + λ² (term of q̈_k)
+    hinge k         y ← y + j_k x_k         y = (δa, δφ, η, δω)         j_k = ∂y/∂q_k + λ ∂y/∂q̇_k + λ² ∂y/∂q̈_k
+    next body       δa ← δa + η × r + 2 δω × ṙ
 
-Force and moment at the hinge points follow in a backward pass. A revolute hinge rotates its transmitted load,
-(e × f, e × n); a prismatic hinge displaces it: (0, e × f).
+A backward pass sums force and moment at each hinge point. A revolute hinge also rotates the load that it transmits, by
+(e × f, e × n) x_k; a prismatic hinge shifts it, by (0, e × f) x_k.
 """
 
 from typing import Any, NamedTuple
@@ -36,30 +36,30 @@ from flexlink.kernels.tools.vec3 import ZERO, X, Y, Z, add, add_scaled, cross, d
 
 UNITS = (X, Y, Z)
 PARTS = numbered("δa:3 δφ:3 η:3 δω:3")
-"""Components of y, and columns of its matrices."""
+"""Entries of y, and columns of the matrices A that multiply y."""
 HINGE = numbered("e:3 moved:6 j:12 c:6 p:12 D w eb")
-"""Columns of a hinge: e; e × f and e × n; then j, c, p, D, w and e·b of the elimination."""
+"""Columns of a hinge: axis e; e × f and e × n; j; then c, p, D, w and e·b of the elimination."""
 
 
 class SmallMotion(NamedTuple):
-    """A chain in a state, and its matrix factored by `factor`."""
+    """A chain in a state, with scratch, and the factors that `factor` writes."""
 
     chain: Any
-    cells: Any  # `Cells` of coupled springs, for `factor` and `solve`; None if there are none
+    cells: Any  # `Cells` of coupled springs, for `factor` and `solve`; None without couplings
     motion: MotionWork
-    tip: Any  # (2, 3) force and moment that rotate relative to the arm, 0 for a follower
-    moving: Any  # (1,) bool: whether rates are nonzero
+    tip: Any  # (2, 3) force and moment of fixed direction at the tip; 0 for a follower
+    moving: Any  # (1,) bool: some rate is not zero
     hinges: Any  # (n, HINGE)
     demands: Any  # (bodies, 6) scratch
     A: Any  # (12, 6) scratch
-    forks: Any  # (rows, 12, 6) scratch: A, y, or force and moment of branches
-    size: Any  # (1,) number of components of y that can be nonzero
-    given: Any  # (n,) bool: not eliminated
+    forks: Any  # (rows, 12, 6) scratch at forks: A, or y, or force and moment
+    size: Any  # (1,) number of leading entries of y that cause loads
+    given: Any  # (n,) bool: x is given, the hinge is not eliminated
 
 
 @kernel
 def small_motion(chain):
-    """Allocate the workspace of a chain; `set_state` fills it in."""
+    """Scratch for a chain; `set_state` sets its state."""
     n, m = len(chain.hinges), len(chain.bodies)
     return SmallMotion(
         chain, None, motion_workspace(chain), np.zeros((2, 3)), np.zeros(1, np.bool_), np.zeros((n, HINGE.size)),
@@ -70,7 +70,7 @@ def small_motion(chain):
 
 @kernel
 def matrices_of_forks(chain):
-    """Scratch (rows, 12, 6); None for a plain chain."""
+    """Scratch (rows, 12, 6) for the forks; None for a plain chain."""
     if chain.rare is None:
         return None
     return np.empty((rows_of_forks(chain.bodies), 12, 6))
@@ -78,7 +78,7 @@ def matrices_of_forks(chain):
 
 @kernel
 def set_state(work, wrench, follower, q, qd):
-    """Set angles and constant rates (n,), and a wrench (6,) in frame 0 or, for a follower, in axes of the tip frame."""
+    """Set the state: angles and constant rates (n,), wrench (6,) in frame 0, or in the tip frame if `follower`."""
     chain, motion, rows = work.chain, work.motion, work.hinges
     force, moment = outward(chain, wrench, follower, q, qd, np.zeros(len(q)), None, motion)
     f = t = ZERO
@@ -111,26 +111,26 @@ def set_state(work, wrench, follower, q, qd):
 
 @recursion
 def clear_loads(forks):
-    """Set the force and moment of all branches to zero."""
+    """Set the force and moment of the branches at all forks to 0."""
     forks[:, 0] = 0.0
 
 
 @recursion
 def with_loads(forks, row, f, n):
-    """Add the force and moment of the branches of a fork."""
+    """f and n plus those of the branches at fork `row`."""
     return added(forks[row], 0, (f, n))
 
 
 @recursion
 def add_loads(forks, row, f, n):
-    """Add force and moment of a branch to its fork; return those at the tip of the next branch."""
+    """Add f and n of a branch at fork `row`; return zeros, with which the next branch begins at its tip."""
     keep(forks[row], 0, added(forks[row], 0, (f, n)))
     return ZERO, ZERO
 
 
 @recursion
 def weigh(work, by_angle, by_rate, by_acceleration):
-    """j of every hinge for given weights of K, C and M."""
+    """Write j of every hinge for the matrix by_angle K + by_rate C + by_acceleration M."""
     rows, motion = work.hinges, work.motion.hinges
     for k in range(len(rows)):
         e, δω = vec_of(rows, k, HINGE.e), of_hinge(motion, k, HINGE_MOTION.δω)
@@ -147,7 +147,7 @@ def weigh(work, by_angle, by_rate, by_acceleration):
 
 @recursion
 def weigh_slides(work, by_angle, by_rate, by_acceleration):
-    """Overwrite j of prismatic hinges."""
+    """Overwrite j of the prismatic hinges."""
     rows, motion = work.hinges, work.motion.hinges
     for k in work.motion.slides:
         δa = add_scaled(
@@ -160,7 +160,7 @@ def weigh_slides(work, by_angle, by_rate, by_acceleration):
 
 @inlined
 def wrench_part(chain, k):
-    """First index, in the wrench (6,), of the part that acts on a hinge: force if it is prismatic, else moment."""
+    """Index in (f, n) of the vector whose component along e loads hinge k: 0, force, if it slides, else 3, moment."""
     if chain.rare is not None and chain.hinges[k].axis >= SLIDES:
         return 0
     return 3
@@ -168,53 +168,53 @@ def wrench_part(chain, k):
 
 @inlined
 def by_acceleration(bodies, m, i, δa):
-    """Force and moment of body i for an acceleration δa of its hinge point."""
+    """Force and moment that body i requires for an acceleration δa of its hinge point."""
     return scale(m, δa), cross(vec_of(bodies, i, BODY_MOTION.mc), δa)
 
 
 @inlined
 def by_turning(bodies, i, η):
-    """Force and moment of body i for η."""
+    """Force and moment that body i requires for η."""
     return cross(η, vec_of(bodies, i, BODY_MOTION.mc)), sym_apply(sym_of(bodies, i, BODY_MOTION.I), η)
 
 
 @inlined
 def by_spin(bodies, i, δω):
-    """Force and moment of body i for δω."""
+    """Force and moment that body i requires for δω."""
     ω, I = vec_of(bodies, i, BODY_MOTION.ω), sym_of(bodies, i, BODY_MOTION.I)
     return scale(2.0, cross(δω, cross(ω, vec_of(bodies, i, BODY_MOTION.mc)))), spin(own_spin(ω, I), δω)
 
 
 @inlined
 def add_column(A, column, f, n):
-    """Add (f, n) to a column of A."""
+    """A[column] += (f, n)."""
     put_vec_of(A, add(vec_of(A, column, 0), f), column, 0)
     put_vec_of(A, add(vec_of(A, column, 3), n), column, 3)
 
 
 @recursion
 def keep_motion(forks, row, δa, δφ, η, δω):
-    """Store y for the branches of a fork."""
+    """Store y at a fork, where its branches continue from it."""
     keep(forks[row], 0, (δa, δφ))
     keep(forks[row], 1, (η, δω))
 
 
 @recursion
 def kept_motion(forks, row):
-    """Read y for a branch."""
+    """Return the y stored at a fork."""
     return kept(forks[row], 0, (ZERO, ZERO)) + kept(forks[row], 1, (ZERO, ZERO))
 
 
 @inlined
 def hinge_acceleration(bodies, i, δa, η, δω):
-    """δa at the hinge point of body i, from that of its parent body."""
+    """δa at the hinge point of body i, from δa at the hinge point of the parent body."""
     r, u = vec_of(bodies, i, BODY_MOTION.r), vec_of(bodies, i, BODY_MOTION.u)
     return add(δa, add(cross(η, r), scale(2.0, cross(δω, u))))
 
 
 @inlined
 def beyond_hinge(rows, k, x, δa, δφ, η, δω):
-    """y ← y + j_k x of hinge k."""
+    """Return y + j_k x, the y outboard of hinge k."""
     return (
         add_scaled(δa, x, vec_of(rows, k, HINGE.j + PARTS.δa)), add_scaled(δφ, x, vec_of(rows, k, HINGE.j + PARTS.δφ)),
         add_scaled(η, x, vec_of(rows, k, HINGE.j + PARTS.η)), add_scaled(δω, x, vec_of(rows, k, HINGE.j + PARTS.δω)),
@@ -223,7 +223,10 @@ def beyond_hinge(rows, k, x, δa, δφ, η, δω):
 
 @kernel
 def multiply(work, weights, κ, x, product):
-    """Write (weights[0] K + weights[1] C + weights[2] M) x for x (columns, n); `κ`: springs, friction and rotors."""
+    """Write (weights[0] K + weights[1] C + weights[2] M) x for x (columns, n).
+
+    `κ` (n,) contains the springs, friction and rotors of the hinges, already weighted.
+    """
     weigh(work, weights[0], weights[1], weights[2])
     for column in range(len(x)):
         body_loads(work, x[column])
@@ -232,7 +235,7 @@ def multiply(work, weights, κ, x, product):
 
 @kernel
 def mass_products(chain, q, x, product):
-    """Write M x for x (columns, n), in body axes: the twist of a straight, slender arm keeps its digits."""
+    """Write M x for x (columns, n), in body axes, where the twist of a straight slender arm keeps its digits."""
     zero, wrench, work = np.zeros(len(q)), np.zeros(6), rne_workspace(chain)
     for column in range(len(x)):
         rne(chain, ZERO, wrench, q, zero, x[column], product[column], work)
@@ -240,7 +243,7 @@ def mass_products(chain, q, x, product):
 
 @recursion
 def body_loads(work, x):
-    """Force and moment of every body; the loaded one includes the rotated wrench."""
+    """Forward pass: write the load that every body requires for x; at the tip it includes the rotated wrench."""
     rows, bodies, demands = work.hinges, work.motion.bodies, work.demands
     δa = δφ = η = δω = ZERO
     if work.forks is not None and len(work.forks) > 0:
@@ -264,7 +267,7 @@ def body_loads(work, x):
 
 @recursion
 def answer(work, by_angle, κ, x, product):
-    """Backward pass: forces and moments, and κ x + e·n of every hinge."""
+    """Backward pass: sum forces and moments, and write κ x + e·n (e·f if it slides) of every hinge to `product`."""
     rows, bodies, demands = work.hinges, work.motion.bodies, work.demands
     f = n = ZERO
     if work.forks is not None:

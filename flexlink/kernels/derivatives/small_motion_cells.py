@@ -1,19 +1,19 @@
-"""Cells of coupled springs and dampers in `small_motion_factors`: κ is a full matrix within each cell.
+"""Elimination of cells, groups of hinges with coupled springs and dampers: κ is a full block within each cell.
 
-Hinges are eliminated one by one from the tip. Eliminating hinge k fills in, for every hinge j before it in its cell, a
-column G_j (force and moment for x_j = 1) and, since the matrix is not symmetric, a row q_j (the coefficient of y in
-equation j):
+This extends `small_motion_factors`, which eliminates one hinge at a time from the tip to the base. Elimination of
+hinge k adds two vectors for every hinge j before it in its cell: an open column G_j, the force and moment at the
+current point due to x_j = 1, and, as the matrix is not symmetric, an open row q_j, the coefficients of y in row j:
 
     (f, n) = A y + Σ_j G_j x_j + b                    Σ_i κ_ji x_i + q_j·y + w_j e_j·n = r_j
 
-    body        q_j ← as a row of A                   G_j ← as a column of A
+    body        q_j moves like a row of A             G_j moves like a column of A
     hinge k     c = A j + (e × f, e × n) + G_k        p = w e·A + q_k            D = κ_kk + w (e·A j + e·G_k) + q_k·j
                 L_j = κ_kj + w e·G_j                  U_j = κ_jk + q_j·j         j < k, its cell
                 A ← A − c pᵀ / D      G_j ← G_j − c L_j / D      q_j ← q_j − U_j p / D      κ_ji ← κ_ji − U_j L_i / D
     load        T = (r − w e·b) / D                   b ← b + c T                r_j ← r_j − U_j T
-    forward     x = T − (p·y + Σ_j L_j x_j) / D
+    outward     x = T − (p·y + Σ_j L_j x_j) / D
 
-A hinge with given x uses it in place of T; all else is the same.
+A hinge whose x is given is not eliminated: it uses x in place of T.
 """
 
 from typing import Any, NamedTuple
@@ -29,20 +29,20 @@ from flexlink.kernels.tools.vec3 import add, cross, dot, scale
 
 
 class Cells(NamedTuple):
-    """Factors and scratch arrays for cells; w is the number of hinges of the longest cell."""
+    """Arrays of the elimination with cells; w is the number of hinges of the longest cell."""
 
     first: Any  # (n,) first hinge of each hinge's cell
-    L: Any  # (n, w) L_j of hinge k, j from the first hinge of its cell
-    U: Any  # (n, w) U_j of hinge k
-    G: Any  # (w, 6) G of the current cell, scratch
-    q: Any  # (w, 12) q of the current cell, scratch
-    κ: Any  # (w, w) κ of the current cell, scratch
-    known: Any  # (n,) scratch of a solution: sum subtracted from r
+    L: Any  # (n, w) L_j of hinge k, with j counted from the first hinge of its cell
+    U: Any  # (n, w) U_j of hinge k, with j counted in the same way
+    G: Any  # (w, 6) scratch: open columns of the current cell
+    q: Any  # (w, 12) scratch: open rows of the current cell
+    κ: Any  # (w, w) scratch: κ of the current cell
+    known: Any  # (n,) scratch of a solution: known terms to subtract from r
 
 
 @kernel
 def cells_workspace(chain):
-    """Allocate the factors of a chain with couplings."""
+    """Scratch for the cells of a chain with couplings."""
     n, first = len(chain.hinges), cells_of(len(chain.hinges), chain.rare)
     w = 1
     for k in range(n):
@@ -53,7 +53,7 @@ def cells_workspace(chain):
 
 @recursion
 def put_couplings(work, weights):
-    """Write the weighted sum of K_kj and D_kj to the memory of L_j of hinge k."""
+    """Write the weighted stiffness and damping of each coupling where L_j of its outer hinge k is stored later."""
     couplings, cells = work.chain.rare.couplings, work.cells
     for k in range(len(cells.L)):
         for j in range(cells.L.shape[1]):
@@ -65,7 +65,7 @@ def put_couplings(work, weights):
 
 @recursion
 def open_cell(cells, κ, k):
-    """Set up κ of the cell that ends at hinge k, if one does; return the number of hinges before k in its cell."""
+    """If a cell ends at hinge k, set up its κ and clear G and q; return the number of hinges before k in its cell."""
     begin = cells.first[k]
     if k + 1 == len(κ) or cells.first[k + 1] != begin:
         for i in range(k - begin + 1):
@@ -79,7 +79,7 @@ def open_cell(cells, κ, k):
 
 @recursion
 def demand_in_cell(work, k, size, pj, w):
-    """Write c and p of hinge k to its row, L and U; return D, from p·j of the outboard hinges."""
+    """Write c and p of hinge k to its row, and its L and U; return D, given `pj` = e·A j."""
     rows, cells, G, q, κ = work.hinges, work.cells, work.cells.G, work.cells.q, work.cells.κ
     e, part, own = vec_of(rows, k, HINGE.e), wrench_part(work.chain, k), k - cells.first[k]
     D = κ[own, own] + w * (pj + dot(e, vec_of(G, own, part)))
@@ -98,7 +98,7 @@ def demand_in_cell(work, k, size, pj, w):
 
 @recursion
 def eliminate_in_cell(work, k, size):
-    """Update the equations of the hinges before k in its cell."""
+    """Subtract the elimination of hinge k from G, q and κ of the hinges before it in its cell."""
     rows, cells, own = work.hinges, work.cells, k - work.cells.first[k]
     for j in range(own):
         column, row = cells.L[k, j] / rows[k, HINGE.D], cells.U[k, j] / rows[k, HINGE.D]
@@ -112,7 +112,7 @@ def eliminate_in_cell(work, k, size):
 
 @recursion
 def move_open(work, i, size, count):
-    """Transfer the first `count` rows and columns of the cell to the hinge point of body i's parent."""
+    """Move the first `count` open rows and columns to the hinge point of the parent body."""
     bodies, G, q = work.motion.bodies, work.cells.G, work.cells.q
     r, u = vec_of(bodies, i, BODY_MOTION.r), scale(2.0, vec_of(bodies, i, BODY_MOTION.u))
     for j in range(count):
@@ -127,7 +127,7 @@ def move_open(work, i, size, count):
 
 @recursion
 def load_in_cell(work, k, eb, r, x):
-    """Write T of hinge k to x; add its part of r for the hinges before it in its cell to `known`."""
+    """Write T of hinge k to x, and add U_j T to the `known` terms of the hinges j before it in its cell."""
     rows, cells = work.hinges, work.cells
     cells.known[k] += rows[k, HINGE.w] * eb
     if not work.given[k]:
@@ -138,7 +138,7 @@ def load_in_cell(work, k, eb, r, x):
 
 @inlined
 def pull_in_cell(cells, k, pull, x):
-    """`pull` + Σ_j L_j x_j of hinge k."""
+    """Return `pull` + Σ_j L_j x_j of hinge k, over the hinges j before it in its cell."""
     for j in range(cells.first[k], k):
         pull += cells.L[k, j - cells.first[k]] * x[j]
     return pull

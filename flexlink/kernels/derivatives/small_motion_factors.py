@@ -1,22 +1,22 @@
-"""Solve (λ² M + λ C + K) x = r in O(n) for small motion of a chain; y and j are those of `small_motion`.
+"""Solution of (λ² M + λ C + K) x = r in O(n) for small motion of a chain, with y and j of `small_motion`.
 
-Force and moment at a hinge point are linear in y there, (f, n) = A y + b, for any motion of the outboard hinges. The
-elimination therefore runs from the tip like the articulated-body algorithm (Featherstone 2008, chapter 7), with A and b
-in place of articulated inertia and bias force:
+Once all outboard hinges are eliminated, force and moment at a hinge point are linear in the y there: (f, n) = A y + b.
+The recursion is that of articulated bodies (Featherstone 2008, chapter 7), with A and b in place of the
+articulated-body inertia and the bias force:
 
-    body        A ← A + force and moment per y        then transferred by r to the hinge point of the parent
+    body        A ← A + load of the body per unit y   then moved by r to the hinge point of the parent body
     hinge       c = A j + (e × f, e × n)      p = e·A                 D = κ + w p·j        κ = k + λ d + λ² armature
-                A ← A − c w pᵀ / D            b ← b + c (r − w e·b) / D
-    forward     x = (r − w (e·b + p·y)) / D                           row by row  κ x + w (e·n) = r
+                A ← A − c w pᵀ / D            b ← b + c T             T = (r − w e·b) / D
+    outward     x = T − w p·y / D                                     which solves row by row  κ x + w (e·n) = r
 
-A prismatic hinge has e·f in place of e·n. At a fork, A and b of the branches are added, and the forward pass continues
-from its y. With coupled springs, κ is a full matrix within each cell: `small_motion_cells` adds to c, p and D.
+A prismatic hinge has e·f in place of e·n. At a fork, the A and b of all branches are added; outward, each branch starts
+from the y there. For cells of coupled springs, κ is a full block: `small_motion_cells` adds terms to c, p and D.
 
-w scales the loads in a row. The D are the pivots of an elimination from the tip. For a symmetric matrix the number of
-negative pivots equals the number of negative eigenvalues (Sylvester). Hinges whose pivot is too small are not
-eliminated; their x is given.
+κ has the spring constant k, the damping d and the armature of a hinge. w scales the load e·n in a row. The D are the
+pivots: a symmetric matrix has an equal number of negative pivots and negative eigenvalues (Sylvester). Hinges whose
+pivot is too small are not eliminated; their x is given.
 
-Columns of A are ordered as y; those from `size` on are always zero and left out.
+The columns of A have the order of y. Columns from `size` on cause no loads and are skipped.
 """
 
 from flexlink.kernels.derivatives.inverse_derivatives import BODY_MOTION
@@ -54,11 +54,11 @@ from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, cross, dot, scale
 
 @kernel
 def factor(work, weights, κ, w, sizes, smallest):
-    """Eliminate (weights[0] K + weights[1] C + weights[2] M) x, springs, friction and rotors in `κ` (n,).
+    """Factor weights[0] K + weights[1] C + weights[2] M; `κ` (n,) has springs, friction and rotors, already weighted.
 
-    Springs and dampers that couple hinges are not in `κ` but in the chain. Hinges that are `given` keep their x.
-    Hinges with |D| ≤ smallest · sizes[k] become given as well; their D is the diagonal of the Schur complement. Returns
-    the number of pivots that are not positive.
+    The springs and dampers that couple hinges of a cell are not in `κ` but read from the chain. Hinges that are `given`
+    are not eliminated. Hinges with |D| ≤ smallest · sizes[k] also become given. Returns the number of eliminated hinges
+    whose pivot is not positive. D of a given hinge is its diagonal entry after elimination of the outboard hinges.
     """
     weigh(work, weights[0], weights[1], weights[2])
     rows, bodies, A, given, size = work.hinges, work.motion.bodies, work.A, work.given, work.size[0]
@@ -92,7 +92,7 @@ def factor(work, weights, κ, w, sizes, smallest):
             move_columns(bodies, i, size, A)
             if work.cells is not None:
                 move_open(work, i, size, open_)
-        if work.forks is not None and b.begins:  # no cell continues here: the hinges of a cell are consecutive
+        if work.forks is not None and b.begins:  # no cell is open here: its hinges are consecutive in one branch
             add_matrix(A, work.forks[b.slot])
             A[:] = 0.0
     return negative
@@ -100,7 +100,7 @@ def factor(work, weights, κ, w, sizes, smallest):
 
 @recursion
 def begin(work):
-    """A of the last tip, plus that of branches added so far."""
+    """Clear A at the last tip and at all forks."""
     work.A[:] = 0.0
     if work.forks is not None:
         work.forks[:] = 0.0
@@ -116,7 +116,7 @@ def add_matrix(B, A):
 
 @recursion
 def begin_at_tip(tip, A):
-    """A of the loaded tip: a wrench of constant direction rotates relative to the arm."""
+    """Write A of the loaded tip: a wrench of fixed direction rotates relative to the arm when the tip turns by δφ."""
     for column in range(3):
         put_vec_of(A, cross(UNITS[column], vec_of(tip, 0, 0)), PARTS.δφ + column, 0)
         put_vec_of(A, cross(UNITS[column], vec_of(tip, 1, 0)), PARTS.δφ + column, 3)
@@ -124,7 +124,7 @@ def begin_at_tip(tip, A):
 
 @recursion
 def add_body(bodies, m, i, size, A):
-    """Add the force and moment of body i per y to A."""
+    """A ← A + force and moment that body i requires per unit y."""
     for column in range(3):
         unit = UNITS[column]
         add_column(A, PARTS.δa + column, *by_acceleration(bodies, m, i, unit))
@@ -136,7 +136,7 @@ def add_body(bodies, m, i, size, A):
 
 @recursion
 def move_columns(bodies, i, size, A):
-    """Transfer A to the hinge point of body i's parent."""
+    """Move A from the hinge point of body i to that of its parent body."""
     r, u = vec_of(bodies, i, BODY_MOTION.r), scale(2.0, vec_of(bodies, i, BODY_MOTION.u))
     for column in range(3):
         if size > PARTS.η:
@@ -149,14 +149,14 @@ def move_columns(bodies, i, size, A):
 
 @inlined
 def add_combined(A, column, δa):
-    """Add the force and moment of an acceleration δa to a column of A."""
+    """A[column] += force and moment due to an acceleration δa."""
     for i in range(6):
         A[column, i] += A[PARTS.δa, i] * δa[0] + A[PARTS.δa + 1, i] * δa[1] + A[PARTS.δa + 2, i] * δa[2]
 
 
 @recursion
 def demand(rows, k, part, size, by_angle, A):
-    """Write c and p of hinge k to its row, and return p·j; `part` is from `wrench_part`."""
+    """Write c and p = e·A of hinge k to its row; return p·j. The load of the hinge begins at index `part` of (f, n)."""
     e, total = vec_of(rows, k, HINGE.e), 0.0
     for i in range(6):
         rows[k, HINGE.c + i] = by_angle * rows[k, HINGE.moved + i]
@@ -180,9 +180,9 @@ def eliminate(rows, k, size, factor, A):
 
 @kernel
 def solve(work, r, x, left):
-    """Write x (columns, n) with the matrix of `factor` times x = r; given x stay.
+    """Solve the system of `factor` for x, with right-hand sides r (columns, n); the x of given hinges is an input.
 
-    `left` (columns, n): the matrix times x in the rows of given hinges, which are not eliminated.
+    `left` (columns, n) receives the product of matrix and x in the rows of given hinges.
     """
     for column in range(len(r)):
         load(work, r[column], x[column])
@@ -191,7 +191,7 @@ def solve(work, r, x, left):
 
 @recursion
 def load(work, r, x):
-    """Backward pass for b; writes T to x, e·b of given hinges to their rows, and for cells the sums `known`."""
+    """Backward pass of b: write T to x, or e·b of a given hinge to its row; in cells, known terms of r to `known`."""
     rows, bodies, given = work.hinges, work.motion.bodies, work.given
     f = n = ZERO
     if work.cells is not None:
@@ -219,7 +219,7 @@ def load(work, r, x):
 
 @recursion
 def move(work, x, left):
-    """Forward pass: x = T − (w p·y + Σ_j L_j x_j) / D, and y."""
+    """Forward pass of y: x = T − (w p·y + Σ_j L_j x_j) / D."""
     rows, bodies, given, size = work.hinges, work.motion.bodies, work.given, work.size[0]
     δa = δφ = η = δω = ZERO
     if work.forks is not None and len(work.forks) > 0:

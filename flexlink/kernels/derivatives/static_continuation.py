@@ -1,7 +1,7 @@
-"""Static equilibria of a chain under gravity, from one position of the held joints to the next.
+"""Static equilibria of a chain with springs under gravity, for a sequence of positions of the held joints.
 
-Newton's method solves T_G(q) + T_FL(q) = 0 for the joints that are not held. The matrix is reused as long as every
-correction is at most a tenth of the previous one: deflections hardly change from one position to the next.
+Newton's method solves T_G(q) + T_FL(q) = 0 on the joints that are not held. It keeps its matrix as long as every
+correction is at most a tenth of the one before, because the deflection hardly changes from one position to the next.
 """
 
 import math
@@ -19,12 +19,12 @@ from flexlink.kernels.tools.vec3 import vector
 
 @kernel
 def follow_equilibria(chain, held, free, angles, q, postures):
-    """Write equilibria (rows, n) with the joints `held` at `angles` (rows, held), starting at an equilibrium `q` (n,).
+    """Write equilibria `postures` (rows, n) with joints `held` at `angles` (rows, held), starting from equilibrium q.
 
-    Returns the number of rows found: it stops where Newton's method fails, deflections exceed a limit, or an
-    equilibrium is unstable.
+    q (n,) is overwritten. Returns the number of rows found. It stops where Newton's method fails, its corrections
+    add up to more than a limit, or the equilibrium is unstable.
     """
-    most, far, shrinks, small = 30, 0.1, 0.1, 1e-11  # corrections; rad, or of the length; to the last one; rad
+    most, far, shrinks, small = 30, 0.1, 0.1, 1e-11  # corrections: number, sum [rad, arm lengths], ratio, size
     n, f = len(q), len(free)
     zero, none, torque, x, work = np.zeros(n), np.zeros(6), np.zeros(n), np.zeros(f), rne_workspace(chain)
     forces, spare = forces_of(chain), np.empty((n, n))
@@ -66,7 +66,7 @@ def follow_equilibria(chain, held, free, angles, q, postures):
                 return row
             for i in range(f):
                 q[free[i]] -= x[i]
-            if size == 0.0 or (size < small and size > shrinks * last):  # only rounding errors remain
+            if size == 0.0 or (size < small and size > shrinks * last):  # only rounding remains
                 break
             known = size <= shrinks * last
             last = size
@@ -78,7 +78,7 @@ def follow_equilibria(chain, held, free, angles, q, postures):
 
 @kernel
 def gravity_torques(chain, postures, torques):
-    """Write T_G (rows, n) at every posture (rows, n)."""
+    """Write the gravity torques T_G (rows, n) at every posture (rows, n)."""
     zero, none, work = np.zeros(postures.shape[1]), np.zeros(6), rne_workspace(chain)
     for row in range(len(postures)):
         rne(chain, vector(chain.gravity), none, postures[row], zero, zero, torques[row], work)
@@ -86,7 +86,7 @@ def gravity_torques(chain, postures, torques):
 
 @recursion
 def factor_block(K, free, L):
-    """Lower triangle of L Lᵀ = K for the joints `free`; False if K is not positive definite there."""
+    """Write the Cholesky factor L of K, restricted to the joints `free`; return False if K is not positive definite."""
     for j in range(len(free)):
         for i in range(j, len(free)):
             total = K[free[i], free[j]]
@@ -103,7 +103,7 @@ def factor_block(K, free, L):
 
 @recursion
 def solve_block(L, x, sizes):
-    """x ← (L Lᵀ)⁻¹ x; return the largest |x_i| / sizes_i, nan if any is."""
+    """x ← (L Lᵀ)⁻¹ x; return the largest |x_i| / sizes_i, or nan if some x_i is not finite."""
     for i in range(len(x)):
         for k in range(i):
             x[i] -= L[i, k] * x[k]

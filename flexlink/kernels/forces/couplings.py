@@ -1,4 +1,4 @@
-"""Springs and dampers between two hinges: off-diagonal K_ij and D_ij; the hinges have the diagonals."""
+"""Springs and dampers between two hinges: the off-diagonal K_ij and D_ij. Hinges hold the diagonals themselves."""
 
 from typing import Any, NamedTuple
 
@@ -8,19 +8,19 @@ from flexlink.kernels.tools.compiler import kernel, recursion
 from flexlink.kernels.tools.lanes import LANES, at, empty_lanes, put_at, zero_of
 from flexlink.kernels.tools.numbered import numbered
 
-CONSTANT = numbered("stiffness damping inner_rest outer_rest")  # of coupling i, j: K_ij, D_ij, θ₀ of i and of j
+CONSTANT = numbered("stiffness damping inner_rest outer_rest")  # of a coupling i, j: K_ij, D_ij, θ₀ of i and of j
 
 
 class Couplings(NamedTuple):
-    """Force element: torque K_ij (θ_j − θ₀_j) + D_ij q̇_j on hinge i, and with i and j exchanged on hinge j."""
+    """Force element: torque K_ij (θ_j − θ₀_j) + D_ij q̇_j on hinge i, and the same with i and j swapped on hinge j."""
 
-    pairs: Any  # (m, 2) indices of both hinges
-    constants: Any  # (m, CONSTANT.size); for eight chains side by side, eight of each number
+    pairs: Any  # (m, 2) the two hinges i, j of each coupling
+    constants: Any  # (m, CONSTANT.size), or (m, CONSTANT.size, 8) of eight chains
 
 
 @kernel
 def couplings_of(chain):
-    """Couplings of a chain."""
+    """The couplings of a chain, as a force element."""
     couplings, hinges = chain.rare.couplings, chain.hinges
     pairs, constants = np.empty((len(couplings), 2), np.int64), np.empty((len(couplings), CONSTANT.size))
     for c in range(len(couplings)):
@@ -33,7 +33,7 @@ def couplings_of(chain):
 
 @kernel
 def couplings_side_by_side(chains):
-    """Couplings of eight chains with equal hinges."""
+    """The couplings of eight chains with the same hinges and pairs; one chain per lane."""
     pairs = couplings_of(chains[0]).pairs
     constants = empty_lanes((len(pairs), CONSTANT.size))
     for lane in range(LANES):
@@ -43,7 +43,7 @@ def couplings_side_by_side(chains):
 
 @recursion
 def coupling_torque(element, q, qd, torque):
-    """Add the torques to `torque` (n,), or of eight states side by side; return the power of the dampers [W]."""
+    """Add the torques to `torque` (n,), or (n, 8) of eight states; returns the power that dampers dissipate [W]."""
     pairs, constants, power = element.pairs, element.constants, zero_of(qd)
     for c in range(len(pairs)):
         i, j, k, d = pairs[c, 0], pairs[c, 1], at(constants, c, CONSTANT.stiffness), at(constants, c, CONSTANT.damping)
@@ -56,7 +56,7 @@ def coupling_torque(element, q, qd, torque):
 
 @recursion
 def coupling_energy(element, q):
-    """Σ K_ij (θ_i − θ₀_i) (θ_j − θ₀_j) [J]."""
+    """Elastic energy Σ K_ij (θ_i − θ₀_i) (θ_j − θ₀_j) [J]."""
     energy, constants = 0.0, element.constants
     for c in range(len(element.pairs)):
         i, j = element.pairs[c, 0], element.pairs[c, 1]
@@ -77,9 +77,9 @@ def coupling_slopes(element, q, qd, by_angle, by_rate):
 
 @kernel
 def cells_of(n, rare):
-    """First hinge of each hinge's cell, (n,); (0,) without couplings, None for a plain chain.
+    """(n,) the first hinge of the cell of each hinge; (0,) without couplings; None for a plain chain.
 
-    A cell is a sequence of hinges with overlapping couplings.
+    A cell is a sequence of consecutive hinges whose couplings overlap.
     """
     if rare is None:
         return None
@@ -99,7 +99,10 @@ def cells_of(n, rare):
 
 @kernel
 def factor_springs(chain, joints):
-    """L D Lᵀ = K of some joints with springs, in ascending order, O(n): row i has D_i, then L_{i,i−1}, L_{i,i−2}, …"""
+    """Banded factors of K = L D Lᵀ of some joints with springs, O(n): row i is D_i, L_{i,i−1}, L_{i,i−2}, …
+
+    `joints` is in ascending order.
+    """
     place, width = np.full(len(chain.hinges), -1), 0
     for i in range(len(joints)):
         place[joints[i]] = i
@@ -128,7 +131,7 @@ def factor_springs(chain, joints):
 
 @recursion
 def solve_springs(rows, x):
-    """x ← K⁻¹ x for the joints of `factor_springs`."""
+    """x ← K⁻¹ x in place, with the factors `rows` of `factor_springs`."""
     for i in range(len(x)):
         for j in range(max(0, i - rows.shape[1] + 1), i):
             x[i] -= rows[i, i - j] * x[j]
@@ -140,7 +143,7 @@ def solve_springs(rows, x):
 
 @kernel
 def give_way(chain, joints, torques):
-    """Replace torques on springs, (rows, joints), by the angles of the springs under them."""
+    """Replace torques (rows, joints) on springs by the deflections K⁻¹ τ [rad], in place."""
     rows = factor_springs(chain, joints)
     for row in range(len(torques)):
         solve_springs(rows, torques[row])

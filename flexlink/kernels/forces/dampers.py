@@ -1,4 +1,4 @@
-"""Quadratic dampers of single joints, such as hydraulic brakes: resisting torque T = c |q̇| q̇, power loss c |q̇|³."""
+"""Quadratic dampers of single joints, as in a hydraulic brake: T = c |q̇| q̇ resists and dissipates c |q̇|³ ≥ 0."""
 
 from typing import Any, NamedTuple
 
@@ -13,13 +13,13 @@ class Dampers(NamedTuple):
 
 @kernel
 def dampers_of(chain):
-    """Quadratic dampers of a chain."""
+    """The quadratic dampers of a chain, as a force element."""
     return Dampers(chain.rare.dampers)
 
 
 @recursion
 def damper_torque(element, q, qd, torque):
-    """Add T to `torque` (n,); return the power loss [W]."""
+    """Add T to `torque` (n,); returns the dissipated power [W]."""
     power = 0.0
     for damper in element.rows:
         k = damper.hinge
@@ -31,7 +31,7 @@ def damper_torque(element, q, qd, torque):
 
 @recursion
 def damper_slopes(element, q, qd, by_angle, by_rate):
-    """Add ∂T/∂q̇ = 2 c |q̇| to the diagonal of (n, n)."""
+    """Add ∂T/∂q̇ = 2 c |q̇| to the diagonal of `by_rate` (n, n)."""
     for damper in element.rows:
         k = damper.hinge
         by_rate[k, k] += 2.0 * damper.quadratic * abs(qd[k])
@@ -39,7 +39,7 @@ def damper_slopes(element, q, qd, by_angle, by_rate):
 
 @recursion
 def damper_brakes(element, q, qd, brakes):
-    """Add ∂T/∂q̇ to (n,)."""
+    """Add ∂T/∂q̇ = 2 c |q̇| to `brakes` (n,)."""
     for damper in element.rows:
         k = damper.hinge
         brakes[k] += 2.0 * damper.quadratic * abs(qd[k])

@@ -1,13 +1,14 @@
-"""Torques from the drag of a fluid at rest on points of the bodies, in inertial axes.
+"""Joint torques T by the drag of a fluid at rest on points of the bodies, in inertial axes.
 
-    forward     kinematics      ω ← ω + e q̇      v ← v + ω × Δp, prismatic: v ← v + e q̇
+    forward     kinematics      ω ← ω + e q̇      v ← v + ω × Δp; prismatic joint: v ← v + e q̇
     point       v_i = v + ω × R p        u = v_i·R e_y        w = v_i·R e_z        s = √(u² + w²)
                 f_i = −s (d_y u R e_y + d_z w R e_z)        d = ½ ρ c_d b Δx
-    backward    f ← f + f_i        n ← n + R p × f_i        T = −e·n, prismatic: −e·f        n ← n + Δp × f
+    backward    f ← f + f_i        n ← n + R p × f_i        T = −e·n; prismatic joint: −e·f        n ← n + Δp × f
 
-T resists like T_FR: M q̈ = T_EX − T_GC − T_FL − T_FR − T, with power loss q̇·T = Σ s (d_y u² + d_z w²) ≥ 0. One source
-serves real and complex numbers. A derivative is the imaginary part of T at x + i ε, divided by ε, with ε so small that
-ε² vanishes (Squire & Trapp 1998). s is smooth except at 0, where the derivative is 0.
+T enters the equations of motion as T_FR does: M q̈ = T_EX − T_GC − T_FL − T_FR − T. The power q̇·T = Σ s (d_y u² +
+d_z w²) ≥ 0 is dissipated. The same source serves real and complex numbers: a derivative is the imaginary part at
+x + i ε, divided by ε, with ε² below rounding (complex-step method, Squire & Trapp 1998). s is smooth except at s = 0,
+where the derivative of the force is 0.
 """
 
 from typing import Any, NamedTuple
@@ -21,21 +22,21 @@ from flexlink.kernels.tools.lanes import Turns
 from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, apply, cross, dot, put, scale, sub, vector
 
 EPSILON = 1e-100
-"""ε, size of the imaginary parts."""
+"""ε of the complex step."""
 
 
 class Drag(NamedTuple):
-    """Force element: drag of links, with real scratch arrays, or complex ones for its derivatives."""
+    """Force element: drag of links, with scratch of floats, or of complex numbers for its derivatives."""
 
     chain: Any
     placed: KinematicsWork
-    motion: Any  # (bodies, 2, 3) ω and v of every body at its hinge point
-    loads: Any  # (bodies, 2, 3) force and moment on each body and all outboard bodies at its hinge point
+    motion: Any  # (bodies, 2, 3) ω of every body, and v of its hinge point
+    loads: Any  # (bodies, 2, 3) force on its subtree, and moment about its hinge point
     torque: Any  # (n,) T
 
 
 class DragSlopes(NamedTuple):
-    """Derivatives of drag."""
+    """Drag with scratch for its derivatives by the complex step."""
 
     drag: Drag
     turns: Turns  # complex angles (n,)
@@ -44,7 +45,7 @@ class DragSlopes(NamedTuple):
 
 @kernel
 def drag_of(chain):
-    """Drag of a chain; if no link has drag, the scratch arrays are empty."""
+    """The drag of a chain; without drag the scratch arrays are empty, and few are allocated."""
     m, n = drag_sizes(chain)
     points, motion = np.empty((m, 3)), np.empty((m, 2, 3))
     axes, loads = points, motion
@@ -55,7 +56,7 @@ def drag_of(chain):
 
 @kernel
 def drag_slopes_of(chain):
-    """Derivatives of a chain's drag; if no link has drag, the scratch arrays are empty."""
+    """Scratch for the derivatives of the drag of a chain; without drag the arrays are empty, and few are allocated."""
     (m, n), c = drag_sizes(chain), np.complex128
     points, motion, torque, angles = np.empty((m, 3), c), np.empty((m, 2, 3), c), np.empty(n, c), np.empty((3, n), c)
     axes, loads, rates = points, motion, torque
@@ -67,14 +68,14 @@ def drag_slopes_of(chain):
 
 @kernel
 def drag_sizes(chain):
-    """Numbers of bodies and hinges of the scratch arrays: zero if no link has drag."""
+    """Numbers of bodies and hinges for which to allocate scratch: 0 and 0 without drag."""
     some = min(1, len(chain.rare.drag))
     return some * len(chain.bodies), some * len(chain.hinges)
 
 
 @subroutine
 def drag_torque(element, q, qd, torque):
-    """Add T to `torque` (n,) at angles (n,) and rates (n,); return the power loss q̇·T [W]."""
+    """Add T to `torque` (n,), at angles (n,) and rates (n,); returns the dissipated power q̇·T [W]."""
     power = 0.0
     if len(element.torque) > 0:
         find_torques(element, q, qd)
@@ -86,14 +87,14 @@ def drag_torque(element, q, qd, torque):
 
 @inlined
 def find_torques(work, q, qd):
-    """T at angles (n,), or their `Turns`, and rates (n,)."""
+    """Write T to `work.torque`, at rates (n,) and angles (n,); the angles may be `Turns`."""
     put_loads(work, q, qd)
     add_up(work)
 
 
 @inlined
 def put_loads(work, q, qd):
-    """Forward pass: force on every body, and moment about its hinge point."""
+    """Forward pass: write the force on every body, and the moment about its hinge point."""
     drag = work.chain.rare.drag
     kinematics(work.chain, q, work.placed)
     move(work, qd)
@@ -106,7 +107,7 @@ def put_loads(work, q, qd):
 
 @inlined
 def move(work, qd):
-    """ω and v of every body."""
+    """Write ω of every body, and v of its hinge point."""
     chain = work.chain
     bodies, hinges, points, axes = chain.bodies, chain.hinges, work.placed.points, work.placed.axes
     for i in range(len(bodies)):
@@ -125,7 +126,7 @@ def move(work, qd):
 
 @inlined
 def pull(point, R, motion, loads):
-    """Add the force at a point, and its moment, to the loads of its body."""
+    """Add the drag force at a point, and its moment, to the loads of the body."""
     lever = apply(R, vector(point.point))
     v = add(vector(motion[1]), cross(vector(motion[0]), lever))
     y, z = apply(R, vector(point.across[0])), apply(R, vector(point.across[1]))
@@ -138,7 +139,7 @@ def pull(point, R, motion, loads):
 
 @inlined
 def add_up(work):
-    """Backward pass: T of every joint, from the loads on its outboard bodies."""
+    """Backward pass: T of every joint from the loads on the subtree outboard of it."""
     bodies, hinges, loads, torque = work.chain.bodies, work.chain.hinges, work.loads, work.torque
     points, axes = work.placed.points, work.placed.axes
     for i in range(len(bodies) - 1, -1, -1):
@@ -154,7 +155,7 @@ def add_up(work):
 
 @kernel
 def drag_loads(chain, q, qd):
-    """Force on every body and moment about its hinge point, frame 0, in a new array (bodies, 2, 3)."""
+    """Drag force on every body and moment about its hinge point, in frame 0, in a new array (bodies, 2, 3)."""
     drag = drag_of(chain)
     put_loads(drag, q, qd)
     return drag.loads
@@ -162,7 +163,7 @@ def drag_loads(chain, q, qd):
 
 @subroutine
 def drag_slopes(element, q, qd, by_angle, by_rate):
-    """Add ∂T/∂q and ∂T/∂q̇ to (n, n) each; O(n²) in total."""
+    """Add ∂T/∂q to `by_angle` and ∂T/∂q̇ to `by_rate`, (n, n) each; O(n²)."""
     work, turns, rates, moves = element.drag, element.turns, element.rates, False
     for k in range(len(work.torque)):
         moves = moves or qd[k] != 0.0

@@ -1,18 +1,19 @@
-"""Force elements: forces on a chain besides inertia, gravity, and the springs and friction of single joints.
+"""Force elements: forces on a chain besides inertia, gravity, and the spring and friction of each joint.
 
-A chain has a tuple of records, one of each kind; a plain chain has none. Each function here calls the function of every
-record, by its type, and returns the sum of their results. To add a kind, write a record with these functions, and enter
-them in the tables below and in `in_motion`. Its numbers are a structured array of the chain, named in `layout.FORCES`:
+The force elements of a chain are a tuple with one record of every kind; a plain chain has no tuple. Each function here
+calls the function of every record, chosen by the type of the record, and adds up the results. A new kind is a record
+with the functions below, entered in the tables and in `in_motion`. Its parameters are a structured array of the chain,
+named in `layout.FORCES`:
 
-    of a chain      (chain) -> record                             its constants and scratch arrays
-    torque          (record, q, qd, torque) -> power loss [W]     adds T (n,), which resists like T_FR
+    of a chain      (chain) -> record                             with constants and scratch
+    torque          (record, q, qd, torque) -> power [W]          adds T (n,), with the sign of T_FR; dissipated power
     energy          (record, q) -> V [J]                          if the law has a potential
     slopes          (record, q, qd, by_angle, by_rate)            adds ∂T/∂q and ∂T/∂q̇ (n, n)
-    brakes          (record, q, qd, brakes)                       adds ∂T_k/∂q̇_k (n,) for implicit steps
+    brakes          (record, q, qd, brakes)                       adds ∂T_k/∂q̇_k (n,), if implicit steps need it
 
-These functions allocate no arrays. Derivatives may have a separate record, with more scratch. A law with internal
-states is made of internal coordinates and gyrators (`gyrators`). Springs and dampers between hinges can be computed for
-eight states side by side.
+These functions allocate no arrays. The slopes may have a separate record with more scratch. A law with internal states
+is made of internal coordinates and gyrators (`gyrators`). Springs and dampers between hinges also work on eight states
+at once, one per SIMD lane.
 """
 
 from typing import Any, NamedTuple
@@ -47,12 +48,12 @@ class Forces(NamedTuple):
     """All force elements of a chain."""
 
     elements: Any  # a tuple of records
-    act: bool  # whether there is any
+    act: bool  # whether the chain has at least one element
     torque: Any  # (n,) scratch, or (n, 8)
 
 
 class Slopes(NamedTuple):
-    """Derivatives of all force elements."""
+    """Derivatives of the torques of all force elements."""
 
     elements: Any  # a tuple of records
     act: bool
@@ -64,12 +65,12 @@ class Slopes(NamedTuple):
     Dampers: damper_torque, Gyrators: gyrator_torque,
 })  # fmt: skip
 def add_torques(elements, q, qd, torque):
-    """Add T of all elements to `torque` (n,), or (n, 8); return the power loss [W]."""
+    """Add T of all elements to `torque` (n,), or (n, 8); returns the dissipated power [W]."""
 
 
 @of_each({Couplings: coupling_energy, RotationSprings: rotation_energy}, optional=True)
 def elastic_energy(elements, q):
-    """Potential energy of all elements [J]."""
+    """Elastic energy of all elements [J]."""
 
 
 @of_each({
@@ -77,17 +78,17 @@ def elastic_energy(elements, q):
     Dampers: damper_slopes, Gyrators: gyrator_slopes,
 }, summed=False)  # fmt: skip
 def add_slopes(elements, q, qd, by_angle, by_rate):
-    """Add ∂T/∂q and ∂T/∂q̇ of all elements to (n, n) each."""
+    """Add ∂T/∂q and ∂T/∂q̇ of all elements to `by_angle` and `by_rate`, (n, n) each."""
 
 
 @of_each({Dampers: damper_brakes}, summed=False, optional=True)
 def add_brakes(elements, q, qd, brakes):
-    """Add ∂T_k/∂q̇_k to (n,) for elements that count in implicit steps and their error estimates."""
+    """Add to `brakes` (n,) the ∂T_k/∂q̇_k that implicit steps and error norms take into account."""
 
 
 @recursion
 def find_brakes(forces, q, qd, brakes):
-    """Write ∂T_k/∂q̇_k (n,)."""
+    """Write the ∂T_k/∂q̇_k of `add_brakes` to `brakes` (n,)."""
     for k in range(len(brakes)):
         brakes[k] = 0.0
     if forces.act:
@@ -96,7 +97,7 @@ def find_brakes(forces, q, qd, brakes):
 
 @recursion
 def find_slopes(slopes, q, qd):
-    """Write ∂T/∂q and ∂T/∂q̇ of all elements."""
+    """Write ∂T/∂q and ∂T/∂q̇ of all elements to `slopes.found`."""
     if slopes.act:
         for part in range(2):
             for i in range(len(q)):
@@ -107,7 +108,7 @@ def find_slopes(slopes, q, qd):
 
 @kernel
 def forces_of(chain):
-    """Force elements of a chain; None for a plain chain."""
+    """The force elements of a chain; None for a plain chain."""
     if chain.rare is None:
         return None
     elements = (couplings_of(chain), rotation_of(chain)) + in_motion(chain)  # noqa: RUF005
@@ -116,14 +117,14 @@ def forces_of(chain):
 
 @recursion
 def any_acts(rare, rotation):
-    """Whether a chain has any force element."""
+    """Whether a chain has a force element."""
     springs = len(rare.couplings) > 0 or len(rotation.hinges) > 0
     return springs or len(rare.drag) > 0 or len(rare.dampers) > 0 or len(rare.gyrators) > 0
 
 
 @kernel
 def force_slopes_of(chain, forces):
-    """Derivatives of the force elements of a chain; None for a plain chain."""
+    """Scratch for the derivatives of the force elements of a chain; None for a plain chain."""
     if forces is None:
         return None
     couplings, rotation, _, dampers, gyrators = forces.elements
@@ -134,13 +135,13 @@ def force_slopes_of(chain, forces):
 
 @kernel
 def in_motion(chain):
-    """Elements other than springs and dampers between hinges."""
+    """The elements that are not couplings or springs of rotation vectors: drag, quadratic dampers, gyrators."""
     return drag_of(chain), dampers_of(chain), gyrators_of(chain)
 
 
 @kernel
 def motion_torques(chain, qs, qds, found):
-    """Add T of the elements `in_motion` at states (b, n) to `found` (b, n)."""
+    """Add T of the elements of `in_motion` at states (b, n) to `found` (b, n)."""
     elements = in_motion(chain)
     for row in range(len(qs)):
         add_torques(elements, qs[row], qds[row], found[row])
@@ -148,19 +149,19 @@ def motion_torques(chain, qs, qds, found):
 
 @kernel
 def motion_slopes(chain, q, qd, by_angle, by_rate):
-    """Add ∂T/∂q and ∂T/∂q̇ of the elements `in_motion` to (n, n) each."""
+    """Add ∂T/∂q and ∂T/∂q̇ of the elements of `in_motion` to (n, n) each."""
     add_slopes((drag_slopes_of(chain), dampers_of(chain), gyrators_of(chain)), q, qd, by_angle, by_rate)
 
 
 @kernel
 def one_of(bodies, hinges, gravity, rare, lane):
-    """Chain number `lane` of eight, from arrays (8, …)."""
+    """Chain number `lane` of eight, whose arrays are (8, …)."""
     return ChainArrays(bodies[lane], hinges[lane], gravity[lane], one_rare(rare, lane))
 
 
 @kernel
 def one_rare(rare, lane):
-    """Optional features of that chain."""
+    """The rare parts of chain number `lane` of eight; None for plain chains."""
     if rare is None:
         return None
     return Rare(rare.couplings[lane], rare.drag[lane], rare.dampers[lane], rare.gyrators[lane])
@@ -168,7 +169,7 @@ def one_rare(rare, lane):
 
 @kernel
 def eight_of(bodies, hinges, gravity, rare):
-    """All eight chains."""
+    """All eight chains, as a tuple, from arrays (8, …)."""
     return (
         one_of(bodies, hinges, gravity, rare, 0), one_of(bodies, hinges, gravity, rare, 1),
         one_of(bodies, hinges, gravity, rare, 2), one_of(bodies, hinges, gravity, rare, 3),
@@ -179,7 +180,7 @@ def eight_of(bodies, hinges, gravity, rare):
 
 @kernel
 def forces_side_by_side(chains):
-    """Force elements of eight chains with equal hinges, none of them `in_motion`; None for plain chains."""
+    """The springs of eight chains with the same hinges, without the elements of `in_motion`; None for plain chains."""
     if chains[0].rare is None:
         return None
     elements = couplings_side_by_side(chains), rotation_springs_side_by_side(chains)
@@ -188,7 +189,7 @@ def forces_side_by_side(chains):
 
 @subroutine
 def subtract_torques(forces, rows, q, qd, net):
-    """Subtract T of all elements from column `net` of the hinges' rows; return the power loss [W]."""
+    """Subtract T of all elements from column `net` of the hinge rows; returns the dissipated power [W]."""
     torque = forces.torque
     for k in range(len(torque)):
         put_at(torque, zero_of(qd), k)

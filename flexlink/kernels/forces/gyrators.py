@@ -1,8 +1,8 @@
-"""Gyrators between two hinges: T_i = g q̇_j and T_j = −g q̇_i, with zero total power.
+"""Gyrators between two hinges: T_i = g q̇_j and T_j = −g q̇_i, which together dissipate no power.
 
-A force law with an internal state is a gyrator between its joint and an internal coordinate whose rate is the state.
-The internal coordinate is a hinge with a rotor and no body. Viscous friction d that lags the rate with time constant τ,
-as a damper in series with a spring does, has the state ζ, g = d, rotor d τ and damper d:
+A force law with an internal state is a gyrator between its joint and an internal coordinate, whose rate is the state.
+The internal coordinate is a hinge with a rotor and no body. Example: viscous friction d that lags behind the rate by
+the time constant τ, as of a damper in series with a spring. With the state ζ it has g = d, a rotor d τ and a damper d:
 
     T = d ζ        d τ ζ̇ = d q̇ − d ζ
 """
@@ -20,13 +20,13 @@ class Gyrators(NamedTuple):
 
 @kernel
 def gyrators_of(chain):
-    """Gyrators of a chain."""
+    """The gyrators of a chain, as a force element."""
     return Gyrators(chain.rare.gyrators)
 
 
 @recursion
 def gyrator_torque(element, q, qd, torque):
-    """Add T to `torque` (n,); the power loss is zero."""
+    """Add T to `torque` (n,); returns the dissipated power, 0."""
     for gyrator in element.rows:
         i, j, g = gyrator.inner, gyrator.outer, gyrator.gyration
         torque[i] += g * qd[j]
@@ -36,7 +36,7 @@ def gyrator_torque(element, q, qd, torque):
 
 @recursion
 def gyrator_slopes(element, q, qd, by_angle, by_rate):
-    """Add g and −g to ∂T/∂q̇ (n, n)."""
+    """Add g and −g to ∂T/∂q̇, `by_rate` (n, n)."""
     for gyrator in element.rows:
         i, j, g = gyrator.inner, gyrator.outer, gyrator.gyration
         by_rate[i, j] += g

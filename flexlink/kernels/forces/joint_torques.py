@@ -1,4 +1,4 @@
-"""Torques of the springs and of the friction of single joints."""
+"""Torques of the springs and the friction of single joints."""
 
 import math
 
@@ -11,20 +11,20 @@ from flexlink.kernels.tools.numbered import numbered
 
 @recursion
 def elastic(hinge, angle):
-    """T_FL = k (θ − θ₀) of one hinge."""
+    """Spring torque T_FL = k (θ − θ₀) of one hinge."""
     return hinge.stiffness * (angle - hinge.rest)
 
 
 @recursion
 def friction(hinge, rate):
-    """T_FR = d q̇ + c tanh(q̇ / w) of one hinge."""
+    """Friction torque T_FR = d q̇ + c tanh(q̇ / w) of one hinge."""
     torque = hinge.damping * rate
     if hinge.coulomb > 0.0:
         torque += hinge.coulomb * math.tanh(rate / hinge.coulomb_width)
     return torque
 
 
-# First columns of a joint's row, as `smooth_torques` and `subtract_dry_friction` read them: k, θ₀, d, c, w.
+# First columns of the row of a joint, which `smooth_torques` and `subtract_dry_friction` read: k, θ₀, d, c, w.
 JOINT = numbered("stiffness rest damping coulomb width")
 
 
@@ -37,7 +37,7 @@ def put_joint(rows, k, hinge):
 
 @kernel
 def dry_joints(coulomb):
-    """Indices of the joints with dry friction; the others need no tanh."""
+    """Indices of the joints with dry friction; the other joints need no tanh."""
     count = 0
     dry = np.empty(len(coulomb), np.int64)
     for k in range(len(coulomb)):
@@ -49,7 +49,7 @@ def dry_joints(coulomb):
 
 @kernel
 def prescribed_joints(hinges):
-    """Whether the motion of each joint is prescribed, (n,) bool."""
+    """Boolean mask (n,) of the joints with prescribed motion."""
     prescribed = np.empty(len(hinges), np.bool_)
     for k in range(len(hinges)):
         prescribed[k] = hinges[k].prescribed
@@ -58,16 +58,16 @@ def prescribed_joints(hinges):
 
 @inlined
 def smooth_torques(rows, k, angle, rate, torque):
-    """T_EX − d q̇ of joint `k`, or of eight side by side, which do work; and the same minus k (θ − θ₀)."""
+    """T_EX − d q̇ of joint `k`, whose power is counted as work, and T_EX − d q̇ − k (θ − θ₀); or both of eight chains."""
     working = torque - at(rows, k, JOINT.damping) * rate
     return working, working - at(rows, k, JOINT.stiffness) * (angle - at(rows, k, JOINT.rest))
 
 
 @recursion
 def subtract_dry_friction(rows, dry, qd, net):
-    """Subtract c tanh(q̇ / w) from column `net` of the rows of the joints in `dry`, in most chains none.
+    """Subtract c tanh(q̇ / w) from column `net` of the rows of the joints in `dry`; returns the dissipated power [W].
 
-    Returns the power of the dry friction [W].
+    A separate loop: most chains have no dry friction.
     """
     power = zero_of(qd)
     for i in range(len(dry)):

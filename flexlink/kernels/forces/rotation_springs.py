@@ -1,25 +1,27 @@
 """Springs of the rotation vector φ = log R of three hinges at one point, in place of springs of their angles θ.
 
-R is the product of the hinge rotations in the order X, Y, Z or Z, Y, X. The hinge angles are φ + O(φ²); springs of the
-angles would limit any lumping rule to order 2 where a link bends far out of a plane. With K of the chain, including
-coupled springs,
+R is the product of the hinges' rotations in their order, X, Y, Z or Z, Y, X. Euler angles are φ + O(φ²), which limits
+every lumping rule to order 2 where a link bends far out of a plane. With the chain's K, including coupled springs,
 
     V = ½ φ·K φ        m = ∂V/∂φ        n = m − ½ φ × m + g φ × (φ × m)        τ_k = e_k·n
     g = (1 − ½ |φ| cot ½|φ|) / |φ|²
 
-with vectors in axes of the outboard body. For a cell of two triples, the springs act on the curvature Θ' − ½ Θ × Θ' at
-both Gauss points, where the rotation vector Θ is the quadratic polynomial through −φ₁, 0, φ₂. This adds
+with vectors in axes of the body outboard of the hinges (order X, Y, Z). In a cell of two triples, the springs act on
+the curvature Θ' − ½ Θ × Θ' at both Gauss points, where the rotation vector Θ is the quadratic polynomial through −φ₁,
+0, φ₂. This adds
 
     V += (β₁∘φ₁ + β₂∘φ₂)·w + ½ w·(γ∘w)        w = −φ₁ × φ₂ / 6        β_i = (K_ii + K_12) / 2        γ = (β₁ + β₂) / 2
 
-with ∘ the product by components; exact to the fourth power of the cell's length, also for tapered links.
+where ∘ multiplies component by component. The energy is exact up to the fourth power of the cell's length, also for
+tapered links.
 
-R is computed as a quaternion, from the half angles. φ is smooth up to a full turn, where it changes sign. For the order
-Z, Y, X it is −φ(−θ) of X, Y, Z, so a factor σ = ±1 serves both. Kernels first apply the torques K (θ − θ₀) of all
-hinges. The functions here compute the excess of the law over them.
+R is stored as its quaternion, computed from the half angles: φ is smooth up to a full turn and reverses there. In the
+order Z, Y, X the vector is −φ(−θ) of the order X, Y, Z, so one factor σ = ±1 covers both orders. Kernels first apply
+the torques K (θ − θ₀) of all hinges. This module computes the excess: the torque of the law minus K (θ − θ₀).
 
-Eight triples are computed side by side (`lanes`), of one chain or of eight. Each triple has a slot in rows of numbers:
-first the inner triples of cells, then the outer ones in the same order, then all others.
+Eight triples are computed at once, one per SIMD lane (`lanes`): triples of one chain, or the same triple of eight
+chains. Each triple has a slot (column) in the rows of numbers: first the inner triples of cells, then the outer triples
+in the same order, then all other triples.
 """
 
 import math
@@ -36,40 +38,40 @@ from flexlink.kernels.tools.vec3 import add, add_scaled, cross, dot, scale, sub
 
 ROW = numbered(
     "half:3 cosine:3 sine:3",  # ½ (θ − θ₀) of the hinges about X, Y, Z
-    "sense stiffness:3 rest:3 coupled:3",  # σ, K_ii, θ₀; inner triple of a cell: K_12
+    "sense stiffness:3 rest:3 coupled:3",  # σ, K_ii, θ₀; K_12 at the inner triple of a cell
     "v:3 w square factor g",  # quaternion of σ (θ − θ₀), v·v, |φ| / |v|, g
     "φ:3 moment:3 linear:3 excess:3",  # φ, m, K (θ − θ₀) and the excess torque
 )
-"""Rows of numbers; each has one number per triple."""
-NEAR = 1 / 16  # v·v, |φ| < 0.505 rad: below, both series are exact to rounding
+"""Names of the rows of numbers; a row has one number for every triple."""
+NEAR = 1 / 16  # limit of v·v, where |φ| = 0.505 rad: below it both series are exact to rounding
 ARCSINE = tuple(2 * math.comb(2 * k, k) / 4**k / (2 * k + 1) for k in range(13))
-"""2 arcsin(s) / s in powers of s²; the next term is below 1e-17."""
+"""Series of 2 arcsin(s) / s in powers of s²; the next term is below 1e-17."""
 COTANGENT = (
     1 / 12, 1 / 720, 1 / 30240, 1 / 1209600, 1 / 47900160, 691 / 1307674368000, 1 / 74724249600,
     3617 / 10670622842880000,
 )  # fmt: skip
-"""(1 − ½ x cot ½ x) / x² in powers of x², |B_2k| / (2k)! (Abramowitz & Stegun 4.3.70)."""
+"""Series of (1 − ½ x cot ½ x) / x² in powers of x², |B_2k| / (2k)! (Abramowitz & Stegun 4.3.70)."""
 
 
 class RotationSprings(NamedTuple):
-    """Force element: springs of rotation vectors, with scratch arrays; empty for a chain without any."""
+    """Force element: springs of rotation vectors, with scratch; empty arrays for a chain without such springs."""
 
     hinges: Any  # (t, 3) indices of the hinges about X, Y, Z of every triple
-    slots: Any  # (t,) slot of each triple
-    cells: Any  # (c, 2) triples of each cell
-    outer: Any  # (1,) offset of the outer triple of a cell from the inner one
-    within: Any  # (w, 3) couplings within a cell about one axis: axis, inner slot, index of the coupling
-    pairs: Any  # (m, 5) other couplings: axis and slot of the inner hinge, of the outer one, index
+    slots: Any  # (t,) column of each triple in the rows
+    cells: Any  # (c, 2) inner and outer triple of each cell
+    outer: Any  # (1,) offset, in numbers of a row, from the inner triple of a cell to the outer one
+    within: Any  # (w, 3) couplings within a cell, about one axis: axis, slot of the inner triple, index of the coupling
+    pairs: Any  # (m, 5) other couplings: axis and slot of the inner hinge, axis and slot of the outer one, index
     coupled: Any  # (m, 1) K_ij of `pairs`
-    numbers: Any  # (ROW, slots in eights)
-    side: Any  # the same memory, by slots
-    flat: Any  # (3, …) the same memory: half angles, cosines, sines
+    numbers: Any  # (ROW.size, number of slots rounded up to a multiple of eight)
+    side: Any  # the same memory, indexed by slot
+    flat: Any  # (3, …) the first nine rows, same memory: half angles, cosines, sines
 
 
 @shared
 @kernel
 def rotation_springs(bodies, hinges, couplings):
-    """Allocate the element of a chain."""
+    """The springs of rotation vectors of a chain, with scratch."""
     triples, cells = triples_of(bodies, hinges)
     if len(triples) == 0:
         return no_springs(triples, cells)
@@ -95,7 +97,7 @@ def rotation_springs(bodies, hinges, couplings):
 
 @kernel
 def no_springs(triples, cells):
-    """The element of a chain without such springs, with few arrays, as forward dynamics of one state needs."""
+    """Empty springs, for a chain without triples; few arrays, because forward dynamics of one state allocates them."""
     none, pairs, numbers = np.empty(0, np.int64), np.empty((0, 5), np.int64), np.empty((ROW.size, 0))
     coupled = np.empty((0, 1))
     return RotationSprings(triples, none, cells, none, triples, pairs, coupled, numbers, numbers, turns_of(numbers))
@@ -103,7 +105,7 @@ def no_springs(triples, cells):
 
 @kernel
 def triples_of(bodies, hinges):
-    """Hinges about X, Y, Z of every triple (t, 3), and the triples of every cell (c, 2)."""
+    """(t, 3) the hinges about X, Y, Z of every triple, and (c, 2) the inner and outer triple of every cell."""
     t = c = 0
     for i in range(len(bodies)):
         t, c = t + (bodies[i].springs != SPRINGS.angles), c + (bodies[i].springs == SPRINGS.cell)
@@ -127,14 +129,17 @@ def eights(count):
 
 @kernel
 def turns_of(numbers):
-    """All half angles, cosines and sines in one row each: the first nine rows."""
+    """View (3, …) of the first nine rows: all half angles, all cosines, all sines."""
     size = 3 * numbers.shape[1]
     return numbers.reshape(-1)[: 3 * size].reshape(3, size)
 
 
 @kernel
 def slots_of(cells, count, room):
-    """Slots (t,), outer triples of cells from a multiple of `room` on, and the offset of outer from inner triples."""
+    """Slots (t,) of the triples, and the offset in numbers from the inner triple of a cell to the outer one.
+
+    The outer triples begin at a multiple of `room`.
+    """
     slots, behind = np.full(count, -1), -(-len(cells) // room) * room
     for c in range(len(cells)):
         slots[cells[c, 0]], slots[cells[c, 1]] = c, behind + c
@@ -148,7 +153,7 @@ def slots_of(cells, count, room):
 
 @kernel
 def joined(triples, slots, cells, couplings, n):
-    """Couplings of hinges of triples, within cells and others; see `RotationSprings`."""
+    """`within` and `pairs` of `RotationSprings`: the couplings between hinges of triples, within cells and others."""
     place, partner = np.full((n, 2), -1), np.full(len(triples), -1)
     for t in range(len(triples)):
         for a in range(3):
@@ -171,7 +176,7 @@ def joined(triples, slots, cells, couplings, n):
 
 @kernel
 def put_constants(springs, own, both):
-    """Set the diagonal `own` (n,) and the couplings `both` (couplings,) of K; the law is linear in them."""
+    """Set the diagonal of K to `own` (n,) and its couplings to `both` (couplings,); the law is linear in both."""
     for t in range(len(springs.hinges)):
         for a in range(3):
             springs.numbers[ROW.stiffness + a, springs.slots[t]] = own[springs.hinges[t, a]]
@@ -183,7 +188,7 @@ def put_constants(springs, own, both):
 
 @kernel
 def rotation_springs_side_by_side(chains):
-    """The element of eight chains with equal hinges."""
+    """The springs of rotation vectors of eight chains with the same hinges; one chain per lane."""
     first = rotation_springs(chains[0].bodies, chains[0].hinges, chains[0].rare.couplings)
     slots, outer = slots_of(first.cells, len(first.hinges), 1)
     within, pairs = first.within.copy(), first.pairs.copy()
@@ -204,7 +209,7 @@ def rotation_springs_side_by_side(chains):
 
 @recursion
 def move_slots(springs, slots, within, pairs):
-    """Replace the slots in the couplings."""
+    """Replace the slots in `within` and `pairs` by the new `slots` of the triples."""
     for t in range(len(slots)):
         for w in range(len(within)):
             if springs.within[w, 1] == springs.slots[t]:
@@ -217,13 +222,13 @@ def move_slots(springs, slots, within, pairs):
 
 @kernel
 def rotation_of(chain):
-    """The element of a chain; it may be empty."""
+    """The springs of rotation vectors of a chain; it may have none."""
     return rotation_springs(chain.bodies, chain.hinges, chain.rare.couplings)
 
 
 @recursion
 def rotation_torque(springs, q, qd, torque):
-    """Add the excess over K (θ − θ₀) to `torque`; the power loss is zero."""
+    """Add the excess of the law over K (θ − θ₀) to `torque`; returns the dissipated power, 0."""
     if len(springs.hinges) > 0:
         add_excess(q, springs, torque)
     return zero_of(qd)
@@ -231,13 +236,13 @@ def rotation_torque(springs, q, qd, torque):
 
 @recursion
 def rotation_energy(springs, q):
-    """Excess of the energy over ½ (θ − θ₀)·K (θ − θ₀) [J]."""
+    """Energy V of the law minus ½ (θ − θ₀)·K (θ − θ₀) [J]; 0 without such springs."""
     return excess_energy(q, springs) if len(springs.hinges) > 0 else 0.0
 
 
 @recursion
 def add_excess(q, springs, torque):
-    """Add the excess torque to `torque` (n,), or of eight states side by side."""
+    """Add the excess torques to `torque` (n,), or (n, 8) of eight states."""
     find_excess(q, springs)
     for t in range(len(springs.hinges)):
         for a in range(3):
@@ -247,7 +252,7 @@ def add_excess(q, springs, torque):
 
 @kernel
 def excess_torque(bodies, hinges, couplings, q):
-    """Excess over K (θ − θ₀), in a new array (n,)."""
+    """Excess torque of the law over K (θ − θ₀), in a new array (n,)."""
     torque = np.zeros(len(q))
     add_excess(q, rotation_springs(bodies, hinges, couplings), torque)
     return torque
@@ -255,7 +260,7 @@ def excess_torque(bodies, hinges, couplings, q):
 
 @kernel
 def rotation_vectors(bodies, hinges, couplings, q):
-    """Angles (n,); for triples with springs of φ, φ about their axes instead."""
+    """Angles (n,), with the angles of triples replaced by the components of φ."""
     springs, found = rotation_springs(bodies, hinges, couplings), q.copy()
     find_quaternions(q, springs)
     find_moments(springs)
@@ -267,7 +272,7 @@ def rotation_vectors(bodies, hinges, couplings, q):
 
 @kernel
 def stretches(bodies, hinges, couplings, q):
-    """Hinges (t, 3) of the triples, and ½|φ| / sin ½|φ|, the factor from errors of R to errors of φ, (t,)."""
+    """Hinges (t, 3) of the triples, and (t,) the factor ½|φ| / sin ½|φ| by which φ amplifies errors of R."""
     springs = rotation_springs(bodies, hinges, couplings)
     find_quaternions(q, springs)
     return springs.hinges, 0.5 * springs.numbers[ROW.factor][springs.slots]
@@ -275,7 +280,7 @@ def stretches(bodies, hinges, couplings, q):
 
 @recursion
 def excess_energy(q, springs):
-    """Energy of the law minus ½ (θ − θ₀)·K (θ − θ₀) of a chain [J]."""
+    """Energy V of the law minus ½ (θ − θ₀)·K (θ − θ₀) of a chain [J]."""
     find_quaternions(q, springs)
     find_moments(springs)
     numbers, found = springs.numbers, 0.0
@@ -294,7 +299,7 @@ def excess_energy(q, springs):
 
 @inlined
 def energy_of_cell(numbers, t, u):
-    """Energy from K_12 and w of the cell with slots `t` and `u`."""
+    """Contribution of K_12 and w to the excess energy of the cell with slots `t` and `u` [J]."""
     θ1, θ2 = three(numbers, ROW.half, t), three(numbers, ROW.half, u)
     φ1, φ2, both = three(numbers, ROW.φ, t), three(numbers, ROW.φ, u), three(numbers, ROW.coupled, t)
     β1, β2, γ = bending_of_cell(three(numbers, ROW.stiffness, t), three(numbers, ROW.stiffness, u), both)
@@ -305,19 +310,19 @@ def energy_of_cell(numbers, t, u):
 
 @inlined
 def three(numbers, row, k):
-    """Numbers of triple `k` in three rows."""
+    """The numbers in slot `k` of three rows, from `row` on."""
     return numbers[row, k], numbers[row + 1, k], numbers[row + 2, k]
 
 
 @inlined
 def eight(numbers, row, first):
-    """Numbers of the triples `first` … `first` + 7 in three rows."""
+    """The numbers in slots `first` … `first` + 7 of three rows, from `row` on."""
     return eight_of(numbers[row], first), eight_of(numbers[row + 1], first), eight_of(numbers[row + 2], first)
 
 
 @inlined
 def put_eight_of(numbers, a, row, first):
-    """Write the numbers that `eight` reads."""
+    """Write vectors `a` of eight triples to the numbers that `eight` reads."""
     put_eight(numbers[row], a[0], first)
     put_eight(numbers[row + 1], a[1], first)
     put_eight(numbers[row + 2], a[2], first)
@@ -325,20 +330,20 @@ def put_eight_of(numbers, a, row, first):
 
 @inlined
 def by_axis(a, b):
-    """a∘b."""
+    """a∘b, the product component by component."""
     return a[0] * b[0], a[1] * b[1], a[2] * b[2]
 
 
 @inlined
 def bending_of_cell(inner, outer, both):
-    """β₁, β₂ and γ of K₁₁, K₂₂ and K₁₂ of the axes."""
+    """β₁, β₂ and γ from K₁₁, K₂₂ and K₁₂, component by component."""
     β1, β2 = scale(0.5, add(inner, both)), scale(0.5, add(outer, both))
     return β1, β2, scale(0.5, add(β1, β2))
 
 
 @recursion
 def find_excess(q, springs):
-    """Excess of the law's torque over K (θ − θ₀), for every triple."""
+    """Write the excess, the torque of the law minus K (θ − θ₀), of every triple."""
     find_quaternions(q, springs)
     find_moments(springs)
     numbers = springs.numbers
@@ -353,7 +358,7 @@ def find_excess(q, springs):
 
 @inlined
 def turned_back(σ, g, φ, m):
-    """n from m."""
+    """n = m − ½ σ φ × m + g φ × (φ × m)."""
     once = cross(φ, m)
     return add_scaled(add_scaled(m, -0.5 * σ, once), g, cross(φ, once))
 
@@ -389,7 +394,7 @@ def find_quaternions(q, springs):
 
 @inlined
 def near(square):
-    """|φ| / |v| and g for small v·v, by series."""
+    """|φ| / |v| and g by their series, for v·v below `NEAR`."""
     factor = polynomial(ARCSINE, square)
     return factor, polynomial(COTANGENT, factor * factor * square)
 
@@ -405,7 +410,7 @@ def polynomial(coefficients, x):
 
 @recursion
 def find_far(numbers):
-    """|φ| / |v| and g of quaternions outside the range of the series."""
+    """Write |φ| / |v| and g of the quaternions beyond the range of the series."""
     for k in range(numbers.shape[1]):
         w, square = numbers[ROW.w, k], numbers[ROW.square, k]
         if square >= NEAR or w < 0.0:
@@ -417,7 +422,7 @@ def find_far(numbers):
 
 @recursion
 def find_moments(springs):
-    """Write φ, m = ∂V/∂φ and K (θ − θ₀)."""
+    """Write φ, m = ∂V/∂φ and K (θ − θ₀) of every triple."""
     numbers, outer = springs.numbers, springs.outer[0]
     for k in range(0, outer, LANES):
         bend_cell(numbers, k, k + outer)
@@ -444,7 +449,7 @@ def vectors_of(numbers, k):
 
 @inlined
 def bend_cell(numbers, k, l):
-    """K φ, and the terms of w, of eight cells with inner triples from slot `k`, outer ones from `l`."""
+    """Write φ, m (with the terms of w) and K (θ − θ₀) of eight cells: inner triples from `k`, outer ones from `l`."""
     (φ1, θ1, inner), (φ2, θ2, outer) = vectors_of(numbers, k), vectors_of(numbers, l)
     both = eight(numbers, ROW.coupled, k)
     put_eight_of(numbers, φ1, ROW.φ, k)
@@ -461,6 +466,6 @@ def bend_cell(numbers, k, l):
 
 @inlined
 def add_product(side, a, t, both, b, u):
-    """Add the torque at axis `a` in slot `t` of the coupling with axis `b` in slot `u`."""
+    """Add K_ij φ_b and K_ij (θ − θ₀)_b of axis `b` in slot `u` to m and K (θ − θ₀) at axis `a` in slot `t`."""
     put_at(side, at(side, ROW.moment + a, t) + both * at(side, ROW.φ + b, u), ROW.moment + a, t)
     put_at(side, at(side, ROW.linear + a, t) + 2.0 * both * at(side, ROW.half + b, u), ROW.linear + a, t)

@@ -1,13 +1,14 @@
-"""Derivatives of the torques of rotation-vector springs: ∂excess/∂θ, in blocks of 3 × 3.
+"""Derivatives of the excess torques of `rotation_springs`: tangent stiffness minus the chain's K, in 3 × 3 blocks.
 
-With the symbols of `rotation_springs`, A = 1 + ½ φ × + g φ × φ ×, so δφ = A e_k δθ_k and n = Aᵀ m,
+With the symbols of `rotation_springs`, A = 1 + ½ φ × + g φ × φ ×, so that δφ = A e_k δθ_k and n = Aᵀ m,
 
     ∂τ_k/∂θ_j = (A e_k)·∂²V/∂φ² (A e_j) + e_k·∂Aᵀ/∂θ_j m + ∂e_k/∂θ_j·n
 
-The last two terms are within one triple; ∂e_k/∂θ_j = −e_j × e_k if hinge j is outboard of hinge k, else 0. For a cell,
+The last two terms occur only where k and j are in one triple. ∂e_k/∂θ_j = −e_j × e_k if hinge j is outboard of hinge k
+(order X, Y, Z), otherwise 0. A cell adds
 
     W₁ = φ₂ × / 6        W₂ = −φ₁ × / 6        M = ∂V/∂w
-    ∂²V/∂φ_i∂φ_j += β_i∘W_j + W_iᵀ β_j∘ + W_iᵀ γ∘W_j + (M × / 6 for i = 1, j = 2)
+    ∂²V/∂φ_i∂φ_j += β_i∘W_j + W_iᵀ β_j∘ + W_iᵀ γ∘W_j + (M × / 6 if i = 1, j = 2)
 """
 
 import math
@@ -32,32 +33,32 @@ from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subrouti
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
 from flexlink.kernels.tools.vec3 import X, Y, Z, add, add_scaled, cross, dot, pick, scale, vector
 
-SLOPE = tuple(k * c for k, c in enumerate(COTANGENT))[1:]  # of dg/d|φ|²
+SLOPE = tuple(k * c for k, c in enumerate(COTANGENT))[1:]  # series of dg/d|φ|²
 
 
 class RotationTangent(NamedTuple):
-    """Derivatives of rotation-vector springs, with scratch arrays."""
+    """Derivatives of the torques of springs of rotation vectors, with scratch."""
 
     springs: RotationSprings
-    blocks: Any  # (b, 2) triples t ≤ u that springs couple; first each triple with itself
+    blocks: Any  # (b, 2) triples t ≤ u that springs couple; first the diagonal blocks (t, t)
     values: Any  # (b, 3, 3) ∂excess_t/∂θ_u, by the hinges about X, Y, Z; block u, t is the transpose
     bent: Any  # (b, 3, 3) ∂²V/∂φ_t∂φ_u
-    of_pair: Any  # (m,) index of the block of each coupling
-    of_cell: Any  # (c,) index of the block between the triples of each cell
+    of_pair: Any  # (m,) index of the block of each coupling in `springs.pairs`
+    of_cell: Any  # (c,) index of the block between the two triples of each cell
     axes: Any  # (t, 3, 3) e_k
     turning: Any  # (t, 3, 3) A e_k
 
 
 @recursion
 def rotation_slopes(element, q, qd, by_angle, by_rate):
-    """Add all blocks to ∂T/∂q (n, n)."""
+    """Add all blocks to ∂T/∂q, `by_angle` (n, n)."""
     if len(element.springs.hinges) > 0:
         add_tangent(q, element.springs, element, by_angle)
 
 
 @kernel
 def rotation_tangent(springs):
-    """Allocate the derivatives of a chain's springs; there may be none."""
+    """The derivatives of a chain's springs of rotation vectors, with scratch; empty arrays without such springs."""
     count, most = len(springs.hinges), len(springs.hinges) + len(springs.pairs) + len(springs.cells)
     if count == 0:
         none, values = springs.slots, np.empty((0, 3, 3))
@@ -79,7 +80,7 @@ def rotation_tangent(springs):
 
 @kernel
 def block_of(t, u, blocks, count):
-    """Index of the block of two triples among the first `count`; a new one, `count`, if there is none."""
+    """Index of the block of two triples among the first `count`; a new block is entered at index `count`."""
     t, u = min(t, u), max(t, u)
     for b in range(count - 1, -1, -1):
         if blocks[b, 0] == t and blocks[b, 1] == u:
@@ -90,7 +91,7 @@ def block_of(t, u, blocks, count):
 
 @kernel
 def excess_stiffness(bodies, hinges, couplings, q):
-    """Blocks (b, 2) of triples, their hinges (t, 3) and values (b, 3, 3) at angles q."""
+    """Blocks (b, 2) as pairs of triples, hinges (t, 3) of the triples, and block values (b, 3, 3) at angles q."""
     springs = rotation_springs(bodies, hinges, couplings)
     tangent = rotation_tangent(springs)
     find_tangent(q, springs, tangent)
@@ -99,7 +100,7 @@ def excess_stiffness(bodies, hinges, couplings, q):
 
 @recursion
 def add_tangent(q, springs, tangent, K):
-    """Add all blocks to the matrix K (n, n)."""
+    """Add all blocks and their transposes to the matrix K (n, n)."""
     find_tangent(q, springs, tangent)
     for b in range(len(tangent.blocks)):
         t, u = tangent.blocks[b, 0], tangent.blocks[b, 1]
@@ -133,7 +134,7 @@ def find_tangent(q, springs, tangent):
 
 @recursion
 def turn_vectors(springs, t, tangent):
-    """Write e_k and A e_k of a triple, by the hinges about X, Y, Z, for the angles σ (θ − θ₀)."""
+    """Write e_k and A e_k of triple t for the angles σ (θ − θ₀), by the hinges about X, Y, Z."""
     numbers, k = springs.numbers, springs.slots[t]
     σ, c, s, φ = (
         numbers[ROW.sense, k],
@@ -152,7 +153,7 @@ def turn_vectors(springs, t, tangent):
 
 @recursion
 def add_turning(numbers, slot, axes, turning, values):
-    """Add e_k·∂Aᵀ/∂θ_j m and ∂e_k/∂θ_j·n, for the angles σ (θ − θ₀), to the diagonal block of the triple in `slot`."""
+    """Add e_k·∂Aᵀ/∂θ_j m and ∂e_k/∂θ_j·n to the diagonal block of the triple in a slot, for the angles σ (θ − θ₀)."""
     σ, g = numbers[ROW.sense, slot], numbers[ROW.g, slot]
     φ, m = scale(σ, three(numbers, ROW.φ, slot)), scale(σ, three(numbers, ROW.moment, slot))
     n, once = turned_back(1.0, g, φ, m), cross(φ, m)
@@ -170,7 +171,7 @@ def add_turning(numbers, slot, axes, turning, values):
 
 @recursion
 def slope_of_g(w, square, φ, g):
-    """dg/d|φ|² as a function of the quaternion."""
+    """dg/d|φ|² at a quaternion with scalar part w, v·v = `square` and rotation vector φ."""
     x = dot(φ, φ)
     if square < NEAR and w >= 0.0:
         return polynomial(SLOPE, x)
@@ -198,7 +199,7 @@ def bend_blocks(springs, tangent):
 
 @recursion
 def bend_cell_blocks(numbers, t, u, own, others, mixed):
-    """Add the terms of the cell in slots `t` and `u` to its three blocks."""
+    """Add the ∂²V/∂φ_i∂φ_j of the cell in slots `t` and `u` to its three blocks."""
     φ1, φ2, both = three(numbers, ROW.φ, t), three(numbers, ROW.φ, u), three(numbers, ROW.coupled, t)
     β1, β2, γ = bending_of_cell(three(numbers, ROW.stiffness, t), three(numbers, ROW.stiffness, u), both)
     w, W1, W2 = scale(-1.0 / 6.0, cross(φ1, φ2)), scale(1.0 / 6.0, φ2), scale(-1.0 / 6.0, φ1)
@@ -215,7 +216,7 @@ def bend_cell_blocks(numbers, t, u, own, others, mixed):
 
 @recursion
 def add_curvature(block, β1, β2, γ, W1, W2):
-    """Add β₁∘W₂ + W₁ᵀ β₂∘ + W₁ᵀ γ∘W₂, W the vectors of their cross products."""
+    """Add β₁∘W₂ + W₁ᵀ β₂∘ + W₁ᵀ γ∘W₂; the arguments W are the vectors of the matrices W ×."""
     for j in range(3):
         e = pick(j, X, Y, Z)
         column = cross(W2, e)
@@ -228,16 +229,16 @@ def add_curvature(block, β1, β2, γ, W1, W2):
 
 @inlined
 def add_coupling(springs, m, block, sign):
-    """Add ± K_ij of a coupling outside cells, at its axes."""
+    """Add ± K_ij of coupling m in `springs.pairs` to its block, at its two axes."""
     a, b, k = springs.pairs[m, 0], springs.pairs[m, 2], sign * springs.coupled[m, 0]
-    block[a, b] += k  # the triple of the inner hinge comes first, or both hinges are in one triple
+    block[a, b] += k  # row: axis of the inner hinge, as its triple comes first; or both hinges are in one triple
     if springs.pairs[m, 1] == springs.pairs[m, 3]:
         block[b, a] += k
 
 
 @recursion
 def take_off_linear(springs, tangent):
-    """Subtract the chain's K."""
+    """Subtract the chain's K from the values of the blocks."""
     numbers = springs.numbers
     for t in range(len(springs.hinges)):
         for k in range(3):

@@ -1,14 +1,14 @@
-"""Steps whose length follows from their error, and samples at any time between them; the full loop is compiled.
+"""Step-size control by the error estimate, with samples at any time between the steps; the whole loop is compiled.
 
     h ← 0.9 h (tolerance / error)^(1/p)        p: order of the error in h
 
-The step is at most the one predicted from the last two errors (Gustafsson; Hairer & Wanner, Solving Ordinary
-Differential Equations II, IV.8), and grows slowly after a rejection. A step ends at a knot of an input, where the
-derivatives jump, and where a motor saturates (`saturation`). Samples inside a step are its dense output. An explicit
-method ends a step at a sample if that is cheaper, or if it has no dense output.
+limited by the predictive controller, which uses the last two errors (Gustafsson; Hairer & Wanner, Solving Ordinary
+Differential Equations II, IV.8). A step ends at every knot of an input, because an input is not smooth there, and where
+a motor saturates (`saturation`). After a rejected step the step length grows only slowly. Samples inside a step are its
+dense output. An explicit method ends a step at a sample where that is cheaper, or if it has no dense output.
 
-With an infinite tolerance all steps have the maximum length, and only the state is carried across a knot, so a run that
-is continued from the state there gives the same numbers.
+With an infinite tolerance all steps have the largest length, and only the state is carried across a knot: a run that
+starts from the state at a knot computes the same numbers.
 """
 
 import math
@@ -34,34 +34,34 @@ from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, SO_FAR, STEPPER
 from flexlink.kernels.tools.compiler import by_type, entry, inlined, recursion, shared
 from flexlink.kernels.tools.numbered import numbered
 
-OUTCOME = numbered("goes_on ended stuck turned")  # results of `advance`; "turned": a free base has turned far
-SAFETY, SHRINK = 0.9, 1 / 8  # factor on the step that the error allows; smallest factor on h
-NEARLY = 1.01  # steps up to the next knot that are replaced by one
-AT_THE_END = 1e-9  # relative distance from an end of the step below which a time counts as the end
-OF_A_SWITCH = 0.1  # part of the allowed error: displacement of bodies by a wrong torque in the rest of a step
+OUTCOME = numbered("goes_on ended stuck turned")  # results of `advance`; turned: a free base turned far
+SAFETY, SHRINK = 0.9, 1 / 8  # safety factor of the step length; smallest factor by which h changes
+NEARLY = 1.01  # a knot at most this many h away is reached in one step
+AT_THE_END = 1e-9  # fraction of a step within which a time counts as the end of the step
+OF_A_SWITCH = 0.1  # fraction of a long step's tolerance: limit of the displacement by a torque off its branch
 
 
 @by_type({ImplicitWork: implicit_step, EmbeddedWork: embedded_step})
 def take_step(t, h, inputs, state, allowed, work):
-    """One step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; return its error [m] and number of iterations."""
+    """One step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; returns its error [m] and iterations."""
 
 
 @entry
 def advance(work, forward, inputs, settings, count, state, tau, knots, samples, most):
-    """Take up to `most` steps from `state` q, q̇, q̈ (n,) and W (2,), in place, and fill in the samples passed.
+    """Take up to `most` steps from `state` q, q̇, q̈ (n,) and W (2,), in place, and fill in the samples on the way.
 
-    `work` is the workspace of the method, `forward` that of forward dynamics, `tau` (n,) scratch.
+    Scratch: `work` of the method, `forward` of forward dynamics, `tau` (n,).
 
-    `settings`: allowed error of a long step [m], and the same relative to the largest deflection; the length from which
-    a step is long [s] (the allowed error of a shorter one is proportional to its length, so the sum over many steps is
-    the same); tolerance of the iteration [m], and the same relative to the error; p; duration of the run; smallest and
-    largest step [s]. `knots`: times at which a step must end, the last one the end of the run, and for each the length
-    [s] of a step that may pass it, or inf. `samples`: times (rows,), q and q̇ (rows, n), W (rows,), and counters of the
-    steps so far (rows, SO_FAR.size).
+    `settings`: absolute tolerance of a long step [m]; its relative tolerance, as a fraction of the largest deflection;
+    the length from which a step is long [s]; the largest error of the iteration [m], and the same as a fraction of the
+    tolerance; p; the duration of the run [s]; smallest and largest step [s]. The tolerance of a shorter step is
+    proportional to its length, so that the errors of many steps add up to the same. `knots`: times where a step ends,
+    the last of which is the end of the run, and the length above which a step may pass each [s], inf if none may.
+    `samples`: times (rows,), q and q̇ (rows, n), W (rows,), and the record of the steps so far (rows, SO_FAR.size).
     """
     absolute, part, long, exact, left, p, duration, smallest, largest = settings
     stepper, switches = work.stepper, absolute < math.inf and saturates(inputs.drive)
-    least = 1e-3  # part of the error of a long step that every step is allowed: after a jump a few steps are very short
+    least = 1e-3  # smallest fraction of a long step's tolerance: only a few steps, after a jump, are so short
     for _ in range(most):
         t = stepper[STEPPER.time]
         knot = next_knot(t, stepper[STEPPER.step], knots, count)
@@ -121,7 +121,7 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
 
 @inlined
 def next_knot(t, h, knots, count):
-    """Index of the knot at which a step of length h ends, if it reaches one; passes earlier knots that it may pass."""
+    """Index of the next knot that a step of length h may not pass, or does not reach."""
     times, passed_by = knots
     k = count[COUNT.knot]
     while passed_by[k] < h and times[k] < t + NEARLY * h:
@@ -131,7 +131,7 @@ def next_knot(t, h, knots, count):
 
 @inlined
 def pass_knots(t, knots, count):
-    """Mark knots up to time t as passed, except those at which a step must end."""
+    """Advance the index of the next knot past the knots up to time t; stop at a knot that no step may pass."""
     times, passed_by = knots
     while times[count[COUNT.knot]] <= t and passed_by[count[COUNT.knot]] < math.inf:
         count[COUNT.knot] += 1
@@ -139,16 +139,16 @@ def pass_knots(t, knots, count):
 
 @entry
 def first_step(work, state, settings, duration, bent):
-    """Set the deflection, and choose the first step so that q̈ displaces no body by more than the allowed error.
+    """Set the deflection, and a first step in which q̈ moves no body by more than the tolerance of a step.
 
-    `bent` (n,) is scratch.
+    Scratch `bent` (n,).
     """
     absolute, part, largest = settings[0], settings[1], settings[8]
     q, qd, qdd = state[0], state[1], state[2]
     stepper, τ = work.stepper, min(work.stepper[STEPPER.inverse_ω1], duration)
     place_bodies(q, work.posture)
     stepper[STEPPER.deflection] = spring_displacement(q, bent, work)
-    for k in range(len(q)):  # for an arm with slack springs: deflection by q̇ and q̈ in the time 1 / ω₁
+    for k in range(len(q)):  # for an arm with relaxed springs: its deflection by q̇ and q̈ in 1 / ω₁
         bent[k] = qd[k] + τ * qdd[k]
     stepper[STEPPER.deflection] = max(
         stepper[STEPPER.deflection], deflection_norm(τ, bent, work.springs, work.posture, work.chain)
@@ -162,7 +162,7 @@ def first_step(work, state, settings, duration, bent):
 
 @recursion
 def spring_displacement(q, bent, work):
-    """Largest displacement [m] of a body by the angles of all springs; `bent` (n,) is scratch."""
+    """Largest displacement [m] of a body by the deflections of all springs; scratch `bent` (n,)."""
     for k in range(len(q)):
         hinge = work.chain.hinges[k]
         bent[k] = q[k] - hinge.rest if hinge.stiffness > 0.0 else 0.0
@@ -172,7 +172,7 @@ def spring_displacement(q, bent, work):
 @shared
 @entry
 def begin(t, inputs, state, tau, forward):
-    """q̈ and power at time t, where an input may have a knot."""
+    """Write q̈ and the power of a state at time t, where the run starts or an input has a knot."""
     q, qd, qdd, done = state
     for k in range(len(tau)):
         tau[k] = 0.0
@@ -196,7 +196,7 @@ def accept(state, work):
 
 @entry
 def forget(stepper):
-    """Treat the next step as the first one."""
+    """Clear the memory of the last step, so the next step is treated like the first step of a run."""
     stepper[STEPPER.last_step] = stepper[STEPPER.last_error] = stepper[STEPPER.accepted] = stepper[
         STEPPER.contraction
     ] = stepper[STEPPER.max_step] = stepper[STEPPER.refusal] = 0.0
@@ -204,7 +204,7 @@ def forget(stepper):
 
 @recursion
 def refuse(h, error, p, stepper, count):
-    """Set a shorter step after a rejection: `error` ≥ 1 relative to the tolerance, or nan if the iteration failed."""
+    """Shorten the step after a rejection; `error` / tolerance is 1 or more, or nan if the iteration failed."""
     if math.isnan(error):
         if stepper[STEPPER.refusal] > 0.0:
             stepper[STEPPER.last_step] = 0.0
@@ -219,7 +219,7 @@ def refuse(h, error, p, stepper, count):
 
 @recursion
 def following(h, error, p, iterations, stepper):
-    """Length of the next step, after one of length h with an `error` < 1 relative to the tolerance."""
+    """Length of the step after an accepted step of length h, whose error / tolerance is below 1."""
     safety = SAFETY * 21.0 / (20.0 + iterations)
     error = max(error, 1e-10)
     factor = safety * error ** (-1.0 / p)
@@ -229,7 +229,7 @@ def following(h, error, p, iterations, stepper):
             safety * h / stepper[STEPPER.last_step] * (stepper[STEPPER.last_error] / (error * error)) ** (1.0 / p),
         )
     wanted = h * min(5.0, max(SHRINK, factor))
-    if stepper[STEPPER.contraction] > 0.0:  # proportional to h²
+    if stepper[STEPPER.contraction] > 0.0:  # the contraction factor grows as h²
         wanted = min(wanted, h * max(1.2, math.sqrt(0.5 / stepper[STEPPER.contraction])))
     count_step(iterations, stepper)
     if stepper[STEPPER.refusal] > 0.0:
@@ -243,9 +243,9 @@ def following(h, error, p, iterations, stepper):
 
 @inlined
 def off_inside(t, h, long_error, inputs, state, knots, count, samples, work):
-    """Error of samples inside a step, relative to the allowed error; 0 if it contains none.
+    """Error of the samples inside a step over their tolerance; 0 if no sample is inside.
 
-    The allowed error is 20 times that of a long step, because it does not propagate.
+    Their tolerance is twenty times that of a long step, because this error does not propagate.
     """
     off, times = 0.0, 20.0
     if passes(t + (1.0 - AT_THE_END) * h, knots[0], count[COUNT.knot], samples[0], count[COUNT.row]):
@@ -256,14 +256,14 @@ def off_inside(t, h, long_error, inputs, state, knots, count, samples, work):
 
 @inlined
 def begin_anew(t, inputs, state, tau, forward, stepper):
-    """Restart from a time as from an initial state."""
+    """Restart from the state at time t: evaluate q̈ and the power, and count the restart."""
     begin(t, inputs, state, tau, forward)
     stepper[STEPPER.begun] += 1.0
 
 
 @inlined
 def passes(t, knots, knot, times, row):
-    """Whether the step contains a sample or an optional knot after time t."""
+    """Whether a requested sample or a knot is before time t; a knot counts as a sample even if none is requested."""
     return knots[knot] < t or (row < len(times) and times[row] < t)
 
 
@@ -281,7 +281,7 @@ def sample(t, h, inputs, state, work, count, samples, spare):
 
 @inlined
 def note(stepper, count, so_far):
-    """Store the counters by which a sample is checked, whenever it is read."""
+    """Record the numbers by which a sample is judged later: the deflection, and the counts so far."""
     so_far[SO_FAR.deflection] = stepper[STEPPER.deflection]
     for k in range(COUNT.knot):
         so_far[SO_FAR.steps + k] = count[k]
@@ -289,7 +289,7 @@ def note(stepper, count, so_far):
 
 @recursion
 def write_state(x, h, state, work, angles, rates):
-    """Write q and q̇ at a fraction x of the last step from `state`; return W there."""
+    """Write q and q̇ at the fraction x of the step just taken from `state`; returns W there."""
     if x < 1.0 - AT_THE_END:
         return inside(x, h, state, angles, rates, work)
     for k in range(len(angles)):

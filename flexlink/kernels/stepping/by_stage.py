@@ -1,8 +1,8 @@
-"""When each stage of a step gets a separate matrix (see `newton`): only if one matrix for all is not enough.
+"""When each stage of a step has a separate matrix (see `newton`): only where one matrix for all stages fails.
 
-A step whose iteration does not converge is repeated with one matrix per stage. This mode lasts for eight steps; if the
-next failure follows soon after its end, it lasts twice as long the next time. If two steps in a row fail in this mode,
-it ends, and is tried again after twice as many failures as before.
+A step whose iteration does not converge is repeated with stage matrices. They are used for eight steps, and for more
+than twice that number if the next failure follows soon after. If two steps in a row fail in spite of stage matrices,
+they are switched off, and the number of failures before the next trial doubles.
 """
 
 from flexlink.kernels.stepping.step_state import REFUSAL, STEPPER
@@ -11,7 +11,7 @@ from flexlink.kernels.tools.compiler import inlined, recursion
 
 @recursion
 def tried_again(stepper):
-    """Whether a failed step is repeated at the same length, with one matrix per stage."""
+    """Whether a failed step is repeated at the same length, with stage matrices."""
     if stepper[STEPPER.by_stage] > 0.0:
         if stepper[STEPPER.refusal] != REFUSAL.none:
             stepper[STEPPER.by_stage] = stepper[STEPPER.stay] = 0.0
@@ -27,7 +27,7 @@ def tried_again(stepper):
 
 @recursion
 def count_step(iterations, stepper):
-    """Count an accepted step and its iterations; if there were many, use one matrix per stage for the next steps."""
+    """Count an accepted step; after more than nine iterations, the next steps use stage matrices."""
     many = 9
     if stepper[STEPPER.by_stage] > 0.0:
         stepper[STEPPER.by_stage] -= 1.0
@@ -41,7 +41,7 @@ def count_step(iterations, stepper):
 
 @inlined
 def begin(stepper):
-    """Use one matrix per stage for some steps."""
+    """Switch stage matrices on for the next steps."""
     fewest = 8.0
     stepper[STEPPER.stay] = 2.0 * stepper[STEPPER.stay] + fewest
     stepper[STEPPER.by_stage] = stepper[STEPPER.stay]

@@ -1,8 +1,8 @@
-"""q and q̇ at a fraction x of the last step, by the polynomial of the stages or of both ends.
+"""q and q̇ at a fraction x of the step just taken, by the polynomial through the stages or through both ends.
 
-Samples inside a step are its dense output (`implicit`, `embedded`). An explicit method evaluates a few more stages for
-it. To look for a motor that saturates, an explicit step uses the quintic polynomial with q, q̇ and q̈ of both ends, and
-its derivative.
+Samples inside a step are its dense output (`implicit`, `embedded`), for which an explicit method evaluates a few
+additional stages. The search for the time at which a motor saturates needs many points of a step. There an explicit
+method uses the quintic polynomial with q, q̇ and q̈ of both ends, and its derivative for q̇.
 """
 
 import math
@@ -15,7 +15,7 @@ from flexlink.kernels.tools.compiler import by_type, inlined, recursion, subrout
 
 @recursion
 def of_implicit(x, h, state, angles, rates, work):
-    """Write q and q̇ at a fraction x of the last step from `state`; return W there."""
+    """Write q and q̇ at the fraction x of the step just taken from `state`; returns W there."""
     q, qd, done = state[0], state[1], state[3]
     dense, qdd, W = work.method.dense, work.stages[STAGE.qdd], done[0]
     s, n = qdd.shape
@@ -36,7 +36,10 @@ def of_implicit(x, h, state, angles, rates, work):
 
 @recursion
 def of_explicit(x, h, state, angles, rates, work):
-    """The same by the polynomials of `prepare_explicit`, for a method with dense output."""
+    """Write q and q̇ at the fraction x by the polynomials of `prepare_explicit`; returns W there.
+
+    Only for a method with dense output.
+    """
     q, qd, done = state[0], state[1], state[3]
     once, twice, W = work.inside[0], work.inside[1], 0.0
     for k in range(len(q)):
@@ -54,11 +57,11 @@ def of_explicit(x, h, state, angles, rates, work):
 
 @recursion
 def between_ends(x, h, state, angles, rates, work):
-    """Write q and q̇ at a fraction x of the step from both ends; W is unknown there: nan."""
+    """Write q and q̇ at the fraction x by the quintic through both ends; returns nan, as W is unknown there."""
     q, qd, qdd, new = state[0], state[1], state[2], work.new
     for k in range(len(q)):
         v, a = h * qd[k], h * h * qdd[k]
-        off = new[0, k] - (q[k] + v + 0.5 * a)  # q at the end minus q + v + a / 2
+        off = new[0, k] - (q[k] + v + 0.5 * a)  # end of the step minus q + v x + a x² / 2 at x = 1
         off_v, off_a = h * new[1, k] - (v + a), h * h * new[2, k] - a
         c3 = 10.0 * off - 4.0 * off_v + 0.5 * off_a
         c4 = -15.0 * off + 7.0 * off_v - off_a
@@ -70,21 +73,21 @@ def between_ends(x, h, state, angles, rates, work):
 
 @by_type({ImplicitWork: of_implicit, EmbeddedWork: between_ends})
 def between(x, h, state, angles, rates, work):
-    """Write q and q̇ at a fraction x of the last step from `state` without further evaluations; return W there."""
+    """Write q and q̇ at the fraction x of the step just taken, without new evaluations; returns W there, or nan."""
 
 
 @inlined
 def is_prepared(t, h, inputs, state, work):
-    """Nothing to prepare for an implicit step: its dense output is as accurate as its end."""
+    """Returns 0 and 0: an implicit step needs no preparation, and its error estimate also covers its inside."""
     return 0.0, 0
 
 
 @subroutine
 def prepare_explicit(t, h, inputs, state, work):
-    """Compute the polynomials with a few more stages; return their error [m], and the number of additional stages.
+    """Find the polynomials of the dense output; returns their error [m] and the number of additional evaluations.
 
-    The error is the difference, at half the step, between angles from the rates of the stages (one order lower) and
-    angles from their q̈.
+    The error is a difference at x = ½: angles from the stages' q̈ minus angles from the stages' rates, which are one
+    order less accurate.
     """
     off, evaluations, x = 0.0, 0, 0.5
     if work.method.dense is not None:
@@ -109,7 +112,7 @@ def prepare_explicit(t, h, inputs, state, work):
 
 @inlined
 def add_up_stages(h, work):
-    """Coefficients of the powers of x: h Σ β_i K_i / x of rates, h² Σ α_i K_i / x² of angles, h Σ β_i P_i / x of W."""
+    """Write coefficients of the powers of x: h Σ β_i K_i / x for q̇, h² Σ α_i K_i / x² for q, h Σ β_i P_i / x for W."""
     dense, once, twice = work.method.dense, work.inside[0], work.inside[1]
     for m in range(len(once)):
         work.power_inside[m] = 0.0
@@ -126,9 +129,9 @@ def add_up_stages(h, work):
 
 @by_type({ImplicitWork: is_prepared, EmbeddedWork: prepare_explicit})
 def prepare_inside(t, h, inputs, state, work):
-    """Prepare `inside`; return the displacement error of a body [m], and the number of evaluations."""
+    """Prepare `inside`; returns its error as displacement of a body [m], and the number of evaluations."""
 
 
 @by_type({ImplicitWork: of_implicit, EmbeddedWork: of_explicit})
 def inside(x, h, state, angles, rates, work):
-    """Write q and q̇ of a sample at a fraction x of the step, after `prepare_inside`; return W there."""
+    """Write q and q̇ of a sample at the fraction x of the step, after `prepare_inside`; returns W there."""

@@ -1,14 +1,14 @@
-"""Dry friction in the stages of an implicit step, for joints that come to rest or reverse.
+"""Dry friction in the stages of an implicit step, with the nonlinear law at joints that stop or reverse.
 
-Newton's iteration for all joints fails there: the derivative of f = c tanh(V / w) at one iterate does not predict the
-next, since the torque reverses within the step. The linear system of `newton`, L x = R with
-L = 1 ⊗ M + h A ⊗ D + h² A² ⊗ K, gives the rates V of these joints in all stages as a function of their friction
-torques by a small matrix. V is the root of
+At such a joint the slope of f = c tanh(V / w) does not predict f in the next iteration, because the friction torque
+changes sign within the step. `newton` solves L x = R with L = 1 ⊗ M + h A ⊗ D + h² A² ⊗ K. A small matrix G gives the
+response of the rates V of these joints, in all stages, to their friction torques, and V is the root of
 
     V = v⁰ − G f(V)        G = h A L⁻¹ at these joints = Σ_λ hλ T_λ (M + A_λ)⁻¹ T⁻¹_λ        v⁰: rates without f
 
-found by Newton's iteration with J = 1 + G f'(V). If that fails, it is solved first with w as large as the rates, which
-takes one or two iterations, then with w reduced by factors of eight. K is then the solution for R + f minus that for f.
+found by Newton's iteration with J = 1 + G f'(V). If this does not converge, w is first widened to the range of the
+rates, where one or two iterations suffice, and then narrowed by a factor of eight at a time. Each pass solves for the
+stages' accelerations K with R + f and then subtracts L⁻¹ f(V).
 """
 
 import math
@@ -21,15 +21,15 @@ from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.solve import solve_lu
 
-ROW = numbered("free v step f slope")  # of `Turning.rows`: v⁰, V, change of V in an iteration, f(V) and f'(V)
+ROW = numbered("free v step f slope")  # of `Turning.rows`: v⁰, V, the Newton step of V, f(V), f'(V)
 
 
 @subroutine
 def note_turning(h, qd, work):
-    """Add the joints that friction may stop within the step to the list of this module; return whether there are any.
+    """Add the joints that friction may stop within the step to `turning.joints`; returns whether it added any.
 
-    Friction changes a joint's rate by up to c h / inertia. Faster joints are left out: at three widths the derivative
-    is 1 % of that at rest.
+    In a step, friction reduces the rate of a joint by c h / inertia. At higher rates friction hardly changes: beyond
+    three widths its slope is 1 % of the slope at rest.
     """
     turning, before = work.turning, work.turning.count[0]
     for k in turning.dry:
@@ -47,7 +47,7 @@ def note_turning(h, qd, work):
 
 @inlined
 def is_noted(k, turning):
-    """Whether joint k is in the list."""
+    """Whether joint k is in `turning.joints`."""
     noted = False
     for a in range(turning.count[0]):
         noted = noted or turning.joints[a] == k
@@ -56,7 +56,7 @@ def is_noted(k, turning):
 
 @subroutine
 def factor_turning(h, work):
-    """Y = (M + A_λ)⁻¹ in the columns of these joints, and G; call `factor_all` first."""
+    """Write Y, the columns of (M + A_λ)⁻¹ at the joints `turning.joints`, and G; after `factor_all`."""
     method, turning, s = work.method, work.turning, work.stages.shape[1]
     r, z, d = work.vectors[VECTOR.rhs], work.pairs[0], turning.count[0]
     for m in range(s * d):
@@ -79,7 +79,7 @@ def factor_turning(h, work):
 
 @inlined
 def add_answer(z, T, Tinv, m, y, b, s, turning):
-    """G += Re(z T y T⁻¹), with y the solution for all joints for a torque at joint b."""
+    """G += Re(z T y T⁻¹), with y the response of all joints to a unit torque at joint b."""
     d = turning.count[0]
     for i in range(s):
         for j in range(s):
@@ -90,7 +90,7 @@ def add_answer(z, T, Tinv, m, y, b, s, turning):
 
 @recursion
 def leave_out_friction(work):
-    """R_i + f(V_i): the residual of the stages without the friction of these joints."""
+    """R_i += f(V_i): the residual without the friction of the joints `turning.joints`."""
     for i in range(work.stages.shape[1]):
         for a in range(work.turning.count[0]):
             k = work.turning.joints[a]
@@ -101,7 +101,7 @@ def leave_out_friction(work):
 
 @subroutine
 def put_in_friction(h, qd, work):
-    """K −= L⁻¹ f(V), after a correction of K without friction; return whether V was found."""
+    """K −= L⁻¹ f(V), after the update of K without friction; returns whether the iteration for V converged."""
     turning, stages = work.turning, work.stages
     s, d = stages.shape[1], turning.count[0]
     free, v = turning.rows[ROW.free], turning.rows[ROW.v]
@@ -119,7 +119,7 @@ def put_in_friction(h, qd, work):
 
 @recursion
 def subtract_answers(h, work):
-    """K −= T Y T⁻¹ f."""
+    """K −= L⁻¹ f with L⁻¹ = T Y T⁻¹, and f of the last iteration for V."""
     method, turning, qdd = work.method, work.turning, work.stages[STAGE.qdd]
     s, d = len(qdd), turning.count[0]
     δq, δv = changes(work)
@@ -150,7 +150,7 @@ def subtract_answers(h, work):
 
 @recursion
 def narrow(size, work):
-    """Find V for large widths first, then for smaller ones; return whether it was found."""
+    """Find V for a large friction width, then for smaller and smaller widths; returns whether it converged."""
     turning, wider = work.turning, 1.0
     for m in range(size):
         hinge = work.chain.hinges[turning.joints[m % turning.count[0]]]
@@ -165,9 +165,9 @@ def narrow(size, work):
 
 @recursion
 def find_rates(wider, size, work):
-    """Newton's iteration for V with widths multiplied by `wider`; return whether it converges."""
+    """Newton's iteration for V, with friction widths multiplied by `wider`; returns whether it converged."""
     turning, J, rows = work.turning, work.turning.J, work.turning.rows
-    most, enough = 12, 1e-7  # iterations; change of a joint's torque relative to its maximum
+    most, enough = 12, 1e-7  # iterations; change of a joint's friction torque over c
     torques(wider, size, work)
     for _ in range(most):
         for m in range(size):
@@ -188,7 +188,7 @@ def find_rates(wider, size, work):
 
 @recursion
 def torques(wider, size, work):
-    """f(V) and its derivative; return the largest change of f relative to the maximum torque of its joint."""
+    """Write f(V) and f'(V); returns the largest change of f over the c of its joint."""
     turning, rows, largest = work.turning, work.turning.rows, 0.0
     for m in range(size):
         hinge = work.chain.hinges[turning.joints[m % turning.count[0]]]

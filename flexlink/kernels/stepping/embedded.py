@@ -1,18 +1,18 @@
-"""One step of an explicit Runge-Kutta method with error estimate; its last stage is the first stage of the next step.
+"""One step of an explicit Runge-Kutta method with error estimate; its last stage is the next step's first (FSAL).
 
 L_i = q̇ + h Σ_j<i a_ij K_j        K_i = f(t + c_i h, q + h Σ_j<i a_ij L_j, L_i)
 q ← q + h Σ b_i L_i               q̇ ← q̇ + h Σ b_i K_i              K_s+1 = f(t + h, q, q̇)
 
-One or two rows d of weights give errors e_q = h Σ d_i L_i and e_v = h Σ d_i K_i, i = 1 … s + 1, measured as in
-`error_norm`. From two errors ε and ε₃, the second of lower order, the estimate is ε² / √(ε² + ε₃² / 100) (Hairer,
-Nørsett & Wanner, Solving Ordinary Differential Equations I, II.10).
+One or two rows d of weights give e_q = h Σ d_i L_i and e_v = h Σ d_i K_i, i = 1 … s + 1, whose norm is in `error_norm`.
+From two error estimates ε and ε₃, the second of lower order, the error is ε² / √(ε² + ε₃² / 100) (Hairer, Nørsett &
+Wanner, Solving Ordinary Differential Equations I, II.10).
 
-Dense output at t + x h, from the stages and a few more, i = 1 … s + 1 + e (the same, II.6):
+Dense output at t + x h, from the stages of the step and e additional stages, i = 1 … s + 1 + e (the same book, II.6):
 
     q̇(x) = q̇ + h Σ β_i(x) K_i     q(x) = q + x h q̇ + h² Σ α_i(x) K_i     W(x) = W + h Σ β_i(x) P_i
 
-β_i belong to the method; their order is one less than that of the step. α_i = ∫ β_i plus a cubic polynomial that is 0
-at x = 0 and makes q exact at x = 1, so q is as accurate inside the step as at its end.
+The β_i are those of the method, with a lower order than the step. α_i = ∫ β_i plus a cubic polynomial that is 0 at
+x = 0 and gives the end of the step at x = 1, so q is as accurate inside the step as at its end.
 """
 
 import math
@@ -29,30 +29,30 @@ from flexlink.kernels.tools.compiler import inlined, recursion
 
 
 class EmbeddedMethod(NamedTuple):
-    """Coefficients of a method and the weights of its errors."""
+    """Coefficients of a method, and the weights d of its error estimates."""
 
     A: Any
     b: Any
     c: Any
     d: Any  # (1 or 2, s + 1)
-    beyond: Any  # (e, s + 1 + e) rows of A for the additional stages; None without dense output, as the next two
+    beyond: Any  # (e, s + 1 + e) rows of A of the additional stages; None without dense output, as the next two
     beyond_c: Any  # (e,)
-    dense: Any  # (2, s + 1 + e, powers): coefficients of β_i / x and of α_i / x² by powers of x
+    dense: Any  # (2, s + 1 + e, powers) coefficients of the polynomials β_i / x and α_i / x²
 
 
 class EmbeddedWork(NamedTuple):
-    """Scratch arrays of `embedded_step`, with the constants of a chain."""
+    """Scratch of `embedded_step`, and the constants of a chain."""
 
     method: EmbeddedMethod
     chain: Any
-    forward: Any  # workspace of forward dynamics
+    forward: Any  # scratch of forward dynamics
     posture: Any
     stepper: Any  # a `STEPPER`
     new: Any  # (3, n) q, q̇, q̈ at the end of the step
-    K: Any  # (s + 1 + e, n), as L
+    K: Any  # (s + 1 + e, n) accelerations of the stages; L, same shape: rates
     L: Any
     power: Any  # (s + 1 + e,)
-    inside: Any  # (2, powers, n) dense output of a step: coefficients of rates and angles by powers of x
+    inside: Any  # (2, powers, n) dense output: coefficients of the powers of x for rates and for angles
     power_inside: Any  # (powers,) the same for W
     Q: Any  # (n,)
     tau: Any
@@ -64,9 +64,9 @@ class EmbeddedWork(NamedTuple):
 
 @recursion
 def embedded_step(t, h, inputs, state, allowed, work):
-    """Step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; return its error [m] and 1, for one iteration.
+    """Step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; returns its error [m] and 1 as the number of passes.
 
-    `allowed` is not used.
+    `allowed` is not used; implicit methods need it.
     """
     q, qd, qdd, done = state
     A, b, c, d = work.method.A, work.method.b, work.method.c, work.method.d
@@ -93,7 +93,7 @@ def embedded_step(t, h, inputs, state, allowed, work):
 
 @inlined
 def evaluate(start, part, h, inputs, q, qd, weights, i, angles, work):
-    """Evaluate stage i at a fraction of the step from the stages before: angles, L_i and K_i; return the power."""
+    """Write angles, L_i and K_i of stage i, at the fraction `part` of the step; returns the power there."""
     t = start + part * h
     K, L, tau = work.K, work.L, work.tau
     for k in range(len(q)):
@@ -107,7 +107,7 @@ def evaluate(start, part, h, inputs, q, qd, weights, i, angles, work):
 
 @recursion
 def more_stages(t, h, inputs, state, work):
-    """Evaluate the additional stages for dense output of the last step from `state`; return their number."""
+    """Evaluate the additional stages of the step just taken from `state`; returns their number."""
     A, c, s = work.method.beyond, work.method.beyond_c, len(work.method.c)
     for i in range(len(c)):
         m = s + 1 + i
@@ -117,7 +117,7 @@ def more_stages(t, h, inputs, state, work):
 
 @inlined
 def error_by(row, h, work):
-    """The error [m] by one row of d."""
+    """The error estimate [m] from one row of d."""
     d, e_q, e_v = work.method.d[row], work.e[0], work.e[1]
     for k in range(len(e_q)):
         e_q[k] = e_v[k] = 0.0

@@ -1,16 +1,16 @@
-"""Displacement of bodies by errors of angles and rates at the end of a step: the error that the tolerance [m] limits.
+"""Error norm of a step in metres: how far errors of the angles and rates at its end displace the bodies.
 
-An error e_q of the angles displaces bodies at once. An error e_v of the rates continues to displace them, against
-springs and dampers. In a time τ, by an implicit Euler step, the displacement follows from
+An error e_q of the angles displaces them at once. An error e_v of the rates displaces them later, against springs and
+dampers. In a time τ, by one implicit Euler step, the displacement of the angles is
 
     δ = τ (M + τ D + τ² K)⁻¹ M e_v
 
-The norm is the largest δ for τ = 1/ω₁ (ω₁ the lowest frequency), 1/(8 ω₁), … > h. For a vibration of frequency ω it is
-0.3 to 0.5 of the amplitude e_v/ω; for a free joint it is e_v/ω₁. Weighting all rates by 1/ω₁ would be simpler, but
-overestimates fast vibrations by factors of hundreds; weighting them by h accepts any error of slow ones at small steps.
+The norm is the largest δ for τ = 1/ω₁ (ω₁: the lowest frequency), 1/(8 ω₁), … > h. For a vibration of frequency ω it
+is 0.3 to 0.5 of the amplitude e_v/ω, and for joints that turn freely e_v/ω₁. The simpler weight 1/ω₁ for all rates
+would overestimate fast vibrations hundreds of times. The weight h would ignore errors of slow motion at small steps.
 
-A sampled law also measures the rates of fast vibrations, and applies its torque for a period T. A rate error that would
-average to zero then becomes an impulse T k_d e_v, which displaces bodies, in 1/ω₁, by
+A sampled law also reads the rates of fast vibrations and keeps its torque for a period T. There an error of the rates
+that would vanish by itself becomes an impulse T k_d e_v, which displaces bodies, within τ = 1/ω₁, by
 
     δ = τ (M + τ D + τ² K)⁻¹ T k_d e_v
 """
@@ -23,26 +23,27 @@ from flexlink.kernels.forward.mass_plus_cells import add_products, put_couplings
 from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 
-CLOSER = 1 / 8  # ratio of successive τ
+CLOSER = 1 / 8  # factor from one τ to the next
 
 
 class Springs(NamedTuple):
-    """Stiffness and damping of joints in addition to their springs, and scratch arrays."""
+    """Stiffness and damping of joints besides their hinges' own, and scratch of the error norm."""
 
-    kp: Any  # (n,) gains of the drive; kd the same
+    kp: Any  # (n,) proportional gains of the drives; kd: derivative gains
     kd: Any
     brakes: Any  # (n,) ∂T_k/∂q̇_k of force elements; None for a plain chain
-    impulse: Any  # (n,) T k_d of a sampled law
-    factors: Any  # (n, 8)
-    r: Any  # (n,); δ the same
+    impulse: Any  # (n,) T k_d of a sampled law, T its period
+    factors: Any  # (n, 8) factors of M + τ D + τ² K
+    r: Any  # (n,) right-hand side; δ (n,): solution
     δ: Any
 
 
 @subroutine
 def step_error_norm(h, e_q, e_v, springs, posture, chain, stepper):
-    """Error [m] of a step of length h with errors of its angles and rates (n,).
+    """Error norm [m] of a step of length h with errors e_q of its angles and e_v of its rates (n,).
 
-    Only parts of a method's workspace are passed: calls pass it by value, and all of it is a thousand words.
+    The scratch is passed in parts, because a call copies its arguments, and the whole scratch of a method is a thousand
+    machine words.
     """
     longest = max(h, stepper[STEPPER.inverse_ω1])
     at_once = displacement(e_q, posture)
@@ -67,14 +68,14 @@ def step_error_norm(h, e_q, e_v, springs, posture, chain, stepper):
 
 @recursion
 def displacement_norm(τ, e_v, springs, posture, chain):
-    """Largest displacement [m] by an error of the rates in a time τ."""
+    """Largest displacement [m] of a body in a time τ by errors e_v of the rates."""
     displace(τ, e_v, springs, posture, chain)
     return displacement(springs.δ, posture)
 
 
 @recursion
 def deflection_norm(τ, e_v, springs, posture, chain):
-    """Largest displacement [m] in a time τ, computed from the angles of springs only."""
+    """Largest displacement [m] of a body in a time τ by e_v, counting only the angles of springs."""
     displace(τ, e_v, springs, posture, chain)
     for k in range(len(e_v)):
         if chain.hinges[k].stiffness == 0.0:
@@ -84,7 +85,7 @@ def deflection_norm(τ, e_v, springs, posture, chain):
 
 @subroutine
 def displace(τ, e_v, springs, posture, chain):
-    """δ of an error of the rates, without dry friction: its slope at rest would suppress any error."""
+    """Write δ of the rates e_v; without dry friction, whose slope at rest would hide any error of a rate."""
     factors, r, δ = springs.factors, springs.r, springs.δ
     for k in range(len(e_v)):
         held = implicit_rotor(τ, k, springs, chain)
@@ -100,7 +101,7 @@ def displace(τ, e_v, springs, posture, chain):
 
 @recursion
 def impulse_norm(τ, e_v, springs, posture, chain):
-    """Largest displacement [m] in a time τ by the response of a sampled law to errors of the rates."""
+    """Largest displacement [m] of a body in a time τ by a sampled law's impulses from errors of the rates."""
     for k in range(len(e_v)):
         springs.r[k] = τ * springs.impulse[k] * e_v[k]
     return thrown(τ, springs, posture, chain)
@@ -108,7 +109,7 @@ def impulse_norm(τ, e_v, springs, posture, chain):
 
 @recursion
 def thrown(τ, springs, posture, chain):
-    """Largest displacement [m] in a time τ by impulses [N m s] times τ, `r`."""
+    """Largest displacement [m] of a body in a time τ by impulses [N m s]; `springs.r` is τ times the impulses."""
     factors, r, δ = springs.factors, springs.r, springs.δ
     for k in range(len(r)):
         factors[k, FACTORS.A] = chain.hinges[k].armature + implicit_rotor(τ, k, springs, chain)
@@ -121,7 +122,7 @@ def thrown(τ, springs, posture, chain):
 
 @inlined
 def implicit_rotor(τ, k, springs, chain):
-    """τ D + τ² K of a joint and its drive."""
+    """τ D + τ² K of joint k, including the gains of its drive and the slope of its force elements."""
     hinge = chain.hinges[k]
     d = hinge.damping + springs.kd[k]
     if springs.brakes is not None:

@@ -1,22 +1,22 @@
-"""One step of an implicit Runge-Kutta method for M q̈ = f(t, q, q̇), in O(n); the unknowns are the stages' q̈, K_i.
+"""One step of an implicit Runge-Kutta method for M q̈ = f(t, q, q̇), in O(n); the unknowns K_i are the stages' q̈.
 
     Q_i = q + c_i h q̇ + h² Σ (A²)_ij K_j       V_i = q̇ + h Σ a_ij K_j
-    R_i = f(t + c_i h, Q_i, V_i) − M(Q_i) K_i = 0                            by recursive Newton-Euler
+    R_i = f(t + c_i h, Q_i, V_i) − M(Q_i) K_i = 0                            residual, by recursive Newton-Euler
     q ← q + h q̇ + h² Σ (b A)_i K_i             q̇ ← q̇ + h Σ b_i K_i
 
-The stages are found by Newton's iteration with the linear systems of `newton`.
+The stages are found by Newton's iteration, whose linear systems are those of `newton`.
 
-Dense output at t + x h is the polynomial q̈ through the stages, integrated once and twice:
+Dense output at t + x h: the polynomial through the stages' q̈, integrated once and twice,
 
     q̇(x) = q̇ + h Σ β_i(x) K_i     q(x) = q + x h q̇ + h² Σ α_i(x) K_i     W(x) = W + h Σ β_i(x) P_i
 
-with β_i = ∫ ℓ_i and α_i = ∫ β_i for the Lagrange polynomials ℓ_i of the nodes. At x = 1 it is the end of the step.
-Inside, its order is that of the error estimate, s + 1, so it meets the tolerance as well. The initial q̈ of the step is
-not used: after a jump of torque it belongs to vibrations that the step does not resolve.
+with β_i = ∫ ℓ_i and α_i = ∫ β_i, where ℓ_i is 1 at c_i and 0 at the other nodes. At x = 1 it is the end of the step.
+Inside the step it has the order of the error estimate, s + 1, so the tolerance also applies there. The initial q̈ of the
+step is not used: after a jump of torque it contains vibrations that the step does not resolve.
 
-Error (Hairer & Wanner, Solving Ordinary Differential Equations II, IV.8), with γ₀ the real eigenvalue of A:
+Error (Hairer & Wanner, Solving Ordinary Differential Equations II, IV.8), γ₀ the real eigenvalue of A:
 
-    e_q = h (γ₀ q̇ + Σ d_i V_i)       e_v = h (γ₀ q̈ + Σ d_i K_i)       times (1 − hγ₀ J)⁻¹, measured by `error_norm`
+    e_q = h (γ₀ q̇ + Σ d_i V_i)       e_v = h (γ₀ q̈ + Σ d_i K_i)       both times (1 − hγ₀ J)⁻¹; norm: `error_norm`
 """
 
 import math
@@ -52,15 +52,15 @@ from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 from flexlink.kernels.tools.rare import rarely
 
-FIRST_CONTRACTION = 0.3  # assumed in the first iteration
+FIRST_CONTRACTION = 0.3  # assumed contraction factor in the first iteration
 
 
 @subroutine
 def implicit_step(t, h, inputs, state, allowed, work):
-    """Step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; return its error [m] and number of iterations.
+    """Step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; returns its error [m] and iterations.
 
-    `allowed`: allowed error of the step, and tolerance of the iteration, both displacements of a body at its end [m].
-    The error is nan if the iteration does not converge.
+    `allowed`: tolerance of the step, and the largest displacement of a body [m] that the remaining error of the
+    iteration may cause at the end of the step. The error is nan if the iteration does not converge.
     """
     q, qd, qdd, done = state
     tolerance, accurate = allowed
@@ -74,19 +74,19 @@ def implicit_step(t, h, inputs, state, allowed, work):
         find_brakes(work.forces, angles, rates, work.springs.brakes)
     by_stage = work.stepper[STEPPER.by_stage] > 0.0
     if by_stage:
-        accurate *= 0.3  # an error of K counts more in the error estimate than at the end of the step
+        accurate *= 0.3  # the remaining error of K affects the error estimate more than the end of the step
     law = work.stepper[STEPPER.turning] > 0.0
     work.turning.count[0] = 0
-    roundings = 200.0 * work.stepper[STEPPER.rounding]  # of the position of a body, summed over all joints of a step
+    roundings = 200.0 * work.stepper[STEPPER.rounding]  # of a body's position, added up over all joints
     most = work.stepper[STEPPER.max_iterations]
-    stalled_at, slow_from = 0.5, 0.25  # contractions: only rounding remains; friction may reverse in the step
-    of_friction = 100.0 * accurate  # [m] allowed at joints with dry friction: five times a step's error, measured
-    before = math.inf  # displacement by the last iteration
+    stalled_at, slow_from = 0.5, 0.25  # contraction above 0.5: only rounding moves K; above 0.25: friction may reverse
+    of_friction = 100.0 * accurate  # [m] limit at joints with dry friction: five times a step's error, by experiment
+    before = math.inf  # displacement by the last pass [m]
     fresh, settled, contraction, error, iteration = not law, False, FIRST_CONTRACTION, math.nan, 0
     while not settled:
         residuals(t, h, inputs, q, qd, work)
         iteration += 1
-        if not math.isnan(error):  # P_i are those of the current stages
+        if not math.isnan(error):  # this pass only updated P_i to the final stages
             break
         if iteration == 1:
             prepare_systems(h, rates, by_stage, work)
@@ -118,7 +118,7 @@ def implicit_step(t, h, inputs, state, allowed, work):
 
 @recursion
 def prepare_systems(h, rates, by_stage, work):
-    """Factor the systems of the next iterations; friction has the slope at these rates, or its own iteration."""
+    """Factor the matrices of the next passes, with friction's slope at `rates`, 0 if its nonlinear law is used."""
     if work.stepper[STEPPER.turning] > 0.0:
         for k in work.turning.dry:
             rates[k] = math.inf
@@ -131,7 +131,7 @@ def prepare_systems(h, rates, by_stage, work):
 
 @inlined
 def improve_stages(h, qd, by_stage, work):
-    """One iteration: K from R; return the displacement at the end of the step [m], nan if friction is not solved."""
+    """One Newton pass of K; returns how far it moves a body at the step's end [m], or nan."""
     begin_changes(work)
     if work.turning.count[0] > 0:
         leave_out_friction(work)
@@ -146,9 +146,10 @@ def improve_stages(h, qd, by_stage, work):
 
 @inlined
 def likely_contraction(h, moved, stepper):
-    """Contraction of the first iteration, from that of the last step (Hairer & Wanner, IV.8): proportional to h².
+    """Contraction factor of the first iteration, about in proportion to h² (Hairer & Wanner, IV.8).
 
-    Not used if the iteration displaces bodies much more than then: contraction by curvature grows with displacement.
+    It is extrapolated from the last step's, unless this step is much longer, or this pass moves a body much farther:
+    because of the curvature of f, the factor grows in proportion to that displacement.
     """
     known, last = stepper[STEPPER.contraction], stepper[STEPPER.last_step]
     stepper[STEPPER.contraction] = 0.0
@@ -160,7 +161,10 @@ def likely_contraction(h, moved, stepper):
 
 @inlined
 def predict(h, work):
-    """K from the last step's polynomial, or 0 after none or a much shorter one, since h² would amplify stiff noise."""
+    """Extrapolate K from the last step's polynomial, as initial guess.
+
+    The guess is 0 without a last step, or after a much shorter one, because h² would magnify stiff noise.
+    """
     c, qdd, before = work.method.weights[WEIGHT.c], work.stages[STAGE.qdd], work.stages[STAGE.last_qdd]
     last = work.stepper[STEPPER.last_step]
     s, n = qdd.shape
@@ -183,7 +187,7 @@ def predict(h, work):
 
 @inlined
 def residuals(t, h, inputs, q, qd, work):
-    """R_i of all stages, and the power P_i of all forces without a potential."""
+    """Write R_i of all stages, and the power P_i of all non-conservative forces."""
     A, c, qdd = work.method.A, work.method.weights[WEIGHT.c], work.stages[STAGE.qdd]
     for i in range(len(c)):
         Q, V, ti = work.stages[STAGE.q, i], work.stages[STAGE.qd, i], t + c[i] * h
@@ -200,7 +204,7 @@ def residuals(t, h, inputs, q, qd, work):
 
 @inlined
 def residual(t, middle, inputs, q, qd, qdd, R, work):
-    """Write f(t, q, q̇) − M q̈, 0 at prescribed joints; return the power of all forces without a potential."""
+    """Write f(t, q, q̇) − M q̈, 0 at prescribed joints; returns the power of non-conservative forces."""
     chain, tau = work.chain, work.vectors[VECTOR.tau]
     for k in range(len(q)):
         tau[k] = 0.0
@@ -224,9 +228,9 @@ def residual(t, middle, inputs, q, qd, qdd, R, work):
 
 @inlined
 def unsettled(h, work):
-    """Displacement [m] of a body by the residual torques at joints with dry friction, if these were free to move.
+    """How far [m] the residual torques at joints with dry friction would displace a body without friction.
 
-    The slope of friction at rest lets such a joint move very little, however large its residual.
+    With the steep slope of friction at rest, a pass hardly moves such a joint, however far it is from the solution.
     """
     δ, largest = work.vectors[VECTOR.q_middle], 0.0
     if len(work.turning.dry) == 0:
@@ -243,10 +247,10 @@ def unsettled(h, work):
 
 @inlined
 def work_is_accurate(moved, q, allowed, work):
-    """Whether the powers of the stages, from before the last iteration with displacement `moved`, give W of the step.
+    """Whether the stages' powers, computed before the last pass moved a body by `moved`, are accurate enough for W.
 
-    They do if it is at most 4 times the step's error: W of all steps is then off by less than forces times the
-    tolerance. For a fixed step the limit is 1e-3 of the displacement in the step.
+    They are if `moved` is at most 4 times the tolerance: then the error of W over all steps is no larger than if the
+    path of the forces were longer by the tolerance. For a fixed step the limit is 1e-3 of the step's displacement.
     """
     tolerance, accurate = allowed
     if tolerance < math.inf:
@@ -259,7 +263,7 @@ def work_is_accurate(moved, q, allowed, work):
 
 @inlined
 def does_work(inputs, work):
-    """Whether there are forces without a potential: drives, dampers, friction, prescribed motions, the wrench."""
+    """Whether non-conservative forces act: drives, dampers, friction, prescribed motions, the tip wrench."""
     hinges = work.chain.hinges
     works = len(inputs.drive.joints) + len(inputs.motion.joints) > 0
     if inputs.loads is not None:
@@ -275,7 +279,7 @@ def does_work(inputs, work):
 
 @recursion
 def finish(t, h, inputs, q, qd, work):
-    """The end of the step; its q̈ is K_s, exact for a method with b = (a_s1 … a_ss)."""
+    """Write the end of the step; its q̈ is K_s, as the methods are stiffly accurate: b = (a_s1 … a_ss)."""
     weights, qdd, new = work.method.weights, work.stages[STAGE.qdd], work.new
     s = len(qdd)
     for k in range(len(q)):
@@ -290,7 +294,7 @@ def finish(t, h, inputs, q, qd, work):
 
 @inlined
 def add_up_work(h, done, work):
-    """W at the end of the step, and the power there."""
+    """Write W and the power at the end of the step."""
     work.stepper[STEPPER.work], work.stepper[STEPPER.power] = done[0], work.power[len(work.power) - 1]
     for i in range(len(work.power)):
         work.stepper[STEPPER.work] += h * work.method.weights[WEIGHT.b, i] * work.power[i]
@@ -300,20 +304,20 @@ def add_up_work(h, done, work):
 def estimate(h, qd, qdd, tolerance, work):
     """Error of the step [m]; 0 for a fixed step.
 
-    After a start or a rejection, an error above the tolerance is damped once more: the error of stiff vibrations, as
-    after a jump, would not decrease with h (Hairer & Wanner II, equation IV.8.20, J for f). The slope of dry friction
-    in D is that at the end of the step; the steepest one, used by the last iteration, would hide the error of a
-    reversal.
+    In the first step, and after a rejection, an error beyond the tolerance is damped a second time, because the error
+    of stiff vibrations, as after a jump, would not decrease with h (Hairer & Wanner II, equation IV.8.20, J for f).
+    The slope of dry friction in D is taken at the end of the step: the steepest slope, which the iteration uses last,
+    would hide the error of a reversal.
     """
     hγ, vectors = h * work.method.γ, work.vectors
-    if hγ == 0.0 or tolerance == math.inf:  # no estimate exists, or it is not used
+    if hγ == 0.0 or tolerance == math.inf:  # the method has no error estimate, or the step is fixed
         return 0.0
     if len(work.turning.dry) > 0:
         shift_rotors(hγ, work.new[1], work.factors[0], work)
         factor(work.factors[0], work.posture)
     e_q, e_v = vectors[VECTOR.q_middle], vectors[VECTOR.qd_middle]
     for k in range(len(qd)):
-        e_q[k], e_v[k] = hγ * qd[k], hγ * qdd[k] if math.isfinite(qdd[k]) else 0.0  # M may be singular
+        e_q[k], e_v[k] = hγ * qd[k], hγ * qdd[k] if math.isfinite(qdd[k]) else 0.0  # M may be singular at the start
         for i in range(work.stages.shape[1]):
             e_q[k] += h * work.method.weights[WEIGHT.d, i] * work.stages[STAGE.qd, i, k]
             e_v[k] += h * work.method.weights[WEIGHT.d, i] * work.stages[STAGE.qdd, i, k]
@@ -325,7 +329,7 @@ def estimate(h, qd, qdd, tolerance, work):
 
 @subroutine
 def damped_error(h, hγ, e_q, e_v, work):
-    """Multiply errors of angles and rates (n,) by (1 − hγ₀ J)⁻¹, in place; return the displacement of a body [m].
+    """Damp errors of angles and rates (n,) in place by (1 − hγ₀ J)⁻¹; returns their norm [m].
 
     (M + A) y = −hγ₀ D e_v − (hγ₀)² K e_v − hγ₀ K e_q,  e_v ← e_v + y,  e_q ← e_q + hγ₀ e_v.
     """

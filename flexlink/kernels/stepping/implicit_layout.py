@@ -1,50 +1,56 @@
-"""Arrays of an implicit step: coefficients of the method, scratch arrays of a chain."""
+"""Data of an implicit Runge-Kutta step: coefficients of the method, and scratch of a chain."""
 
 from typing import Any, NamedTuple
 
 from flexlink.kernels.tools.numbered import numbered
 
-STAGE = numbered("qdd last_qdd q qd residual divided")  # K of the stages, K of the last accepted step, Q, V, R, w
-VECTOR = numbered("tau q_middle qd_middle rhs solution")  # one number per joint
-BUTCHER = numbered("A A2")  # of the stages: A and A²
+STAGE = numbered("qdd last_qdd q qd residual divided")  # K, K of the last accepted step, Q, V, R, w
+VECTOR = numbered("tau q_middle qd_middle rhs solution")  # vectors (n,)
+BUTCHER = numbered("A A2")  # matrices (s, s)
 WEIGHT = numbered("b bA c d")
 
 
 class ImplicitMethod(NamedTuple):
-    """Coefficients of a method, the eigenvalues and eigenvectors of A, and the weights of the error."""
+    """Coefficients of a method, eigenvalues and eigenvectors T of A, and weights of the error estimate.
+
+    `real`: real eigenvalues. `pairs`: one eigenvalue of each complex pair.
+    """
 
     A: Any  # (2, s, s) A and A²
     weights: Any  # (4, s) b, b A, c and d
-    γ: Any  # the real eigenvalue; 0: no error estimate
+    γ: Any  # the real eigenvalue; 0: the method has no error estimate
     real: Any
     T_real: Any
     Tinv_real: Any
     pairs: Any
     T_pairs: Any
     Tinv_pairs: Any
-    dense: Any  # (2, s, s): coefficients of β_i / x and of α_i / x² by powers of x
+    dense: Any  # (2, s, s) coefficients of the polynomials β_i / x and α_i / x²
 
 
 class Turning(NamedTuple):
-    """The d joints that reverse in a step; d has an upper limit. Arrays of s d numbers are ordered by stage."""
+    """Scratch for the d joints that stop or reverse in a step. Numbers of (s d,) are ordered by stage.
 
-    dry: Any  # all joints with dry friction that are not prescribed
+    d is limited by the size of the arrays.
+    """
+
+    dry: Any  # all joints with dry friction, except prescribed joints
     joints: Any  # (d,)
     count: Any  # (1,) d
     G: Any  # (s d, s d)
     J: Any  # (s d, s d)
     rows: Any  # (5, s d)
     probe: Any  # (3, s d)
-    real: Any  # (r, d, n) response of all joints to torques at these joints, for every eigenvalue
-    pairs: Any  # (p, d, n) complex
+    real: Any  # (r, d, n) responses of all joints to torques at these, for every real eigenvalue
+    pairs: Any  # (p, d, n) the same for the complex eigenvalues
 
 
 class ImplicitWork(NamedTuple):
-    """Scratch arrays of `implicit_step`, with the constants of a chain."""
+    """Scratch of `implicit_step`, and the constants of a chain."""
 
     method: ImplicitMethod
     chain: Any
-    inverse: Any  # workspace of inverse dynamics
+    inverse: Any  # scratch of inverse dynamics
     forces: Any  # force elements; None for a plain chain
     posture: Any
     stepper: Any  # a `STEPPER`

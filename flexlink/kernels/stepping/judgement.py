@@ -1,12 +1,12 @@
-"""Checks of new samples of a run: power balance, bending angles, joint limits, and the angle travelled.
+"""Check of new samples of a run: energy balance, bending, joint limits, and how far the joints have turned.
 
-A sample is checked against earlier samples only, so the result does not depend on when samples are read.
+A sample is judged only by the samples before it, so the time of the check does not affect the result.
 
     d/dt (T + V_g + V_e) = q̇·(T_EX − T_FR) + f·ṗ + m·ω        r = E(t) − E(0) − W(t)
 
-X is the largest T + |ΔV_g| + |ΔV_e| + |W| up to the sample, the energy exchanged. ε is the effect of rounding: the
-largest of one step, 4 eps (|T| + |V_g| + |V_e| + |W| + m g · size · max(1, |q|)), times the number of steps. A sample
-is garbage if |r| > share · X + ε + the effect of the tolerance.
+X is the largest T + |ΔV_g| + |ΔV_e| + |W| up to the sample, the energy exchanged. ε is the limit of rounding: the
+largest limit for one step, 4 eps (|T| + |V_g| + |V_e| + |W| + m g · size · max(1, |q|)), times the number of steps. A
+sample is garbage if |r| > share · X + ε + the error that the tolerance explains.
 """
 
 import math
@@ -21,51 +21,51 @@ EPS = 2.0**-52
 SEEN = numbered(
     "start:3",  # T, V_g and V_e at the start [J]
     "low:3 high:3",  # corners of the box around the path of the tip [m]
-    "exchanged rounded",  # X, and the rounding error of one step, largest so far [J]
-    "unbalanced excused",  # |r| minus the effect of the tolerance, and minus that of rounding, largest so far [J]
-    "travelled",  # angle of all free joints, back and forth, from their rates [rad]
-    "garbage imbalance available",  # row of the first garbage sample, −1: none; its r and X [J]
+    "exchanged rounded",  # X, and the largest rounding limit of one step so far [J]
+    "unbalanced excused",  # largest so far: |r| minus all that is explained, |r| minus ε [J]
+    "travelled",  # path of all driven joints in both directions, from their rates [rad]
+    "garbage imbalance available",  # first garbage row, −1: none; its r and X [J]
     "last",  # r of the last row [J]
-    "bent beyond",  # whether a hinge is bent too far; whether a joint is past its limits
+    "bent beyond",  # 1 if a hinge has bent too far; 1 if a joint has passed its limits
 )
-"""Results of the checks so far."""
+"""Results of the check of all samples so far."""
 
 WRONG = numbered("nothing balance kinetic finite")
-"""Faults of a sample: its energy does not balance, its kinetic energy is negative, a number is not finite."""
+"""Faults of a sample: the energy does not balance, the kinetic energy is negative, a number is not finite."""
 
 
 class Allowance(NamedTuple):
-    """Imbalance that a tolerance δ may cause: δ (weight + momentum √T), T the kinetic energy."""
+    """Imbalance explained by a tolerance δ: δ (weight + momentum √T), with T the kinetic energy."""
 
-    least: float = 0.0  # δ [m], at least:
-    part: float = 0.0  # of the largest deflection so far
-    weight: float = 0.0  # at any sample [N]
-    momentum: float = 0.0  # of a moving sample [√J/m]
-    share: float = math.inf  # upper limit, relative to the energy exchanged: share · δ / extent of the motion so far
-    damped: bool = False  # whether losses are allowed: an implicit method damps fast vibrations
-    compared: bool = False  # whether a second run checks instead, so no sample is garbage
+    least: float = 0.0  # smallest δ [m]
+    part: float = 0.0  # δ as a fraction of the largest deflection so far, if larger
+    weight: float = 0.0  # factor of δ at any sample [N]
+    momentum: float = 0.0  # factor of δ √T [√J/m]
+    share: float = math.inf  # limit: share · X · δ / extent of the motion so far
+    damped: bool = False  # every loss is explained: an implicit method damps fast vibrations
+    compared: bool = False  # no sample counts as garbage: a second run is the judge
 
 
 class Bounds(NamedTuple):
-    """Limits of the checks, and the joints to which they apply."""
+    """Limits for the samples, and the joints that are checked."""
 
-    force: Any  # (3,) a constant force on the tip, whose work is not integrated [N]
+    force: Any  # (3,) constant force on the tip, whose work is not integrated [N]
     weight: float  # m g · size [J]
-    share: float  # imbalance relative to the energy exchanged from which a sample is garbage
-    insisted: bool  # whether the run continues after a warning of garbage
-    bend: float  # angle of a hinge [rad]
-    near: float  # tolerance of a joint limit [rad]
-    bending: Any  # indices of the joints that bend,
-    limited: Any  # of those with limits,
-    travelling: Any  # of the driven ones that are not prescribed
+    share: float  # fraction of the energy exchanged; a larger imbalance is garbage
+    insisted: bool  # garbage is reported, and the run continues
+    bend: float  # largest angle of a hinge [rad]
+    near: float  # margin past a joint limit within which an angle counts as at the limit [rad]
+    bending: Any  # indices of the joints that bend
+    limited: Any  # indices of the joints with limits
+    travelling: Any  # indices of the driven joints whose motion is not prescribed
 
 
 @entry
 def look_at(first, stop, samples, hinges, bounds, allowance, seen):
-    """Check the samples `first` … `stop` − 1 up to the first fault; return its row (`stop`: none) and the fault.
+    """Check samples `first` … `stop` − 1 up to the first wrong one; returns its row (or `stop`) and its `WRONG`.
 
-    `samples`: t (rows,), q, q̇, τ (rows, n), tip (rows, 3), energies (3, rows), W (rows,) without that of a constant
-    force, and counters of the steps so far (rows, SO_FAR.size). `seen` (SEEN.size,) is updated.
+    `samples`: t (rows,), q, q̇, τ (rows, n), tip (rows, 3), energies (3, rows), W (rows,) without the constant force,
+    and the record of the steps so far (rows, SO_FAR.size). `seen` (SEEN.size,) is updated.
     """
     t, q, qd, tau, tip, energy, works, so_far = samples
     for row in range(first, stop):
@@ -102,7 +102,7 @@ def look_at(first, stop, samples, hinges, bounds, allowance, seen):
 
 @recursion
 def look_at_joints(row, t, q, qd, hinges, bounds, seen):
-    """Check bending angles and joint limits, and add the angle travelled since the last row."""
+    """Record in `seen` a hinge bent too far, a joint past its limits, and the path of joints since the last row."""
     for k in bounds.bending:
         if abs(q[row, k]) > bounds.bend:
             seen[SEEN.bent] = 1.0
@@ -125,9 +125,9 @@ def extent(seen):
 
 @entry
 def explained_by(allowance, δ, moved, r, X, T):
-    """Part [J] of an imbalance r that a tolerance δ may cause, after the tip has moved by `moved` [m].
+    """Imbalance [J] that a tolerance δ [m] explains; inf for a loss, r < 0, by a method that damps.
 
-    X is the energy exchanged, T the kinetic energy.
+    `moved`: extent of the tip's path so far [m]; r: imbalance; X: energy exchanged; T: kinetic energy [J].
     """
     if allowance.damped and r < 0.0:
         return math.inf
@@ -148,7 +148,7 @@ def largest(a):
 
 @recursion
 def finite(a):
-    """Whether no a_k is nan or infinite."""
+    """Whether all a_k are finite."""
     rest = 0.0
     for k in range(len(a)):
         rest += a[k] - a[k]

@@ -2,22 +2,23 @@
 
     R_i = f(t_i, Q_i, V_i) − M(Q_i) K_i → 0        K ← K + x
 
-The approximate Jacobian contains only springs, dampers, the derivative of friction and a drive's gains, diagonal
-matrices K and D, and M at the middle of the step. With A = T Λ T⁻¹ the system decouples into one for each eigenvalue λ
-of A (one of each complex pair suffices): M with rotors A_λ = hλ D + h²λ² K,
+The Jacobian is simplified: M at the posture in the middle of the step, and matrices K and D of springs, dampers,
+friction's slope and a drive's gains, diagonal except for couplings. With A = T Λ T⁻¹ it decouples into one system
+for each eigenvalue λ of A, where one of each complex pair suffices. Its matrix is M with rotors A_λ = hλ D + h²λ² K:
 
     (M + A_λ) x_λ = T⁻¹ R        x = T x_λ
 
-The neglected derivatives of gravity and velocity terms make the iteration contract by 1e-3 to 0.2 at useful steps.
+The omitted terms, the derivatives of gravity and of velocity terms, lead to a contraction factor of 1e-3 to 0.2 at
+useful steps.
 
-A hinge that twists a slender arm moves a millionth of the inertia that it moves when the arm is bent. The change δM of
-M between stages is then not small relative to M, and M⁻¹ δM K_i makes the iteration diverge. In that case each stage is
-solved with its own matrix, followed by a correction for the coupling of the stages:
+A hinge that twists a slender arm turns a millionth of the inertia that it moves when the arm is bent. Then δM, the
+change of M from stage to stage, is not small compared with M, and the term M⁻¹ δM K_i makes the iteration diverge. In
+this case every stage is solved with a separate matrix, and a second solution with M + A_λ corrects the coupling of
+the stages:
 
     w_i = (M(Q_i) + A_γ)⁻¹ R_i        x_λ = T⁻¹ w − (M + A_λ)⁻¹ (A_λ − A_γ) T⁻¹ w        γ the real eigenvalue
 
-Thus x_γ = T⁻¹ w. Without dampers the remaining effect of δM is
-(1 − λ²/γ²) (M + h²λ² K)⁻¹ δM (M + h²γ² K)⁻¹ h²γ² K.
+so x_γ = T⁻¹ w. Without dampers the remaining effect of δM is (1 − λ²/γ²) (M + h²λ² K)⁻¹ δM (M + h²γ² K)⁻¹ h²γ² K.
 """
 
 import math
@@ -38,7 +39,7 @@ from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 
 @inlined
 def slope(work, k, rate):
-    """D of one joint: dampers, a drive's gain, and dry friction's secant slope, which does not overshoot."""
+    """D of one joint: dampers, a drive's gain, and the secant slope of dry friction, which does not overshoot."""
     hinge = work.chain.hinges[k]
     d = hinge.damping + work.springs.kd[k]
     if work.springs.brakes is not None:
@@ -51,7 +52,7 @@ def slope(work, k, rate):
 
 @recursion
 def factor_all(h, rates, work):
-    """Prepare M + hλ D + h²λ² K for every λ, with the slope of friction at these rates; at infinite rate it is 0."""
+    """Factor M + hλ D + h²λ² K for every λ, with friction's slope at `rates`; at an infinite rate the slope is 0."""
     for m in range(len(work.method.real)):
         shift_rotors(h * work.method.real[m], rates, work.factors[m], work)
         factor(work.factors[m], work.posture)
@@ -62,7 +63,7 @@ def factor_all(h, rates, work):
 
 @inlined
 def shift_rotors(z, rates, factors, work):
-    """A = rotors + z D + z² K."""
+    """Write A = rotors + z D + z² K to `factors`."""
     for k in range(len(factors)):
         hinge = work.chain.hinges[k]
         held = slope(work, k, rates[k]) + z * (hinge.stiffness + work.springs.kp[k])
@@ -73,7 +74,7 @@ def shift_rotors(z, rates, factors, work):
 
 @recursion
 def slowest_rates(qd, rates, work):
-    """The rate of each joint nearest to 0 at the start and in all stages, or 0 if it reverses: the steepest secant."""
+    """Write each joint's smallest rate at the start and in the stages, 0 if it reverses: the steepest secant slope."""
     for k in range(len(qd)):
         least = qd[k]
         for i in range(work.stages.shape[1]):
@@ -87,7 +88,7 @@ def slowest_rates(qd, rates, work):
 
 @inlined
 def inertia_beyond(k, work):
-    """Inertia that a joint moves [kg m²] without its rotor, with outboard joints as stiff as in the first factors."""
+    """Inertia [kg m²] that joint k moves, without its rotor; outboard joints are as stiff as in the first factors."""
     if work.posture.first is not None and len(work.posture.first) > 0:
         return abs(
             work.factors[0, k, COUPLED.inertia] if len(work.factors) > 0 else work.factors_pairs[0, k, COUPLED.inertia]
@@ -99,7 +100,7 @@ def inertia_beyond(k, work):
 
 @subroutine
 def factor_stages(h, work):
-    """Prepare M(Q_i) + A_γ of every stage, at the angles at which the iteration begins."""
+    """Factor M(Q_i) + A_γ of every stage, at the angles of the first iteration."""
     z = h * work.method.real[0]
     for i in range(work.stages.shape[1]):
         posture, factors = posture_of_stage(i, work.stage_postures), work.stage_factors[i]
@@ -113,7 +114,7 @@ def factor_stages(h, work):
 
 @subroutine
 def divide_stages(work):
-    """w_i = (M(Q_i) + A_γ)⁻¹ R_i."""
+    """Write w_i = (M(Q_i) + A_γ)⁻¹ R_i of every stage."""
     for i in range(work.stages.shape[1]):
         posture = posture_of_stage(i, work.stage_postures)
         solve(work.stage_factors[i], work.stages[STAGE.residual, i], work.stages[STAGE.divided, i], posture)
@@ -121,7 +122,7 @@ def divide_stages(work):
 
 @inlined
 def improve(h, by_stage, work):
-    """K += T x for all eigenvalues; add the resulting change at the end of the step to the vectors of `changes`."""
+    """K += T x for all eigenvalues; adds the change at the end of the step to the vectors of `changes`."""
     method, qdd = work.method, work.stages[STAGE.qdd]
     R = work.stages[STAGE.divided if by_stage else STAGE.residual]
     r, x, z = work.vectors[VECTOR.rhs], work.vectors[VECTOR.solution], work.pairs
@@ -149,7 +150,7 @@ def improve(h, by_stage, work):
 
 @inlined
 def solve_one(h, λ, factors, r, x, by_stage, work):
-    """x_λ for r = T⁻¹ R, or for r = T⁻¹ w."""
+    """Solve for x_λ with r = T⁻¹ R, or with r = T⁻¹ w if `by_stage`."""
     if not by_stage:
         solve(factors, r, x, work.posture)
         return
@@ -165,7 +166,7 @@ def solve_one(h, λ, factors, r, x, by_stage, work):
 
 @inlined
 def add_change(h, method, i, weight, x, qdd, δq, δv):
-    """K_i += Re(weight x), and add the resulting change at the end of the step."""
+    """K_i += Re(weight x); adds the change at the end of the step to δq and δv."""
     for k in range(len(x)):
         δ = (weight * x[k]).real
         qdd[k] += δ
@@ -175,13 +176,13 @@ def add_change(h, method, i, weight, x, qdd, δq, δv):
 
 @inlined
 def changes(work):
-    """Changes of angles and rates at the end of the step by one iteration, (n,) each."""
+    """The vectors δq and δv (n,): change of angles and rates at the end of the step by one pass."""
     return work.vectors[VECTOR.q_middle], work.vectors[VECTOR.tau]
 
 
 @inlined
 def begin_changes(work):
-    """Set the changes to zero."""
+    """Set δq and δv to 0."""
     δq, δv = changes(work)
     for k in range(len(δq)):
         δq[k] = δv[k] = 0.0
@@ -189,7 +190,7 @@ def begin_changes(work):
 
 @inlined
 def moved_by_changes(h, work):
-    """Displacement of a body at the end of the step by the changes [m]; stores the joint whose rate changes most."""
+    """How far δq and δv displace a body at the end of the step [m]; records the joint whose rate changes most."""
     δq, δv = changes(work)
     worst = 0
     for k in range(len(δv)):

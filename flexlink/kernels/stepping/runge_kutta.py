@@ -1,10 +1,10 @@
-"""Explicit Runge-Kutta with fixed step for q̈ = f(t, q, q̇), the paper's equations 5 to 12; the full loop is compiled.
+"""Explicit Runge-Kutta with fixed step for q̈ = f(t, q, q̇), the paper's equations 5 to 12; the loop is compiled.
 
 L_i = q̇ + h Σ_j<i a_ij K_j        K_i = f(t + c_i h, q + h Σ_j<i a_ij L_j, L_i)
 q ← q + h Σ b_i L_i               q̇ ← q̇ + h Σ b_i K_i
 
-The work of all forces without a potential is integrated with the same method. Their power is P = q̇·(T_EX − T_FR) + m·ω,
-plus f·ṗ for a force on the tip that changes (`tip_wrench`):
+The same method integrates the power of the non-conservative forces, P = q̇·(T_EX − T_FR) + m·ω, plus f·ṗ if the force
+on the tip varies (`tip_wrench`):
 
 W ← W + h Σ b_i P_i
 """
@@ -21,11 +21,11 @@ from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import at, put_at
 
 NEVER = 2**62
-"""Value of `every` in `integrate` if no step is a sample."""
+"""`every` of `integrate` if no step is a sample."""
 
 
 class StepWork(NamedTuple):
-    """Scratch arrays of `step`: angles and drive torques of a stage; rates L_i and accelerations K_i of all stages."""
+    """Scratch of `step`: a stage's angles and drive torques; rates L_i and accelerations K_i of all stages."""
 
     q: Any
     tau: Any
@@ -35,22 +35,21 @@ class StepWork(NamedTuple):
 
 @kernel
 def step_workspace(tableau, q):
-    """Allocate the workspace of `step` for states like `q`, of one chain or of eight."""
+    """Scratch of `step` for states of the shape of `q`: (n,), or (n, 8) of eight chains."""
     shape = (len(tableau[2]), *q.shape)
     return StepWork(np.empty_like(q), np.zeros_like(q), np.empty(shape), np.empty(shape))
 
 
 @kernel
 def integrate(work, tableau, inputs, h, origin, first, last, far, every, state, samples):
-    """Advance the state q, q̇ (n,) and W (1,) in place from step number `first` to `last`.
+    """Advance the state q, q̇ (n,) and W (1,) in place from step number `first` to `last`, with scratch of a solver.
 
-    Stops early if a free base has turned by more than `far` [rad]; inf for a fixed base.
+    It stops early if a free base has turned by more than `far` [rad]; `far` is inf for a fixed base.
 
-    Steps are counted from the start of the run, where t = origin · h. Every `every`-th state is written to its row of
-    `samples`: q, q̇ (rows, n) and W (rows,). Returns the number of the last step with finite q and q̇. If that is less
-    than `last`, the state is the first one that is not finite, unless the base has turned.
-    With the workspace of eight chains side by side all states are (…, 8); the first chain whose state is not finite
-    stops all.
+    Steps are counted from the start of the run, where t = origin · h. Every `every`-th state goes to its row of
+    `samples`: q, q̇ (rows, n) and W (rows,). Returns the number of the last step whose q and q̇ are finite. If that
+    number is not `last`, `state` is the first state that is not finite, unless the base has turned.
+    With scratch of eight chains all states are (…, 8), and the first chain with a number that is not finite stops all.
     """
     q, qd, done = state
     qs, qds, works = samples
@@ -74,7 +73,7 @@ def integrate(work, tableau, inputs, h, origin, first, last, far, every, state, 
 
 @inlined
 def has_turned(q, far):
-    """Whether a free base has turned by more than `far`; inf for a fixed base and for arms side by side."""
+    """Whether a free base has turned by more than `far`, inf for a fixed base; always False for eight chains."""
     if q.ndim == 1:
         return far < math.inf and base_angle(q) > far
     return False
@@ -82,15 +81,15 @@ def has_turned(q, far):
 
 @recursion
 def base_angle(q):
-    """The largest of the three angles of a free base [rad]."""
+    """The largest magnitude of the three angles of a free base [rad]."""
     return max(abs(q[3]), abs(q[4]), abs(q[5]))
 
 
 @kernel
 def probe(work, tableau, inputs, h, origins, rows, samples, ends):
-    """Write to `ends` (2, rows, n) the angles after one step of h, and after two of h/2, from rows of q and q̇.
+    """Write to `ends` (2, rows, n) the angles after one step of h, and after two steps of h/2.
 
-    Row i starts at step number `origins[i]` of h, counted from t = 0.
+    Row i starts from row `rows[i]` of `samples`, q and q̇ (samples, n), at t = `origins[i]` · h.
     """
     qs, qds = samples
     q, qd = np.empty_like(qs[0]), np.empty_like(qds[0])
@@ -113,7 +112,7 @@ def probe(work, tableau, inputs, h, origins, rows, samples, ends):
 
 @inlined
 def sample_law_at(inputs, h, number, state, stages):
-    """Evaluate a sampled law before the step from t = number · h, if that is one of its instants."""
+    """Evaluate a sampled law before the step from t = number · h, if that is a sampling time of the law."""
     sample_at_step(inputs.drive, number * h, (number + 0.5) * h, state[0], state[1], stages.tau)
 
 
@@ -142,9 +141,9 @@ def step(work, tableau, inputs, h, number, state, stages):
 
 @kernel
 def stage(work, inputs, t, middle, q, qd, tau, qdd):
-    """Write q̈ of a stage with given drive torques `tau` (n,); return the power of all forces without a potential.
+    """Write q̈ of a stage whose drive torques `tau` (n,) are given; returns the power of non-conservative forces.
 
-    `middle` is the midpoint of the step that contains t.
+    `middle`: time at the middle of the step that contains t.
     """
     follow(inputs.motion, t, q, qd, qdd)
     return forward_under(inputs, t, middle, q, qd, tau, qdd, work)

@@ -1,4 +1,4 @@
-"""Tip positions, energies and drive torques from the states of a run."""
+"""Results computed from the states of a run: tip positions, energies, and drive torques."""
 
 import numpy as np
 
@@ -13,13 +13,13 @@ from flexlink.kernels.tools.vec3 import put, vector
 
 @kernel
 def tips_and_energies(chain, qs, qds, tips, parts):
-    """Tip positions (samples, 3) and kinetic, gravity and elastic energy (3, samples)."""
+    """Write tip positions `tips` (samples, 3), and kinetic, gravity and elastic energy `parts` (3, samples)."""
     tips_and_energies_of(chain, 0, len(qs), qs, qds, tips, parts, kinematics_workspace(chain), forces_of(chain))
 
 
 @subroutine
 def tips_and_energies_of(chain, first, stop, qs, qds, tips, parts, placed, forces):
-    """The same for the samples first … stop − 1; scratch `placed`, and `forces_of` the chain."""
+    """Write tips and energies of the samples first … stop − 1; scratch `placed`, and `forces` of `forces_of`."""
     for row in range(first, stop):
         kinematics(chain, qs[row], placed)
         put(tips[row], vector(placed.points[-1]))
@@ -28,7 +28,7 @@ def tips_and_energies_of(chain, first, stop, qs, qds, tips, parts, placed, force
 
 @kernel
 def derive(chain, inputs, first, stop, ts, qs, qds, taus, tips, parts):
-    """Tip positions, energies and drive torques T_EX of the samples first … stop − 1, written to their rows."""
+    """Write tip positions, energies and drive torques T_EX of the samples first … stop − 1, each in its row."""
     tips_and_energies_of(chain, first, stop, qs, qds, tips, parts, kinematics_workspace(chain), forces_of(chain))
     for row in range(first, stop):
         taus[row] = 0.0
@@ -38,7 +38,7 @@ def derive(chain, inputs, first, stop, ts, qs, qds, taus, tips, parts):
 
 @kernel
 def prescribed_torques(work, inputs, ts, qs, qds, taus):
-    """Add the torques of prescribed motions to the drive torques in `taus` (samples, n), at their joints."""
+    """Write the torques of prescribed motions to `taus` (samples, n), which already contains the drive torques."""
     qdd = np.zeros(qs.shape[1])
     for row in range(len(ts)):
         q, qd = qs[row].copy(), qds[row].copy()

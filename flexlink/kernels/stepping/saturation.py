@@ -1,14 +1,14 @@
-"""Motors at their maximum torque: a step assumes each motor saturated or not, and ends where that changes.
+"""Motors at their torque limit: in each step a motor is saturated or not, and the step ends where that changes.
 
-A torque |u| ≤ E has a kink where its law u reaches E, which neither the polynomial of a step nor its error estimate can
-resolve. A step therefore keeps the branch at its start (u, E or −E), which is smooth. It then finds the fraction x of
-its length h at which u leaves the branch. The torque error from there on is an impulse
+A torque |u| ≤ E has a kink where its law u reaches E. Neither the polynomial of a step nor its error estimate can
+represent this kink. So a step keeps the branch that is valid at its start, u itself, E or −E, and is smooth. Afterwards
+a search finds the fraction x of the step at which u leaves the branch. The torque error from there on is an impulse
 
-    p = (1 − x) h max |error|
+    p = (1 − x) h max |off|
 
-which displaces bodies, in a time τ without the drive, by δ = τ (M + τ D + τ² K)⁻¹ p, maximized over the rest of the
-run. If that is not a small part of the tolerance, the step is repeated up to just beyond x. The derivatives of a
-saturated motor's torque are zero, in Newton's matrix and in the propagation of errors.
+that displaces bodies, in a time τ without the drive, by δ = τ (M + τ D + τ² K)⁻¹ p. The largest δ over the times τ up
+to the duration of the run counts. If it exceeds a small fraction of the tolerance, the step is repeated and ends just
+after x. The gains of a saturated motor are zero in Newton's matrix and in the error norm.
 """
 
 import math
@@ -20,26 +20,26 @@ from flexlink.kernels.stepping.error_norm import CLOSER, thrown
 from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.tools.compiler import entry, inlined, recursion, subroutine
 
-LOOKS = 4  # points within a step; a torque that leaves its branch between two of them and returns has a small error
-NEVER = 2.0  # fraction of a step: not within it
-ROOT_PASSES, ROOT = 30, 1e-6  # iterations of regula falsi; accuracy of x
+LOOKS = 4  # points checked in a step; a torque off its branch only between two of them has a small, short error
+NEVER = 2.0  # value of x if no torque leaves its branch in the step
+ROOT_PASSES, ROOT = 30, 1e-6  # passes of regula falsi; accuracy of x
 
 
 class Saturation(NamedTuple):
-    """Gains of the drive while it is not saturated, and scratch arrays."""
+    """Gains of the drive when it is not saturated, and scratch."""
 
     kp: Any  # (n,)
     kd: Any
     angles: Any  # (n,)
     rates: Any
     torque: Any
-    off: Any  # distance of a torque from its branch [N m]
-    impulse: Any  # its integral over the rest of a step [N m s]
+    off: Any  # distance of each torque beyond its branch [N m]; negative: on its branch
+    impulse: Any  # impulse p of each torque in the rest of a step [N m s]
 
 
 @inlined
 def saturates(drive):
-    """Whether any motor has a maximum torque; torques of a sampled law are constant and have no kink within a step."""
+    """Whether a motor with a torque limit may saturate within a step; a sampled law's torque has no kink there."""
     least = math.inf
     for d in range(len(drive.joints)):
         least = min(least, drive.effort[d])
@@ -48,7 +48,7 @@ def saturates(drive):
 
 @entry
 def choose_branches(t, inputs, state, work):
-    """Fix the branch of every torque to its branch at time t."""
+    """Choose for every drive the branch of its torque at time t: u, E or −E."""
     drive, now = inputs.drive, work.saturation
     unlimited_torque(drive, t, t, state[0], state[1], now.torque)
     for d in range(len(drive.joints)):
@@ -61,7 +61,7 @@ def choose_branches(t, inputs, state, work):
 
 @inlined
 def put_slopes(drive, work):
-    """The gains of every drive; zero for one that is saturated."""
+    """Write the gains of every drive to `work.springs`; 0 if it is saturated."""
     for d in range(len(drive.joints)):
         k, saturated = drive.joints[d], drive.limits[0, d] == drive.limits[1, d]
         work.springs.kp[k] = 0.0 if saturated else work.saturation.kp[k]
@@ -70,7 +70,7 @@ def put_slopes(drive, work):
 
 @recursion
 def follow_limits(inputs, work):
-    """Let torques that left their branch in the last step follow their limits in the next, including the kinks."""
+    """Clip torques that left their branch in the step just taken at ±E in the next step, in spite of the kinks."""
     drive = inputs.drive
     for d in range(len(drive.joints)):
         if work.saturation.impulse[drive.joints[d]] > 0.0:
@@ -80,14 +80,14 @@ def follow_limits(inputs, work):
 
 @recursion
 def beyond(x, t, h, inputs, state, work):
-    """Largest distance of a torque from its branch at a fraction x of the step; all of them in `off` [N m]."""
+    """The largest distance of a torque beyond its branch at the fraction x of the step [N m]; writes all to `off`."""
     drive, now, largest = inputs.drive, work.saturation, -math.inf
     between(x, h, state, now.angles, now.rates, work)
     unlimited_torque(drive, t + x * h, t + 0.5 * h, now.angles, now.rates, now.torque)
     for d in range(len(drive.joints)):
         k, E = drive.joints[d], drive.effort[d]
         u, least, most = now.torque[k], drive.limits[0, d], drive.limits[1, d]
-        now.off[k] = -math.inf  # a torque that follows its limits has no branch
+        now.off[k] = -math.inf  # a torque clipped at ±E has no branch to leave
         if least == -math.inf:
             now.off[k] = abs(u) - E
         elif least == most:
@@ -98,7 +98,7 @@ def beyond(x, t, h, inputs, state, work):
 
 @subroutine
 def first_switch(t, h, inputs, state, work):
-    """Fraction x of the last step from which a torque is off its branch; NEVER if there is none."""
+    """Fraction x of the step just taken at which a torque first leaves its branch; `NEVER` if none does."""
     a, f_a = 0.0, min(0.0, beyond(0.0, t, h, inputs, state, work))
     b, f_b, look = 0.0, f_a, 0
     while f_b <= 0.0 and look < LOOKS:
@@ -108,7 +108,7 @@ def first_switch(t, h, inputs, state, work):
         f_b = beyond(b, t, h, inputs, state, work)
     if not f_b > 0.0:
         return NEVER
-    for _ in range(ROOT_PASSES):  # Illinois rule; b stays beyond
+    for _ in range(ROOT_PASSES):  # the Illinois rule; at b a torque is always beyond its branch
         if b - a <= ROOT:
             break
         x = (a * f_b - b * f_a) / (f_b - f_a) if f_b < math.inf and f_a > -math.inf else 0.5 * (a + b)
@@ -123,7 +123,7 @@ def first_switch(t, h, inputs, state, work):
 
 @subroutine
 def thrown_by(x, t, h, longest, inputs, state, work):
-    """Largest displacement [m] by the torque errors from a fraction x of the step, in any time up to the longest."""
+    """Largest displacement [m] of a body, in any time up to `longest`, by torque errors after the fraction x."""
     springs, now = work.springs, work.saturation
     for k in range(len(now.impulse)):
         now.impulse[k] = 0.0
@@ -147,11 +147,11 @@ def thrown_by(x, t, h, longest, inputs, state, work):
 
 @recursion
 def ends_at_switch(x, t, h, shortest, longest, allowed, inputs, state, work):
-    """Whether to repeat the step up to just beyond x, since the rest displaces a body by more than `allowed` [m]."""
+    """Whether to repeat the step up to just after x, because the rest displaces a body by more than `allowed` [m]."""
     off = thrown_by(x, t, h, longest, inputs, state, work)
     if off <= allowed:
         return False
-    again = (x + 0.5 * math.sqrt(allowed / off) * (1.0 - x)) * h  # displacement ~ time²
+    again = (x + 0.5 * math.sqrt(allowed / off) * (1.0 - x)) * h  # δ grows with the square of the time after x
     work.stepper[STEPPER.switch] = t + again
     if again <= shortest:
         work.stepper[STEPPER.switch] = 0.0

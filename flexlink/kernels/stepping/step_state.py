@@ -1,37 +1,37 @@
-"""State of a stepper that is carried from step to step, and counters."""
+"""Data carried from step to step of an adaptive run: numbers of the stepper, and counts."""
 
 from flexlink.kernels.tools.numbered import numbered
 
 STEPPER = numbered(
     "time step",  # t, and the next h
-    "last_step last_error",  # of the last accepted step; error relative to the allowed one; 0: none
-    "max_step",  # largest h after the iteration failed; 0: any
-    "refusal",  # why the last step was rejected, a `REFUSAL`; 0: it was not
+    "last_step last_error",  # length of the last accepted step, and its error / tolerance; 0: cleared
+    "max_step",  # largest h after the iteration failed; 0: no limit
+    "refusal",  # why the last step was rejected, a `REFUSAL`; 0: it was accepted
     "accepted",  # whether the last stages are those of an accepted step
-    "worst_joint",  # joint that moved most in the last iteration
+    "worst_joint",  # the joint that moved most in the last iteration
     "deflection",  # the largest so far [m]
     "inverse_ω1",  # 1 / ω₁ [s], ω₁ the lowest frequency
-    "max_iterations",  # of one step
+    "max_iterations",  # limit for one step
     "rounding",  # displacement of a body by rounding in one iteration [m]
-    "work power",  # up to the end of the last step, and there
-    "contraction displacement",  # of its iteration (0: unknown), after one with this displacement of a body [m]
-    "by_stage stay",  # coming steps with one matrix per stage; their number at the start, minus other steps since
-    "wait patience",  # failures before the next trial of such steps, from now and after the last trial
-    "turning",  # factor on the error of a step in which friction has its own iteration; 0: it has none
-    "angle_travelled",  # by all free joints, back and forth [rad]
-    "switch",  # time when a motor reaches or leaves its maximum torque in the next step [s]; 0: unknown
-    "far",  # rotation of a free base after which its steps continue in other coordinates [rad]; 0: fixed
-    # operations of steps besides evaluations, which determine their cost: restarts; factorizations of linear systems;
-    # matrices of single stages, and solutions with these; propagations of a rate error over a time τ; solutions for
-    # the friction of a joint that reverses, and multiplications in the small system of those
+    "work power",  # W and power at the end of the step just taken
+    "contraction displacement",  # contraction factor (0: unknown), displacement of a body by the pass before [m]
+    "by_stage stay",  # remaining steps with stage matrices; initial number, minus later steps without
+    "wait patience",  # failures before the next trial of stage matrices: still to come, and initially
+    "turning",  # factor of the error of a step with friction's nonlinear law; 0: friction is linearized
+    "angle_travelled",  # path of all free joints, in both directions [rad]
+    "switch",  # time at which a motor saturates or desaturates in the next step [s]; 0: unknown
+    "far",  # angle of a free base that requires new coordinates [rad]; 0: the base is fixed
+    # counts of operations besides evaluations, for the cost: restarts; factorizations of the linear systems; stage
+    # matrices, and solutions with them; error norms of rates for one time τ; responses to the friction of a joint that
+    # stops or reverses, and multiplications in the small system of these joints
     "begun prepared stage_matrices stage_solutions weighed answers multiplications",
 )
 COUNT = numbered(
-    "steps rejected failed",  # accepted; rejected for their error; failed iterations
-    "iterations besides",  # of this method; other evaluations: by earlier methods, and for dense output
-    "knot row",  # indices of the next knot and sample
+    "steps rejected failed",  # accepted; rejected for the error; rejected because the iteration failed
+    "iterations besides",  # of this method; other evaluations: by earlier methods, for dense output
+    "knot row",  # indices of the next knot and of the next sample
 )
 SO_FAR = numbered("deflection", "steps rejected failed iterations besides")
-"""Stored with each sample: the largest deflection [m], and counters, up to the step that contains it."""
+"""Record with each sample: the largest deflection [m] and the counts, up to the step that contains the sample."""
 REFUSAL = numbered("none error iteration")
-"""Why a step was rejected: not at all; for its error; because its iteration did not converge."""
+"""Why a step was rejected: not at all, for its error, or because the iteration did not converge."""
