@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import re
 import time
 
 import numpy as np
 import pytest
-from conftest import ROOT, flexible, make_scene
+from conftest import flexible, make_scene
 
 import flexlink as fl
 from flexlink.chain.chain import Chain
@@ -21,7 +20,6 @@ from flexlink.motion.evaluation_cost import (
 )
 from flexlink.motion.inputs.drives import held_torques
 from flexlink.motion.inputs.problem import problem_of
-from validation.speed import cost_list
 
 
 def chain_of(flex: str, segments: int = 12) -> Chain:
@@ -108,11 +106,3 @@ def test_a_stage_of_an_implicit_step_costs_what_was_measured_of_the_trade_s_scen
 def test_the_time_of_an_evaluation_does_not_depend_on_how_many_are_measured() -> None:
     scene = make_scene(flexible("a", "z", 12))
     assert 1e-8 < evaluation_time(problem_of(scene)) < 1e-4
-
-
-def test_the_list_of_costs_has_the_head_that_its_program_writes() -> None:
-    text = (ROOT / "flexlink" / "motion" / "data" / "evaluation_costs.toml").read_text(encoding="utf-8")
-    date = re.search(r"Measured on (\S+) by", text)
-    seeds = re.search(r"cost_list (\d+)", text)
-    assert date and seeds
-    assert text.startswith(cost_list.HEAD.format(date=date[1], seeds=seeds[1]) + "\n")

@@ -47,17 +47,3 @@ def test_panels_without_content_are_left_out() -> None:
     assert [len(found) for found in labels] == [4, 5]
     assert not any("passive" in label or "elastic" in label for label in labels[0])
     assert not any("active" in label and "passive" not in label for label in labels[1])
-
-
-def test_drive_torques_have_a_panel_if_there_are_any() -> None:
-    drive = fl.Drive(kind="constant", torque=(2.0,))
-    driven = make_scene(fl.Link(name="a", length=1.0), tip=fl.RigidBody(mass=1.0), drive=drive)
-    slider = make_scene(
-        fl.Link(name="a", length=1.0, joint=fl.Joint(kind="prismatic")), tip=fl.RigidBody(mass=1.0), drive=drive
-    )
-    for scene, unit in ((driven, "[N m]"), (slider, "[N]")):
-        found = plotting.plot_trajectory(fl.simulate(scene, duration=0.01)).axes
-        (panel,) = (each for each in found if each.get_ylabel().startswith("drive"))
-        assert panel.get_ylabel().endswith(unit)
-        (line,) = panel.lines
-        assert np.all(np.asarray(line.get_ydata()) == 2.0)

@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from flexlink.cli.terminal import Compiling
-from flexlink.common.progress import Counter, Progress, clock, progress_text, rate_text
+from flexlink.common.progress import Progress, clock, progress_text, rate_text
 from tests.words import reviewed
 
 
@@ -65,21 +65,6 @@ def test_progress_stays_in_one_line_of_a_narrow_terminal(monkeypatch) -> None:
     assert max(map(len, lines)) < 40
     assert "100%" in text
     assert lines[-2].strip() == lines[-1] == ""
-
-
-def test_a_terminal_that_reports_no_columns_has_eighty(monkeypatch) -> None:
-    narrow(monkeypatch, columns=0)
-    assert Progress("arm").width == 79
-
-
-def test_work_of_unknown_length_shows_its_count_in_one_line(monkeypatch) -> None:
-    screen = narrow(monkeypatch)
-    counter = Counter("fitting", "run")
-    for count in (9, 18):
-        counter(count)
-    counter.clear()
-    shown = [line.strip() for line in screen.getvalue().split("\r")]
-    assert shown == ["", "fitting: run 9, 0:00", "fitting: run 18, 0:00", "", ""]
 
 
 def test_a_terminal_shows_the_time_of_a_compilation(monkeypatch) -> None:

@@ -20,7 +20,6 @@ from flexlink.cli.shared import prefix_errors, print_hints, print_lines, varied
 from flexlink.common.errors import IdentifiabilityError
 from flexlink.common.files import shown_path
 from flexlink.common.output import make_folder, or_keep
-from flexlink.common.progress import Counter
 from flexlink.common.wording import Diagnostic
 from flexlink.identification.checked_page import document
 from flexlink.identification.fit import check_fit, fit
@@ -65,7 +64,7 @@ def run_command(options: argparse.Namespace) -> int:
             found = check_fit(problem)
         else:
             try:
-                found = _fit(problem, options)
+                found = fit(problem, starts=options.starts, profile=options.profile, progress=_line)
             except IdentifiabilityError as error:
                 assert isinstance(error.check, Check)
                 found = error.check
@@ -92,18 +91,8 @@ def _report(found: Check | Fitted, problem: FitProblem, options: argparse.Namesp
     return 0 if found.passed else 1
 
 
-def _fit(problem: FitProblem, options: argparse.Namespace) -> Fitted:
-    """Fit with one printed line per step, and the number of runs so far on a terminal."""
-    counter = Counter("fitting", "run")
-
-    def line(text: str) -> None:
-        counter.clear()
-        print(text, file=sys.stderr, flush=True)
-
-    try:
-        return fit(problem, starts=options.starts, profile=options.profile, progress=line, running=counter)
-    finally:
-        counter.clear()
+def _line(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
 
 
 def _print_check(check: Check) -> None:

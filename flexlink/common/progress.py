@@ -6,8 +6,6 @@ import os
 import sys
 import time
 
-DEFAULT_COLUMNS = 80
-
 
 class Line:
     """One line of stderr, redrawn in place; silent if stderr is not a terminal."""
@@ -20,10 +18,9 @@ class Line:
     def width(self) -> int:
         """Characters that fit; the last column is left free because some terminals wrap there."""
         try:
-            columns = os.get_terminal_size(sys.stderr.fileno()).columns
+            return max(os.get_terminal_size(sys.stderr.fileno()).columns, 2) - 1
         except OSError:
-            columns = 0
-        return max(columns or DEFAULT_COLUMNS, 2) - 1  # some terminals report 0
+            return 79
 
     def draw(self, text: str) -> None:
         """Replace the line by as much of `text` as fits."""
@@ -62,18 +59,6 @@ class Progress(Line):
             elapsed = now - self._started
             rate = rate_text((fraction - self._done) * self._parts, elapsed, self._what) if self._parts else ""
             self.draw(progress_text(self._name, fraction, elapsed, self.width, self._done, rate))
-
-
-class Counter(Line):
-    """Number of parts done and elapsed time, for work of unknown length."""
-
-    def __init__(self, name: str, what: str) -> None:
-        super().__init__()
-        self._name, self._what, self._started = name, what, time.perf_counter()
-
-    def __call__(self, count: int) -> None:
-        """Show the number of the last part that is done."""
-        self.draw(f"{self._name}: {self._what} {count}, {clock(time.perf_counter() - self._started)}")
 
 
 def rate_text(count: float, elapsed: float, what: str) -> str:

@@ -96,8 +96,7 @@ class Drive(Spec, frozen=True):
                 takes, value = ", ".join(wanted) or "nothing else", getattr(self, name)
                 takes = takes.replace("target_deg", "target_deg or reference (target_m for prismatic joints)")
                 state = ": missing;" if value is None else f" = {truncated(value)}:"
-                id = "missing-key" if value is None else "key-of-another-kind"
-                raise SceneError(f"{name}{state} drive kind {self.kind!r} takes {takes}", id=id)
+                raise SceneError(f"{name}{state} drive kind {self.kind!r} takes {takes}", id="key-of-another-kind")
         if self.file is None:
             check_table(self.times, {"torques": self.torques}, smooth=self.smooth, hold=self.hold)
         if self.gravity != "none" and self.kind != "pd":

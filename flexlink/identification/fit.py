@@ -68,8 +68,7 @@ def check_fit(problem: FitProblem) -> Check:
 
 
 def fit(
-    problem: FitProblem, *, starts: int = 1, profile: bool = False, progress: Callable[[str], None] | None = None,
-    running: Callable[[int], None] | None = None,
+    problem: FitProblem, *, starts: int = 1, profile: bool = False, progress: Callable[[str], None] | None = None
 ) -> Fitted:  # fmt: skip
     """Estimate parameters of a scene from measurements, with 95 % intervals.
 
@@ -87,8 +86,6 @@ def fit(
         Whether to compute profile intervals as well: each parameter is fixed near its estimate, all others refitted.
     progress
         Called with a line of text after each step.
-    running
-        Called with the number of completed runs whenever it has changed.
 
     Returns
     -------
@@ -113,14 +110,13 @@ def fit(
     """
     problem = require_type("problem", problem, FitProblem)
     require_callable("progress", progress)
-    require_callable("running", running)
     count, report = integer("starts", starts, 1), progress or (lambda _: None)
     coordinates, sources, checks = (
         coordinates_of(problem),
         sources_of(problem, "fit"),
         sources_of(problem, "check"),
     )
-    signals = Signals(sources, coordinates, running or (lambda _: None))
+    signals = Signals(sources, coordinates)
     search = Search(signals, problem.loss, coloured=problem.noise == "coloured")
     start = np.array([one.x(one.start) for one in coordinates])
     check = _check(signals, start, [list(source.blocks) for source in sources], notes([*sources, *checks]))

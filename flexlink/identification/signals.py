@@ -43,14 +43,9 @@ class Signals:
         Number of simulated runs.
     """
 
-    def __init__(
-        self,
-        sources: Sequence[Source],
-        coordinates: Sequence[Coordinate],
-        running: Callable[[int], None] = lambda _: None,
-    ) -> None:
+    def __init__(self, sources: Sequence[Source], coordinates: Sequence[Coordinate]) -> None:
         self.sources, self.coordinates = sources, coordinates
-        self.runs, self._running = 0, running
+        self.runs = 0
         self._own = [[k for k, one in enumerate(coordinates) if one.run in ("", source.name)] for source in sources]
         self._points: dict[bytes, tuple[Model, Slopes]] = {}
         self._most = KEPT
@@ -170,7 +165,6 @@ class Signals:
             return [_single(source.at_rest, scene) for scene in scenes]
         good = [scene for scene in scenes if isinstance(scene, Scene)]
         self.runs += len(good)
-        self._running(self.runs)
         with deferred() as stop:
             ends = iter(outcomes(good, stop, compared=0))  # warnings of single runs are not shown
         return [scene if isinstance(scene, FlexlinkError) else _of_run(source, next(ends)) for scene in scenes]

@@ -51,11 +51,6 @@ def panels(run: RunSamples) -> Iterator[Callable[[Axes], None]]:
         (_hinges(run, slides=True), "springs of\nsliding joints [m]"),
     )
     yield from (partial(_coordinates, run=run, joints=joints, label=label) for joints, label in of_joints if joints)
-    of_drives = (
-        (_torques(run, slides=False), "drive torques\n[N m]"),
-        (_torques(run, slides=True), "drive forces\n[N]"),
-    )
-    yield from (partial(_efforts, run=run, joints=joints, label=label) for joints, label in of_drives if joints)
     there = {
         base: run.chain.has_free_base, tip: True, exchanged_energy: True,
         elastic_energy: bool(run.chain.stiffness.any()), imbalance: run.work is not None,
@@ -137,11 +132,6 @@ def _driven(run: RunSamples, *, slides: bool) -> list[int]:
     return [k for k in run.chain.active.tolist() if run.chain.slides[k] == slides]
 
 
-def _torques(run: RunSamples, *, slides: bool) -> list[int]:
-    """Driven joints of one kind whose torque or force is not always zero."""
-    return [k for k in _driven(run, slides=slides) if np.any(np.asarray(run.tau)[:, k])]
-
-
 def _hinges(run: RunSamples, *, slides: bool) -> list[int]:
     """Passive joints of links that turn, or those that slide."""
     chain, internal = run.chain, run.chain.internal
@@ -156,17 +146,9 @@ def _since_start(values: ArrayLike) -> NDArray[np.float64]:
 
 def _coordinates(panel: Axes, run: RunSamples, joints: list[int], label: str) -> None:
     """Plot the coordinates of joints of one kind."""
-    _named(panel, run, joints, in_joint_units(run.chain.slides[joints].tolist(), run.q[:, joints]), label)
-
-
-def _efforts(panel: Axes, run: RunSamples, joints: list[int], label: str) -> None:
-    """Plot the torques or forces of driven joints of one kind."""
-    _named(panel, run, joints, np.asarray(run.tau)[:, joints], label)
-
-
-def _named(panel: Axes, run: RunSamples, joints: list[int], values: NDArray[np.float64], label: str) -> None:
     # more entries do not fit next to a panel
     legend_entries = 8
+    values = in_joint_units(run.chain.slides[joints].tolist(), run.q[:, joints])
     for place, k in enumerate(joints):
         name = run.chain.joint_name(k) if place < legend_entries else None
         panel.plot(run.t, values[:, place], label=name, linewidth=1.0)

@@ -27,7 +27,6 @@ from flexlink.dynamics.notes import defaults, notes
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.result import Result, read_only
 from flexlink.dynamics.sensors.columns import coarse_samples, sensor_columns
-from flexlink.pages.numbers import plural
 from flexlink.results import balance
 
 
@@ -119,7 +118,7 @@ class RunSamples(Result):
     def __repr__(self) -> str:
         samples, (start, end) = len(self.t), self.t[[0, -1]] if len(self.t) else (0.0, 0.0)
         doubts = f"; {len(self.warnings)} warnings" if self.warnings else ""
-        doubts += f"; {plural(len(self.hints), 'hint')} on units" if self.hints else ""
+        doubts += f"; {len(self.hints)} hints on units" if self.hints else ""
         return (
             f"<Trajectory {self.chain.name!r}: {samples} samples, {start:g} … {end:g} s, {self.chain.n} joints{doubts}>"
         )
