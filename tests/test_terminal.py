@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from flexlink.cli.terminal import Compiling
-from flexlink.common.progress import Progress, clock, progress_text, rate_text
+from flexlink.common.progress import Line, Progress, clock, progress_text, rate_text
 from tests.words import reviewed
 
 
@@ -29,6 +29,12 @@ def narrow(monkeypatch, columns: int = 40) -> Terminal:
     monkeypatch.setattr(sys, "stderr", screen)
     monkeypatch.setattr(os, "get_terminal_size", lambda _: os.terminal_size((columns, 24)))
     return screen
+
+
+@pytest.mark.parametrize(("columns", "width"), [(0, 79), (1, 1), (40, 39)])
+def test_a_terminal_of_unknown_size_has_80_columns(monkeypatch, columns: int, width: int) -> None:
+    narrow(monkeypatch, columns)
+    assert Line().width == width
 
 
 @pytest.mark.parametrize("width", [1, 10, 25, 39, 79, 200])
