@@ -7,7 +7,7 @@ import math
 from typing import Any
 
 import pytest
-from conftest import MODELS
+from conftest import ROOT
 
 from flexlink.identification.fitted import Estimate
 
@@ -37,7 +37,7 @@ def test_the_verdict_of_a_parameter_follows_from_its_interval(change: dict[str, 
 
 
 def test_the_guide_states_every_rule_of_the_verdict() -> None:
-    guide = " ".join((MODELS.parent / "docs" / "howto" / "fit.md").read_text().split())
+    guide = " ".join((ROOT / "docs" / "howto" / "fit.md").read_text().split())
     for words in (
         "interval is unbounded", "an end of the interval, is at a bound", "spans more than a factor of 10",
         "determines it more than the data do",
