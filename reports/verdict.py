@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 
 from flexlink.pages.colours import engine_name
-from flexlink.pages.numbers import amount, plural
+from flexlink.pages.numbers import amount, passing, plural
 from flexlink.pages.verdict import State, Verdict
 from reports.chapters import Number, Wanted
 from reports.claims import CONFIRMED, judging, standing
@@ -131,13 +131,13 @@ def verification(results: Results) -> Verdict:
     judged, failed = correctness(results.rows)
     checks = plural(judged, "check")
     if failed:
-        text = f"{len(failed)} of {checks} fail; see below."
+        text = f"{len(failed)} of {checks} {'fails' if len(failed) == 1 else 'fail'}; see below."
     elif not judged:
         text = f"No checks: {plural(len(results.rows), 'number')}, none with a limit."
     elif results.missing:
         text = f"No failure in {checks}, but {_missing(results)}."
     else:
-        text = f"{judged} of {checks} pass in {plural(len(results.cases), 'case')}: the equations are solved correctly."
+        text = f"{passing(judged, judged)} in {plural(len(results.cases), 'case')}: the equations are solved correctly."
     if results.missing and (failed or not judged):
         text += f" {_missing(results)}."
     given_up = {(row.case, row.quantity) for row in results.rows if row.given_up}

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from conftest import flexible, make_scene
 
 import flexlink as fl
 from flexlink.chain.chain import Chain
+from flexlink.motion import evaluation_cost
 from flexlink.motion.evaluation_cost import (
     evaluation_time,
     machine_factor,
@@ -20,10 +23,20 @@ from flexlink.motion.evaluation_cost import (
 )
 from flexlink.motion.inputs.drives import held_torques
 from flexlink.motion.inputs.problem import problem_of
+from validation.speed import cost_list
 
 
 def chain_of(flex: str, segments: int = 12) -> Chain:
     return fl.lump(make_scene(flexible("a", flex, segments)))
+
+
+def test_the_list_of_costs_has_the_header_that_its_program_writes() -> None:
+    text = (Path(evaluation_cost.__file__).parent / "data" / "evaluation_costs.toml").read_text()
+    head, _ = text.split("\n\n", 1)
+    date = re.search(r"Measured on (\S+) by", head)
+    seeds = re.search(r"cost_list (\d+)", head)
+    assert date and seeds
+    assert head == cost_list.HEAD.format(date=date[1], seeds=seeds[1])
 
 
 def test_a_step_costs_its_stages() -> None:

@@ -251,7 +251,7 @@ class TestLinearReference:
         columns = record(led.varied({"material.aluminium.young": 60e9}), ("tip x [m]", "tip z [m]"), 1e-5)
         runs = tuple(fl.fits.FitRun(name=use, columns=columns, use=use) for use in ("fit", "check"))
         found = fl.fit(fl.fits.FitProblem(scene=led, parameter=(_plain(sought),), run=runs))
-        judged = found.judged
+        judged = found.verdict_columns
         assert [one.use for one in judged] == ["check", "check"]
         linear = max(one.off(one.linear) for one in judged)
         after = max(one.off(one.after) for one in judged)

@@ -7,6 +7,7 @@ import math
 from typing import Any
 
 import pytest
+from conftest import ROOT
 
 from flexlink.identification.fitted import Estimate
 
@@ -33,3 +34,12 @@ def test_the_verdict_of_a_parameter_follows_from_its_interval(change: dict[str, 
     assert (estimate.doubt.id if estimate.doubt is not None else "") == id
     assert estimate.verdict.startswith("not identifiable: " if id else "identifiable")
     assert estimate.determined == (id in ("", "prior-dominated"))
+
+
+def test_the_guide_states_every_rule_of_the_verdict() -> None:
+    guide = " ".join((ROOT / "docs" / "howto" / "fit.md").read_text().split())
+    for words in (
+        "interval is unbounded", "an end of the interval, is at a bound", "spans more than a factor of 10",
+        "determines it more than the data do",
+    ):  # fmt: skip
+        assert words in guide, words

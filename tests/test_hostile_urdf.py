@@ -126,12 +126,12 @@ HOSTILE: dict[str, tuple[str | bytes, str, str]] = {
     "child of no name": (edited('<child link="b"/>', "<child/>"), "missing-in-file", "<child link>"),
     "two parents": (robot("abc", joint("j", "a", "c"), joint("k", "b", "c")), "closed-loop", "'c'"),
     "two parents in a joint": (edited('<parent link="a"/>', '<parent link="a"/>' * 2), "element-twice", "<parent>"),
-    "loop": (robot("ab", joint("j", "a", "b"), joint("k", "b", "a")), "closed-loop", "a, b"),
+    "loop": (robot("ab", joint("j", "a", "b"), joint("k", "b", "a")), "closed-loop", "links a, b form"),
     "loop beside a tree": (
         robot("abcd", joint("j", "a", "b"), joint("k", "c", "d"), joint("l", "d", "c")),
         "closed-loop", "c, d",
     ),
-    "link on itself": (robot("a", joint("j", "a", "a")), "closed-loop", "a"),
+    "link on itself": (robot("a", joint("j", "a", "a")), "closed-loop", "link a forms"),
     "two roots": (robot("abc", joint("j", "a", "b")), "several-roots", "a, c"),
     # joints
     "no type": (edited('type="continuous"', ""), "missing-in-file", "<joint type>"),

@@ -47,3 +47,16 @@ def test_panels_without_content_are_left_out() -> None:
     assert [len(found) for found in labels] == [4, 5]
     assert not any("passive" in label or "elastic" in label for label in labels[0])
     assert not any("active" in label and "passive" not in label for label in labels[1])
+
+
+def test_drive_torques_and_forces_have_own_panels_with_the_names_of_joints() -> None:
+    links = (flexible("trolley", joint=fl.Joint(kind="prismatic")), flexible("boom"))
+    scene = make_scene(*links, drive=fl.Drive(kind="constant", torque=(3.0, 2.0)), initial=fl.InitialState())
+    *_, torques, forces = plotting.plot_trajectory(fl.simulate(scene, duration=0.01)).axes
+    for panel, label, value, name in (
+        (torques, "drive torques\n[N m]", 2.0, "boom"), (forces, "drive forces\n[N]", 3.0, "trolley"),
+    ):  # fmt: skip
+        (curve,) = panel.lines
+        assert panel.get_ylabel() == label
+        assert curve.get_label() == name
+        assert (np.asarray(curve.get_ydata()) == value).all()

@@ -239,7 +239,7 @@ REFUSED = {
     "an empty row": ({"profile": "linear", **TABLE, "angle_deg": ((0.0,), None, (1.0,))}, "wrong-value",
                      "angle_deg[1] = None"),
     "nothing": ({"profile": "linear", "times": (), "angle_deg": ()}, "file-empty", "times = ()"),
-    "no rates": ({"profile": "smooth", **TABLE, "acceleration_deg": TABLE["angle_deg"]}, "needs-another-key",
+    "no rates": ({"profile": "smooth", **TABLE, "acceleration_deg": TABLE["angle_deg"]}, "missing-key",
                  "rate_deg"),
     "misspelt": ({"profile": "quintik", "to_deg": (9.0,)}, "wrong-value", "'quintic'?"),
 }  # fmt: skip
@@ -350,7 +350,7 @@ def test_the_start_of_a_reference_is_required_if_the_run_starts_elsewhere() -> N
 def test_a_pd_drive_has_one_target() -> None:
     gains = {"kind": "pd", "kp": (9.0,), "kd": (1.0,)}
     move = fl.Reference(profile="quintic", to_deg=(9.0,), duration=1.0)
-    with refused(fl.errors.SceneError, "key-of-another-kind"):
+    with refused(fl.errors.SceneError, "missing-key"):
         fl.Drive(**gains)
     with refused(fl.errors.SceneError, "key-of-another-kind"):
         fl.Drive(**gains, target_deg=(9.0,), reference=move)

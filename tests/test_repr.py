@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from conftest import ALUMINIUM, MODELS, SQUARE, flexible, make_scene, nasty_scene
@@ -11,6 +13,7 @@ from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.schemes.methods import method
 from flexlink.diagnosis.states import random_states
 from flexlink.dynamics.energy import Energy
+from flexlink.pages.numbers import passing
 
 NAMES = [f"link{k}" for k in range(30)]
 LONG = make_scene(*[flexible(name, segments=9) for name in NAMES])
@@ -35,6 +38,17 @@ def shown() -> dict[str, object]:
         "no Energy": fl.energy(chain, states[:0], qd), "method": method("RK10"), "rule": lumping_rule("gauss"),
         **{type(one).__name__: one for one in (ALUMINIUM, SQUARE, scene.arm.links[1], scene.initial, scene.run)},
     }  # fmt: skip
+
+
+def test_one_thing_is_counted_in_the_singular() -> None:
+    run = fl.simulate(make_scene(fl.Link(name="a", length=1.0), tip=fl.RigidBody(mass=1.0)), duration=0.01)
+    one = dataclasses.replace(run, t=run.t[:1], warnings=run.warnings[:1])
+    assert "1 sample, " in repr(one)
+    assert "1 joint" in repr(one)
+    assert "joints" not in repr(one)
+    assert [passing(*counts) for counts in ((1, 1), (1, 2), (2, 2))] == [
+        "1 of 1 check passes", "1 of 2 checks passes", "2 of 2 checks pass",
+    ]  # fmt: skip
 
 
 def test_an_object_is_shown_in_few_words_with_its_kind() -> None:

@@ -46,7 +46,7 @@ BAD = {  # text of the good scene, its replacement, the id of the error, and par
     ),
     "drive incomplete": (
         "[initial]", "[drive]\nkind = 'constant'\n[initial]",
-        "key-of-another-kind", ["drive.torque: "],
+        "missing-key", ["drive.torque: missing; "],
     ),
     "nan": ("young   = 70e9", "young = nan", "not-finite", ["material.aluminium.young", "nan"]),
     "infinity": ("9.81", "inf", "not-finite", ["gravity[2]", "inf"]),

@@ -7,9 +7,12 @@ import os
 import sys
 
 import pytest
+from conftest import ROOT
 
+import flexlink as fl
 from flexlink.cli.terminal import Compiling
-from flexlink.common.progress import Progress, clock, progress_text, rate_text
+from flexlink.common.progress import Line, Progress, clock, progress_text, rate_text
+from flexlink.identification.watch import Shown
 from tests.words import reviewed
 
 
@@ -29,6 +32,12 @@ def narrow(monkeypatch, columns: int = 40) -> Terminal:
     monkeypatch.setattr(sys, "stderr", screen)
     monkeypatch.setattr(os, "get_terminal_size", lambda _: os.terminal_size((columns, 24)))
     return screen
+
+
+@pytest.mark.parametrize(("columns", "width"), [(0, 79), (1, 1), (40, 39)])
+def test_a_terminal_of_unknown_size_has_80_columns(monkeypatch, columns: int, width: int) -> None:
+    narrow(monkeypatch, columns)
+    assert Line().width == width
 
 
 @pytest.mark.parametrize("width", [1, 10, 25, 39, 79, 200])
@@ -96,3 +105,16 @@ def test_without_a_terminal_a_compilation_has_one_line_and_progress_none(capsys)
     bar(0.5)
     bar.clear()
     assert capsys.readouterr().err.splitlines() == [Compiling.TEXT]
+
+
+def test_a_fit_shows_its_guesses_profiles_and_iterations(monkeypatch) -> None:
+    screen = narrow(monkeypatch, 80)
+    scene = fl.load_scene(ROOT / "models" / "three_links.toml")
+    tapped = fl.fits.FitModes(hertz=(5.5,), deviation=(0.02,))
+    young = fl.fits.FitParameter(path="material.aluminium.young")
+    shown = Shown()
+    shown.bar._redraw_after = 0.0
+    fl.fit(fl.fits.FitProblem(scene=scene, parameter=(young,), modes=(tapped,)), starts=2, profile=True, progress=shown)
+    text = screen.getvalue()
+    for words in ("guess 1 of 2, iteration 2 [", "guess 2 of 2", "profile 2 of 2, iteration", "100%"):
+        assert words in text, words

@@ -12,6 +12,7 @@ from pathlib import Path
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.output import write_text
 from flexlink.common.progress import Progress
+from flexlink.pages.numbers import passing
 from validation.case import ALL, CASES, MODELS, Case, cases_without_data, load_cases
 from validation.judgement import correctness, judged_rows, speed
 from validation.row_counts import ROWS_OF
@@ -243,7 +244,7 @@ def _print_verdict(console: Console, rows: Sequence[Row], store: Store) -> None:
     for row in rows:
         if row.state == "missed":
             console.print(f"[yellow]missed[/yellow] {escape(_describe(row))}", highlight=False, soft_wrap=True)
-    console.print(f"correctness: {right.judged - len(right.failed)} of {right.judged} checks pass")
+    console.print(f"correctness: {passing(right.judged - len(right.failed), right.judged)}")
     console.print(f"speed: {escape(speed(rows).sentence())}", soft_wrap=True)
 
 

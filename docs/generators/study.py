@@ -68,7 +68,8 @@ def page(_: Path) -> str:
     rows = [(f":ref:`{titles[one['id']]} <study-{one['id']}>`", *_summary(one)) for one in chapters]
     parts = [
         heading("Results of the study"),
-        *(f"**{about}: {word}.** {prose(text)}\n" for about, word, text in verdicts()),
+        ".. rst-class:: verdicts\n",
+        "\n".join(f"- **{about}: {word}.** {prose(text)}" for about, word, text in verdicts()) + "\n",
         f"Measured {prose(stored()['measured'])}. To run it yourself: ``python -m validation --full``; to compare\n"
         "your results with these: ``python -m validation --same reports/full``. How the study works:\n"
         ":doc:`../../explanation/study`.\n",

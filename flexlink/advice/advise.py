@@ -23,6 +23,7 @@ from flexlink.common.errors import AdviceError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.start_notes import is_free_fall
+from flexlink.pages.numbers import plural
 from flexlink.results.convergence import Limit
 from flexlink.results.deflection import deflections
 from flexlink.results.tip_motion import tip_travel
@@ -244,7 +245,7 @@ class Advisor:
         cost = f"CPU time {time(whole)} including set-up, {time(again)} if repeated"
         last = (
             line("error", f"{length(error)}{own}"),
-            line("cost", f"{cost}; advice took {self.runner.count} runs, {time(took)}{pays}"),
+            line("cost", f"{cost}; advice took {plural(self.runner.count, 'run')}, {time(took)}{pays}"),
         )
         falls = [line("drive", free_fall)] if is_free_fall(self.scene) else []
         return Advice(

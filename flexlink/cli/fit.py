@@ -27,6 +27,7 @@ from flexlink.identification.fitted import Fitted, building
 from flexlink.identification.identifiability import WIDE, Check
 from flexlink.identification.loading import load_fit
 from flexlink.identification.problem import FitProblem
+from flexlink.identification.watch import Shown
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -60,14 +61,17 @@ def run_command(options: argparse.Namespace) -> int:
         make_folder(options.out)
     with prefix_errors(options.problem):
         found: Check | Fitted
+        shown = Shown()
         if options.check:
             found = check_fit(problem)
         else:
             try:
-                found = fit(problem, starts=options.starts, profile=options.profile, progress=_line)
+                found = fit(problem, starts=options.starts, profile=options.profile, progress=shown)
             except IdentifiabilityError as error:
                 assert isinstance(error.check, Check)
                 found = error.check
+            finally:
+                shown.bar.clear()
         return _report(found, problem, options)
 
 
@@ -89,10 +93,6 @@ def _report(found: Check | Fitted, problem: FitProblem, options: argparse.Namesp
     if page is not None:
         print(f"page: {shown_path(page.page)}", file=sys.stderr if options.json else None)
     return 0 if found.passed else 1
-
-
-def _line(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)
 
 
 def _print_check(check: Check) -> None:

@@ -34,6 +34,7 @@ from flexlink.motion.evaluation_cost import machine_factor, step_cost
 from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.inputs.tip_wrench import initial_wrench
+from flexlink.pages.numbers import plural
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -91,7 +92,7 @@ def _show(about: Mapping[str, Any]) -> None:
     """Print the model: joints, sensors, frequencies, stable steps."""
     joints = about["joints"]
     print(f"{about['scene']}: {about['about']}" if about["about"] else about["scene"])
-    print(f"{len(joints)} degrees of freedom, {about['driven']} driven; mass {about['mass_kg']:.6g} kg")
+    print(f"{plural(len(joints), 'degree')} of freedom, {about['driven']} driven; mass {about['mass_kg']:.6g} kg")
     listed = 100
     for k, joint in enumerate(joints[:listed]):
         print(f"  {k:4d}  {joint['name']:<16} {joint['description']}")

@@ -18,9 +18,10 @@ class Line:
     def width(self) -> int:
         """Characters that fit; the last column is left free because some terminals wrap there."""
         try:
-            return max(os.get_terminal_size(sys.stderr.fileno()).columns, 2) - 1
+            columns = os.get_terminal_size(sys.stderr.fileno()).columns
         except OSError:
-            return 79
+            columns = 0
+        return max(columns or 80, 2) - 1  # a terminal of unknown size reports 0 columns
 
     def draw(self, text: str) -> None:
         """Replace the line by as much of `text` as fits."""

@@ -95,8 +95,10 @@ class Drive(Spec, frozen=True):
             if (getattr(self, name) is not None) != (name in wanted) and name not in may:
                 takes, value = ", ".join(wanted) or "nothing else", getattr(self, name)
                 takes = takes.replace("target_deg", "target_deg or reference (target_m for prismatic joints)")
-                state = ": missing;" if value is None else f" = {truncated(value)}:"
-                raise SceneError(f"{name}{state} drive kind {self.kind!r} takes {takes}", id="key-of-another-kind")
+                takes = f"drive kind {self.kind!r} takes {takes}"
+                if value is None:
+                    raise SceneError(f"{name}: missing; {takes}", id="missing-key")
+                raise SceneError(f"{name} = {truncated(value)}: {takes}", id="key-of-another-kind")
         if self.file is None:
             check_table(self.times, {"torques": self.torques}, smooth=self.smooth, hold=self.hold)
         if self.gravity != "none" and self.kind != "pd":

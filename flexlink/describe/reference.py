@@ -179,7 +179,7 @@ class Reference(Spec, frozen=True):
     def _check_table(self, times: Row) -> None:
         require_increasing("times", times)
         if self._is_given("acceleration_deg") and not self._is_given("rate_deg"):
-            raise SceneError("rate_deg: missing; acceleration_deg needs it", id="needs-another-key")
+            raise SceneError("rate_deg: missing; acceleration_deg needs it", id="missing-key")
         for name in _in_both(*OF_MOTION):
             rows = getattr(self, name)
             if rows is not None and len(rows) != len(times):

@@ -17,6 +17,7 @@ from flexlink.common.errors import SingularMassError
 from flexlink.common.types import Array
 from flexlink.dynamics.singularity import regular_mass
 from flexlink.dynamics.terms import elastic_torque, gravity_torque
+from flexlink.pages.numbers import plural
 
 RANGE = 10.0
 """Largest |q̇| [rad/s], |T_EX| of active joints [N m], tip force [N] and moment [N m] of random states."""
@@ -34,7 +35,7 @@ class State(NamedTuple):
     wrench: Array
 
     def __repr__(self) -> str:
-        return f"<State: {len(self.q)} joints>"
+        return f"<State: {plural(len(self.q), 'joint')}>"
 
 
 def random_states(chain: Chain, samples: int, *, seed: int = 0) -> list[State]:

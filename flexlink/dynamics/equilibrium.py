@@ -20,6 +20,7 @@ from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.tangent import LoadedState, load_torque, unlocked
 from flexlink.dynamics.terms import elastic_torque
 from flexlink.dynamics.wrench import turns_with_tip
+from flexlink.pages.numbers import plural
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -55,8 +56,9 @@ class Equilibrium(SavedResult):
         turned, slid = (np.abs(self.q[which]).max(initial=0.0) for which in (~self.slides, self.slides))
         out = [f"angles up to {np.degrees(turned):.4g}°"] if not self.slides.all() else []
         out += [f"positions up to {slid:.4g} m"] if self.slides.any() else []
+        joints = plural(len(self.q), "joint")
         return (
-            f"<Equilibrium: {'' if self.stable else 'un'}stable; {len(self.q)} joints at {' and '.join(out)}, "
+            f"<Equilibrium: {'' if self.stable else 'un'}stable; {joints} at {' and '.join(out)}, "
             f"residual {self.residual:.2g} N m>"
         )
 

@@ -24,6 +24,7 @@ from flexlink.identification.reasons import with_reasons
 from flexlink.identification.remarks import notes, ranges_apart, warnings
 from flexlink.identification.signals import STEP, Signals
 from flexlink.identification.solve import Found, Search, start_points
+from flexlink.identification.watch import Shown, Watch
 from flexlink.motion.slopes_of_runs import CENTRAL_4
 
 
@@ -117,7 +118,8 @@ def fit(
         sources_of(problem, "check"),
     )
     signals = Signals(sources, coordinates)
-    search = Search(signals, problem.loss, coloured=problem.noise == "coloured")
+    watch = Watch(count + 2 * len(coordinates) * profile, progress.bar if isinstance(progress, Shown) else None)
+    search = Search(signals, problem.loss, coloured=problem.noise == "coloured", watch=watch)
     start = np.array([one.x(one.start) for one in coordinates])
     check = _check(signals, start, [list(source.blocks) for source in sources], notes([*sources, *checks]))
     if not check.passed:
@@ -177,12 +179,15 @@ def _searched(search: Search, points: Sequence[Array], report: Callable[[str], N
     """Results of the search from all initial guesses, the best first; only the problem's own guess must succeed."""
     found = []
     for k, x in enumerate(points):
+        search.watch.begin(f"guess {k + 1} of {len(points)}")
         try:
             found.append(search.from_start(x))
         except FlexlinkError:
             if k == 0:
                 raise
             continue
+        finally:
+            search.watch.end()
         size = np.sqrt(2 * found[-1].cost / sum(len(b.y) for part in found[-1].blocks for b in part))
         report(f"initial guess {k + 1} of {len(points)}: residual {size:.2g} × assumed noise")
     return sorted(found, key=lambda end: end.cost)

@@ -151,7 +151,7 @@ class FittedColumn:
         """Root mean square (RMS) residual of a prediction."""
         return float(math.sqrt(((model - self.measured) ** 2).mean()))
 
-    def left(self, model: Array) -> float:
+    def residual(self, model: Array) -> float:
         """RMS residual, at least the accuracy of the search: two fits of exact data are equally good."""
         share = 1e-7  # of the measurements: searches converge to 1e-8 of the parameters
         return max(self.off(model), share * float(abs(self.measured).max()))
@@ -222,15 +222,19 @@ class Fitted:
         return next(one for one in self.numbers if name in (one.path, one.name))
 
     @property
-    def judged(self) -> tuple[FittedColumn, ...]:
+    def verdict_columns(self) -> tuple[FittedColumn, ...]:
         """Columns that decide whether the fit is better: those kept to check it, otherwise those fitted."""
         return tuple(one for one in self.columns if one.use == "check") or self.columns
 
     @property
     def better(self) -> bool:
-        """Whether the residuals of the `judged` columns are no larger than before the fit."""
-        before = sum((one.left(one.before) / (one.noise or 1.0)) ** 2 * len(one.measured) for one in self.judged)
-        after = sum((one.left(one.after) / (one.noise or 1.0)) ** 2 * len(one.measured) for one in self.judged)
+        """Whether the residuals of the `verdict_columns` are no larger than before the fit."""
+        before = sum(
+            (one.residual(one.before) / (one.noise or 1.0)) ** 2 * len(one.measured) for one in self.verdict_columns
+        )
+        after = sum(
+            (one.residual(one.after) / (one.noise or 1.0)) ** 2 * len(one.measured) for one in self.verdict_columns
+        )
         return after <= before * (1 + 1e-9)
 
     @property

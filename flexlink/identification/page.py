@@ -100,13 +100,13 @@ def _verdicts(fitted: Fitted) -> list[Verdict]:
             f"{plural(len(fitted.numbers), 'parameter')} identified from the data." if identifiable else reason,
         )
     ]  # fmt: skip
-    worst = max(fitted.judged, key=lambda one: one.off(one.after) / (one.noise or 1.0))
+    worst = max(fitted.verdict_columns, key=lambda one: one.off(one.after) / (one.noise or 1.0))
     by = "used as a check" if worst.use == "check" else "fitted; no data were used as a check"
     text = f"{worst.name} of {worst.source}: RMS residual {amount(worst.off(worst.before), worst.unit)} before, "
     text += f"{amount(worst.off(worst.after), worst.unit)} after ({by})."
     better = fitted.better
     found.append(Verdict("Fit", "pass" if better else "fail", "better" if better else "worse", text))
-    linear = [one for one in fitted.judged if one.linear is not None and np.isfinite(one.linear).all()]
+    linear = [one for one in fitted.verdict_columns if one.linear is not None and np.isfinite(one.linear).all()]
     if linear:
         ours, theirs = (float(np.mean([one.fit(model) for one, model in pairs])) for pairs in (
             [(one, one.after) for one in linear], [(one, one.linear) for one in linear]))  # fmt: skip

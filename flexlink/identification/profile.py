@@ -26,7 +26,11 @@ def profiled(search: Search, best: Found, numbers: Sequence[Estimate], report: C
     least, white = search.cost(best.x, best.blocks), np.sqrt(np.diag(search.covariance(best.x, best.blocks)))
     found = []
     for k, one in enumerate(numbers):
-        ends = tuple(_end(search, best, k, one, side, least, float(white[k])) for side in (-1, 1))
+        ends = []
+        for side in (-1, 1):
+            search.watch.begin(f"profile {2 * k + len(ends) + 1} of {2 * len(numbers)}")
+            ends.append(_end(search, best, k, one, side, least, float(white[k])))
+            search.watch.end()
         found.append(dataclasses.replace(one, profile=(ends[0], ends[1])))
         report(f"profile of {one.name}: {ends[0]:.6g} … {ends[1]:.6g}")
     return found

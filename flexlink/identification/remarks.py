@@ -70,7 +70,7 @@ def _too_far(one: FittedColumn) -> Diagnostic:
 
 def _times_fitted(one: FittedColumn, columns: Sequence[FittedColumn]) -> float:
     """RMS residual of a check column over that of the same column where it was fitted; 0 if it was not."""
-    residuals = [other.left(other.after) for other in columns if other.use == "fit" and other.name == one.name]
+    residuals = [other.residual(other.after) for other in columns if other.use == "fit" and other.name == one.name]
     return one.off(one.after) / max(residuals) if one.use == "check" and residuals and max(residuals) > 0 else 0.0
 
 

@@ -15,6 +15,7 @@ from flexlink.identification.block import Block, colour_of
 from flexlink.identification.coordinates import Coordinate, prior_rows
 from flexlink.identification.likelihood import Row, row_of, white
 from flexlink.identification.signals import Signals
+from flexlink.identification.watch import Watch
 
 ROUNDS = 2
 """Number of times that unstated noise is re-estimated from the residuals."""
@@ -49,10 +50,13 @@ class Search:
         Loss function, as in `scipy.optimize.least_squares`.
     coloured
         Whether the noise of runs may be autocorrelated.
+    watch
+        Counter of iterations, one per Jacobian.
     """
 
-    def __init__(self, signals: Signals, loss: str, *, coloured: bool = False) -> None:
+    def __init__(self, signals: Signals, loss: str, *, coloured: bool = False, watch: Watch | None = None) -> None:
         self.signals, self.loss, self.coloured = signals, loss, coloured
+        self.watch = watch or Watch()
         self.coordinates: Sequence[Coordinate] = signals.coordinates
 
     def rows(self, x: Array, blocks: Sequence[Sequence[Block]], *, slopes: bool = True) -> list[list[Row]]:
@@ -146,7 +150,7 @@ class Search:
         for part in windows if runs else ():
             cut = [source.first(part) for source in sources if source.is_run] if part else []
             if part or single:
-                x = Search(Signals([*cut, *single], self.coordinates), self.loss).near(x)
+                x = Search(Signals([*cut, *single], self.coordinates), self.loss, watch=self.watch).near(x)
         last = not (self.coloured or self._weighs(blocks)) or not runs
         x = self.least(x, blocks, rough=not last)
         cost = self.cost(x, blocks)
@@ -193,6 +197,7 @@ class Search:
         return np.concatenate([known, *(row.residual for part in rows for row in part)])
 
     def _jacobian(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
+        self.watch.iterated()
         _, known = prior_rows(self.coordinates, x)
         return np.vstack([known, *(row.slopes for part in self.rows(x, blocks) for row in part)])
 

@@ -32,6 +32,11 @@ def plural(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
+def passing(passed: int, checks: int) -> str:
+    """Number of passed checks: '1 of 1 check passes', '1 of 9 checks passes', '2 of 9 checks pass'."""
+    return f"{passed} of {plural(checks, 'check')} {'passes' if passed == 1 else 'pass'}"
+
+
 def amount(value: float | None, unit: str, digits: int = 3) -> str:
     """Number and unit; the unit 1 is omitted."""
     return number(value, digits) if unit in ("", "1") else f"{number(value, digits)}{JOIN}{unit}"

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.branches import as_lines
+from flexlink.common.types import Array
 from flexlink.describe.joint_units import in_joint_units
 from flexlink.pages.colours import BLUE, CYCLE, GREEN, GREY, INK, VERMILION
 from flexlink.results.notebook_figure import NotebookFigure as Figure
@@ -56,6 +57,10 @@ def panels(run: RunSamples) -> Iterator[Callable[[Axes], None]]:
         elastic_energy: bool(run.chain.stiffness.any()), imbalance: run.work is not None,
     }  # fmt: skip
     yield from (partial(draw, run=run) for draw, shown in there.items() if shown)
+    of_drives = ((False, "drive torques\n[N m]"), (True, "drive forces\n[N]"))
+    for slides, label in of_drives if run.tau.any() else ():
+        if joints := _driven(run, slides=slides):
+            yield partial(_curves, run=run, joints=joints, values=run.tau[:, joints], label=label)
 
 
 def base(panel: Axes, run: RunSamples) -> None:
@@ -146,9 +151,13 @@ def _since_start(values: ArrayLike) -> NDArray[np.float64]:
 
 def _coordinates(panel: Axes, run: RunSamples, joints: list[int], label: str) -> None:
     """Plot the coordinates of joints of one kind."""
+    _curves(panel, run, joints, in_joint_units(run.chain.slides[joints].tolist(), run.q[:, joints]), label)
+
+
+def _curves(panel: Axes, run: RunSamples, joints: list[int], values: Array, label: str) -> None:
+    """Plot one column of values per joint."""
     # more entries do not fit next to a panel
     legend_entries = 8
-    values = in_joint_units(run.chain.slides[joints].tolist(), run.q[:, joints])
     for place, k in enumerate(joints):
         name = run.chain.joint_name(k) if place < legend_entries else None
         panel.plot(run.t, values[:, place], label=name, linewidth=1.0)

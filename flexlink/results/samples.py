@@ -27,6 +27,7 @@ from flexlink.dynamics.notes import defaults, notes
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.result import Result, read_only
 from flexlink.dynamics.sensors.columns import coarse_samples, sensor_columns
+from flexlink.pages.numbers import plural
 from flexlink.results import balance
 
 
@@ -117,11 +118,10 @@ class RunSamples(Result):
 
     def __repr__(self) -> str:
         samples, (start, end) = len(self.t), self.t[[0, -1]] if len(self.t) else (0.0, 0.0)
-        doubts = f"; {len(self.warnings)} warnings" if self.warnings else ""
-        doubts += f"; {len(self.hints)} hints on units" if self.hints else ""
-        return (
-            f"<Trajectory {self.chain.name!r}: {samples} samples, {start:g} … {end:g} s, {self.chain.n} joints{doubts}>"
-        )
+        doubts = f"; {plural(len(self.warnings), 'warning')}" if self.warnings else ""
+        doubts += f"; {plural(len(self.hints), 'hint')} on units" if self.hints else ""
+        size = f"{plural(samples, 'sample')}, {start:g} … {end:g} s, {plural(self.chain.n, 'joint')}"
+        return f"<Trajectory {self.chain.name!r}: {size}{doubts}>"
 
     @property
     def momentum_error(self) -> tuple[float, float] | None:

@@ -14,6 +14,7 @@ from flexlink.chain.rigid import Pose, SpatialInertia
 from flexlink.common.errors import DataFileError
 from flexlink.common.types import Array
 from flexlink.common.wording import short_list, truncated
+from flexlink.pages.numbers import plural
 
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
 
@@ -99,7 +100,7 @@ class Robot:
     left_out: Mapping[str, int]
 
     def __repr__(self) -> str:
-        return f"<Robot {self.name!r}: {len(self.links)} links, {len(self.joints)} joints>"
+        return f"<Robot {self.name!r}: {plural(len(self.links), 'link')}, {plural(len(self.joints), 'joint')}>"
 
     def __post_init__(self) -> None:
         if not self.links:
@@ -192,8 +193,9 @@ def _check_roots(robot: Robot) -> None:
     reached = set(robot.outward(roots[0])) if roots else set()
     circle = [link for link in robot.links if link not in reached]
     if circle:
+        they_form = f"link {circle[0]} forms" if len(circle) == 1 else f"links {short_list(circle)} form"
         raise DataFileError(
-            f"links {short_list(circle)} form a loop; closed loops are not supported: take a joint out",
+            f"{they_form} a loop; closed loops are not supported: take a joint out",
             id="closed-loop",
         )
 

@@ -12,6 +12,7 @@ from typing import Any
 from flexlink.common.errors import MissingDependencyError
 from flexlink.common.notebook import html_table
 from flexlink.common.output import write_whole
+from flexlink.pages.numbers import plural
 from flexlink.sweeps.plan import ROW_COLUMNS
 
 
@@ -31,11 +32,11 @@ class SweepRows:
     rows: tuple[tuple[Any, ...], ...]
 
     def __repr__(self) -> str:
-        return f"<SweepRows: {len(self.rows)} rows of {', '.join(self.columns)}>"
+        return f"<SweepRows: {plural(len(self.rows), 'row')} of {', '.join(self.columns)}>"
 
     def _repr_html_(self) -> str:
         shown = [tuple("" if value is None else value for value in row) for row in self.rows]
-        return html_table(f"{len(self.rows)} rows, {len(self.failed)} failed", self.columns, shown)
+        return html_table(f"{plural(len(self.rows), 'row')}, {len(self.failed)} failed", self.columns, shown)
 
     def column(self, name: str) -> list[Any]:
         """Return a column by its name."""

@@ -27,6 +27,7 @@ from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.derivatives import forward_dynamics_derivatives
 from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.vibration.outputs import OUTPUTS, Output, OutputSource, joints_as
+from flexlink.pages.numbers import plural
 
 LOW_PASS = "low-pass "
 """Prefix in the names of low-pass states."""
@@ -82,7 +83,8 @@ class LinearModel(SavedResult):
 
     def __repr__(self) -> str:
         late = f", delayed by up to {self.delays.max():g} s" if self.delays.any() else ""
-        return f"<LinearModel: {len(self.x)} states, {len(self.u)} inputs, {len(self.y)} outputs{late}>"
+        parts = ((self.x, "state"), (self.u, "input"), (self.y, "output"))
+        return f"<LinearModel: {', '.join(plural(len(names), noun) for names, noun in parts)}{late}>"
 
 
 def graded(A: Array) -> Array:
