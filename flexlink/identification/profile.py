@@ -26,7 +26,7 @@ def profiled(search: Search, best: Found, numbers: Sequence[Estimate], report: C
     least, white = search.cost(best.x, best.blocks), np.sqrt(np.diag(search.covariance(best.x, best.blocks)))
     found = []
     for k, one in enumerate(numbers):
-        ends = []
+        ends = list[float]()
         for side in (-1, 1):
             search.watch.begin(f"profile {2 * k + len(ends) + 1} of {2 * len(numbers)}")
             ends.append(_end(search, best, k, one, side, least, float(white[k])))

@@ -58,8 +58,9 @@ def panels(run: RunSamples) -> Iterator[Callable[[Axes], None]]:
     }  # fmt: skip
     yield from (partial(draw, run=run) for draw, shown in there.items() if shown)
     of_drives = ((False, "drive torques\n[N m]"), (True, "drive forces\n[N]"))
-    for slides, label in of_drives if run.tau.any() else ():
-        if joints := _driven(run, slides=slides):
+    for slides, label in of_drives:
+        joints = _driven(run, slides=slides)
+        if run.tau[:, joints].any():
             yield partial(_curves, run=run, joints=joints, values=run.tau[:, joints], label=label)
 
 
