@@ -1,6 +1,6 @@
-"""Functions of a state take many at once, (b, n) or (n,) for every part: results have a leading b and the same bits.
+"""Functions of a state accept b states at once, each part (b, n) or (n,): results are bit-equal, with a leading b.
 
-Those that go eight side by side have the same up to rounding: cosines of their own, products and sums joined otherwise.
+Functions that compute eight states in SIMD lanes agree up to rounding: other cosines, other fused products and sums.
 """
 
 from __future__ import annotations
@@ -150,7 +150,7 @@ def test_states_of_wrong_shape_are_refused_with_the_shapes_allowed(name: str) ->
             function(NASTY, *[good] * (len(names) - 1), np.zeros((3, n)), **options)
 
 
-def test_an_error_of_one_state_of_many_says_of_which() -> None:
+def test_an_error_in_one_state_of_many_names_that_state() -> None:
     rates = np.zeros((3, NASTY.n))
     rates[1] = 1e160
     with refused(fl.errors.ArgumentError, "overflow"):

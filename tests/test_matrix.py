@@ -38,7 +38,7 @@ CLAIMS |= public.CLAIMS
 def row_of(kind: str, claim: str, chain: str) -> dict[str, Any] | None:
     """The row of `expected.toml` that names a cell."""
     rows = [row for row in EXPECTED.get(kind, []) if claim in row["claims"] and _named(row["chains"], chain)]
-    assert len(rows) <= 1, f"{kind}: {claim}-{chain} stands in {len(rows)} rows"
+    assert len(rows) <= 1, f"{kind}: {claim}-{chain} is in {len(rows)} rows"
     return rows[0] if rows else None
 
 

@@ -1,4 +1,4 @@
-"""Cases against measurements: grids, uncertainties, verdicts, and the models that stand beside the measured numbers."""
+"""Cases against measurements: grids, uncertainties, verdicts, and the models compared with the measurements."""
 
 from __future__ import annotations
 
@@ -163,7 +163,7 @@ def test_a_measurement_that_is_not_there_is_named():
         list(kind.run(case, msgspec.structs.replace(settings, measurement="wing")))
 
 
-def test_the_first_screen_says_what_the_cases_say():
+def test_the_first_screen_shows_the_results_of_the_cases():
     _, series = results("measured_wing_spar")
     (group,) = groups_of("measured_wing_spar", "Spar: bent", series)
     assert group.title == "Spar"
@@ -183,7 +183,7 @@ def test_the_first_screen_says_what_the_cases_say():
 # --- a laboratory's arm ----------------------------------------------------------------------------------------------
 
 
-def test_the_linear_model_finds_the_modes_and_the_weights_of_its_own_strains():
+def test_the_linear_model_recovers_modes_and_weights_from_the_strains_that_it_generates():
     h, t = 0.01, np.arange(1500) * 0.01
     u = np.column_stack([np.sin(t + 0.3 * t**2 / 8), np.cos(2 * t) * (t > 3)])
     true = two_link.LinearModel(

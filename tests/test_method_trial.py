@@ -1,4 +1,4 @@
-"""auto: the method goes on by which the rest of a run is likely to cost least, as its own steps tell."""
+"""method="auto" continues with the method whose own steps predict the lowest cost for the rest of the run."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ STEP = 1e-5  # CPU time of a step by any method [s]
 
 
 class Counted:
-    """Steps by a method since t = 0 that cost so much [s], of which the second half is judged, with 10 s to go."""
+    """Steps of a method since t = 0 of a given cost [s]; the second half is judged, and 10 s of motion remain."""
 
     def __init__(self, name: str, cost: float, **known: Any) -> None:
         self.name, self.why, self.cost, self.spent, self.taken = name, "", cost, 0.0, 0.0

@@ -318,12 +318,12 @@ def test_what_falls_however_slowly_is_no_rest(g, viscous):
     falls = -viscous / (2 * I) + np.sqrt((viscous / (2 * I)) ** 2 + torque / I)
     assert not found.stable
     assert np.isnan(found.frequencies).sum() == 1
-    assert found.eigenvalues.real.max() == pytest.approx(falls, rel=2e-2)  # the bar bends a little, too
+    assert found.eigenvalues.real.max() == pytest.approx(falls, rel=2e-2)  # the bar also bends a little
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("gravity", [(0.0, 0.0, 9.81), (0.0, 3.0, -9.81)])
-def test_falling_resting_and_swinging_modes_are_as_many_as_sylvester_says(gravity, rng):
+def test_numbers_of_falling_resting_and_swinging_modes_follow_sylvesters_law(gravity, rng):
     for _ in range(20):
         chain = random_arm(rng, gravity)
         q = np.zeros(chain.n)

@@ -24,7 +24,7 @@ def test_gravity_holds_a_pendulum_and_springs_the_modes_above_it() -> None:
     assert found.first_elastic_hertz == found.hertz[1]
 
 
-def test_an_arm_that_stands_falls_as_a_pendulum() -> None:
+def test_an_upright_arm_falls_as_a_pendulum() -> None:
     found = fl.modes(swinging(-9.81))
     assert np.isnan(found.hertz[0])
     assert found.kinds[:2] == ("pendulum", "elastic")

@@ -145,7 +145,7 @@ def test_code_of_a_running_process_is_exchanged(tmp_path: Path, monkeypatch: pyt
         isinstance(gone, dict)
 
 
-def test_what_is_the_same_has_a_reason_and_stands_there() -> None:
+def test_every_equivalent_mutant_exists_and_has_a_reason() -> None:
     wanted = run.plan()
     assert 0.0 < wanted.quota < 1.0
     for same in wanted.same:

@@ -45,7 +45,7 @@ def fixed_bodies(chain: fl.Chain, place: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("place", [1, 4, 7])
-def test_bodies_without_hinges_hang_on_the_link_before_them(place: int, rng: np.random.Generator) -> None:
+def test_bodies_without_hinges_are_part_of_the_link_before_them(place: int, rng: np.random.Generator) -> None:
     skew = fl.Mount(rpy_deg=(-75.0, 20.0, 30.0), xyz=(0.1, -0.2, 0.3))
     links = flexible("a", segments=4, mount=skew), flexible("b", segments=4, joint=fl.Joint(armature=0.2, coulomb=0.3))
     chain = fl.lump(make_scene(*links, tip=TIP, gravity=(3.0, -4.0, 8.0)))
@@ -118,9 +118,9 @@ def errors_beside_space(
 
 @pytest.mark.parametrize("armature", [0.0, 1.0, 1e4, 1e8])
 def test_heavy_rotors_take_no_digits(armature: float, rng: np.random.Generator) -> None:
-    """Of q̈ some thousand roundings, cond(M) of the links; a lost digit a decade would leave 8 of 16.
+    """q̈ has an error of about 1000 roundings, cond(M) of the links. One digit lost per decade would leave 8 of 16.
 
-    The rotors' own q̈ keep theirs, too, which are as much smaller as the rotors are heavier.
+    The q̈ of the rotors keep all digits also, though they are smaller by the factor by which the rotors are heavier.
     """
     chain = two_links(armature)
     q = random_state(chain, rng)[0]

@@ -86,7 +86,7 @@ def test_what_simulate_refuses_a_problem_refuses_in_the_same_words() -> None:
         fl.Problem(3)
 
 
-def test_a_reference_that_starts_elsewhere_is_refused_by_a_problem_too() -> None:
+def test_a_problem_refuses_a_reference_that_starts_elsewhere() -> None:
     reference = fl.Reference(profile="quintic", to_deg=(-60.0, 0.0), duration=0.05)
     scene = arm("none").varied({"drive": fl.Drive(kind="pd", kp=(40.0, 20.0), kd=(1.0, 0.5), reference=reference)})
     problem = fl.Problem(scene)

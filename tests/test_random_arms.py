@@ -15,7 +15,7 @@ EPS = np.finfo(float).eps
 
 
 def keys_of(table: object, above: str = "") -> set[str]:
-    """Paths of all that is said below a table."""
+    """Paths of all keys below a table."""
     if isinstance(table, dict):
         return {f"{above}{key}" for key in table}.union(*(keys_of(v, f"{above}{k}.") for k, v in table.items()))
     return set().union(*(keys_of(item, above) for item in table)) if isinstance(table, list) else set()
@@ -30,7 +30,7 @@ def test_no_key_of_a_link_is_left_out_of_the_draw() -> None:
     found = keys_of([without_defaults(link) for scene in draws for link in scene.arm.links])
     wanted = fields(fl.Link) | fields(fl.Joint, "joint.") | fields(fl.Mount, "mount.")
     wanted |= fields(fl.details.DenavitHartenberg, "dh.") | fields(fl.RigidBody, "end.") | {"friction.coulomb"}
-    # what files for engines do not hold has cases and tests of its own
+    # quantities that engine files cannot contain have separate cases and tests
     assert wanted - {"drag", "joint.quadratic", "joint.viscous_lag"} <= found
 
 
@@ -41,7 +41,7 @@ def test_a_seed_is_an_arm() -> None:
 
 
 def test_a_disc_with_rounding_on_top_is_exported() -> None:
-    """Of 0.1 + 0.2 + ε no more than 0.1 + 0.2 stands in the file."""
+    """The file contains 0.1 + 0.2 for 0.1 + 0.2 + ε."""
     disc = fl.RigidBody(mass=1.0, inertia=(0.1, 0.2, np.nextafter(0.1 + 0.2, 1.0)))
     arm = fl.Arm(links=(fl.Link(name="a", hub=disc),))
     chain = fl.lump(fl.Scene(name="disc", arm=arm, initial=fl.InitialState(joint_deg=(0.0,))))

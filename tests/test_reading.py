@@ -1,4 +1,4 @@
-"""Every file reads back to the chain it was written from, to the bit; a file that says anything else is refused."""
+"""Every file reads back to the chain it was written from, bit for bit; a file with any other content is refused."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def odd_chain(rng: np.random.Generator) -> fl.Chain:
 
 
 def said_by(chain: fl.Chain) -> list[object]:
-    """All that a chain says, to be compared."""
+    """All values of a chain, for comparison."""
     arrays = [(array[field].tolist(), field) for array in (chain.bodies, chain.hinges) for field in array.dtype.names]
     return [chain.name, chain.link_names, chain.coordinates, chain.gravity.tolist(), *arrays]
 
@@ -74,7 +74,7 @@ def test_every_number_reads_back_to_the_bit(format, rng: np.random.Generator) ->
 
 @EVERY
 @pytest.mark.parametrize("limits", [(-1e300, 1e300), (-360.0, 1e11), (-1e11, 360.0)])
-def test_limits_wider_than_what_stands_for_none_are_limits(format, limits: tuple[float, float]) -> None:
+def test_limits_wider_than_the_placeholders_for_no_limit_are_limits(format, limits: tuple[float, float]) -> None:
     chain = fl.lump(nasty_scene().varied({"link.upper.joint.limits_deg": limits}))
     assert_same(format.read(format.write(chain)), chain)
 

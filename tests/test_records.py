@@ -22,7 +22,7 @@ def keep_and_add(rows, m, n, J, first):
 
 @pytest.mark.parametrize("first", [0, 2])
 @pytest.mark.parametrize("of", [float, complex])
-def test_numbers_of_nested_tuples_stand_one_behind_another(first: int, of: type) -> None:
+def test_numbers_of_nested_tuples_are_stored_consecutively(first: int, of: type) -> None:
     rows, values = np.zeros((2, 12), of), (of(1.0), (2.0, 3.0, 4.0), ((5.0, 6.0), (7.0, 8.0)))
     assert keep_and_add(rows, *values, first) == values[1]
     kept_numbers = np.arange(1.0, 9.0)

@@ -43,7 +43,7 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "a flexible link without material": (
         lambda: fl.Link(name="a", length=1.0, flex="z", segments=3), "missing-key"),
     "a scene without name": (lambda: replace(make_scene(flexible("a")), name=""), "empty-name"),
-    "times that stand": (
+    "times that do not increase": (
         lambda: fl.Drive(**TABLE | {"times": (1.0, 1.0)}), "times-not-increasing"),
     "smooth through one point": (
         lambda: fl.Drive(kind="table", times=(0.0,), torques=((1.0,),), smooth=True),
@@ -71,7 +71,7 @@ def test_an_explicit_method_has_no_modes() -> None:
 
 
 def test_a_smooth_table_goes_through_its_torques_with_continuous_slope_and_curvature() -> None:
-    """From one knot to the next; what is left is rounding, grown by 1/h for every derivative."""
+    """At every knot; the remaining jump is rounding, multiplied by 1/h for every derivative."""
     t = np.linspace(0.0, 4.0, 17)
     torques = tuple((float(value),) for value in np.sin(t))
     scene = make_scene(flexible("a"), drive=fl.Drive(kind="table", times=tuple(t), torques=torques, smooth=True))

@@ -18,7 +18,7 @@ HELD = fl.Joint(locked=True)
 
 
 def clamped(rule: str = "gauss", hinges: int = 16, **fields: object) -> fl.Scene:
-    """A steel strip of 2 m that bends about z, on a root of k L / EI = 3 unless the fields say otherwise."""
+    """A steel strip of 2 m that bends about z, with a root spring of k L / EI = 3 unless the fields override it."""
     usual = {"root_stiffness": fl.details.RootStiffness(z=3 * EI / LENGTH), "joint": HELD}
     strip = fl.Link(
         name="strip", length=LENGTH, flex="z", segments=hinges + 1, lumping=rule, material="steel", section="strip",

@@ -47,7 +47,7 @@ def test_of_a_pendulum_it_is_ten_roundings_of_each_part() -> None:
     assert rounding.of_friction_torque(chain, QD) == near([10 * EPS * 0.2 * 1.5])
     off = qdd + 2000 * rounding.of_acceleration(
         chain, Q, QD, qdd, TAU, tip_wrench=WRENCH
-    )  # so many that −7 itself is not rounded
+    )  # 2000: large enough that rounding of −7 itself does not matter
     assert rounding.acceleration_error(chain, Q, QD, TAU, solutions=(qdd, off), tip_wrench=WRENCH) == pytest.approx(
         [2000.0], rel=1e-3
     )
@@ -62,7 +62,7 @@ def test_the_torque_of_a_spring_is_judged_by_its_own_size() -> None:
 
 
 def test_it_grows_with_the_root_of_the_number_of_hinges() -> None:
-    """Of a bar cut into ever more pieces, with M* and T_G* nearly the same."""
+    """A bar is divided into more and more segments; M* and T_G* stay nearly the same."""
     few, many = (lump(make_scene(flexible("arm", "z", segments))) for segments in (4, 64))
     zero = [np.zeros(chain.n) for chain in (few, many)]
     ratio = rounding.of_mass_matrix(many, zero[1]) / rounding.of_mass_matrix(few, zero[0])
@@ -99,8 +99,8 @@ def test_right_engines_stay_within_it_where_nearly_everything_cancels(arm) -> No
     assert [row for row in rows_of(arm()) if not row.passed] == []
 
 
-def test_in_a_mast_only_parts_that_cannot_cancel_say_how_large_rounding_is() -> None:
-    """Neither M nor the largest torque under gravity along x, y and z does, and both are the usual measures."""
+def test_the_rounding_of_a_mast_is_estimated_only_by_terms_that_cannot_cancel() -> None:
+    """The usual measures fail: neither M nor the largest torque under gravity along x, y and z bounds the rounding."""
     chain = mast()
     other, zero = load("mujoco", chain), np.zeros(1)
     along = [dataclasses.replace(chain, gravity=9.81 * axis) for axis in np.eye(3)]

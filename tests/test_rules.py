@@ -27,7 +27,7 @@ EXACT_DEGREE = {
 }  # fmt: skip
 """Highest d up to which 12 hinges integrate the moments (1 − x)^d exactly; from d = 2 for those of `TIP_FREE`.
 
-All numbers of hinges here are multiples of 6: rules that take them in twos and threes can be judged, too.
+All numbers of hinges here are multiples of 6: rules with groups of two or three hinges are included.
 """
 
 
@@ -119,7 +119,7 @@ def test_users_own_rule_from_a_file(tmp_path):
         ({"jacobi": lambda: Jacobi(tip=-0.5)}, "wrong-value"),
     ],
 )
-def test_an_invalid_rule_says_why(fields, message):
+def test_an_invalid_rule_is_refused_with_the_reason(fields, message):
     with refused(SceneError, message):
         LumpingRule(about="", source="", **{key: f() if callable(f) else f for key, f in fields.items()})
 
@@ -181,7 +181,7 @@ def test_rotors_of_matched_twist_act_on_relative_motion_alone():
     assert not np.allclose((torque - rotors * even)[twisting], rigid, rtol=1e-3)
 
 
-def test_axes_alternate_only_where_the_rule_says_so():
+def test_axes_alternate_only_if_the_rule_specifies_it():
     paper, gauss = (lump(make_scene(flexible("arm", "xyz", 5, lumping=name))) for name in ("paper", "gauss"))
     assert paper.hinges["axis"].tolist() == [2, 0, 1, 2, 0, 1, 2, 0, 1, 2, 0, 1, 2]
     assert gauss.hinges["axis"].tolist() == [2, 0, 1, 2, 2, 1, 0, 0, 1, 2, 2, 1, 0]

@@ -23,7 +23,7 @@ def geared() -> fl.Scene:
     joint = fl.Joint(armature=ROTOR, gear_stiffness=GEAR, gear_damping=LOSS)
     link = fl.Link(
         name="arm", length=1.0, joint=joint, hub=fl.RigidBody(mass=0.25, inertia=(LOAD, LOAD, LOAD))
-    )  # a hub's mass stands at the joint
+    )  # the mass of a hub is at the joint
     return fl.Scene(
         name="saturated", arm=fl.Arm(links=(link,)), gravity=(0.0, 0.0, 0.0),
         initial=fl.InitialState(joint_deg=(60.0,)),

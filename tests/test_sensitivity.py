@@ -55,7 +55,7 @@ def by_runs(scene: fl.Scene, path: str, value: float, part: float) -> tuple[Arra
 
 
 def check(scene: fl.Scene, path: str, limit: float = 1e-5) -> None:
-    """Within what the runs can tell and the estimate, both of which are `limit` of the largest or less."""
+    """They agree within the errors of the runs and of the estimate, each at most `limit` of the largest value."""
     found = fl.sensitivities(scene, [path])
     value = float(found.values[0])
     wanted, left = by_runs(scene, path, value, 0.01 if value else 1e-4)
@@ -67,7 +67,7 @@ def check(scene: fl.Scene, path: str, limit: float = 1e-5) -> None:
         assert np.abs(ours - wanted)[rows].max() <= left[rows].max() + 4 * error[0] + 1e-11 * size
         assert error[0] <= 50 * limit * size
     rates = slice(n, 2 * n)
-    assert left[rates].max() <= limit * np.abs(wanted[rates]).max(), "the runs tell"
+    assert left[rates].max() <= limit * np.abs(wanted[rates]).max(), "the runs resolve it"
 
 
 def test_weights_are_exact_for_polynomials() -> None:
@@ -91,7 +91,7 @@ def oscillator(**changes: Any) -> fl.Scene:
     ("changes", "limit"), [({}, 1e-8), ({"run": RunSettings(sample=0.04, duration=2.0, relative_tolerance=1e-4)}, 1e-5)]
 )
 def test_an_oscillator_has_the_slope_of_its_closed_form(changes: dict[str, Any], limit: float) -> None:
-    """∂q/∂k = −q₀ t sin(ωt)/(2 √(k I)), and no more off than is told."""
+    """∂q/∂k = −q₀ t sin(ωt)/(2 √(k I)), with an error within the estimate."""
     found = fl.sensitivities(oscillator(**changes), ["link.a.joint.gear_stiffness", "tip.mass"])
     t, ω = found.run.t, np.sqrt(50.0 / 2.0)
     exact = -0.1 * t * np.sin(ω * t) / 2
@@ -116,7 +116,7 @@ def test_a_number_without_effect_has_slopes_of_zero() -> None:
 
 
 @pytest.mark.slow
-def test_it_is_what_an_integration_of_scipy_says() -> None:
+def test_sensitivities_agree_with_differences_of_scipy_integrations() -> None:
     """Fourth-order differences of runs of DOP853 at a tolerance of 1e-12, which know forward dynamics alone."""
     scene = arm(**CONSTANT).varied({"run.step": 1e-5, "run.duration": 0.01, "wrench.force": None})
     paths = ["material.aluminium.young", "tip.mass", "link.fore.length"]
@@ -162,7 +162,7 @@ def test_the_run_is_that_of_simulate() -> None:
         "section.square.height", "initial.joint_deg.upper",
     ],
 )  # fmt: skip
-def test_it_is_what_varied_runs_say(path: str) -> None:
+def test_sensitivities_agree_with_differences_of_runs(path: str) -> None:
     check(arm(), path)
 
 
@@ -176,7 +176,7 @@ def test_it_is_what_varied_runs_say(path: str) -> None:
         ("link.fore.length", STATIC), ("link.fore.damping.ratio", {"link.fore.damping": Damping(ratio=0.0, at_hz=3.0)}),
     ],
 )  # fmt: skip
-def test_it_is_what_varied_runs_say_of_drives_and_starts(path: str, changes: dict[str, Any]) -> None:
+def test_sensitivities_to_drives_and_starts_agree_with_differences_of_runs(path: str, changes: dict[str, Any]) -> None:
     check(arm(**changes), path)
 
 

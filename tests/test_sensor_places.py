@@ -89,7 +89,7 @@ def test_a_table_bent_about_both_axes_strains_by_both() -> None:
     assert abs(one[2]) > 1e-6
 
 
-def test_a_sample_that_is_told_again_takes_the_place_of_the_first_one() -> None:
+def test_a_second_sample_at_the_same_time_replaces_the_first() -> None:
     signal = Signal(1, None)
     signal.add(np.array([0.0, 1.0, 2.0]), np.array([[0.0], [1.0], [2.0]]))
     signal.add(np.array([2.0]), np.array([[5.0]]))
@@ -107,7 +107,7 @@ def test_a_linear_model_shows_gain_times_signal_plus_bias() -> None:
 
 @pytest.mark.parametrize("blur", [{"noise": 1e3}, {"resolution": 50.0}])
 def test_noise_and_resolution_neither_hide_nor_feign_samples_too_far_apart(blur: dict[str, float]) -> None:
-    """A swing is told whose delay asks for what lies between samples; an arm at rest is not."""
+    """A swing is reported, because the delay needs values between samples; an arm at rest is not."""
     sensors = [Sensor(name="encoder", kind="joint", link="a", delay=0.3, **more) for more in ({}, blur)]
     scene = make_scene(flexible("a"), gravity=(0.0, -9.81, 0.0))
     run = fl.simulate(scene, method="Radau5", step=1e-3, sample=0.2, duration=2.0)

@@ -34,7 +34,7 @@ def turning(*sensors: Sensor, **fields: object) -> fl.Trajectory:
     return fl.simulate(scene.varied({"run.step": 1e-3, "run.duration": 1.0, "run.sample": 0.01}))
 
 
-def test_a_rod_that_turns_evenly_is_seen_as_the_formulas_say() -> None:
+def test_sensors_on_a_rod_of_constant_rate_agree_with_formulas() -> None:
     ω, r = np.pi / 2, 0.5
     run = turning(
         Sensor(name="imu", kind="accelerometer", link="rod", x=r), Sensor(name="gyro", kind="gyroscope", link="rod"),
@@ -81,7 +81,7 @@ def hummed(t: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("order", range(1, 9))
 def test_a_low_pass_is_that_of_an_exact_simulation(order: int) -> None:
-    """SciPy's lsim is exact, too, for a signal that is straight from sample to sample."""
+    """SciPy's lsim is also exact for a signal that is linear between samples."""
     t = np.linspace(0.0, 0.5, 251)
     sensor = Sensor(name="s", kind="joint", link=1, low_pass=40.0, order=order)
     instrument = Instrument(sensor, 0.002)
@@ -152,7 +152,7 @@ SENSORS = (
 
 
 class Here:
-    """One state, as a run would tell it."""
+    """One state with the attributes of a run."""
 
     def __init__(self, chain: fl.Chain, *parts: np.ndarray) -> None:
         self.chain, (self.q, self.qd, self.qdd, self.tau) = chain, (part[None] for part in parts)
@@ -212,7 +212,7 @@ def test_a_sweep_takes_what_a_sensor_shows_and_varies_it() -> None:
 
 
 def test_a_place_that_is_fixed_carries_no_sensor_and_one_beyond_the_first_hinge_does() -> None:
-    """Of a clamped beam, whose first segment is part of the base."""
+    """The first segment of a clamped beam is part of the base."""
     near, far = (Sensor(name="imu", kind="accelerometer", link="beam", x=x) for x in (0.01, 0.9))
     with refused(fl.errors.SceneError, "sensor-on-fixed-part"):
         fl.simulate(cantilever(near))
@@ -301,7 +301,7 @@ def test_a_simulator_shows_what_a_run_has_in_its_columns() -> None:
     assert arm.readings == rows[0]
 
 
-def test_a_law_is_told_what_sensors_show() -> None:
+def test_a_law_receives_the_readings_of_sensors() -> None:
     scene = two_links().varied({"run.step": 1e-3, "run.sample": 0.01, "run.duration": 0.1, "run.method": "Radau5"})
     told = []
 
@@ -330,7 +330,7 @@ def test_a_law_that_asks_for_sensors_needs_some_and_a_rate() -> None:
         fl.simulate(scene.varied({"sensor": None}), control=law, rate=100.0)
 
 
-def test_samples_too_far_apart_for_a_low_pass_are_told_and_enough_of_them_are_not() -> None:
+def test_only_samples_too_far_apart_for_a_low_pass_are_reported() -> None:
     gauge = Sensor(name="gauge", kind="strain", link="beam", x=0.1, fibre=(0.02, 0.0), low_pass=50.0)
     scene = cantilever(gauge).varied({"initial.passive": "zero", "run.duration": 0.4, "run.tolerance": 1e-5})
     coarse, fine = (fl.simulate(scene, sample=sample) for sample in (0.005, 0.0005))
@@ -436,8 +436,8 @@ def test_looking_does_not_change_what_is_seen() -> None:
     np.testing.assert_array_equal(fl.simulate(seen).q, fl.simulate(unseen).q)
 
 
-def test_a_prescribed_joint_and_a_free_base_are_seen_by_a_simulator_too(models: Path) -> None:
-    """Torques that a motion takes, and an attitude that is told anew on the way."""
+def test_a_simulator_measures_prescribed_joints_and_free_bases(models: Path) -> None:
+    """The torque of a prescribed motion, and an attitude whose reference changes during the run."""
     steps = {"run.step": 2e-3, "run.method": "Radau5", "run.sample": 0.05, "run.tolerance": None}
     satellite = fl.load_scene(models / "satellite.toml").varied(
         {**steps, "run.duration": 0.5, "initial.base.spin_deg": (200.0, 50.0, 30.0)}

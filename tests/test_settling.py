@@ -105,7 +105,7 @@ def test_xarray_has_every_quantity_over_time_and_joint_with_its_unit(short_run: 
 
 
 @pytest.mark.parametrize("package", ["pandas", "xarray"])
-def test_without_the_package_one_line_says_what_to_install(
+def test_without_the_package_the_error_names_the_command_that_installs_it(
     short_run: fl.Trajectory, package: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, package, None)

@@ -1,4 +1,4 @@
-"""How numbers of a file differ from right ones, and which differences are told: records made by hand, no engine."""
+"""How values in a file differ from right ones, and which differences are reported: handmade records, no engine."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def seen(ours: list[float], theirs: list[float]) -> Discrepancy:
 
 
 def fields(theirs: ReadBack) -> list[str]:
-    """First words of what is told."""
+    """First words of the reported differences."""
     return [finding.what.partition(" of ")[0] for finding in differences(record(), theirs, "mjcf")[1]]
 
 
@@ -44,7 +44,7 @@ def test_a_shape_fits_up_to_rounding_and_not_up_to_digits_of_a_file(apart: float
     assert shapes.permuted(seen(ours, [3.0, 1.0 + apart, 2.0])) == same
 
 
-def test_a_shape_is_what_its_name_says() -> None:
+def test_shapes_of_differences_match_their_names() -> None:
     nothing = [0.0, 0.0]
     assert shapes.all_zero(seen([1.0, 2.0], nothing))
     assert not shapes.all_zero(seen([1.0, 2.0], [0.0, 1.0]))

@@ -29,7 +29,7 @@ def left(shaper: fl.InputShaper, pole: complex, derivative: int = 0) -> complex:
 def residual(course: fl.ReferenceTrajectory, pole: complex) -> float:
     """Amplitude of ÿ − 2 Re λ ẏ + |λ|² (y − r) = 0 from rest when its reference has ended, by matrix exponentials.
 
-    x^j of a piece are states, too, (x^j)' = j x^(j−1): one exponential is the exact solution over a piece.
+    The powers x^j are additional states, (x^j)' = j x^(j−1): one exponential is the exact solution over a piece.
     """
     order = course.coefficients.shape[1]
     A = np.zeros((2 + order, 2 + order))
@@ -76,7 +76,7 @@ def test_two_vibrations_are_shaped_away_by_the_convolution_of_their_shapers() ->
 
 @pytest.mark.parametrize("kind", ["ZV", "ZVD", "ZVDD"])
 @given(frequency=st.floats(0.1, 100), damping=st.floats(0, 0.9))
-def test_a_shaper_has_as_many_derivatives_to_the_frequency_zero_as_it_says(
+def test_derivatives_of_a_shaper_with_respect_to_frequency_vanish_up_to_its_order(
     kind: str, frequency: float, damping: float
 ) -> None:
     """In units of 1/|λ|^k; what each impulse adds is |a_i (λ t_i)^k exp(−λ t_i)|, rounded by a few ε |λ t_i|."""
@@ -98,7 +98,7 @@ def test_the_extra_insensitive_shaper_leaves_5_percent_at_most_in_its_band() -> 
 
 
 @given(frequency=st.floats(0.1, 100), damping=st.floats(0, 0.99))
-def test_impulses_sum_to_one_and_poles_say_the_same_as_frequency_and_damping(frequency: float, damping: float) -> None:
+def test_impulses_sum_to_one_and_poles_match_frequency_and_damping(frequency: float, damping: float) -> None:
     shaper = fl.InputShaper(kind="ZVD", frequency_hz=(frequency,), damping=(damping,))
     (pole,), (t, a) = shaper.vibrations, shaper.impulses
     assert a.sum() == pytest.approx(1.0, abs=4 * EPS)

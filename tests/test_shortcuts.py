@@ -1,4 +1,4 @@
-"""What a first run of a scene is spared tells the same as the long way, which is taken here, too."""
+"""Shortcuts of the first run of a scene give the results of the full computation, which is also done here."""
 
 from __future__ import annotations
 

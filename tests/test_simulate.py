@@ -167,7 +167,7 @@ def test_saved_files_read_back_exactly(paper: fl.Scene, tmp_path) -> None:
         run.save(tmp_path / "run.xlsx")
 
 
-def test_a_failed_save_leaves_the_old_file_and_says_why(paper: fl.Scene, tmp_path) -> None:
+def test_a_failed_save_keeps_the_old_file_and_gives_the_reason(paper: fl.Scene, tmp_path) -> None:
     run = fl.simulate(paper, duration=0.01)
     with refused(fl.errors.OutputError, "cannot-write"):
         run.save(tmp_path / "no" / "run.npz")
@@ -224,7 +224,7 @@ def test_which_joints_are_driven_cannot_be_overwritten(paper: fl.Scene) -> None:
         fl.lump(paper).active[0] = 3
 
 
-def test_every_quantity_of_a_run_stands_under_its_own_name(models, tmp_path) -> None:
+def test_every_quantity_of_a_run_has_its_own_name(models, tmp_path) -> None:
     """In the trajectory, in the columns and in the archive; of an arm that is driven, bent and out of the plane."""
     scene = fl.load_scene(models / "t3_spatial.toml")
     drive = fl.Drive(kind="constant", torque=tuple(float(k + 1) for k in range(len(scene.arm.links))))

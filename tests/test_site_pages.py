@@ -67,7 +67,7 @@ def site() -> Path:
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 @pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
 @pytest.mark.parametrize("name", PAGES)
-def test_nothing_is_cut_and_nobody_shut_out(
+def test_pages_are_not_cut_and_are_accessible(
     window: Browser, site: Path, name: str, size: tuple[int, int], dark: bool
 ) -> None:
     window.open(site / f"{name}.html", *size, dark)

@@ -73,8 +73,8 @@ def test_whatever_is_spared_a_step_of_newton_s_method_is_that_of_the_whole_matri
     assert len(equations.motion.spared) == chain.n or smallest < 1
 
 
-def test_pivots_tell_what_eigenvalues_tell(rng: Rng) -> None:
-    """Of columns about their buckling load, of an arm in any posture, of a moment in space."""
+def test_pivots_and_eigenvalues_agree_on_stability(rng: Rng) -> None:
+    """For columns near their buckling load, and for arms in random postures with and without a wrench in space."""
     seen = []
     for _ in range(40):
         column = cantilever("gauss", 6)

@@ -1,4 +1,4 @@
-"""The dense solvers solve what they say they solve, not only mass matrices."""
+"""The dense solvers solve all documented systems, not only those of mass matrices."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_lu_exchanges_rows_where_a_pivot_is_small(n: int, rng: np.random.Generat
     x = b.copy()
     solve_lu(A.copy(), x, np.empty((3, n)))
     residual = np.abs(A @ x - b)
-    assert (residual <= 10 * n * EPS * (np.abs(A) @ np.abs(x)).max()).all()  # False for nan, too
+    assert (residual <= 10 * n * EPS * (np.abs(A) @ np.abs(x)).max()).all()  # also False for nan
 
 
 @pytest.mark.parametrize("solve", [solve_lu, solve_cholesky])

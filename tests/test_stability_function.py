@@ -65,7 +65,7 @@ def test_radau_and_gauss_reach_everywhere_and_are_algebraically_stable(name: str
     assert np.isinf(stable_reach(method(name), np.array([1j, -1.0]))).all()
 
 
-def test_the_trapezoidal_rule_and_backward_kutta_are_told_apart() -> None:
+def test_the_trapezoidal_rule_and_backward_kutta_are_distinguished() -> None:
     """Both have no pole on the left; the second one grows between y⁴ = 24 g and y² = 3 on the imaginary axis."""
     assert is_stable_everywhere(TRAPEZOID)
     assert not is_stable_everywhere(BACKWARD)
@@ -106,7 +106,7 @@ def test_a_half_disc_is_stable_and_the_largest_one(name: str) -> None:
     assert r <= stable_reach(method(name), np.array([1j, -1.0])).min() * (1 + 1e-9), "to the digits of a zero"
 
 
-def test_radau_is_stable_on_every_half_disc_and_of_an_implicit_method_with_a_limit_nothing_is_said() -> None:
+def test_radau_is_stable_on_every_half_disc_and_an_implicit_method_with_a_limit_has_none() -> None:
     assert stable_half_disc(method("Radau5")) == np.inf
     assert stable_half_disc(THETA) == 0.0
 

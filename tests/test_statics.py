@@ -225,8 +225,8 @@ def test_without_a_load_springs_let_go_in_proportion_from_any_posture_to_any_res
     np.testing.assert_allclose(path[:, 1:], rest + (1 - s) * (q0 - rest), rtol=0, atol=1e-14)
 
 
-def test_the_residual_is_what_is_left_at_the_end_of_the_path():
-    """A coarse tolerance leaves more than rounding."""
+def test_the_residual_is_the_torque_that_remains_at_the_end_of_the_path():
+    """With a coarse tolerance it is larger than rounding."""
     chain, wrench = cantilever("midpoint", 8), [0, 5.0, 0, 0, 0, 0]
     found = solve_static(chain, tip_wrench=wrench, tolerance=0.1)
     left = np.abs(
@@ -236,8 +236,8 @@ def test_the_residual_is_what_is_left_at_the_end_of_the_path():
     assert found.residual == pytest.approx(left, rel=1e-6, abs=0)
 
 
-def test_an_equilibrium_tells_the_torque_that_holds_it() -> None:
-    """T_EX = T_GC + T_FL on what is held, a bent hinge too; what was given elsewhere: nothing accelerates."""
+def test_an_equilibrium_reports_its_holding_torque() -> None:
+    """T_EX = T_GC + T_FL at the held hinges, one of them bent, and the given torque elsewhere: q̈ = 0."""
     chain = lump(make_scene(flexible("a", "yz"), flexible("b", "yz"), gravity=(1.0, 9.81, 2.0)))
     wrench, given = np.arange(6.0), np.zeros(chain.n)
     given[chain.n - 1] = 0.5

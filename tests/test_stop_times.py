@@ -52,7 +52,7 @@ def test_a_table_is_landed_on_where_it_is_off_by_more_than_its_part() -> None:
         assert (times[33] in found) == landed
 
 
-def test_a_sampled_law_is_asked_at_the_last_instant_before_the_end_too() -> None:
+def test_a_sampled_law_is_evaluated_at_the_last_instant_before_the_end() -> None:
     drive = fl.Drive(kind="pd", kp=(1.0,), kd=(0.1,), target_deg=(0.0,), rate=10.0)
     scene = ARM.varied(
         {"drive": drive, "run": fl.RunSettings(sample=0.5, duration=0.5, method="Radau5", tolerance=1e-3)}
@@ -62,8 +62,8 @@ def test_a_sampled_law_is_asked_at_the_last_instant_before_the_end_too() -> None
     assert stop_times(scene).between(0.0, 0.34)[0] == pytest.approx([0.1, 0.2, 0.3, 0.34])
 
 
-def test_steps_end_where_pieces_of_the_feed_forward_do_too() -> None:
-    """What holds a bent arm along a move bends more often than the move does."""
+def test_steps_end_at_the_breakpoints_of_the_feed_forward() -> None:
+    """The torque that holds a bent arm along a move has more breakpoints than the move."""
     scene = fl.load_scene(ROOT / "models" / "ptp_move.toml")
     assert scene.drive.gravity == "static"
     law = drive_arrays(scene, fl.lump(scene))

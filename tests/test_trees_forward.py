@@ -58,7 +58,7 @@ def random_tree(seed: int, *lumpings: str) -> fl.Chain:
 
 
 def parent_of(links: list[fl.Link], k: int) -> str | None:
-    """Name of what a link hangs on."""
+    """Name of the parent of a link."""
     return links[k].on or (links[k - 1].name if k else None)
 
 
@@ -160,7 +160,7 @@ def test_trees_are_drawn_of_every_kind() -> None:
 
 
 def test_inverse_dynamics_gives_back_the_torques(rng) -> None:
-    """Of what articulated bodies and dense matrices find, and of motions that are given, with equal powers."""
+    """For accelerations by articulated bodies and by dense matrices, and for given motions, with equal powers."""
     for seed in SEEDS:
         chain, wrench = moved(random_tree(seed), rng), rng.normal(size=6)
         given = state_of(chain, rng)

@@ -68,7 +68,7 @@ def test_inverse_dynamics_has_the_slopes_of_newton_s_and_euler_s_equations(tree)
     )
 
 
-def test_forward_dynamics_has_them_too(tree) -> None:
+def test_forward_dynamics_has_the_slopes_of_newton_s_and_euler_s_equations(tree) -> None:
     chain, rng = tree
     hinges = chain.hinges.copy()
     hinges["prescribed"][chain.active[-1]] = 1
@@ -137,7 +137,7 @@ def thin_tree(*links: fl.Link, base: Base | None = None) -> fl.Chain:
 
 
 @pytest.mark.parametrize("μ", ROOTS)
-def test_a_beam_on_a_carriage_swings_as_its_equation_says(μ: float) -> None:
+def test_a_beam_on_a_carriage_has_the_frequencies_of_its_equation(μ: float) -> None:
     def errors(hinges: int) -> Array:
         carriage = {
             "joint": fl.Joint(kind="prismatic", axis=(0.0, 1.0, 0.0)),

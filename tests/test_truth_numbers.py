@@ -29,7 +29,7 @@ from validation.random_arms import random_arm, random_tree
     (random_tree, range(30), 22684.321373375),
 ])  # fmt: skip
 def test_the_same_seed_gives_the_scene_of_the_stored_study(make: Any, args: Any, known: float) -> None:
-    """By a weighted sum of its numbers: what the study says of a seed is of no use if it means another scene.
+    """Compared by a weighted sum of its numbers: stored results of a seed are useless if it gives another scene.
 
     Zeros do not count, and so a key that is new, and left out, changes nothing.
     """
@@ -80,7 +80,7 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> type[Runs]:
 
 
 def change(a: int, b: int, d: int) -> float:
-    """Of the limit, of order 2, from levels a and b to b and d."""
+    """Change of the limit, of order 2, from levels a and b to b and d."""
     return 8 / b**2 * (a**-2 - d**-2)
 
 
@@ -100,7 +100,7 @@ def test_the_truth_is_the_limit_of_levels_from_which_on_it_changes_little(within
 def test_what_steps_do_is_added_and_where_it_is_not_small_they_are_stricter(
     runs: type[Runs], slip: float, of_motion: float
 ) -> None:
-    """Told where six hinges run with the motion of four, and with a tenth of the tolerance of the last level's."""
+    """Found by six hinges at the tolerance of the motion of four, and at a tenth of that of the last level."""
     runs.slip = slip
     found, size = truth.truth(SCENE, 0.009, 1.0), {h: 1 + h**-2 + 8 * h**-4 for h in (4, 12)}
     steps = slip * of_motion * (size[4] - 0.1 * size[12])

@@ -20,7 +20,7 @@ def random_tree(rng: np.random.Generator, links: int = 4, *, free: bool = False)
 
 
 def random_tree_scene(rng: np.random.Generator, links: int = 4, *, free: bool = False) -> fl.Scene:
-    """Links of any kind on any one before, on the base, too; joints that turn, slide, have elastic drives."""
+    """Links of any kind on any earlier link or the base; joints are revolute or prismatic, some with elastic drives."""
     parts = []
     for number in range(links):
         flex = str(rng.choice(["rigid", "z", "xyz"]))

@@ -23,7 +23,7 @@ import pytest
 FILE = Path(__file__).with_name("messages.txt")
 HEAD = """\
 # Messages, warnings, notes and outputs that the tests meet, by id. Written by `python -m tests.words`: review its diff.
-# Folders are left out; # stands for a number that is not compared. Other numbers may differ by 1 %: processors round.
+# Folders are left out; # denotes a number that is not compared. Other numbers may differ by 1 %: processors round.
 """
 NUMBER = re.compile(r"(?<![\w.])[-−+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w*\()", re.IGNORECASE)
 FOLDER = re.compile(r"(?<!\w)(?:[A-Z]:)?/(?:[^\s/:'\"<>,;()]+/)+")
