@@ -54,7 +54,7 @@ def test_a_chain_that_nothing_bends_has_no_elastic_frequency() -> None:
 
 
 def test_stable_steps_and_modes_are_about_slack_springs_by_default() -> None:
-    """Springs that are slack at an angle, so that the straight arm is another posture with other frequencies."""
+    """The rest angles of the springs are not 0, so the straight arm has other frequencies."""
     straight = swinging(9.81)
     hinges = straight.hinges.copy()
     hinges["rest"][straight.stiffness > 0] = 0.2

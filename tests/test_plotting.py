@@ -1,4 +1,4 @@
-"""Pictures: every curve can be read, no legend covers one."""
+"""Plots: every curve is readable, and no legend covers one."""
 
 from __future__ import annotations
 

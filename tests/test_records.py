@@ -1,4 +1,4 @@
-"""Nested tuples of numbers that recursions keep in rows: compiled and not, they are the same numbers."""
+"""Nested tuples of numbers that recursions store in rows: compiled code and Python give the same numbers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flexlink.kernels.tools.records import added, keep, kept
 
 @kernel
 def keep_and_add(rows, m, n, J, first):
-    """Keep (m, n, J) in row 1, and in row 0 their sum with it, with m of row 1 and no more where it is read back."""
+    """Store (m, n, J) in row 1 and row 1 + (m, n, J) in row 0; return n as read from row 1."""
     keep(rows, 1, (m, n, J), first)
     keep(rows, 0, added(rows, 1, (m, n, J), first), first)
     _, last, _ = kept(rows, 1, (m, n, J), first)
@@ -32,7 +32,7 @@ def test_numbers_of_nested_tuples_are_stored_consecutively(first: int, of: type)
 
 @kernel
 def add_lanes(rows):
-    """Row 1 + row 0, into row 1, of two 3-vectors of lanes."""
+    """Add the two 3-vectors of row 0, in reverse order, to those of row 1; all numbers are SIMD lanes."""
     o = zero_of(rows, 0, 0)
     zero = (o, o, o)
     f, n = kept(rows, 0, (zero, zero))

@@ -1,4 +1,4 @@
-"""What contradicts itself is refused where it is described: the thing, its value, and what is allowed."""
+"""Contradictory descriptions are refused when they are made: with the key, its value, and the allowed values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is written to files does not depend on the CPU: not on the kernels of the BLAS, nor on fused multiply-adds."""
+"""Written files do not depend on the CPU: neither on the kernels of the BLAS nor on fused multiply-adds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Motors that saturate: steps with a tolerance keep it, wherever torques reach their largest and leave it."""
+"""Motors that saturate: steps meet their tolerance, whenever torques reach their limit or leave it."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def geared() -> fl.Scene:
 
 @pytest.fixture(scope="module")
 def exact(geared: fl.Scene) -> np.ndarray:
-    """The link's angle at the samples by two equations of motion, one branch of the torque after another."""
+    """Exact angle of the link at the samples: one linear equation of motion per branch of the torque."""
 
     def asked(y: np.ndarray) -> float:
         return float(-KP * y[0] - KD * y[2])

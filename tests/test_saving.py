@@ -1,4 +1,4 @@
-"""What is saved is loaded again, equal to the bit, with every property of it."""
+"""Saved objects are loaded bit-equal, with all their properties."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cross-sections against tables and limits that are not the formulas themselves."""
+"""Cross-sections against independent tables and limits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Slopes of a run along numbers of its scene: against a closed form, SciPy's integration, and runs of varied scenes."""
+"""Sensitivities of a run to numbers of its scene, against a closed form, SciPy and runs of varied scenes."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def arm(flex: str = "z", **changes: Any) -> fl.Scene:
 
 
 def by_runs(scene: fl.Scene, path: str, value: float, part: float) -> tuple[Array, Array]:
-    """∂(q, q̇, tip)/∂p at the last sample by a polynomial through 13 runs of varied scenes, and what its end leaves.
+    """∂(q, q̇, tip)/∂p at the last sample by a polynomial through 13 runs of varied scenes, and its error.
 
     The last terms are truncation or, mostly, the rounding that is in all: a slope weighs term j by up to j².
     """
@@ -99,11 +99,11 @@ def test_an_oscillator_has_the_slope_of_its_closed_form(changes: dict[str, Any],
         error = np.abs(found.q[:, 0, j] - wanted).max()
         assert error <= limit * np.abs(wanted).max()
         assert error <= 2 * found.q_error[j] <= 20 * limit * np.abs(wanted).max()
-    assert found.run.warnings == () and repr(found).startswith("<Sensitivities of <Trajectory 'test'")
+    assert found.run.warnings == () and repr(found.run) in repr(found)
 
 
 def test_a_number_at_its_least_has_slopes_of_the_other_side() -> None:
-    """Of an undamped oscillator: ∂q/∂d = q₀ (sin ωt/ω − t cos ωt)/(2 I)."""
+    """For an undamped oscillator ∂q/∂d = q₀ (sin ωt/ω − t cos ωt)/(2 I)."""
     found = fl.sensitivities(oscillator(), ["link.a.joint.gear_damping"])
     t, ω = found.run.t, np.sqrt(50.0 / 2.0)
     exact = 0.1 * (np.sin(ω * t) / ω - t * np.cos(ω * t)) / (2 * 2.0)
@@ -117,7 +117,7 @@ def test_a_number_without_effect_has_slopes_of_zero() -> None:
 
 @pytest.mark.slow
 def test_sensitivities_agree_with_differences_of_scipy_integrations() -> None:
-    """Fourth-order differences of runs of DOP853 at a tolerance of 1e-12, which know forward dynamics alone."""
+    """Fourth-order differences of runs of DOP853 at a tolerance of 1e-12, which use only forward dynamics."""
     scene = arm(**CONSTANT).varied({"run.step": 1e-5, "run.duration": 0.01, "wrench.force": None})
     paths = ["material.aluminium.young", "tip.mass", "link.fore.length"]
     found = fl.sensitivities(scene, paths)

@@ -1,4 +1,4 @@
-"""What sensors show: against closed forms, exact filters, and themselves in other runs."""
+"""Readings of sensors against closed forms, exact filters, and readings in other runs."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def test_a_delay_gain_and_bias() -> None:
 
 
 def test_a_delay_after_a_low_pass_is_exact_between_samples() -> None:
-    """Of a ramp u = t that has begun at 0: a first-order low-pass is late by its time constant."""
+    """For a ramp u = t that starts at 0, a first-order low-pass lags by its time constant."""
     t, T = np.arange(0.0, 1.0, 0.01), 1 / (2 * np.pi * 5.0)
     late = np.maximum(t - 0.0537, 0.0)
     found = shown(t, t, delay=0.0537, low_pass=5.0)
@@ -134,7 +134,7 @@ def test_noise_is_white_and_normal_and_comes_again_by_its_seed() -> None:
 
 
 def test_the_numbers_of_noise_stay_what_they_are() -> None:
-    """They are Philox's own, turned into normal ones here: no version of NumPy changes them."""
+    """They come from Philox and are converted to a normal distribution here, so no version of NumPy changes them."""
     found = shown(np.arange(3) / 100, np.zeros(3), noise=1.0, seed=1)
     np.testing.assert_allclose(found, [1.4092493637369143, 0.7193025410542524, -1.4400850108307892], rtol=1e-12)
     np.testing.assert_allclose(
@@ -272,7 +272,7 @@ def test_a_linear_model_has_sensors_as_outputs_next_to_a_moving_state(rng: np.ra
 
 
 def test_low_passes_of_a_linear_model_are_those_of_the_instruments() -> None:
-    """A unit step of the signal, by SciPy, and by the instrument itself."""
+    """Response to a unit step of the signal, by SciPy and by the instrument."""
     t = np.linspace(0, 0.3, 61)
     for order in (1, 2, 5):
         A, B, C = butterworth(20.0, order).matrices
@@ -356,7 +356,7 @@ def test_measurements_are_compared_with_what_sensors_show(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("fields", [{}, {"flex": "yz", "segments": 5}], ids=["rigid", "bends"])
 def test_places_and_directions_are_those_of_the_links_frame_wherever_its_beam_runs(fields: dict) -> None:
-    """A beam along y, beside the joint, which turns about y: R = R_y(θ) of a link that is not bent."""
+    """A beam along y, offset from its joint about y: R = R_y(θ) for a link that is not bent."""
     θ, beam = 0.7, {"material": "aluminium", "section": "square", "line": ((0.1, 0.0, 0.0), (0.1, 0.6, 0.0))}
     arm = fl.Link(name="arm", joint=fl.Joint(axis=(0, 1, 0)), **beam, **fields)
     scene = make_scene(arm, gravity=(0, 0, -9.81))
@@ -380,7 +380,7 @@ def test_places_and_directions_are_those_of_the_links_frame_wherever_its_beam_ru
 
 @pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
 def test_markers_sit_where_links_begin_and_end(path: Path, rng: np.random.Generator) -> None:
-    """At the tips of all branches, at the joint of every link that moves, and on the way from there straight on."""
+    """At the tips of all branches, at the joint of every moving link, and on the straight line between them."""
     scene = fl.load_scene(path)
     chain = fl.lump(scene)
     q = rng.uniform(-0.5, 0.5, chain.n)
@@ -424,7 +424,7 @@ def test_the_strain_of_a_uniform_load_is_exact_from_three_hinges_on() -> None:
 
 
 def test_looking_does_not_change_what_is_seen() -> None:
-    """Nor what a drive that is asked at a rate holds."""
+    """Nor does it change the torques that a sampled drive holds."""
     drive = fl.Drive(kind="pd", kp=(30.0, 30.0), kd=(3.0, 3.0), target_deg=(10.0, 20.0), rate=200.0)
     settings = {"run.step": 1e-3, "run.sample": 0.01, "run.duration": 0.1, "run.method": "Radau5"}
     seen = two_links(drive=drive).varied(settings)

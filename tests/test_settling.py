@@ -1,4 +1,4 @@
-"""How the tip comes to rest, and runs as tables of other packages."""
+"""Settling of the tip, and runs as tables of other packages."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def short_run() -> fl.Trajectory:
 
 @pytest.fixture(scope="module")
 def step_response(short_run: fl.Trajectory) -> fl.Trajectory:
-    """x = 1 + 0.3 (1 − exp(−ζωt) (cos ω_d t + ζ/√(1 − ζ²) sin ω_d t)), the books' response of second order."""
+    """x = 1 + 0.3 (1 − exp(−ζωt) (cos ω_d t + ζ/√(1 − ζ²) sin ω_d t)), the textbook response of second order."""
     t = np.linspace(0.0, 10.0, 10_001)
     damped = ω * math.sqrt(1 - ζ**2)
     x = 1 - np.exp(-ζ * ω * t) * (np.cos(damped * t) + ζ / math.sqrt(1 - ζ**2) * np.sin(damped * t))

@@ -21,7 +21,7 @@ ARM = make_scene(flexible("a", "yz", 3), flexible("b", "z", 3), gravity=(0.0, -9
 
 @functools.cache
 def record() -> ReadBack:
-    """Ours; asked by tests, not where they are collected: it compiles."""
+    """Our record; built within tests instead of at collection, because it compiles."""
     return of_chain(fl.lump(ARM))
 
 
@@ -73,7 +73,7 @@ def test_our_own_record_has_no_difference() -> None:
 
 
 def test_a_centre_is_compared_to_ten_digits() -> None:
-    """Beyond the rounding of frames that are turned one by one, 1e-11 of the arm."""
+    """The rounding of successive rotations of frames is smaller, 1e-11 of the arm."""
     centers = record().centers.copy()
     centers[record().masses.argmax()] += [0.0, 1e-7, 0.0]
     (told,) = fields(dataclasses.replace(record(), centers=centers))

@@ -72,7 +72,8 @@ def test_pages_are_not_cut_and_are_accessible(
 ) -> None:
     window.open(site / f"{name}.html", *size, dark)
     window.run(STILL)
-    assert window.run("return document.documentElement.dataset.theme") == ("dark" if dark else "light")
+    theme = window.run("return document.documentElement.dataset.theme")
+    assert theme == ("dark" if dark else "light")
     assert window.run(OVERFLOW) == []
     script = axe()
     if script is None:

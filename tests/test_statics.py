@@ -79,7 +79,7 @@ def test_the_path_turns_back_where_the_column_snaps_over():
 
 
 def test_a_step_that_would_jump_to_another_branch_is_taken_smaller():
-    """Followed there, the path would never reach the full load."""
+    """On that branch the path would never reach the full load."""
     chain, wrench = cantilever("midpoint", 7), [-15.078, -56.753, 0, 0, 0, 10.457]
     found = solve_static(chain, tip_wrench=wrench)
     assert found.residual < 1e-9
@@ -88,7 +88,7 @@ def test_a_step_that_would_jump_to_another_branch_is_taken_smaller():
 
 @pytest.mark.parametrize("hinges", [2, 4, 8])
 def test_a_limp_cantilever_hangs_along_its_load_however_large_that_is(hinges):
-    """The path was lost from 40 EI/L² on: a step ended where a hinge had turned round, and the load ran to −∞."""
+    """A former error: from 40 EI/L² on, a step ended with a hinge turned by a revolution, and the load went to −∞."""
     chain, slope = cantilever("gauss", hinges), 0.0
     for force in (20.0, 40.0, 80.0, 160.0, 500.0):
         hanging = solve_static(chain, tip_wrench=[0, force, 0, 0, 0, 0])
@@ -101,7 +101,7 @@ def test_a_limp_cantilever_hangs_along_its_load_however_large_that_is(hinges):
 
 @pytest.mark.parametrize(("push", "aside"), [(8.0, 0.02), (8.0, 0.2), (12.0, 0.3), (30.0, 0.3)])
 def test_a_column_far_beyond_its_buckling_load_bends_to_the_side_it_is_pushed_to(push, aside):
-    """It was found straight, leaning against the push, on the unstable branch."""
+    """A former error: the result was nearly straight, leaning against the push, on the unstable branch."""
     found = solve_static(cantilever("midpoint", 7), tip_wrench=[-push, aside, 0, 0, 0, 0])
     assert found.stable
     assert found.residual < 1e-9
@@ -146,7 +146,7 @@ def test_a_joint_that_nothing_holds_stays_unless_something_pushes_it():
 
 
 def test_steady_spin_bends_a_leaning_beam_outward():
-    """Rates are held: the relative equilibrium of a turning arm, r(q, q̇) = 0."""
+    """The rates are constant: relative equilibrium of a rotating arm, r(q, q̇) = 0."""
     chain = thin_arm(thin_link("midpoint", 6, flex="yz", free=True), gravity=(0.0, 0.0, 2.0))
     rates = np.zeros(chain.n)
     rates[0] = 3.0

@@ -1,4 +1,4 @@
-"""What advice is judged by: scenes that are drawn again, and truth and cheapest model of runs in closed form."""
+"""Reference results for advice: repeatable random scenes, and truth and cheapest model for closed-form runs."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ PATH = np.array([[0.0, 0.0, 0.0], [0.3, 0.4, 0.0], [0.0, -0.8, 0.6]])
 
 
 class Runs:
-    """In place of a runner: a tip whose error is h⁻² + 8 h⁻⁴ of its path, and `slip` tolerances or steps aside."""
+    """Replacement of a runner: a tip with an error of h⁻² + 8 h⁻⁴ of its path plus `slip` tolerances or steps."""
 
     slip, allowed = 0.0, True
 
@@ -58,7 +58,7 @@ class Runs:
         return Outcome(tip, self.cost(h, stepping), None, stepping)
 
     def cost(self, h: float, stepping: Stepping) -> float:
-        """Of steps by a tolerance: fewer with DOP853."""
+        """Cost of steps with a tolerance: fewer with DOP853."""
         steps = 1 / stepping.step if stepping.step else (stepping.tolerance or 1.0) ** (-0.2 - 0.1 * (h > 8))
         return h * steps * (0.3 if stepping.method == "DOP853" and h < 6 else 1.0)
 

@@ -1,4 +1,4 @@
-"""Random trees of arms, and Newton's and Euler's equations of them once more: body by body, in frame 0."""
+"""Random trees of arms, and an independent Newton-Euler implementation: body by body, in frame 0."""
 
 from __future__ import annotations
 
