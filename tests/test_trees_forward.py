@@ -96,7 +96,7 @@ def state_of(chain: fl.Chain, rng: np.random.Generator) -> np.ndarray:
 
 @kernel
 def by_articulated_bodies(chain, wrench, state):
-    """Replace τ by q̈, and q̈ of given motions by τ; return the power."""
+    """Write q̈ to the last row, and τ of given motions to the third; return the power."""
     work = articulated_workspace(chain.bodies, chain.hinges, chain.gravity, chain.rare)
     return articulated(wrench, state[0], state[1], state[2], state[3], work)
 

@@ -81,7 +81,7 @@ def original(path: Path, found: ImportResult) -> Original:
 
 
 def check_against_file(path: Path, *, states: int) -> None:
-    """M to 1e-14, T_GC to 1e-13 of the largest value, and relative to each joint's load: a finger counts as a torso does.
+    """M to 1e-14 and T_GC to 1e-13 of the largest value, also relative to the body that each joint moves.
 
     A finger of 1.5 cm, a metre and a half from frame 0, is known to 100 eps of its length: 3e-14.
     """
