@@ -189,7 +189,7 @@ def test_deflections_of_an_arm_that_is_straight_at_first_have_a_tolerance() -> N
 
 
 def test_the_deflection_of_an_arm_that_starts_bent_in_a_stiff_mode_is_not_overestimated() -> None:
-    """Its initial q̈, due to the fastest modes, would bend it a hundred times more within a period of the slowest mode."""
+    """Its initial q̈, in the fastest modes, would bend it a hundred times more within a period of the slowest mode."""
     zigzag = fl.InitialState(q=(0.0, 0.03, -0.03, 0.03, -0.03))
     run = fl.RunSettings(method="DOP853", relative_tolerance=1e-2, accuracy="deflection", duration=0.1, sample=0.01)
     scene = make_scene(flexible("a", segments=5), initial=zigzag).varied({"run": run})
