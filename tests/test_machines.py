@@ -73,7 +73,7 @@ def test_quick_runs_few_fast_tests_and_removes_only_the_asserts_of_flexlink(tmp_
 
 
 class TestNoise:
-    """Linear algebra as another CPU might round it: equally accurate, and the same for the same input."""
+    """Simulated rounding of linear algebra on another CPU: equally accurate, and repeatable for the same input."""
 
     def test_exact_numbers_do_not_change(self, rng: np.random.Generator) -> None:
         exact = np.array([0.0, 1.0, -2.5, 1024.0, np.inf])
@@ -124,7 +124,7 @@ class TestNoise:
 
 
 def test_every_cpu_has_another_file_of_machine_code() -> None:
-    """Otherwise a CPU without AVX could run the code of another one."""
+    """Otherwise a CPU without AVX could load machine code that was compiled for one with AVX."""
 
     cache = DiskCache(SimpleNamespace(py_func=test_machines_that_this_computer_cannot_be_are_reported))
     here = cpu_target.target_context.codegen().magic_tuple()

@@ -1,6 +1,6 @@
-"""Functions of a state take many at once, (b, n) or (n,) for every part: results have a leading b and the same bits.
+"""Functions of a state accept b states at once, each part (b, n) or (n,): results are bit-equal, with a leading b.
 
-Those that go eight side by side have the same up to rounding: other cosines, products and sums in another order.
+Functions that compute eight states in SIMD lanes agree up to rounding: other cosines, other fused products and sums.
 """
 
 from __future__ import annotations
@@ -52,13 +52,13 @@ def equal(many: object, singles: list[object], *, rtol: float = 0.0) -> None:
 
 
 def of_name(name: str) -> float:
-    """How far apart, as a part of the largest number, a row of a batch and the single call may be."""
+    """Allowed difference between a row of a batch and the single call, relative to the largest value."""
     return 1e-13 if name in SIDE_BY_SIDE else 0.0
 
 
 @pytest.mark.parametrize("b", [1, 8, 19])
 def test_rows_of_a_batch_side_by_side_are_the_single_calls_up_to_rounding(b: int, chain: fl.Chain, rng) -> None:
-    """Rounding of M q̈ + T_GC: that of T_GC, and of M* by the sum of the accelerations."""
+    """The bound is the rounding of M q̈ + T_GC: that of T_GC, plus that of M* times the sum of the accelerations."""
     states, wrenches = batch(chain, rng, b), rng.normal(size=(b, 6))
     q, qd, qdd = states["q"], states["qd"], states["qdd"]
     tau, M = fl.inverse_dynamics(chain, q, qd, qdd, tip_wrench=wrenches), fl.mass_matrix(chain, q)
@@ -74,7 +74,7 @@ def test_rows_of_a_batch_side_by_side_are_the_single_calls_up_to_rounding(b: int
 
 
 def test_states_far_turned_keep_their_digits(rng) -> None:
-    """Angles of states side by side are reduced as the library of C does it, however many turns they are."""
+    """Angles in SIMD lanes are reduced like those of the C library, for any number of turns."""
     q = rng.uniform(-1, 1, (9, NASTY.n)) * 10.0 ** rng.uniform(0, 12, (9, NASTY.n))
     for many, one in zip(fl.mass_matrix(NASTY, q), q, strict=True):
         assert abs(many - fl.mass_matrix(NASTY, one)).max() <= rounding.of_mass_matrix(NASTY, one)
@@ -83,7 +83,7 @@ def test_states_far_turned_keep_their_digits(rng) -> None:
 @pytest.mark.parametrize("derivatives", [fl.forward_dynamics_derivatives, fl.inverse_dynamics_derivatives])
 @pytest.mark.parametrize("frame", ["world", "tip"])
 def test_derivatives_of_many_states_are_those_of_each(derivatives, frame, chain: fl.Chain, rng) -> None:
-    """But for rounding: a loop over states and a single call are compiled apart, and contract a·b + c apart."""
+    """Equal up to rounding: the loop over states and the single call are compiled separately; fused a·b + c differ."""
     states, wrenches = batch(chain, rng, 3), rng.normal(size=(3, 6))
     parts = [states[name] for name in ("q", "qd", "tau")]
     many = derivatives(chain, *parts, tip_wrench=wrenches, frame=frame)
@@ -150,7 +150,7 @@ def test_states_of_wrong_shape_are_refused_with_the_shapes_allowed(name: str) ->
             function(NASTY, *[good] * (len(names) - 1), np.zeros((3, n)), **options)
 
 
-def test_an_error_of_one_state_of_many_names_the_state() -> None:
+def test_an_error_in_one_state_of_many_names_that_state() -> None:
     rates = np.zeros((3, NASTY.n))
     rates[1] = 1e160
     with refused(fl.errors.ArgumentError, "overflow"):

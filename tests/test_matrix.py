@@ -1,4 +1,4 @@
-"""Every feature × every claim that holds of any arm: `matrix/`."""
+"""Every feature of an arm × every claim that is true for any arm: `matrix/`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ EXPECTED: dict[str, list[dict[str, Any]]] = tomllib.loads(
 
 
 def claims(module: ModuleType) -> Iterator[tuple[str, Callable[[case.Case], None]]]:
-    """Functions of a module that take a case alone."""
+    """Functions of a module whose only argument is a case."""
     for name, function in vars(module).items():
         own = getattr(function, "__module__", "") == module.__name__ and not name.startswith("_")
         if own and list(inspect.signature(function).parameters) == ["case"]:

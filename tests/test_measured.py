@@ -1,4 +1,4 @@
-"""Measurements beside a run: read in the units of instruments, and a number that is wrong in the scene is found."""
+"""Measurements compared with a run: units of instruments are converted, and a wrong value of the scene is found."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def scene() -> fl.Scene:
 
 
 def measured_of(scene: fl.Scene, noise: float = NOISE) -> Measured:
-    """The tip of a run, as an instrument with noise sees it."""
+    """Tip of a run as measured by an instrument with noise."""
     run, rng = fl.simulate(scene), np.random.default_rng(1)
     names = [f"tip {axis} [m]" for axis in "xyz"]
     return Measured(run.t, {name: run.columns[name] + noise * rng.standard_normal(len(run.t)) for name in names})

@@ -1,4 +1,4 @@
-"""Results that are kept: each one once, for its object and key, from any thread, and never one of another object."""
+"""Memoized results: computed once per object and key, from any thread, and never taken from another object."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ HELD = fl.PrescribedMotion(link="a", times=(0.0,), angle_deg=(0.0,), rate_deg=(0
 
 
 class Unhashable:
-    """An object that equals every other one of its kind, and has no hash."""
+    """An object that equals all objects of its class and has no hash."""
 
     __hash__ = None
 
@@ -36,7 +36,7 @@ def test_a_result_is_found_once_for_its_object_and_key() -> None:
 
 
 def test_a_key_of_contents_holds_all_that_is_given() -> None:
-    """Numbers of another value, type, shape or place are another key; a copy of an array is the same one."""
+    """Numbers with another value, type, shape or position make another key; a copy of an array makes the same key."""
     memo, one, calls, zeros, ones = Memo(64), Unhashable(), [], np.zeros(2), np.ones(2)
     given = [
         (zeros, ones), (zeros, ones + 1.0), (ones, zeros), (zeros, np.ones((2, 1))), (zeros, np.ones(2, np.int64)),
@@ -49,11 +49,11 @@ def test_a_key_of_contents_holds_all_that_is_given() -> None:
 
     for _ in range(2):
         assert [memo.calling(find, one, *copy.deepcopy(each)) for each in given] == list(range(1, len(given) + 1))
-    assert memo.calling(lambda *_: "of another function", one, zeros, ones) == "of another function"
+    assert memo.calling(lambda *_: 0, one, zeros, ones) == 0  # another function
 
 
 def test_torques_held_along_one_reference_are_not_those_of_another_at_the_same_times() -> None:
-    """As in a sweep of `to_deg`: pieces of polynomials that differ in coefficients alone."""
+    """In a sweep of `to_deg` the polynomial pieces of references differ only in coefficients."""
     arm = make_scene(flexible("a", segments=3), gravity=(0.0, -9.81, 0.0))
     gains = {"kind": "pd", "kp": (50.0,), "kd": (5.0,), "gravity": "static"}
     drives = [
@@ -76,7 +76,7 @@ def test_an_equal_object_is_another_one() -> None:
 
 
 def test_a_new_object_in_the_place_of_a_dropped_one_has_its_own_result() -> None:
-    """An object's identity is its address, which the next object may take: what is kept must keep its object."""
+    """Objects are identified by address, which a later object may reuse: a stored result keeps its object alive."""
     memo = Memo(8)
     assert [memo(np.array([k]), "", lambda k=k: k) for k in range(100)] == list(range(100))
 

@@ -1,4 +1,4 @@
-"""auto: a run continues with the method that is likely to cost least, according to its own steps."""
+"""method="auto" continues with the method whose own steps predict the lowest cost for the rest of the run."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from flexlink.motion.tolerable import Thresholds
 
 @pytest.fixture
 def whipping(models: Path) -> fl.Scene:
-    """A soft arm with a heavy tip: it bends far and fast, more with time."""
+    """A soft arm with a heavy tip, whose bending becomes larger and faster with time."""
     scene = fl.load_scene(models / "t3_spatial.toml").varied({"tip.mass": 20.0, "material.aluminium.young": 2e8})
     return scene.varied({"run.relative_tolerance": 1e-4, "run.duration": 0.5})
 
 
 @pytest.mark.slow
 def test_a_soft_arm_that_whips_is_left_to_an_explicit_method(whipping: fl.Scene) -> None:
-    """After a while steps of Radau5 are no longer than those that DOP853 may take."""
+    """After some time the steps of Radau5 are as short as the stable steps of DOP853."""
     runs = {name: fl.simulate(whipping, method=name) for name in ("auto", "Radau5")}
     exact = fl.simulate(whipping, method="DOP853", relative_tolerance=1e-8)
     picked, named = (run.steps for run in runs.values())
@@ -53,7 +53,7 @@ STEP = 1e-5  # CPU time of a step by any method [s]
 
 
 class Counted:
-    """Steps by a method since t = 0 of this cost [s], of which the second half is rated, with 10 s to go."""
+    """Steps of a method since t = 0 of a given cost [s]; the second half is judged, and 10 s of motion remain."""
 
     def __init__(self, name: str, cost: float, **known: Any) -> None:
         self.name, self.why, self.cost, self.spent, self.taken = name, "", cost, 0.0, 0.0
@@ -72,7 +72,7 @@ class Counted:
 
 @pytest.fixture
 def considered(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Steps that are `Counted`, considered."""
+    """The decision of the trial after steps that are `Counted`."""
     monkeypatch.setattr(method_trial, "price_of_a_step", lambda _record, _name: STEP)
 
     def counted(name: str, cost: float, **known: Any) -> Counted:
@@ -102,7 +102,7 @@ def test_what_is_hardly_cheaper_is_left_alone(considered: Any) -> None:
 
 
 def test_a_short_time_of_dear_steps_counts_for_no_more_than_the_run_as_a_whole(considered: Any) -> None:
-    """A jump may have been there, after which steps grow again."""
+    """They may be due to a jump, after which steps grow again."""
     known = {"guesses": {"Radau5": 100.0, "Radau9": 1e3, "DOP853": 8.0}, "spent": 1e3, "tried": {"DOP853": 1e3}}
     assert considered("Radau5", 10.0, judged=(0.9, 5.0), **known).name == "Radau5"
     assert considered("Radau5", 50.0, judged=(0.9, 45.0), **known).name == "DOP853"
@@ -131,7 +131,7 @@ def test_radau9_goes_on_only_when_the_vibration_of_a_start_is_over(considered: A
 
 
 def test_what_a_method_once_cost_is_outdated_after_as_long_again(considered: Any) -> None:
-    """Radau5 was left in fast motion; slower one costs DOP853, whose steps stability ends, as much as before."""
+    """Radau5 was abandoned during fast motion. In slow motion DOP853 is no cheaper: stability limits its steps."""
     known = {"rates": {"Radau5": 100.0, "DOP853": 10.0}, "guesses": {"Radau5": 1.0, "Radau9": 1e3, "DOP853": 9.0}}
     steps = considered("DOP853", 10.0, tried={"Radau5": 4.9}, **known)
     assert (steps.name, steps.tried_for) == ("Radau5", ("DOP853", ""))

@@ -1,4 +1,4 @@
-"""Runge-Kutta methods as data: coefficients to the last bit, what is derived from them, and what is refused."""
+"""Runge-Kutta methods as data: coefficients to the last bit, derived quantities, and refused input."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ def test_what_makes_no_method_is_refused_in_one_line(fields: dict, wanted: str) 
 
 
 def from_file(fields: dict) -> Method:
-    """As a file gives them, where `error` is the key of the rows."""
+    """Method from the text of a file, in which `error` is the key of the rows."""
     return decode(msgspec.to_builtins({"about": "mine", "source": "-", "order": 2} | fields), Method)
 
 

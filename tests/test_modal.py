@@ -103,7 +103,7 @@ def test_tangents_are_slopes_of_the_torques():
 
 
 def test_follower_force_and_moment_do_their_work_in_axes_of_the_tip():
-    """Power R f · v + R m · ω of the tip, from the motion of its frame alone, whichever joint turns."""
+    """Power R f · v + R m · ω at the tip, computed only from the motion of the tip frame, for every joint."""
     chain, rng = fl.lump(nasty_scene()), np.random.default_rng(2)
     q, still, none = rng.uniform(-1, 1, chain.n), np.zeros(chain.n), np.zeros(6)
     R = fl.frames(chain, q).rotations[-1]
@@ -142,8 +142,9 @@ def test_becks_column_flutters_at_the_published_load(rule, hinges):
     for _ in range(40):
         middle = (low + high) / 2
         low, high = (middle, high) if at(middle).stable else (low, middle)
-    assert low == pytest.approx(float(values["beck_PL2/EI"]), rel=1.2e-2)
-    assert at(low).frequencies[:2] == pytest.approx([float(values["beck_omega_at_flutter"])] * 2, rel=1e-2)
+    load, frequency = (float(values[key]) for key in ("beck_PL2/EI", "beck_omega_at_flutter"))
+    assert low == pytest.approx(load, rel=1.2e-2)
+    assert at(low).frequencies[:2] == pytest.approx([frequency] * 2, rel=1e-2)
     assert (np.abs(at(high).eigenvalues.imag[:2]) > 1).all()  # it flutters, it does not buckle
 
 
@@ -160,7 +161,7 @@ def test_kelvin_voigt_damping_grows_with_frequency(loss_time):
 
 
 def test_eigenvalues_are_those_of_the_linearised_forward_dynamics():
-    """Gravity, wrench, springs, all friction, joints free: δq̈ = A δq + B δq̇ by differences of `forward_dynamics`."""
+    """Gravity, wrench, springs, friction and free joints: δq̈ = A δq + B δq̇ by differences of `forward_dynamics`."""
     chain = fl.lump(nasty_scene())
     n, wrench = chain.n, np.array([3.0, -2.0, 5.0, 1.0, 0.5, -1.0])
     q, rest = np.linspace(-0.3, 0.4, n), np.zeros(n)
@@ -221,7 +222,7 @@ def test_soft_modes_keep_their_digits_beside_stiff_ones(ratio, gravity):
 
 @pytest.mark.parametrize("ratio", [1e8, 1e12])
 def test_soft_modes_keep_their_damping_beside_stiff_ones(ratio):
-    """ζ = η ω/2 from 1 % in the first mode to 1e6 in the last, which creeps."""
+    """ζ = η ω/2 from 1 % in the first mode to 1e6 in the last, which is overdamped."""
     undamped = sixty_digits(l_arm(ratio, segments=5))
     η = 0.02 / float(undamped[0])
     found = modes(l_arm(ratio, segments=5, loss_time=η))
@@ -259,7 +260,7 @@ def random_arm(rng, gravity):
 
 
 def test_a_mass_matrix_is_factored_in_the_triangle_in_which_it_was_judged():
-    """Close to singular the two triangles may differ in the answer; here they do so on purpose."""
+    """Near singularity the two triangles of M may give different verdicts; here they do so on purpose."""
     M = np.array([[1.0, 1.0], [0.5, 1.0]])  # regular below the diagonal, singular above
     judged = np.array([[1.0, 0.5], [0.5, 1.0]])
     A = first_order_matrix(M, 2 * np.eye(2), 3 * np.eye(2))
@@ -268,7 +269,7 @@ def test_a_mass_matrix_is_factored_in_the_triangle_in_which_it_was_judged():
 
 @pytest.mark.slow
 def test_free_joints_rest_and_nothing_else_does(rng):
-    """λ = 0 once for each joint that nothing holds, to the last bit, damped or not: no nan, no ζ = −1."""
+    """λ = 0 exactly, once for each free joint, damped or not: no nan, no ζ = −1."""
     for _ in range(60):
         chain = random_arm(rng, (0.0, 0.0, 0.0))
         q = np.zeros(chain.n)
@@ -281,7 +282,7 @@ def test_free_joints_rest_and_nothing_else_does(rng):
 
 
 def test_joints_along_gravity_rest(rng):
-    """Skew in space, bent, loaded and damped: gravity's torque about the axes is all rounding."""
+    """For a skewed, bent, loaded and damped arm the gravity torque about these axes is only rounding."""
     for damping in (None, fl.Damping(ratio=0.01, at_hz=5.0)):
         angles = tuple(rng.uniform(-180, 180, 3).tolist())
         links = (flexible("a", mount=Mount(rpy_deg=angles), damping=damping), flexible("b", joint=Joint(viscous=0.5)))
@@ -295,7 +296,7 @@ def test_joints_along_gravity_rest(rng):
 
 @pytest.mark.parametrize("damping", [None, fl.Damping(ratio=0.01, at_hz=5.0)])
 def test_a_joint_that_turns_with_its_follower_load_does_not_grow(damping, rng):
-    """Nothing depends on its angle, but K has no potential: its double λ = 0 is found as such."""
+    """Nothing depends on its angle, but K has no potential: its double λ = 0 is detected."""
     chain = fl.lump(make_scene(flexible("a", "yz", damping=damping)))
     for load in np.hstack([rng.uniform(-5, 5, (10, 3)), rng.uniform(-1, 1, (10, 3))]):
         found = modes(chain, rng.uniform(-0.2, 0.2, chain.n), tip_wrench=load, frame="tip")
@@ -308,7 +309,7 @@ def test_a_joint_that_turns_with_its_follower_load_does_not_grow(damping, rng):
 @pytest.mark.parametrize("viscous", [0.0, 1e-3])
 @pytest.mark.parametrize("g", [9.81, 1e-9])
 def test_what_falls_however_slowly_is_no_rest(g, viscous):
-    """Upright on a joint, a stiff bar: λ = √(g/l') whatever the springs."""
+    """A stiff bar upright on a free joint: λ = √(g/l'), independent of the springs."""
     link = flexible("a", joint=Joint(viscous=viscous), lumping="gauss")
     chain = fl.lump(make_scene(link, tip=RigidBody(mass=5.0), gravity=(-g, 0.0, 0.0)))
     found = modes(chain)
@@ -323,7 +324,7 @@ def test_what_falls_however_slowly_is_no_rest(g, viscous):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("gravity", [(0.0, 0.0, 9.81), (0.0, 3.0, -9.81)])
-def test_falling_resting_and_swinging_modes_have_the_number_given_by_sylvester(gravity, rng):
+def test_numbers_of_falling_resting_and_swinging_modes_follow_sylvesters_law(gravity, rng):
     for _ in range(20):
         chain = random_arm(rng, gravity)
         q = np.zeros(chain.n)
@@ -408,7 +409,7 @@ def test_a_joint_with_prescribed_motion_takes_no_part_in_modes_and_stable_steps(
 
 
 def test_twist_of_a_rod_swings_as_fast_however_thin_it_is() -> None:
-    """GJ and the inertia about the axis both go with the fourth power of the thickness, and tilted axes mix nothing."""
+    """GJ and the inertia about the axis are both proportional to thickness⁴; tilted axes change nothing."""
 
     def fastest(thickness: float) -> np.ndarray:
         link = flexible("rod", "xyz", 4, mount=fl.Mount(rpy_deg=(-70.0, 15.0, 20.0)), joint=fl.Joint(locked=True))

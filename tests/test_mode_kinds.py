@@ -24,7 +24,7 @@ def test_gravity_holds_a_pendulum_and_springs_the_modes_above_it() -> None:
     assert found.first_elastic_hertz == found.hertz[1]
 
 
-def test_an_inverted_arm_falls_as_a_pendulum() -> None:
+def test_an_upright_arm_falls_as_a_pendulum() -> None:
     found = fl.modes(swinging(-9.81))
     assert np.isnan(found.hertz[0])
     assert found.kinds[:2] == ("pendulum", "elastic")
@@ -54,7 +54,7 @@ def test_a_chain_that_nothing_bends_has_no_elastic_frequency() -> None:
 
 
 def test_stable_steps_and_modes_are_about_slack_springs_by_default() -> None:
-    """Springs that are slack at an angle, so that the straight arm is another posture with other frequencies."""
+    """The rest angles of the springs are not 0, so the straight arm has other frequencies."""
     straight = swinging(9.81)
     hinges = straight.hinges.copy()
     hinges["rest"][straight.stiffness > 0] = 0.2

@@ -50,7 +50,7 @@ def test_slow_flutter_is_not_stable() -> None:
 
 
 def test_damped_modes_come_slowest_first() -> None:
-    """Creeping ones among them: both real eigenvalues of a pair, in their places."""
+    """Overdamped modes are included: both real eigenvalues of a pair are sorted by rate."""
     damping = fl.Damping(ratio=0.3, at_hz=10.0)
     chain = fl.lump(make_scene(flexible("a", "xyz", 5, damping=damping, joint=fl.Joint(locked=True))))
     λ = fl.modes(chain, np.zeros(chain.n)).eigenvalues

@@ -174,7 +174,7 @@ def test_loads_that_stiffen_count() -> None:
 
 
 def test_a_freely_falling_arm_has_a_stable_step() -> None:
-    """An upright rod falls, or rises, at the rate √(3g/2l); the stable step is 2.785/rate."""
+    """An upright rod falls or rises with the rate √(3g/2l); the stable step is 2.785/rate."""
     scene = make_scene(fl.Link(name="a", length=1.0, material="aluminium", section="square"), gravity=(-9.81, 0.0, 0.0))
     rate = np.sqrt(9.81 * 0.5 / (1 / 3 + 0.04**2 / 12))  # m g l/2 over I of a square bar about its end
     assert fl.stable_step(fl.lump(scene), [0.0], method="RK4") * rate == pytest.approx(2.785293563, rel=1e-6)

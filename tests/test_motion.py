@@ -64,7 +64,7 @@ def test_the_torque_of_a_prescribed_joint_carries_rotor_friction_and_the_load_on
 
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_every_sample_has_its_prescribed_joints_exactly_where_they_are_to_be(solver: str) -> None:
-    """Not where the stages of a step lead: with a step of a tenth of the motion they are 1e-5 rad beside it.
+    """The stages alone would end elsewhere: with a step of a tenth of the motion they deviate by 1e-5 rad.
 
     θ = s³ (10 − 15 s + 6 s²) is the quintic from rest to rest within 1 s; the run ends beyond its last knot.
     """
@@ -103,7 +103,7 @@ def test_the_torque_that_a_motion_takes_gives_its_acceleration_back(solver: str,
 
 @pytest.mark.parametrize("samples", [1, 5])
 def test_in_a_plane_a_prescribed_joint_may_turn_the_other_way_and_have_a_rotor(samples: int) -> None:
-    """Upside down and inside the chain, where its sign and its rotor matter to the links before it."""
+    """Its axis is reversed, and it is inside the chain, where its sign and its rotor affect the links before it."""
     over = fl.Mount(rpy_deg=(180, 0, 0))
     links = (
         flexible("a", segments=3),

@@ -1,4 +1,4 @@
-"""Mistakes made by machine: which there are, that a seed repeats them, and that a running process takes them."""
+"""Automatic mutants: their kinds, their repetition by seed, and their planting in a running process."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def total(chain, shapes):
 
 
 def made(source: bytes = SOURCE) -> dict[tuple[str, str], set[str]]:
-    """What becomes of each text, by function."""
+    """Replacements of each text, by function."""
     found: dict[tuple[str, str], set[str]] = {}
     for mutant in mutants("flexlink/chain/area.py", source):
         if is_python(mutant, source):
@@ -47,7 +47,7 @@ def made(source: bytes = SOURCE) -> dict[tuple[str, str], set[str]]:
 
 
 def test_the_mistakes_are_those_of_the_list() -> None:
-    assert made() == {
+    listed = {
         ("", "0.5"): {"5.0"},
         ("", "2.0"): {"20.0"},
         ("Shape.area", "a < LIMIT and b > 1"): {"True", "False", "b > 1", "a < LIMIT"},
@@ -73,6 +73,7 @@ def test_the_mistakes_are_those_of_the_list() -> None:
         ("total", "shapes[-1]"): {"shapes[0]"},
         ("total", "shapes[-1].T"): {"shapes[-1]"},
     }  # fmt: skip
+    assert made() == listed
 
 
 def test_no_mistake_is_made_in_words_types_and_what_is_only_shown() -> None:
@@ -113,12 +114,13 @@ def test_a_seed_draws_the_same_mistakes_whatever_else_changes(tree: Path) -> Non
     a = tree / "flexlink" / "room" / "a.py"
     a.write_bytes(b"import math\n\n" + SOURCE)
     assert names(1, 9) == first
-    assert drawn(["flexlink/room/b.py"], 1, 99, frozenset(), tree)[0].file == "flexlink/room/b.py"
+    file = "flexlink/room/b.py"
+    assert drawn([file], 1, 99, frozenset(), tree)[0].file == file
     assert drawn(["flexlink/none"], 1, 99, frozenset(), tree) == []
 
 
 def test_code_of_a_running_process_is_exchanged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Functions, also those that others have imported or hold, and values of a module."""
+    """Functions, including those imported or referenced elsewhere, and values of a module."""
     source = b"SIZE = 2.5\n\n\ndef area(a):\n    return a * SIZE\n\n\ndef made(b):\n    return lambda a: a + b\n"
     (tmp_path / "shapes.py").write_bytes(source)
     monkeypatch.setattr(swap, "ROOT", tmp_path)
@@ -145,7 +147,7 @@ def test_code_of_a_running_process_is_exchanged(tmp_path: Path, monkeypatch: pyt
         isinstance(gone, dict)
 
 
-def test_an_equivalent_mutant_has_a_reason_and_a_place_in_the_list() -> None:
+def test_every_equivalent_mutant_exists_and_has_a_reason() -> None:
     wanted = run.plan()
     assert 0.0 < wanted.quota < 1.0
     for same in wanted.same:

@@ -19,7 +19,7 @@ DRY = 1.5  # N m
 
 
 def slender(**changes: Any) -> fl.Scene:
-    """Two slender links, the second across the first, that bend and twist under a heavy tip."""
+    """Two slender links, the second perpendicular to the first, that bend and twist under a heavy tip."""
     across = fl.Mount(rpy_deg=(-90.0, 0.0, 0.0))
     links = flexible("a", "xyz", 9), flexible("b", "xyz", 5, mount=across)
     scene = make_scene(
@@ -45,7 +45,7 @@ def test_twisting_arms_take_the_steps_that_their_motion_asks_for(rule: str) -> N
 
 
 def sliding(width: float, **changes: Any) -> fl.Scene:
-    """A rigid link that a torque, linear between its knots, pulls to and fro against dry friction."""
+    """A rigid link that a piecewise linear torque moves back and forth against dry friction."""
     joint = fl.Joint(armature=0.01, coulomb=DRY, coulomb_width=width)
     link = flexible("a", "rigid", 1, joint=joint)
     scene = make_scene(link, tip=fl.RigidBody(mass=0.5), gravity=(0.0, 0.0, 0.0))
@@ -54,7 +54,7 @@ def sliding(width: float, **changes: Any) -> fl.Scene:
 
 
 def angle_by_events(inertia: float) -> float:
-    """Angle at the end by Coulomb's law itself: a polynomial from event to event, with 30 digits."""
+    """Final angle by exact Coulomb friction: a polynomial between events, with 30 digits."""
     with mpmath.workdps(30):
         q = v = mpmath.mpf(0)
         for t0, t1, a, b in zip(TIMES, TIMES[1:], TORQUES, TORQUES[1:], strict=False):
@@ -83,7 +83,7 @@ def angle_by_events(inertia: float) -> float:
 
 
 def angle_by_scipy(inertia: float, width: float) -> float:
-    """Angle at the end by the law that flexlink has, from knot to knot."""
+    """Final angle with the regularized friction of flexlink, integrated from knot to knot."""
     state = np.zeros(2)
     for t0, t1 in itertools.pairwise(TIMES):
         pull = lambda t, y: [y[1], (np.interp(t, TIMES, TORQUES) - DRY * np.tanh(y[1] / width)) / inertia]  # noqa: E731

@@ -1,4 +1,4 @@
-"""Files of results: whole or not at all, with the permissions and in the place that their owner chose."""
+"""Files of results are complete or absent, with the permissions and in the location that the user chose."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.words import refused
 
 @pytest.fixture
 def umask():
-    """Sets the umask, for one test."""
+    """Set the umask for one test."""
     before = os.umask(0o022)
     yield os.umask
     os.umask(before)

@@ -1,4 +1,4 @@
-"""What leaves the checkout: every requirement has a lowest version that can be tested, no file stays behind."""
+"""The distribution: every requirement has a testable lowest version, and no file is missing."""
 
 from __future__ import annotations
 

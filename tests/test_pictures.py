@@ -1,4 +1,4 @@
-"""Pictures that move: true to scale, upright, the whole arm in the window at all times, colours that are its loads."""
+"""Animations: true to scale, upright, with the whole arm in the window at all times and colours for its loads."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def hanging(**fields: object) -> fl.Scene:
 
 
 def replace_chain(run: fl.Trajectory, hinges: np.ndarray) -> fl.Trajectory:
-    """The run, as if its chain had other hinges."""
+    """A copy of the run whose chain has other hinges."""
     return dataclasses.replace(run, chain=dataclasses.replace(run.chain, hinges=hinges))
 
 

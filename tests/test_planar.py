@@ -1,4 +1,4 @@
-"""Chains in a plane: what only the recursion in a plane has to get right."""
+"""Planar chains: properties that only the planar recursion must satisfy."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TIP = fl.RigidBody(mass=0.5, inertia=(0.1, 0.2, 0.3))
 
 
 def assert_solves_its_equation_of_motion(chain: fl.Chain, rng: np.random.Generator) -> None:
-    """Inverse dynamics, which knows no plane, gives the torques back, to some roundings of the largest term."""
+    """The spatial inverse dynamics returns the torques up to a few roundings of the largest term."""
     assert chain.is_planar
     for _ in range(5):
         q, qd = random_state(chain, rng)
@@ -34,7 +34,7 @@ def assert_solves_its_equation_of_motion(chain: fl.Chain, rng: np.random.Generat
 
 
 def fixed_bodies(chain: fl.Chain, place: int) -> np.ndarray:
-    """Two bodies without hinges, turned in the plane and moved, that hang where body `place` begins."""
+    """Two bodies without hinges, rotated and moved in the plane, attached at the start of body `place`."""
     fixed = np.repeat(chain.bodies[place - 1 : place], 2)
     fixed["first"] = fixed["stop"] = chain.bodies["first"][place]
     c, s = np.cos(0.4), np.sin(0.4)
@@ -45,7 +45,7 @@ def fixed_bodies(chain: fl.Chain, place: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("place", [1, 4, 7])
-def test_bodies_without_hinges_are_attached_to_the_link_before_them(place: int, rng: np.random.Generator) -> None:
+def test_bodies_without_hinges_are_part_of_the_link_before_them(place: int, rng: np.random.Generator) -> None:
     skew = fl.Mount(rpy_deg=(-75.0, 20.0, 30.0), xyz=(0.1, -0.2, 0.3))
     links = flexible("a", segments=4, mount=skew), flexible("b", segments=4, joint=fl.Joint(armature=0.2, coulomb=0.3))
     chain = fl.lump(make_scene(*links, tip=TIP, gravity=(3.0, -4.0, 8.0)))
@@ -54,7 +54,7 @@ def test_bodies_without_hinges_are_attached_to_the_link_before_them(place: int, 
 
 
 def random_chain(rng: np.random.Generator) -> fl.Chain:
-    """One to four links in a plane that is skew, some upside down or locked, with rotors; mass centres anywhere."""
+    """One to four links in a skew plane, some reversed or locked, with rotors and random mass centres."""
     links = []
     for k in range(rng.integers(1, 5)):
         over = fl.Mount(rpy_deg=(180.0 * rng.integers(2), 0.0, rng.uniform(-180, 180)), xyz=tuple(rng.normal(size=3)))
@@ -70,7 +70,7 @@ def random_chain(rng: np.random.Generator) -> fl.Chain:
 
 
 def test_torques_in_the_plane_are_those_of_the_recursion_in_space(rng: np.random.Generator) -> None:
-    """Of random chains, links upside down included; nothing but rounding is between them."""
+    """For random chains with reversed links: they differ only by rounding."""
     worst, signs = 0.0, set()
     for _ in range(60):
         chain, wrench = random_chain(rng), rng.normal(0, 5, 6)
@@ -98,7 +98,7 @@ def two_links(armature: float = 0.0) -> fl.Chain:
 
 
 def in_space(chain: fl.Chain) -> fl.Chain:
-    """The same chain with its last hinge out of the plane by a hair: for the recursion in space."""
+    """The same chain with its last hinge slightly out of the plane, so that the spatial recursion is used."""
     bodies = chain.bodies.copy()
     bodies["turned"][-2], bodies["rotation"][-2] = 1, [[1.0, 0.0, 0.0], [0.0, 1.0, 1e-13], [0.0, -1e-13, 1.0]]
     chain = dataclasses.replace(chain, bodies=bodies)
@@ -109,7 +109,7 @@ def in_space(chain: fl.Chain) -> fl.Chain:
 def errors_beside_space(
     chain: fl.Chain, q: np.ndarray, rng: np.random.Generator, joints: slice | np.ndarray = slice(None)
 ) -> float:
-    """Largest difference of these q̈, as a part of the largest, in a plane and in space, of one state and of many."""
+    """Largest relative difference of planar and spatial q̈ at these coordinates, for one state and for many."""
     qd, tau = rng.normal(size=(2, chain.n))
     exact = fl.forward_dynamics(in_space(chain), q, qd, tau)[joints]
     one, many = (fl.forward_dynamics(chain, state, qd, tau) for state in (q, np.array([q, q])))
@@ -118,9 +118,9 @@ def errors_beside_space(
 
 @pytest.mark.parametrize("armature", [0.0, 1.0, 1e4, 1e8])
 def test_heavy_rotors_take_no_digits(armature: float, rng: np.random.Generator) -> None:
-    """Of q̈ some thousand roundings, cond(M) of the links; a lost digit a decade would leave 8 of 16.
+    """q̈ has an error of about 1000 roundings, cond(M) of the links. One digit lost per decade would leave 8 of 16.
 
-    The rotors' q̈ also keep theirs; they are smaller in proportion to the mass of the rotors.
+    The q̈ of the rotors keep all digits also, though they are smaller by the factor by which the rotors are heavier.
     """
     chain = two_links(armature)
     q = random_state(chain, rng)[0]
@@ -130,7 +130,7 @@ def test_heavy_rotors_take_no_digits(armature: float, rng: np.random.Generator) 
 
 @pytest.mark.parametrize("turns", [0.0, 1e3, 1e7, 1e12])
 def test_angles_of_any_size_keep_all_digits(turns: float, rng: np.random.Generator) -> None:
-    """An angle counts as the float that it is, however many turns, also when many links add theirs."""
+    """An angle of any number of turns is taken as an exact float, also in the sum of the angles of many links."""
     chain = two_links()
     q = random_state(chain, rng)[0]
     q[chain.active] += 2 * np.pi * turns * np.array([1.0, -1.7])

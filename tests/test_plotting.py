@@ -1,4 +1,4 @@
-"""Pictures: every curve can be read, no legend covers one."""
+"""Plots: every curve is readable, and no legend covers one."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_no_legend_covers_a_curve(run: fl.Trajectory) -> None:
 
 
 def test_every_energy_takes_a_good_part_of_its_panel(run: fl.Trajectory) -> None:
-    """Except the total, which is constant: with an arbitrary zero of gravity all of them were flat."""
+    """Except the total, which is constant: with gravity's arbitrary zero all of them looked flat."""
     figure = plotting.plot_trajectory(run)
     for panel in figure.axes[-3:]:
         low, high = panel.get_ylim()

@@ -1,4 +1,4 @@
-"""A problem that is prepared once: its runs are those of `simulate`, to the bit, whatever ran before."""
+"""A problem that is prepared once: its runs are bit-equal to those of `simulate`, regardless of earlier runs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ WRENCH = fl.Wrench(times=(0.0, 0.03), forces=((0.0, 0.0, 0.0), (2.0, 1.0, 0.0)),
 
 
 def same(one: fl.Trajectory, other: fl.Trajectory) -> None:
-    """Two runs agree to the bit, in what they warn of, and in how they advanced."""
+    """Two runs are bit-equal in samples, warnings and steps."""
     for name in ("t", "q", "qd", "tau", "tip", "work", "tip_wrench"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
     np.testing.assert_array_equal(one.energy.parts, other.energy.parts)
@@ -37,7 +37,7 @@ def same(one: fl.Trajectory, other: fl.Trajectory) -> None:
 
 
 def alone(scene: fl.Scene, **arguments: Any) -> fl.Trajectory:
-    """A run for which everything is prepared anew."""
+    """A run without any cached preparation."""
     return fl.simulate(scene.varied({"name": scene.name}), **arguments)
 
 
@@ -86,7 +86,7 @@ def test_what_simulate_refuses_a_problem_refuses_in_the_same_words() -> None:
         fl.Problem(3)
 
 
-def test_a_reference_that_starts_elsewhere_is_also_refused_by_a_problem() -> None:
+def test_a_problem_refuses_a_reference_that_starts_elsewhere() -> None:
     reference = fl.Reference(profile="quintic", to_deg=(-60.0, 0.0), duration=0.05)
     scene = arm("none").varied({"drive": fl.Drive(kind="pd", kp=(40.0, 20.0), kd=(1.0, 0.5), reference=reference)})
     problem = fl.Problem(scene)

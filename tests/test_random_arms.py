@@ -1,4 +1,4 @@
-"""Random arms that use every key of a link: what they are drawn for, and that all solvers and engines agree on them."""
+"""Random arms that use every key of a link, and on which all solvers and engines agree."""
 
 from __future__ import annotations
 
@@ -30,8 +30,9 @@ def test_no_key_of_a_link_is_left_out_of_the_draw() -> None:
     found = keys_of([without_defaults(link) for scene in draws for link in scene.arm.links])
     wanted = fields(fl.Link) | fields(fl.Joint, "joint.") | fields(fl.Mount, "mount.")
     wanted |= fields(fl.details.DenavitHartenberg, "dh.") | fields(fl.RigidBody, "end.") | {"friction.coulomb"}
-    # features without a place in files for engines have separate cases and tests
-    assert wanted - {"drag", "joint.quadratic", "joint.viscous_lag"} <= found
+    # quantities that engine files cannot contain have separate cases and tests
+    left_out = {"drag", "joint.quadratic", "joint.viscous_lag"}
+    assert wanted - left_out <= found
 
 
 def test_a_seed_is_an_arm() -> None:
@@ -41,7 +42,7 @@ def test_a_seed_is_an_arm() -> None:
 
 
 def test_a_disc_with_rounding_on_top_is_exported() -> None:
-    """Of 0.1 + 0.2 + ε only 0.1 + 0.2 is stored in the file."""
+    """The file contains 0.1 + 0.2 for 0.1 + 0.2 + ε."""
     disc = fl.RigidBody(mass=1.0, inertia=(0.1, 0.2, np.nextafter(0.1 + 0.2, 1.0)))
     arm = fl.Arm(links=(fl.Link(name="a", hub=disc),))
     chain = fl.lump(fl.Scene(name="disc", arm=arm, initial=fl.InitialState(joint_deg=(0.0,))))

@@ -1,4 +1,4 @@
-"""Nested tuples of numbers that recursions keep in rows: compiled and not, they are the same numbers."""
+"""Nested tuples of numbers that recursions store in rows: compiled code and Python give the same numbers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flexlink.kernels.tools.records import added, keep, kept
 
 @kernel
 def keep_and_add(rows, m, n, J, first):
-    """Keep (m, n, J) in row 1, and in row 0 their sum with it, with m of row 1 and no more where it is read back."""
+    """Store (m, n, J) in row 1 and row 1 + (m, n, J) in row 0; return n as read from row 1."""
     keep(rows, 1, (m, n, J), first)
     keep(rows, 0, added(rows, 1, (m, n, J), first), first)
     _, last, _ = kept(rows, 1, (m, n, J), first)
@@ -22,7 +22,7 @@ def keep_and_add(rows, m, n, J, first):
 
 @pytest.mark.parametrize("first", [0, 2])
 @pytest.mark.parametrize("of", [float, complex])
-def test_numbers_of_nested_tuples_are_consecutive(first: int, of: type) -> None:
+def test_numbers_of_nested_tuples_are_stored_consecutively(first: int, of: type) -> None:
     rows, values = np.zeros((2, 12), of), (of(1.0), (2.0, 3.0, 4.0), ((5.0, 6.0), (7.0, 8.0)))
     assert keep_and_add(rows, *values, first) == values[1]
     kept_numbers = np.arange(1.0, 9.0)
@@ -32,7 +32,7 @@ def test_numbers_of_nested_tuples_are_consecutive(first: int, of: type) -> None:
 
 @kernel
 def add_lanes(rows):
-    """Row 1 + row 0, into row 1, of two 3-vectors of lanes."""
+    """Add the two 3-vectors of row 0, in reverse order, to those of row 1; all numbers are SIMD lanes."""
     o = zero_of(rows, 0, 0)
     zero = (o, o, o)
     f, n = kept(rows, 0, (zero, zero))

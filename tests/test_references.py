@@ -30,7 +30,7 @@ Move = tuple[fl.Reference, tuple[float, ...]]
 
 @st.composite
 def moves(draw: st.DrawFn, limited: bool | None = None) -> Move:
-    """A move of a few joints, in a given time or within limits, and where it starts [deg]."""
+    """A move of a few joints, of given duration or within limits, and its start [deg]."""
     profile, joints = draw(st.sampled_from(sorted(MAY_LIMIT))), draw(st.integers(1, 3))
     start, to = (tuple(round(draw(st.floats(-180, 180)), 3) for _ in range(joints)) for _ in range(2))
     how: dict[str, object] = {"duration": draw(st.floats(0.05, 20))}
@@ -58,7 +58,7 @@ def peaks(course: fl.ReferenceTrajectory, number: int = 3) -> np.ndarray:
 
 
 def came_to(course: fl.ReferenceTrajectory, piece: int) -> np.ndarray:
-    """Angle, rate and acceleration that a piece has at its end, (3, d)."""
+    """Angle, rate and acceleration at the end of a piece, (3, d)."""
     x = course.knots[piece + 1] - course.knots[piece]
     c = [each.coefficients[piece] for each in derivatives(course, 2)]
     return np.array([(part * x ** np.arange(len(part))[:, None]).sum(axis=0) for part in c])
@@ -67,7 +67,7 @@ def came_to(course: fl.ReferenceTrajectory, piece: int) -> np.ndarray:
 @pytest.mark.slow
 @given(moves())
 def test_a_move_starts_and_ends_at_rest_where_it_is_to(move: Move) -> None:
-    """So does its last polynomial: a dozen products, and the end's time, are rounded."""
+    """Also its last polynomial, up to the rounding of a dozen products and of the end time."""
     reference, start = move
     course = reference.course(start)
     a, b = np.radians(start), np.radians(reference.to_deg)
@@ -87,7 +87,7 @@ def test_a_move_starts_and_ends_at_rest_where_it_is_to(move: Move) -> None:
 @pytest.mark.slow
 @given(moves(limited=True))
 def test_no_limit_is_exceeded_and_the_slowest_joint_reaches_one(move: Move) -> None:
-    """At the exact extremes of every piece, and at times in between; knots are rounded by ε of their time."""
+    """Checked at the exact extremes of every piece and between them; knots are rounded by ε of their time."""
     reference, start = move
     course = reference.course(start)
     if len(course.knots) == 1:
@@ -106,7 +106,7 @@ def test_no_limit_is_exceeded_and_the_slowest_joint_reaches_one(move: Move) -> N
 
 @pytest.mark.parametrize("profile", sorted(MOVES))
 def test_joints_start_and_end_together_each_by_the_profile_it_would_take_alone(profile: str) -> None:
-    """Stretched in time to that of the slowest one; a joint that stays where it is stays to the bit."""
+    """Profiles are stretched to the duration of the slowest joint; a joint without a move keeps its exact value."""
     own = dict.fromkeys(MAY_LIMIT[profile], (60.0, 60.0, 60.0))
     course = fl.Reference(profile=profile, to_deg=(90.0, -20.0, 7.0), **own).course((0.0, 0.0, 7.0))
     alone = [fl.Reference(profile=profile, to_deg=(to,), **dict.fromkeys(own, (60.0,))) for to in (90.0, -20.0)]
@@ -131,7 +131,7 @@ def test_short_moves_have_no_cruise_and_shorter_ones_no_constant_acceleration() 
 
 @pytest.mark.parametrize("speed", [20.0, 500.0])
 def test_an_s_curve_becomes_the_trapezoid_as_its_jerk_grows(speed: float) -> None:
-    """It is t_j = a/j behind at the end, and nowhere by more than it covers in that time, max |ṙ| t_j."""
+    """It ends t_j = a/j later; its distance from the trapezoid is at most max |ṙ| t_j."""
     most = {"max_rate_deg": (speed,), "max_acceleration_deg": (100.0,)}
     trapezoid = fl.Reference(profile="trapezoidal", to_deg=(50.0,), **most).course((0.0,))
     t = np.linspace(0, trapezoid.knots[-1], 1000)
@@ -319,7 +319,7 @@ def test_a_reference_that_does_not_fit_the_scene_is_refused(what: str) -> None:
 
 
 def test_a_shaper_with_impulses_below_zero_may_lead_beyond_the_limits(tmp_path: Path) -> None:
-    """From −5° to 9° in no time, by impulses 2, −2, 1: −5° + 2 · 14° = 23° for a while."""
+    """A jump from −5° to 9° with impulses 2, −2, 1: the first one leads to −5° + 2 · 14° = 23°."""
     path = tmp_path / "own.toml"
     rule = 'about = "a"\nsource = "b"\nzeros = 0\nhalf_periods = [0, 0.5, 1]\nweights = [2, -2, 1]\n'
     path.write_text(rule, encoding="utf-8")

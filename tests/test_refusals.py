@@ -1,4 +1,4 @@
-"""What contradicts itself is refused where it is described: the thing, its value, and what is allowed."""
+"""Contradictory descriptions are refused when they are made: with the key, its value, and the allowed values."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_an_explicit_method_has_no_modes() -> None:
 
 
 def test_a_smooth_table_goes_through_its_torques_with_continuous_slope_and_curvature() -> None:
-    """From one knot to the next; the difference is rounding, amplified by 1/h for every derivative."""
+    """At every knot; the remaining jump is rounding, multiplied by 1/h for every derivative."""
     t = np.linspace(0.0, 4.0, 17)
     torques = tuple((float(value),) for value in np.sin(t))
     scene = make_scene(flexible("a"), drive=fl.Drive(kind="table", times=tuple(t), torques=torques, smooth=True))

@@ -1,4 +1,4 @@
-"""Loads in a report are those of the beam, whatever the axis of its joint is called."""
+"""Loads in a report are given in the axes of the beam, for any joint axis."""
 
 from __future__ import annotations
 

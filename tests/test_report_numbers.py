@@ -1,4 +1,4 @@
-"""Numbers and verdicts of a report's chapters, computed again in another way: closed forms, loops, SciPy."""
+"""Numbers and verdicts of a report's chapters against independent results: closed forms, loops, SciPy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a notebook shows of an object fits into a line or two, however many numbers it holds."""
+"""The repr of an object fits into one or two lines, however many numbers the object contains."""
 
 from __future__ import annotations
 
@@ -70,8 +70,10 @@ def test_a_record_shows_what_is_not_as_by_default_so_that_it_can_be_typed_again(
         fl.RunSettings(step=1e-3),
     ):
         assert eval(repr(record), vars(fl)) == record
-    assert repr(fl.RunSettings(step=1e-3)) == "RunSettings(method='RK4', step=0.001)"
-    assert repr(TABLE).startswith("Drive(kind='table', times=(0.0, 1.0, 2.0, 3.0, 4.0, 5.0, ...), torques=((1.0,), ")
+    settings = "RunSettings(method='RK4', step=0.001)"
+    table = "Drive(kind='table', times=(0.0, 1.0, 2.0, 3.0, 4.0, 5.0, ...), torques=((1.0,), "
+    assert repr(fl.RunSettings(step=1e-3)) == settings
+    assert repr(TABLE).startswith(table)
 
 
 @pytest.mark.parametrize(

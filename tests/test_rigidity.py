@@ -1,4 +1,4 @@
-"""Beams whose rigidities and mass are tables: stepped and tapered ones against closed forms, and what is refused."""
+"""Beams with tables of rigidity and mass: stepped and tapered ones against closed forms, and refused tables."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ EVERY_RULE = (
 
 
 def beam(table: fl.Rigidity, rule: str = "gauss", hinges: int = 16, **fields: object) -> fl.Scene:
-    """A clamped beam of a table, without gravity."""
+    """A clamped beam with this table, without gravity."""
     usual = {"flex": "z", "length": table.x[-1], "joint": fl.Joint(locked=True)}
     link = fl.Link(name="spar", lumping=rule, segments=hinges + 1, rigidity="spar", **{**usual, **fields})
     return fl.Scene(name="spar", arm=fl.Arm(links=(link,), rigidities={"spar": table}), gravity=(0.0, 0.0, 0.0))
@@ -59,7 +59,7 @@ def test_a_table_of_one_section_is_that_section(rule: str) -> None:
 
 @functools.cache
 def stepped_frequencies(pieces: tuple[tuple[float, float, float], ...], most: float) -> np.ndarray:
-    """ω up to `most` of a clamped beam of even pieces (length, EI, ρA): y = (v, v', M, V), y' = A y."""
+    """ω up to `most` of a clamped beam of uniform pieces (length, EI, ρA): y = (v, v', M, V), y' = A y."""
 
     def condition(ω: float) -> float:
         T = np.eye(4)
@@ -88,7 +88,7 @@ def test_a_stepped_beam_has_the_frequencies_of_its_transfer_matrices(rule: str, 
 
 
 def test_a_stepped_beam_sags_exactly_where_the_rule_knows_its_moments() -> None:
-    """δ = ∫ F (L − x)²/EI dx: moments that are linear, of any EI, whatever lies within an element or a cell."""
+    """δ = ∫ F (L − x)²/EI dx: the moment is linear, and EI may vary in any way within an element or a cell."""
     force = 1e-7
     sag = force * ((1 - (1 - STEP) ** 3) / (3 * 50.0) + (1 - STEP) ** 3 / (3 * 5.0))
     for rule, limit in (

@@ -1,4 +1,4 @@
-"""Springs at the root of a link: closed forms of beams that are clamped softly, engines, and what is refused."""
+"""Springs at the root of a link: closed forms of elastically clamped beams, other engines, and refused input."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ HELD = fl.Joint(locked=True)
 
 
 def clamped(rule: str = "gauss", hinges: int = 16, **fields: object) -> fl.Scene:
-    """A steel strip of 2 m that bends about z, by default on a root of k L / EI = 3."""
+    """A steel strip of 2 m that bends about z, with a root spring of k L / EI = 3 unless the fields override it."""
     usual = {"root_stiffness": fl.details.RootStiffness(z=3 * EI / LENGTH), "joint": HELD}
     strip = fl.Link(
         name="strip", length=LENGTH, flex="z", segments=hinges + 1, lumping=rule, material="steel", section="strip",
@@ -90,7 +90,7 @@ def test_a_root_adds_its_angle_to_the_sag_of_its_beam() -> None:
 
 
 def test_a_rigid_link_turns_on_its_root_about_each_axis_by_itself() -> None:
-    """ω² = k/I about every axis of the link's frame, and ζ = d ω/(2 k), whatever way the beam runs in it."""
+    """ω² = k/I and ζ = d ω/(2 k) about every axis of the link frame, for any direction of the beam in it."""
     k, d, inertia = (300.0, 500.0, 700.0), (0.3, 0.0, 0.7), (0.1, 0.2, 0.5)
     link = fl.Link(
         name="a", line=((0.0, 0.0, 0.0), (0.0, 0.5, 0.5)), joint=HELD, end=fl.RigidBody(inertia=inertia),
@@ -107,7 +107,7 @@ def test_a_rigid_link_turns_on_its_root_about_each_axis_by_itself() -> None:
 
 
 def test_the_slope_along_a_root_stiffness_is_that_of_the_oscillator() -> None:
-    """θ = θ₀ cos(ω t), ω² = k/I, under a moment that is gone: ∂θ/∂k = −θ₀ t sin(ω t) ω/(2k)."""
+    """θ = θ₀ cos(ω t), ω² = k/I, after release of a moment: ∂θ/∂k = −θ₀ t sin(ω t) ω/(2k)."""
     k, inertia, t, moment = 80.0, 0.2, 0.4, 1.0
     link = fl.Link(
         name="a", joint=HELD, end=fl.RigidBody(inertia=(inertia,) * 3), root_stiffness=fl.details.RootStiffness(z=k)

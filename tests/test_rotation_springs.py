@@ -1,4 +1,4 @@
-"""Springs of rotation vectors: the law in 40 digits, its slopes, every algorithm, large bending in space."""
+"""Springs of rotation vectors: the law in 40 digits, its derivatives, every algorithm, large spatial bending."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ RUNS = {
 
 
 def arm(rule: str, folder: Path | None = None, **fields: object) -> fl.Scene:
-    """A tapered link of this rule before one of angles and one in a plane; every spring has a damper."""
+    """A tapered link with this rule, then a link with springs of angles and a planar one; every spring has a damper."""
     if rule == "cells of 3":
         assert folder is not None
         path = folder / "cells3.toml"
@@ -132,7 +132,7 @@ def cantilever(rule: str, hinges: int, tip: float = 1.0) -> fl.Chain:
 @pytest.mark.parametrize("rule", ["gauss_rotation", "lobatto2_rotation"])
 @pytest.mark.parametrize("size", [1e-9, 1e-3, 0.05, 0.288, 0.3, 1.0, 1.8, 3.6])
 def test_torques_are_the_gradient_of_the_potential_in_40_digits(rule: str, size: float) -> None:
-    """Also for tapered cells, for hinges at 0.5 rad, where series end, and at 3.6 rad, beyond half a turn."""
+    """Also for tapered cells, for hinges at 0.5 rad, where the series ends, and at 3.6 rad, beyond half a turn."""
     chain, rng = cantilever(rule, 4, tip=0.5), np.random.default_rng(int(size * 10))
     q = rng.choice([-size, size], chain.n) if size == 0.288 else rng.uniform(-size, size, chain.n)
     if size > np.pi:
@@ -151,7 +151,7 @@ def test_torques_are_the_gradient_of_the_potential_in_40_digits(rule: str, size:
 
 
 def test_torques_are_the_gradient_of_the_energy_of_larger_cells(tmp_path: Path) -> None:
-    """By differences of fourth order over 1e-3 rad: truncation 1e-12, roundings 1e3 eps."""
+    """Fourth-order differences with a step of 1e-3 rad: truncation 1e-12, rounding 1e3 eps."""
     chain = fl.lump(arm("cells of 3", tmp_path))
     q, _, _ = state(chain)
     torque, h, weights = fl.elastic_torque(chain, q), 1e-3, {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
@@ -162,7 +162,7 @@ def test_torques_are_the_gradient_of_the_energy_of_larger_cells(tmp_path: Path) 
 
 
 def test_springs_are_slack_at_their_rest_angles() -> None:
-    """Angles count from there, and so does the rotation."""
+    """Angles and rotations are measured from the rest angles."""
     chain = cantilever("lobatto2_rotation", 4)
     hinges, rest, q = chain.hinges.copy(), state(chain, seed=2)[0], state(chain)[0]
     hinges["rest"] = rest
@@ -226,7 +226,7 @@ def test_variants_of_an_arm_have_the_springs_that_they_have_alone() -> None:
 
 @pytest.mark.parametrize("rule", RULES)
 def test_the_derivative_of_torques_is_symmetric_and_equals_differences(rule: str, tmp_path: Path) -> None:
-    """Of fourth order, over 1e-3 rad: truncation 1e-12, roundings 1e3 eps."""
+    """Fourth-order differences with a step of 1e-3 rad: truncation 1e-12, rounding 1e3 eps."""
     chain = fl.lump(arm(rule, tmp_path))
     q, _, _ = state(chain)
     K = chain.matrix("stiffness")
@@ -261,7 +261,7 @@ def test_the_slope_is_exact_however_far_a_triple_is_turned(size: float) -> None:
 
 
 def bent(rule: str, folder: Path | None = None) -> fl.Scene:
-    """The arm let go from a posture in which the law is no small part of the torques."""
+    """The arm, released from a posture in which these springs give a large part of the torques."""
     scene = arm(rule, folder)
     return scene.varied({"initial.q": tuple(np.array([0.1, -0.15, 0.2])[fl.lump(scene).hinges["axis"]].tolist())})
 
@@ -315,7 +315,7 @@ def test_info_marks_springs_of_rotation_vectors(capsys: pytest.CaptureFixture[st
 
 
 def skew_fall(rule: str, hinges: int) -> np.ndarray:
-    """Tip of a clamped beam, EI_y / EI_z = 4, let go under a skew weight of 8.5 EI_y / L³: it falls by its length."""
+    """Tip of a clamped beam, EI_y / EI_z = 4, released under a skew weight of 8.5 EI_y / L³: it falls by its length."""
     side, weight = 0.03, 6.0
     I = side * (2 * side) ** 3 / 12 / 4
     link = fl.Link(

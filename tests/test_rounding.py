@@ -1,4 +1,4 @@
-"""What rounding explains: as much as right programs need, and no more."""
+"""Rounding bounds: large enough for all correct programs, and not much larger."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ def pendulum(**joint: float) -> Chain:
 
 
 def near(value: object) -> object:
-    """Equal but for a few roundings; abs=0, because pytest adds 1e-12, beside which all that is meant here vanishes."""
+    """Equal up to a few roundings; abs=0, because the default of pytest, 1e-12, exceeds the values compared here."""
     return pytest.approx(value, rel=1e-12, abs=0)
 
 
 def test_of_a_pendulum_it_is_ten_roundings_of_each_part() -> None:
-    """By hand: M* = m L² + armature, T_G* = m g L, T_W* = |f| L + |m|; the whole sum, whatever cancels in it."""
+    """By hand: M* = m L² + armature, T_G* = m g L, T_W* = |f| L + |m|: absolute values, without cancellation."""
     chain = pendulum(viscous=0.2, armature=0.5)
     inertia, weight, load_ = M * L**2 + 0.5, M * G * L, 5.0 * L + 10.0
     assert rounding.of_mass_matrix(chain, Q) == near(10 * EPS * inertia)
@@ -47,7 +47,7 @@ def test_of_a_pendulum_it_is_ten_roundings_of_each_part() -> None:
     assert rounding.of_friction_torque(chain, QD) == near([10 * EPS * 0.2 * 1.5])
     off = qdd + 2000 * rounding.of_acceleration(
         chain, Q, QD, qdd, TAU, tip_wrench=WRENCH
-    )  # enough that −7 itself is not rounded
+    )  # 2000: large enough that rounding of −7 itself does not matter
     assert rounding.acceleration_error(chain, Q, QD, TAU, solutions=(qdd, off), tip_wrench=WRENCH) == pytest.approx(
         [2000.0], rel=1e-3
     )
@@ -62,7 +62,7 @@ def test_the_torque_of_a_spring_is_judged_by_its_own_size() -> None:
 
 
 def test_it_grows_with_the_root_of_the_number_of_hinges() -> None:
-    """A bar with an increasing number of segments has nearly constant M* and T_G*."""
+    """A bar is divided into more and more segments; M* and T_G* stay nearly the same."""
     few, many = (lump(make_scene(flexible("arm", "z", segments))) for segments in (4, 64))
     zero = [np.zeros(chain.n) for chain in (few, many)]
     ratio = rounding.of_mass_matrix(many, zero[1]) / rounding.of_mass_matrix(few, zero[0])
@@ -70,14 +70,14 @@ def test_it_grows_with_the_root_of_the_number_of_hinges() -> None:
 
 
 def mast() -> Chain:
-    """A post along the axis that it turns about, askew: without rounding, no gravity torque and hardly any inertia."""
+    """A tilted post along its joint axis: without rounding it has no gravity torque and hardly any inertia."""
     post = Link(name="post", length=2.0, material="aluminium", section="square", joint=Joint(locked=True),
                 mount=Mount(rpy_deg=(0.0, -90.0, 0.0)))  # fmt: skip
     return lump(make_scene(Link(name="mast", mount=Mount(rpy_deg=(33.0, 47.0, 21.0))), post))
 
 
 def far_away() -> Chain:
-    """A kilometre from frame 0, where three digits of every point are spent on the way."""
+    """An arm a kilometre from the origin of frame 0: every point loses three digits to the distance."""
     base = Link(name="base", mount=Mount(xyz=(1000.0, 200.0, 300.0), rpy_deg=(33.0, 47.0, 21.0)))
     return lump(make_scene(base, flexible("arm", "yz", 4, mount=Mount(rpy_deg=(90.0, 0.0, 0.0)))))
 
@@ -99,8 +99,8 @@ def test_right_engines_stay_within_it_where_nearly_everything_cancels(arm) -> No
     assert [row for row in rows_of(arm()) if not row.passed] == []
 
 
-def test_in_a_mast_only_parts_that_cannot_cancel_give_the_size_of_rounding() -> None:
-    """Neither M nor the largest torque under gravity along x, y and z does, and both are the usual measures."""
+def test_the_rounding_of_a_mast_is_estimated_only_by_terms_that_cannot_cancel() -> None:
+    """The usual measures fail: neither M nor the largest torque under gravity along x, y and z bounds the rounding."""
     chain = mast()
     other, zero = load("mujoco", chain), np.zeros(1)
     along = [dataclasses.replace(chain, gravity=9.81 * axis) for axis in np.eye(3)]
@@ -115,7 +115,7 @@ def test_in_a_mast_only_parts_that_cannot_cancel_give_the_size_of_rounding() -> 
 
 @pytest.mark.slow
 def test_it_is_not_far_above_what_engines_do() -> None:
-    """The largest errors of right engines are within a hundred times of it: what is explained is not everything."""
+    """The largest errors of correct engines are at least 1 % of the bound, so the bound is not too wide."""
     found: dict[str, float] = {}
     for path in MODELS:
         for row in rows_of(lump(load_scene(path))):
@@ -139,7 +139,7 @@ def two_rods() -> Chain:
 
 
 def test_the_largest_loads_are_those_of_a_stretched_arm_that_turns_as_fast_as_its_joints_together() -> None:
-    """By hand: 3 kg at 2 m and 1 m from the joints, at 2 + 1 rad/s whatever their signs, and m g beside m Ω² r."""
+    """By hand: 3 kg at 2 m and 1 m from the joints, 2 + 1 rad/s for any signs, and m g in addition to m Ω² r."""
     still, none = np.zeros(2), np.zeros(6)
     assert rounding.largest_loads(two_rods(), still, none) == near([M * G * 2.0, M * G])
     turning = M * (G + 3.0**2 * 2.0)
@@ -158,7 +158,7 @@ def test_a_force_on_the_tip_loads_by_its_lever_and_a_moment_loads_all_hinges() -
 
 
 def test_rounding_leaves_an_energy_balance_a_few_units_in_the_last_place() -> None:
-    """Of 1 + 2 + 3 + 4 J, and of m g L = 58.86 J at an angle below 1 rad: one rounding at least, ten at most."""
+    """For 1 + 2 + 3 + 4 J, and for m g L = 58.86 J at an angle below 1 rad: between one and ten roundings."""
     energy, work = np.array([[1.0], [-2.0], [3.0]]), np.array([-4.0])
     explained = rounding.of_energy_balance(pendulum(), energy, work, np.array([[0.5]]))
     assert (explained >= EPS * (10.0 + M * G * L)).all()

@@ -1,4 +1,4 @@
-"""Lumping rules as quadratures of the curvature integral, and what they make of a link."""
+"""Lumping rules as quadratures of the curvature integral, and the hinges that they give a link."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ EXACT_DEGREE = {
 }  # fmt: skip
 """Highest d up to which 12 hinges integrate the moments (1 − x)^d exactly; from d = 2 for those of `TIP_FREE`.
 
-All numbers of hinges here are multiples of 6: this includes rules that take them in twos and threes.
+All numbers of hinges here are multiples of 6: rules with groups of two or three hinges are included.
 """
 
 
@@ -65,7 +65,7 @@ def test_bending_under_moments_up_to_this_degree_is_exact(name):
     [("paper", 1), ("hencky", 2), ("midpoint", 2), ("open", 3), ("gauss", 4), ("gregory", 4), ("clamped", 4)],
 )
 def test_order_of_the_curvature_integral(name, expected):
-    """For a smooth moment that vanishes with its slope at the tip, as that of a free end."""
+    """For a smooth moment that vanishes at the tip together with its slope, as at a free end."""
 
     def error(n):
         exact = 2 * np.e - 5  # ∫ (1 − x)² eˣ dx
@@ -147,7 +147,7 @@ def test_a_hinge_at_the_links_end_is_refused(tmp_path):
 @pytest.mark.parametrize("name", EXACT_DEGREE)
 @pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
 def test_every_rule_gives_every_flex_type_a_chain_that_moves(name, flex):
-    """Hinges bent up to 50°: far beyond a useful chain, and the most that `gauss_matched` bears."""
+    """Hinges are bent up to 50°: far beyond a useful chain, and the limit of `gauss_matched`."""
     chain = lump(
         make_scene(
             flexible("upper", flex, 7, lumping=name, joint=Joint(locked=name in TIP_FREE)),
@@ -168,7 +168,7 @@ def test_every_rule_gives_every_flex_type_a_chain_that_moves(name, flex):
 
 
 def test_rotors_of_matched_twist_act_on_relative_motion_alone():
-    """Negative, on twist hinges only, and such that an accelerated even twist takes the torques of the real bar."""
+    """They are negative, only on twist hinges, and an accelerated uniform twist needs the torques of the real bar."""
     chain, bending = torsion_bar("gauss_matched", 6)
     nodes, weights = lumping_rule("gauss_matched").hinges(6)
     rotors, twisting = chain.hinges["armature"], np.setdiff1d(np.arange(chain.n), bending)
@@ -181,7 +181,7 @@ def test_rotors_of_matched_twist_act_on_relative_motion_alone():
     assert not np.allclose((torque - rotors * even)[twisting], rigid, rtol=1e-3)
 
 
-def test_axes_alternate_only_if_the_rule_requires_it():
+def test_axes_alternate_only_if_the_rule_specifies_it():
     paper, gauss = (lump(make_scene(flexible("arm", "xyz", 5, lumping=name))) for name in ("paper", "gauss"))
     assert paper.hinges["axis"].tolist() == [2, 0, 1, 2, 0, 1, 2, 0, 1, 2, 0, 1, 2]
     assert gauss.hinges["axis"].tolist() == [2, 0, 1, 2, 2, 1, 0, 0, 1, 2, 2, 1, 0]

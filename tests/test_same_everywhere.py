@@ -1,4 +1,4 @@
-"""What is written to files does not depend on the CPU: not on the kernels of the BLAS, nor on fused multiply-adds."""
+"""Written files do not depend on the CPU: neither on the kernels of the BLAS nor on fused multiply-adds."""
 
 from __future__ import annotations
 
@@ -87,8 +87,8 @@ def test_principal_axes_are_those_of_the_inertia(moments: tuple[float, ...], rng
     assert_array_equal(principal_axes(np.diag([3.0, 1.0, 2.0]))[0], [1.0, 2.0, 3.0])
 
 
-def test_only_known_digits_of_an_equilibrium_are_reported() -> None:
-    """Angles that are 0 by symmetry are 0; no spring's torque moves by more than rounding leaves open."""
+def test_only_significant_digits_of_an_equilibrium_are_reported() -> None:
+    """Angles that are 0 by symmetry are 0; spring torques are known up to rounding."""
     chain = fl.lump(fl.load_scene(next(path for path in MODELS if path.stem == "three_links")))
     rest = fl.solve_static(chain, np.where(chain.stiffness > 0, 0.0, 0.5), locked=chain.active.tolist())
     sideways = [k for k in range(chain.n) if chain.joint_name(k).endswith(".y")]

@@ -1,4 +1,4 @@
-"""Motors that saturate: steps with a tolerance keep it, wherever torques reach their largest and leave it."""
+"""Motors that saturate: steps meet their tolerance, whenever torques reach their limit or leave it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def geared() -> fl.Scene:
     joint = fl.Joint(armature=ROTOR, gear_stiffness=GEAR, gear_damping=LOSS)
     link = fl.Link(
         name="arm", length=1.0, joint=joint, hub=fl.RigidBody(mass=0.25, inertia=(LOAD, LOAD, LOAD))
-    )  # a hub's mass is at the joint
+    )  # the mass of a hub is at the joint
     return fl.Scene(
         name="saturated", arm=fl.Arm(links=(link,)), gravity=(0.0, 0.0, 0.0),
         initial=fl.InitialState(joint_deg=(60.0,)),
@@ -34,7 +34,7 @@ def geared() -> fl.Scene:
 
 @pytest.fixture(scope="module")
 def exact(geared: fl.Scene) -> np.ndarray:
-    """The link's angle at the samples by two equations of motion, one branch of the torque after another."""
+    """Exact angle of the link at the samples: one linear equation of motion per branch of the torque."""
 
     def asked(y: np.ndarray) -> float:
         return float(-KP * y[0] - KD * y[2])

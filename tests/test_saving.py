@@ -1,4 +1,4 @@
-"""What is saved is loaded again, equal to the bit, with every property of it."""
+"""Saved objects are loaded bit-equal, with all their properties."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_a_run_is_loaded_as_it_was_saved(run: fl.Trajectory, tmp_path: Path) -> 
     assert_equal(again, fl.load_trajectory(again.save(tmp_path / "again.npz")))
 
 
-def test_a_run_without_scene_work_and_steps_is_also_loaded(run: fl.Trajectory, tmp_path: Path) -> None:
+def test_a_run_without_scene_work_and_steps_can_be_loaded(run: fl.Trajectory, tmp_path: Path) -> None:
     bare = fl.Trajectory(run.chain, run.t, run.q, run.qd, run.tau, run.tip, run.energy)
     again = fl.load_trajectory(str(bare.save(tmp_path / "run.npz")))
     assert (again.work, again.steps, again.scene, again.warnings) == (None, None, None, ())

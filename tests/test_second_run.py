@@ -112,7 +112,7 @@ def test_fixed_explicit_steps_are_doubted_only_if_their_errors_grow() -> None:
 
 
 def tumbling_body(**changes: object) -> fl.Scene:
-    """A free rigid body that spins nearly about its middle axis and flips now and then; its tip is 1 m away."""
+    """A free rigid body that spins nearly about its intermediate axis and flips at times; its tip is 1 m away."""
     stub = fl.Link(name="stub", on="base", joint=fl.Joint(locked=True), length=1.0, end=fl.RigidBody(mass=1e-3))
     base = fl.Base(kind="free", mass=10.0, inertia=(1.0, 2.0, 3.0))
     spin = fl.details.BaseState(spin_deg=(np.degrees(1e-3), np.degrees(2.0), np.degrees(1e-3)))

@@ -1,4 +1,4 @@
-"""Cross-sections against tables and limits that are not the formulas themselves."""
+"""Cross-sections against independent tables and limits."""
 
 from __future__ import annotations
 
@@ -68,5 +68,5 @@ def test_a_rectangle_bends_by_its_closed_form() -> None:
     assert p[:3] == pytest.approx((6.0, 2.0, 4.5), rel=ROUNDING, abs=0)  # 3 · 2³/12, 2 · 3³/12
 
 
-def test_a_general_section_has_its_given_values() -> None:
+def test_a_general_section_has_the_given_properties() -> None:
     assert Section(shape="general", area=1.0, i_y=2.0, i_z=3.0, torsion=4.0).properties == (1.0, 2.0, 3.0, 4.0)

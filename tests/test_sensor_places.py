@@ -1,4 +1,4 @@
-"""Where sensors sit and what they read there, by other ways than `test_sensors`: rates of hinges, moments, markers."""
+"""Places of sensors and their readings, computed otherwise than in `test_sensors`: hinge rates, moments, markers."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ STILL = fl.RunSettings(duration=0.0, sample=0.01)
 
 
 def shown(scene: fl.Scene, q: np.ndarray, qd: np.ndarray, *sensors: Sensor) -> dict[str, float]:
-    """What sensors show in one state."""
+    """Readings of sensors in one state."""
     run = fl.simulate(scene.varied({"sensor": sensors, "run": STILL}), q0=q, qd0=qd)
     return {name: float(run.columns[name][0]) for name in run.sensor_names}
 
 
 def test_directions_are_those_of_the_link_whatever_its_mount() -> None:
-    """The second link alone turns, about its own z, at 2 rad/s; in frame 0 that is another direction."""
+    """Only the second link turns, about its z axis, at 2 rad/s; in frame 0 this is another direction."""
     rpy = (40.0, -25.0, 70.0)
     rod = {"length": 0.5, "material": "aluminium", "section": "square"}
     scene = make_scene(fl.Link(name="a", **rod), fl.Link(name="b", mount=fl.Mount(rpy_deg=rpy), **rod))
@@ -49,7 +49,7 @@ def test_a_marker_on_the_axis_is_the_place_along_it(length: float, rng: np.rando
 
 
 def test_at_a_hinge_a_sensor_sits_on_the_outer_segment(rng: np.random.Generator) -> None:
-    """Its rate is the sum of those of the joint and of all hinges up to that one, itself included."""
+    """Its rate is the sum of the rates of the joint and of all hinges up to and including that one."""
     scene = make_scene(flexible("a", segments=4, length=1.0, lumping="midpoint"))
     qd = rng.normal(size=fl.lump(scene).n)
     hinges = fl.strength.beam_strain(scene, 0 * qd, link="a", fibre=(0.0, 0.0)).x
@@ -74,7 +74,7 @@ def test_between_hinges_the_strain_of_a_uniform_load_is_its_parabola(x: float) -
 
 
 def test_a_table_bent_about_both_axes_strains_by_both() -> None:
-    """ε = z κ_y − y κ_z: of a table of one section what the section itself shows."""
+    """ε = z κ_y − y κ_z: a table with the values of one section gives the strains of that section."""
     area, second = 0.04**2, SQUARE.properties.i_z
     table = fl.Rigidity(x=(0.0, 1.25), ei_y=(70e9 * second,) * 2, ei_z=(70e9 * second,) * 2, rho_a=(2700 * area,) * 2)
     plain = make_scene(flexible("a", "yz", 4, lumping="midpoint"))
@@ -89,7 +89,7 @@ def test_a_table_bent_about_both_axes_strains_by_both() -> None:
     assert abs(one[2]) > 1e-6
 
 
-def test_a_repeated_sample_replaces_the_first_one() -> None:
+def test_a_second_sample_at_the_same_time_replaces_the_first() -> None:
     signal = Signal(1, None)
     signal.add(np.array([0.0, 1.0, 2.0]), np.array([[0.0], [1.0], [2.0]]))
     signal.add(np.array([2.0]), np.array([[5.0]]))
@@ -107,7 +107,7 @@ def test_a_linear_model_shows_gain_times_signal_plus_bias() -> None:
 
 @pytest.mark.parametrize("blur", [{"noise": 1e3}, {"resolution": 50.0}])
 def test_noise_and_resolution_neither_hide_nor_feign_samples_too_far_apart(blur: dict[str, float]) -> None:
-    """A motion with a delay between samples gives a note; an arm at rest does not."""
+    """A swing is reported, because the delay needs values between samples; an arm at rest is not."""
     sensors = [Sensor(name="encoder", kind="joint", link="a", delay=0.3, **more) for more in ({}, blur)]
     scene = make_scene(flexible("a"), gravity=(0.0, -9.81, 0.0))
     run = fl.simulate(scene, method="Radau5", step=1e-3, sample=0.2, duration=2.0)

@@ -1,4 +1,4 @@
-"""What sensors show: against closed forms, exact filters, and themselves in other runs."""
+"""Readings of sensors against closed forms, exact filters, and readings in other runs."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def turning(*sensors: Sensor, **fields: object) -> fl.Trajectory:
     return fl.simulate(scene.varied({"run.step": 1e-3, "run.duration": 1.0, "run.sample": 0.01}))
 
 
-def test_a_rod_that_turns_evenly_matches_the_formulas() -> None:
+def test_sensors_on_a_rod_of_constant_rate_agree_with_formulas() -> None:
     ω, r = np.pi / 2, 0.5
     run = turning(
         Sensor(name="imu", kind="accelerometer", link="rod", x=r), Sensor(name="gyro", kind="gyroscope", link="rod"),
@@ -105,7 +105,7 @@ def test_a_delay_gain_and_bias() -> None:
 
 
 def test_a_delay_after_a_low_pass_is_exact_between_samples() -> None:
-    """Of a ramp u = t that has begun at 0: a first-order low-pass is late by its time constant."""
+    """For a ramp u = t that starts at 0, a first-order low-pass lags by its time constant."""
     t, T = np.arange(0.0, 1.0, 0.01), 1 / (2 * np.pi * 5.0)
     late = np.maximum(t - 0.0537, 0.0)
     found = shown(t, t, delay=0.0537, low_pass=5.0)
@@ -134,7 +134,7 @@ def test_noise_is_white_and_normal_and_comes_again_by_its_seed() -> None:
 
 
 def test_the_numbers_of_noise_stay_what_they_are() -> None:
-    """They are Philox's own, turned into normal ones here: no version of NumPy changes them."""
+    """They come from Philox and are converted to a normal distribution here, so no version of NumPy changes them."""
     found = shown(np.arange(3) / 100, np.zeros(3), noise=1.0, seed=1)
     np.testing.assert_allclose(found, [1.4092493637369143, 0.7193025410542524, -1.4400850108307892], rtol=1e-12)
     np.testing.assert_allclose(
@@ -152,7 +152,7 @@ SENSORS = (
 
 
 class Here:
-    """One state, as a sample of a run."""
+    """One state with the attributes of a run."""
 
     def __init__(self, chain: fl.Chain, *parts: np.ndarray) -> None:
         self.chain, (self.q, self.qd, self.qdd, self.tau) = chain, (part[None] for part in parts)
@@ -212,7 +212,7 @@ def test_a_sweep_takes_what_a_sensor_shows_and_varies_it() -> None:
 
 
 def test_a_place_that_is_fixed_carries_no_sensor_and_one_beyond_the_first_hinge_does() -> None:
-    """For a clamped beam, whose first segment is part of the base."""
+    """The first segment of a clamped beam is part of the base."""
     near, far = (Sensor(name="imu", kind="accelerometer", link="beam", x=x) for x in (0.01, 0.9))
     with refused(fl.errors.SceneError, "sensor-on-fixed-part"):
         fl.simulate(cantilever(near))
@@ -272,7 +272,7 @@ def test_a_linear_model_has_sensors_as_outputs_next_to_a_moving_state(rng: np.ra
 
 
 def test_low_passes_of_a_linear_model_are_those_of_the_instruments() -> None:
-    """A unit step of the signal, by SciPy, and by the instrument itself."""
+    """Response to a unit step of the signal, by SciPy and by the instrument."""
     t = np.linspace(0, 0.3, 61)
     for order in (1, 2, 5):
         A, B, C = butterworth(20.0, order).matrices
@@ -301,7 +301,7 @@ def test_a_simulator_shows_what_a_run_has_in_its_columns() -> None:
     assert arm.readings == rows[0]
 
 
-def test_a_law_gets_the_values_of_sensors() -> None:
+def test_a_law_receives_the_readings_of_sensors() -> None:
     scene = two_links().varied({"run.step": 1e-3, "run.sample": 0.01, "run.duration": 0.1, "run.method": "Radau5"})
     told = []
 
@@ -330,7 +330,7 @@ def test_a_law_that_asks_for_sensors_needs_some_and_a_rate() -> None:
         fl.simulate(scene.varied({"sensor": None}), control=law, rate=100.0)
 
 
-def test_samples_too_far_apart_for_a_low_pass_give_a_note_and_enough_of_them_do_not() -> None:
+def test_only_samples_too_far_apart_for_a_low_pass_are_reported() -> None:
     gauge = Sensor(name="gauge", kind="strain", link="beam", x=0.1, fibre=(0.02, 0.0), low_pass=50.0)
     scene = cantilever(gauge).varied({"initial.passive": "zero", "run.duration": 0.4, "run.tolerance": 1e-5})
     coarse, fine = (fl.simulate(scene, sample=sample) for sample in (0.005, 0.0005))
@@ -356,7 +356,7 @@ def test_measurements_are_compared_with_what_sensors_show(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("fields", [{}, {"flex": "yz", "segments": 5}], ids=["rigid", "bends"])
 def test_places_and_directions_are_those_of_the_links_frame_wherever_its_beam_runs(fields: dict) -> None:
-    """A beam along y, beside the joint, which turns about y: R = R_y(θ) of a link that is not bent."""
+    """A beam along y, offset from its joint about y: R = R_y(θ) for a link that is not bent."""
     θ, beam = 0.7, {"material": "aluminium", "section": "square", "line": ((0.1, 0.0, 0.0), (0.1, 0.6, 0.0))}
     arm = fl.Link(name="arm", joint=fl.Joint(axis=(0, 1, 0)), **beam, **fields)
     scene = make_scene(arm, gravity=(0, 0, -9.81))
@@ -380,7 +380,7 @@ def test_places_and_directions_are_those_of_the_links_frame_wherever_its_beam_ru
 
 @pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
 def test_markers_sit_where_links_begin_and_end(path: Path, rng: np.random.Generator) -> None:
-    """At the tips of all branches, at the joint of every link that moves, and on the way from there straight on."""
+    """At the tips of all branches, at the joint of every moving link, and on the straight line between them."""
     scene = fl.load_scene(path)
     chain = fl.lump(scene)
     q = rng.uniform(-0.5, 0.5, chain.n)
@@ -424,7 +424,7 @@ def test_the_strain_of_a_uniform_load_is_exact_from_three_hinges_on() -> None:
 
 
 def test_looking_does_not_change_what_is_seen() -> None:
-    """Nor what a drive that is asked at a rate holds."""
+    """Nor does it change the torques that a sampled drive holds."""
     drive = fl.Drive(kind="pd", kp=(30.0, 30.0), kd=(3.0, 3.0), target_deg=(10.0, 20.0), rate=200.0)
     settings = {"run.step": 1e-3, "run.sample": 0.01, "run.duration": 0.1, "run.method": "Radau5"}
     seen = two_links(drive=drive).varied(settings)
@@ -436,8 +436,8 @@ def test_looking_does_not_change_what_is_seen() -> None:
     np.testing.assert_array_equal(fl.simulate(seen).q, fl.simulate(unseen).q)
 
 
-def test_a_prescribed_joint_and_a_free_base_are_also_seen_by_a_simulator(models: Path) -> None:
-    """Torques of a prescribed motion, and an attitude that is reset on the way."""
+def test_a_simulator_measures_prescribed_joints_and_free_bases(models: Path) -> None:
+    """The torque of a prescribed motion, and an attitude whose reference changes during the run."""
     steps = {"run.step": 2e-3, "run.method": "Radau5", "run.sample": 0.05, "run.tolerance": None}
     satellite = fl.load_scene(models / "satellite.toml").varied(
         {**steps, "run.duration": 0.5, "initial.base.spin_deg": (200.0, 50.0, 30.0)}

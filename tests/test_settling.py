@@ -1,4 +1,4 @@
-"""How the tip comes to rest, and runs as tables of other packages."""
+"""Settling of the tip, and runs as tables of other packages."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def short_run() -> fl.Trajectory:
 
 @pytest.fixture(scope="module")
 def step_response(short_run: fl.Trajectory) -> fl.Trajectory:
-    """x = 1 + 0.3 (1 − exp(−ζωt) (cos ω_d t + ζ/√(1 − ζ²) sin ω_d t)), the books' response of second order."""
+    """x = 1 + 0.3 (1 − exp(−ζωt) (cos ω_d t + ζ/√(1 − ζ²) sin ω_d t)), the textbook response of second order."""
     t = np.linspace(0.0, 10.0, 10_001)
     damped = ω * math.sqrt(1 - ζ**2)
     x = 1 - np.exp(-ζ * ω * t) * (np.cos(damped * t) + ζ / math.sqrt(1 - ζ**2) * np.sin(damped * t))
@@ -105,7 +105,7 @@ def test_xarray_has_every_quantity_over_time_and_joint_with_its_unit(short_run: 
 
 
 @pytest.mark.parametrize("package", ["pandas", "xarray"])
-def test_without_the_package_one_line_reports_what_to_install(
+def test_without_the_package_the_error_names_the_command_that_installs_it(
     short_run: fl.Trajectory, package: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, package, None)

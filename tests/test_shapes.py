@@ -1,4 +1,4 @@
-"""Patterns of differences between numbers of a file and the right ones: records made by hand, no engine."""
+"""How values in a file differ from right ones, and which differences are reported: handmade records, no engine."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ARM = make_scene(flexible("a", "yz", 3), flexible("b", "z", 3), gravity=(0.0, -9
 
 @functools.cache
 def record() -> ReadBack:
-    """Ours; asked by tests, not where they are collected: it compiles."""
+    """Our record; built within tests instead of at collection, because it compiles."""
     return of_chain(fl.lump(ARM))
 
 
@@ -31,7 +31,7 @@ def seen(ours: list[float], theirs: list[float]) -> Discrepancy:
 
 
 def fields(theirs: ReadBack) -> list[str]:
-    """First words of the report."""
+    """First words of the reported differences."""
     return [finding.what.partition(" of ")[0] for finding in differences(record(), theirs, "mjcf")[1]]
 
 
@@ -44,7 +44,7 @@ def test_a_shape_fits_up_to_rounding_and_not_up_to_digits_of_a_file(apart: float
     assert shapes.permuted(seen(ours, [3.0, 1.0 + apart, 2.0])) == same
 
 
-def test_a_shape_matches_its_name() -> None:
+def test_shapes_of_differences_match_their_names() -> None:
     nothing = [0.0, 0.0]
     assert shapes.all_zero(seen([1.0, 2.0], nothing))
     assert not shapes.all_zero(seen([1.0, 2.0], [0.0, 1.0]))
@@ -73,7 +73,7 @@ def test_our_own_record_has_no_difference() -> None:
 
 
 def test_a_centre_is_compared_to_ten_digits() -> None:
-    """Beyond the rounding of frames that are turned one by one, 1e-11 of the arm."""
+    """The rounding of successive rotations of frames is smaller, 1e-11 of the arm."""
     centers = record().centers.copy()
     centers[record().masses.argmax()] += [0.0, 1e-7, 0.0]
     (told,) = fields(dataclasses.replace(record(), centers=centers))

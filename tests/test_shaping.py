@@ -1,4 +1,4 @@
-"""What input shapers leave of a vibration: nothing of those that they are for, little of those nearby."""
+"""Residual vibration after input shaping: zero at the design frequencies, small near them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ZEROS = {"ZV": 1, "ZVD": 2, "ZVDD": 3, "EI": 0}
 
 
 def left(shaper: fl.InputShaper, pole: complex, derivative: int = 0) -> complex:
-    """Σ a_i exp(−λ t_i), or its derivative to λ."""
+    """Σ a_i exp(−λ t_i), or its derivative with respect to λ."""
     t, a = shaper.impulses
     return complex(np.sum(a * (-t) ** derivative * np.exp(-pole * t)))
 
@@ -29,7 +29,7 @@ def left(shaper: fl.InputShaper, pole: complex, derivative: int = 0) -> complex:
 def residual(course: fl.ReferenceTrajectory, pole: complex) -> float:
     """Amplitude of ÿ − 2 Re λ ẏ + |λ|² (y − r) = 0 from rest when its reference has ended, by matrix exponentials.
 
-    x^j of a piece are also states, (x^j)' = j x^(j−1): one exponential is the exact solution over a piece.
+    The powers x^j are additional states, (x^j)' = j x^(j−1): one exponential is the exact solution over a piece.
     """
     order = course.coefficients.shape[1]
     A = np.zeros((2 + order, 2 + order))
@@ -58,7 +58,7 @@ def test_every_shaper_that_comes_along_is_tested() -> None:
 def test_a_shaped_reference_leaves_no_vibration(
     kind: str, frequency: float, damping: float, profile: str, duration: float
 ) -> None:
-    """Of 1 rad: 1e-12 is some thousand roundings, of up to 28 pieces; exp(A t) is rounded by ε |A| t, |A| = |λ|²."""
+    """1e-12 of a move of 1 rad is some thousand roundings, for up to 28 pieces; exp(A t): ε |A| t, |A| = |λ|²."""
     shaper = fl.InputShaper(kind=kind, frequency_hz=(frequency,), damping=(damping,))
     course = fl.Reference(profile=profile, to_deg=(np.degrees(1.0),), duration=duration).course((0.0,))
     pole, shaped = shaper.vibrations[0], course.shaped(*shaper.impulses)
@@ -76,10 +76,10 @@ def test_two_vibrations_are_shaped_away_by_the_convolution_of_their_shapers() ->
 
 @pytest.mark.parametrize("kind", ["ZV", "ZVD", "ZVDD"])
 @given(frequency=st.floats(0.1, 100), damping=st.floats(0, 0.9))
-def test_a_shaper_has_as_many_derivatives_to_the_frequency_zero_as_documented(
+def test_derivatives_of_a_shaper_with_respect_to_frequency_vanish_up_to_its_order(
     kind: str, frequency: float, damping: float
 ) -> None:
-    """In units of 1/|λ|^k; what each impulse adds is |a_i (λ t_i)^k exp(−λ t_i)|, rounded by a few ε |λ t_i|."""
+    """In units of 1/|λ|^k each impulse adds |a_i (λ t_i)^k exp(−λ t_i)|, rounded by a few ε |λ t_i|."""
     shaper = fl.InputShaper(kind=kind, frequency_hz=(frequency,), damping=(damping,))
     (pole,), (t, a) = shaper.vibrations, shaper.impulses
     for k in range(ZEROS[kind] + 1):
@@ -98,7 +98,7 @@ def test_the_extra_insensitive_shaper_leaves_5_percent_at_most_in_its_band() -> 
 
 
 @given(frequency=st.floats(0.1, 100), damping=st.floats(0, 0.99))
-def test_impulses_sum_to_one_and_poles_agree_with_frequency_and_damping(frequency: float, damping: float) -> None:
+def test_impulses_sum_to_one_and_poles_match_frequency_and_damping(frequency: float, damping: float) -> None:
     shaper = fl.InputShaper(kind="ZVD", frequency_hz=(frequency,), damping=(damping,))
     (pole,), (t, a) = shaper.vibrations, shaper.impulses
     assert a.sum() == pytest.approx(1.0, abs=4 * EPS)
@@ -111,7 +111,7 @@ def test_impulses_sum_to_one_and_poles_agree_with_frequency_and_damping(frequenc
 
 
 def test_a_shaped_reference_is_the_sum_of_delayed_ones(rng: np.random.Generator) -> None:
-    """Also of impulses below 0: within 64 ε of the largest value of each."""
+    """Also for negative impulses: within 64 ε of the largest value of each derivative."""
     times, weights = rng.uniform(0, 1, 5), rng.uniform(-1, 1, 5)
     course = fl.Reference(profile="s_curve", to_deg=(90.0, -45.0), duration=1.0).course((0.0, 10.0))
     shaped, t = course.shaped(times, weights), np.linspace(-1, 4, 777)
@@ -122,7 +122,7 @@ def test_a_shaped_reference_is_the_sum_of_delayed_ones(rng: np.random.Generator)
 
 
 def test_a_shaper_of_ones_own_is_a_file(tmp_path: Path) -> None:
-    """Of unity magnitude, +1, −1, +1 after sixths of a period: faster than ZV."""
+    """The unity-magnitude shaper, +1, −1, +1 at sixths of a period, is faster than ZV."""
     path = tmp_path / "um_zv.toml"
     rule = 'about = "UM-ZV"\nsource = "Singhose, Singer & Seering 1994"\nzeros = {}\n'
     rule += "half_periods = [0, 0.3333333333333333, 0.6666666666666666]\nweights = [1, -1, 1]\n"
@@ -184,7 +184,7 @@ def test_poles_of_a_wheel_on_a_spring_of_pd_are_its_closed_form() -> None:
 
 
 def test_stiff_gains_have_the_poles_of_the_arm_with_its_joint_locked() -> None:
-    """At a bent posture under gravity; what the joint still gives is of the order of the arm's stiffness by kp."""
+    """At a bent posture under gravity; the compliance of the joint is of the order of the arm's stiffness over kp."""
     scene = make_scene(flexible("a", flex="yz"), tip=fl.RigidBody(mass=1.0), initial=fl.InitialState(joint_deg=(30.0,)))
     chain = fl.lump(scene)
     q = fl.solve_static(chain, np.full(chain.n, 0.1), locked=chain.active).q

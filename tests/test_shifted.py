@@ -1,4 +1,4 @@
-"""(M + A) x = r in O(n), and what small changes of the angles move."""
+"""(M + A) x = r in O(n), and the displacements due to small changes of the angles."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def posture_of(chain: fl.Chain) -> tuple:
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("number", [1.0, 1.0 + 0.7j, 0.01 - 2.0j])
 def test_the_solution_is_that_of_the_dense_matrix(name: str, number: complex) -> None:
-    """Up to 100 eps cond(M + A), of which each of the elimination's few roundings a joint takes its part."""
+    """Up to 100 eps cond(M + A), for the few roundings per joint in the elimination."""
     chain, rng = fl.lump(SCENES[name]), np.random.default_rng(1)
     q, r = rng.uniform(-1, 1, chain.n), number * rng.normal(size=chain.n)
     A = number * rng.uniform(0.1, 1.0, chain.n) + chain.hinges["armature"]

@@ -1,4 +1,4 @@
-"""Shortcuts of a first run give the results of the full computation, which is done here as well."""
+"""Shortcuts of the first run of a scene give the results of the full computation, which is also done here."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_no_eigenvalue_is_beyond_the_bound(arm: Path, rng: np.random.Generator) 
 
 
 def test_no_swing_of_a_hanging_arm_is_beyond_the_bound() -> None:
-    """Rigid links, which gravity alone makes swing."""
+    """Rigid links that swing only due to gravity."""
     chain = fl.lump(
         make_scene(
             *(fl.Link(name=name, length=1.0, end=fl.RigidBody(mass=1.0)) for name in "ab"), gravity=(9.81, 0.0, 0.0)
@@ -92,7 +92,7 @@ def test_a_wheel_on_one_arm_of_two_has_no_lever() -> None:
 def test_a_step_that_samples_end_takes_no_notice_of_a_longer_one_that_is_stable(
     damping: float, young: float, monkeypatch
 ) -> None:
-    """Runs by DOP853 whose longest step is looked for are those in which it is known not to matter, to the bit."""
+    """Runs by DOP853 that compute the longest stable step are bit-equal to runs in which it is known not to matter."""
     material = fl.Material(young=young, density=2700.0, loss_time=1e-5)
     scene = make_scene(flexible("a", segments=3, joint=fl.Joint(viscous=damping)), gravity=(0.0, -9.81, 0.0)).varied(
         {"material.aluminium": material, "run": fl.RunSettings(method="DOP853", tolerance=1e-5, duration=0.2)}

@@ -1,4 +1,4 @@
-"""Simulation: overrides, samples, drives, and runs that leave the finite numbers."""
+"""Simulation: overrides, samples, drives, and diverging runs."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ DRIVES = {  # of three links, the first one locked; what the other two get at t 
 
 @pytest.mark.parametrize("kind", DRIVES)
 def test_every_link_gets_its_own_drive_also_behind_a_locked_one(kind: str) -> None:
-    """So heavy that it keeps its rates of 1 and −2 deg/s: the angles at 0.5 s are 4 and 8 degrees."""
+    """The arm is so heavy that its rates stay 1 and −2 deg/s: the angles at 0.5 s are 4 and 8 degrees."""
     drive, wanted = DRIVES[kind]
     hub, locked = fl.RigidBody(inertia=(1e9, 1e9, 1e9)), fl.Joint(locked=True)
     links = [fl.Link(name="a", joint=locked), fl.Link(name="b", hub=hub), fl.Link(name="c", hub=hub)]
@@ -110,9 +110,10 @@ def test_a_run_that_diverges_stops_and_keeps_its_samples(paper: fl.Scene) -> Non
     with pytest.raises(fl.errors.DivergenceError) as caught:
         fl.simulate(paper, step=1e-3, sample=1e-3, unstable="allow")
     message, kept = str(caught.value), caught.value.trajectory
-    for part in ("paper_fig5: ", "t = ", "try a smaller step than 0.001 s", f"{len(kept.t)} samples kept"):
+    for part in ("paper_fig5: ", "t = ", "0.001 s", f"{len(kept.t)} samples"):
         assert part in message
-    assert "run.step = 0.001 s: more than 0.000491 s" in kept.warnings[0]
+    assert kept.warnings[0].id == "unstable-step"
+    assert "0.000491 s" in kept.warnings[0]
     assert len(kept.t) >= 2
     assert np.isfinite(kept.q).all()
     assert kept.q.shape == (len(kept.t), 10)
@@ -167,7 +168,7 @@ def test_saved_files_read_back_exactly(paper: fl.Scene, tmp_path) -> None:
         run.save(tmp_path / "run.xlsx")
 
 
-def test_a_failed_save_leaves_the_old_file_and_reports_why(paper: fl.Scene, tmp_path) -> None:
+def test_a_failed_save_keeps_the_old_file_and_gives_the_reason(paper: fl.Scene, tmp_path) -> None:
     run = fl.simulate(paper, duration=0.01)
     with refused(fl.errors.OutputError, "cannot-write"):
         run.save(tmp_path / "no" / "run.npz")
@@ -224,8 +225,8 @@ def test_which_joints_are_driven_cannot_be_overwritten(paper: fl.Scene) -> None:
         fl.lump(paper).active[0] = 3
 
 
-def test_every_quantity_of_a_run_has_its_name(models, tmp_path) -> None:
-    """In the trajectory, in the columns and in the archive; of an arm that is driven, bent and out of the plane."""
+def test_every_quantity_of_a_run_has_its_own_name(models, tmp_path) -> None:
+    """In the trajectory, in the columns and in the archive, for a driven, bent arm in space."""
     scene = fl.load_scene(models / "t3_spatial.toml")
     drive = fl.Drive(kind="constant", torque=tuple(float(k + 1) for k in range(len(scene.arm.links))))
     run = fl.simulate(scene.varied({"drive": drive}), step=1e-5, sample=1e-4, duration=2e-4)

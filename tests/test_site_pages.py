@@ -67,12 +67,13 @@ def site() -> Path:
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 @pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
 @pytest.mark.parametrize("name", PAGES)
-def test_nothing_is_cut_and_pages_are_accessible(
+def test_pages_are_not_cut_and_are_accessible(
     window: Browser, site: Path, name: str, size: tuple[int, int], dark: bool
 ) -> None:
     window.open(site / f"{name}.html", *size, dark)
     window.run(STILL)
-    assert window.run("return document.documentElement.dataset.theme") == ("dark" if dark else "light")
+    theme = window.run("return document.documentElement.dataset.theme")
+    assert theme == ("dark" if dark else "light")
     assert window.run(OVERFLOW) == []
     script = axe()
     if script is None:

@@ -1,4 +1,4 @@
-"""A length of a chain that is never 0: carts, wheels and motors run by default, and right, by every method."""
+"""The size of a chain is never 0: carts, wheels and motors run correctly with default settings and every method."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_levers_are_places_that_turning_moves(links: tuple[fl.Link, ...], levers
 
 
 def test_a_last_wrist_counts_by_its_radius_of_gyration_about_its_axis() -> None:
-    """Behind it is no place that an error of its angle would move; its rotor moves no mass."""
+    """An error of its angle moves no point of the arm; its rotor moves no mass."""
     hub = fl.RigidBody(mass=4.0, center=(0.3, 0.0, 0.7), inertia=(0.1, 0.1, 0.2))
     wrist = fl.Link(name="wrist", joint=fl.Joint(armature=5.0), hub=hub)
     chain = fl.lump(make_scene(fl.Link(name="arm", length=1.0, hub=fl.RigidBody(mass=1.0)), wrist, **STILL))
@@ -86,7 +86,7 @@ def test_a_last_wrist_counts_by_its_radius_of_gyration_about_its_axis() -> None:
 
 
 def test_a_motor_on_an_elastic_gear_counts_by_its_share_of_the_momentum() -> None:
-    """Its rotor turns against the spring and moves no place at once; a rod of 3 kg and 1 m has J = 1 kg m²."""
+    """Its rotor turns against the spring and moves no point immediately; a rod of 3 kg and 1 m has J = 1 kg m²."""
     hub = fl.RigidBody(mass=3.0, center=(0.5, 0.0, 0.0), inertia=(0.0, 0.25, 0.25))
     joint = fl.Joint(armature=0.25, gear_stiffness=100.0)
     chain = fl.lump(make_scene(fl.Link(name="arm", length=1.0, joint=joint, hub=hub), **STILL))
@@ -97,7 +97,7 @@ def test_a_motor_on_an_elastic_gear_counts_by_its_share_of_the_momentum() -> Non
 
 @compiled
 def test_what_newton_leaves_of_a_rotor_on_an_elastic_gear_is_within_the_tolerance() -> None:
-    """Its motor saturates, and nothing takes a rate back that is left: 10.8 tolerances where places alone counted."""
+    """Its motor saturates, so errors of its rate stay: 10.8 tolerances when the norm used positions alone."""
     found = [one for one in outcomes(130, (3.24e-7,)) if one.method == "Radau9"]
     assert [one.word for one in found] == ["right"] and found[0].error < 1.0
 
@@ -105,7 +105,7 @@ def test_what_newton_leaves_of_a_rotor_on_an_elastic_gear_is_within_the_toleranc
 @compiled
 @pytest.mark.parametrize("method", ["auto", "DOP853", "Radau5", "Radau9"])
 def test_the_last_link_of_a_robot_without_a_place_on_it_is_within_the_tolerance(method: str) -> None:
-    """Its swing throws the link before it: 66 tolerances by Radau5 where the error norm looked at places alone."""
+    """Its swing accelerates the link before it: 66 tolerances by Radau5 when the norm used positions alone."""
     scene = fl.load_scene(ROOT / "models" / "robots" / "double_pendulum.toml")
     scene = replace(scene, initial=replace(scene.initial, joint_deg=(70.0, 40.0)))
     scene = replace(scene, run=fl.RunSettings(method=method, tolerance=1e-5, duration=2.0, sample=0.1))
@@ -134,7 +134,7 @@ def test_a_cart_on_a_spring_follows_its_closed_form(run: dict[str, Any]) -> None
 @compiled
 @EVERY
 def test_two_masses_on_an_elastic_gear_swing_against_each_other(run: dict[str, Any]) -> None:
-    """The twist is a cos ω t, ω² = k (1/J + 1/I), and the motor turns by I/(I + J) of what it lost."""
+    """The twist is a cos ω t, ω² = k (1/J + 1/I), and the motor turns by I/(I + J) of the change of twist."""
     motor, load, k, twist = 0.05, 0.1, 30.0, 0.2
     gear = wheel(load, armature=motor, gear_stiffness=k, gear_damping=0.0)
     initial = fl.InitialState(q=(0.0, twist), qd=(0.0, 0.0))
@@ -146,7 +146,7 @@ def test_two_masses_on_an_elastic_gear_swing_against_each_other(run: dict[str, A
 
 
 def spun(t: Array, ω: tuple[float, float]) -> Array:
-    """ω of a free body with I = 1, 2, 3 that starts at (ω₁, 0, ω₃), by Jacobi's functions; turning about its third."""
+    """ω of a free body with I = 1, 2, 3 that starts at (ω₁, 0, ω₃), by Jacobi's functions; it spins about axis 3."""
     one, three = ω
     energy, square = one**2 + 3 * three**2, one**2 + (3 * three) ** 2  # 2 T, L²
     assert square > 2 * energy
@@ -160,7 +160,7 @@ def spun(t: Array, ω: tuple[float, float]) -> Array:
 @pytest.mark.slow
 @EVERY
 def test_a_free_body_tumbles_as_in_jacobi_s_solution(run: dict[str, Any]) -> None:
-    """The error of its spin grows about in proportion to the turns; it is within 30 tolerances of angle and rate."""
+    """The error grows about in proportion to the number of turns; it is within 30 tolerances of angle and rate."""
     base = fl.Base(kind="free", mass=4.0, inertia=(1.0, 2.0, 3.0))
     arm = fl.Arm(links=(fl.Link(name="box", joint=fl.Joint(locked=True)),), base=base)
     initial = fl.InitialState(joint_deg=(0.0,), base=fl.details.BaseState(spin=(1.2, 0.0, 1.0)))
@@ -174,7 +174,7 @@ def test_a_free_body_tumbles_as_in_jacobi_s_solution(run: dict[str, Any]) -> Non
 
 @compiled
 def test_a_bob_without_a_rod_keeps_its_tolerance() -> None:
-    """A hub off its axis is a pendulum, of which no hinge point and no tip moves: its turning counts."""
+    """A hub off its axis is a pendulum without moving hinge points or tip: the error norm uses its rotation."""
     bob = fl.Link(name="bob", hub=fl.RigidBody(mass=1.0, center=(0.5, 0.0, 0.0), inertia=(0.01, 0.01, 0.01)))
     scene = make_scene(bob, gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_deg=(60.0,)))
     exact = fl.simulate(scene.varied({"run": fl.RunSettings(method="RK4", step=1e-3, duration=3.0, sample=0.05)}))

@@ -50,7 +50,7 @@ def test_products_and_solutions_are_those_of_the_matrices(chain: fl.Chain, follo
 def test_a_newton_step_with_skipped_rows_is_that_of_the_whole_matrix(
     chain: fl.Chain, smallest: float, rng: Rng, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Coordinates whose pivots are too small, none, some or all, are found with the load and the row below."""
+    """None, some or all coordinates have pivots that are too small; they are found with the load and the row below."""
     monkeypatch.setattr(small_motion.SmallMotion.eliminate, "__defaults__", (smallest,))
     q, n = rng.uniform(-1, 1, chain.n), chain.n
     acting = LoadedState(q, np.zeros(n), np.zeros(6), False, np.arange(n))
@@ -73,8 +73,8 @@ def test_a_newton_step_with_skipped_rows_is_that_of_the_whole_matrix(
     assert len(equations.motion.skipped) == chain.n or smallest < 1
 
 
-def test_pivots_have_the_signs_of_the_eigenvalues(rng: Rng) -> None:
-    """Of columns about their buckling load, of an arm in any posture, of a moment in space."""
+def test_pivots_and_eigenvalues_agree_on_stability(rng: Rng) -> None:
+    """For columns near their buckling load, and for arms in random postures with and without a wrench in space."""
     seen = []
     for _ in range(40):
         column = cantilever("gauss", 6)
@@ -101,7 +101,7 @@ def test_pivots_have_the_signs_of_the_eigenvalues(rng: Rng) -> None:
     "name", ["models/three_links", "validation/scenes/pendulum", "validation/scenes/double_pendulum_rods"]
 )
 def test_an_arm_that_starts_level_comes_to_hang(name: str) -> None:
-    """Its load is largest there, so that no more of it can be let go at first: the path starts along what is pushed."""
+    """The load is largest there, so the load path starts along the direction of the load."""
     scene = fl.load_scene(ROOT / f"{name}.toml")
     chain = fl.lump(scene)
     rest = fl.solve_static(chain, chain.rest)
@@ -125,7 +125,7 @@ def test_a_joint_along_gravity_stays_where_it_is(name: str) -> None:
 
 
 def test_displacements_are_those_of_the_points(chain: fl.Chain, rng: Rng) -> None:
-    """A quarter turn forth and back is exact, every point goes round on a circle, and so is sliding by 1 m."""
+    """Exact for a quarter turn forward and back, where points move on circles, and for sliding by 1 m."""
     q = random_state(chain, rng)[0]
     ways = np.where(chain.slides, 1.0, np.pi / 2)
     turned = np.array(

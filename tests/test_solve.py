@@ -1,4 +1,4 @@
-"""The dense solvers solve general systems, not only those of mass matrices."""
+"""The dense solvers solve all documented systems, not only those of mass matrices."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_dense_solvers_solve_any_positive_definite_system(solve, n: int, rng: np
 
 @pytest.mark.parametrize("n", [2, 5, 12])
 def test_lu_exchanges_rows_where_a_pivot_is_small(n: int, rng: np.random.Generator) -> None:
-    """Without it, or with the sign of the others counted, a pivot 1e-10 of them leaves six digits of the residual."""
+    """Without the exchange, or with signed comparison, a relative pivot of 1e-10 leaves six digits in the residual."""
     A, b = positive_definite(n, rng), rng.normal(size=n)
     A[0, 0], A[1:, 0] = 1e-10, -np.abs(A[1:, 0])  # no mass matrix any more; only its diagonal is asked to be positive
     x = b.copy()

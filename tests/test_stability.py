@@ -63,7 +63,7 @@ def chebyshev(tmp_path) -> str:
 
 
 def test_a_chebyshev_method_is_stable_up_to_twice_the_square_of_its_stages(chebyshev: str) -> None:
-    """Of 5 stages none goes further (Markov)."""
+    """No method of 5 stages is stable further (Markov)."""
     joint = fl.Joint(viscous=8.0)
     scene = make_scene(fl.Link(name="a", joint=joint), tip=fl.RigidBody(mass=1.0, inertia=(1, 1, 2)), gravity=(0, 0, 0))
     assert fl.stable_step(fl.lump(scene), method=chebyshev) == pytest.approx(50 / 4.0, rel=1e-5)
@@ -71,7 +71,7 @@ def test_a_chebyshev_method_is_stable_up_to_twice_the_square_of_its_stages(cheby
 
 @pytest.mark.parametrize("slant", [0.01, 0.03, 0.1])
 def test_no_interval_of_growth_lies_below_the_stable_step(slant: float, chebyshev: str) -> None:
-    """Beside the real axis R is a little above 1 around each extremum of T_5, and below 1 between them."""
+    """Near the real axis |R| is slightly above 1 around each extremum of T_5, and below 1 between them."""
     λ = np.array([-1.0 + slant * 1j, -1.0 - slant * 1j])
     h = stable_step_of(λ, chebyshev)
     inside = np.linspace(0, h, 10_001)[:, None] * λ
@@ -140,7 +140,7 @@ def test_the_largest_frequency_is_that_of_all_eigenvalues(flex, damping) -> None
 def test_estimates_for_long_chains_hold_the_largest_stiffness_and_the_largest_damping(
     flex, damping, monkeypatch
 ) -> None:
-    """Each to Lanczos' 1e-4, not only together: where one of the two bounds the step, the other does not show."""
+    """Each within Lanczos' 1e-4, checked separately: where one of the two limits the step, the other has no effect."""
     chain, q = weightless_pair(flex, damping)
     _, squares, brakes = dense(chain, q)
     monkeypatch.setattr(stability, "DENSE", 0)
@@ -224,7 +224,7 @@ SITUATIONS = {
         flexible("a", "z", 5, joint=LOCKED), gravity=(0, 0, 0), wrench=fl.Wrench(force=(1e5, 0, 0))
     ),
     "pushed, 0.95 of buckling": lambda: pushed(0.95),
-    "with a heavy payload": lambda: make_scene(
+    "a heavy payload": lambda: make_scene(
         flexible("a", "yz", 5, joint=LOCKED), gravity=(9.81, 0, 0), tip=fl.RigidBody(mass=1000.0)
     ),
     "hangs free": lambda: make_scene(flexible("a", "xyz", 4), flexible("b", "z", 3), gravity=(9.81, 0, 0)),

@@ -1,4 +1,4 @@
-"""Stability functions: Padé's, and how far methods reach; that Radau IIA and Gauss reach everywhere is proved twice."""
+"""Stability functions: Padé's, and the extent of stability; A-stability of Radau IIA and Gauss is proved twice."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_the_stability_function_of_a_family_is_pade_s_approximation(family: str,
 
 @pytest.mark.parametrize("name", ["Radau5", "Radau9", "Gauss4", "Gauss6"])
 def test_radau_and_gauss_reach_everywhere_and_are_algebraically_stable(name: str) -> None:
-    """BA + AᵀB − bbᵀ ≥ 0 with b > 0 suffices (Burrage & Butcher 1979), another proof than the zeros of E."""
+    """BA + AᵀB − bbᵀ ≥ 0 with b > 0 suffices (Burrage & Butcher 1979), a proof independent of the zeros of E."""
     A, b, _ = method(name).arrays
     M = b[:, None] * A + (b[:, None] * A).T - np.outer(b, b)
     assert np.linalg.eigvalsh(M).min() > -10 * np.finfo(float).eps
@@ -66,7 +66,7 @@ def test_radau_and_gauss_reach_everywhere_and_are_algebraically_stable(name: str
 
 
 def test_the_trapezoidal_rule_and_backward_kutta_are_distinguished() -> None:
-    """Both have no pole on the left; the second one grows between y⁴ = 24 g and y² = 3 on the imaginary axis."""
+    """Neither has a pole on the left; the second one grows between y⁴ = 24 g and y² = 3 on the imaginary axis."""
     assert is_stable_everywhere(TRAPEZOID)
     assert not is_stable_everywhere(BACKWARD)
     assert not is_stable_everywhere(method("RK4"))
@@ -106,7 +106,7 @@ def test_a_half_disc_is_stable_and_the_largest_one(name: str) -> None:
     assert r <= stable_reach(method(name), np.array([1j, -1.0])).min() * (1 + 1e-9), "to the digits of a zero"
 
 
-def test_radau_is_stable_on_every_half_disc_and_of_an_implicit_method_with_a_limit_nothing_is_reported() -> None:
+def test_radau_is_stable_on_every_half_disc_and_an_implicit_method_with_a_limit_has_none() -> None:
     assert stable_half_disc(method("Radau5")) == np.inf
     assert stable_half_disc(THETA) == 0.0
 

@@ -1,4 +1,4 @@
-"""What a start loads: nothing that the command, or the name that is used, does not need."""
+"""Imports at startup: only modules that the command, or the public name used, needs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ HEAVY = {"numba", "llvmlite", "numpy", "scipy", "msgspec", "matplotlib", "tomlli
 
 
 def loaded(code: str, *arguments: str) -> set[str]:
-    """Modules that are loaded when a process ends that runs this code."""
+    """Modules loaded at the end of a process that runs this code."""
     code = f"import atexit, sys; atexit.register(lambda: print(*sys.modules, file=sys.stderr)); {code}"
     command = [sys.executable, "-c", code, *arguments]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -29,7 +29,7 @@ def loaded(code: str, *arguments: str) -> set[str]:
 
 
 def loaded_by(*arguments: str) -> set[str]:
-    """Modules that are loaded when a command ends."""
+    """Modules loaded at the end of a command."""
     return loaded("from flexlink.cli.main import main; main()", *arguments)
 
 

@@ -1,4 +1,4 @@
-"""The states at which arms are compared: of every kind, and none that the chain cannot take."""
+"""States at which arms are compared: of every kind, and all valid for the chain."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_hinges_with_negative_rotors_are_bent_only_as_far_as_m_stays_positive_de
 
 
 def test_an_arm_that_is_singular_when_stretched_out_is_compared_where_it_is_not() -> None:
-    """Two joints about one line, with nothing between them, at every multiple of 180°."""
+    """Two joint axes coincide, without mass between them, at every multiple of 180°."""
     gimbals = [Link(name="one"), Link(name="two", mount=Mount(rpy_deg=(90.0, 0.0, 0.0)))]
     chain = lump(
         make_scene(

@@ -1,4 +1,4 @@
-"""Postures in a row at which an arm rests are those of `solve_static`, one by one, to the bit."""
+"""Equilibria computed in sequence are bit-equal to those of separate calls of `solve_static`."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_springs_that_are_slack_elsewhere_are_bent_from_there() -> None:
 
 
 def test_where_the_joints_jump_the_load_is_put_on_step_by_step(monkeypatch) -> None:
-    """A soft column that is turned from hanging to standing at once: an equilibrium, but not the nearest zero."""
+    """A soft column is turned from hanging to upright at once: the nearest zero is not the wanted equilibrium."""
     soft = make_scene(flexible("a", segments=7), gravity=(9.81, 0.0, 0.0), tip=fl.RigidBody(mass=20.0))
     chain = fl.lump(soft.varied({"material.aluminium.young": 3e8}))
     angles = np.radians([[0.0], [1.0], [100.0], [101.0], [179.0]])
@@ -77,7 +77,7 @@ def test_where_the_joints_jump_the_load_is_put_on_step_by_step(monkeypatch) -> N
 
 
 def test_a_column_that_buckles_on_the_way_is_not_followed_upright() -> None:
-    """Beyond its buckling load the upright posture is an equilibrium, of which nothing is wanted: as one by one."""
+    """Beyond its buckling load the upright posture is an unwanted equilibrium: the result is that of separate calls."""
     soft = make_scene(flexible("a", segments=5), gravity=(-9.81, 0.0, 0.0), tip=fl.RigidBody(mass=20.0))
     chain = fl.lump(soft.varied({"material.aluminium.young": 2e8}))
     angles = way([60.0], [0.0], 7)

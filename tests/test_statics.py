@@ -79,7 +79,7 @@ def test_the_path_turns_back_where_the_column_snaps_over():
 
 
 def test_a_step_that_would_jump_to_another_branch_is_taken_smaller():
-    """Followed there, the path would never reach the full load."""
+    """On that branch the path would never reach the full load."""
     chain, wrench = cantilever("midpoint", 7), [-15.078, -56.753, 0, 0, 0, 10.457]
     found = solve_static(chain, tip_wrench=wrench)
     assert found.residual < 1e-9
@@ -88,7 +88,7 @@ def test_a_step_that_would_jump_to_another_branch_is_taken_smaller():
 
 @pytest.mark.parametrize("hinges", [2, 4, 8])
 def test_a_limp_cantilever_hangs_along_its_load_however_large_that_is(hinges):
-    """The path was lost from 40 EI/L² on: a step ended where a hinge had turned round, and the load ran to −∞."""
+    """A former error: from 40 EI/L² on, a step ended with a hinge turned by a revolution, and the load went to −∞."""
     chain, slope = cantilever("gauss", hinges), 0.0
     for force in (20.0, 40.0, 80.0, 160.0, 500.0):
         hanging = solve_static(chain, tip_wrench=[0, force, 0, 0, 0, 0])
@@ -101,7 +101,7 @@ def test_a_limp_cantilever_hangs_along_its_load_however_large_that_is(hinges):
 
 @pytest.mark.parametrize(("push", "aside"), [(8.0, 0.02), (8.0, 0.2), (12.0, 0.3), (30.0, 0.3)])
 def test_a_column_far_beyond_its_buckling_load_bends_to_the_side_it_is_pushed_to(push, aside):
-    """It was found straight, leaning against the push, on the unstable branch."""
+    """A former error: the result was nearly straight, leaning against the push, on the unstable branch."""
     found = solve_static(cantilever("midpoint", 7), tip_wrench=[-push, aside, 0, 0, 0, 0])
     assert found.stable
     assert found.residual < 1e-9
@@ -146,7 +146,7 @@ def test_a_joint_that_nothing_holds_stays_unless_something_pushes_it():
 
 
 def test_steady_spin_bends_a_leaning_beam_outward():
-    """Rates are held: the relative equilibrium of a turning arm, r(q, q̇) = 0."""
+    """The rates are constant: relative equilibrium of a rotating arm, r(q, q̇) = 0."""
     chain = thin_arm(thin_link("midpoint", 6, flex="yz", free=True), gravity=(0.0, 0.0, 2.0))
     rates = np.zeros(chain.n)
     rates[0] = 3.0
@@ -225,8 +225,8 @@ def test_without_a_load_springs_let_go_in_proportion_from_any_posture_to_any_res
     np.testing.assert_allclose(path[:, 1:], rest + (1 - s) * (q0 - rest), rtol=0, atol=1e-14)
 
 
-def test_the_residual_is_that_at_the_end_of_the_path():
-    """A coarse tolerance leaves more than rounding."""
+def test_the_residual_is_the_torque_that_remains_at_the_end_of_the_path():
+    """With a coarse tolerance it is larger than rounding."""
     chain, wrench = cantilever("midpoint", 8), [0, 5.0, 0, 0, 0, 0]
     found = solve_static(chain, tip_wrench=wrench, tolerance=0.1)
     left = np.abs(
@@ -236,8 +236,8 @@ def test_the_residual_is_that_at_the_end_of_the_path():
     assert found.residual == pytest.approx(left, rel=1e-6, abs=0)
 
 
-def test_an_equilibrium_gives_its_holding_torque() -> None:
-    """T_EX = T_GC + T_FL at fixed joints, also at a bent hinge with a given torque: nothing accelerates."""
+def test_an_equilibrium_reports_its_holding_torque() -> None:
+    """T_EX = T_GC + T_FL at the held hinges, one of them bent, and the given torque elsewhere: q̈ = 0."""
     chain = lump(make_scene(flexible("a", "yz"), flexible("b", "yz"), gravity=(1.0, 9.81, 2.0)))
     wrench, given = np.arange(6.0), np.zeros(chain.n)
     given[chain.n - 1] = 0.5

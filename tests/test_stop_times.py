@@ -1,4 +1,4 @@
-"""Where steps end, beside their own grid: at knots of what is given in time, at samples, at a law's instants."""
+"""Times at which steps end, in addition to their grid: knots of given functions, samples, instants of a control law."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_a_fixed_step_is_cut_at_a_corner_and_the_next_ends_on_the_grid_again() -
 
 
 def test_a_bump_of_ten_times_the_tolerance_is_not_stepped_over() -> None:
-    """1 % of the largest torque, where 0.1 % of the reach is asked for."""
+    """The bump is 1 % of the largest torque; the tolerance is 0.1 % of the reach."""
     times = np.linspace(0.0, 1.0, 65)
     torques = times + 0.01 * (np.arange(65) == 33)
     scene = driven(tuple(times), tuple(torques), method="Radau5", relative_tolerance=1e-3)
@@ -43,7 +43,7 @@ def test_a_bump_of_ten_times_the_tolerance_is_not_stepped_over() -> None:
 
 
 def test_a_table_is_landed_on_where_it_is_off_by_more_than_its_part() -> None:
-    """A corner of b, between two others h away, is off by b/2 from the cubic polynomial through these."""
+    """A corner of height b, between two others at a distance h, deviates by b/2 from the cubic through them."""
     times, part = np.linspace(0.0, 1.0, 65), 1e-3
     for bump, landed in ((1.0, False), (5.0, True)):
         torques = times + bump * part * (np.arange(65) == 33)
@@ -52,7 +52,7 @@ def test_a_table_is_landed_on_where_it_is_off_by_more_than_its_part() -> None:
         assert (times[33] in found) == landed
 
 
-def test_a_sampled_law_is_asked_also_at_the_last_instant_before_the_end() -> None:
+def test_a_sampled_law_is_evaluated_at_the_last_instant_before_the_end() -> None:
     drive = fl.Drive(kind="pd", kp=(1.0,), kd=(0.1,), target_deg=(0.0,), rate=10.0)
     scene = ARM.varied(
         {"drive": drive, "run": fl.RunSettings(sample=0.5, duration=0.5, method="Radau5", tolerance=1e-3)}
@@ -62,8 +62,8 @@ def test_a_sampled_law_is_asked_also_at_the_last_instant_before_the_end() -> Non
     assert stop_times(scene).between(0.0, 0.34)[0] == pytest.approx([0.1, 0.2, 0.3, 0.34])
 
 
-def test_steps_end_where_pieces_of_the_feed_forward_also_end() -> None:
-    """What holds a bent arm along a move bends more often than the move does."""
+def test_steps_end_at_the_breakpoints_of_the_feed_forward() -> None:
+    """The torque that holds a bent arm along a move has more breakpoints than the move."""
     scene = fl.load_scene(ROOT / "models" / "ptp_move.toml")
     assert scene.drive.gravity == "static"
     law = drive_arrays(scene, fl.lump(scene))
@@ -72,7 +72,7 @@ def test_steps_end_where_pieces_of_the_feed_forward_also_end() -> None:
 
 
 def test_a_long_step_of_dop853_passes_samples_and_nothing_else() -> None:
-    """Not the third sample, at which the law is asked; 15 evaluations are fewer than 12 for each of two samples."""
+    """It ends at the third sample, where the law is evaluated; 15 evaluations are fewer than 12 per sample for two."""
     drive = fl.Drive(kind="pd", kp=(1.0,), kd=(0.1,), target_deg=(0.0,), rate=8 / 3)
     run = fl.RunSettings(sample=0.125, duration=0.75, method="DOP853", tolerance=1e-3)
     times, passed_by = stop_times(ARM.varied({"drive": drive, "run": run})).between(0.0, 0.75)
@@ -82,7 +82,7 @@ def test_a_long_step_of_dop853_passes_samples_and_nothing_else() -> None:
 
 @pytest.mark.parametrize("passes", [True, False])
 def test_a_run_that_judges_another_one_stops_between_samples_where_that_one_stops_at_them(passes: bool) -> None:
-    """Halves of the same times are passed by steps that pass these, and only by them."""
+    """The verification run passes a sample exactly where the run passes it."""
     run = fl.RunSettings(sample=0.1, duration=0.4, method="DOP853", tolerance=1e-3)
     problem = problem_of(ARM.varied({"run": run}))
     record = Record(problem, run.times, np.zeros((5, 3)), np.zeros((5, 3)))
@@ -92,7 +92,7 @@ def test_a_run_that_judges_another_one_stops_between_samples_where_that_one_stop
 
 
 def test_bodies_that_tumble_stop_at_samples() -> None:
-    """Their motion multiplies what longer steps would be off by; those that dampers hold pass samples."""
+    """Their motion amplifies the errors of longer steps; steps of damped motion pass samples."""
     stub = fl.Link(name="stub", on="base", length=1.0, end=fl.RigidBody(mass=1e-3))
     body = fl.Scene(
         name="body", arm=fl.Arm(links=(stub,), base=fl.Base(kind="free", mass=10.0, inertia=(1.0, 2.0, 3.0))),

@@ -67,7 +67,7 @@ def stored() -> list[tuple[tuple[str, str, str, str], float]]:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PARTS)
 def test_a_case_is_within_its_limits_and_measures_what_the_full_study_did(name: str, tmp_path: Path) -> None:
-    """Numbers below 1e-6 apart, which may be of rounding, and what a tenth of a limit or less decides."""
+    """Numbers above 1e-6, which are not rounding, agree within 2 % plus the allowance of `reports.same`."""
     case = replace(CASES[name], settings=CASES[name].settings | PARTS[name])
     kind, settings = kind_of(case)
     found, rows, series = defaultdict(list), [], []
@@ -86,7 +86,7 @@ def test_a_case_is_within_its_limits_and_measures_what_the_full_study_did(name: 
 
 
 def check_what_is_made_of(folder: Path, name: str, series: list[Series]) -> None:
-    """Every figure and finding has names of files, whole sentences, and tables with a value under every head."""
+    """Every figure and finding has file names, complete sentences, and tables with a value in every column."""
     for each in series:
         Store(folder).add_series(name, each)
     results = Results.read(folder)

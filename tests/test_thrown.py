@@ -1,4 +1,4 @@
-"""What the error of a step is in metres: how far errors of angles and rates move the bodies."""
+"""The error of a step in metres: displacements of the bodies due to errors of angles and rates."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SCENES = {
 
 
 class Work(NamedTuple):
-    """What `step_error_norm` takes of the scratch of a method."""
+    """The part of a method's workspace that `step_error_norm` uses."""
 
     chain: Any
     posture: Any
@@ -79,7 +79,7 @@ def test_what_turns_freely_goes_on_for_the_time_of_the_slowest_swing(name: str) 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_what_a_sampled_law_makes_of_an_error_of_the_rates_counts_by_where_it_throws_the_bodies(name: str) -> None:
-    """An impulse p turns what swings with ω by τ / (1 + τ² ω²) of what it is of p."""
+    """An impulse p moves a mode of frequency ω by τ / (1 + τ² ω²) times the modal share of p."""
     q, work, ω, shapes = prepared(name)
     τ, inverse = 1.0 / ω[2], shapes @ shapes.T
     work.springs.impulse[:] = 1e3 / inverse[0, 0]

@@ -91,7 +91,7 @@ def test_every_method_ends_within_its_tolerance_of_another_solver(drive: str) ->
 
 @pytest.mark.parametrize(("name", "steps"), [("Radau5", (8, 12)), ("Gauss4", (12, 18)), ("Gauss6", (6, 9))])
 def test_fixed_steps_have_the_order_of_their_method(name: str, steps: tuple[int, int]) -> None:
-    """Of a smooth motion: a compliant arm without loss, at rest where its springs are slack."""
+    """For a smooth motion: a compliant arm without damping that starts at rest with slack springs."""
     links = flexible("a", segments=2), flexible("b", segments=2)
     scene = make_scene(*links, gravity=(1.0, 0.0, 0.0), initial=fl.InitialState(joint_deg=(40.0, -70.0)))
     scene = scene.varied({"material.aluminium.young": 7e6, "run.duration": 0.3, "run.sample": 0.3})
@@ -189,7 +189,7 @@ def test_deflections_of_an_arm_that_is_straight_at_first_have_a_tolerance() -> N
 
 
 def test_the_deflection_of_an_arm_that_starts_bent_in_a_stiff_mode_is_not_overestimated() -> None:
-    """Its q̈, that of its fastest modes, would bend it a hundred times more within a period of the slowest mode."""
+    """Its initial q̈, in the fastest modes, would bend it a hundred times more within a period of the slowest mode."""
     zigzag = fl.InitialState(q=(0.0, 0.03, -0.03, 0.03, -0.03))
     run = fl.RunSettings(method="DOP853", relative_tolerance=1e-2, accuracy="deflection", duration=0.1, sample=0.01)
     scene = make_scene(flexible("a", segments=5), initial=zigzag).varied({"run": run})

@@ -86,7 +86,7 @@ def test_a_ladder_ends_where_both_errors_are_small_or_before_its_budget():
 
 
 def tolerances(monkeypatch, point):
-    """Tolerances of a ladder whose runs are these points, over the first."""
+    """Tolerances of a ladder whose runs are these points, relative to the first."""
     monkeypatch.setattr(native_ladder, "_point", lambda _name, _scene, setting, *_: point(setting))
     found = [each.setting for each in native_ladder.by_tolerance("kick11", "Radau5", 1.0, 1e-8)]
     return [each / found[0] for each in found]

@@ -38,7 +38,7 @@ WITNESSES = [witness("pinocchio"), witness("mujoco"), witness("exudyn"), witness
 
 
 def satellite() -> fl.Scene:
-    """A free base that starts turned, with a bending panel and a boom that slides out and carries two hands."""
+    """A free base with an initial rotation, a flexible panel, and a prismatic boom that carries two hands."""
     bar = {"material": "al", "section": "s"}
     links = (
         fl.Link(name="panel", mount=fl.Mount(xyz=(0.5, 0.0, 0.0)), length=2.0, flex="z", segments=3, **bar),
@@ -190,7 +190,7 @@ def test_random_trees_agree(name: str) -> None:
 
 
 def test_axes_of_inertia_that_mujoco_takes_for_those_of_the_body_are_written_in_another_order() -> None:
-    """It drops rotations and offsets below 1e-6, which are seven digits of what a product of inertia does."""
+    """MuJoCo drops rotations and offsets below 1e-6: an effect of a product of inertia that is seven digits large."""
     for inertia, center in {((0.1, 0.2, 0.25, 0, 0, 1e-8), (0, 0, 0)), ((0.1, 0.2, 0.25), (5e-7, 0, 0))}:
         hub = fl.RigidBody(mass=1e5, center=center, inertia=inertia)
         links = fl.Link(name="a", hub=hub), fl.Link(name="b", joint=fl.Joint(axis=(0.0, 1.0, 0.0)), hub=hub)

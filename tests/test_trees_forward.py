@@ -33,7 +33,7 @@ SEEDS = range(24)
 
 
 def random_tree(seed: int, *lumpings: str) -> fl.Chain:
-    """A chain of three to six links that turn or slide and hang anywhere, on a base that floats or not."""
+    """A chain of three to six links with revolute or prismatic joints, any parents, and a fixed or floating base."""
     dice = Dice(seed)
     links: list[fl.Link] = []
     for k in range(dice.one_of(3, 4, 5, 6)):
@@ -80,7 +80,7 @@ def random_link(dice: Dice, name: str, on: str, lumpings: tuple[str, ...]) -> fl
 
 
 def moved(chain: fl.Chain, rng: np.random.Generator, share: float = 0.2) -> fl.Chain:
-    """The chain with some of the joints' motion given."""
+    """The chain with prescribed motion of some joints."""
     hinges = chain.hinges.copy()
     hinges["prescribed"] = (rng.random(chain.n) < share) & (hinges["stiffness"] == 0)
     return dataclasses.replace(chain, hinges=hinges)
@@ -96,7 +96,7 @@ def state_of(chain: fl.Chain, rng: np.random.Generator) -> np.ndarray:
 
 @kernel
 def by_articulated_bodies(chain, wrench, state):
-    """q̈ and τ take the places of τ and q̈; returns the power."""
+    """Write q̈ to the last row, and τ of given motions to the third; return the power."""
     work = articulated_workspace(chain.bodies, chain.hinges, chain.gravity, chain.rare)
     return articulated(wrench, state[0], state[1], state[2], state[3], work)
 
@@ -138,7 +138,7 @@ def displaced(q, change, posture):
 
 
 def missed(chain: fl.Chain, wrench: np.ndarray, state: np.ndarray) -> float:
-    """What τ and q̈ leave of the equations of motion, in units of the rounding of their parts."""
+    """Residual of the equations of motion for τ and q̈, in units of the rounding of their terms."""
     q, qd, tau, qdd = state
     inertial = fl.inverse_dynamics(chain, q, qd, qdd, tip_wrench=wrench)
     parts = tau, inertial, fl.elastic_torque(chain, q), fl.friction_torque(chain, qd)
@@ -160,7 +160,7 @@ def test_trees_are_drawn_of_every_kind() -> None:
 
 
 def test_inverse_dynamics_gives_back_the_torques(rng) -> None:
-    """Articulated bodies and dense matrices give the same for prescribed motions, with equal powers."""
+    """For accelerations by articulated bodies and by dense matrices, and for given motions, with equal powers."""
     for seed in SEEDS:
         chain, wrench = moved(random_tree(seed), rng), rng.normal(size=6)
         given = state_of(chain, rng)
@@ -197,7 +197,7 @@ def test_eight_states_and_eight_chains_side_by_side(rng) -> None:
 
 
 def heavier(chain: fl.Chain, factor: float) -> fl.Chain:
-    """The chain with other masses, and turned otherwise."""
+    """The chain with other masses and orientations."""
     bodies = chain.bodies.copy()
     bodies["mass"] *= factor
     c, s = np.cos(factor), np.sin(factor)
@@ -243,7 +243,7 @@ def test_the_factors_of_forward_dynamics_solve_with_the_mass_matrix(rng) -> None
 
 
 def test_a_displacement_is_the_largest_of_all_ends_of_segments(rng) -> None:
-    """Of hinge points, and of the points of segments where hinges that slide are."""
+    """Ends are hinge points, and the points of segments at the places of prismatic hinges."""
     for seed in SEEDS[:12]:
         chain, h = random_tree(seed), 1e-6
         q, δ = rng.uniform(-1, 1, (2, chain.n))

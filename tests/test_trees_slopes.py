@@ -1,4 +1,4 @@
-"""Slopes of trees of arms that turn and slide, on fixed and free bases, are those of the equations by complex steps."""
+"""Derivatives of trees with revolute and prismatic joints, on fixed and free bases, against complex steps."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ SEEDS = range(4)
 
 
 def state(chain: fl.Chain, rng: np.random.Generator) -> tuple[Array, ...]:
-    """q, q̇, a third and a wrench."""
+    """q, q̇, a third vector (q̈ or τ) and a wrench."""
     return (*rng.normal(size=(3, chain.n)), rng.normal(size=6))
 
 
 def apart(chain: fl.Chain) -> np.ndarray:
-    """Which pairs of joints are not on one path from the base, (n, n)."""
+    """Mask of pairs of joints that are not on a common path from the base, (n, n)."""
     on_path = np.zeros((chain.n, chain.n), bool)
     for body in chain.bodies:
         above = chain.bodies[body["parent"] - 1] if body["parent"] else None
@@ -48,7 +48,7 @@ def off(ours: Array, exact: Array) -> float:
 
 @pytest.fixture(params=SEEDS)
 def tree(request: pytest.FixtureRequest) -> tuple[fl.Chain, np.random.Generator]:
-    """A random one, every second on a free base, and a stream of numbers."""
+    """A random tree, every second one on a free base, and its random generator."""
     rng = np.random.default_rng(request.param)
     return random_tree(rng, int(rng.integers(1, 5)), free=bool(request.param % 2)), rng
 
@@ -68,7 +68,7 @@ def test_inverse_dynamics_has_the_slopes_of_newton_s_and_euler_s_equations(tree)
     )
 
 
-def test_forward_dynamics_also_has_them(tree) -> None:
+def test_forward_dynamics_has_the_slopes_of_newton_s_and_euler_s_equations(tree) -> None:
     chain, rng = tree
     hinges = chain.hinges.copy()
     hinges["prescribed"][chain.active[-1]] = 1
@@ -126,7 +126,7 @@ ROOTS = {
 
 
 def thin_tree(*links: fl.Link, base: Base | None = None) -> fl.Chain:
-    """Thin beams with EI = ρA = L = 1 that branch, or float."""
+    """A tree of thin beams with EI = ρA = L = 1, on a fixed or floating base."""
     arm = fl.Arm(
         links=links,
         materials={"unit": fl.Material(young=1 / THIN, poisson=-0.5, density=1.0)},
@@ -137,7 +137,7 @@ def thin_tree(*links: fl.Link, base: Base | None = None) -> fl.Chain:
 
 
 @pytest.mark.parametrize("μ", ROOTS)
-def test_a_beam_on_a_carriage_follows_its_equation(μ: float) -> None:
+def test_a_beam_on_a_carriage_has_the_frequencies_of_its_equation(μ: float) -> None:
     def errors(hinges: int) -> Array:
         carriage = {
             "joint": fl.Joint(kind="prismatic", axis=(0.0, 1.0, 0.0)),
@@ -203,7 +203,7 @@ def test_an_arm_on_a_springy_slide_rests_alike_in_every_size(size: float) -> Non
 
 
 def branching(**fields: object) -> fl.Scene:
-    """Two arms on the ground that bend, one on a springy slide, the other with a hand that slides out."""
+    """Two flexible arms on the ground, one on an elastic prismatic joint, the other with a prismatic hand."""
     belt = fl.Joint(kind="prismatic", axis=(1.0, 0.0, 0.0), viscous=0.5, armature=0.1, gear_stiffness=300.0)
     out = fl.Joint(kind="prismatic", axis=(0.0, 1.0, 1.0))
     hand = fl.RigidBody(mass=0.3, inertia=(0.01, 0.01, 0.01))
@@ -228,7 +228,7 @@ def test_postures_in_a_row_are_those_that_statics_finds_one_by_one() -> None:
 @pytest.mark.parametrize("on", ["right", "hand"])
 @pytest.mark.parametrize("frame", ["world", "tip", "constant"])
 def test_a_wrench_on_any_tip_does_the_work_that_the_arm_gains(frame: str, on: str) -> None:
-    """The power is f·v + m·ω of the tip that it acts on."""
+    """The power is f·v + m·ω of the loaded tip."""
     forces, moments = ((1.0, 2.0, 3.0), (30.0, -50.0, 10.0)), ((1.0, 0.2, 0.3), (3.0, -5.0, 1.0))
     wrench = fl.Wrench(force=forces[1], moment=moments[1], on=on)
     if frame != "constant":

@@ -1,4 +1,4 @@
-"""What advice is judged by: scenes that are drawn again, and truth and cheapest model of runs in closed form."""
+"""Reference results for advice: repeatable random scenes, and truth and cheapest model for closed-form runs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from validation.random_arms import random_arm, random_tree
     (random_tree, range(30), 22684.321373375),
 ])  # fmt: skip
 def test_the_same_seed_gives_the_scene_of_the_stored_study(make: Any, args: Any, known: float) -> None:
-    """By a weighted sum of its numbers: results of the study for a seed are useless if it gives another scene.
+    """Compared by a weighted sum of its numbers: stored results of a seed are useless if it gives another scene.
 
     Zeros do not count, and so a key that is new, and left out, changes nothing.
     """
@@ -44,7 +44,7 @@ PATH = np.array([[0.0, 0.0, 0.0], [0.3, 0.4, 0.0], [0.0, -0.8, 0.6]])
 
 
 class Runs:
-    """In place of a runner: a tip whose error is h⁻² + 8 h⁻⁴ of its path, and `slip` tolerances or steps aside."""
+    """Replacement of a runner: a tip with an error of h⁻² + 8 h⁻⁴ of its path plus `slip` tolerances or steps."""
 
     slip, allowed = 0.0, True
 
@@ -58,7 +58,7 @@ class Runs:
         return Outcome(tip, self.cost(h, stepping), None, stepping)
 
     def cost(self, h: float, stepping: Stepping) -> float:
-        """Of steps by a tolerance: fewer with DOP853."""
+        """Cost of steps with a tolerance: fewer with DOP853."""
         steps = 1 / stepping.step if stepping.step else (stepping.tolerance or 1.0) ** (-0.2 - 0.1 * (h > 8))
         return h * steps * (0.3 if stepping.method == "DOP853" and h < 6 else 1.0)
 
@@ -80,7 +80,7 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> type[Runs]:
 
 
 def change(a: int, b: int, d: int) -> float:
-    """The limit for order 2, from levels a and b, and from b and d."""
+    """Change of the limit, of order 2, from levels a and b to b and d."""
     return 8 / b**2 * (a**-2 - d**-2)
 
 
@@ -100,7 +100,7 @@ def test_the_truth_is_the_limit_of_levels_from_which_on_it_changes_little(within
 def test_what_steps_do_is_added_and_where_it_is_not_small_they_are_stricter(
     runs: type[Runs], slip: float, of_motion: float
 ) -> None:
-    """Reported if six hinges run with the motion of four, and with a tenth of the tolerance of the last level's."""
+    """Found by six hinges at the tolerance of the motion of four, and at a tenth of that of the last level."""
     runs.slip = slip
     found, size = truth.truth(SCENE, 0.009, 1.0), {h: 1 + h**-2 + 8 * h**-4 for h in (4, 12)}
     steps = slip * of_motion * (size[4] - 0.1 * size[12])

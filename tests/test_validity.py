@@ -1,4 +1,4 @@
-"""The domain of validity: the thick beam's oracle, and the results of the case for thick and compressed links."""
+"""The domain of validity: the thick beam's oracle, and the results of the case for thick and for compressed links."""
 
 from __future__ import annotations
 

@@ -231,7 +231,7 @@ def test_settings_of_a_run_that_scenes_share_are_still_checked_with_each_of_them
 
 
 def test_a_number_and_a_truth_are_not_one_setting(paper: fl.Scene) -> None:
-    """1 and True are equal, and only one of them is a duration."""
+    """1 == True, but only 1 is a duration."""
     assert paper.varied({"run.duration": 1}).run.duration == 1.0
     with refused(fl.errors.SceneError, "wrong-value"):
         paper.varied({"run.duration": True})

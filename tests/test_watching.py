@@ -105,7 +105,7 @@ def test_a_controller_is_called_once_per_instant_even_if_the_motion_amplifies_er
 
 
 def test_a_feed_forward_belongs_to_its_reference() -> None:
-    """Two references of the same times: a rod is held at rest by m g L/2 cos θ, wherever it is."""
+    """Two references with the same times: a rod is held at rest by m g L/2 cos θ at either target."""
     scene = make_scene(fl.Link(name="a", length=1.0, material="aluminium", section="square"), gravity=(0, -9.81, 0))
     chain, weight = fl.lump(scene), 2700.0 * 0.04**2 * 9.81
     for angle in (0.0, 0.5, 1.0, 0.5):
@@ -116,7 +116,7 @@ def test_a_feed_forward_belongs_to_its_reference() -> None:
 
 @pytest.fixture(scope="module")
 def tumbling() -> fl.Scene:
-    """A satellite that turns by more than half a radian every tenth of a second."""
+    """A satellite that turns by more than 0.5 rad every 0.1 s."""
     base = fl.Base(kind="free", mass=3.0, center=(0.05, -0.02, 0.03), inertia=(0.2, 0.25, 0.3))
     rod = fl.Link(name="rod", length=0.6, mount=fl.Mount(xyz=(0.2, 0.0, 0.0)), material="aluminium", section="square")
     arm = fl.Arm(links=(rod,), materials={"aluminium": ALUMINIUM}, sections={"square": SQUARE}, base=base)
@@ -168,7 +168,7 @@ def test_a_drive_that_knows_the_rigid_arm_holds_its_weight_where_it_is_led() -> 
 
 
 def test_the_torque_that_holds_a_long_move_is_right_all_along_it() -> None:
-    """m g L/2 cos 1.5 t, of many pieces of a polynomial, within 1e-6 of the largest torque."""
+    """m g L/2 cos 1.5 t, by many polynomial pieces, within 1e-6 of the largest torque."""
     scene = make_scene(fl.Link(name="a", length=1.0, material="aluminium", section="square"), gravity=(0, -9.81, 0))
     move = PiecewisePolynomial(np.array([-1.0, 0.0, 1.0]), np.array([[[0.0], [0.0]], [[0.0], [1.5]], [[1.5], [0.0]]]))
     knots, c = holding_torque(fl.lump(scene), move)

@@ -81,7 +81,7 @@ def original(path: Path, found: ImportResult) -> Original:
 
 
 def check_against_file(path: Path, *, states: int) -> None:
-    """M to 1e-14 and T_GC to 1e-13 of the largest; and of what each joint moves: a finger counts as much as a torso.
+    """M to 1e-14 and T_GC to 1e-13 of the largest value, also relative to the body that each joint moves.
 
     A finger of 1.5 cm, a metre and a half from frame 0, is known to 100 eps of its length: 3e-14.
     """
@@ -98,7 +98,7 @@ def check_against_file(path: Path, *, states: int) -> None:
 
 
 def check_free_base_against_file(path: Path) -> None:
-    """The base also moves, but does not spin: at a spin v̇ of Pinocchio's free flyer is another acceleration."""
+    """The base also moves, but without spin: with spin, v̇ of Pinocchio's free flyer is another acceleration."""
     found = fl.import_urdf(path, free_base=True)
     chain, theirs, random = fl.lump(found.scene), original(path, found), np.random.default_rng(6)
     for _ in range(3):

@@ -20,7 +20,7 @@ SCENES = sorted([*MODELS, *(ROOT / "validation" / "scenes").glob("*.toml")])
 
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
 def test_a_file_is_not_longer_than_the_one_it_was_read_from(path: Path) -> None:
-    """Written by hand, with an empty line between tables, comments aside."""
+    """The original is written by hand, with an empty line between tables; comments do not count."""
     text = fl.load_scene(path).to_toml()
     by_hand = path.read_text(encoding="utf-8")
     assert text.count("\n") <= by_hand.count("\n") + 2

@@ -1,4 +1,4 @@
-"""Random trees of arms, and Newton's and Euler's equations of them once more: body by body, in frame 0."""
+"""Random trees of arms, and an independent Newton-Euler implementation: body by body, in frame 0."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def random_tree(rng: np.random.Generator, links: int = 4, *, free: bool = False)
 
 
 def random_tree_scene(rng: np.random.Generator, links: int = 4, *, free: bool = False) -> fl.Scene:
-    """Links of any kind on any previous one or on the base; revolute and prismatic joints, elastic drives."""
+    """Links of any kind on any earlier link or the base; joints are revolute or prismatic, some with elastic drives."""
     parts = []
     for number in range(links):
         flex = str(rng.choice(["rigid", "z", "xyz"]))

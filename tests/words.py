@@ -1,4 +1,4 @@
-"""Texts that people read, kept for review in `tests/messages.txt`: tests compare ids and values, that file the words.
+"""Texts that people read, reviewed in `tests/messages.txt`: tests compare ids and values; the file contains the words.
 
 A test passes a message to `reviewed`, or refuses with `refused`. `python -m tests.words` runs all tests, and writes the
 file anew from the texts that they meet: a change of words is one diff to review.
@@ -131,7 +131,7 @@ def known_texts() -> dict[str, dict[str, list[tuple[float, ...]]]]:
 
 
 def written(met: dict[str, set[str]]) -> str:
-    """The reviewed file; of texts that differ by rounding alone one."""
+    """The reviewed file, with one of the texts that differ only by rounding."""
     blocks = []
     for key in sorted(met):
         kept: dict[str, list[tuple[float, ...]]] = {}
@@ -147,7 +147,7 @@ def written(met: dict[str, set[str]]) -> str:
 
 
 def main(arguments: list[str]) -> int:
-    """Run the tests, or those named, and write the file; of a part of the tests, texts that they do not meet stay."""
+    """Run the tests, or those named, and write the file; a part of the tests keeps the texts that it does not meet."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "pytest", "-q", "-n", "2", *arguments]
         code = subprocess.run(command, env={**os.environ, RECORDER: folder}, check=False).returncode
