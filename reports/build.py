@@ -13,8 +13,9 @@ import matplotlib as mpl
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import make_folder, write_text
+from flexlink.common.wording import plural
 from flexlink.pages.chapter import Chapter, Shown
-from flexlink.pages.numbers import amount, plural
+from flexlink.pages.numbers import amount
 from flexlink.pages.page import template
 from flexlink.pages.style import RC
 from flexlink.pages.tables import Table, table_csv

@@ -20,7 +20,8 @@ from statistics import median
 from typing import Literal, NamedTuple
 
 from flexlink.common.errors import FlexlinkError
-from flexlink.pages.numbers import number, plural
+from flexlink.common.wording import plural
+from flexlink.pages.numbers import number
 from flexlink.pages.tables import Table
 from reports.results import Results
 from reports.stored_full import COMMAND, read_sources

@@ -6,8 +6,9 @@ import dataclasses
 from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 
+from flexlink.common.wording import plural
 from flexlink.pages.colours import engine_name
-from flexlink.pages.numbers import amount, passing, plural
+from flexlink.pages.numbers import amount, passing
 from flexlink.pages.verdict import State, Verdict
 from reports.chapters import Number, Wanted
 from reports.claims import CONFIRMED, judging, standing

@@ -295,7 +295,9 @@ class TestSearch:
             return solve.Found(np.array([x]), cost, [[film(np.ones(3), 1.0).blocks[0]]])
 
         said: list[str] = []
-        found = fitting._searched(cast("Any", SimpleNamespace(from_start=from_start)), [np.zeros(1)] * 3, said.append)
+        found = fitting._searched(
+            cast("Any", SimpleNamespace(from_start=from_start, watch=lambda part: None)), [np.zeros(1)] * 3, said.append
+        )
         assert [end.cost for end in found] == [10.0, 20.0, 30.0]
         assert [float(re.search(r"(\S+) ×", line)[1]) for line in said] == pytest.approx(
             [math.sqrt(2 * c / 3) for c in (30.0, 10.0, 20.0)], rel=2e-2

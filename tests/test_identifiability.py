@@ -99,8 +99,8 @@ def column(use: Use, after: float, before: float = 0.0) -> FittedColumn:
 
 def test_rounding_errors_of_exact_data_do_not_decide_whether_a_fit_is_better_or_a_check_worse() -> None:
     def better(*columns: FittedColumn) -> bool:
-        judged = Fitted.judged.fget(SimpleNamespace(columns=columns))
-        return Fitted.better.fget(SimpleNamespace(judged=judged))
+        verdict_columns = Fitted.verdict_columns.fget(SimpleNamespace(columns=columns))
+        return Fitted.better.fget(SimpleNamespace(verdict_columns=verdict_columns))
 
     def worse(*columns: FittedColumn) -> int:
         return len(warnings((), (), checked(known([50.0]), 0.0, "a"), (), columns, ())) - len(

@@ -13,7 +13,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene_file import load_scene
 from reports.measurements import groups_of
 from reports.measurements import table as table_of
-from tests.words import refused, reviewed
+from tests.words import refused
 from validation.case import Measured, load_cases, scene_file
 from validation.kinds import measured as kind
 from validation.kinds import measurements

@@ -664,7 +664,7 @@ def test_parquet_reads_back_or_names_the_missing_package(tmp_path: Path, paper: 
 
 def test_a_table_shows_its_size_and_columns() -> None:
     table = SweepRows(("number", "x"), ((0, 1.0),))
-    assert all(part in repr(table) for part in ("SweepRows", "1 rows", "number, x"))
+    assert all(part in repr(table) for part in ("SweepRows", "1 row ", "number, x"))
     reviewed("repr", repr(table))
     assert sweeping.InterruptedSweepError("stopped", 15).signal == 15
 

@@ -12,7 +12,6 @@ from conftest import ROOT
 import flexlink as fl
 from flexlink.cli.terminal import Compiling
 from flexlink.common.progress import Line, Progress, clock, progress_text, rate_text
-from flexlink.identification.watch import Shown
 from tests.words import reviewed
 
 
@@ -112,9 +111,9 @@ def test_a_fit_shows_its_guesses_profiles_and_iterations(monkeypatch) -> None:
     scene = fl.load_scene(ROOT / "models" / "three_links.toml")
     tapped = fl.fits.FitModes(hertz=(5.5,), deviation=(0.02,))
     young = fl.fits.FitParameter(path="material.aluminium.young")
-    shown = Shown()
-    shown.bar._redraw_after = 0.0
-    fl.fit(fl.fits.FitProblem(scene=scene, parameter=(young,), modes=(tapped,)), starts=2, profile=True, progress=shown)
+    bar = Progress("fit", redraw_after=0.0)
+    problem = fl.fits.FitProblem(scene=scene, parameter=(young,), modes=(tapped,))
+    fl.fit(problem, starts=2, profile=True, progress=bar.report, bar=bar)
     text = screen.getvalue()
-    for words in ("guess 1 of 2, iteration 2 [", "guess 2 of 2", "profile 2 of 2, iteration", "100%"):
+    for words in ("guess 1 of 2, iteration 2 [", "guess 2 of 2", "profile 2 of 2, iteration", "75%"):
         assert words in text, words

@@ -27,8 +27,8 @@ HEAD = """\
 """
 NUMBER = re.compile(r"(?<![\w.])[-−+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w*\()", re.IGNORECASE)
 FOLDER = re.compile(r"(?<!\w)(?:[A-Z]:)?/(?:[^\s/:'\"<>,;()]+/)+")
-TEMPORARY = re.compile(r"\btest_\w*\d+(?=:)|(?<=')[\w.-]*(?=…)")
-"""Names of temporary folders, and of paths that are cut: they depend on the number of the run."""
+TEMPORARY = re.compile(r"\btest_\w*\d+(?=:)|(?<=')[\w.-]*(?=…)|(?<=sources )[0-9a-f]{12}\b")
+"""Names of temporary folders and of cut paths, which depend on the number of the run, and the hash of the sources."""
 RECORDER = "FLEXLINK_WORDS"
 
 

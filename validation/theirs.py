@@ -19,7 +19,8 @@ import numpy as np
 from flexlink.chain.arguments import require_one_of
 from flexlink.common.errors import ArgumentError, DataFileError, OutputError
 from flexlink.common.output import write_text
-from flexlink.pages.numbers import JOIN, number, plural
+from flexlink.common.wording import plural
+from flexlink.pages.numbers import JOIN, number
 from validation.case import Case, Sheet
 from validation.measured.uncertainty import Comparison, Convergence
 from validation.store import Series

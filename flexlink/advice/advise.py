@@ -21,9 +21,9 @@ from flexlink.advice.verdict import Advice, length, line, payback, time
 from flexlink.chain.arguments import positive, require_bool, require_type
 from flexlink.common.errors import AdviceError
 from flexlink.common.types import Array
+from flexlink.common.wording import plural
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.start_notes import is_free_fall
-from flexlink.pages.numbers import plural
 from flexlink.results.convergence import Limit
 from flexlink.results.deflection import deflections
 from flexlink.results.tip_motion import tip_travel

@@ -20,6 +20,7 @@ from flexlink.cli.shared import prefix_errors, print_hints, print_lines, varied
 from flexlink.common.errors import IdentifiabilityError
 from flexlink.common.files import shown_path
 from flexlink.common.output import make_folder, or_keep
+from flexlink.common.progress import Progress
 from flexlink.common.wording import Diagnostic
 from flexlink.identification.checked_page import document
 from flexlink.identification.fit import check_fit, fit
@@ -27,7 +28,6 @@ from flexlink.identification.fitted import Fitted, building
 from flexlink.identification.identifiability import WIDE, Check
 from flexlink.identification.loading import load_fit
 from flexlink.identification.problem import FitProblem
-from flexlink.identification.watch import Shown
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -61,17 +61,17 @@ def run_command(options: argparse.Namespace) -> int:
         make_folder(options.out)
     with prefix_errors(options.problem):
         found: Check | Fitted
-        shown = Shown()
+        bar = Progress("fit")
         if options.check:
             found = check_fit(problem)
         else:
             try:
-                found = fit(problem, starts=options.starts, profile=options.profile, progress=shown)
+                found = fit(problem, starts=options.starts, profile=options.profile, progress=bar.report, bar=bar)
             except IdentifiabilityError as error:
                 assert isinstance(error.check, Check)
                 found = error.check
             finally:
-                shown.bar.clear()
+                bar.clear()
         return _report(found, problem, options)
 
 

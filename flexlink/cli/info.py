@@ -22,7 +22,7 @@ from flexlink.cli.json_output import add_json, print_json, with_ids
 from flexlink.cli.modes import as_document, elastic_hertz, first_elastic, print_modes
 from flexlink.cli.shared import prefix_errors, print_notes, varied_scene
 from flexlink.common.types import Complex
-from flexlink.common.wording import short_list
+from flexlink.common.wording import plural, short_list
 from flexlink.describe import data_files
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
@@ -34,7 +34,6 @@ from flexlink.motion.evaluation_cost import machine_factor, step_cost
 from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.inputs.tip_wrench import initial_wrench
-from flexlink.pages.numbers import plural
 
 
 def add_options(command: argparse.ArgumentParser) -> None:

@@ -51,6 +51,11 @@ class Progress(Line):
         self._parts, self._what = parts, what
         self._redraw_after = redraw_after  # s
 
+    def report(self, line: str) -> None:
+        """Print a line on stderr in place of the bar."""
+        self.clear()
+        print(line, file=sys.stderr, flush=True)
+
     def __call__(self, fraction: float, name: str = "") -> None:
         """Show that `fraction` of the work is done, and the `name` of the next part."""
         self._name = name or self._name

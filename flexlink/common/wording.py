@@ -69,3 +69,8 @@ def truncated(value: object) -> str:
 def short_list(items: Sequence[str]) -> str:
     """Items separated by commas; the middle of a long list is left out."""
     return ", ".join(items if len(items) <= 8 else [*items[:5], "…", *items[-2:]])
+
+
+def plural(count: int, noun: str) -> str:
+    """Count and noun: '1 check', '2 checks'."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

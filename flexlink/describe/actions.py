@@ -9,7 +9,7 @@ import numpy as np
 
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
-from flexlink.common.wording import truncated
+from flexlink.common.wording import plural, truncated
 from flexlink.describe.joint_units import TWINS, Row
 from flexlink.describe.numbers import require_increasing
 from flexlink.describe.reference import OF_MOTION, Reference
@@ -312,4 +312,4 @@ def check_table(
         raise SceneError(f"hold = {hold}: needs a table with smooth = False", id="needs-another-key")
     for name, rows in tables.items():
         if times is not None and rows is not None and len(rows) != len(times):
-            raise SceneError(f"{name} has {len(rows)} rows: expected one per time, {len(times)}", id="one-per-time")
+            raise SceneError(f"{name}: {plural(len(rows), 'row')}, but {len(times)} times", id="one-per-time")

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.common.types import Array
-from flexlink.common.wording import truncated
+from flexlink.common.wording import plural, truncated
 from flexlink.describe import profiles
 from flexlink.describe.joint_units import IN_METRES, OF_JOINT, Row, Slides, in_si, together
 from flexlink.describe.numbers import require_increasing, require_positive
@@ -183,7 +183,7 @@ class Reference(Spec, frozen=True):
         for name in _in_both(*OF_MOTION):
             rows = getattr(self, name)
             if rows is not None and len(rows) != len(times):
-                raise SceneError(f"{name} has {len(rows)} rows: expected one per time, {len(times)}", id="one-per-time")
+                raise SceneError(f"{name}: {plural(len(rows), 'row')}, but {len(times)} times", id="one-per-time")
 
     def starts_at_initial(self, *, slides: bool) -> bool:
         """Whether a revolute joint, or with `slides` a prismatic one, starts at its initial position in the scene."""

@@ -15,9 +15,9 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SingularMassError
 from flexlink.common.types import Array
+from flexlink.common.wording import plural
 from flexlink.dynamics.singularity import regular_mass
 from flexlink.dynamics.terms import elastic_torque, gravity_torque
-from flexlink.pages.numbers import plural
 
 RANGE = 10.0
 """Largest |q̇| [rad/s], |T_EX| of active joints [N m], tip force [N] and moment [N m] of random states."""

@@ -13,6 +13,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.layout import Joints
 from flexlink.common.errors import ConvergenceError
 from flexlink.common.types import Array
+from flexlink.common.wording import plural
 from flexlink.describe.actions import Frame
 from flexlink.dynamics import rounding
 from flexlink.dynamics.load_path import Equations, LostError, follow
@@ -20,7 +21,6 @@ from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.tangent import LoadedState, load_torque, unlocked
 from flexlink.dynamics.terms import elastic_torque
 from flexlink.dynamics.wrench import turns_with_tip
-from flexlink.pages.numbers import plural
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)

@@ -10,13 +10,12 @@ import numpy as np
 from msgspec.structs import replace
 
 from flexlink.common.output import make_folder, write_text
-from flexlink.common.wording import truncated
+from flexlink.common.wording import plural, truncated
 from flexlink.describe.scene import Scene
 from flexlink.describe.writing import toml_of, without_defaults
 from flexlink.identification.identifiability import WIDE, Check
 from flexlink.identification.problem import FitProblem
 from flexlink.pages.chapter import Chapter
-from flexlink.pages.numbers import plural
 from flexlink.pages.page import write_page
 from flexlink.pages.part import Part, written
 from flexlink.pages.tables import Table, columns_csv

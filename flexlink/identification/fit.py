@@ -24,7 +24,7 @@ from flexlink.identification.reasons import with_reasons
 from flexlink.identification.remarks import notes, ranges_apart, warnings
 from flexlink.identification.signals import STEP, Signals
 from flexlink.identification.solve import Found, Search, start_points
-from flexlink.identification.watch import Shown, Watch
+from flexlink.identification.watch import Bar, watch_with
 from flexlink.motion.slopes_of_runs import CENTRAL_4
 
 
@@ -69,8 +69,13 @@ def check_fit(problem: FitProblem) -> Check:
 
 
 def fit(
-    problem: FitProblem, *, starts: int = 1, profile: bool = False, progress: Callable[[str], None] | None = None
-) -> Fitted:  # fmt: skip
+    problem: FitProblem,
+    *,
+    starts: int = 1,
+    profile: bool = False,
+    progress: Callable[[str], None] | None = None,
+    bar: Bar | None = None,
+) -> Fitted:
     """Estimate parameters of a scene from measurements, with 95 % intervals.
 
     The identifiability check comes first (`check_fit`). Single measurements are fitted first, then runs in growing
@@ -87,6 +92,8 @@ def fit(
         Whether to compute profile intervals as well: each parameter is fixed near its estimate, all others refitted.
     progress
         Called with a line of text after each step.
+    bar
+        Called after each iteration with the fraction done and the name of the present part, such as 'guess 2 of 3'.
 
     Returns
     -------
@@ -111,6 +118,7 @@ def fit(
     """
     problem = require_type("problem", problem, FitProblem)
     require_callable("progress", progress)
+    require_callable("bar", bar)
     count, report = integer("starts", starts, 1), progress or (lambda _: None)
     coordinates, sources, checks = (
         coordinates_of(problem),
@@ -118,7 +126,7 @@ def fit(
         sources_of(problem, "check"),
     )
     signals = Signals(sources, coordinates)
-    watch = Watch(count + 2 * len(coordinates) * profile, progress.bar if isinstance(progress, Shown) else None)
+    watch = watch_with(bar, count + 2 * len(coordinates) * profile)
     search = Search(signals, problem.loss, coloured=problem.noise == "coloured", watch=watch)
     start = np.array([one.x(one.start) for one in coordinates])
     check = _check(signals, start, [list(source.blocks) for source in sources], notes([*sources, *checks]))
@@ -179,15 +187,13 @@ def _searched(search: Search, points: Sequence[Array], report: Callable[[str], N
     """Results of the search from all initial guesses, the best first; only the problem's own guess must succeed."""
     found = []
     for k, x in enumerate(points):
-        search.watch.begin(f"guess {k + 1} of {len(points)}")
+        search.watch(f"guess {k + 1} of {len(points)}")
         try:
             found.append(search.from_start(x))
         except FlexlinkError:
             if k == 0:
                 raise
             continue
-        finally:
-            search.watch.end()
         size = np.sqrt(2 * found[-1].cost / sum(len(b.y) for part in found[-1].blocks for b in part))
         report(f"initial guess {k + 1} of {len(points)}: residual {size:.2g} × assumed noise")
     return sorted(found, key=lambda end: end.cost)

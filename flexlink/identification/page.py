@@ -10,6 +10,7 @@ import matplotlib as mpl
 import numpy as np
 
 from flexlink.common.output import make_folder
+from flexlink.common.wording import plural
 from flexlink.identification.checked_page import (
     differences_of_runs,
     identifiability,
@@ -20,7 +21,7 @@ from flexlink.identification.checked_page import (
 from flexlink.identification.fitted import Estimate, Fitted, FittedColumn
 from flexlink.pages.chapter import Chapter
 from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
-from flexlink.pages.numbers import JOIN, amount, number, plural
+from flexlink.pages.numbers import JOIN, amount, number
 from flexlink.pages.page import write_page
 from flexlink.pages.part import Part, written
 from flexlink.pages.picture import Picture

@@ -28,9 +28,8 @@ def profiled(search: Search, best: Found, numbers: Sequence[Estimate], report: C
     for k, one in enumerate(numbers):
         ends = list[float]()
         for side in (-1, 1):
-            search.watch.begin(f"profile {2 * k + len(ends) + 1} of {2 * len(numbers)}")
+            search.watch(f"profile {2 * k + len(ends) + 1} of {2 * len(numbers)}")
             ends.append(_end(search, best, k, one, side, least, float(white[k])))
-            search.watch.end()
         found.append(dataclasses.replace(one, profile=(ends[0], ends[1])))
         report(f"profile of {one.name}: {ends[0]:.6g} … {ends[1]:.6g}")
     return found

@@ -7,14 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic
+from flexlink.common.wording import Diagnostic, plural
 from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.data import Source
 from flexlink.identification.fitted import Estimate, FittedColumn
 from flexlink.identification.identifiability import Check
 from flexlink.identification.signals import Model
 from flexlink.identification.solve import Found
-from flexlink.pages.numbers import plural
 
 
 def notes(sources: Sequence[Source]) -> list[Diagnostic]:

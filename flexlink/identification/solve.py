@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +15,7 @@ from flexlink.identification.block import Block, colour_of
 from flexlink.identification.coordinates import Coordinate, prior_rows
 from flexlink.identification.likelihood import Row, row_of, white
 from flexlink.identification.signals import Signals
-from flexlink.identification.watch import Watch
+from flexlink.identification.watch import watch_with
 
 ROUNDS = 2
 """Number of times that unstated noise is re-estimated from the residuals."""
@@ -51,12 +51,14 @@ class Search:
     coloured
         Whether the noise of runs may be autocorrelated.
     watch
-        Counter of iterations, one per Jacobian.
+        Called with "" for each iteration, that is for each Jacobian, as in `watch_with`.
     """
 
-    def __init__(self, signals: Signals, loss: str, *, coloured: bool = False, watch: Watch | None = None) -> None:
+    def __init__(
+        self, signals: Signals, loss: str, *, coloured: bool = False, watch: Callable[[str], None] | None = None
+    ) -> None:
         self.signals, self.loss, self.coloured = signals, loss, coloured
-        self.watch = watch or Watch()
+        self.watch = watch or watch_with(None, 1)
         self.coordinates: Sequence[Coordinate] = signals.coordinates
 
     def rows(self, x: Array, blocks: Sequence[Sequence[Block]], *, slopes: bool = True) -> list[list[Row]]:
@@ -197,7 +199,7 @@ class Search:
         return np.concatenate([known, *(row.residual for part in rows for row in part)])
 
     def _jacobian(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
-        self.watch.iterated()
+        self.watch("")
         _, known = prior_rows(self.coordinates, x)
         return np.vstack([known, *(row.slopes for part in self.rows(x, blocks) for row in part)])
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from flexlink.common.wording import plural
+
 JOIN = "\N{NO-BREAK SPACE}"
 
 
@@ -25,11 +27,6 @@ def _digits(value: float, digits: int) -> str:
         return power if mantissa == "1" else f"{mantissa}{JOIN}×{JOIN}{power}"
     short = f"{value:.{digits}g}"
     return f"{value:.0f}" if "e" in short else short  # 999.7 is rounded to 1e+03
-
-
-def plural(count: int, noun: str) -> str:
-    """Count and noun: '1 check', '2 checks'."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def passing(passed: int, checks: int) -> str:

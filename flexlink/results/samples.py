@@ -14,7 +14,7 @@ from flexlink.chain.arguments import integer
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic
+from flexlink.common.wording import Diagnostic, plural
 from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
@@ -27,7 +27,6 @@ from flexlink.dynamics.notes import defaults, notes
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.result import Result, read_only
 from flexlink.dynamics.sensors.columns import coarse_samples, sensor_columns
-from flexlink.pages.numbers import plural
 from flexlink.results import balance
 
 

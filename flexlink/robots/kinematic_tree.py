@@ -13,8 +13,7 @@ import numpy as np
 from flexlink.chain.rigid import Pose, SpatialInertia
 from flexlink.common.errors import DataFileError
 from flexlink.common.types import Array
-from flexlink.common.wording import short_list, truncated
-from flexlink.pages.numbers import plural
+from flexlink.common.wording import plural, short_list, truncated
 
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from flexlink.chain.arguments import integer, require_bool, require_callable
 from flexlink.common.errors import InterruptedSweepError
 from flexlink.common.interruption import Stop, deferred, word
+from flexlink.common.wording import plural
 from flexlink.data.documents import require_path
 from flexlink.sweeps.execution import Execution
 from flexlink.sweeps.fingerprint import fingerprint
@@ -125,6 +126,6 @@ def fill(
 
 def _interrupted(store: Store, stop: Stop, done: int) -> InterruptedSweepError:
     number = stop.signal or signal.SIGINT
-    rows = f"{done} of {store.plan.members} rows are"
+    rows = f"{done} of {plural(store.plan.members, 'row')} {'is' if done == 1 else 'are'}"
     rows += f" in {store.path}; repeat the command to continue" if store.path else " lost; specify out to save them"
     return InterruptedSweepError(f"{word(number)}; {rows}", number)

@@ -12,7 +12,7 @@ from typing import Any
 from flexlink.common.errors import MissingDependencyError
 from flexlink.common.notebook import html_table
 from flexlink.common.output import write_whole
-from flexlink.pages.numbers import plural
+from flexlink.common.wording import plural
 from flexlink.sweeps.plan import ROW_COLUMNS
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from flexlink.pages.numbers import amount, plural
+from flexlink.common.wording import plural
+from flexlink.pages.numbers import amount
 from flexlink.pages.tables import Table
 from reports.claims import CLAIM, CONFIRMED, IN_PART, REFUTED, judging, standing, words
 from reports.results import Results

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from flexlink.pages.numbers import number, plural
+from flexlink.common.wording import plural
+from flexlink.pages.numbers import number
 from flexlink.pages.tables import Table
 from reports.results import Results
 

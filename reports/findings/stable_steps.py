@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from statistics import median
 
-from flexlink.pages.numbers import number, plural
+from flexlink.common.wording import plural
+from flexlink.pages.numbers import number
 from flexlink.pages.tables import Table
 from reports.results import Results
 from validation.store import Row

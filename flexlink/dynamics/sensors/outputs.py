@@ -41,7 +41,7 @@ class SensorOutputs:
     >>> gauge = fl.Sensor(name="gauge", kind="strain", link="upper", x=0.1, fibre=(0.025, 0.0), low_pass=50.0)  # Hz
     >>> model = fl.linearize(chain, q, outputs=(fl.small_motion.SensorOutputs(scene.varied({"sensor": (gauge,)})),))
     >>> model
-    <LinearModel: 13 states, 2 inputs, 1 outputs>
+    <LinearModel: 13 states, 2 inputs, 1 output>
     >>> print(model.outputs, model.states[-1])
     ('gauge [1]',) low-pass 1 gauge [1]
     """

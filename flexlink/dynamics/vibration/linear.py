@@ -22,12 +22,12 @@ from flexlink.chain.arguments import require_one_of, require_type, sequence, vec
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array, Complex
+from flexlink.common.wording import plural
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.derivatives import forward_dynamics_derivatives
 from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.vibration.outputs import OUTPUTS, Output, OutputSource, joints_as
-from flexlink.pages.numbers import plural
 
 LOW_PASS = "low-pass "
 """Prefix in the names of low-pass states."""

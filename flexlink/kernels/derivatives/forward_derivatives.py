@@ -1,9 +1,8 @@
 """Derivatives of forward dynamics with respect to all angles, rates and torques, O(n²).
 
 The articulated-body algorithm runs once, for q̈ and the factors of M. For each column of ∂q̈/∂q and ∂q̈/∂q̇, the change
-of the load on each body is then solved with these factors as a force on the body, eight columns side by side. (As joint
-torques, M⁻¹ ∂T/∂q, the loads would be summed over all bodies outboard of a joint and separated again, which costs
-digits.)
+of the load on each body is then solved with these factors as a force on the body, eight columns side by side. (Joint
+torques, M⁻¹ ∂T/∂q, sum the loads of all bodies outboard of a joint and separate them again, which costs digits.)
 
 The force f and the moment n that a body outboard of hinge j requires, about the hinge point p of the body, change as
 follows, with ρ = p − p_j, the velocity v of p, and the symbols of `inverse_derivatives`:
@@ -94,10 +93,7 @@ def forward_derivatives(bodies, hinges, gravity, rare, wrench, q, qd, tau, found
 
 @subroutine
 def derivatives_in_space(chain, wrench, q, qd, tau, found, work):
-    """Write the three derivatives to the arrays `found`, (n, n) each; return whether all is finite.
-
-    The scratch `work` can be reused for other states.
-    """
+    """Write the three derivatives to `found`, (n, n) each; return whether all is finite. `work` is reusable scratch."""
     n, hinges, factors, torque, qdd = len(q), chain.hinges, work.factors, work.solution[0], work.solution[1]
     begin(tau, torque, qdd)
     forward_dynamics(wrench, q, qd, torque, qdd, factors)
@@ -237,10 +233,7 @@ def keep_prescribed(hinges, by_input):
 
 @inlined
 def turn_transmitted(chain, i, j, lane, r, loads, work):
-    """Add the loads due to a motion of hinge `j`, which rotates or shifts the force and moment it transmits.
-
-    They act on the hinges of body `i` before hinge `j` and on the parent body.
-    """
+    """Add the loads on earlier hinges of body `i` and its parent: hinge `j` rotates or shifts its force and moment."""
     hinges = work.motion.hinges
     e, parent = of_hinge(hinges, j, HINGE_MOTION.e), chain.bodies[i].parent - 1
     n, f = cross(e, vec_of(work.transmitted, i, 0)), cross(e, vec_of(work.transmitted, i, 3))

@@ -5,7 +5,7 @@ and a, the following quantities change by
 
     b = −α r − ω² d                   acceleration of the next hinge point
     f = M b − α m c − ω² h            force; M is the translational inertia of all outboard links, from `planar`
-    n = g·b + d·M b − m c·a − r·f⁺    moment; g couples this inertia to rotation; f⁺ is the force of the next hinge
+    n = g·b + d·M b − m c·a − r·f⁺    moment; g is its effect on rotation; f⁺ is the force of the next hinge
 
 A unit change of the rate gives b = −2 ω r, f = M b − 2 ω m c, n = g·b + d·M b. A unit change of the acceleration gives
 b = d, f = M d + h, n = I + g·d + d·M d. A unit change of q_j rotates all links from j on by σ_j, so column j uses the

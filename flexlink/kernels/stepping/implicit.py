@@ -10,9 +10,9 @@ Dense output at t + x h: the polynomial through the stages' q̈, integrated once
 
     q̇(x) = q̇ + h Σ β_i(x) K_i     q(x) = q + x h q̇ + h² Σ α_i(x) K_i     W(x) = W + h Σ β_i(x) P_i
 
-with β_i = ∫ ℓ_i and α_i = ∫ β_i, where ℓ_i is 1 at c_i and 0 at the other nodes. At x = 1 it is the end of the step.
-Inside the step it has the order of the error estimate, s + 1, so the tolerance also applies there. The initial q̈ of the
-step is not used: after a jump of torque it contains vibrations that the step does not resolve.
+with β_i = ∫ ℓ_i and α_i = ∫ β_i, where ℓ_i is 1 at c_i and 0 at the other nodes. At x = 1 it is the end of the step;
+inside, it has the order of the error estimate, s + 1, so the tolerance also applies there. The initial q̈ is not used:
+after a jump of torque it contains vibrations that the step does not resolve.
 
 Error (Hairer & Wanner, Solving Ordinary Differential Equations II, IV.8), γ₀ the real eigenvalue of A:
 
@@ -161,10 +161,7 @@ def likely_contraction(h, moved, stepper):
 
 @inlined
 def predict(h, work):
-    """Extrapolate K from the last step's polynomial, as initial guess.
-
-    The guess is 0 without a last step, or after a much shorter one, because h² would magnify stiff noise.
-    """
+    """Extrapolate K from the last step's polynomial; 0 without one, or where h² would magnify stiff noise."""
     c, qdd, before = work.method.weights[WEIGHT.c], work.stages[STAGE.qdd], work.stages[STAGE.last_qdd]
     last = work.stepper[STEPPER.last_step]
     s, n = qdd.shape

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flexlink.common.wording import plural
 from flexlink.data.measured import read_measured
 from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
-from flexlink.pages.numbers import number, plural
+from flexlink.pages.numbers import number
 from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import legend_over, stacked_axes

@@ -6,14 +6,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from flexlink.common.wording import short_list
+from flexlink.common.wording import plural, short_list
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.joint_units import in_joint_units
 from flexlink.describe.link import Link
 from flexlink.describe.plausibility.hints import hints
 from flexlink.dynamics.notes import defaults, notes
 from flexlink.dynamics.placement import frames
-from flexlink.pages.numbers import number, plural
+from flexlink.pages.numbers import number
 from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture
 from flexlink.pages.tables import Cell, Table, table_csv
