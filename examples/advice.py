@@ -2,7 +2,7 @@
 ============================
 
 Which links must be flexible, about which axes, with how many hinges and which time steps, for a tip error below 1 mm?
-``fl.advise`` finds the cheapest model for one arm and one motion, with reasons.
+``fl.advise`` finds the cheapest model for one arm and one motion, and gives its reasons.
 """
 
 from pathlib import Path
@@ -25,7 +25,7 @@ small = fl.simulate(found.scene)
 print(small.chain, small.steps, sep="\n")
 
 # %%
-# Check the advice: ``converged_tip`` extrapolates finer and finer models, and estimates its own error.
+# Check the advice: ``converged_tip`` extrapolates from finer and finer models, with an estimate of its error.
 off = np.linalg.norm(small.tip - found.converged_tip.tip, axis=1)
 rigid = fl.simulate(fl.rigidified(found.scene).varied({"drive": found.scene.drive}))
 fig, panel = plt.subplots(figsize=(5, 3.5), layout="constrained")

@@ -2,7 +2,7 @@
 ==========================
 
 A vertical strip of spring steel, clamped at its base, carries a load. ``fl.strength.buckling_loads`` computes the load
-at which it buckles, ``fl.solve_static`` its shape beyond: Euler's buckling load, and his elastica.
+at which it buckles, Euler's load; ``fl.solve_static`` computes its shape beyond this load, Euler's elastica.
 """
 
 import matplotlib.pyplot as plt
@@ -35,8 +35,8 @@ def strip(segments: int, load: float) -> fl.Scene:
 
 
 # %%
-# Factors on the present load, here 1 N: the first one is the buckling load. Its error is inversely proportional to the
-# square of the number of hinges.
+# Buckling factors are multiples of the present load. This load is 1 N, so the first factor is the buckling load in N.
+# Its error is inversely proportional to the square of the number of hinges.
 factors = {}
 for segments in (3, 5, 9, 17):
     scene = strip(segments, load=1.0)

@@ -1,8 +1,8 @@
 """Computed torque from the rigid model
 ====================================
 
-A controller with the right masses, but rigid links in its model: how well does it control an arm that bends? It is
-sampled at 1 kHz, on a rigid arm and on a slender tube with 8 kg at the tip.
+How well does a controller, whose model has the right masses but rigid links, control an arm that bends? It is sampled
+at 1 kHz, and is applied to a rigid arm and to a slender tube with 8 kg at the tip.
 """
 
 from pathlib import Path

@@ -2,7 +2,7 @@
 ===============================
 
 A straight strip is released, and its tip is filmed. Which Young's modulus, payload and damping fit the film?
-``fl.sensitivities`` computes a run and its derivatives by these parameters: the Jacobian for SciPy's least squares.
+``fl.sensitivities`` computes a run and its derivatives with respect to them, the Jacobian for SciPy's least squares.
 """
 
 import matplotlib.pyplot as plt
@@ -63,12 +63,12 @@ def residual(x: np.ndarray) -> np.ndarray:
 
 
 def jacobian(x: np.ndarray) -> np.ndarray:
-    """Derivatives of the residuals by the parameters."""
+    """Derivatives of the residuals with respect to the parameters."""
     return fl.sensitivities(found_with(x), list(numbers)).tip[:, 1] * units / NOISE
 
 
 # %%
-# Few iterations; standard deviations follow from the same Jacobian.
+# The fit takes few iterations; standard deviations follow from the same Jacobian.
 start = np.array([guess.values_at(path)[0] for path in numbers]) / units
 fit = least_squares(residual, start, jacobian, x_scale=start)
 spread = np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac)))

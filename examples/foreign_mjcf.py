@@ -54,7 +54,7 @@ with TemporaryDirectory() as folder:
 print(found.diagnosis)
 
 # %%
-# Difference of each term as a multiple of the rounding bound: all terms with springs or gravity differ.
+# The difference of each term as a multiple of the rounding bound: all terms with springs or gravity differ.
 rows = [row for row in found.rows if row.error > 0]
 fig, panel = plt.subplots(figsize=(5, 3), layout="constrained")
 panel.barh(

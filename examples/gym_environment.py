@@ -20,7 +20,7 @@ PERIOD, EPISODE = 0.01, 3.0  # s
 
 
 class ArmEnv(gymnasium.Env[np.ndarray, np.ndarray]):
-    """Action: torques over `EFFORT`; observation: q [rad], q̇ [rad/s], tip and target [m]; reward: −distance."""
+    """Action: torques / `EFFORT`; observation: q [rad], q̇ [rad/s], tip and target [m]; reward: −distance [m]."""
 
     def __init__(self) -> None:
         self.arm = fl.Simulator(SCENE)

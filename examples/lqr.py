@@ -55,7 +55,7 @@ print(
 )
 
 # %%
-# From 0.2 rad off in each joint, the regulator still brings the tip to rest.
+# With an initial error of 0.2 rad in each joint, the regulator still brings the tip to rest.
 far = run(rest + 0.2 * np.isin(range(2 * n), own), 2.0, 0.01)
 away = np.linalg.norm(far.tip - fl.tip_position(chain, rest[:n]), axis=1)  # [m]
 fig, panel = plt.subplots(figsize=(5, 3), layout="constrained")

@@ -52,8 +52,8 @@ L = np.linalg.solve(C @ S @ C.T + V, C @ S).T
 
 
 # %%
-# The loop: measure, correct the estimate, compute the torque, predict. The arm starts 0.15 rad off in each joint; the
-# estimate starts at the goal.
+# The loop: measure, correct the estimate, compute the torque, predict. The arm starts with an error of 0.15 rad in each
+# joint; the estimate starts at the goal.
 def closed_loop(observed: bool) -> fl.Trajectory:
     """Run the arm with the regulator, with the estimated or the true state."""
     random, x = np.random.default_rng(0), np.zeros(2 * n)

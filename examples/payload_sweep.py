@@ -1,8 +1,8 @@
 """A sweep, evaluated with pandas
 ==============================
 
-Largest deflection of an arm by payload and wall thickness of its tube: thirty runs, one row each, in one table. Runs of
-similar arms are computed eight side by side.
+Largest deflection of an arm for each payload and wall thickness of its tube: a table of thirty runs, one per row.
+Runs of similar arms are computed eight at a time.
 """
 
 import matplotlib.pyplot as plt

@@ -17,8 +17,8 @@ scene = fl.load_scene(models / "ptp_move.toml")  # PD, shaped by ZVD
 drive, move, chain = scene.drive, scene.drive.reference, fl.lump(scene)
 
 # %%
-# Poles for the shaper: the two lowest of the arm with its drives, at the end of the move. Both are first bending modes,
-# one vertical and one lateral.
+# Poles for the shaper: the two slowest poles of the arm with its drives, at the end of the move. Both are first bending
+# modes, one vertical and one lateral.
 there = scene.varied({"initial.joint_deg": move.to_deg, "drive": fl.Drive()})
 slack, _ = fl.initial_state(there, chain)
 goal = fl.solve_static(chain, slack, locked=chain.active).q  # bent by gravity

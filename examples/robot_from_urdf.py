@@ -1,9 +1,9 @@
 """A robot from its URDF, with two flexible links
 ==============================================
 
-Import a URDF, or the paths to some of its links, and make links flexible by name. Each gets a beam, specified by a
-measured first frequency or by its section. Mass, centre and inertia are those of the file. Replace ``reach_arm.urdf``
-by your file; ``flexlink robots`` lists forty robots of the package example-robot-data.
+Import a URDF, or the paths to some of its links, and make links flexible by name. Each flexible link becomes a beam,
+given by a measured first frequency or by its section. Mass, centre and inertia are those of the file. Replace
+``reach_arm.urdf`` by your file; ``flexlink robots`` lists forty robots of the package example-robot-data.
 """
 
 from pathlib import Path

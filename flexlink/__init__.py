@@ -150,7 +150,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
-    """Load a public name when it is first used: compiled code and linear algebra are slow to import."""
+    """Load a public name when it is first used, because compiled code and linear algebra are slow to import."""
     places = {
         "advice.advise": ["advise"],
         "chain.chain": ["Chain"],

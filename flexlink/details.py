@@ -1,4 +1,4 @@
-"""Details of a description that few scenes have: links by Denavit and Hartenberg, springs at a root, a free base."""
+"""Details of a description that few scenes need: Denavit-Hartenberg parameters, root springs, and a free base."""
 
 from flexlink.describe.initial import BaseState
 from flexlink.describe.joint import DenavitHartenberg

@@ -1,4 +1,4 @@
-"""All errors that flexlink raises on purpose; `FlexlinkError` is the base of all but those of an interruption.
+"""All errors that flexlink raises on purpose; `FlexlinkError` is their base class, except for interruptions.
 
 Examples
 --------

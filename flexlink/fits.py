@@ -1,4 +1,4 @@
-"""Problems and results of parameter identification; `flexlink.fit` and `flexlink.check_fit` use them."""
+"""Problems and results of parameter identification, for the functions `flexlink.fit` and `check_fit`."""
 
 from flexlink.identification.fit import check_fit
 from flexlink.identification.fitted import Fitted

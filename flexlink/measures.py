@@ -1,4 +1,4 @@
-"""Measures of a response: how far it overshoots, how long it takes to settle, what vibration is left."""
+"""Measures of a response: overshoot, settling time, and residual vibration."""
 
 from flexlink.results.settling import overshoot, residual_vibration, settling_time
 

@@ -1,4 +1,4 @@
-"""Small motion beyond `modes` and `linearize`: about a steady motion, with sensors, under a controller."""
+"""Linearized dynamics beyond `modes` and `linearize`: about a steady motion, with sensors, or with a controller."""
 
 from flexlink.dynamics.sensors.outputs import SensorOutputs
 from flexlink.dynamics.vibration.in_motion import equilibrium_in_motion, modes_in_motion

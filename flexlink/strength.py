@@ -1,4 +1,4 @@
-"""Loads inside the links, strains of their surfaces, and the loads at which they buckle."""
+"""Internal loads of the links, strains at their surfaces, and buckling loads."""
 
 from flexlink.dynamics.buckling import buckling_loads
 from flexlink.dynamics.loads import internal_loads

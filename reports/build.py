@@ -30,8 +30,8 @@ from validation.judgement import JudgedRow
 from validation.store import Environment, Row
 
 HERE = Path(__file__).parent
-NO_TEXT = ("versions", "sources")  # fields of an environment that have many values
-SUMMARY, ARM = "summary", "arm"  # chapter of the first screen's figures, and the figure next to its first sentences
+NO_TEXT = ("versions", "sources")  # fields of `Environment` that are mappings, not text
+SUMMARY, ARM = "summary", "arm"  # chapter of the first screen's figures; figure next to the first sentences
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,7 +49,7 @@ class CaseBlock:
 
 @dataclasses.dataclass(frozen=True)
 class StudyChapter(Chapter):
-    """A chapter with cases. `more` are folded figures; `ran` lists its cases and those only in reports/full."""
+    """A chapter with cases. `more` are folded figures; `ran` names cases that ran and those only in reports/full."""
 
     headlines: tuple[str, ...] = ()
     more: tuple[Shown, ...] = ()
@@ -170,7 +170,7 @@ def _measurements(study: Results, out: Path) -> Table | None:
 
 
 def _failing(rows: Sequence[Row]) -> Table:
-    """The failing checks on the first screen."""
+    """Table of the failing checks, for the first screen."""
     lines = tuple(
         (row.case, row.quantity, row.where, amount(row.value, row.unit), limit(row), f"{row.reason} {row.note}".strip())
         for row in rows

@@ -20,7 +20,7 @@ LETTERS = 7.5  # font size of row names [pt]
 
 
 def panels_beside(engines: Sequence[str], rows: Sequence[str], room: float) -> tuple[Figure, list[Axes]]:
-    """Figure with one panel per engine and row names at the first; `room` is the height of everything else [in]."""
+    """Figure with one panel per engine, the first with row names; `room` is the height of everything else [in]."""
     figure = Figure(figsize=(WIDTH, room + ROW * len(rows)), layout="constrained")
     axes = list(figure.subplots(1, len(engines), sharey=True, squeeze=False)[0])
     for panel, engine in zip(axes, engines, strict=True):

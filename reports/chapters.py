@@ -12,11 +12,11 @@ from flexlink.data.documents import read_toml
 from flexlink.describe.spec import Spec, decode
 
 FILE = Path(__file__).parent / "sections.toml"
-ANY = "*"  # marks the chapter of all kinds that no other chapter names
+ANY = "*"  # marks the chapter for all kinds that no other chapter names
 
 
 class Wanted(Spec, frozen=True):
-    """Worst value of a quantity over all matching rows of a kind; `pick` is the worse end."""
+    """Worst value of a quantity over all matching rows of a kind; `pick` states whether the largest or the smallest."""
 
     kind: str
     quantity: str  # a pattern
@@ -31,14 +31,14 @@ class Wanted(Spec, frozen=True):
 
 
 class Number(Spec, frozen=True):
-    """A key number of the first screen: its label, and one or two values."""
+    """A key number on the first screen: its label, and one or two values."""
 
     label: str
     value: tuple[Wanted, ...]
 
 
 class Section(Spec, frozen=True):
-    """A chapter: kinds of its cases, sentences with numbers, and patterns of the figures that are not folded."""
+    """A chapter: kinds of its cases, patterns of the figures shown unfolded, and its key numbers in sentences."""
 
     id: str
     title: str

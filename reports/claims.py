@@ -9,7 +9,7 @@ from typing import NamedTuple
 from flexlink.pages.verdict import State
 from validation.store import Row
 
-CLAIM = "claim"  # first word of the quantities that check a claim, and the setting with the claim's text
+CLAIM = "claim"  # first word of the quantities that check a claim; also the name of the setting with the claim's text
 PLAINLY, LIMITED = re.compile(r"holds($|[;:])"), re.compile(r"holds\b")  # beginnings of the note of a confirmed claim
 
 

@@ -17,8 +17,8 @@ from flexlink.pages.style import legend_above, stacked_axes, tidy_linear, tidy_l
 from reports.tables import series_csv
 from validation.store import Series
 
-FEW = 60  # curves with fewer points have markers
-MOST = 2 * len(CYCLE)  # curves in a panel: solid and dashed in each colour
+FEW = 60  # curves with fewer points are drawn with markers
+MOST = 2 * len(CYCLE)  # curves in a panel: a solid and a dashed one in each colour
 
 
 class Curve(NamedTuple):

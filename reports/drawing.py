@@ -1,4 +1,4 @@
-"""Draw and write the figures of a report in several processes; this is most of the work of a report."""
+"""Draw and write the figures of a report in several processes, since this takes most of the time of a report."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ WORTH_A_PROCESS = 10  # series per process: starting one takes as long as writin
 
 
 class Drawn(NamedTuple):
-    """A figure whose files are written: its chapter's id, and the SVG definitions that other figures may share."""
+    """A figure whose files have been written: id of its chapter, and SVG definitions that figures may share."""
 
     chapter: str
     shown: Shown
@@ -37,7 +37,7 @@ class Drawn(NamedTuple):
 def figures_of(results: Results, out: Path) -> tuple[dict[str, list[Shown]], dict[str, str]]:
     """Write the files of all figures to `out`; return chapter id → figures, and the shared SVG definitions.
 
-    The result does not depend on the number n of processes, each of which writes every n-th figure.
+    Each of n processes writes every n-th figure; the result does not depend on n.
     """
     shown: dict[str, list[Shown]] = {}
     definitions: dict[str, str] = {}
@@ -67,7 +67,7 @@ def _written(chapter: str, picture: Picture, out: Path) -> Drawn:
 
 
 def pictures(results: Results) -> Iterator[tuple[str, Picture]]:
-    """(chapter id, picture): those of reports/figures/, then all series that neither a figure nor a finding takes."""
+    """(chapter id, picture) from reports/figures/, then of each remaining series, which no figure or finding uses."""
     taken = {what for finder in modules(findings) for what in getattr(finder, "TAKES", ())}  # shown in tables
     chapter_of = chapter_of_kinds()
     with mpl.rc_context(RC):

@@ -1,6 +1,7 @@
 """Write the full study as checked in under reports/full: README.md, figures as PNG, and all numbers as CSV.
 
-Made from the report in reports/latest, without files too large for a repository: the page, SVGs, and a table per case.
+It is made from the report in reports/latest, without files that are too large for a repository: the page, the SVGs, and
+the tables of the cases.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ from validation.judgement import crowd
 HERE = Path(__file__).parent
 MOST = 10_000_000  # bytes: limit for generated files in the repository
 LARGE = 100_000  # bytes: larger tables are compressed
-COLOURS = 96  # most frequent colours of a picture in its palette; reduces the size to a third
+COLOURS = 96  # number of most frequent colours in a picture's palette, which reduces its size to a third
 WRITTEN = ("README.md", "*.csv", "*.csv.gz", "*.json", "*.png")
 WORDS = ("kind", "title", "metric", "reason", "given_up")  # texts repeated in many rows; quantities.csv lists them once
 
@@ -63,7 +64,7 @@ def save(results: Path, out: Path, folder: Path = FOLDER) -> Path:
     study = Results.read(results)
     report = write(study, out, beside_full=None)
     make_folder(folder)
-    for pattern in WRITTEN:  # removes files of former cases
+    for pattern in WRITTEN:  # remove files of former cases
         for file in folder.glob(pattern):
             file.unlink()
     for name in ("verdict.csv", "speed.csv", *_files(report)):

@@ -114,7 +114,7 @@ def _entries(series: Series) -> list[str]:
 
 
 def _points(panel: Axes, series: Series, number: int, marker: str) -> None:
-    """Draw the points of an engine; each engine has different times, so points do not cover each other."""
+    """Draw the points of an engine, at different times for each engine, so that they do not cover each other."""
     for curve in curves(series):
         step = max(1, len(curve.x) // POINTS)
         chosen = np.arange(number * step // 2, len(curve.x), step)

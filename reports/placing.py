@@ -1,4 +1,4 @@
-"""Labels next to points of a figure: each is placed without covering another label or a point, or left out."""
+"""Labels next to points of a figure: a label that would cover another label or too many points is left out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""CPU time of an error, by program: runs, Pareto fronts and prices from the series and rows of `speed_trade`."""
+"""CPU time for a given error, by program: runs, Pareto fronts and costs from the series and rows of `speed_trade`."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ OURS = "flexlink"
 LOOKS = {
     (name if name == "solvers" else look.name): look for name, look in ENGINES.items() if name != "mpmath"
 }  # fmt: skip
-"""Program, as named in rows and in names of methods → its look."""
+"""Program, as named in rows and in names of methods → colour and marker in figures."""
 AIMS = {"error": "tip", "deflection error": "deflection"}
-"""Kind of error, as named in rows and series → what it refers to."""
+"""Kind of error, as named in rows and series → the quantity that has this error."""
 COST = "CPU time"
 BEYOND = {"Beyond": "by its order", "At its": "at its limit"}
 """Beginning of the note of an extrapolated time → remark."""
@@ -34,7 +34,7 @@ class Run(NamedTuple):
 
 
 class Price(NamedTuple):
-    """CPU time [ms] of an error, and the method; `remark` marks times of other programs that are not measured."""
+    """CPU time [ms] for an error, and the method; `remark` marks times of other programs that are not measured."""
 
     time: float
     method: str
@@ -47,7 +47,7 @@ class Price(NamedTuple):
 
 
 def works(results: Results) -> Iterator[tuple[str, Series]]:
-    """(case, series of its runs), each scene once: from the case with the most runs."""
+    """(case, series of its runs); each scene appears once, from the case with the most runs."""
     found: dict[str, tuple[str, Series]] = {}
     for case, series in results.showing("work"):
         if series.scene not in found or _length(series) > _length(found[series.scene][1]):
@@ -75,7 +75,7 @@ def _split(label: str) -> tuple[str, str]:
 
 
 def front(many: Sequence[Run], aim: str) -> list[Run]:
-    """Pareto front: runs than which no other is both cheaper and more accurate, the most accurate first."""
+    """Pareto front, the most accurate run first; no other run is both cheaper and more accurate than one of these."""
     best: list[Run] = []
     for run in sorted(many, key=lambda run: (run.errors[aim], run.seconds)):
         if not best or run.seconds < best[-1].seconds:
@@ -84,7 +84,7 @@ def front(many: Sequence[Run], aim: str) -> list[Run]:
 
 
 def named(best: Sequence[Run], aim: str, apart: float) -> Iterator[Run]:
-    """Runs of a front to label: the first of each method, at `apart` times the error of the previous label or more."""
+    """Runs of a front to label: the first of each method, if its error exceeds `apart` times the last label's error."""
     last, known = None, set[tuple[str, str]]()
     for run in best:
         if (last is None or run.errors[aim] > apart * last.errors[aim]) and run[:2] not in known:
@@ -99,7 +99,7 @@ def errors(results: Results, aim: str) -> list[float]:
 
 
 def prices(results: Results, case: str, series: Series, aim: str, error: float) -> dict[str, Price]:
-    """Program → its cheapest run: for flexlink a run that met the error, for others the study's estimate."""
+    """Program → its cheapest run with the target error: measured for flexlink, the study's estimate for others."""
     met = [run for run in runs(series) if run.who == OURS and run.errors[aim] <= error]
     found = {}
     if met:

@@ -24,18 +24,18 @@ HOW = "run the complete study on an idle machine: python -m validation --force"
 
 @dataclasses.dataclass(frozen=True)
 class Reference:
-    """Values of time limits by `_asked`, and the machine that measured them; empty without a reference run."""
+    """Measured values of timed rows by `_key`, and the machine that measured them; empty without a reference run."""
 
     values: dict[tuple[str, str, str], float]
     machine: str
 
     def value(self, row: Row) -> float | None:
         """Value of the reference run for a row."""
-        return self.values.get(_asked(row))
+        return self.values.get(_key(row))
 
 
-def _asked(row: Row) -> tuple[str, str, str]:
-    """(case, quantity, setting) of a row, without the engine and form that were the fastest."""
+def _key(row: Row) -> tuple[str, str, str]:
+    """(case, quantity, setting) of a row, without the name of the fastest engine and its fastest form."""
     set_ = in_words({name: value for name, value in row.varied.items() if name != FOUND})
     return row.case, row.quantity, ", ".join(part for part in (row.scene, set_) if part)
 
@@ -50,9 +50,9 @@ def save(results: Results, folder: Path = FOLDER) -> Path:
     """
     verdict, fast = verification(results), speed(results.rows)
     if verdict.word != PASS:
-        raise FlexlinkError(f"{results.store.path}: no reference run: {verdict.text}")
+        raise FlexlinkError(f"{results.store.path}: unusable as reference: {verdict.text}")
     if fast.unmeasured:
-        raise FlexlinkError(f"{results.store.path}: no reference run: {fast.sentence()}; {HOW}")
+        raise FlexlinkError(f"{results.store.path}: unusable as reference: {fast.sentence()}; {HOW}")
     make_folder(folder)
     timed = [row for row in results.rows if row.timed]
     write_text(folder / "speed.csv", table_csv(HEADS, (_line(row) for row in timed)))
@@ -66,7 +66,7 @@ def save(results: Results, folder: Path = FOLDER) -> Path:
 
 def _line(row: JudgedRow) -> tuple[object, ...]:
     side = row.bound if row.tolerance is not None else ""
-    return *_asked(row), row.engine, row.varied.get(FOUND), row.value, row.unit, side, row.tolerance, row.state
+    return *_key(row), row.engine, row.varied.get(FOUND), row.value, row.unit, side, row.tolerance, row.state
 
 
 def read(folder: Path = FOLDER) -> Reference:

@@ -1,4 +1,4 @@
-"""Stored results of a study, as the report reads them: consistent cases, and the missing ones. Runs nothing."""
+"""Stored results of a study, as the report reads them: consistent cases, and missing ones. Nothing is run."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Results:
         Raises
         ------
         FlexlinkError
-            There are none, or they are invalid.
+            There are no results, or they are invalid.
         """
         for name in ("plan.json", "environment.json"):
             if not (path / name).is_file():
@@ -106,7 +106,7 @@ class Results:
 
 
 def used(row: Row) -> float | None:
-    """Ratio of value to limit: at most 1 exactly if the row passes; None without a limit.
+    """Ratio of value to limit, which is at most 1 if and only if the row passes; None without a limit.
 
     value / tolerance for an upper limit, tolerance / value for a lower one.
     """

@@ -5,7 +5,7 @@ edited, checks of both studies must agree within their limit, and no published c
 differ, are new or are missing are listed as moved. No limit may be wider than the published one, unless the case gives
 a reason (`widened`).
 
-Times are listed separately, because they depend on the machine. So do counts of runs with a time budget.
+Times, and counts of runs with a time budget, are listed separately, because they depend on the machine.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ from validation.sources import changed
 from validation.store import Row
 
 FILE = "all_checks.csv"
-OF_LIMIT = 0.1  # share of a check's limit below which a difference is insignificant
-RELATIVE, LEFT = 1e-6, 1e-12  # allowed for rounding: relative to the larger number, and absolute in its SI unit
+OF_LIMIT = 0.1  # fraction of a check's limit below which a difference is insignificant
+RELATIVE, LEFT = 1e-6, 1e-12  # allowed rounding, relative to the larger number and absolute, in the SI unit
 INFORMING, SMALL = 1e-3, 1e-9  # the same for numbers without a limit, whose rounding errors may have grown
 ROUNDING = "relative to the rounding bound"
-"""Part of the metric of a number that is relative to the rounding bound, so its natural limit is 1."""
+"""If a metric contains these words, its number is relative to the rounding bound, and its natural limit is 1."""
 BY_TIME = ("extremes",)  # kinds whose counts without a limit depend on a time budget
 FIXED = ("case", "scene", "engine", "quantity", "value", "tolerance", "bound", "timed", "state")
 OF_SCALE = 1e-3  # allowed relative increase of a limit that is computed from a run, and so affected by rounding
 Kind = Literal["equal", "rounding", "different", "moved", "timed"]
-Asked = tuple[str, str, str, str, frozenset[tuple[str, str]]]
+Key = tuple[str, str, str, str, frozenset[tuple[str, str]]]
 """Key of a number: case, scene, engine, quantity and settings."""
 
 
@@ -53,7 +53,7 @@ class Published(NamedTuple):
 
 
 class Pair(NamedTuple):
-    """A number of the study, and the published one; None if that was not finite."""
+    """A number of the study, and the published number, which is None if it was not finite."""
 
     row: Row
     published: float | None
@@ -133,26 +133,26 @@ def compare(results: Results, folder: Path) -> Comparison:
         The folder contains no `FILE`, or an invalid one.
     """
     published = _published(folder)
-    known = {asked[0] for asked in published}
+    known = {key[0] for key in published}
     edited = _edited(folder, known)
-    own = {_asked(row): row for row in results.rows}
-    here = known & {asked[0] for asked in own}
-    both = [(row, published[asked]) for asked, row in own.items() if asked in published]
+    own = {_key(row): row for row in results.rows}
+    here = known & {key[0] for key in own}
+    both = [(row, published[key]) for key, row in own.items() if key in published]
     pairs = tuple(Pair(row, there.value, _kind(row, there, row.case in edited)) for row, there in both)
-    new = [asked for asked, row in own.items() if asked[0] in here and asked not in published and not row.timed]
-    gone = {asked: there for asked, there in published.items() if asked[0] in here and asked not in own}
-    moved = [asked for asked in new if asked[0] in edited]
-    moved += [asked for asked, there in gone.items() if asked[0] in edited and there.tolerance is None]
-    gone_untimed = [asked for asked, there in gone.items() if not there.timed]
-    missing = [asked for asked in (*new, *gone_untimed) if asked not in moved]
-    wider = tuple(_in_words(_asked(row)) for row, there in both if _is_wider(row, there) and not row.widened)
-    unpublished = tuple(dict.fromkeys(asked[0] for asked in own if asked[0] not in known))
+    new = [key for key, row in own.items() if key[0] in here and key not in published and not row.timed]
+    gone = {key: there for key, there in published.items() if key[0] in here and key not in own}
+    moved = [key for key in new if key[0] in edited]
+    moved += [key for key, there in gone.items() if key[0] in edited and there.tolerance is None]
+    gone_untimed = [key for key, there in gone.items() if not there.timed]
+    missing = [key for key in (*new, *gone_untimed) if key not in moved]
+    wider = tuple(_in_words(_key(row)) for row, there in both if _is_wider(row, there) and not row.widened)
+    unpublished = tuple(dict.fromkeys(key[0] for key in own if key[0] not in known))
     lost, gained = (tuple(map(_in_words, some)) for some in (missing, moved))
     return Comparison(pairs, lost, wider, gained, unpublished, len(here), len(known))
 
 
 def _edited(folder: Path, known: set[str]) -> set[str]:
-    """Published cases whose sources have changed: those of the changed case files, or all if any other file changed."""
+    """Published cases whose sources changed: cases whose own files changed, or all if any other file changed."""
     measured = read_sources(folder)
     files = [Path(file) for file in changed(measured)] if measured else []
     cases = {file.stem for file in files if file.parent.name == "cases"}
@@ -169,30 +169,30 @@ def _is_wider(row: Row, there: Published) -> bool:
     return row.bound != there.bound or more > OF_SCALE * abs(there.tolerance)
 
 
-def _asked(row: Row) -> Asked:
+def _key(row: Row) -> Key:
     facts = frozenset((column_head(name), str(value)) for name, value in row.varied.items())
     return row.case, row.scene, row.engine, row.quantity, facts
 
 
-def _in_words(asked: Asked) -> str:
-    case, scene, engine, quantity, facts = asked
+def _in_words(key: Key) -> str:
+    case, scene, engine, quantity, facts = key
     return ", ".join(part for part in (f"{case}: {quantity}", scene, engine, *sorted(v for _, v in facts)) if part)
 
 
-def _published(folder: Path) -> dict[Asked, Published]:
+def _published(folder: Path) -> dict[Key, Published]:
     """Published numbers by key."""
     lines = csv.DictReader(io.StringIO(_text(folder), newline=""))
     heads = lines.fieldnames or ()
     if lacking := [head for head in FIXED if head not in heads]:
         raise FlexlinkError(f"{folder / FILE}: column {lacking[0]!r} is missing; make the file with: {COMMAND}")
     varied = heads[list(heads).index("seconds") + 1 : list(heads).index("state")] if "seconds" in heads else ()
-    found = dict[Asked, Published]()
+    found = dict[Key, Published]()
     try:
         for line in lines:
             facts = frozenset((head, line[head]) for head in varied if line[head])
-            asked = line["case"], line["scene"], line["engine"], line["quantity"], facts
+            key = line["case"], line["scene"], line["engine"], line["quantity"], facts
             value, tolerance = (float(line[head]) if line[head] else None for head in ("value", "tolerance"))
-            found[asked] = Published(value, tolerance, line["bound"], line["timed"] == "True")
+            found[key] = Published(value, tolerance, line["bound"], line["timed"] == "True")
     except ValueError as error:
         raise FlexlinkError(f"{folder / FILE}, line {lines.line_num}: {error}") from None
     return found
@@ -247,7 +247,7 @@ def _count(pairs: Iterable[Pair], kind: Kind) -> int:
 
 
 def _worst(pairs: Iterable[Pair]) -> str:
-    """The number with the largest difference relative to the allowed one."""
+    """The number whose difference is the largest in units of the allowed difference."""
     apart = [pair for pair in pairs if pair.kind == "different"]
     if not apart:
         return ""

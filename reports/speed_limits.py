@@ -1,4 +1,4 @@
-"""Table of speed: every time limit, its result, and the value of the reference run."""
+"""Table of time limits: limit, result, and value of the reference run."""
 
 from __future__ import annotations
 

@@ -69,7 +69,7 @@ class StoredChapter(Spec, frozen=True):
 
     @property
     def has_findings(self) -> bool:
-        """Whether it has headlines or findings."""
+        """Whether the chapter has headlines or findings."""
         return bool(self.headlines or self.findings)
 
 
@@ -122,7 +122,7 @@ class Stored(NamedTuple):
 
     @property
     def cases(self) -> int:
-        """Number of its cases."""
+        """Number of cases of the full study."""
         return sum(len(chapter.cases) for chapter in self.study.chapters)
 
     def since(self) -> str:

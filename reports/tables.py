@@ -30,7 +30,7 @@ class Meaning:
 
 
 def checks(rows: Sequence[JudgedRow]) -> tuple[Table, str]:
-    """Checks of a case, failing ones first and information last; and the settings common to all, without a column."""
+    """Checks of a case, failing ones first and information last; and the settings common to all rows, as text."""
     facts = {name: {row.varied.get(name) for row in rows} for row in rows for name in row.varied}
     differ = {name for name, values in facts.items() if len(values) > 1}
     columns: dict[str, list[str]] = {
@@ -56,7 +56,7 @@ def checks(rows: Sequence[JudgedRow]) -> tuple[Table, str]:
 
 
 def meanings(rows: Iterable[Row]) -> Iterable[Meaning]:
-    """Definitions of the quantities of rows; quantities with the same words share one entry."""
+    """Definitions of the quantities of rows; quantities with the same definition share one entry."""
     found: dict[tuple[str, str, str], list[str]] = {}
     for row in rows:
         found.setdefault((row.metric, row.reason, row.given_up), []).append(row.quantity)

@@ -35,7 +35,7 @@ class Fact:
 
 @dataclasses.dataclass(frozen=True)
 class CaseVerdict:
-    """Summary of a case: checks, closest check, time limits, and verdicts on claims or on the model."""
+    """Summary of a case: checks, the check closest to its limit, time limits, and verdicts on claims or the model."""
 
     judged: int
     failed: int
@@ -59,7 +59,7 @@ class CaseVerdict:
 
     @property
     def state(self) -> str:
-        """'FAIL' or 'pass'; without checks 'timed' or 'info'."""
+        """'FAIL' or 'pass'; 'timed' or 'info' if there are no checks."""
         return "FAIL" if self.failed else "pass" if self.judged else "timed" if self.speed else "info"
 
     @property
@@ -96,7 +96,7 @@ def case_verdicts(results: Results) -> dict[str, CaseVerdict]:
 
 
 def compared(results: Results) -> str:
-    """Sentence on what is compared with what."""
+    """Sentence that lists what is compared with what."""
     versions = results.environment.versions
     ours = f"flexlink {versions.get('flexlink', '')}".strip()
     engines = [f"{name} {versions[package]}" for package, name in NAMES.items() if versions.get(package)]
@@ -128,7 +128,7 @@ def _when(results: Results) -> str:
 
 
 def verification(results: Results) -> Verdict:
-    """Whether the equations are solved correctly: all checks except time limits; missing cases are counted."""
+    """Verdict on whether the equations are solved correctly, from all checks except time limits, and missing cases."""
     judged, failed = correctness(results.rows)
     checks = plural(judged, "check")
     if failed:
@@ -149,11 +149,12 @@ def verification(results: Results) -> Verdict:
 
 
 def _missing(results: Results) -> str:
-    return f"{len(results.missing)} of {plural(len(results.plan), 'case')} are missing"
+    verb = "is" if len(results.missing) == 1 else "are"
+    return f"{len(results.missing)} of {plural(len(results.plan), 'case')} {verb} missing"
 
 
 def validation(results: Results) -> Verdict | None:
-    """How well the model predicts measurements; None without measured cases. Green only if all are validated."""
+    """Verdict on how well the model predicts measurements, green only if all are validated; None if there are none."""
     counts = total(results)
     if counts is None:
         return None
@@ -162,7 +163,7 @@ def validation(results: Results) -> Verdict | None:
 
 
 def fast(results: Results) -> Verdict:
-    """Whether the time limits are met; they are not checked on a busy machine."""
+    """Verdict on whether the time limits are met; they are not checked on a busy machine."""
     found = speed(results.rows)
     state: State = "missed" if found.missed else "not-measured" if found.unmeasured or not found.met else "met"
     text = found.sentence()

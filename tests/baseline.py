@@ -1,11 +1,11 @@
-"""Digests of every run, term, export and sweep row: a refactoring must not change any of them by a bit.
+"""Digests of every run, term, export and sweep row, of which a refactoring must not change a bit.
 
     python tests/baseline.py before.json            # write the digests
-    python tests/baseline.py --against before.json  # list the differences; exit code 1 if there is one
+    python tests/baseline.py --against before.json  # list the differences; exit code 1 if any digest differs
 
-Scenes: all of `models/`, one with each control law, and the arm with every feature. Digests cover runs with fixed,
+Scenes are all of `models/`, one with each control law, and the arm with every feature. Digests cover runs with fixed,
 implicit and adaptive steps (alone, side by side, by a Simulator, continued from a sample), the terms of the equation of
-motion and their derivatives at random states, URDF, MJCF and SDF, and the rows of a sweep. A change need not be wrong.
+motion and their derivatives at random states, URDF, MJCF and SDF, and the rows of a sweep. Changes may be correct.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ STATES = 5
 
 
 def digest(*values: Any) -> str:
-    """Digest of arrays, to the bit, or of texts."""
+    """Digest of all bits of arrays, or of texts."""
     sha = hashlib.sha256()
     for value in values:
         sha.update(value.encode() if isinstance(value, str) else np.ascontiguousarray(value, dtype=float).tobytes())
@@ -103,7 +103,7 @@ def stepped(scene: fl.Scene) -> str:
 
 
 def terms(chain: fl.Chain) -> Iterator[tuple[str, str]]:
-    """Digests of the equation of motion at random states."""
+    """Digests of the terms of the equation of motion at random states."""
     rng = np.random.default_rng(20261121)
     for k in range(STATES):
         q, qd = random_state(chain, rng)

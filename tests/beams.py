@@ -1,4 +1,4 @@
-"""Beams of the benchmarks."""
+"""Arms of the beam benchmarks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from conftest import chain_of
 from flexlink import Arm, Chain, Joint, Link, Material, RigidBody, Section
 
 THIN = 1e-16
-"""Second moment of area for links without rotary inertia: EI = 1 with E = 1/I, where I is negligible against ρ A L²."""
+"""Second moment of area I so small that rotary inertia is negligible against ρ A L²; E = 1/I gives EI = 1."""
 
 
 def thin_link(rule: str, hinges: int, name: str = "link", flex: str = "z", free: bool = False, **joint: float) -> Link:

@@ -53,7 +53,7 @@ class Browser:
         return self._send("POST", f"{self._session}/execute/sync", {"script": script, "args": list(arguments)})
 
     def run_async(self, script: str) -> Any:
-        """Return what a script passes to its last argument, a callback."""
+        """Return the value that a script passes to its last argument, which is a callback."""
         return self._send("POST", f"{self._session}/execute/async", {"script": script, "args": []})
 
     def command(self, name: str, parameters: dict[str, Any]) -> Any:

@@ -51,14 +51,14 @@ settings.load_profile("any machine")  # deadlines would depend on the speed of t
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Run files with many slow tests first: otherwise all processes wait for one long test at the end of the run.
 
-    Even earlier: files that compile kernels which other files need.
+    Files that compile kernels for other files run even earlier.
     """
     slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
     items.sort(key=lambda item: (item.get_closest_marker("first") is None, -slow[item.path]))
 
 
 def pytest_collection_finish() -> None:
-    """Freeze modules and tests: the garbage collector need not scan them, and scans the rest less often."""
+    """Exclude modules and tests from garbage collection, and collect other objects less often."""
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 20, 100)
@@ -70,7 +70,7 @@ class _TooSlow(BaseException):
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_pyfunc_call() -> Iterator[None]:
-    """Skip a test that takes too long: kernels that are not compiled are a hundred times slower."""
+    """Skip a test that takes too long because its kernels are not compiled and a hundred times slower."""
     if not numba.config.DISABLE_JIT or not hasattr(signal, "setitimer"):
         return (yield)
     due = True
@@ -97,7 +97,7 @@ def flexible(name: str, flex: str = "z", segments: int = 5, **fields: object) ->
 
 
 def make_scene(*links: Link, tip: RigidBody | None = None, **fields: object) -> Scene:
-    """A scene of the given links at zero angles, in steps of 0.1 ms."""
+    """A scene of the given links at zero angles, with time steps of 0.1 ms."""
     arm = Arm(links=links, materials={"aluminium": ALUMINIUM}, sections={"square": SQUARE}, tip=tip or RigidBody())
     usual = {"initial": InitialState(joint_deg=(0.0,) * len(links)), "run": RunSettings(step=1e-4)}
     return Scene(name="test", arm=arm, **{**usual, **fields})

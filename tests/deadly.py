@@ -1,4 +1,4 @@
-"""Sweep process in which one member kills the process. It imports as little as possible because it is started often."""
+"""Worker process of a sweep that one member kills; it imports as little as possible because it is started often."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from multiprocessing import get_all_start_methods, get_context
 from flexlink.sweeps import worker
 from flexlink.sweeps.plan import Plan
 
-MEMBER = 5  # number of the member that kills its process; two members later, one raises an unexpected exception
+MEMBER = 5  # number of the member that kills its process; member MEMBER + 2 raises an unexpected exception
 
 
 def make() -> None:
@@ -27,7 +27,7 @@ def make() -> None:
 
 
 def pool() -> Executor:
-    """Run one such process at a time, if possible as a fork of a process that has already imported the library."""
+    """Pool of one such process, if possible a fork of a process that has already imported the library."""
     if "forkserver" not in get_all_start_methods():
         return ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=make)
     context = get_context("forkserver")

@@ -36,7 +36,7 @@ class Actor:
         self.rate = [0.0] * len(self.links)
 
     def act(self) -> None:
-        """Make all actions, in the order of their dependencies."""
+        """Add all actions, in the order of their dependencies."""
         m = self.m
         start: Table = {}
         if m.chance(0.85):
@@ -64,7 +64,7 @@ class Actor:
         self.whole_state(start)
 
     def set(self, into: Table, key: str, values: Sequence[float], units: tuple[str, str] = ("deg", "m")) -> None:
-        """Numbers per link in the lists of both units, as far as needed."""
+        """Store one number per link in the lists in degrees and in metres; a list that no joint needs is left out."""
         for unit, own in zip(units, (False, True), strict=True):
             if own in self.slides or (not own and key == "joint"):
                 into[f"{key}_{unit}"] = [v if s == own else 0.0 for v, s in zip(values, self.slides, strict=True)]
@@ -156,7 +156,7 @@ class Actor:
                 x = self.start[k] + a * (1 - np.cos(w * t))
                 m.files[f"motion{k}.csv"] = csv(**{"t [s]": t, f"q {link['name']} [{unit}]": x})
                 motion |= {"file": f"motion{k}.csv", "cutoff": 20.0}
-                self.rate[k] = self.start[k] = 0.0  # as in the file
+                self.rate[k] = self.start[k] = 0.0  # the file gives the initial state
             motions.append(motion)
         if motions:
             self.table["motion"] = motions

@@ -1,4 +1,4 @@
-"""Checks of a random scene: numbers against independent references, file round trips, only intended errors."""
+"""Checks of a random scene: numbers equal independent references, files read back equal, only intended errors occur."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ class Judged:
         self.folder = FOLDER / f"scene{seed}"
         self.path = self.made.write(self.folder)
 
-    def say(self, kind: str, text: str) -> None:
+    def report(self, kind: str, text: str) -> None:
         """Record a finding."""
         self.found.append((kind, " ".join(str(text).split())[:300]))
 
     def expect(self, name: str, difference: float, allowed: float) -> None:
         """Check that a difference is small."""
         if not difference <= allowed:
-            self.say("silent", f"{name}: off by {difference:.3g}, allowed {allowed:.3g}")
+            self.report("silent", f"{name}: off by {difference:.3g}, allowed {allowed:.3g}")
 
     def guarded(self, name: str, check: Callable[[], None]) -> bool:
         """Run a check. A FlexlinkError counts as an error, any other exception as a traceback."""
@@ -53,19 +53,19 @@ class Judged:
             check()
         except fl.FlexlinkError as error:
             on_purpose = name == "other engines" and isinstance(error, fl.errors.ArgumentError)  # limits of the formats
-            self.say(
+            self.report(
                 "error" if not on_purpose and not self.made.extreme else "told",
                 f"{name}: {type(error).__name__}: {error}",
             )
         except TooSlowError:
-            self.say("weak", f"{name}: reference too slow")
+            self.report("weak", f"{name}: reference too slow")
         except np.linalg.LinAlgError as error:
-            self.say("weak", f"{name}: truth: {error}")
+            self.report("weak", f"{name}: truth: {error}")
         except AlarmError:
             raise
         except Exception as error:  # tracebacks are what the test looks for
             where = traceback.extract_tb(error.__traceback__)[-1]
-            self.say(
+            self.report(
                 "traceback", f"{name}: {type(error).__name__}: {error} at {Path(where.filename).name}:{where.lineno}"
             )
         else:
@@ -105,14 +105,14 @@ class Judged:
         other.write_text(self.scene.to_toml(), encoding="utf-8")
         again = fl.load_scene(other)
         if again != self.scene:
-            self.say("silent", "to_toml: another scene")
+            self.report("silent", "to_toml: another scene")
         chain = fl.lump(again)
         same = (
             chain.bodies.tobytes() == self.chain.bodies.tobytes()
             and chain.hinges.tobytes() == self.chain.hinges.tobytes()
         )
         if not same:
-            self.say("silent", "to_toml: another chain")
+            self.report("silent", "to_toml: another chain")
 
     def geometry(self) -> None:
         """Check mass, centre of mass and tip against independent transforms."""
@@ -131,7 +131,7 @@ class Judged:
         self.expect("tip", np.abs(fl.tip_position(self.chain, q) - tip).max(), far)
 
     def stiffness(self) -> None:
-        """Check each beam alone, clamped: a tip moment M turns its end by M ∫ dx/EI."""
+        """Check each beam alone and clamped: a tip moment M turns its end by M ∫ dx/EI."""
         arm = self.scene.arm
         for link in arm.links:
             if link.flex == "rigid" or link.lumping in {"paper", "hencky", "clamped"} or self.made.extreme:
@@ -172,7 +172,7 @@ class Judged:
                             float(np.abs(angle / 1e-4 - axes[axis]).max()), loose)  # fmt: skip
 
     def terms(self) -> None:
-        """Check that all solvers satisfy the equation of motion, and derivatives against finite differences."""
+        """Check that all solvers satisfy the equation of motion and that derivatives equal finite differences."""
         c, r = self.chain, self.rng
         q, qd = self.q + 0.1 * r.uniform(-1, 1, c.n), self.qd + r.uniform(-1, 1, c.n)
         tau, load = r.uniform(-1, 1, c.n), r.uniform(-1, 1, 6)
@@ -204,7 +204,7 @@ class Judged:
         self.expect("slope of energies", abs(power - torque @ qd), 1e-5 * size)
 
     def statics(self) -> None:
-        """Check that equilibrium torques balance, and modes against eigenvalues of the linearized terms."""
+        """Check that torques balance at the equilibrium and that modes equal eigenvalues of the linearized terms."""
         c = self.chain
         if c.has_free_base or c.n == len(c.active) or self.made.extreme:
             return
@@ -230,7 +230,7 @@ class Judged:
         """Check A of the linear model against finite differences of the equation of motion."""
         c = self.chain
         tau = np.zeros(c.n)
-        kinds = {"torque", "current"} if self.scene.motion else set()  # the torque of a prescribed joint is no output
+        kinds = {"torque", "current"} if self.scene.motion else set()  # prescribed joints have no such outputs
         shown = [sensor.name for sensor in self.scene.sensor if sensor.kind not in kinds]
         seen = [fl.small_motion.SensorOutputs(self.scene, *shown)] if shown else []
         outputs: tuple[Any, ...] = ("tip", "tip_rate", "joints", *seen)
@@ -250,7 +250,7 @@ class Judged:
             self.expect("linear model, finite", 0.0 if np.isfinite(model.A).all() else 1.0, 0.5)
 
     def run(self) -> None:
-        """Simulate."""
+        """Simulate the scene; store the result, or report why the run failed."""
         began = time.process_time()
         try:
             with warnings.catch_warnings(record=True) as self.heard:
@@ -258,7 +258,7 @@ class Judged:
                 self.result = fl.simulate(self.scene)
         except (fl.errors.DivergenceError, fl.errors.UnstableStepError) as error:
             if self.truly_wild():
-                self.say("told", f"run: {error}")
+                self.report("told", f"run: {error}")
                 self.result = None
                 return
             raise
@@ -273,7 +273,7 @@ class Judged:
         self.notes.append(str(self.result.steps).split(":")[0].split(" ")[0])
 
     def truly_wild(self) -> bool:
-        """Return whether the reference also diverges, or a step is longer than a vibration period."""
+        """Return whether the reference also diverges, or a step or sampling period is too long for the motion."""
         run = self.scene.run
         truth = Truth(self.scene, self.chain)
         if self.scene.drive.rate and self.scene.drive.kp and self.growth() > 1.02:
@@ -291,7 +291,7 @@ class Judged:
         return bool(np.abs(qd).max() > 1e3)
 
     def growth(self) -> float:
-        """Growth factor of motion between two samples of a sampled control law, at the initial state."""
+        """Growth factor of a small motion between two samples of a sampled control law, at the initial state."""
         model, drive, n = fl.linearize(self.chain, self.q, self.qd), self.scene.drive, self.chain.n
         free = [k for k, link in enumerate(self.scene.arm.links) if not link.joint.locked]
         gains = np.zeros((len(free), 2 * n))
@@ -314,7 +314,7 @@ class Judged:
             tolerance = 1e-3 * self.size
         there, kind = fl.frames(self.chain, run.q[-1]).points, ""
         try:
-            for part, most in ((1e-2, 15_000), (1e-4, 60_000)):  # the second if the first finds an error
+            for part, most in ((1e-2, 15_000), (1e-4, 60_000)):  # stricter if an error is found
                 tight = float(np.clip(part * tolerance / self.size, 1e-10, 1e-6))
                 truth = Truth(scene, self.chain, most)
                 q, _ = truth.end_state(self.q, self.qd, float(run.t[0]), float(run.t[-1]), tight)
@@ -325,14 +325,14 @@ class Judged:
             length = min(tolerance * 1e-2, 1e-6 * self.size)
             finer = fl.simulate(scene.varied({"run.accuracy": "tip"}), tolerance=length, method="Radau9")
             error, kind = float(np.abs(there - fl.frames(self.chain, finer.q[-1]).points).max()), "weak: "
-            self.say("weak", "compared with a finer run")
+            self.report("weak", "compared with a finer run")
         self.notes.append(f"error {error / tolerance:.2g} tol")
         if error > 10 * tolerance and not self.doubts:
-            self.say("silent", f"{kind}end is off by {error:.3g} m, tolerance {tolerance:.3g} m")
+            self.report("silent", f"{kind}end is off by {error:.3g} m, tolerance {tolerance:.3g} m")
         elif error > tolerance and scene.run.controlled and not self.doubts:
-            self.say("told", f"{kind}above the tolerance: {error / tolerance:.2g}")
+            self.report("told", f"{kind}above the tolerance: {error / tolerance:.2g}")
         if self.doubts and error <= tolerance:
-            self.say(
+            self.report(
                 "told" if self.made.extreme else "doubt", f"{kind}error {error / tolerance:.2g} tol, but {self.doubts}"
             )
 
@@ -352,16 +352,16 @@ class Judged:
         run, chain = self.result, self.chain
         for name, column in run.columns.items():
             if len(column) != len(run.t) or not np.isfinite(column).all():
-                self.say("silent", f"column {name!r}: not finite, or of another length")
+                self.report("silent", f"column {name!r}: not finite, or of another length")
         passed = False
         for link, k in zip([link for link in self.scene.arm.links if not link.joint.locked], chain.active, strict=True):
             limits = link.joint.limits
             if limits is not None:
                 low, high = limits if link.joint.slides else np.radians(limits)
                 passed |= bool((run.q[:, k] > high + 1e-9).any() or (run.q[:, k] < low - 1e-9).any())
-        told = any("no end stops" in w for w in run.warnings)
-        if passed != told:
-            self.say("silent" if passed else "doubt", f"limits passed: {passed}, reported: {told}")
+        reported = any("no end stops" in w for w in run.warnings)
+        if passed != reported:
+            self.report("silent" if passed else "doubt", f"limits passed: {passed}, reported: {reported}")
         if run.momentum_error is not None and not self.doubts and not self.made.extreme:
             momentum = run.base.momentum.linear if run.base is not None else np.zeros(1)
             scale = np.abs(momentum).max() + chain.mass * self.tolerance / max(run.t[-1] - run.t[0], 1e-9)
@@ -386,13 +386,13 @@ class Judged:
         again = fl.load_trajectory(self.result.save(self.folder / "run.npz"))
         for key in ("t", "q", "qd", "tau", "tip", "work", "tip_wrench"):
             if not np.array_equal(getattr(again, key), getattr(self.result, key)):
-                self.say("silent", f"archive: another {key}")
+                self.report("silent", f"archive: another {key}")
         if again.scene != self.result.scene or again.warnings != self.result.warnings:
-            self.say("silent", "archive: another scene, or warnings")
+            self.report("silent", "archive: another scene, or warnings")
         self.result.save(self.folder / "run.csv")
         table = np.genfromtxt(self.folder / "run.csv", delimiter=",", skip_header=1, encoding="utf-8")
         if not np.array_equal(np.atleast_2d(table)[:, 0], self.result.t):
-            self.say("silent", "table: other times")
+            self.report("silent", "table: other times")
         if self.rng.random() < 0.03:
             self.result.plot()
 
@@ -461,7 +461,7 @@ class Judged:
         arm.step(np.zeros(len(self.chain.active)))
         for name, value in arm.readings.items():
             if name not in self.result.readings or not math.isfinite(value):
-                self.say("silent", f"reading {name!r} of a simulator")
+                self.report("silent", f"reading {name!r} of a simulator")
 
     def other_engines(self) -> None:
         """Export to all formats; Pinocchio and MuJoCo must agree."""
@@ -469,7 +469,7 @@ class Judged:
             write(self.chain)
         found = fl.compare(self.scene, samples=4)
         if not found.passed:
-            self.say("silent", f"compare: {found.diagnosis}")
+            self.report("silent", f"compare: {found.diagnosis}")
 
     def command_line(self) -> None:
         """Run the command `simulate` in this process."""
@@ -479,11 +479,11 @@ class Judged:
         lines = err.getvalue().strip().splitlines()
         odd = [line for line in lines if not line.startswith(("note: ", "warning: ", "flexlink: ", "compiling"))]
         if code not in {0, 2} or odd or sum(line.startswith("flexlink: ") for line in lines) != (code == 2):
-            self.say("traceback", f"command line: {code}: {err.getvalue()}")
+            self.report("traceback", f"command line: {code}: {err.getvalue()}")
         if code == 0 and (self.folder / "command.csv").read_text(encoding="utf-8") != (
             self.folder / "run.csv"
         ).read_text(encoding="utf-8"):
-            self.say("silent", "command line: another table")
+            self.report("silent", "command line: another table")
 
 
 def held_by(chain: fl.Chain, q: Array) -> Array:
@@ -499,8 +499,8 @@ def instrument(sensor: Any, t: Array, u: Array) -> Array:
         b, a = filters.butter(sensor.order or 1, 2 * math.pi * sensor.low_pass, analog=True)
         y = y[0] + filters.lsim((b, a), y - y[0], fine - fine[0], interp=True)[1]
     y = sensor.gain * y + sensor.bias
-    asked = t if not sensor.rate else np.floor(t * sensor.rate + 1e-6) / sensor.rate
-    y = y[np.clip(np.round((asked - t[0]) / 1e-3).astype(int), 0, len(y) - 1)]
+    sampled = t if not sensor.rate else np.floor(t * sensor.rate + 1e-6) / sensor.rate
+    y = y[np.clip(np.round((sampled - t[0]) / 1e-3).astype(int), 0, len(y) - 1)]
     rounded = sensor.resolution and not sensor.noise
     return np.asarray(np.round(y / sensor.resolution) * sensor.resolution if rounded else y)
 

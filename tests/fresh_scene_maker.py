@@ -1,4 +1,4 @@
-"""Random scenes that use every key of a scene file, mostly ordinary, some extreme."""
+"""Random scenes that together use every key of a scene file; most are ordinary, some are extreme."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Made(NamedTuple):
     extreme: str
 
     def write(self, folder: Path) -> Path:
-        """Write all files to a folder; return the path of the scene."""
+        """Write all files to a folder; return the path of the scene file."""
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in {**self.files, "scene.toml": toml(self.table)}.items():
             (folder / name).write_text(text, encoding="utf-8")
@@ -87,7 +87,7 @@ class Maker:
         return bool(self.rng.random() < probability)
 
     def uniform(self, low: float, high: float, size: int | None = None) -> Any:
-        """Round as a user writes numbers."""
+        """Uniform random number, rounded like a number that a user writes."""
         found = np.array([float(f"{x:.4g}") for x in self.rng.uniform(low, high, size or 1)])
         return found.tolist() if size else float(found[0])
 
@@ -215,7 +215,7 @@ class Maker:
             self.soft_root(link, thick)
 
     def soft_root(self, link: Table, thick: float) -> None:
-        """Add springs at the root of the beam; about its axis only if inertia about it is attached."""
+        """Add springs at the root of the beam; a spring about the beam axis needs inertia about that axis."""
         young = 5e10 * thick**4
         axes = [axis for axis in "yzx"[: 3 if "end" in link else 2] if self.chance(0.6)] or ["z"]
         link["root_stiffness"] = {axis: young * self.spread(1, 10) for axis in axes}
@@ -331,7 +331,7 @@ class Maker:
 
     @property
     def inertia(self) -> Array:
-        """Approximate inertia moved by each joint; mass for a sliding joint."""
+        """Approximate inertia moved by each joint [kg m²]; for a sliding joint, the mass [kg]."""
         lengths = [link.get("length") or link.get("dh", {}).get("a") or 0.3 * self.size for link in self.links]
         found = []
         for k, link in enumerate(self.links):

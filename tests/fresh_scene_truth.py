@@ -25,7 +25,7 @@ class TooSlowError(Exception):
 
 
 def rows_in_time(times: Array, rows: Array, *, smooth: bool, hold: bool) -> Signal:
-    """Interpolate a table in time; its end values are held."""
+    """Interpolate a table in time; outside its times, its first or last row is used."""
     spline = CubicSpline(times, rows) if smooth and len(times) > 1 else None
 
     def at(t: float) -> Array:
@@ -40,7 +40,7 @@ def rows_in_time(times: Array, rows: Array, *, smooth: bool, hold: bool) -> Sign
 
 
 def own(slides: tuple[bool, ...], deg: Any, m: Any) -> Array:
-    """Numbers per link [rad] or [m]."""
+    """Positions of joints by link, from lists in degrees and in metres [rad] or [m]."""
     count = len(slides)
     turned = np.radians(deg if deg is not None and len(deg) else np.zeros(count))
     return np.where(slides, m if m is not None else np.zeros(count), turned)
@@ -60,7 +60,7 @@ def fastest(distance: float, rate: float, acceleration: float, jerk: float) -> t
 
 
 def ramps(t_j: float, t_a: float, t_v: float) -> PPoly:
-    """Unit move with these phases, by integrating its acceleration."""
+    """Move from 0 to 1 with phases of these durations, by integrating its acceleration."""
     lengths = np.array([t_j, t_a, t_j, t_v, t_j, t_a, t_j])
     ends = np.array([(0, 1), (1, 1), (1, 0), (0, 0), (0, -1), (-1, -1), (-1, 0)], float)
     there = lengths > 1e-12 * lengths.sum()
@@ -107,7 +107,7 @@ class Course:
         self.breaks = np.unique(np.add.outer(self.shifts, self.breaks))
 
     def move(self, scene: fl.Scene, reference: Any, slides: tuple[bool, ...]) -> None:
-        """Move from rest to rest of every link."""
+        """Reference given as a move of every joint from rest to rest."""
         goal = own(slides, reference.to_deg, reference.to_m)
         first = np.where(slides, reference.from_m if reference.from_m else self.initial,
                          np.radians(reference.from_deg) if reference.from_deg else self.initial)  # fmt: skip
@@ -136,7 +136,7 @@ class Course:
         self.at = at
 
     def table(self, reference: Any, slides: tuple[bool, ...]) -> None:
-        """Table of samples in time."""
+        """Reference given as a table of positions at times."""
         t = self.breaks = np.array(reference.times)
         first, last = t[0], t[-1]
         names = (("angle_deg", "position_m"), ("rate_deg", "rate_m"), ("acceleration_deg", "acceleration_m"))
@@ -240,7 +240,7 @@ class Truth:
         return int(self.a[self.driven.index(number)]), at
 
     def gravity(self, t: float, r: Array) -> Array:
-        """Torque that the control law adds to hold the arm at r."""
+        """Torque that the control law adds to hold the arm at the reference position r."""
         kind = self.scene.drive.gravity
         if kind == "none":
             return np.zeros(len(self.a))
@@ -257,7 +257,7 @@ class Truth:
         return np.asarray(self.spline(t))
 
     def holding(self, r: Array) -> Array:
-        """Static T_EX for joints at r."""
+        """T_EX that holds the joints at rest at r."""
         if self.chain.n == len(self.a):  # rigid arm
             return np.array(fl.gravity_torque(self.chain, r))
         key = tuple(np.round(r, 13))
@@ -268,7 +268,7 @@ class Truth:
         return self.held[key]
 
     def law(self, t: float, q: Array, qd: Array) -> Array:
-        """T_EX of the driven joints."""
+        """T_EX that the drive applies to the driven joints."""
         drive, place, rate = self.scene.drive, q[self.a], qd[self.a]
         if drive.kind == "none":
             return np.zeros(len(self.a))
@@ -330,7 +330,7 @@ class Truth:
         return out
 
     def slope(self, t: float, y: Array, torque: Array | None) -> Array:
-        """ẏ."""
+        """Derivative ẏ of the state y = (q, q̇) for the integrator."""
         self.left -= 1
         if self.left < 0:
             raise TooSlowError

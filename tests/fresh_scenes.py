@@ -1,7 +1,7 @@
 """Test the library with random scenes that use every key: `python -m tests.fresh_scenes FIRST STOP` prints failures.
 
-Prints one line per scene, saved in a folder from which a second call continues. At the end it counts silently wrong
-numbers, needless errors and doubts for ordinary scenes, tracebacks, and the keys that were used.
+The command prints and saves one line per scene, so a second call can continue. At the end it prints the numbers of
+undetected wrong results, of needless errors and doubts for ordinary scenes, of tracebacks, and of used keys.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def judged(seed: int, seconds: int = 60) -> Table:
     try:
         one.judge()
     except AlarmError:
-        one.say("error", f"more than {seconds} s")
+        one.report("error", f"more than {seconds} s")
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0)
         signal.signal(signal.SIGPROF, before)
@@ -85,9 +85,9 @@ def main() -> None:
         kept = FOLDER / f"result{seed}.json"
         result = json.loads(kept.read_text()) if kept.exists() else judged(seed)
         kept.write_text(json.dumps(result))
-        told = "; ".join(f"{kind.upper()} {text}" for kind, text in result["found"]) or "right"
+        findings = "; ".join(f"{kind.upper()} {text}" for kind, text in result["found"]) or "right"
         print(
-            f"{seed} [{result['extreme'] or 'sane'}] {' '.join(result['notes'])} ({result['cpu']} s): {told}",
+            f"{seed} [{result['extreme'] or 'sane'}] {' '.join(result['notes'])} ({result['cpu']} s): {findings}",
             flush=True,
         )
         results.append(result)

@@ -1,7 +1,7 @@
-"""Files of one arm as third parties write them, made from its numbers with various frames, names, units and habits.
+"""Files of one arm in the style of third parties: various frames, names, units and conventions.
 
-The numbers are those of `of_chain`: lines of joints, masses, centres, inertias in frame 0. Every link frame may have
-any Z axis and any origin on the joint's line, unlike flexlink's frames. Nothing is taken from flexlink's writers.
+The numbers come from `of_chain`: joint lines, masses, centres, inertias in frame 0. Every link frame may have
+any Z axis and any origin on the joint's line, unlike flexlink's frames. flexlink's writers are not used.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ class Habit(NamedTuple):
 
     turned: float = 0.0  # rotation between frames and frame 0, a rotation vector that grows from link to link [rad]
     slid: float = 0.0  # offset of origins along the axis from flexlink's origins [m]
-    split: float = 0.0  # share of each mass in a separate link, fixed to the first
+    split: float = 0.0  # fraction of each link's mass that is in a separate link, fixed to the first
     degrees: bool = False
     names: str = "joint_{}"
     principal: bool = False  # inertias as principal moments and axes instead of six numbers
     servos: bool = False  # position servos with the gains of the drive, instead of motors
     shuffled: bool = False  # links and joints in another order than in the chain
-    tools: bool = False  # links without joint or mass around the arm: pedestal, flange, tool
-    effort: float = 0.0  # torque limit of every joint [N m]
+    tools: bool = False  # additional links without joint or mass: pedestal, flange, tool
+    effort: float = 0.0  # torque limit of every joint [N m]; 0: none
     model_frame: bool = False  # SDF: axes in the model frame, no world
 
 
@@ -72,7 +72,7 @@ def _parts(read: ReadBack, k: int, Q: Array, o: Array, split: float) -> list[Par
         return []
     if not split:
         return [Part(m, c, I)]
-    d = 0.002 * np.array([1.0, -2.0, 1.5])  # offset of the second part; the first is on the other side
+    d = 0.002 * np.array([1.0, -2.0, 1.5])  # offset of the second part; the first part has the opposite offset
     one, other = split * m, (1 - split) * m
     near = -other / one * d
     left = I - parallel_axis(np.array([one, other]), np.array([near, d])).sum(axis=0)
@@ -88,7 +88,7 @@ def angle(habit: Habit, values: Array) -> Array:
 
 
 def mjcf(chain: fl.Chain, habit: Habit, scene: fl.Scene) -> ET.Element:
-    """Write joints at one point in one body, settings in default classes, visual geoms without mass."""
+    """Write MJCF: joints at one point in one body, settings in default classes, visual geoms without mass."""
     read = of_chain(chain)
     root = ET.Element("mujoco", model="arm")
     how = {"angle": "degree"} if habit.degrees else {"angle": "radian", "autolimits": "true"}
@@ -241,7 +241,7 @@ def _transmission(robot: ET.Element, joint: str) -> None:
 
 
 def sdf(chain: fl.Chain, habit: Habit, scene: fl.Scene) -> ET.Element:
-    """Write springs as SDFormat elements, and link poses in the model frame or relative to the parent link."""
+    """Write SDF: springs as SDFormat elements, link poses in the model frame or relative to the parent link."""
     read = of_chain(chain)
     root = ET.Element("sdf", {"version": "1.10", "xmlns:drake": "http://drake.mit.edu"})
     holder = root

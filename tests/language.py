@@ -32,7 +32,7 @@ CODE = re.compile(r"`[^`]*`")
 
 @functools.cache
 def words() -> list[tuple[re.Pattern[str], str, re.Pattern[str] | None]]:
-    """Patterns with what is better and the contexts in which they are allowed."""
+    """Patterns of words, their better alternatives, and the contexts in which they are allowed."""
     found = []
     for word in tomllib.loads(WORDS.read_text(encoding="utf-8"))["word"]:
         allowed = word.get("allowed")
@@ -43,7 +43,7 @@ def words() -> list[tuple[re.Pattern[str], str, re.Pattern[str] | None]]:
 
 
 def faults(text: str) -> Iterator[tuple[int, str, str]]:
-    """Offsets of words to avoid in a text, the words, and what is better."""
+    """Offsets of words to avoid in a text, the words, and better alternatives."""
     plain = CODE.sub(lambda code: "x" * len(code[0]), text)
     for pattern, better, context in words():
         for match in pattern.finditer(plain):
@@ -53,7 +53,7 @@ def faults(text: str) -> Iterator[tuple[int, str, str]]:
 
 
 def texts(path: Path) -> Iterator[tuple[int, str]]:
-    """First lines and texts of what people read in a file."""
+    """All texts in a file that people read, with their line numbers."""
     source = path.read_text(encoding="utf-8")
     if path.suffix == ".py":
         yield from _of_python(path, source)
@@ -79,7 +79,7 @@ def _of_python(path: Path, source: str) -> Iterator[tuple[int, str]]:
 
 
 def files() -> list[Path]:
-    """Files of the project with texts; in a checkout those under version control."""
+    """Files of the project that contain texts; in a checkout, only those under version control."""
     try:
         found = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split(
             "\n"
@@ -94,7 +94,7 @@ def files() -> list[Path]:
 
 
 def listed(paths: list[Path]) -> list[str]:
-    """One line for every word to avoid: file, line, word and what is better."""
+    """One line for every word to avoid, with file, line, word and better alternative."""
     found = []
     for path in paths:
         for first, text in texts(path):

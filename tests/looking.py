@@ -17,7 +17,7 @@ from flexlink.motion.chunk_size import ChunkSize
 
 
 def in_every_way(what: Callable[[], Any], seed: str | int) -> list[list[object]]:
-    """Digests of runs that are read after every step, at random, and only at the end."""
+    """Digests of the runs, read after every step, at random, or only at the end."""
     dice, found = random.Random(seed), []
     ways = (
         (itertools.repeat(1), lambda: True),
@@ -27,7 +27,7 @@ def in_every_way(what: Callable[[], Any], seed: str | int) -> list[list[object]]
     for sizes, due in ways:
         with pytest.MonkeyPatch.context() as patch:
             look(patch, sizes, due)
-            found.append(told(what))
+            found.append(digests(what))
     return found
 
 
@@ -38,8 +38,8 @@ def digest(run: fl.Trajectory) -> tuple[object, ...]:
     return len(run.t), sha.hexdigest(), run.warnings, repr(run.steps)
 
 
-def told(what: Callable[[], Any]) -> list[object]:
-    """Digests of the runs, how they ended, and what was read on the way."""
+def digests(what: Callable[[], Any]) -> list[object]:
+    """Digests of the runs, of how they ended, and of what was read during the runs."""
     with warnings.catch_warnings(record=True) as words:
         warnings.simplefilter("always")
         try:
@@ -55,7 +55,7 @@ def told(what: Callable[[], Any]) -> list[object]:
 
 
 def look(patch: pytest.MonkeyPatch, sizes: Iterator[int], due: Callable[[], bool]) -> None:
-    """Advance all runs by this number of steps, and read them when it is due."""
+    """Advance all runs by this number of steps, and read them if their turn has come."""
 
     def start(pace: ChunkSize) -> int:
         pace.size = next(sizes)

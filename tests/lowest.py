@@ -12,7 +12,7 @@ from pathlib import Path
 
 PROJECT = Path(__file__).parent.parent / "pyproject.toml"
 OWN = "flexlink["  # extras that name each other
-TOOLS = "dev"  # checks the sources, independently of the other versions
+TOOLS = "dev"  # extra that checks the sources, independently of other versions
 
 
 def requirements(text: str) -> list[str]:

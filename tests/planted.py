@@ -1,4 +1,4 @@
-"""Usual mistakes in robot files, planted into files of flexlink: the edit, and a part of the finding."""
+"""Common mistakes planted into robot files of flexlink; each has an edit and a part of the expected finding."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Planted(NamedTuple):
 
 
 def cause(field: str, shape: str = "", *factors: float, setting: str = "") -> str:
-    """Likely mistake that the table names if a field differs in this shape; without a shape, a kind of displacement."""
+    """Mistake that the table lists for a field that differs in this pattern; without a pattern, a displacement."""
     table = read_toml(Path(mistakes.__file__).parent / "data" / "mistakes.toml")
     if not shape:
         return table["misplaced"][field]["likely"]
@@ -66,7 +66,7 @@ def scaled(path: str, attribute: str, factor: float, only: int | None = None) ->
     return edit
 
 
-def said(path: str, value: str | None, only: int | None = None) -> Edit:
+def text_set(path: str, value: str | None, only: int | None = None) -> Edit:
     """Replace the text of one or all elements; None removes the elements."""
 
     def edit(root: ET.Element) -> None:
@@ -81,7 +81,7 @@ def said(path: str, value: str | None, only: int | None = None) -> Edit:
     return edit
 
 
-def said_times(path: str, *factors: float, only: int | None = None) -> Edit:
+def text_scaled(path: str, *factors: float, only: int | None = None) -> Edit:
     """Multiply the numbers in the text of elements, one by one."""
 
     def edit(root: ET.Element) -> None:
@@ -126,7 +126,7 @@ def flag(*names: str) -> Edit:
 
 
 def attribute_moved(path: str, name: str) -> Edit:
-    """Swap the values of two neighbours that differ."""
+    """Swap the values of the first two successive elements whose values differ."""
 
     def edit(root: ET.Element) -> None:
         having = [element for element in root.iterfind(path) if name in element.attrib]
@@ -147,7 +147,7 @@ def hinges_reversed(root: ET.Element) -> None:
 
 
 def without_motors(root: ET.Element) -> None:
-    """Remove joint names and keyframes, which depend on joint names and numbers."""
+    """Remove actuators and keyframes, which depend on joint names and numbers."""
     for part in (*root.findall("actuator"), *root.findall("keyframe")):
         root.remove(part)
 
@@ -210,7 +210,7 @@ def servo(root: ET.Element) -> None:
 
 
 def slender(root: ET.Element) -> None:
-    """Give moments that violate the triangle inequality, which the compiler then makes equal."""
+    """Give moments of inertia that violate the triangle inequality; the compiler then makes them equal."""
     next(root.iter("inertial")).set("diaginertia", "0.001 0.001 0.01")
 
 
@@ -224,7 +224,7 @@ def sdf_about_joint(root: ET.Element) -> None:
 
 
 def effort_0(root: ET.Element) -> None:
-    """Set effort 0: Drake makes no actuator, and drops the rotor."""
+    """Set effort 0, for which Drake makes no actuator and drops the rotor."""
     ET.SubElement(ET.SubElement(next(root.iter("axis")), "limit"), "effort").text = "0"
 
 
@@ -234,8 +234,8 @@ def expressed_in_model(root: ET.Element) -> None:
 
 
 def impossible_without_a_world(root: ET.Element) -> None:
-    """Give an impossible inertia: Drake refuses it in a world, but not in a model."""
-    said(".//izz", "9", only=-1)(root)
+    """Give an inertia that is impossible; Drake refuses it in a world, but not in a model."""
+    text_set(".//izz", "9", only=-1)(root)
     world = root[0]
     root[:] = world.findall("model")
 
@@ -325,25 +325,25 @@ PLANTED = (
     Planted("urdf", "inertia about the joint", urdf_about_joint, cause("inertias", "about_joint")),
     Planted("urdf", "mass left out", scaled(".//mass", "value", 0, only=2), cause("masses", "all_zero")),
     Planted("urdf", "pounds", scaled(".//mass", "value", 1 / 0.45359237), cause("masses", "proportional")),
-    Planted("sdf", "rotors left out", said(ROTOR, None), "3 joints"),
+    Planted("sdf", "rotors left out", text_set(ROTOR, None), "3 joints"),
     Planted("sdf", "no actuator, no rotor", effort_0, "joint 'waist'"),
-    Planted("sdf", "springs left out", said(SPRING, "0"), "18 joints"),
-    Planted("sdf", "stiffness per degree", said_times(SPRING, PER_DEGREE), DEGREES),
-    Planted("sdf", "rest angles left out", said(".//spring_reference", None), "18 joints"),
-    Planted("sdf", "damping left out", said(".//damping", "0"), "21 joints"),
-    Planted("sdf", "Coulomb torque left out", said(".//friction", "0"), "3 joints"),
-    Planted("sdf", "gravity the other way", said("world/gravity", "0 0 -9.81"), cause("gravity", "scaled_by", -1)),
-    Planted("sdf", "axis flipped", said_times(".//xyz", -1, -1, -1, only=4), cause("axes", "any_difference")),
+    Planted("sdf", "springs left out", text_set(SPRING, "0"), "18 joints"),
+    Planted("sdf", "stiffness per degree", text_scaled(SPRING, PER_DEGREE), DEGREES),
+    Planted("sdf", "rest angles left out", text_set(".//spring_reference", None), "18 joints"),
+    Planted("sdf", "damping left out", text_set(".//damping", "0"), "21 joints"),
+    Planted("sdf", "Coulomb torque left out", text_set(".//friction", "0"), "3 joints"),
+    Planted("sdf", "gravity the other way", text_set("world/gravity", "0 0 -9.81"), cause("gravity", "scaled_by", -1)),
+    Planted("sdf", "axis flipped", text_scaled(".//xyz", -1, -1, -1, only=4), cause("axes", "any_difference")),
     Planted("sdf", "axes of another frame", expressed_in_model, "(0.920651, "),
     Planted("sdf", "6 digits", written_with(".6g"), "%.17g"),
-    Planted("sdf", "rotations in degrees", said_times("world/model/link/pose", 1, 1, 1, *[1 / PER_DEGREE] * 3),
+    Planted("sdf", "rotations in degrees", text_scaled("world/model/link/pose", 1, 1, 1, *[1 / PER_DEGREE] * 3),
             "joint 'waist'"),
-    Planted("sdf", "inertial left out weighs 1 kg", said(".//inertial", None, only=1), " kg"),
+    Planted("sdf", "inertial left out weighs 1 kg", text_set(".//inertial", None, only=1), " kg"),
     Planted("sdf", "an inertia that no body can have",
             impossible_without_a_world, cause("inertias", "water_sphere")),
     Planted("sdf", "inertial rotated", inertial_turned, cause("inertias", "axes_rotated")),
     Planted("sdf", "inertia about the joint", sdf_about_joint, cause("inertias", "about_joint")),
-    Planted("sdf", "payload left out", said_times(".//mass", 0.5, only=-1), cause("masses", "one_too_light")),
-    Planted("sdf", "grams", both(said_times(".//mass", 1e3), *(said_times(f".//{i}", 1e3) for i in INERTIAS)),
+    Planted("sdf", "payload left out", text_scaled(".//mass", 0.5, only=-1), cause("masses", "one_too_light")),
+    Planted("sdf", "grams", both(text_scaled(".//mass", 1e3), *(text_scaled(f".//{i}", 1e3) for i in INERTIAS)),
             cause("masses", "scaled_by", 1000)),
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Mistakes planted into the files by hand of `handwritten`: hands, edit, and a part of the finding."""
+"""Mistakes planted into files of `handwritten`; each has its styles (hands), an edit, and a part of the finding."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from planted import (
     each,
     frame_moved,
     numbers,
-    said,
-    said_times,
     scaled,
+    text_scaled,
+    text_set,
     vector,
 )
 
 
 class Abroad(NamedTuple):
-    """A mistake in files of `hands`; the first finding contains `named`: a name, a value or its cause."""
+    """A mistake in files of the styles `hands`; the first finding contains `named`: a name, a value or its cause."""
 
     hands: tuple[str, ...]
     mistake: str
@@ -47,7 +47,7 @@ def axis_exchanged(path: str, k: int, attribute: str) -> Edit:
     return lambda root: (e := root.findall(path)[k]).set(attribute, numbers(np.roll(vector(e, attribute), 1)))
 
 
-def axis_said_otherwise(root: ET.Element) -> None:
+def axis_permuted(root: ET.Element) -> None:
     xyz = root.findall(".//axis/xyz")[1]
     xyz.text = numbers(np.roll(np.array(xyz.text.split(), float), 1))
 
@@ -176,11 +176,11 @@ ABROAD = (
     Abroad(URDF, "damping left out", each("joint/dynamics", damping="0"), " N m s/rad"),
     Abroad(URDF, "effort of 1 N m", each("joint/limit", effort="1"), "3 joints ('slew', 'boom', 'jib'): ±1 N m"),
     Abroad(LIMITED, "transmission at the wrong joint", transmission_at_a_spring, cause("gear", "permuted")),
-    Abroad(LIMITED, "reduction 50", said(".//mechanicalReduction", "50"), "factor 50"),
-    Abroad(("relative",), "effort of 1 N m", said(".//limit/effort", "1"), "±1 N m"),
-    Abroad(("relative", "model"), "wrong axis", axis_said_otherwise, "joint 'boom'"),
-    Abroad(("relative",), "one pose in mm", said_times(".//link/pose", MM, MM, MM, 1, 1, 1, only=4), "1000 times"),
-    Abroad(("relative",), "sign of the products", both(*(said_times(f".//{i}", -1, only=0) for i in OFF)),
+    Abroad(LIMITED, "reduction 50", text_set(".//mechanicalReduction", "50"), "factor 50"),
+    Abroad(("relative",), "effort of 1 N m", text_set(".//limit/effort", "1"), "±1 N m"),
+    Abroad(("relative", "model"), "wrong axis", axis_permuted, "joint 'boom'"),
+    Abroad(("relative",), "one pose in mm", text_scaled(".//link/pose", MM, MM, MM, 1, 1, 1, only=4), "1000 times"),
+    Abroad(("relative",), "sign of the products", both(*(text_scaled(f".//{i}", -1, only=0) for i in OFF)),
            cause("inertias", "products_negated")),
-    Abroad(("relative", "model"), "stiffness per degree", said_times(SPRING, PER_DEGREE), DEGREES),
+    Abroad(("relative", "model"), "stiffness per degree", text_scaled(SPRING, PER_DEGREE), DEGREES),
 )  # fmt: skip

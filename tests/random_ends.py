@@ -1,4 +1,4 @@
-"""Random runs: each reaches its end or reports why not, however often it is read; a `Simulator` gives the same result.
+"""Random runs reach their end or report why not, however often they are read; a `Simulator` gives the same results.
 
     python -m tests.random_ends free 0 400      # satellites, by every method and four steps or tolerances
     python -m tests.random_ends looks 0 1000    # satellites, arms, motors: read in three ways
@@ -30,11 +30,11 @@ STEPS = (2e-4, 1e-3, 5e-3, 2e-2)
 TOLERANCES = (1e-2, 1e-3, 1e-5, 1e-7)
 DURATION, SAMPLES = 0.2, 10
 UNWRITTEN = re.compile(r"\b(inf|nan)\b")
-SAME = 1e-12  # m between a run and a simulator, which continue in other coordinates
+SAME = 1e-12  # allowed difference [m]; a run and a simulator may continue in different coordinates
 
 
 def random_satellite(dice: Dice) -> fl.Scene:
-    """Return a free body with one to three links, some flexible, that spins with up to 20 rad/s."""
+    """Return a free body with one to three links, some of them flexible; the body spins at up to 20 rad/s."""
     links = tuple(_panel(dice, k) for k in range(dice.one_of(1, 2, 3)))
     spin = np.degrees(dice.linear(0.0, 20.0)) * _unit(dice)
     base = fl.details.BaseState(velocity=dice.three(0.5), spin_deg=(float(spin[0]), float(spin[1]), float(spin[2])))

@@ -3,8 +3,8 @@
     python -m tests.random_jumps 1000        # seeds 0 … 999, with a summary at the end; exit code 1 if one is wrong
 
 Arms of one to three links with rotors up to 300 kg m². A torque, a wrench or the target of a drive jumps at rest or in
-motion; tolerances are 1e-2 to 1e-6 m. The reference is DOP853 with a thousandth of the tolerance, which also applies to
-samples inside its steps, or Radau9 if its stable steps are too many.
+motion; tolerances are 1e-2 to 1e-6 m. The reference is DOP853 with a thousandth of the tolerance, also for samples
+inside steps; Radau9 is used if the stability of DOP853 requires too many steps.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from validation.random_arms import Dice
 
 Array = NDArray[np.float64]
 
-WRONG = 10.0  # times the tolerance, at any sample
+WRONG = 10.0  # an error is wrong above this multiple of the tolerance, at any sample
 METHODS = ("auto", "Radau5", "Radau9", "Gauss6")
-STRICTER, FLOOR = 1e-3, 1e-11  # tolerance of the reference: relative to the run's, and least part of the reach
-AFFORDABLE = 60_000  # steps of DOP853
+STRICTER, FLOOR = 1e-3, 1e-11  # tolerance of the reference: fraction of the run's tolerance, at least FLOOR · reach
+AFFORDABLE = 60_000  # maximum number of steps of DOP853
 
 
 class Outcome(NamedTuple):
@@ -97,7 +97,7 @@ def random_link(dice: Dice, name: str) -> fl.Link:
 
 
 def judge(scene: fl.Scene, tolerance: float) -> fl.Trajectory:
-    """The same run with steps that end at every jump and need no interpolation."""
+    """Reference: the same run with steps that end at every jump and need no interpolation."""
     chain = fl.lump(scene)
     q, qd = initial_state(scene, chain)
     stricter = max(STRICTER * tolerance, FLOOR * chain.reach)
@@ -127,7 +127,7 @@ def done(run: fl.Trajectory) -> Array:
 
 
 def throw(chain: fl.Chain, q: Array, e: Array, longest: float) -> float:
-    """Upper bound of the tip error due to an error of the rates, with springs and dampers (see kernels/thrown)."""
+    """Upper bound of the tip error that an error of the rates causes, with springs and dampers (see kernels/thrown)."""
     M, hinges = fl.mass_matrix(chain, q), chain.hinges
     D, K = np.diag(hinges["damping"]), np.diag(hinges["stiffness"])
     J, largest = fl.jacobian(chain, q).linear, 0.0

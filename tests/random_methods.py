@@ -1,4 +1,4 @@
-"""Compare `auto` with all methods it chooses from, on random scenes: it costs little more than the cheapest.
+"""Compare `auto` with all methods it chooses from, on random scenes: `auto` costs little more than the cheapest method.
 
     python -m tests.random_methods 0 90       # seeds 0 … 89, each with four tolerances, and a summary at the end
 
@@ -27,11 +27,11 @@ from tests.random_scenes import random_scene
 from validation.random_arms import Dice, random_arm, random_tree
 
 METHODS = ("auto", "Radau5", "Radau9", "DOP853")
-TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-6)  # of the reach
-NEAR, NEARLY_ALL, FAR = 1.3, 0.95, 2.0  # time over the cheapest; share of cells that close; limit for all cells
+TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-6)  # fractions of the reach
+NEAR, NEARLY_ALL, FAR = 1.3, 0.95, 2.0  # time relative to the cheapest; fraction of cells within it; limit for all
 FIRST_SEED = 20261124
 TURNS, LEAST = 5, 0.02  # minimum number of runs per method, and their minimum total processor time [s]
-AFFORDABLE = 2e5  # evaluations per run; a dearer method cannot be the cheapest
+AFFORDABLE = 2e5  # maximum evaluations per run; a method that needs more is not the cheapest
 ROBOTS = Path(__file__).parent.parent / "models" / "robots"
 SAMPLES = (10, 40, 100, 400)
 
@@ -58,7 +58,7 @@ def of_kind(seed: int) -> tuple[str, fl.Scene]:
 
 
 def rigid(dice: Dice, seed: int) -> fl.Scene:
-    """Stiff arm that falls or follows a reference, with many samples."""
+    """Rigid arm that falls or follows a reference, with many samples."""
     number = dice.one_of(1, 2, 3, 4, 6)
     spatial = dice.chance(0.5)
     links = tuple(

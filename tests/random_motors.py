@@ -1,4 +1,4 @@
-"""Motors that saturate: every sample meets the tolerance.
+"""Random arms with saturating motors: every sample meets the tolerance.
 
     python -m tests.random_motors 300        # seeds 0 … 299, with a summary at the end; exit code 1 if one is wrong
 
@@ -27,14 +27,14 @@ from validation.random_arms import Dice
 
 Array = NDArray[np.float64]
 
-WRONG = 10.0  # times the tolerance, at any sample
+WRONG = 10.0  # an error is wrong above this multiple of the tolerance, at any sample
 METHODS = ("DOP853", "Radau5", "Radau9")
 EXACT, SHORTEST = 1e-11, 1e-9  # relative tolerance of the reference; time step across a switch [s]
-AFFORDABLE = 400_000  # evaluations of the reference
+AFFORDABLE = 400_000  # maximum evaluations of the reference
 
 
 class Outcome(NamedTuple):
-    """Outcome of a run: error over tolerance, evaluations relative to the motor without a limit."""
+    """Outcome of a run: error / tolerance, and evaluations relative to the same run without torque limits."""
 
     seed: int
     method: str

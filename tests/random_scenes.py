@@ -3,7 +3,7 @@
     python -m tests.random_scenes 2000        # seeds 0 … 1999, with a summary at the end; exit code 1 if one is wrong
 
 Arms of one to three links, soft to stiff, planar and spatial, with taper, friction, damping, drive, wrench and payload,
-with a step of 0.1 to 30 times the stable one. The reference is a run with a quarter of the step.
+with a step of 0.1 to 30 times the stable step. The reference is a run with a quarter of the step.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.single_run import SingleRun
 from validation.random_arms import Dice
 
-WRONG = 0.05  # relative to the tip's motion
+WRONG = 0.05  # a run is wrong above this error relative to the tip's motion
 FLEX, SHARES = ("rigid", "z", "yz", "xyz"), (0.2, 0.3, 0.2, 0.3)
 
 
@@ -81,7 +81,7 @@ def random_drive(dice: Dice, free: list[bool]) -> fl.Drive:
 
 
 def with_random_step(dice: Dice, scene: fl.Scene) -> fl.Scene:
-    """Duration of about a second, at most 20,000 steps, each 0.1 to 30 times the stable step."""
+    """Scene with a duration of about a second and at most 20,000 steps of 0.1 to 30 times the stable step."""
     factor = dice.decades(-1, np.log10(30)) if dice.chance(0.5) else dice.linear(0.1, 1.2)
     step = factor * min(largest_step(scene), 0.1)
     per_sample = max(1, round(min(max(8.0, 1.0 / step), 20_000.0) / 50))

@@ -1,4 +1,4 @@
-"""Random arms that an engineer could have designed, with all numbers in SI: no hint about units is due."""
+"""Random arms that an engineer could have designed, with all numbers in SI, so no hint about units is expected."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ def stored(path: Path, *rows: Row, conditions: Conditions | None = None, planned
 
 
 def timed(value: float, **fields: object) -> Row:
-    """A row of speed that is met if its value is at most 1 µs."""
+    """A row with a time limit, which is met if the value is at most 1 µs."""
     speed = {"kind": "speed_calls", "quantity": "public call", "unit": "µs", "timed": True}
     return row("calls", value=value, tolerance=1.0, **speed | fields)  # type: ignore[arg-type]
 
@@ -62,7 +62,7 @@ def page_from(results: Path, tmp_path: Path) -> str:
 
 
 def words_from(results: Path, tmp_path: Path) -> str:
-    """The page without figures, which take nearly all of the time."""
+    """The report page without figures, which would take nearly all of the time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("reports.drawing.pictures", lambda *_: iter(()))
         return page_from(results, tmp_path)

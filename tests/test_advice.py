@@ -1,4 +1,4 @@
-"""Pieces of advice, each by itself: what steps do, which models are thought of, how far a limit is known."""
+"""Parts of advice tested separately: choice of steps, choice of models, accuracy of extrapolated limits."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ ALLOWED = 1e-3  # at the tip [m]
 
 
 def along_x(*x: float) -> Array:
-    """A path of the tip that stays on the x axis."""
+    """Tip path through the given positions on the x axis."""
     return np.array(x)[:, None] * [1.0, 0.0, 0.0]
 
 
 def outcome(tip: Array, evaluations: int = 100, why: str = "") -> Outcome:
-    """A run as far as it is looked at."""
+    """Outcome of a run that has only the fields which the tests read."""
     run = SimpleNamespace(steps=SimpleNamespace(evaluations=evaluations), t=0.01 * np.arange(len(tip)))
     return Outcome(tip, 1e-6 * evaluations, cast("Any", run), Stepping("Radau5"), why)
 
@@ -52,7 +52,7 @@ def outcome(tip: Array, evaluations: int = 100, why: str = "") -> Outcome:
 
 
 class Beams:
-    """Links with known errors: C_k / N², rigid 20 C_k, and an additional error if axes are missing."""
+    """Links with known errors: C_k / N² for N hinges, 20 C_k if rigid, plus the error `less` of missing axes."""
 
     def __init__(self, *constants: float, axes: Axes | None = None, less: dict[tuple[int, str], float] | None = None):
         self.constants, self.less, self.bending = constants, less or {}, list(range(len(constants)))
@@ -77,7 +77,7 @@ class Beams:
 
 
 def hinges_of(model: Model | None) -> int:
-    """Number of hinges of all links, one for each axis."""
+    """Number of single-axis hinges of all links."""
     assert model is not None
     return sum(len(bend.flex) * bend.hinges for bend in model if bend)
 
@@ -94,7 +94,9 @@ def cheapest_of_all(beams: Beams, allowed: float) -> int:
 
 @pytest.mark.parametrize("constants", [(1.0, 1.0), (1.0, 8.0), (3.0, 0.01), (0.2, 0.0)])
 @pytest.mark.parametrize("allowed", [1e-1, 1e-2])
-def test_hinges_are_the_fewest_of_which_the_error_is_allowed(constants: tuple[float, ...], allowed: float) -> None:
+def test_allocation_uses_the_fewest_hinges_that_meet_the_error_limit(
+    constants: tuple[float, ...], allowed: float
+) -> None:
     beams = Beams(*constants)
     model = allocation(beams).cheapest(allowed)
     assert model is not None
@@ -102,14 +104,14 @@ def test_hinges_are_the_fewest_of_which_the_error_is_allowed(constants: tuple[fl
     assert hinges_of(model) <= cheapest_of_all(beams, allowed) + 1
 
 
-def test_hinges_of_many_are_as_the_cube_root_of_the_errors() -> None:
+def test_hinge_counts_scale_with_the_cube_root_of_the_link_errors() -> None:
     model = allocation(Beams(1.0, 8.0)).cheapest(0.02)
     assert model is not None
     first, second = (bend.hinges for bend in model if bend)
     assert second / first == pytest.approx(2.0, rel=0.1)
 
 
-def test_a_link_is_rigid_and_axes_are_left_out_where_their_errors_are_allowed() -> None:
+def test_links_become_rigid_and_axes_are_dropped_if_the_error_limit_allows_it() -> None:
     assert allocation(Beams(1.0, 1e-6)).cheapest(1.1e-2) == (by_rule("z", 10), None)
     less = {(0, "z"): 2e-3, (0, "yz"): 1e-3}
     spatial = Beams(1e-2, axes=("xyz",), less=less)
@@ -117,15 +119,15 @@ def test_a_link_is_rigid_and_axes_are_left_out_where_their_errors_are_allowed() 
     assert allocation(spatial).cheapest(2.2e-3) == (by_rule("yz", 3),)
 
 
-def test_hinges_about_two_axes_cost_twice() -> None:
-    """Of links alike, of which one bends about two axes: N ∝ (1/2)^(1/3) there."""
+def test_a_link_that_bends_about_two_axes_gets_fewer_hinges() -> None:
+    """One of two equal links bends about two axes and gets N ∝ (1/2)^(1/3) hinges per axis."""
     model = allocation(Beams(10.0, 10.0, axes=("z", "yz"))).cheapest(0.1)
     assert model is not None
     first, second = (bend.hinges for bend in model if bend)
     assert second / first == pytest.approx(0.5 ** (1 / 3), rel=0.05)
 
 
-def test_predictions_are_corrected_by_a_model_that_was_run() -> None:
+def test_error_predictions_are_corrected_by_the_measured_error_of_a_model() -> None:
     beams, allowed = Beams(1.0, 1.0), 1e-2
     models = allocation(beams)
     first = models.cheapest(allowed)
@@ -135,18 +137,18 @@ def test_predictions_are_corrected_by_a_model_that_was_run() -> None:
     assert second is not None
     assert np.sqrt(2) * beams.error(second) <= allowed
     assert hinges_of(second) == pytest.approx(2**0.25 * hinges_of(first), rel=0.1)
-    beams.known[first] = 1.1 * allowed  # whatever is predicted
+    beams.known[first] = 1.1 * allowed  # measured; the predicted error was smaller
     assert allocation(beams).cheapest(allowed) != first
 
 
-def test_no_model_has_an_error_that_no_convergence_was_seen_for() -> None:
+def test_no_model_is_proposed_with_far_more_hinges_than_were_run() -> None:
     beams = Beams(1.0, 1.0)
     assert allocation(beams).cheapest(1e-5) is None
-    assert allocation(Beams(1.0, np.inf)).cheapest(1e-2) is None  # a run failed
+    assert allocation(Beams(1.0, np.inf)).cheapest(1e-2) is None  # the error is unknown after a failed run
 
 
 def bars(*, skew: float = 0.0) -> Scene:
-    """Two soft bars that fall, the joint of the second one turned out of the plane [deg]."""
+    """Two soft bars that fall; the second joint is tilted out of the plane by `skew` [deg]."""
     links = tuple(
         fl.Link(
             name=f"bar{k}",
@@ -176,7 +178,7 @@ def measured(request: pytest.FixtureRequest) -> tuple[ModelRunner, LinkErrors]:
     return runner, LinkErrors(runner, NORM, refinement)
 
 
-def test_errors_of_links_that_are_measured_add_up_to_those_of_models(measured: tuple[ModelRunner, LinkErrors]) -> None:
+def test_measured_link_errors_add_up_to_the_model_error(measured: tuple[ModelRunner, LinkErrors]) -> None:
     runner, link_errors = measured
     axes, stepping = link_errors.refinement.axes, link_errors.refinement.stepping
     for counts in [(2, 4), (1, 4), (4, 1), (8, 4), (8, 8)]:
@@ -189,7 +191,7 @@ def test_errors_of_links_that_are_measured_add_up_to_those_of_models(measured: t
         assert error == link_errors.from_limit(runner.run(model, stepping).tip)
 
 
-def test_fewer_axes_have_the_error_that_they_are_measured_with(measured: tuple[ModelRunner, LinkErrors]) -> None:
+def test_dropping_a_bending_axis_adds_the_measured_error(measured: tuple[ModelRunner, LinkErrors]) -> None:
     runner, link_errors = measured
     axes, stepping = link_errors.refinement.axes, link_errors.refinement.stepping
     for k in link_errors.bending:
@@ -204,21 +206,21 @@ def test_fewer_axes_have_the_error_that_they_are_measured_with(measured: tuple[M
 
 
 class Oracle:
-    """A runner of one link whose runs are known, by the factor of their tolerance over the allowed error.
+    """A substitute runner for one link; errors and costs are known from the factor `tolerance / allowed error`.
 
-    The error is C / N² and that of the steps, `of_steps` over the allowed one; the cost is N times `evaluations`. Fixed
-    steps, of factor 0, have no error and the cost `fixed` [s].
+    The error is C / N² plus `of_steps` times the allowed error; the cost is N times `evaluations`. Fixed
+    steps have factor 0, no step error, and the cost `fixed` [s].
     """
 
     def __init__(self, of_steps: Errors, evaluations: Errors, fixed: float) -> None:
         self.beams, self.of_steps, self.evaluations, self.fixed = Beams(14.4 * ALLOWED), of_steps, evaluations, fixed
         links = [SimpleNamespace(joint=SimpleNamespace(locked=False))]
         self.scene = SimpleNamespace(arm=SimpleNamespace(links=links), run=SimpleNamespace(sample=0.01))
-        self.budget, self.asked = 1.0, set[float]()
+        self.budget, self.factors = 1.0, set[float]()
 
     def run(self, model: Model, stepping: Stepping) -> Outcome:
         factor = (stepping.tolerance or 0.0) / ALLOWED
-        self.asked.add(factor)
+        self.factors.add(factor)
         error = self.beams.error(model) + self.of_steps(factor) * ALLOWED
         cost = hinges_of(model) * self.evaluations(factor) if factor else self.fixed
         return outcome(along_x(0.0, error))._replace(stepping=stepping, seconds=cost)
@@ -240,7 +242,7 @@ class Oracle:
 
 
 def searched(of_steps: Errors, evaluations: Errors, fixed: float = 9.0) -> tuple[Oracle, int, float]:
-    """The oracle, and hinges and factor of the solution."""
+    """The substitute runner, and the hinge count and tolerance factor found by the search."""
     oracle = Oracle(of_steps, evaluations, fixed)
     best = Search(cast("ModelRunner", oracle), cast("LinkErrors", oracle.beams), ALLOWED).best()
     assert best is not None
@@ -248,32 +250,32 @@ def searched(of_steps: Errors, evaluations: Errors, fixed: float = 9.0) -> tuple
     return oracle, hinges_of(best.model), round((best.outcome.stepping.tolerance or 0.0) / ALLOWED, 9)
 
 
-def test_tolerances_are_loosened_while_the_error_is_allowed() -> None:
-    """Four hinges leave a tenth to the steps."""
+def test_tolerances_are_loosened_while_the_error_stays_within_its_limit() -> None:
+    """With four hinges a tenth of the allowed error remains for the steps."""
     oracle, hinges, factor = searched(lambda x: 0.01 * x, lambda x: 0.1 * x**-0.25)
     assert (hinges, factor) == (4, 8.0)
-    assert {1.0, 2.0, 4.0, 8.0, 16.0} == oracle.asked
+    assert {1.0, 2.0, 4.0, 8.0, 16.0} == oracle.factors
 
 
-def test_a_finer_model_is_taken_where_the_looser_steps_that_it_allows_save_more() -> None:
+def test_a_finer_model_is_chosen_if_a_looser_tolerance_makes_it_cheaper() -> None:
     _, hinges, factor = searched(lambda x: 0.01 * x, lambda x: 0.1 / x)
     assert (hinges, factor) == (5, 32.0)
 
 
-def test_of_all_tolerances_the_cheapest_is_taken() -> None:
+def test_the_cheapest_tolerance_is_chosen() -> None:
     _, hinges, factor = searched(lambda x: 0.01 * x, lambda x: 0.1 * max(1 / x, x / 16))
     assert (hinges, factor) == (4, 4.0)
 
 
-def test_steps_whose_error_is_not_allowed_are_made_stricter() -> None:
+def test_the_tolerance_is_tightened_if_the_step_error_is_too_large() -> None:
     _, hinges, factor = searched(lambda x: 2.0 * x, lambda x: 0.1 * x**-0.25)
     assert (hinges, factor) == (6, 0.25)
 
 
 @pytest.mark.parametrize(("fixed", "taken"), [(0.01, True), (9.0, False)])
-def test_fixed_steps_are_taken_where_they_promise_to_be_cheaper(fixed: float, taken: bool) -> None:
+def test_fixed_steps_are_chosen_if_they_are_predicted_to_be_cheaper(fixed: float, taken: bool) -> None:
     oracle, _, factor = searched(lambda x: 0.01 * x, lambda x: 0.1 * x**-0.25, fixed)
-    assert (0.0 in oracle.asked) == taken
+    assert (0.0 in oracle.factors) == taken
     assert (factor == 0.0) == taken
 
 
@@ -281,7 +283,7 @@ def test_fixed_steps_are_taken_where_they_promise_to_be_cheaper(fixed: float, ta
 
 
 def study_of_levels(family: str = "gauss", **paths: Array) -> RefinementStudy:
-    """A refinement whose levels, named n1, n2 …, have these paths of the tip."""
+    """A refinement with given tip paths for its levels n1, n2 … (the number is the hinge count)."""
     refinement = RefinementStudy(cast("ModelRunner", None), NORM, Goal(1e-3, metres=True), ("z",), Stepping("Radau5"))
     refinement.tolerance = 1e-3
     for name, path in paths.items():
@@ -291,14 +293,14 @@ def study_of_levels(family: str = "gauss", **paths: Array) -> RefinementStudy:
     return refinement
 
 
-def test_levels_of_the_second_order_have_the_limit_that_they_have() -> None:
+def test_second_order_levels_are_extrapolated_to_their_exact_limit() -> None:
     paths = {f"n{n}": along_x(0.0, 0.1 + 1e-3 / n**2, 0.2 + 4e-3 / n**2) for n in (1, 2, 4)}
     limit = study_of_levels(**paths).limit
     assert limit is not None
     assert limit.tip == pytest.approx(along_x(0.0, 0.1, 0.2), abs=1e-15)
 
 
-def test_levels_of_cells_have_the_limit_of_the_fourth_order() -> None:
+def test_fourth_order_cell_levels_are_extrapolated_to_their_exact_limit() -> None:
     paths = {f"n{n}": along_x(0.0, 0.1 + 1e-3 / n**4, 0.2 + 4e-3 / n**4) for n in (4, 8, 12)}
     limit = study_of_levels("lobatto", **paths).limit
     assert limit is not None
@@ -313,7 +315,7 @@ def test_levels_of_cells_have_the_limit_of_the_fourth_order() -> None:
         ("lobatto", (1, 2, 4, 8, 12), ("midpoint", "lobatto2", "lobatto4", "lobatto4", "lobatto4")),
     ],
 )
-def test_a_family_has_a_rule_for_each_of_its_numbers_of_hinges(
+def test_every_hinge_count_of_a_family_has_a_lumping_rule(
     family: str, hinges: tuple[int, ...], rules: tuple[str, ...]
 ) -> None:
     assert [rule_of(family, count) for count in hinges] == list(rules)
@@ -326,19 +328,19 @@ def test_a_family_has_a_rule_for_each_of_its_numbers_of_hinges(
             assert not fewer or lumping_rule(rule_of(family, fewer)).takes(fewer)
 
 
-def test_two_limits_that_agree_by_chance_are_believed_no_better_than_a_fast_order_allows() -> None:
+def test_limits_that_agree_by_chance_do_not_lower_the_error_estimate_too_far() -> None:
     first = {"n1": along_x(0.0, 0.03, 0.03), "n2": along_x(0.0, 0.02, 0.02), "n4": along_x(0.0, 0.012, 0.01)}
     before = study_of_levels(**first).limit
     assert before is not None
-    chance = first["n4"] + (before.tip - first["n4"]) * (1 - (4 / 6) ** 2)  # whose limit with n4 is the one before
+    chance = first["n4"] + (before.tip - first["n4"]) * (1 - (4 / 6) ** 2)  # gives the same limit
     limit = study_of_levels(**first, n6=chance).limit
     assert limit is not None
     assert limit.tip == pytest.approx(before.tip)
     assert limit.errors == pytest.approx(before.errors * (4 / 6) ** (2 + Thresholds.limit_fall))
-    assert limit.errors[1] < limit.errors[2]  # of each time by itself
+    assert limit.errors[1] < limit.errors[2]  # the error is estimated at each time separately
 
 
-def test_the_error_of_a_limit_follows_from_its_change() -> None:
+def test_the_error_of_a_limit_is_estimated_from_its_change() -> None:
     paths = {"n1": along_x(0.0, 0.03), "n2": along_x(0.0, 0.02), "n4": along_x(0.0, 0.012)}
     limit = study_of_levels(**paths).limit
     assert limit is not None
@@ -346,8 +348,8 @@ def test_the_error_of_a_limit_follows_from_its_change() -> None:
     assert limit.error == pytest.approx(abs(fine - coarse) / FAMILIES["gauss"].safe)
 
 
-def test_a_bend_that_is_let_go_goes_to_the_joint_and_the_rest_of_it_swings() -> None:
-    """A bar with a heavy load sags by m g L³ / 3EI while it is held; let go, its load stays, and the joint turns."""
+def test_a_released_static_deflection_moves_the_joint_and_the_remainder_vibrates() -> None:
+    """A bar with a heavy load sags by m g L³ / 3EI; on release the load stays in place, and the joint turns."""
     load, two = 1000.0, bars()
     arm = replace(two.arm, links=two.arm.links[:1], tip=fl.RigidBody(mass=load))
     initial = fl.InitialState(joint_deg=(0.0,), passive="static")
@@ -363,19 +365,19 @@ def test_a_bend_that_is_let_go_goes_to_the_joint_and_the_rest_of_it_swings() -> 
 
 
 class Strict:
-    """A runner whose runs with stricter steps are known, by the hinges of the link."""
+    """A runner with known tip paths for stricter steps, one for each hinge count of the link."""
 
     def __init__(self, paths: dict[int, Array]) -> None:
         self.paths = paths
 
     def run(self, model: Model, stepping: Stepping) -> Outcome:
-        assert stepping.tolerance == pytest.approx(1e-5)  # a tenth
+        assert stepping.tolerance == pytest.approx(1e-5)  # a tenth of the tolerance of the study
         assert model[0] is not None
         return outcome(self.paths[model[0].hinges])
 
 
 def with_strict_steps(off: dict[int, float], **strict: Array) -> RefinementStudy:
-    """A refinement whose levels have these step errors in x at the last sample, and stricter runs."""
+    """A refinement with known step errors in x at the last sample of each level, and known stricter runs."""
     refinement = study_of_levels(**{f"n{n}": strict[f"n{n}"] + along_x(0.0, x) for n, x in off.items()})
     refinement.stepping = Stepping("Radau5", tolerance=1e-4)
     refinement.runner = cast("ModelRunner", Strict({int(name[1:]): path for name, path in strict.items()}))
@@ -389,10 +391,10 @@ def test_step_errors_of_the_levels_are_removed_from_the_limit() -> None:
     left = refinement.remove_step_errors()
     assert refinement.limit is not None
     assert refinement.limit.tip == pytest.approx(along_x(0.0, 0.2), abs=1e-15)
-    assert left == pytest.approx([0.0, 0.1**0.5 * (off[2] + 4 * -off[4]) / 3])  # x* = (4 x₄ − x₂) / 3
+    assert left == pytest.approx([0.0, 0.1**0.5 * (off[2] + 4 * -off[4]) / 3])  # the limit is (4 x₄ − x₂) / 3
 
 
-def test_without_stricter_steps_at_the_last_level_a_coarser_one_counts_with_a_margin() -> None:
+def test_if_the_last_strict_run_fails_a_coarser_level_estimates_the_step_error() -> None:
     exact = {f"n{n}": along_x(0.0, 0.2 + 4e-3 / n**2) for n in (1, 2, 4)}
     refinement = with_strict_steps({1: 0.0, 2: 1e-6, 4: 0.0}, **{**exact, "n4": along_x(0.0, 0.2)})
     before = refinement.limit
@@ -407,14 +409,14 @@ def test_without_stricter_steps_at_the_last_level_a_coarser_one_counts_with_a_ma
 @pytest.mark.parametrize(
     ("off", "known", "holds"),
     [
-        ([0.0, 0.2, 0.4, 0.6, 0.8], [0.0] * 5, 0.04),  # to the end
-        ([0.0, 0.2, 0.4, 2.0, 0.1], [0.0] * 5, 0.02),  # the last sample before it does not
-        ([0.0, 0.2, 0.4, 0.6, 0.8], [0.0, 0.0, 0.5, 0.5, 0.5], 0.02),  # what is not known counts
-        ([0.0, 0.2, 0.4, 0.6, np.nan], [0.0] * 5, 0.03),  # beyond the end of a run nothing holds
-        ([0.0, 0.2, 0.4, 0.6, 0.8], [2.0] * 5, 0.0),  # not even the start: no time before it
+        ([0.0, 0.2, 0.4, 0.6, 0.8], [0.0] * 5, 0.04),  # the tolerance is met to the end
+        ([0.0, 0.2, 0.4, 2.0, 0.1], [0.0] * 5, 0.02),  # the last sample before the tolerance is exceeded
+        ([0.0, 0.2, 0.4, 0.6, 0.8], [0.0, 0.0, 0.5, 0.5, 0.5], 0.02),  # the known uncertainty counts as error
+        ([0.0, 0.2, 0.4, 0.6, np.nan], [0.0] * 5, 0.03),  # the run ends before the last sample
+        ([0.0, 0.2, 0.4, 0.6, 0.8], [2.0] * 5, 0.0),  # the tolerance is exceeded from the start
     ],
 )
-def test_a_tolerance_holds_up_to_the_last_sample_before_it_is_exceeded(
+def test_the_horizon_is_the_last_sample_before_the_tolerance_is_exceeded(
     off: list[float], known: list[float], holds: float
 ) -> None:
     refinement = study_of_levels(n2=ALLOWED * along_x(*off))
@@ -425,8 +427,8 @@ def test_a_tolerance_holds_up_to_the_last_sample_before_it_is_exceeded(
 # axes
 
 
-def test_axes_that_are_left_out_count_together() -> None:
-    """Two links, each of which may lose an axis by itself, 0.6 of what all may do together; the first one does."""
+def test_errors_of_all_dropped_axes_are_limited_together() -> None:
+    """Dropping the axis of one link causes 0.6 of the error allowed for all dropped axes; only one is dropped."""
     moved = {("yz", "yz"): 0.0, ("z", "z"): 1.2, ("z", "yz"): 0.6, ("yz", "z"): 0.6}
     links = [SimpleNamespace(name=name) for name in "ab"]
 
@@ -443,8 +445,8 @@ def test_axes_that_are_left_out_count_together() -> None:
 # growth
 
 
-def test_the_growth_of_an_error_is_how_much_farther_the_tip_is_off_than_the_start_was() -> None:
-    """An arm of 4 m, turned by an angle: 4 m · angle off at first, three times as much in the end."""
+def test_error_growth_is_the_largest_tip_error_over_the_initial_tip_error() -> None:
+    """Turning a 4 m arm by an angle moves its tip by 4 m · angle at first, later by up to three times as much."""
     reach, base = 4.0, along_x(0.0, 0.1, 0.2, 0.3)
     finest = outcome(base)._replace(stepping=Stepping("Radau5", tolerance=1e-9))
 
@@ -458,7 +460,7 @@ def test_the_growth_of_an_error_is_how_much_farther_the_tip_is_off_than_the_star
     assert e_fold == np.inf
 
 
-def test_an_exponentially_growing_error_has_its_time_constant() -> None:
+def test_the_time_constant_of_exponential_error_growth_is_found() -> None:
     t = 0.01 * np.arange(101)
     finest = outcome(along_x(*t))._replace(stepping=Stepping("Radau5", tolerance=1e-9))
     off = np.exp(t / 0.2)[:, None] * [0.0, 1.0, 0.0]
@@ -474,10 +476,10 @@ def test_an_exponentially_growing_error_has_its_time_constant() -> None:
 # deflections and budgets
 
 
-def test_a_rod_that_is_held_bends_by_its_weight_downwards_as_a_beam_does() -> None:
-    """−ρ A g L⁴ / 8 E I at the tip of 1 m of steel, 1 cm thick: two hinges are off by less than a tenth.
+def test_the_rigid_link_estimate_gives_the_sag_of_a_cantilever_beam() -> None:
+    """The tip of a steel rod, 1 m by 1 cm, sags by −ρ A g L⁴ / 8 E I; with two hinges, to within a tenth.
 
-    It does not swing as far in 0.02 s, a sixth of a period. The estimate is 2.5 times the largest of the two.
+    Its vibration in 0.02 s, a sixth of a period, is smaller than the sag. The estimate is 2.5 times the larger one.
     """
     bar = fl.Link(name="bar", length=1.0, material="steel", section="square")
     steel, square = fl.Material(young=210e9, density=7850.0), fl.Section(shape="rectangle", height=0.01, width=0.01)
@@ -502,8 +504,8 @@ def test_a_rod_that_is_held_bends_by_its_weight_downwards_as_a_beam_does() -> No
     assert hertz == pytest.approx(3.516 / (2 * np.pi) * np.sqrt(210e9 * 1e-8 / 12 / (7850.0 * 1e-4)), rel=0.1)
 
 
-def test_a_run_ends_where_it_has_used_up_its_budget() -> None:
-    """A tenth of what the whole run takes."""
+def test_a_run_ends_when_its_time_budget_is_used_up() -> None:
+    """The budget is a tenth of the measured time of the whole run."""
     scene, model, steps = bars().varied({"run.duration": 2.0}), (None, None), Stepping("RK4", step=1e-3)
     whole = ModelRunner(scene, 60.0).run(model, steps)
     assert whole.completed

@@ -1,4 +1,4 @@
-"""Limits that advice reports as met are met, for arms whose tip is known in closed form, independent of any model."""
+"""Error limits that advice reports as met are really met, for arms with closed-form tip paths."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ from flexlink.results.convergence import Limit
 
 Array = np.ndarray
 T = np.linspace(0.0, 1.0, 21)
-PATH = np.column_stack([np.sin(2 * T), 1 - np.cos(2 * T), 0 * T])  # what finer and finer models tend to [m]
-WAYS = [T[:, None] * [1.0, 0.0, 0.0], (T**2)[:, None] * [0.6, 0.8, 0.0]]  # of the errors of each link
+PATH = np.column_stack([np.sin(2 * T), 1 - np.cos(2 * T), 0 * T])  # converged tip path [m]
+WAYS = [T[:, None] * [1.0, 0.0, 0.0], (T**2)[:, None] * [0.6, 0.8, 0.0]]  # direction of each link's error over time
 
 
 class World(NamedTuple):
-    """A tip off by C_k (1/N² − a/N⁴) of each link, an axis left out by `aside`, by a part of the steps' tolerance."""
+    """Known tip errors: C_k (1/N² − fourth/N⁴) per link, `aside` per dropped axis, and `steps` times the tolerance."""
 
     constants: tuple[float, ...] = (1e-2, 4e-2)
     fourth: float = 0.0
     aside: float = 0.0
     steps: float = 0.1
-    estimated: float = np.inf  # of rigid links
+    estimated: float = np.inf  # error estimate for rigid links
     grows: float = 1.0
-    fails: tuple[int, ...] = ()  # hinges of models whose runs do not end
+    fails: tuple[int, ...] = ()  # hinge counts with which runs fail
 
     def tip(self, model: Model, stepping: Stepping) -> Array:
         off = (stepping.tolerance or 0.0) * self.steps * T[:, None] * [0.0, 0.0, 1.0]
@@ -54,7 +54,7 @@ class World(NamedTuple):
 
 
 class KnownRunner(ModelRunner):
-    """Runs that cost a microsecond a hinge, and less with looser steps."""
+    """A runner whose runs cost a microsecond per hinge, and less with a looser step tolerance."""
 
     def __init__(self, scene: fl.Scene, budget: float, world: World) -> None:
         super().__init__(scene, budget)
@@ -77,13 +77,13 @@ class KnownRunner(ModelRunner):
         )
 
     def sample_postures(self, run: object) -> None:
-        """None are needed."""
+        """Do nothing: no postures are needed."""
 
     def evaluation_cost(self, model: Model, *, explicit: bool) -> float:
         return 1e-9 * (1 + sum(len(bend.flex) * bend.hinges for bend in model if bend))
 
     def fixed_steps(self, largest: float) -> None:
-        """No fixed steps fit."""
+        """Fixed steps are never offered."""
 
     def stable_step(self, model: Model) -> float:
         return 1e-4
@@ -108,7 +108,7 @@ def advised(monkeypatch: pytest.MonkeyPatch) -> Any:
     def found(
         world: World, tip: float | str = 1e-3, budget: float = 1.0, deflection: bool = False
     ) -> tuple[Advice, float]:
-        """The advice, and the true error of what it hands over."""
+        """The advice, and the true tip error of the scene that it returns."""
         goal = goal_of(tip, deflection=deflection, band=None, run=SCENE.run)
         advisor = Advisor(SCENE, goal, budget)
         advisor.runner = KnownRunner(SCENE, budget, world)
@@ -126,7 +126,7 @@ def advised(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 def worlds() -> list[World]:
-    """Of fourth orders that do not outweigh the second from one hinge on: two levels agree by no chance."""
+    """Random models whose second-order term dominates for any hinge count, so that no two levels agree by chance."""
     rng = np.random.default_rng(0)
     return [
         World(
@@ -148,8 +148,8 @@ def off(tip: Array) -> float:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("tip", [1e-2, 1e-3, 1e-4])
-def test_a_limit_reported_as_met_is_met_in_thirty_worlds(advised: Any, tip: float) -> None:
-    """The reported error is at least the true one, and the limit counts as met only if it is within the tolerance."""
+def test_reported_errors_bound_the_true_errors_in_thirty_synthetic_models(advised: Any, tip: float) -> None:
+    """The reported error is at least the true one, and a goal counts as met only if this error is within tolerance."""
     met = 0
     for world in worlds():
         advice, true = advised(world, tip)
@@ -162,23 +162,23 @@ def test_a_limit_reported_as_met_is_met_in_thirty_worlds(advised: Any, tip: floa
     assert met >= 25
 
 
-def test_axes_that_are_left_out_count_with_what_is_not_known(advised: Any) -> None:
-    """Each link's axis moves the tip by 0.04 tolerances: two are left out, and the limit is off by both."""
+def test_dropped_axes_are_included_in_the_uncertainty_of_the_converged_tip(advised: Any) -> None:
+    """Dropping one axis per link moves the tip by 0.04 tolerances each; the error of the limit is the sum of both."""
     tolerance = 1e-3 * TRAVEL
     advice, true = advised(World(aside=0.04 * tolerance, steps=0.0), 1e-3)
     assert [link.flex for link in advice.scene.arm.links] == ["z", "z"]
     assert off(advice.converged_tip.tip) == pytest.approx(0.08 * tolerance, rel=1e-3)
     assert 0.08 * tolerance <= advice.converged_tip.error * (1 + 1e-9)
     assert true <= advice.error <= tolerance
-    told = next(line for line in advice.lines if line.startswith("error")).split(", including ")
-    for text, error in zip(told, (advice.error, advice.converged_tip.error), strict=True):
+    parts = next(line for line in advice.lines if line.startswith("error")).split(", including ")
+    for text, error in zip(parts, (advice.error, advice.converged_tip.error), strict=True):
         value, unit = re.findall(r"([\d.e-]+) (mm|µm)", text)[0]
         assert float(value) * {"mm": 1e-3, "µm": 1e-6}[unit] == pytest.approx(error, rel=5.01e-3)
     kept = advised(World(aside=2 * tolerance, steps=0.0), 1e-3)[0].scene.arm.links
     assert [link.flex for link in kept] == ["yz", "yz"]
 
 
-def test_what_is_not_known_of_the_reference_is_taken_off_what_a_model_may_be_off_by(
+def test_the_uncertainty_of_the_reference_reduces_the_allowed_model_error(
     advised: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     allowed = []
@@ -198,10 +198,10 @@ def test_what_is_not_known_of_the_reference_is_taken_off_what_a_model_may_be_off
 @pytest.mark.parametrize(
     ("estimated", "grows", "rigid_links"), [(0.1, 1.0, True), (0.1, 30.0, True), (0.1, 90.0, False), (0.7, 1.0, False)]
 )
-def test_rigid_links_are_enough_below_half_the_tolerance_growth_of_errors_counted(
+def test_rigid_links_suffice_if_the_error_with_growth_is_below_half_the_tolerance(
     advised: Any, estimated: float, grows: float, rigid_links: bool
 ) -> None:
-    """Growth above ten counts: 0.1 grown by 30 is reported as 0.3 tolerances, by 90 as 0.9, which is too much."""
+    """Growth above 10 multiplies the error by growth / 10: 0.1 tolerances become 0.3 at 30 and 0.9, too much, at 90."""
     tolerance = 0.01 * TRAVEL
     world = World(estimated=estimated * tolerance, grows=grows, constants=(1e-6, 1e-6), steps=0.5)
     advice, true = advised(world, 0.01)
@@ -213,8 +213,8 @@ def test_rigid_links_are_enough_below_half_the_tolerance_growth_of_errors_counte
 
 
 @pytest.mark.parametrize(("steps", "times"), [(1e-4, 100.0), (0.05, 10.0)])
-def test_rigid_links_take_the_loosest_steps_that_are_allowed(advised: Any, steps: float, times: float) -> None:
-    """A hundred times the tolerance is tried first, then ten times: they are off by `steps` of that."""
+def test_rigid_links_use_the_loosest_allowed_step_tolerance(advised: Any, steps: float, times: float) -> None:
+    """Step tolerances of 100 and then 10 times the goal are tried; each has a step error of `steps` times itself."""
     tolerance = 0.01 * TRAVEL
     world = World(estimated=0.1 * tolerance, constants=(1e-6, 1e-6), steps=steps)
     advice, true = advised(world, 0.01)
@@ -222,22 +222,22 @@ def test_rigid_links_take_the_loosest_steps_that_are_allowed(advised: Any, steps
     assert true <= advice.error <= tolerance
 
 
-def test_rigid_links_that_are_good_enough_are_taken_with_what_is_not_known(advised: Any) -> None:
-    """No estimate is valid, but finer models show it: the axes that were left out are missing, as for rigid links."""
+def test_rigid_links_are_chosen_if_their_error_with_uncertainty_is_small_enough(advised: Any) -> None:
+    """The direct estimate for rigid links is infinite, but flexible models show that their error is small."""
     tolerance = 1e-3 * TRAVEL
     advice, true = advised(World(constants=(1e-6, 1e-6), aside=0.04 * tolerance, steps=0.0), 1e-3)
     assert {link.flex for link in advice.scene.arm.links} == {"rigid"}
     assert 0.08 * tolerance <= true <= advice.error <= tolerance
 
 
-def test_a_part_of_the_deflection_is_that_of_the_springs(advised: Any) -> None:
+def test_a_goal_relative_to_the_deflection_uses_the_spring_deflection(advised: Any) -> None:
     advice, true = advised(World(), 1e-2, deflection=True)
     assert advice.tolerance == pytest.approx(1e-2 * 0.05)
     assert true <= advice.error <= advice.tolerance
 
 
-def test_an_unreachable_limit_is_reported_with_the_time_until_which_it_is_met(advised: Any) -> None:
-    """Models beyond four hinges do not end: the fourth order leaves the limit unknown to more than is allowed."""
+def test_advice_that_misses_its_tolerance_reports_how_long_the_tolerance_is_met(advised: Any) -> None:
+    """Runs with more than four hinges fail, so the fourth-order term makes the limit more uncertain than allowed."""
     world = World(fourth=0.5, fails=tuple(range(5, 200)), steps=0.0)
     advice, true = advised(world, 1e-4)
     assert not advice.met
@@ -260,8 +260,8 @@ def study_of(world: World) -> tuple[KnownRunner, TipErrorNorm, RefinementStudy]:
     return runner, norm, RefinementStudy(runner, norm, goal, ("z", "rigid"), Stepping("auto", tolerance=1e-6))
 
 
-def test_errors_of_a_link_are_those_of_its_models_also_where_they_change_their_sign(advised: Any) -> None:
-    """1/N² − 8/N⁴ is positive for four hinges, negative for two and one; the report has the measured sign."""
+def test_link_errors_are_exact_even_if_they_change_sign_between_models(advised: Any) -> None:
+    """The link error 1/N² − 8/N⁴ is positive for four hinges and negative for two or one; its magnitude is reported."""
     runner, norm, study = study_of(World(fourth=8.0, steps=0.0))
     study.refine()
     study.limit = Limit(
@@ -275,15 +275,15 @@ def test_errors_of_a_link_are_those_of_its_models_also_where_they_change_their_s
     assert errors.error(uniform(("z", "rigid"), 8)) == pytest.approx(1e-2 * (4**-2.0 - 8 * 4**-4.0) / 4, rel=1e-9)
 
 
-def test_a_perturbed_run_starts_as_far_off_as_it_is_asked() -> None:
-    """Two bars of a metre, straight: turning both by an angle moves the tip by 2 + 1 of it."""
+def test_a_perturbed_run_turns_every_joint_by_the_given_angle() -> None:
+    """Two straight bars of 1 m each: turning both joints by an angle moves the tip by (2 m + 1 m) · angle."""
     runner, steps = ModelRunner(SCENE.varied({"run.duration": 0.05}), 60.0), Stepping("RK4", step=0.05)
     plain, turned = runner.run((None, None), steps), runner.perturbed_run((None, None), steps, 1e-3)
     assert turned is not None
     assert np.linalg.norm(turned.tip[0] - plain.tip[0]) == pytest.approx(3e-3, rel=1e-3)
 
 
-def test_postures_are_taken_along_the_whole_run_and_fixed_steps_are_no_longer_than_asked() -> None:
+def test_postures_are_sampled_over_the_run_and_fixed_steps_respect_the_limit() -> None:
     runner = ModelRunner(SCENE.varied({"run.duration": 0.2}), 60.0)
     run = runner.run((None, None), Stepping("RK4", step=0.05)).run
     assert run is not None
@@ -294,7 +294,7 @@ def test_postures_are_taken_along_the_whole_run_and_fixed_steps_are_no_longer_th
         assert runner.fixed_steps(largest) == Stepping("RK4", pytest.approx(step))
 
 
-def test_stable_steps_fall_with_the_square_of_the_hinges_and_a_tenth_is_left_to_them() -> None:
+def test_stable_steps_scale_with_the_inverse_square_of_the_hinge_count() -> None:
     runner = SimpleNamespace(
         estimated_step=lambda k, bend: 1e-3 / bend.hinges**2, stable_step=lambda model: 1e-3, budget=1.0,
         fixed_steps=lambda largest: Stepping("RK4", step=largest), fixed_steps_cost=lambda model, stepping: 0.1,
@@ -305,8 +305,8 @@ def test_stable_steps_fall_with_the_square_of_the_hinges_and_a_tenth_is_left_to_
         assert search._stable_step(0, Bend("z", "gauss", hinges)) == pytest.approx(1e-3 / hinges**2)
 
 
-def test_the_load_along_a_hanging_bar_is_its_weight_over_what_makes_it_buckle() -> None:
-    """γ = F L² / EI at the first of two hinges, 0.21 of the length below the joint."""
+def test_the_axial_load_of_a_hanging_bar_is_its_weight_times_length_squared_over_ei() -> None:
+    """γ = F L² / EI at the first of two hinges, which is 0.21 L below the joint."""
     hanging = make_scene(
         fl.Link(name="bar", length=2.0, material="aluminium", section="square", flex="z", segments=3),
         tip=fl.RigidBody(mass=5.0), gravity=(9.81, 0.0, 0.0), run=fl.RunSettings(duration=0.01, sample=0.01, step=1e-4),
@@ -316,21 +316,24 @@ def test_the_load_along_a_hanging_bar_is_its_weight_over_what_makes_it_buckle() 
     assert found == pytest.approx(below * 9.81 * 2.0**2 / (70e9 * 0.04**4 / 12), rel=0.01)
 
 
-def test_two_levels_that_agree_are_believed_no_better_than_a_fast_order_allows() -> None:
-    """Four, six, eight hinges at 0, 1 and 1 cm: the limit of the first two is 0.8 cm beyond; 1.4 of that, (6/8)⁴."""
+def test_two_levels_that_agree_do_not_lower_the_error_estimate_too_far() -> None:
+    """For tips at 0, 1 and 1 cm with 4, 6 and 8 hinges, the error is 1.4 · 0.8 (6/8)⁴ cm.
+
+    Extrapolation from the first two levels moves the tip by a further 0.8 cm.
+    """
     limit = study_of_levels(n4=along_x(0.0, 0.0), n6=along_x(0.0, 0.01), n8=along_x(0.0, 0.01)).limit
     assert limit is not None
     assert limit.tip[1, 0] == 0.01
     assert limit.error == pytest.approx(1.4 * 0.008 * (6 / 8) ** 4)
 
 
-def test_a_run_that_did_not_end_is_no_solution_however_good(advised: Any) -> None:
+def test_an_incomplete_run_is_not_accepted_however_small_its_error(advised: Any) -> None:
     errors = SimpleNamespace(from_limit=lambda tip: 1e-9)
     search = Search(cast("Any", None), cast("Any", errors), 1e-3)
     good = Outcome(PATH, 1.0, None, Stepping("Radau5", tolerance=1e-5))
     assert not search.accept((None,), good._replace(reason="did not end"))
     assert search.solution is None
     assert search.accept((None,), good)
-    assert search.accept((None,), good._replace(seconds=2.0))  # good, but dearer
+    assert search.accept((None,), good._replace(seconds=2.0))  # as accurate, but more expensive
     assert search.solution is not None
     assert search.solution.outcome.seconds == 1.0

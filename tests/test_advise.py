@@ -1,4 +1,4 @@
-"""Advice on the smallest model: it meets its goal, its error is right, and it refuses what it cannot assess."""
+"""Advice on the smallest model meets its goal, reports a correct error, and is refused for scenes it cannot assess."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 def arm(thick: float = 0.01, *, links: int = 1, locked: bool = False, **situation: object) -> fl.Scene:
     """Square bars of steel, 1 m each, which by default fall from the horizontal for half a second."""
-    bent = {"flex": "z", "segments": 3} if locked else {}  # a scene needs something that moves
+    bent = {"flex": "z", "segments": 3} if locked else {}  # a scene without motion is refused
     bars = tuple(
         fl.Link(name=f"bar{k}", length=1.0, material="steel", section="square", joint=fl.Joint(locked=locked), **bent)
         for k in range(links)
@@ -49,18 +49,18 @@ def arm(thick: float = 0.01, *, links: int = 1, locked: bool = False, **situatio
     return scene.varied(situation)
 
 
-FINE = 16, 24  # hinges; the tip extrapolated from them is exact to 3e-6 m, from 8 and 12 hinges to 8e-5 m
+FINE = 16, 24  # hinge counts; the tip extrapolated from them is accurate to 3e-6 m (from 8 and 12 hinges: 8e-5 m)
 
 
 def truth(scene: fl.Scene, *, flex: str = "xyz", hinges: tuple[int, int] = FINE) -> Array:
-    """Tip for these numbers of hinges at Gauss points, extrapolated; by default with bending about all axes."""
+    """Tip path extrapolated from these hinge counts (Gauss points); by default with bending about all axes."""
     key = msgspec.json.encode((scene, flex, hinges))
     if key not in TRUTHS:
         TRUTHS[key] = _truth(scene, flex, hinges)
     return TRUTHS[key]
 
 
-TRUTHS: dict[bytes, Array] = {}  # several tests need the same
+TRUTHS: dict[bytes, Array] = {}  # cached: several tests use it
 
 
 def _truth(scene: fl.Scene, flex: str, hinges: tuple[int, int]) -> Array:
@@ -84,7 +84,7 @@ def led(*links: str, by: float = 40.0, end: float = 0.3) -> list[fl.PrescribedMo
 
 @pytest.mark.slow
 @pytest.mark.parametrize("tip", [1e-2, 1e-3, 1e-4])
-def test_a_met_tolerance_is_met_and_its_error_is_not_overestimated(tip: float) -> None:
+def test_reported_error_is_between_one_and_three_times_the_true_error(tip: float) -> None:
     scene = arm(0.004, links=2, motion=led("bar0", "bar1"))
     advice = fl.advise(scene, tip)
     assert advice.met
@@ -93,7 +93,7 @@ def test_a_met_tolerance_is_met_and_its_error_is_not_overestimated(tip: float) -
 
 
 @pytest.mark.slow
-def test_the_converged_tip_is_better_than_the_model_and_its_error_is_right() -> None:
+def test_the_converged_tip_is_more_accurate_than_the_model_with_a_valid_error_bound() -> None:
     scene = arm(0.004, motion=led("bar0"))
     advice = fl.advise(scene, 1e-3)
     assert advice.converged_tip is not None
@@ -104,7 +104,7 @@ def test_the_converged_tip_is_better_than_the_model_and_its_error_is_right() -> 
     )
 
 
-def test_a_stiff_arm_is_rigid_without_a_run_of_a_flexible_model() -> None:
+def test_a_stiff_arm_gets_rigid_links_without_running_a_flexible_model() -> None:
     advice = fl.advise(arm(0.3, links=2, motion=led("bar0", "bar1")), 1e-2)
     assert advice.met
     assert advice.converged_tip is None
@@ -114,9 +114,7 @@ def test_a_stiff_arm_is_rigid_without_a_run_of_a_flexible_model() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("thick", "load", "tip"), [(0.012, 2.0, 1e-2), (0.008, 1.0, 3e-2), (0.008, 1.0, 0.2)])
-def test_a_bar_that_its_load_bends_while_it_is_held_is_not_rigid_when_it_is_let_go(
-    thick: float, load: float, tip: float
-) -> None:
+def test_advice_is_right_for_a_bar_released_from_its_static_sag(thick: float, load: float, tip: float) -> None:
     scene = arm(thick, **{"tip.mass": load, "initial.joint_deg": (-20.0,), "initial.passive": "static"})
     advice = fl.advise(scene, tip)
     assert advice.met
@@ -124,17 +122,17 @@ def test_a_bar_that_its_load_bends_while_it_is_held_is_not_rigid_when_it_is_let_
 
 
 @pytest.mark.slow
-def test_an_arm_in_a_plane_stays_in_it_and_a_twisted_one_does_not() -> None:
+def test_a_planar_arm_gets_a_planar_model_and_a_skew_arm_a_spatial_one() -> None:
     plane = fl.advise(arm(0.004, motion=led("bar0")), 1e-3).scene
     assert [link.flex for link in plane.arm.links] == ["z"]
     assert fl.lump(plane).is_planar
     skew = arm(0.004, links=2, motion=led("bar0"), gravity=(0.0, 0.0, -9.81))
     bent = skew.varied({"link.bar1.mount.rpy_deg": (0.0, 0.0, 90.0), "link.bar1.joint.locked": True})
-    assert fl.advise(bent, 1e-2).scene.arm.links[0].flex == "xyz"  # carries a bar at right angles, which weighs
+    assert fl.advise(bent, 1e-2).scene.arm.links[0].flex == "xyz"  # the weight of the second bar twists the first
 
 
 @pytest.mark.slow
-def test_only_the_link_that_bends_does() -> None:
+def test_only_the_soft_link_gets_hinges() -> None:
     scene = arm(0.3, links=2, motion=led("bar0", "bar1"))
     soft = scene.varied({"section.thin": scene.arm.sections["square"], "link.bar1.section": "thin"})
     soft = soft.varied({"section.thin.height": 0.004, "section.thin.width": 0.004})
@@ -143,10 +141,10 @@ def test_only_the_link_that_bends_does() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("passive", ["zero", "static"])
-def test_a_link_bends_if_no_joint_can_move(passive: str) -> None:
+def test_advice_works_for_an_arm_whose_joints_are_all_locked(passive: str) -> None:
     pushed = {"initial.passive": passive, "wrench.force": (0.0, 1.0, 0.0)}
-    scene = arm(0.006, locked=True, **pushed, **{"material.steel.loss_time": 1e-3})  # few modes: the truth is one
-    if passive == "static":  # at rest in its equilibrium: nothing moves, and a part of nothing is nothing
+    scene = arm(0.006, locked=True, **pushed, **{"material.steel.loss_time": 1e-3})  # damped: reference is unique
+    if passive == "static":  # at rest in equilibrium: a tolerance relative to zero motion is zero
         assert not fl.advise(scene, "1 mm").error > 1e-3
         with refused(fl.errors.AdviceError, "no-motion"):
             fl.advise(scene, 1e-3)
@@ -173,7 +171,7 @@ ACTS: dict[str, dict[str, object]] = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("what", ACTS)
-def test_advice_covers_every_load(what: str) -> None:
+def test_advice_is_right_for_every_kind_of_load(what: str) -> None:
     scene = arm(0.01, **ACTS[what])
     advice = fl.advise(scene, 1e-2)
     assert advice.met
@@ -181,7 +179,7 @@ def test_advice_covers_every_load(what: str) -> None:
 
 
 @pytest.mark.slow
-def test_a_part_of_the_deflection_is_a_stricter_goal() -> None:
+def test_a_goal_relative_to_the_deflection_is_stricter_than_one_relative_to_travel() -> None:
     scene = arm(0.06, motion=led("bar0"))
     of_motion, of_deflection = fl.advise(scene, 1e-2), fl.advise(scene, 1e-2, deflection=True)
     assert all(link.flex == "rigid" for link in of_motion.scene.arm.links)
@@ -191,7 +189,7 @@ def test_a_part_of_the_deflection_is_a_stricter_goal() -> None:
 
 
 @pytest.mark.slow
-def test_vibrations_beyond_the_band_do_not_count() -> None:
+def test_vibrations_above_the_band_are_ignored() -> None:
     scene = arm(0.01, **{"run.step": 0.005, "run.sample": 0.005, "motion": led("bar0", end=0.1)})
 
     def cost(advice: Advice) -> float:
@@ -203,7 +201,7 @@ def test_vibrations_beyond_the_band_do_not_count() -> None:
 
 
 class Watch:
-    """A clock, and runs: loading code takes 9 s, once; preparing a scene takes 2 s, once; steps take 1 s."""
+    """A fake clock and fake runs: code loading takes 9 s once, preparing a scene 2 s once, the steps 1 s."""
 
     def __init__(self) -> None:
         self.now, self.made, self.known = 0.0, list[object](), list[object]()
@@ -222,7 +220,7 @@ class Watch:
 
 
 @pytest.mark.parametrize(("enough", "times"), [(0.0, 2), (9.5, 4), (np.inf, 5)])
-def test_the_time_of_a_run_includes_its_preparation_and_long_runs_are_made_twice(
+def test_run_time_includes_preparation_and_is_the_shortest_of_repeated_runs(
     enough: float, times: int, monkeypatch
 ) -> None:
     watch = Watch()
@@ -237,7 +235,7 @@ def test_the_time_of_a_run_includes_its_preparation_and_long_runs_are_made_twice
 @pytest.mark.parametrize(
     ("own", "numbers"), [(0.004, ["50", "4 ms"]), (0.2, ["1", "200 ms"]), (np.inf, ["1"]), (0.001, [])]
 )
-def test_advice_has_the_number_of_runs_after_which_it_pays(own: float, numbers: list[str]) -> None:
+def test_advice_reports_the_number_of_runs_after_which_it_pays_off(own: float, numbers: list[str]) -> None:
     text = payback(0.1, own, 0.002)
     assert re.findall(r"\d+(?: ms)?", text) == numbers
     reviewed("advise: payback", text)
@@ -247,7 +245,7 @@ def test_advice_has_no_payback_if_the_scene_was_not_timed() -> None:
     assert payback(0.1, np.nan, 0.002) == ""
 
 
-def test_the_scene_itself_is_timed_unless_it_fails_or_takes_longer_than_the_advice() -> None:
+def test_the_original_scene_is_timed_unless_it_fails_or_exceeds_the_time_limit() -> None:
     scene = arm(0.3, links=2)
     fixed = {"run.method": "RK4", "run.step": 1e-4}
     free = {"run.method": "auto", "run.step": None, "run.relative_tolerance": 1e-4}
@@ -270,15 +268,15 @@ def test_advice_does_not_depend_on_measured_times(monkeypatch) -> None:
 
 
 @pytest.mark.slow
-def test_sensitive_motion_is_good_up_to_a_horizon_that_is_neither_too_late_nor_much_too_early() -> None:
+def test_the_reported_horizon_of_a_sensitive_motion_is_right_within_twenty_percent() -> None:
     scene = arm(0.03, links=2, **{"initial.joint_deg": (80.0, 30.0), "run.duration": 3.6})
-    advice = fl.advise(scene, 1e-3, budget=0.1)  # by price: the same on every machine
+    advice = fl.advise(scene, 1e-3, budget=0.1)  # limits the predicted cost, equal on all machines
     assert not advice.met
     assert any(line.startswith("cannot") for line in advice.lines)
     assert any(line.startswith("sensitive") for line in advice.lines)
     before, after = (truth(scene, flex="z", hinges=hinges) for hinges in ((4, 6), (6, 8)))
     beyond = np.flatnonzero(np.linalg.norm(fl.simulate(advice.scene).tip - after, axis=1) > advice.tolerance)[0]
-    assert np.linalg.norm(after - before, axis=1)[: beyond + 1].max() < 0.1 * advice.tolerance  # the truth is known
+    assert np.linalg.norm(after - before, axis=1)[: beyond + 1].max() < 0.1 * advice.tolerance  # converged
     assert 0.8 * scene.run.times[beyond - 1] <= advice.horizon <= scene.run.times[beyond - 1] < scene.run.duration
 
 
@@ -311,28 +309,28 @@ def test_arguments_out_of_range_are_refused(options: dict[str, object], id: str)
         fl.advise(arm(), **options)
 
 
-def test_a_goal_is_relative_or_a_length() -> None:
+def test_a_tip_goal_is_a_fraction_or_a_length() -> None:
     run = fl.RunSettings(sample=0.01, step=0.01)
     assert goal_of(1e-3, deflection=False, band=None, run=run).tolerance(2.0, 0.5) == 2e-3
     assert goal_of(1e-3, deflection=True, band=None, run=run).tolerance(2.0, 0.5) == 5e-4
     assert goal_of("50 µm", deflection=False, band=None, run=run).tolerance(2.0, 0.5) == pytest.approx(5e-5)
 
 
-def test_a_band_passes_slow_differences_only() -> None:
+def test_a_band_limit_filters_out_fast_differences() -> None:
     t = np.arange(0.0, 2.0, 0.01)
     norm = TipErrorNorm(Goal(1e-3, band=5.0), 0.01)
     slow, fast = (np.sin(2 * np.pi * f * t)[:, None] * np.array([1.0, 0.0, 0.0]) for f in (0.25, 20.0))
-    middle = slice(20, -20)  # the window's own length away from the ends
+    middle = slice(20, -20)  # at least one window length away from the ends
     assert norm.lengths(slow)[middle].max() == pytest.approx(1.0, abs=0.01)
     assert norm.lengths(fast)[middle].max() < 0.03
 
 
-def test_a_band_with_a_period_beyond_the_run_has_an_error_at_every_sample() -> None:
+def test_a_band_whose_period_exceeds_the_run_still_gives_an_error_at_every_sample() -> None:
     difference = np.ones((30, 1)) * np.array([3.0, 0.0, 4.0])
     assert TipErrorNorm(Goal(1e-3, band=2.0), 0.01).lengths(difference) == pytest.approx(np.full(30, 5.0))
 
 
-def test_a_swing_is_that_of_the_oscillator() -> None:
+def test_the_oscillator_response_to_a_step_and_a_ramp_is_exact() -> None:
     ω, Δ = 7.0, 0.05
     t = Δ * np.arange(40)
     step = np.ones((40, 1))
@@ -341,7 +339,7 @@ def test_a_swing_is_that_of_the_oscillator() -> None:
     assert oscillator_response(ramp, ω, Δ, np.zeros(1))[:, 0] == pytest.approx(t - np.sin(ω * t) / ω, abs=1e-12)
 
 
-def test_costs_grow_with_the_chain_and_are_higher_in_space() -> None:
+def test_predicted_costs_grow_with_chain_length_and_are_higher_in_3d() -> None:
     scene = arm(links=2)
     plane, space = (fl.lump(with_model(scene, (Bend(flex, "gauss", 8),) * 2)) for flex in ("z", "xyz"))
     assert bodies_of(plane).tolist() == [0, 2 + 16, 0, 0]
@@ -356,7 +354,9 @@ def test_advice_is_refused_if_no_two_models_can_run() -> None:
 
 
 @pytest.mark.slow
-def test_the_command_prints_its_reasons_and_writes_a_scene_that_runs(tmp_path: Path, models: Path, capsys) -> None:
+def test_the_advise_command_prints_its_reasons_and_writes_a_scene_that_runs(
+    tmp_path: Path, models: Path, capsys
+) -> None:
     out = tmp_path / "small.toml"
     options = ["--tip", "1e-2", "--set", "run.duration=0.5", "-o", str(out)]
     assert main(["advise", str(models / "t3_spatial.toml"), *options]) == 0
@@ -367,8 +367,8 @@ def test_the_command_prints_its_reasons_and_writes_a_scene_that_runs(tmp_path: P
 
 
 @pytest.mark.slow
-def test_the_command_fails_if_no_model_meets_the_tolerance(tmp_path: Path, capsys) -> None:
-    pushed = arm(0.006, locked=True, **{"wrench.force": (0.0, 1.0, 0.0)})  # suddenly: all modes vibrate
+def test_the_advise_command_fails_if_no_model_meets_the_tolerance(tmp_path: Path, capsys) -> None:
+    pushed = arm(0.006, locked=True, **{"wrench.force": (0.0, 1.0, 0.0)})  # a sudden force excites all modes
     (tmp_path / "pushed.toml").write_text(pushed.to_toml(), encoding="utf-8")
     assert main(["advise", str(tmp_path / "pushed.toml"), "--tip", "1e-2", "--budget", "0.02"]) == 1
     printed = capsys.readouterr().out
@@ -377,7 +377,7 @@ def test_the_command_fails_if_no_model_meets_the_tolerance(tmp_path: Path, capsy
 
 
 @pytest.mark.slow
-def test_advice_on_a_robot_from_a_file_is_right_and_links_without_beams_stay_rigid() -> None:
+def test_advice_on_an_imported_robot_is_right_and_links_without_beams_stay_rigid() -> None:
     scene = robot_scene(1.0)
     advice = fl.advise(scene, 1e-2)
     assert advice.met
@@ -391,7 +391,7 @@ def test_advice_on_a_robot_from_a_file_is_right_and_links_without_beams_stay_rig
 
 
 @pytest.mark.slow
-def test_the_case_of_the_study_compares_advice_with_an_independent_reference() -> None:
+def test_the_advice_case_of_the_study_uses_an_independent_reference() -> None:
     case = load_case(CASES / "advice.toml")
     only = replace(
         decode(case.settings, kind.Settings), first=25, scenes=1, robot=0.0, tumbling=(), released=(),

@@ -1,4 +1,4 @@
-"""Joints about any axis, beams along any line, bodies of any inertia: each compared with its equations."""
+"""Joints about any axis, beams along any line and bodies of any inertia agree with their equations."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ directions = st.tuples(coordinate, coordinate, coordinate).filter(lambda v: max(
 
 
 def arm_of(*links: fl.Link, tip: fl.RigidBody | None = None, joint_deg: tuple[float, ...] = ()) -> fl.Scene:
-    """The links as a scene with a flat section and gravity in no plane of symmetry."""
+    """A scene of the given links, with a flat section, and gravity outside all planes of symmetry."""
     arm = fl.Arm(
         links=links, materials={"aluminium": ALUMINIUM}, sections={"flat": FLAT, "square": SQUARE},
         tip=tip or fl.RigidBody(),
@@ -34,7 +34,7 @@ def arm_of(*links: fl.Link, tip: fl.RigidBody | None = None, joint_deg: tuple[fl
 
 
 def body(rng: np.random.Generator) -> fl.RigidBody:
-    """Some kilogram of points in a box, with all products of inertia."""
+    """A body of a few kilograms made of points in a box, with all products of inertia."""
     points = rng.uniform(-0.1, 0.1, (5, 3))
     points -= points.mean(axis=0)
     covariance = points.T @ points
@@ -47,7 +47,7 @@ def six(I: np.ndarray) -> tuple[float, ...]:
 
 
 def turned(payload: fl.RigidBody, F: np.ndarray) -> fl.RigidBody:
-    """The same body in axes that are turned by F."""
+    """The same body, expressed in axes rotated by F."""
     return fl.RigidBody(mass=payload.mass, center=F.T @ payload.center, inertia=six(F.T @ payload.matrix @ F))
 
 
@@ -70,10 +70,10 @@ def in_other_frames(links: list[fl.Link], tip: fl.RigidBody, frames: list[np.nda
     return arm_of(*out, tip=turned(tip, before))
 
 
-def test_an_arm_does_not_depend_on_the_frames_in_which_its_links_are_described(rng) -> None:
-    """M, T_GC and the tip of an arm in its frames, and with the frame of every link rotated at random.
+def test_the_dynamics_do_not_depend_on_the_choice_of_link_frames(rng) -> None:
+    """M, T_GC and the tip position do not change if the frame of every link is rotated at random.
 
-    The tolerance is some ten roundings of mounts in degrees, axes, centres and inertias, all of a subtree of three.
+    The tolerance allows about ten roundings each of mounts in degrees, axes, centres and inertias of three links.
     """
     links = [
         fl.Link(
@@ -109,7 +109,7 @@ def test_a_joint_turns_its_link_about_its_axis(axes, angles) -> None:
     np.testing.assert_allclose(tip, wanted, rtol=0, atol=16 * EPS)
 
 
-def test_locking_a_joint_turns_what_follows_as_a_free_one_at_that_angle() -> None:
+def test_a_locked_joint_gives_the_kinematics_of_a_free_joint_at_that_angle() -> None:
     axis, load = (1.0, -2.0, 0.5), fl.RigidBody(mass=1.0, center=(0.1, 0.2, 0.3), inertia=(0.1, 0.2, 0.25, 0.01, 0, 0))
     base, free = fl.Link(name="a", length=0.5), fl.Link(name="b", joint=fl.Joint(axis=axis), length=0.4, hub=load)
     locked = fl.Link(name="b", joint=fl.Joint(axis=axis, locked=True), length=0.4, hub=load)
@@ -120,7 +120,7 @@ def test_locking_a_joint_turns_what_follows_as_a_free_one_at_that_angle() -> Non
 
 
 @pytest.mark.parametrize("axis", [tuple(row) for row in np.vstack([np.eye(3), -np.eye(3)])])
-def test_coordinate_axes_are_exact_however_long(axis) -> None:
+def test_coordinate_axes_are_exact_for_vectors_of_any_length(axis) -> None:
     nearest, R = turn_to(tuple(axis))
     assert R[:, nearest].tolist() == list(axis)
     assert set(R.ravel()) <= {0.0, 1.0, -1.0}
@@ -132,28 +132,28 @@ def test_coordinate_axes_are_exact_however_long(axis) -> None:
 
 
 @given(directions)
-def test_the_turn_to_an_axis_is_a_rotation(axis) -> None:
+def test_the_rotation_onto_an_axis_is_orthogonal(axis) -> None:
     direction = unit("axis", axis)
     nearest, R = turn_to(tuple(axis))
     np.testing.assert_allclose(R[:, nearest], direction, rtol=0, atol=4 * EPS)
     np.testing.assert_allclose(R @ R.T, np.eye(3), rtol=0, atol=16 * EPS)
 
 
-def test_a_length_is_a_line_along_x() -> None:
+def test_a_link_length_is_equivalent_to_a_line_along_the_x_axis() -> None:
     by_length = fl.lump(arm_of(fl.Link(name="a", length=0.7, **SLENDER)))
     by_line = fl.lump(arm_of(fl.Link(name="a", line=((0, 0, 0), (0.7, 0, 0)), **SLENDER)))
     assert by_length.bodies.tobytes() == by_line.bodies.tobytes()
     assert by_length.hinges.tobytes() == by_line.hinges.tobytes()
 
 
-def test_up_is_where_the_sections_z_points() -> None:
-    """A flat bar turned about its line by 90° is one with height and width exchanged."""
+def test_the_z_axis_of_the_section_points_along_the_given_up_direction() -> None:
+    """A flat bar rotated by 90° about its line equals one with height and width exchanged."""
     tall = fl.Section(shape="rectangle", height=FLAT.width, width=FLAT.height)
     turned_ = arm_of(fl.Link(name="a", length=0.7, up=(0.3, 1.0, 0.0), **{**SLENDER, "flex": "z"}))
     exchanged = turned_.varied({"link.a.up": None, "section.flat": tall, "link.a.flex": "yz"})
     soft, both = fl.lump(turned_), fl.lump(exchanged)
     np.testing.assert_allclose(soft.stiffness[1], both.stiffness[both.index("a", 1, 2)], rtol=4 * EPS)
-    np.testing.assert_allclose(soft.axes[1], [0.0, 1.0, 0.0], rtol=0, atol=EPS)  # section's z: bends in the X-Z plane
+    np.testing.assert_allclose(soft.axes[1], [0.0, 1.0, 0.0], rtol=0, atol=EPS)  # section z: bends in the X-Z plane
 
 
 @pytest.mark.parametrize(
@@ -169,8 +169,8 @@ def test_without_up_the_section_is_aligned_with_the_joint_axis(axis, stop, z) ->
 
 
 @given(directions, st.floats(-5.9, 0.0))
-def test_a_section_frame_is_a_rotation_however_close_up_is_to_the_line(line, digits) -> None:
-    """The frame is a rotation even where `up` and the line are 1e-6 rad apart; four roundings an element."""
+def test_a_section_frame_is_orthogonal_even_if_up_is_nearly_along_the_line(line, digits) -> None:
+    """The frame is a rotation even if `up` and the line are 1e-6 rad apart; FᵀF = 1 to 8 eps."""
     x = unit("line", line)
     across = np.cross(x, np.eye(3)[np.argmin(np.abs(x))])
     up = x + 10.0**digits * across / np.linalg.norm(across)
@@ -178,7 +178,7 @@ def test_a_section_frame_is_a_rotation_however_close_up_is_to_the_line(line, dig
     np.testing.assert_allclose(F.T @ F, np.eye(3), rtol=0, atol=8 * EPS)
 
 
-def test_the_end_of_a_link_is_the_hub_of_a_locked_one_behind_it(rng) -> None:
+def test_a_body_at_the_end_of_a_link_equals_a_hub_on_a_locked_joint_there(rng) -> None:
     load, line = body(rng), ((0.0, 0.1, 0.0), (0.2, 0.3, 0.6))
     at_end = fl.lump(arm_of(fl.Link(name="a", line=line, end=load, **SLENDER)))
     behind = fl.Link(name="b", joint=fl.Joint(locked=True), hub=load)
@@ -186,8 +186,8 @@ def test_the_end_of_a_link_is_the_hub_of_a_locked_one_behind_it(rng) -> None:
     assert at_end.bodies.tobytes() == as_hub.bodies.tobytes()
 
 
-def test_a_body_turns_about_an_axis_with_steiners_share(rng) -> None:
-    """Σ m d² of five points, d the distance from the axis."""
+def test_inertia_about_an_axis_includes_the_parallel_axis_term(rng) -> None:
+    """The inertia of five points is Σ m d², with their distances d from the axis."""
     points = rng.uniform(-0.1, 0.1, (5, 3))
     center, axis = points.mean(axis=0), unit("axis", (1.0, 2.0, -1.0))
     spread = points - center
@@ -200,8 +200,8 @@ def test_a_body_turns_about_an_axis_with_steiners_share(rng) -> None:
 
 
 @given(directions, st.floats(0.1, 3.0))
-def test_a_disc_may_be_turned_anyhow(axis, angle) -> None:
-    """One moment is the sum of the other two, but for rounding."""
+def test_a_disc_inertia_is_accepted_in_any_orientation(axis, angle) -> None:
+    """One principal moment equals the sum of the other two, except for rounding."""
     R = Rotation.from_rotvec(angle * np.array(axis)).as_matrix()
     inertia = six(R @ np.diag([0.0037238, 0.0018619, 0.0018619]) @ R.T)
     assert fl.RigidBody(mass=2.0, inertia=inertia).mass == 2.0
@@ -225,16 +225,16 @@ def test_a_disc_may_be_turned_anyhow(axis, angle) -> None:
         (lambda: fl.Link(name="a", flex="z", segments=3, material="m", section="s"), "needs-a-length"),
     ],
 )  # fmt: skip
-def test_what_no_arm_can_have_is_refused(build, wanted) -> None:
+def test_impossible_axes_inertias_and_lines_are_refused(build, wanted) -> None:
     with refused(fl.errors.SceneError, wanted):
         build()
 
 
-def test_wheels_without_mass_need_only_moments_that_are_not_negative() -> None:
+def test_an_inertia_without_mass_needs_only_nonnegative_moments() -> None:
     assert fl.RigidBody(inertia=(0, 0, 1)).mass == 0
 
 
-def test_paths_reach_the_new_keys() -> None:
+def test_variations_can_set_axes_end_bodies_and_lines() -> None:
     scene = make_scene(fl.Link(name="a", length=0.5), fl.Link(name="b", joint=fl.Joint(locked=True), length=0.4))
     varied = scene.varied({"link.*.joint.axis": (0, 1, 0), "link.a.end.mass": 2.0, "link.a.end.center": (0, 0, 1)})
     assert [link.joint.axis for link in varied.arm.links] == [(0, 1, 0)] * 2
@@ -243,7 +243,7 @@ def test_paths_reach_the_new_keys() -> None:
     assert line.arm.links[0].beam.length == 1.0
 
 
-def test_values_without_effect_are_noted() -> None:
+def test_values_without_effect_get_a_note() -> None:
     lost = fl.Link(name="a", length=0.5, up=(0, 1, 0), hub=fl.RigidBody(center=(0, 0, 1)), end=fl.RigidBody(mass=1.0))
     found = notes(make_scene(lost, gravity=(0.0, 9.81, 0.0)))
     assert [note.partition(" = ")[0].removeprefix("link.a.") for note in found] == ["up", "hub.center"]

@@ -1,4 +1,4 @@
-"""Archives of runs that were edited: one line names what is wrong, and nothing is computed with it."""
+"""Damaged archives of runs are refused with one line that names the mistake, before anything is computed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TREE = flexible("a", segments=3), flexible("b", segments=5, lumping="lobatto4"),
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Arrays:
-    """The arrays of a run of a tree with coupled springs."""
+    """The arrays of an archived run of a tree with coupled springs."""
     scene = make_scene(*TREE, gravity=(0.0, -9.81, 0.0))
     run = fl.simulate(scene, method="Radau5", step=1e-3, duration=3e-3, sample=1e-3)
     with np.load(run.save(tmp_path_factory.mktemp("whole") / "run.npz")) as archive:
@@ -31,7 +31,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Arrays:
 
 
 def put(name: str, value: object, field: str = "", row: int = 0) -> Callable[[Arrays], object]:
-    """One number of an array in place of another."""
+    """An edit that replaces one number of an array."""
 
     def change(arrays: Arrays) -> None:
         array = arrays[name] = arrays[name].copy()
@@ -65,7 +65,7 @@ WRONG: dict[str, tuple[Callable[[Arrays], object], str]] = {
 
 
 @pytest.mark.parametrize("mistake", WRONG)
-def test_an_archive_with_a_mistake_is_refused_by_its_name(mistake: str, whole: Arrays, tmp_path: Path) -> None:
+def test_a_damaged_archive_is_refused_in_one_line(mistake: str, whole: Arrays, tmp_path: Path) -> None:
     change, _message = WRONG[mistake]
     arrays = dict(whole)
     np.savez(tmp_path / "good.npz", **arrays)
@@ -78,7 +78,7 @@ def test_an_archive_with_a_mistake_is_refused_by_its_name(mistake: str, whole: A
 
 
 @pytest.mark.parametrize("count", [10**11, 10**15, 10**30])
-def test_a_header_that_claims_more_numbers_than_there_are_is_refused(count: int, whole: Arrays, tmp_path: Path) -> None:
+def test_an_archive_header_with_too_large_a_shape_is_refused(count: int, whole: Arrays, tmp_path: Path) -> None:
     head = io.BytesIO()
     np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": (count,)})
     with zipfile.ZipFile(tmp_path / "run.npz", "w") as archive:
@@ -89,7 +89,7 @@ def test_a_header_that_claims_more_numbers_than_there_are_is_refused(count: int,
 
 @pytest.mark.slow
 @pytest.mark.parametrize("model", ["satellite", "dual_arm", "gantry"])
-def test_runs_of_free_bases_trees_and_slides_pass(model: str, tmp_path: Path) -> None:
+def test_archives_of_free_bases_trees_and_sliding_joints_load(model: str, tmp_path: Path) -> None:
     scene = fl.load_scene(ROOT / "models" / f"{model}.toml")
     run = fl.simulate(scene, duration=2 * scene.run.spacing)
     assert np.array_equal(fl.load_trajectory(run.save(tmp_path / "run.npz")).q, run.q)

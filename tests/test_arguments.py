@@ -1,4 +1,4 @@
-"""What Python gives to public functions: the wrong kind is named in one line, NumPy's numbers are numbers."""
+"""Arguments of public functions: wrong types are named in one line, and NumPy numbers are accepted."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ WRONG = {
     "none in a 0-d array": np.array(None),
     "array of rows": np.ones((2, 2, 2)),
 }
-"""Types that no argument below accepts, except as listed in `FITS`."""
+"""Values that no argument in `CALLS` accepts, except as listed in `FITS`."""
 
 ZERO = np.zeros(10)
 CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
@@ -97,7 +97,7 @@ FITS = {
 
 
 @pytest.mark.parametrize(("call", "argument"), [(name, key) for name, (_, keys) in CALLS.items() for key in keys])
-def test_an_argument_of_the_wrong_kind_is_refused_in_one_line(call: str, argument: str) -> None:
+def test_an_argument_of_the_wrong_type_is_refused_in_one_line(call: str, argument: str) -> None:
     function, good = CALLS[call]
     arguments = {key: value() if value is chain else value for key, value in good.items()}
     for kind, wrong in WRONG.items():
@@ -136,14 +136,14 @@ def test_an_argument_of_the_wrong_kind_is_refused_in_one_line(call: str, argumen
         ),
     ],
 )
-def test_the_argument_its_value_and_what_is_allowed_are_named(call: Callable[[], object], wanted: str) -> None:
+def test_errors_name_the_argument_its_value_and_the_allowed_values(call: Callable[[], object], wanted: str) -> None:
     with pytest.raises(fl.errors.ArgumentError, match=f"^{wanted}") as caught:
         call()
     reviewed(f"arguments: {caught.value.id}", str(caught.value))
 
 
 BEYOND = 10**400
-"""An integer that float64 cannot hold."""
+"""An integer beyond the range of float64."""
 
 
 @pytest.mark.parametrize(
@@ -174,7 +174,7 @@ def test_an_integer_beyond_float64_is_refused_by_name(call: Callable[[], object]
         call()
 
 
-def test_numpy_numbers_are_numbers_in_every_description() -> None:
+def test_scene_descriptions_accept_numpy_numbers() -> None:
     f, i = np.float64, np.int64
     link = fl.Link(
         name=np.str_("a"), length=f(1.25), flex="z", segments=i(5), lumping="paper", material="m", section="s",
@@ -195,7 +195,7 @@ def test_numpy_numbers_are_numbers_in_every_description() -> None:
     assert table == fl.Drive(kind="table", times=(0, 1), torques=((1,), (1,)))
 
 
-def test_numpy_arrays_are_sequences_in_every_description() -> None:
+def test_scene_descriptions_accept_numpy_arrays_as_sequences() -> None:
     ones = np.ones(3)
     assert fl.InitialState(joint_deg=np.array([1, 2]), rate_deg=ones[:2]).joint_deg == (1.0, 2.0)
     assert fl.RigidBody(mass=np.float32(1), inertia=ones) == fl.RigidBody(mass=1.0, inertia=(1.0, 1.0, 1.0))
@@ -210,7 +210,7 @@ def test_numpy_arrays_are_sequences_in_every_description() -> None:
         fl.Wrench(force=ones[:2])
 
 
-def test_sizes_and_places_are_given_in_any_integer_of_numpy() -> None:
+def test_sizes_and_indices_may_be_any_numpy_integer() -> None:
     for integer in (np.int8, np.uint16, np.int64):
         assert fl.compare(scene(), engines=np.array(["native"]), samples=integer(2), seed=integer(1)).samples == 2
         locked = np.array([0, 2], dtype=integer)
@@ -219,7 +219,7 @@ def test_sizes_and_places_are_given_in_any_integer_of_numpy() -> None:
         assert fl.Link(name="a", segments=integer(1)).segments == 1
 
 
-def test_numpy_numbers_that_do_not_fit_are_refused_like_pythons() -> None:
+def test_unsuitable_numpy_numbers_are_refused_like_python_numbers() -> None:
     for wrong in (np.bool_(True), np.complex128(1), np.datetime64("2020"), np.array([1.0, 2.0]), np.str_("1")):
         with refused(fl.errors.SceneError, "wrong-value"):
             fl.Material(young=wrong, density=1.0)
@@ -233,7 +233,7 @@ def test_numpy_numbers_that_do_not_fit_are_refused_like_pythons() -> None:
         fl.InitialState(joint_deg=nested)
 
 
-def test_numpy_numbers_are_arguments_and_run_settings() -> None:
+def test_numpy_numbers_are_accepted_as_arguments_and_run_settings() -> None:
     run = fl.simulate(scene(), step=np.float64(1e-4), sample=np.float64(0.005))
     assert run.q.shape == fl.simulate(scene()).q.shape
     assert fl.simulate_many([scene()], threads=np.int64(1))[0].q.shape == run.q.shape
@@ -243,7 +243,7 @@ def test_numpy_numbers_are_arguments_and_run_settings() -> None:
 
 
 BIG = 1e160
-"""A rate whose square is beyond float64, of which the largest number is 1.8e308."""
+"""A rate whose square overflows float64, whose largest number is 1.8e308."""
 
 
 @pytest.mark.parametrize(
@@ -257,26 +257,26 @@ BIG = 1e160
         (lambda q: fl.elastic_torque(chain(), q * 1e148), "'upper.1.x' .*q"),
     ],
 )
-def test_what_float64_cannot_hold_is_an_error_that_names_the_cause(call: Callable, wanted: str) -> None:
+def test_an_overflow_of_float64_is_an_error_that_names_the_cause(call: Callable, wanted: str) -> None:
     wanted += r"\[\d\]\| = 1e\+\d+$"
     with pytest.raises(fl.errors.ArgumentError, match=wanted):
         call(np.full(chain().n, BIG))
 
 
-def test_friction_beyond_float64_is_an_error_and_far_beyond_the_width_is_none() -> None:
+def test_friction_that_overflows_float64_is_an_error_and_saturated_friction_is_not() -> None:
     arm = fl.lump(make_scene(fl.Link(name="a", joint=fl.Joint(viscous=1e200, coulomb=2.0, coulomb_width=1e-300))))
     assert fl.friction_torque(arm, [1e50]) == pytest.approx(1e250)
     with refused(fl.errors.ArgumentError, "overflow"):
         fl.friction_torque(arm, [1e200])
 
 
-def test_a_mass_matrix_beyond_float64_is_an_error() -> None:
+def test_a_mass_matrix_that_overflows_float64_is_an_error() -> None:
     arm = make_scene(flexible("a"), flexible("b"), tip=fl.RigidBody(mass=1e308))
     with refused(fl.errors.ArgumentError, "overflow"):
         fl.mass_matrix(fl.lump(arm), np.zeros(fl.lump(arm).n))
 
 
-def test_a_path_may_be_text_or_a_path(tmp_path: Path) -> None:
+def test_a_file_path_may_be_a_string_or_a_path_object(tmp_path: Path) -> None:
     assert fl.load_scene(MODELS[0]) == fl.load_scene(str(MODELS[0]))
     run = fl.simulate(scene())
     assert run.save(str(tmp_path / "a.npz")) == run.save(tmp_path / "a.npz")
@@ -299,7 +299,7 @@ def test_links_are_given_by_name_or_number_and_joints_by_name_or_index() -> None
         of.coordinate("upper.9.z")
 
 
-def test_a_motion_names_its_link_or_its_number() -> None:
+def test_a_motion_refers_to_its_link_by_name_or_number() -> None:
     def moved(link: str | int) -> fl.Trajectory:
         motion = fl.PrescribedMotion(link=link, times=[0], angle_deg=[0], rate_deg=[0], acceleration_deg=[0])  # type: ignore[arg-type]
         return fl.simulate(
@@ -315,8 +315,8 @@ def test_a_motion_names_its_link_or_its_number() -> None:
         make_scene(fl.Link(name="waist", length=1.0), motion=(two, msgspec.structs.replace(two, link="waist")))
 
 
-def test_one_class_of_error_a_cause(tmp_path: Path) -> None:
-    """Values in a scene, in an argument, and in a data file."""
+def test_each_source_of_a_bad_value_has_its_own_error_class(tmp_path: Path) -> None:
+    """Sources are a scene, an argument, and a data file."""
     broken = tmp_path / "own.toml"
     broken.write_text("other = 1\n", encoding="utf-8")
     link = functools.partial(flexible, "a", segments=3)

@@ -1,4 +1,4 @@
-"""O(n) forward dynamics: equal to the LU road within the rounding that M allows, on every kind of chain."""
+"""O(n) forward dynamics agrees with the LU solution, within bounds for rounding errors, for every kind of chain."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ ROTOR = Joint(viscous=0.3, coulomb=0.7, armature=0.4)
 
 
 def spatial(chain: Chain, q: np.ndarray, qd: np.ndarray, tau: np.ndarray, wrench: np.ndarray) -> np.ndarray:
-    """The spatial recursion, also where the plane one would be chosen."""
+    """Accelerations by the spatial recursion, even for planar chains."""
     return solvers.ARTICULATED.accelerations(chain.arrays, wrench, q, qd, tau)
 
 
 def assert_as_lu(chain: Chain, rng: np.random.Generator, states: int = 5) -> None:
-    """Both recursions, against LU, within what rounding explains."""
+    """Check that both recursions agree with LU within the bound for rounding errors."""
     for _ in range(states):
         q, qd = random_state(chain, rng)
         tau, wrench = rng.normal(size=chain.n), rng.normal(size=6)
@@ -58,7 +58,7 @@ def assert_as_lu(chain: Chain, rng: np.random.Generator, states: int = 5) -> Non
             )
 
 
-def test_every_model_has_the_accelerations_of_lu(chain: Chain, rng: np.random.Generator) -> None:
+def test_accelerations_of_every_model_agree_with_lu(chain: Chain, rng: np.random.Generator) -> None:
     assert_as_lu(chain, rng)
 
 
@@ -66,12 +66,14 @@ def test_every_model_has_the_accelerations_of_lu(chain: Chain, rng: np.random.Ge
 @pytest.mark.parametrize("segments", [2, 3, 10])
 @pytest.mark.parametrize("mount", [Mount(rpy_deg=(-90.0, 0.0, 0.0)), SKEW])
 @pytest.mark.parametrize("joint", [Joint(), ROTOR])
-def test_two_flexible_links(flex: str, segments: int, mount: Mount, joint: Joint, rng: np.random.Generator) -> None:
+def test_two_flexible_links_agree_with_lu(
+    flex: str, segments: int, mount: Mount, joint: Joint, rng: np.random.Generator
+) -> None:
     links = flexible("upper", flex, segments, mount=mount, joint=joint), flexible("fore", flex, segments, joint=joint)
     assert_as_lu(lump(make_scene(*links, gravity=(3.0, -4.0, 8.0))), rng)
 
 
-def test_payload_locked_joint_and_zero_length_links(rng: np.random.Generator) -> None:
+def test_payloads_locked_joints_and_zero_length_links_agree_with_lu(rng: np.random.Generator) -> None:
     links = (
         Link(name="waist", joint=ROTOR),
         Link(name="shoulder", mount=Mount(rpy_deg=(90.0, 0.0, 0.0))),
@@ -82,7 +84,7 @@ def test_payload_locked_joint_and_zero_length_links(rng: np.random.Generator) ->
     assert_as_lu(lump(make_scene(*links, tip=tip, initial=InitialState(joint_deg=(0.0, 0.0, 40.0, 0.0)))), rng)
 
 
-def test_rotors_and_friction_on_passive_hinges(rng: np.random.Generator) -> None:
+def test_rotors_and_friction_on_passive_hinges_agree_with_lu(rng: np.random.Generator) -> None:
     chain = lump(make_scene(flexible("upper", "xyz", 5, mount=SKEW), flexible("fore", "z", 4)))
     hinges = chain.hinges.copy()
     hinges["armature"] = rng.uniform(0.0, 1e-3, chain.n) * (rng.uniform(size=chain.n) < 0.4)
@@ -91,15 +93,15 @@ def test_rotors_and_friction_on_passive_hinges(rng: np.random.Generator) -> None
 
 
 @pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
-def test_given_accelerations_at_prescribed_hinges(flex: str, rng: np.random.Generator) -> None:
-    """They stay, the others are those of LU, and so are the torques that they take.
+def test_prescribed_hinges_keep_their_accelerations(flex: str, rng: np.random.Generator) -> None:
+    """Prescribed accelerations are unchanged; free accelerations and torques at prescribed hinges agree with LU.
 
-    With prescribed hinges p and free ones f, M_ff Δq̈_f and Δτ_p − M_pf Δq̈_f are what rounding explains.
+    With prescribed hinges p and free hinges f, the bound for rounding applies to M_ff Δq̈_f and Δτ_p − M_pf Δq̈_f.
     """
     chain = lump(make_scene(flexible("upper", flex, 5, mount=SKEW, joint=ROTOR), flexible("fore", flex, 4)))
     hinges = chain.hinges.copy()
     hinges["prescribed"] = rng.uniform(size=chain.n) < 0.4
-    hinges["prescribed"][0] = 1  # which has a rotor, and friction
+    hinges["prescribed"][0] = 1  # this joint has a rotor and friction
     chain = dataclasses.replace(chain, hinges=hinges)
     p, f = (np.flatnonzero(hinges["prescribed"] == value) for value in (1, 0))
     q, qd, tau, given = rng.uniform(-0.5, 0.5, (4, chain.n))
@@ -109,18 +111,18 @@ def test_given_accelerations_at_prescribed_hinges(flex: str, rng: np.random.Gene
     for solver, torque, qdd in zip(every, taus, results, strict=True):
         solve(wrench, q, qd, torque, qdd, solver.workspace(chain.arrays), np.empty(1))
     M, explained = mass_matrix(chain, q), rounding.of_residual(chain, q, qd, results[0], taus[0], tip_wrench=wrench)
-    carried = 1 + np.abs(M[np.ix_(p, f)] @ np.linalg.inv(M[np.ix_(f, f)])).sum(axis=1)
+    amplification = 1 + np.abs(M[np.ix_(p, f)] @ np.linalg.inv(M[np.ix_(f, f)])).sum(axis=1)
     for torque, qdd in zip(taus, results, strict=True):
         np.testing.assert_array_equal(qdd[p], given[p])
         np.testing.assert_array_equal(torque[f], tau[f])
         assert np.abs(M[np.ix_(f, f)] @ (qdd - results[0])[f]).max() <= explained
-        assert (np.abs(torque - taus[0])[p] <= carried * explained).all()
+        assert (np.abs(torque - taus[0])[p] <= amplification * explained).all()
         residual = (
             inverse_dynamics(chain, q, qd, qdd, tip_wrench=wrench)
             + elastic_torque(chain, q)
             + friction_torque(chain, qd)
         )
-        assert (np.abs(residual - torque)[p] <= carried * explained).all()
+        assert (np.abs(residual - torque)[p] <= amplification * explained).all()
 
 
 @kernel
@@ -129,7 +131,7 @@ def solve(wrench, q, qd, tau, qdd, work, power):
 
 
 @pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
-def test_the_power_of_drive_friction_and_a_moment_on_the_tip_is_that_of_their_joint_torques(
+def test_returned_power_equals_the_power_of_drive_friction_and_tip_moment_torques(
     flex: str, rng: np.random.Generator
 ) -> None:
     chain = lump(make_scene(flexible("upper", flex, 5, mount=SKEW, joint=ROTOR), flexible("fore", flex, 4)))
@@ -147,7 +149,7 @@ def test_the_power_of_drive_friction_and_a_moment_on_the_tip_is_that_of_their_jo
         assert abs(found[0] - (given + power)) <= explained
 
 
-TURNED_BY = (0.0, 35.0, 0.0, 1.0, 180.0, 90.0, 1e-7, 0.0)  # ° about X, of the last link's mount, by lane
+TURNED_BY = (0.0, 35.0, 0.0, 1.0, 180.0, 90.0, 1e-7, 0.0)  # rotation [°] of the last link's mount about X, per lane
 TURNED_ARMS = {
     "T1": (Link(name="waist"), flexible("a", "z", 3, mount=SKEW), flexible("b", "z", 3)),
     "T2 and T1": (flexible("a", "yz", 3), flexible("b", "z", 3)),
@@ -157,10 +159,8 @@ TURNED_ARMS = {
 
 @pytest.mark.parametrize("name", TURNED_ARMS)
 @pytest.mark.parametrize("order", [1, -1])
-def test_arms_whose_mounts_turn_and_do_not_turn_go_side_by_side(
-    name: str, order: int, rng: np.random.Generator
-) -> None:
-    """Working axes begin in some lanes and go on in others: every lane has the very numbers of a single run."""
+def test_arms_with_and_without_rotated_mounts_run_side_by_side(name: str, order: int, rng: np.random.Generator) -> None:
+    """Working axes restart in some lanes only; in every lane the accelerations equal those of a single run exactly."""
     *links, last = TURNED_ARMS[name]
     mounts = [Mount(rpy_deg=(angle, 0.0, 0.0), xyz=(0.1, 0.0, 0.2)) for angle in TURNED_BY[::order]]
     chains = [lump(make_scene(*links, msgspec.structs.replace(last, mount=mount))) for mount in mounts]
@@ -178,8 +178,8 @@ def ways(*links: Link, **fields: object) -> list[int]:
     return layout_of(chain.bodies, hinges)[:, LAYOUT.group].tolist()
 
 
-def test_every_group_of_hinges_is_taken_out_its_own_way() -> None:
-    """The first body is at the joint, the last is the frame of the tip."""
+def test_each_kind_of_hinge_group_is_eliminated_by_its_own_algorithm() -> None:
+    """The first body is at the joint, and the last is the tip frame."""
     assert ways(flexible("a", "z", 3)) == [GROUP.along, GROUP.along, GROUP.along, GROUP.tip]
     assert ways(flexible("a", "yz", 3)) == [GROUP.along, GROUP.pair, GROUP.pair, GROUP.tip]
     assert ways(flexible("a", "xyz", 3)) == [GROUP.along, GROUP.triple, GROUP.triple, GROUP.tip]
@@ -188,16 +188,16 @@ def test_every_group_of_hinges_is_taken_out_its_own_way() -> None:
         GROUP.pair,
         GROUP.pair,
         GROUP.tip,
-    ]  # Y, Z and then Z, Y
+    ]  # hinges Y, Z at one point, and Z, Y at the next
     assert ways(flexible("a", "z", 3), armature=0.1) == [GROUP.along, GROUP.along, GROUP.along, GROUP.tip]
     for flex in ("yz", "xyz"):
         assert ways(flexible("a", flex, 3), armature=0.1) == [GROUP.along, GROUP.hinges, GROUP.hinges, GROUP.tip]
         assert ways(flexible("a", flex, 3), prescribed=1) == [GROUP.hinges, GROUP.hinges, GROUP.hinges, GROUP.tip]
-        for axis in (0, 1, 2):  # all about one axis
+        for axis in (0, 1, 2):  # all hinges about the same axis
             assert ways(flexible("a", flex, 3), axis=axis)[1:3] == [GROUP.hinges, GROUP.hinges]
 
 
-def test_working_axes_begin_where_single_hinges_leave_the_axis_z() -> None:
+def test_working_axes_begin_where_a_single_hinge_is_not_about_z() -> None:
     roll, yaw = Mount(rpy_deg=(-90.0, 0.0, 0.0)), Mount(rpy_deg=(0.0, 0.0, 30.0))
     bending = flexible("a", "z", 3, mount=roll), flexible("b", "z", 2, mount=yaw)
     chain = lump(make_scene(Link(name="waist"), *bending, flexible("c", "yz", 2), flexible("d", "z", 2)))
@@ -205,7 +205,7 @@ def test_working_axes_begin_where_single_hinges_leave_the_axis_z() -> None:
     assert [chain.joint_name(chain.bodies["first"][i]) for i in begin] == ["a", "d"]
 
 
-def test_pairs_of_hinges_in_either_order_carry_bodies_with_products_of_inertia(rng: np.random.Generator) -> None:
+def test_hinge_pairs_in_either_order_handle_bodies_with_products_of_inertia(rng: np.random.Generator) -> None:
     chain = lump(make_scene(flexible("a", "yz", 5, mount=SKEW, lumping="gauss")))
     assert {tuple(chain.hinges["axis"][b["first"] : b["stop"]]) for b in chain.bodies} >= {(1, 2), (2, 1)}
     bodies = chain.bodies.copy()
@@ -214,8 +214,8 @@ def test_pairs_of_hinges_in_either_order_carry_bodies_with_products_of_inertia(r
     assert_as_lu(dataclasses.replace(chain, bodies=bodies), rng)
 
 
-def test_groups_of_every_kind_follow_each_other_without_a_joint_between(rng: np.random.Generator) -> None:
-    """Two axes, three, two again: what the outermost pair passes must not reach the innermost."""
+def test_hinge_groups_of_every_kind_may_follow_each_other_without_a_joint(rng: np.random.Generator) -> None:
+    """Groups of two, three and two axes follow each other; data from the outer pair must not reach the inner pair."""
     held = Joint(locked=True)
     a, b, c = (
         flexible(name, flex, 3, mount=SKEW, joint=held) for name, flex in zip("abc", ("yz", "xyz", "yz"), strict=True)
@@ -234,23 +234,23 @@ def test_groups_of_every_kind_follow_each_other_without_a_joint_between(rng: np.
 
 
 @pytest.mark.parametrize("axes", [(0, 1, 0), (2, 0, 2), (1, 2, 0), (2, 1, 0), (0, 2, 1)])
-def test_groups_of_three_hinges_in_any_order_of_axes(axes: tuple[int, ...], rng: np.random.Generator) -> None:
+def test_groups_of_three_hinges_work_in_any_axis_order(axes: tuple[int, ...], rng: np.random.Generator) -> None:
     chain = lump(make_scene(flexible("a", "xyz", 5, mount=SKEW)))
     hinges = chain.hinges.copy()
     hinges["axis"][4:7], hinges["axis"][10:13] = axes, axes
     assert_as_lu(dataclasses.replace(chain, hinges=hinges), rng)
 
 
-def test_chains_with_and_without_rotors_within_groups_do_not_go_side_by_side() -> None:
+def test_chains_with_and_without_rotors_in_hinge_groups_do_not_run_side_by_side() -> None:
     chain = lump(make_scene(flexible("a", "xyz", 3)))
-    for k, alike in ((0, True), (2, False)):  # the joint is alone at its point
+    for k, alike in ((0, True), (2, False)):  # hinge 0, the joint, is not part of a group
         hinges = chain.hinges.copy()
         hinges["armature"][k] = 0.1
         assert chain.same_layout(dataclasses.replace(chain, hinges=hinges)) is alike
 
 
 def test_tips_with_and_without_inertia_run_side_by_side(rng: np.random.Generator) -> None:
-    """Of chains made by hand, whose last body need not be a mere frame."""
+    """In a hand-made chain the last body, normally a massless tip frame, may have inertia."""
     light = lump(make_scene(flexible("a", "xyz", 3, mount=SKEW)))
     bodies = light.bodies.copy()
     bodies[-1]["mass"] = 0.5
@@ -269,10 +269,10 @@ def relative_error(chain: Chain, *state: np.ndarray) -> float:
 
 @pytest.mark.parametrize(("flex", "segments"), [("z", 16), ("yz", 8)])
 @pytest.mark.parametrize("bend", [0.01, 1.0])
-def test_long_arms_on_a_turning_waist_keep_their_digits(
+def test_long_arms_on_a_vertical_first_joint_keep_their_accuracy(
     flex: str, segments: int, bend: float, rng: np.random.Generator
 ) -> None:
-    """n eps: one rounding per body. Added to the inertia about other axes, the remainder of J was off by 100 eps."""
+    """The limit n eps is one rounding per body. An earlier version, which mixed inertia axes, had errors of 100 eps."""
     links = flexible("a", flex, segments, mount=Mount(rpy_deg=(-90.0, 0.0, 0.0))), flexible("b", flex, segments)
     chain = lump(make_scene(Link(name="waist"), *links))
     passive = chain.stiffness > 0
@@ -281,15 +281,15 @@ def test_long_arms_on_a_turning_waist_keep_their_digits(
 
 
 @pytest.mark.parametrize("distance", [1e-3, 1e-6, 1e-8, 0.0])
-def test_free_groups_at_gimbal_lock_keep_their_digits(distance: float, rng: np.random.Generator) -> None:
-    """Hinges X and Z of a group line up: M is singular to rounding, the motion itself is harmless."""
+def test_unsprung_hinge_groups_at_gimbal_lock_keep_their_accuracy(distance: float, rng: np.random.Generator) -> None:
+    """Hinges X and Z of a group are aligned: M is singular to within rounding, but the motion is regular."""
     chain = lump(make_scene(flexible("a", "xyz", 4, mount=SKEW, joint=ROTOR), flexible("b", "xyz", 3)))
     q, qd, tau = rng.uniform(-0.3, 0.3, (3, chain.n))
     q[[2, 8]], q[11] = np.pi / 2 - distance, distance - np.pi / 2
     assert relative_error(chain, q, qd, tau) <= 1e-14
 
 
-def test_bodies_without_hinges_within_the_chain(rng: np.random.Generator) -> None:
+def test_accelerations_with_a_fixed_body_within_the_chain_agree_with_lu(rng: np.random.Generator) -> None:
     chain = lump(make_scene(flexible("upper", "xyz", 5, mount=SKEW), flexible("fore", "z", 4)))
     fixed = chain.bodies[3:4].copy()
     fixed["first"], fixed["stop"] = chain.bodies["first"][4], chain.bodies["first"][4]
@@ -312,7 +312,7 @@ LINKS = st.builds(
 @compiled
 @given(st.lists(LINKS, min_size=1, max_size=4), st.integers(0, 2**32 - 1))
 @settings(max_examples=40)
-def test_any_arm(specs: list[tuple], seed: int) -> None:
+def test_random_arms_agree_with_lu(specs: list[tuple], seed: int) -> None:
     links = [
         flexible(
             f"link{k}",
@@ -345,9 +345,7 @@ PLANAR = {
 
 
 @pytest.mark.parametrize("name", PLANAR)
-def test_plane_motion_is_recognised_and_gives_the_numbers_of_the_spatial_recursion(
-    name: str, rng: np.random.Generator
-) -> None:
+def test_planar_chains_are_recognised_and_agree_with_the_spatial_recursion(name: str, rng: np.random.Generator) -> None:
     links, planar = PLANAR[name]
     for joint in (Joint(), ROTOR):
         free = [link if link.joint.locked else msgspec.structs.replace(link, joint=joint) for link in links]
@@ -359,8 +357,8 @@ def test_plane_motion_is_recognised_and_gives_the_numbers_of_the_spatial_recursi
 
 @compiled
 @pytest.mark.parametrize("flex", ["z", "xyz"])
-def test_long_chain_solves_its_equation_of_motion(flex: str, rng: np.random.Generator) -> None:
-    """n = 10,000: inverse dynamics of q̈ gives back the torques, to one rounding of |M| |q̈| ≤ m L² Σ |q̈|."""
+def test_accelerations_of_a_long_chain_satisfy_its_equation_of_motion(flex: str, rng: np.random.Generator) -> None:
+    """For n = 10,000, inverse dynamics returns the torques with an error of at most eps |M| |q̈| ≤ eps m L² Σ |q̈|."""
     chain = lump(make_scene(flexible("a", flex, 3334 if flex == "xyz" else 10_000, mount=SKEW)))
     q, qd, tau = rng.uniform(-0.01, 0.01, chain.n), rng.uniform(-0.1, 0.1, chain.n), rng.normal(size=chain.n)
     qdd = forward_dynamics(chain, q, qd, tau)
@@ -370,8 +368,8 @@ def test_long_chain_solves_its_equation_of_motion(flex: str, rng: np.random.Gene
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 100.0, LIMIT, 1e9])
-def test_cosine_and_sine_are_right_to_one_ulp(scale: float, rng: np.random.Generator) -> None:
-    """Against 60 digits, also close to multiples of π/2, where all digits of π/2 count."""
+def test_cosine_and_sine_are_accurate_to_one_ulp(scale: float, rng: np.random.Generator) -> None:
+    """They are compared with 60-digit values, also close to multiples of π/2, where all digits of π/2 matter."""
     x = np.concatenate([rng.uniform(-scale, scale, 500), np.rint(rng.uniform(-scale, scale, 500)) * np.pi / 2])
     cosines, sines = np.empty_like(x), np.empty_like(x)
     cos_sin_all(x, cosines, sines)

@@ -1,4 +1,4 @@
-"""Kernels without compilation, as NUMBA_DISABLE_JIT=1 has them: what a debugger and a measure of coverage see."""
+"""Kernels also run as plain Python (NUMBA_DISABLE_JIT=1), which debuggers and coverage measurements need."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def states(chain: fl.Chain) -> tuple[np.ndarray, ...]:
 
 
 def torques(name: str) -> np.ndarray:
-    """M q̈ + T_GC of a state by every recursion."""
+    """M q̈ + T_GC of one state, computed by each recursion."""
     chain, found = CHAINS[name].arrays, []
     for work in [rne_workspace(chain)] + [planar_workspace(*chain)] * (name == "planar"):
         tau = np.empty(len(chain.hinges))
@@ -41,7 +41,7 @@ def torques(name: str) -> np.ndarray:
 
 
 def accelerations(name: str) -> np.ndarray:
-    """q̈ of a state by every solver, and by two chains side by side."""
+    """q̈ of one state by every solver, and for two chains side by side."""
     chain = CHAINS[name]
     state = states(chain)
     singles = [fl.forward_dynamics(chain, *state, solver=method) for method in SOLVERS]
@@ -49,7 +49,7 @@ def accelerations(name: str) -> np.ndarray:
 
 
 def as_python(parts: str, folder: Path) -> Mapping[str, np.ndarray]:
-    """What expressions of this module `t` give in a process without compilation, by name."""
+    """Named results of expressions, evaluated in a process without compilation; `t` is this module there."""
     file, here = folder / "found.npz", Path(__file__).parent
     code = f"import sys, numpy, test_as_python as t; numpy.savez(sys.argv[1], {parts})"
     path = os.pathsep.join([str(here), str(here.parent), os.environ.get("PYTHONPATH", "")])
@@ -59,25 +59,25 @@ def as_python(parts: str, folder: Path) -> Mapping[str, np.ndarray]:
 
 
 def controlled(name: str) -> np.ndarray:
-    """The tip after a few steps of every kind of method whose steps follow from errors, or are solved for."""
+    """Final tip positions of short runs with each kind of adaptive or implicit method."""
     scene = SCENES[name].varied({"run.duration": 0.002, "run.sample": 0.001})
     runs = [fl.simulate(scene, method=method, tolerance=1e-3) for method in ("Radau5", "DOP853")]
     dry = scene.varied({"link.*.joint.coulomb": 0.1})
-    runs.append(fl.simulate(dry, method="Gauss4", step=5e-4))  # no eigenvalue is real: arrays of these are empty
+    runs.append(fl.simulate(dry, method="Gauss4", step=5e-4))  # arrays of real eigenvalues are empty
     return np.array([run.tip[-1] for run in runs])
 
 
 @compiled
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CHAINS)
-def test_steps_by_their_error_run_as_python_and_end_where_compiled_ones_do(name: str, tmp_path: Path) -> None:
+def test_adaptive_and_implicit_steps_agree_with_and_without_compilation(name: str, tmp_path: Path) -> None:
     found = as_python(f"a=t.controlled({name!r})", tmp_path)
     np.testing.assert_allclose(found["a"], controlled(name), rtol=0, atol=1e-10)
 
 
 @compiled
 @pytest.mark.parametrize("name", CHAINS)
-def test_kernels_run_as_python_and_give_the_accelerations_of_compiled_ones(name: str, tmp_path: Path) -> None:
+def test_kernels_give_the_same_accelerations_with_and_without_compilation(name: str, tmp_path: Path) -> None:
     found = as_python(f"a=t.accelerations({name!r}), t=t.torques({name!r})", tmp_path)
     for in_python, as_machine_code in zip(found["a"], accelerations(name), strict=True):
         error = acceleration_error(CHAINS[name], *states(CHAINS[name]), solutions=(in_python, as_machine_code))
@@ -86,7 +86,7 @@ def test_kernels_run_as_python_and_give_the_accelerations_of_compiled_ones(name:
     assert np.abs(found["t"] - torques(name)).max() <= explained
 
 
-def test_eight_numbers_without_compilation_behave_as_one() -> None:
+def test_vectors_of_eight_lanes_behave_as_scalars_without_compilation() -> None:
     rows = np.arange(24.0).reshape(3, 8)
     x = y = at(rows, 1)
     x += 1.0

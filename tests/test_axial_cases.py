@@ -1,4 +1,4 @@
-"""Cases of axial load and large bending: their exact values by other ways, and what the kinds make of them."""
+"""Cases with axial load and large bending: stored exact values are recomputed and compared with the library."""
 
 from __future__ import annotations
 
@@ -24,32 +24,32 @@ CASES = {case.name: case for case in load_cases("physics_*")}
 @pytest.mark.parametrize(
     ("key", "beam"), [("heavy, γ = 100", Beam(gravity=100)), ("lag, Ω = 6", Beam(spin=6, lag=True))]
 )
-def test_the_stored_frequencies_are_those_of_the_series(key, beam):
+def test_stored_frequencies_agree_with_the_power_series_solution(key, beam):
     with mp.workdps(30):
         assert mp.almosteq(mp.mpf(look_up("axial_load", key)[0]), tensioned_beam.frequencies(beam, 1)[0], rel_eps=1e-18)
 
 
-def test_the_stored_tips_are_those_of_the_integrations():
+def test_stored_tip_positions_agree_with_numerical_integration():
     assert float(bent_rods.follower(5.0)[0]) == pytest.approx(
         float(look_up("bent_rods", "follower", "5")[0]), rel=1e-15
     )
     tip = bent_rods.in_space(axial_references.FORCE, axial_references.RIGIDITY)
     assert tip == pytest.approx(reference_array("bent_rods", "space", "tip"), abs=1e-13)
-    assert float(look_up("bent_rods", "space", "two_methods_apart")) < 1e-10  # the tolerance of the coarser one
+    assert float(look_up("bent_rods", "space", "two_methods_apart")) < 1e-10  # tolerance of the coarser method
 
 
-def test_a_follower_force_is_small_bending_when_it_is_small():
+def test_a_small_follower_force_gives_the_linear_deflection():
     x, y, angle = map(float, bent_rods.follower(1e-4))
     assert (y, angle, 1 - x) == pytest.approx((1e-4 / 3, 1e-4 / 2, 1e-8 / 15), rel=1e-6)
 
 
-def test_the_oracle_of_cells_tends_to_the_beam():
+def test_the_reference_for_coupled_cells_converges_to_the_beam_with_order_four():
     exact = tensioned_beam.frequencies(Beam(), 1)[0]
     errors = [abs(coupled_cells.frequencies(2, n, 4.0)[0] / float(exact) - 1) for n in (8, 16)]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.3)
 
 
-def test_slopes_at_steady_rates_are_the_centrifugal_stiffness():
+def test_derivatives_at_a_steady_rate_give_the_centrifugal_stiffness():
     case = CASES["physics_spinning"]
     scene = frequencies.Variant(change={"initial.rate_deg": [120.0, 0.0]}).build(case, Rule(rule="gauss", hinges=4))
     chain = fl.lump(scene)

@@ -1,4 +1,4 @@
-"""Input that no one means: one line that names file, key, value and what is allowed, exit code 2, nothing written."""
+"""Wrong input gives one line with file, key, value and allowed values, exit code 2, and writes nothing."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ RK4 = tomllib.loads((ROOT / "flexlink" / "describe" / "data" / "methods" / "RK4.
 
 
 def write(path: Path, edit: Edit = lambda _: None) -> str:
-    """A scene file: the spatial arm, edited."""
+    """Write a scene file: the spatial arm with edits."""
     raw = copy.deepcopy(T3)
     edit(raw)
     path.write_text(tomli_w.dumps(raw), encoding="utf-8")
@@ -39,7 +39,7 @@ def write(path: Path, edit: Edit = lambda _: None) -> str:
 
 
 def refusal(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
-    """The line of the refusal; further mistakes have separate lines."""
+    """The first line of the error message; each further mistake has its own line."""
     assert main(arguments) == 2
     lines = [line for line in capsys.readouterr().err.splitlines() if not line.startswith(("compiling", "warning"))]
     assert all(line.startswith("  also: ") for line in lines[1:])
@@ -82,7 +82,7 @@ STEEP = {"times": [0.0, 5e-324, 1.0], "torques": [[0.0] * 3, [1e308] * 3, [0.0] 
         (static, "|gravity[0]| = 1e+308", "overflow"),
     ],
 )
-def test_an_arm_that_cannot_be_computed_is_refused_by_file_and_joint(
+def test_the_refusal_of_an_arm_that_cannot_be_computed_names_file_and_joint(
     command: str, edit: Edit, named: str, id: str, tmp_path: Path, capsys
 ) -> None:
     path = write(tmp_path / "scene.toml", edit)
@@ -92,7 +92,7 @@ def test_an_arm_that_cannot_be_computed_is_refused_by_file_and_joint(
 
 
 @pytest.mark.parametrize("edit", [drive(**STEEP), drive(**STEEP, smooth=True)])
-def test_torques_that_change_faster_than_float64_are_refused(edit: Edit, tmp_path: Path, capsys) -> None:
+def test_torques_whose_slope_overflows_float64_are_refused(edit: Edit, tmp_path: Path, capsys) -> None:
     assert refusal(["simulate", write(tmp_path / "a.toml", edit)], capsys).endswith("[overflow]")
 
 
@@ -102,7 +102,7 @@ def test_a_motion_that_jumps_is_refused(tmp_path: Path, capsys) -> None:
     assert refusal(["simulate", path], capsys).endswith("[overflow]")
 
 
-def test_damping_beyond_float64_is_refused(tmp_path: Path, capsys) -> None:
+def test_damping_that_overflows_float64_is_refused(tmp_path: Path, capsys) -> None:
     assert "overflow float64" in refusal(["modes", write(tmp_path / "a.toml", joint(viscous=1e308))], capsys)
 
 
@@ -118,7 +118,7 @@ def test_damping_beyond_float64_is_refused(tmp_path: Path, capsys) -> None:
     ],
     ids=["arrays", "digits", "unknown", "known", "twice", "no table"],
 )
-def test_text_that_breaks_parsers_is_refused(text: str, wanted: str, tmp_path: Path, capsys) -> None:
+def test_text_that_parsers_cannot_handle_is_refused(text: str, wanted: str, tmp_path: Path, capsys) -> None:
     path = tmp_path / "scene.toml"
     path.write_text(text, encoding="utf-8")
     line = refusal(["info", str(path)], capsys)
@@ -128,11 +128,11 @@ def test_text_that_breaks_parsers_is_refused(text: str, wanted: str, tmp_path: P
 
 
 ODD = ["a.toml", -1, 0, 1e308, 5e-324, [1e200] * 3, {"a": 1}]
-"""Values of every kind, some of which some keys take."""
+"""Values of every type; each key accepts some of them."""
 
 
 def places(value: object, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
-    """The paths of all keys and items below a parsed file."""
+    """The paths of all keys and items in a parsed file."""
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, item in items:
         yield (*path, key)
@@ -142,7 +142,7 @@ def places(value: object, path: tuple[str | int, ...] = ()) -> Iterator[tuple[st
 @pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("odd", ODD, ids=str)
-def test_any_value_of_a_key_is_accepted_as_a_whole_or_refused_in_one_line(odd: object) -> None:
+def test_any_value_of_any_key_is_accepted_or_refused_in_one_line(odd: object) -> None:
     refused = 0
     for *above, last in places(T3):
         raw = copy.deepcopy(T3)
@@ -159,12 +159,12 @@ def test_any_value_of_a_key_is_accepted_as_a_whole_or_refused_in_one_line(odd: o
 
 
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="needs a device that never ends")
-def test_a_device_is_refused_at_once(capsys) -> None:
+def test_a_device_file_as_scene_is_refused_at_once(capsys) -> None:
     assert refusal(["info", "/dev/zero"], capsys).endswith("[cannot-read]")
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
-def test_a_pipe_that_no_one_writes_to_is_refused_at_once(tmp_path: Path, capsys) -> None:
+def test_a_named_pipe_without_a_writer_is_refused_at_once(tmp_path: Path, capsys) -> None:
     pipe = tmp_path / "pipe.toml"
     os.mkfifo(pipe)
     assert refusal(["info", str(pipe)], capsys).endswith("[cannot-read]")
@@ -184,7 +184,7 @@ def test_a_pipe_that_no_one_writes_to_is_refused_at_once(tmp_path: Path, capsys)
     ],
     ids=["shape", "no stages", "letter", "zero", "exponent", "beyond float64"],
 )
-def test_a_wrong_tableau_is_refused_by_key_and_file(fields: dict, tmp_path: Path, capsys) -> None:
+def test_the_refusal_of_a_wrong_tableau_names_key_and_file(fields: dict, tmp_path: Path, capsys) -> None:
     own = tmp_path / "own.toml"
     own.write_text(tomli_w.dumps(RK4 | fields), encoding="utf-8")
     path = write(tmp_path / "scene.toml", lambda raw: raw["run"].update(method="own.toml"))
@@ -203,7 +203,7 @@ def test_a_wrong_tableau_is_refused_by_key_and_file(fields: dict, tmp_path: Path
         {"cells": {"hinges": 7, "tip": 4.0}},
     ],
 )
-def test_a_wrong_lumping_rule_is_refused_by_key_and_file(fields: dict, tmp_path: Path, capsys) -> None:
+def test_the_refusal_of_a_wrong_lumping_rule_names_key_and_file(fields: dict, tmp_path: Path, capsys) -> None:
     own = tmp_path / "rule.toml"
     own.write_text(tomli_w.dumps({"about": "wrong", "source": "here"} | fields), encoding="utf-8")
     path = write(tmp_path / "scene.toml", lambda raw: raw["link"][1].update(lumping="rule.toml"))
@@ -213,7 +213,7 @@ def test_a_wrong_lumping_rule_is_refused_by_key_and_file(fields: dict, tmp_path:
     reviewed("bad input: lumping rule", line)
 
 
-def test_files_that_a_scene_names_are_sought_from_its_own_folder(tmp_path: Path, monkeypatch) -> None:
+def test_file_paths_in_a_scene_are_relative_to_its_folder(tmp_path: Path, monkeypatch) -> None:
     (tmp_path / "own.toml").write_text(tomli_w.dumps(RK4), encoding="utf-8")
     rule = {"about": "one in the middle", "source": "here", "element": {"nodes": [0.5], "weights": [1.0]}}
     (tmp_path / "rule.toml").write_text(tomli_w.dumps(rule), encoding="utf-8")
@@ -240,7 +240,7 @@ def test_files_that_a_scene_names_are_sought_from_its_own_folder(tmp_path: Path,
         ["compare", "--seed", "-1"],
     ],
 )
-def test_what_cannot_be_done_is_refused_before_it_is_begun(
+def test_impossible_commands_are_refused_before_they_start(
     arguments: list[str], tmp_path: Path, capsys, monkeypatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -250,7 +250,7 @@ def test_what_cannot_be_done_is_refused_before_it_is_begun(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["folder.npz", "scene.toml"]
 
 
-def test_scenes_that_would_be_exported_over_each_other_are_refused(tmp_path: Path, capsys) -> None:
+def test_scenes_whose_exports_would_overwrite_each_other_are_refused(tmp_path: Path, capsys) -> None:
     paths = []
     for folder in ("a", "b"):
         (tmp_path / folder).mkdir()
@@ -271,12 +271,12 @@ def test_a_wrong_option_is_answered_in_one_line(capsys) -> None:
         assert len(capsys.readouterr().err.splitlines()) == 1
 
 
-def test_ctrl_c_keeps_the_samples_so_far(tmp_path: Path, capsys, monkeypatch) -> None:
+def test_ctrl_c_keeps_the_samples_computed_so_far(tmp_path: Path, capsys, monkeypatch) -> None:
     def stop_at_half(self: object, fraction: float) -> None:
         if fraction >= 0.5:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "BREATH", 0.0)  # a piece a step
+    monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "BREATH", 0.0)  # one piece per step
     monkeypatch.setattr("flexlink.common.progress.Progress.__call__", stop_at_half)
     out = tmp_path / "run.npz"
     assert main(["simulate", write(tmp_path / "a.toml"), "--duration", "0.1", "--out", str(out)]) == 130
@@ -285,7 +285,7 @@ def test_ctrl_c_keeps_the_samples_so_far(tmp_path: Path, capsys, monkeypatch) ->
 
 
 @pytest.mark.slow
-def test_a_terminal_that_cannot_show_a_letter_stops_nothing(tmp_path: Path) -> None:
+def test_commands_work_on_a_terminal_that_cannot_encode_a_character(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "flexlink", "simulate", write(tmp_path / "a.toml"), "--duration", "0.005"]
     env = os.environ | {"PYTHONIOENCODING": "ascii"}
     done = subprocess.run(command, env=env, capture_output=True, text=True, check=False)
@@ -295,7 +295,7 @@ def test_a_terminal_that_cannot_show_a_letter_stops_nothing(tmp_path: Path) -> N
 
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
-def test_a_full_terminal_log_loses_no_samples(tmp_path: Path) -> None:
+def test_no_samples_are_lost_if_the_standard_output_device_is_full(tmp_path: Path) -> None:
     out = tmp_path / "run.npz"
     command = [sys.executable, "-m", "flexlink", "simulate", write(tmp_path / "a.toml"), "--duration", "0.005"]
     with Path("/dev/full").open("w") as full:
@@ -314,7 +314,7 @@ def test_quotes_in_names_stay_inside_their_csv_column(tmp_path: Path) -> None:
     assert header[1] == 'q a "b", c [rad]'
 
 
-def test_motions_do_not_make_engines_disagree() -> None:
+def test_a_prescribed_motion_does_not_make_engines_disagree() -> None:
     motion = fl.PrescribedMotion(link="upper", times=[0], angle_deg=[0], rate_deg=[0], acceleration_deg=[0])
     comparison = compare(make_scene(flexible("upper")), samples=1)
     moved = compare(make_scene(flexible("upper"), motion=[motion]), samples=1)
@@ -322,7 +322,7 @@ def test_motions_do_not_make_engines_disagree() -> None:
     assert moved.rows[-1].error == comparison.rows[-1].error
 
 
-def test_python_descriptions_take_lists_dicts_and_numpy_arrays() -> None:
+def test_python_descriptions_accept_lists_dicts_and_numpy_arrays() -> None:
     link = fl.Link(name="a", joint={"viscous": 1}, mount=fl.Mount(xyz=np.ones(3)))
     assert link == fl.Link(name="a", joint=fl.Joint(viscous=1.0), mount=fl.Mount(xyz=(1.0, 1.0, 1.0)))
     scene = make_scene(link, gravity=np.array([0.0, 0.0, 9.81]), initial=fl.InitialState(joint_deg=[1]))
@@ -334,7 +334,7 @@ def test_python_descriptions_take_lists_dicts_and_numpy_arrays() -> None:
 
 @pytest.mark.parametrize("clone", [lambda c: pickle.loads(pickle.dumps(c)), copy.copy, copy.deepcopy])
 def test_copies_of_a_chain_stay_read_only(clone: Callable[[fl.Chain], fl.Chain], models) -> None:
-    """Writable arrays are another type to numba: a worker process would compile everything anew."""
+    """Numba treats writable arrays as another type: a worker process would recompile everything."""
     chain = fl.lump(fl.load_scene(models / "t3_spatial.toml"))
     twin = clone(chain)
     bodies, hinges, gravity, rare = twin.as_full().arrays
@@ -342,7 +342,7 @@ def test_copies_of_a_chain_stay_read_only(clone: Callable[[fl.Chain], fl.Chain],
     np.testing.assert_array_equal(fl.mass_matrix(twin, np.ones(twin.n)), fl.mass_matrix(chain, np.ones(chain.n)))
 
 
-def test_errors_go_through_process_pools_with_what_they_hold(models) -> None:
+def test_errors_keep_their_attributes_in_process_pools(models) -> None:
     run = fl.simulate(fl.load_scene(models / "paper_fig5.toml"), duration=0.01)
     for error in (fl.errors.DivergenceError("lost", run), fl.errors.InterruptedRunError(run)):
         twin = pickle.loads(pickle.dumps(error))
@@ -356,7 +356,7 @@ def test_errors_go_through_process_pools_with_what_they_hold(models) -> None:
     "wrong", [[[0.0], [0.0, 1.0]], np.zeros((2, 11)), np.zeros((2, 10), bool), np.full((2, 10), np.nan)]
 )
 @pytest.mark.parametrize("place", range(3))
-def test_a_wrong_batch_is_named(wrong: object, place: int, models) -> None:
+def test_a_wrong_batch_argument_is_named(wrong: object, place: int, models) -> None:
     chain = fl.lump(fl.load_scene(models / "paper_fig5.toml"))
     states: list = [np.zeros((2, 10))] * 3
     states[place] = wrong
@@ -364,7 +364,7 @@ def test_a_wrong_batch_is_named(wrong: object, place: int, models) -> None:
         fl.forward_dynamics(chain, *states)
 
 
-def test_methods_that_are_no_text_are_refused(models) -> None:
+def test_methods_that_are_not_strings_are_refused(models) -> None:
     chain = fl.lump(fl.load_scene(models / "paper_fig5.toml"))
     with refused(fl.errors.ArgumentError, "unknown-name"):
         fl.mass_matrix(chain, np.zeros(10), algorithm=[])  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""Many states and many scenes at once give the numbers of single ones."""
+"""Batches of states or scenes give the same results as single ones."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.words import refused
 
 @pytest.mark.parametrize("states", [1, 7, 8, 21])
 @pytest.mark.parametrize("method", ["articulated", "lu"])
-def test_many_states_have_the_accelerations_of_single_ones(
+def test_a_batch_of_states_gives_the_accelerations_of_single_states(
     chain: fl.Chain, states: int, method: str, rng: np.random.Generator
 ) -> None:
     q, qd = (np.array(x) for x in zip(*(random_state(chain, rng) for _ in range(states)), strict=True))
@@ -34,8 +34,8 @@ def test_many_states_have_the_accelerations_of_single_ones(
         np.testing.assert_array_equal(row, fl.forward_dynamics(chain, *state, solver=method, tip_wrench=wrench))
 
 
-def test_functions_of_many_states_leave_them_as_they_were(chain: fl.Chain, rng: np.random.Generator) -> None:
-    """They read the arrays that they are given, without a copy."""
+def test_batch_functions_do_not_modify_their_input_states(chain: fl.Chain, rng: np.random.Generator) -> None:
+    """The functions read their input arrays without a copy."""
     q, qd = (np.array(x) for x in zip(*(random_state(chain, rng) for _ in range(9)), strict=True))
     states = [q, qd, rng.normal(size=q.shape)]
     before = [part.copy() for part in states]
@@ -54,8 +54,10 @@ def test_functions_of_many_states_leave_them_as_they_were(chain: fl.Chain, rng: 
 
 
 @pytest.mark.parametrize("made", ["read only", "of whole numbers", "every other row", "a column first"])
-def test_any_array_serves_as_a_batch_of_states(chain: fl.Chain, made: str, rng: np.random.Generator) -> None:
-    """Kernels are compiled for one kind of array."""
+def test_any_array_layout_is_accepted_as_a_batch_of_states(
+    chain: fl.Chain, made: str, rng: np.random.Generator
+) -> None:
+    """Kernels are compiled for one array layout; others are converted."""
     tau = np.round(rng.normal(size=(8, chain.n)))
     kinds = {
         "of whole numbers": tau.astype(int),
@@ -76,7 +78,7 @@ def test_states_of_unequal_shape_are_refused(chain: fl.Chain) -> None:
 
 
 def members(flex: str, count: int) -> list[fl.Scene]:
-    """Arms of different lengths, angles and gravity under the same drive."""
+    """Arms with different lengths, angles and gravity, under the same drive."""
     drive = fl.Drive(kind="pd", kp=(50.0, 20.0), kd=(1.0, 1.0), target_deg=(10.0, 20.0))
     wrench = fl.Wrench(force=(1.0, 2.0, 3.0))
     return [
@@ -94,7 +96,7 @@ def members(flex: str, count: int) -> list[fl.Scene]:
 
 
 @compiled
-def test_the_errors_of_steps_side_by_side_are_those_of_each_alone() -> None:
+def test_step_errors_in_a_batch_equal_step_errors_of_single_runs() -> None:
     scenes = [scene.varied({"run.step": 1e-3, "run.unstable": "allow"}) for scene in members("z", LANES)]
     monitors = [SingleRun(problem_of(scene)).monitor for scene in scenes]
     q, qd = (np.stack([getattr(w.record, name)[:1] for w in monitors], axis=-1) for name in ("q", "qd"))
@@ -109,7 +111,7 @@ def test_the_errors_of_steps_side_by_side_are_those_of_each_alone() -> None:
 @compiled
 @pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
 @pytest.mark.parametrize("threads", [1, 2])
-def test_many_scenes_give_the_trajectories_of_single_runs(flex: str, threads: int) -> None:
+def test_scenes_simulated_together_give_the_trajectories_of_single_runs(flex: str, threads: int) -> None:
     scenes = members(flex, 11)
     for scene, many in zip(scenes, fl.simulate_many(scenes, threads=threads), strict=True):
         one = fl.simulate(scene)
@@ -118,7 +120,7 @@ def test_many_scenes_give_the_trajectories_of_single_runs(flex: str, threads: in
 
 
 @compiled
-def test_unlike_scenes_run_one_by_one() -> None:
+def test_scenes_with_different_layouts_can_be_simulated_together() -> None:
     settings = fl.RunSettings(step=1e-5, sample=1e-4, duration=1e-3)
     scenes = [s.varied({"run": settings}) for s in (*members("z", 2), nasty_scene(), *members("xyz", 3))]
     scenes.append(scenes[0].varied({"run": msgspec.structs.replace(settings, solver="lu")}))
@@ -127,14 +129,14 @@ def test_unlike_scenes_run_one_by_one() -> None:
 
 
 def driven(**change: object) -> fl.Scene:
-    """An arm that turns about one free joint, with `change`."""
+    """An arm that turns about one free joint, changed by the given edits."""
     arm = flexible("a", segments=3), flexible("b", segments=3, joint=fl.Joint(locked=True))
     fields = {"gravity": (0.0, 9.81, 0.0), "initial": fl.InitialState(joint_deg=(0.0, 30.0))}
     return make_scene(*arm, **{**fields, "run": fl.RunSettings(step=2e-5, sample=1e-3, duration=0.01), **change})
 
 
 def swung(degrees: float) -> tuple[fl.PrescribedMotion, ...]:
-    """The first joint goes from 0 to an angle within a second."""
+    """A prescribed motion of the first joint from 0 to an angle [deg] within a second."""
     zero = (0.0, 0.0)
     return (
         fl.PrescribedMotion(link="a", times=(0.0, 1.0), angle_deg=(0.0, degrees), rate_deg=zero, acceleration_deg=zero),
@@ -147,7 +149,7 @@ def swung(degrees: float) -> tuple[fl.PrescribedMotion, ...]:
         {"drive": fl.Drive(kind="constant", torque=(50.0, 0.0))},
         {"wrench": fl.Wrench(force=(0.0, 50.0, 0.0))},
         {"gravity": (0.0, -9.81, 0.0)},
-        {"initial": fl.InitialState(joint_deg=(0.0, 90.0))},  # of the locked joint: another chain
+        {"initial": fl.InitialState(joint_deg=(0.0, 90.0))},  # another locked angle gives a different chain
         {"initial": fl.InitialState(joint_deg=(20.0, 30.0))},
         {"run": fl.RunSettings(step=1e-5, sample=1e-3, duration=0.01)},
         {"motion": swung(90.0)},
@@ -159,7 +161,7 @@ def swung(degrees: float) -> tuple[fl.PrescribedMotion, ...]:
     ],
     ids=lambda change: next(iter(change)),
 )
-def test_neighbours_that_differ_in_one_thing_move_as_they_do_alone(change: dict) -> None:
+def test_scenes_that_differ_in_one_setting_move_as_in_single_runs(change: dict) -> None:
     base = driven(motion=swung(30.0)) if "motion" in change else driven()
     scenes = [base, msgspec.structs.replace(base, **change)]
     singles = [fl.simulate(scene) for scene in scenes]
@@ -169,11 +171,11 @@ def test_neighbours_that_differ_in_one_thing_move_as_they_do_alone(change: dict)
         np.testing.assert_allclose(many.tip, one.tip, rtol=1e-12, atol=1e-12)
         assert many.chain.name == one.chain.name
     if "run" not in change and "name" not in change:
-        assert np.abs(singles[0].tip - singles[1].tip).max() > 1e-8  # four orders above what two roads may differ by
+        assert np.abs(singles[0].tip - singles[1].tip).max() > 1e-8  # far above the allowed difference
 
 
-def test_a_prescribed_joint_behind_a_free_one_stays_prescribed() -> None:
-    """The second and the third share a chain, which is not that of the first."""
+def test_scenes_with_free_and_prescribed_joints_can_be_mixed_in_a_batch() -> None:
+    """The second and third scenes share a chain that differs from the first."""
     scenes = [driven(), driven(motion=swung(30.0)), driven(motion=swung(30.0))]
     free, *moved = fl.simulate_many(scenes)
     np.testing.assert_array_equal(free.q, fl.simulate(scenes[0]).q)
@@ -184,7 +186,7 @@ def test_a_prescribed_joint_behind_a_free_one_stays_prescribed() -> None:
     assert np.abs(free.q - alone.q).max() > 1e-6
 
 
-def test_neighbours_that_start_at_other_times_are_driven_by_their_own_clocks() -> None:
+def test_batch_members_with_different_start_times_use_their_own_time() -> None:
     drive = fl.Drive(kind="table", times=(0.0, 1.0), torques=((0.0, 0.0), (1000.0, 0.0)))
     scenes = [driven(drive=drive).varied({"initial.time": t}) for t in (0.0, 0.5)]
     for many, scene in zip(fl.simulate_many(scenes), scenes, strict=True):
@@ -193,7 +195,7 @@ def test_neighbours_that_start_at_other_times_are_driven_by_their_own_clocks() -
         np.testing.assert_allclose(many.work, one.work, rtol=1e-9)
 
 
-def test_one_of_eight_that_diverges_leaves_the_others_whole() -> None:
+def test_a_diverging_batch_member_does_not_affect_its_neighbours() -> None:
     calm = driven().varied({"run.unstable": "allow"})
     wild = calm.varied({"initial": fl.InitialState(joint_deg=(0.0, 30.0), rate_deg=(1e120, 0.0))})
     with pytest.raises(fl.errors.DivergenceError) as caught:
@@ -203,7 +205,7 @@ def test_one_of_eight_that_diverges_leaves_the_others_whole() -> None:
         np.testing.assert_allclose(run.q, fl.simulate(calm).q, rtol=1e-12, atol=1e-12)
 
 
-def test_a_member_that_diverges_loses_none_of_the_others(models) -> None:
+def test_a_diverging_member_does_not_lose_the_results_of_others(models) -> None:
     paper = fl.load_scene(models / "paper_fig5.toml")
     fine = fl.RunSettings(step=1e-4, duration=0.05)
     runs = fine, fl.RunSettings(step=1e-3, duration=0.05, sample=1e-3, unstable="allow")
@@ -215,8 +217,8 @@ def test_a_member_that_diverges_loses_none_of_the_others(models) -> None:
     np.testing.assert_array_equal(runs[2].q, fl.simulate(good).q)
 
 
-def test_many_runs_that_are_stopped_keep_their_samples(monkeypatch) -> None:
-    """Asked to stop after 100 of 500 steps, which are 2 of 10 samples."""
+def test_interrupted_batch_runs_keep_their_samples(monkeypatch) -> None:
+    """The run is stopped after 100 of 500 steps, that is, 2 of 10 samples."""
     stop, fixed, scenes = Stop(), sys.modules["flexlink.motion.fixed_steps"], members("yz", 10)
     pieces = fixed.pieces
 
@@ -226,7 +228,7 @@ def test_many_runs_that_are_stopped_keep_their_samples(monkeypatch) -> None:
                 stop.signal = signal.SIGINT
             yield done
 
-    monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "BREATH", 0.0)  # a piece a step
+    monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "BREATH", 0.0)  # one piece per step
     monkeypatch.setattr(fixed, "pieces", interrupted)
     monkeypatch.setattr(sys.modules["flexlink.motion.batch"], "deferred", lambda: contextlib.nullcontext(stop))
     with pytest.raises(fl.errors.InterruptedRunError) as caught:
@@ -236,10 +238,10 @@ def test_many_runs_that_are_stopped_keep_their_samples(monkeypatch) -> None:
         rows = len(run.t)
         assert 3 <= rows < 11
         np.testing.assert_allclose(run.q, fl.simulate(scene).q[:rows], rtol=1e-12, atol=1e-12)
-    assert [len(run.t) for run in caught.value.runs[8:]] == [1, 1]  # they had not begun
+    assert [len(run.t) for run in caught.value.runs[8:]] == [1, 1]  # these runs had not begun
 
 
-def test_many_runs_whose_energy_is_garbage_are_errors_although_finite() -> None:
+def test_batch_runs_with_an_energy_imbalance_are_errors_even_if_finite() -> None:
     rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
     coarse = fl.RunSettings(step=0.35, sample=0.35, duration=35.0)
     scene = make_scene(rod, gravity=(9.81, 0.0, 0.0), initial=fl.InitialState(joint_deg=(170.0,)), run=coarse)
@@ -249,8 +251,8 @@ def test_many_runs_whose_energy_is_garbage_are_errors_although_finite() -> None:
 
 @compiled
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_keeps_what_every_member_has_done(models, number: int) -> None:
-    """All runs come back, each as far as it went; those that had not started hold their initial sample."""
+def test_a_signal_keeps_the_samples_of_every_batch_member(models, number: int) -> None:
+    """All runs are returned with the samples computed so far; runs not yet started contain their initial sample."""
     paper = fl.load_scene(models / "paper_fig5.toml").varied({"run": fl.RunSettings(step=1e-4, duration=50.0)})
     starts = [
         paper.varied({"initial": fl.InitialState(joint_deg=(0.0, float(angle), 0.0))}) for angle in range(-90, -72)

@@ -1,4 +1,4 @@
-"""Tapered links and structural damping: the beam that a link is cut from."""
+"""Tapered links and structural damping of beams that are lumped into segments."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_a_tapered_link_has_the_mass_centre_and_inertia_of_a_cone() -> None:
     assert body["inertia"][0, 0] == pytest.approx(axial, rel=1e-14, abs=0)
 
 
-def test_a_link_of_unequal_sides_has_the_inertia_of_a_brick() -> None:
+def test_a_link_of_rectangular_section_has_the_inertia_of_a_cuboid() -> None:
     height, width, length = 0.3, 0.2, 1.25  # along y, z and x
     arm = fl.Arm(
         links=(flexible("a", "rigid", 1, length=length),),
@@ -47,20 +47,20 @@ def test_a_link_of_unequal_sides_has_the_inertia_of_a_brick() -> None:
     assert body["mass"] == pytest.approx(mass, rel=1e-15, abs=0)
 
 
-def test_segments_of_a_tapered_link_add_up_to_the_whole() -> None:
+def test_mass_and_axial_inertia_of_tapered_segments_add_up_to_the_whole_link() -> None:
     whole, parts = fl.lump(tapered(flex="rigid", segments=1)), fl.lump(tapered(flex="xyz", segments=6))
     assert parts.bodies["mass"].sum() == pytest.approx(whole.bodies["mass"][0], rel=1e-14, abs=0)
     assert parts.bodies["inertia"][:, 0, 0].sum() == pytest.approx(whole.bodies["inertia"][0, 0, 0], rel=1e-14, abs=0)
 
 
-def test_stiffness_is_the_rigidity_at_the_node() -> None:
+def test_hinge_stiffness_uses_the_bending_rigidity_at_the_node() -> None:
     chain = fl.lump(tapered(segments=6, lumping="midpoint"))
     x = (np.arange(5) + 0.5) / 5
     diameter = 0.06 - 0.04 * x
     np.testing.assert_allclose(chain.stiffness[1:], 70e9 * np.pi * diameter**4 / 64 / (1.25 / 5), rtol=1e-14)
 
 
-def test_gauss_converges_on_a_tapered_link_faster_than_midpoint() -> None:
+def test_gauss_lumping_converges_faster_than_midpoint_on_a_tapered_link() -> None:
     def first(rule: str, hinges: int) -> float:
         chain = fl.lump(tapered(segments=hinges + 1, lumping=rule, joint=fl.Joint(locked=True)))
         return float(fl.natural_frequencies(chain, np.zeros(chain.n))[0])
@@ -68,7 +68,7 @@ def test_gauss_converges_on_a_tapered_link_faster_than_midpoint() -> None:
     exact = first("gauss", 80)
     errors = {rule: [abs(first(rule, n) / exact - 1) for n in (4, 8, 16)] for rule in ("midpoint", "gauss")}
     assert errors["gauss"][2] < 0.1 * errors["midpoint"][2]
-    assert errors["gauss"][0] / errors["gauss"][2] > 4**4  # order 4 over a factor 4
+    assert errors["gauss"][0] / errors["gauss"][2] > 4**4  # order 4, with 4 times as many hinges
     assert errors["midpoint"][0] / errors["midpoint"][2] == pytest.approx(4**2, rel=0.1)
 
 
@@ -85,7 +85,7 @@ def test_a_taper_between_two_shapes_is_refused() -> None:
 
 
 def cone_bar(ratio: float, hinges: int, rule: str = "gauss_matched", length: float = 1.5) -> fl.Chain:
-    """A clamped round bar, 40 mm at the root and `ratio` times that at the tip, that bends and twists."""
+    """A clamped round bar, 40 mm thick at the root and `ratio` times that at the tip, that bends and twists."""
     link = fl.Link(
         name="bar", length=length, flex="xyz", material="aluminium", section="root", section_tip="tip",
         segments=hinges + 1, lumping=rule, joint=fl.Joint(locked=True),
@@ -109,7 +109,7 @@ def first_twist(chain: fl.Chain) -> float:
     return float(fl.natural_frequencies(chain, locked=[k for k, c in enumerate(chain.coordinates) if c.axis != 1])[0])
 
 
-def test_the_reference_for_twist_is_that_of_a_prism_where_there_is_no_taper() -> None:
+def test_the_twist_reference_without_taper_equals_the_frequency_of_a_prism() -> None:
     assert twist_of_a_cone(1.0) == pytest.approx(np.pi / 2 / 1.5 * np.sqrt(ALUMINIUM.shear / 2700.0), rel=1e-12)
 
 
@@ -124,14 +124,17 @@ def test_matched_rotors_make_twist_of_a_tapered_link_converge_with_order_four(ra
 @pytest.mark.parametrize("ratio", [0.1, 0.5, 0.6, 0.9, 1.0, 2.0])
 @pytest.mark.parametrize("hinges", [2, 12])
 def test_matched_rotors_leave_the_mass_matrix_of_a_tapered_link_positive_definite(ratio: float, hinges: int) -> None:
-    """Straight, and with every hinge bent by 40°, all one way and at random."""
+    """M is checked for the straight link and for hinges bent by 40° in one direction or at random."""
     chain, rng = cone_bar(ratio, hinges), np.random.default_rng(1)
     bent = np.radians(40) * np.array([np.zeros(chain.n), np.ones(chain.n), *np.sign(rng.uniform(-1, 1, (20, chain.n)))])
     assert min(np.linalg.eigvalsh(fl.mass_matrix(chain, q)).min() for q in bent) > 0
 
 
-def test_a_hinge_with_a_negative_rotor_passes_little_of_what_turns_behind_it(tmp_path: Path) -> None:
-    """Rotors −0.29 and −0.2025, with 0.45 behind hinge 2 and 0.35 more behind hinge 1: A r / (A + r) = −0.368 of it."""
+def test_a_negative_rotor_reduces_the_outboard_inertia_passed_to_the_hinge(tmp_path: Path) -> None:
+    """Inertia A = 0.45 outboard of hinge 2 and its rotor r = −0.2025 act on hinge 1 as A r / (A + r) = −0.368.
+
+    The inertia between the hinges, 0.35, is less than that, so the sum outboard of hinge 1 is negative.
+    """
     rule = tmp_path / "halves.toml"
     rule.write_text(
         'about = ""\nsource = ""\nmatched_twist = true\n[element]\nnodes = [0.2, 0.55]\nweights = [0.5, 0.5]\n'
@@ -140,14 +143,14 @@ def test_a_hinge_with_a_negative_rotor_passes_little_of_what_turns_behind_it(tmp
         cone_bar(1.0, 2, str(rule))
 
 
-def test_matched_rotors_that_outweigh_what_turns_are_refused_by_name(tmp_path: Path) -> None:
-    rule = tmp_path / "heavy.toml"  # the light last hinge would take 1/0.1 of the neglected outboard inertia
+def test_matched_rotors_that_exceed_the_outboard_inertia_are_refused(tmp_path: Path) -> None:
+    rule = tmp_path / "heavy.toml"  # last hinge, weight 0.1: rotor 1/0.1 times the neglected outboard inertia
     rule.write_text(
         'about = ""\nsource = ""\nmatched_twist = true\n[element]\nnodes = [0.2, 0.5]\nweights = [0.9, 0.1]\n'
     )
     with refused(fl.errors.SceneError, "twist-inertia-outweighs"):
         cone_bar(1.0, 2, str(rule))
-    link = flexible("a", "yz", 3, lumping=str(rule))  # which has no twist
+    link = flexible("a", "yz", 3, lumping=str(rule))  # accepted: this link has no twist hinges
     assert fl.lump(fl.Scene(
         name="s", arm=fl.Arm(links=(link,), materials={"aluminium": ALUMINIUM}, sections={"square": CONE["thin"]}),
         initial=fl.InitialState(joint_deg=(0.0,)),
@@ -173,7 +176,7 @@ def test_a_target_ratio_is_met_at_its_frequency_and_grows_with_frequency() -> No
 
 
 def crane(hinges: int, first: fl.Damping, second: fl.Damping) -> fl.Chain:
-    """Two links at a right angle, joints held, each damped in its own way, with a load."""
+    """Two links at a right angle with locked joints and a load; each link has a different damping."""
     links = [
         flexible(name, "yz", hinges + 1, lumping="gauss", damping=damping, joint=fl.Joint(locked=True))
         for name, damping in (("a", first), ("b", second))
@@ -186,26 +189,26 @@ def crane(hinges: int, first: fl.Damping, second: fl.Damping) -> fl.Chain:
 
 
 @pytest.mark.slow
-def test_every_mode_gets_the_ratio_that_was_asked_for_however_the_links_are_cut() -> None:
-    asked = fl.Damping(ratio=0.01, at_hz=5.0)
+def test_every_mode_gets_the_requested_damping_ratio_for_any_discretization() -> None:
+    damping = fl.Damping(ratio=0.01, at_hz=5.0)
     for hinges in (2, 4, 8, 16):
-        found = fl.modes(crane(hinges, asked, asked))
+        found = fl.modes(crane(hinges, damping, damping))
         np.testing.assert_allclose(found.damping_ratios[:4], 0.01 * found.hertz[:4] / 5.0, rtol=1e-9)
 
 
 @pytest.mark.slow
 def test_damping_of_the_first_mode_converges_under_refinement() -> None:
-    """Unlike links share the damping by the energy they hold, which converges as the shape does, with order 4."""
+    """Each link adds damping in proportion to its share of energy, which converges with order 4 like the mode shape."""
     ratios = {
         n: fl.modes(crane(n, fl.Damping(ratio=0.02, at_hz=5.0), fl.Damping(ratio=0.005, at_hz=5.0)))
         for n in (4, 8, 16, 32)
     }
-    asked = {n: found.damping_ratios[0] / (found.hertz[0] / 5.0) for n, found in ratios.items()}
-    assert 0.005 < asked[32] < 0.02
-    assert order({n: asked[n] / asked[32] - 1 for n in (4, 8)}) == pytest.approx(4, abs=0.5)
-    assert asked[16] == pytest.approx(asked[32], rel=1e-4)
+    relative = {n: found.damping_ratios[0] / (found.hertz[0] / 5.0) for n, found in ratios.items()}
+    assert 0.005 < relative[32] < 0.02
+    assert order({n: relative[n] / relative[32] - 1 for n in (4, 8)}) == pytest.approx(4, abs=0.5)
+    assert relative[16] == pytest.approx(relative[32], rel=1e-4)
 
 
-def test_there_is_no_cap_that_would_take_damping_away() -> None:
+def test_damping_has_no_cap_option() -> None:
     with refused(TypeError, "test-beam"):
         fl.Damping(ratio=0.01, at_hz=4.0, cap=1.0)  # type: ignore[call-arg]

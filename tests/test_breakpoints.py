@@ -1,4 +1,4 @@
-"""Where steps of any length end in a table of torques: whatever lies between is known from there."""
+"""Adaptive steps must end at the merged breakpoints of a torque table, between which the table is nearly cubic."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ def table(torques: np.ndarray, smooth: bool = True, times: np.ndarray = TIMES):
 
 @pytest.mark.parametrize("smooth", [True, False])
 @pytest.mark.parametrize("part", [1e-2, 1e-4])
-def test_between_two_breakpoints_a_table_is_a_cubic_polynomial_up_to_its_part(smooth: bool, part: float) -> None:
-    """A cubic of least squares leaves no more than the one that was checked, at knots.
+def test_between_merged_breakpoints_a_cubic_fits_the_table_within_the_tolerance(smooth: bool, part: float) -> None:
+    """The least-squares cubic has no larger residual at the knots than the cubic that was checked.
 
-    Of a smooth table there are few merged_breakpoints; the corners of a linear one turn by a part of 2e-4.
+    A smooth table keeps few breakpoints; the corners of a piecewise linear table deviate by 2e-4 of its range.
     """
     torques = 3.0 * np.sin(2 * np.pi * TIMES) ** 3
     kept = merged_breakpoints(table(torques, smooth), part)
@@ -41,17 +41,17 @@ def test_between_two_breakpoints_a_table_is_a_cubic_polynomial_up_to_its_part(sm
             assert np.sqrt(np.mean(off**2)) <= part * 3.0
 
 
-def test_a_finer_part_keeps_more_breakpoints() -> None:
+def test_a_smaller_tolerance_keeps_more_breakpoints() -> None:
     drive = table(np.sin(7.0 * TIMES))
     assert (
         len(merged_breakpoints(drive, 1e-2))
         < len(merged_breakpoints(drive, 1e-4))
         < len(merged_breakpoints(drive, 1e-6))
     )
-    assert len(merged_breakpoints(drive, 0.0)) == 121  # two pieces of a smooth table are taken for one
+    assert len(merged_breakpoints(drive, 0.0)) == 121  # pairs of pieces are always merged
 
 
-def test_a_blow_in_a_long_calm_is_landed_on() -> None:
+def test_an_isolated_torque_pulse_keeps_its_breakpoints() -> None:
     torques = np.zeros(241)
     torques[100] = 5.0
     kept = merged_breakpoints(table(torques, smooth=False), 1e-3)
@@ -59,20 +59,20 @@ def test_a_blow_in_a_long_calm_is_landed_on() -> None:
     assert len(kept) < 20
 
 
-def test_a_constant_drive_has_its_one_knot() -> None:
+def test_a_constant_drive_has_one_breakpoint() -> None:
     scene = ARM.varied({"drive": fl.Drive(kind="constant", torque=(2.0,))})
     assert merged_breakpoints(drive_arrays(scene, fl.lump(scene)).feedforward, 1e-3).tolist() == [0.0]
     assert merged_breakpoints(drive_arrays(ARM, fl.lump(ARM)).feedforward, 1e-3).tolist() == [0.0]
 
 
-def test_a_straight_line_of_torques_needs_no_breakpoint_but_its_ends() -> None:
+def test_a_linear_torque_table_keeps_few_breakpoints() -> None:
     assert merged_breakpoints(table(2.0 * TIMES, smooth=False), 1e-9)[[0, -1]].tolist() == [0.0, 1.0]
     assert (
         len(merged_breakpoints(table(2.0 * TIMES, smooth=False), 1e-9)) <= 8
-    )  # 240 pieces by twos: 128 + 64 + 32 + 16
+    )  # 240 pieces merged in powers of two: 128 + 64 + 32 + 16
 
 
-def test_held_torques_are_landed_on_where_they_jump() -> None:
+def test_breakpoints_at_jumps_of_piecewise_constant_torques_are_kept() -> None:
     drive = table(np.repeat([0.0, 4.0, 1.0], [80, 80, 81]), smooth=False)
     jumps = TIMES[[0, 80, 160]]
     kept = merged_breakpoints(drive._replace(coefficients=drive.coefficients[:, :1]), 1e-3)

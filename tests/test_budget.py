@@ -1,4 +1,4 @@
-"""Runs with a tolerance that make no progress: they stop, keep their samples, and report where and why."""
+"""Runs with a tolerance that make no progress stop, keep their samples, and report where and why they stopped."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ def swinging(**changes: Any) -> fl.Scene:
 
 
 def held_too_seldom(**changes: Any) -> fl.Scene:
-    """A loop that needs a rate of some hundred Hz, sampled at 20 Hz."""
+    """A control loop that needs a rate of a few hundred Hz but is sampled at 20 Hz."""
     drive = fl.Drive(kind="pd", kp=(2e3,), kd=(200.0,), target_deg=(30.0,), rate=20.0)
     scene = make_scene(flexible("a", segments=3), gravity=(9.81, 0.0, 0.0), drive=drive)
     run = fl.RunSettings(method="Radau5", tolerance=1e-4, duration=1.0, sample=0.05)
     return scene.varied({"run": run, **changes})
 
 
-def test_a_budget_is_never_passed_and_spent_to_within_one_step() -> None:
+def test_an_evaluation_budget_is_used_up_to_within_one_step_and_never_exceeded() -> None:
     budget, now, dearest = Budget(1e4, 1.0), Spent(0.0, 0, 0), 36
     budget.begin(now, 1.0)
     while steps := budget.affordable(now, dearest):
@@ -49,23 +49,21 @@ def test_a_budget_is_never_passed_and_spent_to_within_one_step() -> None:
 
 
 @pytest.mark.parametrize(("step", "over", "slow"), [(1e-3, False, False), (1e-6, False, True), (1e-11, True, False)])
-def test_a_hanging_run_is_reported_after_two_looks_and_steps_of_next_to_nothing(
-    step: float, over: bool, slow: bool
-) -> None:
+def test_a_stalled_run_is_reported_after_two_checks_with_tiny_steps(step: float, over: bool, slow: bool) -> None:
     budget, now, dearest, most = Budget(1e6, 1.0), Spent(0.0, 0, 0), 10, 1e6
     budget.begin(now, 1.0)
     assert (step < SHORTEST) is over
-    told = []
+    recorded = []
     while (steps := budget.affordable(now, dearest)) and now.evaluations < 3.5 * most / LOOKS:
         now = Spent(now.time + step * steps, now.steps + steps, now.evaluations + dearest * steps)
-        told.append((now.evaluations, bool(budget.slow)))
+        recorded.append((now.evaluations, bool(budget.slow)))
     assert (bool(budget.over), bool(budget.slow)) == (over, slow)
     assert FEWEST * dearest < most / LOOKS
-    assert [evaluations for evaluations, there in told if there][:1] <= [3 * most / LOOKS]
+    assert [evaluations for evaluations, there in recorded if there][:1] <= [3 * most / LOOKS]
 
 
 @compiled
-def test_a_run_that_takes_more_than_it_may_stops_with_its_samples_and_the_same_ones_each_time() -> None:
+def test_a_run_that_exceeds_its_budget_stops_reproducibly_and_keeps_its_samples() -> None:
     scene = swinging(**{"run.max_evaluations": 2000})
     with refused(fl.errors.EvaluationLimitError, "too-many-evaluations") as first:
         fl.simulate(scene)
@@ -84,7 +82,7 @@ def test_a_run_that_takes_more_than_it_may_stops_with_its_samples_and_the_same_o
 
 
 @compiled
-def test_a_hinge_of_three_axes_at_90_degrees_is_named() -> None:
+def test_a_stalled_run_names_the_hinge_group_near_gimbal_lock() -> None:
     scene = make_scene(flexible("a", segments=3, flex="xyz"))
     record = SingleRun(problem_of(scene)).monitor.record
     q = np.zeros(record.chain.n)
@@ -96,7 +94,7 @@ def test_a_hinge_of_three_axes_at_90_degrees_is_named() -> None:
 
 
 @compiled
-def test_a_sampled_loop_that_is_unstable_by_itself_is_named_and_a_stable_one_is_not() -> None:
+def test_an_unstable_sampled_control_loop_is_recognised() -> None:
     for scene, unstable in ((held_too_seldom(), True), (held_too_seldom(**{"drive.rate": 1000.0}), False)):
         growth, without = sampled_growth(SingleRun(problem_of(scene)).monitor.record)
         assert without == pytest.approx(1.0, abs=1e-3)
@@ -108,7 +106,7 @@ def test_a_sampled_loop_that_is_unstable_by_itself_is_named_and_a_stable_one_is_
 
 @compiled
 @pytest.mark.slow
-def test_a_loop_that_is_known_to_be_unstable_ends_a_run_when_two_looks_find_it_hanging() -> None:
+def test_a_stalled_run_with_an_unstable_control_loop_ends_early() -> None:
     scene = held_too_seldom(**{"run.max_evaluations": 2e5, "run.duration": 20.0})
     with refused(fl.errors.EvaluationLimitError, "too-many-evaluations") as e:
         fl.simulate(scene)
@@ -117,8 +115,8 @@ def test_a_loop_that_is_known_to_be_unstable_ends_a_run_when_two_looks_find_it_h
 
 
 @compiled
-def test_the_growth_of_a_sampled_loop_is_that_of_a_wheel_by_hand() -> None:
-    """ω ← (1 − k_d T / I) ω."""
+def test_the_growth_factor_of_a_sampled_loop_on_a_wheel_is_exact() -> None:
+    """In every sample period T, the rate ω of a wheel with inertia I changes to (1 − k_d T / I) ω."""
     link = fl.Link(name="wheel", length=0.0, flex="rigid", joint=fl.Joint(armature=0.5))
     drive = fl.Drive(kind="pd", kp=(0.0,), kd=(30.0,), target_deg=(0.0,), rate=20.0)
     scene = make_scene(link, drive=drive, gravity=(0.0, 0.0, 0.0))
@@ -140,7 +138,7 @@ def test_members_of_a_batch_and_rows_of_a_sweep_report_why_they_stopped() -> Non
 
 
 @compiled
-def test_a_simulator_stays_where_it_was_and_every_call_may_take_as_much() -> None:
+def test_a_simulator_keeps_its_state_if_a_step_exceeds_its_budget() -> None:
     arm = fl.Simulator(swinging(**{"run.max_evaluations": 1000}))
     for _ in range(3):
         arm.step(duration=0.01)
@@ -152,20 +150,20 @@ def test_a_simulator_stays_where_it_was_and_every_call_may_take_as_much() -> Non
 
 
 @compiled
-def test_the_place_of_a_hang_is_reported_while_it_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_slow_progress_is_reported_during_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("flexlink.motion.budget.FEWEST", 1)
-    monkeypatch.setattr("flexlink.motion.chunk_size.BREATH", 0.0)  # a look after every piece
+    monkeypatch.setattr("flexlink.motion.chunk_size.BREATH", 0.0)  # check after every piece
     scene = swinging(**{"run.max_evaluations": 2500})
-    with warnings.catch_warnings(record=True) as told, pytest.raises(fl.errors.EvaluationLimitError):
+    with warnings.catch_warnings(record=True) as caught, pytest.raises(fl.errors.EvaluationLimitError):
         warnings.simplefilter("always")
         fl.simulate(scene)
-    assert len(told) == 1
-    assert getattr(told[0].message.args[0], "id", "") == "slow-progress"
-    assert "max_evaluations" in str(told[0].message)
+    assert len(caught) == 1
+    assert getattr(caught[0].message.args[0], "id", "") == "slow-progress"
+    assert "max_evaluations" in str(caught[0].message)
 
 
 @compiled
-def test_the_command_line_keeps_the_samples_and_ends_in_one_line(tmp_path: Path, capsys: Any) -> None:
+def test_the_simulate_command_keeps_the_samples_of_a_run_that_exceeds_its_budget(tmp_path: Path, capsys: Any) -> None:
     scene, out = tmp_path / "scene.toml", tmp_path / "run.csv"
     scene.write_text(swinging().to_toml())
     assert main(["simulate", str(scene), "--max-evaluations", "2000", "--out", str(out)]) == 2

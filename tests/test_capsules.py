@@ -1,4 +1,4 @@
-"""What files hold to be looked at and driven: capsules, colours, motors, a keyframe; none of it moves the arm."""
+"""Capsules, colours, motors and a keyframe in exported files do not change the motion of the arm."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from validation.random_arms import random_arm
 WRITERS = [fl.to_urdf, fl.to_mjcf, fl.to_sdf]
 
 
-def test_mujoco_moves_an_arm_with_shapes_and_motors_as_one_without_to_the_bit(
+def test_shapes_and_motors_do_not_change_the_motion_in_mujoco_by_one_bit(
     chain: fl.Chain, rng: np.random.Generator
 ) -> None:
     mujoco = pytest.importorskip("mujoco")
@@ -53,7 +53,7 @@ def test_mujoco_starts_at_the_keyframe_and_drives_the_driven_joints(rng: np.rand
     assert data.qfrc_actuator.tolist() == torque.tolist()
 
 
-def test_shapes_have_no_mass_no_contact_and_are_on_the_segments(rng: np.random.Generator) -> None:
+def test_shapes_lie_on_the_segments_without_mass_or_contact(rng: np.random.Generator) -> None:
     mujoco = pytest.importorskip("mujoco")
     chain = fl.lump(nasty_scene())
     model = mujoco.MjModel.from_xml_string(fl.to_mjcf(chain))
@@ -80,7 +80,7 @@ def test_shapes_can_be_left_out_and_change_nothing_else(write) -> None:
 
 
 @pytest.mark.parametrize("write", WRITERS)
-def test_every_link_has_its_colour(write) -> None:
+def test_every_link_has_a_different_colour(write) -> None:
     text = write(fl.lump(fl.load_scene(ROOT / "models" / "t3_spatial.toml")))
     for colour in COLOURS[:3]:
         assert " ".join(map(repr, colour)) in text
@@ -106,7 +106,7 @@ def test_a_link_without_mass_or_length_is_drawn_thin_or_not_at_all() -> None:
 
 
 def test_cylinders_and_capsules_of_any_direction_lie_along_their_segment(rng: np.random.Generator) -> None:
-    """Roll, pitch, yaw of URDF and SDF turn Z, their long axis, onto the segment."""
+    """Roll, pitch and yaw in URDF and SDF rotate Z, the long axis of the shape, onto the segment."""
     chain = fl.lump(nasty_scene())
     bodies = chain.bodies.copy()
     bodies["translation"] = rng.normal(size=(len(bodies), 3))
@@ -119,7 +119,7 @@ def test_cylinders_and_capsules_of_any_direction_lie_along_their_segment(rng: np
         assert (2 * np.array(middle)).tolist() == capsule.end.tolist()
 
 
-def test_a_keyframe_that_is_no_state_is_refused_by_name() -> None:
+def test_an_invalid_keyframe_is_refused_by_name() -> None:
     chain = fl.lump(nasty_scene())
     q = np.zeros(chain.n)
     for initial, message in {
@@ -132,8 +132,8 @@ def test_a_keyframe_that_is_no_state_is_refused_by_name() -> None:
             fl.to_mjcf(chain, initial=initial)
 
 
-def test_a_segment_that_only_rounding_has_left_has_no_shape() -> None:
-    """It hangs 1e-17 m from the next one, closer than MuJoCo bears."""
+def test_a_segment_as_short_as_rounding_error_gets_no_shape() -> None:
+    """The segment is 1e-17 m long, shorter than MuJoCo accepts for a shape."""
     mujoco = pytest.importorskip("mujoco")
     chain = fl.lump(random_arm(41))
     mujoco.MjModel.from_xml_string(fl.to_mjcf(chain))

@@ -1,4 +1,4 @@
-"""Cells of coupled springs: the rule, the chain that it makes, and that every algorithm knows its couplings."""
+"""Cells of coupled springs: the lumping rule, the resulting chain, and every algorithm that uses them."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def rule_file(folder: Path, p: int, tip: float = 8.0) -> str:
 
 
 def arm(flex: str = "xyz", rule: str = "lobatto2", segments: int = 5, **fields: object) -> fl.Scene:
-    """A free and a driven link; every spring has a damper."""
+    """An arm with a free and a driven link; every spring has a damper."""
     links = (
         flexible("upper", flex, segments, lumping=rule, damping=DAMPED),
         flexible("fore", flex, 3, lumping="lobatto2"),
@@ -60,19 +60,19 @@ def state(chain: fl.Chain, seed: int = 1) -> tuple[np.ndarray, np.ndarray, np.nd
 @pytest.mark.parametrize(
     "p, hinges", [(2, [1 / 6, 5 / 6]), (3, [1 / 12, 1 / 2, 11 / 12]), (4, [1 / 20, 29 / 90, 61 / 90, 19 / 20])]
 )
-def test_hinges_lie_at_the_sums_of_lobatto_weights(p: int, hinges: list[float]) -> None:
+def test_hinges_are_placed_at_cumulative_lobatto_weights(p: int, hinges: list[float]) -> None:
     nodes, weights = Cells(hinges=p, tip=1.0).place(2 * p)
     assert nodes == pytest.approx([x / 2 + e / 2 for e in (0, 1) for x in hinges], abs=4 * EPS)
     assert (weights > 0).all()
 
 
-def test_a_prism_of_two_hinges_has_twice_its_rigidity_on_each_and_a_third_on_their_difference() -> None:
+def test_the_stiffness_matrix_of_a_two_hinge_cell_is_exact() -> None:
     assert cantilever("lobatto2", 2).matrix("stiffness") == pytest.approx(np.array([[7, -1], [-1, 7]]) / 3, rel=1e-14)
 
 
 @pytest.mark.parametrize("p", HINGES)
-def test_the_curvature_of_every_polynomial_that_a_cell_can_bend_to_is_exact(p: int) -> None:
-    """θ = x^d, d ≤ p, by the jumps of its values at the nodes; C has norms of up to 3 p²."""
+def test_the_curvature_matrix_of_a_cell_is_exact_for_polynomials(p: int) -> None:
+    """From the jumps of θ = x^d at the nodes, C computes d x^(d−1), for d ≤ p; the norm of C is up to 3 p²."""
     cell = cell_of(p)
     for d in range(1, p + 1):
         jumps = np.diff(cell.nodes**d)
@@ -80,7 +80,7 @@ def test_the_curvature_of_every_polynomial_that_a_cell_can_bend_to_is_exact(p: i
 
 
 @pytest.mark.parametrize("p", HINGES)
-def test_quadratures_of_a_cell_are_exact_to_their_degrees(p: int) -> None:
+def test_quadratures_of_a_cell_are_exact_up_to_their_degree(p: int) -> None:
     cell = cell_of(p)
     for d in range(2 * p):
         assert cell.lengths @ cell.nodes**d == pytest.approx(1 / (d + 1), abs=8 * EPS)
@@ -88,12 +88,12 @@ def test_quadratures_of_a_cell_are_exact_to_their_degrees(p: int) -> None:
 
 
 @pytest.mark.parametrize("p", HINGES)
-def test_other_numbers_of_hinges_are_refused_with_the_two_nearest(p: int, tmp_path: Path) -> None:
+def test_a_wrong_hinge_count_is_refused_and_the_two_nearest_are_named(p: int, tmp_path: Path) -> None:
     with refused(SceneError, "hinges-of-rule"):
         cantilever(rule_file(tmp_path, p), p + 1)
 
 
-def test_matched_twist_and_a_second_kind_are_refused() -> None:
+def test_a_cell_rule_with_matched_twist_or_a_second_kind_of_rule_is_refused() -> None:
     cells = Cells(hinges=2, tip=4.0)
     with refused(SceneError, "rule-kind"):
         LumpingRule(about="", source="", cells=cells, matched_twist=True)
@@ -101,7 +101,7 @@ def test_matched_twist_and_a_second_kind_are_refused() -> None:
         LumpingRule(about="", source="", cells=cells, element=Element(nodes=(0.5,), weights=(1.0,)))
 
 
-def test_a_tip_too_heavy_for_the_segment_before_it_is_refused(tmp_path: Path) -> None:
+def test_a_tip_factor_that_makes_a_segment_inertia_negative_is_refused(tmp_path: Path) -> None:
     with refused(SceneError, "segment-inertia-negative"):
         cantilever(rule_file(tmp_path, 2, 50.0), 2)
 
@@ -111,8 +111,8 @@ def test_a_tip_too_heavy_for_the_segment_before_it_is_refused(tmp_path: Path) ->
 
 @pytest.mark.parametrize("p", HINGES)
 @pytest.mark.parametrize("tip", ["square", "small"])
-def test_rows_of_the_mass_matrix_add_up_to_those_of_the_beam(p: int, tip: str, tmp_path: Path) -> None:
-    """Σ_j A_ij = l_i ∫ μ(max(s_i, x)) dx, μ the mass beyond x: where all segments turn alike, as the beam does."""
+def test_row_sums_of_the_mass_matrix_agree_with_the_continuous_beam(p: int, tip: str, tmp_path: Path) -> None:
+    """If all segments rotate by the same angle, Σ_j A_ij = l_i ∫ μ(max(s_i, x)) dx with the mass μ(x) outboard of x."""
     count, small = 2 * p, msgspec.structs.replace(SQUARE, height=0.5 * SQUARE.height, width=0.5 * SQUARE.width)
     link = flexible("a", "z", count + 1, lumping=rule_file(tmp_path, p, 0.0), section_tip=tip, length=1.0)
     sections = {"square": SQUARE, "small": small}
@@ -122,7 +122,7 @@ def test_rows_of_the_mass_matrix_add_up_to_those_of_the_beam(p: int, tip: str, t
     material, shrink = scene.arm.materials["aluminium"], 0.5 if tip == "small" else 0.0
 
     def beyond(x: float) -> float:
-        """∫ ρA from x to the end."""
+        """Mass outboard of x, ∫ ρA from x to the end."""
         return material.density * SQUARE.properties[0] * integrate.quad(lambda y: (1 - shrink * y) ** 2, x, 1)[0]
 
     s, lengths = Cells(hinges=p, tip=0.0).segments(count)
@@ -137,8 +137,8 @@ def test_rows_of_the_mass_matrix_add_up_to_those_of_the_beam(p: int, tip: str, t
 
 
 @pytest.mark.parametrize("p", HINGES)
-def test_the_last_segment_has_its_inertia_from_the_one_before(p: int, tmp_path: Path) -> None:
-    """tip m l²/3, so that the sum of both stays."""
+def test_the_last_segment_takes_its_inertia_from_the_previous_one(p: int, tmp_path: Path) -> None:
+    """The inertia of the last segment grows by `tip` m l²/3, and that of the previous segment is reduced by this."""
     bare, given = (cantilever(rule_file(tmp_path, p, tip), 2 * p).bodies for tip in (0.0, 2.0))
     change = (given["inertia"] - bare["inertia"])[:, 2, 2]
     last = given["mass"][-2] * (given["translation"][-1, 0]) ** 2 * 2.0 / 3
@@ -147,13 +147,13 @@ def test_the_last_segment_has_its_inertia_from_the_one_before(p: int, tmp_path: 
 
 
 def _rotary(scene: fl.Scene, s: np.ndarray, lengths: np.ndarray, shrink: float) -> np.ndarray:
-    """l ρ I_z of each segment, at its node."""
+    """Rotary inertia l ρ I_z of each segment, at its node."""
     return scene.arm.materials["aluminium"].density * SQUARE.properties[2] * lengths * (1 - shrink * s) ** 4
 
 
 @pytest.mark.parametrize("p", HINGES)
 def test_a_tapered_link_that_twists_has_the_inertia_of_its_sections_at_the_nodes(p: int, tmp_path: Path) -> None:
-    """½ ∫ ρ I_p θ̇² by Lobatto's quadrature, so that twist is of order 2p: its sum is exact to degree 2p − 1."""
+    """Lobatto quadrature of ½ ∫ ρ I_p θ̇² is exact up to degree 2p − 1, so that twist converges with order 2p."""
     small = msgspec.structs.replace(SQUARE, height=0.5 * SQUARE.height, width=0.5 * SQUARE.width)
     link = flexible("a", "xyz", 2 * p + 1, lumping=rule_file(tmp_path, p), section_tip="small", length=1.0)
     arm = fl.Arm(links=(link,), materials={"aluminium": ALUMINIUM}, sections={"square": SQUARE, "small": small})
@@ -168,8 +168,8 @@ def test_a_tapered_link_that_twists_has_the_inertia_of_its_sections_at_the_nodes
 
 @pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
 @pytest.mark.parametrize("p", [2, 3, 4])
-def test_every_axis_has_the_cells_stiffness_and_damping_in_its_ratio(flex: str, p: int, tmp_path: Path) -> None:
-    """K = Cᵀ diag(w EI) C / h about each axis, GJ in twist, also where axes come in reverse order; D = η K."""
+def test_every_axis_has_the_stiffness_of_the_cell_and_proportional_damping(flex: str, p: int, tmp_path: Path) -> None:
+    """K = Cᵀ diag(w EI) C / h for bending, with GJ for twist, and D = η K, also if the axes are in reverse order."""
     scene = make_scene(flexible("a", flex, 2 * p + 1, lumping=rule_file(tmp_path, p), damping=DAMPED))
     chain, cell = fl.lump(scene), cell_of(p)
     material, (_, i_y, i_z, torsion) = scene.arm.materials["aluminium"], SQUARE.properties
@@ -187,14 +187,14 @@ def test_every_axis_has_the_cells_stiffness_and_damping_in_its_ratio(flex: str, 
     np.testing.assert_array_equal(chain.couplings["damping"], loss * chain.couplings["stiffness"])
 
 
-def test_variants_of_an_arm_have_the_couplings_that_they_have_alone() -> None:
+def test_variants_lumped_together_or_alone_have_the_same_coupled_springs() -> None:
     scene = arm()
     scenes = [scene.varied({"material.aluminium.young": young}) for young in (7e10, 8e10, 9.123e10)]
     for chain, one in zip(lump_many(scenes), scenes, strict=True):
         np.testing.assert_array_equal(chain.couplings, fl.lump(one).couplings)
 
 
-def test_products_with_the_springs_are_those_of_the_matrix() -> None:
+def test_products_with_coupled_springs_equal_products_with_the_full_matrix() -> None:
     chain = fl.lump(arm())
     φ = np.random.default_rng(0).normal(size=(3, chain.n))
     for field in ("stiffness", "damping"):
@@ -214,7 +214,7 @@ def test_products_with_the_springs_are_those_of_the_matrix() -> None:
         ([(1, 4), (2, 3)], [0, 1, 1, 1, 1]),
     ],
 )
-def test_a_cell_is_a_run_of_hinges_that_couplings_overlap(pairs: list[tuple[int, int]], wanted: list[int]) -> None:
+def test_overlapping_coupled_springs_form_one_cell(pairs: list[tuple[int, int]], wanted: list[int]) -> None:
     couplings = np.array([(*pair, 1.0, 0.0) for pair in pairs], dtype=COUPLING)
     others = (np.zeros(0, FORCES[name]) for name in Rare._fields[1:])
     assert cells_of(5, Rare(couplings, *others)).tolist() == wanted
@@ -224,7 +224,7 @@ def test_a_cell_is_a_run_of_hinges_that_couplings_overlap(pairs: list[tuple[int,
 
 
 def coupled_abroad(chain: fl.Chain) -> fl.Chain:
-    """The same with a coupling across two joints, which makes one cell of all between them."""
+    """The same chain with a coupled spring across two joints, which merges all hinges in between into one cell."""
     across = np.array([(0, chain.n - 1, 0.1 * chain.stiffness.max(), 0.2)], dtype=COUPLING)
     chain = fl.Chain(**{name: getattr(chain, name) for name in ("name", "bodies", "hinges", "gravity", "coordinates")},
                      link_names=chain.link_names, couplings=np.concatenate([chain.couplings, across]))  # fmt: skip
@@ -249,8 +249,8 @@ CHAINS = {
 @compiled
 @pytest.mark.parametrize("name", CHAINS)
 @pytest.mark.parametrize("z", [1e-4, 0.01 + 0.007j, 3.0])
-def test_the_solution_with_full_cells_is_that_of_the_dense_matrix(name: str, z: complex, tmp_path: Path) -> None:
-    """(M + z D + z² K) x = r up to 100 eps cond, as with a diagonal."""
+def test_solving_with_coupled_cells_agrees_with_the_dense_matrix(name: str, z: complex, tmp_path: Path) -> None:
+    """The error of x in (M + z D + z² K) x = r is at most 100 eps times the condition number, as with a diagonal K."""
     chain = CHAINS[name](tmp_path)
     q, r, _ = state(chain)
     r = r.astype(type(z))
@@ -267,8 +267,8 @@ def test_the_solution_with_full_cells_is_that_of_the_dense_matrix(name: str, z: 
 
 
 @pytest.mark.parametrize("name", ["plane, across opposite axes", "T3, cells of 3", "T3, across joints"])
-def test_derivatives_are_those_of_differences(name: str, tmp_path: Path) -> None:
-    """Of fourth order, to 1e-8 of the largest and the roundings of q̈; of many states as of each."""
+def test_derivatives_with_coupled_springs_agree_with_finite_differences(name: str, tmp_path: Path) -> None:
+    """Fourth-order differences agree to 1e-8 of the largest value plus rounding of q̈; batches equal single states."""
     chain = CHAINS[name](tmp_path)
     q, qd, tau = state(chain)
     found = fl.forward_dynamics_derivatives(chain, q, qd, tau)
@@ -295,8 +295,8 @@ RUNS = {
 
 @pytest.mark.parametrize("flex", ["z", "xyz"])
 @pytest.mark.parametrize("method", ["Radau5", "Gauss4"])
-def test_energy_balances_in_implicit_steps(method: str, flex: str) -> None:
-    """What the coupled springs store and the coupled dampers take, to what the steps leave of 1 J or so."""
+def test_coupled_springs_and_dampers_balance_energy_in_implicit_steps(method: str, flex: str) -> None:
+    """With the energy of coupled springs and dampers, the imbalance is at most 1e-5 of the exchanged energy."""
     run = fl.simulate(arm(flex).varied({"run": {"duration": 1.0}}).varied(RUNS[method]))
     moved = np.ptp(run.energy.gravity) + np.ptp(run.energy.kinetic)
     assert np.abs(run.imbalance).max() <= 1e-5 * moved
@@ -306,8 +306,8 @@ def test_energy_balances_in_implicit_steps(method: str, flex: str) -> None:
 @compiled
 @pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize("method", ["Radau5", "Radau9"])
-def test_newton_s_iteration_takes_the_passes_that_it_takes_without_couplings(method: str, rule: str) -> None:
-    """Its matrix knows them: with the diagonal alone of K and D it takes from 1.4 times as many on."""
+def test_coupled_springs_do_not_increase_the_number_of_newton_iterations(method: str, rule: str) -> None:
+    """If the Newton matrix contained only the diagonals of K and D, at least 1.4 times as many would be needed."""
     passes = {}
     for name in ("gauss", rule):
         link = flexible("a", "z", 13, lumping=name, damping=DAMPED)
@@ -319,5 +319,5 @@ def test_newton_s_iteration_takes_the_passes_that_it_takes_without_couplings(met
 
 @pytest.mark.parametrize("path", ["material.aluminium.young", "link.upper.damping.ratio", "link.upper.length"])
 @pytest.mark.parametrize("flex", ["z", "xyz"])
-def test_sensitivities_are_those_of_finite_differences(flex: str, path: str) -> None:
+def test_sensitivities_with_coupled_springs_agree_with_finite_differences(flex: str, path: str) -> None:
     check(arm(flex, segments=3).varied(RUNS["RK4"]), path)

@@ -1,4 +1,4 @@
-"""Small motion, statics, modes and strain of chains with coupled springs are those of full matrices."""
+"""Small motion, statics, modes and strain of chains with coupled springs agree with full matrices."""
 
 from __future__ import annotations
 
@@ -35,19 +35,19 @@ from flexlink.scene_report.study import Study
 from tests.words import reviewed
 
 EPS = np.finfo(float).eps
-ESTIMATE = 0.1  # of the fastest, as in `test_extremes`
+ESTIMATE = 0.1  # relative error of the highest frequency, as in `test_extremes`
 WEIGHTS = (*np.eye(3), np.array([1.0, 0.7, 0.49]))
-SPRUNG = [name for name in CHAINS if "across" not in name]  # whose K is positive definite where there are springs
+SPRUNG = [name for name in CHAINS if "across" not in name]  # chains whose K is positive definite for the sprung joints
 
 
 def matrices(chain: fl.Chain, q, qd, wrench, follower=False) -> np.ndarray:
-    """Matrices K, C and M."""
+    """The dense matrices K, C and M."""
     K = stiffness_matrix(chain, q, qd, wrench, follower)
     return np.array([K, gyroscopic_matrix(chain, q, qd) + damping_matrix(chain), fl.mass_matrix(chain, q)])
 
 
 def held_at(chain: fl.Chain, *joints: int) -> fl.Chain:
-    """The chain with some prescribed joints."""
+    """The same chain with the given joints prescribed."""
     hinges = chain.hinges.copy()
     hinges["prescribed"][list(joints)] = 1
     return dataclasses.replace(chain, hinges=hinges)
@@ -59,10 +59,10 @@ def held_at(chain: fl.Chain, *joints: int) -> fl.Chain:
 @pytest.mark.parametrize("moving", [False, True])
 @pytest.mark.parametrize("follower", [False, True])
 @pytest.mark.parametrize("name", CHAINS)
-def test_products_and_solutions_are_those_of_the_matrices(
+def test_products_and_solutions_agree_with_the_dense_matrices(
     name: str, follower: bool, moving: bool, tmp_path: Path
 ) -> None:
-    """With one joint locked within a cell."""
+    """One joint within a cell is locked."""
     chain, rng = CHAINS[name](tmp_path), np.random.default_rng(3)
     n, wrench, locked = chain.n, rng.normal(size=6) * 10, np.zeros(chain.n, bool)
     q, qd, _ = state(chain)
@@ -76,7 +76,7 @@ def test_products_and_solutions_are_those_of_the_matrices(
         assert np.abs(motion.times(weights, x) - np.where(locked, 0.0, x @ A.T)).max() <= 1e-13 * n * np.abs(A).max()
         scaled = own + w[:, None] * (A - own)
         if not (weights[0] and weights[1]):
-            continue  # K and C alone may be singular; M has other tests
+            continue  # K and C alone may be singular; other tests cover M
         motion.eliminate(weights, w, np.abs(scaled).max(axis=1), 0.0)
         found = motion.solve(x @ scaled.T)[0]
         assert np.abs(found - x).max() <= 1e-14 * np.linalg.cond(scaled) * np.abs(x).max()
@@ -85,7 +85,7 @@ def test_products_and_solutions_are_those_of_the_matrices(
 
 @pytest.mark.parametrize("smallest", [1e-8, 0.7, 1e9])
 @pytest.mark.parametrize("name", CHAINS)
-def test_a_newton_step_with_eliminated_coordinates_is_that_of_the_full_matrix(
+def test_a_newton_step_with_eliminated_coordinates_agrees_with_the_full_matrix(
     name: str, smallest: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(small_motion.SmallMotion.eliminate, "__defaults__", (smallest,))
@@ -106,8 +106,8 @@ def test_a_newton_step_with_eliminated_coordinates_is_that_of_the_full_matrix(
 
 
 @pytest.mark.parametrize("rule", ["lobatto2", "lobatto4"])
-def test_pivots_give_the_same_verdict_as_eigenvalues(rule: str, rng: np.random.Generator) -> None:
-    """Columns near their buckling load, π²/4, free at the root or clamped."""
+def test_pivots_and_eigenvalues_agree_on_whether_a_column_is_stable(rule: str, rng: np.random.Generator) -> None:
+    """The columns have loads near the buckling load, π²/4, and a free or a clamped root."""
     found = []
     for _ in range(40):
         column = cantilever(rule, 8)
@@ -152,7 +152,7 @@ def test_deflections_follow_from_the_inverse_of_the_stiffness_matrix(name: str, 
 
 
 @pytest.mark.parametrize("name", SPRUNG)
-def test_static_configurations_found_together_are_those_found_one_by_one(name: str, tmp_path: Path) -> None:
+def test_static_configurations_found_in_a_batch_and_one_by_one_are_equal(name: str, tmp_path: Path) -> None:
     chain = CHAINS[name](tmp_path)
     hinges = chain.hinges.copy()
     hinges["rest"][chain.bending] = np.linspace(-0.02, 0.03, len(chain.bending))
@@ -165,15 +165,15 @@ def test_static_configurations_found_together_are_those_found_one_by_one(name: s
 
 
 @pytest.mark.parametrize("path", ["material.aluminium.young", "link.upper.length"])
-def test_sensitivities_of_a_run_from_static_equilibrium_are_those_of_differences(path: str) -> None:
+def test_sensitivities_of_a_run_from_equilibrium_agree_with_finite_differences(path: str) -> None:
     """The initial configuration depends on the stiffness of the springs."""
     still = {"initial.passive": "static", "initial.joint_deg": [20.0, -30.0]}
     check(arm("z", "lobatto4").varied({**RUNS["RK4"], **still}), path)
 
 
 @pytest.mark.parametrize("rule", ["lobatto2", "lobatto4"])
-def test_a_column_is_stable_up_to_its_buckling_load_and_not_beyond(rule: str) -> None:
-    """The buckling factor is that of the dense problem; there static stability changes."""
+def test_a_column_is_stable_only_below_its_buckling_load(rule: str) -> None:
+    """The buckling factor agrees with the dense eigenproblem, and static stability is lost at this factor."""
     column, push = cantilever(rule, 8), np.array([-1.0, 0, 0, 0, 0, 0])
     factor = fl.strength.buckling_loads(column, tip_wrench=push)[0]
     K = column.matrix("stiffness")
@@ -185,8 +185,8 @@ def test_a_column_is_stable_up_to_its_buckling_load_and_not_beyond(rule: str) ->
         assert rest.stable == stable
 
 
-def test_joints_without_a_spring_are_held_while_a_column_buckles() -> None:
-    """A clamped column on a joint that moves and beside one that is locked buckles as it does alone."""
+def test_joints_without_a_spring_count_as_locked_in_buckling_loads() -> None:
+    """A free joint at the root does not change the buckling load of a clamped column; locking a hinge increases it."""
     push = np.array([-1.0, 0, 0, 0, 0, 0])
     alone = fl.strength.buckling_loads(cantilever("lobatto4", 8), tip_wrench=push)
     free = thin_arm(thin_link("lobatto4", 8, free=True, armature=1.0))
@@ -199,8 +199,8 @@ def test_joints_without_a_spring_are_held_while_a_column_buckles() -> None:
 
 
 @pytest.mark.parametrize("name", SPRUNG)
-def test_elastic_shares_are_those_of_the_quadratic_forms(name: str, tmp_path: Path) -> None:
-    """E = φ* (K + |λ| D) φ of springs, P = |φ* K_load φ|, nothing else: joints have no friction."""
+def test_elastic_energy_fractions_agree_with_the_quadratic_forms(name: str, tmp_path: Path) -> None:
+    """The only energies are E = φ* (K + |λ| D) φ of springs and P = |φ* K_load φ| of loads: joints have no friction."""
     chain = CHAINS[name](tmp_path)
     q = 0.1 * state(chain)[0]
     found = fl.modes(chain, q)
@@ -215,8 +215,8 @@ def test_elastic_shares_are_those_of_the_quadratic_forms(name: str, tmp_path: Pa
 @pytest.mark.slow
 @pytest.mark.parametrize("damped", [False, True])
 @pytest.mark.parametrize("rule", ["lobatto2", "lobatto4"])
-def test_the_slowest_modes_of_a_long_chain_are_those_of_all(rule: str, damped: bool) -> None:
-    """The O(n) method agrees within the error of both; that of matrices is eps ω_max/ω."""
+def test_the_slowest_modes_of_a_long_chain_agree_with_the_full_eigenproblem(rule: str, damped: bool) -> None:
+    """The O(n) method agrees within the errors of both methods; the dense method's error is eps ω_max/ω."""
     links = [flexible(name, "yz", 29, lumping=rule, damping=DAMPED if damped else None) for name in ("a", "b")]
     chain = fl.lump(make_scene(*links, gravity=(0.0, -9.81, 0.0)))
     q = fl.solve_static(chain, locked=chain.active.tolist()).q
@@ -227,8 +227,8 @@ def test_the_slowest_modes_of_a_long_chain_are_those_of_all(rule: str, damped: b
 
 
 @pytest.mark.parametrize("rule, least", [("gauss", 6), ("lobatto2", 6), ("lobatto4", 6)])
-def test_modes_with_two_hinges_a_half_wave_are_resolved(rule: str, least: int) -> None:
-    """One mode per two hinges, as with independent springs; higher ones are no modes of the arm."""
+def test_modes_with_two_hinges_per_half_wave_count_as_resolved(rule: str, least: int) -> None:
+    """One mode per two hinges is resolved, as with independent springs; higher modes are not physical."""
     column = cantilever(rule, 12)
     flags = resolved(fl.modes(column), column)
     assert flags == (True,) * least + (False,) * (12 - least)
@@ -238,8 +238,8 @@ def test_modes_with_two_hinges_a_half_wave_are_resolved(rule: str, least: int) -
 
 
 @pytest.mark.parametrize("name", SPRUNG)
-def test_both_ends_of_the_spectrum_are_those_of_the_dense_problem(name: str, tmp_path: Path) -> None:
-    """Also with prescribed motions of the driven joints and of a joint within a cell."""
+def test_lowest_and_highest_frequencies_agree_with_the_dense_eigenproblem(name: str, tmp_path: Path) -> None:
+    """They also agree if the driven joints and a joint within a cell have prescribed motions."""
     chain = CHAINS[name](tmp_path)
     q = 0.3 * state(chain)[0]
     for one in (chain, held_at(chain, *chain.active.tolist(), chain.n - 2)):
@@ -253,8 +253,8 @@ def test_both_ends_of_the_spectrum_are_those_of_the_dense_problem(name: str, tmp
 
 
 @pytest.mark.parametrize("name", SPRUNG)
-def test_the_fastest_vibration_is_that_of_the_dense_problem_after_enough_iterations(name: str, tmp_path: Path) -> None:
-    """It is only an estimate because few iterations suffice, not because a coupling is missing."""
+def test_the_highest_frequency_is_exact_with_enough_iterations(name: str, tmp_path: Path) -> None:
+    """The usual result is inexact only because few iterations suffice, not because a coupling is missing."""
     chain = CHAINS[name](tmp_path)
     q, coupled = 0.3 * state(chain)[0], np.ascontiguousarray(chain.couplings["stiffness"])
     posture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
@@ -265,8 +265,8 @@ def test_the_fastest_vibration_is_that_of_the_dense_problem_after_enough_iterati
 
 @pytest.mark.slow
 @pytest.mark.parametrize("rule", ["lobatto2", "lobatto4"])
-def test_the_stable_step_of_a_long_chain_is_that_of_the_dense_problem(rule: str) -> None:
-    """Above 100 joints it needs only products with the matrices; with damping, the error of Lanczos' method is 1e-4."""
+def test_the_fastest_eigenvalues_of_a_long_chain_agree_with_the_dense_problem(rule: str) -> None:
+    """Above 100 joints only matrix products are used; with damping, the error of the Lanczos method is 1e-4."""
     chain = fl.lump(make_scene(flexible("a", "z", 121, lumping=rule, damping=fl.Damping(ratio=0.3, at_hz=2e4))))
     q, zero = np.zeros(chain.n), np.zeros(chain.n)
     K, C, M = matrices(chain, q, zero, np.zeros(6))
@@ -280,8 +280,8 @@ def test_the_stable_step_of_a_long_chain_is_that_of_the_dense_problem(rule: str)
 
 
 @pytest.mark.parametrize("rule", ["lobatto2", "lobatto4"])
-def test_gauges_at_gauss_points_read_the_moment_there(rule: str) -> None:
-    """κ = M/EI under a small force across the tip, to its square; a linear moment is exact for every cell."""
+def test_strain_gauges_at_gauss_points_measure_the_local_moment(rule: str) -> None:
+    """Under a small transverse tip force, κ = M/EI to second order; cells represent a linear moment exactly."""
     link = flexible("a", "xyz", 9, lumping=rule, joint=fl.Joint(locked=True))
     scene = make_scene(link, gravity=(0.0, 0.0, 0.0))
     chain, small = fl.lump(scene), 1e-3

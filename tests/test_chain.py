@@ -1,4 +1,4 @@
-"""The chain has the degrees of freedom, the order and the properties that the paper states."""
+"""The chain has the degrees of freedom, the coordinate order and the properties stated in the paper."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from tests.words import refused, reviewed
 
 
 @pytest.mark.parametrize(("n", "nseg", "flex"), list(itertools.product([2, 3, 5], [2, 5, 8], ["z", "yz", "xyz"])))
-def test_degrees_of_freedom_follow_equation_1(n: int, nseg: int, flex: str) -> None:
+def test_degrees_of_freedom_follow_equation_1_of_the_paper(n: int, nseg: int, flex: str) -> None:
     tip = len(AXES[flex])
     scene = make_scene(Link(name="waist"), *[flexible(f"link{i}", flex, nseg) for i in range(n - 1)])
     assert lump(scene).n == n * (tip * (nseg - 1) + 1) - tip * (nseg - 1)
@@ -60,16 +60,16 @@ def test_figure_5_has_ten_degrees_of_freedom_in_the_papers_order(models) -> None
     assert chain.stiffness[0] == 0
 
 
-def test_sequential_and_three_index_coordinates_are_inverse(chain: Chain) -> None:
+def test_sequential_and_three_index_coordinates_convert_into_each_other(chain: Chain) -> None:
     for k in range(chain.n):
         assert chain.index(*chain.coordinate(k)) == k
     assert len({chain.joint_name(k) for k in range(chain.n)}) == chain.n
     places = [(c.link, c.segment) for c in chain.coordinates]
-    assert places == sorted(places)  # from base to tip; a segment's bending axes take turns at who comes first
+    assert places == sorted(places)  # from base to tip; the order of the bending axes alternates between segments
 
 
 @pytest.mark.parametrize("names", [("a", "a.1.z"), ("a.1.z", "a"), ("a", "a.1.z", "a.1.z_2"), ("a.1", "a", "a.1.1.z")])
-def test_no_joint_is_called_like_another_and_no_column_is_lost(names: tuple[str, ...]) -> None:
+def test_joint_names_are_unique_and_every_column_is_kept(names: tuple[str, ...]) -> None:
     scene = make_scene(*(flexible(name, segments=2) for name in names), run=RunSettings(step=1e-4, duration=0.0))
     chain = lump(scene)
     given = [chain.joint_name(k) for k in range(chain.n)]
@@ -110,7 +110,7 @@ def test_mass_of_the_chain_is_the_mass_of_the_arm() -> None:
     assert lump(scene).bodies["mass"].sum() == pytest.approx(expected, rel=1e-14, abs=0)
 
 
-def test_stiffness_is_rigidity_over_weight_times_length() -> None:
+def test_hinge_stiffness_is_rigidity_over_segment_length() -> None:
     section = Section(shape="rectangle", height=0.03, width=0.02)
     scene = make_scene(flexible("a", "xyz", 4))
     scene.arm.sections["square"] = section
@@ -121,7 +121,7 @@ def test_stiffness_is_rigidity_over_weight_times_length() -> None:
     assert p.i_z == pytest.approx(0.02 * 0.03**3 / 12, rel=1e-14, abs=0)  # height along y resists bending about z
 
 
-def test_locking_a_joint_equals_a_fixed_rotation() -> None:
+def test_locking_a_joint_is_equivalent_to_a_fixed_rotation() -> None:
     locked = lump(
         make_scene(flexible("a"), flexible("b", joint=Joint(locked=True)), initial=InitialState(joint_deg=(0.0, 30.0)))
     )
@@ -130,7 +130,7 @@ def test_locking_a_joint_equals_a_fixed_rotation() -> None:
         np.testing.assert_allclose(locked.bodies[field], turned.bodies[field], atol=1e-15)
 
 
-def test_a_spring_too_soft_for_float64_is_refused_not_left_out() -> None:
+def test_a_spring_whose_stiffness_underflows_is_refused() -> None:
     soft = Material(young=1e-320, density=1.0)
     scene = make_scene(flexible("a"))
     scene.arm.materials["aluminium"] = soft
@@ -138,7 +138,7 @@ def test_a_spring_too_soft_for_float64_is_refused_not_left_out() -> None:
         lump(scene)
 
 
-def test_a_single_axis_too_soft_for_float64_is_also_refused() -> None:
+def test_a_single_axis_whose_stiffness_underflows_is_refused() -> None:
     scene = make_scene(flexible("a", "xyz"))
     scene.arm.sections["square"] = Section(shape="general", area=1.0, i_y=1.0, i_z=1.0, torsion=5e-324)
     scene.arm.materials["aluminium"] = Material(young=1.0, density=1.0)
@@ -146,8 +146,8 @@ def test_a_single_axis_too_soft_for_float64_is_also_refused() -> None:
         lump(scene)
 
 
-def test_a_locked_joint_rotates_and_displaces_its_link_as_its_mount() -> None:
-    """The axes of the hub are those of R = Rz Ry Rx, and the length of the link is along the x axis of R."""
+def test_a_locked_joint_rotates_its_link_like_a_mount() -> None:
+    """The axes of the hub are the columns of R = Rz Ry Rx, and the link lies along the first column."""
     roll, pitch, yaw = np.radians([30.0, 40.0, 50.0])
     Rx = [[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]]
     Ry = [[np.cos(pitch), 0, np.sin(pitch)], [0, 1, 0], [-np.sin(pitch), 0, np.cos(pitch)]]
@@ -164,7 +164,7 @@ def test_a_locked_joint_rotates_and_displaces_its_link_as_its_mount() -> None:
     np.testing.assert_allclose(chain.bodies[-1]["rotation"], R, atol=1e-15)
 
 
-def test_the_stiffness_of_a_hinge_depends_on_its_weight() -> None:
+def test_hinge_stiffness_is_inversely_proportional_to_the_quadrature_weight() -> None:
     """The weights of this rule are not symmetric from base to tip."""
     _, weights = lumping_rule("clamped").hinges(6)
     assert not np.allclose(weights, weights[::-1])
@@ -173,7 +173,7 @@ def test_the_stiffness_of_a_hinge_depends_on_its_weight() -> None:
     np.testing.assert_allclose(chain.stiffness, 70e9 * SQUARE.properties.i_z / (1.25 * weights), rtol=1e-14)
 
 
-def test_a_payload_joins_the_last_segment() -> None:
+def test_a_payload_is_added_to_the_last_segment() -> None:
     bare, loaded = lump(make_scene(flexible("a"))), lump(make_scene(flexible("a"), tip=RigidBody(mass=2.0)))
     m, h = bare.bodies[-2]["mass"], 0.25
     assert loaded.bodies[-2]["mass"] == pytest.approx(m + 2.0)
@@ -190,10 +190,10 @@ def test_kelvin_voigt_damping_is_loss_time_times_stiffness(models) -> None:
     np.testing.assert_array_equal(chain.damping[chain.active], [2.0, 1.0, 0.5])
 
 
-def test_a_hub_turns_with_its_joint_and_stays_where_the_joint_is_locked() -> None:
+def test_a_hub_turns_with_its_joint_unless_the_joint_is_locked() -> None:
     hub = RigidBody(mass=3.0, inertia=(0.1, 0.2, 0.3))
     bare, loaded = make_scene(flexible("a"), flexible("b")), make_scene(flexible("a"), flexible("b", hub=hub))
-    i = lump(bare).bodies["first"].tolist().index(5)  # the body behind the second active joint
+    i = lump(bare).bodies["first"].tolist().index(5)  # the body outboard of the second active joint
     assert lump(loaded).bodies["mass"][i] == pytest.approx(lump(bare).bodies["mass"][i] + 3.0)
     lock = Joint(locked=True)
     bare, loaded = (
@@ -204,7 +204,7 @@ def test_a_hub_turns_with_its_joint_and_stays_where_the_joint_is_locked() -> Non
     np.testing.assert_allclose(gain[gain != 0], [3.0])
 
 
-def test_a_hinge_on_a_free_joint_needs_inertia_between(tmp_path) -> None:
+def test_a_hinge_at_an_unsprung_joint_needs_inertia_in_between(tmp_path) -> None:
     rule = tmp_path / "nodal.toml"
     rule.write_text('about = "a"\nsource = "b"\n[grid]\nfirst = 0.0\nlast = 0.5\n', encoding="utf-8")
     with refused(SceneError, "hinge-without-inertia"):
@@ -218,8 +218,8 @@ def test_a_hinge_on_a_free_joint_needs_inertia_between(tmp_path) -> None:
         assert np.linalg.eigvalsh(mass_matrix(chain, np.zeros(chain.n))).min() > 0
 
 
-def test_the_section_of_a_prism_is_worked_out_once_not_once_a_segment(monkeypatch) -> None:
-    """One segment at a time, 100,001 of them took 10 s."""
+def test_section_properties_of_a_prism_are_computed_once(monkeypatch) -> None:
+    """Computing them for each segment separately took 10 s for 100,001 segments."""
     calls = []
 
     def counted(height: float, width: float) -> SectionProperties:
@@ -231,7 +231,7 @@ def test_the_section_of_a_prism_is_worked_out_once_not_once_a_segment(monkeypatc
     assert len(calls) < 10
 
 
-def test_a_segment_of_a_prism_has_the_moments_of_a_prism() -> None:
+def test_a_segment_of_a_prism_has_the_exact_mass_and_inertia() -> None:
     """m = ρ A l;  I_xx = ρ l (I_y + I_z),  I_yy = ρ l I_y + m l²/12,  I_zz = ρ l I_z + m l²/12."""
     section = Section(shape="rectangle", height=0.03, width=0.02)
     arm = Arm(links=(flexible("a", "xyz", 5),), materials={"aluminium": ALUMINIUM}, sections={"square": section})
@@ -244,8 +244,8 @@ def test_a_segment_of_a_prism_has_the_moments_of_a_prism() -> None:
     np.testing.assert_allclose(body["inertia"], np.diag(wanted), rtol=1e-13, atol=0)
 
 
-def test_slices_of_a_taper_and_of_a_prism_add_up_to_the_whole() -> None:
-    """Σ m = ρ ∫ A dx; a square that runs from a to b: ∫ A = (a² + ab + b²)/3, exact under four Gauss points."""
+def test_segment_masses_add_up_to_the_mass_of_the_link() -> None:
+    """Σ m = ρ ∫ A dx; for a square tapered from a to b, ∫ A dx = L (a² + ab + b²)/3, exact with four Gauss points."""
     arm = Arm(
         links=(flexible("a", "xyz", 5, section_tip="small"),),
         materials={"aluminium": ALUMINIUM},
@@ -255,7 +255,7 @@ def test_slices_of_a_taper_and_of_a_prism_add_up_to_the_whole() -> None:
     assert chain_of(arm, (0, 0, 0)).bodies["mass"].sum() == pytest.approx(wanted, rel=1e-14, abs=0)
 
 
-def test_one_layout_means_that_hinges_turn_alike(tmp_path) -> None:
+def test_chains_share_a_layout_only_if_axes_and_prescribed_joints_match(tmp_path) -> None:
     rule = 'about = "a"\nsource = "b"\nalternate_axes = {}\n[grid]\nfirst = 0.5\nlast = 0.5\n'
     files = {order: tmp_path / f"{order}.toml" for order in ("true", "false")}
     for order, file in files.items():
@@ -276,7 +276,7 @@ def test_one_layout_means_that_hinges_turn_alike(tmp_path) -> None:
     assert long.same_layout(short)
 
 
-def test_mounts_behind_each_other_add_up_before_axes_are_compared() -> None:
+def test_the_planarity_check_accumulates_successive_mount_rotations() -> None:
     skew, tilted = Mount(rpy_deg=(-75.0, 20.0, 30.0)), Mount(rpy_deg=(0.0, 40.0, 0.0))
     turns = {"in": (0.0, 0.0, 25.0), "over": (180.0, 0.0, 25.0), "out": (-75.0, 20.0, 30.0)}
     for plane, rpy_deg in turns.items():
@@ -287,8 +287,8 @@ def test_mounts_behind_each_other_add_up_before_axes_are_compared() -> None:
     assert not lump(make_scene(*there_and_back)).is_planar
 
 
-def test_inertias_are_symmetric_to_the_bit() -> None:
-    """R I Rᵀ is so up to rounding only, and files hold six numbers."""
+def test_inertia_tensors_are_exactly_symmetric() -> None:
+    """R I Rᵀ is symmetric only up to rounding, but files store six numbers."""
     heavy = RigidBody(mass=1.0, center=(0.1, 0.2, 0.3), inertia=(0.3, 0.25, 0.2, 0.03, 0.02, 0.01))
     links = [
         flexible(f"link {k}", mount=Mount(rpy_deg=(10.0 * k, 20.0, 30.0)), joint=Joint(locked=k > 0), end=heavy)
@@ -298,8 +298,8 @@ def test_inertias_are_symmetric_to_the_bit() -> None:
         assert inertia.tolist() == inertia.T.tolist()
 
 
-def test_mass_and_centre_of_mass_are_those_of_gravity(rng) -> None:
-    """The slope of the gravity energy −m g·p along g."""
+def test_mass_and_centre_of_mass_agree_with_the_gravity_potential(rng) -> None:
+    """The gravity potential is −m g·p, with the mass m and the position p of the centre of mass."""
     chain = lump(nasty_scene())
     q = rng.uniform(-1, 1, chain.n)
     assert chain.mass == chain.bodies["mass"].sum()
@@ -318,8 +318,8 @@ def _massless(chain: Chain) -> np.ndarray:
     return bodies
 
 
-def test_variants_of_an_arm_are_cut_as_they_are_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What variants share is found once; nothing of one gets into another."""
+def test_variants_lumped_together_equal_variants_lumped_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Shared data are computed once, and variants do not affect each other."""
     scene = nasty_scene()
     found = ("is_planar", "axes", "active", "joint_names", "coordinates", "link_names", "_layout", "_sequential")
     for name in found:
@@ -352,8 +352,8 @@ def test_variants_of_an_arm_are_cut_as_they_are_alone(monkeypatch: pytest.Monkey
             assert np.all(getattr(near, name) == getattr(alone, name))
 
 
-def test_chains_found_together_are_those_of_each_scene() -> None:
-    """To the bit, or refused in the same words."""
+def test_scenes_lumped_together_or_alone_give_the_same_chains() -> None:
+    """Chains are bitwise equal, or both scenes are refused with the same message."""
     scene = load_scene(ROOT / "models" / "t3_spatial.toml")
     (name, *_) = scene.arm.materials
     tips = [

@@ -1,4 +1,4 @@
-"""method = "auto": what makes an arm stiff, and what keeps the highest order away."""
+"""With method = "auto", stiffness and tolerance decide on an explicit, an implicit or a high-order method."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ CHAIN = fl.lump(SCENE)
 
 @functools.cache
 def fastest() -> float:
-    """Of its springs; asked by tests, not where they are collected: it compiles."""
+    """Highest spring frequency [rad/s] of `CHAIN`; computed within tests, since it compiles code."""
     return fastest_frequency(CHAIN, np.zeros(CHAIN.n))
 
 
 def chosen(duration: float, part: float = 1e-4, drive: dict[str, Any] | None = None, **hinges: float) -> str:
-    """The method for a run of this length with an error of this part of the reach, springs like those of `CHAIN`."""
+    """The method chosen for a run of `CHAIN` with this duration [s] and a tolerance of `part` times its reach."""
     scene = SCENE if drive is None else SCENE.varied({"drive": drive})
     changed = CHAIN.hinges.copy()
     for name, value in hinges.items():
@@ -44,27 +44,27 @@ def chosen(duration: float, part: float = 1e-4, drive: dict[str, Any] | None = N
     return cheapest(cast("Any", record), part * chain.reach, 10.0)[0]
 
 
-def test_dampers_alone_make_an_arm_stiff() -> None:
-    """A short run, for an explicit method by its springs; dampers a million times as strong as critical ones."""
+def test_strong_dampers_alone_lead_to_an_implicit_method() -> None:
+    """With springs alone, an explicit method suits this short run; the dampers are a million times critical."""
     duration = 0.1 * STIFF / fastest()
     assert chosen(duration) == "DOP853"
     assert chosen(duration, damping=1e6 * float(CHAIN.stiffness.max()) / fastest()) == "Radau5"
 
 
-def test_high_order_is_for_small_tolerances_and_not_for_dry_friction() -> None:
+def test_high_order_is_chosen_for_small_tolerances_without_dry_friction() -> None:
     duration = 0.9 * STIFF / fastest()
     assert chosen(duration, 10 * SMALL) == "Radau5"
     assert chosen(duration, 0.1 * SMALL) == "Radau9"
     assert chosen(duration, 0.1 * SMALL, coulomb=1e-3, coulomb_width=1.0) == "Radau5"
 
 
-def test_a_stiff_run_does_not_begin_with_high_order() -> None:
-    """Vibration that its start excites asks for short steps of any order."""
+def test_a_stiff_run_does_not_start_with_a_high_order_method() -> None:
+    """Vibration excited at the start requires short steps with any order."""
     assert chosen(1.1 * STIFF / fastest(), 0.1 * SMALL) == "Radau5"
     assert chosen(10 * STIFF / fastest(), 0.1 * SMALL) == "Radau5"
 
 
-def test_gains_of_a_drive_and_dry_friction_make_an_arm_stiff() -> None:
+def test_drive_gains_and_dry_friction_lead_to_an_implicit_method() -> None:
     duration = 0.1 * STIFF / fastest()
     stiff, braked = 1e6 * float(CHAIN.stiffness.max()), 1e6 * float(CHAIN.stiffness.max()) / fastest()
     pd = {"kind": "pd", "kp": [0.0], "kd": [0.0], "target_deg": [0.0]}
@@ -74,5 +74,5 @@ def test_gains_of_a_drive_and_dry_friction_make_an_arm_stiff() -> None:
     assert chosen(duration, coulomb=braked, coulomb_width=1.0) == "Radau5"
 
 
-def test_a_run_without_duration_takes_no_steps_and_any_method_does() -> None:
+def test_a_run_without_duration_accepts_any_method() -> None:
     assert fl.simulate(SCENE, duration=0.0, method="auto", relative_tolerance=1e-4).t.tolist() == [0.0]

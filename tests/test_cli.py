@@ -1,4 +1,4 @@
-"""The command line: results on success, one line and exit code 2 on errors, and no lost results."""
+"""The command line prints results on success, one line with exit code 2 on errors, and never loses results."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ METHOD = re.compile(r"  (\w+) +(?=\D*\d)")
 
 
 def method_lines(out: str) -> dict[str, str]:
-    """Lines of `flexlink info` on the fixed steps, by method."""
+    """The lines of `flexlink info` about fixed steps, by method."""
     return {found[1]: text for text in out.splitlines() if (found := METHOD.match(text)) and found[1] in METHODS}
 
 
@@ -51,7 +51,7 @@ def test_info_names_every_coordinate_and_the_stable_steps(paper: str, capsys) ->
     assert re.findall(r"\d[\d.]*", out.splitlines()[1]) == ["10", "2", "10.8"]
     assert "upper.1.z" in out
     assert re.search(r"\b0\.000491 s\b", steps["RK4"])
-    assert len(re.findall(r"\d s\b", steps["RK4"])) == 2  # the step, and CPU time per second of motion
+    assert len(re.findall(r"\d s\b", steps["RK4"])) == 2  # step, and CPU time per second of simulated motion
     assert line(out, " 13.3: ", "5760 1/s", "431.6 rad/s")
     assert "RK4" in steps["Radau5"]
     assert not re.search(r"\d s\b", steps["Radau5"])
@@ -75,7 +75,7 @@ def test_simulate_writes_samples_and_a_picture(paper: str, tmp_path: Path, capsy
     reviewed("cli: run", line(capsys.readouterr().out, "paper_fig5: "), values=False)
 
 
-def test_a_bad_scene_prints_one_line_exits_2_and_writes_nothing(paper: str, tmp_path: Path, capsys) -> None:
+def test_a_bad_scene_gives_one_line_and_exit_code_2_and_writes_nothing(paper: str, tmp_path: Path, capsys) -> None:
     bad = tmp_path / "bad.toml"
     bad.write_text(Path(paper).read_text(encoding="utf-8").replace("segments = 5", "segments = 1"), encoding="utf-8")
     for command in (["simulate", str(bad), "--out", str(tmp_path / "run.csv")], ["info", str(bad)],
@@ -86,7 +86,7 @@ def test_a_bad_scene_prints_one_line_exits_2_and_writes_nothing(paper: str, tmp_
     assert [path.name for path in tmp_path.iterdir()] == ["bad.toml"]
 
 
-def test_a_diverging_run_saves_its_samples_and_exits_2(paper: str, tmp_path: Path, capsys) -> None:
+def test_a_diverging_run_saves_its_samples_and_returns_exit_code_2(paper: str, tmp_path: Path, capsys) -> None:
     out = tmp_path / "run.npz"
     assert main(["simulate", paper, "--step", "1e-3", "--sample", "1e-3", "--insist", "--out", str(out)]) == 2
     err = capsys.readouterr().err
@@ -114,7 +114,7 @@ def test_the_summary_shows_the_power_balance_in_one_line(paper: str, capsys) -> 
     assert share == pytest.approx(largest / exchanged, rel=0.1)
 
 
-def test_a_run_without_duration_is_only_the_initial_state(paper: str, capsys) -> None:
+def test_a_run_without_duration_saves_only_the_initial_state(paper: str, capsys) -> None:
     assert main(["simulate", paper, "--duration", "0"]) == 0
     first = capsys.readouterr().out.splitlines()[0]
     reviewed("cli: run without duration", first)
@@ -122,7 +122,7 @@ def test_a_run_without_duration_is_only_the_initial_state(paper: str, capsys) ->
     assert "--duration" in first
 
 
-def test_a_missing_output_folder_is_found_before_the_run(paper: str, tmp_path: Path, capsys) -> None:
+def test_a_missing_output_folder_is_reported_before_the_run(paper: str, tmp_path: Path, capsys) -> None:
     assert main(["simulate", paper, "--out", str(tmp_path / "no" / "run.npz")]) == 2
     refused_line(capsys.readouterr().err, "no-such-folder")
     assert main(["simulate", paper, "--out", str(tmp_path / "run.xlsx")]) == 2
@@ -131,7 +131,7 @@ def test_a_missing_output_folder_is_found_before_the_run(paper: str, tmp_path: P
     assert ".csv" in refusal
 
 
-def test_a_full_disk_loses_no_result(paper: str, tmp_path: Path, capsys, monkeypatch) -> None:
+def test_a_full_disk_does_not_lose_the_results(paper: str, tmp_path: Path, capsys, monkeypatch) -> None:
     real = Path.replace
     full = OSError(28, "No space left on device")
 
@@ -155,17 +155,17 @@ def test_export_writes_every_format(paper: str, tmp_path: Path, capsys) -> None:
     assert written == [f"paper_fig5.{ending}" for ending in ("mjcf.xml", "sdf", "urdf")]
 
 
-def test_compare_agrees_and_exits_0(paper: str, capsys) -> None:
+def test_compare_returns_exit_code_0_if_engines_agree(paper: str, capsys) -> None:
     assert main(["compare", paper, "--samples", "5"]) == 0
     assert "pinocchio" in capsys.readouterr().out
 
 
-def test_an_unknown_engine_is_listed(paper: str, capsys) -> None:
+def test_an_unknown_engine_is_refused_with_a_list_of_engines(paper: str, capsys) -> None:
     assert main(["compare", paper, "--engines", "bullet"]) == 2
     assert "'bullet'" in refused_line(capsys.readouterr().err, "unknown-name")
 
 
-def test_the_version_is_that_of_the_library(capsys) -> None:
+def test_the_version_option_prints_the_version_of_the_library(capsys) -> None:
     with pytest.raises(SystemExit) as caught:
         main(["--version"])
     assert caught.value.code == 0
@@ -173,7 +173,7 @@ def test_the_version_is_that_of_the_library(capsys) -> None:
 
 
 def test_the_time_of_a_run_excludes_its_compilation(paper: str, capsys, monkeypatch) -> None:
-    """A slow constructor takes the place of the compiler."""
+    """A slow constructor imitates the compiler."""
     real = single.SingleRun
 
     def slowly(*arguments):
@@ -196,7 +196,7 @@ def test_a_warning_is_one_line(capsys) -> None:
     assert capsys.readouterr().err == f"flexlink: warning: {' '.join(parts)}\n"
 
 
-def test_help_has_examples(capsys) -> None:
+def test_help_shows_valid_examples(capsys) -> None:
     with pytest.raises(SystemExit) as caught:
         main(["--help"])
     assert caught.value.code == 0
@@ -250,7 +250,7 @@ def frequencies(capsys: pytest.CaptureFixture[str]) -> list[str]:
     return [line.split()[1] for line in capsys.readouterr().out.splitlines()[1:-1]]
 
 
-def test_lock_takes_links_joints_and_indices(paper: str, capsys) -> None:
+def test_the_lock_option_accepts_links_joints_and_indices(paper: str, capsys) -> None:
     for lock in (["upper", "fore", "upper.1.z"], ["0", "5", "1"], ["waist", "upper", "fore", "1"]):
         assert main(["modes", paper, "--lock", *lock]) == 0
         found = frequencies(capsys)
@@ -299,7 +299,7 @@ def damped_boom(tmp_path: Path, damping: str) -> str:
     return str(path)
 
 
-def test_info_and_modes_show_the_specified_damping_next_to_that_of_the_model(tmp_path: Path, capsys) -> None:
+def test_info_and_modes_show_specified_and_modelled_damping(tmp_path: Path, capsys) -> None:
     path = damped_boom(tmp_path, "{ ratio = 0.01, at_hz = 5.0 }")
     for command in (["info", path], ["modes", path, "--lock", "boom"]):
         assert main(command) == 0
@@ -313,7 +313,7 @@ def test_info_and_modes_show_the_specified_damping_next_to_that_of_the_model(tmp
         assert len(rows) == (4 if command[0] == "info" else 8)
         for _, hertz, ratio, specified in rows:
             assert specified == pytest.approx(0.01 * hertz / 5.0, rel=1e-3)
-            assert ratio == pytest.approx(specified, rel=1e-2)  # gravity stiffens a little, and does not damp
+            assert ratio == pytest.approx(specified, rel=1e-2)  # gravity adds some stiffness but no damping
     assert main(["modes", damped_boom(tmp_path, "")]) == 0
     assert capsys.readouterr().out.splitlines()[0].split()[-1] == "kind"
 
@@ -341,14 +341,14 @@ def test_an_unstable_mode_has_no_frequency_and_no_damping_ratio(paper: str, caps
     assert "nan" not in out
 
 
-def test_info_names_links_as_errors_do(paper: str, capsys) -> None:
+def test_info_shows_links_by_name_instead_of_number(paper: str, capsys) -> None:
     assert main(["info", paper]) == 0
     assert not re.search(r"link \d", capsys.readouterr().out)
 
 
-def test_an_editable_install_is_a_path() -> None:
-    """Setuptools' alternative, an import hook after all paths, would let scripts next to a clone find its folder
-    flexlink as an empty package. This mapping, with all packages inside it, makes setuptools write a path."""
+def test_an_editable_install_adds_a_path_not_an_import_hook() -> None:
+    """With an import hook, the alternative in setuptools, scripts next to a clone would import the clone's folder
+    flexlink as an empty package. This mapping of all packages makes setuptools write a path instead."""
     setup = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
     assert setup["package-dir"] == {"": "."}
 

@@ -1,4 +1,4 @@
-"""Slopes of columns of a run, sensors among them, are those of runs with other numbers."""
+"""Sensitivities of all columns of a run, including sensors, agree with finite differences."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def scene_of(ratio: float) -> fl.Scene:
 
 
 @pytest.mark.parametrize("path", ["tip.mass", "material.aluminium.young", "drive.kp.boom", "link.boom.length"])
-def test_they_are_those_of_finite_differences_of_runs(path: str) -> None:
+def test_column_sensitivities_agree_with_finite_differences_of_runs(path: str) -> None:
     scene = scene_of(0.01)
     slopes = fl.sensitivities(scene, [path])
     smooth = scene.varied({"sensor.gauge.noise": None, "sensor.gauge.resolution": None})
@@ -40,8 +40,8 @@ def test_they_are_those_of_finite_differences_of_runs(path: str) -> None:
         assert np.abs(slopes.column(name)[:, 0] - exact).max() <= 4 * slopes.column_error(name)[0]
 
 
-def test_a_number_at_its_least_is_moved_to_one_side() -> None:
-    """An undamped arm: its damping cannot be less."""
+def test_a_parameter_at_its_lower_bound_uses_one_sided_differences() -> None:
+    """The arm is undamped, so its damping cannot decrease."""
     slopes = fl.sensitivities(scene_of(0.0), ["link.boom.damping.ratio"])
     near = [
         fl.sensitivities(scene_of(ratio), ["link.boom.damping.ratio"]).column("imu [m/s²]") for ratio in (1e-8, 2e-8)
@@ -52,7 +52,7 @@ def test_a_number_at_its_least_is_moved_to_one_side() -> None:
     assert np.abs(found).max() > 0
 
 
-def test_work_has_a_slope_and_what_is_nothing_but_error_has_none() -> None:
+def test_work_has_a_sensitivity_but_imbalance_and_time_do_not() -> None:
     slopes = fl.sensitivities(scene_of(0.01), ["tip.mass"])
     energy = sum(slopes.column(f"{name} [J]") for name in ("kinetic", "gravity", "elastic"))
     work = slopes.column("work [J]")

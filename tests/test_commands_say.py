@@ -18,7 +18,7 @@ THREE_LINKS = str(ROOT / "models" / "three_links.toml")
 
 
 @pytest.mark.parametrize("name", ["DISPLAY", "WAYLAND_DISPLAY"])
-def test_either_kind_of_display_is_a_screen(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_x11_and_wayland_displays_both_count_as_a_screen(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.platform", "linux")
     for each in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(each, raising=False)
@@ -45,7 +45,7 @@ def test_a_progress_bar_has_at_least_four_cells_and_fits_the_terminal() -> None:
         assert len(line) <= width
 
 
-def test_info_compares_no_costs_of_methods_if_every_step_is_stable(tmp_path, capsys) -> None:
+def test_info_does_not_compare_costs_of_methods_if_every_step_is_stable(tmp_path, capsys) -> None:
     rod = fl.Link(name="rod", length=1.0, material="aluminium", section="square")
     path = make_scene(rod, gravity=(0.0, 0.0, 0.0)).save(tmp_path / "rod.toml")
     assert main(["info", str(path)]) == 0

@@ -38,7 +38,7 @@ def against(chain, engine):
 
 
 def with_defect(chain, array, field, k, change):
-    """The native dynamics of a chain with one number changed, compared with those of the chain."""
+    """Compare the native dynamics of a chain before and after a change of one number."""
     edited = getattr(chain, array).copy()
     target = edited if field is None else edited[field]
     target[k] = change(target[k])
@@ -78,12 +78,12 @@ def test_a_stiffness_error_of_1e_9_in_an_engine_file_is_found(scene, k, engine, 
 
 
 def label(field):
-    """Words for a field of a record."""
+    """Readable name of a field of a record."""
     return table().fields[field].label
 
 
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
-def test_balanced_states_show_a_stiffness_error_in_the_acceleration_of_its_joint(chain, engine):
+def test_equilibrium_states_show_a_stiffness_error_in_the_acceleration_of_its_joint(chain, engine):
     balanced = [state for number, state in enumerate(mixed_states(chain, 80)) if number % 8 in {1, 5}]
     native = load("native", chain)
     for k in np.flatnonzero(chain.stiffness)[[0, 7, -1]]:
@@ -119,13 +119,13 @@ def test_errors_pass_up_to_the_rounding_bound_of_each_quantity(name, chain):
     assert half <= 1 < twice
 
 
-def test_accelerations_without_the_tip_wrench_show(chain):
+def test_accelerations_that_omit_the_tip_wrench_are_reported(chain):
     engine, native = load("native", chain), load("native", chain)
     engine.forward_dynamics = lambda q, qd, tau, **_: native.forward_dynamics(q, qd, tau)
     assert failing(against(chain, engine)) == {"q̈"}
 
 
-def test_a_tip_frame_off_by_a_micrometre_shows_under_a_tip_wrench_only(chain):
+def test_a_tip_frame_error_of_1_um_shows_only_under_a_tip_wrench(chain):
     bodies = chain.bodies.copy()
     bodies[-1]["translation"][1] += 1e-6
     comparison = against(chain, load("native", dataclasses.replace(chain, bodies=bodies)))
@@ -143,7 +143,7 @@ def test_a_chain_agrees_with_itself_exactly(chain):
 
 
 def found(comparison, key):
-    """The one finding, reviewed, which explains all that differs."""
+    """Text of the only finding, which must explain all differences and match the reviewed file."""
     (diagnosis,) = comparison.diagnoses
     assert diagnosis.explained
     (finding,) = diagnosis.findings
@@ -215,7 +215,7 @@ def test_an_engine_that_computes_differently_from_the_same_record_is_reported(ch
     assert f" {worst.quantity} " in conclusion
 
 
-def test_numbers_that_are_not_finite_never_pass(chain):
+def test_results_that_are_not_finite_never_pass(chain):
     engine = load("native", chain)
     engine.friction_torque = lambda qd: np.where(np.arange(len(qd)) == 2, np.nan, qd)
     comparison = against(chain, engine)
@@ -226,7 +226,7 @@ def test_numbers_that_are_not_finite_never_pass(chain):
 
 
 @pytest.mark.parametrize("number", [0, 7, 19])
-def test_one_state_of_many_that_is_not_finite_does_not_pass(number, chain):
+def test_a_single_state_that_is_not_finite_fails_the_comparison(number, chain):
     engine, calls = load("native", chain), []
 
     def friction_torque(qd):

@@ -1,4 +1,4 @@
-"""Compiling in advance: every kind of scene and every public function, by a command that lists what is missing."""
+"""`flexlink compile` compiles in advance what every kind of scene and every public function needs."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ NOT_KERNELS = {
     "check_fit", "compare", "compare_trajectories", "fit", "import_urdf", "initial_state", "load_fit", "load_scene",
     "load_sweep", "lump", "report", "rigidified", "sweep", "to_mjcf", "to_sdf", "to_urdf",
 }  # fmt: skip
-"""Functions that run what others rehearse."""
+"""Functions that run only kernels which are precompiled for other functions."""
 
 
-def test_the_scenes_are_all_kinds() -> None:
+def test_the_precompiled_scenes_cover_all_kinds_of_chain() -> None:
     chains = [fl.lump(rehearsal.scene_of(name)) for name in rehearsal.KINDS]
     assert len({(chain.is_planar, chain.arrays.rare is None) for chain in chains}) == 4
     assert any(chain.has_free_base for chain in chains)
@@ -31,7 +31,7 @@ def test_the_scenes_are_all_kinds() -> None:
     assert any(chain.slides.any() for chain in chains)
 
 
-def test_every_public_function_of_numbers_is_rehearsed() -> None:
+def test_every_public_numerical_function_is_precompiled() -> None:
     text = inspect.getsource(rehearsal)
     public = {name for name in fl.__all__ if inspect.isfunction(getattr(fl, name))}
     assert {name for name in public - NOT_KERNELS if not re.search(rf"\b{name}\b", text)} == set()
@@ -39,23 +39,23 @@ def test_every_public_function_of_numbers_is_rehearsed() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", rehearsal.KINDS)
-def test_a_rehearsal_runs_to_its_end(name: str, capsys) -> None:
-    """What is refused compiles nothing: of each arm no more than it is not made for."""
+def test_the_precompilation_runs_to_its_end(name: str, capsys) -> None:
+    """A refused call compiles nothing, so each arm may refuse only the calls that it cannot support."""
     rehearsal.main([name])
-    told = capsys.readouterr().err.splitlines()
-    assert len(told) == len([*rehearsal.calls(rehearsal.scene_of(name))])
-    refused = {line.split(": ")[1] for line in told if "refused" in line}
+    printed = capsys.readouterr().err.splitlines()
+    assert len(printed) == len([*rehearsal.calls(rehearsal.scene_of(name))])
+    refused = {line.split(": ")[1] for line in printed if "refused" in line}
     assert refused == {"cells": {"modes in motion"}, "free": {"modes in motion", "sampled law"}}.get(name, set())
 
 
 @pytest.mark.parametrize("arguments", [["--cpu", "x86-64"], ["--cpu", "z80", "--out", "nowhere"]])
-def test_a_family_that_the_machine_is_not_of_is_refused(arguments: list[str], capsys) -> None:
+def test_an_unsupported_processor_family_is_refused(arguments: list[str], capsys) -> None:
     assert main(["compile", *arguments]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert f"--cpu = {arguments[1]}" in line and line.endswith("[unknown-processor]")
 
 
-def test_a_package_gets_what_is_called_and_nothing_of_other_sources(tmp_path: Path) -> None:
+def test_a_package_contains_only_called_code_of_the_current_sources(tmp_path: Path) -> None:
     code, out = tmp_path / "fedcba9876543210", tmp_path / "out"
     for file in ("called.bin", "called.bc", f"{PARTS}/copied.bin", f"{PARTS}/copied.bc"):
         (code / file).parent.mkdir(parents=True, exist_ok=True)
@@ -69,6 +69,6 @@ def test_a_package_gets_what_is_called_and_nothing_of_other_sources(tmp_path: Pa
         assert packed.getnames() == ["called.bin"]
 
 
-def test_the_families_of_this_machine_are_the_last_of_all() -> None:
-    """Or none, where it is no x86-64."""
+def test_the_processor_families_of_this_machine_are_the_last_of_the_list() -> None:
+    """The list is empty on processors other than x86-64."""
     assert families_here() in [[*FAMILIES][first:] for first in range(len(FAMILIES) + 1)]

@@ -1,4 +1,4 @@
-"""Compiled code on disk: never stale, never a traceback, never in the way."""
+"""Compiled code cached on disk is never stale and never causes a traceback."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ pytestmark = compiled
 
 
 def fresh() -> Callable[[float], float]:
-    """The same kernel as a new process would see it: not compiled yet."""
+    """A kernel that is not compiled yet, as in a new process."""
 
     def twice(x: float) -> float:
         return 2.0 * x
@@ -37,7 +37,7 @@ def fresh() -> Callable[[float], float]:
 
 
 def compilations(call: Callable[[], float]) -> int:
-    """How often something is compiled while `call` gives its right result."""
+    """The number of compilations while `call` runs; its result is checked."""
     starts: list[None] = []
     with compiler.watched(lambda: starts.append(None), lambda: None):
         assert call() == 6.0
@@ -51,15 +51,15 @@ def folder(tmp_path: Path, monkeypatch) -> Path:
     return code_files.FOLDER
 
 
-def test_code_that_is_on_disk_is_not_compiled_again(folder: Path) -> None:
+def test_cached_code_on_disk_is_not_compiled_again(folder: Path) -> None:
     assert compilations(lambda: fresh()(3.0)) == 1
     assert compilations(lambda: fresh()(3.0)) == 0
     assert compilations(lambda: fresh()(3)) == 1  # another signature
 
 
 @pytest.mark.parametrize("cpu", ["host", "x86-64-v4", "x86-64-v3", "x86-64"])
-def test_code_of_the_package_serves_where_the_user_has_none(folder: Path, monkeypatch, cpu: str) -> None:
-    """That of the CPU, and of each family that it is of."""
+def test_precompiled_code_of_the_package_is_used_if_the_cache_is_empty(folder: Path, monkeypatch, cpu: str) -> None:
+    """Packaged code is used for the exact CPU and for each processor family it belongs to."""
     host = numba.core.registry.cpu_target.target_context.codegen().magic_tuple()
     monkeypatch.setattr(code_files, "SHIPPED", folder.parent / "shipped")
     of = [(host[0], name, "") for name in code_files.FAMILIES]
@@ -75,12 +75,12 @@ def test_code_of_the_package_serves_where_the_user_has_none(folder: Path, monkey
     shutil.rmtree(folder)
     code_files.shipped.cache_clear()
     assert compilations(lambda: fresh()(3.0)) == 0
-    assert len([*folder.glob("*.bin")]) == 1  # for later processes
+    assert len([*folder.glob("*.bin")]) == 1  # stored in the cache for later processes
     assert compilations(lambda: fresh()(3.0)) == 0
     code_files.shipped.cache_clear()
 
 
-def test_code_of_the_package_serves_where_the_user_s_folder_is_not_writable(folder: Path, monkeypatch) -> None:
+def test_precompiled_code_is_used_if_the_cache_folder_is_not_writable(folder: Path, monkeypatch) -> None:
     kernel = fresh()
     assert compilations(lambda: kernel(3.0)) == 1
     monkeypatch.setattr(code_files, "SHIPPED", folder.parent / "shipped")
@@ -126,7 +126,7 @@ def test_processes_that_need_the_same_function_compile_it_once(tmp_path: Path) -
 
 
 def copying(kernel: Callable[[float], float]) -> Callable[[float], float]:
-    """A kernel that copies another."""
+    """A kernel that inlines another."""
 
     def of_another(x: float) -> float:
         return kernel(x)
@@ -135,13 +135,13 @@ def copying(kernel: Callable[[float], float]) -> Callable[[float], float]:
 
 
 @pytest.mark.parametrize("damage", ["missing", "damaged", "of another process"])
-def test_what_copies_code_that_has_no_bitcode_compiles_it_once_more(folder: Path, damage: str) -> None:
-    """As code of the package has none."""
+def test_inlining_a_function_without_bitcode_compiles_it_again(folder: Path, damage: str) -> None:
+    """Packaged code has no bitcode."""
     fresh()(3.0)
     (file,) = folder.glob("*.bc")
     if damage == "missing":
         file.unlink()
-    elif damage == "of another process":  # that compiled the same at the same time, and calls it by another name
+    elif damage == "of another process":  # compiled at the same time under another name
         theirs = file.read_bytes()
         for own in folder.glob("*.b*"):
             own.unlink()
@@ -155,18 +155,18 @@ def test_what_copies_code_that_has_no_bitcode_compiles_it_once_more(folder: Path
     caller = copying(kernel)
     assert caller(3.0) == 6.0
     (code,) = caller.inspect_llvm().values()
-    assert "fmul" in code  # a copy, so that the caller's own file needs no other
+    assert "fmul" in code  # inlined, so the caller's file depends on no other
 
 
-def test_bitcode_is_read_where_other_code_copies_it(folder: Path, monkeypatch) -> None:
+def test_bitcode_is_read_if_other_code_inlines_it(folder: Path, monkeypatch) -> None:
     fresh()(3.0)
     kernel = fresh()
     assert compilations(lambda: kernel(3.0)) == 0
-    monkeypatch.setattr(machine_code.DiskCache, "_module_of_sources", None)  # which is not called
+    monkeypatch.setattr(machine_code.DiskCache, "_module_of_sources", None)  # must not be called
     assert copying(kernel)(3.0) == 6.0
 
 
-def test_a_cpu_is_of_the_families_whose_instructions_it_has() -> None:
+def test_a_cpu_belongs_to_the_families_whose_instructions_it_has() -> None:
     triple = "x86_64-unknown-linux-gnu"
     old, new = (f"+{name}" for name in ("sse2", "avx2"))
     third = ",".join(f"+{name}" for name in code_files.FAMILIES["x86-64-v3"].split())
@@ -177,7 +177,7 @@ def test_a_cpu_is_of_the_families_whose_instructions_it_has() -> None:
     assert code_files.families(other) == []
 
 
-def test_a_recursion_answers_python_with_an_error_not_with_a_crash(folder: Path) -> None:
+def test_a_recursion_called_from_python_raises_an_error_and_does_not_crash(folder: Path) -> None:
     @compiler.recursion
     def twice(x: float) -> float:
         return 2.0 * x
@@ -187,7 +187,7 @@ def test_a_recursion_answers_python_with_an_error_not_with_a_crash(folder: Path)
         return twice(x)
 
     assert calling(3.0) == 6.0
-    for x in (3.0, 3.0, 3):  # of a signature that is compiled, and of one that is not
+    for x in (3.0, 3.0, 3):  # with a compiled signature and with a new one
         with refused(TypeError, "compiler: recursion called from Python"):
             twice(x)
 
@@ -206,7 +206,7 @@ def calling() -> Callable[[float], float]:
     return compiler.kernel(doubled_plus)
 
 
-def test_the_code_of_a_subroutine_is_not_copied_into_its_callers(folder: Path) -> None:
+def test_a_subroutine_is_not_inlined_into_its_callers(folder: Path) -> None:
     caller = calling()
     assert caller(3.0) == 6.0
     (code,) = caller.inspect_llvm().values()
@@ -215,7 +215,7 @@ def test_the_code_of_a_subroutine_is_not_copied_into_its_callers(folder: Path) -
     assert "fmul" not in code
 
 
-def test_code_of_a_caller_is_loaded_after_that_of_its_subroutines(folder: Path, monkeypatch) -> None:
+def test_a_caller_is_loaded_after_its_subroutines(folder: Path, monkeypatch) -> None:
     def as_in_a_new_process() -> int:
         monkeypatch.setattr(machine_code, "_SHARED", {})
         monkeypatch.setitem(globals(), "_doubled", compiler.subroutine(_doubled.py_func))
@@ -251,7 +251,7 @@ print(counter.count)
 
 
 def compiled_by_a_first_run(folder: Path) -> int:
-    """How many functions; counted once for these sources, in 16 s, and kept beside their code."""
+    """Number of functions that a first run compiles; counted once per source version, in 16 s, and then stored."""
     digest, own = hashlib.sha256(COUNTING.encode()), code_files.FOLDER
     for source in (PAPER, *sorted((ROOT / "flexlink").rglob("*.py"))):
         digest.update(source.read_bytes())
@@ -261,7 +261,7 @@ def compiled_by_a_first_run(folder: Path) -> int:
     environment = os.environ | {"NUMBA_CACHE_DIR": str(folder)}
     command = [sys.executable, "-c", COUNTING]
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
-    with contextlib.suppress(OSError):  # a user without a home
+    with contextlib.suppress(OSError):  # the user has no home folder
         kept.write_text(done.stdout, "utf-8")
     return int(done.stdout)
 
@@ -269,7 +269,7 @@ def compiled_by_a_first_run(folder: Path) -> int:
 @pytest.mark.slow
 @pytest.mark.first
 def test_a_first_run_compiles_few_functions(tmp_path: Path) -> None:
-    """One law in a plane: the loops are the same for every law."""
+    """One planar run with one control law suffices, as the loops are the same for every control law."""
     assert 100 < compiled_by_a_first_run(tmp_path) <= 190
 
 
@@ -283,7 +283,7 @@ NUMBERS = {
 }
 
 
-def test_arguments_of_other_types_do_not_get_each_others_code(folder: Path) -> None:
+def test_different_argument_types_use_different_code(folder: Path) -> None:
     @compiler.kernel
     def ratio(x, y):
         return x[0] / y[1]
@@ -291,12 +291,12 @@ def test_arguments_of_other_types_do_not_get_each_others_code(folder: Path) -> N
     floats, *others = NUMBERS.values()
     pairs = [(floats, floats), *((floats, other) for other in others), *((other, floats) for other in others)]
     expected = [float(x[0] / y[1]) for x, y in pairs]
-    for _ in range(2):  # as found for the first time, and as remembered
+    for _ in range(2):  # on first lookup and from memory
         assert [machine_code.direct(ratio, *pair)(*pair) for pair in pairs] == pytest.approx(expected)
     assert len({id(machine_code.direct(ratio, *pair)) for pair in pairs}) == len(pairs)
 
 
-def test_records_with_other_fields_do_not_get_each_others_code(folder: Path) -> None:
+def test_records_with_different_fields_use_different_code(folder: Path) -> None:
     @compiler.kernel
     def difference(rows):
         return rows[0].a - rows[0].b
@@ -307,7 +307,7 @@ def test_records_with_other_fields_do_not_get_each_others_code(folder: Path) -> 
         assert machine_code.direct(difference, rows)(rows) == 3.0
 
 
-def test_kernels_do_not_get_each_others_code(folder: Path) -> None:
+def test_different_kernels_use_different_code(folder: Path) -> None:
     @compiler.kernel
     def less(x):
         return x - 1.0
@@ -319,7 +319,7 @@ def test_kernels_do_not_get_each_others_code(folder: Path) -> None:
     assert [machine_code.direct(f, 3.0)(3.0) for f in (less, more, less)] == [2.0, 4.0, 2.0]
 
 
-def test_code_that_was_found_is_not_looked_up_again() -> None:
+def test_code_that_was_loaded_is_not_looked_up_again() -> None:
     class Kernel:
         looked_up = 0
         typeof_pyval = staticmethod(type)
@@ -344,7 +344,7 @@ DAMAGE = {
 
 
 @pytest.mark.parametrize("damage", DAMAGE.values(), ids=DAMAGE.keys())
-def test_damaged_code_is_compiled_anew_and_replaced(damage: Callable[[bytes], bytes], folder: Path) -> None:
+def test_damaged_cached_code_is_recompiled_and_replaced(damage: Callable[[bytes], bytes], folder: Path) -> None:
     fresh()(3.0)
     (file,) = folder.glob("*.bin")
     file.write_bytes(damage(file.read_bytes()))
@@ -352,7 +352,7 @@ def test_damaged_code_is_compiled_anew_and_replaced(damage: Callable[[bytes], by
     assert compilations(lambda: fresh()(3.0)) == 0
 
 
-def test_code_that_cannot_be_read_is_compiled_anew(folder: Path) -> None:
+def test_unreadable_cached_code_is_recompiled(folder: Path) -> None:
     fresh()(3.0)
     (file,) = folder.glob("*.bin")
     file.unlink()
@@ -362,7 +362,7 @@ def test_code_that_cannot_be_read_is_compiled_anew(folder: Path) -> None:
     reviewed("compiler: code cannot be cached", str(caught[0].message).replace(file.name, "code.bin"))
 
 
-def test_a_folder_that_cannot_be_written_has_one_warning_and_no_files_next_to_the_sources(
+def test_a_read_only_cache_folder_gives_one_warning_and_no_files_near_the_sources(
     folder: Path, tmp_path: Path, monkeypatch
 ) -> None:
     (tmp_path / "file").write_text("in the way", encoding="utf-8")
@@ -394,13 +394,13 @@ def test_an_edit_in_any_kernel_file_changes_the_cache_folder(variable: str, monk
     assert code_files.cache_folder().parent == before.parent == tmp_path / "cache" / "flexlink"
 
 
-def test_another_numba_has_another_folder(monkeypatch) -> None:
+def test_a_different_numba_version_uses_a_different_cache_folder(monkeypatch) -> None:
     before = code_files.cache_folder()
     monkeypatch.setattr(machine_code.numba, "__version__", "0.0.0")
     assert code_files.cache_folder() != before
 
 
-def test_a_user_without_a_home_still_has_kernels(folder: Path, monkeypatch) -> None:
+def test_kernels_work_for_a_user_without_a_home_folder(folder: Path, monkeypatch) -> None:
     def homeless() -> Path:
         raise RuntimeError("Could not determine home directory.")
 
@@ -413,7 +413,7 @@ def test_a_user_without_a_home_still_has_kernels(folder: Path, monkeypatch) -> N
         assert compilations(lambda: fresh()(3.0)) == 1
 
 
-def test_a_new_folder_removes_the_least_used_and_nothing_that_is_not_its_own(folder: Path) -> None:
+def test_a_new_cache_folder_removes_only_the_least_recently_used_ones(folder: Path) -> None:
     root = folder.parent
     for age in range(code_files.KEPT + 3):
         old = root / f"{age:016x}"
@@ -427,8 +427,8 @@ def test_a_new_folder_removes_the_least_used_and_nothing_that_is_not_its_own(fol
     assert left == {f"{age:016x}" for age in range(code_files.KEPT)} | {folder.name, "mine", "notes.txt"}
 
 
-def test_what_numba_does_not_document_is_used_in_three_files_alone() -> None:
-    """Documented are numba itself, its types, the extension API and, of the core, events and structures."""
+def test_undocumented_numba_features_are_used_in_three_files_only() -> None:
+    """Numba documents its top level, its types, the extension API and, in the core, events and structures."""
     documented = {"numba", "numba.types", "numba.extending", "numba.core.event", "numba.core.cgutils"}
     private = re.compile(r"\b_nrt\b|\b_cache\b|\._re(?:duce|build)\b")
     for source in sorted(code_files.HERE.parent.rglob("*.py")):
@@ -439,7 +439,7 @@ def test_what_numba_does_not_document_is_used_in_three_files_alone() -> None:
 
 
 def imported(text: str) -> set[str]:
-    """Modules of Numba that a source imports, or imports from."""
+    """Numba modules that a source file imports or imports from."""
     found = set()
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
@@ -450,7 +450,7 @@ def imported(text: str) -> set[str]:
     return {name for name in found if name.partition(".")[0] == "numba"}
 
 
-def test_code_knows_which_conditions_rarely_hold() -> None:
+def test_unlikely_branches_are_marked_in_the_compiled_code() -> None:
     def first_above(numbers: np.ndarray, limit: float) -> int:
         for k in range(len(numbers)):
             if rarely(numbers[k] > limit):
@@ -465,7 +465,7 @@ def test_code_knows_which_conditions_rarely_hold() -> None:
 
 
 @pytest.mark.parametrize("shape", [(3,), (5, 2), (0, 4), (2, 3, 7)])
-def test_numbers_side_by_side_start_at_a_cache_line(shape: tuple[int, ...]) -> None:
-    arrays = [empty_lanes(shape) for _ in range(9)]  # some of numba's own start in the middle of one
+def test_lane_arrays_are_aligned_to_cache_lines(shape: tuple[int, ...]) -> None:
+    arrays = [empty_lanes(shape) for _ in range(9)]  # some of numba's own arrays start within a cache line
     assert {each.ctypes.data % 64 for each in arrays} == {0}
     assert {each.shape for each in arrays} == {(*shape, LANES)}

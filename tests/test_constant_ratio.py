@@ -1,4 +1,4 @@
-"""Damping of law "constant": the ratio that was asked for in every mode, in steps and engines as in modes."""
+"""Damping law "constant": every mode has the requested damping ratio, in modal analysis, runs and engines."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ HELD = fl.Joint(locked=True)
 
 @pytest.mark.parametrize("rule", ["gauss", "lobatto2", "lobatto4", "gauss_rotation", "lobatto2_rotation", "hencky"])
 @pytest.mark.parametrize("flex", ["z", "xyz"])
-def test_every_mode_has_the_ratio_where_the_arm_starts(rule: str, flex: str) -> None:
+def test_every_mode_has_the_requested_ratio_in_the_initial_configuration(rule: str, flex: str) -> None:
     links = [flexible(name, flex, 5, lumping=rule, damping=ALIKE, hub=LOAD) for name in "ab"]
     start = fl.InitialState(joint_deg=(10.0, 80.0))
     scene = make_scene(*links, tip=LOAD, gravity=(0.0, 0.0, 0.0), initial=start)
@@ -31,8 +31,8 @@ def test_every_mode_has_the_ratio_where_the_arm_starts(rule: str, flex: str) -> 
     np.testing.assert_allclose(fl.modes(straight, 0 * q, locked=chain.active).damping_ratios, 0.02, rtol=1e-8)
 
 
-def test_a_swing_of_the_second_mode_decays_by_its_ratio() -> None:
-    """|A(t)| = exp(−ζ ω t): the part of the second mode that is left after 5 periods, of a run."""
+def test_vibration_in_the_second_mode_decays_at_its_damping_ratio() -> None:
+    """After 5 periods of a run, the amplitude of the second mode has decayed to exp(−ζ ω t)."""
     scene = make_scene(flexible("a", "z", 9, lumping="gauss", damping=ALIKE, joint=HELD), gravity=(0.0, 0.0, 0.0))
     chain = fl.lump(scene)
     undamped = fl.modes(fl.lump(scene.varied({"link.a.damping": None})))
@@ -45,7 +45,7 @@ def test_a_swing_of_the_second_mode_decays_by_its_ratio() -> None:
     assert left == pytest.approx(np.exp(-0.02 * ω * end), rel=1e-4)
 
 
-def test_a_soft_root_is_damped_with_its_beam_and_its_own_damper_comes_on_top() -> None:
+def test_a_root_spring_is_damped_with_its_beam_in_addition_to_its_own_damper() -> None:
     root = {"root_stiffness": fl.details.RootStiffness(z=2e3), "joint": HELD}
     soft = make_scene(flexible("a", lumping="gauss", damping=ALIKE, **root), tip=LOAD, gravity=(0.0, 0.0, 0.0))
     np.testing.assert_allclose(fl.modes(fl.lump(soft)).damping_ratios, 0.02, rtol=1e-9)
@@ -54,7 +54,7 @@ def test_a_soft_root_is_damped_with_its_beam_and_its_own_damper_comes_on_top() -
     np.testing.assert_allclose(more, fl.lump(soft).matrix("damping"), rtol=1e-12)
 
 
-def test_links_may_have_different_ratios_and_others_none() -> None:
+def test_links_may_have_different_damping_ratios_or_none() -> None:
     firm, soft = (fl.Damping(ratio=ratio, law="constant") for ratio in (0.01, 0.05))
     links = flexible("a", damping=firm, joint=HELD), flexible("b", damping=soft, joint=HELD)
     found = fl.modes(fl.lump(make_scene(*links, gravity=(0.0, 0.0, 0.0)))).damping_ratios
@@ -64,14 +64,14 @@ def test_links_may_have_different_ratios_and_others_none() -> None:
     assert not D[4:, 4:].any()
 
 
-def test_the_command_reports_what_was_requested(tmp_path, capsys) -> None:
+def test_the_modes_command_reports_the_requested_damping_ratio(tmp_path, capsys) -> None:
     scene = make_scene(flexible("a", damping=ALIKE, joint=HELD), gravity=(0.0, 0.0, 0.0))
     assert main(["modes", str(scene.save(tmp_path / "a.toml")), "--count", "2"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[2:5] for line in lines[1:3]] == [["0.02", "elastic", "0.02"]] * 2
 
 
-def test_what_cannot_be_is_refused() -> None:
+def test_unsupported_uses_of_constant_ratio_damping_are_refused() -> None:
     with refused(SceneError, "missing-key"):
         fl.Damping(ratio=0.01)
     with refused(SceneError, "no-effect"):
@@ -84,6 +84,6 @@ def test_what_cannot_be_is_refused() -> None:
     with refused(SceneError, "inertia-between-hinges"):
         make_scene(*branch)
     beside = flexible("z"), flexible("a", damping=ALIKE, on="base"), fl.Link(name="s", joint=slide, hub=LOAD)
-    assert len(fl.lump(make_scene(*beside)).couplings) == 6, "of one link"
+    assert len(fl.lump(make_scene(*beside)).couplings) == 6, "only the damped link has couplings"
     with refused(SceneError, "too-many-joints"):
         fl.lump(make_scene(flexible("a", "z", 403, damping=ALIKE)))

@@ -1,4 +1,4 @@
-"""A run goes on from any of its samples, or from any state, as if it had never stopped."""
+"""A run can be continued from any of its samples or states as if it had never stopped."""
 
 from __future__ import annotations
 
@@ -45,23 +45,23 @@ MOTION = fl.PrescribedMotion(
 
 
 def law(t: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
-    """A law to be sampled; the driven joints of `arm` are 0 and 3."""
+    """A sampled control law; the driven joints of `arm` are 0 and 3."""
     return np.array([40.0 * np.sin(50.0 * t) - 20.0 * q[0] - qd[0], -10.0 * q[3] - 0.5 * qd[3]])
 
 
 @pytest.mark.parametrize("given", [*DRIVES, "motion", "law"])
 @pytest.mark.parametrize("method", names("methods"))
-def test_a_continued_run_is_the_uninterrupted_one_to_the_bit(method: str, given: str) -> None:
-    """With Coulomb friction and a wrench; knots of tables and of the motion lie between implicit steps of 2 ms."""
+def test_a_continued_run_equals_the_uninterrupted_run_to_the_bit(method: str, given: str) -> None:
+    """The arm has friction and a tip wrench; knots of tables and of the motion lie within implicit steps of 2 ms."""
     step = 2e-3 if not load_method(method).explicit else 5e-5 if method in {"RK2", "RK3"} else 1e-4
     drive = given if given in DRIVES else "linear" if given == "motion" else "none"
     scene = arm(drive, **{"run.method": method, "run.step": step, "run.unstable": "allow"})
     scene = scene.varied({"motion": (MOTION,)}) if given == "motion" else scene
-    asked = {"control": law, "rate": 500.0} if given == "law" else {}
-    whole = fl.simulate(scene, **asked)
+    options = {"control": law, "rate": 500.0} if given == "law" else {}
+    whole = fl.simulate(scene, **options)
     for k in (3, 5):
         t, q, qd = whole.state(k)
-        rest = fl.simulate(scene, q0=q, qd0=qd, t0=t, duration=(8 - k) * 0.01, **asked)
+        rest = fl.simulate(scene, q0=q, qd0=qd, t0=t, duration=(8 - k) * 0.01, **options)
         for name in ("t", "q", "qd", "tau", "tip"):
             np.testing.assert_array_equal(getattr(rest, name), getattr(whole, name)[k:], err_msg=name)
 
@@ -70,9 +70,7 @@ ALIKE = {"ratio": 0.05, "law": "constant"}
 
 
 @pytest.mark.parametrize("method", ["RK4", "Radau5"])
-def test_dampers_of_the_constant_law_are_those_of_the_first_run_however_it_is_continued(
-    method: str, tmp_path: Path
-) -> None:
+def test_constant_ratio_dampers_stay_the_same_in_continued_runs(method: str, tmp_path: Path) -> None:
     scene = arm("pd", **{"link.*.damping": ALIKE, "run.method": method})
     whole = fl.simulate(scene)
     t, q, qd = whole.state(4)
@@ -94,8 +92,8 @@ def test_dampers_of_the_constant_law_are_those_of_the_first_run_however_it_is_co
 
 
 @pytest.mark.parametrize("method", ["Gauss6", "RK4"])
-def test_a_sampled_law_on_a_step_that_is_no_binary_number_leaves_no_step_of_one_rounding(method: str) -> None:
-    """17 steps an instant: k / rate and 17 k · step differ in their last bits."""
+def test_a_sampled_law_with_inexact_step_times_causes_no_tiny_extra_step(method: str) -> None:
+    """Each sampling interval has 17 steps, but the times k / rate and 17 k · step differ in the last bits."""
     scene = arm(
         "sampled", **{"run.method": method, "drive.rate": 200.0, "run.step": 1 / 200 / 17 / 2 ** (method == "RK4")}
     )
@@ -105,8 +103,8 @@ def test_a_sampled_law_on_a_step_that_is_no_binary_number_leaves_no_step_of_one_
         assert stepped.step().q.tolist() == q.tolist()
 
 
-def test_a_free_base_is_continued_up_to_rounding() -> None:
-    """Its attitude goes on in other angles: 1e-16 of each, over 2,000 steps; 4e-15 was seen."""
+def test_a_continued_run_of_a_free_base_agrees_within_rounding() -> None:
+    """The continued run uses other attitude angles: errors of 1e-16 per step added up to 4e-15 over 2,000 steps."""
     spinning = fl.InitialState(
         joint_deg=(20.0,), base=fl.details.BaseState(rpy_deg=(10.0, 20.0, 30.0), spin=(3.0, 4.0, 5.0))
     )
@@ -122,24 +120,24 @@ def test_a_free_base_is_continued_up_to_rounding() -> None:
     np.testing.assert_allclose(rest.q, whole.q[4:], rtol=0, atol=1e-11)
 
 
-def test_a_prescribed_motion_that_the_start_does_not_follow_is_refused() -> None:
+def test_an_initial_state_that_contradicts_a_prescribed_motion_is_refused() -> None:
     scene = arm("linear", motion=(MOTION,))
     t, q, qd = fl.simulate(scene).state(-4)
     with refused(fl.errors.SceneError, "start-differs-from-motion"):
         fl.simulate(scene, q0=q + 0.01, qd0=qd, t0=t, duration=0.03)
 
 
-def test_a_run_with_a_tolerance_goes_on_within_it() -> None:
+def test_a_continued_run_stays_within_its_tolerance() -> None:
     scene = arm("smooth").varied({"run.tolerance": 1e-5})
     whole = fl.simulate(scene)
     t, q, qd = whole.state(4)
     rest = fl.simulate(scene, q0=q, qd0=qd, t0=t, duration=0.04)
     np.testing.assert_array_equal(rest.t, whole.t[4:])
-    assert np.linalg.norm(rest.tip - whole.tip[4:], axis=1).max() < 2e-5  # either is within its tolerance
+    assert np.linalg.norm(rest.tip - whole.tip[4:], axis=1).max() < 2e-5  # each run is within its tolerance
 
 
-def test_torque_that_is_held_jumps_between_two_steps() -> None:
-    """Until the jump the run is that of the first torque alone, to the bit, and at it the next one acts."""
+def test_a_piecewise_constant_torque_jumps_exactly_between_two_steps() -> None:
+    """Until the jump, the run is bitwise equal to a run with the first torque only; then the next torque acts."""
     before = fl.simulate(arm("constant", **{"drive.torque": [1.0, 0.0]}))
     run = fl.simulate(arm("hold"))
     np.testing.assert_array_equal(run.q[:3], before.q[:3])
@@ -160,25 +158,25 @@ def test_torque_that_is_held_jumps_between_two_steps() -> None:
         ({"drive": {**TABLE, "hold": True, "times": [0.0, 0.02, 0.06005]}}, "not-a-multiple"),
     ],
 )  # fmt: skip
-def test_a_state_that_does_not_fit_is_refused(changes: dict[str, object], message: str) -> None:
+def test_an_initial_state_that_does_not_fit_is_refused(changes: dict[str, object], message: str) -> None:
     with refused(fl.errors.SceneError, message):
         fl.simulate(arm("none").varied(changes))
 
 
-def test_a_sample_that_is_not_there_has_no_state() -> None:
+def test_the_state_of_a_missing_sample_is_an_error() -> None:
     with refused(fl.errors.ArgumentError, "out-of-range"):
         fl.simulate(arm("none")).state(9)
 
 
-def test_a_whole_state_needs_no_angles_of_the_joints(tmp_path: Path) -> None:
+def test_a_full_initial_state_needs_no_joint_angles(tmp_path: Path) -> None:
     joint = fl.Joint(limits_deg=(10.0, 90.0))
     q = tuple(np.linspace(0.2, 0.3, 9))
     links = flexible("a", joint=joint), flexible("b", joint=fl.Joint(locked=True))
     whole = make_scene(*links, initial=fl.InitialState(q=q))
-    assert whole.initial.joint_deg == (0.0, 0.0), "where the locked joint stays; the other one's limits do not count"
+    assert whole.initial.joint_deg == (0.0, 0.0), "angle of the locked joint; the limits of the other joint are ignored"
     assert fl.initial_state(whole, fl.lump(whole))[0].tolist() == list(q)
     path = tmp_path / "whole.toml"
     path.write_text(whole.to_toml(), encoding="utf-8")
     assert fl.load_scene(path) == whole
     moving = make_scene(flexible("a"), initial=fl.InitialState(rate_deg=(1.0,)))
-    assert moving.initial.joint_deg == (0.0,), "nor do rates need angles"
+    assert moving.initial.joint_deg == (0.0,), "rates do not need angles either"

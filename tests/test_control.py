@@ -17,7 +17,7 @@ TARGET, KP, KD = np.radians([-80.0, -10.0]), np.array([40.0, 20.0]), np.array([1
 
 
 def pd(t: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
-    """The law of the scene with the drive "pd": the joints of `arm` are 0 and 3."""
+    """The control law of the scene's drive "pd" in Python; the driven joints of `arm` are 0 and 3."""
     return KP * (TARGET - q[[0, 3]]) - KD * qd[[0, 3]]
 
 
@@ -38,7 +38,7 @@ WAYS: dict[str, dict[str, object]] = {
 
 @pytest.mark.parametrize("t0", [0.0, 0.07])
 @pytest.mark.parametrize("way", WAYS)
-def test_a_loop_of_ones_own_gives_the_numbers_of_simulate(way: str, t0: float) -> None:
+def test_a_user_loop_with_the_simulator_gives_the_results_of_simulate(way: str, t0: float) -> None:
     scene = arm("none").varied({"initial.time": t0, **{f"run.{key}": value for key, value in WAYS[way].items()}})
     run = fl.simulate(scene, control=pd, rate=1000.0)
     simulator = fl.Simulator(scene)
@@ -51,8 +51,8 @@ def test_a_loop_of_ones_own_gives_the_numbers_of_simulate(way: str, t0: float) -
 
 
 @pytest.mark.parametrize("way", WAYS)
-def test_a_sampled_law_drives_every_method_to_the_same_motion(way: str) -> None:
-    """Torques that are held are the same problem for all; tolerances are errors at the end [m]."""
+def test_a_sampled_law_gives_the_same_motion_with_every_method(way: str) -> None:
+    """Torques that are constant between samples define the same problem for all methods; errors are at the tip [m]."""
     wanted = fl.simulate(arm("none"), control=pd, rate=100.0)
     run = fl.simulate(arm("none"), control=pd, rate=100.0, **WAYS[way])
     np.testing.assert_array_equal(run.tau[0], wanted.tau[0])
@@ -60,8 +60,8 @@ def test_a_sampled_law_drives_every_method_to_the_same_motion(way: str) -> None:
     assert np.linalg.norm(run.tip - wanted.tip, axis=1).max() < allowed
 
 
-def test_torques_of_a_sampled_law_do_not_act_before_their_instant() -> None:
-    """Steps of a tolerance that would reach past an instant end there."""
+def test_torques_of_a_sampled_law_do_not_act_before_their_sample_time() -> None:
+    """Adaptive steps end at the sampling times of the law."""
     push = {0.0: [0.0, 0.0], 0.04: [5.0, -2.0]}
     scene = arm("none", **{"run.sample": 0.02}).varied({"run.tolerance": 1e-4})
     run = fl.simulate(scene, control=lambda t, q, qd: push[max(s for s in push if s <= t + 1e-12)], rate=50.0)
@@ -71,7 +71,7 @@ def test_torques_of_a_sampled_law_do_not_act_before_their_instant() -> None:
     assert np.abs(run.q[3] - free.q[3]).max() > 1e-4
 
 
-def test_what_a_law_gave_can_be_played_back() -> None:
+def test_recorded_torques_of_a_law_reproduce_the_run() -> None:
     run = fl.simulate(arm("none", **{"run.sample": 0.001}), control=pd, rate=1000.0)
     torques = run.tau[:, run.chain.active]
     drive = {"kind": "table", "hold": True, "times": run.t.tolist(), "torques": torques.tolist()}
@@ -81,8 +81,8 @@ def test_what_a_law_gave_can_be_played_back() -> None:
     np.testing.assert_array_equal(again.work, run.work)
 
 
-def test_a_continuous_law_is_the_same_as_a_drive_of_the_scene() -> None:
-    """Both evaluate one formula at the stages; numpy's sums round otherwise: 3200 evaluations of a few ulp."""
+def test_a_continuous_law_in_python_equals_the_same_drive_of_the_scene() -> None:
+    """Both evaluate the same formula at each stage, but NumPy rounds sums differently, by a few ulp in 3200 stages."""
     law, drive = fl.simulate(arm("none"), control=pd), fl.simulate(arm("pd"))
     np.testing.assert_allclose(law.q, drive.q, rtol=0, atol=1e-11)
     np.testing.assert_allclose(law.tau, drive.tau, rtol=0, atol=1e-9)
@@ -100,7 +100,7 @@ BROKEN = {
 
 @pytest.mark.parametrize("way", ["RK4", "Gauss4", "Radau9 within 10 µm", "DOP853 within 10 µm"])
 @pytest.mark.parametrize("broken", BROKEN)
-def test_a_law_that_fails_is_named_with_its_time_and_what_was_computed_is_kept(broken: str, way: str) -> None:
+def test_a_failing_law_is_reported_with_its_time_and_the_samples_are_kept(broken: str, way: str) -> None:
     law, _message = BROKEN[broken]
     for rate in [100.0, None] if way == "RK4" else [100.0]:
         with refused(fl.errors.ControlError, "controller-failed") as caught:
@@ -117,23 +117,24 @@ def test_a_law_that_fails_is_named_with_its_time_and_what_was_computed_is_kept(b
         ({"rate": 100.0}, "no-effect"),
         ({"control": pd, "rate": 3000.0}, "not-a-multiple"),
         ({"control": pd, "rate": -1.0}, "out-of-range"),
+        ({"control": pd, "rate": 1e-3}, "likely-unit"),
         ({"control": 3.0}, "wrong-type"),
         ({"control": pd, "tolerance": 1e-4}, "controller-needs-rate"),
         ({"control": pd, "method": "Gauss4"}, "controller-needs-rate"),
         ({"control": pd, "rate": 100.0, "t0": 0.005}, "not-a-multiple"),
     ],
 )  # fmt: skip
-def test_a_law_that_cannot_be_asked_is_refused(given: dict[str, object], message: str) -> None:
+def test_invalid_control_arguments_are_refused(given: dict[str, object], message: str) -> None:
     with refused(fl.errors.ArgumentError, message):
         fl.simulate(arm("none"), **given)
 
 
-def test_a_law_beside_a_drive_is_refused() -> None:
+def test_a_control_law_together_with_a_drive_is_refused() -> None:
     with refused(fl.errors.ArgumentError, "both-given"):
         fl.simulate(arm("pd"), control=pd)
 
 
-def test_a_simulator_whose_energy_does_not_balance_stays_where_it_was() -> None:
+def test_a_simulator_keeps_its_state_if_the_energy_does_not_balance() -> None:
     simulator = fl.Simulator(arm("none", **{"run.step": 0.01, "run.unstable": "allow"}))
     with refused(fl.errors.DivergenceError, "energy-imbalance") as caught:
         while True:
@@ -145,8 +146,8 @@ def test_a_simulator_whose_energy_does_not_balance_stays_where_it_was() -> None:
 
 
 @pytest.mark.parametrize("way", ["RK4", "Gauss4", "Radau5 within 10 µm", "DOP853 within 10 µm"])
-def test_a_call_that_is_refused_leaves_no_trace(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Neither in the state, nor in the energies by which later calls are judged, nor in what a method remembers."""
+def test_a_refused_call_does_not_change_the_simulator(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The state, the energies used to check later calls, and the memory of the method are unchanged."""
     scene = arm("none").varied({f"run.{key}": value for key, value in WAYS[way].items()})
     disturbed, other = fl.Simulator(scene), fl.Simulator(scene)
     for k in range(20):
@@ -173,8 +174,8 @@ def interrupted() -> str:
 
 @pytest.mark.parametrize("answer", [lambda: signal.raise_signal(signal.SIGINT), interrupted])
 @pytest.mark.parametrize("way", ["RK4", "Gauss4", "Radau5 within 10 µm"])
-def test_ctrl_c_keeps_the_samples_of_a_run_under_a_law(way: str, answer: Callable[[], object]) -> None:
-    """A signal that comes while the law works, and one that the law's own handler answers by an exception."""
+def test_ctrl_c_keeps_the_samples_of_a_run_with_a_control_law(way: str, answer: Callable[[], object]) -> None:
+    """The signal arrives while the law runs, or a handler set by the law raises an exception."""
 
     def law(t: float, q: np.ndarray, qd: np.ndarray) -> list[float]:
         if t == pytest.approx(0.025):
@@ -200,11 +201,11 @@ def test_ctrl_c_keeps_the_samples_of_a_run_under_a_law(way: str, answer: Callabl
         (lambda s: s.reset([0.0]), "one-per-joint"),
     ],
 )
-def test_what_a_simulator_cannot_do_is_refused(call, message: str) -> None:
+def test_unsupported_simulator_calls_are_refused(call, message: str) -> None:
     with refused(fl.FlexlinkError, message):
         call(fl.Simulator(arm("none")))
 
 
-def test_a_simulator_refuses_a_step_that_would_blow_up() -> None:
+def test_a_simulator_refuses_an_unstable_step_size() -> None:
     with refused(fl.errors.UnstableStepError, "unstable-step"):
         fl.Simulator(arm("none", **{"run.step": 0.01}))

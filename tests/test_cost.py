@@ -1,4 +1,4 @@
-"""Predicted CPU times are those that runs take."""
+"""Predicted CPU times agree with measured ones."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def chain_of(flex: str, segments: int = 12) -> Chain:
     return fl.lump(make_scene(flexible("a", flex, segments)))
 
 
-def test_the_list_of_costs_has_the_header_that_its_program_writes() -> None:
+def test_the_cost_table_has_the_header_that_its_program_writes() -> None:
     text = (Path(evaluation_cost.__file__).parent / "data" / "evaluation_costs.toml").read_text()
     head, _ = text.split("\n\n", 1)
     date = re.search(r"Measured on (\S+) by", head)
@@ -39,32 +39,32 @@ def test_the_list_of_costs_has_the_header_that_its_program_writes() -> None:
     assert head == cost_list.HEAD.format(date=date[1], seeds=seeds[1])
 
 
-def test_a_step_costs_its_stages() -> None:
+def test_the_cost_of_a_step_is_the_sum_over_its_stages() -> None:
     chain = chain_of("z")
     evaluation = run_cost(chain, "RK4", 1)
     assert step_cost(chain, "RK4") == pytest.approx(4 * evaluation)
     assert step_cost(chain, "RK10") == pytest.approx(17 * evaluation)
 
 
-def test_the_factor_of_a_machine_is_measured_over_listed(monkeypatch) -> None:
+def test_the_machine_factor_is_the_ratio_of_measured_to_tabulated_time(monkeypatch) -> None:
     scene = make_scene(flexible("a", "z", 12))
     chain = fl.lump(scene)
     monkeypatch.setattr("flexlink.motion.evaluation_cost.evaluation_time", lambda *_: 3 * run_cost(chain, "RK2", 1))
     assert machine_factor(problem_of(scene)) == pytest.approx(3.0)
 
 
-def test_a_sampled_law_is_asked_where_steps_begin_anew_and_another_at_every_stage() -> None:
+def test_a_sampled_law_costs_per_step_start_and_a_continuous_law_per_stage() -> None:
     law = {"kind": "computed_torque", "kp": (1.0,), "kd": (1.0,), "target_deg": (0.0,)}
     stage, sampled = (problem_of(make_scene(flexible("a", "z", 3), drive=fl.Drive(**law, **more)))
                       for more in ({}, {"rate": 100.0}))  # fmt: skip
     alone = operation_costs(stage.chain, explicit=True)
-    asked = operation_costs(stage.chain, explicit=True, drive=stage.inputs.drive)
+    per_stage = operation_costs(stage.chain, explicit=True, drive=stage.inputs.drive)
     held = operation_costs(stage.chain, explicit=True, drive=sampled.inputs.drive)
-    assert alone[0] == held[0] < asked[0]
-    assert alone[2] == asked[2] < held[2]
+    assert alone[0] == held[0] < per_stage[0]
+    assert alone[2] == per_stage[2] < held[2]
 
 
-def test_torques_that_are_held_from_outside_cost_next_to_nothing() -> None:
+def test_constant_external_torques_add_no_predicted_cost() -> None:
     chain = chain_of("z", 3)
     held = held_torques(chain, np.zeros(1), np.zeros((1, 1)), np.full(1, np.inf))
     assert parts_of(chain, held).tolist() == parts_of(chain, None).tolist()
@@ -72,8 +72,8 @@ def test_torques_that_are_held_from_outside_cost_next_to_nothing() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("flex", ["z", "xyz"])
-def test_a_run_takes_the_time_that_was_predicted(flex: str) -> None:
-    """Within a factor of three: the run also judges its samples, and other programs share core and caches."""
+def test_a_run_takes_about_the_predicted_time(flex: str) -> None:
+    """A factor of three is allowed: the run also checks its samples, and other programs share the caches."""
     scene = make_scene(flexible("a", flex, 12), initial=fl.InitialState(joint_deg=(30.0,)))
     chain = fl.lump(scene)
     step, seconds = fl.stable_step(chain), machine_factor(problem_of(scene)) * step_cost(chain, "RK4")
@@ -82,7 +82,7 @@ def test_a_run_takes_the_time_that_was_predicted(flex: str) -> None:
     started = time.thread_time()
     fl.simulate(scene, step=step / 2, sample=steps / samples * step / 2, duration=steps * step / 2)
     taken = time.thread_time() - started
-    # what a run does once, however long it is: lump, judge the step
+    # the part that does not depend on the run length, for lumping and checking the step, is subtracted
     started = time.thread_time()
     fl.simulate(scene, step=step / 2, sample=step / 2, duration=samples * step / 2)
     taken -= time.thread_time() - started
@@ -90,9 +90,9 @@ def test_a_run_takes_the_time_that_was_predicted(flex: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "tolerance"), [("t3_spatial", 1e-4), ("paper_fig5", 1e-6)])  # some hundred steps
-def test_an_implicit_step_takes_about_the_time_that_was_predicted(models, name: str, tolerance: float) -> None:
-    """Within a factor of four: two for the passes of Newton's iteration, and two for other programs beside it."""
+@pytest.mark.parametrize(("name", "tolerance"), [("t3_spatial", 1e-4), ("paper_fig5", 1e-6)])  # a few hundred steps
+def test_an_implicit_step_takes_about_the_predicted_time(models, name: str, tolerance: float) -> None:
+    """The allowed factor of four is two for the number of Newton iterations times two for other running programs."""
     scene = fl.load_scene(models / f"{name}.toml")
     chain = fl.lump(scene)
     predicted = machine_factor(problem_of(scene)) * step_cost(chain, "Radau5")
@@ -109,13 +109,13 @@ def test_an_implicit_step_takes_about_the_time_that_was_predicted(models, name: 
 
 @pytest.mark.parametrize(("flex", "least", "most"), [("z", 2.7, 6.8), ("xyz", 4.9, 15.0)])
 @pytest.mark.parametrize("segments", [3, 12, 48])
-def test_a_stage_of_an_implicit_step_costs_what_was_measured_of_the_trade_s_scenes(
+def test_predicted_cost_ratio_of_implicit_to_explicit_stages_is_in_measured_range(
     flex: str, segments: int, least: float, most: float
 ) -> None:
     chain, stages = chain_of(flex, segments), 3  # of Radau5
     assert least < step_cost(chain, "Radau5") / (stages * run_cost(chain, "RK4", 1)) < most
 
 
-def test_the_time_of_an_evaluation_does_not_depend_on_how_many_are_measured() -> None:
+def test_evaluation_time_does_not_depend_on_the_number_of_evaluations() -> None:
     scene = make_scene(flexible("a", "z", 12))
     assert 1e-8 < evaluation_time(problem_of(scene)) < 1e-4

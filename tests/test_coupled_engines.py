@@ -1,4 +1,4 @@
-"""Springs between hinges in other engines: all agree, and a mistake in a file is reported with its joints."""
+"""Other engines agree on springs between hinges, and a mistake in a file is reported with the joints concerned."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ every = pytest.mark.parametrize("name", [engine(name) for name in ENGINES if nam
 
 @every
 @pytest.mark.parametrize("rule", ["lobatto2", "lobatto4"])
-def test_all_engines_agree_on_an_arm_of_cells(name: str, rule: str) -> None:
+def test_all_engines_agree_on_an_arm_with_cells_of_coupled_springs(name: str, rule: str) -> None:
     found = fl.compare(arm("xyz", rule, 5), engines=[name], samples=40)
     assert found.passed and [row.quantity for row in found.rows] == list(QUANTITIES), str(found)
     (diagnosis,) = found.diagnoses
@@ -51,7 +51,7 @@ def test_all_engines_agree_on_an_arm_of_cells(name: str, rule: str) -> None:
 
 
 def label(field: str) -> str:
-    """Words for a field of a record."""
+    """Readable name of a field of a record."""
     return table().fields[field].label
 
 
@@ -102,7 +102,7 @@ FAULTS = {
 @pytest.mark.parametrize(
     ("name", "export"), [engine("pinocchio", "to_urdf"), engine("mujoco", "to_mjcf"), engine("exudyn", "to_urdf")]
 )
-def test_a_mistake_between_two_joints_of_an_engine_file_is_reported(
+def test_a_wrong_coupled_spring_in_an_engine_file_is_reported(
     name: str, export: str, fault: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     field, factor, unit, shown = FAULTS[fault]
@@ -151,7 +151,7 @@ def rope(count: int, **attributes: str) -> planted.Edit:
 
 
 def each_rope(**attributes: str) -> planted.Edit:
-    """A rope between two joints that does more than a spring, where constraints act."""
+    """A tendon between two joints that adds a constraint, not only a spring."""
     return planted.both(rope(2, **attributes), planted.flag("constraint", "limit", "frictionloss"), without_friction)
 
 
@@ -208,10 +208,10 @@ def of_file(folder: Path, form: str, edit: planted.Edit | None, chain: fl.Chain 
         for form, mistake, edit, named in NAMED
     ],
 )
-def test_a_planted_mistake_is_the_only_one_reported_and_explains_all_differences(
+def test_only_the_planted_mistake_is_reported_and_it_explains_all_differences(
     form: str, mistake: str, edit: planted.Edit, named: str, tmp_path: Path
 ) -> None:
-    """A finding matches `named`: names and values."""
+    """The finding contains the names and values that `named` requires."""
     found = of_file(tmp_path, form, edit)
     (finding,) = found.findings
     reviewed(f"diagnosis, {form}: {mistake}, springs between joints", str(finding))
@@ -222,7 +222,7 @@ def test_a_planted_mistake_is_the_only_one_reported_and_explains_all_differences
 
 
 def other_coefficients(root: ET.Element) -> None:
-    """Half a length has four times the stiffness."""
+    """Halving the tendon length requires four times the stiffness."""
     for tendon in root.findall(TENDON):
         for name in ("stiffness", "damping"):
             tendon.set(name, repr(4 * float(tendon.attrib[name])))
@@ -246,7 +246,7 @@ def unnamed(root: ET.Element) -> None:
 
 
 def slack_lengths(root: ET.Element) -> None:
-    """Given as a number instead of left to MuJoCo."""
+    """The slack length is given as a number instead of being computed by MuJoCo."""
     rest = {joint.attrib["name"]: float(joint.attrib["springref"]) for joint in root.iterfind(".//body/joint")}
     for tendon in root.findall(TENDON):
         length = sum(float(end.attrib["coef"]) * rest[end.attrib["joint"]] for end in tendon)
@@ -255,7 +255,7 @@ def slack_lengths(root: ET.Element) -> None:
 
 @pytest.mark.parametrize("edit", [None, other_coefficients, other_way_round, unnamed, slack_lengths])
 @pytest.mark.parametrize("rest", [0.0, 0.1])
-def test_the_same_springs_written_differently_are_right(
+def test_equivalent_notations_of_the_same_springs_pass(
     edit: Callable[[ET.Element], None] | None, rest: float, tmp_path: Path
 ) -> None:
     hinges = CHAIN.hinges.copy()
@@ -285,19 +285,19 @@ def test_data_that_a_plain_file_cannot_contain_are_taken_from_the_scene_and_note
     assert taken.endswith(f"{label('coupled_stiffness')}, {label('coupled_damping')}")
 
 
-def test_mujoco_takes_from_the_scene_what_a_urdf_cannot_contain(tmp_path: Path) -> None:
+def test_mujoco_takes_data_that_a_urdf_cannot_contain_from_the_scene(tmp_path: Path) -> None:
     chain = fl.lump(make_scene(flexible("a", "z", 5, lumping="lobatto4", damping=DAMPED)))
     found = diagnosed(written(tmp_path, "urdf", plain_urdf, chain), chain, "mujoco")
     assert found.passed and not found.findings, str(found)
 
 
-def test_other_tendons_are_ignored_after_they_are_reported(tmp_path: Path) -> None:
+def test_unrelated_tendons_are_reported_and_then_ignored(tmp_path: Path) -> None:
     found = of_file(tmp_path, "mjcf", planted.both(rope(3), scaled(TENDON, "stiffness", 1.5, only=1)))
     assert len(found.findings) == 2 and found.explained, str(found)
 
 
-def test_the_largest_step_counts_dampers_between_joints() -> None:
-    """Semi-implicit Euler is stable to 4/(d + √(d² + 4 ω²)) of every mode, d of φᵀ D φ."""
+def test_the_largest_stable_step_includes_dampers_between_joints() -> None:
+    """Semi-implicit Euler is stable up to 4/(d + √(d² + 4 ω²)) for every mode, with d = φᵀ D φ."""
     chain = fl.lump(make_scene(flexible("a", "z", 5, lumping="lobatto4", damping=fl.Damping(ratio=0.5, at_hz=100.0))))
     q = _bent(chain)
     M, K = fl.mass_matrix(chain, q), stiffness_matrix(chain, q, np.zeros(chain.n), np.zeros(6))

@@ -1,4 +1,4 @@
-"""Springs between hinges in files: every format stores them exactly, and MuJoCo computes the same motion."""
+"""Every file format stores springs between hinges exactly, and MuJoCo computes their torques within rounding."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import planted
 import pytest
 from conftest import ALUMINIUM, SQUARE, flexible, make_scene
 from test_cells import arm, rule_file
-from test_reading import EVERY, said_by
+from test_reading import EVERY, values_of
 
 import flexlink as fl
 from flexlink.cli.info import _without_structural_damping
@@ -29,7 +29,7 @@ EPS = np.finfo(float).eps
 
 
 def odd(chain: fl.Chain, seed: int = 3) -> fl.Chain:
-    """A chain with rest angles and coupled dampers of any sign, one of them without a coupled spring."""
+    """A chain with rest angles and coupled dampers of either sign; one damper has no coupled spring."""
     rng, hinges, couplings = np.random.default_rng(seed), chain.hinges.copy(), chain.couplings.copy()
     hinges["rest"] = rng.normal(size=chain.n)
     couplings["damping"] *= rng.uniform(-1, 1, len(couplings))
@@ -38,7 +38,7 @@ def odd(chain: fl.Chain, seed: int = 3) -> fl.Chain:
 
 
 def contents(chain: fl.Chain) -> list[object]:
-    return [*said_by(chain), chain.couplings.tolist()]
+    return [*values_of(chain), chain.couplings.tolist()]
 
 
 @EVERY
@@ -55,10 +55,10 @@ def test_springs_between_hinges_read_back_exactly(
 
 @pytest.mark.parametrize("rule", ["lobatto2", "lobatto4"])
 @pytest.mark.parametrize("change", [lambda chain: chain, odd], ids=["as made", "odd"])
-def test_mujoco_has_every_number_of_the_tendons_and_their_torques_to_4_eps(
+def test_mujoco_reads_the_tendons_exactly_and_their_torques_to_4_eps(
     rule: str, change: Callable[[fl.Chain], fl.Chain], rng: np.random.Generator
 ) -> None:
-    """Errors are relative to |K| |θ − θ₀|; the length of a tendon is a difference of lengths up to |θ| + |θ₀|."""
+    """Errors are relative to |K| (|θ| + |θ₀|), because a tendon length is a difference of lengths of this size."""
     chain = change(fl.lump(arm("xyz", rule, 9)))
     model = load("mujoco", chain).model
     data = mujoco.MjData(model)
@@ -75,7 +75,7 @@ def test_mujoco_has_every_number_of_the_tendons_and_their_torques_to_4_eps(
             assert (np.abs(theirs - ours) <= 4 * EPS * chain.times(field, size, absolute=True)).all()
 
 
-def test_the_file_of_a_chain_without_couplings_does_not_mention_them() -> None:
+def test_the_file_of_a_chain_without_coupled_springs_does_not_mention_them() -> None:
     chain = fl.lump(make_scene(flexible("a", "xyz")))
     for format in FORMATS.values():
         text = format.write(chain)
@@ -94,9 +94,9 @@ def assert_springs_of_mujoco(chain: fl.Chain) -> None:
 
 
 def tapered(segments: int) -> fl.Chain:
-    """A square of 40 mm at the joint and of 8 mm at the tip: at the Gauss points of a single cell EI is 25 to 1.
+    """A link with a 40 mm square at the joint and 8 mm at the tip; EI at the Gauss points of a single cell is 25 to 1.
 
-    C of two hinges has a² + b² = 14/3 and a b = −1/3 in its rows, so K_22 ≥ |K_12| up to a ratio of 13.9.
+    The rows of C contain a and b with a² + b² = 14/3 and a b = −1/3, so K_22 ≥ |K_12| only up to a ratio of 13.9.
     """
     small = fl.Section(shape="rectangle", height=0.008, width=0.008)
     link = flexible("a", "z", segments, section_tip="small", lumping="lobatto2")
@@ -116,7 +116,7 @@ def test_a_cell_that_tendons_cannot_represent_is_refused_and_more_segments_help(
     assert_springs_of_mujoco(fine)
 
 
-def test_dampers_have_the_same_limit() -> None:
+def test_coupled_dampers_have_the_same_limit_as_springs() -> None:
     chain = fl.lump(arm())
     for times, held in ((1.0, True), (1.0 + EPS, False)):
         couplings, hinges = chain.couplings.copy(), chain.hinges.copy()
@@ -159,14 +159,14 @@ def test_contradictions_in_a_file_are_refused_by_name(form: str, edit: planted.E
 
 
 @pytest.mark.parametrize(("form", "path"), [("urdf", URDF), ("sdf", SDF)])
-def test_an_edited_number_changes_the_chain(form: str, path: str) -> None:
+def test_an_edited_spring_stiffness_in_a_file_changes_the_chain(form: str, path: str) -> None:
     chain = fl.lump(arm())
     read = FORMATS[form].read(edited(form, planted.scaled(path, "stiffness", 0.5), chain))
     assert read.couplings["stiffness"].tolist() == (chain.couplings["stiffness"] / 2).tolist()
     assert read.hinges.tolist() == chain.hinges.tolist()
 
 
-def test_urdf_and_sdf_store_them_in_custom_elements_and_mjcf_in_tendons() -> None:
+def test_urdf_and_sdf_store_coupled_springs_in_custom_elements_and_mjcf_in_tendons() -> None:
     scene = arm()
     missing = {name: "springs between hinges" in unsupported(scene, fl.lump(scene), format=name) for name in FORMATS}
     assert missing == {"urdf": True, "mjcf": False, "sdf": True}

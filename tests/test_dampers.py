@@ -1,4 +1,4 @@
-"""Quadratic dampers of joints, c |q̇| q̇: closed forms, other integrators, and refusals if not supported."""
+"""Quadratic joint dampers, c |q̇| q̇, agree with closed forms and other integrators; unsupported uses are refused."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WAYS = [("RK4", FIXED), ("Gauss4", FIXED), ("Radau5", 1e-6), ("DOP853", 1e-6), (
 
 
 def wheel(**changes: object) -> fl.Scene:
-    """1 kg m² that turns at 3 rad/s, damped by 0.5 N m s²/rad²: q̇ = 3 / (1 + 1.5 t)."""
+    """A wheel of 1 kg m² rotates at 3 rad/s with damping 0.5 N m s²/rad²: q̇ = 3 / (1 + 1.5 t)."""
     joint = fl.Joint(quadratic=0.5, armature=1.0)
     arm = fl.Arm(links=(fl.Link(name="wheel", joint=joint, hub=fl.RigidBody(mass=1.0)),))
     run = fl.RunSettings(duration=4.0, sample=1.0, step=1e-3)
@@ -31,14 +31,14 @@ def damped(**changes: object) -> fl.Scene:
 
 
 @pytest.mark.parametrize(("method", "tolerance"), WAYS)
-def test_a_wheel_slows_down_as_one_over_time(method: str, tolerance: float) -> None:
+def test_a_quadratically_damped_wheel_slows_down_by_the_closed_form(method: str, tolerance: float) -> None:
     by_tolerance = {"run.relative_tolerance": tolerance} if tolerance > FIXED else {}
     run = fl.simulate(wheel(**{"run.method": method, **by_tolerance}))
     np.testing.assert_allclose(run.qd[:, 0], 3 / (1 + 1.5 * run.t), rtol=20 * tolerance)
     assert np.abs(run.imbalance).max() <= 4.5 * 20 * tolerance
 
 
-def test_a_bending_arm_moves_as_by_another_integrator() -> None:
+def test_a_bending_arm_agrees_with_an_independent_integrator() -> None:
     scene = damped(drive=fl.Drive(), wrench=fl.Wrench())
     chain, run = fl.lump(scene), fl.simulate(scene.varied({"run.method": "Radau9", "run.relative_tolerance": 1e-8}))
     c = np.isin(np.arange(chain.n), chain.active) * 20.0
@@ -52,7 +52,7 @@ def test_a_bending_arm_moves_as_by_another_integrator() -> None:
     np.testing.assert_allclose(run.q[-1], end[: chain.n], atol=1e-5)
 
 
-def test_torques_and_slopes_are_those_of_the_law(rng) -> None:
+def test_quadratic_damper_torques_and_derivatives_are_exact(rng) -> None:
     chain = fl.lump(damped())
     q, qd = random_state(chain, rng)
     bare = fl.lump(damped(**{"link.*.joint.quadratic": 0.0}))
@@ -69,13 +69,13 @@ def test_torques_and_slopes_are_those_of_the_law(rng) -> None:
     np.testing.assert_allclose(slopes.dqd, wanted, atol=1e-10 * np.abs(wanted).max())
 
 
-def test_a_stiff_damper_takes_no_short_steps() -> None:
+def test_a_strong_quadratic_damper_does_not_shorten_implicit_steps() -> None:
     runs = [fl.simulate(wheel(**{"run.method": "Radau5", "run.relative_tolerance": 1e-4, HARD: c})) for c in (0.5, 1e4)]
-    assert runs[1].steps.evaluations <= 2.4 * runs[0].steps.evaluations  # 2.1; 2.7 without its slope in the matrices
+    assert runs[1].steps.evaluations <= 2.4 * runs[0].steps.evaluations  # 2.1; 2.7 if the matrices lack its slope
     np.testing.assert_allclose(runs[1].qd[:, 0], 3 / (1 + 3e4 * runs[1].t), atol=1e-5)
 
 
-def test_archives_continued_runs_and_sweeps_know_them(tmp_path) -> None:
+def test_archives_continued_runs_and_sweeps_include_quadratic_dampers(tmp_path) -> None:
     whole = fl.simulate(damped())
     whole.save(tmp_path / "run.npz")
     assert fl.load_trajectory(tmp_path / "run.npz").chain.forces["dampers"]["quadratic"].tolist() == [20.0] * 3
@@ -86,7 +86,7 @@ def test_archives_continued_runs_and_sweeps_know_them(tmp_path) -> None:
     np.testing.assert_array_equal(many[1].q, whole.q)
 
 
-def test_files_and_engines_name_what_they_lack() -> None:
+def test_exports_and_engines_without_quadratic_dampers_report_it() -> None:
     scene = damped()
     assert "quadratic dampers" in unsupported(scene, fl.lump(scene), format="mjcf")
     with refused(fl.FlexlinkError, "arguments-not-counted"):

@@ -1,4 +1,4 @@
-"""Data sheets of the benchmarks: list, settings, and contents."""
+"""Data sheets of benchmarks: which benchmarks have one, and which settings and results it contains."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def settings_of(case: Case):
 
 
 @pytest.mark.parametrize("case", SHEETS, ids=lambda case: case.name)
-def test_a_sheet_lists_its_error_and_has_settings_from_few_to_many_hinges(case):
+def test_a_data_sheet_names_its_error_measure_and_settings_by_hinge_count(case):
     assert case.sheet.error
     assert case.sheet.accepted > 0
     assert case.sheet.unit in {"rad/s", "Hz", "m", "N"}
@@ -29,12 +29,12 @@ def test_a_sheet_lists_its_error_and_has_settings_from_few_to_many_hinges(case):
     assert hasattr(kinds.KINDS[case.kind], "error_at")
 
 
-def test_every_benchmark_of_these_kinds_has_a_sheet():
+def test_every_frequency_static_buckling_and_motion_benchmark_has_a_data_sheet():
     wanted = {"frequencies", "statics", "buckling", "motion_benchmark"}
     assert {case.name for case in SHEETS} == {case.name for case in load_cases() if case.kind in wanted}
 
 
-def test_a_sheet_holds_accuracy_and_time_of_flexlink_and_mujoco_which_agree_in_the_error():
+def test_a_data_sheet_gives_cpu_times_of_flexlink_and_mujoco_at_equal_errors():
     (case,) = load_cases("data_sheets")
     *numbers, sheet = data_sheets.run(case, benchmarks=("physics_tip_mass",))
     assert isinstance(sheet, Series)

@@ -1,4 +1,4 @@
-"""Deflection is one thing wherever it is asked for: what all springs, of links and of gears, do to the tip."""
+"""In all parts of the library, deflection is the tip displacement due to all springs, of links and of gears."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from flexlink.scene_report.study import Study
 from flexlink.sweeps.measures import column_of
 from validation.trade.scenes import seen
 
-GEAR = 0.5 * 2 * np.sin(0.01 / 2)  # m: the arm of 0.5 m, its gear turned by 0.01 rad: 5.0 mm
+GEAR = 0.5 * 2 * np.sin(0.01 / 2)  # tip displacement [m] of a 0.5 m arm whose gear spring turns by 0.01 rad
 STEEL = fl.Material(young=210e9, density=7850.0)
 
 
@@ -27,16 +27,16 @@ def two_masses() -> fl.Scene:
     return fl.load_scene(ROOT / "models" / "two_mass_joint.toml")
 
 
-def test_the_deflection_of_an_elastic_gear_is_the_same_in_advice_sweeps_report_and_trade(two_masses: fl.Scene) -> None:
+def test_advice_sweeps_reports_and_trade_agree_on_the_deflection_of_a_gear(two_masses: fl.Scene) -> None:
     run = fl.simulate(two_masses)
     assert deflections(run)[0] == pytest.approx(GEAR, rel=1e-12)
-    assert deflections(run).max() == pytest.approx(GEAR, rel=1e-3)  # it swings as far to the other side
+    assert deflections(run).max() == pytest.approx(GEAR, rel=1e-3)  # it vibrates with this amplitude
     assert np.array_equal(column_of(run, "deflection [m]"), deflections(run))
     assert np.array_equal(Study(two_masses).bent_by, deflections(run))
     assert np.linalg.norm(seen(run.chain, run.q).bend, axis=1) == pytest.approx(deflections(run), abs=1e-15)
 
 
-def test_advice_takes_a_part_of_the_same_deflection(two_masses: fl.Scene) -> None:
+def test_an_advice_goal_relative_to_the_deflection_includes_the_gear(two_masses: fl.Scene) -> None:
     scene = two_masses.varied({"initial": fl.InitialState(joint_deg=(0.0,)), "link.1.material": "steel",
                                "link.1.section": "bar", "material.steel": STEEL, "gravity": (0.0, -9.81, 0.0),
                                "section.bar": fl.Section(shape="circle", diameter=0.02)})  # fmt: skip
@@ -53,14 +53,14 @@ def test_advice_takes_a_part_of_the_same_deflection(two_masses: fl.Scene) -> Non
     assert refinement.deflection > 1.5 * links_alone.max()  # the gear's part is not left out
 
 
-def test_springs_at_rest_are_where_they_are_slack(two_masses: fl.Scene) -> None:
+def test_the_unbent_configuration_puts_springs_at_their_rest_angles(two_masses: fl.Scene) -> None:
     chain = fl.lump(two_masses)
     turned = with_rest(chain, 0.3)
     assert unbent(turned, np.array([0.7, 0.1])) == pytest.approx([0.7, 0.3])
 
 
 def with_rest(chain: fl.Chain, angle: float) -> fl.Chain:
-    """The same with its gear slack at an angle [rad]."""
+    """The same chain with this rest angle [rad] of the gear spring."""
     hinges = chain.hinges.copy()
     hinges["rest"][chain.stiffness > 0] = angle
     return dataclasses.replace(chain, hinges=hinges)

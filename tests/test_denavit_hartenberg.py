@@ -1,4 +1,4 @@
-"""Tables of Denavit and Hartenberg, and mounts in radians, against the matrices that the textbooks print."""
+"""Denavit-Hartenberg tables agree with the matrices in textbooks, and mounts may be given in radians."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.words import refused
 
 EPS = np.finfo(float).eps
 HUB = fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1))
-UR5 = [  # a, α, d: the maker's table, standard
+UR5 = [  # a, α, d: the manufacturer's table, standard convention
     (0.0, 90.0, 0.089159), (-0.425, 0.0, 0.0), (-0.39225, 0.0, 0.0), (0.0, 90.0, 0.10915), (0.0, -90.0, 0.09465),
     (0.0, 0.0, 0.0823),
 ]  # fmt: skip
@@ -24,13 +24,13 @@ PUMA = [  # a_{i−1}, α_{i−1}, d: Craig, figure 3.21, modified
 
 
 def siciliano(a: float, α: float, d: float, θ: float) -> np.ndarray:
-    """A_i^{i−1}, equation (2.52): from the axes before the joint's turn to those at the link's end."""
+    """Matrix A_i^{i−1} of equation (2.52), from the frame before the joint rotates to the frame at the link's end."""
     c, s, ca, sa = math.cos(θ), math.sin(θ), math.cos(α), math.sin(α)
     return np.array([[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1]])
 
 
 def craig(a: float, α: float, d: float, θ: float) -> np.ndarray:
-    """{}^{i−1}T_i, equation (3.6), of a_{i−1} and α_{i−1}."""
+    """Matrix {}^{i−1}T_i of equation (3.6), with a_{i−1} and α_{i−1}."""
     c, s, ca, sa = math.cos(θ), math.sin(θ), math.cos(α), math.sin(α)
     return np.array([[c, -s, 0, a], [s * ca, c * ca, -sa, -sa * d], [s * sa, c * sa, ca, ca * d], [0, 0, 0, 1]])
 
@@ -56,7 +56,7 @@ def tip_of(chain: fl.Chain, q: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("table", "convention"), [(UR5, "standard"), (PUMA, "modified")], ids=["UR5", "PUMA"])
-def test_a_whole_table_is_the_product_of_the_books_matrices(table, convention, rng) -> None:
+def test_a_dh_table_gives_the_product_of_the_textbook_matrices(table, convention, rng) -> None:
     q, offsets = rng.uniform(-np.pi, np.pi, 6), rng.uniform(-180, 180, 6)
     wanted = np.eye(4)
     for (a, α, d), angle, offset in zip(table, q, offsets, strict=True):
@@ -66,7 +66,7 @@ def test_a_whole_table_is_the_product_of_the_books_matrices(table, convention, r
 
 
 @pytest.mark.parametrize("convention", ["standard", "modified"])
-def test_a_row_may_turn_and_shift_anyhow(convention, rng) -> None:
+def test_a_dh_row_may_have_any_angles_and_offsets(convention, rng) -> None:
     for _ in range(20):
         table = [tuple(row) for row in rng.uniform((-0.5, -180, -0.5), (0.5, 180, 0.5), (3, 3))]
         q, wanted = rng.uniform(-3, 3, 3), np.eye(4)
@@ -77,8 +77,8 @@ def test_a_row_may_turn_and_shift_anyhow(convention, rng) -> None:
 
 
 @pytest.mark.parametrize("convention", ["standard", "modified"])
-def test_beams_run_beside_the_table_and_change_nothing_of_it(convention, rng) -> None:
-    """A straight arm with beams along `line` has its axes at the positions of the table."""
+def test_beams_do_not_change_the_kinematics_of_a_dh_table(convention, rng) -> None:
+    """The joint axes of an undeformed arm with beams are at the positions of the table."""
     beam = {"material": "aluminium", "section": "square", "flex": "yz", "segments": 3}
     table = UR5 if convention == "standard" else PUMA
     bare = fl.lump(make_scene(*links_of(table, convention, np.zeros(6))))
@@ -95,7 +95,7 @@ def test_beams_run_beside_the_table_and_change_nothing_of_it(convention, rng) ->
         np.testing.assert_allclose(got, tip_of(bare, q), rtol=0, atol=40 * EPS)
 
 
-def test_the_tip_is_where_a_standard_table_ends_and_at_the_end_of_the_last_beam_of_a_modified_one() -> None:
+def test_the_tip_is_at_the_last_standard_frame_or_at_the_end_of_the_last_modified_beam() -> None:
     beam = {"material": "aluminium", "section": "square", "length": 0.3}
     for convention, wanted in (("standard", (0.4, 0.0, 0.5)), ("modified", (0.7, -0.5, 0.0))):
         row = fl.details.DenavitHartenberg(convention=convention, a=0.4, alpha_deg=90, d=0.5)
@@ -103,7 +103,7 @@ def test_the_tip_is_where_a_standard_table_ends_and_at_the_end_of_the_last_beam_
         np.testing.assert_allclose(fl.tip_position(chain, np.zeros(1)), wanted, rtol=0, atol=8 * EPS)
 
 
-def test_a_standard_row_carries_a_beam_from_the_joint_to_its_end() -> None:
+def test_in_a_standard_dh_row_the_beam_runs_from_the_joint_to_the_link_end() -> None:
     row = fl.details.DenavitHartenberg(convention="standard", a=-0.3, d=0.4, alpha_deg=90)
     link = fl.Link(name="a", dh=row, material="aluminium", section="square")
     assert link.stop == (-0.3, 0.0, 0.4)
@@ -114,7 +114,7 @@ def test_a_standard_row_carries_a_beam_from_the_joint_to_its_end() -> None:
     assert body["center"].tolist() == pytest.approx([-0.15, 0.0, 0.2], abs=EPS)
 
 
-def test_a_mount_in_radians_is_one_in_degrees(rng) -> None:
+def test_a_mount_in_radians_equals_the_same_mount_in_degrees(rng) -> None:
     angles = tuple(rng.uniform(-3, 3, 3))
     one, other = (
         tip_of(fl.lump(make_scene(fl.Link(name="a", length=1.0, hub=HUB, mount=mount))), np.zeros(1))
@@ -136,6 +136,6 @@ def test_a_mount_in_radians_is_one_in_degrees(rng) -> None:
          "dh-conventions-differ"),
     ],
 )  # fmt: skip
-def test_an_incomplete_or_unknown_table_is_refused(build, wanted) -> None:
+def test_contradictory_or_unknown_dh_parameters_are_refused(build, wanted) -> None:
     with refused(fl.errors.SceneError, wanted):
         build()

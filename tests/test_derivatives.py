@@ -1,4 +1,4 @@
-"""Derivatives of the dynamics are those of its functions: against 50 digits, against each other, and at the edges."""
+"""Derivatives of the dynamics, compared with 50-digit arithmetic and with each other, and edge cases."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from validation.oracles.spatial_chain import DIFFERENCES, SpatialChain, accelera
 Array = NDArray[np.float64]
 ARMS = 12
 CLOSE = 1e-12
-"""Of the largest element: the project's limit; n eps times the spread of the parts is 1e-13 for arms of ten hinges."""
+"""Error limit of the project, relative to the largest element; rounding alone gives 1e-13 for arms of ten hinges."""
 
 
 def random_arm(rng: np.random.Generator) -> Chain:
-    """One to three links of any kind, mounted anyhow, with rotors, hubs, dry friction and a load."""
+    """One to three random links with any mounts, with rotors, hubs, dry friction and a load."""
 
     def joint() -> Joint:
         some = rng.uniform(size=3) * (rng.uniform(size=3) < 0.5)
@@ -54,13 +54,13 @@ def _three(rng: np.random.Generator, size: float) -> Vector3:
 
 
 def bent_state(chain: Chain, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Driven joints anywhere, hinges bent by up to 30°, rates up to 10 rad/s."""
+    """Random joint angles, hinge angles up to 30°, rates up to 10 rad/s."""
     q, qd = random_state(chain, rng)
     return np.where(np.isin(np.arange(chain.n), chain.active), q, q / 6), qd
 
 
 def off(ours: Array, exact: Array) -> float:
-    """Largest error, in units of the largest element, or of 1 where all is zero to the last of the oracle's digits."""
+    """Largest error relative to the largest element, or to 1 if the reference is zero (below 1e-30)."""
     largest = np.abs(exact).max()
     return float(np.abs(ours - exact).max() / (largest if largest > 1e-30 else 1.0))
 
@@ -98,26 +98,26 @@ def worst_of_random_arm(seed: int) -> tuple[float, float]:
     return worst_of_inverse(chain, q, qd, qdd, wrench), worst_of_forward(chain, q, qd, tau, wrench)
 
 
-@pytest.mark.parametrize("seed", [6, 9])  # of five and four joints
-def test_derivatives_are_those_of_50_digits(seed: int) -> None:
+@pytest.mark.parametrize("seed", [6, 9])  # arms with five and four joints
+def test_derivatives_agree_with_50_digit_arithmetic(seed: int) -> None:
     assert max(worst_of_random_arm(seed)) <= CLOSE
 
 
 @pytest.mark.slow
-def test_derivatives_of_random_arms_are_those_of_50_digits() -> None:
-    """Of one joint the only element may be what its parts leave: arms of two joints and more are judged.
+def test_derivatives_of_random_arms_agree_with_50_digit_arithmetic() -> None:
+    """Only arms with two or more joints are tested: with one joint, the only element may be a small difference.
 
-    Of 300 such arms, and of 300 with every key of a link (`python -m validation derivatives_50_digits`), all are
+    300 such arms, and 300 arms with every key of a link (`python -m validation derivatives_50_digits`), are all
     within this limit.
     """
     seeds = [seed for seed in range(ARMS) if random_arm(np.random.default_rng(seed)).n > 1]
     assert max(max(worst_of_random_arm(seed)) for seed in seeds) <= CLOSE
 
 
-def test_a_light_segment_that_is_thrown_about_does_not_cost_the_others_digits() -> None:
-    """q̈ of 3e7 rad/s² of a segment of grams, of which the next one sees a small part.
+def test_a_light_fast_segment_does_not_reduce_the_accuracy_of_the_others() -> None:
+    """A segment of a few grams has q̈ = 3e7 rad/s², and a small part of this acceleration affects the next segment.
 
-    A rounding of that q̈ alone is worth 1e-12 of ∂q̈/∂q: the bodies' own accelerations keep a digit more.
+    Rounding of this q̈ alone changes ∂q̈/∂q by 1e-12; computing with body accelerations gains a digit.
     """
     rng = np.random.default_rng(159)
     chain = random_arm(rng)
@@ -127,8 +127,8 @@ def test_a_light_segment_that_is_thrown_about_does_not_cost_the_others_digits() 
     assert worst_of_forward(chain, q, qd, tau, wrench) <= CLOSE / 2
 
 
-def test_a_small_rotor_behind_an_elastic_gear_keeps_its_digits() -> None:
-    """The rounding error of the arm's inertia about the motor's axis, 1e-16 of it, is 1e-8 of this rotor."""
+def test_accelerations_of_a_small_rotor_at_an_elastic_gear_stay_accurate() -> None:
+    """A relative rounding error of 1e-16 in the arm's inertia about the motor axis is 1e-8 of the rotor's inertia."""
     gear = Joint(armature=1e-8, gear_stiffness=100.0)
     links = Link(name="a"), Link(name="b", joint=gear, length=0.5, mount=Mount(rpy_deg=(40.0, 50.0, 60.0)))
     chain = fl.lump(make_scene(*links, tip=RigidBody(mass=3.0, inertia=(1.0, 1.0, 1.0)), gravity=(1.0, 2.0, 9.0)))
@@ -137,8 +137,8 @@ def test_a_small_rotor_behind_an_elastic_gear_keeps_its_digits() -> None:
     assert fl.forward_dynamics(chain, q, qd, tau) == pytest.approx(exact, rel=1e-14)
 
 
-def test_a_planar_arm_has_the_same_derivatives_by_the_recursion_in_space(rng: np.random.Generator) -> None:
-    """Two recursions that share the equation of motion only."""
+def test_planar_and_spatial_recursions_give_the_same_derivatives(rng: np.random.Generator) -> None:
+    """The two recursions share nothing but the equation of motion."""
     motion = PrescribedMotion(
         link="b", times=(0.0, 1.0), angle_deg=(0.0, 9.0), rate_deg=(0.0, 0.0), acceleration_deg=(0.0, 0.0)
     )
@@ -156,8 +156,8 @@ def test_a_planar_arm_has_the_same_derivatives_by_the_recursion_in_space(rng: np
         assert max(map(off, plane, space)) <= CLOSE
 
 
-def test_derivatives_undo_each_other(chain: Chain, rng: np.random.Generator) -> None:
-    """∂τ/∂q + ∂τ/∂q̈ ∂q̈/∂q = −∂(T_FL + T_FR)/∂q, and so on: inverse and forward dynamics are one equation."""
+def test_forward_and_inverse_dynamics_derivatives_are_consistent(chain: Chain, rng: np.random.Generator) -> None:
+    """Both solve the same equation, so ∂τ/∂q + ∂τ/∂q̈ ∂q̈/∂q = −∂(T_FL + T_FR)/∂q, and equally for q̇ and τ."""
     q, qd = bent_state(chain, rng)
     tau = rng.normal(size=chain.n)
     forward = fl.forward_dynamics_derivatives(chain, q, qd, tau)
@@ -171,7 +171,9 @@ def test_derivatives_undo_each_other(chain: Chain, rng: np.random.Generator) -> 
         assert (np.abs(slope + np.diag(own) + inverse.dqdd @ through) <= 1e-12 * parts.max()).all()
 
 
-def test_the_mass_matrix_and_the_jacobian_come_along(chain: Chain, rng: np.random.Generator) -> None:
+def test_derivatives_include_the_mass_matrix_and_the_jacobian_is_consistent(
+    chain: Chain, rng: np.random.Generator
+) -> None:
     q, qd = bent_state(chain, rng)
     qdd, wrench = rng.normal(size=chain.n), rng.normal(size=6)
     found = fl.inverse_dynamics_derivatives(chain, q, qd, qdd)
@@ -183,14 +185,14 @@ def test_the_mass_matrix_and_the_jacobian_come_along(chain: Chain, rng: np.rando
     assert np.abs(J.linear.T @ wrench[:3] + J.angular.T @ wrench[3:] - load).max() <= 1e-13 * size
 
 
-def test_hinges_beyond_a_body_do_not_move_it() -> None:
+def test_hinges_outboard_of_a_body_have_zero_jacobian_columns() -> None:
     chain = fl.lump(nasty_scene())
     J = fl.jacobian(chain, np.full(chain.n, 0.1), body=0)
     stop = int(chain.bodies["stop"][0])
     assert not J.linear[:, stop:].any() and not J.angular[:, stop:].any()
 
 
-def test_where_motion_is_prescribed_the_acceleration_is_the_input(rng: np.random.Generator) -> None:
+def test_derivatives_at_a_prescribed_joint_are_with_respect_to_its_acceleration(rng: np.random.Generator) -> None:
     links = Link(name="a", length=0.5, material="aluminium", section="square"), flexible("b", "yz", 3)
     motion = (
         PrescribedMotion(
@@ -224,7 +226,7 @@ def test_one_joint_has_the_derivatives_of_a_pendulum() -> None:
 
 
 @pytest.mark.slow
-def test_long_chains_also_have_derivatives(rng: np.random.Generator) -> None:
+def test_derivatives_of_a_chain_of_400_hinges_are_accurate(rng: np.random.Generator) -> None:
     chain = fl.lump(make_scene(flexible("a", "z", 400)))
     q, qd = np.full(chain.n, 1e-3), np.full(chain.n, 0.1)
     found = fl.forward_dynamics_derivatives(chain, q, qd, 0 * q)
@@ -237,7 +239,7 @@ def test_long_chains_also_have_derivatives(rng: np.random.Generator) -> None:
         )
 
 
-def test_a_derivative_that_is_not_there_is_an_error() -> None:
+def test_derivatives_that_do_not_exist_are_errors() -> None:
     chain = fl.lump(make_scene(flexible("a", "xyz", 2)))
     q = np.zeros(chain.n)
     with refused(ArgumentError, "wrong-shape"):

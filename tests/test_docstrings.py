@@ -1,4 +1,4 @@
-"""Each public name has an example that gives its printed result, in a folder with the checkout's models."""
+"""Each public name has a working example, run in a folder with the models of the checkout."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from conftest import ROOT, compiled
 import flexlink as fl
 from flexlink.dynamics.vibration.modal import Modes
 
-pytestmark = compiled  # the run that is prepared
+pytestmark = compiled  # `prepared.py` prepares a run with compiled kernels
 
 MODULES = {name: module for name in fl.__all__ if inspect.ismodule(module := getattr(fl, name))}
 PUBLIC = {name: getattr(fl, name) for name in fl.__all__ if name not in MODULES} | {
@@ -28,14 +28,14 @@ NEEDS = {"compare": "mujoco", "compare_trajectories": "mujoco", "errors.EngineEr
 
 
 def without_example(names: Mapping[str, object]) -> list[str]:
-    """Names of those whose docstring shows nothing that runs."""
+    """Names of objects whose docstring has no runnable example."""
     return [
         name for name, thing in names.items() if not doctest.DocTestParser().get_examples(inspect.getdoc(thing) or "")
     ]
 
 
 def examples(name: str, names: dict[str, Any]) -> Iterator[doctest.DocTest]:
-    """Docstrings of a public name and of its public methods."""
+    """Examples in the docstrings of a public name and of its public methods."""
     thing = RUN[name]
     parser = doctest.DocTestParser()
     members = inspect.getmembers(thing) if inspect.isclass(thing) else []
@@ -46,7 +46,7 @@ def examples(name: str, names: dict[str, Any]) -> Iterator[doctest.DocTest]:
 
 @pytest.fixture(scope="module")
 def names() -> dict[str, Any]:
-    """What every example finds at hand: that of `prepared.py`."""
+    """The names available to every example, from `prepared.py`."""
     return {"Path": Path, **runpy.run_path(str(Path(__file__).with_name("prepared.py")))}
 
 
@@ -61,10 +61,10 @@ def test_examples_run_as_written(
     monkeypatch.chdir(tmp_path)
     plt.switch_backend("Agg")
     runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
-    told: list[str] = []
+    printed: list[str] = []
     for test in examples(name, names):
-        runner.run(test, out=told.append)
-    assert not runner.failures, "".join(told)
+        runner.run(test, out=printed.append)
+    assert not runner.failures, "".join(printed)
 
 
 def test_every_public_name_has_an_example() -> None:
@@ -73,6 +73,6 @@ def test_every_public_name_has_an_example() -> None:
 
 def test_a_name_without_an_example_is_reported() -> None:
     def bare() -> None:
-        """Has no example: >> is no prompt."""
+        """A docstring without an example, as >> is not a prompt."""
 
     assert without_example({"mass_matrix": fl.mass_matrix, "bare": bare, "no text": object()}) == ["bare", "no text"]

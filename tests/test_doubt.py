@@ -1,4 +1,4 @@
-"""Conditions under which a second run makes a run doubtful: constructed tip paths with known errors."""
+"""Conditions under which a second run makes a run doubtful, tested with constructed tip paths of known error."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ def monitor(run: fl.RunSettings, off: float) -> Monitor:
     return cast("Monitor", of_a_run)
 
 
-def test_the_error_of_order_two_is_a_third_of_the_change_with_twice_the_step() -> None:
-    """Errors of order two grow fourfold with twice the step: 1 cm and 4 cm are 3 cm apart."""
+def test_a_second_order_error_is_a_third_of_the_change_with_doubled_steps() -> None:
+    """Second-order errors grow fourfold if the step is doubled: tips with errors of 1 cm and 4 cm are 3 cm apart."""
     of_a_run = monitor(fl.RunSettings(step=0.1, sample=0.1, duration=4.0), 0.01)
     second = next(second_runs(of_a_run, "Gauss4"))
     assert (second.run.step, second.every) == (0.2, 2)
@@ -51,7 +51,7 @@ def test_the_error_of_order_two_is_a_third_of_the_change_with_twice_the_step() -
 
 
 @pytest.mark.parametrize(("tolerances", "doubted"), [(1.1, False), (2.0, False), (10.0, True)])
-def test_a_run_is_doubtful_at_ten_tolerances_and_not_at_two(tolerances: float, doubted: bool) -> None:
+def test_a_run_is_doubtful_if_its_error_is_ten_tolerances_but_not_two(tolerances: float, doubted: bool) -> None:
     run = fl.RunSettings(tolerance=1e-3, sample=0.1, duration=4.0)
     second = Second(run.__class__(tolerance=1e-4, sample=0.1, duration=4.0), 1, 1.0)
     warning = doubt(monitor(run, tolerances * 1e-3), second, path(0.0))
@@ -61,8 +61,8 @@ def test_a_run_is_doubtful_at_ten_tolerances_and_not_at_two(tolerances: float, d
 
 
 @pytest.mark.parametrize(("rejected", "taken", "compared"), [(90, 100, True), (70, 100, False), (30, 10, False)])
-def test_a_run_that_rejects_most_of_many_steps_is_compared(rejected: int, taken: int, compared: bool) -> None:
-    """A motor that keeps switching between its limits: 22,000 accurate steps add up to 12 tolerances."""
+def test_a_run_that_rejects_most_steps_is_checked_by_a_second_run(rejected: int, taken: int, compared: bool) -> None:
+    """If a motor keeps switching between its limits, errors of 22,000 accurate steps add up to 12 tolerances."""
     run = fl.RunSettings(tolerance=1e-3, sample=0.1, duration=4.0)
     of_a_run = monitor(run, 0.02)
     of_a_run.angle_travelled, cast("Any", of_a_run).travelled = 0.0, 0.0
@@ -78,8 +78,8 @@ def test_a_run_that_rejects_most_of_many_steps_is_compared(rejected: int, taken:
             reviewed("doubtful-comparison", warning)
 
 
-def test_travel_counts_the_joint_that_moves_most_without_prescribed_joints_and_hinges() -> None:
-    """3 rad/s forth and back for 4 s are 12 rad; the joint beside it goes through 8, the led one and the hinge far."""
+def test_joint_travel_is_the_sum_over_driven_joints_without_prescribed_motion() -> None:
+    """Two driven joints at ±3 and ±2 rad/s travel 12 + 8 rad in 4 s; a prescribed joint and a hinge do not count."""
     links = flexible("a", segments=2), fl.Link(name="b", length=1.0), fl.Link(name="led", length=1.0)
     chain = fl.lump(make_scene(*links, tip=fl.RigidBody(mass=1.0)))
     hinges = chain.hinges.copy()
@@ -93,5 +93,5 @@ def test_travel_counts_the_joint_that_moves_most_without_prescribed_joints_and_h
         assert known.look(first, stop, samples) == (stop, WRONG.nothing)
     seen = cast("Any", SimpleNamespace(_balance=known, angle_travelled=0.0))
     assert Monitor.travelled.fget(seen) == pytest.approx(20.0)
-    seen.angle_travelled = 25.0  # of all steps, where samples are few
+    seen.angle_travelled = 25.0  # path in all steps, longer than between samples
     assert Monitor.travelled.fget(seen) == 25.0

@@ -1,4 +1,4 @@
-"""Drag of the air: closed forms, virtual work, slopes, power, loads, engines, and what does not count it."""
+"""Air drag: closed forms, virtual work, derivatives, power, loads, and functions that do not support it."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ BAR = make_scene(
     initial=fl.InitialState(rate_deg=(math.degrees(OMEGA),)),
     run=fl.RunSettings(duration=2.0, method="RK4", step=1e-3),
 )  # fmt: skip
-BRAKE = 0.5 * RHO * C * B / 4  # ∫ ½ ρ c_d b (ω x)² x dx over 1 m, of ω = 1 [N m s²]
+BRAKE = 0.5 * RHO * C * B / 4  # drag torque over ω², ∫ ½ ρ c_d b x³ dx over 1 m [N m s²]
 
 
 def dragged(scene: fl.Scene) -> fl.Scene:
-    """Every link with a length meets drag, in a fluid that is not thin."""
+    """The arm with drag on every link that has a length, in a dense fluid."""
     drag = fl.Drag(coefficient=1.5, breadth=(0.2, 0.1))
     paths = {f"link.{link.name}.drag": drag for link in scene.arm.links if link.beam.length}
     return scene.varied({**paths, "air_density": 40.0})
@@ -40,7 +40,7 @@ def without_drag(scene: fl.Scene) -> fl.Scene:
 
 
 def by_virtual_work(chain: fl.Chain, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
-    """−Σ Jᵀ f, J of every point by `jacobian`."""
+    """Drag torques −Σ Jᵀ f, computed with `jacobian` at every point where drag acts."""
     torque = np.zeros(chain.n)
     rotations = fl.frames(chain, q).rotations
     for body, point, across, drag in chain.drag.tolist():
@@ -51,7 +51,7 @@ def by_virtual_work(chain: fl.Chain, q: np.ndarray, qd: np.ndarray) -> np.ndarra
     return torque
 
 
-def test_a_bar_that_turns_feels_the_integral_over_its_length() -> None:
+def test_drag_torque_of_a_rotating_bar_equals_the_integral_over_its_length() -> None:
     chain = fl.lump(BAR)
     for rate in (OMEGA, -OMEGA):
         torque = fl.drag_torque(chain, [0.4], [rate])
@@ -62,19 +62,19 @@ def test_a_bar_that_turns_feels_the_integral_over_its_length() -> None:
     ("settings", "close"),
     [
         ({"method": "RK4", "step": 1e-3}, 1e-11),
-        ({"method": "Gauss4", "step": 1e-3}, 3e-8),  # what Newton's iteration leaves, 1e-13 of the reach a step
+        ({"method": "Gauss4", "step": 1e-3}, 3e-8),  # residual of Newton's iteration: 1e-13 of the reach per step
         ({"method": "DOP853", "tolerance": 1e-9}, 1e-8),
         ({"method": "Radau5", "tolerance": 1e-9}, 1e-8),
     ],
 )
-def test_a_bar_slows_down_as_one_over_time(settings: dict[str, Any], close: float) -> None:
+def test_drag_slows_a_rotating_bar_by_the_closed_form(settings: dict[str, Any], close: float) -> None:
     run = fl.simulate(BAR.varied({f"run.{key}": value for key, value in settings.items()}))
     inertia = fl.mass_matrix(run.chain, [0.0])[0, 0]
     np.testing.assert_allclose(run.qd[:, 0], OMEGA / (1 + BRAKE * OMEGA * run.t / inertia), rtol=close)
     assert abs(run.imbalance).max() < close * run.energy.kinetic[0]
 
 
-def test_breadths_are_those_of_the_section_and_taper_with_it() -> None:
+def test_drag_widths_follow_the_section_and_its_taper() -> None:
     cone = fl.Section(shape="circle", diameter=0.1), fl.Section(shape="circle", diameter=0.02)
     link = fl.Link(
         name="cone", length=2.0, material="steel", section="root", section_tip="tip", drag=fl.Drag(coefficient=1.0)
@@ -89,7 +89,7 @@ def test_breadths_are_those_of_the_section_and_taper_with_it() -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_torques_are_those_of_virtual_work_on_any_arm(seed: int) -> None:
+def test_drag_torques_agree_with_virtual_work_on_any_arm(seed: int) -> None:
     rng = np.random.default_rng(seed)
     scene = dragged(nasty_scene() if seed == 0 else random_tree_scene(rng, free=seed % 2 == 0))
     chain = fl.lump(scene)
@@ -103,8 +103,8 @@ def test_torques_are_those_of_virtual_work_on_any_arm(seed: int) -> None:
     np.testing.assert_allclose(fl.forward_dynamics(chain, [q, q], qd, tau)[1], expected, rtol=1e-11, atol=1e-9)
 
 
-def test_modes_of_an_arm_that_turns_are_damped_by_it() -> None:
-    """Small changes of the rate ω of a rigid bar decay with 2 β ω / I; β |ω| ω is its drag."""
+def test_drag_damps_the_modes_of_a_rotating_arm() -> None:
+    """With drag torque β |ω| ω, small changes of the rate ω of a rigid bar decay at the rate 2 β ω / I."""
     bar = fl.lump(BAR)
     model = fl.linearize(bar, [0.0], [OMEGA])
     inertia = fl.mass_matrix(bar, [0.0])[0, 0]
@@ -112,7 +112,7 @@ def test_modes_of_an_arm_that_turns_are_damped_by_it() -> None:
     np.testing.assert_allclose(fl.linearize(bar, [0.0]).A, [[0.0, 1.0], [0.0, 0.0]])
 
 
-def test_what_moves_a_joint_as_prescribed_works_against_drag() -> None:
+def test_the_drive_of_a_prescribed_joint_works_against_drag() -> None:
     turning = fl.PrescribedMotion(
         link="bar", times=(0.0, 1.0), angle_deg=(0.0, 90.0), rate_deg=(90.0, 90.0), acceleration_deg=(0.0, 0.0)
     )
@@ -120,11 +120,11 @@ def test_what_moves_a_joint_as_prescribed_works_against_drag() -> None:
     run = fl.simulate(BAR.varied({"motion": (turning,), "run.duration": 1.0, "initial": initial}))
     ω = math.pi / 2
     np.testing.assert_allclose(run.tau[:, 0], BRAKE * ω * ω, rtol=1e-12)
-    np.testing.assert_allclose(run.work[-1], 0.0, atol=1e-12)  # all of it is lost
+    np.testing.assert_allclose(run.work[-1], 0.0, atol=1e-12)  # drag dissipates all of the work
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "error_id"),
     [
         ({"link.bar.drag": None}, "no-effect"),
         ({"link.bar.drag.breadth": None}, "missing-key"),
@@ -133,12 +133,12 @@ def test_what_moves_a_joint_as_prescribed_works_against_drag() -> None:
         ({"air_density": 0.0}, "wrong-value"),
     ],
 )
-def test_what_does_not_fit_is_refused(changes: dict[str, Any], said: str) -> None:
-    with refused(fl.errors.SceneError, said):
+def test_invalid_drag_settings_are_refused(changes: dict[str, Any], error_id: str) -> None:
+    with refused(fl.errors.SceneError, error_id):
         BAR.varied(changes)
 
 
-def test_a_general_section_has_no_width() -> None:
+def test_drag_of_a_general_section_needs_a_width() -> None:
     section = fl.Section(shape="general", area=1e-4, i_y=1e-9, i_z=1e-9, torsion=1e-9)
     link = fl.Link(name="a", length=1.0, material="m", section="s", drag=fl.Drag(coefficient=1.0))
     with refused(fl.errors.SceneError, "missing-key"):

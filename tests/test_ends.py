@@ -1,4 +1,4 @@
-"""A run without an error ends at its end time: free bases in implicit steps, and all kinds of runs that stop early."""
+"""A run reaches its end time or raises an error, also with a free base in implicit steps or if it stops early."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ pytestmark = compiled
 
 
 def satellite(spin: float, **changes: Any) -> fl.Scene:
-    """A body with a panel that bends and an arm, turning at a rate [rad/s] for which some steps are too long."""
+    """A free body with a flexible panel and an arm, rotating at `spin` [rad/s], for which some steps are too long."""
     links = (
         flexible("panel", "yz", 2, joint=fl.Joint(locked=True), length=1.0, section="thin", lumping="midpoint"),
         fl.Link(name="arm", on="base", length=0.8, material="aluminium", section="thin"),
@@ -58,8 +58,8 @@ def test_a_free_base_in_implicit_steps_reaches_its_end_or_fails_with_a_reason(
 
 
 @pytest.mark.slow
-def test_split_steps_of_a_fast_turning_body_follow_the_motion(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Full steps do not converge, half steps do, and the base also turns far within them."""
+def test_subdivided_steps_of_a_fast_rotating_body_follow_the_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Full steps are made to fail, so that they are subdivided; the base rotates far even within half steps."""
     exact = fl.simulate(satellite(10.0), method="DOP853", tolerance=1e-10)
     take, turns = AdaptiveSteps.take, []
 
@@ -129,10 +129,8 @@ RUNS: dict[str, Callable[[], object]] = {
 
 
 @pytest.mark.parametrize("kind", RUNS)
-def test_steps_that_end_early_without_a_reason_are_an_error_in_every_kind_of_run(
-    kind: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    RUNS[kind]()  # complete, it is no error
+def test_a_run_that_stops_early_without_a_reason_is_an_error(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    RUNS[kind]()  # a complete run is not an error
     take, pieces, go = AdaptiveSteps.take, fixed_steps.pieces, floating_steps.advance
 
     def half_way(steps: AdaptiveSteps, most: int) -> int:
@@ -154,8 +152,8 @@ def test_steps_that_end_early_without_a_reason_are_an_error_in_every_kind_of_run
     reviewed(f"ends early: {kind}", str(caught.value), values=False)
 
 
-def test_a_run_reads_no_sample_that_was_not_written(monkeypatch: pytest.MonkeyPatch) -> None:
-    """All unwritten memory is NaN."""
+def test_a_run_never_reads_unwritten_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All unwritten memory is set to NaN, which would change the results."""
     scene = pendulum(**{"run.duration": 3.0, "run.step": 0.05, "run.sample": 0.1, **IMPLICIT})
     before, empty = fl.simulate(scene), np.empty
 
@@ -173,7 +171,7 @@ def test_a_run_reads_no_sample_that_was_not_written(monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.slow
 def test_the_spin_of_a_free_body_is_conserved_in_implicit_steps() -> None:
-    """Within the rounding of all steps; the residuals of Newton's iteration would add up to fifty times as much."""
+    """It is conserved to within rounding of all steps; Newton residuals would add up to fifty times as much."""
     for method in ("Gauss6", "Radau9"):
         run = fl.simulate(satellite(1.0), method=method, step=0.002, sample=0.2, duration=6.0)
         assert run.base is not None

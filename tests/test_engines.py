@@ -1,4 +1,4 @@
-"""Other engines, from the exported files, give what flexlink gives; those that are not installed are skipped."""
+"""Other engines compute from exported files the same as flexlink; engines that are not installed are skipped."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ STATES = 20
 
 
 PACKAGE = {"drake": "pydrake"}
-"""What an engine is imported from, where it is not called so."""
+"""Import name of an engine if it differs from the engine's name."""
 METHOD = {"drake": "RK3"}
-"""Of an engine that has no RK4."""
+"""Method for an engine without RK4."""
 
 
 def engine(name: str, *more: object) -> object:
-    """An engine, and what goes with it, as parameters; skipped if it is not installed, slow if it starts a process."""
+    """Test parameters for an engine; skipped if it is not installed, and slow if it starts a process."""
     missing = importlib.util.find_spec(PACKAGE.get(name, name)) is None
     marks = [pytest.mark.skipif(missing, reason=f"not run: {name} is not installed")]
     return pytest.param(name, *more, marks=[*marks, pytest.mark.slow] if ENGINES[name].isolated else marks)
@@ -58,7 +58,7 @@ every = pytest.mark.parametrize("name", [engine(name) for name in ENGINES if nam
 
 
 def shortened(scene: Scene, duration: float, **run: object) -> Scene:
-    """The scene's first moments."""
+    """The scene with a short duration."""
     return scene.varied({"run.duration": duration} | {f"run.{name}": value for name, value in run.items()})
 
 
@@ -68,16 +68,16 @@ def of_a_tolerance(path: Path) -> dict[str, object]:
 
 
 def of(name: str, scene: Scene) -> Scene:
-    """The scene with a method that the engine has."""
+    """The scene with a method that the engine supports."""
     return scene.varied({"run.method": METHOD.get(name, scene.run.method)})
 
 
 def rounding_bound(scene: Scene) -> float:
-    """Half t² times the error that rounding explains of q̈ along the run, at every tenth sample, by differences."""
+    """Bound for differences of q [rad]: t²/2 times the rounding error of q̈, estimated at every tenth sample."""
     chain = lump(scene)
     t, q, qd = load("native", chain).integrate(scene)
     qdd = np.gradient(qd, t, axis=0)
-    tau = np.array([M @ a for M, a in zip((mass_matrix(chain, row) for row in q), qdd, strict=True)])  # at most
+    tau = np.array([M @ a for M, a in zip((mass_matrix(chain, row) for row in q), qdd, strict=True)])  # an upper limit
     rows = range(0, len(t), 10)
     explained = max(
         rounding.of_acceleration(chain, q[k], qd[k], qdd[k], tau[k], tip_wrench=scene.tip_wrench) for k in rows
@@ -87,7 +87,7 @@ def rounding_bound(scene: Scene) -> float:
 
 @every
 @pytest.mark.parametrize("quantity", QUANTITIES)
-def test_every_term_agrees_as_far_as_rounding_lets_it(name: str, quantity: str, chain: Chain) -> None:
+def test_every_term_agrees_with_the_engine_within_rounding(name: str, quantity: str, chain: Chain) -> None:
     native, other = load("native", chain), load(name, chain)
     term = QUANTITIES[quantity]
     for state in mixed_states(chain, STATES):
@@ -98,7 +98,7 @@ def test_every_term_agrees_as_far_as_rounding_lets_it(name: str, quantity: str, 
 
 
 @every
-def test_massless_bodies_with_offsets_and_turns_between_them_move_alike(name: str, rng: np.random.Generator) -> None:
+def test_engines_agree_on_massless_bodies_with_offsets_and_rotations(name: str, rng: np.random.Generator) -> None:
     massless = [
         Link(name=f"gimbal {k}", length=0.1 * k, mount=Mount(xyz=(0.1, -0.2, 0.3), rpy_deg=(30.0 * k, 40.0, -50.0)))
         for k in range(3)
@@ -113,7 +113,7 @@ def test_massless_bodies_with_offsets_and_turns_between_them_move_alike(name: st
 
 
 NOT_FOLLOWED = {("drake", "computed_torque"), ("exudyn", "computed_torque")}
-"""Drives that an engine's own integrator cannot follow, here a sampled one: refused by name."""
+"""Sampled drives, which the integrators of these engines cannot follow: the run is refused by name."""
 SHORT = {
     **{path.stem: shortened(load_scene(path), 0.03, **of_a_tolerance(path)) for path in MODELS},
     "nasty": shortened(nasty_scene(), 0.02, step=2e-5, sample=1e-3),
@@ -148,7 +148,7 @@ def test_short_trajectories_differ_by_rounding_only(name: str, case: str) -> Non
     t, q, _ = load("native", chain).integrate(scene)
     t2, q2, _ = other.integrate(scene)
     bound = rounding_bound(scene)
-    assert bound < 1e-6 < np.abs(q - q[0]).max()  # the arm moves, by much more than the bound
+    assert bound < 1e-6 < np.abs(q - q[0]).max()  # the arm moves by much more than the bound
     assert_array_equal(t2, t)
     assert_allclose(q2, q, rtol=0, atol=bound)
 
@@ -176,7 +176,7 @@ def test_other_methods_give_the_same_motion(name: str, method: str, step: float)
         engine("drake", ("RK3", "DOPRI5")),
     ],
 )
-def test_an_engine_lists_its_methods(name: str, methods: tuple[str, ...]) -> None:
+def test_the_refusal_of_a_method_lists_the_methods_of_the_engine(name: str, methods: tuple[str, ...]) -> None:
     scene = shortened(make_scene(flexible("arm")), 0.01, method="RK10")
     with refused(ArgumentError, "engine-method") as caught:
         load(name, lump(scene)).integrate(scene)
@@ -184,7 +184,7 @@ def test_an_engine_lists_its_methods(name: str, methods: tuple[str, ...]) -> Non
 
 
 @every
-def test_a_step_past_the_largest_stable_one_is_refused_with_that_one(name: str) -> None:
+def test_a_step_above_the_largest_stable_one_is_refused(name: str) -> None:
     scene = of(name, shortened(load_scene(ROOT / "models" / "paper_fig5.toml"), 0.5, step=1e-3, sample=1e-3))
     chain, method = lump(scene), scene.run.method
     stable_step(chain, initial_state(scene, chain)[0], method=method)
@@ -196,7 +196,7 @@ STEPS = 40
 
 
 def torn(late: float, samples: int = STEPS) -> Scene:
-    """An arm whose drive tears it to pieces within the last `late` of 40 steps."""
+    """An arm whose drive makes the run diverge within the last `late` of 40 steps."""
     h = 1e-4
     end = STEPS * h
     drive = Drive(kind="table", times=(0.0, end - late * h, end), torques=((0.0,), (0.0,), (1e303,)))
@@ -218,7 +218,7 @@ def test_a_run_that_diverges_is_an_error_that_keeps_its_samples_and_writes_no_fi
 
 @every
 @pytest.mark.parametrize("samples", [1, STEPS])
-def test_what_diverges_in_the_very_last_step_is_no_sample(name: str, samples: int) -> None:
+def test_a_state_that_diverges_in_the_last_step_is_not_a_sample(name: str, samples: int) -> None:
     scene = of(name, torn(late=1, samples=samples))
     with refused(DivergenceError, "diverged") as caught:
         load(name, lump(scene)).integrate(scene)
@@ -227,7 +227,7 @@ def test_what_diverges_in_the_very_last_step_is_no_sample(name: str, samples: in
 
 
 def moved(*links: Link) -> Scene:
-    """An arm whose first joint is led from 0° to 60° in 0.1 s, and rests there."""
+    """An arm whose first joint follows a prescribed motion from 0° to 60° in 0.1 s, and then rests."""
     motion = PrescribedMotion(
         link="upper", times=(0.0, 0.1), angle_deg=(0.0, 60.0), rate_deg=(0.0, 0.0), acceleration_deg=(0.0, 0.0)
     )
@@ -239,7 +239,7 @@ ELBOW = Mount(rpy_deg=(40.0, 0.0, 0.0))
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("flex", "method"), [("z", "RK4"), ("xyz", "RK10")])
-def test_pinocchio_leads_a_prescribed_joint_as_we_do(flex: str, method: str) -> None:
+def test_pinocchio_moves_a_prescribed_joint_like_flexlink(flex: str, method: str) -> None:
     scene = moved(flexible("upper", flex, 3, mount=ELBOW), flexible("fore", "z", 3, joint=Joint(viscous=0.5)))
     scene = shortened(scene, 0.15, method=method, step=1e-4)
     (t, q, qd), (_, q2, qd2) = (load(name, lump(scene)).integrate(scene) for name in ("native", "pinocchio"))
@@ -250,7 +250,7 @@ def test_pinocchio_leads_a_prescribed_joint_as_we_do(flex: str, method: str) -> 
     assert np.abs(q[:, 1:]).max() > 0.01
 
 
-def test_pinocchio_holds_a_prescribed_joint_at_its_rate() -> None:
+def test_pinocchio_keeps_a_prescribed_joint_at_a_constant_rate() -> None:
     chain = lump(moved(flexible("upper", "xyz", 3, mount=ELBOW), flexible("fore")))
     native, other = load("native", chain), load("pinocchio", chain)
     for q, qd, tau, wrench in mixed_states(chain, 5):
@@ -267,7 +267,7 @@ def test_pinocchio_holds_a_prescribed_joint_at_its_rate() -> None:
     ("name", "title"),
     [engine("mujoco", "MuJoCo"), engine("exudyn", "Exudyn"), engine("drake", "Drake")],
 )
-def test_a_prescribed_joint_is_refused_with_what_to_do(name: str, title: str) -> None:
+def test_engines_without_prescribed_joints_refuse_scenes_with_them(name: str, title: str) -> None:
     scene = moved(flexible("upper"))
     with refused(ArgumentError, "engine-does-not-support"):
         load(name, lump(scene))
@@ -276,7 +276,7 @@ def test_a_prescribed_joint_is_refused_with_what_to_do(name: str, title: str) ->
         load(name, free).integrate(scene)
 
 
-def test_mujoco_restores_the_callbacks_of_the_process() -> None:
+def test_a_run_in_mujoco_restores_the_callbacks_of_the_user() -> None:
     def mine(model: object, data: object) -> None:
         """A callback of the user."""
 
@@ -296,7 +296,7 @@ def test_mujoco_restores_the_callbacks_of_the_process() -> None:
 
 
 @every
-def test_an_engine_can_run_twice_and_evaluate_in_between(name: str) -> None:
+def test_evaluations_between_two_runs_do_not_affect_an_engine(name: str) -> None:
     scene = of(name, SHORT["wrench"])
     engine = load(name, lump(scene))
     zero = np.zeros(engine.n)
@@ -306,13 +306,13 @@ def test_an_engine_can_run_twice_and_evaluate_in_between(name: str) -> None:
         assert_array_equal(one, two)
 
 
-def test_an_unknown_engine_is_refused_with_the_known_ones() -> None:
+def test_an_unknown_engine_is_refused_with_a_list_of_known_engines() -> None:
     with refused(ArgumentError, "unknown-name"):
         load("bullet", lump(make_scene(flexible("arm"))))
 
 
 @pytest.mark.parametrize("name", [name for name, adapter in ENGINES.items() if adapter.extra])
-def test_a_missing_engine_names_what_to_install(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_error_of_a_missing_engine_names_what_to_install(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     package = PACKAGE.get(name, name)
     for module in [package, *(known for known in sys.modules if known.startswith(f"{package}."))]:
         monkeypatch.setitem(sys.modules, module, None)

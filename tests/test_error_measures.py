@@ -1,4 +1,4 @@
-"""Error measures, and statements and pictures about results: each by one planted case."""
+"""Error measures, and texts and figures about results, each tested on one constructed case."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from validation.speed import evaluations
 FALL = fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied({"run.duration": 0.02, "run.sample": 0.005})
 
 
-def test_witnesses_differ_by_the_largest_difference_over_the_largest_number() -> None:
+def test_relative_differences_are_divided_by_the_largest_value() -> None:
     ours = np.array([[1.0, -4.0], [0.5, 0.0]])
     assert witnesses._relative(ours + np.array([[0.0, 0.1], [-0.2, 0.0]]), ours) == pytest.approx(0.05)
     assert witnesses._relative(np.array([0.0, -0.3]), np.zeros(2)) == 0.3
 
 
-def test_the_error_of_a_rate_is_the_largest_of_all_samples() -> None:
+def test_the_rate_error_is_the_maximum_over_all_samples() -> None:
     bar = fl.load_scene(ROOT / "validation" / "scenes" / "slowing_bar.toml")
     run = fl.simulate(bar)
     qd = run.qd * np.where(np.arange(len(run.t)) == 7, 1.003, 1.0)[:, None]
     assert drag._rate_error(bar, dataclasses.replace(run, qd=qd)) == pytest.approx(3e-3, rel=1e-4)
 
 
-def test_the_timed_computation_of_mujoco_gives_our_accelerations(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_timed_computation_of_mujoco_gives_the_accelerations_of_flexlink(monkeypatch: pytest.MonkeyPatch) -> None:
     chain = fl.lump(FALL)
     engine, rng = evaluations.MujocoEngine(chain), np.random.default_rng(1)
     q, qd, tau, qdd = 0.1 * rng.normal(size=(4, 2, chain.n))
@@ -45,7 +45,7 @@ def test_the_timed_computation_of_mujoco_gives_our_accelerations(monkeypatch: py
     assert engine.data.qacc == pytest.approx(fl.forward_dynamics(chain, q[1], qd[1], tau[1]), rel=1e-6)
 
 
-def test_the_line_of_a_case_states_a_speed_only_if_it_is_timed() -> None:
+def test_the_summary_line_of_a_case_states_a_speed_only_if_it_is_timed() -> None:
     timed, speed = CaseVerdict(3, 1, 0, "9 of 9 met", None).text, "9 of 9 met"
     reviewed("study: line of a timed case", timed)
     assert timed.startswith("2 of 3 ")
@@ -56,7 +56,7 @@ def test_the_line_of_a_case_states_a_speed_only_if_it_is_timed() -> None:
 
 
 @pytest.mark.parametrize("changes", [{"run.method": "RK4", "run.step": 1e-4}, {"run.tolerance": 1e-4}])
-def test_adaptive_steps_are_an_alternative_only_to_fixed_ones(changes: dict[str, object]) -> None:
+def test_adaptive_steps_are_offered_only_if_the_scene_has_fixed_steps(changes: dict[str, object]) -> None:
     about = Refinement(Study(FALL.varied(changes)))
     own, *others = about.choices()
     adaptive = [one for one in others if one.n == own.n and one.outcome.stepping == about.strict]
@@ -64,7 +64,7 @@ def test_adaptive_steps_are_an_alternative_only_to_fixed_ones(changes: dict[str,
     assert others[-1].n == len(fl.lump(FALL).active)  # rigid links
 
 
-def test_mode_shapes_have_no_scale_and_stress_of_a_rectangle_has_no_remark() -> None:
+def test_plots_of_mode_shapes_have_no_axis_scale() -> None:
     (picture,) = vibration.made(Study(FALL)).pictures
     assert not any(len(panel.get_xticks()) or len(panel.get_yticks()) for panel in picture.figure.axes)
     label = loads.made(Study(FALL)).facts[0].label

@@ -1,4 +1,4 @@
-"""Parts of an error: each part is found where it was planted, and the page names the largest."""
+"""An error is split into parts: the part due to a coarse setting is the largest, and the page names it."""
 
 import numpy as np
 import pytest
@@ -28,20 +28,20 @@ def scene():
 
 @pytest.fixture(scope="module")
 def splits(scene):
-    """Errors in parts of that fall with soft links; each run is coarse in one respect."""
+    """Error parts of the same fall with soft links, for runs that are each coarse in one setting only."""
     exact = Fine(method="DOP853", tolerances=(1e-11, 1e-10), hinges=(10, 8))
     splitter = Splitter(scene.varied({"material.aluminium.young": 7e8}), "z", exact, exact)
     return {coarse: splitter.split(setup) for coarse, setup in COARSE.items()}
 
 
 @pytest.mark.parametrize("coarse", COARSE)
-def test_the_largest_part_is_the_one_that_is_coarse(splits, coarse):
+def test_the_largest_error_part_belongs_to_the_coarse_setting(splits, coarse):
     parts = splits[coarse].parts
     assert max(parts, key=lambda name: parts[name].size) == coarse
     assert parts[coarse].own < 0.1 * parts[coarse].size
 
 
-def test_a_rigid_arm_has_no_error_of_hinges_and_the_right_model_none_of_model(splits):
+def test_a_rigid_arm_has_no_hinge_error_and_an_exact_model_no_model_error(splits):
     assert splits["model"].parts["space"].size == 0.0
     assert splits["space"].parts["model"].size == splits["time"].parts["model"].size == 0.0
 
@@ -57,7 +57,7 @@ def results(tmp_path):
     return Results.read(where)
 
 
-def test_the_table_names_the_largest_part_and_leaves_zeros_empty(results):
+def test_the_error_table_names_the_largest_part_and_leaves_zeros_empty(results):
     (found,) = finding.find(results)
     assert [(line[0], line[1], line[-1]) for line in found.lines] == [
         ("arm: coarse", None, "space"), ("arm: slack", None, "time"),
@@ -67,7 +67,7 @@ def test_the_table_names_the_largest_part_and_leaves_zeros_empty(results):
     reviewed("errors split: finding", text)
 
 
-def test_a_part_of_zero_is_not_drawn(results):
+def test_an_error_part_of_zero_is_not_drawn(results):
     (picture,) = figure.draw(results)
     (axes,) = picture.figure.axes
     drawn = {

@@ -1,4 +1,4 @@
-"""Every script in `examples/` runs from both folders, is short, and gives the described results."""
+"""Every script in `examples/` runs in its folder or the checkout's root, is short, and gives the described results."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Figures = Callable[[str], dict[str, Any]]
 
 @pytest.fixture
 def figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Figures]:
-    """What a script has computed, by the names that it gives, started in its folder, where it may write."""
+    """Results of a script by variable name; it runs in a temporary folder where it may write."""
     plt.switch_backend("Agg")
     (tmp_path / "models").symlink_to(ROOT / "models")
     folder = tmp_path / "examples"
@@ -37,7 +37,7 @@ def figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Figures
             warnings.simplefilter("error")
             found = runpy.run_path(str(ROOT / "examples" / f"{name}.py"))
         for panel in (panel for number in plt.get_fignums() for panel in plt.figure(number).axes):
-            assert "[" in panel.get_ylabel() + panel.get_xlabel(), "units"
+            assert "[" in panel.get_ylabel() + panel.get_xlabel(), "axis labels have units"
             assert len(panel.lines) < 2 or panel.get_legend() is not None
         return found
 
@@ -46,7 +46,7 @@ def figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Figures
 
 
 def code_of(path: Path) -> list[str]:
-    """Its lines without blank ones, comments and the text on top."""
+    """Lines of a script without blank lines, comments and the docstring at the top."""
     text = path.read_text(encoding="utf-8")
     body = text.splitlines()[ast.parse(text).body[0].end_lineno :]
     return [line for line in body if line.strip() and not line.startswith("#")]
@@ -76,7 +76,7 @@ def test_a_script_runs_from_the_checkouts_root(monkeypatch: pytest.MonkeyPatch) 
 
 
 @pytest.mark.slow
-def test_figure_5_swings_by_ten_degrees_and_bends_by_a_thousandth_of_one(figures: Figures) -> None:
+def test_the_arm_of_figure_5_swings_by_ten_degrees_and_bends_by_a_thousandth_degree(figures: Figures) -> None:
     found = figures("paper_figure5")
     run, chain = found["run"], found["chain"]
     swings, bends = (np.degrees(np.abs(run.q[:, own] - run.q[0, own]).max()) for own in (chain.active, chain.bending))
@@ -86,7 +86,7 @@ def test_figure_5_swings_by_ten_degrees_and_bends_by_a_thousandth_of_one(figures
 
 
 @pytest.mark.slow
-def test_the_crane_is_filmed_and_comes_to_where_it_is_sent(figures: Figures) -> None:
+def test_the_crane_example_reaches_its_target_and_writes_a_film(figures: Figures) -> None:
     found = figures("crane")
     run, chain = found["run"], found["chain"]
     np.testing.assert_allclose(np.degrees(run.q[-1, chain.active]), (60.0, -55.0), atol=0.5)
@@ -99,16 +99,16 @@ def test_the_crane_is_filmed_and_comes_to_where_it_is_sent(figures: Figures) -> 
         assert film.n_frames >= 36, "six seconds, twice as fast, at 12 frames a second"
 
 
-def test_a_robot_from_its_urdf_bends_where_it_was_asked_to(figures: Figures) -> None:
+def test_an_imported_robot_bends_only_in_the_chosen_links(figures: Figures) -> None:
     found = figures("robot_from_urdf")
     scene, off = found["moved"], found["off"]
     assert [link.name for link in scene.arm.links if link.flex != "rigid"] == ["upper_arm", "forearm"]
     upper = scene.varied({"link.forearm.flex": "rigid", "link.forearm.segments": 1, "gravity": (0.0, 0.0, 0.0)})
     chain = fl.lump(upper.varied({"initial.passive": "zero"}))
     clamped = fl.modes(chain, fl.initial_state(upper, chain)[0], locked=chain.active)
-    assert clamped.hertz[0] == pytest.approx(8.0, rel=1e-2), "as measured; five segments"
+    assert clamped.hertz[0] == pytest.approx(8.0, rel=1e-2), "8 Hz was measured; the link has five segments"
     assert not found["run"].warnings
-    assert off[-1] == pytest.approx(off[0], rel=1e-2), "the turntable is vertical: it sags after the move as before"
+    assert off[-1] == pytest.approx(off[0], rel=1e-2), "the turntable is vertical: the arm sags as before the move"
     assert off.max() > 1.2 * off[0]
 
 
@@ -116,7 +116,7 @@ def test_a_robot_from_its_urdf_bends_where_it_was_asked_to(figures: Figures) -> 
 def test_input_shaping_leaves_a_twentieth_of_the_vibration(figures: Figures) -> None:
     found = figures("ptp_move")
     left, settled = found["left"], found["settled"]
-    assert left["unshaped"] > 5e-3, "there is something to be shaped away"
+    assert left["unshaped"] > 5e-3, "the unshaped move vibrates"
     assert left["ZVD"] < left["ZV"] < 0.05 * left["unshaped"]
     assert settled["ZV"] < settled["ZVD"] < 2.0 < settled["unshaped"] < np.inf
     assert not any(run.warnings for run in found["runs"].values())
@@ -126,8 +126,8 @@ def test_input_shaping_leaves_a_twentieth_of_the_vibration(figures: Figures) -> 
 
 
 @pytest.mark.slow
-def test_computed_torque_is_exact_on_the_rigid_arm_but_for_its_sampling(figures: Figures) -> None:
-    """A held torque is half a sample late: ë + kd ė + kp e = jerk/(2 rate), jerk ≤ 60 |goal − start|/s³."""
+def test_computed_torque_on_a_rigid_arm_is_exact_except_for_sampling_errors(figures: Figures) -> None:
+    """A sampled torque lags by half a sample: ë + kd ė + kp e = jerk/(2 rate), with jerk ≤ 60 |goal − start|/s³."""
     found = figures("computed_torque")
     (rigid, _), (bending, away) = found["found"]["rigid"], found["found"]["bending"]
     scene, (goal, _, _) = found["bending"], found["reference"](1.0)
@@ -139,24 +139,24 @@ def test_computed_torque_is_exact_on_the_rigid_arm_but_for_its_sampling(figures:
     chain = fl.lump(there)
     bent = fl.tip_position(chain, fl.initial_state(there, chain)[0])
     sag = np.linalg.norm(bent - fl.tip_position(found["model"], goal))
-    assert sag / 2 < away[-1] < 2 * sag, "the rigid model knows nothing of it"
+    assert sag / 2 < away[-1] < 2 * sag, "the rigid model ignores the sag"
 
 
 @pytest.mark.slow
-def test_poles_of_the_regulated_nonlinear_arm_are_those_of_the_linear_model(figures: Figures) -> None:
-    """The error of the integrator, |λh|⁴/120 for RK4, is largest for the fastest pole: far below the required 1 %."""
+def test_the_controlled_nonlinear_arm_has_the_poles_of_the_linear_model(figures: Figures) -> None:
+    """The integration error |λh|⁴/120 of RK4 is largest for the fastest pole, and far below the required 1 %."""
     found = figures("lqr")
     designed, poles, step = found["designed"], found["poles"], found["scene"].run.step
     fastest = np.abs(designed).max() * step
     assert designed.real.max() < 0, "stable"
     for one, other in ((designed, poles), (poles, designed)):
         assert np.all(np.abs(one[:, None] - other).min(axis=1) < np.minimum(0.01, fastest**4 / 60) * np.abs(one))
-    assert found["away"][-1] < 1e-3 * found["away"][0], "and far from there"
+    assert found["away"][-1] < 1e-3 * found["away"][0], "also from far away"
     assert not found["far"].warnings
 
 
-def test_an_elastic_gear_oscillates_at_the_frequency_of_the_closed_form(figures: Figures) -> None:
-    """RK10's own error, (ωh)¹¹ a step, is below rounding: that of the rates, ε twist ω a step, carried to the end."""
+def test_an_elastic_gear_oscillates_at_its_closed_form_frequency(figures: Figures) -> None:
+    """The error of RK10, (ωh)¹¹ per step, is below the accumulated rounding of the rates, ε twist ω per step."""
     found = figures("two_mass_joint")
     assert found["free"] == pytest.approx(found["omega"], rel=1e-12)
     assert found["held"] == pytest.approx(np.sqrt(found["k"] / found["inertia"]), rel=1e-12)
@@ -165,17 +165,17 @@ def test_an_elastic_gear_oscillates_at_the_frequency_of_the_closed_form(figures:
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:.*Box observation space")  # joints may turn without end
-def test_the_arm_is_an_environment_of_gymnasium(figures: Figures) -> None:
+@pytest.mark.filterwarnings("ignore:.*Box observation space")  # joints may turn without limits
+def test_the_gymnasium_environment_example_works(figures: Figures) -> None:
     checker = pytest.importorskip("gymnasium.utils.env_checker")
     found = figures("gym_environment")
     env = found["ArmEnv"]()
     checker.check_env(env, skip_render_check=True)
     assert len(found["rewards"]) == 300
-    assert found["rewards"][-1] > 0.05 * found["rewards"][0], "it gets there, but for its sag"
+    assert found["rewards"][-1] > 0.05 * found["rewards"][0], "the arm reaches its target except for its sag"
     chain = env.arm.chain
     most = np.abs(fl.gravity_torque(chain, np.zeros(chain.n))[chain.active]).max(initial=0.0)
-    assert 2.0 * most < found["EFFORT"].max(), "what gravity takes of the stretched arm"
+    assert 2.0 * most < found["EFFORT"].max(), "twice the gravity torque of the stretched arm"
     first, _ = env.reset(seed=7)
     assert np.linalg.norm(first[-6:-3] - first[-3:]) > 0.1
     rewards, ended = [], False
@@ -186,14 +186,14 @@ def test_the_arm_is_an_environment_of_gymnasium(figures: Figures) -> None:
         rewards.append(reward)
         assert not lost
     assert len(rewards) == round(found["EPISODE"] / found["PERIOD"])
-    assert rewards[-1] == pytest.approx(rewards[0], abs=0.02), "gravity is held, and nothing else moves the arm"
+    assert rewards[-1] == pytest.approx(rewards[0], abs=0.02), "gravity is compensated, and nothing else moves the arm"
 
 
 @pytest.mark.slow
-def test_an_observer_brings_the_tip_to_rest_nearly_as_the_true_state_does(figures: Figures) -> None:
+def test_state_feedback_with_an_observer_works_nearly_as_well_as_with_the_true_state(figures: Figures) -> None:
     found = figures("lqr_observer")
     A, B, C, K, L = (found[name] for name in ("A", "B", "C", "K", "L"))
-    for loop in (A - B @ K, A - A @ L @ C):  # of the regulator, and of the estimate's error: together those of both
+    for loop in (A - B @ K, A - A @ L @ C):  # poles of the regulator and of the estimation error: separation principle
         assert np.abs(np.linalg.eigvals(loop)).max() < 1
     off = {name: np.linalg.norm(run.tip - found["goal"], axis=1) for name, run in found["runs"].items()}
     assert off["Kalman filter"][0] > 0.3
@@ -202,16 +202,16 @@ def test_an_observer_brings_the_tip_to_rest_nearly_as_the_true_state_does(figure
 
 
 @pytest.mark.slow
-def test_a_beam_that_spins_up_lags_as_published(figures: Figures) -> None:
+def test_the_beam_of_the_spin_up_example_has_the_published_tip_lag(figures: Figures) -> None:
     found = figures("spin_up")
     errors = [abs(-lag.min() / 0.5712309680 - 1) for lag in found["lags"].values()]
     assert errors[0] > errors[1] > errors[2]
     assert errors[2] < 5e-3
-    assert all(abs(lag[-100:]).max() < 0.01 for lag in found["lags"].values()), "and is straight again"
+    assert all(abs(lag[-100:]).max() < 0.01 for lag in found["lags"].values()), "the beam is straight again"
 
 
-def test_a_strip_buckles_at_eulers_load_into_his_elastica(figures: Figures) -> None:
-    """Angles of the tip by load: Timoshenko and Gere, Theory of Elastic Stability, table 2-4."""
+def test_a_strip_buckles_at_the_euler_load_and_follows_the_elastica(figures: Figures) -> None:
+    """Tip angles for each load are given by Timoshenko and Gere, Theory of Elastic Stability, table 2-4."""
     found = figures("buckling")
     errors = np.array(list(found["factors"].values())) / found["euler"] - 1
     np.testing.assert_allclose(errors[:-1] / errors[1:], 4.0, rtol=0.05)
@@ -222,20 +222,20 @@ def test_a_strip_buckles_at_eulers_load_into_his_elastica(figures: Figures) -> N
 
 
 @pytest.mark.slow
-def test_a_sweep_is_a_table_whose_rows_are_single_runs(figures: Figures) -> None:
+def test_rows_of_a_sweep_equal_single_runs(figures: Figures) -> None:
     found = figures("payload_sweep")
     table, bend = found["table"], found["bend"]
     assert len(table) == 30
     assert not found["rows"].failed
-    assert (bend.diff().dropna() > 0).all(axis=None), "more payload bends it more"
-    assert (bend.loc[2.0:].diff(axis=1).iloc[:, 1:] < 0).all(axis=None), "a thicker wall less"
+    assert (bend.diff().dropna() > 0).all(axis=None), "more payload increases the bending"
+    assert (bend.loc[2.0:].diff(axis=1).iloc[:, 1:] < 0).all(axis=None), "a thicker wall reduces it"
     member = table.iloc[7]
     alone = fl.simulate(found["scene"].varied({key: float(member[key]) for key in ("tip.mass", "section.tube.inner")}))
     assert np.abs(alone.columns["tau arm [N m]"]).max() == member["torque [N m]"]
 
 
 @pytest.mark.slow
-def test_advice_keeps_its_promise(figures: Figures) -> None:
+def test_the_advice_example_meets_its_tolerance(figures: Figures) -> None:
     found = figures("advice")
     assert found["found"].met
     assert found["off"].max() <= found["found"].error <= 1e-3
@@ -243,7 +243,7 @@ def test_advice_keeps_its_promise(figures: Figures) -> None:
 
 
 @pytest.mark.slow
-def test_a_report_is_one_page_that_passes(figures: Figures) -> None:
+def test_the_report_example_writes_one_page_that_passes(figures: Figures) -> None:
     pytest.importorskip("pinocchio")
     found = figures("report_on_an_arm")
     written, run = found["written"], found["run"]
@@ -255,13 +255,13 @@ def test_a_report_is_one_page_that_passes(figures: Figures) -> None:
 
 
 @pytest.mark.slow
-def test_a_fit_with_exact_derivatives_finds_the_numbers_that_made_the_measurement(figures: Figures) -> None:
+def test_the_fit_example_recovers_the_true_parameters(figures: Figures) -> None:
     found = figures("fit_to_measurement")
     truth = np.array(list(found["truth"].values())) / found["units"]
     fit, spread = found["fit"], found["spread"]
     assert np.all(np.abs(fit.x - truth) < 4 * spread), "within four standard deviations"
     assert np.all(spread < 0.03 * truth)
-    assert np.all(np.abs(found["start"] - truth) > 10 * spread), "the guess was no measurement"
+    assert np.all(np.abs(found["start"] - truth) > 10 * spread), "the initial guess is far from the truth"
     assert fit.njev <= 10
     slopes = found["jacobian"](truth)
     for k, small in enumerate(1e-4 * truth):
@@ -270,7 +270,7 @@ def test_a_fit_with_exact_derivatives_finds_the_numbers_that_made_the_measuremen
 
 
 @pytest.mark.slow
-def test_both_mistakes_of_a_foreign_file_are_named(figures: Figures) -> None:
+def test_the_compare_example_finds_both_mistakes_in_a_foreign_file(figures: Figures) -> None:
     pytest.importorskip("mujoco")
     found = figures("foreign_mjcf")["found"]
     assert not found.passed
@@ -281,7 +281,7 @@ def test_both_mistakes_of_a_foreign_file_are_named(figures: Figures) -> None:
 
 
 @pytest.mark.slow
-def test_every_cell_of_the_notebook_ends_with_something_to_see(figures: Figures) -> None:
+def test_every_notebook_cell_shows_a_result(figures: Figures) -> None:
     assert figures("notebook")["run"].t[-1] == 1.0
     names: dict[str, Any] = {}
     for cell in (ROOT / "examples" / "notebook.py").read_text(encoding="utf-8").split("# %%"):

@@ -1,4 +1,4 @@
-"""What is handed out inside steps of an explicit method: samples and work, in the order of its dense output."""
+"""Dense output of explicit methods: samples and work inside steps have the documented order."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ error = [["71/57600", "0", "-71/16695", "71/1920", "-17253/339200", "22/525", "-
 dense = [["-12715105075/11282082432", "0", "87487479700/32700410799", "-10690763975/1880347072",
   "701980252875/199316789632", "-1453857185/822651844", "69997945/29380423"]]
 """
-"""Hairer's error estimate and dense output of DOPRI5, which take no stages beyond."""
+"""Hairer's error estimate and dense output of DOPRI5, which need no extra stages."""
 
 
 def spring(**run: Any) -> fl.Scene:
-    """One rigid link that a drive swings about its target like a damped spring: J q̈ = −k_p q − k_d q̇."""
+    """One rigid link whose drive acts as a damped spring about its target: J q̈ = −k_p q − k_d q̇."""
     hub = fl.RigidBody(mass=1.0, center=(0.5, 0.0, 0.0), inertia=(0.01, 0.05, 0.05))
     scene = make_scene(
         fl.Link(name="a", length=1.0, hub=hub), initial=fl.InitialState(joint_deg=(30.0,)), gravity=(0.0, 0.0, 0.0)
@@ -43,7 +43,7 @@ def spring(**run: Any) -> fl.Scene:
 
 
 def swing(scene: fl.Scene, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Its angle and rate."""
+    """Exact angle and rate of the link of `spring`."""
     J, kp, kd = 0.05 + 0.25, scene.drive.kp[0], scene.drive.kd[0]
     λ = np.roots([J, kd, kp])
     weights = np.linalg.solve([[1.0, 1.0], λ], [np.radians(30.0), 0.0])
@@ -64,7 +64,7 @@ def double_pendulum(**changes: Any) -> fl.Scene:
 
 
 def without_dense_output(folder: Path) -> str:
-    """DOP853 as it is without these rows: its steps end at samples."""
+    """DOP853 without dense output coefficients, so that its steps end at samples."""
     text = (DORMAND_PRINCE.parent / "DOP853.toml").read_text("utf-8")
     path = folder / "ends_at_samples.toml"
     path.write_text(text[: text.index("dense_stages = [")], encoding="utf-8")
@@ -73,14 +73,14 @@ def without_dense_output(folder: Path) -> str:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("x", PLACES)
-def test_rates_inside_a_step_are_of_order_7(x: Fraction) -> None:
-    """Every rooted tree, as if the step ended there; of order 8 some fail."""
+def test_dense_output_of_rates_meets_all_order_7_conditions(x: Fraction) -> None:
+    """The conditions of all rooted trees up to order 7 are met inside the step, but not all of order 8."""
     found = inside(method("DOP853"), x)
     assert max(max(residuals(found, order)) for order in range(1, 8)) <= 1e-22
     assert max(residuals(found, 8)) > 1e-5
 
 
-def test_the_coefficients_of_the_stages_beyond_and_of_the_rows_are_the_published_ones() -> None:
+def test_dense_output_coefficients_equal_the_published_ones() -> None:
     found = method("DOP853")
     A, c, _ = found.dense
     np.testing.assert_array_equal(A[:, :15], published.A[13:, :15])
@@ -89,8 +89,8 @@ def test_the_coefficients_of_the_stages_beyond_and_of_the_rows_are_the_published
 
 
 @pytest.mark.parametrize("x", PLACES)
-def test_rates_are_weighed_as_published_and_angles_by_their_integral(x: Fraction) -> None:
-    """And by a cubic polynomial, flat at both ends, that leads to the angles at the end of the step."""
+def test_dense_rates_use_the_published_weights_and_dense_angles_their_integral(x: Fraction) -> None:
+    """Angles are also corrected by a cubic with zero slope at both ends, to match the end of the step."""
     rule, at = method("DOP853"), float(x)
     _, _, (once, twice) = rule.dense
     powers = at ** np.arange(once.shape[1])
@@ -106,19 +106,19 @@ def test_rates_are_weighed_as_published_and_angles_by_their_integral(x: Fraction
 @compiled
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-6, 1e-8])
 def test_every_sample_of_a_spring_is_within_the_tolerance(tolerance: float) -> None:
-    """A closed form; a step of the run takes ten samples and more along."""
+    """The samples are compared with the closed form; a step contains more than three samples on average."""
     run = fl.simulate(spring(duration=2.0, sample=0.005, tolerance=tolerance))
     q, qd = swing(run.scene, run.t)
     assert run.steps.taken < len(run.t) / 3
     assert np.abs(run.q[:, 0] - q).max() <= 0.5 * tolerance
-    assert np.abs(run.qd[:, 0] - qd).max() <= 10.0 * tolerance  # [rad/s], of 10 rad/s
-    assert np.abs(run.imbalance).max() <= 5.0 * tolerance  # [J], of 30 N m/rad
+    assert np.abs(run.qd[:, 0] - qd).max() <= 10.0 * tolerance  # [rad/s]; the natural frequency is 10 rad/s
+    assert np.abs(run.imbalance).max() <= 5.0 * tolerance  # [J]; the stiffness is 30 N m/rad
     assert not run.warnings
 
 
 @compiled
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-7])
-def test_every_sample_of_links_that_turn_over_is_within_the_tolerance(tolerance: float) -> None:
+def test_every_sample_of_a_tumbling_double_pendulum_is_within_the_tolerance(tolerance: float) -> None:
     scene = double_pendulum(**{"run.tolerance": tolerance})
     run = fl.simulate(scene)
     chain = run.chain
@@ -136,10 +136,10 @@ def test_every_sample_of_links_that_turn_over_is_within_the_tolerance(tolerance:
 
 
 @compiled
-def test_angles_inside_steps_are_of_order_8_and_rates_of_order_7(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of steps of a given length h, with 40 samples in each: errors go as h⁸.
+def test_errors_inside_steps_are_of_order_8_for_angles_and_rates(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With steps of fixed length h and 40 samples in each, errors scale as h⁸.
 
-    That of an angle is that of all steps before; of order 7 of the rates is an error that goes as h⁸ within one step.
+    Angle errors accumulate over the steps; rates of order 7 have an error proportional to h⁸ within one step.
     """
 
     def largest(step: float) -> tuple[float, float]:
@@ -157,22 +157,22 @@ def test_angles_inside_steps_are_of_order_8_and_rates_of_order_7(monkeypatch: py
 
 
 @compiled
-def test_only_steps_that_hold_a_sample_take_the_stages_beyond() -> None:
-    """Twelve evaluations a step, three more where a sample lies inside; the motion is the same."""
+def test_only_steps_with_an_inner_sample_take_the_extra_stages() -> None:
+    """A step takes twelve evaluations, and three more if it contains a sample; the motion is the same."""
     ends, many = (fl.simulate(spring(duration=2.0, sample=sample, tolerance=1e-6)) for sample in (2.0, 0.005))
     assert ends.steps.evaluations == 12 * (ends.steps.taken + ends.steps.rejected)
     assert many.steps.taken == ends.steps.taken
     inner = many.steps.evaluations - ends.steps.evaluations
     assert inner % 3 == 0
-    assert 0.8 * many.steps.taken <= inner / 3 <= many.steps.taken  # the first ones are short
+    assert 0.8 * many.steps.taken <= inner / 3 <= many.steps.taken  # the first steps contain no sample
     np.testing.assert_array_equal(ends.q[-1], many.q[-1])
     np.testing.assert_array_equal(ends.work[-1], many.work[-1])
 
 
 @compiled
 @pytest.mark.parametrize("drive", [None, fl.Drive(kind="pd", kp=(9.0,), kd=(0.3,), target_deg=(10.0,), rate=50.0)])
-def test_where_samples_are_rarer_than_steps_they_end_at_samples_as_ever(drive: fl.Drive | None, tmp_path: Path) -> None:
-    """Equal to the bit to results without dense output, including evaluations and work."""
+def test_steps_end_at_samples_if_samples_are_sparse(drive: fl.Drive | None, tmp_path: Path) -> None:
+    """Results, evaluations and work are bitwise equal to those of the method without dense output."""
     scene = make_scene(flexible("a", segments=3), initial=fl.InitialState(joint_deg=(40.0,)))
     joint = {"link.a.joint.armature": 0.5}
     scene = scene.varied({**FINE, **joint, "drive": drive, "run.duration": 0.2, "run.sample": 0.02})
@@ -188,8 +188,8 @@ def test_where_samples_are_rarer_than_steps_they_end_at_samples_as_ever(drive: f
 
 
 @compiled
-def test_steps_end_where_torques_jump_whatever_samples_lie_between() -> None:
-    """At 0.0731 s, between two samples, within one step of the motion before."""
+def test_steps_end_at_torque_jumps_with_any_sampling() -> None:
+    """The torque jumps at 0.0731 s, between two samples; without the jump, a step would pass over this time."""
     jump = fl.Drive(kind="table", times=(0.0, 0.0731), torques=((0.0,), (2.0,)), hold=True)
     scene = spring(duration=0.2, sample=0.005, tolerance=1e-8).varied({"drive": jump, "initial.rate_deg": (10.0,)})
     run = fl.simulate(scene)
@@ -200,11 +200,11 @@ def test_steps_end_where_torques_jump_whatever_samples_lie_between() -> None:
 
 
 @compiled
-def test_a_loop_of_ones_own_gives_the_numbers_of_a_run_whose_steps_pass_samples() -> None:
-    """The law is evaluated eight times a second; there are 16 samples in between, whether they are read or not."""
+def test_a_user_loop_gives_the_results_of_a_run_with_dense_output() -> None:
+    """The law is evaluated eight times a second; the run stores 16 samples in between, which the loop does not read."""
 
     def law(t: float, q: np.ndarray, qd: np.ndarray) -> list[float]:
-        return [6.0 * float(np.radians(30.0) - q[0]) - 0.5 * float(qd[0])]  # nothing at the start: equal first steps
+        return [6.0 * float(np.radians(30.0) - q[0]) - 0.5 * float(qd[0])]  # 0 at the start: equal first steps
 
     scene = spring(duration=1.0, sample=1 / 128, tolerance=1e-7).varied({"drive": None, "gravity": (0.0, -9.81, 0.0)})
     run, stepped = fl.simulate(scene, control=law, rate=8.0), fl.Simulator(scene)
@@ -218,7 +218,7 @@ def test_a_loop_of_ones_own_gives_the_numbers_of_a_run_whose_steps_pass_samples(
 
 
 @compiled
-def test_runs_among_many_and_from_an_archive_are_those_alone(tmp_path: Path) -> None:
+def test_dense_output_is_the_same_in_batches_and_from_archives(tmp_path: Path) -> None:
     scene = double_pendulum(**{"run.tolerance": 1e-5})
     run, problem = fl.simulate(scene), fl.Problem(scene)
     others = [*fl.simulate_many([scene, scene.varied({"gravity": (0.0, -9.0, 0.0)}), scene])[::2], problem.simulate()]
@@ -230,9 +230,10 @@ def test_runs_among_many_and_from_an_archive_are_those_alone(tmp_path: Path) -> 
 
 @compiled
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-8])
-def test_a_step_whose_inside_is_off_is_shortened(tolerance: float) -> None:
-    """Near the largest stable step of a decay the estimate at its end is small, and the polynomial inside is not: 3.3
-    tolerances of an arm that is led slowly.
+def test_a_step_with_a_large_inner_error_is_shortened(tolerance: float) -> None:
+    """Near the stability limit of a decay, the error is small at the end of a step but not inside the step.
+
+    It was 3.3 tolerances for an arm that follows a slow reference.
     """
     scene = spring(duration=2.0, sample=0.02, tolerance=tolerance).varied({"drive.kp": (2.0,), "drive.kd": (15.0,)})
     run = fl.simulate(scene)
@@ -241,8 +242,8 @@ def test_a_step_whose_inside_is_off_is_shortened(tolerance: float) -> None:
 
 
 @compiled
-def test_a_method_of_ones_own_has_dense_output_without_stages_beyond(tmp_path: Path) -> None:
-    """DOPRI5 with its error, seven weights a row, samples of order 4."""
+def test_a_user_method_has_dense_output_without_extra_stages(tmp_path: Path) -> None:
+    """DOPRI5 gets Hairer's error estimate and dense output of seven weights, with which samples have order 4."""
     text = DORMAND_PRINCE.read_text("utf-8")
     path = tmp_path / "dopri5.toml"
     path.write_text(text + OF_DOPRI5, encoding="utf-8")
@@ -274,14 +275,14 @@ ONE_STAGE = {"A": ((), ("1",)), "b": ("1/2", "1/2"), "c": ("0", "1"), "error": (
         ),
     ],
 )
-def test_rows_that_make_no_dense_output_are_refused_in_one_line(fields: dict[str, Any], wanted: str) -> None:
+def test_invalid_dense_output_coefficients_are_refused_in_one_line(fields: dict[str, Any], wanted: str) -> None:
     with pytest.raises(SceneError) as refused:
         from_file(ONE_STAGE | fields)
     assert wanted in str(refused.value)
 
 
-def test_steps_that_pass_samples_stay_where_they_are_stable() -> None:
-    """A beam at rest in its equilibrium: steps beyond the stable one would swell rounding up to the tolerance."""
+def test_steps_with_dense_output_stay_within_the_stability_limit() -> None:
+    """A beam rests in equilibrium: steps above the stability limit would amplify rounding up to the tolerance."""
     clamped = flexible("a", segments=3, joint=fl.Joint(locked=True))
     beam = make_scene(clamped, gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(passive="static"))
     run = fl.simulate(beam.varied({**FINE, "run.tolerance": 1e-2, "run.duration": 0.05, "run.sample": 5e-4}))

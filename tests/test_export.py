@@ -1,4 +1,4 @@
-"""Exported files represent the chain: read back by the engines, number by number."""
+"""Exported files represent the chain: the engines read back every number exactly or within rounding."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ EPS = np.finfo(float).eps
 # A rotation matrix is quadratic in its quaternion: rounding in the root, the division and the normalization (together
 # 4 eps/2 per component) becomes 4 eps, evaluation adds 2.
 QUATERNION = 6 * EPS
-# The same, after three angles of up to pi that are rounded (eps) and come out of atan2 to one ulp (eps).
+# The same for a matrix from three angles of up to pi, each rounded (eps) and accurate to one ulp of atan2 (eps).
 ROLL_PITCH_YAW = QUATERNION + 6 * EPS
 # Principal moments and axes are backward stable (3 eps), the axes then pass through a quaternion from both sides.
 # Pinocchio merges any body on a joint, even without mass, as c = (m · (1/m)) c: eps/2 in the factor, eps/2 in
-# the product. That happens twice behind each joint (link, its frame), behind the last also for the tip's two frames.
+# the product. It does so twice per joint (for the link and its frame), and for the tip's two frames at the last one.
 FUSION = EPS
 
 STRANGE_NAMES = ['a<b>&"c"', "it's", "Gelenk-äöü", "関節"]
@@ -55,7 +55,7 @@ HOSTILE_NAMES = [*STRANGE_NAMES, "tab\tand\nline", "control\x01\x00", "]]>", "<!
 
 
 PLAIN = [path for path in MODELS if (one := lump(load_scene(path))).is_serial and not one.slides.any()]
-"""Scenes of which every number is compared; trees and joints that slide are as records, `test_trees_engines`."""
+"""Scenes for which every number is compared; `test_trees_engines` covers trees and sliding joints."""
 
 
 @pytest.fixture(params=[*PLAIN, None], ids=lambda path: path.stem if path else "nasty")
@@ -79,7 +79,7 @@ def odd(chain: Chain, rng: np.random.Generator) -> Chain:
 
 def test_pinocchio_reads_back_every_mass_centre_and_inertia(odd: Chain) -> None:
     model = PinocchioEngine(odd).model
-    heavy = odd.bodies[:-1]["stop"].tolist()  # the last joint at each point; joints count from 1
+    heavy = odd.bodies[:-1]["stop"].tolist()  # the last joint at each point; Pinocchio counts joints from 1
     for j, body in zip(heavy, odd.bodies[:-1], strict=True):
         inertia, fusions = model.inertias[j], 4 if j == odd.n else 2
         assert inertia.mass == body["mass"]
@@ -125,8 +125,8 @@ def test_mujoco_reads_back_every_axis_and_placement(chain: Chain) -> None:
     assert_allclose(engine.data.site_xmat[0].reshape(3, 3), rotations[-1], rtol=0, atol=turn)
 
 
-def test_mujoco_places_an_arm_at_its_position_behind_massless_turns() -> None:
-    """Neither M nor torques depend on the position of the arm as a whole."""
+def test_mujoco_places_an_arm_correctly_after_massless_rotations() -> None:
+    """M and torques do not depend on the base position, so tip positions are compared."""
     turns = [
         Link(name=f"gimbal {k}", length=0.1 * k, mount=Mount(xyz=(0.1, -0.2, 0.3), rpy_deg=(30.0 * k, 40.0, -50.0)))
         for k in range(3)
@@ -140,7 +140,7 @@ def test_mujoco_places_an_arm_at_its_position_behind_massless_turns() -> None:
     )
 
 
-def test_mujoco_places_bodies_behind_bodies_with_mass_exactly(chain: Chain) -> None:
+def test_mujoco_places_bodies_outboard_of_massive_bodies_exactly(chain: Chain) -> None:
     model, bodies = MujocoEngine(chain).model, chain.bodies
     heavy = bodies["mass"] > 0
     for i, b in enumerate(np.flatnonzero(heavy), start=1):
@@ -173,7 +173,7 @@ def test_joints_keep_their_names_and_order_in_both_engines(chain: Chain) -> None
 
 @pytest.mark.parametrize("format", FORMATS)
 @pytest.mark.parametrize("name", HOSTILE_NAMES, ids=ascii)
-def test_any_name_comes_out_as_valid_xml(name: str, format: str) -> None:
+def test_any_name_gives_valid_xml(name: str, format: str) -> None:
     chain = dataclasses.replace(lump(make_scene(flexible(name, "yz", 3), flexible("fore"))), name=name)
     root = ET.fromstring(FORMATS[format].write(chain))
     readable = "".join("\ufffd" if c in "\x00\x01\ud800" else c for c in name)
@@ -182,7 +182,7 @@ def test_any_name_comes_out_as_valid_xml(name: str, format: str) -> None:
 
 
 @pytest.mark.parametrize("name", STRANGE_NAMES, ids=ascii)
-def test_names_survive_the_engines(name: str) -> None:
+def test_engines_keep_unusual_joint_names(name: str) -> None:
     chain = lump(make_scene(flexible(name, "yz", 3)))
     names = [name, f"{name}.1.y", f"{name}.1.z", f"{name}.2.y", f"{name}.2.z"]
     assert list(PinocchioEngine(chain).model.names)[1:] == names
@@ -231,21 +231,21 @@ def test_a_chain_too_long_for_mujoco_is_refused_and_the_longest_loads() -> None:
     assert MujocoEngine(lump(make_scene(flexible("long", segments=489)))).n == 489
 
 
-def test_mujoco_refuses_last_joints_without_mass() -> None:
+def test_mujoco_refuses_a_last_link_without_mass() -> None:
     chain = lump(make_scene(flexible("upper"), Link(name="wrist")))
     with refused(ArgumentError, "engine-cannot-load"):
         MujocoEngine(chain)
 
 
 def thin_strip(width: float, **fields: object) -> Chain:
-    """Planar, a strip of 1 m × 10 mm × `width` in eight segments."""
+    """A planar strip of 1 m × 10 mm × `width` in eight segments."""
     strip = Section(shape="rectangle", height=0.01, width=width)
     link = flexible("a", "yz", 9, length=1.0, section="strip", **fields)
     return chain_of(Arm(links=(link,), materials={"aluminium": ALUMINIUM}, sections={"strip": strip}), (0.0, 0.0, 9.81))
 
 
-def test_the_lightest_segments_that_mujoco_loads_are_exported_and_lighter_ones_refused_by_name() -> None:
-    """I_xx = ρ l (I_y + I_z) of the shortest segment crosses MuJoCo's 1e-15 kg m²."""
+def test_segments_too_light_for_mujoco_are_refused_and_slightly_heavier_ones_load() -> None:
+    """I_xx = ρ l (I_y + I_z) of the shortest segment crosses MuJoCo's lower limit, 1e-15 kg m²."""
     least = min(thin_strip(1e-3).bodies["inertia"][:-1, 0, 0]) / 1e-3  # proportional to the width while it is thin
     for share, loads in ((1.01, True), (0.99, False)):
         chain = thin_strip(float(share * 1e-15 / least))
@@ -254,7 +254,7 @@ def test_the_lightest_segments_that_mujoco_loads_are_exported_and_lighter_ones_r
         else:
             with refused(ArgumentError, "inertia-impossible"):
                 to_mjcf(chain)
-            assert PinocchioEngine(chain).n == chain.n  # from the URDF
+            assert PinocchioEngine(chain).n == chain.n  # Pinocchio loads the URDF file
 
 
 def test_a_point_mass_is_refused_by_name() -> None:
@@ -271,7 +271,7 @@ def test_an_inertia_that_no_body_can_have_is_refused_by_name() -> None:
     assert PinocchioEngine(flat).n == 1
 
 
-def test_what_mujoco_refuses_is_an_error_of_ours(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_refusal_by_mujoco_becomes_a_flexlink_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mujoco_engine, "to_mjcf", lambda *_, **__: "<mujoco><nonsense/></mujoco>")
     with refused(ArgumentError, "engine-cannot-load"):
         MujocoEngine(lump(make_scene(flexible("a"))))
@@ -280,7 +280,7 @@ def test_what_mujoco_refuses_is_an_error_of_ours(monkeypatch: pytest.MonkeyPatch
 @pytest.mark.slow
 @pytest.mark.parametrize("damping", [None, Damping(ratio=0.01, at_hz=1.0)])
 def test_a_mass_matrix_close_to_singular_is_exported_or_refused_by_name(damping: Damping | None) -> None:
-    """Near the bound, Cholesky's method by columns passed where by rows it failed, with a traceback."""
+    """Near the bound, Cholesky factorization by columns once succeeded, but by rows it failed with a traceback."""
     known = 0
     for mass in np.logspace(13.0, 14.0, 41):
         link = flexible("a", "z", 5, length=1.6527754983443814, section="round", lumping="gauss", damping=damping)
@@ -315,11 +315,11 @@ def mujoco_joint_names(chain: Chain) -> list[str]:
     return [model.joint(k).name for k in range(model.njnt)]
 
 
-def test_numbers_read_back_exactly_and_zero_has_no_sign(rng: np.random.Generator) -> None:
+def test_numbers_read_back_exactly_and_negative_zero_is_written_as_zero(rng: np.random.Generator) -> None:
     values = np.concatenate([rng.normal(size=50) * 10.0 ** rng.integers(-12, 12, 50), [0.1 + 0.2, 1 / 3, 5e-324]])
     assert [float(word) for word in decimals(values).split()] == values.tolist()
     assert decimals([-0.0, 0.0, -1.5]) == "0.0 0.0 -1.5"
 
 
-def test_the_second_of_two_equal_names_is_called_so() -> None:
+def test_repeated_names_get_numbered_suffixes() -> None:
     assert unique(["a", "b", "a", "a", "a_2"]) == ["a", "b", "a_2", "a_3", "a_2_2"]

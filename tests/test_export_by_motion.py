@@ -1,4 +1,4 @@
-"""What the scenes of the other export tests do not have: full inertias, wheels without mass, steps near the limit."""
+"""Export of features that other tests do not cover: full inertias, massless wheels, steps near the limit."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from flexlink.engines import load
 
 
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
-def test_engines_read_products_of_inertia_in_their_places(engine: str, rng: np.random.Generator) -> None:
+def test_engines_read_products_of_inertia_in_the_right_order(engine: str, rng: np.random.Generator) -> None:
     pytest.importorskip(engine)
     chain = fl.lump(nasty_scene())
     bodies = chain.bodies.copy()
     B = rng.normal(size=(len(bodies), 3, 3))
-    S = 0.1 * B @ B.transpose(0, 2, 1)  # ∫ x xᵀ dm of real bodies: their moments meet the triangle inequality
+    S = 0.1 * B @ B.transpose(0, 2, 1)  # ∫ x xᵀ dm; moments derived from it meet the triangle inequality
     full = np.trace(S, axis1=1, axis2=2)[:, None, None] * np.eye(3) - S
     heavy = bodies["mass"] > 0
     bodies["inertia"][heavy] = full[heavy]
@@ -50,13 +50,13 @@ def test_the_time_step_of_an_mjcf_file_is_at_most_half_the_largest_stable_one() 
         assert 0.2 * limit < float(option.get("timestep", "nan")) <= 0.5 * limit
 
 
-def test_mujoco_does_not_start_a_run_again_that_has_diverged(tmp_path, monkeypatch) -> None:
+def test_mujoco_does_not_reset_a_diverged_run(tmp_path, monkeypatch) -> None:
     mujoco = pytest.importorskip("mujoco")
     monkeypatch.chdir(tmp_path)  # where MuJoCo leaves its log
     chain = fl.lump(make_scene(flexible("a")))
     model = mujoco.MjModel.from_xml_string(fl.to_mjcf(chain))
     data = mujoco.MjData(model)
-    data.qvel[:] = 1e9  # far beyond what MuJoCo takes for a sound state, 1e10, after a step
+    data.qvel[:] = 1e9  # after a step it exceeds 1e10, the limit at which MuJoCo resets a run
     for _ in range(5):
         mujoco.mj_step(model, data)
-    assert data.time == pytest.approx(5 * model.opt.timestep)  # it has gone on; a reset begins at 0
+    assert data.time == pytest.approx(5 * model.opt.timestep)  # it continued; a reset would restart at 0

@@ -1,4 +1,4 @@
-"""The map of extremes: which cells there are, what each is, and that each can be looked at once more."""
+"""The map of extreme scenes: its cells, their scenes and states, and a command that repeats one cell."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def map_of(*plans: dict[str, object]) -> Map:
     return decode(MAP | {"plan": list(plans)}, Map)
 
 
-def test_two_at_a_time_every_pair_of_axes_takes_a_few_values_each() -> None:
+def test_plans_of_pairs_combine_a_few_values_of_every_two_axes() -> None:
     axes = ["young", "segments", "links"]
     found = [c.values for c in map_of({"scenes": ["arm"], "axes": axes, "together": 2}).cells()]
     assert len(found) == 3 * 2 + 3 * 1 + 2 * 1
@@ -41,13 +41,13 @@ def test_two_at_a_time_every_pair_of_axes_takes_a_few_values_each() -> None:
     assert not any(values.get("young") == 1.0 for values in found)
 
 
-def test_one_at_a_time_and_all_at_once_axes_take_all_their_values() -> None:
+def test_plans_of_one_or_all_axes_use_all_values() -> None:
     one, both = ({"scenes": ["arm"], "axes": ["young", "segments"], "together": k} for k in (1, 0))
     assert len(list(map_of(one).cells())) == 4 + 3
     assert len(list(map_of(both).cells())) == 4 * 3
 
 
-def test_axes_multiply_what_is_there_count_in_whole_numbers_repeat_links_and_speak_of_the_state() -> None:
+def test_axes_can_scale_values_set_counts_repeat_links_or_change_the_state() -> None:
     whole = map_of({"scenes": ["arm"], "axes": ["young", "segments", "links", "rates"]})
     scene, state = whole.situation(next(iter(whole.cells())))
     assert scene.arm.materials["stuff"].young == 70e9 * 1e-9
@@ -57,7 +57,7 @@ def test_axes_multiply_what_is_there_count_in_whole_numbers_repeat_links_and_spe
     assert state == {"rate": 2e5}
 
 
-def test_an_engine_that_is_better_by_luck_does_not_tighten_the_limit() -> None:
+def test_an_accidentally_exact_engine_does_not_tighten_the_error_limit() -> None:
     eps = np.finfo(float).eps
     errors = {("native", "M"): 6e-16, ("pinocchio", "M"): 0.0, ("mujoco", "M"): 1e-13}
     assert digits.CellErrors(16, 1.0, errors, "").ratio("M") == pytest.approx(6e-16 / (4 * eps))
@@ -74,7 +74,7 @@ def test_states_have_the_given_distance_from_gimbal_lock(sign: float) -> None:
     assert (state.q[groups["first"] + 1] == sign * (np.pi / 2 - 1e-3)).all()
 
 
-def test_a_cell_prints_the_error_of_each_engine(monkeypatch, capsys) -> None:
+def test_the_cell_command_prints_the_error_of_each_engine(monkeypatch, capsys) -> None:
     pytest.importorskip("pinocchio")
     monkeypatch.setattr(sys, "argv", ["cell", "extremes_digits", "3"])
     assert cell.main() == 0
@@ -84,7 +84,7 @@ def test_a_cell_prints_the_error_of_each_engine(monkeypatch, capsys) -> None:
     assert errors["native", "q̈"] < errors["pinocchio", "q̈"] < errors["mujoco", "q̈"] < 1e-9
 
 
-def test_the_picture_of_runs_names_silent_errors_with_engine_place_and_command(tmp_path) -> None:
+def test_the_figure_of_runs_lists_silent_errors_with_engine_and_command(tmp_path) -> None:
     step, both = ("RK4", "step", 0.1, 0), {"young": 1.0, "mass": 2.0}
     found = [
         extremes.Cell("plane", values, extremes.HowTo(engine, *step), extremes.RunOutcome(outcome, 1.0, "", 0.0))

@@ -1,4 +1,4 @@
-"""The slowest and the fastest swing of the springs, without matrices, are those of the dense eigenproblem."""
+"""Matrix-free lowest and highest frequencies agree with the dense eigenproblem."""
 
 from __future__ import annotations
 
@@ -19,22 +19,24 @@ EPS = np.finfo(float).eps
 
 
 def dense(chain: fl.Chain, q: np.ndarray) -> np.ndarray:
-    """Frequencies of K φ = ω² M φ over the joints that are not prescribed, without those of free joints [rad/s]."""
+    """Frequencies of K φ = ω² M φ over joints without prescribed motion, without zeros of free joints [rad/s]."""
     moving = chain.hinges["prescribed"] == 0
     K, M = chain.stiffness[moving], fl.mass_matrix(chain, q)[np.ix_(moving, moving)]
     squares = linalg.eigh(np.diag(K), M, eigvals_only=True)
     return np.sqrt(squares[np.count_nonzero(K == 0) :])
 
 
-def test_both_ends_of_the_spectrum_are_those_of_the_dense_problem(chain: fl.Chain, rng: np.random.Generator) -> None:
-    """The slowest converges fast; beside the fastest lie others of nearly its frequency, so that it is an estimate."""
+def test_lowest_and_highest_frequencies_agree_with_the_dense_eigenproblem(
+    chain: fl.Chain, rng: np.random.Generator
+) -> None:
+    """The lowest frequency converges fast; the highest is only estimated, as other frequencies are close to it."""
     q = rng.uniform(-0.3, 0.3, chain.n)
     wanted = dense(chain, q)
     assert slowest_frequency(chain, q) == pytest.approx(wanted[0], rel=CLOSE)
     assert fastest_frequency(chain, q) == pytest.approx(wanted[-1], rel=ESTIMATE)
 
 
-def test_prescribed_joints_do_not_swing() -> None:
+def test_prescribed_joints_do_not_vibrate() -> None:
     chain = fl.lump(make_scene(flexible("a", segments=4), flexible("b", segments=4)))
     hinges, q = chain.hinges.copy(), np.zeros(chain.n)
     hinges["prescribed"][chain.active] = 1
@@ -45,7 +47,7 @@ def test_prescribed_joints_do_not_swing() -> None:
     assert fastest_frequency(held, q) == pytest.approx(wanted[-1], rel=ESTIMATE)
 
 
-def test_without_springs_nothing_swings() -> None:
+def test_a_chain_without_springs_has_no_frequencies() -> None:
     chain = fl.lump(make_scene(fl.Link(name="a", length=1.0), tip=fl.RigidBody(mass=1.0)))
     assert slowest_frequency(chain, np.zeros(1)) == np.inf
     assert fastest_frequency(chain, np.zeros(1)) == 0.0
@@ -54,13 +56,13 @@ def test_without_springs_nothing_swings() -> None:
 @pytest.mark.parametrize("q", [(0.0, 0.0), (0.5, -1.0)], ids=["stretched, so that M is singular", "bent"])
 @pytest.mark.parametrize("steps", [{"tolerance": 1e-4}, {"method": "Radau5", "step": 1e-4}], ids=["tolerance", "step"])
 @pytest.mark.parametrize("density", [1e-11, 1e-15], ids=["20 eps of the payload", "less than eps"])
-def test_links_without_mass_under_a_point_mass_run(
+def test_arms_with_nearly_massless_links_and_a_point_mass_can_be_simulated(
     q: tuple[float, ...], steps: dict[str, object], density: float
 ) -> None:
-    """What there is of their mass swings faster than anything.
+    """The small mass of the links vibrates faster than anything else.
 
-    Of less than eps rounding decides whether anything is left of it, and without fused multiply-adds often nothing is,
-    and no q̈ at the start: implicit steps need none.
+    Below eps, rounding decides whether any of this mass remains in M. Without fused multiply-adds, often none
+    remains and q̈ at the start is undefined, but implicit steps do not need it.
     """
     arm = make_scene(flexible("a", segments=4), flexible("b", segments=4), tip=fl.RigidBody(mass=1.0))
     light = arm.varied({"material.aluminium.density": density, "initial.joint_deg": np.degrees(q)})
@@ -70,20 +72,20 @@ def test_links_without_mass_under_a_point_mass_run(
     assert np.isfinite(run.tip).all()
 
 
-def test_of_joints_whose_inertia_is_less_than_rounding_one_is_named() -> None:
-    """Twist of a stretched arm without mass on tilted bases: rounding alone is left of M's diagonal, often below 0."""
+def test_a_joint_whose_inertia_is_below_rounding_is_named() -> None:
+    """For twist of a stretched massless arm on a tilted base, the diagonal of M is only rounding, often negative."""
     links = (flexible("a", "xyz", 9, lumping="legendre"), flexible("b", "xyz", 9, lumping="legendre"))
     light = make_scene(*links, tip=fl.RigidBody(mass=1.0)).varied({"material.aluminium.density": 1e-300})
     for tilt in np.random.default_rng(1).uniform(-90, 90, (20, 3)).tolist():
         chain = fl.lump(light.varied({"link.a.mount": fl.Mount(rpy_deg=tuple(tilt))}))
         q, zero = np.zeros((2, chain.n))
-        assert fl.mass_matrix(chain, q).diagonal().min() < rounding.of_mass_matrix(chain, q), "what is asked here"
+        assert fl.mass_matrix(chain, q).diagonal().min() < rounding.of_mass_matrix(chain, q), "below rounding"
         with refused(fl.errors.SingularMassError, "joint-without-inertia"):
             fl.forward_dynamics(chain, q, zero, zero, solver="cholesky")
 
 
-def test_of_joints_that_rounding_leaves_nothing_the_swing_is_faster_than_anything() -> None:
-    """What chooses a method asks for it, and an implicit one needs no inertia: no error."""
+def test_joints_without_inertia_have_an_infinite_frequency() -> None:
+    """The choice of a method uses this frequency, and implicit methods need no inertia, so it is not an error."""
     chain = fl.lump(make_scene(flexible("a")))
     bodies = chain.bodies.copy()
     for inertia in ("mass", "inertia"):
@@ -93,24 +95,24 @@ def test_of_joints_that_rounding_leaves_nothing_the_swing_is_faster_than_anythin
         fl.forward_dynamics(chain, *np.zeros((3, chain.n)))
     assert fastest_frequency(chain, np.zeros(chain.n)) == np.inf
     hinges = chain.hinges.copy()
-    hinges["armature"] = -1e-20  # as rounding may leave less than nothing
+    hinges["armature"] = -1e-20  # rounding may leave a negative inertia
     assert slowest_frequency(dataclasses.replace(chain, hinges=hinges), np.zeros(chain.n)) == np.inf
 
 
-def test_the_fastest_decay_is_that_of_the_dampers_alone(chain: fl.Chain, rng: np.random.Generator) -> None:
+def test_the_fastest_decay_rate_agrees_with_the_dense_eigenproblem(chain: fl.Chain, rng: np.random.Generator) -> None:
     hinges, q = chain.hinges.copy(), rng.uniform(-0.3, 0.3, chain.n)
     hinges["damping"] += 1e-3 * hinges["stiffness"]
     damped = dataclasses.replace(chain, hinges=hinges)
     wanted = linalg.eigh(np.diag(damped.damping), fl.mass_matrix(damped, q), eigvals_only=True)[-1]
-    assert fastest_decay(damped, q) == pytest.approx(wanted, rel=2 * ESTIMATE)  # of a square, unlike a frequency
+    assert fastest_decay(damped, q) == pytest.approx(wanted, rel=2 * ESTIMATE)  # of ω², so twice that of ω
 
 
-def test_the_damper_of_a_led_joint_takes_no_speed_away() -> None:
-    """Its motion is given, whatever its damper; where it is the only one there is no decay at all."""
+def test_the_damper_of_a_prescribed_joint_causes_no_decay() -> None:
+    """The joint moves as prescribed regardless of its damper; if this is the only damper, nothing decays."""
     chain = fl.lump(make_scene(flexible("a", segments=4)))
     hinges, q = chain.hinges.copy(), np.zeros(chain.n)
     hinges["prescribed"][chain.active], hinges["damping"][chain.active] = 1, 1e9
-    with np.errstate(all="raise"):  # nor 0/0
+    with np.errstate(all="raise"):  # 0/0 would be an error
         assert fastest_decay(dataclasses.replace(chain, hinges=hinges.copy()), q) == 0.0
     hinges["damping"] += 1e-3 * hinges["stiffness"]
     held, rest = dataclasses.replace(chain, hinges=hinges), chain.hinges["stiffness"] > 0
@@ -120,10 +122,10 @@ def test_the_damper_of_a_led_joint_takes_no_speed_away() -> None:
 
 
 @pytest.mark.parametrize("straight", [True, False], ids=["straight", "bent"])
-def test_free_joints_that_follow_are_those_of_the_pseudo_inverse(straight: bool, rng: np.random.Generator) -> None:
-    """K φ = ω² S φ, S = M_pp − M_pa M_aa⁺ M_ap, of four free joints, two of which turn about one axis."""
+def test_condensing_free_joints_agrees_with_the_pseudo_inverse(straight: bool, rng: np.random.Generator) -> None:
+    """K φ = ω² S φ with S = M_pp − M_pa M_aa⁺ M_ap is solved for four free joints, two of them about the same axis."""
     links = [flexible(name, segments=3) for name in "abcd"]
-    links[2] = fl.Link(name="c", length=0.0, joint=fl.Joint(armature=1e3))  # as the joint behind it, but for its rotor
+    links[2] = fl.Link(name="c", length=0.0, joint=fl.Joint(armature=1e3))  # on the axis of the next joint
     chain = fl.lump(make_scene(*links, tip=fl.RigidBody(mass=2.0)))
     q = np.zeros(chain.n) if straight else rng.uniform(-0.5, 0.5, chain.n)
     M, a = fl.mass_matrix(chain, q), chain.stiffness == 0
@@ -132,7 +134,7 @@ def test_free_joints_that_follow_are_those_of_the_pseudo_inverse(straight: bool,
     assert slowest_frequency(chain, q) == pytest.approx(np.sqrt(squares[-1]), rel=CLOSE)
 
 
-def test_rotors_slow_the_fastest_swing_and_the_fastest_decay(rng: np.random.Generator) -> None:
+def test_rotors_reduce_the_highest_frequency_and_the_fastest_decay(rng: np.random.Generator) -> None:
     chain = fl.lump(make_scene(flexible("a", segments=4)))
     hinges, q = chain.hinges.copy(), rng.uniform(-0.3, 0.3, chain.n)
     hinges["armature"], hinges["damping"] = 0.1, 1e-3 * hinges["stiffness"]

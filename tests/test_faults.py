@@ -1,4 +1,4 @@
-"""The planted faults fit the sources, and their runner distinguishes faults that tests notice from others."""
+"""The planted faults fit the sources, and their runner distinguishes faults that tests detect from others."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def rot(fault: Fault) -> str:
     try:
         compile(planted, fault.file, "exec")
     except SyntaxError as error:
-        return f"no longer Python: {error}"  # any test would notice it
+        return f"no longer Python: {error}"  # any test would detect it
     for test in fault.tests:
         file, _, function = test.partition("::")
         text = (ROOT / file).read_text(encoding="utf-8") if (ROOT / file).is_file() else ""
@@ -33,7 +33,7 @@ def rot(fault: Fault) -> str:
     return "" if fault.find != fault.replace else "nothing is replaced"
 
 
-def test_every_fault_can_be_planted_and_names_tests_that_exist() -> None:
+def test_every_fault_fits_the_sources_and_names_existing_tests() -> None:
     assert {fault.name: reason for fault in FAULTS if (reason := rot(fault))} == {}
 
 
@@ -58,7 +58,7 @@ def planted(find: str, replace: str) -> Fault:
 
 
 @pytest.mark.slow
-def test_a_fault_is_killed_survives_or_is_stale_and_the_tree_does_not_change(tree: Path) -> None:
+def test_each_fault_is_killed_survives_or_is_stale_and_leaves_the_sources_unchanged(tree: Path) -> None:
     before = {path.name: path.read_bytes() for path in tree.iterdir()}
     with plant.copied(tree) as copy:
         assert copy.run((TEST,), copy.sound).code == 0
@@ -66,16 +66,16 @@ def test_a_fault_is_killed_survives_or_is_stale_and_the_tree_does_not_change(tre
         twice = copy.judge(planted("a", "b"))
         assert (copy.root / "area.py").read_bytes() == before["area.py"]
     assert [verdict.outcome for verdict in verdicts] == [KILLED, SURVIVED, STALE]
-    assert verdicts[0].told == f"{TEST}::test_size"
-    assert re.findall(r"\b\d+\b|area\.py", verdicts[2].told) == ["0", "area.py"]
-    reviewed("faults: stale", verdicts[2].told)
+    assert verdicts[0].detail == f"{TEST}::test_size"
+    assert re.findall(r"\b\d+\b|area\.py", verdicts[2].detail) == ["0", "area.py"]
+    reviewed("faults: stale", verdicts[2].detail)
     assert twice.outcome == STALE
     assert {path.name: path.read_bytes() for path in tree.iterdir()} == before
     assert not copy.root.exists()
 
 
 @pytest.mark.slow
-def test_a_fault_of_a_kernel_is_noticed_as_python_by_a_test_that_fails_only_with_it(tree: Path) -> None:
+def test_a_kernel_fault_counts_as_killed_if_a_test_fails_only_with_it(tree: Path) -> None:
     def judged(find: str, replace: str) -> plant.Verdict | None:
         return copy.judge_as_python(planted(find, replace))
 
@@ -95,7 +95,7 @@ def test_a_fault_of_a_kernel_is_noticed_as_python_by_a_test_that_fails_only_with
         (Answer(0, "3 passed"), SURVIVED),
         (Answer(1, "FAILED tests/test_a.py::test_b - assert 1 == 2"), KILLED),
         (Answer(-11, ""), KILLED),  # a segmentation fault
-        (Answer(None, ""), KILLED),  # no end in time
+        (Answer(None, ""), KILLED),  # timeout
         (Answer(2, "! flexlink.results.stop_reasons.InterruptedRunError: interrupted at t = 0 s !"), KILLED),  # Ctrl-C
         (Answer(2, "ERROR tests/test_a.py\n!!! Interrupted: 1 error during collection !!!"), BROKEN),
         (Answer(1, "FAILED tests/test_a.py::test_b - numba.core.errors.TypingError: cannot"), BROKEN),
@@ -104,7 +104,7 @@ def test_a_fault_of_a_kernel_is_noticed_as_python_by_a_test_that_fails_only_with
         (Answer(5, "no tests ran in 0.01s"), BROKEN),
     ],
 )  # fmt: skip
-def test_only_a_failing_test_kills(answer: Answer, outcome: str) -> None:
+def test_a_fault_is_killed_only_by_a_failing_test(answer: Answer, outcome: str) -> None:
     assert plant.verdict(answer)[0] == outcome
 
 

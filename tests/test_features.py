@@ -1,4 +1,4 @@
-"""An export notes the features that its format cannot store, and --strict refuses it; effects of small masses."""
+"""Notes on features that a file format cannot store, the option --strict, and effects of small added masses."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_an_export_prints_the_features_that_a_format_cannot_store(tmp_path, caps
     reviewed("format-cannot-store", text)
 
 
-def test_strict_writes_nothing_and_exits_2(tmp_path, capsys) -> None:
+def test_a_strict_export_with_unsupported_features_writes_nothing_and_exits_with_2(tmp_path, capsys) -> None:
     assert main(["export", PAPER, "--strict", "--out", str(tmp_path)]) == 2
     printed = capsys.readouterr().err
     assert len(printed.splitlines()) == 1
@@ -109,7 +109,7 @@ def test_links_without_mass_get_the_given_mass(rng: np.random.Generator) -> None
     assert fl.tip_position(filled, q) == pytest.approx(fl.tip_position(chain, q), abs=1e-14)
 
 
-def test_the_change_of_inertia_is_that_of_the_mass_matrices_and_bounds_every_frequency(
+def test_added_inertia_is_the_change_of_the_mass_matrix_and_bounds_frequencies(
     rng: np.random.Generator,
 ) -> None:
     chain = fl.lump(nasty_scene())
@@ -125,7 +125,7 @@ def test_the_change_of_inertia_is_that_of_the_mass_matrices_and_bounds_every_fre
     assert np.any(after < before * (1 - 1e-6))
 
 
-def test_the_change_of_a_chain_without_inertia_is_infinite() -> None:
+def test_added_inertia_is_infinite_for_a_joint_without_inertia() -> None:
     chain = fl.lump(make_scene(flexible("upper"), fl.Link(name="wrist")))
     assert added_inertia(chain, np.zeros(chain.n), mass=1e-9) == np.inf
 

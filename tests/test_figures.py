@@ -1,4 +1,4 @@
-"""Figures: one colour and one name an engine, words that do not collide, captions of two lines, units on the axes."""
+"""Figures: one colour and name per engine, labels without overlap, short captions, units on the axes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ CAPTION = 160  # letters: two lines of half a page's column
 
 
 def drawn(path: Path) -> dict[str, Figure]:
-    """Name → figure, of a small study with engines in several figures."""
+    """Figures by name, from a small study in which engines appear in several figures."""
     engines = ("pinocchio", "mujoco")
     growth = {"kind": "rounding_growth", "tolerance": None}
     rows = [row(engine=engine, quantity=name) for engine in engines for name in ("M", "T_GC with tip wrench")]
@@ -48,21 +48,21 @@ def test_an_engine_has_one_colour_and_one_name_in_all_figures(tmp_path: Path) ->
             assert [line.get_color() for line in lines] == [look.colour], name
 
 
-def test_colours_of_engines_differ_and_are_of_the_colour_blind_safe_palette() -> None:
+def test_colours_of_engines_differ_and_belong_to_the_colour_blind_safe_palette() -> None:
     looks = ENGINES.values()
     assert len({look.colour for look in looks}) == len({look.marker for look in looks}) == len(looks)
     assert {look.colour for look in looks} - {ENGINES["mpmath"].colour} == set(CYCLE)
 
 
 @pytest.mark.parametrize("name", ["native", "flexlink", "Flexlink"])
-def test_an_engine_is_known_by_its_stored_and_its_own_name(name: str) -> None:
+def test_an_engine_is_recognised_by_its_stored_name_and_its_display_name(name: str) -> None:
     assert engine_name(name) == "flexlink"
     assert look_of(name) == ENGINES["native"]
     assert look_of("RK4") is None
 
 
-def test_all_figures_share_their_colours() -> None:
-    """A map from red to blue, and the greys of a film, are no colours of curves."""
+def test_all_figures_use_the_same_palette() -> None:
+    """The exceptions, a red-to-blue colour map and the greys of a film, are not used for curves."""
     others = {"extreme_digits.py": 8, "legend.py": 2, "colouring.py": 8}
     for folder in ("reports", "flexlink/results", "flexlink/scene_report"):
         for path in (ROOT / folder).rglob("*.py"):
@@ -79,7 +79,7 @@ def test_captions_take_two_lines_at_most() -> None:
                 assert len(value) <= CAPTION, f"{module.__name__}.{name}: {len(value)} letters"
 
 
-def test_words_beside_points_never_overlap_and_stay_inside_the_axes() -> None:
+def test_point_labels_never_overlap_and_stay_inside_the_axes() -> None:
     random = np.random.default_rng(0)
     figure, (axes,) = stacked_axes(1, 3.0)
     x, y = random.random((2, 40))
@@ -89,14 +89,14 @@ def test_words_beside_points_never_overlap_and_stay_inside_the_axes() -> None:
     )
     figure.draw_without_rendering()
     boxes = [text.get_window_extent() for text in axes.texts]
-    assert 5 < len(boxes) < 40, "some have no room, and are left away"
+    assert 5 < len(boxes) < 40, "labels without room are left out"
     room = axes.get_window_extent()
     for k, box in enumerate(boxes):
         assert room.x0 - 1 <= box.x0 < box.x1 <= room.x1 + 1
         assert not any(box.overlaps(other) for other in boxes[:k])
 
 
-def test_a_word_is_not_written_over_the_line_that_it_names() -> None:
+def test_a_label_does_not_cover_the_line_that_it_names() -> None:
     _, (axes,) = stacked_axes(1, 3.0)
     x = np.linspace(0, 1, 200)
     axes.plot(x, x)
@@ -107,8 +107,8 @@ def test_a_word_is_not_written_over_the_line_that_it_names() -> None:
     assert sum(box.contains(*at) for at in on_line) <= 3
 
 
-def test_a_picture_that_is_checked_in_keeps_the_colour_of_every_engine(tmp_path: Path) -> None:
-    """Few marks of many colours, beside many words: so rare colours were lost to a small palette."""
+def test_a_checked_in_figure_keeps_the_colour_of_every_engine(tmp_path: Path) -> None:
+    """The figure has few marks in many colours and much text; a small palette once dropped rare colours."""
     figure, (axes,) = stacked_axes(1, 6.0)
     for k, look in enumerate(ENGINES.values()):
         axes.plot([k], [k], look.marker, color=look.colour)

@@ -14,7 +14,7 @@ from reports.findings import physics_published
 from tests.words import refused
 
 
-def test_a_published_number_and_ours_differ_by_their_quotient_less_one() -> None:
+def test_differences_from_published_values_are_relative() -> None:
     theirs = np.array([2.0, 4.0, 5.0, 8.0, 10.0, 20.0])
     ours = theirs * (1 + np.array([0.001, -0.002, 0.0, 0.004, -0.05, 0.03]))
     columns = {"what": np.array(list("abcdef")), "published": theirs, "ours": ours}
@@ -28,8 +28,8 @@ def test_a_published_number_and_ours_differ_by_their_quotient_less_one() -> None
     assert [line[0] for line in table.lines] == ["Beam: a", "Beam: b", "Beam: c", "Beam: d", "Beam: 2 more"]
 
 
-def test_engines_that_step_alone_take_a_reference_only_by_a_pd_drive_without_jumps() -> None:
-    """The other laws need torques between samples, which such an engine cannot be told."""
+def test_engines_with_their_own_stepping_support_only_smooth_pd_references() -> None:
+    """The other laws need torques between samples, which such an engine cannot receive."""
 
     def scene(kind: str, jumps: list[float]) -> Any:
         drive = SimpleNamespace(hold=False, rate=None, kind=kind)
@@ -42,8 +42,8 @@ def test_engines_that_step_alone_take_a_reference_only_by_a_pd_drive_without_jum
             refuse_sampled_inputs("exudyn", scene(kind, jumps))
 
 
-def test_a_servos_control_is_an_angle_before_its_gear() -> None:
-    """kp (u − r q) r moves the joint to q = u / r: 1/r is what a unit of control means there; a motor's is its gear."""
+def test_a_mujoco_servo_control_is_divided_by_its_gear_ratio() -> None:
+    """A servo, kp (u − r q) r, moves its joint to q = u / r, so `gear` is 1/r; for a motor it is the gear ratio r."""
     mujoco = pytest.importorskip("mujoco")
     from flexlink.engines import mujoco_actuators  # noqa: PLC0415
 

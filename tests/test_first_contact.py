@@ -25,7 +25,7 @@ LIMIT = '<limit lower="0" upper="1" effort="1" velocity="1"/>'
 Edit = Callable[[dict[str, Any]], Any]
 PAPER = str(ROOT / "models" / "paper_fig5.toml")
 PYTHON = re.compile(r"\b(float|str|int|joint_m'\?|the default)\b")
-"""Words of Python that a user need not know, and former wrong hints."""
+"""Python terms that a user need not know, and former wrong hints."""
 
 
 def edited(*edits: Edit) -> dict[str, Any]:
@@ -43,7 +43,7 @@ def refused(*edits: Edit) -> str:
 
 
 def at(*keys: Any, **values: Any) -> Edit:
-    """An edit that puts values into the table below the keys."""
+    """An edit that puts values into the table at these keys."""
 
     def edit(raw: dict[str, Any]) -> None:
         for key in keys:
@@ -84,8 +84,8 @@ def test_all_mistakes_of_a_file_are_reported_at_once() -> None:
         at("link", 0, lenght=1.0), at("link", 1, flex=True), at("link", 2, material="stell"), at(gravty=1),
         lambda raw: raw["material"]["aluminium"].pop("density"), lambda raw: raw.pop("name"), at("run", step="fast"),
     )  # fmt: skip
-    told = [text.split(" = ")[0].split(":")[0] for text in message.split("; also ")]
-    assert told == ["gravty", "name", "material.aluminium.density", "link.waist.lenght", "link.upper.flex", "run.step"]
+    keys = [text.split(" = ")[0].split(":")[0] for text in message.split("; also ")]
+    assert keys == ["gravty", "name", "material.aluminium.density", "link.waist.lenght", "link.upper.flex", "run.step"]
     assert "'stell'" in refused(at("link", 2, material="stell"), at(gravty=1))
 
 
@@ -107,7 +107,7 @@ def test_all_mistakes_of_a_file_are_reported_at_once() -> None:
         (at("link", 1, flex="z", segments=1), "too-few-segments", "2"),
     ],
 )
-def test_a_mistake_of_a_newcomer_names_the_remedy(edit: Edit, id: str, named: str) -> None:
+def test_the_error_of_a_typical_beginner_mistake_names_the_remedy(edit: Edit, id: str, named: str) -> None:
     with words.refused(fl.errors.SceneError, id) as caught:
         scene_from(edited(edit))
     assert named in str(caught.value)
@@ -129,7 +129,7 @@ def test_a_path_with_a_wrong_key_names_the_remedy() -> None:
     assert "hub" in str(caught.value)
 
 
-def test_a_scene_in_place_of_a_plan_is_explained(tmp_path: Path) -> None:
+def test_a_scene_given_instead_of_a_sweep_plan_is_explained(tmp_path: Path) -> None:
     path = tmp_path / "crane.toml"
     path.write_text(tomli_w.dumps(T3), encoding="utf-8")
     for load in (fl.load_sweep, fl.fits.load_fit):
@@ -138,7 +138,7 @@ def test_a_scene_in_place_of_a_plan_is_explained(tmp_path: Path) -> None:
         assert "'crane.toml'" in str(caught.value)
 
 
-def test_a_robot_file_in_place_of_a_scene_is_explained(tmp_path: Path) -> None:
+def test_a_robot_file_given_instead_of_a_scene_is_explained(tmp_path: Path) -> None:
     path = tmp_path / "arm.urdf"
     path.write_text(robot("ab", joint("j", "a", "b", LIMIT)), encoding="utf-8")
     with words.refused(fl.errors.SceneError, "is-xml") as caught:
@@ -151,11 +151,11 @@ def test_lists_of_the_wrong_length_are_reported_together() -> None:
     assert message.split("; also ")[1].startswith("drive.torque = (1.0,): ")
 
 
-def test_a_mistake_is_reported_once_and_a_single_one_as_before() -> None:
+def test_each_mistake_is_reported_once() -> None:
     assert refused(at("run", step=-1.0)).count("run.step") == 1
 
 
-def test_the_command_line_has_a_line_for_each_mistake(tmp_path: Path, capsys: Any) -> None:
+def test_the_command_line_prints_one_line_for_each_mistake(tmp_path: Path, capsys: Any) -> None:
     raw = copy.deepcopy(T3)
     raw["gravty"] = raw.pop("gravity")
     raw["run"]["step"] = -1.0
@@ -176,7 +176,7 @@ def test_the_initial_state_may_be_left_out() -> None:
     assert scene_from({**raw, "initial": {"passive": "static"}}).initial.joint_deg == (0.0, 0.0, 0.0)
 
 
-def test_an_angle_that_is_not_in_the_file_is_called_a_default() -> None:
+def test_error_messages_mark_a_missing_angle_as_a_default() -> None:
     raw = copy.deepcopy(T3)
     raw.pop("initial")
     raw["link"][1].setdefault("joint", {})["limits_deg"] = [10.0, 20.0]
@@ -184,18 +184,18 @@ def test_an_angle_that_is_not_in_the_file_is_called_a_default() -> None:
         scene_from(raw)
 
 
-def test_a_sliding_joint_of_a_robot_slides(tmp_path: Path) -> None:
+def test_a_prismatic_joint_of_an_imported_robot_is_a_sliding_joint(tmp_path: Path) -> None:
     path = tmp_path / "slider.urdf"
     path.write_text(robot("ab", joint("j", "a", "b", LIMIT, kind="prismatic")), encoding="utf-8")
     assert fl.import_urdf(path).scene.arm.slides == (True,)
 
 
-def test_a_joint_that_is_neither_revolute_nor_prismatic_is_refused_by_name() -> None:
+def test_a_joint_of_an_unsupported_type_is_refused_by_name() -> None:
     with words.refused(fl.errors.ArgumentError, "joint-type-in-file"):
         require_joints([("j", "ball")])
 
 
-def test_export_makes_its_folder(tmp_path: Path) -> None:
+def test_export_creates_its_folder(tmp_path: Path) -> None:
     out = tmp_path / "new" / "folder"
     assert main(["export", PAPER, "--format", "urdf", "--out", str(out)]) == 0
     assert (out / "paper_fig5.urdf").is_file()

@@ -1,4 +1,4 @@
-"""Numbers at the top of a scene's report: sag, frequencies, holding torques, stress; and modes that hinges resolve."""
+"""Numbers at the top of a report (sag, frequencies, holding torques, stress), and which modes are resolved."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def root_moment() -> float:
     return G * LENGTH * (LOAD + ALUMINIUM.density * SQUARE.properties.area * LENGTH / 2)
 
 
-def test_the_largest_bending_stress_is_that_of_the_root_of_a_cantilever(cantilever: fl.Scene) -> None:
+def test_the_largest_bending_stress_of_a_cantilever_is_at_its_root(cantilever: fl.Scene) -> None:
     found = peak_stress(fl.simulate(cantilever))
     assert found is not None
     assert SQUARE.height is not None
@@ -52,7 +52,7 @@ def test_a_rigid_arm_and_its_report_have_no_bending_stress() -> None:
     assert loads.made(Study(rigid)).facts == ()
 
 
-def test_sag_frequencies_and_holding_torque_are_those_of_the_library(cantilever: fl.Scene) -> None:
+def test_sag_frequencies_and_holding_torques_agree_with_formulas_and_modes(cantilever: fl.Scene) -> None:
     study = Study(cantilever)
     sag, held = statics.made(study).facts
     ei = ALUMINIUM.young * SQUARE.properties.i_z
@@ -70,7 +70,7 @@ def test_sag_frequencies_and_holding_torque_are_those_of_the_library(cantilever:
 
 
 @pytest.mark.slow
-def test_the_page_begins_with_these_numbers_and_their_units(
+def test_the_page_begins_with_the_main_numbers_and_their_units(
     cantilever: fl.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kept = ("statics", "vibration", "loads", "energy")

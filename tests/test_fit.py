@@ -1,4 +1,4 @@
-"""Identification: planted parameters are recovered, intervals contain them, unidentifiable ones are refused."""
+"""Fits recover known parameters within their intervals, and unidentifiable parameters are refused."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def scene() -> fl.Scene:
 
 
 def record(scene: fl.Scene, names: tuple[str, ...], noise: float = 0.0, seed: int = 0) -> dict[str, np.ndarray]:
-    """What instruments with white noise see of a run."""
+    """Columns of a run with added white noise, as if measured."""
     run, rng = fl.simulate(scene), np.random.default_rng(seed)
     return {"t [s]": run.t} | {name: run.columns[name] + noise * rng.standard_normal(len(run.t)) for name in names}
 
@@ -48,7 +48,7 @@ def problem_of(scene: fl.Scene, paths: tuple[str, ...], run: fl.fits.FitRun) -> 
 
 @pytest.mark.slow
 class TestPlanted:
-    def test_three_numbers_of_an_arm_come_back_inside_their_intervals_whatever_the_start(self, scene: fl.Scene) -> None:
+    def test_three_parameters_are_recovered_within_their_intervals_from_any_start(self, scene: fl.Scene) -> None:
         run = fl.fits.FitRun(name="fall", columns=record(scene.varied(THREE), ("tip x [m]", "tip z [m]"), 1e-3))
         start = {"material.aluminium.young": 9e10, "tip.mass": 7.0}
         one, other = (fl.fit(problem_of(s, tuple(THREE), run)) for s in (scene, scene.varied(start)))
@@ -56,20 +56,18 @@ class TestPlanted:
             assert one[path].low < value < one[path].high
             assert one[path].value == pytest.approx(other[path].value, rel=1e-6)
             assert one[path].half < 0.02 * value
-        assert one.runs < 250  # a search that goes on below what sums of squares are known to takes 350
+        assert one.runs < 250  # searching beyond the accuracy of the sum of squares takes 350
         assert one.passed
         assert all(column.noise == pytest.approx(1e-3, rel=0.1) for column in one.columns)
 
-    def test_without_noise_they_come_back_exactly_also_from_angles_in_degrees_and_lengths_in_mm(
-        self, scene: fl.Scene
-    ) -> None:
+    def test_noise_free_data_in_degrees_and_mm_give_the_exact_parameters(self, scene: fl.Scene) -> None:
         exact = record(scene.varied({"tip.mass": 9.0}), ("tip x [m]", "q upper [rad]"))
         units = {"t [ms]": 1e3, "tip x [mm]": 1e3, "q upper [deg]": 180 / np.pi}
         columns = {head: size * column for (head, size), column in zip(units.items(), exact.values(), strict=True)}
         found = fl.fit(problem_of(scene, ("tip.mass",), fl.fits.FitRun(name="fall", columns=columns)))
         assert found["tip.mass"].value == pytest.approx(9.0, rel=1e-7)
 
-    def test_a_gain_a_bias_and_where_a_run_starts_are_found_with_the_mass(self, scene: fl.Scene) -> None:
+    def test_gain_bias_and_initial_angle_are_fitted_together_with_the_mass(self, scene: fl.Scene) -> None:
         columns = record(scene.varied({"tip.mass": 9.0, "initial.joint_deg.fore": -62.0}), ("tip x [m]", "tip z [m]"))
         columns["tip x [m]"] = 1.25 * columns["tip x [m]"] + 0.02
         run = fl.fits.FitRun(
@@ -86,9 +84,9 @@ class TestPlanted:
         assert found[start].value == pytest.approx(-62.0, abs=1e-5)
         assert found[gain].value == pytest.approx(1.25, rel=1e-5)
         assert found[bias].value == pytest.approx(0.02, rel=1e-4)
-        assert found.scene.initial == scene.initial  # what one run has is no part of the scene
+        assert found.scene.initial == scene.initial  # run-specific values are not part of the scene
 
-    def test_sensors_with_noise_delay_and_resolution_are_fitted_by_what_they_see(self, scene: fl.Scene) -> None:
+    def test_sensors_with_noise_delay_and_resolution_can_be_fitted(self, scene: fl.Scene) -> None:
         gauge = fl.Sensor(
             name="root", kind="strain", link="upper", x=0.1, fibre=(0.0225, 0.0), gain=1e6, unit="µm/m", low_pass=20.0,
             delay=0.01, noise=5.0, resolution=1.0, rate=200.0, seed=4,
@@ -105,14 +103,14 @@ class TestPlanted:
         assert column.stated
         assert column.times_noise == pytest.approx(1.0, abs=0.15)
 
-    def test_random_arms_with_coloured_noise_have_their_true_values_inside(self) -> None:
+    def test_intervals_contain_the_true_values_of_random_arms_with_coloured_noise(self) -> None:
         sought = load_case(CASES / "planted_fits.toml").settings["sought"]
         found = held(first=300, count=1, sought=sought)  # more arms: python -m validation 'planted_fits*'
         assert found.inside == len(found.off)
 
 
 class TestSlopes:
-    def test_points_that_were_computed_ahead_are_those_of_slopes_alone_and_are_computed_once(self, scene) -> None:
+    def test_difference_points_computed_ahead_give_equal_derivatives_and_are_reused(self, scene) -> None:
         run = fl.fits.FitRun(name="fall", columns=record(scene.varied({"run.duration": 0.1}), ("tip x [m]",)))
         problem = problem_of(scene.varied({"run.duration": 0.1}), ("tip.mass", "link.upper.joint.armature"), run)
         alone, ahead = (Signals(sources_of(problem, "fit"), coordinates_of(problem)) for _ in range(2))
@@ -121,12 +119,12 @@ class TestSlopes:
         for step in (STEP, STEP / 2):
             assert np.array_equal(ahead.slopes(x, CENTRAL_4, step), alone.slopes(x, CENTRAL_4, step))
         assert np.array_equal(ahead.model(x), alone.model(x))
-        assert ahead.runs == 1 + 2 * 6  # ±½, ±1 and ±2 steps of both
+        assert ahead.runs == 1 + 2 * 6  # ±½, ±1 and ±2 steps of both parameters
         assert alone.runs > 2 * (1 + 2 * 4)
 
 
 class TestInterval:
-    def test_the_interval_of_a_mean_in_first_order_noise_is_that_of_the_textbook_or_slightly_wider(self) -> None:
+    def test_the_interval_of_a_mean_in_ar1_noise_is_at_least_the_textbook_interval(self) -> None:
         ρ, n, rng = 0.8, 400, np.random.default_rng(3)
         spreads = []
         for _ in range(60):
@@ -145,7 +143,7 @@ class TestInterval:
         found = spread_of([([e], [J], True)], np.zeros((0, 2)))
         np.testing.assert_allclose(found.covariance, np.linalg.inv(J.T @ J) * e.var(), atol=5e-5)
 
-    def test_whitening_is_the_inverse_root_of_the_covariance_to_its_first_sample(self) -> None:
+    def test_whitening_inverts_the_noise_covariance_including_the_first_samples(self) -> None:
         a, n = np.array([1.0, -1.6, 0.9]), 50
         pulse = lfilter([1.0], a, np.eye(1, 2000).ravel())
         covariance = toeplitz([pulse[k:] @ pulse[: 2000 - k] for k in range(n)])
@@ -189,7 +187,7 @@ class TestIdentifiability:
         named = {name for one in caught.value.check.lost for name in one.names}
         assert named & set(paths[-2:])
 
-    def test_a_prior_makes_a_pair_identifiable(self, scene: fl.Scene) -> None:
+    def test_a_prior_makes_a_pair_of_parameters_identifiable(self, scene: fl.Scene) -> None:
         bare = scene.varied({"tip.mass": 0.0, "gravity": (0.0, 0.0, 0.0)})
         density = fl.fits.FitParameter(path=FLEX[1], prior=(2700.0, 27.0))
         tapped = fl.fits.FitModes(hertz=(12.0,), deviation=(0.05,))
@@ -217,7 +215,7 @@ def _plain(path: str) -> fl.fits.FitParameter:
 
 
 class TestSingleNumbers:
-    def test_frequencies_and_a_sag_give_stiffness_and_payload(self, scene: fl.Scene) -> None:
+    def test_stiffness_and_payload_are_fitted_from_frequencies_and_a_sag(self, scene: fl.Scene) -> None:
         true = scene.varied({"material.aluminium.young": 66e9, "tip.mass": 8.2})
         chain = fl.lump(true)
         q = fl.initial_state(true, chain)[0]
@@ -244,7 +242,7 @@ class TestLinearReference:
     def test_a_free_linear_model_distinguishes_wrong_parameters_from_a_wrong_scene(
         self, scene: fl.Scene, sought: str, explains: bool
     ) -> None:
-        """The elbow moves by 0.3° as prescribed; the measured arm is softer. Other damping cannot explain that."""
+        """The elbow moves by 0.3° as prescribed; the measured arm is softer, which damping cannot explain."""
         turn = fl.PrescribedMotion(link="fore", times=(0.0, 0.2), angle_deg=(-60.0, -59.7), rate_deg=(0.0, 0.0),
                                    acceleration_deg=(0.0, 0.0))  # fmt: skip
         led = scene.varied({"motion": (turn,), "link.waist.joint.locked": True, "link.upper.joint.locked": True})
@@ -280,7 +278,7 @@ class TestProblem:
             ),
         ],
     )
-    def test_mistakes_of_a_file_are_refused_by_key(
+    def test_mistakes_in_a_problem_file_are_refused_by_key(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, id: str, part: str
     ) -> None:
         path = tmp_path / "problem.toml"
@@ -298,7 +296,7 @@ class TestProblem:
             ("tip x [m]", {"window": (5.0, 6.0)}, "too-few-samples", "swing"),
         ],
     )
-    def test_planted_mistakes_of_a_record_are_refused_with_their_run(
+    def test_mistakes_in_a_record_are_refused_and_the_run_is_named(
         self, scene: fl.Scene, head: str, settings: dict[str, object], id: str, part: str
     ) -> None:
         run = fl.fits.FitRun(name="swing", columns={"t [s]": (0.0, 0.1, 0.2), head: (1.0, 1.1, 1.2)}, **settings)
@@ -308,7 +306,7 @@ class TestProblem:
         assert "'swing'" in str(caught.value)
 
 
-def test_samples_that_are_not_evenly_spaced_are_noted(scene: fl.Scene) -> None:
+def test_unevenly_spaced_samples_get_a_note(scene: fl.Scene) -> None:
     columns = record(scene, ("tip x [m]",))
     kept = np.ones(len(columns["t [s]"]), bool)
     kept[50:60] = False
@@ -326,7 +324,7 @@ def test_samples_that_are_not_evenly_spaced_are_noted(scene: fl.Scene) -> None:
 
 @pytest.fixture(scope="module")
 def doubted(scene: fl.Scene) -> fl.fits.Fitted:
-    """A payload with a wrong prior, and a validation run with another payload."""
+    """A fit of a payload that has a wrong prior and differs from the payload of the validation run."""
     names = ("tip x [m]", "tip z [m]")
     runs = tuple(
         fl.fits.FitRun(name=use, use=use, columns=record(scene.varied({"tip.mass": mass}), names, 1e-4))
@@ -337,7 +335,7 @@ def doubted(scene: fl.Scene) -> fl.fits.Fitted:
 
 
 class TestDoubts:
-    """A fit reports parameters, or data, that are not credible."""
+    """A fit reports parameters or data that are not credible."""
 
     def test_an_estimate_far_from_its_prior_is_reported(self, doubted: fl.fits.Fitted) -> None:
         assert doubted["tip.mass"].value == pytest.approx(8.6, abs=0.05)
@@ -350,7 +348,7 @@ class TestDoubts:
         reviewed("fit: worse validation run", warning)
         assert len(re.findall(r"\d[\d.e-]*", warning)) >= 1
 
-    def test_an_end_of_an_interval_beyond_float64_is_infinite(self, scene: fl.Scene) -> None:
+    def test_an_interval_end_that_overflows_float64_is_infinite(self, scene: fl.Scene) -> None:
         mass = coordinate_of(scene, fl.fits.FitParameter(path="tip.mass"))
         assert mass.value(1e6) == math.inf
         assert mass.value(math.log(8.0)) == pytest.approx(8.0)
@@ -363,7 +361,7 @@ class TestDoubts:
 
 
 class TestCommand:
-    def test_check_prints_expected_accuracies_and_refuses_with_1(
+    def test_the_check_option_prints_accuracies_and_an_unidentifiable_fit_returns_1(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         model = ROOT / "models" / "fits" / "tapped.toml"
@@ -379,7 +377,7 @@ class TestCommand:
         assert path in refusal
 
     @pytest.mark.slow
-    def test_a_csv_becomes_a_fitted_scene_a_page_and_json(
+    def test_the_fit_command_turns_a_csv_into_a_scene_a_page_and_json(
         self, scene: fl.Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         columns = record(scene.varied({"tip.mass": 8.5, "run.duration": 0.5}), ("tip x [m]", "tip z [m]"), 1e-3)

@@ -1,4 +1,4 @@
-"""First look at a fit: wrong times and ranges, reasons for parameters without effect, units, and its pages."""
+"""Mistakes in data that a fit reports first, reasons for parameters without effect, units, and pages of a fit."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from flexlink.cli.main import main
 from flexlink.data.measured import measured_from
 from flexlink.describe.units import unit_of
 from flexlink.identification.block import Block, Colour
-from flexlink.identification.coordinates import Coordinate
+from flexlink.identification.coordinates import Coordinate, hints_on_bounds
 from flexlink.identification.fitted import Estimate
 from flexlink.identification.profile import HALVINGS, _Floor
 from flexlink.identification.remarks import ranges_apart
@@ -49,7 +49,7 @@ def strip(**root: float) -> fl.Scene:
 
 
 def film(t: np.ndarray, scene: fl.Scene | None = None, of: str = "tip z [m]", size: float = 1.0) -> fl.fits.FitRun:
-    """A film of the strip, with the times t."""
+    """A record as from a film of the strip, with the times t."""
     run = fl.simulate(scene or strip())
     return fl.fits.FitRun(name="film", columns={"t [s]": t, of: size * run.columns[of]})
 
@@ -68,17 +68,17 @@ class TestTimes:
         note = check(film(T)).notes[0]
         reviewed("data-read", note)
         periods = float(note.partition(", 1 s, ")[2].split()[0])
-        assert periods == pytest.approx(hertz, rel=0.02)  # in a record of a second
+        assert periods == pytest.approx(hertz, rel=0.02)  # in a record of 1 s
 
     def test_times_in_ms_in_a_column_in_s_are_refused(self) -> None:
         with refused(fl.errors.DataFileError, "likely-unit"):
             check(film(1e3 * T))
 
-    def test_a_note_reports_times_in_s_in_a_column_in_ms(self) -> None:
+    def test_a_record_much_shorter_than_a_period_gets_a_note(self) -> None:
         (note,) = (note for note in check(film(1e-3 * T)).notes if "0.001 s " in note and "'t [s]'" in note)
         reviewed("record-too-short", note)
 
-    def test_slow_samples_of_an_arm_that_does_not_swing_have_a_note(self) -> None:
+    def test_too_slow_sampling_of_an_arm_that_does_not_swing_gets_a_note(self) -> None:
         still = strip().varied({"initial.passive": "static"})
         run = fl.fits.FitRun(
             name="film", columns={"t [s]": 10.0 * np.arange(4.0), "tip z [m]": (-0.01, -0.011, -0.01, -0.0101)}
@@ -86,7 +86,7 @@ class TestTimes:
         (note,) = (note for note in check(run, scene=still).notes if " 10 s " in note)
         reviewed("sampling-too-slow", note)
 
-    def test_slow_samples_of_an_arm_that_falls_are_not_refused_for_its_fast_mode(self) -> None:
+    def test_sampling_of_a_falling_arm_need_not_resolve_its_fast_mode(self) -> None:
         """A stiff pendulum of 0.9 m swings at 0.6 Hz and bends at 18 Hz: 10 frames per second are enough."""
         bob = strip().varied(
             {"section.strip.height": 0.02, "link.strip.joint.locked": False, "link.strip.joint.viscous": 0.1,
@@ -105,25 +105,51 @@ class TestTimes:
         (note,) = wrong
         reviewed("likely-unit", note)
 
+    def test_a_note_reports_frequencies_in_rad_per_s(self) -> None:
+        sought, hertz = (fl.fits.FitParameter(path="tip.mass"),), 2.65
+        for times, hinted in ((1.0, False), (2 * np.pi, True)):
+            tapped = fl.fits.FitModes(hertz=(times * hertz,), deviation=(0.1,))
+            problem = fl.fits.FitProblem(scene=strip(), parameter=sought, modes=(tapped,))
+            found = [note for note in fl.fits.check_fit(problem).notes if note.id == "likely-unit"]
+            assert len(found) == hinted
+            assert [text for text in fl.fit(problem).warnings if text.id == "likely-unit"] == found
+            for note in found:
+                reviewed("likely-unit", note)
+
+    def test_frequencies_must_increase_with_the_number_of_the_mode(self) -> None:
+        with refused(fl.errors.SceneError, "modes-not-increasing"):
+            fl.fits.FitModes(hertz=(80.0, 12.0), deviation=(0.1,))
+        assert fl.fits.FitModes(hertz=(80.0, 12.0), deviation=(0.1,), numbers=(2, 1))
+
+    def test_bounds_in_another_unit_get_a_hint(self) -> None:
+        def hinted(*ends: float) -> tuple[str, ...]:
+            young = fl.fits.FitParameter(path="material.steel.young", between=ends)
+            tapped = fl.fits.FitModes(hertz=(3.0,), deviation=(0.1,))
+            return hints_on_bounds(fl.fits.FitProblem(scene=strip(), parameter=(young,), modes=(tapped,)))
+
+        assert hinted(1e3, 3e11) == hinted(1e11, 3e11) == ()
+        (hint,) = hinted(150.0, 250.0)
+        reviewed("likely-unit", hint)
+
 
 class TestReasons:
-    def test_the_reason_names_what_a_parameter_without_effect_moves(self) -> None:
+    def test_the_reason_names_what_a_parameter_without_effect_changes(self) -> None:
         run = fl.fits.FitRun(name="film", columns={"t [s]": T, "tip y [m]": 1e-4 * np.sin(40 * T)})
         (lost,) = check(run).lost
         assert lost.text.startswith("tip.mass ")
         assert -1 < lost.text.find("tip z [m]") < lost.text.find("film") < lost.text.find("tip y [m]")
         reviewed("no-effect", lost.text)
 
-    def test_rounding_errors_of_an_arm_at_rest_are_no_effect(self) -> None:
-        """Otherwise rates of 1e-15 rad/s would count as moved."""
+    def test_rounding_errors_of_an_arm_at_rest_do_not_count_as_an_effect(self) -> None:
+        """If they counted, rates of 1e-15 rad/s would be taken for motion."""
         scene = strip().varied({"initial.passive": "static"})
         run = fl.fits.FitRun(name="film", columns={"t [s]": T, "tip y [m]": 1e-4 * np.sin(40 * T)})
         (lost,) = check(run, "material.steel.loss_time", scene=scene.varied({"material.steel.loss_time": 1e-3})).lost
-        assert "film" in lost.text and "0.1%" in lost.text and "[" not in lost.text  # it names no column
+        assert "film" in lost.text and "0.1%" in lost.text and "[" not in lost.text  # the text names no column
         reviewed("no-effect", lost.text)
 
     @pytest.mark.parametrize("still", [0.0, 1e-17, -1e-17])
-    def test_a_column_that_moves_by_rounding_errors_has_no_wrong_unit(self, still: float) -> None:
+    def test_a_column_that_changes_only_by_rounding_is_not_reported_for_its_unit(self, still: float) -> None:
         blocks = (Block("tip y [m]", np.sin(T), np.ones(len(T)), True, T),)
         model = [[0.3 + still * np.arange(len(T))], [1e-3 * np.sin(T)]]
         source = SimpleNamespace(name="film", blocks=blocks)
@@ -173,13 +199,13 @@ class TestUnits:
     def test_a_path_has_the_unit_of_its_field(self, path: str, unit: str) -> None:
         assert unit_of(strip(y=900.0), path) == unit
 
-    def test_numbers_of_a_joint_that_slides_have_its_unit(self) -> None:
+    def test_parameters_of_a_prismatic_joint_have_its_units(self) -> None:
         path = "link.cart.joint.viscous"
         assert unit_of(self.SLIDING, path) == "N s/m"
 
 
 class TestEndsOfIntervals:
-    """2 cost = x² up to 2, a plateau up to 8, then a parabola; the 95 % interval ends where it is 3.84."""
+    """2 cost = min(x², 2), plus (x − 8)² beyond x = 8; the 95 % interval ends where this sum is 3.84."""
 
     def floor(self, start: float) -> tuple[_Floor, Estimate]:
         def twice(x: np.ndarray) -> float:
@@ -192,23 +218,23 @@ class TestEndsOfIntervals:
         best = SimpleNamespace(x=np.zeros(1), blocks=[])
         return _Floor(search, best), Estimate("x", "x", start, 0.0, -1.96, 1.96, 1.0)  # type: ignore[arg-type]
 
-    def test_an_interval_goes_on_beyond_a_start_that_is_not_rejected_to_where_a_value_is(self) -> None:
+    def test_an_interval_extends_beyond_a_start_value_that_is_not_rejected(self) -> None:
         true = 8.0 + np.sqrt(1.96**2 - 2.0)
         end = self.floor(start=5.0)[0].beyond_start(0, self.floor(start=5.0)[1])
         assert end is not None
         assert true <= end <= true + (11.25 - 7.5) / 2**HALVINGS
 
-    def test_a_start_that_is_rejected_leaves_it_alone(self) -> None:
+    def test_a_rejected_start_value_does_not_extend_the_interval(self) -> None:
         floor, one = self.floor(start=12.0)
         assert floor.beyond_start(0, one) is None
 
-    def test_the_penalty_of_noise_coefficients_is_that_of_the_criterion(self) -> None:
+    def test_noise_coefficients_are_penalised_as_in_the_information_criterion(self) -> None:
         assert Colour(np.array([1.0, -0.5, 0.1, 0.2]), np.zeros(101)).price == pytest.approx(3 * math.log(101))
         assert Colour(np.ones(1), np.zeros(101)).price == 0.0
 
 
 class TestFiles:
-    def test_files_below_set_are_relative_to_the_problem_file(self, tmp_path: Path) -> None:
+    def test_file_paths_in_set_tables_are_relative_to_the_problem_file(self, tmp_path: Path) -> None:
         (tmp_path / "fit.toml").write_text(
             f'scene = "{ROOT / "models" / "three_links.toml"}"\n[[parameter]]\npath = "tip.mass"\n'
             '[[run]]\nname = "a"\nfile = "a.csv"\nset.run.method = "mine.toml"\nset.link.upper.lumping = "gauss"\n'
@@ -224,7 +250,7 @@ class TestFiles:
         assert problem.run[0].set[lumping] == "gauss"
         assert problem.modes[0].set[lumping] == str(tmp_path / "own.toml")
 
-    def test_a_sweep_finds_files_by_the_same_rule(self, tmp_path: Path) -> None:
+    def test_file_paths_in_a_sweep_are_relative_to_the_sweep_file(self, tmp_path: Path) -> None:
         (tmp_path / "sweep.toml").write_text(
             f'scene = "{ROOT / "models" / "three_links.toml"}"\n'
             '[quantity]\nend = { of = "tip x [m]", take = "final" }\n'
@@ -242,7 +268,7 @@ def test_table_heads_are_capitalized_except_symbols_and_paths() -> None:
 
 
 class TestPages:
-    def test_a_refused_fit_has_a_page_with_the_reason_and_a_problem_that_is_refused_again(
+    def test_a_refused_fit_writes_a_page_with_the_reason_and_the_problem(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         strip(z=900.0).save(tmp_path / "arm.toml")
@@ -264,7 +290,7 @@ class TestPages:
         assert fl.fits.load_fit(out / "problem.toml") == fl.fits.load_fit(tmp_path / "fit.toml")
         assert main(["fit", str(out / "problem.toml")]) == 1
 
-    def test_the_page_of_a_fit_has_units_and_the_problem_with_runs_given_in_python(self, tmp_path: Path) -> None:
+    def test_the_page_of_a_fit_shows_units_and_a_problem_given_in_python(self, tmp_path: Path) -> None:
         sought = (
             fl.fits.FitParameter(path="tip.mass"),
             fl.fits.FitParameter(path="material.steel.young", prior=(205e9, 1e9)),

@@ -1,4 +1,4 @@
-"""Standard deviations that no measurement has are refused by name; what is allowed ends in a result or in one line."""
+"""Impossible standard deviations are refused by name; extreme allowed ones give a result or a one-line error."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TOO_SMALL, TOO_LARGE = r"expected float >= 1e-30", r"expected float <= 1e\+30"
         ("noise.*", lambda d: fl.fits.FitRun(name="a", file="a.csv", noise={"tip x [m]": d})),
     ],
 )
-def test_a_deviation_that_float64_cannot_square_is_refused(
+def test_a_standard_deviation_whose_square_overflows_or_underflows_is_refused(
     key: str, build: Callable[[float], object], value: float, allowed: str
 ) -> None:
     with refused(fl.errors.SceneError, "wrong-value"):
@@ -34,7 +34,7 @@ def test_a_deviation_that_float64_cannot_square_is_refused(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("deviation", [1e-30, 1e30])
-def test_the_ends_of_what_is_allowed_end_in_a_result_or_in_a_line(deviation: float) -> None:
+def test_extreme_allowed_deviations_give_a_result_or_a_one_line_error(deviation: float) -> None:
     arm = make_scene(
         flexible("a", segments=3, joint=fl.Joint(locked=True)), flexible("b", segments=3), gravity=(0, -9.81, 0)
     )

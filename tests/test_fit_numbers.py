@@ -1,4 +1,4 @@
-"""Numbers of a fit and of its page, each found again by another way: textbooks, draws of a linear toy, plain sums."""
+"""Numbers of a fit and its page agree with textbooks, random draws of a linear toy model, and direct sums."""
 
 from __future__ import annotations
 
@@ -51,12 +51,12 @@ FILM = "tip x [m]"
 
 
 def of_logs(by: dict[str, float], Φ: Array) -> Array:
-    """The toy's data: linear in the logarithms of its numbers over those at the start."""
+    """Data of the toy model, linear in the logarithms of parameters relative to their start values."""
     return np.asarray(Φ @ [by[path] - math.log(START[path]) for path in PATHS[: Φ.shape[1]]])
 
 
 def clean(Φ: Array) -> Array:
-    """Without noise, of the true numbers."""
+    """Noise-free data for the true parameters."""
     return of_logs({path: math.log(value) for path, value in TRUE.items()}, Φ)
 
 
@@ -71,7 +71,7 @@ class Toy:
     def model(self, x: Array) -> list[list[Array]]:
         by, found = {c.path: float(at) for c, at in zip(self.coordinates, x, strict=True)}, []
         for one in self.sources:
-            others = [path for path in PATHS[: self.Φ.shape[1]] if path not in by]  # of runs that are kept, all
+            others = [path for path in PATHS[: self.Φ.shape[1]] if path not in by]  # check runs use all samples
             every = by | {path: math.log(cast("float", one.scene.values_at(path)[0])) for path in others}
             found.append([np.asarray(type(self).law(every, self.Φ[: len(block.y)])) for block in one.blocks])
         return found
@@ -89,7 +89,7 @@ class Toy:
         return self.sources[number].scene
 
     def ahead(self, _: object) -> None:
-        """Nothing is slow here."""
+        """Do nothing: the toy model is fast."""
 
     def around(self, *_: object) -> tuple[()]:
         return ()
@@ -108,7 +108,7 @@ def film(y: Array, noise: float, *, stated: bool = False, **how: Any) -> Film:
 
 
 def problem_of(*paths: str) -> fl.fits.FitProblem:
-    tapped = fl.fits.FitModes(hertz=(1.0,), deviation=(1.0,))  # which the toy does not have
+    tapped = fl.fits.FitModes(hertz=(1.0,), deviation=(1.0,))  # required; the toy model ignores it
     return fl.fits.FitProblem(
         scene=SCENE, parameter=tuple(fl.fits.FitParameter(path=p) for p in paths), modes=(tapped,)
     )
@@ -119,7 +119,7 @@ PROBLEM = problem_of(MASS, YOUNG)
 
 @pytest.fixture
 def fit_of(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Fitted]:
-    """Fit films with the toy model, and compare columns that are kept for checking."""
+    """Fit films with the toy model, and compare the columns of check runs."""
     for module in (fitting, solve, kept_columns):
         monkeypatch.setattr(module, "Signals", Toy)
 
@@ -141,8 +141,10 @@ def noise(rng: np.random.Generator, n: int, a: Sequence[float]) -> Array:
 class TestCoverage:
     @pytest.mark.slow
     @pytest.mark.parametrize("a", [(1.0,), (1.0, -1.6, 0.9)], ids=["white", "resonant"])
-    def test_of_a_hundred_intervals_ninety_five_hold_the_true_value(self, fit_of: Any, a: tuple[float, ...]) -> None:
-        """Of 400 intervals with p = 0.95 a share is off by √(p (1 − p) / 400) = 1.1 %: 92 … 98 % are 2.8 of these."""
+    def test_ninety_five_percent_of_the_intervals_contain_the_true_value(
+        self, fit_of: Any, a: tuple[float, ...]
+    ) -> None:
+        """For 400 intervals with p = 0.95 the standard error is √(p (1 − p) / 400) = 1.1 %: 92 … 98 % are ± 2.8 σ."""
         rng, n, draws, problem = np.random.default_rng(6), 60, 100, problem_of(*PATHS)
         Φ = rng.standard_normal((n, 4))
         found = [fit_of(Φ, film(clean(Φ) + 0.1 * noise(rng, n, a), 0.05), problem=problem) for _ in range(draws)]
@@ -150,54 +152,54 @@ class TestCoverage:
         assert len(inside) == 4 * draws
         assert 0.92 <= np.mean(inside) <= 0.98
 
-    def test_few_samples_have_the_quantile_of_students_t_with_as_many_degrees_less_as_numbers_are_sought(self) -> None:
+    def test_intervals_from_few_samples_use_students_t_with_reduced_degrees_of_freedom(self) -> None:
         rng = np.random.default_rng(0)
         for n, sought in ((12, 4), (30, 1), (30, 6)):
             part = ([rng.standard_normal(n)], [rng.standard_normal((n, sought))], True)
             wide = spread_of([part], np.zeros((0, sought))).wide
             assert wide == pytest.approx(student.ppf(0.975, n - sought), rel=1e-12)
 
-    def test_autocorrelated_samples_count_as_fewer(self) -> None:
-        """Mean squares of noise with ρ_k = a^|k| are as uncertain as those of n (1 − a²)/(1 + a²) samples."""
+    def test_autocorrelated_samples_count_as_fewer_independent_samples(self) -> None:
+        """The variance of noise with ρ_k = a^|k| is as uncertain as for n (1 − a²)/(1 + a²) independent samples."""
         e, J = noise(np.random.default_rng(2), 200, (1.0, -0.9)), np.ones((200, 1))
         found = spread_of([([e], [J], True)], np.zeros((0, 1)))
         (a,) = found.colours[0][0].a[1:]
         assert found.wide == pytest.approx(student.ppf(0.975, 200 * (1 - a**2) / (1 + a**2) - 1), rel=1e-6)
 
-    def test_coefficients_of_noise_widen_by_the_final_prediction_error(self) -> None:
+    def test_noise_coefficients_widen_intervals_by_the_final_prediction_error(self) -> None:
         rng = np.random.default_rng(3)
         part = ([rng.standard_normal(30)], [rng.standard_normal((30, 2))], True)
         plain, more = (spread_of([part], np.zeros((0, 2)), k).covariance for k in (0, 5))
         np.testing.assert_allclose(more, plain * (30 + 5) / (30 - 5), rtol=1e-12)
 
-    def test_coefficients_that_whiten_count_with_those_that_are_left(self, fit_of: Any, monkeypatch: Any) -> None:
-        rng, asked = np.random.default_rng(19), []
-        monkeypatch.setattr(fitting, "spread_of", lambda *args: asked.append(args[2]) or spread_of(*args))
+    def test_whitening_coefficients_count_as_fitted_noise_coefficients(self, fit_of: Any, monkeypatch: Any) -> None:
+        rng, coefficients = np.random.default_rng(19), []
+        monkeypatch.setattr(fitting, "spread_of", lambda *args: coefficients.append(args[2]) or spread_of(*args))
         Φ = rng.standard_normal((200, 2))
         fit_of(Φ, film(clean(Φ) + 0.1 * noise(rng, 200, (1.0, -1.6, 0.9)), 0.1))
-        assert asked[0] >= 2
+        assert coefficients[0] >= 2
 
-    def test_single_numbers_have_the_noise_that_is_stated_unless_more_is_left(self) -> None:
+    def test_single_values_use_the_stated_noise_unless_residuals_are_larger(self) -> None:
         J = np.random.default_rng(4).standard_normal((9, 2))
         for size, factor in ((0.1, 1.0), (3.0, 9 * 9.0 / (9 - 2))):  # Σ e² / (n − 2) if that is more than 1
             found = spread_of([([np.full(9, size)], [J], False)], np.zeros((0, 2)))
             np.testing.assert_allclose(found.covariance, factor * np.linalg.inv(J.T @ J), rtol=1e-9)
             assert found.wide == pytest.approx(1.96, abs=1e-4)
 
-    def test_a_constant_is_as_uncertain_as_if_noise_had_followed_it(self) -> None:
-        """C = Σ e² / n², and Σ (1 − |k|/n) over all pairs, n (2 n² + 1)/(3 n), of what the fit has taken off."""
+    def test_the_interval_of_a_constant_includes_the_noise_removed_by_the_fit(self) -> None:
+        """C = Σ e²/n² (1 + (2 n² + 1)/(3 n²)); the second term, the sum of 1 − |k|/n over all pairs, is that noise."""
         e, n = np.random.default_rng(14).standard_normal(30), 30
         found = spread_of([([e], [np.ones((n, 1))], True)], np.zeros((0, 1))).covariance[0, 0]
         assert found == pytest.approx(float(e @ e) / n**2 * (1 + (2 * n**2 + 1) / (3 * n**2)), rel=1e-9)
 
-    def test_the_same_column_twice_adds_no_information(self) -> None:
+    def test_a_duplicated_column_adds_no_information(self) -> None:
         rng = np.random.default_rng(16)
         e, J = rng.standard_normal(30), rng.standard_normal((30, 1))
         once, twice = (spread_of([([e] * k, [J] * k, True)], np.zeros((0, 1))).covariance for k in (1, 2))
         assert twice == pytest.approx(once, rel=0.1)
 
-    def test_noise_of_two_columns_is_correlated_as_its_innovations_are(self) -> None:
-        """Of pulse responses H, earlier innovations counted: what numbers get of both columns is J₁ᵀ H₁ H₂ᵀ J₂."""
+    def test_noise_correlation_of_two_columns_follows_their_innovations(self) -> None:
+        """With pulse responses H, including earlier innovations, the cross term of two columns is J₁ᵀ H₁ H₂ᵀ J₂."""
         n, past = 30, 400
         colours = [Colour(np.array(a), np.zeros(n)) for a in ([1.0, -0.8], [1.0, -1.2, 0.5])]
         J = np.random.default_rng(18).standard_normal((2, n, 2))
@@ -206,14 +208,14 @@ class TestCoverage:
         H = [np.array([np.pad(h[: past + t + 1][::-1], (0, n - 1 - t)) for t in range(n)]) for h in pulses]
         np.testing.assert_allclose(G[0].T @ G[1], J[0].T @ H[0] @ H[1].T @ J[1], rtol=1e-9)
 
-    def test_white_noise_seldom_gets_a_colour(self) -> None:
-        """One coefficient more must gain ln n: by chance in P(χ²₁ > ln 60) = 4.3 % of draws, several more rarely."""
+    def test_white_noise_is_rarely_taken_for_coloured_noise(self) -> None:
+        """A coefficient must gain ln n. By chance one coefficient does so in P(χ²₁ > ln 60) = 4.3 % of the draws."""
         rng = np.random.default_rng(5)
         orders = [len(colour_of(rng.standard_normal(60)).a) - 1 for _ in range(300)]
         assert np.mean([order > 0 for order in orders]) < 3 * 0.043
         assert max(orders) <= 60 // SHARE == 5
 
-    def test_the_probability_of_white_noise_is_spread_evenly(self) -> None:
+    def test_the_p_value_for_white_noise_is_uniformly_distributed(self) -> None:
         rng = np.random.default_rng(7)
         p = [whiteness(rng.standard_normal(200)) for _ in range(300)]
         assert np.mean(np.array(p) < 0.1) == pytest.approx(0.1, abs=0.06)  # 3.5 σ of 300 draws
@@ -221,11 +223,11 @@ class TestCoverage:
 
 
 class TestSearch:
-    """Weights of residuals in a search, for problems with known solutions."""
+    """Searches and their weights of residuals, in problems with known solutions."""
 
-    def test_numbers_are_those_of_linear_least_squares_and_profiles_their_intervals(self, fit_of: Any) -> None:
+    def test_estimates_match_linear_least_squares_and_profiles_match_intervals(self, fit_of: Any) -> None:
         rng = np.random.default_rng(8)
-        Φ = rng.standard_normal((30, 2)) * [0.5, 5.0]  # the first is ten times less certain
+        Φ = rng.standard_normal((30, 2)) * [0.5, 5.0]  # the first parameter is ten times less certain
         y = clean(Φ) + 0.1 * rng.standard_normal(30)
         fitted = fit_of(Φ, film(y, 0.1, stated=True), profile=True)
         best = np.linalg.lstsq(Φ, y)[0]
@@ -241,7 +243,7 @@ class TestSearch:
         assert fitted.correlation[0, 1] == pytest.approx(C[0, 1] / math.sqrt(C[0, 0] * C[1, 1]), abs=0.1)
 
     def test_model_error_is_not_taken_for_autocorrelated_noise(self, fit_of: Any) -> None:
-        """A slow drift, as large as the signal: what leaves least stays, though whitened residuals are for another."""
+        """If a drift is as large as the signal, the least-squares fit is kept; whitening would favour another fit."""
         t = np.linspace(0.0, 1.0, 200)
         Φ = np.column_stack([t, np.sin(40 * t)])
         y = Φ @ [0.1, -0.05] + 0.3 * np.sin(3 * t) + 1e-4 * np.random.default_rng(9).standard_normal(200)
@@ -249,8 +251,8 @@ class TestSearch:
         best = np.linalg.lstsq(Φ, y)[0]
         assert math.log(fitted[MASS].value) == pytest.approx(best[0], rel=1e-6)
 
-    def test_columns_weigh_by_the_noise_that_is_left_of_each(self, fit_of: Any) -> None:
-        """One column is a hundred times noisier than the other, which is not specified."""
+    def test_columns_are_weighted_by_their_residual_noise(self, fit_of: Any) -> None:
+        """One column is a hundred times noisier than the other, and the noise of both is unspecified."""
         rng, n = np.random.default_rng(15), 80
         Φ = rng.standard_normal((n, 2))
         loud, quiet = (clean(Φ) + size * rng.standard_normal(n) for size in (1.0, 0.01))
@@ -263,12 +265,12 @@ class TestSearch:
         assert [one.noise for one in fitted.columns] == pytest.approx([1.0, 0.01], rel=0.3)
 
     @pytest.mark.parametrize(("places", "order"), [(CENTRAL, 2), (CENTRAL_4, 4), (FORWARD, 2), (mirrored(FORWARD), 2)])
-    def test_slopes_are_exact_of_powers_up_to_their_order(self, places: Places, order: int) -> None:
+    def test_difference_formulas_are_exact_for_powers_up_to_their_order(self, places: Places, order: int) -> None:
         for power in range(1, order + 1):
             slope = sum(w * at**power for at, w in zip(places, weights(places), strict=True))
             assert slope == pytest.approx(float(power == 1), abs=1e-15)
 
-    def test_slopes_are_asked_for_inside_the_bounds_only(self) -> None:
+    def test_difference_points_stay_within_the_bounds(self) -> None:
         mass = Coordinate(MASS, "", 1.0, False, 1.0, (0.5, 2.0), None)
         signals = Signals([film(np.zeros(3), 1.0)], [mass])
         for at, sides in ((0.5, {1}), (1.0, {-1, 1}), (2.0, {-1})):
@@ -276,7 +278,7 @@ class TestSearch:
                 _, *points = signals.around(np.array([at]), places)
                 assert {int(np.sign(point[0] - at)) for point in points} == sides
 
-    def test_the_likelihood_of_noise_pays_for_each_coefficient(self) -> None:
+    def test_the_noise_likelihood_penalises_each_coefficient(self) -> None:
         e = noise(np.random.default_rng(10), 300, (1.0, -1.6, 0.9))
         search = solve.Search(cast("Any", Toy([film(e, 1.0)], coordinates_of(PROBLEM))), "linear", coloured=True)
         Toy.Φ = np.zeros((300, 2))
@@ -287,23 +289,23 @@ class TestSearch:
         assert found == pytest.approx(expected, rel=1e-12)
         assert len(colour.a) > 2
 
-    def test_of_several_starts_the_best_end_is_the_answer(self) -> None:
+    def test_the_best_of_several_starts_is_the_result(self) -> None:
         ends = iter([(2.0, 30.0), (5.0, 10.0), (7.0, 20.0)])
 
         def from_start(_: Array) -> solve.Found:
             x, cost = next(ends)
             return solve.Found(np.array([x]), cost, [[film(np.ones(3), 1.0).blocks[0]]])
 
-        said: list[str] = []
+        log: list[str] = []
         found = fitting._searched(
-            cast("Any", SimpleNamespace(from_start=from_start, watch=lambda part: None)), [np.zeros(1)] * 3, said.append
+            cast("Any", SimpleNamespace(from_start=from_start, watch=lambda part: None)), [np.zeros(1)] * 3, log.append
         )
         assert [end.cost for end in found] == [10.0, 20.0, 30.0]
-        assert [float(re.search(r"(\S+) ×", line)[1]) for line in said] == pytest.approx(
+        assert [float(re.search(r"(\S+) ×", line)[1]) for line in log] == pytest.approx(
             [math.sqrt(2 * c / 3) for c in (30.0, 10.0, 20.0)], rel=2e-2
         )
 
-    def test_starts_fill_the_bounds_a_factor_of_two_or_what_is_known_evenly(self) -> None:
+    def test_start_points_fill_their_bounds_or_prior_range_evenly(self) -> None:
         wide, bounded = (Coordinate(MASS, "", 5.0, True, 1.0, (low, 5e3), None) for low in (5e-3, 4.0))
         known = dataclasses.replace(wide, prior=(6.0, 0.3))
         own, *points = solve.start_points([wide, bounded, known], 9)
@@ -313,8 +315,8 @@ class TestSearch:
             eighths = (values - math.log(low)) / math.log(high / low) * 8
             assert sorted(eighths.astype(int)) == list(range(8))
 
-    def test_a_number_that_is_not_held_where_the_search_ends_has_no_interval(self, fit_of: Any) -> None:
-        """The data are (ln m − 1)², least at the answer: slopes are none there."""
+    def test_a_parameter_with_zero_derivative_at_the_solution_has_no_interval(self, fit_of: Any) -> None:
+        """The data are (ln m − 1)², whose derivative is zero at the solution."""
         Φ, flat = np.ones((40, 1)), film(np.zeros(40), 0.01, stated=True)
         fitted = fit_of(Φ, flat, problem=problem_of(MASS), law=lambda by, Φ: Φ[:, 0] * (by[MASS] - 1.0) ** 2)
         mass = fitted[MASS]
@@ -324,7 +326,7 @@ class TestSearch:
 
 
 class TestKept:
-    def test_a_run_that_is_kept_has_the_gain_and_the_noise_of_the_one_that_was_fitted(self, fit_of: Any) -> None:
+    def test_a_check_run_uses_the_gain_and_noise_of_the_fitted_run(self, fit_of: Any) -> None:
         rng, n = np.random.default_rng(11), 120
         Φ = rng.standard_normal((n, 2))
         first, second = (1.5 * (3.0 + clean(Φ)) + 0.02 * rng.standard_normal(n) for _ in range(2))
@@ -333,7 +335,7 @@ class TestKept:
         ours, theirs = fitted.columns
         assert (theirs.source, theirs.use) == ("kept", "check")
         assert ours.gain == theirs.gain == pytest.approx(1.5, rel=0.01)
-        best = float(np.linalg.lstsq(np.full((n, 1), 3.0), first)[0][0])  # at the start the toy gives 3
+        best = float(np.linalg.lstsq(np.full((n, 1), 3.0), first)[0][0])  # with start values the toy gives 3
         np.testing.assert_allclose(ours.before, 3.0 * best)
         after = ours.gain * (3.0 + of_logs({p: math.log(fitted[p].value) for p in PATHS[:2]}, Φ))
         np.testing.assert_allclose(theirs.after, after, rtol=1e-9)
@@ -350,7 +352,7 @@ class TestKept:
 
 
 class TestEstimates:
-    def test_the_deviation_is_that_of_the_value_whatever_is_sought(self) -> None:
+    def test_deviations_refer_to_the_value_even_if_its_logarithm_is_fitted(self) -> None:
         sought = [
             Coordinate("young", "", 2e11, True, 1.0, (1e9, 1e13), None, "Pa"),
             Coordinate("angle", "", 0.0, False, 5.0, (-20.0, 10.0), None, "deg"),
@@ -363,7 +365,7 @@ class TestEstimates:
         assert (angle.value, angle.deviation, angle.low, angle.high) == pytest.approx((10.0, 0.1, 9.8, 10.2))
         assert (young.at_bound, angle.at_bound) == (False, True)
 
-    def test_gains_and_biases_follow_with_their_start_and_unit(self) -> None:
+    def test_gains_and_biases_have_estimates_start_values_and_units(self) -> None:
         one = film(np.array([1.0, 3.0, 5.2]), 1.0, gain=True)
         one.blocks = (dataclasses.replace(one.blocks[0], bias=True),)
         row = row_of(one.blocks[0], np.array([0.0, 1.0, 2.0]))
@@ -374,8 +376,8 @@ class TestEstimates:
             assert (each.start, each.value, each.low, each.high, each.deviation) == pytest.approx(values)
         assert [each.unit for each in found] == ["", "m"]
 
-    def test_derivatives_are_those_of_residuals_with_gain_and_bias_at_their_best(self) -> None:
-        """Exact where nothing is left: differences of residuals, each with its own best gain and bias."""
+    def test_residual_derivatives_account_for_the_best_gain_and_bias(self) -> None:
+        """For zero residuals they equal differences of residuals that each have their best gain and bias."""
         t = np.linspace(0.0, 1.0, 20)
         swing = lambda x: np.sin((5 + x) * t)  # noqa: E731
         block = dataclasses.replace(film(1.5 * swing(0.0) + 0.2, 0.1, gain=True).blocks[0], bias=True)
@@ -383,13 +385,13 @@ class TestEstimates:
         numeric = (row_of(block, swing(1e-5)).residual - row_of(block, swing(-1e-5)).residual) / 2e-5
         np.testing.assert_allclose(row_of(block, swing(0.0), slope).slopes[:, 0], numeric, rtol=1e-5, atol=1e-6)
 
-    def test_noise_that_is_not_stated_is_a_hundredth_of_the_range_of_its_unit(self) -> None:
+    def test_unspecified_noise_is_a_hundredth_of_the_range_of_its_unit(self) -> None:
         y = np.linspace(0.0, 1.0, 5)
         blocks = [Block(name, size * y, 0 * y, name == "z [m]") for name, size in
                   (("x [m]", 1.0), ("y [m]", 3.0), ("q [rad]", 0.2), ("z [m]", 9.0))]  # fmt: skip
         assert [block.σ[0] for block in _with_noise(blocks)] == pytest.approx([0.09, 0.09, 0.002, 0.0])
 
-    def test_positive_numbers_are_sought_by_their_logarithm_and_starts_are_not(self) -> None:
+    def test_positive_parameters_are_fitted_by_logarithm_and_angles_are_not(self) -> None:
         mass, angle = (
             coordinate_of(SCENE, fl.fits.FitParameter(path=path, start=5.0)) for path in (MASS, "initial.joint_deg.bar")
         )
@@ -399,11 +401,11 @@ class TestEstimates:
 
 
 class TestIdentifiability:
-    def test_what_is_expected_is_one_over_the_slopes_and_of_lost_pairs_nothing(self) -> None:
+    def test_expected_deviations_are_inverse_sensitivities_and_infinite_for_lost_pairs(self) -> None:
         J = np.zeros((50, 4))
-        J[0, 0] = J[1, 0] = 20.0 / math.sqrt(2)  # held to 1/20
-        J[2, 1] = J[2, 2] = 30.0  # one effect of two numbers
-        J[3, 3] = 4.0  # hardly: 1/4
+        J[0, 0] = J[1, 0] = 20.0 / math.sqrt(2)  # known to 1/20
+        J[2, 1] = J[2, 2] = 30.0  # two parameters with the same effect
+        J[3, 3] = 4.0  # weakly identifiable: known to 1/4
         check = checked(J, 0.0, ("a", "b", "c", "d"))
         assert check.expected.tolist() == [pytest.approx(1 / 20), math.inf, math.inf, pytest.approx(1 / 4)]
         assert [(set(one.names), one.lost) for one in check.directions] == [({"b", "c"}, True), ({"d"}, False)]
@@ -417,7 +419,7 @@ class TestIdentifiability:
     @pytest.mark.parametrize(
         ("effect", "error", "lost"), [(0.3, 0.0, True), (3.0, 0.0, False), (3.0, 1.0, True), (30.0, 1.0, False)]
     )
-    def test_an_effect_below_the_noise_or_ten_errors_of_the_slopes_is_none(
+    def test_an_effect_below_the_noise_or_ten_derivative_errors_counts_as_lost(
         self, effect: float, error: float, lost: bool
     ) -> None:
         J = np.diag([100.0, effect])
@@ -425,7 +427,7 @@ class TestIdentifiability:
 
 
 class TestSingle:
-    def test_a_change_of_sag_is_that_of_the_load_that_was_hung_on(self) -> None:
+    def test_a_measured_change_of_sag_is_due_to_the_change_of_load(self) -> None:
         still = SCENE.varied({"gravity": (0.0, -9.81, 0.0), "link.bar.segments": 9})
         hung = fl.fits.FitStatic(axis="y", value=-1e-3, deviation=1e-5, set={"tip.mass": 0.5}, before={"tip.mass": 0.2})
         one = sagged(
@@ -435,28 +437,28 @@ class TestSingle:
         ((change,),) = one.at_rest(one.scene)
         assert change == pytest.approx(-0.3 * 9.81 * 1.0**3 / (3 * E * 0.01**4 / 12), rel=0.02)
 
-    def test_a_prior_weighs_as_its_deviation_in_the_value(self) -> None:
+    def test_a_prior_is_weighted_by_its_standard_deviation(self) -> None:
         known = Coordinate(MASS, "", 1.0, True, 1.0, (1e-3, 1e3), (5.0, 0.1))
         residual, slopes = prior_rows([known], np.array([math.log(5.0) + 0.02]))
         assert (residual[0], slopes[0, 0]) == pytest.approx((0.02 * 5.0 / 0.1, 5.0 / 0.1))
 
 
 class TestTimes:
-    def test_the_length_of_a_record_is_that_from_its_first_sample_on(self) -> None:
-        said = in_periods(np.linspace(2.0, 5.0, 601), 2.5)
-        assert re.findall(r"[\d.]+", said) == ["3", "7.5", "2.5"]
+    def test_the_length_of_a_record_counts_from_its_first_sample(self) -> None:
+        text = in_periods(np.linspace(2.0, 5.0, 601), 2.5)
+        assert re.findall(r"[\d.]+", text) == ["3", "7.5", "2.5"]
         t = np.linspace(0.2, 1.0, 81)
         run = fl.fits.FitRun(name="film", columns={"t [s]": tuple(t), FILM: tuple(np.sin(t))})
         assert recorded(PROBLEM, run).rate == pytest.approx(100.0)
 
-    def test_times_that_are_one_percent_off_are_no_samples(self) -> None:
+    def test_measurement_times_between_samples_are_interpolated(self) -> None:
         t = np.linspace(0.0, 1.0, 101)
         for late in (0.005, 1e-4, 1e-5):
             np.testing.assert_allclose(
                 at_times(t, np.sin(6 * t), t[:50] + late), np.sin(6 * (t[:50] + late)), atol=1e-6
             )
 
-    def test_a_run_goes_on_to_the_last_sample_of_its_record_and_of_its_first_part(self) -> None:
+    def test_a_run_lasts_until_the_last_sample_of_its_record(self) -> None:
         later = SCENE.varied({"initial.time": 0.5})
         assert as_long(later, np.linspace(0.7, 1.5, 81)).run.duration == pytest.approx(1.0)
         whole = film(np.zeros(100), 1.0)
@@ -465,7 +467,9 @@ class TestTimes:
         assert part.scene.run.duration == pytest.approx(0.14)  # samples 0 to 14
 
     @pytest.mark.parametrize(("samples_a_period", "seen"), [(1.6, False), (2.5, True)])
-    def test_two_samples_a_period_are_needed(self, samples_a_period: float, seen: bool, monkeypatch: Any) -> None:
+    def test_sampling_below_two_samples_per_period_is_reported(
+        self, samples_a_period: float, seen: bool, monkeypatch: Any
+    ) -> None:
         monkeypatch.setattr("flexlink.identification.timing._swings", lambda *_: False)
         t = np.arange(50) / (3.0 * samples_a_period)
         doubts = doubts_of_times(SCENE, film(t, 1.0).blocks, t, 3.0)
@@ -473,7 +477,7 @@ class TestTimes:
         if not seen:
             assert doubts[0].id == "sampling-too-slow" and "0.17 s" in doubts[0]
 
-    def test_the_noise_of_a_sensor_with_steps_is_that_of_rounding(self) -> None:
+    def test_sensor_noise_includes_the_quantization_error(self) -> None:
         gauge = fl.Sensor(name="root", kind="strain", link="bar", x=0.1, fibre=(0.005, 0.0), gain=1e6, unit="µm/m",
                           noise=0.3, resolution=2.0, rate=100.0)  # fmt: skip
         (size,) = _noise_of_sensors(SCENE.varied({"sensor": (gauge,)})).values()
@@ -484,7 +488,7 @@ class TestTimes:
 
 
 class TestLinearReference:
-    def test_the_answer_to_an_input_is_its_convolution_with_the_modes(self) -> None:
+    def test_the_forced_response_is_the_convolution_of_the_input_with_the_modes(self) -> None:
         λ, t = np.array([-1.0 + 8.0j, -0.3 + 21.0j]), np.linspace(0.0, 1.0, 26)
         u = np.sin(5 * t)
         _, forced = _shapes(λ, t, (t, u[:, None]))
@@ -496,7 +500,7 @@ class TestLinearReference:
                 found = complex(*forced[row, 2 * k : 2 * k + 2])
                 assert found == pytest.approx(sum(pieces), rel=1e-9)
 
-    def test_what_inputs_weigh_is_shared_and_the_rest_is_each_runs_own(self) -> None:
+    def test_input_weights_are_shared_between_runs_and_free_motion_is_not(self) -> None:
         λ, rng = np.array([-1.0 + 8.0j]), np.random.default_rng(17)
         t = 0.01 * np.arange(100)
         taken = t, np.sin(5 * t)[:, None]
@@ -505,7 +509,7 @@ class TestLinearReference:
         y = forced @ weights + own @ rng.standard_normal(own.shape[1])
         np.testing.assert_allclose(_given(FILM, λ, film(y, 1.0), taken, {FILM: weights}), y, atol=1e-9)
 
-    def test_modes_are_those_at_rest_below_what_the_rate_of_the_record_shows(self) -> None:
+    def test_the_linear_model_uses_the_modes_below_the_resolvable_frequency(self) -> None:
         scene = fl.load_scene(ROOT / "models" / "three_links.toml")
         chain = fl.lump(scene)
         held = chain.active.tolist()

@@ -6,6 +6,7 @@ import dataclasses
 import math
 import re
 from collections.abc import Sequence
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -55,7 +56,7 @@ def lines(tables: Sequence[Table], name: str) -> list[dict[str, Any]]:
 class TestPage:
     Y = np.sin(np.arange(200) / 9.0)
 
-    def test_numbers_have_their_ends_in_percent_and_their_profile(self) -> None:
+    def test_estimates_show_their_interval_in_percent_and_their_profile(self) -> None:
         mass, young = lines(page._numbers(fitted_with(column("a", "fit", self.Y, self.Y, self.Y))).tables, "numbers")
         assert [mass[head] for head in ("unit", "before", "fitted", "from", "to")] == ["kg", 1.0, 1.1, 1.0, 1.2]
         assert mass["± of 95 % [%]"] == pytest.approx(100 * 0.1 / 1.1)
@@ -71,7 +72,7 @@ class TestPage:
             (43.21, 43.18, 43.24, "43.210 ± 0.030 kg"),
         ],
     )
-    def test_an_estimate_has_two_digits_of_its_interval_or_both_ends(
+    def test_an_estimate_is_printed_with_two_digits_of_its_interval_or_both_ends(
         self, value: float, low: float, high: float, text: str
     ) -> None:
         assert (
@@ -79,7 +80,7 @@ class TestPage:
             == text
         )
 
-    def test_differences_are_root_mean_squares_and_shares_of_the_signal(self) -> None:
+    def test_differences_are_rms_values_and_fractions_of_the_signal(self) -> None:
         far, near = self.Y + 0.2, self.Y * 0.9
         one = column("a", "fit", self.Y, far, near, linear=self.Y + 0.01)
         (line,) = lines(page._data(fitted_with(one)).tables, "columns")
@@ -91,7 +92,7 @@ class TestPage:
         )
 
     @pytest.mark.parametrize(("after", "state"), [(0.1, "pass"), (0.3, "fail")])
-    def test_the_verdict_of_a_fit_is_that_of_its_worst_check_column(self, after: float, state: str) -> None:
+    def test_the_worst_check_column_decides_the_verdict_of_a_fit(self, after: float, state: str) -> None:
         fitted = column("fitted", "fit", self.Y, self.Y + 9.0, self.Y)
         kept = column("kept", "check", self.Y, self.Y + 0.2, self.Y + after)
         quiet = column("quiet", "check", self.Y, self.Y, self.Y)
@@ -101,7 +102,7 @@ class TestPage:
         assert FILM in text and "kept" in text and re.findall(r"([\d.]+) m ", text) == ["0.2", str(after)]
         reviewed("fit page: verdict of a fit", text)
 
-    def test_parameters_are_identifiable_unless_a_direction_is_lost_or_one_is_at_its_bound(self) -> None:
+    def test_a_fit_fails_if_a_direction_is_lost_or_a_parameter_is_at_its_bound(self) -> None:
         one = column("a", "fit", self.Y, self.Y, self.Y)
         lost = HELD._replace(directions=(Direction((MASS,), (1.0,), math.inf, True),))
         bound = (dataclasses.replace(NUMBERS[0], at_bound=True), NUMBERS[1])
@@ -138,7 +139,7 @@ class TestPage:
         assert [line["RMS"] for line in lines(part.tables, "left")] == pytest.approx([0.1] * 3)
 
     def test_the_spectrum_of_white_noise_is_flat_at_two_variances_over_the_rate(self) -> None:
-        """The spectrum is one-sided: σ² is its integral up to half the rate; the mean of 2000 lines is known to 3 %."""
+        """The integral of the one-sided spectrum up to half the rate is σ²; a mean of 2000 lines is known to 3 %."""
         t = 0.01 * np.arange(4001)
         e = 0.3 * np.random.default_rng(13).standard_normal(4001)
         f, root = page._spectrum(t, e)
@@ -163,6 +164,18 @@ class TestRemarks:
             for text in moved:
                 reviewed("far-from-initial-guess", text)
 
+    def test_other_guesses_are_not_suggested_if_all_agree_or_the_residual_is_noise(self) -> None:
+        far, y = dataclasses.replace(NUMBERS[0], value=11.0), np.zeros(50)
+        agreeing, other = SimpleNamespace(x=np.array([1.0])), SimpleNamespace(x=np.array([2.0]))
+        quiet, loud = (column("a", "fit", y, y, y + 0.1, times_noise=times) for times in (1.0, 3.0))
+        for settled, more in (
+            (False, {"found": (agreeing, other)}), (True, {"found": (agreeing, agreeing)}),
+            (False, {"columns": (quiet, loud)}), (True, {"columns": (quiet,)}),
+        ):  # fmt: skip
+            (text,) = (text for text in self.of(far, **more) if text.id == "far-from-initial-guess")
+            assert ("--starts" in text) != settled
+            reviewed("far-from-initial-guess", text)
+
     def test_an_estimate_three_deviations_from_its_prior_has_a_warning(self) -> None:
         known = Coordinate(MASS, "", 1.0, True, 1.0, (1e-3, 1e3), (1.0, 0.02))
         assert not self.of(dataclasses.replace(NUMBERS[0], value=1.05), known)
@@ -170,7 +183,7 @@ class TestRemarks:
         assert MASS in text and " 5 " in text
         reviewed("far-from-prior", text)
 
-    def test_columns_with_twice_the_noise_or_twice_the_residual_of_fitted_columns_have_a_warning(self) -> None:
+    def test_columns_with_twice_the_noise_or_twice_the_fitted_residual_have_a_warning(self) -> None:
         y = np.zeros(50)
         for times, warned in ((1.8, False), (2.2, True)):
             loud = column("a", "fit", y, y, y + 0.1, times_noise=times)
@@ -207,7 +220,7 @@ class TestRemarks:
         ):  # fmt: skip
             reviewed(id, text)
 
-    def test_ranges_a_hundred_times_apart_have_a_warning(self) -> None:
+    def test_measured_and_simulated_ranges_a_hundred_times_apart_have_a_warning(self) -> None:
         y = np.sin(np.arange(40.0))
         for factor, warned in ((50.0, False), (200.0, True), (1 / 200, True)):
             assert len(remarks.ranges_apart([film(factor * y, 1.0)], [[y]])) == warned

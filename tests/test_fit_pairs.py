@@ -1,4 +1,4 @@
-"""Planted pairs and triples that data cannot distinguish: each is refused and named before the fit."""
+"""Pairs and triples of parameters that the data cannot distinguish are refused and named before the fit."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ THREE = fl.load_scene(ROOT / "models" / "three_links.toml").varied({"run.duratio
 WEIGHTLESS = THREE.varied({"gravity": (0.0, 0.0, 0.0)})
 BARE = WEIGHTLESS.varied({"tip.mass": 0.0})
 DAMPED = THREE.varied({f"link.{name}.damping": {"ratio": 0.01, "at_hz": 3.0} for name in ("upper", "fore")})
-PUSHED = WEIGHTLESS.varied({  # nothing else has a mass or a torque
+PUSHED = WEIGHTLESS.varied({  # only links have mass, and only the drive acts
     "tip.mass": 0.0, "link.*.joint.armature": 0.0, "material.aluminium.loss_time": 0.0, "initial.passive": "zero",
     "initial.rate_deg": [0.0, 0.0, 0.0], "drive": fl.Drive(kind="constant", torque=(0.0, 50.0, 0.0)),
 })  # fmt: skip
@@ -42,25 +42,25 @@ RATIOS = "link.upper.damping.ratio", "link.fore.damping.ratio"
 
 
 def tapped(scene: fl.Scene, count: int, ratios: bool = False) -> dict[str, Any]:
-    """The slowest frequencies of the arm, joints held, and their ratios of damping."""
+    """The lowest frequencies of the arm with locked joints, and their damping ratios."""
     chain = fl.lump(scene)
     rest = fl.solve_static(chain, fl.initial_state(scene, chain)[0], locked=chain.active.tolist())
     found = fl.modes(chain, rest.q, locked=chain.active.tolist())
     first = np.flatnonzero(np.array(found.kinds) == "elastic")[:count]
-    told = tuple(found.damping_ratios[first].tolist()) if ratios else ()
+    damping_ratios = tuple(found.damping_ratios[first].tolist()) if ratios else ()
     hertz = tuple(found.hertz[first].tolist())
-    return {"modes": (fl.fits.FitModes(hertz=hertz, deviation=(0.02,), ratios=told, ratio_deviation=1e-4),)}
+    return {"modes": (fl.fits.FitModes(hertz=hertz, deviation=(0.02,), ratios=damping_ratios, ratio_deviation=1e-4),)}
 
 
 def sagged(_: fl.Scene) -> dict[str, Any]:
-    """How far 0.1 N bends the strip."""
+    """The tip deflection of the strip under 0.1 N."""
     return {
         "static": (fl.fits.FitStatic(axis="y", value=-1e-3, deviation=1e-5, set={"wrench.force": (0.0, -0.1, 0.0)}),)
     }
 
 
 def filmed(scene: fl.Scene) -> dict[str, Any]:
-    """The tip of a run, to a millimetre."""
+    """The tip path of a run, measured to 1 mm."""
     run, names = fl.simulate(scene), ("tip x [m]", "tip z [m]")
     columns = {"t [s]": run.t} | {name: run.columns[name] for name in names}
     return {"run": (fl.fits.FitRun(name="filmed", columns=columns, noise=dict.fromkeys(names, 1e-3)),)}
@@ -80,7 +80,7 @@ PAIRS = [
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("scene", "paths", "data"), [pair[1:] for pair in PAIRS], ids=[pair[0] for pair in PAIRS])
-def test_what_cannot_be_told_is_refused_and_named(
+def test_indistinguishable_parameters_are_refused_and_named(
     scene: fl.Scene, paths: Sequence[str], data: Callable[[fl.Scene], dict[str, Any]]
 ) -> None:
     check = fl.fits.check_fit(

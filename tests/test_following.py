@@ -1,4 +1,4 @@
-"""A drive follows its reference in a run: against exact solutions, in every engine, continued, at a tolerance."""
+"""Drives that follow a reference: exact solutions, adaptive steps, and gravity compensation."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ REFERENCES = {
 
 
 def wheel(reference: fl.Reference, **run: object) -> fl.Scene:
-    """I q̈ = kp (r − q) + kd (ṙ − q̇)."""
+    """A wheel that follows a reference: I q̈ = kp (r − q) + kd (ṙ − q̇)."""
     drive = fl.Drive(kind="pd", kp=(KP,), kd=(KD,), reference=reference)
     tip = fl.RigidBody(mass=1.0, inertia=(2.0, 2.0, INERTIA - 1.0))
     return make_scene(fl.Link(name="a", length=1.0), tip=tip, gravity=(0, 0, 0), drive=drive, run=fl.RunSettings(**run))
@@ -49,12 +49,12 @@ def exact(course: fl.ReferenceTrajectory, times: np.ndarray) -> np.ndarray:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("profile", REFERENCES)
-def test_a_wheel_follows_the_exact_solution(profile: str) -> None:
-    """Knots at ends of steps cost no accuracy: the error is RK4's own, about (ωh)⁴/120 = 1e-12 per step.
+def test_a_pd_driven_wheel_follows_the_exact_solution(profile: str) -> None:
+    """Knots at ends of steps cost no accuracy: the error is due to RK4, about (ωh)⁴/120 = 1e-12 per step.
 
-    At others the step goes on by the piece of its middle, for h/2 at most: a jump j of the jerk is then worth an
-    impulse of kd j h³/48, and turns the wheel by no more than that by I ω. All jumps of a shaped move are those of the
-    move at its start and its end together.
+    If a knot is inside a step, the polynomial at the midpoint is used, which is wrong for h/2 at most: a jump j of the
+    jerk causes an impulse of kd j h³/48, which turns the wheel by at most this impulse over I ω. The jumps of a shaped
+    move add up to the jumps of the unshaped move at its start and its end.
     """
     scene = wheel(REFERENCES[profile], method="RK4", step=1e-3, sample=0.05, duration=1.5)
     run = fl.simulate(scene)
@@ -66,17 +66,17 @@ def test_a_wheel_follows_the_exact_solution(profile: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("profile", REFERENCES)
-def test_steps_of_a_tolerance_end_where_a_reference_has_knots(profile: str) -> None:
+def test_adaptive_steps_end_at_the_knots_of_a_reference(profile: str) -> None:
     scene = wheel(REFERENCES[profile], tolerance=1e-6, sample=0.5, duration=1.5)
     for method in ("auto", "Radau5"):
-        jumps = method == "Radau5" and profile == "hold"  # its first step from rest is right, its work is not yet
+        jumps = method == "Radau5" and profile == "hold"  # the work in the first step from rest is not yet accurate
         run = fl.simulate(scene, method=method, unstable="allow" if jumps else "refuse")
-        assert np.abs(run.q[:, 0] - exact(scene.course, run.t)).max() < 1e-6  # rad, of a body at 1 m
+        assert np.abs(run.q[:, 0] - exact(scene.course, run.t)).max() < 1e-6  # [rad]; the tip is at 1 m
         assert not run.warnings or jumps
 
 
 def arm(reference: fl.Reference, **drive: object) -> fl.Scene:
-    """Two joints, a link that bends between them, driven by PD with gravity."""
+    """Two joints with PD drives and a flexible link between them, under gravity."""
     law = {"kind": "pd", "kp": (3e3, 1e3), "kd": (60.0, 20.0), "reference": reference, **drive}
     return make_scene(
         flexible("upper", "z", 3), fl.Link(name="fore", length=0.5, material="aluminium", section="square"),
@@ -86,8 +86,8 @@ def arm(reference: fl.Reference, **drive: object) -> fl.Scene:
 
 
 @pytest.mark.slow
-def test_the_torque_that_holds_the_bent_arm_follows_a_reference() -> None:
-    """Between the equilibria: within 1e-6 of the largest value, as documented."""
+def test_gravity_compensation_of_the_bent_arm_follows_the_reference() -> None:
+    """Interpolation between equilibria is accurate to 1e-6 of the largest torque, as documented."""
     reference = fl.Reference(profile="quintic", to_deg=(-120.0, 90.0), duration=1.0, shaper=ZVD)
     scene = arm(reference, gravity="static")
     chain = fl.lump(scene)

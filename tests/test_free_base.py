@@ -1,4 +1,4 @@
-"""A base that floats: its momentum stays, no attitude is a special one, and runs go on wherever it turns."""
+"""Free-floating base: momentum is conserved, and runs continue through every attitude."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ ARM = fl.Arm(
     tip=fl.RigidBody(mass=0.2), base=BASE,
 )  # fmt: skip
 SPIN = fl.details.BaseState(spin_deg=(30.0, 300.0, 60.0), velocity=(0.3, -0.2, 0.1))
-"""Mostly about Y: its angle comes to 90° after 0.3 s."""
+"""The base spins mostly about Y, whose angle reaches 90° after 0.3 s."""
 START = fl.InitialState(joint_deg=(20.0, 0.0), joint_m=(0.0, 0.1), rate_deg=(50.0, 0.0), base=SPIN)
 
 
 def scene(**changes: object) -> fl.Scene:
-    """It tumbles for a second."""
+    """An arm on a free base tumbles for a second."""
     run = fl.RunSettings(method="RK4", step=5e-4, duration=1.0, sample=0.05)
     made = fl.Scene(name="tumbler", arm=ARM, initial=START, gravity=(0.0, 0.0, 0.0), run=run)
     return made.varied(changes) if changes else made
@@ -45,11 +45,11 @@ def scene(**changes: object) -> fl.Scene:
 
 @pytest.fixture(scope="module")
 def run() -> fl.Trajectory:
-    """The tumbling arm."""
+    """A run of the tumbling arm."""
     return fl.simulate(scene())
 
 
-def test_three_angles_are_a_rotation_and_their_rates_an_angular_velocity() -> None:
+def test_attitude_angles_give_a_rotation_and_their_rates_the_angular_velocity() -> None:
     φ, φd, φdd, h = *np.random.default_rng(1).uniform(-1, 1, (3, 3)), 1e-6
     R = rotations_of(φ)
     assert np.abs(angles_of(R) - φ).max() < 1e-15
@@ -65,7 +65,7 @@ def test_three_angles_are_a_rotation_and_their_rates_an_angular_velocity() -> No
     assert np.abs((spin(h) - spin(-h)) / (2 * h) - changing).max() < 1e-9
 
 
-def test_momentum_energy_and_the_length_of_the_quaternion_stay(run: fl.Trajectory) -> None:
+def test_momentum_energy_and_quaternion_norm_are_conserved(run: fl.Trajectory) -> None:
     assert run.base is not None and run.momentum_error is not None
     assert np.abs(np.linalg.norm(run.base.attitude, axis=1) - 1).max() < 1e-15
     size, spin = np.linalg.norm(run.base.momentum.linear[0]), np.linalg.norm(run.base.momentum.spin[0])
@@ -73,14 +73,14 @@ def test_momentum_energy_and_the_length_of_the_quaternion_stay(run: fl.Trajector
     assert run.work is not None and np.abs(run.imbalance).max() < 1e-10 * run.energy.kinetic.max()
 
 
-def test_it_turned_through_attitudes_where_its_angles_are_none(run: fl.Trajectory) -> None:
+def test_the_base_passes_through_attitudes_at_which_its_angles_are_singular(run: fl.Trajectory) -> None:
     assert run.base is not None
     assert np.abs(run.q[:, 4]).max() > np.radians(80.0) and np.abs(run.qd[:, 3:6]).max() > 8.0
     before, after = run.base.attitude[:-1], run.base.attitude[1:]
-    assert np.abs(np.sum(before * after, axis=1)).min() > 0.97  # cos of half the turn between samples
+    assert np.abs(np.sum(before * after, axis=1)).min() > 0.97  # cosine of half the rotation between samples
 
 
-def test_its_coordinates_give_attitude_and_spin(run: fl.Trajectory) -> None:
+def test_coordinates_of_a_free_base_give_its_attitude_and_spin(run: fl.Trajectory) -> None:
     assert run.base is not None
     for q, qd, attitude, spin in zip(run.q, run.qd, run.base.attitude, run.base.spin, strict=True):
         R = run.chain.bodies["rotation"][1] @ rotations_of(q[3:6])
@@ -89,8 +89,8 @@ def test_its_coordinates_give_attitude_and_spin(run: fl.Trajectory) -> None:
 
 
 @pytest.mark.parametrize("solver", ["articulated", "lu", "cholesky"])
-def test_angles_that_have_no_rates_have_no_accelerations_by_name(solver: str) -> None:
-    """At 90° about Y; a thousandth of a radian beside it they are there: eps / cos² = 2e-10."""
+def test_singular_attitude_angles_are_refused_by_name(solver: str) -> None:
+    """The angles are singular at 90° about Y; 1e-3 rad away, accelerations are accurate to eps / cos² = 2e-10."""
     chain = fl.lump(scene())
     q, qd, tau = np.full(chain.n, 0.1), np.full(chain.n, 0.3), np.zeros(chain.n)
     for angle in (np.pi / 2, -np.pi / 2, np.pi / 2 + 1e-9, 2.5 * np.pi):
@@ -105,7 +105,7 @@ def test_angles_that_have_no_rates_have_no_accelerations_by_name(solver: str) ->
     assert np.abs(left).max() < 1e-6 * np.abs(qdd).max()
 
 
-def test_no_attitude_is_a_special_one_and_no_velocity(run: fl.Trajectory) -> None:
+def test_the_motion_does_not_depend_on_initial_attitude_and_velocity(run: fl.Trajectory) -> None:
     turn = np.array([0.3, -0.5, 0.7, 0.2]) / np.linalg.norm([0.3, -0.5, 0.7, 0.2])
     R, boost = matrix_from_quaternion(turn.tolist()), np.array([1.0, -2.0, 0.5])
     state = fl.details.BaseState(
@@ -118,7 +118,7 @@ def test_no_attitude_is_a_special_one_and_no_velocity(run: fl.Trajectory) -> Non
     assert np.abs(product_of(turn, run.base.attitude) - other.base.attitude).max() < 1e-11
 
 
-def test_a_mirror_shows_a_motion_that_there_can_be(run: fl.Trajectory) -> None:
+def test_a_mirrored_arm_moves_in_mirror_symmetry(run: fl.Trajectory) -> None:
     links = [ARM.links[0], ARM.links[1]]
     mirrored = fl.Arm(
         links=tuple(links), materials=ARM.materials, sections=ARM.sections, tip=ARM.tip,
@@ -133,7 +133,7 @@ def test_a_mirror_shows_a_motion_that_there_can_be(run: fl.Trajectory) -> None:
     assert np.abs(other.tip - run.tip * [1.0, -1.0, 1.0]).max() < 1e-11
 
 
-def test_a_simulator_and_a_law_get_coordinates_relative_to_the_start(run: fl.Trajectory) -> None:
+def test_a_simulator_and_a_law_use_base_coordinates_relative_to_the_start(run: fl.Trajectory) -> None:
     arm = fl.Simulator(scene())
     for _ in range(15):
         state = arm.step(duration=0.05)
@@ -148,7 +148,7 @@ def test_a_simulator_and_a_law_get_coordinates_relative_to_the_start(run: fl.Tra
     assert max(np.abs(tip - run.tip[round(t / 0.05)]).max() for t, tip in seen) < 1e-12
 
 
-def test_a_falling_base_gains_momentum_by_its_weight() -> None:
+def test_a_falling_base_gains_the_momentum_of_its_weight() -> None:
     falling = fl.simulate(scene(gravity=(0.0, 0.0, -9.81)))
     assert falling.base is not None and falling.momentum_error is not None
     gained = falling.base.momentum.linear[-1] - falling.base.momentum.linear[0]
@@ -156,7 +156,7 @@ def test_a_falling_base_gains_momentum_by_its_weight() -> None:
     assert max(falling.momentum_error) < 1e-9
 
 
-def test_momentum_is_what_the_mass_matrix_makes_of_the_rates() -> None:
+def test_momentum_equals_mass_matrix_times_rates() -> None:
     chain = fl.lump(scene())
     q, qd = np.random.default_rng(3).uniform(-1, 1, (2, chain.n))
     p, found = fl.mass_matrix(chain, q) @ qd, fl.momentum(chain, q, qd)
@@ -167,7 +167,7 @@ def test_momentum_is_what_the_mass_matrix_makes_of_the_rates() -> None:
     assert np.abs(found.center - chain.com(q)).max() < 1e-15
 
 
-def test_slopes_of_a_run_go_through_all_turns_of_its_base() -> None:
+def test_sensitivities_stay_accurate_through_all_rotations_of_the_base() -> None:
     for changes in ({"run.duration": 0.1, "initial.base.spin_deg": (30.0, 60.0, 20.0)}, {}):
         changed = scene(**changes)
         found, h = fl.sensitivities(changed, ["tip.mass"]), 1e-5
@@ -177,8 +177,8 @@ def test_slopes_of_a_run_go_through_all_turns_of_its_base() -> None:
     assert np.abs(found.run.q[:, 4]).max() > np.radians(70)
 
 
-def test_slopes_of_an_angle_that_is_half_a_turn_are_those_of_any_other() -> None:
-    """Otherwise the angle is relative to the next turn."""
+def test_sensitivities_of_a_base_angle_are_continuous_at_half_a_turn() -> None:
+    """The sensitivity must not jump where the angle wraps around to the next turn."""
     spun = fl.InitialState(base=fl.details.BaseState(spin_deg=(0.0, 0.0, 180.0)))
     alone = fl.Arm(
         links=(fl.Link(name="a", joint=fl.Joint(locked=True), end=fl.RigidBody(mass=1.0)),),
@@ -189,14 +189,14 @@ def test_slopes_of_an_angle_that_is_half_a_turn_are_those_of_any_other() -> None
     np.testing.assert_allclose(found.q[:, 5, 0], np.radians(found.run.t), atol=1e-4)
 
 
-def test_six_modes_of_a_free_base_are_rigid() -> None:
+def test_a_free_base_has_six_rigid_body_modes() -> None:
     chain = fl.lump(scene())
     found = fl.modes(chain, np.zeros(chain.n), locked=[6, *np.flatnonzero(chain.slides)[3:]])
     assert np.abs(found.frequencies[:6]).max() < 1e-5 * found.frequencies[6]
     assert found.frequencies[6] > 1.0
 
 
-def test_a_force_on_the_base_is_a_wrench_on_a_link_without_length() -> None:
+def test_a_force_on_the_base_acts_through_a_zero_length_link() -> None:
     thruster = fl.Link(name="thruster", on="base", joint=fl.Joint(locked=True))
     left, right = ARM.links
     links = thruster, replace(left, on="base"), right

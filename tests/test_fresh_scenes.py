@@ -1,4 +1,4 @@
-"""Scenes made from every key (`tests.fresh_scenes`, run in full by hand): a few of them, and what judges them."""
+"""A few random scenes with any keys are simulated correctly (`tests.fresh_scenes` runs all); errors are found."""
 
 import dataclasses
 
@@ -15,12 +15,12 @@ def folder(tmp_path, monkeypatch) -> None:
 
 
 @pytest.mark.parametrize("seed", [3, 11, 24])
-def test_a_random_scene_of_any_keys_is_right(seed) -> None:
+def test_a_random_scene_with_any_keys_is_simulated_correctly(seed) -> None:
     found = fresh_scenes.judged(seed)["found"]
     assert not [text for kind, text in found if kind in {"silent", "error", "doubt", "traceback"}]
 
 
-def test_an_end_that_is_off_is_noticed() -> None:
+def test_an_inaccurate_final_state_is_detected() -> None:
     one = fresh_scene_checks.Judged(3)
     one.judge()
     one.result = dataclasses.replace(one.result, q=one.result.q + 0.05 * np.ones(one.chain.n))

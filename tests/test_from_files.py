@@ -1,4 +1,4 @@
-"""Motions, drives, references and wrenches from CSV files: what they become, every mistake in a file by its name."""
+"""Motions, drives, references and wrenches from CSV files; every mistake in a file is named."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SWING = np.degrees(0.5 * (1 - np.cos(2 * np.pi * T)))  # deg, from rest and to r
 
 
 def run_file(folder: Path, **columns: np.ndarray) -> Path:
-    """A file of columns by name, times first unless there is a column of times."""
+    """Write a CSV file with these columns, preceded by times unless they are given."""
     times = {} if any(head.startswith("t [") for head in columns) else {"t [s]": T}
     path, table = folder / "run.csv", {**times, **columns}
     text = "\n".join(",".join(map(repr, row)) for row in np.column_stack([*table.values()]).tolist())
@@ -44,7 +44,7 @@ def moved_by(file: Path, **fields: object) -> fl.Scene:
 
 
 class TestMotions:
-    def test_with_a_cutoff_rates_are_the_librarys(self, tmp_path: Path) -> None:
+    def test_rates_and_accelerations_are_computed_if_a_cutoff_is_given(self, tmp_path: Path) -> None:
         (motion,) = moved_by(swing_file(tmp_path), cutoff=40.0).motion
         rate, acceleration = (
             np.degrees(part) for part in (np.pi * np.sin(2 * np.pi * T), 2 * np.pi**2 * np.cos(2 * np.pi * T))
@@ -53,14 +53,14 @@ class TestMotions:
         np.testing.assert_allclose(motion.rate_deg, rate, atol=0.2)
         np.testing.assert_allclose(motion.acceleration_deg, acceleration, atol=30.0)
 
-    def test_rates_and_accelerations_of_the_file_are_taken_as_they_are(self, tmp_path: Path) -> None:
+    def test_rates_and_accelerations_in_the_file_are_used_unchanged(self, tmp_path: Path) -> None:
         file = swing_file(tmp_path, **{"qd upper [rad/s]": T, "qdd upper [deg/s^2]": 2 * T, "other": T})
         (motion,) = moved_by(file).motion
         np.testing.assert_array_equal(motion.angle_deg, SWING)
         np.testing.assert_allclose(motion.rate_deg, np.degrees(T), rtol=1e-15)
         np.testing.assert_array_equal(motion.acceleration_deg, 2 * T)
 
-    def test_a_joint_starts_where_its_file_does(self, tmp_path: Path) -> None:
+    def test_a_joint_starts_at_the_first_angle_of_its_file(self, tmp_path: Path) -> None:
         file = run_file(tmp_path, **{"t [ms]": 1e3 * T, "q upper [rad]": 0.3 + 0.1 * T})
         scene = moved_by(file, cutoff=20.0)
         assert scene.initial.joint_deg[0] == pytest.approx(np.degrees(0.3), rel=1e-9)
@@ -68,7 +68,7 @@ class TestMotions:
         run = fl.simulate(scene, step=1e-3, duration=1.0)
         np.testing.assert_allclose(run.q[:, 0], 0.3 + 0.1 * run.t, rtol=0, atol=1e-8)
 
-    def test_another_file_in_place_of_the_first_starts_where_it_does(self, tmp_path: Path) -> None:
+    def test_a_replaced_motion_file_also_replaces_the_initial_angle(self, tmp_path: Path) -> None:
         first = moved_by(run_file(tmp_path, **{"q upper [deg]": 20.0 + 30.0 * T}), cutoff=20.0)
         assert first.initial.joint_deg[0] == pytest.approx(20.0)
         other = run_file(tmp_path, **{"q upper [deg]": -40.0 - 10.0 * T})
@@ -76,18 +76,18 @@ class TestMotions:
         assert second.initial.joint_deg[0] == pytest.approx(-40.0)
         assert second.initial.rate_deg[0] == pytest.approx(-10.0)
 
-    def test_a_start_that_a_scene_gives_itself_is_still_compared_with_the_file(self, tmp_path: Path) -> None:
+    def test_an_explicit_initial_angle_is_checked_against_the_file(self, tmp_path: Path) -> None:
         still = make_scene(*LINKS, initial=fl.InitialState(joint_deg=(28.6, 0.0)))
         file = run_file(tmp_path, **{"q upper [deg]": -40.0 - 10.0 * T})
         with refused(fl.errors.SceneError, "start-differs-from-file"):
             still.varied({"motion": [{"link": "upper", "file": str(file), "cutoff": 20.0}]})
 
-    def test_a_joint_that_slides_has_lengths(self, tmp_path: Path) -> None:
+    def test_motion_files_of_prismatic_joints_contain_lengths(self, tmp_path: Path) -> None:
         file = run_file(tmp_path, **{"q cart [mm]": 100 * T})
         scene = make_scene(*LINKS, motion=(fl.PrescribedMotion(link=2, file=str(file), cutoff=20.0),))
         np.testing.assert_allclose(scene.motion[0].position_m, 0.1 * T, atol=1e-12)
 
-    def test_a_scene_keeps_what_it_has_read(self, tmp_path: Path) -> None:
+    def test_a_scene_keeps_the_data_that_it_has_read(self, tmp_path: Path) -> None:
         scene = moved_by(swing_file(tmp_path), cutoff=40.0)
         (tmp_path / "run.csv").unlink()
         assert fl.load_scene(scene.save(tmp_path / "scene.toml")) == scene
@@ -95,8 +95,8 @@ class TestMotions:
 
 
 @pytest.mark.parametrize("part", [0.2, 1 / 3, 0.5, 1.0, 2.0])
-def test_the_low_pass_is_the_documented_one_and_without_delay(part: float) -> None:
-    """1/(1 + (f/cutoff)⁶) of an oscillation, far from the ends of the record."""
+def test_the_low_pass_filter_is_the_documented_one_without_delay(part: float) -> None:
+    """Far from the ends of the record, an oscillation is multiplied by 1/(1 + (f/cutoff)⁶)."""
     t, cutoff = np.arange(0, 8, 0.005), 4.0
     y, inside, ω = np.sin(2 * np.pi * part * cutoff * t), (t > 3) & (t < 5), 2 * np.pi * part * cutoff
     passed = 1 / (1 + part**6)
@@ -115,7 +115,7 @@ def test_a_parabola_passes_unchanged_up_to_the_ends_of_a_record() -> None:
 
 
 class TestDrives:
-    def test_torques_of_a_file_are_those_of_a_table(self, tmp_path: Path) -> None:
+    def test_torques_from_a_file_equal_torques_in_a_table(self, tmp_path: Path) -> None:
         file = run_file(tmp_path, **{"tau cart [kN]": 0.001 * T, "t [s]": T, "tau upper [N m]": 3 * T})
         scene = make_scene(*LINKS, drive=fl.Drive(kind="table", file=str(file), smooth=True))
         assert scene.drive.file is None
@@ -137,7 +137,7 @@ class TestReferences:
         return make_scene(*links, drive=drive, **fields)
 
     @pytest.mark.parametrize("profile", ["linear", "smooth", "hold"])
-    def test_rows_of_a_file_are_those_of_a_table(self, profile: str, tmp_path: Path) -> None:
+    def test_references_from_a_file_equal_references_in_a_table(self, profile: str, tmp_path: Path) -> None:
         file = swing_file(tmp_path, **{"q cart [mm]": 100 * T})
         read = self.led_by(*LINKS, profile=profile, file=str(file))
         angles, places = [(a, 0.0) for a in SWING], [(0.0, p) for p in 0.1 * T]
@@ -146,7 +146,7 @@ class TestReferences:
             np.testing.assert_allclose(read.course(t), typed.course(t), rtol=1e-12, atol=1e-11)
         assert read.drive.reference.file is None
 
-    def test_a_smooth_one_takes_rates_and_accelerations_where_they_are(self, tmp_path: Path) -> None:
+    def test_a_smooth_reference_uses_rates_and_accelerations_if_given(self, tmp_path: Path) -> None:
         rates = {"q cart [m]": T**3, "qd cart [m/s]": 3 * T**2, "qd upper [rad/s]": 0 * T}
         columns = {"t [s]": T, "q upper [deg]": 0 * T} | rates
         slow = run_file(tmp_path, **{head: column[::50] for head, column in columns.items()})
@@ -154,7 +154,7 @@ class TestReferences:
         place, rate, _ = scene.course(0.4)  # cubic Hermite polynomials are exact
         np.testing.assert_allclose([place[1], rate[1]], [0.4**3, 3 * 0.4**2], rtol=1e-12)
 
-    def test_a_cutoff_leaves_a_low_passed_course(self, tmp_path: Path) -> None:
+    def test_a_cutoff_low_pass_filters_a_reference(self, tmp_path: Path) -> None:
         noisy = SWING + np.random.default_rng(0).normal(scale=0.01, size=len(T))
         file = run_file(tmp_path, **{"q upper [deg]": noisy})
         scene = self.led_by(LINKS[0], profile="smooth", file=str(file), cutoff=10.0)
@@ -162,7 +162,7 @@ class TestReferences:
         wanted = np.radians(smoothed(T, noisy, 10.0))[:, 100]
         np.testing.assert_allclose([angle[0], rate[0], acceleration[0]], wanted, rtol=1e-9)
 
-    def test_what_is_locked_or_prescribed_needs_no_column(self, tmp_path: Path) -> None:
+    def test_locked_and_prescribed_joints_need_no_column(self, tmp_path: Path) -> None:
         file = swing_file(tmp_path)
         locked = fl.Link(name="wrist", joint=fl.Joint(locked=True))
         assert self.led_by(LINKS[0], locked, profile="hold", file=str(file)).course(0.5)[0].shape == (1,)
@@ -170,12 +170,12 @@ class TestReferences:
         moved = {"motion": (motion,), "initial": fl.InitialState(joint_m=(0.0, 0.2))}
         assert self.led_by(*LINKS, fields=moved, profile="hold", file=str(file)).course(0.5)[0][1] == 0.2
 
-    def test_only_a_scene_reads_it(self, tmp_path: Path) -> None:
+    def test_a_reference_file_is_read_only_as_part_of_a_scene(self, tmp_path: Path) -> None:
         with refused(fl.errors.SceneError, "file-not-read"):
             fl.Reference(profile="hold", file=str(swing_file(tmp_path))).course((0.0, 0.0))
 
 
-def test_a_wrench_takes_the_components_that_are_there(tmp_path: Path) -> None:
+def test_a_wrench_file_may_omit_components(tmp_path: Path) -> None:
     file = run_file(tmp_path, **{"force y [N]": T, "moment z [N mm]": 1e3 * T})
     scene = make_scene(*LINKS, wrench=fl.Wrench(file=str(file)))
     assert scene.wrench.forces[-1] == (0.0, 1.0, 0.0)
@@ -259,7 +259,7 @@ MISTAKES = {
 }  # fmt: skip
 
 
-def test_of_a_file_that_is_no_table_nothing_is_quoted(tmp_path: Path) -> None:
+def test_the_error_for_a_file_that_is_not_a_table_does_not_quote_it(tmp_path: Path) -> None:
     (tmp_path / "run.csv").write_text("root:x:0:0:secret:/root:/bin/sh\nanother:secret\n")
     (tmp_path / "scene.toml").write_text(f"{make_scene(*LINKS).to_toml()}\n{MOTION}", encoding="utf-8")
     with refused(fl.errors.DataFileError, "not-csv") as error:
@@ -267,14 +267,16 @@ def test_of_a_file_that_is_no_table_nothing_is_quoted(tmp_path: Path) -> None:
     assert "secret" not in str(error.value)
 
 
-def test_line_ends_of_any_system_are_line_ends(tmp_path: Path) -> None:
+def test_line_ends_of_any_operating_system_are_accepted(tmp_path: Path) -> None:
     for end in ("\n", "\r\n", "\r"):
         (tmp_path / "run.csv").write_bytes(GOOD.replace("\n", end).encode())
         assert read_csv(tmp_path / "run.csv").column("q upper", "deg").tolist() == [float(k) for k in range(20)]
 
 
 @pytest.mark.parametrize("name", MISTAKES)
-def test_every_mistake_is_named_and_ends_with_2(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_mistake_in_a_data_file_is_named_and_gives_exit_code_2(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     table, text, id = MISTAKES[name]
     scene = make_scene(*LINKS).to_toml()
     top, _, rest = table.partition("\n") if table.startswith("initial") else ("", "", table)
@@ -287,7 +289,7 @@ def test_every_mistake_is_named_and_ends_with_2(name: str, tmp_path: Path, capsy
     refused_line(printed, id)
 
 
-def test_the_file_that_is_edited_has_no_mistake(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_unedited_data_file_is_accepted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "scene.toml").write_text(make_scene(*LINKS).to_toml() + "\n" + MOTION, encoding="utf-8")
     (tmp_path / "run.csv").write_text(GOOD, encoding="utf-8")
     assert main(["info", str(tmp_path / "scene.toml")]) == 0

@@ -1,4 +1,4 @@
-"""reports/full, the complete study that is checked in: small, from one run, and with a record of how it was made."""
+"""reports/full, the complete checked-in study, is small, from one run, and records how it was made."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def save(results: Path) -> Path:
-    """Return the folder to be checked in, made of these results."""
+    """Make the folder to be checked in from these results, and return it."""
     return full.save(results, results.parent / "latest", results.parent / "full").parent
 
 
@@ -81,7 +81,7 @@ def test_the_readme_has_verdicts_failures_missing_cases_and_links_to_all_files(t
 
 
 @pytest.mark.slow
-def test_figures_are_pngs_next_to_their_data_and_shown_in_the_readme(tmp_path: Path, monkeypatch):
+def test_figures_are_png_files_next_to_their_data_and_shown_in_the_readme(tmp_path: Path, monkeypatch):
     figure, _ = stacked_axes(1, 1.0)
     picture = Picture("drawn", "A title", figure, "A caption.", "a,b\n")
     monkeypatch.setattr("reports.drawing.pictures", lambda *_: iter([("agreement", picture)]))
@@ -90,10 +90,10 @@ def test_figures_are_pngs_next_to_their_data_and_shown_in_the_readme(tmp_path: P
     assert image in (folder / "README.md").read_text(encoding="utf-8")
     assert {file.name for file in folder.glob("drawn.*")} == {"drawn.png", "drawn.csv"}
     with Image.open(folder / "drawn.png") as drawn:
-        assert drawn.mode == "P", "a palette"
+        assert drawn.mode == "P", "the image uses a palette"
 
 
-def test_without_results_an_older_study_stays(tmp_path: Path):
+def test_without_results_an_older_study_is_kept(tmp_path: Path):
     folder = save(stored(tmp_path / "results", row()))
     with refused(FlexlinkError, "test-full"):
         save(tmp_path / "none")

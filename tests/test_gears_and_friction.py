@@ -1,4 +1,4 @@
-"""Elastic gears, dry friction in the hinges of a link, limits of joints: closed forms, engines, and what is refused."""
+"""Elastic gears, dry friction in hinges and joint limits: closed forms, engines, and refusals."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ WHEEL = fl.RigidBody(inertia=(0.0, 0.0, J))
 
 
 def geared(joint: fl.Joint = GEAR, **fields: object) -> fl.Scene:
-    """A wheel of inertia J about Z behind a motor and its gear; nothing pushes."""
+    """A wheel with inertia J about Z on a motor with an elastic gear, without external forces."""
     return make_scene(fl.Link(name="a", joint=joint, hub=WHEEL), **{"gravity": (0.0, 0.0, 0.0), **fields})
 
 
-def test_motor_and_wheel_are_two_inertias_and_a_spring() -> None:
-    """M in (θ_motor, θ_link − θ_motor); ω² = k (1/I_a + 1/J), and k/J with the motor held."""
+def test_motor_gear_and_wheel_behave_as_two_inertias_and_a_spring() -> None:
+    """The coordinates are θ_motor and θ_link − θ_motor; ω² = k (1/I_a + 1/J), or k/J with the motor locked."""
     chain = fl.lump(geared())
     assert chain.joint_names == ("a", "a.gear")
     assert chain.coordinate("a.gear") == (1, 0, 3)
@@ -37,7 +37,7 @@ def test_motor_and_wheel_are_two_inertias_and_a_spring() -> None:
     assert held.tolist() == pytest.approx([np.sqrt(K / J)], rel=1e-14, abs=0)
 
 
-def test_a_locked_motor_holds_its_side_of_the_gear() -> None:
+def test_a_locked_motor_fixes_its_side_of_the_gear() -> None:
     chain = fl.lump(geared(fl.Joint(gear_stiffness=K, locked=True), initial=fl.InitialState(joint_deg=(90.0,))))
     assert chain.joint_names == ("a.gear",)
     assert fl.natural_frequencies(chain, np.zeros(1)).tolist() == pytest.approx([np.sqrt(K / J)], rel=1e-14, abs=0)
@@ -50,8 +50,8 @@ def test_gear_damping_acts_on_the_gear_and_motor_friction_on_the_motor() -> None
     assert torque.tolist() == pytest.approx([2.0 * 0.1 + 0.4 * np.tanh(1.0), 3.0 * 0.7], rel=4 * EPS, abs=0)
 
 
-def test_a_gear_sags_under_what_its_link_carries() -> None:
-    """k θ = m g r cos θ behind a motor that is held, and InitialState(passive="static") starts there."""
+def test_an_elastic_gear_deflects_under_the_weight_of_its_link() -> None:
+    """With the motor locked k θ = m g r cos θ, and InitialState(passive="static") starts at this θ."""
     link = fl.Link(name="a", length=0.5, joint=fl.Joint(gear_stiffness=K, armature=I_A, axis=(0, 0, -1)))
     load = fl.RigidBody(mass=4.0, inertia=(0.1, 0.1, 0.1))
     start = fl.InitialState(joint_deg=(0.0,), passive="static")
@@ -63,7 +63,7 @@ def test_a_gear_sags_under_what_its_link_carries() -> None:
 
 
 def arm_with_gears(**fields: object) -> fl.Scene:
-    """A stiff and a soft gear, about skew axes, with flexible links that rub in their hinges."""
+    """A stiff and a soft gear about skew axes, and flexible links with friction in their hinges."""
     first = fl.Joint(gear_stiffness=2e3, gear_damping=0.5, armature=0.3, axis=(0, 1, 0), viscous=0.3)
     second = fl.Joint(gear_stiffness=200.0, armature=0.1, coulomb=0.2, coulomb_width=0.1)
     rubbing = fl.Friction(coulomb=0.5, coulomb_width=0.2)
@@ -82,7 +82,7 @@ PLANE = make_scene(
 
 @pytest.mark.parametrize("scene", [arm_with_gears(), PLANE], ids=["space", "plane"])
 def test_every_solver_includes_gears_and_friction_in_hinges(scene, rng) -> None:
-    """M q̈ = τ − T_GC − T_FL − T_FR by all three; T_FR is d q̇ + c tanh(q̇/w) also in passive hinges."""
+    """All solvers satisfy M q̈ = τ − T_GC − T_FL − T_FR; T_FR = d q̇ + c tanh(q̇/w) also in passive hinges."""
     chain = fl.lump(scene)
     q, qd, tau = 0.1 * rng.standard_normal(chain.n), rng.standard_normal(chain.n), rng.standard_normal(chain.n)
     hinges = chain.hinges
@@ -100,8 +100,8 @@ def test_every_solver_includes_gears_and_friction_in_hinges(scene, rng) -> None:
         assert residual <= 100 * EPS * (np.abs(M).max() * np.abs(qdd).sum() + np.abs(rest).max()), method
 
 
-def test_the_motor_follows_a_prescribed_motion_and_the_gear_gives() -> None:
-    """θ_gear = −(α/ω²)(1 − cos ω t) behind a motor that accelerates evenly by α from rest, ω² = k/J."""
+def test_under_prescribed_motion_the_motor_follows_exactly_and_the_gear_deflects() -> None:
+    """θ_gear = −(α/ω²)(1 − cos ω t), ω² = k/J, for a motor with constant acceleration α from rest."""
     α, end = 2.0, 0.2
     path = [(t, 0.5 * α * t * t, α * t, α) for t in (0.0, 2 * end)]
     times, angle, rate, acceleration = zip(*path, strict=True)
@@ -116,7 +116,7 @@ def test_the_motor_follows_a_prescribed_motion_and_the_gear_gives() -> None:
     assert run.tau[-1, 0] == pytest.approx(I_A * α - K * gear, rel=1e-8)
 
 
-def test_a_gear_may_turn_further_than_a_hinge_of_a_beam_may_bend() -> None:
+def test_the_bending_limit_of_beam_hinges_does_not_apply_to_gears() -> None:
     soft = geared(fl.Joint(gear_stiffness=0.1, armature=1.0, viscous=1e3), initial=fl.InitialState(joint_deg=(0.0,)))
     pushed = soft.varied({"wrench.moment": (0.0, 0.0, 1.0)})
     run = fl.simulate(pushed, step=1e-3, duration=2.0)
@@ -171,7 +171,7 @@ def test_exports_contain_limits_and_no_engine_enforces_them(rng) -> None:
         (lambda: fl.Friction(coulomb=-1.0), "wrong-value"),
     ],
 )  # fmt: skip
-def test_invalid_values_are_refused(build, wanted) -> None:
+def test_invalid_gear_limit_and_friction_values_are_refused(build, wanted) -> None:
     with refused(fl.errors.SceneError, wanted):
         build()
 
@@ -186,7 +186,7 @@ def test_a_hinge_on_an_elastic_gear_needs_inertia_between(tmp_path) -> None:
         assert np.linalg.eigvalsh(fl.mass_matrix(chain, np.zeros(chain.n))).min() > 0
 
 
-def test_friction_of_a_rigid_link_is_noted() -> None:
+def test_hinge_friction_of_a_rigid_link_gets_a_note() -> None:
     scene = make_scene(fl.Link(name="a", length=0.5, friction=fl.Friction(coulomb=1.0)), gravity=(0.0, 9.81, 0.0))
     (note,) = notes(scene)
     reviewed("note: friction of a rigid link", note)
@@ -195,8 +195,8 @@ def test_friction_of_a_rigid_link_is_noted() -> None:
 
 @compiled
 @pytest.mark.slow
-def test_sharp_friction_stops_fixed_implicit_steps_and_a_run_with_the_tolerance_of_the_error_ends() -> None:
-    """Newton's iteration fails for a spinning free arm with dry friction over 1e-4 rad/s, however small the steps."""
+def test_adaptive_steps_handle_sharp_friction_for_which_fixed_implicit_steps_fail() -> None:
+    """For a spinning free arm with friction width 1e-4 rad/s, Newton's iteration fails at any fixed step."""
     dry = {"coulomb": 0.5, "coulomb_width": 1e-4}
     soft = fl.Section(shape="circle", diameter=0.01)
     link = flexible(

@@ -1,4 +1,4 @@
-"""One grammar: the chain and its state are positional, in one order, everything else is given by name."""
+"""Argument rules: chain and state are positional in a fixed order, all other arguments are keyword-only."""
 
 from __future__ import annotations
 
@@ -48,18 +48,18 @@ def by_name(function: Callable[..., object]) -> list[str]:
 
 
 @pytest.mark.parametrize("function", OF_A_STATE, ids=lambda function: function.__name__)
-def test_chain_and_state_come_first_and_everything_else_is_given_by_name(function: Callable[..., object]) -> None:
+def test_chain_and_state_are_positional_and_other_arguments_keyword_only(function: Callable[..., object]) -> None:
     chain, *state = positional(function)
     assert chain == "chain"
     assert state == [name for name in STATE if name in state]
 
 
 @pytest.mark.parametrize("function", OF_OTHERS, ids=lambda function: function.__name__)
-def test_what_a_function_is_about_comes_first_and_everything_else_is_given_by_name(function: Callable) -> None:
+def test_the_subject_of_a_function_is_positional_and_other_arguments_keyword_only(function: Callable) -> None:
     assert positional(function) == OF_OTHERS[function]
 
 
-def test_options_of_one_name_have_one_order() -> None:
+def test_options_with_the_same_name_have_the_same_order() -> None:
     order = ["tip_wrench", "frame", "gains", "locked", "solver", "algorithm", "method", "tolerance"]
     for function in OF_A_STATE:
         options = [name for name in by_name(function) if name in order]
@@ -74,15 +74,15 @@ FUNCTIONS = [
 
 @pytest.mark.parametrize("function", FUNCTIONS, ids=lambda function: function.__name__)
 def test_a_public_function_documents_its_parameters_result_and_errors(function: Callable) -> None:
-    told = inspect.getdoc(function) or ""
+    docstring = inspect.getdoc(function) or ""
     for section in ("Parameters", "Returns", "Raises"):
-        assert f"\n\n{section}\n{'-' * len(section)}\n" in told
-    named = {name for line in told.splitlines() if re.fullmatch(r"\w+(, \w+)*", line) for name in line.split(", ")}
+        assert f"\n\n{section}\n{'-' * len(section)}\n" in docstring
+    named = {name for line in docstring.splitlines() if re.fullmatch(r"\w+(, \w+)*", line) for name in line.split(", ")}
     assert set(inspect.signature(function).parameters) <= named
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_engines_speak_the_same_grammar(engine: str) -> None:
+def test_engine_methods_follow_the_same_argument_rules(engine: str) -> None:
     try:
         kind = type(load(engine, fl.lump(fl.load_scene(MODELS[0]))))
     except fl.errors.MissingDependencyError as missing:
@@ -95,7 +95,7 @@ def test_engines_speak_the_same_grammar(engine: str) -> None:
         )
 
 
-def test_every_public_name_is_there_and_engines_are_loaded_only_when_asked_for() -> None:
+def test_every_public_name_exists_and_engines_are_loaded_on_demand() -> None:
     code = (
         "import sys; sys.modules['pinocchio'] = sys.modules['mujoco'] = None\n"
         "import flexlink as fl\n"

@@ -1,7 +1,8 @@
-"""Values in a wrong unit, off by powers of ten, get a hint with the likely unit; sensible arms get none."""
+"""Values in a wrong unit get a hint with the likely unit; sensible arms get no hints."""
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.common.wording import id_of
 from flexlink.describe.plausibility.hints import hints
+from flexlink.dynamics.notes import notes
 from flexlink.scene_report.parts import model
 from flexlink.scene_report.study import Study
 from tests.words import line, reviewed
@@ -51,6 +53,7 @@ PLANTED: list[tuple[dict[str, Any], str, str]] = [
     ({"material.steel.density": 7.85e-9}, "material.steel.density", "t/mm³"),
     ({"material.steel.loss_time": 0.3}, "material.steel.loss_time", "ms"),
     ({"link.boom.damping.ratio": 2.0}, "link.boom.damping.ratio", "%"),
+    ({"link.boom.damping.ratio": 1.0}, "link.boom.damping.ratio", "%"),
     ({"link.boom.length": 2500.0}, "link.boom.length", "mm"),
     ({"section.tube": {"shape": "tube", "outer": 120.0, "inner": 110.0}}, "section.tube.outer", "mm"),
     ({"section.tube": {"shape": "circle", "diameter": 12.0}}, "section.tube.diameter", "mm"),
@@ -63,6 +66,7 @@ PLANTED: list[tuple[dict[str, Any], str, str]] = [
     ({"sensor.gauge.delay": 2.0}, "sensor.gauge.delay", "ms"),
     ({"tip.mass": 200e3}, "tip.mass", "g"),
     ({"tip.center": [150.0, 0.0, 0.0]}, "tip.center", "mm"),
+    ({"link.boom.end": {"mass": 5.0, "center": [30.0, 0.0, 0.0]}}, "link.boom.end.center", "mm"),
     ({"tip.inertia": [5e6, 5e6, 5e6]}, "tip.inertia", "kg mm²"),
     ({"link.jib.mount.xyz": [500.0, 0.0, 0.0]}, "link.jib.mount.xyz", "mm"),
     ({"link.boom.joint.gear_stiffness": 2000.0}, "link.boom.joint.gear_stiffness", "kN m/rad"),
@@ -76,6 +80,9 @@ PLANTED: list[tuple[dict[str, Any], str, str]] = [
     ({"link.boom.mount": {"rpy": [90.0, 0.0, 0.0]}}, "link.boom.mount.rpy", "deg"),
     ({"drive": {**PD, "target_deg": [0.5236, 1.0472]}}, "drive.target_deg", "rad"),
     ({"drive": {**PD, "target_deg": [30.0, 60.0], "rate": 1.0}}, "drive.rate", "kHz"),
+    ({"drive": {**PD, "target_deg": [30.0, 60.0], "rate": 0.01}}, "drive.rate", "s"),
+    ({"drive": {"kind": "computed_torque", "kp": [4e5, 2e5], "kd": [4e4, 1e4], "target_deg": [30.0, 60.0]}},
+     "drive.kp", "1/s²"),
     ({"drive.torque": [9e6, 0.0]}, "drive.torque.boom", "N mm"),
     ({"wrench.times": [0.0, 500.0, 1000.0]}, "wrench.times[2]", "ms"),
     ({"run.tolerance": 1.0}, "run.tolerance", "mm"),
@@ -97,6 +104,45 @@ def names_unit(hint: str, unit: str) -> bool:
     return re.search(rf"(?<!\S){re.escape(unit)}(?!\w)", hint.partition(": ")[2]) is not None
 
 
+def test_the_resolution_of_a_joint_sensor_in_degrees_gets_a_hint() -> None:
+    encoder = {"name": "encoder", "kind": "joint", "link": "boom"}
+    (hint,) = hints(CRANE.varied({"sensor": [{**encoder, "resolution": 0.022}]}))
+    assert hint.startswith("sensor.encoder.resolution = ") and names_unit(hint, "deg")
+    reviewed("likely-unit", hint)
+    for fine in ({"resolution": 1.5e-3}, {"resolution": 0.022, "unit": "deg", "gain": 180 / math.pi}):
+        assert hints(CRANE.varied({"sensor": [{**encoder, **fine}]})) == ()
+
+
+@pytest.mark.parametrize(("effort", "hinted"), [(5.0, True), (100.0, True), (500.0, False), (3.0, False)])
+def test_an_effort_that_suffices_only_in_kilonewton_metres_gets_a_note(effort: float, hinted: bool) -> None:
+    """With both links level, the jib holds 1.9 m × 9.81 m/s² × 200 kg and 0.9 m × 9.81 m/s² × 25 kg: 3.95 kN m."""
+    level = CRANE.varied({"initial.joint_deg": [0.0, 0.0], "drive.effort": [1e5, effort], "sensor": []})
+    found = [note for note in notes(level) if note.startswith("drive.effort.jib = ")]
+    assert len(found) == hinted
+    for note in found:
+        reviewed("likely-unit", note)
+
+
+def test_a_sweep_prints_the_hints_on_its_first_and_last_member_once(
+    tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("flexlink.cli.sweep.fill", lambda *_: None)  # hints are printed before the run
+    CRANE.varied({"run.duration": 0.01}).save(tmp_path / "crane.toml")
+    sweep = tmp_path / "sweep.toml"
+    sweep.write_text(
+        'scene = "crane.toml"\n[set]\nmaterial.steel.loss_time = 0.3\n[grid]\ngravity = [[0, 0, -1], [0, 0, -9.81]]\n'
+        'link.boom.damping.ratio = [0.02, 2.0]\n[quantity]\nx = { of = "tip x [m]" }\n',
+        encoding="utf-8",
+    )
+    words = ["sweep", str(sweep), "--out", str(tmp_path / "sweep.db")]
+    assert main(words) == 0
+    printed = capsys.readouterr().err
+    for path in ("material.steel.loss_time = 0.3", "gravity = [0, 0, -1]", "link.boom.damping.ratio = 2"):
+        assert line(printed, f"warning: {path}")
+    assert main([*words, "--quiet-hints"]) == 0
+    assert "likely" not in capsys.readouterr().err
+
+
 def test_all_lengths_in_millimetres_get_a_hint_each() -> None:
     mm = {
         "link.boom.length": 2500.0, "link.jib.length": 1800.0, "link.jib.mount.xyz": [50.0, 0.0, 0.0],
@@ -115,7 +161,7 @@ def test_all_lengths_in_millimetres_get_a_hint_each() -> None:
     assert {path: found[path] for path, unit in units.items() if not names_unit(found[path], unit)} == {}
 
 
-def test_the_right_value_is_in_the_hint() -> None:
+def test_a_hint_contains_the_likely_value() -> None:
     (hint,) = hints(CRANE.varied({"material.steel.young": 210.0}))
     assert re.findall(r"\d\S* Pa", hint) == ["210 Pa", "1e6 Pa", "2.1e11 Pa", "1.2e12 Pa", "2.1e+11 Pa"]
 
@@ -137,7 +183,7 @@ def test_the_scenes_of_the_repository_get_no_hints(path: Path) -> None:
     assert hints(scene) == ()
 
 
-def test_the_command_line_and_the_result_have_the_hints(tmp_path: Path, capsys: Any) -> None:
+def test_the_command_line_and_the_run_show_the_hints(tmp_path: Path, capsys: Any) -> None:
     scene = CRANE.varied({"material.steel.loss_time": 0.3, "run.duration": 0.01})
     path = scene.save(tmp_path / "crane.toml")
     (hint,) = hints(scene)
@@ -162,7 +208,7 @@ def test_a_hint_is_printed_even_if_the_run_is_refused(tmp_path: Path, capsys: An
     assert f"warning: {hint}{id_of(hint)}" in capsys.readouterr().err.splitlines()
 
 
-def test_a_report_has_the_hints_and_the_defaults_of_the_run() -> None:
+def test_a_report_shows_the_hints_and_the_default_settings() -> None:
     scene = CRANE.varied({"material.steel.loss_time": 0.3, "run": {"duration": 1.0}})
     sentences = model.made(Study(scene)).sentences
     (hint,) = hints(scene)

@@ -165,7 +165,7 @@ HOSTILE: dict[str, tuple[str | bytes, str, str]] = {
 """Content of a file, the id of its error, and a part of the message: names and values."""
 
 
-def test_there_are_enough_hostile_files() -> None:
+def test_there_are_enough_hostile_urdf_files() -> None:
     assert len(HOSTILE) >= 40
 
 
@@ -188,7 +188,7 @@ def _hear(event: str, arguments: tuple[object, ...]) -> None:
         hooks[-1].append(str(arguments[0]))
 
 
-sys.addaudithook(_hear)  # cannot be removed; it records only while `hooks` has a list
+sys.addaudithook(_hear)  # an audit hook cannot be removed; it records only while `hooks` has a list
 
 
 LONG = {"many elements", "10,000 links"}
@@ -196,7 +196,7 @@ ENDLESS = 5.0  # s of CPU time, on any machine: an algorithm of quadratic cost t
 
 
 @pytest.mark.parametrize("name", [pytest.param(x, marks=pytest.mark.slow if x in LONG else ()) for x in HOSTILE])
-def test_a_hostile_file_is_refused_in_one_line_and_nothing_else_is_touched(
+def test_a_hostile_urdf_is_refused_in_one_line_and_no_other_file_is_opened(
     name: str, tmp_path: Path, monkeypatch, capsys, opened: list[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -212,9 +212,9 @@ def test_a_hostile_file_is_refused_in_one_line_and_nothing_else_is_touched(
     assert len(line) < 400
     assert {name for name in opened if "/.out-" not in name} <= {
         "bad.urdf"
-    }  # created to check that the folder is writable
+    }  # `.out-` files are created to check that the folder is writable
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bad.urdf", "secret.txt"]
-    text = refused_line(printed, id, values=name != "too large")  # 1e999 is infinite, which is close to no number
+    text = refused_line(printed, id, values=name != "too large")  # 1e999 is read as infinity
     assert text.split(": ")[:2] == ["flexlink", "bad.urdf"]
     assert part in text.partition("bad.urdf: ")[2]
 
@@ -257,7 +257,7 @@ def test_folders_devices_and_missing_files_are_refused(tmp_path: Path, capsys) -
     assert "ur3, ur5" in text
 
 
-def test_an_impossible_body_may_be_part_of_a_possible_one(tmp_path: Path) -> None:
+def test_an_impossible_body_is_accepted_if_its_rigid_assembly_is_possible(tmp_path: Path) -> None:
     text = HOSTILE["unphysical once folded"][0]
     assert isinstance(text, str)
     path = tmp_path / "odd.urdf"
@@ -266,8 +266,8 @@ def test_an_impossible_body_may_be_part_of_a_possible_one(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-def test_the_longest_robot_that_is_read_needs_no_recursion(tmp_path: Path) -> None:
-    """Python allows 1000 nested calls."""
+def test_the_longest_accepted_robot_needs_no_recursion(tmp_path: Path) -> None:
+    """Python allows only 1000 nested calls; the robot has 3000 links."""
     path = tmp_path / "rope.urdf"
     path.write_text(rope(3000).replace("continuous", "fixed").replace('"fixed"', '"continuous"', 1), encoding="utf-8")
     assert main(["import", str(path), "--tip", "l1"]) == 0

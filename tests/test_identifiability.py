@@ -1,4 +1,4 @@
-"""Identifiability from sensitivities depends neither on rounding nor on the basis that the SVD returns."""
+"""Identifiability computed from sensitivities does not depend on rounding or on the basis that the SVD returns."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ NAMES = ["a", "b", "c", "d", "e"]
 
 
 def known(effects: list[float], mix: np.ndarray | None = None) -> np.ndarray:
-    """Slopes J = Q diag(effects) mix of 40 residuals, Q of orthonormal columns."""
+    """Sensitivities J = Q diag(effects) mix of 40 residuals, where Q has orthonormal columns."""
     Q = np.linalg.qr(np.random.default_rng(1).normal(size=(40, len(effects))))[0]
     return Q @ np.diag(effects) @ (np.eye(len(effects)) if mix is None else mix)
 
 
 def texts(check: Check) -> list[str]:
-    """Texts of the directions that the data cannot determine, reviewed."""
+    """Reviewed texts about the directions that the data cannot determine."""
     for one in check.directions:
         reviewed("identifiability", str(one.text))
     return [str(one.text) for one in check.directions]
@@ -32,7 +32,7 @@ def texts(check: Check) -> list[str]:
 @pytest.mark.parametrize("rest", [0.0, 1e-16, 2.2e-8, 1e-3])
 @pytest.mark.parametrize("error", [0.0, 1.5e-9, 1e-6])
 def test_sensitivities_at_rounding_level_have_no_effect(rest: float, error: float) -> None:
-    """An earlier version reported an effect with ± 9.1e+09 % for sensitivities of 2.2e-8, known to 1.5e-9."""
+    """An earlier version reported an effect with ± 9.1e+09 % for sensitivities of 2.2e-8 with errors of 1.5e-9."""
     assert texts(checked(known([50.0, rest]), error, NAMES[:2])) == no_effect()
 
 
@@ -44,18 +44,18 @@ def no_effect() -> list[str]:
 
 
 @pytest.mark.parametrize("effect", [0.06, 0.5, 0.9])
-def test_a_weak_effect_is_reported_as_a_percentage_below_ten_thousand(effect: float) -> None:
+def test_a_weak_effect_is_reported_with_less_than_10000_percent(effect: float) -> None:
     (text,) = texts(checked(known([50.0, effect]), 1e-9, NAMES[:2]))
     assert text.startswith("b ")
     assert f"± {196 / effect:.2g} %" in text and "95 %" in text
     assert "e+0" not in text.replace("e+02", "").replace("e+03", "")
 
 
-def test_an_effect_no_larger_than_its_error_is_none() -> None:
+def test_an_effect_no_larger_than_its_error_does_not_count() -> None:
     assert texts(checked(known([50.0, 0.5]), 0.1, NAMES[:2])) == no_effect()
 
 
-def test_parameters_with_equal_parts_are_listed_in_the_problems_order() -> None:
+def test_equally_involved_parameters_are_listed_in_the_order_of_the_problem() -> None:
     """Only the product of a and b matters: rounding used to decide which one was named first."""
     for seed in range(20):
         rng = np.random.default_rng(seed)
@@ -66,8 +66,8 @@ def test_parameters_with_equal_parts_are_listed_in_the_problems_order() -> None:
         assert one.parts == pytest.approx((np.sqrt(0.5), -np.sqrt(0.5)), abs=1e-9)
 
 
-def test_lost_directions_do_not_depend_on_the_basis_of_their_space(rng: np.random.Generator) -> None:
-    """a − b, c − d and e − c cancel: the three singular values are equal, for any three directions in their space."""
+def test_unidentifiable_directions_do_not_depend_on_the_svd_basis(rng: np.random.Generator) -> None:
+    """Changes of a − b, c − d and e − c have no effect: the SVD may return any basis of the space that they span."""
     mix = np.array([[1.0, 1.0, 0, 0, 0], [0, 0, 1.0, 1.0, 1.0]])
     first = checked(known([60.0, 40.0], mix), 1e-9, NAMES)
     assert [one.names for one in first.directions] == [("a", "b"), ("c", "e"), ("d", "e")]
@@ -78,7 +78,7 @@ def test_lost_directions_do_not_depend_on_the_basis_of_their_space(rng: np.rando
 
 
 def test_weakly_identifiable_parameters_of_equal_effect_are_not_mixed(rng: np.random.Generator) -> None:
-    """b and c are each known to ± 39 %, and any two directions between them have the same effect."""
+    """b and c are each known to ± 39 %, and all directions in their plane have the same effect."""
     for _ in range(20):
         Q = np.linalg.qr(rng.normal(size=(40, 40)))[0]
         check = checked(Q @ known([50.0, 5.0, 5.0]) * (1 + 1e-12 * rng.normal(size=(40, 3))), 1e-9, NAMES[:3])
@@ -89,7 +89,7 @@ def test_weakly_identifiable_parameters_of_equal_effect_are_not_mixed(rng: np.ra
 
 
 def column(use: Use, after: float, before: float = 0.0) -> FittedColumn:
-    """A column of values up to 1 with these errors after and before the fit."""
+    """A column with values up to 1 and the given errors after and before the fit."""
     y, nan = np.sin(np.arange(50.0)), float("nan")
     return FittedColumn(
         source=use, name="tip y [m]", use=use, t=np.arange(50.0), measured=y, before=y + before, after=y + after,
@@ -97,7 +97,7 @@ def column(use: Use, after: float, before: float = 0.0) -> FittedColumn:
     )  # fmt: skip
 
 
-def test_rounding_errors_of_exact_data_do_not_decide_whether_a_fit_is_better_or_a_check_worse() -> None:
+def test_rounding_errors_of_exact_data_do_not_affect_the_verdict() -> None:
     def better(*columns: FittedColumn) -> bool:
         verdict_columns = Fitted.verdict_columns.fget(SimpleNamespace(columns=columns))
         return Fitted.better.fget(SimpleNamespace(verdict_columns=verdict_columns))

@@ -1,4 +1,4 @@
-"""Every error has a stable id, which survives wrapping and pickles."""
+"""Every error has a stable id, which is kept if the error is wrapped or pickled."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def quoting() -> FlexlinkError:
         return error
 
 
-def test_an_error_that_quotes_another_has_its_id() -> None:
+def test_an_error_that_quotes_another_keeps_its_id() -> None:
     assert quoting().id == "out-of-range"
 
 
@@ -41,7 +41,7 @@ def test_an_error_keeps_its_id_and_attributes_in_a_pickle(error: FlexlinkError) 
     assert {**vars(copy), "_id": ""} == {**vars(error), "_id": ""}
 
 
-def test_a_diagnostic_is_its_text_and_keeps_its_id_in_a_pickle() -> None:
+def test_a_diagnostic_is_a_string_and_keeps_its_id_in_a_pickle() -> None:
     doubt = pickle.loads(pickle.dumps(Diagnostic("sags by 3 m", "large-sag")))
     assert (doubt, doubt.id) == ("sags by 3 m", "large-sag")
 
@@ -116,7 +116,7 @@ def test_the_error_of_a_failed_run_has_the_id_of_its_cause(name: str) -> None:
 
 
 def raised_without_id() -> list[str]:
-    """Errors raised with a new text, outside a handler that would pass an id on, and without id."""
+    """Find errors raised with a new text and without an id, outside handlers that would pass an id on."""
     found = []
     for path in SOURCES.rglob("*.py"):
         tree = ast.parse(path.read_text(encoding="utf-8"))
@@ -131,7 +131,7 @@ def raised_without_id() -> list[str]:
             if not (isinstance(kind, type) and issubclass(kind, FlexlinkError)) or kind._id or node in handled:
                 continue
             text = call.args[0] if call.args else None
-            if isinstance(text, ast.Call):  # of a function that returns a Diagnostic
+            if isinstance(text, ast.Call):  # raised with the result of a function that returns a Diagnostic
                 continue
             if not any(given.arg == "id" for given in call.keywords):
                 found.append(f"{path.relative_to(SOURCES)}:{node.lineno}")

@@ -53,7 +53,7 @@ def robot(tmp_path: Path):
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_an_imported_arm_moves_like_the_robot_in_pinocchio(seed: int, robot) -> None:
-    """Mass matrix, torques and accelerations; with branches, mimic joints, fixed, locked and sliding joints."""
+    """Mass matrix, torques and accelerations agree, also with branches and mimic, fixed, locked and sliding joints."""
     described, path, imported = robot(seed)
     chain = fl.lump(imported.scene)
     positions = {**described.posture, **described.locked}
@@ -127,7 +127,7 @@ def test_a_link_made_flexible_leaves_the_rigid_motion_unchanged(seed: int, robot
 
 
 def bodies(random: np.random.Generator) -> tuple[SpatialInertia, SpatialInertia, Pose, float]:
-    """A link made of points, and a beam of 1 kg on a random line."""
+    """A rigid link made of point masses, and a beam of 1 kg along a random line."""
     points, masses = random.normal(size=(8, 3)) * random.uniform(0.01, 0.3, 3), random.uniform(0.1, 1.0, 8)
     points += random.normal(size=3) * 0.3
     center = masses @ points / masses.sum()
@@ -140,8 +140,8 @@ def bodies(random: np.random.Generator) -> tuple[SpatialInertia, SpatialInertia,
     return link, beam, pose, L
 
 
-def test_a_cut_conserves_mass_centre_and_inertia_and_leaves_possible_bodies(rng) -> None:
-    """Second moments about points at most 3 m away round to 1e-13."""
+def test_splitting_a_link_conserves_mass_centre_and_inertia(rng) -> None:
+    """Rounding of second moments about points up to 3 m away is 1e-13."""
     for _ in range(100):
         link, beam, line, L = bodies(rng)
         mass = largest_mass(link, beam) * rng.uniform(0.01, 0.999)
@@ -155,7 +155,7 @@ def test_a_cut_conserves_mass_centre_and_inertia_and_leaves_possible_bodies(rng)
             assert np.linalg.eigvalsh(part.covariance)[0] >= -1e-14 * np.trace(part.inertia)
 
 
-def test_beyond_the_largest_beam_mass_the_rest_is_impossible(rng) -> None:
+def test_above_the_largest_beam_mass_the_remaining_body_is_impossible(rng) -> None:
     for _ in range(100):
         link, beam, _, _ = bodies(rng)
         largest = largest_mass(link, beam)
@@ -164,7 +164,7 @@ def test_beyond_the_largest_beam_mass_the_rest_is_impossible(rng) -> None:
 
 
 def test_a_point_mass_with_rounding_errors_is_accepted() -> None:
-    """CAD exports such values: −5e-20 kg m² for 0.5 kg at 3 cm from the frame; 32 eps of m c² are 3e-18."""
+    """CAD exports such values: −5e-20 kg m² for 0.5 kg at 3 cm from the frame; 32 eps m c² = 3e-18 is allowed."""
     center = np.array([0.0, 0.0, 0.03])
     assert (
         payload(SpatialInertia(0.526, center, np.diag([-5.42e-20, -5.42e-20, 0.0]))).matrix.tolist()
@@ -183,7 +183,7 @@ def test_limits_of_1e16_mean_no_limits(tmp_path: Path) -> None:
     assert {link.joint.limits_deg for link in imported.scene.arm.links} == {None}
 
 
-def test_a_plate_has_no_room_for_a_thicker_beam() -> None:
+def test_a_plate_cannot_contain_a_thicker_beam() -> None:
     plate = body_with(1.0, np.array([0.2, 0.0, 0.0]), np.diag([0.02, 0.01, 0.0]))
     flat = body_with(1.0, np.array([0.2, 0.0, 0.0]), np.diag([0.01, 0.001, 0.0]))
     thick = body_with(1.0, np.array([0.2, 0.0, 0.0]), np.diag([0.01, 0.001, 1e-4]))
@@ -192,8 +192,8 @@ def test_a_plate_has_no_room_for_a_thicker_beam() -> None:
 
 
 @pytest.mark.parametrize("hertz", [5.0, 12.0, 40.0])
-def test_a_link_gets_the_required_frequency(hertz: float, robot) -> None:
-    """f ∝ √E: one evaluation and one correction, in the initial configuration, without gravity."""
+def test_the_beam_stiffness_is_tuned_to_the_required_frequency(hertz: float, robot) -> None:
+    """Since f ∝ √E, one evaluation and one correction suffice, in the initial configuration without gravity."""
     lines = {"p3": ((0, 0, 0), (0.1, 0.1, 0.2)), "p5": ((0, 0, 0), (0.2, 0.1, 0.0))}
     _, _, imported = robot(2, **{name: FlexibleLink(frequency_hz=hertz, line=line) for name, line in lines.items()})
     chain = fl.lump(imported.scene.varied({"gravity": [0.0, 0.0, 0.0]}))
@@ -213,17 +213,17 @@ def test_a_link_with_any_name_can_be_tuned(name: str, tmp_path: Path) -> None:
     assert clamped_frequency(imported.scene, name) == pytest.approx(12.0, rel=1e-6)
 
 
-def test_a_beam_too_heavy_is_refused_with_the_largest_mass(robot) -> None:
+def test_a_beam_that_is_too_heavy_is_refused_with_the_largest_mass(robot) -> None:
     line = ((0, 0, 0), (0.1, 0.1, 0.2))
     with refused(ArgumentError, "beam-heavier-than-link") as caught:
         robot(3, p3=FlexibleLink(frequency_hz=9.0, mass=900.0, line=line))
-    fits = min(map(float, re.findall(r" (\S+) kg", str(caught.value))))  # after the mass of the beam and of the link
+    fits = min(map(float, re.findall(r" (\S+) kg", str(caught.value))))  # the smallest mass in the message
     robot(3, p3=FlexibleLink(frequency_hz=9.0, mass=fits, line=line))
     with refused(ArgumentError, "beam-heavier-than-link"):
         robot(3, p3=FlexibleLink(frequency_hz=9.0, mass=1.002 * fits, line=line))
 
 
-def test_little_room_for_a_beam_gives_a_warning(robot) -> None:
+def test_a_small_limit_on_the_beam_mass_gives_a_warning(robot) -> None:
     _, _, imported = robot(3, p3=FlexibleLink(frequency_hz=9.0, line=((2, 2, 2), (3, 3, 3))))
     (warning,) = imported.warnings
     assert warning.startswith("p3: ")
@@ -231,12 +231,24 @@ def test_little_room_for_a_beam_gives_a_warning(robot) -> None:
     reviewed("import: room for a beam", warning, values=False)
 
 
-def test_a_mimic_of_a_moving_joint_gives_a_warning(tmp_path: Path) -> None:
+def test_a_joint_that_mimics_a_moving_joint_gives_a_warning(tmp_path: Path) -> None:
     path = tmp_path / "robot.urdf"
     path.write_text(RandomRobot(0).text().replace('joint="b2"', 'joint="j3"'), encoding="utf-8")
     (warning,) = import_urdf(path, tip="p8", locked={"j4": 0.0}).warnings
     assert warning.startswith("d2: ") and " j3" in warning
     reviewed("import: mimic joint", warning)
+
+
+def test_angles_in_degrees_give_warnings(tmp_path: Path) -> None:
+    path, text = tmp_path / "robot.urdf", RandomRobot(0).text()
+    text = text.replace('lower="-3" upper="3"', 'lower="-180" upper="180"', 1)
+    path.write_text(re.sub('(<joint name="j3".*?rpy=)"[^"]*"', r'\1"90 0 0"', text), encoding="utf-8")
+    for_places, for_limits = import_urdf(path, tip="p8", locked={"j4": 0.0}).warnings
+    assert for_places.startswith("joint 'j3': ") and "'90 0 0'" in for_places
+    assert for_limits.startswith("joint 'j1': ") and " 180:" in for_limits
+    for warning in (for_places, for_limits):
+        assert warning.id == "likely-degrees"
+        reviewed("likely-degrees", warning)
 
 
 WRONG = {
@@ -293,7 +305,7 @@ def test_a_flexible_link_needs_its_stiffness() -> None:
         FlexibleLink(mass=1.0)
 
 
-def test_a_joint_whose_limits_exclude_zero_starts_in_the_middle(tmp_path: Path) -> None:
+def test_a_joint_whose_limits_exclude_zero_starts_in_the_middle_of_them(tmp_path: Path) -> None:
     path = tmp_path / "robot.urdf"
     text = RandomRobot(0).text().replace('lower="-3"', 'lower="1"')
     path.write_text(text, encoding="utf-8")
@@ -305,7 +317,7 @@ def test_a_joint_whose_limits_exclude_zero_starts_in_the_middle(tmp_path: Path) 
 
 
 def test_a_beam_is_a_solid_box_along_its_line() -> None:
-    """m/12 times the sums of squares of the sides: 2 m long, 0.3 m along local y and 0.1 m along local z."""
+    """Moments are m/12 times sums of squared sides: 2 m long, 0.3 m along local y, 0.1 m along local z."""
     section = fl.Section(shape="rectangle", height=0.3, width=0.1)
     found = _prism(section, 12.0, line_of(((0, 0, 0), (2, 0, 0)), (0, 1, 0), np.array([0, 0, 1.0])))
     up = _prism(section, 12.0, line_of(((0, 0, 0), (0, 0, 2)), (0, 1, 0), np.array([0, 0, 1.0])))
@@ -318,22 +330,24 @@ def test_a_beam_is_a_solid_box_along_its_line() -> None:
 
 
 def test_a_beam_of_the_largest_mass_is_refused_since_nothing_remains(tmp_path: Path) -> None:
-    """A rod of 1 kg equals its largest beam: no mass remains at its ends."""
+    """The largest beam in a rod of 1 kg is the rod itself, so that no mass remains for the bodies at its ends."""
     rod = body_with(1.0, np.array([0.5, 0.0, 0.0]), np.diag([1 / 12 + 1e-3, 2e-3, 2e-3]))
     part = SimpleNamespace(body=rod, link="rod", joint=SimpleNamespace(axis=np.array([0, 0, 1.0])))
     link = fl.Link(name="rod")
     section = fl.Section(shape="rectangle", height=0.01, width=0.01)
     largest = largest_mass(rod, _prism(section, 1.0, line_of(((0, 0, 0), (1, 0, 0)), None, part.joint.axis)))
     for mass, fits in ((0.999 * largest, True), (largest, False)):
-        asked = FlexibleLink(section=section, mass=mass)
+        specified = FlexibleLink(section=section, mass=mass)
         with contextlib.nullcontext() if fits else refused(ArgumentError, "beam-heavier-than-link"):
-            bent(cast("Any", part), link, asked, np.array([1.0, 0.0, 0.0]))
+            bent(cast("Any", part), link, specified, np.array([1.0, 0.0, 0.0]))
 
 
 @pytest.mark.parametrize(
     ("lower", "upper", "stays"), [(-1.0, 3.0, 0.0), (0.0, 2.0, 0.0), (1.0, 3.0, 2.0), (-3.0, -1.0, -2.0)]
 )
-def test_an_unspecified_joint_is_at_zero_or_between_its_limits(lower: float, upper: float, stays: float) -> None:
+def test_an_unspecified_joint_angle_is_zero_or_the_middle_of_its_limits(
+    lower: float, upper: float, stays: float
+) -> None:
     joint = SimpleNamespace(name="j", limits=(lower, upper), mimic=None)
     robot = SimpleNamespace(joints={"j": joint}, position=lambda joint, leaders: leaders[joint.name])
     assert positions_of(cast("Any", robot), {}) == {"j": stays}

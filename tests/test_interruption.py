@@ -30,7 +30,7 @@ PAPER = str(ROOT / "models" / "paper_fig5.toml")
 
 @pytest.fixture(autouse=True)
 def usual_answers():
-    """Set Python's default handlers: shells start background jobs with SIGINT ignored."""
+    """Set Python's default handlers, since shells start background jobs with SIGINT ignored."""
     usual = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
     before = {number: signal.signal(number, handler) for number, handler in usual.items()}
     yield
@@ -39,7 +39,7 @@ def usual_answers():
 
 
 @BOTH
-def test_a_signal_waits_for_the_end_of_the_block_and_its_results(number: int) -> None:
+def test_a_signal_is_deferred_until_the_block_has_returned_its_results(number: int) -> None:
     with refused(fl.errors.ArgumentError, "test-interruption"), deferred() as outer:
         with deferred() as inner:
             signal.raise_signal(number)
@@ -50,7 +50,7 @@ def test_a_signal_waits_for_the_end_of_the_block_and_its_results(number: int) ->
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
-def test_a_signal_without_a_handler_is_not_swallowed() -> None:
+def test_a_signal_is_raised_at_the_end_of_a_block_that_does_not_handle_it() -> None:
     done = []
     with pytest.raises(KeyboardInterrupt), deferred():
         signal.raise_signal(signal.SIGINT)
@@ -59,7 +59,7 @@ def test_a_signal_without_a_handler_is_not_swallowed() -> None:
 
 
 @BOTH
-def test_the_second_signal_waits_and_warns_about_the_third(number: int, capfd) -> None:
+def test_the_second_signal_is_deferred_and_warns_that_the_third_stops_at_once(number: int, capfd) -> None:
     with pytest.raises(StoppedError), deferred():
         for _ in range(LAST - 1):
             signal.raise_signal(number)
@@ -67,7 +67,7 @@ def test_the_second_signal_waits_and_warns_about_the_third(number: int, capfd) -
         signal.raise_signal(number)
 
 
-def test_the_first_of_two_signals_counts() -> None:
+def test_the_first_of_two_signals_is_recorded() -> None:
     with refused(fl.errors.ArgumentError, "test-interruption"), deferred() as stop:
         signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGTERM)
@@ -76,7 +76,7 @@ def test_the_first_of_two_signals_counts() -> None:
 
 
 @pytest.mark.parametrize("own", [signal.SIG_IGN, lambda *_: None])
-def test_signal_handlers_of_a_program_are_not_replaced(own: object) -> None:
+def test_signal_handlers_of_the_calling_program_are_not_replaced(own: object) -> None:
     signal.signal(signal.SIGINT, own)
     with deferred() as stop:
         assert signal.getsignal(signal.SIGINT) is own
@@ -120,8 +120,8 @@ def test_a_signal_does_not_wait_for_a_long_sample(number: int, models) -> None:
 
 
 @pytest.mark.parametrize("clock", [time.perf_counter, lambda: 0.0], ids=["a clock", "a stopped clock"])
-def test_pieces_of_a_run_are_short_even_if_samples_are_long(clock, models, monkeypatch) -> None:
-    """50,000 steps take at least 0.1 s: 100 pieces of 1 ms, or 4 pieces that grow from 200 steps by factors of 8."""
+def test_a_run_is_split_into_short_pieces_even_if_samples_are_long(clock, models, monkeypatch) -> None:
+    """50,000 steps take at least 0.1 s: 100 pieces of 1 ms; with a stopped clock, 4 pieces, of 200 steps, then × 8."""
     seen: list[float] = []
     monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "BREATH", 1e-3)
     monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "time", SimpleNamespace(perf_counter=clock))
@@ -129,7 +129,7 @@ def test_pieces_of_a_run_are_short_even_if_samples_are_long(clock, models, monke
     assert len(seen) > (30 if clock() else 4)
 
 
-def test_pieces_within_samples_change_no_bit(models, monkeypatch) -> None:
+def test_splitting_samples_into_pieces_does_not_change_the_result(models, monkeypatch) -> None:
     scene = fl.load_scene(models / "t3_spatial.toml")
     whole = fl.simulate(scene, duration=0.02, sample=0.005)
     for breath in (0.0, 1e-3):
@@ -166,7 +166,7 @@ def at_first_call(monkeypatch, owner: object, name: str, number: int) -> None:
         ("summing up", ".npz"),
     ],
 )
-def test_a_signal_at_any_moment_keeps_the_samples(number, ending, moment, tmp_path, capsys, monkeypatch) -> None:
+def test_a_signal_at_any_time_keeps_the_samples(number, ending, moment, tmp_path, capsys, monkeypatch) -> None:
     owner, name = {
         "running": (progress.Progress, "__call__"),
         "saving": (sys.modules["flexlink.results.trajectory"], "write"),
@@ -217,7 +217,7 @@ def test_a_signal_at_the_end_of_a_run_loses_no_sample(models) -> None:
         ("", ["python"], False),
     ],
 )
-def test_only_the_command_line_quits_at_once(program: str, words: list[str], wanted: bool) -> None:
+def test_only_the_command_line_exits_immediately_on_a_signal(program: str, words: list[str], wanted: bool) -> None:
     assert is_command([program], words) is wanted
 
 
@@ -260,7 +260,7 @@ def test_a_signal_while_importing_or_compiling_ends_the_command_in_one_line(
 
 
 def check_without_samples(stderr: str, number: int) -> None:
-    """The last line names the signal, and no samples."""
+    """Check that the last line names the signal and mentions no samples."""
     last = stderr.splitlines()[-1]
     assert last.startswith(f"flexlink: {'terminated' if number == signal.SIGTERM else 'interrupted'}; ")
     assert not re.search(r"\d", last)
@@ -295,14 +295,14 @@ def test_a_command_without_samples_does_not_mention_them(number: int, command: s
 
 @pytest.fixture
 def started():
-    """Kill these processes after the test, also if it fails."""
+    """A function that registers a process to be killed after the test, also if the test fails."""
     with contextlib.ExitStack() as after:
         yield lambda process: after.callback(process.kill)
 
 
 @pytest.mark.slow
-def test_signals_from_outside_at_some_moments(tmp_path: Path, started) -> None:
-    """Real signals at times that the lists above do not cover."""
+def test_external_signals_end_the_command_without_a_traceback(tmp_path: Path, started) -> None:
+    """The signals are sent by another process, at times that the tests above do not cover."""
     runs = []
     for moment, number in [(0.3, signal.SIGTERM), (0.8, signal.SIGINT), (1.6, signal.SIGTERM), (2.0, signal.SIGINT)]:
         out = tmp_path / f"{moment}.npz"

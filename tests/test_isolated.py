@@ -1,4 +1,4 @@
-"""An engine in another process gives the same results; if it crashes, hangs or gets Ctrl-C, this process sees an error.
+"""An engine in another process gives the same results; if it crashes, hangs or gets Ctrl-C, this process gets an error.
 
 The tests use the native engine: nothing has to be installed, and the mechanism is the same.
 """
@@ -34,7 +34,7 @@ def process_of(engine: IsolatedEngine) -> subprocess.Popen[bytes]:
     return engine._child.process
 
 
-def test_it_answers_as_in_this_process(rng: np.random.Generator) -> None:
+def test_an_isolated_engine_gives_the_same_results(rng: np.random.Generator) -> None:
     chain = lump(SCENE)
     here, there = load("native", chain), IsolatedEngine("native", chain)
     assert (there.name, there.version, there.n) == (here.name, here.version, here.n)
@@ -56,7 +56,7 @@ def torn() -> Scene:
     return SCENE.varied({"drive": drive, "run.unstable": "allow"})
 
 
-def test_errors_of_the_engine_arrive_with_their_data() -> None:
+def test_errors_of_an_isolated_engine_keep_their_attributes() -> None:
     engine = IsolatedEngine("native", lump(SCENE))
     with pytest.raises(DivergenceError) as caught:
         engine.integrate(torn())
@@ -87,7 +87,7 @@ def test_the_error_of_a_process_that_cannot_start_names_the_cause(
         IsolatedEngine("native", lump(SCENE))
 
 
-def test_no_answer_in_time_ends_the_process(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_engine_process_that_times_out_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     engine = IsolatedEngine("native", lump(SCENE))
     monkeypatch.setattr(child_process, "CALL_TIMEOUT", 0.05)
     monkeypatch.setattr(child_process, "TIMEOUT_PER_STEP", 0.0)
@@ -97,7 +97,7 @@ def test_no_answer_in_time_ends_the_process(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 POSIX_ONLY = {"pass_fds", "preexec_fn", "start_new_session"}
-"""Arguments of `subprocess.Popen`."""
+"""Arguments of `subprocess.Popen` that Windows does not support."""
 
 BARE = """
 import os, signal
@@ -108,10 +108,10 @@ for name in ("fork", "mkfifo", "sched_getaffinity"):
 """
 
 
-def test_it_needs_only_features_that_windows_has(
+def test_isolation_uses_only_features_available_on_windows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
 ) -> None:
-    """Without extra file descriptors and alarms in both processes, it answers, and a timeout ends it."""
+    """Without extra file descriptors and alarms in both processes, the engine works, and a timeout ends its process."""
     (tmp_path / "sitecustomize.py").write_text(BARE)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(child_process, "_idle", {})
@@ -147,7 +147,7 @@ def test_a_script_without_a_main_guard_is_not_run_again_in_the_child(tmp_path: P
     assert here != child
 
 
-def test_ctrl_c_ends_the_process_and_is_not_swallowed() -> None:
+def test_ctrl_c_ends_the_engine_process_and_raises_keyboard_interrupt() -> None:
     engine = IsolatedEngine("native", lump(SCENE))
 
     def interrupt(*_: object) -> None:
@@ -165,7 +165,7 @@ def test_ctrl_c_ends_the_process_and_is_not_swallowed() -> None:
         engine.mass_matrix(np.zeros(engine.n))
 
 
-def test_ctrl_c_sent_to_the_process_alone_is_raised_here() -> None:
+def test_ctrl_c_sent_only_to_the_engine_process_is_raised_in_the_parent() -> None:
     engine = IsolatedEngine("native", lump(SCENE))
     os.kill(process_of(engine).pid, signal.SIGINT)
     with pytest.raises(KeyboardInterrupt):
@@ -187,7 +187,7 @@ def test_a_process_serves_one_engine_after_another(
     assert engine.n == lump(longer).n
 
 
-def test_errors_printed_for_one_engine_are_not_those_of_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_errors_printed_for_one_engine_are_not_reported_for_the_next_one(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(child_process, "_idle", {})
     engine = IsolatedEngine("native", lump(SCENE))
     engine._call("print", print, "Error: first", flush=True)
@@ -209,8 +209,8 @@ def test_an_idle_process_serves_one_engine_only(monkeypatch: pytest.MonkeyPatch)
     assert process_of(engine) is process is not process_of(other)
 
 
-def test_a_call_in_time_leaves_the_process_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its timer starts before the call and stops after it."""
+def test_a_call_that_ends_in_time_does_not_stop_the_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The timer that would stop the process starts before the call and is stopped after the call."""
     calls: list[str] = []
 
     class Watched:
@@ -231,7 +231,7 @@ def test_a_call_in_time_leaves_the_process_alone(monkeypatch: pytest.MonkeyPatch
     assert calls == ["60 s", "started", "stopped"]
 
 
-def test_a_process_that_died_while_it_waited_is_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_idle_process_that_died_is_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(child_process, "_idle", {})
     engine = IsolatedEngine("native", lump(SCENE))
     process = process_of(engine)
@@ -241,7 +241,7 @@ def test_a_process_that_died_while_it_waited_is_replaced(monkeypatch: pytest.Mon
     assert IsolatedEngine("native", lump(SCENE)).n == lump(SCENE).n
 
 
-def test_the_process_ends_with_its_last_reference() -> None:
+def test_an_engine_process_ends_with_its_last_reference() -> None:
     child = child_process.ChildProcess()
     process = child.process
     del child
@@ -260,12 +260,12 @@ engine.integrate(scene)
 """
 
 
-def test_the_process_ends_if_its_parent_is_killed() -> None:
+def test_an_engine_process_ends_if_its_parent_is_killed() -> None:
     here = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     parent = subprocess.Popen([sys.executable, "-c", PARENT], stdout=subprocess.PIPE, text=True, env=here)
     assert parent.stdout is not None
     child = int(parent.stdout.readline())
-    time.sleep(0.3)  # it is computing a run of 1000 s
+    time.sleep(0.3)  # it is simulating 1000 s
     assert alive(child)
     parent.kill()
     parent.wait()
@@ -280,7 +280,7 @@ def alive(pid: int) -> bool:
     return status.exists() and not re.search(r"State:\s+Z", status.read_text())
 
 
-def test_a_missing_package_names_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_error_of_a_missing_package_names_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "pydrake.py").write_text("raise ImportError('no Drake today')")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(child_process, "_idle", {})

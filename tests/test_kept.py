@@ -30,7 +30,7 @@ OLDER_BODIES = {"parent", "begins", "slot", "fork", "loaded"}
 def test_stored_rows_depend_on_sources_and_on_files_of_methods_and_rules(
     suffix: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One additional byte in any of them makes another version."""
+    """One additional byte in any of these files changes the version."""
     before, read = fingerprint.version.__wrapped__(), Path.read_bytes
     changed = next(path for path in sorted(Path(fl.__file__).parent.rglob(f"*{suffix}")))
     monkeypatch.setattr(Path, "read_bytes", lambda path: read(path) + (b"#" if path == changed else b""))
@@ -46,7 +46,7 @@ def row(number: int, reason: str = "") -> Row:
 
 
 def test_a_fresh_start_removes_the_rows_of_a_killed_process(tmp_path: Path) -> None:
-    """Its last rows are in the write-ahead log, which the database would read with the new file."""
+    """The killed process left rows in the write-ahead log, which SQLite would read into the new database."""
     plan, out, left = Plan(SWEEP), tmp_path / "sweep.db", tmp_path / "left.db"
     with Store(out, plan, {"of": "this"}) as store:
         store.add([row(0), row(1)])
@@ -60,14 +60,14 @@ def test_a_fresh_start_removes_the_rows_of_a_killed_process(tmp_path: Path) -> N
         assert store.count() == 2
 
 
-def test_an_interrupted_sweep_has_its_signal() -> None:
+def test_an_interrupted_sweep_reports_its_signal() -> None:
     text = "2 of 3 members are done"
     stopped = fl.errors.InterruptedSweepError(text, 15)
     assert (str(stopped), stopped.signal) == (text, 15)
 
 
-def test_damage_is_found_in_every_page(tmp_path: Path) -> None:
-    """Here the damaged page contains the end of a long reason, which only a query of the table reads."""
+def test_a_damaged_page_of_the_database_is_found(tmp_path: Path) -> None:
+    """The damaged page contains the end of a long reason, which only a full query of the table reads."""
     plan, out = Plan(SWEEP), tmp_path / "sweep.db"
     with Store(out, plan, {"of": "this"}) as store:
         store.add([row(0, "x" * 20_000)])
@@ -82,8 +82,8 @@ def test_damage_is_found_in_every_page(tmp_path: Path) -> None:
         Store(out, plan, {"of": "this"})
 
 
-def test_the_rest_position_has_the_final_angles_of_driven_joints() -> None:
-    """A beam held at 30° sags from there; released, it would hang down."""
+def test_the_rest_position_uses_the_final_angles_of_driven_joints() -> None:
+    """A beam whose driven joint stays at 30° sags a little; with a free joint, it would hang down."""
     beam = flexible("a", segments=5, lumping="gauss")
     scene = make_scene(beam, gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_deg=(30.0,)))
     run = fl.simulate(scene, step=1e-5, duration=2e-5, sample=1e-5)
@@ -96,13 +96,13 @@ def test_the_rest_position_has_the_final_angles_of_driven_joints() -> None:
     assert np.linalg.norm(sag) == pytest.approx(weight * 1.25**4 / (8 * EI), rel=0.05)
 
 
-def test_a_trajectory_without_a_wrench_has_none() -> None:
+def test_a_trajectory_built_without_a_wrench_has_an_empty_wrench_array() -> None:
     run = fl.simulate(SCENE)
     bare = fl.Trajectory(run.chain, run.t, run.q, run.qd, run.tau, run.tip, run.energy)
     assert bare.tip_wrench.shape == (0, 6)
 
 
-def test_an_archive_of_a_version_without_branches_has_its_load_on_the_last_body(tmp_path: Path) -> None:
+def test_archives_older_than_branched_arms_apply_the_wrench_to_the_last_body(tmp_path: Path) -> None:
     arm = make_scene(flexible("a", segments=3), flexible("b", segments=3), wrench=fl.Wrench(force=(0.0, 1.0, 0.0)))
     run = fl.simulate(arm, step=1e-5, sample=1e-5, duration=3e-5)
     arrays = dict(np.load(run.save(tmp_path / "run.npz")))

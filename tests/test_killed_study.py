@@ -1,4 +1,4 @@
-"""A study that is killed leaves nothing running, and a store that no report takes for a whole one."""
+"""A killed study leaves no process running, and its store is recognised as incomplete."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ def runs(process: int) -> bool:
         os.kill(process, 0)
     except ProcessLookupError:
         return False
-    status = Path(f"/proc/{process}/stat")  # a process that has ended and was not waited for keeps its number
+    status = Path(f"/proc/{process}/stat")  # a process that has ended keeps its id until its parent waits for it
     return not (status.exists() and status.read_text(encoding="utf-8").rpartition(")")[2].split()[0] == "Z")
 
 
-def test_the_workers_of_a_killed_study_end(tmp_path: Path) -> None:
+def test_workers_end_when_their_study_is_killed(tmp_path: Path) -> None:
     script = tmp_path / "study.py"  # a worker imports what its parent ran
     script.write_text(WITH_A_WORKER, encoding="utf-8")
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
@@ -55,16 +55,16 @@ def test_the_workers_of_a_killed_study_end(tmp_path: Path) -> None:
     assert until(lambda: not runs(worker))
 
 
-def test_a_study_stopped_in_the_middle_is_reported_as_such(tmp_path: Path) -> None:
+def test_an_interrupted_study_is_reported_as_incomplete(tmp_path: Path) -> None:
     results = tmp_path / "results"
     command = [sys.executable, "-m", "validation", "--no-report", "--results", str(results), *STUDY]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as study:
         assert until(lambda: bool(Store(results).rows()))
         study.terminate()
     whole, planned = set(Store(results).finished()), set(Store(results).plan())
-    assert whole < planned, "not one more than were measured"
+    assert whole < planned, "no unmeasured case is finished"
     missing = {each.case for each in Results.read(results).missing}
     assert missing == planned - whole
-    said = first_screen(words_from(results, tmp_path))
-    assert "Verification: INCOMPLETE" in said
-    assert all(case in said for case in missing)
+    text = first_screen(words_from(results, tmp_path))
+    assert "Verification: INCOMPLETE" in text
+    assert all(case in text for case in missing)

@@ -1,4 +1,4 @@
-"""A sweep that is killed repeatedly, with its workers, ends with the rows of an undisturbed one."""
+"""A sweep that is killed repeatedly with its workers finally has the same rows as an undisturbed sweep."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flexlink.sweeps import workers
 from tests.words import line, reviewed
 from validation.sweep_processes import cluster, counted, finish, killed_at, rows, started, until
 
-MEMBERS = 600  # two workers need more than half a second
+MEMBERS = 600  # enough to keep two workers busy for more than half a second
 SWEEP = """
 scene = "{scene}"
 set = {{ run.duration = 0.002, run.sample = 0.001 }}
@@ -42,7 +42,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> list[tuple]:
     return list(fl.sweep(path).rows)
 
 
-def test_a_sweep_killed_three_times_has_the_rows_of_an_undisturbed_one(
+def test_a_sweep_killed_three_times_has_the_same_rows_as_an_undisturbed_one(
     sweep: Path, tmp_path: Path, undisturbed: list[tuple]
 ) -> None:
     out = tmp_path / "killed.db"
@@ -70,7 +70,7 @@ def test_a_signal_keeps_the_rows_and_the_message_explains_how_to_continue(
     assert 0 < kept < MEMBERS
 
 
-def test_a_cluster_that_lost_a_worker_gives_the_rows_of_one_process(
+def test_a_cluster_that_lost_a_worker_gives_the_same_rows_as_one_process(
     sweep: Path, tmp_path: Path, undisturbed: list[tuple]
 ) -> None:
     pytest.importorskip("distributed")

@@ -1,4 +1,4 @@
-"""Compiled loops come in four kinds, plain and full, in a plane and in space, whatever is run (CONTRIBUTING)."""
+"""Stepping loops are compiled for four kinds of chain only: plain or full, planar or spatial (CONTRIBUTING)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ WAYS: list[dict[str, object]] = [
 
 
 def scenes() -> list[fl.Scene]:
-    """Every model, every law, prescribed motion, wrenches that change, drag, dampers, lags, and all at once."""
+    """Every model, every control law, prescribed motion, wrenches that change, drag, dampers, lags, and all at once."""
     bare = fl.load_scene("models/t2_spatial.toml")
     laws = [arm(law) for law in DRIVES]
     changed = [
@@ -37,7 +37,7 @@ def scenes() -> list[fl.Scene]:
 
 
 def count() -> None:
-    """Run all of them for two steps in every way, and print how many kinds of each loop were compiled."""
+    """Run all scenes for two steps with each method, and print for how many kinds of chain each loop was compiled."""
     for way, scene in itertools.product(WAYS, scenes()):
         step = scene.run.fixed_step
         own = {"run.duration": 2 * step, "run.sample": step, "run.unstable": "allow", **way}
@@ -49,10 +49,10 @@ def count() -> None:
 
 
 @pytest.mark.slow
-def test_loops_are_compiled_for_four_kinds_of_scene() -> None:
-    """Steps that an error controls have a loop for implicit methods and one for explicit ones."""
+def test_stepping_loops_are_compiled_for_four_kinds_of_chain_only() -> None:
+    """Adaptive steps have one loop for implicit methods and one for explicit ones."""
     code = "import sys; sys.path[:0] = ['tests']; import test_kinds; test_kinds.count()"
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    found = eval(told.strip().splitlines()[-1])
-    assert {"integrate", "ImplicitWork", "EmbeddedWork"} <= set(found), told
+    printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    found = eval(printed.strip().splitlines()[-1])
+    assert {"integrate", "ImplicitWork", "EmbeddedWork"} <= set(found), printed
     assert max(found.values()) <= MOST, found

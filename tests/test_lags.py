@@ -1,4 +1,4 @@
-"""Viscous friction that lags behind the rate, a force law with a state: closed forms and another integrator."""
+"""Lagging viscous friction, a force law with a state, agrees with closed forms and an independent integrator."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from tests.words import refused
 FIXED = 1e-9  # for steps of 1 ms
 WAYS = [("RK4", FIXED), ("Gauss4", FIXED), ("Radau5", 1e-6), ("DOP853", 1e-7), ("Radau9", 1e-8), ("auto", 1e-5)]
 NONE = {"link.*.joint.viscous": 0.0, "link.*.joint.viscous_lag": 0.0}
-RATES = np.array([[0.0, -2.0], [1 / 0.3, -1 / 0.3]])  # of q̇ and ζ: q̈ = −d ζ / I and ζ̇ = (q̇ − ζ) / τ
+RATES = np.array([[0.0, -2.0], [1 / 0.3, -1 / 0.3]])  # matrix of q̈ = −d ζ / I and ζ̇ = (q̇ − ζ) / τ
 
 
 def wheel(**changes: object) -> fl.Scene:
-    """1 kg m² that turns at 3 rad/s, damped by 2 N m s/rad that lag by 0.3 s: a vibration that dies away."""
+    """A wheel of 1 kg m² at 3 rad/s vibrates and comes to rest: its friction of 2 N m s/rad lags by 0.3 s."""
     joint = fl.Joint(viscous=2.0, viscous_lag=0.3, armature=1.0)
     arm = fl.Arm(links=(fl.Link(name="wheel", joint=joint, hub=fl.RigidBody(mass=1.0)),))
     run = fl.RunSettings(duration=2.0, sample=0.5, step=1e-3)
@@ -35,19 +35,19 @@ def lagging(**changes: object) -> fl.Scene:
 
 
 @pytest.mark.parametrize(("method", "tolerance"), WAYS)
-def test_a_wheel_slows_down_as_by_the_matrix_exponential(method: str, tolerance: float) -> None:
+def test_a_wheel_with_lagging_friction_follows_the_matrix_exponential(method: str, tolerance: float) -> None:
     by_tolerance = {"run.relative_tolerance": tolerance} if tolerance > FIXED else {}
     run = fl.simulate(wheel(**{"run.method": method, **by_tolerance}))
     np.testing.assert_allclose(run.qd, [expm(RATES * t) @ [3.0, 0.0] for t in run.t], atol=20 * tolerance)
     assert np.abs(run.imbalance).max() <= 4.5 * 20 * tolerance
 
 
-def test_without_a_state_of_the_start_friction_begins_at_zero() -> None:
+def test_without_an_initial_state_lagging_friction_starts_at_zero() -> None:
     given = wheel(initial=fl.InitialState(rate_deg=(np.degrees(3.0),)))
     np.testing.assert_array_equal(fl.simulate(given).qd, fl.simulate(wheel()).qd)
 
 
-def test_a_bending_arm_moves_as_by_another_integrator() -> None:
+def test_a_bending_arm_agrees_with_an_independent_integrator() -> None:
     scene = lagging(drive=fl.Drive(), wrench=fl.Wrench())
     chain, bare = fl.lump(scene), fl.lump(scene.varied(NONE))
     run = fl.simulate(scene.varied({"run.method": "Radau9", "run.relative_tolerance": 1e-8}))
@@ -66,7 +66,7 @@ def test_a_bending_arm_moves_as_by_another_integrator() -> None:
     np.testing.assert_allclose(run.qd[-1, chain.internal], end[2 * n :], atol=1e-4)
 
 
-def test_slopes_are_those_of_the_law(rng) -> None:
+def test_derivatives_of_lagging_friction_agree_with_finite_differences(rng) -> None:
     chain = fl.lump(lagging())
     q, qd = random_state(chain, rng)
     zero, h = np.zeros(chain.n), 1e-6
@@ -77,10 +77,10 @@ def test_slopes_are_those_of_the_law(rng) -> None:
              - fl.forward_dynamics(chain, q - along[0] * e, qd - along[1] * e, zero)) / (2 * h)
             for e in np.eye(chain.n)
         ]  # fmt: skip
-        np.testing.assert_allclose(found, np.transpose(columns), atol=1e-5 * np.abs(found).max())  # eps |q̈| / h
+        np.testing.assert_allclose(found, np.transpose(columns), atol=1e-5 * np.abs(found).max())  # rounding
 
 
-def test_friction_only_dissipates_power(rng) -> None:
+def test_lagging_friction_only_dissipates_energy(rng) -> None:
     chain = fl.lump(lagging())
     _, qd = random_state(chain, rng)
     torque = fl.friction_torque(chain, qd)
@@ -89,7 +89,7 @@ def test_friction_only_dissipates_power(rng) -> None:
     np.testing.assert_allclose(qd @ torque, hinges + 20.0 * (qd[chain.internal] ** 2).sum(), rtol=1e-12)
 
 
-def test_a_linear_model_has_the_state_and_no_other() -> None:
+def test_a_linear_model_includes_the_friction_state() -> None:
     chain = fl.lump(wheel())
     model = fl.linearize(chain, np.zeros(2), outputs=("joints",))
     states = "q wheel [rad]", "qd wheel [rad/s]", "qd wheel.lag [rad/s]"
@@ -119,7 +119,7 @@ def test_archives_continued_runs_and_sweeps_include_the_lag(tmp_path) -> None:
     np.testing.assert_array_equal(many[1].q, whole.q)
 
 
-def test_a_locked_joint_and_statics_have_no_state() -> None:
+def test_locked_joints_and_statics_have_no_friction_state() -> None:
     locked = lagging(**{"link.fore.joint.locked": True}, initial=fl.InitialState(), drive=fl.Drive())
     assert len(fl.lump(locked).internal) == 2
     chain = fl.lump(lagging())
@@ -130,7 +130,7 @@ def test_a_locked_joint_and_statics_have_no_state() -> None:
     np.testing.assert_allclose(found, frozen, rtol=1e-9)
 
 
-def test_what_does_not_support_lags_refuses_them() -> None:
+def test_functions_that_do_not_support_lagging_friction_refuse_it() -> None:
     scene = lagging()
     chain = fl.lump(scene)
     assert "lagging friction" in unsupported(scene, chain, format="mjcf")

@@ -1,4 +1,4 @@
-"""What people read is plain English, and tests leave its words free to change."""
+"""All texts are in plain English, and tests do not depend on their wording."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ MOST_ASSERTS_ON_PROSE = 28
 WORD = re.compile(r"[A-Za-z]{2,}")
 
 
-def test_no_text_uses_a_word_to_avoid() -> None:
+def test_no_text_uses_a_forbidden_word() -> None:
     assert language.listed(language.files()) == []
 
 
-def test_the_words_to_avoid_are_found() -> None:
+def test_forbidden_words_are_detected() -> None:
     sample = tomllib.loads((TESTS / "language.toml").read_text(encoding="utf-8"))["sample"]
     assert [word for _, word, _ in language.faults(sample["text"])] == sample["words"]
 
 
 def asserts_on_prose(path: Path) -> Iterator[int]:
-    """Lines of asserts, and of `match=`, that compare with three words or more: a change of words would break them."""
+    """Lines of asserts, and of `match=`, that compare with three words or more: new wording would break them."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Assert):
             yield from [node.lineno] if any(map(_is_prose, ast.walk(node.test))) else []
@@ -38,6 +38,6 @@ def _is_prose(node: ast.AST) -> bool:
     return isinstance(node, ast.Constant) and isinstance(node.value, str) and len(WORD.findall(node.value)) >= 3
 
 
-def test_few_tests_assert_on_prose() -> None:
+def test_few_tests_compare_prose() -> None:
     found = [f"{path.name}:{line}" for path in sorted(TESTS.rglob("*.py")) for line in asserts_on_prose(path)]
     assert len(found) <= MOST_ASSERTS_ON_PROSE, found

@@ -1,4 +1,4 @@
-"""Control laws of a scene, compiled: what they give, sampled or continuous, within their limits, in every engine."""
+"""Compiled control laws of a scene: torques, sampling, effort limits, and all engines."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ every_limit = pytest.mark.parametrize("limit", LIMITED)
 
 
 def arm(drive: dict[str, Any] | None = None, **changes: object) -> fl.Scene:
-    """A turning base and two links, of which one bends in two planes, and one in one behind an elastic gear."""
+    """A rotating base and two links: one bends in two planes, the other has an elastic gear and bends in one."""
     gear = fl.Joint(armature=0.5, viscous=0.5, gear_stiffness=2e4, gear_damping=5.0)
     scene = make_scene(
         fl.Link(name="base", length=0.2, material="aluminium", section="square", joint=fl.Joint(armature=0.5)),
@@ -58,7 +58,7 @@ def arm(drive: dict[str, Any] | None = None, **changes: object) -> fl.Scene:
 
 
 def in_python(scene: fl.Scene) -> Callable[[float, np.ndarray, np.ndarray], np.ndarray]:
-    """The law of a scene whose reference stays, by its formula."""
+    """The control law of a scene with constant reference, written in Python."""
     drive, chain, model = scene.drive, fl.lump(scene), fl.lump(fl.rigidified(scene))
     a, r = chain.active, np.radians(drive.target_deg)
     kp, kd = np.array(drive.kp), np.array(drive.kd)
@@ -86,8 +86,8 @@ def torques(drive: Any, t: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("t", [-0.1, 0.0, 0.15, 0.3, 0.7, 5.0])
-def test_a_reference_is_its_polynomial_with_two_derivatives(t: float, rng: np.random.Generator) -> None:
-    """At a knot, 0.3, by the middle of the step that it belongs to; sums of six products are a few ulp apart."""
+def test_a_reference_gives_its_polynomial_and_two_derivatives(t: float, rng: np.random.Generator) -> None:
+    """At the knot, 0.3 s, the midpoint of the step selects the piece; sums of six products differ by a few ulp."""
     ref = PiecewisePolynomial(np.array([0.0, 0.3]), rng.uniform(-1, 1, (2, 6, 3)))
     for d in range(3):
         for middle in (t - 0.01, t + 0.01):
@@ -97,13 +97,13 @@ def test_a_reference_is_its_polynomial_with_two_derivatives(t: float, rng: np.ra
             np.testing.assert_allclose(reference(ref, t, middle, d), wanted, rtol=0, atol=1e-12 * (1 + x**5))
 
 
-def test_a_constant_reference_stays() -> None:
+def test_a_constant_reference_has_zero_derivatives() -> None:
     ref = constant(np.array([1.0, -2.0]))
     assert [reference(ref, t, t, d) for t in (0.0, 9.0) for d in (0, 1)] == [(1.0, 0.0, 0.0), (-2.0, 0.0, 0.0)] * 2
 
 
 def inverse_dynamics(by: str, scene: fl.Scene) -> Callable[..., np.ndarray]:
-    """τ(q, q̇, q̈) of a scene's chain, by flexlink or by Pinocchio from the file."""
+    """τ(q, q̇, q̈) of a scene's chain, by flexlink or by Pinocchio from the exported file."""
     if by == "flexlink":
         return lambda *motion: fl.inverse_dynamics(fl.lump(scene), *motion)
     pin = pytest.importorskip("pinocchio")
@@ -113,8 +113,10 @@ def inverse_dynamics(by: str, scene: fl.Scene) -> Callable[..., np.ndarray]:
 
 @pytest.mark.parametrize("by", ["flexlink", "pinocchio"])
 @every_law
-def test_a_law_is_its_formula(name: str, by: str, monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
-    """Relative to the largest of its terms: 1e-12, some thousand roundings."""
+def test_a_compiled_law_agrees_with_its_formula(
+    name: str, by: str, monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
+) -> None:
+    """They agree to 1e-12 of the largest term, that is, to a few thousand roundings."""
     law, scene = LAWS[name], arm(LAWS[name])
     order = 1 if law.get("gravity") == "static" else 4
     ref = PiecewisePolynomial(np.zeros(1), rng.uniform(-1, 1, (1, order, 3)))
@@ -139,15 +141,15 @@ def test_a_law_is_its_formula(name: str, by: str, monkeypatch: pytest.MonkeyPatc
 
 
 def moved(ref: PiecewisePolynomial, t: float) -> list[np.ndarray]:
-    """Angles, rates and accelerations of a reference of one piece."""
+    """Angles, rates and accelerations of a reference with one polynomial piece."""
     columns = [Polynomial(column) for column in ref.coefficients[0].T]
     return [np.array([p.deriv(order)(t) for p in columns]) for order in range(3)]
 
 
 @every_limit
 @every_law
-def test_a_sampled_law_is_the_same_law_in_python_asked_at_that_rate(name: str, limit: str) -> None:
-    """The same loop holds both; the law itself is rounded otherwise, 100 times a few ulp of 100 N m."""
+def test_a_sampled_law_agrees_with_the_same_law_in_python(name: str, limit: str) -> None:
+    """Both use the same sampling loop; rounding differs by a few ulp of 100 N m at each of 100 samples."""
     scene = arm({**LAWS[name], **LIMITED[limit], "rate": 1000.0})
     law = fl.simulate(scene.varied({"drive": {"kind": "none"}}), control=in_python(scene), rate=1000.0)
     run = fl.simulate(scene)
@@ -159,8 +161,8 @@ def test_a_sampled_law_is_the_same_law_in_python_asked_at_that_rate(name: str, l
 
 @every_rate
 @every_law
-def test_no_stage_sees_more_than_the_effort(name: str, rate: str) -> None:
-    """Every stage of every step, from the step's start with the torques of the drive, leads to the run's next state."""
+def test_no_stage_torque_exceeds_the_effort_limit(name: str, rate: str) -> None:
+    """Repeating every step, stage by stage with the limited torques, gives the next state of the run."""
     scene = arm({**LAWS[name], "effort": EFFORT, **SAMPLED[rate]}, **{"run.sample": 1e-4, "run.duration": 0.02})
     run, chain = fl.simulate(scene), fl.lump(scene)
     A, b, c = method("RK4").arrays
@@ -176,7 +178,7 @@ def test_no_stage_sees_more_than_the_effort(name: str, rate: str) -> None:
         np.testing.assert_allclose(y[:n] + h * b @ F[:, :n], run.q[number + 1], rtol=0, atol=1e-13)
     most = np.abs(seen).max(axis=0)
     assert (most <= EFFORT).all()
-    assert (most == EFFORT).all()  # by every drive, each its own
+    assert (most == EFFORT).all()  # every drive reaches its limit
     assert (np.abs(run.tau[:, chain.active]) <= EFFORT).all()
 
 
@@ -185,8 +187,10 @@ def test_no_stage_sees_more_than_the_effort(name: str, rate: str) -> None:
 @every_limit
 @every_rate
 @every_law
-def test_every_engine_runs_every_law(name: str, rate: str, limit: str, engine: str) -> None:
-    """A tenth of a second with RK4."""
+def test_every_engine_gives_the_native_motion_for_every_control_law(
+    name: str, rate: str, limit: str, engine: str
+) -> None:
+    """Angles of another engine differ from the native ones by at most 1e-9 rad in 0.1 s with RK4."""
     pytest.importorskip(engine)
     scene = arm({**LAWS[name], **SAMPLED[rate], **LIMITED[limit]}, **{"run.duration": 0.1, "run.step": 2e-4})
     q = [load(each, fl.lump(scene)).integrate(scene)[1] for each in ("native", engine)]
@@ -194,7 +198,7 @@ def test_every_engine_runs_every_law(name: str, rate: str, limit: str, engine: s
 
 
 @compiled
-def test_stepping_loops_are_compiled_once_whatever_drives_the_arm() -> None:
+def test_stepping_loops_are_compiled_once_for_all_drives() -> None:
     fl.simulate(arm())
     loops = len(integrate.signatures)
     table = {"kind": "table", "times": (0.0, 0.1), "torques": ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))}
@@ -205,8 +209,8 @@ def test_stepping_loops_are_compiled_once_whatever_drives_the_arm() -> None:
     assert len(integrate.signatures) == loops
 
 
-def test_a_probed_step_does_not_ask_a_sampled_law() -> None:
-    """One that ends at an instant which the run itself has not reached."""
+def test_a_trial_step_for_the_error_does_not_evaluate_a_sampled_law() -> None:
+    """The trial step ends at a time that the run itself has not reached."""
     problem = problem_of(arm({**PD, "rate": 1e4}))
     record = Record(problem, np.zeros(1), problem.q[None], problem.qd[None])
     before = [array.copy() for array in drives.remembered(record.inputs.drive)]
@@ -215,7 +219,7 @@ def test_a_probed_step_does_not_ask_a_sampled_law() -> None:
         np.testing.assert_array_equal(array, kept)
 
 
-def test_the_effort_limits_laws_and_also_torques_from_outside() -> None:
+def test_effort_limits_apply_to_laws_and_external_torques() -> None:
     scene = arm({"kind": "none", "effort": EFFORT})
     limited = [sign * e for sign, e in zip((1, -1, 1), EFFORT, strict=True)]
     run = fl.simulate(scene, control=lambda t, q, qd: [1e4, -1e4, 1e4], rate=100.0)
@@ -224,8 +228,8 @@ def test_the_effort_limits_laws_and_also_torques_from_outside() -> None:
 
 
 @every_law
-def test_the_gains_of_a_law_are_its_slopes(name: str, rng: np.random.Generator) -> None:
-    """Central differences along random directions, of the formula in Python; their error is of order 1e-10 of them."""
+def test_the_gains_of_a_law_are_its_derivatives(name: str, rng: np.random.Generator) -> None:
+    """They agree with central differences of the Python formula in random directions, whose error is about 1e-10."""
     scene = arm(LAWS[name])
     chain, law = fl.lump(scene), in_python(scene)
     q, qd, δ, δd = rng.uniform(-1, 1, (4, chain.n))
@@ -235,7 +239,7 @@ def test_the_gains_of_a_law_are_its_slopes(name: str, rng: np.random.Generator) 
     np.testing.assert_allclose(-(kp @ δ + kd @ δd)[chain.active], wanted, rtol=0, atol=1e-7 * np.abs(wanted).max())
 
 
-def test_a_law_at_its_limit_still_has_its_gains() -> None:
+def test_the_gains_of_a_law_ignore_its_torque_limit() -> None:
     chain = fl.lump(scene := arm(PD))
     at_limit = fl.lump(limited := arm({**PD, "effort": (1e-3, 1e-3, 1e-3)}))
     zero = np.zeros(chain.n)
@@ -244,7 +248,7 @@ def test_a_law_at_its_limit_still_has_its_gains() -> None:
     assert np.linalg.norm(free.kp) > 0
 
 
-def test_a_rigid_arm_under_computed_torque_reduces_its_errors_at_the_rate_of_its_gains() -> None:
+def test_computed_torque_errors_of_a_rigid_arm_decay_as_its_gains_specify() -> None:
     """ë + 12 ė + 60 e = 0 in every joint, whatever the posture and the payload."""
     scene = fl.rigidified(arm()).varied({"drive": LAWS["computed torque"], "link.*.joint.coulomb": 0.0,
                                          "link.*.joint.viscous": 0.0, "run.duration": 1.0})  # fmt: skip
@@ -255,7 +259,7 @@ def test_a_rigid_arm_under_computed_torque_reduces_its_errors_at_the_rate_of_its
     np.testing.assert_allclose(run.q, r + np.multiply.outer(shape, run.q[0] - r), rtol=0, atol=1e-9)
 
 
-def test_the_twin_is_the_arm_without_what_bends() -> None:
+def test_the_rigid_model_of_an_arm_keeps_mass_gravity_torque_and_driven_joints() -> None:
     scene = arm(**{"initial.q": tuple(np.linspace(-0.1, 0.1, 10)), "initial.passive": None})
     twin = fl.rigidified(scene)
     chain, model = fl.lump(scene), fl.lump(twin)
@@ -273,18 +277,18 @@ def test_the_twin_is_the_arm_without_what_bends() -> None:
         fl.rigidified(3)
 
 
-def test_an_arm_without_driven_joints_has_nothing_to_drive() -> None:
+def test_a_drive_of_an_arm_without_driven_joints_is_empty() -> None:
     scene = make_scene(
         flexible("a", joint=fl.Joint(locked=True)), drive={**PD, "kp": (0,), "kd": (0,), "target_deg": (0,)}
     )
     assert len(drive_arrays(scene, fl.lump(scene)).joints) == 0
 
 
-def test_no_file_stores_a_law_and_a_note_reports_it() -> None:
+def test_exports_note_that_no_format_stores_a_control_law() -> None:
     scene = arm({**PD, "effort": EFFORT})
     for format in ("urdf", "mjcf", "sdf"):
-        told = unsupported(scene, fl.lump(scene), format=format)
-        assert {"drive torques", "control law", "torque limits"} <= told.keys()
+        listed = unsupported(scene, fl.lump(scene), format=format)
+        assert {"drive torques", "control law", "torque limits"} <= listed.keys()
     assert "control law" not in unsupported(arm(), fl.lump(arm()), format="urdf")
 
 
@@ -312,24 +316,24 @@ def test_no_file_stores_a_law_and_a_note_reports_it() -> None:
          "joint-prescribed"),
     ],
 )  # fmt: skip
-def test_what_a_law_cannot_be_is_refused(drive: dict[str, Any], changes: dict[str, Any], message: str) -> None:
+def test_invalid_control_laws_are_refused(drive: dict[str, Any], changes: dict[str, Any], message: str) -> None:
     with refused(fl.errors.SceneError, message):
         arm({**PD, **drive}, **changes)
 
 
-def test_what_no_law_has_cannot_be_sampled() -> None:
+def test_a_drive_without_a_control_law_cannot_be_sampled() -> None:
     with refused(fl.errors.SceneError, "no-effect"):
         arm({"kind": "none", "rate": 100.0})
 
 
 @pytest.mark.parametrize("engine", ["drake", "exudyn"])
-def test_engines_that_show_no_steps_refuse_a_sampled_law_by_name(engine: str) -> None:
+def test_engines_without_access_to_their_steps_refuse_a_sampled_law_by_name(engine: str) -> None:
     with refused(fl.errors.ArgumentError, "engine-does-not-support"):
         base.refuse_sampled_inputs(engine, arm({**PD, "rate": 1000.0}))
 
 
-def test_a_simulator_that_cannot_go_on_remembers_what_its_law_gave_before() -> None:
-    """The call that fails asks the law many times; the next one goes on as if it had not been made."""
+def test_a_failed_simulator_step_restores_the_torques_of_the_sampled_law() -> None:
+    """The failing call evaluates the law many times; the next call continues as if it had never happened."""
     scene = arm({**PD, "rate": 500.0}, **{"run.unstable": "allow"})
     simulator, other = fl.Simulator(scene), fl.Simulator(scene)
     for each in (simulator, other):
@@ -344,8 +348,8 @@ def test_a_simulator_that_cannot_go_on_remembers_what_its_law_gave_before() -> N
     np.testing.assert_array_equal(simulator.step(duration=0.01).q, other.step(duration=0.01).q)
 
 
-def test_arms_that_share_a_description_of_torques_drive_their_own_joints() -> None:
-    """The same torques, of an arm whose base is free and of one whose base is locked: other joints, other numbers."""
+def test_arms_that_share_a_torque_table_drive_their_own_joints() -> None:
+    """One arm has a free base joint and one a locked base joint, so the joint numbers differ."""
     drive = fl.Drive(kind="constant", torque=(0.0, 2.0, 3.0))
     free = arm().varied({"drive": drive})
     locked = free.varied({"link.base.joint": {"locked": True}})

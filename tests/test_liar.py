@@ -1,7 +1,8 @@
-"""Every kind of the study is given false values and must report them: a check that always passes checks nothing.
+"""Every check of the study is given false values and must report them: a check that always passes is useless.
 
-Each case is cut short, passes as it is, and then fails where one function of the library is wrong in one call. Lies are
-a few limits large, so that a limit that is 1000 times too wide lets them pass, as a mean in place of a maximum does.
+Each case is shortened, passes unchanged, and must fail if one function of the library returns a false value in one
+call. False values exceed a limit only a few times, so that a limit 1000 times too wide, or a mean in place of a
+maximum, is found.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import math
 
 import pytest
 from liar.cut import Cut, Lie, load, not_lied_to, remembering_judges
-from liar.lies import LIES, told
+from liar.lies import LIES, injected
 
 import flexlink as fl
 from flexlink import engines
@@ -21,12 +22,12 @@ from validation.kinds import KINDS
 from validation.store import Row
 
 CUTS = load()
-SHARPEST = 40.0  # limits that a lie may be large: far below 1000, and well above what rounding makes of it
+SHARPEST = 40.0  # most times that a false value may exceed its limit: far below 1000, well above rounding
 MILLIONTH = 1e-6
 
 
 def limits(row: Row) -> float:
-    """How many limits a value is large; of one that should be at least its limit, inf where it is not."""
+    """A value divided by its limit; for a lower limit, inf if the value is below this limit, else 0."""
     if row.value is None:
         return math.inf
     if row.bound == "at least":
@@ -37,10 +38,10 @@ def limits(row: Row) -> float:
 
 
 def honest(cut: Cut) -> dict[str, int]:
-    """The case as it is, which passes, and how often each function is called meanwhile."""
+    """Run the unchanged case, which passes, and count the calls of each function."""
     with contextlib.ExitStack() as stack:
         paths = {LIES[lie.of].path: lie.of for lie in cut.lie}
-        counts = {path: stack.enter_context(told(of, 0.0, None)) for path, of in paths.items()}
+        counts = {path: stack.enter_context(injected(of, 0.0, None)) for path, of in paths.items()}
         rows = cut.rows_of()
     assert [
         f"{row.quantity}: {row.value}, limit {row.tolerance}; {row.note}" for row in rows if row.passed is False
@@ -50,13 +51,13 @@ def honest(cut: Cut) -> dict[str, int]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("cut", CUTS, ids=str)
-def test_a_kind_that_is_lied_to_fails(cut: Cut) -> None:
+def test_a_check_given_false_values_fails(cut: Cut) -> None:
     with remembering_judges():
         counts, unnoticed = honest(cut), list[str]()
         for lie in cut.lie:
             calls = counts[LIES[lie.of].path]
             assert calls, f"{cut}: nothing of {lie.of} is measured"
-            with told(lie.of, lie.size, lie.at(calls)):
+            with injected(lie.of, lie.size, lie.at(calls)):
                 found = max(limits(row) for row in cut.rows_of() if row.quantity == lie.fails)
             if not (1.0 < found <= SHARPEST or found == math.inf):
                 unnoticed.append(f"{lie.of} wrong by {lie.size:g}: {lie.fails} is {found:.3g} limits")
@@ -65,32 +66,32 @@ def test_a_kind_that_is_lied_to_fails(cut: Cut) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("cut", [cut for cut in CUTS if len(cut.made.scenes) > 1], ids=str)
-def test_a_kind_that_leaves_a_scene_out_fails(cut: Cut) -> None:
+def test_a_check_that_omits_a_scene_fails(cut: Cut) -> None:
     try:
         rows = cut.rows_of(left_out=1)
-    except FlexlinkError:  # names it
+    except FlexlinkError:  # the error names the missing scene
         return
-    except ValueError as error:  # a kind that takes its scenes apart by name or number
+    except ValueError as error:  # the kind expects a fixed number of scenes
         assert "unpack" in str(error)
         return
     assert [row.quantity for row in rows if row.passed is False and row.quantity.startswith("rows of ")]
 
 
-def test_every_kind_is_lied_to_or_has_a_reason_why_not() -> None:
-    lied, spared = {cut.kind for cut in CUTS if cut.lie}, not_lied_to()
-    assert lied | set(spared) == set(KINDS)
-    assert lied & set(spared) == set()
-    assert all(len(why) > 10 for why in spared.values())
+def test_every_check_is_given_false_values_or_states_why_not() -> None:
+    lied, skipped = {cut.kind for cut in CUTS if cut.lie}, not_lied_to()
+    assert lied | set(skipped) == set(KINDS)
+    assert lied & set(skipped) == set()
+    assert all(len(why) > 10 for why in skipped.values())
 
 
-def test_a_lie_is_a_millionth_at_most_or_has_a_reason_to_be_larger() -> None:
+def test_false_values_are_off_by_at_most_a_millionth_or_state_why() -> None:
     large = [
         (cut.case, lie.of, lie.size) for cut in CUTS for lie in cut.lie if abs(lie.size) > MILLIONTH and not lie.why
     ]
     assert large == []
 
 
-def test_lies_name_quantities_with_limits() -> None:
+def test_false_values_concern_quantities_with_limits() -> None:
     wrong = [(cut.case, lie.fails) for cut in CUTS for lie in cut.lie if not _has_limit(cut, lie)]
     assert wrong == []
 
@@ -117,8 +118,8 @@ def test_an_engine_that_refuses_an_arm_fails_the_study(case: str, monkeypatch: p
     assert failed == {"arms refused"}
 
 
-def test_a_lie_reaches_the_study_and_is_not_kept() -> None:
+def test_a_false_value_reaches_the_study_and_is_removed_afterwards() -> None:
     before = fl.mass_matrix
-    with told("M", 1e-6, None):
+    with injected("M", 1e-6, None):
         assert fl.mass_matrix is terms.mass_matrix is not before
     assert fl.mass_matrix is terms.mass_matrix is before

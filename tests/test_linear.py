@@ -1,4 +1,4 @@
-"""The linear model is what the nonlinear equation of motion does next to a state."""
+"""The linear model agrees with the nonlinear equation of motion near a state."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ PAPER = next(path for path in MODELS if path.stem == "paper_fig5")
 
 
 def hanging(chain: Chain) -> Equilibrium:
-    """The sagging arm, joints held."""
+    """The static equilibrium of the arm with locked joints."""
     return fl.solve_static(chain, chain.rest, locked=chain.active.tolist())
 
 
 @pytest.mark.parametrize("ratio", [0.0, 0.02])
-def test_its_eigenvalues_are_those_of_the_modes_of_the_paper_s_arm(ratio: float) -> None:
+def test_eigenvalues_of_the_linear_model_equal_the_eigenvalues_of_modes(ratio: float) -> None:
     damping = Damping(ratio=ratio, at_hz=3.0)
     chain = fl.lump(fl.load_scene(PAPER).varied({"link.upper.damping": damping, "link.fore.damping": damping}))
     rest = hanging(chain)
@@ -36,14 +36,14 @@ def test_its_eigenvalues_are_those_of_the_modes_of_the_paper_s_arm(ratio: float)
 
 
 @pytest.mark.parametrize(("name", "stiffer"), [("t2_spatial", 1.0), ("t3_spatial", 1.0), ("t3_spatial", 1e4)])
-def test_slow_modes_of_stiff_arms_are_as_accurate(name: str, stiffer: float) -> None:
-    """λ from 0.003 to 2e4 1/s, and 2e6 of links a hundred times as fast.
+def test_slow_modes_of_stiff_arms_are_accurate(name: str, stiffer: float) -> None:
+    """Eigenvalues λ range from 0.003 to 2e4 1/s, and to 2e6 1/s if the links are a hundred times as fast.
 
-    A backward stable solver moves λ of 2n rows by 2n eps ‖A‖ times its condition 1/|yᴴx|; the slowest, where rows are
-    graded, by 2n eps of the slowest joint's row, which `numpy.linalg.eigvals(A)` of the stiffer arm misses by a factor
-    of 30. A itself has the spectrum of the exact one to 6e-13 of λ, judged in 60 digits; `modes` to 1e-12;
-    of fast pairs that nearly coincide the condition is known by its size only: 1e-10 of them is allowed, 20 times
-    what kernels of OpenBLAS were seen to leave.
+    A backward stable solver changes λ of 2n rows by 2n eps ‖A‖ times the condition number 1/|yᴴx|. With graded rows
+    the slowest λ changes by 2n eps of the slowest joint's row; `numpy.linalg.eigvals(A)` of the stiffer arm exceeds
+    this by a factor of 30. By 60-digit arithmetic, eigenvalues of A are accurate to 6e-13 of λ, and `modes` to 1e-12.
+    The condition number of fast pairs that nearly coincide is known only roughly, so 1e-10 of λ is also allowed, 20
+    times the error observed with OpenBLAS.
     """
     scene = fl.load_scene(next(path for path in MODELS if path.stem == name))
     used = {link.material: scene.arm.materials[link.material] for link in scene.arm.links if link.material}
@@ -54,17 +54,17 @@ def test_slow_modes_of_stiff_arms_are_as_accurate(name: str, stiffer: float) -> 
         start = np.where(np.isin(np.arange(chain.n), chain.active), angle, 0.0)
         rest = fl.solve_static(chain, start, locked=chain.active.tolist())
         model = fl.linearize(chain, rest.q, tau=rest.tau)
-        told, modes = model.eigenvalues, fl.modes(chain, rest.q).eigenvalues
+        eigenvalues, modes = model.eigenvalues, fl.modes(chain, rest.q).eigenvalues
         rows = graded(model.A)
-        off = np.abs(told[:, None] - modes).min(axis=0)
+        off = np.abs(eigenvalues[:, None] - modes).min(axis=0)
         λ, y, x = linalg.eig(rows, left=True, right=True)
         condition = 1 / np.abs((y.conj() * x).sum(axis=0))[np.abs(λ[:, None] - modes).argmin(axis=0)]
         assert (off <= 2 * chain.n * EPS * np.linalg.norm(rows, 2) * condition + 1e-10 * np.abs(modes)).all()
         assert off[np.abs(modes).argmin()] <= 2 * chain.n * EPS * np.abs(rows[-2:]).sum(axis=1).max()
-        assert len(told) == 2 * chain.n and (np.diff(np.abs(told)) >= 0).all()
+        assert len(eigenvalues) == 2 * chain.n and (np.diff(np.abs(eigenvalues)) >= 0).all()
 
 
-def test_scipy_finds_a_regulator_for_it_that_settles_the_arm() -> None:
+def test_a_scipy_lqr_regulator_stabilizes_the_linear_model() -> None:
     chain = fl.lump(make_scene(flexible("arm", damping=Damping(ratio=0.01, at_hz=10.0)), gravity=(0.0, 9.81, 0.0)))
     rest = hanging(chain)
     model = fl.linearize(chain, rest.q, tau=rest.tau)
@@ -75,7 +75,7 @@ def test_scipy_finds_a_regulator_for_it_that_settles_the_arm() -> None:
     assert model.u == pytest.approx(rest.tau[[0]]) and not model.A.flags.writeable
 
 
-def test_a_prescribed_joint_is_driven_by_its_acceleration() -> None:
+def test_the_input_of_a_prescribed_joint_is_its_acceleration() -> None:
     motion = PrescribedMotion(
         link="a", times=(0.0, 1.0), angle_deg=(0.0, 9.0), rate_deg=(0.0, 0.0), acceleration_deg=(0.0, 0.0)
     )
@@ -88,7 +88,7 @@ def test_a_prescribed_joint_is_driven_by_its_acceleration() -> None:
     assert model.B[chain.n + 1 :, 0].all(), "its acceleration bends the links"
 
 
-def test_what_it_cannot_put_out_is_refused() -> None:
+def test_unknown_outputs_of_the_linear_model_are_refused() -> None:
     chain = fl.lump(make_scene(flexible("a")))
     q = np.zeros(chain.n)
     with refused(ArgumentError, "unknown-name"):
@@ -101,7 +101,7 @@ def test_what_it_cannot_put_out_is_refused() -> None:
         fl.linearize(chain, [q], q, q)
 
 
-def test_without_rates_and_torques_it_is_about_a_state_at_rest_and_not_driven() -> None:
+def test_rates_and_torques_default_to_zero_in_linearize() -> None:
     chain = fl.lump(make_scene(flexible("a")))
     q = np.full(chain.n, 0.1)
     short, whole = fl.linearize(chain, q), fl.linearize(chain, q, np.zeros(chain.n), np.zeros(chain.n))

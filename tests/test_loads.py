@@ -1,4 +1,4 @@
-"""Internal loads, strain gauges, accelerometers, for an arm at rest or in motion."""
+"""Internal loads, strain gauges and accelerometers of an arm at rest or in motion."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def moving(chain: fl.Chain, rng: np.random.Generator) -> tuple[np.ndarray, np.nd
 
 
 def clamped_in_the_cut(chain: fl.Chain, i: int, offset: np.ndarray) -> tuple[fl.Chain, slice]:
-    """The chain with three more hinges, X, Y, Z, in body i, at an offset from its origin; and their numbers."""
+    """The chain with three added hinges X, Y, Z in body i at an offset from its origin, and the hinge numbers."""
     body, k = chain.bodies[i].copy(), int(chain.bodies["stop"][i])
     root, after = body.copy(), chain.bodies[i + 1 :].copy()
     root["mass"], root["center"], root["inertia"] = 0.0, 0.0, 0.0
@@ -45,11 +45,11 @@ def clamped_in_the_cut(chain: fl.Chain, i: int, offset: np.ndarray) -> tuple[fl.
     return dataclasses.replace(chain, **parts), slice(k, k + 3)
 
 
-def test_the_moments_in_a_cut_are_what_hinges_there_would_have_to_hold(chain: fl.Chain, rng) -> None:
-    """Three more hinges in a body, held at angle zero, take n − r × f by another recursion, that of `rne`."""
+def test_section_moments_equal_the_torques_of_hinges_placed_at_the_section(chain: fl.Chain, rng) -> None:
+    """Three added hinges, locked at angle zero, carry the moment n − r × f, computed by `inverse_dynamics`."""
     state = moving(chain, rng)
     loads = fl.strength.internal_loads(chain, *state, tip_wrench=WRENCH)
-    for i in {0, (len(chain.bodies) - 1) // 2, len(chain.bodies) - 2}:  # the last is the tip's
+    for i in {0, (len(chain.bodies) - 1) // 2, len(chain.bodies) - 2}:  # not the last, the tip frame
         for offset in np.vstack([np.zeros(3), np.eye(3)]):
             held, added = clamped_in_the_cut(chain, i, offset)
             still = (np.insert(part, [added.start] * 3, 0.0) for part in state)
@@ -59,8 +59,8 @@ def test_the_moments_in_a_cut_are_what_hinges_there_would_have_to_hold(chain: fl
             assert np.abs(torque - wanted).max() <= 1e-12 * scale
 
 
-def test_every_segment_is_in_equilibrium_with_the_loads_at_its_two_cuts(chain: fl.Chain, rng) -> None:
-    """m a = m g + f_in + f_out about the centre of mass, in axes of the segment, as its own sensor reads the motion."""
+def test_the_section_loads_satisfy_the_equations_of_motion_of_each_segment(chain: fl.Chain, rng) -> None:
+    """Newton's and Euler's equations are checked at the centre of mass, with accelerations from `point_motion`."""
     q, qd, qdd = moving(chain, rng)
     loads = fl.strength.internal_loads(chain, q, qd, qdd, tip_wrench=WRENCH)
     placed = fl.frames(chain, q)
@@ -82,10 +82,10 @@ def test_every_segment_is_in_equilibrium_with_the_loads_at_its_two_cuts(chain: f
         α = np.array([swing[2, 1] - swing[1, 2], swing[0, 2] - swing[2, 0], swing[1, 0] - swing[0, 1]]) / 2
         moment = couple - loads.moment[i] + np.cross(c, loads.force[i])
         moment -= body["inertia"] @ α + np.cross(ω, body["inertia"] @ ω)
-        assert np.abs(moment).max() <= 1e-11 * (scale[0] + scale[1])  # no arm of a force is longer than 1.25 m
+        assert np.abs(moment).max() <= 1e-11 * (scale[0] + scale[1])  # lever arms are at most 1.25 m
 
 
-def test_in_a_motion_a_hinge_carries_its_spring_and_friction_and_a_joint_its_drive(chain: fl.Chain, rng) -> None:
+def test_in_motion_hinges_carry_spring_and_friction_torque_and_joints_drive_torque(chain: fl.Chain, rng) -> None:
     q, qd = random_state(chain, rng)
     q[chain.stiffness > 0] *= 0.01
     tau = np.zeros(chain.n)
@@ -95,18 +95,18 @@ def test_in_a_motion_a_hinge_carries_its_spring_and_friction_and_a_joint_its_dri
     spring, friction = fl.elastic_torque(chain, q), fl.friction_torque(chain, qd)
     scale = np.abs(spring).max() + np.abs(friction).max() + np.abs(found).max()
     wanted = spring + friction + chain.hinges["armature"] * qdd - tau
-    assert np.abs(found - wanted).max() <= 1e-9 * scale  # that of q̈, which M's condition makes larger than rounding
+    assert np.abs(found - wanted).max() <= 1e-9 * scale  # error of q̈, amplified by the condition number of M
 
 
 def cantilever(lumping: str, segments: int, **fields: object) -> fl.Scene:
-    """1.25 m of aluminium, a million times as stiff: it sags by some nm, and loads do not notice."""
+    """A 1.25 m aluminium beam made a million times stiffer: its sag of a few nm does not affect the loads."""
     link = flexible("boom", "yz", segments, lumping=lumping, joint=fl.Joint(locked=True))
     return make_scene(link, **fields).varied({"material.aluminium.young": 7e16})
 
 
 @pytest.mark.parametrize(("lumping", "segments"), [("gauss", 5), ("paper", 6), ("clamped", 4), ("legendre", 4)])
-def test_a_cantilever_has_the_moment_line_of_the_books(lumping: str, segments: int) -> None:
-    """M_z = −q (L − x)²/2 + P (L − x), T = −q (L − x) + P: load q downwards, tip force P upwards, at every hinge."""
+def test_a_cantilever_has_the_textbook_bending_moment_diagram(lumping: str, segments: int) -> None:
+    """With a load q down and a tip force P up, M_z = −q (L − x)²/2 + P (L − x) and V_y = −q (L − x) + P."""
     P, H = 7.0, 11.0
     scene = cantilever(lumping, segments, gravity=(0.0, -9.81, 0.0), tip=fl.RigidBody(mass=0.5))
     chain = fl.lump(scene)
@@ -127,7 +127,7 @@ def test_a_cantilever_has_the_moment_line_of_the_books(lumping: str, segments: i
     assert not gauge.curvature[:, 0].any()
 
 
-def test_a_fibre_on_the_outside_of_a_bend_is_stretched() -> None:
+def test_a_fibre_on_the_convex_side_of_a_bend_is_stretched() -> None:
     scene = make_scene(flexible("boom", "xyz", 5, joint=fl.Joint(locked=True)), gravity=(0.0, 0.0, 0.0))
     chain = fl.lump(scene)
     for wrench, fibre in (([0, -1, 0, 0, 0, 0], (0.02, 0.0)), ([0, 0, -1, 0, 0, 0], (0.0, 0.02))):
@@ -143,7 +143,7 @@ def test_a_fibre_on_the_outside_of_a_bend_is_stretched() -> None:
     )
 
 
-def test_an_accelerometer_reads_the_support_at_rest_and_nothing_in_free_fall() -> None:
+def test_an_accelerometer_reads_minus_gravity_at_rest_and_zero_in_free_fall() -> None:
     link = fl.Link(name="a", joint=fl.Joint(axis=(0.0, 0.0, 1.0)))
     chain = fl.lump(make_scene(link, tip=fl.RigidBody(mass=1.0, center=(1.0, 0.0, 0.0)), gravity=(0.0, -9.81, 0.0)))
     still = [0.0]
@@ -154,12 +154,12 @@ def test_an_accelerometer_reads_the_support_at_rest_and_nothing_in_free_fall() -
     assert fall.acceleration == pytest.approx(chain.gravity, rel=1e-15)
 
 
-def test_a_joint_has_its_body(chain: fl.Chain) -> None:
+def test_chain_body_gives_the_body_of_each_joint(chain: fl.Chain) -> None:
     assert [chain.body(name) for name in chain.joint_names] == hinge_bodies(chain).tolist()
 
 
-def test_along_a_run_loads_follow_from_its_own_accelerations() -> None:
-    """With a tip wrench and a joint whose motion is prescribed: its acceleration is that of the motion."""
+def test_loads_along_a_run_use_the_accelerations_of_the_run() -> None:
+    """The run has a tip wrench and a prescribed joint, whose acceleration follows from its motion."""
     motion = fl.PrescribedMotion(
         link="a", times=(0.0, 1.0), angle_deg=(0.0, 0.0), rate_deg=(0.0, 0.0), acceleration_deg=(90.0, 0)
     )
@@ -168,7 +168,7 @@ def test_along_a_run_loads_follow_from_its_own_accelerations() -> None:
     run = fl.simulate(scene, duration=0.02, step=1e-4, sample=1e-3)
     assert run.tip_wrench.tolist() == [[1.0, 2.0, 3.0, 0.0, 0.0, 0.0]] * len(run.t)
     s = run.t
-    wanted = np.pi / 2 * (1 - 9 * s + 18 * s**2 - 10 * s**3)  # the quintic's, from its four other conditions at 0
+    wanted = np.pi / 2 * (1 - 9 * s + 18 * s**2 - 10 * s**3)  # of the quintic whose other end values are 0
     assert run.qdd[:, 0] == pytest.approx(wanted, abs=1e-10)
     loads = run.loads
     one = fl.strength.internal_loads(run.chain, run.q[9], run.qd[9], run.qdd[9], tip_wrench=run.tip_wrench[9])
@@ -188,7 +188,7 @@ def test_along_a_run_loads_follow_from_its_own_accelerations() -> None:
     ]
 
 
-def test_loads_that_cannot_be_are_refused() -> None:
+def test_invalid_load_queries_are_refused() -> None:
     q = np.zeros(NASTY.n)
     with refused(fl.errors.ArgumentError, "wrong-shape"):
         fl.strength.internal_loads(NASTY, q, q, [0.0])

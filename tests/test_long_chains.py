@@ -1,4 +1,4 @@
-"""Of long chains: statics and the slowest modes in O(n), the same as by matrices."""
+"""Statics and lowest modes of long chains in O(n) agree with dense matrices."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ COUNT = 8
 
 
 def long_arm(hinges: int, flex: str = "z", **changes: object) -> fl.Scene:
-    """The paper's two links with their two joints, and `count` hinges each at 1, 2 or 3 axes."""
+    """The paper's two links with their two joints, and `hinges` hinge points per link with 1, 2 or 3 axes each."""
     segments = {f"link.{link}.segments": hinges + 1 for link in ("upper", "fore")}
     scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml")
     return scene.varied({"link.*.flex": flex, **segments, "link.*.lumping": "gauss", **changes})
 
 
 def uneven(chain: fl.Chain) -> fl.Chain:
-    """Dampers that are no multiple of the springs, so that no undamped mode is a mode."""
+    """The chain with non-proportional dampers, so that damped modes differ from undamped ones."""
     hinges = chain.hinges.copy()
     hinges["damping"] = chain.stiffness * 1e-5 * np.linspace(0.2, 1.0, chain.n) + 0.3 * (chain.stiffness == 0)
     return dataclasses.replace(chain, hinges=hinges)
@@ -59,11 +59,11 @@ STATES = {
 @pytest.mark.parametrize("damped", [False, True])
 @pytest.mark.parametrize("state", STATES)
 @pytest.mark.parametrize("flex, hinges", [("z", 18), ("yz", 8), ("xyz", 6)])
-def test_the_slowest_modes_are_those_of_all(
+def test_the_slowest_modes_agree_with_the_full_eigensolution(
     flex: str, hinges: int, state: str, damped: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """λ as far as all modes have it, eps times the fastest of the chain (its square where loads have no potential)."""
-    monkeypatch.setattr(modal, "DENSE", 30)  # all modes of longer chains take a second each
+    """λ agrees to 100 eps times the fastest λ, or to 1e-9 of λ, plus the rounding error of the full solution."""
+    monkeypatch.setattr(modal, "DENSE", 30)  # computing all modes of longer chains takes a second
     chain = fl.lump(long_arm(hinges, flex))
     chain = uneven(chain) if damped else chain
     given = STATES[state](chain)
@@ -75,7 +75,7 @@ def test_the_slowest_modes_are_those_of_all(
     assert (few.kinds, few.stable) == (every.kinds[:COUNT], every.stable)
     apart = np.abs(np.subtract.outer(every.eigenvalues, λ))
     apart[np.arange(COUNT), np.arange(COUNT)] = np.inf
-    alone = apart.min(axis=0) > 1e-3 * np.abs(λ)  # two that swing as fast may mix
+    alone = apart.min(axis=0) > 1e-3 * np.abs(λ)  # two modes of equal frequency may mix
     one, other = every.shapes[:COUNT], few.shapes
     along = np.abs(np.einsum("mi,mi->m", one.conj(), other))
     assert (along / np.linalg.norm(one, axis=1) / np.linalg.norm(other, axis=1) > 1 - 1e-12)[alone].all()
@@ -84,7 +84,7 @@ def test_the_slowest_modes_are_those_of_all(
 
 @pytest.mark.slow
 def test_the_slowest_modes_keep_their_relative_accuracy() -> None:
-    """Rayleigh's quotient of each shape is its ω², though the fastest ω² of the chain is 1e8 times as large."""
+    """The Rayleigh quotient of each mode shape equals ω², although the highest ω² is 1e8 times as large."""
     chain = fl.lump(long_arm(60))
     for state in ({"locked": chain.active}, standing(chain)):
         found = fl.modes(chain, **state, count=COUNT)
@@ -96,8 +96,8 @@ def test_the_slowest_modes_keep_their_relative_accuracy() -> None:
 
 
 @pytest.mark.slow
-def test_a_mode_that_the_start_does_not_contain_is_missed_and_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A straight arm bends in two independent planes; the first test is for one of them."""
+def test_a_mode_missing_from_the_start_vectors_is_detected_and_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A straight arm bends in two independent planes, but the first start vectors bend in only one of them."""
     chain, times = fl.lump(long_arm(30, "yz", gravity=[0.0, 0.0, 0.0])), []
     bent = lowest.Subspace.bent
 
@@ -112,7 +112,7 @@ def test_a_mode_that_the_start_does_not_contain_is_missed_and_found(monkeypatch:
     assert found == pytest.approx(wanted, rel=1e-12)
 
 
-def test_joints_that_nothing_holds_rest_also_in_a_long_chain() -> None:
+def test_unrestrained_joints_of_a_long_chain_give_rigid_modes() -> None:
     chain = fl.lump(long_arm(60, gravity=[0.0, 0.0, 0.0]))
     found = fl.modes(chain, count=5)
     assert (found.eigenvalues[:2] == 0).all()
@@ -121,8 +121,8 @@ def test_joints_that_nothing_holds_rest_also_in_a_long_chain() -> None:
 
 
 @pytest.mark.slow
-def test_fast_modes_beside_joints_that_nothing_holds_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two joints rest, the others' ω² goes up to 1e8: not by all modes."""
+def test_fast_modes_are_found_in_chains_with_unrestrained_joints(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two rigid modes, and others with ω² up to 1e8, are found without computing all modes."""
     monkeypatch.setattr(modal, "_all", lambda _: pytest.fail("by matrices"))
     chain = fl.lump(long_arm(400))
     found = fl.modes(chain, count=10)
@@ -130,7 +130,7 @@ def test_fast_modes_beside_joints_that_nothing_holds_are_found(monkeypatch: pyte
     assert found.frequencies[-1] > 5e3
 
 
-def test_a_joint_without_inertia_is_named_also_in_a_long_chain() -> None:
+def test_a_joint_without_inertia_in_a_long_chain_is_named() -> None:
     chain = fl.lump(long_arm(60))
     bodies = chain.bodies.copy()
     bodies["mass"][-3:] = 0.0
@@ -142,14 +142,14 @@ def test_a_joint_without_inertia_is_named_also_in_a_long_chain() -> None:
 
 
 @pytest.mark.slow
-def test_where_the_iteration_ends_without_them_modes_come_from_all(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_if_the_iteration_fails_modes_come_from_the_full_eigensolution(monkeypatch: pytest.MonkeyPatch) -> None:
     chain = fl.lump(long_arm(52))
     wanted = fl.modes(chain, locked=chain.active).eigenvalues[:3]
     monkeypatch.setattr(modal, "lowest", lambda *_: None)
     np.testing.assert_array_equal(fl.modes(chain, locked=chain.active, count=3).eigenvalues, wanted)
 
 
-def test_of_a_short_chain_the_slowest_modes_are_the_first_of_all_to_the_bit() -> None:
+def test_the_slowest_modes_of_a_short_chain_equal_the_first_of_all_modes_exactly() -> None:
     chain = fl.lump(fl.load_scene(ROOT / "models" / "t3_spatial.toml"))
     every = fl.modes(chain)
     for count in (1, 5, 1000):
@@ -162,16 +162,16 @@ def test_of_a_short_chain_the_slowest_modes_are_the_first_of_all_to_the_bit() ->
             fl.modes(chain, count=wrong)
 
 
-def test_a_long_column_is_stable_up_to_greenhill_s_weight() -> None:
-    """(q l³ / EI) = 7.837: stable below, not above; the tangent's own eigenvalues need n³ for that."""
+def test_a_long_column_is_stable_up_to_the_greenhill_weight() -> None:
+    """The column is stable below q l³ / EI = 7.837 only; eigenvalues of the tangent matrix would cost O(n³)."""
     for weight, stands in ((7.83, True), (7.85, False)):
         column = cantilever("gauss", 300, gravity=(-weight, 0.0, 0.0))
         assert fl.solve_static(column).stable is stands
 
 
 @pytest.mark.parametrize("flex, hinges", [("z", 500), ("xyz", 166)])
-def test_a_long_arm_bends_as_one_of_fewer_hinges(flex: str, hinges: int) -> None:
-    """The static tip converges with the square of the number of hinges, and no torque is left over."""
+def test_the_static_tip_of_an_arm_converges_with_the_number_of_hinges(flex: str, hinges: int) -> None:
+    """The static tip converges with the square of the number of hinges, and the residual torque vanishes."""
 
     def rest(hinges: int) -> tuple[np.ndarray, fl.dynamics.equilibrium.Equilibrium]:
         scene = long_arm(hinges, flex, gravity=[0.0, 0.0, 200.0])
@@ -186,8 +186,8 @@ def test_a_long_arm_bends_as_one_of_fewer_hinges(flex: str, hinges: int) -> None
 
 
 @pytest.mark.slow
-def test_what_falls_under_a_load_without_potential_falls_also_in_a_long_chain(rng: np.random.Generator) -> None:
-    """Moments in space and follower forces about a column's critical load, π²/4: by all eigenvalues, and by one."""
+def test_instability_under_nonconservative_loads_is_found_in_long_chains(rng: np.random.Generator) -> None:
+    """Near a column's critical load, π²/4, with moments and follower forces, `falls` agrees with all eigenvalues."""
     column = thin_arm(thin_link("midpoint", 36, flex="xyz"))
     zero, every, found = np.zeros(column.n), np.arange(column.n), []
     for force in np.linspace(2.0, 3.0, 8):
@@ -200,7 +200,7 @@ def test_what_falls_under_a_load_without_potential_falls_also_in_a_long_chain(rn
 
 
 @pytest.mark.slow
-def test_a_long_arm_that_nothing_can_hold_is_refused() -> None:
+def test_a_long_arm_without_an_equilibrium_is_refused() -> None:
     chain = thin_arm(thin_link("gauss", 200, free=True))
     with refused(ConvergenceError, "no-equilibrium"):
         fl.solve_static(chain, tau=np.eye(chain.n)[0])

@@ -1,4 +1,4 @@
-"""The times at which a run is checked change nothing: after every step, now and then, or only at its end."""
+"""Results do not depend on when a run is checked: after every step, occasionally, or only at its end."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import ROOT, flexible, make_scene
-from looking import in_every_way, told
+from looking import digests, in_every_way
 
 import flexlink as fl
 from flexlink.common.interruption import Stop
@@ -36,7 +36,7 @@ def pendulum(**changes: Any) -> fl.Scene:
 
 
 def driven(**changes: Any) -> fl.Scene:
-    """A steel link that a motor turns along a quintic, with few samples: little energy at the start."""
+    """A flexible link that a PD drive turns by 5° from static equilibrium."""
     pd = fl.Drive(kind="pd", kp=(2000.0,), kd=(120.0,), target_deg=(-10.0,))
     start = fl.InitialState(joint_deg=(-15.0,), passive="static")
     scene = make_scene(flexible("a", "z", 5), gravity=(0.0, 9.81, 0.0), drive=pd, initial=start)
@@ -63,7 +63,7 @@ def slow_start() -> fl.Scene:
 
 
 def tumbler(**changes: Any) -> fl.Scene:
-    """A tumbling free base."""
+    """A scene of an arm on a tumbling free base."""
     scene = fl.Scene(name="tumbler", arm=TUMBLER, initial=SPIN, gravity=(0.0, 0.0, 0.0))
     return scene.varied({"run.duration": 0.5, "run.sample": 0.05, **changes})
 
@@ -84,7 +84,7 @@ def bent(**changes: Any) -> fl.Scene:
 
 
 def law(_t: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
-    """A damper and a spring in Python."""
+    """A control law in Python that acts as a damper and a spring."""
     return np.asarray([-50.0 * q[0] - 5.0 * qd[0]])
 
 
@@ -121,13 +121,13 @@ KINDS: dict[str, Callable[[], Any]] = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-def test_results_and_warnings_do_not_depend_on_when_a_run_is_checked(kind: str) -> None:
+def test_results_and_warnings_do_not_depend_on_the_checking_times(kind: str) -> None:
     first, *others = in_every_way(KINDS[kind], kind)
     assert others == [first, first]
 
 
-def test_the_runs_that_are_checked_end_in_every_way() -> None:
-    """Otherwise the comparison would prove nothing."""
+def test_the_compared_runs_cover_every_kind_of_ending() -> None:
+    """If they did not, their comparison would prove nothing."""
     parts = {
         "fixed explicit": "joint 'a'",  # past its limits
         "fixed explicit, coarse": "E − E(0) − W",
@@ -135,7 +135,7 @@ def test_the_runs_that_are_checked_end_in_every_way() -> None:
         "bent far": "'a.1.y'",
     }
     for kind, part in parts.items():
-        assert any(part in text for each in told(KINDS[kind]) for text in texts_of(each)), kind
+        assert any(part in text for each in digests(KINDS[kind]) for text in texts_of(each)), kind
 
 
 def texts_of(found: object) -> Iterator[str]:
@@ -151,8 +151,8 @@ def test_a_run_with_little_energy_at_first_is_not_refused() -> None:
 
 
 @pytest.mark.parametrize("pieces", [(0, 20), (0, 1, 2, 3, 4, 5, 6, 7, 8, 20), (0, 4, 9, 20), (0, 7, 8, 20)])
-def test_configurations_are_checked_the_same_way_in_pieces_of_any_size(pieces: tuple[int, ...]) -> None:
-    """A joint beyond its limit, and a hinge that bends by 20° per sample until M is indefinite: both are reported."""
+def test_checks_of_configurations_do_not_depend_on_the_piece_size(pieces: tuple[int, ...]) -> None:
+    """A joint beyond its limit and hinges that bend by 10° per sample until M is indefinite are both reported."""
     links = (
         flexible("a", "xyz", 9, lumping="gauss_matched"),
         flexible("b", "rigid", 1, joint=fl.Joint(limits_deg=(-9, 9))),

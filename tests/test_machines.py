@@ -25,7 +25,7 @@ def test_machines_have_unique_names_and_list_tests_that_exist() -> None:
     assert any(machine.quick for machine in FILE.machine)
 
 
-def test_machines_that_this_computer_cannot_be_are_reported() -> None:
+def test_machines_that_this_computer_cannot_emulate_are_reported() -> None:
     machines = {
         "vax": Machine("vax", "old", needs=frozenset({"vax"})),
         "python2.99": Machine("new", "new", python="python2.99"),
@@ -42,7 +42,7 @@ def test_machines_that_this_computer_cannot_be_are_reported() -> None:
 
 
 @pytest.mark.slow
-def test_the_failure_of_a_machine_is_reported(tmp_path, monkeypatch, capsys) -> None:
+def test_failing_tests_on_a_machine_are_reported(tmp_path, monkeypatch, capsys) -> None:
     file = tmp_path / "test_env.py"
     file.write_text("import os\ndef test_it(): assert os.environ.get('BAD') is None\n", encoding="utf-8")
     good, bad = Machine("good", "-", files=(str(file),)), Machine("bad", "-", env={"BAD": "1"}, files=(str(file),))
@@ -81,16 +81,16 @@ class TestNoise:
         np.testing.assert_array_equal(noise.as_elsewhere(np.linalg.solve)(np.eye(3), exact[:3]), exact[:3])
         assert noise.as_elsewhere(np.linalg.norm)([3.0, 4.0]) == 5.0
 
-    def test_rounded_numbers_change_by_two_eps_and_always_equally(self, rng: np.random.Generator) -> None:
+    def test_noise_on_rounded_numbers_is_at_most_two_eps_and_repeatable(self, rng: np.random.Generator) -> None:
         A, b = rng.normal(size=(2, 30, 30)), rng.normal(size=(2, 30, 1))
         solve = noise.as_elsewhere(np.linalg.solve)
         np.testing.assert_array_equal(solve(A, b), solve(A.copy(), b.copy()))
         assert (solve(A, b) != np.linalg.solve(A, b)).mean() > 0.9
         x = noise.moved(A, noise.OUT, rng)
         assert (x != A).mean() > 0.5
-        assert (np.abs(x - A) <= 2 * noise.EPS * np.abs(A) * 1.5).all()  # and half an ulp for the product
+        assert (np.abs(x - A) <= 2 * noise.EPS * np.abs(A) * 1.5).all()  # 1.5: the product is rounded
 
-    def test_decompositions_stay_decompositions(self, rng: np.random.Generator) -> None:
+    def test_perturbed_decompositions_still_reproduce_the_matrix(self, rng: np.random.Generator) -> None:
         A = rng.normal(size=(6, 6))
         U, s, V = noise.as_elsewhere(np.linalg.svd)(A)
         near = {"rtol": 0, "atol": 100 * noise.EPS * s[0]}
@@ -123,10 +123,10 @@ class TestNoise:
         assert run_as(noisy, noisy.files, ()).counts == "1 failed, 1 passed"
 
 
-def test_every_cpu_has_another_file_of_machine_code() -> None:
+def test_machine_code_is_cached_separately_for_each_cpu() -> None:
     """Otherwise a CPU without AVX could load machine code that was compiled for one with AVX."""
 
-    cache = DiskCache(SimpleNamespace(py_func=test_machines_that_this_computer_cannot_be_are_reported))
+    cache = DiskCache(SimpleNamespace(py_func=test_machines_that_this_computer_cannot_emulate_are_reported))
     here = cpu_target.target_context.codegen().magic_tuple()
     others = [here, ("x86_64", "generic", ""), ("x86_64", "generic", "+avx"), ("x86_64", "znver4", "")]
     assert len({cache._file((), cpu) for cpu in others}) == len(others)

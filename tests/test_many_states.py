@@ -1,6 +1,6 @@
-"""Functions of a state accept b states at once, each part (b, n) or (n,): results are bit-equal, with a leading b.
+"""Functions of a state accept b states, with arguments (b, n) or (n,); every row is bit-equal to a single call.
 
-Functions that compute eight states in SIMD lanes agree up to rounding: other cosines, other fused products and sums.
+Functions that compute eight states in SIMD lanes agree up to rounding, because cosines and fused multiply-adds differ.
 """
 
 from __future__ import annotations
@@ -57,8 +57,8 @@ def of_name(name: str) -> float:
 
 
 @pytest.mark.parametrize("b", [1, 8, 19])
-def test_rows_of_a_batch_side_by_side_are_the_single_calls_up_to_rounding(b: int, chain: fl.Chain, rng) -> None:
-    """The bound is the rounding of M q̈ + T_GC: that of T_GC, plus that of M* times the sum of the accelerations."""
+def test_batch_rows_in_simd_lanes_equal_single_calls_up_to_rounding(b: int, chain: fl.Chain, rng) -> None:
+    """The allowed error of M q̈ + T_GC is the rounding bound of T_GC plus the rounding bound of M times Σ |q̈|."""
     states, wrenches = batch(chain, rng, b), rng.normal(size=(b, 6))
     q, qd, qdd = states["q"], states["qd"], states["qdd"]
     tau, M = fl.inverse_dynamics(chain, q, qd, qdd, tip_wrench=wrenches), fl.mass_matrix(chain, q)
@@ -73,8 +73,8 @@ def test_rows_of_a_batch_side_by_side_are_the_single_calls_up_to_rounding(b: int
         assert abs(turned[k] - one).max() <= explained
 
 
-def test_states_far_turned_keep_their_digits(rng) -> None:
-    """Angles in SIMD lanes are reduced like those of the C library, for any number of turns."""
+def test_angles_of_many_turns_keep_full_accuracy_in_batches(rng) -> None:
+    """For any number of turns, SIMD lanes reduce angles as accurately as the C library does."""
     q = rng.uniform(-1, 1, (9, NASTY.n)) * 10.0 ** rng.uniform(0, 12, (9, NASTY.n))
     for many, one in zip(fl.mass_matrix(NASTY, q), q, strict=True):
         assert abs(many - fl.mass_matrix(NASTY, one)).max() <= rounding.of_mass_matrix(NASTY, one)
@@ -82,8 +82,8 @@ def test_states_far_turned_keep_their_digits(rng) -> None:
 
 @pytest.mark.parametrize("derivatives", [fl.forward_dynamics_derivatives, fl.inverse_dynamics_derivatives])
 @pytest.mark.parametrize("frame", ["world", "tip"])
-def test_derivatives_of_many_states_are_those_of_each(derivatives, frame, chain: fl.Chain, rng) -> None:
-    """Equal up to rounding: the loop over states and the single call are compiled separately; fused a·b + c differ."""
+def test_derivatives_of_a_batch_equal_those_of_single_states(derivatives, frame, chain: fl.Chain, rng) -> None:
+    """Loop and single call are compiled separately, so fused multiply-adds differ and results agree up to rounding."""
     states, wrenches = batch(chain, rng, 3), rng.normal(size=(3, 6))
     parts = [states[name] for name in ("q", "qd", "tau")]
     many = derivatives(chain, *parts, tip_wrench=wrenches, frame=frame)
@@ -94,7 +94,7 @@ def test_derivatives_of_many_states_are_those_of_each(derivatives, frame, chain:
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_every_row_of_a_batch_is_the_single_call(name: str, chain: fl.Chain, rng) -> None:
+def test_every_row_of_a_batch_is_bit_equal_to_the_single_call(name: str, chain: fl.Chain, rng) -> None:
     function, names, options = CALLS[name]
     parts = [batch(chain, rng, 9)[part] for part in names]
     many = function(chain, *parts, **options)
@@ -104,7 +104,7 @@ def test_every_row_of_a_batch_is_the_single_call(name: str, chain: fl.Chain, rng
 
 @pytest.mark.parametrize("name", [name for name, (_, names, _) in CALLS.items() if len(names) > 1])
 @pytest.mark.parametrize("batched", range(3))
-def test_a_part_of_one_state_belongs_to_all(name: str, batched: int, rng) -> None:
+def test_an_argument_given_once_applies_to_all_states_of_a_batch(name: str, batched: int, rng) -> None:
     function, names, options = CALLS[name]
     several = batch(NASTY, rng, 3)
     lead = names[batched % len(names)]
@@ -114,7 +114,7 @@ def test_a_part_of_one_state_belongs_to_all(name: str, batched: int, rng) -> Non
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_lists_views_and_integers_are_batches_and_no_state_gives_no_result(name: str, rng) -> None:
+def test_lists_views_and_integers_are_accepted_and_empty_batches_give_empty_results(name: str, rng) -> None:
     function, names, options = CALLS[name]
     n = NASTY.n
     whole = rng.integers(0, 2, (4, n))
@@ -130,7 +130,7 @@ def test_lists_views_and_integers_are_batches_and_no_state_gives_no_result(name:
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_states_of_wrong_shape_are_refused_with_the_shapes_allowed(name: str) -> None:
+def test_states_of_wrong_shape_are_refused_and_allowed_shapes_are_named(name: str) -> None:
     function, names, options = CALLS[name]
     n, good = NASTY.n, np.zeros((2, NASTY.n))
     last = names[-1]
@@ -150,7 +150,7 @@ def test_states_of_wrong_shape_are_refused_with_the_shapes_allowed(name: str) ->
             function(NASTY, *[good] * (len(names) - 1), np.zeros((3, n)), **options)
 
 
-def test_an_error_in_one_state_of_many_names_that_state() -> None:
+def test_an_error_in_a_batch_names_the_state() -> None:
     rates = np.zeros((3, NASTY.n))
     rates[1] = 1e160
     with refused(fl.errors.ArgumentError, "overflow"):

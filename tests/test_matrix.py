@@ -1,4 +1,4 @@
-"""Every feature of an arm × every claim that is true for any arm: `matrix/`."""
+"""Check every claim in `matrix/`, which must be true for any arm, for every arm in `matrix/chains`."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ CLAIMS |= public.CLAIMS
 
 
 def row_of(kind: str, claim: str, chain: str) -> dict[str, Any] | None:
-    """The row of `expected.toml` that names a cell."""
+    """The row of `expected.toml` for this claim and this arm, or None."""
     rows = [row for row in EXPECTED.get(kind, []) if claim in row["claims"] and _named(row["chains"], chain)]
     assert len(rows) <= 1, f"{kind}: {claim}-{chain} is in {len(rows)} rows"
     return rows[0] if rows else None
@@ -60,7 +60,7 @@ def cells() -> Iterator[Any]:
 
 @pytest.mark.parametrize(("claim", "chain"), list(cells()))
 def test_matrix(claim: str, chain: str) -> None:
-    """The claim holds of the arm, or is refused with an id of `expected.toml`."""
+    """The claim is true for the arm, or the arm is refused with an id from `expected.toml`."""
     refused = row_of("refused", claim, chain)
     if refused is None:
         CLAIMS[claim](case.case(chain))
@@ -70,7 +70,7 @@ def test_matrix(claim: str, chain: str) -> None:
     assert caught.value.id in refused["ids"], str(caught.value)
 
 
-def test_every_row_of_what_is_expected_names_a_cell() -> None:
+def test_every_row_of_expected_toml_names_a_cell() -> None:
     for row in (row for rows in EXPECTED.values() for row in rows):
         assert set(row["claims"]) <= set(CLAIMS), row
         names = {name for claim in row["claims"] for name in public.ONLY.get(claim, case.names())}

@@ -38,7 +38,7 @@ class TestReading:
         path.write_text(text, encoding="utf-8")
         return read_measured(path, dict.fromkeys(KNOWN))
 
-    def test_units_of_instruments_become_those_of_the_run(self, tmp_path: Path) -> None:
+    def test_units_of_instruments_are_converted_to_units_of_the_run(self, tmp_path: Path) -> None:
         text = "t [ms],tip x [mm],q upper [deg],qd upper [deg/s]\n0,1500,180,360\n10,,90,-90\n"
         found = self.read(tmp_path, text)
         assert found.t.tolist() == [0.0, 0.01]
@@ -47,7 +47,7 @@ class TestReading:
         np.testing.assert_allclose(found.columns["qd upper [rad/s]"], [2 * np.pi, -np.pi / 2], rtol=1e-15)
 
     @pytest.mark.parametrize(("head", "size"), [("µm", 1e-6), ("um", 1e-6), ("mm", 1e-3), ("m", 1.0)])
-    def test_lengths_are_metres(self, tmp_path: Path, head: str, size: float) -> None:
+    def test_lengths_are_converted_to_metres(self, tmp_path: Path, head: str, size: float) -> None:
         found = self.read(tmp_path, f"t [s],tip x [{head}]\n0,3\n1,4\n")
         np.testing.assert_allclose(found.columns["tip x [m]"], [3 * size, 4 * size], rtol=1e-15)
 
@@ -76,7 +76,7 @@ class TestReading:
 
 @pytest.mark.slow
 class TestFitting:
-    def test_a_stiffness_that_is_five_percent_wrong_is_found_with_its_size(self, scene: fl.Scene) -> None:
+    def test_a_stiffness_error_of_five_percent_is_identified_with_its_size(self, scene: fl.Scene) -> None:
         true = scene.varied({"material.aluminium.young": 0.95 * 70e9})
         best, *others = Comparison(scene, fl.simulate(scene), measured_of(true)).fits
         young = "material.aluminium.young"
@@ -85,7 +85,7 @@ class TestFitting:
         assert best.spread < 0.01 * 70e9
         assert all(other.explained < best.explained for other in others)
 
-    def test_an_initial_angle_is_in_degrees(self, scene: fl.Scene) -> None:
+    def test_a_wrong_initial_angle_is_found_and_given_in_degrees(self, scene: fl.Scene) -> None:
         free = scene.varied({"drive": fl.Drive(), "run.duration": 0.2})
         true = free.varied({"initial.joint_deg.fore": -60.5})
         best = Comparison(free, fl.simulate(free), measured_of(true)).fits[0]
@@ -99,10 +99,10 @@ class TestFitting:
         assert beside.off(run)["tip z [m]"] == pytest.approx(NOISE, rel=0.2)
         assert all(fit.explained < 0.1 for fit in beside.fits)
 
-    def test_without_any_difference_nothing_is_fitted(self, scene: fl.Scene) -> None:
+    def test_nothing_is_fitted_if_run_and_measurement_agree(self, scene: fl.Scene) -> None:
         assert Comparison(scene, fl.simulate(scene), measured_of(scene, noise=0.0)).fits == ()
 
-    def test_what_rounding_explains_is_not_fitted(self, scene: fl.Scene) -> None:
+    def test_differences_within_rounding_are_not_fitted(self, scene: fl.Scene) -> None:
         same = measured_of(scene, noise=0.0)
         eps = np.finfo(float).eps
         for part, differs in ((4 * eps, False), (1e4 * eps, True)):
@@ -110,7 +110,7 @@ class TestFitting:
             assert Comparison(scene, fl.simulate(scene), near).differs == differs
 
 
-def test_every_number_that_is_tried_can_be_varied(scene: fl.Scene) -> None:
+def test_every_candidate_parameter_can_be_varied(scene: fl.Scene) -> None:
     for number in numbers_of(scene):
         assert scene.values_at(number.path) == [number.value]
         assert scene.varied({number.path: 1.01 * number.value}) != scene or number.value == 0

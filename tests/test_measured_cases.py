@@ -31,34 +31,34 @@ CASES = {case.name: case for case in load_cases("measured_*")}
 
 
 @pytest.mark.parametrize("order", [1.0, 1.7, 2.0])
-def test_of_a_power_law_the_order_is_found_and_the_index_is_125_percent_of_the_error(order):
+def test_the_order_of_a_power_law_is_found_and_the_index_is_125_percent_of_the_error(order):
     exact, error = 3.0, 0.4
     found = grid_convergence(*(exact + error / n**order for n in (1, 2, 4)), formal=2.0)
     assert found.order == pytest.approx(order, rel=1e-12)
     assert found.grid_index == pytest.approx(1.25 * error / 4**order, rel=1e-12)
 
 
-def test_an_order_above_the_formal_one_is_luck_and_makes_no_error_smaller():
+def test_an_observed_order_above_the_formal_one_does_not_reduce_the_index():
     lucky = grid_convergence(*(1.0 + 1.0 / n**4 for n in (1, 2, 4)), formal=2.0)
     assert lucky.order == pytest.approx(4.0)
     assert lucky.grid_index == pytest.approx(1.25 * abs(1 / 256 - 1 / 16) / 3)
 
 
 @pytest.mark.parametrize("values", [(1.0, 1.1, 1.05), (1.0, 1.1, 1.3), (1.0, 1.0, 1.02)])
-def test_without_convergence_there_is_no_order_and_the_index_is_three_times_the_largest_difference(values):
+def test_without_convergence_the_index_is_three_times_the_largest_difference(values):
     found = grid_convergence(*values, formal=2.0)
     assert math.isnan(found.order)
     assert found.grid_index == pytest.approx(3.0 * np.abs(np.diff(values)).max())
 
 
-def test_no_index_is_smaller_than_rounding():
+def test_no_grid_convergence_index_is_smaller_than_rounding():
     assert grid_convergence(1.0, 1.0, 1.0, 2.0, rounding=1e-9).grid_index == 1e-9
 
 
 # --- uncertainties and verdicts --------------------------------------------------------------------------------------
 
 
-def test_of_bounds_alone_the_standard_uncertainty_is_that_of_a_rectangle():
+def test_bounds_have_the_standard_uncertainty_of_a_rectangular_distribution():
     samples = np.linspace(-2.0, 2.0, 100_001)
     assert standard(2.0) == pytest.approx(samples.std(), rel=1e-4)
 
@@ -75,12 +75,12 @@ def compared(error: float, u: float = 1.0, wanted: float = 3.0) -> Comparison:
         (0.0, 1.0, "cannot be told"), (math.nan, 3.0, "not validated"),
     ],
 )  # fmt: skip
-def test_the_verdict_is_that_of_the_standard(error, wanted, verdict):
+def test_the_verdict_follows_the_standard(error, wanted, verdict):
     assert compared(error, wanted=wanted).u_val == pytest.approx(1.0)
     assert compared(error, wanted=wanted).verdict == verdict
 
 
-def test_what_two_readings_give_has_the_spread_that_random_readings_have():
+def test_uncertainties_of_derived_readings_agree_with_random_samples():
     readings = {"a": Reading(3.0, 0.03, "Hz", ""), "b": Reading(2.0, 0.05, "Hz", "")}
     random = np.random.default_rng(1)
     a, b = (random.normal(r.value, r.u, 200_000) for r in readings.values())
@@ -104,7 +104,7 @@ def test_the_rotating_beam_at_rest_has_the_frequencies_of_a_clamped_beam():
         assert found[f"{mode}, 0 rpm, 0°"] == pytest.approx(exact, rel=1e-3)
 
 
-def test_the_strip_hanging_and_standing_has_the_frequencies_of_a_beam_under_its_own_weight():
+def test_a_hanging_or_standing_strip_has_the_frequencies_of_a_beam_under_its_weight():
     found = strip_on_flange.predicted(load_scene(scene_file("strip_on_flange")).varied({"link.strip.segments": 17}))
     length, young, density, thickness = 0.52, 190e9, 7870.0, 0.001
     weight = 12 * density * 9.81 * length**3 / (young * thickness**2)  # ρA g L³ / EI
@@ -114,13 +114,13 @@ def test_the_strip_hanging_and_standing_has_the_frequencies_of_a_beam_under_its_
         assert found[f"{attitude}, {strip_on_flange.MEAN}"] == pytest.approx(exact, rel=1e-3)
 
 
-def test_the_spar_under_a_small_mass_sinks_as_a_beam_does():
+def test_the_spar_under_a_small_mass_deflects_like_a_linear_beam():
     light = load_scene(scene_file("wing_spar")).varied({"section.spar.area": 1e-12, "gravity": [0.0, 0.0, -0.0981]})
     expected = 100 * 0.2 * 0.0981 * 0.55**2 / (3 * 4.426)
     assert wing_spar.predicted(light)["0.2 kg"] == pytest.approx(expected, rel=1e-4)
 
 
-def test_36_frequencies_54_runs_and_ten_masses_are_read():
+def test_the_files_contain_36_frequencies_54_runs_and_ten_masses():
     assert len(rotating_beam.readings()) == 36
     assert sum(len(runs) for moves in strip_on_flange._moves().values() for runs in moves.values()) == 54
     assert len(wing_spar.readings()) == 10
@@ -132,7 +132,7 @@ def test_36_frequencies_54_runs_and_ten_masses_are_read():
 
 
 def results(name: str, **changes):
-    """Numbers by quantity and situation, and the table."""
+    """Results of a case by quantity and situation, and its table."""
     case = CASES[name]
     settings = msgspec.structs.replace(kind_of(case)[1], **changes)
     found, tables = {}, []
@@ -144,7 +144,7 @@ def results(name: str, **changes):
     return found, tables[0]
 
 
-def test_e_is_printed_beside_u_val_with_every_part_of_it():
+def test_the_error_e_is_printed_next_to_u_val_and_its_components():
     found, series = results("measured_strip_on_flange")
     note = found["|E| / |D|, frequency", "level, mean of the runs"].note
     assert all(f"{symbol} = " in note for symbol in ("S", "D", "E", "u_num", "u_input", "u_D", "u_val"))
@@ -152,10 +152,10 @@ def test_e_is_printed_beside_u_val_with_every_part_of_it():
     c = series.columns
     assert np.allclose(c["u_val"] ** 2, c["u_num"] ** 2 + c["u_input"] ** 2 + c["u_D"] ** 2)
     assert np.allclose(c["E"], c["S"] - c["D"])
-    assert np.allclose(c["order"][:2], 2.0, atol=0.1)  # hanging and standing: the rule's order
+    assert np.allclose(c["order"][:2], 2.0, atol=0.1)  # order of the rule, for the hanging and the standing strip
 
 
-def test_a_measurement_that_is_not_there_is_named():
+def test_a_missing_measurement_is_named():
     case = CASES["measured_wing_spar"]
     settings = kind_of(case)[1]
     with refused(ArgumentError, "unknown-name"):
@@ -182,7 +182,7 @@ def test_the_first_screen_shows_the_results_of_the_cases():
 # --- a laboratory's arm ----------------------------------------------------------------------------------------------
 
 
-def test_the_linear_model_recovers_modes_and_weights_from_the_strains_that_it_generates():
+def test_the_linear_model_recovers_modes_and_weights_from_its_own_strains():
     h, t = 0.01, np.arange(1500) * 0.01
     u = np.column_stack([np.sin(t + 0.3 * t**2 / 8), np.cos(2 * t) * (t > 3)])
     true = two_link.LinearModel(
@@ -194,7 +194,7 @@ def test_the_linear_model_recovers_modes_and_weights_from_the_strains_that_it_ge
     assert np.allclose(found.strains(u, h), seen, atol=1e-6 * np.abs(seen).max())
 
 
-def test_a_case_whose_data_are_not_here_is_left_out_and_named_where_it_is_asked_for(tmp_path, monkeypatch):
+def test_a_case_without_its_data_is_omitted_and_named_on_request(tmp_path, monkeypatch):
     monkeypatch.setattr("validation.case.HERE", tmp_path / "project" / "validation")
     absent, present = "measured_two_link", "measured_wing_spar"
     assert absent not in {case.name for case in load_cases()}

@@ -27,7 +27,7 @@ class Unhashable:
         return isinstance(other, Unhashable)
 
 
-def test_a_result_is_found_once_for_its_object_and_key() -> None:
+def test_a_result_is_computed_once_per_object_and_key() -> None:
     memo, calls, one = Memo(4), [], Unhashable()
     for key in ("a", "a", "b", "a"):
         assert memo(one, key, lambda key=key: calls.append(key) or len(calls)) == {"a": 1, "b": 2}[key]
@@ -35,8 +35,8 @@ def test_a_result_is_found_once_for_its_object_and_key() -> None:
     assert [memo.kept(one, key) for key in "abc"] == [1, 2, None]
 
 
-def test_a_key_of_contents_holds_all_that_is_given() -> None:
-    """Numbers with another value, type, shape or position make another key; a copy of an array makes the same key."""
+def test_a_key_of_contents_depends_on_all_arguments() -> None:
+    """Numbers with another value, type, shape or position give another key; a copy of an array gives the same key."""
     memo, one, calls, zeros, ones = Memo(64), Unhashable(), [], np.zeros(2), np.ones(2)
     given = [
         (zeros, ones), (zeros, ones + 1.0), (ones, zeros), (zeros, np.ones((2, 1))), (zeros, np.ones(2, np.int64)),
@@ -52,8 +52,8 @@ def test_a_key_of_contents_holds_all_that_is_given() -> None:
     assert memo.calling(lambda *_: 0, one, zeros, ones) == 0  # another function
 
 
-def test_torques_held_along_one_reference_are_not_those_of_another_at_the_same_times() -> None:
-    """In a sweep of `to_deg` the polynomial pieces of references differ only in coefficients."""
+def test_holding_torques_of_references_with_equal_times_are_stored_separately() -> None:
+    """In a sweep of `to_deg`, references have equal knots and differ only in their polynomial coefficients."""
     arm = make_scene(flexible("a", segments=3), gravity=(0.0, -9.81, 0.0))
     gains = {"kind": "pd", "kp": (50.0,), "kd": (5.0,), "gravity": "static"}
     drives = [
@@ -69,22 +69,22 @@ def test_torques_held_along_one_reference_are_not_those_of_another_at_the_same_t
         assert held == pytest.approx(fl.gravity_torque(chain, there)[0], rel=1e-6)
 
 
-def test_an_equal_object_is_another_one() -> None:
+def test_equal_objects_have_separate_results() -> None:
     memo, one, other = Memo(4), Unhashable(), Unhashable()
     assert one == other
     assert memo(one, 0, object) is not memo(other, 0, object)
 
 
-def test_a_new_object_in_the_place_of_a_dropped_one_has_its_own_result() -> None:
+def test_an_object_at_a_reused_address_has_a_separate_result() -> None:
     """Objects are identified by address, which a later object may reuse: a stored result keeps its object alive."""
     memo = Memo(8)
     assert [memo(np.array([k]), "", lambda k=k: k) for k in range(100)] == list(range(100))
 
 
-def test_what_was_asked_for_last_is_kept() -> None:
+def test_the_most_recently_used_results_are_kept() -> None:
     memo, objects = Memo(2), [Unhashable() for _ in range(3)]
     first = [memo(each, 0, object) for each in objects[:2]]
-    assert memo(objects[0], 0, object) is first[0]  # now the second is the oldest
+    assert memo(objects[0], 0, object) is first[0]  # now the result of the second object is the oldest
     memo(objects[2], 0, object)
     assert memo(objects[0], 0, object) is first[0]
     assert memo(objects[1], 0, object) is not first[1]
@@ -93,13 +93,13 @@ def test_what_was_asked_for_last_is_kept() -> None:
 def test_threads_share_results() -> None:
     memo, objects, wrong = Memo(3), [Unhashable() for _ in range(5)], []
 
-    def ask() -> None:
+    def query() -> None:
         for k in range(2000):
             number = k % 5
             if memo(objects[number], "", lambda number=number: number) != number:
                 wrong.append(number)
 
-    threads = [threading.Thread(target=ask) for _ in range(8)]
+    threads = [threading.Thread(target=query) for _ in range(8)]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -113,7 +113,7 @@ def arm(**locked: bool) -> fl.Scene:
     )
 
 
-def test_runs_of_one_arm_share_its_chain() -> None:
+def test_runs_of_one_arm_share_a_chain() -> None:
     scene = arm()
     others = {"run.duration": 0.5}, {"initial.joint_deg.a": 20.0}, {"link.b.length": 2.0}
     same = [fl.lump(scene.varied(change)) is fl.lump(scene) for change in others]
@@ -130,12 +130,12 @@ def test_runs_of_one_arm_share_its_chain() -> None:
     ],
     ids=["name", "gravity", "motion", "angle of a locked joint"],
 )
-def test_a_run_of_the_same_arm_whose_chain_differs_gets_its_own(change: dict, differs: Callable) -> None:
+def test_a_run_of_the_same_arm_with_a_different_chain_does_not_share_it(change: dict, differs: Callable) -> None:
     scene = arm(locked=True) if "initial.joint_deg.a" in change else arm()
     assert differs(fl.lump(scene.varied(change))) != differs(fl.lump(scene))
 
 
-def test_a_run_whose_wrench_acts_on_another_tip_gets_its_own_chain() -> None:
+def test_a_run_with_the_wrench_on_another_tip_has_a_separate_chain() -> None:
     scene = make_scene(flexible("a", segments=2), flexible("b", segments=2, on="base"))
     chains = [fl.lump(scene.varied({"wrench.on": tip})) for tip in ("a", "b")]
     assert [chain.loaded for chain in chains] == list(chains[0].tips.values())

@@ -1,4 +1,4 @@
-"""Every id of a message in the source is explained on the site, and no other."""
+"""The site explains exactly the message ids that the source contains."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ def test_each_id_is_explained_once_with_a_remedy() -> None:
     assert all(each.means.endswith(".") and each.remedy.endswith(".") for group in groups().values() for each in group)
 
 
-def test_ids_of_reviewed_messages_are_ids_of_the_source() -> None:
-    """Keys with a colon or without a hyphen are outputs and texts of the study."""
+def test_every_id_of_a_reviewed_message_is_in_the_source() -> None:
+    """Keys with a colon or without a hyphen are not ids: they belong to outputs and to texts of the study."""
     known = texts().keys()
     keys = [key for key in words.texts() if "-" in key and ":" not in key and not key.startswith("test-")]
     assert [key for key in keys if key not in known] == []
 
 
-def test_the_page_of_a_group_has_its_ids_and_their_texts(tmp_path) -> None:
+def test_the_page_of_a_group_lists_its_ids_with_their_texts(tmp_path) -> None:
     title = next(iter(groups()))
     page = messages.group_page(title, tmp_path)
     assert all(f".. _message-{each.id}:" in page for each in groups()[title])

@@ -27,8 +27,8 @@ def whipping(models: Path) -> fl.Scene:
 
 
 @pytest.mark.slow
-def test_a_soft_arm_that_whips_is_left_to_an_explicit_method(whipping: fl.Scene) -> None:
-    """After some time the steps of Radau5 are as short as the stable steps of DOP853."""
+def test_auto_switches_to_an_explicit_method_for_a_whipping_soft_arm(whipping: fl.Scene) -> None:
+    """As the motion gets faster, the steps of Radau5 become as short as the stable steps of DOP853."""
     runs = {name: fl.simulate(whipping, method=name) for name in ("auto", "Radau5")}
     exact = fl.simulate(whipping, method="DOP853", relative_tolerance=1e-8)
     picked, named = (run.steps for run in runs.values())
@@ -41,7 +41,7 @@ def test_a_soft_arm_that_whips_is_left_to_an_explicit_method(whipping: fl.Scene)
 
 
 @pytest.mark.slow
-def test_a_choice_by_trial_is_made_alike_every_time(whipping: fl.Scene) -> None:
+def test_the_choice_by_trial_is_repeatable(whipping: fl.Scene) -> None:
     problem = fl.Problem(whipping.varied({"run.method": "auto"}))
     first, again, anew = problem.simulate(), problem.simulate(), fl.simulate(whipping, method="auto")
     assert first.steps == again.steps == anew.steps
@@ -53,7 +53,7 @@ STEP = 1e-5  # CPU time of a step by any method [s]
 
 
 class Counted:
-    """Steps of a method since t = 0 of a given cost [s]; the second half is judged, and 10 s of motion remain."""
+    """Steps of a method that cost a given CPU time per second of motion; 1 s is done, and 10 s of motion remain."""
 
     def __init__(self, name: str, cost: float, **known: Any) -> None:
         self.name, self.why, self.cost, self.spent, self.taken = name, "", cost, 0.0, 0.0
@@ -72,7 +72,7 @@ class Counted:
 
 @pytest.fixture
 def considered(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """The decision of the trial after steps that are `Counted`."""
+    """Return the steps after the trial has judged steps whose costs are `Counted`."""
     monkeypatch.setattr(method_trial, "price_of_a_step", lambda _record, _name: STEP)
 
     def counted(name: str, cost: float, **known: Any) -> Counted:
@@ -83,7 +83,7 @@ def considered(monkeypatch: pytest.MonkeyPatch) -> Any:
     return counted
 
 
-def test_another_method_goes_on_when_a_run_has_cost_a_part_of_what_it_promises(considered: Any) -> None:
+def test_a_cheaper_method_is_tried_after_a_fraction_of_its_predicted_cost_is_spent(considered: Any) -> None:
     guesses = {"Radau5": 100.0, "Radau9": 1e3, "DOP853": 2.0}
     enough = Thresholds.patience["DOP853"] * 2.0 * 10.0
     patient = considered("Radau5", 0.99 * enough, guesses=guesses, tried={"DOP853": 0.5 * enough})
@@ -95,20 +95,20 @@ def test_another_method_goes_on_when_a_run_has_cost_a_part_of_what_it_promises(c
     assert steps.rated_since is None
 
 
-def test_what_is_hardly_cheaper_is_left_alone(considered: Any) -> None:
+def test_a_method_that_is_only_slightly_cheaper_is_not_tried(considered: Any) -> None:
     known = {"guesses": {"Radau5": 100.0, "Radau9": 1e3, "DOP853": 8.0}, "spent": 1e3, "tried": {"DOP853": 1e3}}
     assert considered("Radau5", 10.0, **known).name == "Radau5"
     assert considered("Radau5", 11.0, **known).name == "DOP853"
 
 
-def test_a_short_time_of_dear_steps_counts_for_no_more_than_the_run_as_a_whole(considered: Any) -> None:
-    """They may be due to a jump, after which steps grow again."""
+def test_briefly_expensive_steps_count_no_more_than_the_average_of_the_run(considered: Any) -> None:
+    """A jump may cause short steps, which grow again afterwards."""
     known = {"guesses": {"Radau5": 100.0, "Radau9": 1e3, "DOP853": 8.0}, "spent": 1e3, "tried": {"DOP853": 1e3}}
     assert considered("Radau5", 10.0, judged=(0.9, 5.0), **known).name == "Radau5"
     assert considered("Radau5", 50.0, judged=(0.9, 45.0), **known).name == "DOP853"
 
 
-def test_a_method_that_was_tried_and_is_not_clearly_cheaper_gives_back(considered: Any) -> None:
+def test_a_tried_method_that_is_not_clearly_cheaper_is_abandoned(considered: Any) -> None:
     trial: dict[str, Any] = {
         "tried_for": ("Radau5", "stiff"), "rates": {"Radau5": 10.0}, "spent": 1e3,
         "tried": {"Radau5": 1e3, "Radau9": 1e3},
@@ -119,18 +119,18 @@ def test_a_method_that_was_tried_and_is_not_clearly_cheaper_gives_back(considere
         stays = considered("DOP853", rate, **trial)
         assert (stays.name, stays.tried_for) == ("DOP853", None)
     early = {**trial, "tried": {"Radau5": 9.0, "Radau9": 9.0}, "spent": 0.0, "run": SimpleNamespace(duration=21.0)}
-    assert considered("DOP853", 8.0, **early).name == "Radau5"  # the run has not cost a part of its rest
-    assert considered("DOP853", 4.9, **early).name == "DOP853"  # but half
+    assert considered("DOP853", 8.0, **early).name == "Radau5"  # too little of the predicted cost is spent
+    assert considered("DOP853", 4.9, **early).name == "DOP853"  # but a method at half the cost per second is kept
 
 
-def test_radau9_goes_on_only_when_the_vibration_of_a_start_is_over(considered: Any) -> None:
+def test_radau9_is_kept_only_after_the_initial_vibration(considered: Any) -> None:
     trial = {"tried_for": ("Radau5", ""), "rates": {"Radau5": 10.0}, "tried": {"Radau5": 1e3, "DOP853": 1e3}}
     enough = Thresholds.patience["Radau9"] * 4.0 * 10.0
     assert considered("Radau9", 4.0, spent=enough - 4.1, **trial).name == "Radau5"
     assert considered("Radau9", 4.0, spent=enough - 3.9, **trial).name == "Radau9"
 
 
-def test_what_a_method_once_cost_is_outdated_after_as_long_again(considered: Any) -> None:
+def test_measured_costs_of_a_method_expire_when_the_simulated_time_has_doubled(considered: Any) -> None:
     """Radau5 was abandoned during fast motion. In slow motion DOP853 is no cheaper: stability limits its steps."""
     known = {"rates": {"Radau5": 100.0, "DOP853": 10.0}, "guesses": {"Radau5": 1.0, "Radau9": 1e3, "DOP853": 9.0}}
     steps = considered("DOP853", 10.0, tried={"Radau5": 4.9}, **known)
@@ -140,21 +140,21 @@ def test_what_a_method_once_cost_is_outdated_after_as_long_again(considered: Any
     assert considered("DOP853", short, run=SimpleNamespace(duration=1e4), **known).name == "DOP853"
 
 
-def test_a_method_that_cannot_be_cheaper_or_that_got_stuck_is_not_tried(considered: Any) -> None:
+def test_a_method_that_cannot_be_cheaper_or_failed_is_not_tried(considered: Any) -> None:
     guesses = {"Radau5": 40.0, "Radau9": 40.0, "DOP853": 11.0}
     assert considered("Radau5", 10.0, guesses=guesses).name == "Radau5"
     rates = {"Radau5": math.inf, "Radau9": math.inf}
     assert considered("DOP853", 10.0, rates=rates).name == "DOP853"
 
 
-def test_what_others_cost_falls_with_what_the_present_method_costs(considered: Any) -> None:
+def test_cost_estimates_of_other_methods_fall_with_the_current_cost(considered: Any) -> None:
     rates = {"Radau5": 40.0, "Radau9": 30.0}
     guesses = {"Radau5": 10.0, "Radau9": 10.0, "DOP853": 1e3}
     assert considered("Radau5", 20.0, rates=rates, guesses=guesses).rates == {"Radau5": 20.0, "Radau9": 15.0}
     assert considered("Radau5", 60.0, rates=rates, guesses=guesses).rates["Radau9"] == 30.0
 
 
-def test_steps_that_have_just_begun_or_did_not_get_on_are_not_judged(considered: Any) -> None:
+def test_steps_that_just_began_or_made_no_progress_are_not_judged(considered: Any) -> None:
     for rated in (None, (1.0, 0.0)):
         steps = considered("Radau5", 1e3, rated_since=rated)
         assert (steps.name, steps.rates, steps.rated_since) == ("Radau5", {}, (1.0, 1e3))
@@ -163,13 +163,13 @@ def test_steps_that_have_just_begun_or_did_not_get_on_are_not_judged(considered:
     assert tried.consider_at == 64 + round(Thresholds.trial / 2 / STEP)
 
 
-def test_nothing_is_gained_where_the_rest_costs_less_than_a_change(considered: Any) -> None:
+def test_no_switch_near_the_end_if_the_rest_costs_less_than_a_switch(considered: Any) -> None:
     cheap = {"Radau5": 100.0, "Radau9": 1e3, "DOP853": 0.0}
     almost = SimpleNamespace(duration=1.0 + 0.9 * Thresholds.switch / 10.0)
     assert considered("Radau5", 10.0, run=almost, guesses=cheap).name == "Radau5"
 
 
-def test_what_is_known_of_methods_goes_back_with_steps_that_failed(whipping: fl.Scene) -> None:
+def test_cost_records_of_methods_are_restored_with_rejected_steps(whipping: fl.Scene) -> None:
     steps = SingleRun(problem_of(whipping.varied({"run.method": "auto"}))).steps
     assert isinstance(steps, MethodSteps)
     steps.aim(0.0, 0.5)
@@ -184,7 +184,7 @@ def test_what_is_known_of_methods_goes_back_with_steps_that_failed(whipping: fl.
     assert {name: getattr(steps, name) for name in names} == before
 
 
-def test_a_named_method_considers_nothing(whipping: fl.Scene) -> None:
+def test_a_named_method_is_never_replaced(whipping: fl.Scene) -> None:
     steps = SingleRun(problem_of(whipping.varied({"run.method": "Radau5"}))).steps
     assert isinstance(steps, MethodSteps)
     assert steps.consider_at == NEVER

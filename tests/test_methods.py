@@ -27,14 +27,14 @@ def own(**fields: object) -> Method:
 
 
 @pytest.mark.parametrize("name", IMPLICIT)
-def test_coefficients_of_a_family_are_right_to_the_last_bit(name: str) -> None:
+def test_coefficients_of_a_family_are_correctly_rounded(name: str) -> None:
     with mp.workdps(40):
         wanted = [np.array(x, dtype=float) for x in collocation(str(method(name).family), method(name).stages)]
     for found, exact in zip(method(name).arrays, wanted, strict=True):
         np.testing.assert_array_equal(found, exact)
 
 
-def test_radau_of_three_stages_is_the_published_one() -> None:
+def test_radau_with_three_stages_has_the_published_coefficients() -> None:
     """Hairer & Wanner, II, table IV.5.6."""
     A, b, c = method("Radau5").arrays
     r = np.sqrt(6)
@@ -49,33 +49,33 @@ def test_radau_of_three_stages_is_the_published_one() -> None:
 
 
 @pytest.mark.parametrize("name", IMPLICIT)
-def test_the_modes_make_up_the_matrix(name: str) -> None:
+def test_the_eigendecomposition_reproduces_the_matrix_a(name: str) -> None:
     found, (A, b, _) = method(name).modes, method(name).arrays
     real = found.T_real @ np.diag(found.real) @ found.Tinv_real
     pairs = found.T_complex @ np.diag(found.complex) @ found.Tinv_complex
     s = len(b)
     assert len(found.real) + 2 * len(found.complex) == s
     assert (found.complex.imag > 0).all()
-    np.testing.assert_allclose(real + 2 * pairs.real, A, rtol=0, atol=20 * s * EPS)  # the rounding of LAPACK's vectors
+    np.testing.assert_allclose(real + 2 * pairs.real, A, rtol=0, atol=20 * s * EPS)  # rounding of LAPACK's eigenvectors
     np.testing.assert_allclose(found.A2, A @ A, rtol=0, atol=s * EPS)
     np.testing.assert_allclose(found.bA, b @ A, rtol=0, atol=s * EPS)
 
 
-def test_the_real_eigenvalue_of_radau_is_the_published_one() -> None:
-    """1/γ₀ = (6 + ∛81 − ∛9)/30 ⁻¹ in Hairer & Wanner's code RADAU5."""
+def test_the_real_eigenvalue_of_radau_equals_the_published_value() -> None:
+    """The real eigenvalue of A is 1/γ₀ = (6 + ∛81 − ∛9)/30, as in Hairer & Wanner's code RADAU5."""
     assert method("Radau5").modes.real == pytest.approx([(6 + 81 ** (1 / 3) - 9 ** (1 / 3)) / 30], rel=8 * EPS)
 
 
 @pytest.mark.parametrize("name", ["Radau5", "Radau9"])
-def test_the_error_estimate_sees_no_polynomial_below_its_order(name: str) -> None:
+def test_the_error_estimate_vanishes_for_polynomials_below_its_order(name: str) -> None:
     γ, d = method(name).embedded
     c = method(name).arrays[2]
     for k in range(1, len(c) + 1):
         assert d @ c ** (k - 1) == pytest.approx(-γ if k == 1 else 0.0, abs=4 * EPS)
-    assert abs(d @ c ** len(c)) > 1e-5  # and the next one it does
+    assert abs(d @ c ** len(c)) > 1e-5  # but not for the next degree
 
 
-def test_which_methods_estimate_their_errors() -> None:
+def test_methods_with_an_error_estimate_are_marked_as_controlled() -> None:
     explicit = ["RK2", "RK3", "RK4", "RK10", "DOPRI5", "DOP853"]
     names = [*explicit, *IMPLICIT]
     assert [name for name in names if method(name).controlled] == ["DOP853", "Radau5", "Radau9"]
@@ -89,17 +89,17 @@ def test_dop853_has_the_published_coefficients() -> None:
     found = method("DOP853")
     for mine, theirs in zip(found.arrays, (published.A[:12, :12], published.B, published.C[:12]), strict=True):
         np.testing.assert_array_equal(mine, theirs)
-    np.testing.assert_allclose(found.error, [published.E5, published.E3], rtol=0, atol=EPS)  # theirs is b − b̂, rounded
+    np.testing.assert_allclose(found.error, [published.E5, published.E3], rtol=0, atol=EPS)  # b − b̂, rounded
 
 
-def test_an_implicit_tableau_of_ones_own_has_modes() -> None:
+def test_a_user_defined_implicit_tableau_has_an_eigendecomposition() -> None:
     rule = own(**TRAPEZOID)
     assert (rule.explicit, rule.stages, rule.controlled) == (False, 2, False)
     np.testing.assert_allclose(rule.modes.real, [0.5, 0], atol=EPS)
     np.testing.assert_allclose(rule.modes.T_real * rule.modes.real @ rule.modes.Tinv_real, rule.arrays[0], atol=4 * EPS)
 
 
-def test_a_square_of_zeros_above_the_diagonal_is_explicit() -> None:
+def test_a_tableau_with_zeros_on_and_above_the_diagonal_is_explicit() -> None:
     assert own(A=(("0", "0"), ("1", "0")), b=("1/2", "1/2"), c=("0", "1")).explicit
 
 
@@ -123,7 +123,7 @@ def test_a_square_of_zeros_above_the_diagonal_is_explicit() -> None:
         ({"A": (("-1",),), "b": ("1",), "c": ("-1",)}, "-1"),
     ],
 )  # fmt: skip
-def test_what_makes_no_method_is_refused_in_one_line(fields: dict, wanted: str) -> None:
+def test_an_invalid_tableau_is_refused_in_one_line(fields: dict, wanted: str) -> None:
     with pytest.raises(SceneError) as caught:
         from_file(fields)
     assert wanted in str(caught.value)
@@ -136,6 +136,6 @@ def from_file(fields: dict) -> Method:
     return decode(msgspec.to_builtins({"about": "mine", "source": "-", "order": 2} | fields), Method)
 
 
-def test_a_tolerance_takes_no_method_without_an_error_estimate() -> None:
+def test_a_tolerance_requires_a_method_with_an_error_estimate() -> None:
     with refused(SceneError, "method-without-error"):
         simulate(make_scene(flexible("a"), run=RunSettings(method="Gauss4", tolerance=1e-4)))

@@ -1,4 +1,4 @@
-"""Frequencies against closed forms, exact finite chains and published arms; spin, flutter, damping."""
+"""Frequencies, damping and flutter agree with closed forms, exact finite chains and published arms."""
 
 from __future__ import annotations
 
@@ -40,16 +40,16 @@ from validation.reference_values import look_up
 
 @pytest.mark.parametrize("noise", [-1e-12, 0.0, 1e-12])
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_the_sign_of_a_shape_that_is_symmetric_is_not_decided_by_rounding(noise: float, sign: float) -> None:
+def test_the_sign_of_a_symmetric_shape_is_independent_of_rounding(noise: float, sign: float) -> None:
     found = scaled(sign * np.array([[0.2, 0.3], [0.5, -0.5 - noise], [0.1, 0.0], [-0.5 - noise, 0.5]]))
     np.testing.assert_allclose(found, [[0.4, -0.6], [1, 1], [0.2, 0], [-1, -1]], rtol=0, atol=1e-11)
 
 
-# --- exact finite chains: theory and code describe the same thing ----------------------------------------------------
+# --- exact finite chains: theory and code have the same model ----------------------------------------------------
 
 
 @pytest.mark.parametrize("rule", ["paper", "midpoint", "hencky", "gauss", "gregory", "clamped", "open", "legendre"])
-def test_all_modes_of_a_bending_chain_against_forty_digits(rule):
+def test_all_modes_of_a_bending_chain_agree_with_40_digit_values(rule):
     exact = bending_chain.frequencies(*lumping_rule(rule).hinges(10))
     assert natural_frequencies(cantilever(rule, 10)) == pytest.approx(exact, rel=1e-10)
 
@@ -57,7 +57,7 @@ def test_all_modes_of_a_bending_chain_against_forty_digits(rule):
 # --- arms ------------------------------------------------------------------------------------------------------------
 
 
-def test_de_luca_and_sicilianos_clamped_links():
+def test_frequencies_of_the_arm_of_de_luca_and_siciliano_are_reproduced():
     clamped = {
         "materials": {"link": Material(young=1e16, density=0.2)},
         "sections": {"thin": Section(shape="general", area=1.0, i_y=1e-16, i_z=1e-16, torsion=1e-16)},
@@ -82,7 +82,7 @@ def test_de_luca_and_sicilianos_clamped_links():
 # --- posture, gravity, spin, damping ---------------------------------------------------------------------------------
 
 
-def test_tangents_are_slopes_of_the_torques():
+def test_tangent_matrices_are_derivatives_of_the_torques():
     chain, rng = fl.lump(nasty_scene()), np.random.default_rng(1)
     q, qd, wrench = rng.uniform(-1, 1, chain.n), rng.uniform(-3, 3, chain.n), rng.uniform(-5, 5, 6)
     for follower in (False, True):
@@ -99,11 +99,11 @@ def test_tangents_are_slopes_of_the_torques():
             assert K[:, j] == pytest.approx(difference, abs=1e-9 * np.abs(K).max())
     G = gyroscopic_matrix(chain, q, qd)
     whole = load_torque(chain, q, qd, np.zeros(6)) - load_torque(chain, q, 0 * qd, np.zeros(6))
-    assert G @ qd == pytest.approx(2 * whole, abs=1e-12 * np.abs(whole).max() * chain.n)  # Euler: degree 2 in q̇
+    assert G @ qd == pytest.approx(2 * whole, abs=1e-12 * np.abs(whole).max() * chain.n)  # homogeneous of degree 2
 
 
-def test_follower_force_and_moment_do_their_work_in_axes_of_the_tip():
-    """Power R f · v + R m · ω at the tip, computed only from the motion of the tip frame, for every joint."""
+def test_follower_force_and_moment_act_in_axes_of_the_tip():
+    """Every joint torque is the power R f · v + R m · ω per unit joint rate, with v and ω of the tip by differences."""
     chain, rng = fl.lump(nasty_scene()), np.random.default_rng(2)
     q, still, none = rng.uniform(-1, 1, chain.n), np.zeros(chain.n), np.zeros(6)
     R = fl.frames(chain, q).rotations[-1]
@@ -111,14 +111,14 @@ def test_follower_force_and_moment_do_their_work_in_axes_of_the_tip():
         found = load_torque(chain, q, still, wrench, follower=True) - load_torque(chain, q, still, none)
         for j, quarter in enumerate(np.pi / 2 * np.eye(chain.n)):
             ahead, behind = fl.frames(chain, q + quarter), fl.frames(chain, q - quarter)
-            turning = (ahead.rotations[-1] - behind.rotations[-1]) / 2 @ R.T  # ω×, exact: degree 1
+            turning = (ahead.rotations[-1] - behind.rotations[-1]) / 2 @ R.T  # ω×, exact: R has degree 1 in cos, sin
             ω = np.array([turning[2, 1], turning[0, 2], turning[1, 0]])
             v = (ahead.points[-1] - behind.points[-1]) / 2
             work = (R @ wrench[:3]) @ v + (R @ wrench[3:]) @ ω
             assert found[j] == pytest.approx(-work, abs=1e-12)
 
 
-def test_rigid_pendulum():
+def test_a_rigid_pendulum_has_its_closed_form_frequency():
     scene = make_scene(Link(name="rod", length=2.0, material="aluminium", section="square"), gravity=(9.81, 0.0, 0.0))
     chain = fl.lump(scene)
     I = 2.0**2 / 3 + 0.04**2 / 12 + 0.0  # per mass, about the joint: L²/3 + h²/12
@@ -145,7 +145,7 @@ def test_becks_column_flutters_at_the_published_load(rule, hinges):
     load, frequency = (float(values[key]) for key in ("beck_PL2/EI", "beck_omega_at_flutter"))
     assert low == pytest.approx(load, rel=1.2e-2)
     assert at(low).frequencies[:2] == pytest.approx([frequency] * 2, rel=1e-2)
-    assert (np.abs(at(high).eigenvalues.imag[:2]) > 1).all()  # it flutters, it does not buckle
+    assert (np.abs(at(high).eigenvalues.imag[:2]) > 1).all()  # flutter, not buckling
 
 
 @pytest.mark.parametrize("loss_time", [1e-4, 1e-3, 3e-3])
@@ -155,17 +155,17 @@ def test_kelvin_voigt_damping_grows_with_frequency(loss_time):
     hinges = chain.hinges.copy()
     hinges["damping"] = loss_time * chain.stiffness
     damped = modes(dataclasses.replace(chain, hinges=hinges))
-    assert loss_time * ω.max() < 2  # all oscillate
+    assert loss_time * ω.max() < 2  # all modes oscillate
     assert damped.frequencies == pytest.approx(ω, rel=1e-9)
     assert damped.damping_ratios == pytest.approx(loss_time * ω / 2, rel=1e-8)
 
 
-def test_eigenvalues_are_those_of_the_linearised_forward_dynamics():
-    """Gravity, wrench, springs, friction and free joints: δq̈ = A δq + B δq̇ by differences of `forward_dynamics`."""
+def test_eigenvalues_equal_those_of_linearised_forward_dynamics():
+    """With all loads, springs, friction and free joints: δq̈ = A δq + B δq̇ by differences of `forward_dynamics`."""
     chain = fl.lump(nasty_scene())
     n, wrench = chain.n, np.array([3.0, -2.0, 5.0, 1.0, 0.5, -1.0])
     q, rest = np.linspace(-0.3, 0.4, n), np.zeros(n)
-    tau = load_torque(chain, q, rest, wrench) + elastic_torque(chain, q)  # holds the arm: an equilibrium
+    tau = load_torque(chain, q, rest, wrench) + elastic_torque(chain, q)  # balances the arm: an equilibrium
 
     def slope(f, h):
         return np.array([(f(h * e) - f(-h * e)) / (2 * h) for e in np.eye(n)]).T
@@ -178,7 +178,7 @@ def test_eigenvalues_are_those_of_the_linearised_forward_dynamics():
         assert np.abs(λ - value).min() < 1e-6 * np.abs(found).max()
 
 
-# --- rounding: stiff beside soft, and joints that nothing holds ------------------------------------------------------
+# --- rounding: stiff and soft modes, and joints without restoring torque ---------------------------------------------
 
 
 def l_arm(ratio, segments=9, gravity=(0.0, 0.0, 0.0), loss_time=0.0):
@@ -196,7 +196,7 @@ def l_arm(ratio, segments=9, gravity=(0.0, 0.0, 0.0), loss_time=0.0):
 
 
 def sixty_digits(chain):
-    """ω of the chain's own M and K, slowest first."""
+    """ω of the chain's M and K to 60 digits, slowest first."""
     q, every = np.zeros(chain.n), np.arange(chain.n)
     K = tangent(chain, q, q, np.zeros(6), every).symmetric
     with mpmath.workdps(60):
@@ -207,22 +207,22 @@ def sixty_digits(chain):
 
 @pytest.mark.parametrize("gravity", [(0.0, 0.0, 0.0), (0.0, 0.0, 9.81)])
 @pytest.mark.parametrize("ratio", [1e8, 1e12])
-def test_soft_modes_keep_their_digits_beside_stiff_ones(ratio, gravity):
-    """Squared, ω_max² eps would be 3e-4 of the first mode at 1e8 and 60 % of it at 1e12."""
+def test_soft_modes_stay_accurate_in_the_presence_of_stiff_ones(ratio, gravity):
+    """If ω² were computed as eigenvalues, their error ω_max² eps would be 3e-4 of the first one at a ratio of 1e8."""
     chain = l_arm(ratio, segments=5, gravity=gravity)
     exact = sixty_digits(chain)
     assert exact[-1] / exact[0] > 50 * ratio**0.5
     M = fl.mass_matrix(chain, np.zeros(chain.n))
     size = np.sqrt(np.diag(M))
-    # Of Cholesky's factor of M, scaled to a diagonal of ones (Demmel 1989), and of singular values beside the largest
+    # From the Cholesky factor of M scaled to unit diagonal (Demmel 1989), and from singular values next to the largest
     rounding = 2.3e-16 * (chain.n * np.linalg.cond(M / np.outer(size, size)) + exact[-1] / exact)
     assert (np.abs(natural_frequencies(chain) / exact - 1) < rounding).all()
     assert rounding[0] < 1e-7
 
 
 @pytest.mark.parametrize("ratio", [1e8, 1e12])
-def test_soft_modes_keep_their_damping_beside_stiff_ones(ratio):
-    """ζ = η ω/2 from 1 % in the first mode to 1e6 in the last, which is overdamped."""
+def test_damping_of_soft_modes_stays_accurate_in_the_presence_of_stiff_ones(ratio):
+    """ζ = η ω/2 ranges from 1 % in the first mode to 1e6 in the last, overdamped one."""
     undamped = sixty_digits(l_arm(ratio, segments=5))
     η = 0.02 / float(undamped[0])
     found = modes(l_arm(ratio, segments=5, loss_time=η))
@@ -234,7 +234,7 @@ def test_soft_modes_keep_their_damping_beside_stiff_ones(ratio):
         assert np.abs(found.eigenvalues - λ).min() < 1e-5 * ω
 
 
-def test_refining_an_arm_with_a_very_stiff_plane_changes_the_first_mode_by_its_order_only():
+def test_the_first_mode_converges_with_order_4_if_one_plane_is_very_stiff():
     first = {n: natural_frequencies(l_arm(1e12, segments=n + 1))[0] for n in (4, 8, 16)}
     assert (first[16] - first[8]) / (first[8] - first[4]) == pytest.approx(1 / 16, rel=0.4)
 
@@ -259,8 +259,8 @@ def random_arm(rng, gravity):
     )
 
 
-def test_a_mass_matrix_is_factored_in_the_triangle_in_which_it_was_judged():
-    """Near singularity the two triangles of M may give different verdicts; here they do so on purpose."""
+def test_the_mass_matrix_is_factored_from_its_checked_triangle():
+    """Near singularity, rounding may make one triangle of M regular and the other singular; this M is such a case."""
     M = np.array([[1.0, 1.0], [0.5, 1.0]])  # regular below the diagonal, singular above
     judged = np.array([[1.0, 0.5], [0.5, 1.0]])
     A = first_order_matrix(M, 2 * np.eye(2), 3 * np.eye(2))
@@ -268,8 +268,8 @@ def test_a_mass_matrix_is_factored_in_the_triangle_in_which_it_was_judged():
 
 
 @pytest.mark.slow
-def test_free_joints_rest_and_nothing_else_does(rng):
-    """λ = 0 exactly, once for each free joint, damped or not: no nan, no ζ = −1."""
+def test_each_free_joint_has_one_zero_eigenvalue_and_no_other_mode_has(rng):
+    """λ = 0 exactly, once for each free joint, damped or not; no frequency is NaN, and no ζ is −1."""
     for _ in range(60):
         chain = random_arm(rng, (0.0, 0.0, 0.0))
         q = np.zeros(chain.n)
@@ -281,8 +281,8 @@ def test_free_joints_rest_and_nothing_else_does(rng):
         assert found.damping_ratios.min() == 0
 
 
-def test_joints_along_gravity_rest(rng):
-    """For a skewed, bent, loaded and damped arm the gravity torque about these axes is only rounding."""
+def test_joints_with_axes_along_gravity_have_zero_eigenvalues(rng):
+    """For a skewed, bent, loaded and damped arm the gravity torque about these axes is only a rounding error."""
     for damping in (None, fl.Damping(ratio=0.01, at_hz=5.0)):
         angles = tuple(rng.uniform(-180, 180, 3).tolist())
         links = (flexible("a", mount=Mount(rpy_deg=angles), damping=damping), flexible("b", joint=Joint(viscous=0.5)))
@@ -295,8 +295,8 @@ def test_joints_along_gravity_rest(rng):
 
 
 @pytest.mark.parametrize("damping", [None, fl.Damping(ratio=0.01, at_hz=5.0)])
-def test_a_joint_that_turns_with_its_follower_load_does_not_grow(damping, rng):
-    """Nothing depends on its angle, but K has no potential: its double λ = 0 is detected."""
+def test_a_joint_that_turns_with_its_follower_load_is_not_unstable(damping, rng):
+    """Nothing depends on the joint's angle, but K is not symmetric: the double λ = 0 is detected."""
     chain = fl.lump(make_scene(flexible("a", "yz", damping=damping)))
     for load in np.hstack([rng.uniform(-5, 5, (10, 3)), rng.uniform(-1, 1, (10, 3))]):
         found = modes(chain, rng.uniform(-0.2, 0.2, chain.n), tip_wrench=load, frame="tip")
@@ -308,7 +308,7 @@ def test_a_joint_that_turns_with_its_follower_load_does_not_grow(damping, rng):
 
 @pytest.mark.parametrize("viscous", [0.0, 1e-3])
 @pytest.mark.parametrize("g", [9.81, 1e-9])
-def test_what_falls_however_slowly_is_no_rest(g, viscous):
+def test_a_slowly_falling_mode_is_unstable_not_rigid(g, viscous):
     """A stiff bar upright on a free joint: λ = √(g/l'), independent of the springs."""
     link = flexible("a", joint=Joint(viscous=viscous), lumping="gauss")
     chain = fl.lump(make_scene(link, tip=RigidBody(mass=5.0), gravity=(-g, 0.0, 0.0)))
@@ -324,19 +324,19 @@ def test_what_falls_however_slowly_is_no_rest(g, viscous):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("gravity", [(0.0, 0.0, 9.81), (0.0, 3.0, -9.81)])
-def test_numbers_of_falling_resting_and_swinging_modes_follow_sylvesters_law(gravity, rng):
+def test_counts_of_unstable_rigid_and_oscillating_modes_follow_sylvesters_law(gravity, rng):
     for _ in range(20):
         chain = random_arm(rng, gravity)
         q = np.zeros(chain.n)
         K = stiffness_matrix(chain, q, q, np.zeros(6))
-        size = 1 / np.sqrt(np.abs(np.diag(K)) + 1e-3)  # N m/rad: small beside the loads, large beside their rounding
+        size = 1 / np.sqrt(np.abs(np.diag(K)) + 1e-3)  # 1e-3 N m/rad: less than the loads, more than rounding
         falling = (np.linalg.eigvalsh((K + K.T) / 2 * np.outer(size, size)) < -1e-9).sum()
         found = modes(chain, q)
         assert np.isnan(found.frequencies).sum() == falling
         assert found.stable == (falling == 0)
 
 
-def test_paths_are_the_displacements_of_the_points():
+def test_mode_shape_paths_are_the_displacements_of_the_points():
     chain = fl.lump(nasty_scene())
     q = np.linspace(-1, 1, chain.n)
     found = modes(chain, q)
@@ -362,7 +362,7 @@ def test_locked_coordinates_do_not_move():
     ids=["names", "array of names", "both", "array", "list", "mask", "list of bools", "a link locked in the scene"],
 )  # fmt: skip
 @pytest.mark.parametrize("function", [modes, natural_frequencies, fl.solve_static, fl.strength.buckling_loads])
-def test_what_is_locked_is_given_by_name_index_or_mask(function, locked):
+def test_locked_coordinates_are_given_by_name_index_or_mask(function, locked):
     waist = Link(name="waist", joint=Joint(locked=True))
     chain = fl.lump(make_scene(waist, flexible("upper"), flexible("fore", segments=4), gravity=(-9.81, 0.0, 0.0)))
     assert [chain.joint_name(k) for k in (0, 6)] == ["upper", "fore.1.z"]
@@ -397,7 +397,7 @@ def test_bad_locks_are_named(function, locked, id):
     assert str(caught.value).startswith("locked")
 
 
-def test_a_joint_with_prescribed_motion_takes_no_part_in_modes_and_stable_steps():
+def test_a_prescribed_joint_is_excluded_from_modes_and_stable_steps():
     link = flexible("a", segments=5)
     held = fl.PrescribedMotion(link="a", times=[0.0], angle_deg=[0.0], rate_deg=[0.0], acceleration_deg=[0.0])
     prescribed = fl.lump(make_scene(link, motion=(held,)))
@@ -408,8 +408,8 @@ def test_a_joint_with_prescribed_motion_takes_no_part_in_modes_and_stable_steps(
     assert fl.stable_step(rigid) == np.inf
 
 
-def test_twist_of_a_rod_swings_as_fast_however_thin_it_is() -> None:
-    """GJ and the inertia about the axis are both proportional to thickness⁴; tilted axes change nothing."""
+def test_twist_frequency_is_independent_of_rod_thickness() -> None:
+    """GJ and the inertia about the axis are both proportional to thickness⁴; tilted axes have no effect."""
 
     def fastest(thickness: float) -> np.ndarray:
         link = flexible("rod", "xyz", 4, mount=fl.Mount(rpy_deg=(-70.0, 15.0, 20.0)), joint=fl.Joint(locked=True))

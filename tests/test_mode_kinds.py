@@ -1,4 +1,4 @@
-"""Elastic, pendulum and rigid modes; the posture that small motion is about by default."""
+"""Elastic, pendulum and rigid modes, and the default posture for small motion."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def swinging(gravity: float, **changes: object) -> fl.Chain:
     return fl.lump(make_scene(flexible("a", "z", 6), gravity=(gravity, 0.0, 0.0)).varied(changes))
 
 
-def test_gravity_holds_a_pendulum_and_springs_the_modes_above_it() -> None:
+def test_the_first_mode_of_a_hanging_link_is_a_pendulum_and_higher_ones_are_elastic() -> None:
     found = fl.modes(swinging(9.81))
     assert found.kinds == ("pendulum", *["elastic"] * (len(found.kinds) - 1))
     assert found.elastic_shares[0] < 0.01
@@ -24,14 +24,14 @@ def test_gravity_holds_a_pendulum_and_springs_the_modes_above_it() -> None:
     assert found.first_elastic_hertz == found.hertz[1]
 
 
-def test_an_upright_arm_falls_as_a_pendulum() -> None:
+def test_the_unstable_mode_of_an_upright_arm_is_a_pendulum_mode() -> None:
     found = fl.modes(swinging(-9.81))
     assert np.isnan(found.hertz[0])
     assert found.kinds[:2] == ("pendulum", "elastic")
 
 
 @pytest.mark.parametrize("damping", [0.0, 2.0])
-def test_without_gravity_a_free_joint_is_rigid_with_friction_or_without(damping: float) -> None:
+def test_without_gravity_a_free_joint_has_a_rigid_mode_with_or_without_friction(damping: float) -> None:
     found = fl.modes(swinging(0.0, **{"link.*.joint.viscous": damping}))
     assert found.kinds.count("rigid") == 1 + (damping > 0)
     assert found.kinds.count("elastic") == len(found.kinds) - 1 - (damping > 0)
@@ -46,14 +46,14 @@ def test_overdamped_modes_of_a_beam_are_elastic() -> None:
     assert free.kinds.count("elastic") == len(held.kinds)
 
 
-def test_a_chain_that_nothing_bends_has_no_elastic_frequency() -> None:
+def test_a_rigid_chain_has_no_elastic_frequency() -> None:
     link = fl.Link(name="a", length=0.5, material="aluminium", section="square")
     chain = fl.lump(make_scene(link, gravity=(9.81, 0.0, 0.0)))
     assert fl.modes(chain).kinds == ("pendulum",)
     assert np.isnan(fl.modes(chain).first_elastic_hertz)
 
 
-def test_stable_steps_and_modes_are_about_slack_springs_by_default() -> None:
+def test_stable_steps_and_modes_default_to_the_posture_with_slack_springs() -> None:
     """The rest angles of the springs are not 0, so the straight arm has other frequencies."""
     straight = swinging(9.81)
     hinges = straight.hinges.copy()

@@ -1,4 +1,4 @@
-"""Which model an error needs: all combinations are compared with the arm itself, and the cheapest one is listed."""
+"""All combinations of model and method are compared with the flexible arm; the cheapest for each error is listed."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ GRID = {
 
 @pytest.fixture(scope="module")
 def found():
-    """Rows and the series of a tenth of a second."""
+    """Rows and series of the case for a run of 0.1 s."""
     grid, case = decode(GRID, speed_models.Grid), replace(CASE, scenes=("paper_fig5",))
     *rows, series = speed_models.run(case, scene={"paper_fig5": grid}, errors=(1e-1, 1e-5), budget=5.0)
     return rows, series
 
 
 @pytest.mark.slow
-def test_every_type_rule_hinge_method_and_step_is_run_once_and_a_rigid_arm_has_no_hinges(found):
+def test_every_combination_runs_once_and_a_rigid_arm_has_no_hinges(found):
     made = list(zip(*(found[1].columns[name].tolist() for name in ("type", "rule", "hinges", "method")), strict=True))
     cuts = [("rigid", "paper", 0), ("T1", "paper", 1), ("T1", "paper", 4), ("T1", "gauss", 2)]
     assert made == [(*cut, method) for cut in cuts for method in ("Radau5", "Radau5", "RK4")]
@@ -46,7 +46,7 @@ def test_the_cheapest_run_that_meets_an_error_is_listed_with_its_model(found):
     rows, series = found
     known, *times = rows
     assert (known.quantity.split(" / ")[0], known.scene) == ("own error", "short")
-    assert times, "some run is as right as the largest error"
+    assert times, "at least one run meets the largest error"
     for each in times:
         met = series.columns["CPU time [s]"][series.columns["error"] <= each.varied["error"]]
         assert each.value == pytest.approx(1e3 * met.min())
@@ -70,7 +70,7 @@ RUNS = (
 )  # fmt: skip
 
 
-def test_the_front_of_models_names_type_hinges_and_rule_and_the_csv_has_every_run(tmp_path: Path) -> None:
+def test_the_pareto_front_names_type_hinges_and_rule_and_the_csv_has_every_run(tmp_path: Path) -> None:
     results = stored(tmp_path, row("models", kind="speed_models"))
     series = Series("models", "arm: which", table(speed_models.COLUMNS, RUNS), "error", "error", "t", scene="arm")
     Store(results).add_series("models", series)

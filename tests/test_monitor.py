@@ -35,11 +35,11 @@ def finite(run: fl.Trajectory) -> bool:
     return all(np.isfinite(column).all() for column in run.columns.values())
 
 
-# -- the power balance -------------------------------------------------------------------------------------------------
+# -- the energy balance ------------------------------------------------------------------------------------------------
 
 
 def everything(flex: str, solver: str = "articulated") -> fl.Scene:
-    """An arm with drive, friction, damping, a wrench, a prescribed joint with a rotor, and gravity along no axis."""
+    """An arm with drive, friction, damping, wrench, a prescribed joint with a rotor, and oblique gravity."""
     links = (
         flexible("a", flex, 3, joint=fl.Joint(viscous=0.4, coulomb=0.5, coulomb_width=0.1, armature=0.3)),
         flexible("b", flex, 3, joint=fl.Joint(viscous=0.2, armature=0.1), damping=fl.Damping(ratio=0.05, at_hz=20.0)),
@@ -57,8 +57,8 @@ def everything(flex: str, solver: str = "articulated") -> fl.Scene:
 
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
-def test_the_energy_gained_is_the_work_of_all_loads(flex: str, solver: str) -> None:
-    """The error has the order of the method: half the step divides it by 16."""
+def test_the_energy_gained_equals_the_work_of_all_loads(flex: str, solver: str) -> None:
+    """The error of the balance has the order of the method: halving the step divides it by 16."""
     scene = everything(flex, solver)
     coarse, fine = (fl.simulate(scene, step=h) for h in (2e-5, 1e-5))
     parts = np.abs(np.diff(coarse.work)).sum()
@@ -67,7 +67,7 @@ def test_the_energy_gained_is_the_work_of_all_loads(flex: str, solver: str) -> N
     assert np.abs(fine.imbalance).max() < np.abs(coarse.imbalance).max() / 8 + 1e-12 * parts
 
 
-def test_the_work_of_a_drive_on_a_wheel_is_its_kinetic_energy() -> None:
+def test_the_work_of_a_drive_equals_the_kinetic_energy_of_its_wheel() -> None:
     """J = 4 kg m² under 2 N m: q̇ = t/2, W = T = t²/2, all exact for a method of order 2."""
     wheel = fl.RigidBody(mass=1.0, inertia=(2.0, 2.0, 4.0))
     drive = fl.Drive(kind="constant", torque=(2.0,))
@@ -76,7 +76,7 @@ def test_the_work_of_a_drive_on_a_wheel_is_its_kinetic_energy() -> None:
     np.testing.assert_allclose(run.energy.kinetic, run.t**2 / 2, rtol=1e-12)
 
 
-def test_the_work_of_a_run_of_another_engine_is_refused(paper: fl.Scene) -> None:
+def test_a_run_of_another_engine_has_no_work_or_imbalance(paper: fl.Scene) -> None:
     run = fl.simulate(paper, duration=0.01)
     other = trajectory_from_states(problem_of(paper), run.t, run.q, run.qd)
     assert "work [J]" not in other.columns
@@ -90,7 +90,7 @@ def test_the_work_of_a_run_of_another_engine_is_refused(paper: fl.Scene) -> None
 @pytest.mark.parametrize("sample", [0.01, 0.05, 0.25, 1.0])
 @pytest.mark.parametrize("unstable", ["refuse", "allow"])
 def test_all_samples_of_a_run_are_finite(paper: fl.Scene, sample: float, unstable: str) -> None:
-    """Also if the last step of a piece or of the run overflows."""
+    """This includes overflow in the last step of a piece or of the run."""
     with pytest.raises((fl.errors.UnstableStepError, fl.errors.DivergenceError)) as caught:
         fl.simulate(paper, step=0.01, sample=sample, duration=1.0, unstable=unstable)
     kept = getattr(caught.value, "trajectory", None)
@@ -116,10 +116,10 @@ def test_the_error_names_the_step_that_overflows(paper: fl.Scene) -> None:
         ended.append(caught.value)
     finite = len(ended[0].trajectory.t)  # the first sample is at step 0
     step = int(str(ended[1]).split("(step ")[1].split(",")[0])
-    assert 0 <= step - finite <= 1  # energies overflow one step before angles
+    assert 0 <= step - finite <= 1  # energies overflow one step earlier than angles
 
 
-def test_a_step_above_the_stable_one_is_refused(paper: fl.Scene) -> None:
+def test_a_step_above_the_largest_stable_one_is_refused(paper: fl.Scene) -> None:
     with refused(fl.errors.UnstableStepError, "unstable-step") as caught:
         fl.simulate(paper, step=0.01, sample=0.01, duration=1.0)
     assert caught.value.largest == pytest.approx(fl.stable_step(fl.lump(paper), method="RK4"), rel=0.01)
@@ -132,8 +132,8 @@ def test_the_result_notes_an_unstable_step_that_was_allowed(paper: fl.Scene, tmp
     assert "run.step" in str(np.load(run.save(tmp_path / "run.npz"))["warnings"][0])
 
 
-def test_dry_friction_counts_with_its_slope_at_rest() -> None:
-    """Two rigid links, 500 N m of dry friction: at the former default step the error of the tip was 0.3 m."""
+def test_dry_friction_limits_the_step_by_its_slope_at_rest() -> None:
+    """Two rigid links with 500 N m of dry friction: without this check the tip error was 0.3 m."""
     links = [
         fl.Link(name=name, length=1.0, material="aluminium", section="square", joint=fl.Joint(coulomb=500.0))
         for name in "ab"
@@ -143,7 +143,7 @@ def test_dry_friction_counts_with_its_slope_at_rest() -> None:
         fl.simulate(scene, duration=0.1)
 
 
-def test_the_gains_of_a_drive_count() -> None:
+def test_drive_gains_limit_the_step() -> None:
     """J q̈ = −k_p q − k_d q̇: with k_d alone RK4 is stable up to 2.785 J/k_d."""
     wheel = fl.RigidBody(mass=1.0, inertia=(1.0, 1.0, 2.0))
     for kp, kd, limit in ((0.0, 400.0, 2.785293563 * 2.0 / 400.0), (8e4, 0.0, 2.828427522 / 200.0)):
@@ -159,8 +159,8 @@ def test_the_gains_of_a_drive_count() -> None:
                 fl.simulate(scene.varied({"run": run}))
 
 
-def test_loads_that_stiffen_count() -> None:
-    """A string of two point masses under a pull P ≫ k/l: ω² grows with P, and the stable step falls with it."""
+def test_loads_that_stiffen_a_chain_shorten_the_stable_step() -> None:
+    """For a string of two point masses under a pull P ≫ k/l, ω² grows with P, so the stable step becomes shorter."""
     scene = make_scene(flexible("a", "z", 5, joint=fl.Joint(locked=True)), gravity=(0, 0, 0))
     chain, q = fl.lump(scene), np.zeros(4)
     slack, pulled = (fl.stable_step(chain, q, method="RK4", tip_wrench=[f, 0, 0, 0, 0, 0]) for f in (0.0, 1e6))
@@ -173,7 +173,7 @@ def test_loads_that_stiffen_count() -> None:
         )
 
 
-def test_a_freely_falling_arm_has_a_stable_step() -> None:
+def test_a_falling_upright_rod_has_a_largest_stable_step() -> None:
     """An upright rod falls or rises with the rate √(3g/2l); the stable step is 2.785/rate."""
     scene = make_scene(fl.Link(name="a", length=1.0, material="aluminium", section="square"), gravity=(-9.81, 0.0, 0.0))
     rate = np.sqrt(9.81 * 0.5 / (1 / 3 + 0.04**2 / 12))  # m g l/2 over I of a square bar about its end
@@ -181,11 +181,11 @@ def test_a_freely_falling_arm_has_a_stable_step() -> None:
     fl.simulate(scene, step=1e-3, sample=1e-2, duration=0.1)
 
 
-# -- garbage, although finite ------------------------------------------------------------------------------------------
+# -- finite but wrong runs ------------------------------------------------------------------------------------------
 
 
 def test_a_finite_run_with_a_wrong_energy_is_refused() -> None:
-    """A pendulum with such long steps that the method dissipates its energy; at rest the step would be stable."""
+    """With steps that are stable at rest but too long, the method dissipates the energy of the pendulum."""
     rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
     scene = make_scene(rod, gravity=(9.81, 0.0, 0.0), initial=fl.InitialState(joint_deg=(170.0,)))
     with refused(fl.errors.DivergenceError, "energy-imbalance") as caught:
@@ -197,13 +197,13 @@ def test_a_finite_run_with_a_wrong_energy_is_refused() -> None:
     check_text("energy-imbalance", warning)
 
 
-def test_rounding_errors_of_an_arm_at_rest_are_no_imbalance(paper: fl.Scene) -> None:
-    """No energy is exchanged, so any imbalance is a large share of it; this one is below the rounding of energies."""
+def test_rounding_errors_of_an_arm_at_rest_are_not_an_energy_imbalance(paper: fl.Scene) -> None:
+    """Almost no energy is exchanged, so any imbalance is a large share of it; this imbalance is within rounding."""
     still = paper.varied({"initial.joint_deg": (0.0, -90.0, 0.0), "initial.passive": "static"})
     assert np.abs(fl.simulate(still, duration=0.5).imbalance).max() < 1e-10
 
 
-def test_a_run_is_doubtful_if_steps_are_as_small_as_the_rounding_of_angles() -> None:
+def test_a_run_is_doubtful_if_rounding_errors_of_large_angles_add_up() -> None:
     swinging = make_scene(flexible("a"), initial=fl.InitialState(joint_deg=(20.0,)), gravity=(0.0, 9.81, 0.0))
     warnings = []
     for turns in (0, 20, 10**8):
@@ -226,7 +226,7 @@ def test_a_warning_names_a_hinge_whose_axes_nearly_coincide() -> None:
 
 
 def check_text(id: str, text: str, *, values: bool = True) -> None:
-    """Review a warning or a failure; its id, if it has one, must be this one."""
+    """Compare a warning or failure with the reviewed text, and its id, if any, with the given one."""
     assert (getattr(text, "id", "") or id) == id
     reviewed(id, text, values=values)
 
@@ -250,6 +250,20 @@ def test_a_warning_names_every_hinge_bent_beyond_84_degrees() -> None:
         assert repr(fl.lump(scene).joint_name(k)) in warning
         assert "-85.0°" in warning
         check_text("hinge-bent-far", warning)
+
+
+def test_a_hinge_bent_by_more_than_a_turn_has_a_warning() -> None:
+    (warning,) = looked_at(make_scene(flexible("a", "xyz", 3)), np.array([0.0, 0.0, 7.0, 0.0, 0.0, 0.0, 0.0])).warnings
+    assert "401.1°" in warning
+    check_text("hinge-bent-far", warning)
+
+
+def test_a_diverging_run_that_continues_has_no_warnings_on_its_large_angles(paper: fl.Scene) -> None:
+    with pytest.raises(fl.errors.DivergenceError) as caught:
+        fl.simulate(paper, step=1e-2, sample=1e-2, duration=0.5, method="RK4", unstable="allow")
+    ids = {warning.id for warning in caught.value.trajectory.warnings}
+    assert "energy-imbalance" in ids
+    assert not ids & {"hinge-bent-far", "doubtful-rounding"}
 
 
 def test_a_configuration_with_indefinite_m_is_refused() -> None:
@@ -311,11 +325,11 @@ def test_a_tolerance_explains_only_its_share_of_the_imbalance_of_an_explicit_run
         assert explained_by(balance.NOTHING, 0.05, 3.0, r, X, T) == 0.0
 
 
-# -- what the balance is made of ---------------------------------------------------------------------------------------
+# -- terms of the balance ---------------------------------------------------------------------------------------
 
 
-def test_the_check_of_samples_follows_its_docstring(rng: np.random.Generator) -> None:
-    """r, X, ε and the unexplained part of r, of random numbers, in two pieces; then every fault at its sample."""
+def test_the_energy_check_of_samples_gives_its_documented_values(rng: np.random.Generator) -> None:
+    """With random numbers in two pieces, r, X, ε and the unexplained part of r agree; every fault is found."""
     chain, force, rows, n = fl.lump(everything("xyz")), np.array([2.0, -1.0, 0.5]), 9, 8
     energy, works, tip = rng.normal(size=(3, rows)), rng.normal(size=rows), rng.normal(size=(rows, 3))
     energy[0] = np.abs(energy[0])
@@ -346,7 +360,7 @@ def test_the_check_of_samples_follows_its_docstring(rng: np.random.Generator) ->
     strict = balance.Balance(chain, force)
     strict.start(energy[:, 0], tip[0])
     assert strict.look(0, rows, samples, some) == (k, WRONG.balance)
-    for at_rest in (balance.NOTHING, Allowance(weight=1.0)):  # no energy is exchanged: every share of it is 0
+    for at_rest in (balance.NOTHING, Allowance(weight=1.0)):  # no energy is exchanged, so any share of it is 0
         still = balance.Balance(chain, force)
         parts = t, zero, zero, zero, np.zeros((rows, 3)), np.zeros((3, rows)), np.zeros(rows), so_far
         assert still.look(0, rows, parts, at_rest) == (rows, WRONG.nothing)
@@ -366,7 +380,7 @@ def test_the_energy_exchanged_is_the_sum_of_gains_and_losses_of_its_parts() -> N
     assert balance.imbalance(energy, work, start) == pytest.approx([2.0 - 2.5 + 4.0])
 
 
-def test_no_mass_moves_beyond_the_reach() -> None:
+def test_the_reach_bounds_the_distance_of_every_mass() -> None:
     links = flexible("a", "rigid", 1), flexible("b", "rigid", 1)
     chain = fl.lump(make_scene(*links, tip=fl.RigidBody(mass=1.0)))
     stretched = sum(link.length for link in links)
@@ -378,7 +392,7 @@ def test_no_mass_moves_beyond_the_reach() -> None:
 
 @pytest.mark.slow
 def test_no_random_scene_gives_a_wrong_run_without_a_warning() -> None:
-    """A few of `python -m tests.random_scenes 2000`."""
+    """Run a few of the scenes that `python -m tests.random_scenes 2000` runs."""
     outcomes = {seed: verdict(seed) for seed in range(20)}
     assert {seed: found for seed, found in outcomes.items() if found[0] == "WRONG"} == {}
-    assert sum(found[0] == "right" for found in outcomes.values()) >= 3  # the reference is used, and agrees
+    assert sum(found[0] == "right" for found in outcomes.values()) >= 3  # so the reference is used

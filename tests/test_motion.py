@@ -1,4 +1,4 @@
-"""Prescribed joint motion: the joint follows exactly, and the torque it takes is an output."""
+"""Prescribed joint motion: the joint follows it exactly, and the required torque is an output."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def swing(link: str = "a", knots: int = 41, duration: float = 2.0) -> fl.Prescri
     )
 
 
-def test_quintic_pieces_follow_a_smooth_motion_to_sixth_order() -> None:
+def test_quintic_pieces_approximate_a_smooth_motion_to_sixth_order() -> None:
     scene = make_scene(fl.Link(name="a", length=1.0), tip=fl.RigidBody(mass=1.0), motion=(swing(),))
     motion = motion_arrays(scene, fl.lump(scene))
     q, qd, qdd = np.zeros((3, 1))
     for t in np.linspace(0, 1.99, 333):
         follow(motion, t, q, qd, qdd)
         exact = np.radians([30 * (1 - np.cos(2 * t)), 60 * np.sin(2 * t), 120 * np.cos(2 * t)])
-        # Hermite: (h/2)⁶/720 · max|θ⁽⁶⁾| = 2.5e-2⁶/720 · 30·64° for the angle; two and four orders of h more for rates
+        # Hermite error of the angle: (h/2)⁶/720 · max|θ⁽⁶⁾| = 2.5e-2⁶/720 · 30·64°; rates are less accurate
         np.testing.assert_allclose([q[0], qd[0], qdd[0]], exact, atol=2e-6)
         assert abs(q[0] - exact[0]) < 2e-11
     follow(motion, 3.0, q, qd, qdd)
@@ -45,12 +45,12 @@ def test_the_torque_of_a_rigid_wheel_is_inertia_times_acceleration(solver: str) 
     scene = make_scene(fl.Link(name="a"), tip=wheel, gravity=(0, 0, 0), motion=(swing(),))
     run = fl.simulate(scene, step=1e-2, sample=0.05, duration=2.0, solver=solver)
     exact = 3.0 * np.radians(120) * np.cos(2 * run.t)
-    np.testing.assert_allclose(run.tau[:-1, 0], exact[:-1], atol=1e-5)  # Hermite's second derivative, order h⁴
-    assert run.tau[-1, 0] == 0  # from the last knot on the rate is constant
+    np.testing.assert_allclose(run.tau[:-1, 0], exact[:-1], atol=1e-5)  # error h⁴ of Hermite's second derivative
+    assert run.tau[-1, 0] == 0  # after the last knot, the rate is constant
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_the_torque_of_a_prescribed_joint_carries_rotor_friction_and_the_load_on_the_tip(solver: str) -> None:
+def test_the_torque_of_a_prescribed_joint_includes_rotor_friction_and_tip_load(solver: str) -> None:
     joint = fl.Joint(viscous=2.0, coulomb=0.5, coulomb_width=0.1, armature=0.25)
     scene = make_scene(
         fl.Link(name="a", joint=joint), tip=fl.RigidBody(mass=1.0, inertia=(2.0, 2.0, 3.0)), gravity=(0, 0, 0),
@@ -59,12 +59,12 @@ def test_the_torque_of_a_prescribed_joint_carries_rotor_friction_and_the_load_on
     run = fl.simulate(scene, step=1e-2, sample=0.05, duration=1.9, solver=solver)
     ω, α = np.radians(60) * np.sin(2 * run.t), np.radians(120) * np.cos(2 * run.t)
     exact = 3.25 * α + 2.0 * ω + 0.5 * np.tanh(ω / 0.1) - 7.0
-    np.testing.assert_allclose(run.tau[:, 0], exact, atol=1e-5)  # Hermite's second derivative, order h⁴
+    np.testing.assert_allclose(run.tau[:, 0], exact, atol=1e-5)  # error h⁴ of Hermite's second derivative
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_every_sample_has_its_prescribed_joints_exactly_where_they_are_to_be(solver: str) -> None:
-    """The stages alone would end elsewhere: with a step of a tenth of the motion they deviate by 1e-5 rad.
+def test_prescribed_joints_are_exactly_at_their_positions_in_every_sample(solver: str) -> None:
+    """Stages integrated without correction deviate by 1e-5 rad if a step is a tenth of the motion.
 
     θ = s³ (10 − 15 s + 6 s²) is the quintic from rest to rest within 1 s; the run ends beyond its last knot.
     """
@@ -87,7 +87,7 @@ def test_every_sample_has_its_prescribed_joints_exactly_where_they_are_to_be(sol
 
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("moved", ["a", "b"])
-def test_the_torque_that_a_motion_takes_gives_its_acceleration_back(solver: str, moved: str) -> None:
+def test_the_torque_of_a_prescribed_motion_reproduces_its_acceleration(solver: str, moved: str) -> None:
     links = flexible("a", segments=3), flexible("b", "xyz", segments=3, mount=fl.Mount(rpy_deg=(40, 0, 0)))
     free = fl.lump(make_scene(*links, gravity=(1.0, 2.0, 9.0)))
     scene = make_scene(*links, gravity=(1.0, 2.0, 9.0), motion=(swing(moved, 401),))
@@ -102,8 +102,8 @@ def test_the_torque_that_a_motion_takes_gives_its_acceleration_back(solver: str,
 
 
 @pytest.mark.parametrize("samples", [1, 5])
-def test_in_a_plane_a_prescribed_joint_may_turn_the_other_way_and_have_a_rotor(samples: int) -> None:
-    """Its axis is reversed, and it is inside the chain, where its sign and its rotor affect the links before it."""
+def test_a_prescribed_joint_of_a_planar_chain_may_be_reversed_and_have_a_rotor(samples: int) -> None:
+    """The prescribed joint has a reversed axis inside the chain, so its sign and rotor affect the links before it."""
     over = fl.Mount(rpy_deg=(180, 0, 0))
     links = (
         flexible("a", segments=3),
@@ -118,7 +118,7 @@ def test_in_a_plane_a_prescribed_joint_may_turn_the_other_way_and_have_a_rotor(s
     for run in runs[1:]:
         assert np.abs(run.q - runs[0].q).max() < 1e-11
         np.testing.assert_allclose(run.tau, runs[0].tau, rtol=0, atol=1e-7 * np.abs(runs[0].tau).max())
-    assert np.abs(runs[0].q[:, 0]).max() > 0.04 * (samples * sample) ** 2  # the free joint before it is moved
+    assert np.abs(runs[0].q[:, 0]).max() > 0.04 * (samples * sample) ** 2  # the free joint inboard of it moves
 
 
 @pytest.mark.parametrize(
@@ -139,7 +139,7 @@ def test_a_motion_that_does_not_fit_the_scene_is_refused(change: dict, wanted: s
         )
 
 
-def test_a_motion_checks_its_table() -> None:
+def test_an_invalid_motion_table_is_refused() -> None:
     with refused(fl.errors.SceneError, "first-time"):
         fl.PrescribedMotion(link="a", times=(1.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
     rows = {"angle_deg": (0.0,) * 4, "rate_deg": (0.0,) * 4, "acceleration_deg": (0.0,) * 4}

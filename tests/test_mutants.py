@@ -1,4 +1,4 @@
-"""Automatic mutants: their kinds, their repetition by seed, and their planting in a running process."""
+"""Automatic mutants: their kinds, their repeatable selection by seed, and their insertion in a running process."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def total(chain, shapes):
 
 
 def made(source: bytes = SOURCE) -> dict[tuple[str, str], set[str]]:
-    """Replacements of each text, by function."""
+    """Replacements of each expression, by function and original text."""
     found: dict[tuple[str, str], set[str]] = {}
     for mutant in mutants("flexlink/chain/area.py", source):
         if is_python(mutant, source):
@@ -46,7 +46,7 @@ def made(source: bytes = SOURCE) -> dict[tuple[str, str], set[str]]:
     return found
 
 
-def test_the_mistakes_are_those_of_the_list() -> None:
+def test_the_mutations_equal_the_expected_list() -> None:
     listed = {
         ("", "0.5"): {"5.0"},
         ("", "2.0"): {"20.0"},
@@ -76,7 +76,7 @@ def test_the_mistakes_are_those_of_the_list() -> None:
     assert made() == listed
 
 
-def test_no_mistake_is_made_in_words_types_and_what_is_only_shown() -> None:
+def test_texts_types_and_display_code_are_not_mutated() -> None:
     texts = {was for _, was in made()}
     assert not texts & {"1 + 2", "1 + 1", "16", "3", "a + 1", "LIMIT - 1"}
     looks = b"def draw(axes):\n    axes.plot(t, x, linewidth=2.0, alpha=0.5)\n    return x * 3.0\n"
@@ -85,7 +85,7 @@ def test_no_mistake_is_made_in_words_types_and_what_is_only_shown() -> None:
     assert not drawing & generator.NUMBERS
 
 
-def test_every_mistake_of_a_file_leaves_its_lines_where_they_are() -> None:
+def test_mutants_do_not_shift_the_lines_of_a_file() -> None:
     for mutant in mutants("flexlink/chain/area.py", SOURCE):
         planted = mutant.planted(SOURCE)
         assert SOURCE[mutant.start : mutant.end].decode() == mutant.was
@@ -101,7 +101,7 @@ def tree(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_seed_draws_the_same_mistakes_whatever_else_changes(tree: Path) -> None:
+def test_a_seed_selects_the_same_mutants_whatever_else_changes(tree: Path) -> None:
     def names(seed: int, most: int, *left_out: str) -> list[str]:
         return [mutant.key for mutant in drawn([], seed, most, frozenset(left_out), tree)]
 
@@ -119,8 +119,8 @@ def test_a_seed_draws_the_same_mistakes_whatever_else_changes(tree: Path) -> Non
     assert drawn(["flexlink/none"], 1, 99, frozenset(), tree) == []
 
 
-def test_code_of_a_running_process_is_exchanged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Functions, including those imported or referenced elsewhere, and values of a module."""
+def test_code_of_a_running_process_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Functions, wherever they are imported or referenced, and values of a module are replaced."""
     source = b"SIZE = 2.5\n\n\ndef area(a):\n    return a * SIZE\n\n\ndef made(b):\n    return lambda a: a + b\n"
     (tmp_path / "shapes.py").write_bytes(source)
     monkeypatch.setattr(swap, "ROOT", tmp_path)
@@ -128,7 +128,7 @@ def test_code_of_a_running_process_is_exchanged(tmp_path: Path, monkeypatch: pyt
     import shapes  # type: ignore[import-not-found]  # noqa: PLC0415
 
     area, held = shapes.area, shapes.made(1)
-    gone = weakref.proxy(area.__class__(area.__code__, {}))  # of a function that is no more: other code leaves such
+    gone = weakref.proxy(area.__class__(area.__code__, {}))  # refers to a function that no longer exists
 
     def plant(was: str, becomes: str, where: str) -> None:
         start = source.index(was.encode())
@@ -142,7 +142,7 @@ def test_code_of_a_running_process_is_exchanged(tmp_path: Path, monkeypatch: pyt
     plant("a + b", "a - b", "made")
     assert held(5) == shapes.made(1)(5) == 4
     plant("2.5", "25.0", "")
-    assert (shapes.SIZE, area(5.0)) == (25.0, 125.0)  # the function as it was
+    assert (shapes.SIZE, area(5.0)) == (25.0, 125.0)  # the original function
     with pytest.raises(ReferenceError):
         isinstance(gone, dict)
 
@@ -157,14 +157,14 @@ def test_every_equivalent_mutant_exists_and_has_a_reason() -> None:
         assert len(same.reason) > 10
 
 
-def test_rooms_that_were_judged_are_rooms_of_the_project() -> None:
+def test_folders_with_results_are_folders_of_the_project() -> None:
     rooms = {str(Path(file).parent) for file in generator.files()}
     for name, room in run.kept().items():
         assert name in rooms
         assert room.judged == room.killed + len(room.survivors)
 
 
-def test_a_source_file_has_mistakes_to_make() -> None:
+def test_a_source_file_has_mutants() -> None:
     file = "flexlink/dynamics/sensors/placement.py"
     found = mutants(file, (generator.ROOT / file).read_bytes())
     assert {"arguments", "axis", "comparison", "condition", "count", "statement"} <= {each.kind for each in found}

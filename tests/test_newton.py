@@ -1,4 +1,4 @@
-"""Newton's iteration of implicit steps: slender arms that twist, joints that stick and slip."""
+"""Newton's iteration in implicit steps: slender arms that twist, and joints with stick-slip."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def slender(**changes: Any) -> fl.Scene:
 
 
 @pytest.mark.parametrize("rule", ["gauss", "lobatto2"])
-def test_twisting_arms_take_the_steps_that_their_motion_asks_for(rule: str) -> None:
+def test_steps_of_twisting_arms_are_limited_by_their_motion_only(rule: str) -> None:
     arm = slender(**{"link.*.lumping": rule})
     truth = fl.simulate(arm, method="DOP853", tolerance=1e-7).tip
     travel = float(np.linalg.norm(truth - truth[0], axis=1).max())
@@ -41,7 +41,7 @@ def test_twisting_arms_take_the_steps_that_their_motion_asks_for(rule: str) -> N
         run = fl.simulate(arm, method="Radau5", tolerance=part * travel)
         assert np.linalg.norm(run.tip - truth, axis=1).max() <= part * travel
         assert run.steps.failed <= 0.25 * run.steps.taken
-        assert run.steps.evaluations <= most  # with one matrix for all stages 15,000 at any tolerance
+        assert run.steps.evaluations <= most  # 15,000 at any tolerance if all stages share one matrix
 
 
 def sliding(width: float, **changes: Any) -> fl.Scene:
@@ -54,14 +54,14 @@ def sliding(width: float, **changes: Any) -> fl.Scene:
 
 
 def angle_by_events(inertia: float) -> float:
-    """Final angle by exact Coulomb friction: a polynomial between events, with 30 digits."""
+    """Final angle with exact Coulomb friction, to 30 digits: the motion is a polynomial between events."""
     with mpmath.workdps(30):
         q = v = mpmath.mpf(0)
         for t0, t1, a, b in zip(TIMES, TIMES[1:], TORQUES, TORQUES[1:], strict=False):
             slope, t, end = (mpmath.mpf(b) - a) / (mpmath.mpf(t1) - t0), mpmath.mpf(0), mpmath.mpf(t1) - t0
             while t < end:
                 tau = a + slope * t
-                if v == 0 and abs(tau) <= DRY:  # it sticks until the torque is larger
+                if v == 0 and abs(tau) <= DRY:  # sticking until the torque exceeds the friction
                     away = [(s * DRY - a) / slope for s in (-1, 1) if s * slope > 0]
                     t = min([end, *(x for x in away if x > t)])
                     if t < end:
@@ -70,20 +70,20 @@ def angle_by_events(inertia: float) -> float:
                 sign = mpmath.sign(v)
                 α, β = (tau - sign * DRY) / inertia, slope / inertia
                 root = mpmath.sqrt(α**2 - 2 * β * v) if α**2 > 2 * β * v else mpmath.nan
-                ahead = [x for x in ((-α + root) / β, (-α - root) / β) if x > 1e-12]  # where v comes to 0
+                ahead = [x for x in ((-α + root) / β, (-α - root) / β) if x > 1e-12]  # time at which v reaches 0
                 δ = min([end - t, *ahead])
                 q, v = q + v * δ + α * δ**2 / 2 + β * δ**3 / 6, v + α * δ + β * δ**2 / 2
                 t += δ
                 if δ in ahead:
                     v = mpmath.mpf(0)
                     now = a + slope * t
-                    if abs(now) > DRY:  # it turns round without a rest
+                    if abs(now) > DRY:  # the velocity reverses without sticking
                         v = mpmath.sign(now) * mpmath.mpf(10) ** -25
         return float(q)
 
 
 def angle_by_scipy(inertia: float, width: float) -> float:
-    """Final angle with the regularized friction of flexlink, integrated from knot to knot."""
+    """Final angle with flexlink's regularized friction, integrated by SciPy from knot to knot."""
     state = np.zeros(2)
     for t0, t1 in itertools.pairwise(TIMES):
         pull = lambda t, y: [y[1], (np.interp(t, TIMES, TORQUES) - DRY * np.tanh(y[1] / width)) / inertia]  # noqa: E731
@@ -92,7 +92,7 @@ def angle_by_scipy(inertia: float, width: float) -> float:
 
 
 @pytest.mark.parametrize("width", [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6])
-def test_a_joint_that_sticks_and_slips_costs_the_same_however_sharp_its_friction(width: float) -> None:
+def test_the_cost_of_stick_slip_is_independent_of_the_friction_width(width: float) -> None:
     scene = sliding(width)
     inertia = float(fl.mass_matrix(fl.lump(scene), np.zeros(1))[0, 0])
     exact = angle_by_scipy(inertia, width) if width > 1e-5 else angle_by_events(inertia)
@@ -103,11 +103,11 @@ def test_a_joint_that_sticks_and_slips_costs_the_same_however_sharp_its_friction
         assert run.steps.evaluations <= 1500
 
 
-def test_both_judges_of_stick_and_slip_agree() -> None:
+def test_both_stick_slip_references_agree() -> None:
     assert angle_by_events(0.3) == pytest.approx(angle_by_scipy(0.3, 1e-5), abs=3e-5)
 
 
-def test_links_that_bend_stick_and_slip_within_the_tolerance() -> None:
+def test_stick_slip_of_flexible_links_is_within_the_tolerance() -> None:
     scene = sliding(1e-3).varied({"link.a.flex": "z", "link.a.segments": 7, "section.square.height": 0.02})
     exact = fl.simulate(scene, method="Radau9", tolerance=1e-8).tip
     for tolerance in (1e-3, 1e-4, 1e-5):

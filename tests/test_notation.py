@@ -1,4 +1,4 @@
-"""NOTATION.md names existing files and functions, and the choices that the page of the study also lists."""
+"""NOTATION.md names only existing files and functions, and lists the same open choices as the study page."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ TEXT = (ROOT / "NOTATION.md").read_text(encoding="utf-8")
 FLOW = TEXT.partition("## The flow of a simulation")[2].partition("\n## ")[0]
 
 
-def test_every_file_that_it_names_exists() -> None:
+def test_every_file_named_in_notation_md_exists() -> None:
     paths = re.findall(r"\]\(([^)#]+)\)", TEXT) + re.findall(r"`(flexlink/[\w/]+)/?`", TEXT)
     assert paths
     assert [path for path in paths if not (ROOT / path).exists()] == []
 
 
-def test_every_function_of_the_flow_exists() -> None:
+def test_every_function_of_the_data_flow_exists() -> None:
     rows = [line.split("|")[2] for line in FLOW.splitlines() if line.startswith("| ") and "---" not in line][1:]
     for row in rows:
         files = [(ROOT / path).read_text(encoding="utf-8") for path in re.findall(r"\]\(([^)]+)\)", row)]

@@ -74,8 +74,8 @@ def test_an_object_is_shown_as_a_compact_table(shown: dict[str, Any], name: str,
 
 @pytest.mark.parametrize("name", ["scene", "chain", "run", "modes"])
 def test_a_picture_is_shown_once(shown: dict[str, Any], name: str) -> None:
-    """The figure shows itself; pyplot does not know it, and so does not draw it again."""
-    others = plt.get_fignums()  # figures that other tests of this process left open
+    """The figure displays itself; pyplot does not manage it and so does not draw it a second time."""
+    others = plt.get_fignums()  # close figures that other tests of this process left open
     figure = shown[name].plot(*([shown["chain"]] if name == "modes" else []))
     assert figure._repr_png_().startswith(b"\x89PNG")
     assert plt.get_fignums() == others
@@ -103,7 +103,7 @@ def test_a_notebook_shows_the_diagnosis_of_a_comparison(tmp_path: Path) -> None:
     assert html.escape(line(found.diagnosis, "  1. "), quote=False) in found._repr_html_()
 
 
-def test_rows_of_a_sweep_are_a_table() -> None:
+def test_rows_of_a_sweep_are_shown_as_a_table() -> None:
     mass = {"mass": {"of": "tip z [m]"}}
     rows = fl.sweep(fl.Sweep(scene=SCENE, grid={"tip.mass": [0.5, 1.5]}, quantity=mass))
     table = Table(rows._repr_html_())
@@ -111,7 +111,7 @@ def test_rows_of_a_sweep_are_a_table() -> None:
     assert {"2 rows, 0 failed", "0.5", "1.5"} <= set(table.cells)
 
 
-def test_a_report_is_shown_by_its_verdicts() -> None:
+def test_a_report_is_displayed_as_its_verdicts() -> None:
     found = Report(Path("page/index.html"), (Verdict("Engines", "pass", "agree", "200 states <"),), ())
     path = "page/index.html"
     assert repr(found) == f"<Report '{path}': Engines agree>"

@@ -30,17 +30,17 @@ def test_gravity_parallel_to_all_axes_is_noted() -> None:
 
 
 def check_no_effect(note: str) -> None:
-    """Review a note on a key without effect."""
+    """Check that there is one note, that the key has no effect, and compare its text with the reviewed one."""
     assert (getattr(note, "id", "") or "no-effect") == "no-effect"
     reviewed("no-effect", note)
 
 
 @pytest.mark.parametrize("gravity", [(0.0, 0.0, -1e-300), (0.0, 0.0, 1e308)])
-def test_the_size_of_gravity_does_not_matter(gravity: tuple[float, ...]) -> None:
+def test_the_note_on_gravity_does_not_depend_on_its_magnitude(gravity: tuple[float, ...]) -> None:
     assert len(notes(make_scene(fl.Link(name="a"), flexible("b"), gravity=gravity))) == 1
 
 
-def test_mounted_axes_are_parallel_to_gravity_within_rounding() -> None:
+def test_gravity_along_a_mounted_axis_is_noted_within_rounding() -> None:
     turned = fl.Mount(rpy_deg=(33.0, 12.0, 5.0))
     axis = fl.lump(make_scene(fl.Link(name="a", mount=turned), flexible("b"))).axes[0]
     links = fl.Link(name="a", mount=turned), flexible("b")
@@ -52,7 +52,7 @@ def test_mounted_axes_are_parallel_to_gravity_within_rounding() -> None:
     "fields",
     [
         {"gravity": (0.0, 1e-9, 9.81)},
-        {"gravity": (0.0, 0.0, 0.0)},  # set on purpose
+        {"gravity": (0.0, 0.0, 0.0)},  # gravity is switched off on purpose
         {"initial": fl.InitialState(joint_deg=(0, 0), rate_deg=(0, 1))},
         {"wrench": fl.Wrench(force=(0, 1, 0))},
         {"drive": fl.Drive(kind="constant", torque=(0, 1))},
@@ -61,7 +61,7 @@ def test_mounted_axes_are_parallel_to_gravity_within_rounding() -> None:
         {"motion": [fl.PrescribedMotion(link="a", times=[0], angle_deg=[0], rate_deg=[0], acceleration_deg=[0])]},
     ],
 )
-def test_an_arm_with_another_load_needs_no_note(fields: dict) -> None:
+def test_gravity_without_effect_is_not_noted_if_another_load_acts(fields: dict) -> None:
     assert notes(make_scene(fl.Link(name="a"), flexible("b"), **fields)) == ()
 
 
@@ -98,7 +98,7 @@ def test_notes_name_the_key_and_value_without_effect() -> None:
 
 
 @pytest.mark.parametrize("passive", ["zero", "static"])
-def test_the_static_configuration_of_a_rigid_arm_is_its_initial_one(passive: str) -> None:
+def test_a_static_start_of_a_rigid_arm_keeps_its_initial_angles(passive: str) -> None:
     link = fl.Link(name="a", length=1.0, material="aluminium", section="square", mount=UPRIGHT)
     scene = make_scene(link, initial=fl.InitialState(joint_deg=(30.0,), passive=passive))
     q, _ = fl.initial_state(scene, fl.lump(scene))

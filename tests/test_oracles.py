@@ -21,7 +21,7 @@ from validation.oracles.spatial_chain import SpatialChain, exactly
 ROOT = Path(__file__).parent.parent
 
 
-def test_the_50_digit_chain_is_the_textbook_double_pendulum():
+def test_the_50_digit_chain_agrees_with_the_textbook_double_pendulum():
     links = tuple(
         fl.Link(name=name, length=length, material="m", section="s") for name, length in (("a", 1.5), ("b", 0.75))
     )
@@ -47,7 +47,7 @@ def test_the_50_digit_chain_is_the_textbook_double_pendulum():
         assert np.allclose(np.array(oracle.bias_torque(exactly(q), exactly(qd)), float), bias, rtol=1e-13)
 
 
-def test_spatial_vectors_about_one_point_give_the_numbers_of_projected_newton_euler(rng):
+def test_spatial_vectors_about_one_point_agree_with_projected_newton_euler(rng):
     """These two references share no recursion; rounded to float64, they differ by one rounding at most."""
     arm = fl.load_scene(ROOT / "models" / "t3_spatial.toml").varied({"link.*.segments": 2})
     chain = fl.lump(arm)
@@ -62,7 +62,7 @@ def test_spatial_vectors_about_one_point_give_the_numbers_of_projected_newton_eu
 
 @pytest.mark.parametrize("name", ["RK4", "DOP853", "Gauss4", "Radau5", "Radau9"])
 def test_runge_kutta_in_many_digits_multiplies_an_oscillator_by_the_stability_function(name):
-    """q̈ = −q: every step, explicit or implicit, multiplies q + i p by R(−ih)."""
+    """For q̈ = −q, every step of an explicit or implicit method multiplies q + i q̇ by R(−ih)."""
     with mp.workdps(DIGITS):
         q, p = exact_runge_kutta.integrate(lambda q, _: [-q[0]], method(name), ([mpf(1)], [mpf(0)]), mpf("0.5"), 1)
     R = complex(stability_function(method(name), np.array([-0.5j]))[0])
@@ -70,7 +70,7 @@ def test_runge_kutta_in_many_digits_multiplies_an_oscillator_by_the_stability_fu
     assert float(p[0]) == pytest.approx(R.imag, abs=1e-14)
 
 
-def test_stages_that_do_not_converge_are_an_error():
+def test_stages_that_do_not_converge_raise_an_error():
     with mp.workdps(DIGITS), refused(ArithmeticError, "test-oracles"):
         exact_runge_kutta.integrate(lambda q, _: [-q[0]], method("Radau5"), ([mpf(1)], [mpf(0)]), mpf(50), 1)
 
@@ -81,7 +81,7 @@ def test_the_50_digit_chain_refuses_axes_that_are_not_parallel():
         PlanarChain(chain)
 
 
-def test_the_predicted_energy_loss_is_that_of_one_oscillator():
+def test_predicted_energy_loss_of_an_oscillator_follows_from_the_stability_function():
     ω, h, steps = 700.0, 1e-3, 200  # ω h = 0.7
     A, b, _ = method("RK4").arrays
     z = 1j * ω * h
@@ -90,7 +90,7 @@ def test_the_predicted_energy_loss_is_that_of_one_oscillator():
 
 
 def test_the_release_of_a_straight_arm_gives_its_modes_the_energy_of_the_static_bend():
-    """With every active joint held, Σ E_m is the spring energy of the static deflection, ½ T_G·K⁻¹·T_G."""
+    """With all joints locked, Σ E_m equals the spring energy of the static deflection, ½ T_G·K⁻¹·T_G."""
     scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied({"link.*.joint.locked": True})
     chain = fl.lump(scene)
     ω, E = released_modes(scene)
@@ -102,7 +102,7 @@ def test_the_release_of_a_straight_arm_gives_its_modes_the_energy_of_the_static_
 # --- shared code -----------------------------------------------------------------------------------------------------
 
 DATA = ("flexlink.chain.chain", "flexlink.describe.schemes.methods")
-"""Modules that references may import: numbers of a chain, coefficients of a method."""
+"""Modules that references may import; they contain only numbers of a chain and coefficients of a method."""
 
 
 def test_every_independent_reference_is_listed_and_imports_no_algorithm_of_the_library() -> None:
@@ -121,12 +121,12 @@ def test_indirect_imports_are_found(oracle: str, data: str) -> None:
 # --- beams and bodies ------------------------------------------------------------------------------------------
 
 
-def test_transfer_matrices_give_a_uniform_beam_its_roots() -> None:
+def test_transfer_matrices_give_the_roots_of_a_uniform_beam() -> None:
     found = transfer_beam.frequencies(((0.0, 0.5, 0.5, 1.0), (1.0,) * 4, (1.0,) * 4), 2)
     assert found == pytest.approx([1.8751040687119611**2, 4.694091132974175**2], rel=1e-9)
 
 
-def test_a_servo_settles_where_its_closed_form_does() -> None:
+def test_overshoot_and_settling_time_of_a_servo_match_its_closed_form() -> None:
     servo = rigid_motions.Servo(inertia=0.5, kp=50.0, kd=3.0, target=0.6)
     t = np.linspace(0.0, 3.0, 300_001)
     angles = np.array([servo.angle(x) for x in t[::100].tolist()])
@@ -135,7 +135,7 @@ def test_a_servo_settles_where_its_closed_form_does() -> None:
     assert 0.0 <= servo.settled(0.01) - last <= 1e-3
 
 
-def test_two_bodies_as_one_keep_their_momentum_and_energy() -> None:
+def test_two_rigidly_joined_bodies_conserve_momentum_and_energy() -> None:
     box = rigid_motions.Body(2.0, np.zeros(3), np.diag([1.0, 2.0, 2.5]))
     both = box.with_another(rigid_motions.Body(1.0, np.array([0.0, 0.3, 0.0]), np.diag([0.1, 0.1, 0.1])))
     q, ω = both.tumbling(np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.1, 2.0, 0.3]), np.linspace(0.0, 2.0, 5))

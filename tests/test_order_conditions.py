@@ -1,4 +1,4 @@
-"""The order of the Runge-Kutta methods is what their tableaus claim, by rooted trees."""
+"""Rooted trees confirm the order that each Runge-Kutta tableau claims."""
 
 import math
 
@@ -15,14 +15,14 @@ ORDERS = {
 }  # fmt: skip
 
 DIGITS = {"DOP853": 28}
-"""That are published; of the others there are 75 and more."""
+"""Number of published digits of the coefficients; other methods have 75 digits or more."""
 
 
-def test_every_method_that_comes_with_flexlink_is_judged_here():
+def test_every_built_in_method_is_tested_here():
     assert set(names("methods")) == set(ORDERS)
 
 
-def test_there_are_as_many_rooted_trees_as_published():
+def test_the_number_of_rooted_trees_is_the_published_one():
     counts = [len(trees(order)) for order in range(1, 11)]
     assert counts == [1, 1, 2, 4, 9, 20, 48, 115, 286, 719]  # OEIS A000081
     assert sum(counts) == 1205
@@ -38,7 +38,7 @@ def _canonical(tree):
 
 
 @pytest.mark.parametrize("order", range(2, 8))
-def test_density_of_the_bush_is_its_order_and_of_the_stalk_its_factorial(order):
+def test_density_is_the_order_for_a_bushy_tree_and_its_factorial_for_a_tall_tree(order):
     bush, stalk = ((),) * (order - 1), ()
     for _ in range(order - 1):
         stalk = (stalk,)
@@ -48,7 +48,7 @@ def test_density_of_the_bush_is_its_order_and_of_the_stalk_its_factorial(order):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "order"), ORDERS.items())
-def test_every_condition_up_to_the_order_holds_in_all_digits_that_there_are(name, order):
+def test_every_order_condition_is_met_to_all_stored_digits(name, order):
     method = methods.method(name)
     exact = coefficients(method)
     assert method.order == order
@@ -57,12 +57,12 @@ def test_every_condition_up_to_the_order_holds_in_all_digits_that_there_are(name
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "order"), ORDERS.items())
-def test_some_condition_one_order_above_fails(name, order):
+def test_a_condition_of_the_next_order_is_violated(name, order):
     assert max(residuals(coefficients(methods.method(name)), order + 1)) > 1e-7
 
 
 @pytest.mark.parametrize(("row", "order"), [(0, 5), (1, 3)])
-def test_the_errors_of_dop853_are_those_to_methods_of_order_5_and_3(row, order):
+def test_the_error_estimates_of_dop853_come_from_methods_of_order_5_and_3(row, order):
     inside = embedded(methods.method("DOP853"), row)
     assert max(max(residuals(inside, k)) for k in range(1, order + 1)) <= 1e-26
     assert max(residuals(inside, order + 1)) > 1e-5

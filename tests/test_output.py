@@ -42,7 +42,7 @@ def test_a_replaced_file_keeps_its_permissions(tmp_path: Path) -> None:
     assert target.read_text(encoding="utf-8") == "new"
 
 
-def test_a_link_is_written_through(tmp_path: Path) -> None:
+def test_a_symbolic_link_is_kept_and_its_target_written(tmp_path: Path) -> None:
     (tmp_path / "far").mkdir()
     for name in ("there", "later"):
         link = tmp_path / name
@@ -65,7 +65,7 @@ def test_a_device_or_a_pipe_is_not_replaced_by_a_file(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["link", "pipe"]
 
 
-def test_the_old_file_is_whole_until_the_new_one_is(tmp_path: Path) -> None:
+def test_the_old_file_stays_complete_until_the_new_one_is(tmp_path: Path) -> None:
     target = tmp_path / "result"
     target.write_text("old", encoding="utf-8")
 
@@ -80,7 +80,7 @@ def test_the_old_file_is_whole_until_the_new_one_is(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["result"]
 
 
-def test_a_result_that_its_file_cannot_take_is_kept_elsewhere(tmp_path: Path, monkeypatch) -> None:
+def test_a_result_that_cannot_be_written_to_its_file_is_saved_elsewhere(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     with refused(fl.errors.OutputError, "result-kept", values=False):
         write_or_keep(tmp_path / "missing" / "result.txt", lambda place: place.write_text("found", encoding="utf-8"))

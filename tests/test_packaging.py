@@ -22,7 +22,7 @@ def test_every_requirement_has_a_lowest_version() -> None:
     assert len(set(names)) == len(names)
 
 
-def test_a_lowest_version_is_the_one_that_is_named() -> None:
+def test_the_lowest_version_is_the_one_in_the_requirement() -> None:
     assert lowest("numba>=0.68,<0.70") == "numba==0.68"
     assert lowest("pytest-xdist>=3.6.1") == "pytest-xdist==3.6.1"
     for open_ended in ("numpy", "numpy<3", "numpy~=2.0", "numpy>2"):
@@ -30,19 +30,19 @@ def test_a_lowest_version_is_the_one_that_is_named() -> None:
             lowest(open_ended)
 
 
-def test_both_commands_of_the_readme_bring_the_robots_files() -> None:
+def test_both_commands_of_the_readme_install_the_robot_files() -> None:
     extras = tomllib.loads(TEXT)["project"]["optional-dependencies"]
     assert "robots" in extras["validation"][0]
     assert "validation" in extras["test"][0]
 
 
-def test_extras_that_name_each_other_and_linters_are_no_requirements() -> None:
+def test_extras_that_name_each_other_and_linters_are_not_requirements() -> None:
     found = requirements(TEXT)
     assert not [one for one in found if one.startswith(("flexlink", "ruff", "mypy"))]
 
 
 @pytest.mark.skipif(not (shutil.which("git") and (ROOT / ".git").exists()), reason="needs git and a checkout")
-def test_the_manifest_takes_every_folder_of_the_checkout_along() -> None:
+def test_the_manifest_includes_every_folder_of_the_checkout() -> None:
     listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     manifest = (ROOT / "MANIFEST.in").read_text(encoding="utf-8").splitlines()
     grafted = {line.split()[1] for line in manifest if line.startswith("graft ")}

@@ -94,7 +94,7 @@ class TestEverywhere:
         assert window.run_async(VIOLATIONS) == []
 
 
-def test_no_word_of_a_drawing_is_cut(window: Browser, page: Path) -> None:
+def test_no_label_of_a_figure_is_cut(window: Browser, page: Path) -> None:
     window.open(page, *DESK)
     window.run(UNFOLD)
     words = window.run("return document.querySelectorAll('.drawing g[transform*=\"scale(0.1\"]').length")
@@ -141,7 +141,7 @@ LATEST = Path(__file__).parent.parent / "reports" / "latest" / "index.html"
 
 
 @pytest.mark.skipif(not LATEST.is_file(), reason="needs a report: python -m validation")
-def test_the_whole_report_is_short_and_light_and_cuts_no_word(window: Browser) -> None:
+def test_the_full_report_is_short_and_small_and_cuts_no_word(window: Browser) -> None:
     """The page of all 100 cases has 22 screens when folded, and 2 MB without the drawings."""
     window.open(LATEST, *DESK)
     window.run(FOLD)

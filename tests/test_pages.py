@@ -29,7 +29,7 @@ def with_code(path: Path) -> bool:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("path", [path for path in PAGES if with_code(path)], ids=name_of)
-def test_a_page_runs_from_its_first_block_to_its_last(path: Path, tmp_path: Path, monkeypatch) -> None:
+def test_all_code_blocks_of_a_page_run_in_order(path: Path, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("MPLBACKEND", "agg")
     text = path.read_text(encoding="utf-8")
     if "import ur5" in text:
@@ -46,7 +46,7 @@ def test_a_page_runs_from_its_first_block_to_its_last(path: Path, tmp_path: Path
     assert not PLACEHOLDER.findall(shown), "all results are inserted"
 
 
-def test_a_page_whose_command_fails_is_noticed(tmp_path: Path) -> None:
+def test_a_failing_command_on_a_page_is_detected(tmp_path: Path) -> None:
     text = "```sh\nflexlink simulate nowhere.toml\n```\n<!-- output -->\n"
     with refused(snippets.SnippetError, "test-pages"):
         snippets.filled("page", text, tmp_path, tmp_path)
@@ -59,7 +59,7 @@ def test_code_of_a_page_sees_earlier_code_and_files(tmp_path: Path) -> None:
     assert shown in snippets.filled("page", text, tmp_path, tmp_path)
 
 
-def test_code_can_be_folded_below_its_output(tmp_path: Path) -> None:
+def test_code_can_be_folded_under_its_output(tmp_path: Path) -> None:
     code = "```python\nprint('| a |')\n```\n\n"
     shown = snippets.filled("page", f"{code}<!-- folded table -->\n{code}<!-- folded -->\n", tmp_path, tmp_path)
     first, second, third = re.split(r":::\{dropdown\} .*\n```python\n", shown)
@@ -87,8 +87,8 @@ def test_the_readme_is_short_and_has_the_numbers_of_the_stored_study() -> None:
 def test_links_lead_to_files(path: Path) -> None:
     text = re.sub(r"```.*?```", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
     links = [link.partition("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", text) if not link.startswith("http")]
-    left_out = re.findall(r"^prune (.+)$", (ROOT / "MANIFEST.in").read_text(), re.MULTILINE)  # of a source distribution
-    built = (ROOT / "docs" / "reference" / "generated", ROOT / "docs" / "gallery")  # by the site, which checks them
+    left_out = re.findall(r"^prune (.+)$", (ROOT / "MANIFEST.in").read_text(), re.MULTILINE)  # from the sdist
+    built = (ROOT / "docs" / "reference" / "generated", ROOT / "docs" / "gallery")  # checked when the site is built
     gone = tuple(ROOT / each for each in left_out if not (ROOT / each).is_dir())
     places = [(path.parent / link).resolve() for link in links if link]
     assert [place for place in places if not place.exists() and not place.is_relative_to(built[0])

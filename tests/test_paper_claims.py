@@ -35,7 +35,7 @@ def measured(name, **changes):
     return found
 
 
-def test_a_type_that_is_nowhere_more_precise_is_named():
+def test_a_type_with_too_small_an_accuracy_gain_is_named():
     assert _verdict({"T1, arm": 2.5}) == "holds"
     below, worse = _verdict({"T1, arm": 1.25, "T2, arm": 3.0}), _verdict({"T1, arm": 0.8})
     assert below.startswith("holds ") and below.endswith("T1, arm 1.25")
@@ -101,7 +101,7 @@ def test_rk4_and_rk10_are_each_compared_with_rk2():
     assert paper_methods._of_second([damped], "RK10") == "holds"
 
 
-def test_all_three_methods_run_against_a_more_precise_reference():
+def test_all_three_methods_are_compared_with_a_more_precise_reference():
     found = measured(
         "paper_methods", segments=[2], types={"T1": "z"}, errors=[1e-3], halvings={"RK2": 0, "RK4": 1, "RK10": 0},
         situation={"short": {"run.duration": 0.02, "run.sample": 0.01}},
@@ -168,7 +168,7 @@ def test_every_claim_has_a_line_with_number_and_verdict(results):
     reviewed("paper claims: verdicts", found.sentences[0])
 
 
-def test_a_claim_of_two_cases_is_shown_once_with_the_verdict_on_more_arms(tmp_path):
+def test_a_claim_of_two_cases_has_the_verdict_of_the_case_with_more_arms(tmp_path):
     rows = [
         row(f"paper_{arms}", kind="paper_methods", quantity="claim", varied={"claim": "RK4 suffices", "arms": arms},
             note=f"holds on {arms}", tolerance=None)
@@ -190,7 +190,7 @@ def test_a_passed_case_is_not_green_if_it_refutes_the_claim(tmp_path, note, word
 
 
 @pytest.mark.slow
-def test_a_table_that_is_the_answer_is_unfolded(results, tmp_path):
+def test_a_table_that_answers_the_question_is_unfolded(results, tmp_path):
     page = words_from(results, tmp_path)
     unfolded = re.compile(r"<details open><summary>[^<]*\(3 ")
     assert unfolded.search(page)

@@ -44,20 +44,20 @@ def rows(sweep, errors):
 
 
 @pytest.mark.parametrize("power", [1, 2, 4])
-def test_the_fitted_order_of_a_power_law_is_its_power(power):
+def test_the_fitted_order_of_a_power_law_is_its_exponent(power):
     assert order({n: 3.0 * n**-power for n in (5, 7, 12)}) == pytest.approx(power, rel=1e-12)
 
 
 def test_the_hinges_needed_are_the_fewest_beyond_which_the_error_stays_small():
     errors = {"lucky": {2: 0.5, 3: 0.001, 4: 0.3, 5: 0.001, 6: 0.0005}, "poor": {2: 0.5, 9: 0.2}}
     found = rows(Sweep(rules={}, needs=(Need(name="need", measures=("tip",), within=0.01),)), errors)
-    assert found[NEEDED, "lucky, need"] == 5  # 3 meets it by chance
+    assert found[NEEDED, "lucky, need"] == 5  # 3 hinges meet the error by chance
     assert found[NOT_ENOUGH, "poor, need"] == 9
     assert found[FEWEST, ""] == 5
 
 
-def test_a_fitted_order_ignores_rounding_errors_and_lucky_ones():
-    lucky = {4: 4**-4.0, 8: 1e-9, 16: 16**-4.0, 32: 32**-4.0, 64: 1e-13, 128: 3e-13}  # 8: a change of sign
+def test_a_fitted_order_ignores_rounding_errors_and_accidentally_small_errors():
+    lucky = {4: 4**-4.0, 8: 1e-9, 16: 16**-4.0, 32: 32**-4.0, 64: 1e-13, 128: 3e-13}  # at 8, error changes sign
     sweep = Sweep(rules={}, least={"tip": {"lobatto4": 3.8}}, rounding={"tip": 1e-12}, fitted=4)
     found = rows(sweep, {"lobatto4": lucky})
     assert found["fitted order", "lobatto4, tip"] == pytest.approx(4)
@@ -86,7 +86,7 @@ DEVICES = {
     "constant_damping", "rigidity_tables", "satellite", "saturation", "sensor_readings", "step_response",
     "without_length",
 }  # fmt: skip
-"""Kinds of cases that no other engine can run: independent references check them."""
+"""Kinds of cases that no other engine can run; independent references check them instead."""
 
 
 @pytest.mark.parametrize(
@@ -98,7 +98,7 @@ def test_every_benchmark_also_runs_in_mujoco(name):
     assert all(q.tolerance is not None for q in quantities)
 
 
-def test_a_variant_cuts_every_flexible_link_by_the_rule():
+def test_a_variant_divides_every_flexible_link_by_the_rule():
     case = CASES["physics_two_links"]
     arm = Variant().build(case, Rule(rule="gauss", hinges=6)).arm
     assert [(link.lumping, link.segments) for link in arm.links] == [("gauss", 7)] * 2
@@ -128,7 +128,7 @@ def test_an_unknown_reference_is_refused(keys):
 # --- inputs by formula -----------------------------------------------------------------------------------------------
 
 
-def test_the_torque_pulse_is_its_formula_to_2_micronewton_metres():
+def test_the_torque_pulse_matches_its_formula_to_2_micronewton_metres():
     scene = formulas.torque_pulse(fl.load_scene(STUDY_SCENES / "torque_pulse.toml"))
     chain = fl.lump(scene)
     drive, q, tau = drive_arrays(scene, chain), np.zeros(chain.n), np.zeros(chain.n)
@@ -164,14 +164,14 @@ def test_the_choice_of_rules_is_computed_from_the_rows(tmp_path):
     assert numbers[gauss] == ["2", "2", "6"]
     (enough,) = (text for text in numbers if f"{FREE_JOINT} (4)" in text)
     assert CLAMPED not in enough
-    assert ["1", "2"] in numbers.values()  # needs that the paper's layout misses
+    assert ["1", "2"] in numbers.values()  # accuracies that the paper's layout does not reach
     (steps,) = (text for text in numbers if "legendre" in text)
     assert "6" in numbers[steps]
     reviewed("physics cases: choice of rules", "\n".join(finding.sentences))
     assert finding.lines[0][1] == "> 100"
 
 
-def test_steps_of_other_cases_are_not_prices_of_rules(tmp_path):
+def test_stable_steps_of_other_cases_are_not_used_as_costs_of_rules(tmp_path):
     stored = (
         row("stable step of RK4", 3e-3, rule="gauss", hinges=10),
         row("stable step of RK4", 5e-4, rule="legendre", hinges=10),

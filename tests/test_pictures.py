@@ -1,4 +1,4 @@
-"""Animations: true to scale, upright, with the whole arm in the window at all times and colours for its loads."""
+"""Animations are to scale and upright, show the whole arm at all times, and colour it by its loads."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_the_whole_arm_is_in_the_window_at_all_times(name: str, magnify: float) 
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_the_page_holds_the_arm_however_it_is_turned(name: str) -> None:
+def test_the_arm_stays_in_the_window_of_the_page_at_any_view_angle(name: str) -> None:
     film = filmed(run_of(name), magnify=30.0)
     pivot, (left, right, bottom, top) = turned_window(Projected(film))
     v = film.view.vertical
@@ -85,7 +85,7 @@ def test_the_page_holds_the_arm_however_it_is_turned(name: str) -> None:
 
 
 @pytest.mark.parametrize("gravity", [(0, 0, 9.81), (0, 0, -9.81), (0, 9.81, 0), (0, -9.81, 0), (1.0, -2.0, 9.0)])
-def test_gravity_points_down_in_the_picture_whatever_the_scene_calls_down(gravity: tuple[float, float, float]) -> None:
+def test_gravity_points_down_in_the_picture_for_any_gravity_vector(gravity: tuple[float, float, float]) -> None:
     lying = make_scene(flexible("a"), gravity=gravity)  # turns about Z
     standing = make_scene(flexible("a", mount=fl.Mount(rpy_deg=(-90.0, 0.0, 0.0))), gravity=gravity)  # about Y
     spatial = make_scene(flexible("a", "yz"), gravity=gravity)
@@ -98,7 +98,7 @@ def test_gravity_points_down_in_the_picture_whatever_the_scene_calls_down(gravit
         assert up < -0.5 * np.linalg.norm(gravity) or towards < 0  # seen from above
 
 
-def test_an_arm_that_moves_in_a_plane_is_seen_across_it() -> None:
+def test_a_planar_arm_is_viewed_perpendicular_to_its_plane() -> None:
     for axis in [(0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (1.0, 2.0, -2.0)]:
         chain = fl.lump(
             make_scene(fl.Link(name="a", length=1.0, joint=fl.Joint(axis=axis)), tip=fl.RigidBody(mass=1.0))
@@ -107,12 +107,12 @@ def test_an_arm_that_moves_in_a_plane_is_seen_across_it() -> None:
         assert not view_of(chain).spatial
 
 
-def test_without_gravity_a_plane_is_seen_with_x_to_the_right() -> None:
+def test_without_gravity_a_planar_arm_is_viewed_with_x_to_the_right() -> None:
     view = view_of(fl.lump(make_scene(flexible("a"), gravity=(0.0, 0.0, 0.0))))
     assert view.axes == pytest.approx(np.eye(3))
 
 
-def test_a_round_link_is_as_wide_from_all_sides() -> None:
+def test_a_round_link_has_its_diameter_from_every_view() -> None:
     pipe = fl.Section(shape="circle", diameter=0.04)
     links = flexible("a", "yz", 3, section="pipe", mount=fl.Mount(rpy_deg=(25.0, 40.0, 10.0)))
     arm = fl.Arm(links=(links,), sections={"pipe": pipe}, materials={"aluminium": fl.Material(70e9, 2700.0)})
@@ -121,7 +121,7 @@ def test_a_round_link_is_as_wide_from_all_sides() -> None:
     assert np.linalg.norm(quads[:, 0] - quads[:, 3], axis=1) == pytest.approx(0.04)
 
 
-def test_what_is_near_hides_what_is_far() -> None:
+def test_near_segments_hide_far_ones() -> None:
     projected = Projected(filmed(run_of("t3_spatial", 0.0)))
     _, order = projected.outlines(0)
     depth = projected.points[0, projected.spans, 2] + projected.points[0, projected.spans + 1, 2]
@@ -142,7 +142,7 @@ def test_the_payload_turns_with_the_tip() -> None:
     assert filmed(run).ball[[0, 1]] == pytest.approx(placed.points[:, -1] + 0.5 * placed.rotations[:, -1, :, 1])
 
 
-def test_a_payload_beside_the_tip_is_in_the_window() -> None:
+def test_a_payload_offset_from_the_tip_is_in_the_window() -> None:
     projected = Projected(filmed(pendulum((0.0, 2.0, 0.0))))
     left, right, bottom, top = projected.window
     x, y, _ = projected.ball.T
@@ -150,14 +150,14 @@ def test_a_payload_beside_the_tip_is_in_the_window() -> None:
     assert bottom < y.min() - projected.ball_radius < y.max() + projected.ball_radius < top
 
 
-def test_a_payload_is_a_ball_of_steel_of_its_mass() -> None:
+def test_a_payload_is_drawn_as_a_steel_ball_of_its_mass() -> None:
     assert 7850.0 * 4 / 3 * np.pi * Projected(
         filmed(pendulum((0.0, 0.0, 0.0), 50.0))
     ).ball_radius ** 3 == pytest.approx(50.0)
     assert Projected(filmed(run_of("paper_fig5", 0.0))).ball_radius == 0.0
 
 
-def test_bodies_are_where_they_are_and_links_as_wide_as_their_sections() -> None:
+def test_bodies_are_drawn_in_place_and_links_as_wide_as_their_sections() -> None:
     wide = fl.Section(shape="rectangle", height=0.2, width=0.05)
     slim = fl.Section(shape="rectangle", height=0.1, width=0.05)
     link = flexible("a", "z", 5, section="wide", section_tip="slim")
@@ -184,7 +184,7 @@ def test_deflections_are_magnified_about_the_straight_arm() -> None:
     assert large[1:] == pytest.approx(5 * true[1:], rel=1e-2)
 
 
-def test_colours_are_the_moments_and_strains_at_the_hinges() -> None:
+def test_colours_show_the_moments_and_strains_at_the_hinges() -> None:
     scene = hanging().varied({"section.square.width": 0.02})
     run = fl.simulate(scene, duration=0.0)
     moment, strain = (filmed(run, colour=colour).colouring for colour in ("moment", "strain"))
@@ -199,22 +199,22 @@ def test_colours_are_the_moments_and_strains_at_the_hinges() -> None:
         for z in (-0.01, 0.01)
     ]
     assert strain.values[0, at_hinge] == pytest.approx(1e6 * np.max(gauges, axis=0), rel=1e-6)
-    assert moment.values[0, -1] == pytest.approx(0.0, abs=1e-9)  # a load at the tip has no lever there
+    assert moment.values[0, -1] == pytest.approx(0.0, abs=1e-9)  # a load at the tip has no lever arm there
     assert moment.label.endswith("[N m]")
     assert strain.label.endswith("[µm/m]")
 
 
-def test_moments_along_a_bent_spatial_arm_are_those_of_its_loads() -> None:
-    """Moments are in axes of the segment beyond each cut; they also agree on the other side of a hinge."""
+def test_moments_along_a_bent_spatial_arm_balance_its_loads() -> None:
+    """Moments are in axes of the segment outboard of each cut, to which the station at a hinge belongs."""
     run = run_of("t3_spatial", 0.1)
     film = filmed(run)
-    starts = np.flatnonzero((film.outline.part == 0) & (film.outline.link > 1))  # the waist is turned to its joint
+    starts = np.flatnonzero((film.outline.part == 0) & (film.outline.link > 1))  # link 1 is the waist
     bodies = film.outline.body[starts] - 1
     cuts = run.loads.moment[np.searchsorted(run.t, film.t - 1e-9)]
     assert film.colouring.values[:, starts] == pytest.approx(np.linalg.norm(cuts[:, bodies, 1:], axis=2), rel=1e-9)
 
 
-def test_magnifying_does_not_change_the_loads() -> None:
+def test_magnification_does_not_change_the_loads() -> None:
     run = run_of("t3_spatial", 0.1)
     true, large = (filmed(run, magnify=factor).colouring.values for factor in (1.0, 30.0))
     assert large == pytest.approx(true)
@@ -236,7 +236,7 @@ def test_deflections_are_magnified_about_the_angles_at_rest() -> None:
     assert filmed(slack, magnify=5.0).p == pytest.approx(filmed(run).p, abs=1e-12)
 
 
-def test_the_clamped_end_has_the_moment_of_its_load() -> None:
+def test_the_clamped_end_carries_the_moment_of_the_load() -> None:
     light = hanging(section="square").varied({"material.aluminium.density": 1e-6, "gravity": (0.0, -9.81, 0.0)})
     found = filmed(fl.simulate(light, duration=0.0)).colouring
     lever = fl.simulate(light, duration=0.0).tip[0, 0]
@@ -255,7 +255,7 @@ def test_links_without_section_have_no_colour() -> None:
     assert filmed(run).colouring.largest == 0.0
 
 
-def test_frames_follow_one_another_by_fps_and_speed() -> None:
+def test_frame_times_follow_from_fps_and_speed() -> None:
     run = run_of("paper_fig5", 0.2)
     assert filmed(run, fps=50.0, speed=0.5).t == pytest.approx(np.arange(21) * 0.01)
     assert filmed(run, fps=10.0).t == pytest.approx([0.0, 0.1, 0.2])
@@ -274,7 +274,7 @@ def test_a_gif_lasts_as_long_as_the_run_and_moves(tmp_path: Path) -> None:
     assert (frames[0] != frames[-1]).any()
 
 
-def test_nothing_of_the_arm_is_drawn_beyond_the_edge_of_the_picture(tmp_path: Path) -> None:
+def test_no_part_of_the_arm_is_drawn_beyond_the_edge_of_the_picture(tmp_path: Path) -> None:
     path = run_of("steel_strips", 0.3).animate(tmp_path / "arm.gif", width=320, fps=10.0)
     with Image.open(path) as film:
         for frame in ImageSequence.Iterator(film):
@@ -286,7 +286,7 @@ def test_nothing_of_the_arm_is_drawn_beyond_the_edge_of_the_picture(tmp_path: Pa
 @pytest.mark.parametrize(
     "kind", ["gif", pytest.param("mp4", marks=pytest.mark.skipif(not FFMPEG, reason="needs ffmpeg"))]
 )
-def test_a_signal_ends_the_drawing_and_leaves_what_was_there(kind: str, tmp_path: Path) -> None:
+def test_a_signal_stops_the_drawing_and_leaves_the_old_file(kind: str, tmp_path: Path) -> None:
     path = tmp_path / f"arm.{kind}"
     path.write_text("before")
 
@@ -318,7 +318,7 @@ def test_a_film_without_ffmpeg_is_refused(tmp_path: Path, monkeypatch) -> None:
 
 
 @pytest.mark.skipif(not shutil.which("false"), reason="needs the program false")
-def test_a_video_that_ffmpeg_refuses_leaves_no_file(tmp_path: Path, monkeypatch) -> None:
+def test_no_file_remains_of_a_video_that_ffmpeg_refuses(tmp_path: Path, monkeypatch) -> None:
     (tmp_path / "ffmpeg").symlink_to(str(shutil.which("false")))
     monkeypatch.setenv("PATH", str(tmp_path))
     with refused(fl.errors.EngineError, "ffmpeg-failed"):
@@ -338,7 +338,9 @@ def test_a_video_that_ffmpeg_refuses_leaves_no_file(tmp_path: Path, monkeypatch)
         ({"progress": 3}, "wrong-type"),
     ],
 )
-def test_what_is_not_allowed_is_named(options: dict[str, object], message: str, tmp_path: Path, monkeypatch) -> None:
+def test_an_invalid_option_is_refused_and_named(
+    options: dict[str, object], message: str, tmp_path: Path, monkeypatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     run = run_of("paper_fig5", 0.01)
     with refused(fl.errors.ArgumentError, message):
@@ -346,7 +348,7 @@ def test_what_is_not_allowed_is_named(options: dict[str, object], message: str, 
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_smallest_speed_that_is_named_is_allowed(monkeypatch) -> None:
+def test_the_smallest_speed_that_the_message_names_is_allowed(monkeypatch) -> None:
     monkeypatch.setattr("flexlink.results.pictures.film.MOST_FRAMES", 20)
     run = run_of("paper_fig5", 0.01)
     with pytest.raises(fl.errors.ArgumentError) as refused:
@@ -355,14 +357,14 @@ def test_the_smallest_speed_that_is_named_is_allowed(monkeypatch) -> None:
     assert len(filmed(run, speed=named).t) == 20
 
 
-def test_a_run_that_does_not_know_its_scene_cannot_be_drawn(tmp_path: Path) -> None:
+def test_a_run_without_a_scene_cannot_be_drawn(tmp_path: Path) -> None:
     run = run_of("paper_fig5", 0.0)
     bare = fl.Trajectory(run.chain, run.t, run.q, run.qd, run.tau, run.tip, run.energy)
     with refused(fl.errors.ArgumentError, "wrong-type"):
         bare.animate(tmp_path / "arm.gif")
 
 
-def test_a_run_knows_the_scene_with_its_own_settings() -> None:
+def test_a_run_stores_its_scene_with_the_settings_used() -> None:
     scene = scene_of("paper_fig5")
     run = fl.simulate(scene, duration=0.01)
     assert run.scene == replace(scene, run=replace(scene.run, duration=0.01))

@@ -1,4 +1,4 @@
-"""Page with the player in a real browser: the arm within its canvas, use by mouse, touch and keys, accessibility."""
+"""Player page in a real browser: the arm stays in its canvas; mouse, touch and keys work; the page is accessible."""
 
 from __future__ import annotations
 

@@ -109,7 +109,7 @@ def test_a_database_that_cannot_be_opened_is_refused_without_mentioning_rows(
 
 
 @pytest.mark.slow
-def test_a_sweep_whose_members_all_fail_fails(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_sweep_fails_if_all_its_members_fail(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Exit code 1 if every member failed, 0 if one ran."""
     sweep = f'scene = "{PAPER}"\nset = {{ run.duration = 0.01, run.sample = 0.01 }}\ngrid.run.step = STEPS\n'
     sweep += 'quantity.z = { of = "tip z [m]" }\n'

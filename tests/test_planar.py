@@ -1,4 +1,4 @@
-"""Planar chains: properties that only the planar recursion must satisfy."""
+"""Planar chains: properties specific to the planar recursion."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TIP = fl.RigidBody(mass=0.5, inertia=(0.1, 0.2, 0.3))
 
 
 def assert_solves_its_equation_of_motion(chain: fl.Chain, rng: np.random.Generator) -> None:
-    """The spatial inverse dynamics returns the torques up to a few roundings of the largest term."""
+    """Check that spatial inverse dynamics of the resulting q̈ returns the torques, up to a few roundings."""
     assert chain.is_planar
     for _ in range(5):
         q, qd = random_state(chain, rng)
@@ -45,7 +45,7 @@ def fixed_bodies(chain: fl.Chain, place: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("place", [1, 4, 7])
-def test_bodies_without_hinges_are_part_of_the_link_before_them(place: int, rng: np.random.Generator) -> None:
+def test_bodies_without_hinges_move_with_the_link_before_them(place: int, rng: np.random.Generator) -> None:
     skew = fl.Mount(rpy_deg=(-75.0, 20.0, 30.0), xyz=(0.1, -0.2, 0.3))
     links = flexible("a", segments=4, mount=skew), flexible("b", segments=4, joint=fl.Joint(armature=0.2, coulomb=0.3))
     chain = fl.lump(make_scene(*links, tip=TIP, gravity=(3.0, -4.0, 8.0)))
@@ -69,8 +69,8 @@ def random_chain(rng: np.random.Generator) -> fl.Chain:
     return dataclasses.replace(chain, hinges=hinges, bodies=bodies)
 
 
-def test_torques_in_the_plane_are_those_of_the_recursion_in_space(rng: np.random.Generator) -> None:
-    """For random chains with reversed links: they differ only by rounding."""
+def test_planar_torques_equal_those_of_the_spatial_recursion(rng: np.random.Generator) -> None:
+    """For random chains with reversed links, the torques differ only by rounding."""
     worst, signs = 0.0, set()
     for _ in range(60):
         chain, wrench = random_chain(rng), rng.normal(0, 5, 6)
@@ -109,7 +109,7 @@ def in_space(chain: fl.Chain) -> fl.Chain:
 def errors_beside_space(
     chain: fl.Chain, q: np.ndarray, rng: np.random.Generator, joints: slice | np.ndarray = slice(None)
 ) -> float:
-    """Largest relative difference of planar and spatial q̈ at these coordinates, for one state and for many."""
+    """Largest relative difference between planar and spatial q̈ of these coordinates, for one state and for a batch."""
     qd, tau = rng.normal(size=(2, chain.n))
     exact = fl.forward_dynamics(in_space(chain), q, qd, tau)[joints]
     one, many = (fl.forward_dynamics(chain, state, qd, tau) for state in (q, np.array([q, q])))
@@ -117,10 +117,10 @@ def errors_beside_space(
 
 
 @pytest.mark.parametrize("armature", [0.0, 1.0, 1e4, 1e8])
-def test_heavy_rotors_take_no_digits(armature: float, rng: np.random.Generator) -> None:
-    """q̈ has an error of about 1000 roundings, cond(M) of the links. One digit lost per decade would leave 8 of 16.
+def test_heavy_rotors_do_not_reduce_accuracy(armature: float, rng: np.random.Generator) -> None:
+    """The error of q̈ is about 1000 eps for any armature, because cond(M) of the links is about 1000.
 
-    The q̈ of the rotors keep all digits also, though they are smaller by the factor by which the rotors are heavier.
+    The accelerations of heavy rotors are small, but they have the same relative accuracy.
     """
     chain = two_links(armature)
     q = random_state(chain, rng)[0]
@@ -129,8 +129,8 @@ def test_heavy_rotors_take_no_digits(armature: float, rng: np.random.Generator) 
 
 
 @pytest.mark.parametrize("turns", [0.0, 1e3, 1e7, 1e12])
-def test_angles_of_any_size_keep_all_digits(turns: float, rng: np.random.Generator) -> None:
-    """An angle of any number of turns is taken as an exact float, also in the sum of the angles of many links."""
+def test_angles_of_any_size_keep_full_accuracy(turns: float, rng: np.random.Generator) -> None:
+    """An angle of any number of turns is treated as an exact number, also in sums of angles over many links."""
     chain = two_links()
     q = random_state(chain, rng)[0]
     q[chain.active] += 2 * np.pi * turns * np.array([1.0, -1.7])
@@ -142,7 +142,7 @@ def test_angles_of_any_size_keep_all_digits(turns: float, rng: np.random.Generat
     np.testing.assert_allclose(planar, spatial, rtol=0, atol=1e-12 * np.abs(spatial).max())
 
 
-def test_a_chain_side_by_side_with_one_that_turned_often_keeps_its_numbers_to_the_bit(rng: np.random.Generator) -> None:
+def test_large_angles_in_one_simd_lane_do_not_change_the_other_lanes(rng: np.random.Generator) -> None:
     chain = two_links()
     q, qd, tau = rng.normal(size=(3, chain.n))
     q[0], q[4] = 40.0, -15.0
@@ -152,7 +152,7 @@ def test_a_chain_side_by_side_with_one_that_turned_often_keeps_its_numbers_to_th
 
 
 @pytest.mark.parametrize("scale", [1.0, 100.0, 4e8, 1e12])
-def test_angles_less_whole_turns_are_right_to_an_ulp_of_pi(scale: float, rng: np.random.Generator) -> None:
+def test_angles_reduced_to_one_turn_are_correct_to_an_ulp_of_pi(scale: float, rng: np.random.Generator) -> None:
     x = np.concatenate([rng.uniform(-scale, scale, 500), np.rint(rng.uniform(-scale, scale, 500)) * np.pi])
     less = x.copy()
     less_whole_turns(less)

@@ -27,8 +27,8 @@ def test_no_legend_covers_a_curve(run: fl.Trajectory) -> None:
         assert legend.xmax <= figure.bbox.xmax
 
 
-def test_every_energy_takes_a_good_part_of_its_panel(run: fl.Trajectory) -> None:
-    """Except the total, which is constant: with gravity's arbitrary zero all of them looked flat."""
+def test_every_energy_spans_a_fifth_of_its_panel(run: fl.Trajectory) -> None:
+    """The constant total is excluded. If the zero of gravity energy were arbitrary, all curves would look flat."""
     figure = plotting.plot_trajectory(run)
     for panel in figure.axes[-3:]:
         low, high = panel.get_ylim()
@@ -49,7 +49,7 @@ def test_panels_without_content_are_left_out() -> None:
     assert not any("active" in label and "passive" not in label for label in labels[1])
 
 
-def test_drive_torques_and_forces_have_own_panels_with_the_names_of_joints() -> None:
+def test_drive_torques_and_forces_have_separate_panels_with_joint_names() -> None:
     links = (flexible("trolley", joint=fl.Joint(kind="prismatic")), flexible("boom"))
     scene = make_scene(*links, drive=fl.Drive(kind="constant", torque=(3.0, 2.0)), initial=fl.InitialState())
     *_, torques, forces = plotting.plot_trajectory(fl.simulate(scene, duration=0.01)).axes

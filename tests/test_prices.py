@@ -1,4 +1,4 @@
-"""The report's price list: fronts contain unbeaten runs, prices are the cheapest of each program, losses are shown."""
+"""The report's cost table: Pareto fronts, the cheapest run of each program, and scenes where flexlink is slower."""
 
 from __future__ import annotations
 
@@ -62,13 +62,13 @@ def run(error: float, seconds: float) -> Run:
     return Run(OURS, "RK4", 0.0, seconds, 1, {"error": error})
 
 
-def test_a_front_contains_the_runs_that_no_other_beats_in_error_and_time() -> None:
+def test_a_pareto_front_contains_the_runs_not_dominated_in_error_and_time() -> None:
     best = [run(1e-8, 5.0), run(1e-5, 2.0), run(1e-2, 1.0)]
     beaten = [run(1e-5, 3.0), run(1e-4, 2.0), run(1e-1, 1.5)]
     assert front([*beaten, *best], "error") == best
 
 
-def test_the_price_is_the_cheapest_run_for_flexlink_and_the_estimate_of_the_study_for_others(tmp_path: Path) -> None:
+def test_the_cost_is_the_cheapest_run_of_flexlink_and_the_study_estimate_for_others(tmp_path: Path) -> None:
     results = study(tmp_path)
     ((case, series),) = works(results)
     assert prices(results, case, series, "error", 1e-4) == {

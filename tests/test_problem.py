@@ -29,7 +29,7 @@ WRENCH = fl.Wrench(times=(0.0, 0.03), forces=((0.0, 0.0, 0.0), (2.0, 1.0, 0.0)),
 
 
 def same(one: fl.Trajectory, other: fl.Trajectory) -> None:
-    """Two runs are bit-equal in samples, warnings and steps."""
+    """Check that two runs are bit-equal in samples, warnings and steps."""
     for name in ("t", "q", "qd", "tau", "tip", "work", "tip_wrench"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
     np.testing.assert_array_equal(one.energy.parts, other.energy.parts)
@@ -37,13 +37,13 @@ def same(one: fl.Trajectory, other: fl.Trajectory) -> None:
 
 
 def alone(scene: fl.Scene, **arguments: Any) -> fl.Trajectory:
-    """A run without any cached preparation."""
+    """A run that uses no cached preparation."""
     return fl.simulate(scene.varied({"name": scene.name}), **arguments)
 
 
 @pytest.mark.parametrize("steps", STEPS)
 @pytest.mark.parametrize("given", ["smooth", "computed, sampled", "motion", "wrench"])
-def test_runs_of_a_problem_are_those_of_simulate_to_the_bit_whatever_ran_before(given: str, steps: str) -> None:
+def test_runs_of_a_problem_are_bit_equal_to_simulate_whatever_ran_before(given: str, steps: str) -> None:
     scene = arm(given if given in DRIVES else "linear", **{"run.unstable": "allow"}).varied(STEPS[steps])
     scene = scene.varied(
         {"motion": (MOTION,)} if given == "motion" else {"wrench": WRENCH} if given == "wrench" else {}
@@ -56,14 +56,14 @@ def test_runs_of_a_problem_are_those_of_simulate_to_the_bit_whatever_ran_before(
 
 
 @pytest.mark.parametrize("steps", ["fixed", "tolerance"])
-def test_a_law_in_python_drives_a_problem_as_it_drives_a_run(steps: str) -> None:
+def test_a_python_control_law_drives_a_problem_like_a_run(steps: str) -> None:
     scene = arm("none").varied(STEPS[steps])
     problem = fl.Problem(scene)
-    for asked in ({}, {"control": law, "rate": 500.0}, {}, {"control": law, "rate": 250.0}):
-        same(problem.simulate(**asked), alone(scene, **asked))
+    for options in ({}, {"control": law, "rate": 500.0}, {}, {"control": law, "rate": 250.0}):
+        same(problem.simulate(**options), alone(scene, **options))
 
 
-def test_a_run_that_fails_leaves_nothing_behind() -> None:
+def test_a_failed_run_does_not_affect_later_runs() -> None:
     scene = arm("pd").varied({"run.tolerance": 1e-5, "run.method": "Radau5"})
     wild = fl.Problem(scene.varied({"run.max_evaluations": 3000.0}))
     first = alone(wild.scene)
@@ -72,7 +72,7 @@ def test_a_run_that_fails_leaves_nothing_behind() -> None:
     same(wild.simulate(), first)
 
 
-def test_what_simulate_refuses_a_problem_refuses_in_the_same_words() -> None:
+def test_a_problem_refuses_invalid_input_with_the_messages_of_simulate() -> None:
     scene = arm("none").varied(FIXED)
     problem, n = fl.Problem(scene), fl.lump(scene).n
     for wrong in ({"q0": np.zeros(n + 1)}, {"q0": np.full(n, np.nan)}, {"qd0": ["a"] * n}, {"t0": -1.0}, {"t0": 1.5e-4},
@@ -94,7 +94,7 @@ def test_a_problem_refuses_a_reference_that_starts_elsewhere() -> None:
         problem.simulate(q0=np.zeros(problem.chain.n))
 
 
-def test_an_unstable_step_is_judged_at_every_start() -> None:
+def test_stability_of_the_step_is_checked_at_every_start() -> None:
     """A string of point masses is stiffer, and its largest stable step shorter, the faster it turns."""
     scene = make_scene(flexible("a", segments=3), run=fl.RunSettings(step=1e-4, duration=0.01))
     step = 0.98 * fl.stable_step(fl.lump(scene))
@@ -114,14 +114,14 @@ def test_threads_may_share_a_problem() -> None:
         same(run, alone(scene, qd0=qd))
 
 
-def test_copies_and_pickles_of_a_problem_run_alike() -> None:
+def test_copies_and_pickles_of_a_problem_give_equal_runs() -> None:
     problem = fl.Problem(arm("pd").varied({"run.tolerance": 1e-4}))
     first = problem.simulate()
     for other in (copy.deepcopy(problem), pickle.loads(pickle.dumps(problem))):
         same(other.simulate(), first)
 
 
-def test_a_start_from_arrays_is_the_same_scene_as_one_from_lists() -> None:
+def test_an_initial_state_from_arrays_equals_one_from_lists() -> None:
     scene = arm("none", **{"initial.passive": "static"})
     q, qd, t = np.linspace(0.1, 0.3, 6), np.linspace(-1.0, 1.0, 6), 0.01
     for start in ((q, None, None), (None, qd, None), (q, qd, t), (None, None, t)):
@@ -130,15 +130,15 @@ def test_a_start_from_arrays_is_the_same_scene_as_one_from_lists() -> None:
         assert started_from(scene, *start) != scene
 
 
-def test_a_scene_is_prepared_once_and_one_that_names_a_file_every_time(tmp_path, monkeypatch) -> None:
-    """What `simulate` keeps of a scene must not outlive the file of its method."""
+def test_a_scene_is_prepared_once_unless_it_names_a_file(tmp_path, monkeypatch) -> None:
+    """Cached data of a scene must not be used after the file of its method has changed."""
     file, scene = tmp_path / "mine.toml", arm("none")
     tableau = 'about = "Euler"\nsource = "-"\norder = 1\nc = ["0"]\nb = ["1"]\nA = [[]]\n'
     midpoint = 'about = "m"\nsource = "-"\norder = 2\nc = ["0", "1/2"]\nb = ["0", "1"]\nA = [[], ["1/2"]]\n'
-    asked = {"method": str(file), "step": 1e-5, "sample": 1e-3, "duration": 2e-3, "unstable": "allow"}
+    options = {"method": str(file), "step": 1e-5, "sample": 1e-3, "duration": 2e-3, "unstable": "allow"}
     file.write_text(tableau)
-    one = fl.simulate(scene, **asked)
+    one = fl.simulate(scene, **options)
     file.write_text(midpoint)
-    assert np.abs(fl.simulate(scene, **asked).q - one.q).max() > 0.0
+    assert np.abs(fl.simulate(scene, **options).q - one.q).max() > 0.0
     same(fl.simulate(scene, tolerance=1e-4), fl.simulate(scene, tolerance=1e-4))
     assert fl.simulate(scene, tolerance=1e-4).chain is fl.simulate(scene, tolerance=1e-4).chain

@@ -30,26 +30,26 @@ def odd_chain(rng: np.random.Generator) -> fl.Chain:
     for field in ("stiffness", "rest", "damping", "coulomb", "coulomb_width", "armature"):
         hinges[field] = rng.uniform(0.1, 1.0, chain.n)
     B = rng.normal(size=(len(bodies), 3, 3))
-    S = 0.1 * B @ B.transpose(0, 2, 1)  # ∫ x xᵀ dm of a real body
+    S = 0.1 * B @ B.transpose(0, 2, 1)  # ∫ x xᵀ dm of a possible body
     full = np.trace(S, axis1=1, axis2=2)[:, None, None] * np.eye(3) - S
     heavy = bodies["mass"] > 0
-    bodies["inertia"][heavy] = (full + full.transpose(0, 2, 1))[heavy] / 2  # symmetric to the bit
+    bodies["inertia"][heavy] = (full + full.transpose(0, 2, 1))[heavy] / 2  # exactly symmetric
     return dataclasses.replace(chain, hinges=hinges, bodies=bodies)
 
 
-def said_by(chain: fl.Chain) -> list[object]:
+def values_of(chain: fl.Chain) -> list[object]:
     """All values of a chain, for comparison."""
     arrays = [(array[field].tolist(), field) for array in (chain.bodies, chain.hinges) for field in array.dtype.names]
     return [chain.name, chain.link_names, chain.coordinates, chain.gravity.tolist(), *arrays]
 
 
 def assert_same(one: fl.Chain, other: fl.Chain) -> None:
-    for first, second in zip(said_by(one), said_by(other), strict=True):
+    for first, second in zip(values_of(one), values_of(other), strict=True):
         assert first == second
 
 
 def same(one: fl.Chain, other: fl.Chain) -> bool:
-    return said_by(one) == said_by(other)
+    return values_of(one) == values_of(other)
 
 
 @EVERY
@@ -74,13 +74,13 @@ def test_every_number_reads_back_to_the_bit(format, rng: np.random.Generator) ->
 
 @EVERY
 @pytest.mark.parametrize("limits", [(-1e300, 1e300), (-360.0, 1e11), (-1e11, 360.0)])
-def test_limits_wider_than_the_placeholders_for_no_limit_are_limits(format, limits: tuple[float, float]) -> None:
+def test_limits_wider_than_the_placeholder_for_no_limit_are_kept(format, limits: tuple[float, float]) -> None:
     chain = fl.lump(nasty_scene().varied({"link.upper.joint.limits_deg": limits}))
     assert_same(format.read(format.write(chain)), chain)
 
 
 def small_chain() -> fl.Chain:
-    """One of everything: a massless waist, a turned mount, two axes at a point, a rotor, friction."""
+    """A chain with one of everything: a massless waist, a rotated mount, two axes at a point, a rotor, friction."""
     arm = flexible(
         "arm", "yz", 2, mount=fl.Mount(rpy_deg=(20.0, 30.0, 40.0)), joint=fl.Joint(armature=0.1, coulomb=0.2)
     )
@@ -100,7 +100,7 @@ def value(element: ET.Element, key: str | None) -> str:
 
 
 @contextlib.contextmanager
-def said(element: ET.Element, key: str | None, text: str) -> Iterator[None]:
+def replaced(element: ET.Element, key: str | None, text: str) -> Iterator[None]:
     """Replace the text in one place for the block."""
     old = value(element, key)
     for words in (text, old):
@@ -125,7 +125,7 @@ def text_of(root: ET.Element) -> str:
 @pytest.mark.slow
 @EVERY
 def test_a_number_that_is_changed_is_in_the_chain_or_refused(format) -> None:
-    """No change is ignored."""
+    """A reader must not ignore any changed number."""
     root, original = document(format), small_chain()
     passed_over, changed = set(), 0
     for element, key in places(root):
@@ -133,7 +133,7 @@ def test_a_number_that_is_changed_is_in_the_chain_or_refused(format) -> None:
         for k, word in enumerate(words):
             with contextlib.suppress(ValueError):
                 words[k] = repr(float(word) * 1.01 + 0.01)
-                with said(element, key, " ".join(words)):
+                with replaced(element, key, " ".join(words)):
                     try:
                         chain = format.read(text_of(root))
                     except fl.errors.DataFileError as error:
@@ -150,25 +150,25 @@ def test_a_number_that_is_changed_is_in_the_chain_or_refused(format) -> None:
 
 @EVERY
 @pytest.mark.parametrize("wrong", ["nan", "1,5", "${mass}", "", "1e999", "0 0", "1_0", "٣"])
-def test_what_is_no_number_is_refused_in_one_line(format, wrong: str) -> None:
+def test_text_in_place_of_a_number_is_refused_in_one_line(format, wrong: str) -> None:
     root = document(format)
     for element, key in places(root):
         try:
             float(value(element, key).split()[0])
         except (ValueError, IndexError):
             continue
-        with said(element, key, wrong), refused(fl.errors.DataFileError, "file-content"):
+        with replaced(element, key, wrong), refused(fl.errors.DataFileError, "file-content"):
             format.read(text_of(root), what="arm.xml")
 
 
 @EVERY
-def test_a_name_or_word_that_is_changed_is_refused_or_is_the_chain_s_own(format) -> None:
+def test_a_changed_name_or_word_is_refused_except_the_name_of_the_robot(format) -> None:
     root, own = document(format), set()
     for element, key in places(root):
         try:
             float(value(element, key).split()[0])
         except ValueError:
-            with said(element, key, "other"), contextlib.suppress(fl.errors.DataFileError):
+            with replaced(element, key, "other"), contextlib.suppress(fl.errors.DataFileError):
                 format.read(text_of(root))
                 own.add(f"{element.tag}.{key}")
     assert own <= {"robot.name"}
@@ -204,7 +204,7 @@ def test_an_attribute_that_flexlink_does_not_write_is_refused(format) -> None:
 
 @EVERY
 def test_a_rotation_that_is_stretched_or_mirrored_is_refused(format) -> None:
-    """Roll, pitch and yaw stay those of the rotation."""
+    """Only the matrix is changed; roll, pitch and yaw keep the correct values."""
     root = document(format)
     found = 0
     for element, key in list(places(root)):
@@ -213,7 +213,7 @@ def test_a_rotation_that_is_stretched_or_mirrored_is_refused(format) -> None:
             for factor in (1.0 + 1e-12, -1.0) if len(words) - first == 9 else ():
                 R = [factor * float(word) for word in words[first:]]
                 text = " ".join([*words[:first], *map(repr, R)])
-                with said(element, key, text), pytest.raises(fl.errors.DataFileError) as caught:
+                with replaced(element, key, text), pytest.raises(fl.errors.DataFileError) as caught:
                     format.read(text_of(root))
                 assert caught.value.id == "file-content" and str(R) in str(caught.value)
                 found += 1
@@ -221,7 +221,7 @@ def test_a_rotation_that_is_stretched_or_mirrored_is_refused(format) -> None:
 
 
 @EVERY
-def test_shapes_may_be_edited(format) -> None:
+def test_edited_visual_shapes_are_accepted(format) -> None:
     root = parse(format.write(small_chain()), "arm")
     for element in list(root.iter()):
         for shape in [one for one in element if one.tag in {"visual", "geom"}]:
@@ -247,7 +247,7 @@ def test_a_negative_spring_damper_or_friction_is_refused_by_name(format, field: 
 
 
 @EVERY
-def test_names_that_xml_cannot_hold_come_back_replaced_and_all_others_as_they_are(format) -> None:
+def test_names_read_back_unchanged_except_characters_invalid_in_xml(format) -> None:
     for name, back in {"a\x00b": "a\ufffdb", "a::b": "a::b", "world": "world", 'ä "<&> 関': 'ä "<&> 関'}.items():
         chain = dataclasses.replace(fl.lump(make_scene(flexible(name, segments=2))), name=name)
         read = format.read(format.write(chain))

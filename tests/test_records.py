@@ -1,4 +1,4 @@
-"""Nested tuples of numbers that recursions store in rows: compiled code and Python give the same numbers."""
+"""Recursions store nested tuples of numbers in rows; compiled code and Python give the same numbers."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def add_lanes(rows):
     keep(rows, 1, added(rows, 1, (n, f)))
 
 
-def test_eight_numbers_side_by_side_are_kept_and_added_as_one() -> None:
+def test_eight_lanes_are_stored_and_added_like_one_number() -> None:
     rows = np.random.default_rng(3).standard_normal((2, 6, LANES))
     before = rows.copy()
     add_lanes(rows)
@@ -47,7 +47,7 @@ def test_eight_numbers_side_by_side_are_kept_and_added_as_one() -> None:
     assert np.array_equal(rows[0], before[0])
 
 
-def test_without_compiling_the_functions_do_the_same() -> None:
+def test_uncompiled_functions_give_the_same_numbers() -> None:
     rows = np.zeros((2, 8))
     records.keep(rows, 0, (1.0, (2.0, 3.0), ((4.0,),)), 1)
     assert np.array_equal(rows[0], [0, 1, 2, 3, 4, 0, 0, 0])

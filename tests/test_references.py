@@ -53,7 +53,7 @@ def derivatives(course: fl.ReferenceTrajectory, number: int) -> list[fl.Referenc
 
 
 def peaks(course: fl.ReferenceTrajectory, number: int = 3) -> np.ndarray:
-    """Exact largest |value| of the course and its derivatives, (number + 1, d)."""
+    """Exact largest |value| of the reference and of `number` derivatives, (number + 1, d)."""
     return np.array([np.abs(each.extremes()).max(axis=0) for each in derivatives(course, number)])
 
 
@@ -66,8 +66,8 @@ def came_to(course: fl.ReferenceTrajectory, piece: int) -> np.ndarray:
 
 @pytest.mark.slow
 @given(moves())
-def test_a_move_starts_and_ends_at_rest_where_it_is_to(move: Move) -> None:
-    """Also its last polynomial, up to the rounding of a dozen products and of the end time."""
+def test_a_move_starts_and_ends_at_rest_at_the_given_angles(move: Move) -> None:
+    """The last polynomial also ends there, up to the rounding of a dozen products and of the end time."""
     reference, start = move
     course = reference.course(start)
     a, b = np.radians(start), np.radians(reference.to_deg)
@@ -86,7 +86,7 @@ def test_a_move_starts_and_ends_at_rest_where_it_is_to(move: Move) -> None:
 
 @pytest.mark.slow
 @given(moves(limited=True))
-def test_no_limit_is_exceeded_and_the_slowest_joint_reaches_one(move: Move) -> None:
+def test_no_limit_is_exceeded_and_the_slowest_joint_reaches_a_limit(move: Move) -> None:
     """Checked at the exact extremes of every piece and between them; knots are rounded by ε of their time."""
     reference, start = move
     course = reference.course(start)
@@ -105,7 +105,7 @@ def test_no_limit_is_exceeded_and_the_slowest_joint_reaches_one(move: Move) -> N
 
 
 @pytest.mark.parametrize("profile", sorted(MOVES))
-def test_joints_start_and_end_together_each_by_the_profile_it_would_take_alone(profile: str) -> None:
+def test_joints_start_and_end_together_with_time_scaled_profiles(profile: str) -> None:
     """Profiles are stretched to the duration of the slowest joint; a joint without a move keeps its exact value."""
     own = dict.fromkeys(MAY_LIMIT[profile], (60.0, 60.0, 60.0))
     course = fl.Reference(profile=profile, to_deg=(90.0, -20.0, 7.0), **own).course((0.0, 0.0, 7.0))
@@ -120,7 +120,7 @@ def test_joints_start_and_end_together_each_by_the_profile_it_would_take_alone(p
 
 
 def test_short_moves_have_no_cruise_and_shorter_ones_no_constant_acceleration() -> None:
-    """D = a t_a² of a trapezoid without cruise, D = 2 j t_j³ of an S-curve of jerk alone."""
+    """The distance is a t_a² for a trapezoid without cruise, 2 j t_j³ for an S-curve without constant acceleration."""
     triangle = fl.Reference(profile="trapezoidal", to_deg=(9.0,), max_rate_deg=(10.0,), max_acceleration_deg=(4.0,))
     assert triangle.course((0.0,)).knots[1:].tolist() == [0.0, 1.5, 3.0]
     most = {"max_rate_deg": (10.0,), "max_acceleration_deg": (10.0,), "max_jerk_deg": (1.0,)}
@@ -131,7 +131,7 @@ def test_short_moves_have_no_cruise_and_shorter_ones_no_constant_acceleration() 
 
 @pytest.mark.parametrize("speed", [20.0, 500.0])
 def test_an_s_curve_becomes_the_trapezoid_as_its_jerk_grows(speed: float) -> None:
-    """It ends t_j = a/j later; its distance from the trapezoid is at most max |ṙ| t_j."""
+    """The S-curve ends t_j = a/j later and differs from the trapezoid by at most max |ṙ| t_j."""
     most = {"max_rate_deg": (speed,), "max_acceleration_deg": (100.0,)}
     trapezoid = fl.Reference(profile="trapezoidal", to_deg=(50.0,), **most).course((0.0,))
     t = np.linspace(0, trapezoid.knots[-1], 1000)
@@ -141,8 +141,8 @@ def test_an_s_curve_becomes_the_trapezoid_as_its_jerk_grows(speed: float) -> Non
         assert np.abs(course(t)[0] - trapezoid(t)[0]).max() <= allowed + 16 * EPS
 
 
-def test_with_a_duration_ramps_take_thirds() -> None:
-    """v = 3/2 D/T, a = 9/2 D/T² of the trapezoid; a = 27/4 D/T², j = 243/4 D/T³ of the S-curve; 15/8, 10/√3, 60."""
+def test_a_move_of_given_duration_has_ramps_of_one_third() -> None:
+    """Trapezoid: v = 3/2 D/T, a = 9/2 D/T². S-curve: a = 27/4 D/T², j = 243/4 D/T³. Quintic: 15/8, 10/√3, 60."""
     D, T = np.radians(40.0), 1.5
     wanted = {"quintic": (15 / 8, 10 / np.sqrt(3), 60.0), "trapezoidal": (1.5, 4.5), "s_curve": (1.5, 6.75, 60.75)}
     for profile, ratios in wanted.items():
@@ -152,7 +152,7 @@ def test_with_a_duration_ramps_take_thirds() -> None:
         assert course.knots[-1] == pytest.approx(1.75, rel=4 * EPS)
 
 
-def test_a_linear_table_is_straight_between_its_times_and_still_outside() -> None:
+def test_a_linear_table_is_straight_between_its_times_and_constant_outside() -> None:
     course = fl.Reference(profile="linear", **TABLE).course((5.0,))
     angle, rate, acceleration = course([-1.0, 0.25, 1.25, 2.0, 9.0])
     np.testing.assert_allclose(np.degrees(angle[:, 0]), [0.0, 15.0, 10.0, -10.0, -10.0], rtol=4 * EPS)
@@ -161,7 +161,7 @@ def test_a_linear_table_is_straight_between_its_times_and_still_outside() -> Non
     assert course.jumps.tolist() == [0.0, 0.5, 2.0]
 
 
-def test_a_held_table_steps_without_a_ramp() -> None:
+def test_a_held_table_jumps_without_a_ramp() -> None:
     course = fl.Reference(profile="hold", **TABLE).course((5.0,))
     angle, rate, _ = course([0.0, np.nextafter(0.5, 0), 0.5, 1.9, 2.0, 9.0])
     np.testing.assert_array_equal(angle[:, 0], np.radians([0.0, 30.0, 30.0, 30.0, -10.0, -10.0]))
@@ -189,8 +189,8 @@ def test_a_smooth_table_passes_through_all_its_values_with_continuous_derivative
 
 @pytest.mark.slow
 @given(st.integers(0, 2**32))
-def test_extremes_are_those_of_every_piece(seed: int) -> None:
-    """Compared with a thousand samples per piece, between which a smooth extreme is missed by < max |r̈| dt²/8."""
+def test_extremes_are_the_largest_and_smallest_values_of_all_pieces(seed: int) -> None:
+    """The extremes are compared with a thousand samples per piece, which miss an extreme by < max |r̈| dt²/8."""
     rng = np.random.default_rng(seed)
     t = np.cumsum(rng.uniform(0.1, 1.0, 5))
     parts = [tuple(map(tuple, rng.uniform(-90, 90, (5, 2)))) for _ in range(3)]
@@ -205,8 +205,8 @@ def test_extremes_are_those_of_every_piece(seed: int) -> None:
         assert np.all(found <= seen + passed + 64 * EPS * peaks(course)[0])
 
 
-def test_a_course_on_other_knots_is_the_same(rng: np.random.Generator) -> None:
-    """Taylor's shift of a quintic: some twenty sums, within 64 ε of the largest term."""
+def test_a_reference_restated_on_other_knots_is_unchanged(rng: np.random.Generator) -> None:
+    """A Taylor shift of a quintic has about twenty sums, so its error is below 64 ε times the largest term."""
     course = fl.Reference(profile="quintic", to_deg=(90.0, -45.0), duration=1.0).course((0.0, 10.0))
     knots = np.union1d(course.knots, rng.uniform(0, 1.2, 9))
     other = fl.ReferenceTrajectory(knots, course.restated(knots))
@@ -277,7 +277,7 @@ def test_a_trajectory_from_coefficients_is_checked() -> None:
 
 
 def driven(reference: fl.Reference, **fields: object) -> fl.Scene:
-    """A free, a locked and a free joint, the first and the last within limits, driven by PD."""
+    """Three joints with PD drives; the middle joint is locked, the others have limits."""
     near, far = fl.Joint(limits_deg=(-90.0, 45.0)), fl.Joint(limits_deg=(-10.0, 10.0))
     links = fl.Link(name="near", length=1.0, joint=near), fl.Link(name="mid", joint=fl.Joint(locked=True))
     drive = fl.Drive(kind="pd", kp=(9.0, 0.0, 9.0), kd=(1.0, 0.0, 1.0), reference=reference)
@@ -285,13 +285,13 @@ def driven(reference: fl.Reference, **fields: object) -> fl.Scene:
     return make_scene(*links, fl.Link(name="far", length=1.0, joint=far), tip=fl.RigidBody(mass=1.0), **fields)
 
 
-def test_a_scene_leads_its_free_joints_in_their_order_from_where_they_are() -> None:
+def test_a_reference_moves_free_joints_from_their_initial_angles() -> None:
     scene = driven(fl.Reference(profile="quintic", to_deg=(40.0, 0.0, 7.0), duration=1.0))
     for arrays in (scene.course, reference_arrays(scene, fl.lump(scene))):
         np.testing.assert_allclose(
             np.degrees(arrays.coefficients[[0, -1], 0]), [[5.0, -5.0], [40.0, 7.0]], rtol=4 * EPS
         )
-    assert driven(fl.Reference(profile="quintic", to_deg=(45.0, 0.0, -10.0), duration=1.0)), "limits may be reached"
+    assert driven(fl.Reference(profile="quintic", to_deg=(45.0, 0.0, -10.0), duration=1.0)), "may end at limits"
 
 
 OUT = {
@@ -318,8 +318,8 @@ def test_a_reference_that_does_not_fit_the_scene_is_refused(what: str) -> None:
     assert all(part in str(caught.value) for part in parts)
 
 
-def test_a_shaper_with_impulses_below_zero_may_lead_beyond_the_limits(tmp_path: Path) -> None:
-    """A jump from −5° to 9° with impulses 2, −2, 1: the first one leads to −5° + 2 · 14° = 23°."""
+def test_a_shaper_with_negative_impulses_that_exceeds_joint_limits_is_refused(tmp_path: Path) -> None:
+    """For a jump from −5° to 9° with impulses 2, −2, 1, the first impulse leads to −5° + 2 · 14° = 23°."""
     path = tmp_path / "own.toml"
     rule = 'about = "a"\nsource = "b"\nzeros = 0\nhalf_periods = [0, 0.5, 1]\nweights = [2, -2, 1]\n'
     path.write_text(rule, encoding="utf-8")
@@ -341,13 +341,13 @@ def test_the_start_of_a_reference_is_required_if_the_run_starts_elsewhere() -> N
     scene = driven(fl.Reference(**move), initial=fl.InitialState(q=here, joint_deg=(5.0, 30.0, -5.0)))
     with refused(fl.errors.SceneError, "missing-key"):
         reference_arrays(scene, fl.lump(scene))
-    later = scene.varied({"initial.time": 1.0})  # continued: it goes on as it began
+    later = scene.varied({"initial.time": 1.0})  # a continued run keeps the reference of the first run
     np.testing.assert_array_equal(reference_arrays(later, fl.lump(later)).knots, scene.course.knots)
     given_here = driven(fl.Reference(**move, from_deg=(0.0,) * 3), initial=fl.InitialState(q=here))
     assert not reference_arrays(given_here, fl.lump(given_here)).coefficients[0].any()
 
 
-def test_a_pd_drive_has_one_target() -> None:
+def test_a_pd_drive_needs_exactly_one_target() -> None:
     gains = {"kind": "pd", "kp": (9.0,), "kd": (1.0,)}
     move = fl.Reference(profile="quintic", to_deg=(9.0,), duration=1.0)
     with refused(fl.errors.SceneError, "missing-key"):
@@ -358,14 +358,14 @@ def test_a_pd_drive_has_one_target() -> None:
         fl.Drive(kind="constant", torque=(1.0,), reference=move)
 
 
-def test_parts_of_a_reference_vary_by_path() -> None:
+def test_parts_of_a_reference_are_varied_by_path() -> None:
     scene = driven(fl.Reference(profile="quintic", to_deg=(40.0, 0.0, 7.0), duration=1.0))
     fields = {"drive.reference.to_deg.far": -3.0, "drive.reference.profile": "s_curve", "drive.reference.shaper": ZV}
     other = scene.varied(fields).drive.reference
     assert other == fl.Reference(profile="s_curve", to_deg=(40.0, 0.0, -3.0), duration=1.0, shaper=ZV)
 
 
-def test_a_shaper_file_is_sought_beside_the_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_shaper_file_is_searched_next_to_the_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rule = 'about = "a"\nsource = "b"\nzeros = 1\nhalf_periods = [0, 1]\nweights = [1, 1]\n'
     (tmp_path / "own.toml").write_text(rule, encoding="utf-8")
     move = fl.Reference(profile="quintic", to_deg=(40.0, 0.0, 7.0), duration=1.0, shaper=ZV)

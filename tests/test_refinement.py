@@ -35,9 +35,7 @@ def about(scene: fl.Scene) -> Refinement:
     return Refinement(Study(scene))
 
 
-def test_the_error_of_the_limit_includes_its_distance_from_a_much_finer_model(
-    about: Refinement, scene: fl.Scene
-) -> None:
+def test_the_error_of_the_limit_covers_its_distance_from_a_much_finer_model(about: Refinement, scene: fl.Scene) -> None:
     finest = scene.varied({"link.*.segments": 17, "run.tolerance": 1e-6, "run.method": "Radau5"})
     assert about.limit is not None
     assert about.is_accurate
@@ -54,7 +52,7 @@ def test_the_limit_of_models_with_errors_of_second_order_is_exact(scene: fl.Scen
     np.testing.assert_allclose(about.limit.tip, true, atol=1e-14)
 
 
-def test_a_scene_with_one_hinge_is_among_its_refinements(thrown: fl.Scene) -> None:
+def test_a_scene_with_one_hinge_is_refined_to_two_and_four_hinges(thrown: fl.Scene) -> None:
     one = thrown.varied({"link.*.lumping": "legendre", "link.*.segments": 2, "run.duration": 0.05})
     assert list(Refinement(Study(one)).cuts) == [1.0, 2.0, 4.0]
 
@@ -67,12 +65,12 @@ def test_half_the_hinges_are_the_nearest_number_that_the_rule_allows(rule: str, 
     assert scaled(Bend("yz", rule, hinges), 2.0) == Bend("yz", rule, 2 * hinges)
 
 
-def test_the_error_of_steps_is_the_distance_from_much_smaller_ones(about: Refinement, scene: fl.Scene) -> None:
+def test_the_step_error_is_the_distance_from_a_run_with_much_smaller_steps(about: Refinement, scene: fl.Scene) -> None:
     exact = fl.simulate(scene, method="RK4", step=1e-4)
     assert about.of_steps == pytest.approx(largest_distance(about.run.tip, exact.tip), rel=0.2)
 
 
-def test_the_error_of_a_tolerance_is_estimated_with_a_tenth_of_it(thrown: fl.Scene) -> None:
+def test_the_error_of_a_tolerance_is_estimated_with_a_tenth_of_the_tolerance(thrown: fl.Scene) -> None:
     loose = Refinement(Study(thrown.varied({"run.tolerance": 1e-3, "run.method": "auto"})))
     exact = fl.simulate(thrown, method="auto", tolerance=1e-8)
     assert (
@@ -80,11 +78,11 @@ def test_the_error_of_a_tolerance_is_estimated_with_a_tenth_of_it(thrown: fl.Sce
     )
 
 
-def test_choices_cost_as_much_as_their_evaluations(about: Refinement) -> None:
+def test_the_cost_of_a_choice_is_proportional_to_its_evaluations(about: Refinement) -> None:
     own, *others = about.choices()
     reviewed("report: labels of choices", "\n".join(one.label for one in others))
     same = [one.seconds / own.seconds for one in others if one.n == own.n][:2]
-    assert same == pytest.approx([0.5, 2.0], rel=1e-12)  # twice the step, and half of it
+    assert same == pytest.approx([0.5, 2.0], rel=1e-12)  # double and half the step
     assert [one.label for one in others if not one.outcome.completed] == []
     assert {one.n for one in others} - {own.n} != set()
     assert about.cut(0.5) == about.model  # two hinges: gauss allows only pairs
@@ -100,8 +98,8 @@ def test_a_scene_that_specifies_all_joints_has_no_other_discretization(thrown: f
     assert {one.n for one in others} <= {own.n, len(fl.lump(thrown).active)}
 
 
-def test_if_changes_do_not_decrease_the_error_of_the_limit_is_the_largest_of_them() -> None:
-    """12 mm, then 10 mm have no order of convergence: the limit is the finest model, and its error 12 mm."""
+def test_without_convergence_the_error_of_the_limit_is_the_largest_change() -> None:
+    """Changes of 12 mm and 10 mm show no convergence, so the limit is the finest model with an error of 12 mm."""
     about = object.__new__(Refinement)
     paths = {1.0: 0.0, 2.0: 0.012, 4.0: 0.022}
     about.__dict__["cuts"] = {factor: SimpleNamespace(tip=np.array([[x, 0.0, 0.0]])) for factor, x in paths.items()}

@@ -1,4 +1,4 @@
-"""Contradictory descriptions are refused when they are made: with the key, its value, and the allowed values."""
+"""Contradictory descriptions are refused on creation; the message has the key, its value and the allowed values."""
 
 from __future__ import annotations
 
@@ -65,13 +65,13 @@ def test_a_description_that_contradicts_itself_is_refused(build: Callable[[], ob
         build()
 
 
-def test_an_explicit_method_has_no_modes() -> None:
+def test_an_explicit_method_has_no_eigendecomposition() -> None:
     with refused(fl.errors.ArgumentError, "method-not-supported"):
         _ = method("RK4").modes
 
 
-def test_a_smooth_table_goes_through_its_torques_with_continuous_slope_and_curvature() -> None:
-    """At every knot; the remaining jump is rounding, multiplied by 1/h for every derivative."""
+def test_a_smooth_table_interpolates_its_torques_with_continuous_derivatives() -> None:
+    """At every knot the remaining jump is a rounding error times 1/h for each derivative."""
     t = np.linspace(0.0, 4.0, 17)
     torques = tuple((float(value),) for value in np.sin(t))
     scene = make_scene(flexible("a"), drive=fl.Drive(kind="table", times=tuple(t), torques=torques, smooth=True))
@@ -85,7 +85,7 @@ def test_a_smooth_table_goes_through_its_torques_with_continuous_slope_and_curva
     np.testing.assert_allclose(2 * c[:-2, 2] + 6 * c[:-2, 3] * x[:-1], 2 * c[1:-1, 2], rtol=0, atol=1e-12)
 
 
-def test_a_system_whose_accelerations_leave_float64_has_no_matrix_of_first_order() -> None:
+def test_a_first_order_matrix_that_overflows_float64_is_refused() -> None:
     one = np.eye(1)
     with refused(fl.errors.ArgumentError, "overflow"):
         first_order_matrix(1e-300 * one, one, 1e300 * one)

@@ -23,7 +23,7 @@ from flexlink.scene_report import building
 from flexlink.scene_report.parts import accuracy, statics
 from flexlink.scene_report.report import report
 from flexlink.scene_report.study import Study
-from tests.words import line, refused, refused_line, reviewed
+from tests.words import line, refused, refused_line, reviewed, sentence
 
 pytestmark = pytest.mark.slow
 
@@ -49,7 +49,7 @@ def window() -> Iterator[Browser]:
 
 
 class Links(HTMLParser):
-    """What a page loads, and its internal links."""
+    """Files that a page loads, and links within the page."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -92,7 +92,7 @@ def test_the_chosen_model_is_the_first_of_the_choices_and_finer_ones_are_better(
     assert errors[finest] < errors[finer] < float(own[error]) < errors[coarse[0]]
 
 
-def test_an_error_of_one_chapter_is_reported_and_the_others_are_complete(
+def test_an_error_in_one_chapter_is_reported_and_the_others_are_complete(
     scene: fl.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     parts = "out of", "luck"
@@ -102,7 +102,7 @@ def test_an_error_of_one_chapter_is_reported_and_the_others_are_complete(
 
     monkeypatch.setattr(statics, "made", falls)
     monkeypatch.setattr(building, "CHAPTERS", chapters("model", "motion", "energy", "statics", "reproduce"))
-    found = report(scene.varied({"run.step": 5e-3}), tmp_path)  # beyond the largest stable one
+    found = report(scene.varied({"run.step": 5e-3}), tmp_path)  # beyond the largest stable step
     assert [failure.partition(": ")[0] for failure in found.failures] == [
         title for title, _ in chapters("energy", "statics").values()
     ]
@@ -120,7 +120,7 @@ def test_an_error_of_one_chapter_is_reported_and_the_others_are_complete(
     assert (tmp_path / "springs.csv").is_file()
 
 
-def test_a_motion_that_amplifies_errors_is_reported_with_the_time_up_to_which_they_are_known(models: Path) -> None:
+def test_the_report_gives_the_time_up_to_which_amplified_errors_are_known(models: Path) -> None:
     falling = fl.load_scene(models / "three_links.toml")
     part = accuracy.made(Study(falling))
     assert part is not None
@@ -132,7 +132,7 @@ def test_a_motion_that_amplifies_errors_is_reported_with_the_time_up_to_which_th
     assert 0.0 < float(until[1]) < falling.run.duration
 
 
-def test_a_rigid_arm_has_holding_torques_and_an_error_of_steps(models: Path) -> None:
+def test_a_rigid_arm_has_holding_torques_and_a_step_error(models: Path) -> None:
     scene = fl.load_scene(models / "paper_fig5.toml").varied({"run.duration": 0.1})
     rigid = Study(fl.rigidified(scene))
     held = statics.made(rigid).tables[0].lines
@@ -169,7 +169,9 @@ def test_a_missing_or_unknown_file_is_refused_before_the_computation(models: Pat
 
 
 @pytest.mark.parametrize("package", ["matplotlib", "jinja2"])
-def test_a_missing_package_is_reported_with_its_extra(models: Path, tmp_path: Path, package: str) -> None:
+def test_a_missing_package_is_reported_with_the_extra_that_installs_it(
+    models: Path, tmp_path: Path, package: str
+) -> None:
     code = (
         f"import sys; sys.modules[{package!r}] = None\n"
         "from flexlink.cli.main import main\n"
@@ -197,7 +199,7 @@ class TestInABrowser:
             assert window.run_async(VIOLATIONS) == []
 
     @pytest.mark.parametrize("width", [600, 800, 1050, 1150])
-    def test_a_table_wider_than_the_window_scrolls_by_itself(
+    def test_a_table_wider_than_the_window_scrolls_separately(
         self, window: Browser, written: Report, width: int
     ) -> None:
         window.open(written.page, width, 800)
@@ -214,7 +216,7 @@ def test_a_column_is_numeric_if_it_contains_only_numbers() -> None:
     ]  # fmt: skip
 
 
-def test_a_mistake_in_another_file_is_on_the_first_screen(
+def test_a_mistake_in_a_compared_file_is_on_the_first_screen(
     scene: fl.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("mujoco")
@@ -227,3 +229,30 @@ def test_a_mistake_in_another_file_is_on_the_first_screen(
         assert found.passed is (state == "pass")
     reviewed("report: mistake in another file", found.verdicts[0].text)
     assert "gravity" in found.verdicts[0].text
+
+
+def test_measurements_outside_the_run_fail_on_the_first_screen(
+    scene: fl.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(building, "CHAPTERS", chapters("measurements"))
+    measured = tmp_path / "measured.csv"
+    measured.write_text("t [s],tip x [m]\n1000,0.1\n1001,0.2\n1002,0.1\n", encoding="utf-8")
+    found = report(scene, tmp_path / "out", against=measured)
+    assert not found.passed
+    reviewed("report: measurements outside the run", found.verdicts[0].text)
+
+
+def test_a_change_within_its_uncertainty_explains_nothing(
+    scene: fl.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The columns of x and z are swapped."""
+    monkeypatch.setattr(building, "CHAPTERS", chapters("measurements"))
+    run = fl.simulate(scene)
+    swapped = {"tip x [m]": run.tip[:, 2], "tip z [m]": run.tip[:, 0]}
+    rows = [("t [s]", *swapped), *zip(run.t, *swapped.values(), strict=True)]
+    measured = tmp_path / "measured.csv"
+    measured.write_text("\n".join(",".join(map(str, row)) for row in rows), encoding="utf-8")
+    found = report(scene, tmp_path / "out", against=measured)
+    page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+    reviewed("report: nothing explains the difference", sentence(page, "units and the order"), values=False)
+    assert found.passed

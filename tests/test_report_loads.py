@@ -23,7 +23,7 @@ def table(link: fl.Link) -> dict[str, tuple[float, ...]]:
 
 
 @pytest.mark.parametrize("segments", [1, 4])
-def test_a_joint_about_minus_y_loads_its_beam_as_one_about_z_of_a_turned_mount(segments: int) -> None:
+def test_loads_are_equal_for_a_joint_about_minus_y_and_one_about_z_in_a_rotated_mount(segments: int) -> None:
     shape = {"flex": "z" if segments > 1 else "rigid", "segments": segments, "length": 1.0}
     turned = table(flexible("beam", mount=fl.Mount(rpy_deg=(90.0, 0.0, 0.0)), **shape))
     axis = table(flexible("beam", joint=fl.Joint(axis=(0.0, -1.0, 0.0)), **shape))
@@ -32,8 +32,8 @@ def test_a_joint_about_minus_y_loads_its_beam_as_one_about_z_of_a_turned_mount(s
         np.testing.assert_allclose(axis[name], values, rtol=1e-6, atol=1e-6, err_msg=name)
 
 
-def test_the_root_of_a_held_beam_carries_its_weight_across_and_no_torque() -> None:
-    """m g = (1 + ρAL) g across, half of it more at the middle: M = g L (1 + ρAL/2), for a joint about −Y."""
+def test_the_root_of_a_level_beam_carries_shear_and_bending_but_no_torque() -> None:
+    """Shear (1 + ρAL) g and bending moment g L (1 + ρAL/2) of a beam with a tip mass of 1 kg, for a joint about −Y."""
     link = flexible("beam", "z", 4, length=1.0, joint=fl.Joint(axis=(0.0, -1.0, 0.0)))
     weight = 9.81 * (1.0 + 2700.0 * 0.04**2)
     drive = fl.Drive(kind="pd", kp=(1e5,), kd=(1e3,), target_deg=(0.0,), gravity="static")

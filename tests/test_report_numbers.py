@@ -1,4 +1,4 @@
-"""Numbers and verdicts of a report's chapters against independent results: closed forms, loops, SciPy."""
+"""Numbers and verdicts of report chapters agree with independent results: closed forms, loops, SciPy."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ def numbers(text: str) -> list[float]:
 
 
 def three(*values: float) -> Any:
-    """Values printed with three digits: half a unit in the last digit of 1.00 is 0.5 %."""
+    """Tolerance for values printed with three digits: half a unit in the last digit of 1.00 is 0.5 %."""
     return pytest.approx(list(values), rel=THREE_DIGITS)
 
 
 def check_sentence(
     part: Part, key: str, values: Sequence[float], *parts: str, rel: float = THREE_DIGITS, compare: bool = True
 ) -> str:
-    """Review and return the only sentence of a chapter with these numbers, in this order, and these parts.
+    """Return the only sentence of a chapter with these numbers in this order and these parts, after comparing its text.
 
     With `compare=False`, its other numbers are not compared with the reviewed text.
     """
@@ -65,7 +65,7 @@ def check_sentence(
 
 
 def table(part: Part, name: str) -> dict[str, list[Any]]:
-    """Columns of a table by head."""
+    """Columns of a table by their heads."""
     (one,) = [one for one in part.tables if one.name == name]
     return dict(zip(one.heads, map(list, zip(*one.lines, strict=True)), strict=True))
 
@@ -111,9 +111,9 @@ def held() -> Study:
 
 
 class TestHeld:
-    """Sag, stress and loads of a cantilever; the error of eight hinges and of small angles is below 1e-4."""
+    """Sag, stress and loads of a cantilever; errors due to eight hinges and small-angle theory are below 1e-4."""
 
-    def test_its_sag_and_holding_torque_are_those_of_a_beam(self, held: Study) -> None:
+    def test_sag_and_holding_torque_equal_those_of_a_beam(self, held: Study) -> None:
         part, sag = made("statics", held), 1e3 * (G * LOAD * L**3 / (3 * EI) + WEIGHT * L**4 / (8 * EI))
         (text,) = [text for text in part.sentences if len(numbers(text)) == 4]
         reviewed("report numbers: static tip deflection", text)
@@ -129,19 +129,19 @@ class TestHeld:
         assert numbers(part.facts[1].value) == three(MOMENT)
 
     @pytest.mark.slow
-    def test_loads_at_the_root_are_those_of_a_beam_and_the_largest_torque_is_positive(self, held: Study) -> None:
+    def test_root_loads_equal_those_of_a_beam_and_the_largest_torque_is_positive(self, held: Study) -> None:
         part = made("loads", held)
         texts = (text for text in part.sentences if numbers(text)[:1] == three(MOMENT))
         drive, bending = sorted(texts, key=lambda text: len(numbers(text)))
         assert (numbers(drive), len(numbers(bending))) == (three(MOMENT), 2)
-        reviewed("report numbers: largest bending moment", bending, values=False)  # at rest every sample is the largest
+        reviewed("report numbers: largest bending moment", bending, values=False)  # at rest all samples are equal
         reviewed("report numbers: largest drive torque", drive)
         heads = ("shear [N]", "torque [N m]", "bending [N m]", "drive [N m]")
         root_loads = [table(part, "loads")[head][0] for head in heads]
         assert root_loads == pytest.approx([SHEAR, G * LOAD * ASIDE, MOMENT, MOMENT], rel=1e-4)
         assert numbers(part.facts[0].value) == three(1e-6 * MOMENT * HEIGHT / 2 / (EI / E))  # M c / I
 
-    def test_the_model_chapter_has_the_counts_and_the_mass_of_the_arm(self, held: Study) -> None:
+    def test_the_model_chapter_shows_the_counts_and_the_mass_of_the_arm(self, held: Study) -> None:
         part, chain = made("model", held), held.chain
         check_sentence(part, "report numbers: size of the model", [1, L, LOAD + WEIGHT * L / G, 17, 1, 16])
         check_sentence(part, "report numbers: gravity", [0, -G, 0], "m/s²")
@@ -152,7 +152,7 @@ class TestHeld:
         assert sorted(hinges) == list(range(1, 17))
         assert springs["damping [N m s/rad]"] == pytest.approx(1e-4 * np.array(springs["stiffness [N m/rad]"]))
         assert springs["start [deg]"] == pytest.approx(np.degrees(held.start[0][hinges]), rel=1e-12)
-        assert [names.count("bar.") for names in springs["coupled with"]] == [3] * 16  # of a cell of four
+        assert [names.count("bar.") for names in springs["coupled with"]] == [3] * 16  # 3 others in a cell of 4 hinges
 
     def test_only_one_mode_per_two_hinges_and_axis_is_resolved(self, held: Study) -> None:
         part = made("vibration", held)
@@ -240,8 +240,8 @@ class TestMove:
         rows_of_run = np.array([run.columns[head] for head in heads.split(",")]).T
         np.testing.assert_array_equal(np.array([row.split(",") for row in rows], float), rows_of_run)
 
-    def test_a_failed_run_is_no_pass_and_warnings_are_shown(self, move: Study) -> None:
-        failed = Study(move.scene.varied({"run.step": 0.05, "run.sample": 0.05}))  # beyond the largest stable one
+    def test_a_failed_run_does_not_pass_and_warnings_are_shown(self, move: Study) -> None:
+        failed = Study(move.scene.varied({"run.step": 0.05, "run.sample": 0.05}))  # above the largest stable step
         part = made("motion", failed)
         assert [(v.about, v.state) for v in part.verdicts] == [("Run", "fail")]
         assert str(failed.attempt) in part.sentences[0]
@@ -262,7 +262,7 @@ class TestMove:
         check_sentence(part, "report numbers: largest drive torque", [torque[most]], most)
         cuts = [chain.body(k) for k, name in enumerate(chain.joint_names) if name.startswith(("upper", "fore"))]
         bending = np.hypot(*np.moveaxis(M[:, cuts, 1:], 2, 0)).max(axis=1)
-        stress = bending * 0.045 / 2 / (np.pi / 64 * (0.045**4 - 0.037**4))  # of a tube
+        stress = bending * 0.045 / 2 / (np.pi / 64 * (0.045**4 - 0.037**4))  # bending stress of a tube
         assert numbers(part.facts[0].value) == three(1e-6 * stress.max())
         assert f"at {run.t[stress.argmax()]:g} s" in part.facts[0].label
         lines, columns = table(part, "loads"), picture(part, "loads")
@@ -291,7 +291,7 @@ class TestMove:
         distance = picture(part, "settling")["distance to target [m]"]
         assert distance == pytest.approx(off, rel=1e-6, abs=1e-9)
 
-    def test_a_drive_without_a_reference_has_its_target_from_the_start(self, move: Study) -> None:
+    def test_without_a_reference_the_target_of_a_drive_applies_from_the_start(self, move: Study) -> None:
         drive = fl.Drive(kind="pd", kp=(4e4,) * 3, kd=(4e2,) * 3, target_deg=GOAL)
         study = Study(move.scene.varied({"drive": drive, "run.duration": 0.1}))
         tip = study.run.tip
@@ -299,8 +299,8 @@ class TestMove:
         left = np.linalg.norm(tip - (tip.max(axis=0) + tip.min(axis=0)) / 2, axis=1).max()
         check_sentence(made("settling", study), "report numbers: residual vibration", [1e3 * left, 0.0, 1e3 * off])
 
-    def test_settling_times_are_those_after_which_the_tip_stays_close(self, move: Study) -> None:
-        """The distance is 0.5 m e^(−20 t), so it is a share p of the travel at t = −ln p / 20; samples every 0.01 s."""
+    def test_after_the_settling_time_the_tip_stays_close_to_its_target(self, move: Study) -> None:
+        """The distance 0.5 m e^(−20 t) is a fraction p of the travel at t = −ln p / 20; samples are 0.01 s apart."""
         t = 0.25 + 0.01 * np.arange(100)
         tip = target_of(move) + np.exp(-20 * (t - 0.25))[:, None] * [0.3, 0.0, 0.4]
         lines = table(made("settling", with_run(move, replace(move.run, t=t, tip=tip))), "settling")
@@ -316,7 +316,7 @@ class TestMove:
         check_sentence(part, "report numbers: run shorter than its reference", [0.25, 0.2], "run.duration")
         assert not part.tables
 
-    def test_the_energy_balance_is_that_of_states_and_work(self, move: Study) -> None:
+    def test_the_energy_balance_follows_from_states_and_work(self, move: Study) -> None:
         part, run, chain = made("energy", move), move.run, move.chain
         kinetic = np.array([qd @ fl.mass_matrix(chain, q) @ qd / 2 for q, qd in zip(run.q, run.qd, strict=True)])
         elastic = (chain.stiffness * run.q**2).sum(axis=1) / 2
@@ -327,7 +327,7 @@ class TestMove:
         assert numbers(part.sentences[0]) == three(off.max(), run.t[off.argmax()], off.max() / size, size)
 
     @pytest.mark.parametrize(("share", "state"), [(0.3e-3, "pass"), (3e-3, "doubt")])
-    def test_energy_from_nothing_is_no_pass(self, move: Study, share: float, state: str) -> None:
+    def test_unexplained_energy_does_not_pass(self, move: Study, share: float, state: str) -> None:
         """The limit is 0.001 of the energy exchanged; the planted errors at 0.4 s are 0.3 and 3 times the limit."""
         run = move.run
         planted = share * float(run.exchanged[-1]) * np.exp(-(((run.t - 0.4) / 0.01) ** 2))
@@ -342,12 +342,12 @@ class TestRest:
     @pytest.fixture(scope="class")
     @classmethod
     def rest(cls, move: Study) -> tuple[Array, Array, Array]:
-        """Angles, stiffness matrices of springs and of loads."""
+        """Angles at rest, stiffness matrix of the springs, and stiffness matrix of the loads."""
         q, free = bent(move, move.start[0]), move.chain.stiffness > 0
         slopes = np.array([(of_loads(move, q + h) - of_loads(move, q - h)) / 2e-4 for h in 1e-4 * np.eye(len(q))])
         return q, np.diag(move.chain.stiffness[free]), slopes[np.ix_(free, free)]
 
-    def test_sag_torques_and_buckling_are_those_of_the_bent_arm(self, move: Study, rest: tuple[Array, ...]) -> None:
+    def test_sag_torques_and_buckling_are_computed_for_the_bent_arm(self, move: Study, rest: tuple[Array, ...]) -> None:
         part, (q, K, S) = made("statics", move), rest
         sag = 1e3 * (fl.tip_position(move.chain, q) - straight(move, q))
         deflection = [float(np.linalg.norm(sag)), *sag]
@@ -368,7 +368,7 @@ class TestRest:
         assert table(part, "holding")["torque [N m]"] == pytest.approx(tau.tolist(), rel=1e-6)
         assert numbers(part.facts[0].value) == three(*sorted(np.abs(tau))[:0:-1])
 
-    def test_modes_are_those_of_dense_matrices(self, move: Study, rest: tuple[Array, ...]) -> None:
+    def test_modes_equal_those_of_dense_matrices(self, move: Study, rest: tuple[Array, ...]) -> None:
         part, (q, K, S), free = made("vibration", move), rest, move.chain.stiffness > 0
         M, D = fl.mass_matrix(move.chain, q)[np.ix_(free, free)], np.diag(move.chain.damping[free])
         A = np.block([[np.zeros_like(M), np.eye(len(M))], [-np.linalg.solve(M, K + S), -np.linalg.solve(M, D)]])

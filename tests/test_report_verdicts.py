@@ -60,16 +60,16 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Part]:
 
 
 class TestAccuracy:
-    def test_errors_are_shown_with_share_of_the_travel_order_and_uncertainty(self, judged: Any) -> None:
+    def test_errors_are_shown_with_uncertainty_order_and_share_of_the_travel(self, judged: Any) -> None:
         part = judged()
         check_sentence(part, "report verdicts: error of the hinges", [2.0, 0.002, 2.0, 0.25], rel=1e-12)
         steps = "report verdicts: error of the steps"
         check_sentence(part, steps, [0.1], "0.1 mm", rel=1e-12)
         check_sentence(judged(steps=5e-5), steps, [50.0], "50 µm", rel=1e-12)
         with_tolerance = check_sentence(judged(controlled=True), steps, [0.1], "0.1 mm", rel=1e-12)
-        assert with_tolerance not in part.sentences  # it names the tolerance of that run, not its step
+        assert with_tolerance not in part.sentences  # the text gives the tolerance of the run, not its step
         assert [(v.about, v.state, numbers(v.word)) for v in part.verdicts][1] == ("Cost", "info", [0.1])
-        assert numbers(part.verdicts[1].text) == [10.0]  # 1 s in 0.1 s
+        assert numbers(part.verdicts[1].text) == [10.0]  # 1 s of motion takes 0.1 s
         check_sentence(part, "report verdicts: cost and alternatives", [0.1, 10.0], rel=1e-12)
 
     def test_the_best_cheaper_and_the_cheapest_better_choice_are_named(self, judged: Any) -> None:
@@ -98,7 +98,7 @@ class TestAccuracy:
     ) -> None:
         assert judged(**about).verdicts[0].state == state
 
-    def test_a_report_names_the_duration_up_to_which_an_unknown_error_is_known(self, judged: Any) -> None:
+    def test_a_report_names_the_duration_up_to_which_the_error_is_known(self, judged: Any) -> None:
         part = judged(error=np.nan, known=False)
         check_sentence(part, "report verdicts: error of the hinges", [0.25, 0.25, 1.0], "0.25 mm", "0.25 s", rel=1e-12)
         of_steps = judged(steps=np.nan).sentences[1]
@@ -111,7 +111,7 @@ class TestAccuracy:
 
 @pytest.mark.slow
 def test_differences_are_root_mean_squares_and_the_payload_explains_them(tmp_path: Any) -> None:
-    """A falling bar whose measurements have a payload of 0.6 kg instead of 0.5 kg, and one sample after the run."""
+    """Measurements of a falling bar have a payload of 0.6 kg instead of 0.5 kg, and one sample after the run's end."""
     scene = fl.Scene(
         name="bar", arm=bar_of(0.01, 0.01, 0.5, {"length": 1.0, "flex": "z", "segments": 3}), gravity=(0.0, -G, 0.0),
         initial=fl.InitialState(joint_deg=(0.0,)), drive=fl.Drive(kind="constant", torque=(3.0,)),
@@ -150,7 +150,7 @@ def test_differences_are_root_mean_squares_and_the_payload_explains_them(tmp_pat
     without_exponents = re.sub(r"\s×\s10[⁻⁰-⁹¹²³]+", "", text)
     reviewed("report verdicts: best explanation", without_exponents, values=False)
     left = []
-    for path, value in zip(found["path"], found["fitted"], strict=True):  # each tried alone
+    for path, value in zip(found["path"], found["fitted"], strict=True):  # each parameter is fitted separately
         again = off(fl.simulate(scene.varied({path: value})).tip)
         left.append(
             np.sqrt(sum(float(e @ e) for e in again.values()) / sum(float(e @ e) for e in off(run.tip).values()))
@@ -196,7 +196,7 @@ class TestOthers:
         (text,) = (text for text in part.sentences if "drake: free base" in text)
         reviewed("report verdicts: engines not compared", text)
 
-    def test_a_warning_follows_if_a_motion_amplifies_rounding(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_a_motion_that_amplifies_rounding_gives_a_warning(self, monkeypatch: pytest.MonkeyPatch) -> None:
         texts = []
         for times in (1 / 3, 3.0):
             part = self.part(monkeypatch, 0.1, row(0.0, times * MEANINGFUL_TOLERANCE))
@@ -206,13 +206,13 @@ class TestOthers:
         reviewed("report verdicts: motion that amplifies rounding", warning)
 
     def test_eight_thousand_evaluations_limit_the_part_of_a_run_that_is_compared(self) -> None:
-        """Four evaluations per step of 1 ms: 2 s, or less if the run is shorter."""
+        """With four evaluations per step of 1 ms this is 2 s, or less if the run is shorter."""
         affordable = importlib.import_module(f"{PARTS}.agreement")._affordable
         assert affordable(Study(MOVE.varied({"run.duration": 8.0}))) == pytest.approx(2.0)
         assert affordable(Study(MOVE)) == 0.6
 
     @pytest.mark.parametrize("passed", [True, False])
-    def test_another_file_agrees_or_its_first_mistake_that_counts_is_named(
+    def test_a_compared_file_agrees_or_its_first_relevant_mistake_is_named(
         self, monkeypatch: pytest.MonkeyPatch, passed: bool
     ) -> None:
         class Finding(str):

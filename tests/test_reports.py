@@ -105,14 +105,14 @@ def test_findings_that_pass_are_not_listed_with_failing_checks(tmp_path: Path) -
     assert "#case-broken" in links(failing).targets
 
 
-def test_a_finding_whose_number_fails_its_limit_shows_it(tmp_path: Path) -> None:
+def test_a_finding_whose_number_fails_its_limit_is_marked(tmp_path: Path) -> None:
     fall = row("fall", kind="trajectory", quantity="max |Δq|", unit="rad", value=3e-9)
     page = words_of(tmp_path, row("broken", value=3e-9, quantity="M"), fall)
     (finding,) = items(page, "3 × 10⁻⁹ × ", "paper_fig5", "mujoco")
     reviewed("reports: finding that fails its limit", finding)
     mark = re.findall(r"\([^()]*\)", finding)[-1]
     assert mark not in " ".join(items(page, f"{number(1e-15)} ×"))
-    assert mark in first_screen(page), "so does the first screen"
+    assert mark in first_screen(page), "the first screen has the same mark"
 
 
 def test_passing_tables_are_folded_and_failing_ones_are_open(tmp_path: Path) -> None:
@@ -154,13 +154,13 @@ def many_curves(methods: int, *words: str) -> Series:
     return Series("drifts", "Drift", columns, "steps", "steps", "drift", group="method")
 
 
-def test_columns_of_words_are_not_drawn() -> None:
+def test_columns_of_text_are_not_plotted() -> None:
     labels = [curve.label for curve in curves(many_curves(1, "scene"))]
     assert labels == [f"method 0 {name}" for name in ("energy", "momentum")]
 
 
 @pytest.mark.parametrize(("methods", "panels"), [(6, [""]), (7, ["energy", "momentum"])])
-def test_many_curves_are_drawn_in_one_panel_per_quantity(methods: int, panels: list[str]) -> None:
+def test_many_curves_are_plotted_in_one_panel_per_quantity(methods: int, panels: list[str]) -> None:
     found = panels_of(many_curves(methods))
     assert [name for name, _ in found] == panels
     assert sum(len(list(curves(part))) for _, part in found) == 2 * methods
@@ -266,7 +266,7 @@ def test_a_withdrawn_limit_is_a_known_limitation(tmp_path: Path) -> None:
 
 
 def conclusion(rk4: float, rk10: float) -> Table:
-    """Draw the paper's conclusion for methods with errors `rk4` N⁻⁴ and `rk10` N⁻¹⁰ after N evaluations."""
+    """Table of the paper's conclusion for methods with errors `rk4` N⁻⁴ and `rk10` N⁻¹⁰ after N evaluations."""
     work = np.geomspace(10.0, 1e5, 9)
     return judge("name", "scene", {"RK4": (work, rk4 * work**-4), "RK10": (work, rk10 * work**-10)})
 
@@ -292,7 +292,7 @@ def test_the_papers_conclusion_may_be_true_everywhere_or_nowhere(rk4: float, rk1
     reviewed("reports: conclusion of the paper", found.sentences[0])
 
 
-def test_a_method_does_not_reach_an_accuracy_that_it_misses() -> None:
+def test_cost_at_an_accuracy_is_none_if_missed_and_ignores_undefined_errors() -> None:
     work = np.array([10.0, 100.0, 1000.0])
     assert evaluations(work, np.array([1e-2, np.inf, 1e-4]), 1e-5) is None
     assert evaluations(work, np.array([1e-2, np.nan, 1e-4]), 1e-4) == pytest.approx(1e3)
@@ -307,7 +307,7 @@ def test_numbers_are_short_and_correctly_rounded(value: float | None, text: str)
     assert number(value).replace(JOIN, " ") == text
 
 
-def test_a_second_value_may_have_the_setting_of_the_first(tmp_path: Path) -> None:
+def test_a_second_value_may_share_the_setting_of_the_first(tmp_path: Path) -> None:
     ours = [
         row("ours", value, None, quantity="fit", varied={"situation": at}) for at, value in (("a", 65.0), ("b", 62.0))
     ]
@@ -332,7 +332,7 @@ def test_missing_results_are_one_line_and_exit_code_2(tmp_path: Path, capsys: py
 
 
 @pytest.mark.parametrize("name", ["finished.json", "plan.json", "environment.json", "series/terms.curve.npz"])
-def test_a_torn_file_of_the_results_is_one_line_and_exit_code_2(
+def test_a_truncated_results_file_is_one_line_and_exit_code_2(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
     results = stored(tmp_path / "results", row())
@@ -364,7 +364,7 @@ def test_the_report_does_not_depend_on_the_number_of_processes(tmp_path: Path, m
     save = Picture.save
     monkeypatch.setattr(Picture, "save", lambda self, *to: written_here.append(self.name) or save(self, *to))  # type: ignore[func-returns-value]
     shared = build(results, tmp_path / "shared", tmp_path / "none")
-    assert 3 <= len(written_here) <= 4, "of seven"
+    assert 3 <= len(written_here) <= 4, "this process wrote about half of seven pictures"
     names = {file.name for file in alone.parent.iterdir()}
     assert names == {file.name for file in shared.parent.iterdir()}
     for name in names:

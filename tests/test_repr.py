@@ -40,7 +40,7 @@ def shown() -> dict[str, object]:
     }  # fmt: skip
 
 
-def test_one_thing_is_counted_in_the_singular() -> None:
+def test_a_count_of_one_is_in_the_singular() -> None:
     run = fl.simulate(make_scene(fl.Link(name="a", length=1.0), tip=fl.RigidBody(mass=1.0)), duration=0.01)
     one = dataclasses.replace(run, t=run.t[:1], warnings=run.warnings[:1])
     assert "1 sample, " in repr(one)
@@ -60,7 +60,7 @@ def test_an_object_is_shown_in_few_words_with_its_kind() -> None:
         assert len(text) < (1300 if name == "method" else 330), (name, text)
 
 
-def test_a_record_shows_what_is_not_as_by_default_so_that_it_can_be_typed_again() -> None:
+def test_the_repr_of_a_record_shows_non_default_fields_and_evaluates_to_it() -> None:
     for record in (
         ALUMINIUM,
         SQUARE,
@@ -85,5 +85,5 @@ def test_a_record_shows_what_is_not_as_by_default_so_that_it_can_be_typed_again(
          "<Energy: kinetic 0 … 1 J, gravity 2 … 2 J, elastic 1 … 3 J>"),
     ],
 )  # fmt: skip
-def test_what_is_shown_is_what_matters(value: object, wanted: str) -> None:
+def test_the_repr_shows_the_relevant_numbers(value: object, wanted: str) -> None:
     assert repr(value) == wanted

@@ -1,4 +1,4 @@
-"""Beams with tables of rigidity and mass: stepped and tapered ones against closed forms, and refused tables."""
+"""Stepped and tapered beams with tables of rigidity and mass agree with closed forms; invalid tables are refused."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from flexlink.cli.main import main
 from flexlink.errors import SceneError
 from tests.words import refused, refused_line
 
-STEP = 0.37  # m, of a beam of 1 m: where it becomes ten times as soft
+STEP = 0.37  # position [m] at which a beam of 1 m becomes ten times as soft
 STEPPED = fl.Rigidity(x=(0.0, STEP, STEP, 1.0), ei_z=(50.0, 50.0, 5.0, 5.0), rho_a=(2.0, 2.0, 0.6, 0.6))
 EVERY_RULE = (
     "gauss", "gauss_matched", "gauss_rotation", "legendre", "gregory", "lobatto2", "lobatto2_rotation", "lobatto4",
@@ -33,7 +33,7 @@ def beam(table: fl.Rigidity, rule: str = "gauss", hinges: int = 16, **fields: ob
 
 
 @pytest.mark.parametrize("rule", EVERY_RULE)
-def test_a_table_of_one_section_is_that_section(rule: str) -> None:
+def test_a_rigidity_table_with_the_values_of_one_section_equals_that_section(rule: str) -> None:
     material, section = (
         fl.Material(young=70e9, density=2700.0, poisson=0.3),
         fl.Section(shape="tube", outer=0.05, inner=0.04),
@@ -87,8 +87,8 @@ def test_a_stepped_beam_has_the_frequencies_of_its_transfer_matrices(rule: str, 
     np.testing.assert_allclose(found, exact, rtol=limit)
 
 
-def test_a_stepped_beam_sags_exactly_where_the_rule_knows_its_moments() -> None:
-    """δ = ∫ F (L − x)²/EI dx: the moment is linear, and EI may vary in any way within an element or a cell."""
+def test_the_sag_of_a_stepped_beam_is_exact_if_the_rule_integrates_its_moment() -> None:
+    """δ = ∫ F (L − x)²/EI dx is exact for a linear moment, for any variation of EI within an element or a cell."""
     force = 1e-7
     sag = force * ((1 - (1 - STEP) ** 3) / (3 * 50.0) + (1 - STEP) ** 3 / (3 * 5.0))
     for rule, limit in (
@@ -103,8 +103,8 @@ def test_a_stepped_beam_sags_exactly_where_the_rule_knows_its_moments() -> None:
         assert fl.tip_position(chain, q)[1] == pytest.approx(sag, rel=limit), rule
 
 
-def test_springs_of_every_table_are_positive_and_have_its_compliance(rng: np.random.Generator) -> None:
-    """Σ 1/k = ∫ dx/EI for tables with jumps by factors of up to a thousand anywhere."""
+def test_springs_of_every_table_are_positive_and_sum_to_its_compliance(rng: np.random.Generator) -> None:
+    """Σ 1/k = ∫ dx/EI for tables with jumps by factors of up to a thousand at any place."""
     for rule, _ in itertools.product(("gauss", "midpoint", "legendre"), range(10)):
         inner = np.sort(rng.uniform(0.0, 1.0, 3)).repeat(2)
         EI = 10 ** rng.uniform(-1.5, 1.5, 8)
@@ -118,8 +118,8 @@ def test_springs_of_every_table_are_positive_and_have_its_compliance(rng: np.ran
 
 
 @pytest.mark.parametrize("rule", ["gauss", "midpoint", "lobatto2", "lobatto4"])
-def test_mass_centre_and_inertia_are_those_of_the_table(rule: str) -> None:
-    """About a free joint at the root: ∫ ρA x² dx + ∫ ρI dx, of columns that are linear and jump."""
+def test_mass_centre_and_inertia_follow_from_the_table(rule: str) -> None:
+    """The inertia about the root is ∫ ρA x² dx + ∫ ρI dx, for columns that are piecewise linear with jumps."""
     table = fl.Rigidity(x=(0.0, 0.4, 0.4, 1.0), ei_z=(9.0, 8.0, 7.0, 6.0), rho_a=(1.0, 2.0, 1.0, 0.5),
                         rho_i_z=(1e-3, 2e-3, 2e-3, 2e-3))  # fmt: skip
     chain = fl.lump(beam(table, rule, 16, joint=fl.Joint()))
@@ -131,13 +131,13 @@ def test_mass_centre_and_inertia_are_those_of_the_table(rule: str) -> None:
         return float(sum(P(b) - P(a) for P, a, b in integrals))
 
     assert chain.mass == pytest.approx(moment(0), rel=1e-13)
-    limit = 1e-3 if "lobatto" in rule else 1e-12  # masses of cells are at Lobatto's points
+    limit = 1e-3 if "lobatto" in rule else 1e-12  # cells have their masses at Lobatto points
     assert chain.com(np.zeros(chain.n))[0] == pytest.approx(moment(1) / moment(0), rel=limit)
     about = fl.mass_matrix(chain, np.zeros(chain.n))[0, 0]
     assert about == pytest.approx(moment(2) + 0.4 * 1.5e-3 + 0.6 * 2e-3, rel=limit)
 
 
-def test_a_table_that_is_linear_vibrates_as_a_tapered_link_and_with_order_4() -> None:
+def test_a_linear_table_vibrates_like_a_tapered_link_and_converges_with_order_4() -> None:
     wide = fl.Section(shape="general", area=2.0, i_y=5e-6, i_z=5e-6, torsion=1e-5)
     slim = fl.Section(shape="general", area=0.5, i_y=1e-6, i_z=1e-6, torsion=2e-6)
     link = fl.Link(
@@ -155,7 +155,7 @@ def test_a_table_that_is_linear_vibrates_as_a_tapered_link_and_with_order_4() ->
 
 
 @pytest.mark.parametrize("rule", ["gauss", "gregory", "lobatto2", "lobatto4"])
-def test_a_gauge_on_a_stepped_beam_reads_the_moment_over_its_own_rigidity(rule: str) -> None:
+def test_a_gauge_on_a_stepped_beam_reads_the_moment_over_the_rigidity_of_its_section(rule: str) -> None:
     force, scene = 1e-6, beam(STEPPED, rule, 12)
     chain = fl.lump(scene)
     q = fl.solve_static(chain, tip_wrench=[0, force, 0, 0, 0, 0]).q
@@ -165,8 +165,8 @@ def test_a_gauge_on_a_stepped_beam_reads_the_moment_over_its_own_rigidity(rule: 
 
 
 @pytest.mark.parametrize("rule", ["gauss", "midpoint", "lobatto4", "gregory"])
-def test_a_gauge_between_hinges_reads_the_moment_over_the_rigidity_at_its_place(rule: str) -> None:
-    """On both sides of a step, and on a taper with a kink: M of a tip force is linear, so the cubic is exact."""
+def test_a_gauge_between_hinges_reads_the_moment_over_the_local_rigidity(rule: str) -> None:
+    """On both sides of a step, and on a taper with a kink: M of a tip force is linear, so interpolation is exact."""
     tapered = fl.Rigidity(x=(0.0, 0.5, 1.0), ei_z=(50.0, 40.0, 5.0), rho_a=(1.0, 1.0, 1.0))
     for table in (STEPPED, tapered):
         places = [0.02, 0.3, STEP - 0.005, STEP + 0.005, 0.52, 0.97]
@@ -178,7 +178,7 @@ def test_a_gauge_between_hinges_reads_the_moment_over_the_rigidity_at_its_place(
             assert run.columns[f"{x} [1]"][0] == pytest.approx(-0.01 * 1e-6 * (1 - x) / EI, rel=1e-6)
 
 
-def test_a_gauge_on_a_step_of_a_rigidity_needs_a_side() -> None:
+def test_a_gauge_at_a_jump_of_rigidity_is_refused_without_a_side() -> None:
     def gauge(x: float) -> dict[str, object]:
         return {"sensor": [fl.Sensor(name="g", kind="strain", link="spar", x=x, fibre=(0.01, 0.0))]}
 
@@ -189,7 +189,7 @@ def test_a_gauge_on_a_step_of_a_rigidity_needs_a_side() -> None:
     beam(heavier).varied(gauge(STEP))  # ρA jumps there, and EI does not
 
 
-def test_a_factor_of_a_table_is_a_number_to_vary() -> None:
+def test_the_factor_of_a_table_can_be_varied() -> None:
     scene = beam(STEPPED)
     paths = "rigidity.spar.stiffness_factor", "rigidity.spar.mass_factor"
     plain, stiff, heavy = (fl.lump(each) for each in (scene, *(scene.varied({path: 4.0}) for path in paths)))
@@ -208,12 +208,12 @@ def test_a_factor_of_a_table_is_a_number_to_vary() -> None:
     assert slope == pytest.approx((runs[1] - runs[0]) / 2e-3, rel=1e-4)
 
 
-def test_tables_damp_by_their_loss_time_or_that_of_the_link() -> None:
+def test_damping_of_a_table_follows_its_loss_time_or_the_damping_of_the_link() -> None:
     lossy = fl.Rigidity(x=STEPPED.x, ei_z=STEPPED.ei_z, rho_a=STEPPED.rho_a, loss_time=1e-3)
     found = fl.modes(fl.lump(beam(lossy)), count=2)
     np.testing.assert_allclose(found.damping_ratios, 1e-3 * found.frequencies / 2, rtol=1e-9)
-    told = fl.modes(fl.lump(beam(lossy, damping=fl.Damping(ratio=0.02, at_hz=found.hertz[0]))), count=1)
-    assert told.damping_ratios[0] == pytest.approx(0.02, rel=1e-9)
+    specified = fl.modes(fl.lump(beam(lossy, damping=fl.Damping(ratio=0.02, at_hz=found.hertz[0]))), count=1)
+    assert specified.damping_ratios[0] == pytest.approx(0.02, rel=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -49,8 +49,8 @@ def test_every_arm_of_the_table_has_its_scene_and_is_validated() -> None:
 
 @with_files
 @pytest.mark.parametrize("name", ARMS)
-def test_a_stored_scene_is_the_result_of_its_import(name: str) -> None:
-    """Up to the rounding of other machines: a modulus is computed from an eigenvalue."""
+def test_a_stored_scene_equals_the_result_of_its_import(name: str) -> None:
+    """They agree up to rounding differences between machines: a modulus is computed from an eigenvalue."""
     stored = flat(fl.load_scene(ROOT / "models" / "robots" / f"{name}.toml").document())
     made = flat(import_known(name).scene.document())
     assert stored.keys() == made.keys()
@@ -68,7 +68,7 @@ def test_every_stored_arm_can_move(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", BENDING, ids=[path.stem for path in BENDING])
-def test_a_flexible_arm_with_slack_springs_is_the_rigid_one(path: Path, rng) -> None:
+def test_a_flexible_arm_with_slack_springs_equals_the_rigid_one(path: Path, rng) -> None:
     bent, rigid = (fl.lump(fl.load_scene(path.with_stem(stem))) for stem in (path.stem, path.stem[: -len("_flexible")]))
     q, qd = np.zeros((2, bent.n))
     q[bent.active], qd[bent.active] = rng.uniform(-3, 3, (2, rigid.n))
@@ -79,7 +79,7 @@ def test_a_flexible_arm_with_slack_springs_is_the_rigid_one(path: Path, rng) -> 
     assert len({bent.coordinate(k).link for k in range(bent.n) if bent.coordinate(k).axis}) == 2
 
 
-def test_the_import_command_takes_degrees_metres_and_beams(tmp_path: Path, capsys) -> None:
+def test_the_import_command_accepts_degrees_metres_and_beams(tmp_path: Path, capsys) -> None:
     urdf, out = tmp_path / "robot.urdf", tmp_path / "arm.toml"
     urdf.write_text(RandomRobot(0).text(), encoding="utf-8")
     beam = "p3={ frequency_hz = 12, line = [[0, 0, 0], [0.1, 0.1, 0.2]], segments = 7 }"

@@ -50,12 +50,12 @@ RULES = {
     "gauss": 2e-5, "gauss_matched": 2e-5, "gauss_rotation": 2e-5, "legendre": 2e-5, "gregory": 6e-5, "lobatto2": 1e-4,
     "lobatto2_rotation": 1e-4, "lobatto4": 3e-5, "midpoint": 1e-3, "open": 5e-3, "paper": 3e-2,
 }  # fmt: skip
-"""Error of the first two frequencies with 16 hinges, by rule; some ten times what the same rule has where it is clamped
-rigidly."""
+"""Allowed error of the first two frequencies with 16 hinges, by rule; it is about ten times the error of a rigidly
+clamped beam."""
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_a_softly_clamped_beam_has_the_frequencies_of_the_closed_form(rule: str) -> None:
+def test_an_elastically_clamped_beam_has_the_closed_form_frequencies(rule: str) -> None:
     chain = fl.lump(clamped(rule))
     assert chain.joint_names[0] == "strip.root.z"
     assert chain.coordinate("strip.root.z") == (1, 0, 6)
@@ -63,14 +63,14 @@ def test_a_softly_clamped_beam_has_the_frequencies_of_the_closed_form(rule: str)
     np.testing.assert_allclose(ω[:2], softly_clamped(3.0, 2), rtol=RULES[rule])
 
 
-def test_errors_fall_with_order_4_to_what_rotary_inertia_leaves() -> None:
+def test_errors_fall_with_order_4_down_to_the_effect_of_rotary_inertia() -> None:
     exact = softly_clamped(3.0, 3)[2]
     errors = [abs(fl.natural_frequencies(fl.lump(clamped("gauss", n)))[2] / exact - 1) for n in (4, 8, 16)]
     assert errors[1] < errors[0] / 10
     assert errors[2] < errors[1] / 10
 
 
-def test_a_stiff_root_is_a_rigid_one_and_a_soft_root_a_pin() -> None:
+def test_a_stiff_root_spring_acts_as_a_clamp_and_a_soft_one_as_a_pin() -> None:
     free, rigid = clamped(joint=fl.Joint(), root_stiffness=None), clamped(root_stiffness=None)
     stiff = fl.natural_frequencies(fl.lump(clamped(root_stiffness=fl.details.RootStiffness(z=1e6 * EI))))[:3]
     soft = fl.natural_frequencies(fl.lump(clamped(root_stiffness=fl.details.RootStiffness(z=1e-6 * EI))))[:3]
@@ -79,7 +79,7 @@ def test_a_stiff_root_is_a_rigid_one_and_a_soft_root_a_pin() -> None:
     assert soft[0] == pytest.approx(np.sqrt(1e-6 * EI / (RHO_A * LENGTH**3 / 3)), rel=1e-5)
 
 
-def test_a_root_adds_its_angle_to_the_sag_of_its_beam() -> None:
+def test_a_root_spring_adds_its_rotation_to_the_sag_of_the_beam() -> None:
     """δ = F L³/(3 EI) + F L²/k."""
     scene, force, k = clamped(), 1e-4, 3 * EI / LENGTH
     chain = fl.lump(scene)
@@ -89,7 +89,7 @@ def test_a_root_adds_its_angle_to_the_sag_of_its_beam() -> None:
     assert q[0] == pytest.approx(force * LENGTH / k, rel=1e-6)
 
 
-def test_a_rigid_link_turns_on_its_root_about_each_axis_by_itself() -> None:
+def test_a_rigid_link_on_root_springs_vibrates_about_each_axis_separately() -> None:
     """ω² = k/I and ζ = d ω/(2 k) about every axis of the link frame, for any direction of the beam in it."""
     k, d, inertia = (300.0, 500.0, 700.0), (0.3, 0.0, 0.7), (0.1, 0.2, 0.5)
     link = fl.Link(
@@ -106,8 +106,8 @@ def test_a_rigid_link_turns_on_its_root_about_each_axis_by_itself() -> None:
     np.testing.assert_allclose(found.damping_ratios, (np.array(d) * ω / (2 * np.array(k)))[order], atol=1e-12)
 
 
-def test_the_slope_along_a_root_stiffness_is_that_of_the_oscillator() -> None:
-    """θ = θ₀ cos(ω t), ω² = k/I, after release of a moment: ∂θ/∂k = −θ₀ t sin(ω t) ω/(2k)."""
+def test_the_sensitivity_to_a_root_stiffness_equals_that_of_an_oscillator() -> None:
+    """After release from rest at θ₀, θ = θ₀ cos(ω t) with ω² = k/I, so ∂θ/∂k = −θ₀ t sin(ω t) ω/(2k)."""
     k, inertia, t, moment = 80.0, 0.2, 0.4, 1.0
     link = fl.Link(
         name="a", joint=HELD, end=fl.RigidBody(inertia=(inertia,) * 3), root_stiffness=fl.details.RootStiffness(z=k)
@@ -122,7 +122,7 @@ def test_the_slope_along_a_root_stiffness_is_that_of_the_oscillator() -> None:
     assert found.q[-1, 0, 0] == pytest.approx(wanted, rel=1e-6)
 
 
-def test_advice_keeps_the_root_and_counts_hinges_beside_it() -> None:
+def test_advice_keeps_the_root_spring() -> None:
     scene = clamped(root_stiffness=fl.details.RootStiffness(z=30 * EI)).varied(
         {"gravity": (0.0, -0.2, 0.0), "run": fl.RunSettings(duration=0.5)}
     )
@@ -130,7 +130,7 @@ def test_advice_keeps_the_root_and_counts_hinges_beside_it() -> None:
     assert found.scene.arm.links[0].root_stiffness == scene.arm.links[0].root_stiffness
 
 
-def test_what_cannot_be_is_refused() -> None:
+def test_impossible_root_springs_are_refused() -> None:
     with refused(fl.errors.SceneError, "root-stiffness-axis"):
         fl.lump(clamped(joint=fl.Joint()))
     geared = fl.Joint(armature=0.1, gear_stiffness=100.0)

@@ -1,4 +1,4 @@
-"""Springs of rotation vectors: the law in 40 digits, its derivatives, every algorithm, large spatial bending."""
+"""Springs of rotation vectors: their law to 40 digits, its derivatives, all algorithms, large spatial bending."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ RUNS = {
 
 
 def arm(rule: str, folder: Path | None = None, **fields: object) -> fl.Scene:
-    """A tapered link with this rule, then a link with springs of angles and a planar one; every spring has a damper."""
+    """A tapered link with this rule, a link with one spring per angle, and a planar link; all springs have dampers."""
     if rule == "cells of 3":
         assert folder is not None
         path = folder / "cells3.toml"
@@ -81,7 +81,7 @@ def rotation_vector(θ: list[mp.mpf], axes: list[int]) -> mp.matrix:
 
 
 def potential(chain: fl.Chain, θ: list[mp.mpf]) -> mp.mpf:
-    """V of a chain all of whose hinges are triples, cells by the integral of the curvature at two Gauss points."""
+    """Elastic energy V of a chain whose hinges are all in triples; cells integrate κ² at two Gauss points."""
     vectors, K = [], chain.matrix("stiffness")
     axes = [chain.hinges["axis"][b.first : b.stop].tolist() for b in chain.bodies[:-1]]
     places = [
@@ -112,7 +112,7 @@ FORCE = np.array([-2.0, 3.0, 2.5])
 
 
 def beam(rule: str, hinges: int, tip: float = 1.0) -> fl.Arm:
-    """A clamped beam of length 1, whose rigidities shrink to `tip` of GJ and EI."""
+    """A clamped beam of length 1 whose rigidities taper from GJ and EI to the fraction `tip` of them."""
     E = 1e9
     sections = {
         name: fl.Section(shape="general", area=1e-3, i_y=s * EI[0] / E, i_z=s * EI[1] / E, torsion=s * GJ / E)
@@ -131,8 +131,8 @@ def cantilever(rule: str, hinges: int, tip: float = 1.0) -> fl.Chain:
 
 @pytest.mark.parametrize("rule", ["gauss_rotation", "lobatto2_rotation"])
 @pytest.mark.parametrize("size", [1e-9, 1e-3, 0.05, 0.288, 0.3, 1.0, 1.8, 3.6])
-def test_torques_are_the_gradient_of_the_potential_in_40_digits(rule: str, size: float) -> None:
-    """Also for tapered cells, for hinges at 0.5 rad, where the series ends, and at 3.6 rad, beyond half a turn."""
+def test_torques_are_the_gradient_of_the_potential_to_40_digits(rule: str, size: float) -> None:
+    """This includes tapered cells, and rotations of 0.5 rad, the limit of the series, and 3.6 rad, over half a turn."""
     chain, rng = cantilever(rule, 4, tip=0.5), np.random.default_rng(int(size * 10))
     q = rng.choice([-size, size], chain.n) if size == 0.288 else rng.uniform(-size, size, chain.n)
     if size > np.pi:
@@ -147,11 +147,11 @@ def test_torques_are_the_gradient_of_the_potential_in_40_digits(rule: str, size:
             assert abs(mp.diff(along, mp.mpf(float(q[k]))) - found[k]) <= bound[k]
         V = potential(chain, [mp.mpf(float(angle)) for angle in q])
         assert fl.energy(chain, q, 0 * q).elastic == pytest.approx(float(V), rel=100 * EPS)
-    assert (bound <= 1e-11 * np.abs(chain.stiffness).max() * size).all(), "and no loose one"
+    assert (bound <= 1e-11 * np.abs(chain.stiffness).max() * size).all(), "no spring is outside a cell or a triple"
 
 
 def test_torques_are_the_gradient_of_the_energy_of_larger_cells(tmp_path: Path) -> None:
-    """Fourth-order differences with a step of 1e-3 rad: truncation 1e-12, rounding 1e3 eps."""
+    """Fourth-order differences with a step of 1e-3 rad have errors of 1e-12 by truncation and 1e3 eps by rounding."""
     chain = fl.lump(arm("cells of 3", tmp_path))
     q, _, _ = state(chain)
     torque, h, weights = fl.elastic_torque(chain, q), 1e-3, {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
@@ -161,7 +161,7 @@ def test_torques_are_the_gradient_of_the_energy_of_larger_cells(tmp_path: Path) 
         assert abs(torque[k] - wanted) <= 1e-11 * np.abs(torque).max()
 
 
-def test_springs_are_slack_at_their_rest_angles() -> None:
+def test_rotation_springs_are_slack_at_their_rest_angles() -> None:
     """Angles and rotations are measured from the rest angles."""
     chain = cantilever("lobatto2_rotation", 4)
     hinges, rest, q = chain.hinges.copy(), state(chain, seed=2)[0], state(chain)[0]
@@ -172,7 +172,7 @@ def test_springs_are_slack_at_their_rest_angles() -> None:
     assert (np.abs(fl.elastic_torque(moved, q + rest) - fl.elastic_torque(chain, q)) <= bound).all()
 
 
-def test_a_link_that_bends_or_twists_about_one_axis_has_the_torques_of_its_angles() -> None:
+def test_bending_about_one_axis_gives_the_torques_of_springs_of_angles() -> None:
     for pair in ("gauss", "lobatto2"):
         angles, turned = (
             fl.lump(make_scene(flexible("a", "xyz", 5, lumping=f"{pair}{end}"))) for end in ("", "_rotation")
@@ -183,8 +183,8 @@ def test_a_link_that_bends_or_twists_about_one_axis_has_the_torques_of_its_angle
             assert (np.abs(difference) <= rounding.of_elastic_torque(turned, q)).all()
 
 
-def test_equal_rotations_hold_equal_energy_whatever_the_order_of_axes() -> None:
-    """X, Y, Z and Z, Y, X: the angles of one rotation differ by a tenth, and so do the energies of their springs."""
+def test_equal_rotations_store_equal_energy_for_any_order_of_axes() -> None:
+    """A rotation has other angles about Z, Y, X than about X, Y, Z, so springs of angles would differ by a tenth."""
     chain = cantilever("gauss_rotation", 2)
     first, second = (chain.hinges["axis"][part].tolist() for part in (slice(0, 3), slice(3, 6)))
     assert (first, second) == ([0, 1, 2], [2, 1, 0])
@@ -204,7 +204,7 @@ def turn(axis: int, angle: float) -> np.ndarray:
     return R
 
 
-def test_springs_hold_rotation_vectors_of_three_axes_only() -> None:
+def test_only_triples_of_three_axes_have_rotation_springs() -> None:
     for flex, wanted in (("z", [0] * 6), ("yz", [0] * 6), ("xyz", [0, 2, 1, 2, 1, 0])):
         cells = fl.lump(make_scene(flexible("a", flex, 5, lumping="lobatto2_rotation")))
         assert cells.bodies["springs"].tolist() == wanted
@@ -214,7 +214,7 @@ def test_springs_hold_rotation_vectors_of_three_axes_only() -> None:
         np.testing.assert_array_equal(cells.couplings, plain.couplings)
 
 
-def test_variants_of_an_arm_have_the_springs_that_they_have_alone() -> None:
+def test_variants_of_an_arm_have_the_same_springs_as_single_scenes() -> None:
     scene = arm("lobatto2_rotation")
     scenes = [scene.varied({"material.aluminium.young": young}) for young in (7e10, 8e10)]
     for chain, one in zip(lump_many(scenes), scenes, strict=True):
@@ -226,7 +226,7 @@ def test_variants_of_an_arm_have_the_springs_that_they_have_alone() -> None:
 
 @pytest.mark.parametrize("rule", RULES)
 def test_the_derivative_of_torques_is_symmetric_and_equals_differences(rule: str, tmp_path: Path) -> None:
-    """Fourth-order differences with a step of 1e-3 rad: truncation 1e-12, rounding 1e3 eps."""
+    """Fourth-order differences with a step of 1e-3 rad have errors of 1e-12 by truncation and 1e3 eps by rounding."""
     chain = fl.lump(arm(rule, tmp_path))
     q, _, _ = state(chain)
     K = chain.matrix("stiffness")
@@ -244,8 +244,8 @@ def test_the_derivative_of_torques_is_symmetric_and_equals_differences(rule: str
 
 
 @pytest.mark.parametrize("size", [1e-6, 0.3, 0.6, 3.0])
-def test_the_slope_is_exact_however_far_a_triple_is_turned(size: float) -> None:
-    """At |φ| on both sides of 0.5 rad, up to which series are used, and beyond half a turn."""
+def test_the_derivative_is_exact_at_any_rotation_of_a_triple(size: float) -> None:
+    """|φ| is on both sides of 0.5 rad, the limit of the series, and beyond half a turn."""
     chain = cantilever("gauss_rotation", 2)
     q = np.array([0.6, -0.7, 0.5, -0.4, 0.8, 0.3]) * size
     _, hinges, values = excess_stiffness(chain.bodies, chain.hinges, chain.couplings, q)
@@ -261,13 +261,13 @@ def test_the_slope_is_exact_however_far_a_triple_is_turned(size: float) -> None:
 
 
 def bent(rule: str, folder: Path | None = None) -> fl.Scene:
-    """The arm, released from a posture in which these springs give a large part of the torques."""
+    """The arm, released from a posture in which rotation springs give a large part of the torques."""
     scene = arm(rule, folder)
     return scene.varied({"initial.q": tuple(np.array([0.1, -0.15, 0.2])[fl.lump(scene).hinges["axis"]].tolist())})
 
 
 @pytest.mark.parametrize("method", ["Radau5", "Gauss4"])
-def test_energy_balances_in_implicit_steps(method: str) -> None:
+def test_coupled_springs_and_dampers_balance_energy_in_implicit_steps(method: str) -> None:
     run = fl.simulate(bent("lobatto2_rotation").varied({"run": {"duration": 1.0}}).varied(RUNS[method]))
     moved = np.ptp(run.energy.gravity) + np.ptp(run.energy.kinetic)
     assert np.abs(run.imbalance).max() <= 1e-5 * moved
@@ -275,7 +275,7 @@ def test_energy_balances_in_implicit_steps(method: str) -> None:
 
 
 @pytest.mark.parametrize("rule", ["gauss_rotation", "lobatto2_rotation"])
-def test_runs_side_by_side_are_the_very_runs_alone(rule: str) -> None:
+def test_runs_in_simd_lanes_equal_single_runs(rule: str) -> None:
     scene = bent(rule).varied(RUNS["RK4"])
     scenes = [scene.varied({"material.aluminium.young": young}) for young in np.linspace(6e10, 8e10, 9).tolist()]
     scenes[4] = scenes[4].varied({"link.upper.lumping": rule.removesuffix("_rotation")})
@@ -289,7 +289,7 @@ def test_sensitivities_equal_differences_of_runs(rule: str, path: str) -> None:
     check(bent(rule).varied(RUNS["RK4"]), path)
 
 
-def test_a_run_saved_before_there_were_such_springs_has_springs_of_angles(tmp_path: Path) -> None:
+def test_a_run_saved_by_an_older_version_has_springs_of_angles(tmp_path: Path) -> None:
     path = fl.simulate(make_scene(flexible("a")), duration=1e-3).save(tmp_path / "run.npz")
     with np.load(path) as archive:
         arrays = dict(archive)
@@ -315,7 +315,7 @@ def test_info_marks_springs_of_rotation_vectors(capsys: pytest.CaptureFixture[st
 
 
 def skew_fall(rule: str, hinges: int) -> np.ndarray:
-    """Tip of a clamped beam, EI_y / EI_z = 4, released under a skew weight of 8.5 EI_y / L³: it falls by its length."""
+    """Tip of a clamped beam, EI_y / EI_z = 4, that falls by its length under an oblique weight of 8.5 EI_y / L³."""
     side, weight = 0.03, 6.0
     I = side * (2 * side) ** 3 / 12 / 4
     link = fl.Link(
@@ -332,7 +332,7 @@ def skew_fall(rule: str, hinges: int) -> np.ndarray:
     return fl.simulate(scene).tip
 
 
-def test_a_skew_fall_converges_with_order_four_and_gauss_with_a_tenth_of_its_error() -> None:
+def test_a_skew_fall_converges_with_order_4_and_gauss_has_a_tenth_of_the_error() -> None:
     reference = skew_fall("lobatto2_rotation", 48)
     assert np.linalg.norm(reference - reference[0], axis=1).max() > 1.0
 
@@ -370,8 +370,8 @@ def skew_scene(rule: str, hinges: int) -> fl.Scene:
     return fl.Scene(name="skew", arm=beam(rule, hinges), initial=fl.InitialState(joint_deg=(0.0,)), gravity=(0, 0, 0))
 
 
-def test_a_cantilever_under_a_skew_dead_force_converges_to_the_rod() -> None:
-    """Order 4 with cells, gauss with less than an eighth of its error; curvature at the Gauss points also converges."""
+def test_a_cantilever_under_a_skew_dead_force_converges_to_the_elastic_rod() -> None:
+    """Cells converge with order 4; gauss has less than 1/8 of the error; curvatures at Gauss points also converge."""
     bends: dict[int, float] = {}
 
     def errors(rule: str, *counts: int) -> dict[int, float]:
@@ -392,8 +392,8 @@ def test_a_cantilever_under_a_skew_dead_force_converges_to_the_rod() -> None:
     assert order({n: bends[n] for n in (8, 16, 32)}) > 1.9
 
 
-def test_small_motion_about_a_bent_configuration_is_that_of_the_matrices() -> None:
-    """Its tangent stiffness K, eliminated in O(n) with its blocks, agrees with the derivatives of q̈."""
+def test_small_motion_about_a_bent_configuration_agrees_with_the_matrices() -> None:
+    """The tangent stiffness K, eliminated in O(n) with its blocks, agrees with derivatives of q̈."""
     chain = fl.lump(skew_scene("lobatto2_rotation", 8))
     wrench = np.array([*FORCE, 0.0, 0.0, 0.0])
     q = fl.solve_static(chain, tip_wrench=wrench).q
@@ -428,7 +428,7 @@ def test_a_file_with_rotation_springs_of_other_joints_is_refused(springs: str) -
 
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco", "exudyn", "drake"])
 @pytest.mark.parametrize("rule", ["gauss_rotation", "lobatto2_rotation"])
-def test_engines_use_our_torques_of_rotation_springs(engine: str, rule: str) -> None:
+def test_engines_apply_flexlink_torques_of_rotation_springs(engine: str, rule: str) -> None:
     pytest.importorskip({"drake": "pydrake"}.get(engine, engine))
     chain = fl.lump(arm(rule))
     other = load(engine, chain)
@@ -437,13 +437,13 @@ def test_engines_use_our_torques_of_rotation_springs(engine: str, rule: str) -> 
         found = other.elastic_torque(q)
         assert (np.abs(found - fl.elastic_torque(chain, q)) <= rounding.of_elastic_torque(chain, q)).all()
         solutions = other.forward_dynamics(q, qd, tau), fl.forward_dynamics(chain, q, qd, tau)
-        start = 1e-6 if engine == "exudyn" else 0.0  # of the largest: its own accelerations are those of a first step
+        start = 1e-6 if engine == "exudyn" else 0.0  # relative; Exudyn's q̈ follow from a time step
         M, size = fl.mass_matrix(chain, q), np.abs(solutions[1]).max()
         bound = rounding.of_residual(chain, q, qd, np.maximum(*map(np.abs, solutions)), tau)
         assert np.abs(M @ (solutions[0] - solutions[1])).max() <= bound + start * np.abs(M).max() * size
 
 
-def test_a_file_with_such_springs_is_refused_without_its_scene(tmp_path: Path) -> None:
+def test_a_file_with_rotation_springs_is_refused_without_its_scene(tmp_path: Path) -> None:
     scene = arm("gauss_rotation")
     path = tmp_path / "arm.urdf"
     path.write_text(to_urdf(fl.lump(scene)), encoding="utf-8")

@@ -28,11 +28,11 @@ def pendulum(**joint: float) -> Chain:
 
 
 def near(value: object) -> object:
-    """Equal up to a few roundings; abs=0, because the default of pytest, 1e-12, exceeds the values compared here."""
+    """Approximate value with a tolerance of a few eps; abs=0, because pytest's default 1e-12 exceeds some values."""
     return pytest.approx(value, rel=1e-12, abs=0)
 
 
-def test_of_a_pendulum_it_is_ten_roundings_of_each_part() -> None:
+def test_the_bound_of_a_pendulum_is_ten_eps_times_each_term() -> None:
     """By hand: M* = m L² + armature, T_G* = m g L, T_W* = |f| L + |m|: absolute values, without cancellation."""
     chain = pendulum(viscous=0.2, armature=0.5)
     inertia, weight, load_ = M * L**2 + 0.5, M * G * L, 5.0 * L + 10.0
@@ -53,7 +53,7 @@ def test_of_a_pendulum_it_is_ten_roundings_of_each_part() -> None:
     )
 
 
-def test_the_torque_of_a_spring_is_judged_by_its_own_size() -> None:
+def test_the_bound_of_a_spring_torque_scales_with_that_torque() -> None:
     chain = lump(make_scene(flexible("arm", "z", 3)))
     q = np.array([1.0, 1e-9, 0.5])
     explained = rounding.of_elastic_torque(chain, q)
@@ -61,8 +61,8 @@ def test_the_torque_of_a_spring_is_judged_by_its_own_size() -> None:
     assert explained[0] == 0 < explained[1] < 1e-8 * explained[2]
 
 
-def test_it_grows_with_the_root_of_the_number_of_hinges() -> None:
-    """A bar is divided into more and more segments; M* and T_G* stay nearly the same."""
+def test_the_bound_grows_with_the_root_of_the_number_of_hinges() -> None:
+    """A bar is divided into more segments, while M* and T_G* stay nearly the same."""
     few, many = (lump(make_scene(flexible("arm", "z", segments))) for segments in (4, 64))
     zero = [np.zeros(chain.n) for chain in (few, many)]
     ratio = rounding.of_mass_matrix(many, zero[1]) / rounding.of_mass_matrix(few, zero[0])
@@ -70,14 +70,14 @@ def test_it_grows_with_the_root_of_the_number_of_hinges() -> None:
 
 
 def mast() -> Chain:
-    """A tilted post along its joint axis: without rounding it has no gravity torque and hardly any inertia."""
+    """A tilted post along its joint axis, which has no gravity torque except by rounding, and hardly any inertia."""
     post = Link(name="post", length=2.0, material="aluminium", section="square", joint=Joint(locked=True),
                 mount=Mount(rpy_deg=(0.0, -90.0, 0.0)))  # fmt: skip
     return lump(make_scene(Link(name="mast", mount=Mount(rpy_deg=(33.0, 47.0, 21.0))), post))
 
 
 def far_away() -> Chain:
-    """An arm a kilometre from the origin of frame 0: every point loses three digits to the distance."""
+    """An arm 1 km from the origin of frame 0, so the coordinates of its points lose three digits."""
     base = Link(name="base", mount=Mount(xyz=(1000.0, 200.0, 300.0), rpy_deg=(33.0, 47.0, 21.0)))
     return lump(make_scene(base, flexible("arm", "yz", 4, mount=Mount(rpy_deg=(90.0, 0.0, 0.0)))))
 
@@ -95,12 +95,12 @@ def rows_of(chain: Chain, count: int = 48) -> tuple[Difference, ...]:
 
 
 @pytest.mark.parametrize("arm", [mast, far_away, heavy])
-def test_right_engines_stay_within_it_where_nearly_everything_cancels(arm) -> None:
+def test_correct_engines_stay_within_the_bound_under_heavy_cancellation(arm) -> None:
     assert [row for row in rows_of(arm()) if not row.passed] == []
 
 
-def test_the_rounding_of_a_mast_is_estimated_only_by_terms_that_cannot_cancel() -> None:
-    """The usual measures fail: neither M nor the largest torque under gravity along x, y and z bounds the rounding."""
+def test_only_sums_of_absolute_values_bound_the_rounding_of_a_mast() -> None:
+    """Usual measures, M and the largest torque under gravity along x, y or z, do not bound this rounding error."""
     chain = mast()
     other, zero = load("mujoco", chain), np.zeros(1)
     along = [dataclasses.replace(chain, gravity=9.81 * axis) for axis in np.eye(3)]
@@ -114,7 +114,7 @@ def test_the_rounding_of_a_mast_is_estimated_only_by_terms_that_cannot_cancel() 
 
 
 @pytest.mark.slow
-def test_it_is_not_far_above_what_engines_do() -> None:
+def test_the_bound_is_within_a_factor_of_100_of_actual_errors() -> None:
     """The largest errors of correct engines are at least 1 % of the bound, so the bound is not too wide."""
     found: dict[str, float] = {}
     for path in MODELS:
@@ -124,7 +124,7 @@ def test_it_is_not_far_above_what_engines_do() -> None:
     assert found["T_FL"] == found["T_FR"] == 0  # the same few operations in every engine
 
 
-def test_what_is_not_finite_is_explained_by_nothing() -> None:
+def test_an_error_that_is_not_finite_exceeds_every_bound() -> None:
     chain = pendulum()
     for bad in (np.inf, np.nan):
         error = rounding.acceleration_error(chain, Q, QD, TAU, solutions=(np.array([bad]), QD))
@@ -138,15 +138,15 @@ def two_rods() -> Chain:
     return lump(make_scene(*rods, tip=RigidBody(mass=M), gravity=(0.0, -G, 0.0)))
 
 
-def test_the_largest_loads_are_those_of_a_stretched_arm_that_turns_as_fast_as_its_joints_together() -> None:
-    """By hand: 3 kg at 2 m and 1 m from the joints, 2 + 1 rad/s for any signs, and m g in addition to m Ω² r."""
+def test_largest_loads_assume_a_stretched_arm_with_joint_rates_added() -> None:
+    """By hand: 3 kg at 2 m and 1 m from the joints, |rates| add up to 2 + 1 rad/s, and m g is added to m Ω² r."""
     still, none = np.zeros(2), np.zeros(6)
     assert rounding.largest_loads(two_rods(), still, none) == near([M * G * 2.0, M * G])
     turning = M * (G + 3.0**2 * 2.0)
     assert rounding.largest_loads(two_rods(), np.array([2.0, -1.0]), none) == near([turning * 2.0, turning])
 
 
-def test_a_force_on_the_tip_loads_by_its_lever_and_a_moment_loads_all_hinges() -> None:
+def test_a_tip_force_loads_hinges_by_its_lever_arm_and_a_moment_loads_all() -> None:
     light = dataclasses.replace(two_rods(), gravity=np.zeros(3))
     still, moment, force = (
         np.zeros(2),
@@ -157,8 +157,8 @@ def test_a_force_on_the_tip_loads_by_its_lever_and_a_moment_loads_all_hinges() -
     assert rounding.largest_loads(light, still, force + moment) == near([20.0, 15.0])
 
 
-def test_rounding_leaves_an_energy_balance_a_few_units_in_the_last_place() -> None:
-    """For 1 + 2 + 3 + 4 J, and for m g L = 58.86 J at an angle below 1 rad: between one and ten roundings."""
+def test_the_bound_of_an_energy_balance_is_a_few_ulp() -> None:
+    """For 1 + 2 + 3 + 4 J, and for m g L = 58.86 J at an angle below 1 rad, the bound is one to ten eps."""
     energy, work = np.array([[1.0], [-2.0], [3.0]]), np.array([-4.0])
     explained = rounding.of_energy_balance(pendulum(), energy, work, np.array([[0.5]]))
     assert (explained >= EPS * (10.0 + M * G * L)).all()

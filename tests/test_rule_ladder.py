@@ -1,4 +1,4 @@
-"""Ladders of lumping rules: the grid is complete, the cheapest run counts, and advice is assigned to its family."""
+"""Comparison of lumping rules: the grid is complete, the cheapest run counts, and advice belongs to its rule family."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def tried(rule: str, hinges: int, error: float, seconds: float) -> Tried:
     return Tried(Rule(rule=rule, hinges=hinges), "Radau5", Point(1e-3, error, seconds), 2 * seconds)
 
 
-def test_the_gain_is_that_of_the_cheapest_runs_that_meet_the_error():
+def test_the_gain_compares_the_cheapest_runs_that_meet_the_error():
     settings = decode(load_case(CASES / "speed_axial.toml").settings, speed_rules.Settings)
     race = settings.race[0]
     runs = [
@@ -48,7 +48,7 @@ def test_the_gain_is_that_of_the_cheapest_runs_that_meet_the_error():
     assert not any("/" in row.quantity for row in speed_rules._rows(settings, race, "Radau5", 1e-4, runs[3:]))
 
 
-def test_an_advised_family_is_compared_by_its_cheapest_chain():
+def test_an_advised_family_is_represented_by_its_cheapest_chain():
     case = load_case(CASES / "advice_axial.toml")
     settings = decode(case.settings, advice_families.Settings)
     met = [tried("gauss", 8, 1e-5, 3.0), tried("lobatto2", 4, 1e-5, 2.0), tried("lobatto4", 8, 1e-5, 1.5)]

@@ -19,15 +19,15 @@ from tests.words import refused
 from validation.physics.hinge_sweep import order
 
 TIP_FREE = {"clamped", "hencky"}
-"""Rules for a torque-free tip: a node's worth of weight is left out there, where the bending moment vanishes."""
+"""Rules for a torque-free tip, where the bending moment vanishes: they omit the node and the weight at the tip."""
 
 EXACT_DEGREE = {
     "paper": -1, "hencky": 1, "clamped": 2, "midpoint": 1, "open": 1, "gregory": 3, "gauss": 3, "legendre": 23,
     "gauss_matched": 3, "gauss_rotation": 3,
 }  # fmt: skip
-"""Highest d up to which 12 hinges integrate the moments (1 − x)^d exactly; from d = 2 for those of `TIP_FREE`.
+"""Highest d up to which 12 hinges integrate the moments (1 − x)^d exactly; for rules in `TIP_FREE`, d starts at 2.
 
-All numbers of hinges here are multiples of 6: rules with groups of two or three hinges are included.
+All hinge counts here are multiples of 6, because some rules have groups of two or three hinges.
 """
 
 
@@ -36,7 +36,7 @@ def integral(rule, count, f):
     return float(weights @ f(nodes))
 
 
-def test_every_rule_that_comes_with_flexlink_is_judged_here_or_as_cells():
+def test_every_built_in_rule_is_tested_here_or_as_cells():
     cells = {name for name in names("lumping") if lumping_rule(name).cells is not None}
     assert set(names("lumping")) - cells == set(EXACT_DEGREE)
 
@@ -53,19 +53,19 @@ def test_nodes_increase_on_the_link_and_weights_are_positive(name):
 
 
 @pytest.mark.parametrize("name", EXACT_DEGREE)
-def test_bending_under_moments_up_to_this_degree_is_exact(name):
+def test_bending_is_exact_under_moments_up_to_the_listed_degree(name):
     highest = EXACT_DEGREE[name]
     errors = [integral(lumping_rule(name), 12, lambda x, d=d: (1 - x) ** d) - 1 / (d + 1) for d in range(highest + 2)]
     assert np.array(errors[2 if name in TIP_FREE else 0 : -1]) == pytest.approx(0, abs=1e-14)
-    assert name.startswith("legendre") or abs(errors[-1]) > 1e-9  # 24 powers: the next degree is exact to rounding
+    assert name.startswith("legendre") or abs(errors[-1]) > 1e-9  # Legendre: within rounding
 
 
 @pytest.mark.parametrize(
     "name, expected",
     [("paper", 1), ("hencky", 2), ("midpoint", 2), ("open", 3), ("gauss", 4), ("gregory", 4), ("clamped", 4)],
 )
-def test_order_of_the_curvature_integral(name, expected):
-    """For a smooth moment that vanishes at the tip together with its slope, as at a free end."""
+def test_the_curvature_integral_converges_with_the_order_of_the_rule(name, expected):
+    """The moment is smooth and vanishes at the tip with its slope, as at a free end."""
 
     def error(n):
         exact = 2 * np.e - 5  # ∫ (1 − x)² eˣ dx
@@ -74,9 +74,9 @@ def test_order_of_the_curvature_integral(name, expected):
     assert order({n: error(n) for n in (12, 24, 48)}) == pytest.approx(expected, abs=0.3)
 
 
-def test_a_rule_weighted_for_an_end_moment_is_exact_for_it():
+def test_a_rule_weighted_for_moments_that_vanish_at_the_tip_is_exact_for_them():
     rule = LumpingRule(about="", source="", jacobi=Jacobi(tip=2.0))
-    for degree in range(8):  # 2 N − 1 = 7, times (1 − x)²
+    for degree in range(8):  # up to degree 2 N − 1 = 7, times (1 − x)²
         assert integral(rule, 4, lambda x, d=degree: (1 - x) ** (2 + d)) == pytest.approx(
             1 / (3 + degree), rel=1e-13, abs=0
         )
@@ -84,7 +84,7 @@ def test_a_rule_weighted_for_an_end_moment_is_exact_for_it():
 
 @pytest.mark.parametrize(("root", "tip"), [(0.0, 0.0), (0.0, 2.0), (1.5, 0.0), (0.5, 2.0)])
 def test_a_jacobi_rule_is_exact_for_its_weight_times_polynomials(root: float, tip: float) -> None:
-    """∫ (1 − x)^tip x^(root + d) dx = B(root + d + 1, tip + 1) up to d = 2N − 1, and no further."""
+    """∫ (1 − x)^tip x^(root + d) dx = B(root + d + 1, tip + 1) is exact up to d = 2N − 1 only."""
     rule, count = LumpingRule(about="a", source="b", jacobi=Jacobi(root=root, tip=tip)), 5
     wrong = []
     for d in range(2 * count + 1):
@@ -94,7 +94,7 @@ def test_a_jacobi_rule_is_exact_for_its_weight_times_polynomials(root: float, ti
     assert abs(wrong[-1]) > 1e-8
 
 
-def test_users_own_rule_from_a_file(tmp_path):
+def test_a_user_defined_rule_is_read_from_a_file(tmp_path):
     path = tmp_path / "simpson.toml"
     path.write_text(
         'about = "Maclaurin, 3 points"\nsource = "mine"\n[element]\n'
@@ -131,7 +131,7 @@ def test_a_number_of_hinges_that_a_rule_does_not_have_is_refused(name, too_few):
 
 
 @pytest.mark.parametrize("name", sorted(TIP_FREE))
-def test_a_hinge_on_a_free_joint_is_refused_and_on_a_locked_one_is_not(name):
+def test_a_hinge_at_a_free_joint_is_refused_and_at_a_locked_one_is_allowed(name):
     assert cantilever(name, 6).n == 6
     with refused(SceneError, "hinge-without-inertia"):
         thin_arm(thin_link(name, 6, free=True))
@@ -147,7 +147,7 @@ def test_a_hinge_at_the_links_end_is_refused(tmp_path):
 @pytest.mark.parametrize("name", EXACT_DEGREE)
 @pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
 def test_every_rule_gives_every_flex_type_a_chain_that_moves(name, flex):
-    """Hinges are bent up to 50°: far beyond a useful chain, and the limit of `gauss_matched`."""
+    """Hinges are bent up to 50°, far beyond the useful range and the limit of `gauss_matched`."""
     chain = lump(
         make_scene(
             flexible("upper", flex, 7, lumping=name, joint=Joint(locked=name in TIP_FREE)),
@@ -167,8 +167,8 @@ def test_every_rule_gives_every_flex_type_a_chain_that_moves(name, flex):
             assert rounding.acceleration_error(chain, q, qd, tau, solutions=(solved, expected)).max() <= 1
 
 
-def test_rotors_of_matched_twist_act_on_relative_motion_alone():
-    """They are negative, only on twist hinges, and an accelerated uniform twist needs the torques of the real bar."""
+def test_rotors_of_matched_twist_act_only_on_relative_motion():
+    """Only twist hinges have (negative) rotors; accelerating a uniform twist needs the torques of the real bar."""
     chain, bending = torsion_bar("gauss_matched", 6)
     nodes, weights = lumping_rule("gauss_matched").hinges(6)
     rotors, twisting = chain.hinges["armature"], np.setdiff1d(np.arange(chain.n), bending)
@@ -193,8 +193,8 @@ def test_axes_alternate_only_if_the_rule_specifies_it():
 
 @pytest.mark.parametrize("name", EXACT_DEGREE)
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
-def test_other_engines_load_the_chains_of_every_rule(name, engine):
-    """Negative rotors, alternating axes and hinges at the root included: M and q̈ from the exported files."""
+def test_other_engines_load_chains_of_every_rule(name, engine):
+    """M and q̈ from exported files agree, including negative rotors, alternating axes and hinges at the root."""
     pytest.importorskip(engine)
     locked = Joint(locked=name in TIP_FREE)
     chain = lump(make_scene(*(flexible(link, "xyz", 7, lumping=name, joint=locked) for link in ("upper", "fore"))))

@@ -45,7 +45,7 @@ def test_a_document_that_is_not_xml_is_refused(text: str | bytes) -> None:
         parse(text, "arm.urdf")
 
 
-def test_a_document_that_would_fill_the_memory_is_refused() -> None:
+def test_a_document_of_excessive_size_or_depth_is_refused() -> None:
     many = safe_xml.MOST_ELEMENTS
     for text, id, parts in (
         ("<a>" + " " * safe_xml.LARGEST + "</a>", "file-too-large", ("5000000",)),

@@ -1,4 +1,4 @@
-"""`python -m validation --same DIR`: whether a reviewer's numbers equal the published ones."""
+"""`python -m validation --same DIR` checks whether a reviewer's numbers equal the published numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Written files do not depend on the CPU: neither on the kernels of the BLAS nor on fused multiply-adds."""
+"""Written files do not depend on the CPU, its BLAS kernels or fused multiply-adds."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ for path in map(Path, sys.argv[2:]):
 def exported_as(machine: Machine | None, folder: Path) -> dict[str, str]:
     folder.mkdir()
     command = [sys.executable, "-c", EXPORT, str(folder), *map(str, [*MODELS, *ROBOTS])]
-    own = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}  # the tests' own choice
+    own = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}  # set by the tests
     subprocess.run(command, env=environment(machine, own) if machine else own, cwd=ROOT, check=True)
     return {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()}
 
@@ -57,7 +57,7 @@ def test_exported_files_are_the_same_to_the_byte(machine: Machine, here: dict[st
     assert [name for name, text in other.items() if text != here[name]] == []
 
 
-def test_products_are_products(rng: np.random.Generator) -> None:
+def test_our_matrix_products_agree_with_numpy(rng: np.random.Generator) -> None:
     A, B, v = rng.normal(size=(3, 3)), rng.normal(size=(3, 3)), rng.normal(size=3)
     assert_allclose(product(A, B), A @ B, rtol=0, atol=20 * EPS)
     assert_allclose(product(A, B.T, v), A @ B.T @ v, rtol=0, atol=50 * EPS)
@@ -65,7 +65,7 @@ def test_products_are_products(rng: np.random.Generator) -> None:
 
 
 @pytest.mark.parametrize("shapes", [((3,), (3,)), ((5, 3), (3,)), ((4, 1, 3), (5, 3)), ((900, 3), (900, 3))])
-def test_cross_products_are_numpys_to_the_bit(shapes: tuple[tuple[int, ...], ...], rng: np.random.Generator) -> None:
+def test_cross_products_are_bit_equal_to_numpy(shapes: tuple[tuple[int, ...], ...], rng: np.random.Generator) -> None:
     a, b = (rng.normal(size=shape) for shape in shapes)
     for factor in (a, a + 1j):
         found, wanted = cross(factor, b), np.cross(factor, b)
@@ -74,7 +74,7 @@ def test_cross_products_are_numpys_to_the_bit(shapes: tuple[tuple[int, ...], ...
 
 
 @pytest.mark.parametrize("moments", [(1.0, 2.0, 2.5), (1.0, 1.0, 1.5), (0.0, 1.0, 1.0), (1e-12, 1.0, 1.0), (2, 2, 2)])
-def test_principal_axes_are_those_of_the_inertia(moments: tuple[float, ...], rng: np.random.Generator) -> None:
+def test_principal_axes_diagonalize_the_inertia(moments: tuple[float, ...], rng: np.random.Generator) -> None:
     for _ in range(20):
         R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
         I = R @ np.diag(moments) @ R.T
@@ -88,7 +88,7 @@ def test_principal_axes_are_those_of_the_inertia(moments: tuple[float, ...], rng
 
 
 def test_only_significant_digits_of_an_equilibrium_are_reported() -> None:
-    """Angles that are 0 by symmetry are 0; spring torques are known up to rounding."""
+    """Angles that vanish by symmetry are reported as 0, because spring torques are known only up to rounding."""
     chain = fl.lump(fl.load_scene(next(path for path in MODELS if path.stem == "three_links")))
     rest = fl.solve_static(chain, np.where(chain.stiffness > 0, 0.0, 0.5), locked=chain.active.tolist())
     sideways = [k for k in range(chain.n) if chain.joint_name(k).endswith(".y")]

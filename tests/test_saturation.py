@@ -1,4 +1,4 @@
-"""Motors that saturate: steps meet their tolerance, whenever torques reach their limit or leave it."""
+"""Saturating motors: steps meet their tolerance even when torques reach or leave their limit within a step."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import flexlink as fl
 pytestmark = compiled
 
 ROTOR, LOAD, GEAR, LOSS, KP, KD, EFFORT, START = 0.03, 0.25, 1500.0, 1.0, 100.0, 6.0, 2.0, np.radians(60.0)
-"""A motor turns a rigid link of 1 m, about whose joint it has 0.25 kg m², by an elastic gear."""
+"""A motor turns a rigid link of 1 m, with 0.25 kg m² about its joint, through an elastic gear."""
 
 
 @pytest.fixture(scope="module")
@@ -36,19 +36,19 @@ def geared() -> fl.Scene:
 def exact(geared: fl.Scene) -> np.ndarray:
     """Exact angle of the link at the samples: one linear equation of motion per branch of the torque."""
 
-    def asked(y: np.ndarray) -> float:
+    def requested(y: np.ndarray) -> float:
         return float(-KP * y[0] - KD * y[2])
 
     def motion(side: int) -> Callable[[float, np.ndarray], list[float]]:
         def slope(t: float, y: np.ndarray) -> list[float]:
             spring = GEAR * (y[0] - y[1]) + LOSS * (y[2] - y[3])
-            return [y[2], y[3], ((side * EFFORT if side else asked(y)) - spring) / ROTOR, spring / LOAD]
+            return [y[2], y[3], ((side * EFFORT if side else requested(y)) - spring) / ROTOR, spring / LOAD]
 
         return slope
 
     def reaching(level: float) -> Callable[[float, np.ndarray], float]:
         def event(t: float, y: np.ndarray) -> float:
-            return asked(y) - level
+            return requested(y) - level
 
         event.terminal = True  # type: ignore[attr-defined]
         return event
@@ -63,9 +63,9 @@ def exact(geared: fl.Scene) -> np.ndarray:
         angles[inside] = part.sol(times[inside])[1]
         t, y = part.t[-1], part.y[:, -1]
         if part.status == 1:
-            level, switches = (-1 if asked(y) < 0 else 1), switches + 1
+            level, switches = (-1 if requested(y) < 0 else 1), switches + 1
             side = 0 if side else level
-            onward = solve_ivp(motion(side), (t, t + 1e-9), y, rtol=1e-10, atol=1e-13)  # off the switch
+            onward = solve_ivp(motion(side), (t, t + 1e-9), y, rtol=1e-10, atol=1e-13)  # away from switching times
             t, y = t + 1e-9, onward.y[:, -1]
     assert switches == 2
     return angles
@@ -73,12 +73,12 @@ def exact(geared: fl.Scene) -> np.ndarray:
 
 @pytest.mark.parametrize("method", ["auto", "DOP853", "Radau5", "Radau9"])
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8])
-def test_a_motor_that_saturates_behind_a_gear(
+def test_a_saturating_motor_on_an_elastic_gear_follows_the_exact_solution(
     geared: fl.Scene, exact: np.ndarray, method: str, tolerance: float
 ) -> None:
     run = fl.simulate(geared, method=method, tolerance=tolerance)
     error = np.linalg.norm(run.tip[:, :2] - np.stack([np.cos(exact), np.sin(exact)], axis=1), axis=1).max()
-    assert error <= WRONG * tolerance or run.warnings  # 3.3 tolerances at most; 1,100 where kinks fell into steps
+    assert error <= WRONG * tolerance or run.warnings  # measured: 3.3 tolerances; 1,100 with kinks in steps
 
 
 def test_torques_of_a_run_stay_within_the_effort_and_reach_it(geared: fl.Scene) -> None:
@@ -87,14 +87,14 @@ def test_torques_of_a_run_stay_within_the_effort_and_reach_it(geared: fl.Scene) 
     assert (np.abs(run.tau) < EFFORT).any()
 
 
-def test_a_problem_that_saturates_is_the_same_each_time(geared: fl.Scene) -> None:
+def test_a_prepared_problem_with_saturation_gives_equal_runs(geared: fl.Scene) -> None:
     problem = fl.Problem(geared)
     first, second = problem.simulate(), problem.simulate()
     assert np.array_equal(first.q, second.q)
     assert np.array_equal(first.q, fl.simulate(geared).q)
 
 
-def test_a_limit_that_is_never_reached_changes_nothing_beyond_the_tolerance(geared: fl.Scene) -> None:
+def test_a_torque_limit_that_is_never_reached_has_no_effect_beyond_the_tolerance(geared: fl.Scene) -> None:
     free = fl.simulate(geared.varied({"drive.effort": None}))
     wide = fl.simulate(geared.varied({"drive.effort": (1e6,)}))
     assert wide.steps == free.steps
@@ -103,6 +103,6 @@ def test_a_limit_that_is_never_reached_changes_nothing_beyond_the_tolerance(gear
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
-def test_random_arms_whose_motors_saturate(seed: int) -> None:
+def test_random_arms_with_saturating_motors_meet_the_tolerance(seed: int) -> None:
     for one in outcomes(seed, (1e-3, 1e-6)):
         assert one.word in {"right", "warned", "no truth"}, one

@@ -35,7 +35,7 @@ def assert_equal(one: fl.Trajectory, other: fl.Trajectory) -> None:
         assert np.array_equal(getattr(one.chain, field.name), getattr(other.chain, field.name)), field.name
 
 
-def test_a_run_is_loaded_as_it_was_saved(run: fl.Trajectory, tmp_path: Path) -> None:
+def test_a_saved_run_is_loaded_unchanged(run: fl.Trajectory, tmp_path: Path) -> None:
     again = fl.load_trajectory(run.save(tmp_path / "run.npz"))
     assert_equal(run, again)
     assert again.chain.bodies.dtype is run.chain.bodies.dtype
@@ -54,7 +54,7 @@ def test_a_run_without_scene_work_and_steps_can_be_loaded(run: fl.Trajectory, tm
     np.testing.assert_array_equal(again.q, run.q)
 
 
-def test_a_scene_is_saved_where_it_is_loaded_from(tmp_path: Path) -> None:
+def test_a_saved_scene_loads_equal_and_a_missing_folder_is_refused(tmp_path: Path) -> None:
     scene = nasty_scene()
     assert fl.load_scene(scene.save(tmp_path / "scene.toml")) == scene
     with refused(fl.errors.OutputError, "cannot-write"):
@@ -73,7 +73,7 @@ def test_modes_linear_models_and_equilibria_are_saved_and_loaded(run: fl.Traject
 
 
 @pytest.mark.parametrize("load", [fl.load_trajectory, Modes.load, LinearModel.load, Equilibrium.load])
-def test_files_of_something_else_are_refused_in_a_line(load, run: fl.Trajectory, tmp_path: Path) -> None:
+def test_files_with_other_contents_are_refused_in_one_line(load, run: fl.Trajectory, tmp_path: Path) -> None:
     strange, text, one, old = (tmp_path / f"{name}.npz" for name in ("strange", "text", "one", "old"))
     np.savez(strange, a=np.zeros(3))
     text.write_text("no archive", encoding="utf-8")

@@ -99,6 +99,22 @@ BAD = {  # text of the good scene, its replacement, the id of the error, and par
     "unknown method": ('"RK4"', '"RK5"', "unknown-name", ["run.method", "'RK5'", "RK2"]),
     "two names": ('name     = "fore"', 'name = "upper"', "name-twice", ["link.3.name", "'upper'"]),
     "gravity of two": ("[0.0, 0.0, 9.81]", "[0.0, 9.81]", "wrong-value", ["gravity", "[m/s²]", "2"]),
+    "property of a material in a link": (
+        'name     = "fore"', 'name = "fore"\nyoung = 2e11', "unknown-key", ["link.fore.young", "[material.NAME]"],
+    ),
+    "integral term": (
+        "[initial]", "[drive]\nkind = 'pid'\n[initial]", "wrong-value", ["drive.kind", "'pd'", "control=law"],
+    ),
+    "rates under another name": (
+        "joint_deg = [", "joint_rate_deg = [0.0]\njoint_deg = [", "unknown-key", ["initial.joint_rate_deg", "rate_deg"],
+    ),
+    "section instead of its name": (
+        'section  = "square"', "section = { diameter = 0.1 }", "wrong-value", ["link.upper.section", "[section.NAME]"],
+    ),
+    "stiffness of which axis": (
+        'name     = "fore"', 'name = "fore"\nroot_stiffness = 350.0',
+        "wrong-value", ["link.fore.root_stiffness", "z = "],
+    ),
     "section incomplete": ("width  = 0.04", "", "missing-key", ["section.square.width", "rectangle"]),
     "section of another shape": (
         "width  = 0.04", "diameter = 1.0",
@@ -129,11 +145,25 @@ def test_a_bad_scene_is_refused_in_one_line_that_helps(what: str, tmp_path: Path
         (b"  \n\n", "file-empty"),
         (b"name = ", "not-toml"),
         (b"{ json: true }", "not-toml"),
+        (b"name = crane", "not-toml"),
+        ("name = “crane”".encode(), "not-toml"),
+        (b"tip.center = 0, 0, 1", "not-toml"),
+        (b"x = { young = 210e9 Pa, density = 7850 }", "not-toml"),
+        (b"x = { young = 2,1e11 }", "not-toml"),
+        (b"x = { young = 2.1e11, density = 7850 ]", "not-toml"),
+        (b"x = { young = 2.1e11\n density = 7850 }", "not-toml"),
+        (b"x = { young = 2.1e11 density = 7850 }", "not-toml"),
+        (b"tip.mass = 1\ntip.mass = 2\nname = 1", "not-toml"),
+        (b"[link]\nname = 1\n[link]\nname = 2", "not-toml"),
+        (b"locked = True", "not-toml"),
+        (b"length 5", "not-toml"),
+        (b"scene = 'arm.toml'\ngrid.x = [1, 2]", "is-no-scene"),
+        (b"scene = 'arm.toml'\nparameter = []", "is-no-scene"),
         (b"name = '\xff\xfe'", "not-utf8"),
         (b"#" * 1_000_001, "file-too-large"),
     ],
 )
-def test_files_that_are_no_scenes_are_refused(content: bytes, wanted: str, tmp_path: Path) -> None:
+def test_files_that_are_not_scenes_are_refused(content: bytes, wanted: str, tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"
     path.write_bytes(content)
     with refused(SceneError, wanted):
@@ -146,7 +176,7 @@ def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
             load_scene(path)
 
 
-def test_a_byte_order_mark_is_no_part_of_the_text(tmp_path: Path) -> None:
+def test_a_byte_order_mark_is_ignored(tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"
     path.write_text(PAPER, encoding="utf-8-sig")
     assert path.read_bytes().startswith(b"\xef\xbb\xbf")
@@ -190,7 +220,7 @@ def test_a_rule_path_in_python_is_relative_to_the_folder_at_that_time(tmp_path: 
         (tmp_path / folder).mkdir()
         monkeypatch.chdir(tmp_path / folder)
         Path("rule.toml").write_text(one_hinge_rule(node), encoding="utf-8")
-        os.utime("rule.toml", ns=(0, 0))  # the same name, time and size
+        os.utime("rule.toml", ns=(0, 0))  # a file of the same name, time and size
         links.append(flexible("link", segments=2, lumping="rule.toml"))
     monkeypatch.chdir(tmp_path)
     placed = [lump(make_scene(link)).bodies["translation"][1, 0] for link in links]
@@ -223,7 +253,7 @@ def test_python_objects_are_checked_like_files() -> None:
 
 
 def test_a_description_is_built_without_reading_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The chain and the run read their rule and their method from files, the scene does not."""
+    """Rule and method files are read by the chain and the run, not by the scene."""
 
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("a file was read")

@@ -36,7 +36,7 @@ print(plant.num_actuators())
 @drake
 @pytest.mark.slow
 @pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
-def test_drake_reads_springs_exactly_and_the_rest_to_rounding(path: Path, rng: np.random.Generator) -> None:
+def test_drake_reads_springs_exactly_and_other_numbers_up_to_rounding(path: Path, rng: np.random.Generator) -> None:
     chain = lump(load_scene(path))
     engine, (q, qd) = load("drake", chain), random_state(chain, rng)
     assert engine.elastic_torque(q).tolist() == elastic_torque(chain, q).tolist()
@@ -56,12 +56,12 @@ def test_drake_finds_a_motor_at_every_driven_joint_and_warns_only_of_gravity() -
 
 @drake
 @pytest.mark.slow
-def test_drake_takes_any_names() -> None:
+def test_drake_reads_any_names() -> None:
     chain = dataclasses.replace(lump(make_scene(*(flexible(name, segments=2) for name in COLLIDING))), name="world")
     assert load("drake", chain).n == chain.n
 
 
-def test_a_rotor_has_a_motor_in_the_file_and_a_spring_without_one_has_none() -> None:
+def test_a_rotor_has_a_motor_in_the_file_and_a_spring_without_a_rotor_has_none() -> None:
     """Drake drops the rotor of a joint whose effort is 0."""
     chain = lump(nasty_scene())
     hinges = chain.hinges.copy()

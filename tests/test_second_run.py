@@ -1,4 +1,4 @@
-"""A verification run detects errors of fixed implicit steps and errors that grow, which the run itself cannot show."""
+"""A verification run detects errors of fixed implicit steps and growing errors that the run itself does not show."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_wrong_fixed_implicit_steps_are_doubted_and_accurate_ones_are_not(name: 
 
 
 def doubts(run: fl.Trajectory, id: str = "doubtful-comparison") -> list[str]:
-    """Warnings of a run that have this id, reviewed."""
+    """Warnings of a run with this id, after comparison with the reviewed texts."""
     found = [str(warning) for warning in run.warnings if warning.id == id]
     for warning in found:
         reviewed(id, warning, values=False)
@@ -68,7 +68,7 @@ def test_the_second_run_estimates_the_error_within_a_factor_of_three() -> None:
     assert actual / 3 <= found <= 3 * actual
 
 
-def test_steps_that_miss_an_impact_are_doubted() -> None:
+def test_a_run_whose_steps_miss_an_impact_is_doubted() -> None:
     torques = tuple((0.0, peak, 0.0) for peak in (0.0, 0.0, 440.0, 0.0, 0.0))
     blow = fl.Drive(kind="table", times=(0.0, 0.1037, 0.1041, 0.1113, 0.4), torques=torques)
     scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied({"drive": blow})
@@ -106,7 +106,7 @@ def test_fixed_explicit_steps_are_doubted_only_if_their_errors_grow() -> None:
     exact = fl.simulate(scenes[0], method="DOP853", tolerance=1e-10)
     runs = [fl.simulate(scene) for scene in scenes]
     assert [bool(doubts(run)) for run in runs] == [True, True, False, False, False]
-    assert off(runs[1], exact) > WRONG  # although its step errors are below a thousandth of the motion
+    assert off(runs[1], exact) > WRONG  # its step errors are below a thousandth of the motion
     assert max(off(run, exact) for run in runs if not run.warnings) < WRONG / 10
     assert [run.warnings for run in fl.simulate_many(scenes)] == [run.warnings for run in runs]
 
@@ -122,7 +122,7 @@ def tumbling_body(**changes: object) -> fl.Scene:
 
 
 def euler(t: np.ndarray) -> np.ndarray:
-    """The body's angular velocity by Euler's equations, (times, 3) [rad/s]; the stub's mass is at 1 m along x."""
+    """Angular velocity of the body by Euler's equations, (times, 3) [rad/s]; the tip mass is at 1 m along x."""
     inertia = np.array([1.0, 2.0 + 1e-3, 3.0 + 1e-3])
 
     def changes(_t: float, ω: np.ndarray) -> np.ndarray:
@@ -135,7 +135,7 @@ def euler(t: np.ndarray) -> np.ndarray:
 def test_if_samples_limit_the_steps_the_second_run_halves_them(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Tolerances of 1e-3 and 1e-6 m give the same steps, so a tenth of the tolerance would verify nothing."""
+    """Tolerances of 1e-3 and 1e-6 m give the same steps, so a run with a tenth of the tolerance verifies nothing."""
     runs: list[single.SingleRun] = []
     begin = single.SingleRun.advance
     monkeypatch.setattr(
@@ -156,7 +156,7 @@ def test_tumbling_rigid_bodies_run_explicitly_and_follow_eulers_equations() -> N
     assert np.abs(run.base.spin - euler(run.t)).max() < 1e-3
 
 
-def test_an_expensive_verification_run_is_given_up_with_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_expensive_verification_run_is_abandoned_with_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(single, "GIVEN_UP", 0.1)
     run = fl.simulate(swung(), method="Radau5", step=0.17 / 8)
     (warning,) = doubts(run, "no-comparison-run")
@@ -185,7 +185,7 @@ def test_a_spinning_arm_meets_its_tolerance_or_has_a_warning() -> None:
     assert all(warning or error <= 10 for error, warning in zip(errors, warned, strict=True))
 
 
-def test_only_motions_that_turn_far_have_a_second_run(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_motions_with_large_rotations_have_a_verification_run(monkeypatch: pytest.MonkeyPatch) -> None:
     runs: list[Monitor] = []
     begin = single.SingleRun.advance
     monkeypatch.setattr(
@@ -244,7 +244,7 @@ def test_runs_of_a_batch_are_doubted_for_their_energy_like_single_runs() -> None
     assert in_batch.warnings == alone.warnings
 
 
-def test_an_interrupted_second_run_confirms_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_verification_run_confirms_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied({"initial.joint_deg": (0.0, 70.0, 90.0)})
     varied = scene.varied({"run": fl.RunSettings(tolerance=1e-3, sample=0.1, duration=2.5)})
     run = single.SingleRun(problem_of(varied))

@@ -22,11 +22,11 @@ K = {  # J / (a b³) of a rectangle a × b: exact series, as tabulated by Timosh
 
 
 ROUNDING = 8 * 2.0**-52
-"""Fewer than eight roundings lead to each property; abs=0, because pytest adds 1e-12, which is much beside m⁴."""
+"""Each property results from fewer than eight roundings; abs=0, because pytest's default 1e-12 is large in m⁴."""
 
 
 @pytest.mark.parametrize(("ratio", "k"), K.items())
-def test_torsion_constant_of_a_rectangle_is_the_exact_series(ratio: float, k: float) -> None:
+def test_the_torsion_constant_of_a_rectangle_equals_the_exact_series(ratio: float, k: float) -> None:
     assert rectangle(0.01 * ratio, 0.01).torsion == pytest.approx(k * ratio * 1e-8, rel=ROUNDING, abs=0)
     assert rectangle(0.01, 0.01 * ratio).torsion == pytest.approx(k * ratio * 1e-8, rel=ROUNDING, abs=0)
 
@@ -46,15 +46,15 @@ def test_circle_is_a_tube_without_a_hole_and_twists_with_its_polar_moment() -> N
 
 
 def test_a_tube_has_the_moments_of_its_rings_in_closed_form() -> None:
-    """Outer diameter 2, inner 1: A = π (4 − 1)/4, I = π (16 − 1)/64, J = ∫ r² dA = 2π [r⁴/4] from 1/2 to 1 = 15π/32."""
+    """Diameters 2 and 1: A = π (4 − 1)/4, I = π (16 − 1)/64, J = ∫ r² dA = 2π [r⁴/4] from 1/2 to 1 = 15π/32."""
     p = Section(shape="tube", outer=2.0, inner=1.0).properties
     assert p.area == pytest.approx(3 * math.pi / 4, rel=ROUNDING, abs=0)
     assert p.i_y == p.i_z == pytest.approx(15 * math.pi / 64, rel=ROUNDING, abs=0)
     assert p.torsion == pytest.approx(15 * math.pi / 32, rel=ROUNDING, abs=0)
 
 
-def test_a_box_is_the_difference_of_two_rectangles_and_twists_by_bredt() -> None:
-    """5 × 3 with walls of 1/2: hollow 4 × 2, middle line 9/2 × 5/2: J = 4 (45/4)² ½ / 14."""
+def test_a_box_bends_as_a_difference_of_rectangles_and_twists_by_bredts_formula() -> None:
+    """A box 5 × 3 with walls of 1/2 has a hollow of 4 × 2 and a middle line 9/2 × 5/2, so J = 4 (45/4)² ½ / 14."""
     p = Section(shape="box", height=5.0, width=3.0, wall=0.5).properties
     wanted = [
         Fraction(15 - 8), Fraction(5 * 3**3 - 4 * 2**3, 12), Fraction(3 * 5**3 - 2 * 4**3, 12),

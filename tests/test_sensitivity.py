@@ -1,4 +1,4 @@
-"""Sensitivities of a run to numbers of its scene, against a closed form, SciPy and runs of varied scenes."""
+"""Sensitivities of a run to numbers of its scene agree with a closed form, SciPy and runs of varied scenes."""
 
 from __future__ import annotations
 
@@ -44,7 +44,8 @@ def arm(flex: str = "z", **changes: Any) -> fl.Scene:
 def by_runs(scene: fl.Scene, path: str, value: float, part: float) -> tuple[Array, Array]:
     """∂(q, q̇, tip)/∂p at the last sample by a polynomial through 13 runs of varied scenes, and its error.
 
-    The last terms are truncation or, mostly, the rounding that is in all: a slope weighs term j by up to j².
+    The error follows from the last two terms, which are truncation or, mostly, the rounding error of every term; in the
+    slope, term j has a weight of up to j².
     """
     x = np.cos(np.pi * (np.arange(13) + 0.5) / 13)
     Δ = part * (abs(value) or 1.0)
@@ -55,7 +56,7 @@ def by_runs(scene: fl.Scene, path: str, value: float, part: float) -> tuple[Arra
 
 
 def check(scene: fl.Scene, path: str, limit: float = 1e-5) -> None:
-    """They agree within the errors of the runs and of the estimate, each at most `limit` of the largest value."""
+    """Check that sensitivities equal differences of runs within the errors of both, which `limit` bounds."""
     found = fl.sensitivities(scene, [path])
     value = float(found.values[0])
     wanted, left = by_runs(scene, path, value, 0.01 if value else 1e-4)
@@ -67,10 +68,10 @@ def check(scene: fl.Scene, path: str, limit: float = 1e-5) -> None:
         assert np.abs(ours - wanted)[rows].max() <= left[rows].max() + 4 * error[0] + 1e-11 * size
         assert error[0] <= 50 * limit * size
     rates = slice(n, 2 * n)
-    assert left[rates].max() <= limit * np.abs(wanted[rates]).max(), "the runs resolve it"
+    assert left[rates].max() <= limit * np.abs(wanted[rates]).max(), "differences of runs are accurate enough"
 
 
-def test_weights_are_exact_for_polynomials() -> None:
+def test_difference_weights_are_exact_for_polynomials() -> None:
     for at in ((1, -1, 2), (1, -1, 2, -2, 3), (-2, -1, 1, 2), (1, 2, 3, 4, 5), (-1, -2)):
         for degree in range(1, len(at) + 1):
             assert np.array(weights(at)) @ np.array(at) ** degree == pytest.approx(float(degree == 1), abs=1e-13)
@@ -78,7 +79,7 @@ def test_weights_are_exact_for_polynomials() -> None:
 
 
 def oscillator(**changes: Any) -> fl.Scene:
-    """q = q₀ cos ωt, ω² = k/I, k = 50 N m/rad, I = 2 kg m²; RK10 at ωh = 0.02 is off by rounding only."""
+    """q = q₀ cos ωt, ω² = k/I, k = 50 N m/rad, I = 2 kg m²; RK10 with ωh = 0.02 has only rounding errors."""
     joint = Joint(locked=True, gear_stiffness=50.0)
     scene = make_scene(
         Link(name="a", length=1.0, joint=joint), tip=RigidBody(mass=2.0), gravity=(0.0, 0.0, 0.0),
@@ -90,7 +91,7 @@ def oscillator(**changes: Any) -> fl.Scene:
 @pytest.mark.parametrize(
     ("changes", "limit"), [({}, 1e-8), ({"run": RunSettings(sample=0.04, duration=2.0, relative_tolerance=1e-4)}, 1e-5)]
 )
-def test_an_oscillator_has_the_slope_of_its_closed_form(changes: dict[str, Any], limit: float) -> None:
+def test_an_oscillator_has_the_sensitivity_of_its_closed_form(changes: dict[str, Any], limit: float) -> None:
     """∂q/∂k = −q₀ t sin(ωt)/(2 √(k I)), with an error within the estimate."""
     found = fl.sensitivities(oscillator(**changes), ["link.a.joint.gear_stiffness", "tip.mass"])
     t, ω = found.run.t, np.sqrt(50.0 / 2.0)
@@ -102,7 +103,7 @@ def test_an_oscillator_has_the_slope_of_its_closed_form(changes: dict[str, Any],
     assert found.run.warnings == () and repr(found.run) in repr(found)
 
 
-def test_a_number_at_its_least_has_slopes_of_the_other_side() -> None:
+def test_sensitivity_at_a_lower_bound_is_a_one_sided_derivative() -> None:
     """For an undamped oscillator ∂q/∂d = q₀ (sin ωt/ω − t cos ωt)/(2 I)."""
     found = fl.sensitivities(oscillator(), ["link.a.joint.gear_damping"])
     t, ω = found.run.t, np.sqrt(50.0 / 2.0)
@@ -110,7 +111,7 @@ def test_a_number_at_its_least_has_slopes_of_the_other_side() -> None:
     assert np.abs(found.q[:, 0, 0] - exact).max() <= min(1e-7 * np.abs(exact).max(), 2 * found.q_error[0])
 
 
-def test_a_number_without_effect_has_slopes_of_zero() -> None:
+def test_a_number_without_effect_has_zero_sensitivity() -> None:
     found = fl.sensitivities(oscillator(), ["link.a.joint.coulomb_width"])
     assert not found.q.any() and not found.tip_error.any()
 
@@ -143,13 +144,13 @@ def test_sensitivities_agree_with_differences_of_scipy_integrations() -> None:
             assert np.abs(ours - theirs).max() <= 1e-5 * np.abs(theirs).max()
 
 
-def test_the_run_is_that_of_simulate() -> None:
+def test_the_run_is_bit_equal_to_simulate() -> None:
     scene = arm(**PD)
     found, run = fl.sensitivities(scene, ["tip.mass"]), fl.simulate(scene)
     assert np.array_equal(found.run.q, run.q) and np.array_equal(found.run.qd, run.qd)
     assert found.run.warnings == run.warnings
     assert found.q.shape == (3, run.chain.n, 1) and found.tip.shape == (3, 3, 1)
-    assert not found.q[0].any(), "it starts from the same state"
+    assert not found.q[0].any(), "the sensitivity run starts from the same state"
 
 
 @pytest.mark.slow
@@ -180,12 +181,12 @@ def test_sensitivities_to_drives_and_starts_agree_with_differences_of_runs(path:
     check(arm(**changes), path)
 
 
-def test_several_numbers_that_lead_to_one_place_are_each_varied_alone() -> None:
+def test_overlapping_paths_are_each_varied_separately() -> None:
     found = fl.sensitivities(arm(), ["link.*.length", "link.upper.length", "link.fore.length"])
     np.testing.assert_allclose(found.tip[-1, :, 0], found.tip[-1, :, 1:].sum(axis=1), rtol=0, atol=1e-6)
 
 
-def test_what_cannot_be_differentiated_is_refused_by_name() -> None:
+def test_keys_that_cannot_be_differentiated_are_refused_by_name() -> None:
     scene = arm()
     for path, id in (
         ("run.step", "not-a-parameter"),

@@ -54,12 +54,12 @@ def test_columns_are_named_with_their_unit() -> None:
         ({"name": "a [V]"}, "sensor-name"),
     ],
 )
-def test_what_cannot_be_measured_is_refused_by_name(changes: dict, message: str) -> None:
+def test_quantities_that_cannot_be_measured_are_refused_by_name(changes: dict, message: str) -> None:
     with refused(fl.errors.SceneError, message):
         scene_with(GAUGE | changes)
 
 
-def test_a_column_in_another_unit_of_what_is_measured_needs_its_gain() -> None:
+def test_a_measured_column_in_another_unit_needs_a_gain() -> None:
     for kind, unit, factor in (("joint", "deg", 57.29577951), ("joint", "mm", 1000), ("torque", "N mm", 1000)):
         with refused(fl.errors.SceneError, "unit-missing"):
             fl.Sensor(name="s", kind=kind, link=1, unit=unit)
@@ -67,7 +67,7 @@ def test_a_column_in_another_unit_of_what_is_measured_needs_its_gain() -> None:
     assert fl.Sensor(name="s", kind="torque", link=1, unit="V").columns() == ("s [V]",)  # 1 V per N m
 
 
-def test_two_places_and_two_names_are_refused() -> None:
+def test_two_places_of_one_sensor_and_duplicate_names_are_refused() -> None:
     with refused(fl.errors.SceneError, "both-given"):
         fl.Sensor(**PLACE, x=0.5, point=(0, 0, 0))
     with refused(fl.errors.SceneError, "name-twice"):
@@ -82,14 +82,14 @@ def test_a_rigid_link_has_no_strain_and_a_locked_joint_no_angle() -> None:
         scene_with({"name": "e", "kind": "joint", "link": "boom"}, joint=fl.Joint(locked=True))
 
 
-def test_one_pair_of_brackets_is_named() -> None:
+def test_single_brackets_instead_of_double_ones_are_reported() -> None:
     table = tomllib.loads(scene_with(PLACE).to_toml().replace("[[sensor]]", "[sensor]"))
     with refused(fl.errors.SceneError, "wrong-value"):
         scene_from(table)
 
 
 @pytest.mark.slow
-def test_readings_at_the_ends_of_what_is_allowed_are_finite() -> None:
+def test_readings_at_the_limits_of_allowed_settings_are_finite() -> None:
     extremes = {"noise": 1e30, "gain": 1e30, "bias": -1e30, "resolution": 1e-30}
     place = {key: value for key, value in extremes.items() if key != "resolution"}
     scene = scene_with(GAUGE | extremes | {"noise": 0.0, "gain": 1.0, "bias": 1.0}, PLACE | place)

@@ -1,4 +1,4 @@
-"""Places of sensors and their readings, computed otherwise than in `test_sensors`: hinge rates, moments, markers."""
+"""Places and readings of sensors, checked by other means than in `test_sensors`: hinge rates, moments, markers."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def shown(scene: fl.Scene, q: np.ndarray, qd: np.ndarray, *sensors: Sensor) -> d
     return {name: float(run.columns[name][0]) for name in run.sensor_names}
 
 
-def test_directions_are_those_of_the_link_whatever_its_mount() -> None:
-    """Only the second link turns, about its z axis, at 2 rad/s; in frame 0 this is another direction."""
+def test_sensor_directions_are_in_the_link_frame_for_any_mount() -> None:
+    """Only the second link rotates, about its z axis at 2 rad/s, which is another direction in frame 0."""
     rpy = (40.0, -25.0, 70.0)
     rod = {"length": 0.5, "material": "aluminium", "section": "square"}
     scene = make_scene(fl.Link(name="a", **rod), fl.Link(name="b", mount=fl.Mount(rpy_deg=rpy), **rod))
@@ -38,7 +38,7 @@ def test_directions_are_those_of_the_link_whatever_its_mount() -> None:
 
 
 @pytest.mark.parametrize("length", [0.5, 3.0])
-def test_a_marker_on_the_axis_is_the_place_along_it(length: float, rng: np.random.Generator) -> None:
+def test_a_marker_on_the_beam_axis_equals_the_place_along_it(length: float, rng: np.random.Generator) -> None:
     scene = make_scene(flexible("a", segments=6, length=length, lumping="midpoint"))
     q = rng.uniform(-0.3, 0.3, fl.lump(scene).n)
     for x in np.array([0.05, 0.3, 0.55, 0.95]) * length:
@@ -49,7 +49,7 @@ def test_a_marker_on_the_axis_is_the_place_along_it(length: float, rng: np.rando
 
 
 def test_at_a_hinge_a_sensor_sits_on_the_outer_segment(rng: np.random.Generator) -> None:
-    """Its rate is the sum of the rates of the joint and of all hinges up to and including that one."""
+    """The measured rate is the sum of the rates of the joint and of all hinges up to and including that hinge."""
     scene = make_scene(flexible("a", segments=4, length=1.0, lumping="midpoint"))
     qd = rng.normal(size=fl.lump(scene).n)
     hinges = fl.strength.beam_strain(scene, 0 * qd, link="a", fibre=(0.0, 0.0)).x
@@ -60,8 +60,8 @@ def test_at_a_hinge_a_sensor_sits_on_the_outer_segment(rng: np.random.Generator)
 
 
 @pytest.mark.parametrize("x", [0.2, 0.47, 0.8])
-def test_between_hinges_the_strain_of_a_uniform_load_is_its_parabola(x: float) -> None:
-    """ε = ρ A g (L − x)² / 2 · y / (E I), which a straight line between two hinges is not."""
+def test_between_hinges_the_strain_of_a_uniform_load_is_a_parabola(x: float) -> None:
+    """ε = ρ A g (L − x)² / 2 · y / (E I), which linear interpolation between two hinges would miss."""
     length, width, young = 1.25, 0.04, 7e19
     beam = flexible("beam", lumping="gauss", segments=7, joint=fl.Joint(locked=True))
     gauge = Sensor(name="gauge", kind="strain", link="beam", x=x, fibre=(width / 2, 0.0))
@@ -73,8 +73,8 @@ def test_between_hinges_the_strain_of_a_uniform_load_is_its_parabola(x: float) -
     assert fl.simulate(scene).columns["gauge [1]"][0] == pytest.approx(expected, rel=1e-9, abs=0.0)
 
 
-def test_a_table_bent_about_both_axes_strains_by_both() -> None:
-    """ε = z κ_y − y κ_z: a table with the values of one section gives the strains of that section."""
+def test_bending_about_both_axes_strains_a_beam_with_a_rigidity_table() -> None:
+    """ε = z κ_y − y κ_z: a rigidity table with the values of a section gives the strains of that section."""
     area, second = 0.04**2, SQUARE.properties.i_z
     table = fl.Rigidity(x=(0.0, 1.25), ei_y=(70e9 * second,) * 2, ei_z=(70e9 * second,) * 2, rho_a=(2700 * area,) * 2)
     plain = make_scene(flexible("a", "yz", 4, lumping="midpoint"))
@@ -106,8 +106,8 @@ def test_a_linear_model_shows_gain_times_signal_plus_bias() -> None:
 
 
 @pytest.mark.parametrize("blur", [{"noise": 1e3}, {"resolution": 50.0}])
-def test_noise_and_resolution_neither_hide_nor_feign_samples_too_far_apart(blur: dict[str, float]) -> None:
-    """A swing is reported, because the delay needs values between samples; an arm at rest is not."""
+def test_noise_and_resolution_do_not_affect_the_warning_on_sparse_samples(blur: dict[str, float]) -> None:
+    """A swinging arm has a warning, because the delay needs values between samples; an arm at rest has none."""
     sensors = [Sensor(name="encoder", kind="joint", link="a", delay=0.3, **more) for more in ({}, blur)]
     scene = make_scene(flexible("a"), gravity=(0.0, -9.81, 0.0))
     run = fl.simulate(scene, method="Radau5", step=1e-3, sample=0.2, duration=2.0)

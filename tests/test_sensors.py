@@ -1,4 +1,4 @@
-"""Readings of sensors against closed forms, exact filters, and readings in other runs."""
+"""Sensor readings agree with closed forms, exact filters, and readings in other runs."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def hummed(t: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("order", range(1, 9))
-def test_a_low_pass_is_that_of_an_exact_simulation(order: int) -> None:
+def test_a_low_pass_filter_agrees_with_an_exact_simulation(order: int) -> None:
     """SciPy's lsim is also exact for a signal that is linear between samples."""
     t = np.linspace(0.0, 0.5, 251)
     sensor = Sensor(name="s", kind="joint", link=1, low_pass=40.0, order=order)
@@ -98,13 +98,13 @@ def shown(t: np.ndarray, u: np.ndarray, times: np.ndarray | None = None, **field
     return instrument.readings(t if times is None else times)[:, 0]
 
 
-def test_a_delay_gain_and_bias() -> None:
+def test_delay_gain_and_bias_are_applied_to_the_signal() -> None:
     t = np.arange(0.0, 1.0, 0.01)
     later = np.maximum(t - 0.123, 0.0)
     np.testing.assert_allclose(shown(t, 3 * t, delay=0.123, gain=-2.0, bias=0.5), 0.5 - 6 * later, rtol=0, atol=1e-12)
 
 
-def test_a_delay_after_a_low_pass_is_exact_between_samples() -> None:
+def test_a_delay_after_a_low_pass_filter_is_exact_between_samples() -> None:
     """For a ramp u = t that starts at 0, a first-order low-pass lags by its time constant."""
     t, T = np.arange(0.0, 1.0, 0.01), 1 / (2 * np.pi * 5.0)
     late = np.maximum(t - 0.0537, 0.0)
@@ -120,7 +120,7 @@ def test_readings_are_held_between_instants_and_rounded() -> None:
     np.testing.assert_allclose(shown(t, t, rate=100.0), t, rtol=0, atol=1e-14)  # 0.29 · 100 is less than 29
 
 
-def test_noise_is_white_and_normal_and_comes_again_by_its_seed() -> None:
+def test_noise_is_white_and_normal_and_repeatable_by_its_seed() -> None:
     t = np.arange(0.0, 200.0, 0.01)
     still, some = np.zeros_like(t), slice(1000, 1100)
     first = shown(t, still, noise=0.3, seed=1)
@@ -133,8 +133,8 @@ def test_noise_is_white_and_normal_and_comes_again_by_its_seed() -> None:
         assert abs(np.corrcoef(first, shown(t, still, noise=0.3, **other))[0, 1]) < 0.03
 
 
-def test_the_numbers_of_noise_stay_what_they_are() -> None:
-    """They come from Philox and are converted to a normal distribution here, so no version of NumPy changes them."""
+def test_noise_of_a_seed_does_not_change_with_numpy_versions() -> None:
+    """Noise comes from Philox with our own conversion to a normal distribution, so NumPy versions do not change it."""
     found = shown(np.arange(3) / 100, np.zeros(3), noise=1.0, seed=1)
     np.testing.assert_allclose(found, [1.4092493637369143, 0.7193025410542524, -1.4400850108307892], rtol=1e-12)
     np.testing.assert_allclose(
@@ -160,7 +160,9 @@ class Here:
 
 @pytest.mark.parametrize("fields", SENSORS, ids=lambda fields: fields["kind"])
 @pytest.mark.parametrize("lumping", ["gauss", "lobatto2_rotation"])
-def test_slopes_are_those_of_finite_differences(fields: dict, lumping: str, rng: np.random.Generator) -> None:
+def test_derivatives_of_readings_agree_with_finite_differences(
+    fields: dict, lumping: str, rng: np.random.Generator
+) -> None:
     slide = fl.Joint(kind="prismatic", axis=(0, 1, 0))
     links = (
         fl.Link(name="rail", joint=slide, hub=fl.RigidBody(mass=1.0)),
@@ -182,7 +184,7 @@ def test_slopes_are_those_of_finite_differences(fields: dict, lumping: str, rng:
             np.testing.assert_allclose(slope[:, k], found, rtol=0, atol=1e-10 * max(1.0, np.abs(slope).max()))
 
 
-def test_columns_go_into_files_and_come_back(tmp_path: Path) -> None:
+def test_sensor_columns_are_saved_and_read_back(tmp_path: Path) -> None:
     gauge = Sensor(name="a, b", kind="strain", link="beam", x=0.1, fibre=(0.02, 0.0), noise=1e-6, low_pass=20.0)
     run = fl.simulate(cantilever(gauge).varied({"run.duration": 0.05}))
     assert run.columns["a, b [1]"].std() > 0
@@ -197,7 +199,7 @@ def test_columns_go_into_files_and_come_back(tmp_path: Path) -> None:
     np.testing.assert_array_equal(run.to_xarray()["readings"].sel(sensor="a, b [1]"), run.columns["a, b [1]"])
 
 
-def test_a_sweep_takes_what_a_sensor_shows_and_varies_it() -> None:
+def test_a_sweep_records_and_varies_a_sensor() -> None:
     gauge = Sensor(name="gauge", kind="strain", link="beam", x=0.1, fibre=(0.02, 0.0))
     scene = cantilever(gauge).varied({"run.duration": 0.02})
     plan = fl.Sweep(
@@ -211,7 +213,7 @@ def test_a_sweep_takes_what_a_sensor_shows_and_varies_it() -> None:
     assert len(set(table.column("most"))) == 4
 
 
-def test_a_place_that_is_fixed_carries_no_sensor_and_one_beyond_the_first_hinge_does() -> None:
+def test_a_sensor_on_the_base_is_refused_and_one_beyond_the_first_hinge_is_allowed() -> None:
     """The first segment of a clamped beam is part of the base."""
     near, far = (Sensor(name="imu", kind="accelerometer", link="beam", x=x) for x in (0.01, 0.9))
     with refused(fl.errors.SceneError, "sensor-on-fixed-part"):
@@ -222,7 +224,7 @@ def test_a_place_that_is_fixed_carries_no_sensor_and_one_beyond_the_first_hinge_
     np.testing.assert_array_equal([run.columns[f"end {axis} [m]"][0] for axis in "xyz"], run.tip[0])
 
 
-def test_a_satellite_carries_sensors(models: Path) -> None:
+def test_sensors_on_a_free_base_measure_its_motion(models: Path) -> None:
     scene = fl.load_scene(models / "satellite.toml").varied({"run.duration": 0.2})
     sensors = (Sensor(name="gyro", kind="gyroscope", link="base"), Sensor(name="place", kind="position", link="base"))
     run = fl.simulate(scene.varied({"sensor": sensors}))
@@ -264,14 +266,14 @@ def test_a_linear_model_has_sensors_as_outputs_next_to_a_moving_state(rng: np.ra
     slope = (8 * (near - nearer) - (far - farther)) / 12e-3
     moving = model.A[2 * n :, : 2 * n] @ δx + model.B[2 * n :] @ δu
     settled = -np.linalg.solve(model.A[2 * n :, 2 * n :], moving)
-    told = np.concatenate([model.C @ np.concatenate([δx, settled]) + model.D @ δu, settled])
-    np.testing.assert_allclose(slope, told, rtol=0, atol=1e-8 * np.abs(told).max())
+    expected = np.concatenate([model.C @ np.concatenate([δx, settled]) + model.D @ δu, settled])
+    np.testing.assert_allclose(slope, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
     assert model.delays.tolist() == [0.01 if "gyro" in name else 0.0 for name in model.outputs]
     assert len(model.eigenvalues) == len(model.states) == 2 * n + 3 + 2 + 1
     assert len(model.y) == len(model.outputs) == len(outputs[0].sensors) + 2 + 2 + 3
 
 
-def test_low_passes_of_a_linear_model_are_those_of_the_instruments() -> None:
+def test_low_pass_filters_of_a_linear_model_agree_with_the_instruments() -> None:
     """Response to a unit step of the signal, by SciPy and by the instrument."""
     t = np.linspace(0, 0.3, 61)
     for order in (1, 2, 5):
@@ -282,7 +284,7 @@ def test_low_passes_of_a_linear_model_are_those_of_the_instruments() -> None:
         np.testing.assert_allclose(y, own, rtol=0, atol=1e-9)
 
 
-def test_a_simulator_shows_what_a_run_has_in_its_columns() -> None:
+def test_readings_of_a_simulator_equal_the_columns_of_a_run() -> None:
     drive = fl.Drive(kind="pd", kp=(300.0, 300.0), kd=(30.0, 30.0), target_deg=(10.0, 20.0))
     noisy = {"sensor.gauge.noise": 3.0, "sensor.gyro.rate": 50.0, "sensor.encoder.resolution": 1e-3}
     scene = two_links(drive=drive).varied(
@@ -303,10 +305,10 @@ def test_a_simulator_shows_what_a_run_has_in_its_columns() -> None:
 
 def test_a_law_receives_the_readings_of_sensors() -> None:
     scene = two_links().varied({"run.step": 1e-3, "run.sample": 0.01, "run.duration": 0.1, "run.method": "Radau5"})
-    told = []
+    received = []
 
     def law(t: float, q: np.ndarray, qd: np.ndarray, sensors: dict[str, float]) -> np.ndarray:
-        told.append(sensors)
+        received.append(sensors)
         return np.array([5.0, -300.0 * sensors["encoder [rad]"]])
 
     run = fl.simulate(scene, control=law, rate=100.0)
@@ -315,11 +317,11 @@ def test_a_law_receives_the_readings_of_sensors() -> None:
     for name in ("gauge [µm/m]", "encoder [rad]", "gyro [rad/s]", "marker x [m]"):
         column = run.columns[name]
         np.testing.assert_allclose(
-            [row[name] for row in told], column[: len(told)], rtol=0, atol=1e-10 * np.abs(column).max()
+            [row[name] for row in received], column[: len(received)], rtol=0, atol=1e-10 * np.abs(column).max()
         )
 
 
-def test_a_law_that_asks_for_sensors_needs_some_and_a_rate() -> None:
+def test_a_control_law_with_sensors_needs_sensors_and_a_rate() -> None:
     def law(t: float, q: np.ndarray, qd: np.ndarray, sensors: dict[str, float]) -> np.ndarray:
         return np.zeros(2)
 
@@ -330,22 +332,22 @@ def test_a_law_that_asks_for_sensors_needs_some_and_a_rate() -> None:
         fl.simulate(scene.varied({"sensor": None}), control=law, rate=100.0)
 
 
-def test_only_samples_too_far_apart_for_a_low_pass_are_reported() -> None:
+def test_only_samples_too_far_apart_for_a_low_pass_filter_are_reported() -> None:
     gauge = Sensor(name="gauge", kind="strain", link="beam", x=0.1, fibre=(0.02, 0.0), low_pass=50.0)
     scene = cantilever(gauge).varied({"initial.passive": "zero", "run.duration": 0.4, "run.tolerance": 1e-5})
     coarse, fine = (fl.simulate(scene, sample=sample) for sample in (0.005, 0.0005))
-    told = [note for note in coarse.notes if note.id == "coarse-samples"]
-    assert len(told) == 1
+    reported = [note for note in coarse.notes if note.id == "coarse-samples"]
+    assert len(reported) == 1
     assert not [note for note in fine.notes if "sensor" in note]
     exact = np.interp(coarse.t, fine.t, fine.columns["gauge [1]"])
     off = np.abs(coarse.columns["gauge [1]"] - exact).max() / np.ptp(coarse.columns["gauge [1]"])
-    said = float(re.search(r"([0-9.]+) ?%", told[0])[1]) / 100
-    assert off < said < 5 * off
+    reported_error = float(re.search(r"([0-9.]+) ?%", reported[0])[1]) / 100
+    assert off < reported_error < 5 * off
     plain = scene.varied({"sensor.gauge.low_pass": None, "sensor.gauge.delay": 0.04, "sensor.gauge.rate": 25.0})
     assert not [note for note in fl.simulate(plain, sample=0.02).notes if "sensor" in note]
 
 
-def test_measurements_are_compared_with_what_sensors_show(tmp_path: Path) -> None:
+def test_measurements_are_compared_with_sensor_readings(tmp_path: Path) -> None:
     encoder = Sensor(name="encoder", kind="joint", link="rod")
     volts = Sensor(name="volts", kind="torque", link="rod", gain=0.1, unit="V")
     (tmp_path / "measured.csv").write_text("t [ms],volts [V],encoder [deg]\n0,1,180\n10,2,90\n", encoding="utf-8")
@@ -355,7 +357,7 @@ def test_measurements_are_compared_with_what_sensors_show(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("fields", [{}, {"flex": "yz", "segments": 5}], ids=["rigid", "bends"])
-def test_places_and_directions_are_those_of_the_links_frame_wherever_its_beam_runs(fields: dict) -> None:
+def test_sensor_places_and_directions_are_in_the_link_frame_for_any_beam_line(fields: dict) -> None:
     """A beam along y, offset from its joint about y: R = R_y(θ) for a link that is not bent."""
     θ, beam = 0.7, {"material": "aluminium", "section": "square", "line": ((0.1, 0.0, 0.0), (0.1, 0.6, 0.0))}
     arm = fl.Link(name="arm", joint=fl.Joint(axis=(0, 1, 0)), **beam, **fields)
@@ -380,7 +382,7 @@ def test_places_and_directions_are_those_of_the_links_frame_wherever_its_beam_ru
 
 @pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
 def test_markers_sit_where_links_begin_and_end(path: Path, rng: np.random.Generator) -> None:
-    """At the tips of all branches, at the joint of every moving link, and on the straight line between them."""
+    """Markers are at the tips of all branches, at the joint of every moving link, and on the line between them."""
     scene = fl.load_scene(path)
     chain = fl.lump(scene)
     q = rng.uniform(-0.5, 0.5, chain.n)
@@ -423,8 +425,8 @@ def test_the_strain_of_a_uniform_load_is_exact_from_three_hinges_on() -> None:
     assert fl.simulate(scene).columns["gauge [1]"][0] == pytest.approx(expected, rel=1e-9, abs=0.0)
 
 
-def test_looking_does_not_change_what_is_seen() -> None:
-    """Nor does it change the torques that a sampled drive holds."""
+def test_reading_sensors_does_not_change_the_run() -> None:
+    """The torques of a sampled drive also stay the same."""
     drive = fl.Drive(kind="pd", kp=(30.0, 30.0), kd=(3.0, 3.0), target_deg=(10.0, 20.0), rate=200.0)
     settings = {"run.step": 1e-3, "run.sample": 0.01, "run.duration": 0.1, "run.method": "Radau5"}
     seen = two_links(drive=drive).varied(settings)
@@ -437,7 +439,7 @@ def test_looking_does_not_change_what_is_seen() -> None:
 
 
 def test_a_simulator_measures_prescribed_joints_and_free_bases(models: Path) -> None:
-    """The torque of a prescribed motion, and an attitude whose reference changes during the run."""
+    """This covers the torque of a prescribed motion, and an attitude whose reference changes during the run."""
     steps = {"run.step": 2e-3, "run.method": "Radau5", "run.sample": 0.05, "run.tolerance": None}
     satellite = fl.load_scene(models / "satellite.toml").varied(
         {**steps, "run.duration": 0.5, "initial.base.spin_deg": (200.0, 50.0, 30.0)}

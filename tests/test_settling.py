@@ -1,4 +1,4 @@
-"""Settling of the tip, and runs as tables of other packages."""
+"""Settling of the tip, and conversion of runs to pandas and xarray tables."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from conftest import nasty_scene
 import flexlink as fl
 from tests.words import refused
 
-ζ, ω, STEP = 0.1, 2 * np.pi, 0.3  # of a tip that springs by 0.3 m to its target, at 1 Hz
+ζ, ω, STEP = 0.1, 2 * np.pi, 0.3  # of a tip that moves by 0.3 m to its target as an oscillator of 1 Hz
 TARGET = (1.0 + STEP, 2.0, 0.0)
 
 
@@ -32,30 +32,30 @@ def step_response(short_run: fl.Trajectory) -> fl.Trajectory:
     return dataclasses.replace(short_run, t=t, tip=tip)
 
 
-def test_the_overshoot_is_that_of_the_books(step_response: fl.Trajectory) -> None:
+def test_the_overshoot_equals_the_textbook_value(step_response: fl.Trajectory) -> None:
     wanted = math.exp(-np.pi * ζ / math.sqrt(1 - ζ**2))
-    near = STEP * (ω * 1e-3) ** 2 / 8  # the peak lies half a sample off at most
+    near = STEP * (ω * 1e-3) ** 2 / 8  # the peak is at most half a sample away
     assert fl.measures.overshoot(step_response, target=TARGET) == pytest.approx(STEP * wanted, abs=near)
     assert fl.measures.overshoot(step_response, target=(2.0, 2.0, 0.0)) == 0.0
     with refused(fl.errors.ArgumentError, "no-travel"):
         fl.measures.overshoot(step_response, target=(1.0, 2.0, 0.0))
 
 
-def test_a_tip_has_settled_when_it_no_longer_leaves_the_tolerance(step_response: fl.Trajectory) -> None:
+def test_the_settling_time_is_when_the_tip_leaves_the_tolerance_for_the_last_time(step_response: fl.Trajectory) -> None:
     tolerance = 0.02 * STEP
     found = fl.measures.settling_time(step_response, target=TARGET, tolerance=tolerance)
     away = np.linalg.norm(step_response.tip - TARGET, axis=1)
     k = round(found / 1e-3)
     assert away[k - 1] > tolerance >= away[k:].max()
     envelope = -math.log(0.02 * math.sqrt(1 - ζ**2)) / (ζ * ω)
-    assert envelope - 0.5 <= found <= envelope + 1e-3  # within half a period, and a sample, of the envelope
+    assert envelope - 0.5 <= found <= envelope + 1e-3  # within half a period plus one sample of the envelope
     later = fl.measures.settling_time(step_response, target=TARGET, tolerance=tolerance, after=2.0)
     assert later == pytest.approx(found - 2.0, abs=1e-12)
     assert fl.measures.settling_time(step_response, target=TARGET, tolerance=1.0) == 0.0
     assert fl.measures.settling_time(step_response, target=(5.0, 0.0, 0.0), tolerance=1.0) == math.inf
 
 
-def test_the_residual_vibration_is_the_amplitude_whatever_the_place_of_rest(step_response: fl.Trajectory) -> None:
+def test_residual_vibration_is_the_amplitude_about_any_rest_position(step_response: fl.Trajectory) -> None:
     t, (a, b) = step_response.t, np.array([[0.6, 0.8, 0.0], [0.0, 0.0, 0.5]])
     swing = np.outer(0.01 * np.cos(5 * t), a) + np.outer(0.01 * np.sin(5 * t), b)
     run = dataclasses.replace(step_response, tip=np.array([7.0, -3.0, 1.0]) + swing)
@@ -69,7 +69,7 @@ def test_the_residual_vibration_is_the_amplitude_whatever_the_place_of_rest(step
     )
 
 
-def test_what_cannot_be_read_off_is_refused(step_response: fl.Trajectory) -> None:
+def test_invalid_arguments_of_measures_are_refused(step_response: fl.Trajectory) -> None:
     with refused(fl.errors.ArgumentError, "too-few-samples"):
         fl.measures.settling_time(step_response, target=TARGET, tolerance=1e-3, after=11.0)
     with refused(fl.errors.ArgumentError, "too-few-samples"):
@@ -84,14 +84,14 @@ def test_what_cannot_be_read_off_is_refused(step_response: fl.Trajectory) -> Non
         fl.measures.residual_vibration(3, after=0.0)
 
 
-def test_pandas_has_every_column_over_the_time(short_run: fl.Trajectory) -> None:
+def test_a_pandas_table_has_every_column_and_is_indexed_by_time(short_run: fl.Trajectory) -> None:
     pytest.importorskip("pandas")
     table = short_run.to_pandas()
     assert [table.index.name, *table.columns] == list(short_run.columns)
     assert np.array_equal(np.column_stack([table.index, table]), np.column_stack(list(short_run.columns.values())))
 
 
-def test_xarray_has_every_quantity_over_time_and_joint_with_its_unit(short_run: fl.Trajectory) -> None:
+def test_an_xarray_dataset_has_every_quantity_by_time_and_joint_with_its_unit(short_run: fl.Trajectory) -> None:
     pytest.importorskip("xarray")
     data = short_run.to_xarray()
     assert np.array_equal(data.q.sel(joint="upper.2.z"), short_run.q[:, short_run.chain.index("upper", 2, 3)])

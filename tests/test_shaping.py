@@ -1,4 +1,4 @@
-"""Residual vibration after input shaping: zero at the design frequencies, small near them."""
+"""Residual vibration after input shaping is zero at the design frequencies and small near them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def left(shaper: fl.InputShaper, pole: complex, derivative: int = 0) -> complex:
 
 
 def residual(course: fl.ReferenceTrajectory, pole: complex) -> float:
-    """Amplitude of ÿ − 2 Re λ ẏ + |λ|² (y − r) = 0 from rest when its reference has ended, by matrix exponentials.
+    """Amplitude of y after the end of its reference r: ÿ − 2 Re λ ẏ + |λ|² (y − r) = 0 by matrix exponentials.
 
     The powers x^j are additional states, (x^j)' = j x^(j−1): one exponential is the exact solution over a piece.
     """
@@ -42,7 +42,7 @@ def residual(course: fl.ReferenceTrajectory, pole: complex) -> float:
     return float(np.hypot(y[0] - course.coefficients[-1, 0, 0], y[1] / abs(pole)))
 
 
-def test_every_shaper_that_comes_along_is_tested() -> None:
+def test_every_built_in_shaper_is_tested() -> None:
     assert set(data_files.names("shapers")) == set(ZEROS)
     for name, zeros in ZEROS.items():
         assert data_files.load("shapers", "kind", name, ShaperRule).zeros == zeros
@@ -58,14 +58,14 @@ def test_every_shaper_that_comes_along_is_tested() -> None:
 def test_a_shaped_reference_leaves_no_vibration(
     kind: str, frequency: float, damping: float, profile: str, duration: float
 ) -> None:
-    """1e-12 of a move of 1 rad is some thousand roundings, for up to 28 pieces; exp(A t): ε |A| t, |A| = |λ|²."""
+    """1e-12 allows rounding of a move of 1 rad with up to 28 pieces; exp(A t) has errors of ε |A| t with |A| = |λ|²."""
     shaper = fl.InputShaper(kind=kind, frequency_hz=(frequency,), damping=(damping,))
     course = fl.Reference(profile=profile, to_deg=(np.degrees(1.0),), duration=duration).course((0.0,))
     pole, shaped = shaper.vibrations[0], course.shaped(*shaper.impulses)
     assert residual(shaped, pole) <= 1e-12 + 10 * EPS * abs(pole) ** 2 * shaped.knots[-1]
 
 
-def test_two_vibrations_are_shaped_away_by_the_convolution_of_their_shapers() -> None:
+def test_convolved_shapers_suppress_two_vibrations() -> None:
     shaper = fl.InputShaper(kind="ZVD", frequency_hz=(1.7, 2.6), damping=(0.02, 0.01))
     course = fl.Reference(profile="trapezoidal", to_deg=(np.degrees(1.0),), duration=0.3).course((0.0,))
     assert len(shaper.impulses[0]) == 9
@@ -79,7 +79,7 @@ def test_two_vibrations_are_shaped_away_by_the_convolution_of_their_shapers() ->
 def test_derivatives_of_a_shaper_with_respect_to_frequency_vanish_up_to_its_order(
     kind: str, frequency: float, damping: float
 ) -> None:
-    """In units of 1/|λ|^k each impulse adds |a_i (λ t_i)^k exp(−λ t_i)|, rounded by a few ε |λ t_i|."""
+    """In units of 1/|λ|^k, each impulse adds |a_i (λ t_i)^k exp(−λ t_i)| with a rounding error of a few ε |λ t_i|."""
     shaper = fl.InputShaper(kind=kind, frequency_hz=(frequency,), damping=(damping,))
     (pole,), (t, a) = shaper.vibrations, shaper.impulses
     for k in range(ZEROS[kind] + 1):
@@ -89,7 +89,7 @@ def test_derivatives_of_a_shaper_with_respect_to_frequency_vanish_up_to_its_orde
 
 
 def test_the_extra_insensitive_shaper_leaves_5_percent_at_most_in_its_band() -> None:
-    """At its frequency, and nowhere from 0.83 to 1.17 of it; ZVD leaves more there. Without damping."""
+    """Undamped, the residual is 5 % at the frequency and below it from 0.83 to 1.17 of it, where ZVD leaves more."""
     shapers = {kind: fl.InputShaper(kind=kind, frequency_hz=(1.0,)) for kind in ("EI", "ZVD")}
     band = 2j * np.pi * np.linspace(0.83, 1.17, 201)
     most = {kind: max(abs(left(shaper, pole)) for pole in band) for kind, shaper in shapers.items()}
@@ -110,8 +110,8 @@ def test_impulses_sum_to_one_and_poles_match_frequency_and_damping(frequency: fl
     np.testing.assert_allclose(a * (1 + K) ** 2, [1, 2 * K, K**2], rtol=EPS * (8 - 2 * np.log(K)))  # as in textbooks
 
 
-def test_a_shaped_reference_is_the_sum_of_delayed_ones(rng: np.random.Generator) -> None:
-    """Also for negative impulses: within 64 ε of the largest value of each derivative."""
+def test_a_shaped_reference_is_the_sum_of_delayed_references(rng: np.random.Generator) -> None:
+    """This includes negative impulses; errors are below 64 ε times the largest value of each derivative."""
     times, weights = rng.uniform(0, 1, 5), rng.uniform(-1, 1, 5)
     course = fl.Reference(profile="s_curve", to_deg=(90.0, -45.0), duration=1.0).course((0.0, 10.0))
     shaped, t = course.shaped(times, weights), np.linspace(-1, 4, 777)
@@ -121,7 +121,7 @@ def test_a_shaped_reference_is_the_sum_of_delayed_ones(rng: np.random.Generator)
         np.testing.assert_allclose(ours, theirs, atol=64 * EPS * np.abs(theirs).max())
 
 
-def test_a_shaper_of_ones_own_is_a_file(tmp_path: Path) -> None:
+def test_a_user_defined_shaper_is_read_from_a_file(tmp_path: Path) -> None:
     """The unity-magnitude shaper, +1, −1, +1 at sixths of a period, is faster than ZV."""
     path = tmp_path / "um_zv.toml"
     rule = 'about = "UM-ZV"\nsource = "Singhose, Singer & Seering 1994"\nzeros = {}\n'
@@ -170,8 +170,8 @@ def test_an_unknown_shaper_and_too_many_vibrations_are_refused() -> None:
         course.shaped([0.0, 1.0], [1.0])
 
 
-def test_poles_of_a_wheel_on_a_spring_of_pd_are_its_closed_form() -> None:
-    """I q̈ = −kp q − kd q̇."""
+def test_poles_of_a_wheel_under_pd_control_equal_the_closed_form() -> None:
+    """The poles are the roots of I λ² + kd λ + kp = 0."""
     wheel = fl.RigidBody(mass=1.0, inertia=(2.0, 2.0, 3.0))
     chain = fl.lump(make_scene(fl.Link(name="a"), tip=wheel, gravity=(0, 0, 0)))
     (pole,) = fl.small_motion.pd_poles(chain, [0.0], kp=12.0, kd=[1.5])
@@ -183,8 +183,8 @@ def test_poles_of_a_wheel_on_a_spring_of_pd_are_its_closed_form() -> None:
         fl.small_motion.pd_poles(chain, [0.0], kp=1.0, kd=[0.0, 0.0])
 
 
-def test_stiff_gains_have_the_poles_of_the_arm_with_its_joint_locked() -> None:
-    """At a bent posture under gravity; the compliance of the joint is of the order of the arm's stiffness over kp."""
+def test_stiff_gains_give_the_poles_of_the_arm_with_its_joint_locked() -> None:
+    """For a bent posture under gravity; the relative error is of the order of the arm's stiffness over kp."""
     scene = make_scene(flexible("a", flex="yz"), tip=fl.RigidBody(mass=1.0), initial=fl.InitialState(joint_deg=(30.0,)))
     chain = fl.lump(scene)
     q = fl.solve_static(chain, np.full(chain.n, 0.1), locked=chain.active).q

@@ -40,8 +40,8 @@ def posture_of(chain: fl.Chain) -> tuple:
 @compiled
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("number", [1.0, 1.0 + 0.7j, 0.01 - 2.0j])
-def test_the_solution_is_that_of_the_dense_matrix(name: str, number: complex) -> None:
-    """Up to 100 eps cond(M + A), for the few roundings per joint in the elimination."""
+def test_the_solution_equals_that_of_the_dense_matrix(name: str, number: complex) -> None:
+    """The error is at most 100 eps cond(M + A), due to a few roundings per joint in the elimination."""
     chain, rng = fl.lump(SCENES[name]), np.random.default_rng(1)
     q, r = rng.uniform(-1, 1, chain.n), number * rng.normal(size=chain.n)
     A = number * rng.uniform(0.1, 1.0, chain.n) + chain.hinges["armature"]
@@ -58,7 +58,7 @@ def test_the_solution_is_that_of_the_dense_matrix(name: str, number: complex) ->
 
 @compiled
 @pytest.mark.parametrize("name", SCENES)
-def test_the_displacement_is_how_far_the_farthest_segment_end_moves(name: str) -> None:
+def test_the_displacement_is_the_largest_motion_of_any_segment_end(name: str) -> None:
     chain, rng = fl.lump(SCENES[name]), np.random.default_rng(2)
     q, change = rng.uniform(-1, 1, chain.n), rng.normal(size=chain.n)
     small = 1e-6

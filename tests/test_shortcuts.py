@@ -1,4 +1,4 @@
-"""Shortcuts of the first run of a scene give the results of the full computation, which is also done here."""
+"""Shortcuts in the first run of a scene give the results of the full computation."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ EVERY_ARM = pytest.mark.parametrize("arm", ARMS, ids=lambda path: path.stem)
 
 
 @EVERY_ARM
-def test_joints_without_a_lever_are_those_that_a_posture_shows(arm: Path, monkeypatch) -> None:
+def test_joints_without_a_lever_arm_equal_those_found_from_a_posture(arm: Path, monkeypatch) -> None:
     scene = fl.load_scene(arm)
     quick = fl.lump(scene)._without_lever
     monkeypatch.setattr(size, "_offset_of_next", lambda *_: 0.0)
@@ -38,25 +38,25 @@ def test_joints_without_a_lever_are_those_that_a_posture_shows(arm: Path, monkey
 
 
 @EVERY_ARM
-def test_an_arm_is_in_a_plane_where_all_its_axes_are_parallel(arm: Path) -> None:
+def test_an_arm_is_planar_if_all_its_axes_are_parallel(arm: Path) -> None:
     chain = fl.lump(fl.load_scene(arm))
     parallel = chain.is_serial_revolute and chain.all_axes_parallel_to(chain.axes[0])
     assert chain.is_planar == parallel
 
 
 @EVERY_ARM
-def test_a_frame_is_built_of_the_same_bits_where_identities_are_multiplied(arm: Path, monkeypatch) -> None:
+def test_skipping_products_with_identities_gives_bit_equal_frames(arm: Path, monkeypatch) -> None:
     scene = fl.load_scene(arm)
     chain = fl.lump(scene)
     monkeypatch.setattr(builder, "_is_one", lambda _: False)
-    links = tuple(msgspec.structs.replace(link) for link in scene.arm.links)  # others, of which no frame is known
+    links = tuple(msgspec.structs.replace(link) for link in scene.arm.links)  # copies without cached frames
     again = fl.lump(msgspec.structs.replace(scene, arm=msgspec.structs.replace(scene.arm, links=links)))
     for name in ("bodies", "hinges", "couplings"):
         assert getattr(chain, name).tobytes() == getattr(again, name).tobytes()
 
 
 @EVERY_ARM
-def test_no_eigenvalue_is_beyond_the_bound(arm: Path, rng: np.random.Generator) -> None:
+def test_no_eigenvalue_exceeds_the_rate_bound(arm: Path, rng: np.random.Generator) -> None:
     problem = problem_of(fl.load_scene(arm))
     chain = problem.chain
     for q, qd in ((problem.q, problem.qd), (problem.q + 0.1 * rng.normal(size=chain.n), rng.normal(size=chain.n))):
@@ -65,8 +65,8 @@ def test_no_eigenvalue_is_beyond_the_bound(arm: Path, rng: np.random.Generator) 
         assert bound >= (1 - 1e-9) * np.abs(stability.eigenvalues(chain, q, qd, **acting)).max()
 
 
-def test_no_swing_of_a_hanging_arm_is_beyond_the_bound() -> None:
-    """Rigid links that swing only due to gravity."""
+def test_the_rate_bound_covers_the_pendulum_modes_of_a_hanging_arm() -> None:
+    """The links are rigid, so gravity alone makes them oscillate."""
     chain = fl.lump(
         make_scene(
             *(fl.Link(name=name, length=1.0, end=fl.RigidBody(mass=1.0)) for name in "ab"), gravity=(9.81, 0.0, 0.0)
@@ -79,7 +79,7 @@ def test_no_swing_of_a_hanging_arm_is_beyond_the_bound() -> None:
     assert rate_bound(chain, zero, zero, **acting) >= fastest  # type: ignore[arg-type]
 
 
-def test_a_wheel_on_one_arm_of_two_has_no_lever() -> None:
+def test_a_wheel_on_one_of_two_arms_has_no_lever_arm() -> None:
     arm = fl.Link(name="arm", length=1.0, hub=fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1)))
     wheel = fl.Link(name="wheel", hub=fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.2)))
     other = fl.Link(name="other", on="arm", mount=fl.Mount(xyz=(0.0, 1.0, 0.0)), length=1.0, hub=arm.hub)
@@ -89,10 +89,8 @@ def test_a_wheel_on_one_arm_of_two_has_no_lever() -> None:
 
 @pytest.mark.parametrize("damping", [0.0, 0.5, 50.0])
 @pytest.mark.parametrize("young", [2e9, 70e9])
-def test_a_step_that_samples_end_takes_no_notice_of_a_longer_one_that_is_stable(
-    damping: float, young: float, monkeypatch
-) -> None:
-    """Runs by DOP853 that compute the longest stable step are bit-equal to runs in which it is known not to matter."""
+def test_the_stable_step_does_not_matter_if_samples_limit_the_step(damping: float, young: float, monkeypatch) -> None:
+    """DOP853 runs that skip computing the longest stable step are bit-equal to runs that compute it."""
     material = fl.Material(young=young, density=2700.0, loss_time=1e-5)
     scene = make_scene(flexible("a", segments=3, joint=fl.Joint(viscous=damping)), gravity=(0.0, -9.81, 0.0)).varied(
         {"material.aluminium": material, "run": fl.RunSettings(method="DOP853", tolerance=1e-5, duration=0.2)}
@@ -114,7 +112,7 @@ def test_a_step_that_samples_end_takes_no_notice_of_a_longer_one_that_is_stable(
 
 
 @pytest.mark.parametrize("name", ["RK4", "RK10", "DOPRI5", "DOP853"])
-def test_the_stable_step_is_the_shortest_of_all_eigenvalues_one_by_one(name: str, rng: np.random.Generator) -> None:
+def test_the_stable_step_is_the_smallest_over_single_eigenvalues(name: str, rng: np.random.Generator) -> None:
     for count in (1, 3, 8):
         λ = -rng.exponential(3.0, count) + 10j * rng.normal(size=count)
         λ = np.concatenate([λ, λ.conj()])
@@ -123,7 +121,7 @@ def test_the_stable_step_is_the_shortest_of_all_eigenvalues_one_by_one(name: str
         assert stability.stable_step_of(λ, name) == pytest.approx(each.min(), rel=1e-12)
 
 
-def test_many_attitudes_are_those_of_each_one(rng: np.random.Generator) -> None:
+def test_a_batch_of_attitudes_equals_single_conversions(rng: np.random.Generator) -> None:
     quaternions = quaternions_of(rng.normal(size=(7, 3)))
     R = matrices_from_quaternions(quaternions)
     each = np.array([matrix_from_quaternion(one) for one in quaternions.tolist()])
@@ -132,7 +130,7 @@ def test_many_attitudes_are_those_of_each_one(rng: np.random.Generator) -> None:
 
 
 @pytest.mark.parametrize("degree", [1, 3, 5, 6])
-def test_farthest_angles_are_found_whether_or_not_a_piece_leaves_its_ends(
+def test_extremes_of_a_reference_are_found_inside_pieces_and_at_their_ends(
     degree: int, rng: np.random.Generator
 ) -> None:
     for _ in range(50):
@@ -148,9 +146,9 @@ def test_farthest_angles_are_found_whether_or_not_a_piece_leaves_its_ends(
         assert (np.abs(high - seen.max(axis=0)) < near).all()
 
 
-def test_numbers_of_a_file_are_known_to_be_finite_only_where_all_are() -> None:
+def test_a_document_is_finite_only_if_all_its_numbers_are() -> None:
     assert is_finite({"a": [1.0, {"b": 2}], "name": "nan"})
     for number in (np.nan, np.inf, -np.inf):
         assert not is_finite({"a": [1.0, {"b": number}]})
-    assert not is_finite({"name": "null"}), "which is then looked at one by one"
+    assert not is_finite({"name": "null"}), "a text that may hide a null is checked number by number"
     assert not is_finite({"a": {1.0 + 2.0j}})

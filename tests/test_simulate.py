@@ -43,10 +43,10 @@ def test_an_independent_integrator_finds_the_same_motion(paper: fl.Scene) -> Non
 
     other = solve_ivp(slope, (0, 0.1), np.concatenate([q0, qd0]), method="DOP853", rtol=1e-12, atol=1e-13)
     run = fl.simulate(paper, duration=0.1, step=1e-5)
-    assert np.abs(run.q[-1] - other.y[:10, -1]).max() < 1e-10  # sum of both tolerances over the run
+    assert np.abs(run.q[-1] - other.y[:10, -1]).max() < 1e-10  # sum of the errors of both integrators over the run
 
 
-def test_a_pd_drive_holds_its_target() -> None:
+def test_a_pd_drive_settles_at_its_target() -> None:
     drive = fl.Drive(kind="pd", kp=(400.0,), kd=(40.0,), target_deg=(30.0,))
     link = fl.Link(name="a", length=1.0)
     scene = make_scene(link, tip=fl.RigidBody(mass=1.0), gravity=(0, 0, 0), drive=drive)
@@ -54,8 +54,8 @@ def test_a_pd_drive_holds_its_target() -> None:
     assert np.degrees(run.q[-1, 0]) == pytest.approx(30.0, abs=1e-6)
 
 
-def test_a_table_drive_is_linear_between_its_times_and_held_outside() -> None:
-    """θ'' = τ(t)/J with τ a ramp to 1 at t = 1, then constant: q̇(2) = (1/2 + 1)/J exactly."""
+def test_a_table_drive_is_linear_between_its_times_and_constant_outside() -> None:
+    """θ'' = τ(t)/J with τ rising linearly to 1 at t = 1, then constant: q̇(2) = (1/2 + 1)/J exactly."""
     drive = fl.Drive(kind="table", times=(0.0, 1.0), torques=((0.0,), (1.0,)))
     scene = make_scene(fl.Link(name="a", length=1.0), tip=fl.RigidBody(mass=2.0), gravity=(0, 0, 0), drive=drive)
     run = fl.simulate(scene, step=1e-2, duration=2.0, sample=0.1)
@@ -71,7 +71,7 @@ def test_a_table_that_starts_late_holds_its_first_torque_until_then() -> None:
     assert run.tau[:, 0] == pytest.approx([3.0, 3.0, 3.0, 4.0, 5.0], rel=1e-15, abs=0)
 
 
-DRIVES = {  # of three links, the first one locked; what the other two get at t = 0.5 s
+DRIVES = {  # three links, the first one locked: torques on the other two at t = 0.5 s
     "constant": (fl.Drive(kind="constant", torque=(0.0, 1.0, 2.0)), (1.0, 2.0)),
     "table": (
         fl.Drive(kind="table", times=(0.1, 0.3, 0.7), torques=((0.0, 0.0, 0.0), (0.0, 1.0, 2.0), (0.0, 3.0, 8.0))),
@@ -85,8 +85,8 @@ DRIVES = {  # of three links, the first one locked; what the other two get at t 
 
 
 @pytest.mark.parametrize("kind", DRIVES)
-def test_every_link_gets_its_own_drive_also_behind_a_locked_one(kind: str) -> None:
-    """The arm is so heavy that its rates stay 1 and −2 deg/s: the angles at 0.5 s are 4 and 8 degrees."""
+def test_every_link_gets_its_own_drive_even_after_a_locked_one(kind: str) -> None:
+    """The arm is so heavy that its rates stay 1 and −2 deg/s and its angles at 0.5 s are 4 and 8 degrees."""
     drive, wanted = DRIVES[kind]
     hub, locked = fl.RigidBody(inertia=(1e9, 1e9, 1e9)), fl.Joint(locked=True)
     links = [fl.Link(name="a", joint=locked), fl.Link(name="b", hub=hub), fl.Link(name="c", hub=hub)]
@@ -94,7 +94,7 @@ def test_every_link_gets_its_own_drive_also_behind_a_locked_one(kind: str) -> No
     run = fl.simulate(
         make_scene(*links, gravity=(0, 0, 0), drive=drive, initial=start), step=0.01, sample=0.5, duration=0.5
     )
-    assert run.tau[-1] == pytest.approx(np.array(wanted), rel=1e-8)  # what 10 N m do to 1e9 kg m² in half a second
+    assert run.tau[-1] == pytest.approx(np.array(wanted), rel=1e-8)  # effect of 10 N m on 1e9 kg m² in 0.5 s
 
 
 def test_constant_torque_and_wrench_act_together() -> None:
@@ -120,7 +120,7 @@ def test_a_run_that_diverges_stops_and_keeps_its_samples(paper: fl.Scene) -> Non
 
 
 def test_the_largest_stable_step_is_where_runs_start_to_diverge(paper: fl.Scene) -> None:
-    """Springs only, small motion: 3 % below the limit the energy stays, 3 % above it explodes."""
+    """Small motion with springs only: the energy stays constant 3 % below the limit and grows 3 % above it."""
     calm = fl.Scene(
         name="calm", arm=paper.arm, gravity=(0, 0, 0), initial=fl.InitialState(joint_deg=(0, 0, 0), rate_deg=(0, 1, -2))
     )
@@ -175,7 +175,7 @@ def test_a_failed_save_keeps_the_old_file_and_gives_the_reason(paper: fl.Scene, 
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_static_start_leaves_the_hinges_at_rest_while_the_joints_are_held(models) -> None:
+def test_with_a_static_start_hinges_stay_at_rest_while_joints_are_held(models) -> None:
     scene = fl.load_scene(models / "t3_spatial.toml")
     held = fl.Scene(
         name="held", arm=scene.arm, wrench=scene.wrench,
@@ -209,7 +209,7 @@ def test_copies_of_a_trajectory_stay_read_only(clone, paper: fl.Scene) -> None:
     np.testing.assert_array_equal(twin.energy.total, run.energy.total)
 
 
-def test_from_states_leaves_the_arrays_of_its_caller_alone(paper: fl.Scene) -> None:
+def test_from_states_does_not_modify_the_arrays_of_its_caller(paper: fl.Scene) -> None:
     chain = fl.lump(paper)
     q, qd = fl.initial_state(paper, chain)
     t, q, qd = np.zeros(1), q[None].copy(), qd[None].copy()
@@ -220,13 +220,13 @@ def test_from_states_leaves_the_arrays_of_its_caller_alone(paper: fl.Scene) -> N
         assert not array.flags.writeable
 
 
-def test_which_joints_are_driven_cannot_be_overwritten(paper: fl.Scene) -> None:
+def test_the_array_of_driven_joints_is_read_only(paper: fl.Scene) -> None:
     with refused(ValueError, "test-simulate"):
         fl.lump(paper).active[0] = 3
 
 
-def test_every_quantity_of_a_run_has_its_own_name(models, tmp_path) -> None:
-    """In the trajectory, in the columns and in the archive, for a driven, bent arm in space."""
+def test_every_quantity_of_a_run_has_a_unique_name(models, tmp_path) -> None:
+    """This is checked in trajectory, columns and archive for a driven spatial arm with flexible links."""
     scene = fl.load_scene(models / "t3_spatial.toml")
     drive = fl.Drive(kind="constant", torque=tuple(float(k + 1) for k in range(len(scene.arm.links))))
     run = fl.simulate(scene.varied({"drive": drive}), step=1e-5, sample=1e-4, duration=2e-4)
@@ -245,8 +245,8 @@ def test_every_quantity_of_a_run_has_its_own_name(models, tmp_path) -> None:
         assert not array.flags.writeable
 
 
-def test_stages_of_a_method_of_high_order_build_upon_all_before_them() -> None:
-    """A pendulum from the horizontal: a step of order ten of 20 ms ends where a hundred of order four do, to 1e-12."""
+def test_stages_of_a_high_order_method_use_all_earlier_stages() -> None:
+    """For a pendulum, one RK10 step of 20 ms agrees with a hundred RK4 steps to 1e-12."""
     rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
     scene = make_scene(rod, gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_deg=(10.0,), rate_deg=(200.0,)))
     ends = [

@@ -83,7 +83,7 @@ def test_every_key_has_a_description() -> None:
 
 
 def test_no_description_of_a_key_is_indented() -> None:
-    """Indented lines would be a definition list with its first line in bold."""
+    """Markdown would render indented lines as a definition list with its first line in bold."""
     of_keys = [text for kind in records() for _, text in keys.entries(kind)]
     assert any("\n" in text for text in of_keys)
     assert [text for text in of_keys if "\n " in text] == []
@@ -114,13 +114,13 @@ def test_every_number_of_a_record_has_a_unit() -> None:
     assert [key for key in without if not {key, key.partition(".")[0]} & WITHOUT_UNIT] == []
 
 
-def test_units_of_fields_are_those_of_their_descriptions() -> None:
+def test_units_of_fields_agree_with_their_descriptions() -> None:
     marked = {}
     for field, text in (pair for kind in (Scene, *KINDS_IN_A_SCENE) for pair in keys.entries(kind)):
         if units_of(field.type):
             marked[field.encode_name, text] = units_in(text)
             assert units_of(field.type) == units_in(text), field.name
-        else:  # a pure number, one of several units, or the unit that another key of a sensor specifies
+        else:  # dimensionless, with one of several units, or in the unit that another key of a sensor gives
             units = units_in(text)
             assert len(units) != 1 or re.fullmatch(r"1|.*(;|\bunit\b).*", units[0]), (field.name, text)
     assert len(marked) > 80
@@ -140,7 +140,7 @@ def test_every_key_is_on_its_page_once(texts: dict[str, str]) -> None:
     assert nested <= {*listed}
 
 
-def test_every_option_is_listed_once_below_its_command(texts: dict[str, str]) -> None:
+def test_every_option_is_listed_once_under_its_command(texts: dict[str, str]) -> None:
     _, *sections = re.split(r"^\.\. program:: (.+)$", texts["command_line.rst"], flags=re.MULTILINE)
     below = dict(zip(sections[::2], sections[1::2], strict=True))
     parser = build_parser()

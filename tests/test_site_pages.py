@@ -1,4 +1,4 @@
-"""The site in a real browser, from its files: nothing cut on a desk or a phone, light or dark; search finds."""
+"""The site in a real browser, from local files: nothing is cut on desktop or phone, light or dark; search works."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def window() -> Iterator[Browser]:
 
 @pytest.fixture(scope="module")
 def site() -> Path:
-    """The site that SITE names."""
+    """Folder of the built site, from the environment variable SITE."""
     return Path(os.environ["SITE"])
 
 
@@ -98,8 +98,8 @@ def test_search_from_a_file_finds_the_page(window: Browser, site: Path, word: st
     assert any(SEARCHES[word] in link for link in window.run_async(wait)), word
 
 
-def test_no_page_asks_a_network_for_anything(site: Path) -> None:
-    asked = re.compile(
+def test_no_page_accesses_the_network(site: Path) -> None:
+    pattern = re.compile(
         r"""<(?:script|img|iframe)[^>]*src=["']?(?:https?:)?//|<link[^>]*stylesheet[^>]*href=["']?http"""
     )
-    assert [path for path in site.rglob("*.html") if asked.search(path.read_text(encoding="utf-8"))] == []
+    assert [path for path in site.rglob("*.html") if pattern.search(path.read_text(encoding="utf-8"))] == []

@@ -52,7 +52,7 @@ def settled(run: dict[str, Any], duration: float) -> fl.RunSettings:
     ],
     ids=["radius of gyration", "by its rotor", "a mass alone", "no mass", "travel", "reach"],
 )  # fmt: skip
-def test_the_size_is_the_reach_or_a_radius_of_gyration_or_a_metre(link: fl.Link, size: float) -> None:
+def test_the_size_is_the_reach_or_else_a_radius_of_gyration_or_one_metre(link: fl.Link, size: float) -> None:
     chain = fl.lump(make_scene(link, **STILL))
     assert chain.size == pytest.approx(size, rel=1e-14)
     assert chain.reach in (0.0, chain.size)
@@ -70,14 +70,14 @@ def test_the_size_is_the_reach_or_a_radius_of_gyration_or_a_metre(link: fl.Link,
     ],
     ids=["wheel", "cart", "wheel on a cart", "arm", "shaft", "bob", "arm on a wheel", "bending"],
 )  # fmt: skip
-def test_levers_are_places_that_turning_moves(links: tuple[fl.Link, ...], levers: bool) -> None:
+def test_a_chain_has_lever_arms_if_rotation_moves_a_point(links: tuple[fl.Link, ...], levers: bool) -> None:
     chain = fl.lump(make_scene(*links, **STILL))
     assert chain.has_levers is levers
     assert list(chain.turning_radii) == ([] if levers else [0.0 if slides else chain.size for slides in chain.slides])
 
 
-def test_a_last_wrist_counts_by_its_radius_of_gyration_about_its_axis() -> None:
-    """An error of its angle moves no point of the arm; its rotor moves no mass."""
+def test_a_last_wrist_is_weighted_by_its_radius_of_gyration_about_its_axis() -> None:
+    """An error of the wrist angle moves no point of the arm, and its rotor moves no mass."""
     hub = fl.RigidBody(mass=4.0, center=(0.3, 0.0, 0.7), inertia=(0.1, 0.1, 0.2))
     wrist = fl.Link(name="wrist", joint=fl.Joint(armature=5.0), hub=hub)
     chain = fl.lump(make_scene(fl.Link(name="arm", length=1.0, hub=fl.RigidBody(mass=1.0)), wrist, **STILL))
@@ -85,8 +85,8 @@ def test_a_last_wrist_counts_by_its_radius_of_gyration_about_its_axis() -> None:
     assert chain.turning_radii == pytest.approx([0.0, np.sqrt(0.2 / 4.0 + 0.3**2)], rel=1e-14)
 
 
-def test_a_motor_on_an_elastic_gear_counts_by_its_share_of_the_momentum() -> None:
-    """Its rotor turns against the spring and moves no point immediately; a rod of 3 kg and 1 m has J = 1 kg m²."""
+def test_a_motor_on_an_elastic_gear_is_weighted_by_its_share_of_the_momentum() -> None:
+    """The rotor turns against the gear spring without moving a point; the rod of 3 kg and 1 m has J = 1 kg m²."""
     hub = fl.RigidBody(mass=3.0, center=(0.5, 0.0, 0.0), inertia=(0.0, 0.25, 0.25))
     joint = fl.Joint(armature=0.25, gear_stiffness=100.0)
     chain = fl.lump(make_scene(fl.Link(name="arm", length=1.0, joint=joint, hub=hub), **STILL))
@@ -96,16 +96,16 @@ def test_a_motor_on_an_elastic_gear_counts_by_its_share_of_the_momentum() -> Non
 
 
 @compiled
-def test_what_newton_leaves_of_a_rotor_on_an_elastic_gear_is_within_the_tolerance() -> None:
-    """Its motor saturates, so errors of its rate stay: 10.8 tolerances when the norm used positions alone."""
+def test_newtons_residual_for_a_rotor_on_an_elastic_gear_is_within_the_tolerance() -> None:
+    """The motor saturates, so rate errors persist; if the norm used only positions, the error was 10.8 tolerances."""
     found = [one for one in outcomes(130, (3.24e-7,)) if one.method == "Radau9"]
     assert [one.word for one in found] == ["right"] and found[0].error < 1.0
 
 
 @compiled
 @pytest.mark.parametrize("method", ["auto", "DOP853", "Radau5", "Radau9"])
-def test_the_last_link_of_a_robot_without_a_place_on_it_is_within_the_tolerance(method: str) -> None:
-    """Its swing accelerates the link before it: 66 tolerances by Radau5 when the norm used positions alone."""
+def test_a_last_link_without_moving_points_is_within_the_tolerance(method: str) -> None:
+    """The last link accelerates the previous one; if the norm used only positions, Radau5 erred by 66 tolerances."""
     scene = fl.load_scene(ROOT / "models" / "robots" / "double_pendulum.toml")
     scene = replace(scene, initial=replace(scene.initial, joint_deg=(70.0, 40.0)))
     scene = replace(scene, run=fl.RunSettings(method=method, tolerance=1e-5, duration=2.0, sample=0.1))
@@ -122,7 +122,7 @@ def test_the_last_link_of_a_robot_without_a_place_on_it_is_within_the_tolerance(
 @compiled
 @EVERY
 def test_a_cart_on_a_spring_follows_its_closed_form(run: dict[str, Any]) -> None:
-    """x = x₀ cos √(k/m) t, with a gain of the drive as spring; to the tolerance, or to 1e-6 by 600 steps per period."""
+    """With the drive gain k, x = x₀ cos √(k/m) t within the tolerance, or within 1e-6 with 600 steps per period."""
     drive = fl.Drive(kind="pd", kp=(200.0,), kd=(0.0,), target_m=(0.0,))
     start = fl.InitialState(joint_m=(0.1,))
     found = fl.simulate(make_scene(cart(), drive=drive, initial=start, run=settled(run, 2.0), **STILL))
@@ -133,8 +133,8 @@ def test_a_cart_on_a_spring_follows_its_closed_form(run: dict[str, Any]) -> None
 
 @compiled
 @EVERY
-def test_two_masses_on_an_elastic_gear_swing_against_each_other(run: dict[str, Any]) -> None:
-    """The twist is a cos ω t, ω² = k (1/J + 1/I), and the motor turns by I/(I + J) of the change of twist."""
+def test_two_masses_on_an_elastic_gear_vibrate_against_each_other(run: dict[str, Any]) -> None:
+    """The twist is a cos ω t with ω² = k (1/J + 1/I), and the motor turns by I/(I + J) times the change of twist."""
     motor, load, k, twist = 0.05, 0.1, 30.0, 0.2
     gear = wheel(load, armature=motor, gear_stiffness=k, gear_damping=0.0)
     initial = fl.InitialState(q=(0.0, twist), qd=(0.0, 0.0))
@@ -146,7 +146,7 @@ def test_two_masses_on_an_elastic_gear_swing_against_each_other(run: dict[str, A
 
 
 def spun(t: Array, ω: tuple[float, float]) -> Array:
-    """ω of a free body with I = 1, 2, 3 that starts at (ω₁, 0, ω₃), by Jacobi's functions; it spins about axis 3."""
+    """ω of a free body with I = 1, 2, 3 that starts at (ω₁, 0, ω₃) about axis 3, by Jacobi's elliptic functions."""
     one, three = ω
     energy, square = one**2 + 3 * three**2, one**2 + (3 * three) ** 2  # 2 T, L²
     assert square > 2 * energy
@@ -160,7 +160,7 @@ def spun(t: Array, ω: tuple[float, float]) -> Array:
 @pytest.mark.slow
 @EVERY
 def test_a_free_body_tumbles_as_in_jacobi_s_solution(run: dict[str, Any]) -> None:
-    """The error grows about in proportion to the number of turns; it is within 30 tolerances of angle and rate."""
+    """The error grows about in proportion to the number of turns and is within 30 tolerances of angle and rate."""
     base = fl.Base(kind="free", mass=4.0, inertia=(1.0, 2.0, 3.0))
     arm = fl.Arm(links=(fl.Link(name="box", joint=fl.Joint(locked=True)),), base=base)
     initial = fl.InitialState(joint_deg=(0.0,), base=fl.details.BaseState(spin=(1.2, 0.0, 1.0)))
@@ -173,8 +173,8 @@ def test_a_free_body_tumbles_as_in_jacobi_s_solution(run: dict[str, Any]) -> Non
 
 
 @compiled
-def test_a_bob_without_a_rod_keeps_its_tolerance() -> None:
-    """A hub off its axis is a pendulum without moving hinge points or tip: the error norm uses its rotation."""
+def test_a_pendulum_without_moving_points_meets_its_tolerance() -> None:
+    """The rotation of a hub with an offset mass moves no hinge or tip, so the error norm uses angle times `size`."""
     bob = fl.Link(name="bob", hub=fl.RigidBody(mass=1.0, center=(0.5, 0.0, 0.0), inertia=(0.01, 0.01, 0.01)))
     scene = make_scene(bob, gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_deg=(60.0,)))
     exact = fl.simulate(scene.varied({"run": fl.RunSettings(method="RK4", step=1e-3, duration=3.0, sample=0.05)}))
@@ -188,7 +188,7 @@ def test_a_bob_without_a_rod_keeps_its_tolerance() -> None:
 @compiled
 @pytest.mark.slow
 @pytest.mark.parametrize("links", [(cart(),), (wheel(),), (cart(), wheel())], ids=["cart", "wheel", "both"])
-def test_commands_take_scenes_without_a_reach(links: tuple[fl.Link, ...], tmp_path: Path, capsys: Any) -> None:
+def test_commands_accept_scenes_of_zero_reach(links: tuple[fl.Link, ...], tmp_path: Path, capsys: Any) -> None:
     scene = make_scene(*links, **STILL, drive=fl.Drive(kind="constant", torque=(0.3,) * len(links)))
     (tmp_path / "scene.toml").write_text(scene.to_toml())
     path = str(tmp_path / "scene.toml")

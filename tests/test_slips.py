@@ -39,7 +39,7 @@ ROD = make_scene(fl.Link(name="rod", length=1.0), tip=fl.RigidBody(mass=1.0, ine
 
 
 class TestOutputs:
-    def test_numbers_are_written_out_if_rounding_adds_a_digit_and_tables_contain_zeros(self) -> None:
+    def test_numbers_rounded_to_one_more_digit_are_written_out_and_zeros_stay_in_tables(self) -> None:
         assert [number(999.7), number(-99.97, 2), number(9999.7, 4)] == ["1000", "−100", "10000"]
         assert (time(0.9997), time(0.9994)) == ("1 s", "999 ms")
         assert table_csv(("a", "b"), [(0.0, None), (0, False)]) == "a,b\n0.0,\n0,False\n"
@@ -70,7 +70,7 @@ class TestOutputs:
         assert urdf == sdf
         reviewed("slips: initial state in a file", urdf)
 
-    def test_the_time_of_peak_stress_does_not_depend_on_the_number_of_samples_at_once(self, monkeypatch: Any) -> None:
+    def test_the_time_of_peak_stress_does_not_depend_on_the_block_size_of_samples(self, monkeypatch: Any) -> None:
         scene = make_scene(flexible("beam", lumping="gauss"), gravity=(0.0, -9.81, 0.0), tip=fl.RigidBody(mass=2.0))
         run = fl.simulate(scene.varied({"run": {"step": 1e-4, "duration": 0.02, "sample": 1e-3}}))
         whole = stress.peak_stress(run)
@@ -81,7 +81,7 @@ class TestOutputs:
 
 class TestInputs:
     @pytest.mark.parametrize(("given", "tried"), [((0.5, 2.0), (0.5, 2.0)), ((1e-9, 1e9), (1e-3, 1e3))])
-    def test_a_parameter_is_fitted_within_a_factor_of_a_thousand(self, given: Any, tried: Any) -> None:
+    def test_by_default_a_parameter_is_fitted_within_a_factor_of_a_thousand(self, given: Any, tried: Any) -> None:
         assert coordinate_of(ROD, fl.fits.FitParameter(path="tip.mass", between=given)).between == pytest.approx(tried)
 
     def test_a_reference_below_a_lower_limit_is_refused(self) -> None:
@@ -94,15 +94,15 @@ class TestInputs:
         with refused(fl.errors.SceneError, "wrench-out-of-reach"):
             ROD.varied({"link.rod.joint.limits_deg": (-45.0, 90.0), "drive": drive})
 
-    def test_a_vibration_at_the_band_frequency_does_not_count_and_one_at_a_tenth_does(self) -> None:
-        """The window of two periods of the band has its first zero at the band: it is Hann's."""
+    def test_the_band_filter_removes_its_frequency_and_passes_a_tenth_of_it(self) -> None:
+        """The Hann window of two periods of the band has its first zero at the band frequency."""
         t = 1e-3 * np.arange(2001)
         norm = TipErrorNorm(Goal(1e-3, band=10.0), 1e-3)
         fast, slow = (norm.lengths(np.sin(2 * np.pi * f * t)[:, None])[200:-200].max() for f in (10.0, 1.0))
         assert fast < 0.01
         assert slow > 0.95
 
-    def test_a_given_lock_replaces_the_known_one(self) -> None:
+    def test_a_lock_on_the_command_line_replaces_the_stored_one(self) -> None:
         nothing = {key: [] for key in ("posture", "flexible", "armature")}
         options = SimpleNamespace(base=None, tip=None, free_base=False, locked=["b=90"], **nothing)
         known = KnownArm(file="arm.urdf", locked={"a": 0.1, "b": 0.2})
@@ -121,7 +121,7 @@ class TestInputs:
         robot = cast("Any", SimpleNamespace(joints=joints))
         assert Robot.position(robot, cast("Any", joints["c"]), {"a": 0.5}) == 2 * (3 * 0.5 + 5) + 1
 
-    def test_an_arm_in_denser_air_is_another_chain(self) -> None:
+    def test_air_density_is_part_of_the_chain(self) -> None:
         scene = make_scene(flexible("beam", drag=fl.Drag(coefficient=1.2)))
         thin, dense = (fl.lump(replace(scene, air_density=ρ)) for ρ in (1.0, 3.0))
         np.testing.assert_allclose(dense.drag["drag"], 3 * thin.drag["drag"], rtol=1e-14)
@@ -134,7 +134,7 @@ class TestRuns:
         later = fl.simulate(falling.varied({"run.duration": 0.01, "initial.time": 2.0}))
         assert later.momentum_error is not None and max(later.momentum_error) < 1e-9
 
-    def test_errors_of_steps_between_samples_count_like_those_at_samples(self) -> None:
+    def test_step_errors_between_samples_count_like_those_at_samples(self) -> None:
         rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
         scene = make_scene(rod, gravity=(9.81, 0.0, 0.0)).varied(
             {"initial.joint_deg.a": 170.0, "run": {"step": 0.17, "duration": 34.0}}
@@ -144,14 +144,14 @@ class TestRuns:
         often, seldom = (float(found[1]) for found in sums)
         assert seldom == pytest.approx(often, rel=0.5)
 
-    def test_sensitivities_of_a_run_that_starts_later_use_the_torques_of_its_time(self) -> None:
+    def test_sensitivities_of_a_later_start_use_the_torques_at_that_time(self) -> None:
         drive = fl.Drive(kind="table", times=(0.0, 1.0, 2.0), torques=((0.0,), (5.0,), (-5.0,)))
         scene = ROD.varied({"drive": drive, "initial.time": 1.0, "run": {"step": 1e-3, "duration": 0.5, "sample": 0.1}})
         ends = [fl.simulate(scene.varied({"tip.mass": 1.0 + δ})).tip for δ in (1e-4, -1e-4)]
         found = fl.sensitivities(scene, ["tip.mass"]).tip[..., 0]
         np.testing.assert_allclose(found, (ends[0] - ends[1]) / 2e-4, atol=1e-6)
 
-    def test_arms_with_different_torque_limits_run_together_as_alone(self) -> None:
+    def test_arms_with_different_torque_limits_give_equal_runs_in_a_batch_and_alone(self) -> None:
         drive = fl.Drive(kind="pd", kp=(100.0,), kd=(1.0,), target_deg=(60.0,), effort=(1.0,))
         short = ROD.varied({"drive": drive, "run.duration": 0.01})
         scenes = [short.varied({"drive.effort": (effort,)}) for effort in (1.0, 2.0)]
@@ -164,7 +164,7 @@ class TestRuns:
         instrument.signal.add(t, np.zeros((500, 3)))
         assert np.abs(np.corrcoef(instrument.readings(t).T) - np.eye(3)).max() < 0.2
 
-    def test_the_gain_of_a_filtered_sensor_is_that_of_its_output(self) -> None:
+    def test_the_gain_of_a_filtered_sensor_applies_to_its_output(self) -> None:
         sensor = fl.Sensor(name="a", kind="joint", link="rod", low_pass=5.0)
         scenes = (replace(ROD, sensor=(replace(sensor, gain=gain),)) for gain in (1.0, 3.0))
         one, three = (
@@ -197,12 +197,12 @@ class TestRuns:
 class TestTheirFile:
     CHAIN = make_scene(*(flexible(name, segments=2, joint=fl.Joint(coulomb=0.5)) for name in "ab"))
 
-    def test_without_friction_its_width_is_no_difference(self) -> None:
+    def test_the_friction_width_is_not_compared_without_friction(self) -> None:
         ours = of_chain(fl.lump(self.CHAIN))
         theirs = dataclasses.replace(ours, coulomb=0 * ours.coulomb, coulomb_width=2 * ours.coulomb_width)
         assert set(_differing(ours, theirs)) == {"coulomb"}
 
-    def test_missing_data_are_those_of_the_joint_of_the_same_name(self) -> None:
+    def test_missing_data_are_taken_from_the_joint_of_the_same_name(self) -> None:
         ours = of_chain(fl.lump(self.CHAIN))
         ours = dataclasses.replace(ours, armature=np.arange(1.0, ours.n + 1))
         order = np.roll(np.arange(ours.n), 1)  # a cyclic permutation differs from its inverse

@@ -1,4 +1,4 @@
-"""(λ² M + λ C + K) x = r in O(n): products, solutions and pivots are those of the matrices."""
+"""(λ² M + λ C + K) x = r in O(n): products, solutions and pivots agree with those of the dense matrices."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def matrices(chain: fl.Chain, q, qd, wrench, follower) -> np.ndarray:
 
 
 @pytest.mark.parametrize("follower", [False, True])
-def test_products_and_solutions_are_those_of_the_matrices(chain: fl.Chain, follower: bool, rng: Rng) -> None:
+def test_products_and_solutions_equal_those_of_the_matrices(chain: fl.Chain, follower: bool, rng: Rng) -> None:
     (q, qd), wrench, locked = random_state(chain, rng), rng.normal(size=6) * 10, np.zeros(chain.n, bool)
     locked[chain.n // 2] = True
     springs = [chain.stiffness, damping_slope(chain), chain.hinges["armature"]]
@@ -47,10 +47,10 @@ def test_products_and_solutions_are_those_of_the_matrices(chain: fl.Chain, follo
 
 
 @pytest.mark.parametrize("smallest", [1e-8, 0.9, 1e9])
-def test_a_newton_step_with_skipped_rows_is_that_of_the_whole_matrix(
+def test_a_newton_step_with_skipped_rows_equals_that_of_the_full_matrix(
     chain: fl.Chain, smallest: float, rng: Rng, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """None, some or all coordinates have pivots that are too small; they are found with the load and the row below."""
+    """None, some or all pivots are too small; their coordinates are solved for together with the load factor."""
     monkeypatch.setattr(small_motion.SmallMotion.eliminate, "__defaults__", (smallest,))
     q, n = rng.uniform(-1, 1, chain.n), chain.n
     acting = LoadedState(q, np.zeros(n), np.zeros(6), False, np.arange(n))
@@ -62,13 +62,13 @@ def test_a_newton_step_with_skipped_rows_is_that_of_the_whole_matrix(
     row = rng.normal(size=chain.n + 1)
     A = np.vstack([np.column_stack([by_s, k + w[:, None] * (K - k)]), row])
     wanted = rng.normal(size=chain.n + 1)
-    neutral = np.abs(A[:-1, 1:]).max(axis=0) < 1e-12  # a waist along gravity: nothing holds it
+    neutral = np.abs(A[:-1, 1:]).max(axis=0) < 1e-12  # a waist along gravity has no stiffness
     wanted[1:][neutral] = 0.0
     row[1:][neutral] = A[-1, 1:][neutral] = 0.0
     left = A @ wanted
     found = equations.solve(by_s, row, left[:-1], float(left[-1]))
     assert found == pytest.approx(wanted, abs=1e-7)
-    rounded = len(wanted) * np.finfo(float).eps * (np.abs(A) @ np.abs(wanted)).max()  # of the left sides
+    rounded = len(wanted) * np.finfo(float).eps * (np.abs(A) @ np.abs(wanted)).max()  # rounding of A x
     assert np.abs(found[1:][neutral]).max(initial=0.0) <= rounded
     assert len(equations.motion.skipped) == chain.n or smallest < 1
 
@@ -94,14 +94,14 @@ def test_pivots_and_eigenvalues_agree_on_stability(rng: Rng) -> None:
     assert 20 < sum(found) < len(found) - 20
     resting = dataclasses.replace(fl.lump(fl.load_scene(ROOT / "models" / "three_links.toml")), gravity=np.zeros(3))
     zero = np.zeros(resting.n)
-    assert not falls(resting, zero, zero, np.zeros(6), np.arange(resting.n)), "what nothing holds rests"
+    assert not falls(resting, zero, zero, np.zeros(6), np.arange(resting.n)), "a coordinate without stiffness has λ = 0"
 
 
 @pytest.mark.parametrize(
     "name", ["models/three_links", "validation/scenes/pendulum", "validation/scenes/double_pendulum_rods"]
 )
-def test_an_arm_that_starts_level_comes_to_hang(name: str) -> None:
-    """The load is largest there, so the load path starts along the direction of the load."""
+def test_an_arm_that_starts_level_finds_the_hanging_equilibrium(name: str) -> None:
+    """The load torque is largest in the level posture, so the load path starts along the direction of the load."""
     scene = fl.load_scene(ROOT / f"{name}.toml")
     chain = fl.lump(scene)
     rest = fl.solve_static(chain, chain.rest)
@@ -115,7 +115,7 @@ def test_an_arm_that_starts_level_comes_to_hang(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["ur5", "panda"])
-def test_a_joint_along_gravity_stays_where_it_is(name: str) -> None:
+def test_a_joint_along_gravity_keeps_its_angle_in_equilibrium(name: str) -> None:
     scene = fl.load_scene(ROOT / "models" / "robots" / f"{name}.toml")
     chain = fl.lump(scene)
     start = fl.initial_state(scene, chain)[0]
@@ -124,8 +124,8 @@ def test_a_joint_along_gravity_stays_where_it_is(name: str) -> None:
     assert rest.residual <= 1e-9
 
 
-def test_displacements_are_those_of_the_points(chain: fl.Chain, rng: Rng) -> None:
-    """Exact for a quarter turn forward and back, where points move on circles, and for sliding by 1 m."""
+def test_displacements_equal_the_motion_of_the_points(chain: fl.Chain, rng: Rng) -> None:
+    """Differences are exact over a quarter turn each way, because points move on circles, and over 1 m of sliding."""
     q = random_state(chain, rng)[0]
     ways = np.where(chain.slides, 1.0, np.pi / 2)
     turned = np.array(
@@ -134,7 +134,7 @@ def test_displacements_are_those_of_the_points(chain: fl.Chain, rng: Rng) -> Non
     assert displacements(chain, q, np.eye(chain.n)) == pytest.approx(turned, abs=1e-13 * chain.reach)
 
 
-def test_springs_alone_need_no_elimination() -> None:
+def test_springs_alone_give_a_diagonal_system() -> None:
     chain = dataclasses.replace(cantilever("midpoint", 5), gravity=np.zeros(3))
     motion = SmallMotion(chain, chain.rest, np.zeros(5), np.zeros(6), False, np.zeros(5, bool))
     assert motion.eliminate(K_ALONE, np.ones(5), chain.stiffness) == 0

@@ -28,7 +28,7 @@ def test_dense_solvers_solve_any_positive_definite_system(solve, n: int, rng: np
 def test_lu_exchanges_rows_where_a_pivot_is_small(n: int, rng: np.random.Generator) -> None:
     """Without the exchange, or with signed comparison, a relative pivot of 1e-10 leaves six digits in the residual."""
     A, b = positive_definite(n, rng), rng.normal(size=n)
-    A[0, 0], A[1:, 0] = 1e-10, -np.abs(A[1:, 0])  # no mass matrix any more; only its diagonal is asked to be positive
+    A[0, 0], A[1:, 0] = 1e-10, -np.abs(A[1:, 0])  # no longer a mass matrix: only its diagonal must be positive
     x = b.copy()
     solve_lu(A.copy(), x, np.empty((3, n)))
     residual = np.abs(A @ x - b)
@@ -36,7 +36,7 @@ def test_lu_exchanges_rows_where_a_pivot_is_small(n: int, rng: np.random.Generat
 
 
 @pytest.mark.parametrize("solve", [solve_lu, solve_cholesky])
-def test_a_matrix_that_rounding_leaves_no_digit_of_has_no_solution(solve) -> None:
+def test_a_matrix_singular_to_rounding_has_no_solution(solve) -> None:
     A, b = np.array([[1.0, 1.0], [1.0, 1.0 + EPS]]), np.array([1.0, 2.0])
     solve(A, b, np.empty((3, 2)))
     assert np.isnan(b).all()

@@ -1,4 +1,4 @@
-"""Timed computations: contestants agree before they are timed, and the timer measures correctly."""
+"""Benchmarks: compared programs agree before they are timed, and the timer measures correctly."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ def chain(request: pytest.FixtureRequest) -> fl.Chain:
 
 
 @pytest.mark.parametrize("kind", FLEX)
-def test_the_step_carried_over_to_longer_chains_is_stable_there(kind: str) -> None:
+def test_the_step_extrapolated_to_longer_chains_is_stable(kind: str) -> None:
     some = family(kind, 5, 30)
     scene = some.released(CASE, 30)
     assert scene.run.step <= fl.stable_step(fl.lump(scene), np.linspace(0.1, 0.4, fl.lump(scene).n), method="RK4")
 
 
-# contestants
+# compared programs
 
 
 def test_every_pinocchio_model_has_our_accelerations(chain: fl.Chain) -> None:
@@ -62,13 +62,13 @@ def test_every_pinocchio_model_has_our_accelerations(chain: fl.Chain) -> None:
         theirs = pin.aba(model, model.createData(), q * sign, qd * sign, net * sign) * sign
         assert acceleration_error(chain, q, qd, tau, solutions=(theirs, ours)).max() <= 1
     sizes = {model.njoints for model, _ in models.values()}
-    assert len(sizes) == len(models), "each kind joins hinges in its own way"
+    assert len(sizes) == len(models), "each kind of Pinocchio model groups hinges differently"
 
 
-def test_the_compiled_loops_do_the_public_functions_work(chain: fl.Chain) -> None:
+def test_compiled_loops_give_the_results_of_the_public_functions(chain: fl.Chain) -> None:
     states = timed_states(chain)
     q, qd, tau, qdd = states
-    last = 5 % len(q)  # of 6 calls
+    last = 5 % len(q)  # state of the last of 6 calls
     jobs = evaluations.native(chain, states)
     expected = {
         evaluations.FORWARD: fl.forward_dynamics(chain, q[last], qd[last], tau[last]),
@@ -82,7 +82,7 @@ def test_the_compiled_loops_do_the_public_functions_work(chain: fl.Chain) -> Non
     assert compiled_loops.mass_loop(chain.arrays, q, 1).shape == (chain.n, chain.n)
 
 
-def test_all_contestants_raise_an_error_when_a_run_diverges() -> None:
+def test_all_compared_programs_raise_an_error_when_a_run_diverges() -> None:
     scene = family("T1", 5).released(CASE, 5)
     wild = of_steps(scene, 1, 30 * scene.run.step)
     contestants = (steps.native(wild), steps.by_mujoco(wild), steps.by_pinocchio(wild), steps.native_batch([wild] * 8))
@@ -95,7 +95,7 @@ def test_all_contestants_raise_an_error_when_a_run_diverges() -> None:
 
 
 def test_the_timer_measures_a_call_also_on_a_busy_machine(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The clock advances only with the work; in every second turn another process doubles the time."""
+    """The simulated clock advances only with the work; in every second measurement another process doubles the time."""
     now, lengths = [0.0], {}
 
     def takes(seconds: float):
@@ -113,7 +113,7 @@ def test_the_timer_measures_a_call_also_on_a_busy_machine(monkeypatch: pytest.Mo
     assert lengths[1e-3] >= 2 * lengths[3e-3]
 
 
-def test_the_exponent_is_of_the_long_chains_only() -> None:
+def test_the_exponent_is_fitted_to_long_chains_only() -> None:
     seconds = {n: 1e-9 * n**1.5 + (1.0 if n < 100 else 0.0) for n in (10, 100, 400, 3000)}
     job = "forward dynamics"
     times = [Race("T1", job, n, {"native": each}) for n, each in seconds.items()]
@@ -147,7 +147,7 @@ def test_the_report_plots_cost_against_n_and_lists_the_times(tmp_path: Path) -> 
     assert finding.lines[1][-1] is None
 
 
-# rehearsals
+# warm-up
 
 REHEARSED = """
 import numba, sys
@@ -169,7 +169,7 @@ print(len(before), sorted(ready() - before))
 
 
 @pytest.mark.slow
-def test_after_a_rehearsal_nothing_is_left_to_compile() -> None:
+def test_nothing_is_compiled_after_a_warm_up() -> None:
     done = subprocess.run([sys.executable, "-c", REHEARSED], capture_output=True, text=True, cwd=ROOT, check=True)
     count, _, left = done.stdout.partition(" ")
     assert int(count) > 5

@@ -37,7 +37,7 @@ REAL_LIMIT = {
 
 
 @pytest.mark.parametrize(("method", "limit"), IMAGINARY_LIMIT.items())
-def test_the_stable_step_of_an_undamped_chain_is_the_published_limit(models, method: str, limit: float) -> None:
+def test_the_stable_step_of_an_undamped_chain_equals_the_published_limit(models, method: str, limit: float) -> None:
     chain = fl.lump(fl.load_scene(models / "paper_fig5.toml"))
     fastest = np.abs(eigenvalues(chain, np.zeros(10))).max()
     assert fl.stable_step(chain, method=method) * fastest == pytest.approx(limit, rel=1e-7)
@@ -70,8 +70,8 @@ def test_a_chebyshev_method_is_stable_up_to_twice_the_square_of_its_stages(cheby
 
 
 @pytest.mark.parametrize("slant", [0.01, 0.03, 0.1])
-def test_no_interval_of_growth_lies_below_the_stable_step(slant: float, chebyshev: str) -> None:
-    """Near the real axis |R| is slightly above 1 around each extremum of T_5, and below 1 between them."""
+def test_no_step_below_the_stable_step_is_unstable(slant: float, chebyshev: str) -> None:
+    """Near the real axis |R| slightly exceeds 1 at each extremum of T_5, and is below 1 between extrema."""
     λ = np.array([-1.0 + slant * 1j, -1.0 - slant * 1j])
     h = stable_step_of(λ, chebyshev)
     inside = np.linspace(0, h, 10_001)[:, None] * λ
@@ -80,7 +80,7 @@ def test_no_interval_of_growth_lies_below_the_stable_step(slant: float, chebyshe
 
 
 @pytest.mark.parametrize("method", REAL_LIMIT)
-def test_the_stability_polynomial_is_the_exponential_up_to_the_order(method: str) -> None:
+def test_the_stability_polynomial_equals_the_exponential_up_to_the_order(method: str) -> None:
     table = methods.method(method)
     r, _ = stability_polynomials(table)
     np.testing.assert_allclose(
@@ -94,19 +94,19 @@ def test_every_step_is_stable_with_radau_and_gauss(models) -> None:
         assert fl.stable_step(chain, method=method) == np.inf
 
 
-def test_a_chain_without_springs_and_friction_has_no_largest_step() -> None:
+def test_a_chain_without_springs_and_friction_has_no_stability_limit() -> None:
     scene = make_scene(fl.Link(name="a", length=1.0), tip=fl.RigidBody(mass=1.0))
     assert fl.stable_step(fl.lump(scene), method="RK4") == np.inf
 
 
 @pytest.mark.parametrize("damping", [None, fl.Damping(ratio=0.02, at_hz=5.0)])
 @pytest.mark.parametrize("flex", ["z", "xyz"])
-def test_long_chains_take_a_road_of_order_n_to_the_same_step(flex, damping, monkeypatch) -> None:
+def test_the_order_n_algorithm_for_long_chains_gives_the_same_step(flex, damping, monkeypatch) -> None:
     chain = fl.lump(make_scene(*[flexible(name, flex, 12, damping=damping) for name in "ab"]))
     q = np.linspace(0.1, 0.2, chain.n)
     dense = fl.stable_step(chain, q, method="RK4")
     monkeypatch.setattr(stability, "DENSE", 0)
-    # on the safe side by ω²/δ² = 1/(4ζ²) of a creeping mode; Lanczos stops within 1e-4
+    # conservative by ω²/δ² = 1/(4ζ²) of an overdamped mode; Lanczos stops within 1e-4
     assert dense * (1 - 1e-3) < fl.stable_step(chain, q, method="RK4") < dense * (1 + 1e-4)
 
 
@@ -124,12 +124,12 @@ def weightless_pair(flex: str, damping: fl.Damping | None) -> tuple[fl.Chain, np
     return chain, np.linspace(0.1, 0.2, chain.n)
 
 
-STRENGTHS = [None, fl.Damping(ratio=1e-4, at_hz=5.0), fl.Damping(ratio=0.05, at_hz=5.0)]  # of which the last creeps
+STRENGTHS = [None, fl.Damping(ratio=1e-4, at_hz=5.0), fl.Damping(ratio=0.05, at_hz=5.0)]  # the last mode is overdamped
 
 
 @pytest.mark.parametrize("damping", STRENGTHS, ids=["undamped", "swinging", "creeping"])
 @pytest.mark.parametrize("flex", ["z", "xyz"])
-def test_the_largest_frequency_is_that_of_all_eigenvalues(flex, damping) -> None:
+def test_the_largest_frequency_equals_the_largest_of_all_eigenvalues(flex, damping) -> None:
     chain, q = weightless_pair(flex, damping)
     λ, _, _ = dense(chain, q)
     assert stability.largest_frequency(chain, q) == pytest.approx(np.abs(λ).max(), rel=1e-9)
@@ -137,10 +137,8 @@ def test_the_largest_frequency_is_that_of_all_eigenvalues(flex, damping) -> None
 
 @pytest.mark.parametrize("damping", STRENGTHS, ids=["undamped", "swinging", "creeping"])
 @pytest.mark.parametrize("flex", ["z", "xyz"])
-def test_estimates_for_long_chains_hold_the_largest_stiffness_and_the_largest_damping(
-    flex, damping, monkeypatch
-) -> None:
-    """Each within Lanczos' 1e-4, checked separately: where one of the two limits the step, the other has no effect."""
+def test_estimates_for_long_chains_include_the_largest_stiffness_and_damping(flex, damping, monkeypatch) -> None:
+    """Each of the two is checked separately, within 1e-4 by Lanczos, because only one of them limits the step."""
     chain, q = weightless_pair(flex, damping)
     _, squares, brakes = dense(chain, q)
     monkeypatch.setattr(stability, "DENSE", 0)
@@ -155,8 +153,8 @@ UNLOADED = {"tip_wrench": np.zeros(6), "frame": "world"}
 @pytest.mark.parametrize("turning", [0.0, 30.0])
 @pytest.mark.parametrize("damping", STRENGTHS, ids=["undamped", "swinging", "creeping"])
 @pytest.mark.parametrize("flex", ["z", "xyz"])
-def test_no_eigenvalue_exceeds_the_bound_which_is_not_far_above(flex, damping, turning: float) -> None:
-    """Frobenius's norm of n eigenvalues is at most √n times the largest: of an undamped chain √ω² has √√n."""
+def test_no_eigenvalue_exceeds_the_bound_and_the_bound_is_not_too_wide(flex, damping, turning: float) -> None:
+    """The Frobenius norm is at most √n times the largest eigenvalue; for an undamped chain, ω = √ω² gives √√n."""
     chain, q = weightless_pair(flex, damping)
     qd = np.where(np.arange(chain.n) == 0, turning, 0.0)
     kp, kd = np.zeros((2, chain.n))
@@ -167,7 +165,7 @@ def test_no_eigenvalue_exceeds_the_bound_which_is_not_far_above(flex, damping, t
         assert largest <= bound <= (2 * chain.n**0.5 if damping or turning else 1.01 * chain.n**0.25) * largest
 
 
-def test_of_a_long_chain_no_bound_is_known(monkeypatch) -> None:
+def test_long_chains_have_no_finite_eigenvalue_bound(monkeypatch) -> None:
     chain, q = weightless_pair("z", None)
     monkeypatch.setattr(stability, "DENSE", chain.n - 1)
     still = np.zeros(chain.n)
@@ -175,7 +173,7 @@ def test_of_a_long_chain_no_bound_is_known(monkeypatch) -> None:
     assert stability.eigenvalue_bounds([(chain, q, still)], [unloaded]) == [np.inf]
 
 
-LONG = {  # what acts on a chain, and what it acts through
+LONG = {  # chains by the loads that act on them
     "gravity": {"gravity": (0.0, 1e6, 0.0)},
     "gravity that stiffens nothing": {"gravity": (0.0, 1e7, 0.0), "bend": 0.0},
     "a pull": {"tip_wrench": np.array([1e6, 0, 0, 0, 0, 0])},
@@ -185,7 +183,7 @@ LONG = {  # what acts on a chain, and what it acts through
 
 
 @pytest.mark.parametrize("what", LONG)
-def test_estimates_for_long_chains_are_those_of_short_ones_under_all_that_acts(what: str, monkeypatch) -> None:
+def test_estimates_for_long_and_short_chains_agree_under_all_loads(what: str, monkeypatch) -> None:
     acts = dict(LONG[what])
     gravity, prescribed = acts.pop("gravity", (0.0, 0.0, 0.0)), acts.pop("prescribed", 0)
     bend = acts.pop("bend", 0.1)
@@ -194,7 +192,7 @@ def test_estimates_for_long_chains_are_those_of_short_ones_under_all_that_acts(w
     hinges = chain.hinges.copy()
     hinges["prescribed"][chain.active[1]] = prescribed
     if prescribed:
-        hinges["stiffness"][chain.active[1]] = 1e9  # which counts for nothing
+        hinges["stiffness"][chain.active[1]] = 1e9  # no effect
     chain, q = dataclasses.replace(chain, hinges=hinges), np.linspace(bend, 2 * bend, chain.n)
     if "gains" in acts:
         kp, kd = np.zeros((2, chain.n))
@@ -205,8 +203,8 @@ def test_estimates_for_long_chains_are_those_of_short_ones_under_all_that_acts(w
     assert np.abs(fastest_eigenvalues(chain, q, **acts)).max() == pytest.approx(every, rel=1e-3)
 
 
-def test_a_slow_swing_bounds_the_step_of_rk2_beside_a_fast_brake() -> None:
-    """λ = −100 alone would allow 2/100; ±10i allow 0.0532/10."""
+def test_a_slow_oscillation_limits_the_step_of_rk2_despite_fast_damping() -> None:
+    """λ = −100 alone would allow a step of 2/100, but λ = ±10i allow only 0.0532/10."""
     λ = np.array([-100.0, 10j, -10j])
     assert stable_step_of(λ, "RK2") == pytest.approx(IMAGINARY_LIMIT["RK2"] / 10, rel=1e-7)
 
@@ -249,8 +247,8 @@ def pushed(part: float) -> fl.Scene:
 
 
 @pytest.mark.parametrize("situation", SITUATIONS)
-def test_a_small_disturbance_grows_from_the_predicted_step_on_and_not_below(situation: str, rng) -> None:
-    """About an equilibrium, within 5 %: at 0.95 of the step nothing grows, at 1.05 it grows a hundredfold in 200."""
+def test_a_small_disturbance_grows_only_above_the_predicted_step(situation: str, rng) -> None:
+    """About an equilibrium, nothing grows at 0.95 of the step, but a disturbance grows a hundredfold at 1.05."""
     scene = SITUATIONS[situation]()
     chain = fl.lump(scene)
     rest = np.zeros(chain.n)

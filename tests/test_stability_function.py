@@ -1,4 +1,4 @@
-"""Stability functions: Padé's, and the extent of stability; A-stability of Radau IIA and Gauss is proved twice."""
+"""Stability functions: Padé approximations, stability limits, two proofs that Radau IIA and Gauss are A-stable."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from flexlink.dynamics.vibration.stability_function import (
 )
 
 g = float(GROWTH)
-FAMILIES = {"Gauss": 0, "Radau IIA": 1}  # by how many degrees P is below Q
+FAMILIES = {"Gauss": 0, "Radau IIA": 1}  # degree of Q minus degree of P
 
 
 def of_family(family: str, stages: int) -> Method:
@@ -42,7 +42,7 @@ BACKWARD = own([["1/6", "-4/3", "7/6"], ["1/6", "2/3", "-1/3"], ["1/6", "2/3", "
 
 @pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize("stages", [1, 2, 3, 5])
-def test_the_stability_function_of_a_family_is_pade_s_approximation(family: str, stages: int) -> None:
+def test_the_stability_function_of_a_family_is_the_pade_approximation(family: str, stages: int) -> None:
     """Hairer & Wanner, II, theorem IV.3.12."""
     k, m = stages - FAMILIES[family], stages
     total = factorial(k + m)
@@ -55,8 +55,8 @@ def test_the_stability_function_of_a_family_is_pade_s_approximation(family: str,
 
 
 @pytest.mark.parametrize("name", ["Radau5", "Radau9", "Gauss4", "Gauss6"])
-def test_radau_and_gauss_reach_everywhere_and_are_algebraically_stable(name: str) -> None:
-    """BA + AᵀB − bbᵀ ≥ 0 with b > 0 suffices (Burrage & Butcher 1979), a proof independent of the zeros of E."""
+def test_radau_and_gauss_are_a_stable_and_algebraically_stable(name: str) -> None:
+    """BA + AᵀB − bbᵀ ≥ 0 with b > 0 suffices (Burrage & Butcher 1979), which does not depend on the zeros of E."""
     A, b, _ = method(name).arrays
     M = b[:, None] * A + (b[:, None] * A).T - np.outer(b, b)
     assert np.linalg.eigvalsh(M).min() > -10 * np.finfo(float).eps
@@ -65,30 +65,30 @@ def test_radau_and_gauss_reach_everywhere_and_are_algebraically_stable(name: str
     assert np.isinf(stable_reach(method(name), np.array([1j, -1.0]))).all()
 
 
-def test_the_trapezoidal_rule_and_backward_kutta_are_distinguished() -> None:
-    """Neither has a pole on the left; the second one grows between y⁴ = 24 g and y² = 3 on the imaginary axis."""
+def test_the_trapezoidal_rule_is_a_stable_and_backward_kutta_is_not() -> None:
+    """Both have no pole for Re z < 0; on the imaginary axis, backward Kutta grows between y⁴ = 24 g and y² = 3."""
     assert is_stable_everywhere(TRAPEZOID)
     assert not is_stable_everywhere(BACKWARD)
     assert not is_stable_everywhere(method("RK4"))
 
 
-def test_a_method_that_is_stable_in_a_wedge_reaches_as_far_as_it_does() -> None:
-    """|Q(iy)|² = 1 − y⁴/12 + y⁶/36: growth begins at y⁴/12 ≈ 2 g, and nowhere on the negative axis."""
+def test_the_limit_of_a_method_stable_in_a_wedge_matches_its_expansion() -> None:
+    """|Q(iy)|² = 1 − y⁴/12 + y⁶/36, so growth begins at y⁴/12 ≈ 2 g; there is none on the negative real axis."""
     reach = stable_reach(BACKWARD, np.array([1j, -1.0]))
-    assert reach[0] == pytest.approx((24 * g) ** 0.25, rel=1e-3)  # the next term: y²/3 / 4 of it
+    assert reach[0] == pytest.approx((24 * g) ** 0.25, rel=1e-3)  # the next term changes y by y²/12
     assert reach[1] == np.inf
     assert abs(stability_function(BACKWARD, np.array([reach[0] * 1j]))[0]) == pytest.approx(1 + g, abs=1e-9)
 
 
-def test_a_method_of_ones_own_that_is_not_stable_everywhere_has_its_closed_form() -> None:
-    """θ = 1/3: (1 + g) (1 + x/3) = 2x/3 − 1 on the negative axis; on the imaginary one the squares of both sides."""
+def test_the_stability_limit_of_a_theta_method_matches_its_closed_form() -> None:
+    """For θ = 1/3, |R(−x)| = 1 + g gives (1 + g) (1 + x/3) = 2x/3 − 1; |R(iy)| = 1 + g is squared to find y."""
     y = np.sqrt(((1 + g) ** 2 - 1) / (4 / 9 - (1 + g) ** 2 / 9))
     x = (2 + g) / (2 / 3 - (1 + g) / 3)
     np.testing.assert_allclose(stable_reach(THETA, np.array([1j, -1.0])), [y, x], rtol=1e-9)
 
 
 @pytest.mark.parametrize(("name", "limit"), {"RK4": 2.785293563, "DOP853": 6.393646}.items())
-def test_explicit_methods_end_on_the_real_axis_where_r_leaves_one(name: str, limit: float) -> None:
+def test_the_real_stability_limit_of_explicit_methods_is_where_r_exceeds_one(name: str, limit: float) -> None:
     reach = stable_reach(method(name), np.array([-1.0 + 0j]))[0]
     assert reach == pytest.approx(limit, rel=1e-5)
     inside = stability_function(method(name), np.linspace(0, reach, 1001) * (-1.0 + 0j))
@@ -96,17 +96,17 @@ def test_explicit_methods_end_on_the_real_axis_where_r_leaves_one(name: str, lim
 
 
 @pytest.mark.parametrize("name", ["RK2", "RK3", "RK4", "RK10", "DOPRI5", "DOP853"])
-def test_a_half_disc_is_stable_and_the_largest_one(name: str) -> None:
+def test_the_stable_half_disc_is_stable_and_the_largest_possible(name: str) -> None:
     r = stable_half_disc(method(name))
     directions = np.exp(1j * np.linspace(np.pi / 2, np.pi, 2001))
     inside = np.outer(np.linspace(0, r, 101), directions)
     assert np.abs(stability_function(method(name), inside)).max() <= 1 + 1.01 * g
     beyond = np.abs(stability_function(method(name), 1.001 * r * directions)).max()
     assert beyond > 1 + g
-    assert r <= stable_reach(method(name), np.array([1j, -1.0])).min() * (1 + 1e-9), "to the digits of a zero"
+    assert r <= stable_reach(method(name), np.array([1j, -1.0])).min() * (1 + 1e-9), "up to rounding"
 
 
-def test_radau_is_stable_on_every_half_disc_and_an_implicit_method_with_a_limit_has_none() -> None:
+def test_radau_is_stable_on_every_half_disc_and_implicit_methods_with_a_limit_on_none() -> None:
     assert stable_half_disc(method("Radau5")) == np.inf
     assert stable_half_disc(THETA) == 0.0
 
@@ -122,7 +122,7 @@ def chebyshev(stages: int) -> Method:
     return own(rows, ["0"] * (stages - 1) + ["1"], a)
 
 
-def test_of_a_method_with_many_stages_not_even_large_terms_that_cancel_hide_the_limit() -> None:
-    """In powers of z the terms of T_10² at the end of its reach add up to (T_10(3))² = 5e14, rounded to 0.1."""
+def test_cancellation_of_large_terms_does_not_affect_the_stability_limit() -> None:
+    """At the stability limit, |terms| of T_10² in powers of z add up to (T_10(3))² = 5e14, so rounding is about 0.1."""
     reach = stable_reach(chebyshev(10), np.array([-1.0 + 0j]))[0]
     assert reach == pytest.approx(200.0, rel=2 * g)

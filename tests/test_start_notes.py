@@ -25,7 +25,7 @@ def arm(drive: Any = None, **fields: Any) -> fl.Scene:
 
 
 @pytest.mark.parametrize("gravity", ["static", "rigid", None])
-def test_springs_initially_slack_under_feedforward_are_noted_with_the_drop(gravity: str | None) -> None:
+def test_springs_initially_slack_under_feedforward_are_noted_with_the_tip_drop(gravity: str | None) -> None:
     law = {**PD, "gravity": gravity} if gravity else {**PD, "kind": "computed_torque"}
     (note,) = notes(arm(law))
     reviewed(note.id, note)
@@ -48,11 +48,11 @@ def test_an_undriven_falling_joint_next_to_a_driven_one_is_noted() -> None:
     assert "'constant'" in note and " fore" in note
     braked = arm({"kind": "constant", "torque": (200.0, 0.0)}).varied({"link.fore.joint.viscous": 1.0})
     assert notes(braked) == ()
-    assert notes(arm()) == ()  # an arm without any drive is meant to fall
+    assert notes(arm()) == ()  # an arm without a drive is expected to fall
 
 
 @pytest.mark.parametrize(("angle", "stable"), [(90.0, False), (-90.0, True)])
-def test_an_arm_initially_in_balance_is_noted(angle: float, stable: bool) -> None:
+def test_an_initial_state_in_balance_is_noted(angle: float, stable: bool) -> None:
     (note,) = notes(arm(initial=fl.InitialState(joint_deg=(angle, 0.0))))
     assert ("unstable" in note) != stable
     reviewed(note.id, note)

@@ -1,4 +1,4 @@
-"""Imports at startup: only modules that the command, or the public name used, needs."""
+"""At startup, only the modules that the command or the public name needs are imported."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_help_loads_no_command(arguments: list[str]) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", ["info", "simulate"])
-def test_a_command_loads_no_other_and_none_of_the_rooms_that_it_does_not_use(command: str) -> None:
+def test_a_command_loads_no_other_command_and_no_unused_package(command: str) -> None:
     modules = loaded_by(command, PAPER)
     assert commands(modules) - {"json_output"} == {command} | ({"modes"} if command == "info" else set())
     others = {"advice", "diagnosis", "engines", "fits", "identification", "pages", "robots", "scene_report", "sweeps"}
@@ -67,18 +67,18 @@ def test_a_command_loads_no_other_and_none_of_the_rooms_that_it_does_not_use(com
 
 
 @pytest.mark.slow
-def test_every_command_has_its_options_only_where_it_is_named() -> None:
+def test_the_help_of_a_command_loads_only_that_command() -> None:
     modules = loaded_by("robots", "--help")
     assert commands(modules) == {"robots"}
 
 
 @pytest.mark.slow
-def test_a_fit_loads_filters_and_statistics_when_it_runs() -> None:
+def test_a_fit_imports_filters_and_statistics_only_when_it_runs() -> None:
     modules = loaded("import flexlink as fl; fl.fit; fl.fits.FitProblem")
     assert modules & {"scipy.signal", "scipy.stats", "scipy.optimize", "scipy.interpolate"} == set()
 
 
-def test_a_public_name_is_the_one_that_type_checkers_see() -> None:
+def test_public_names_equal_those_seen_by_type_checkers() -> None:
     tree = ast.parse(Path(fl.__file__).read_text(encoding="utf-8"))
     (block,) = (node for node in tree.body if isinstance(node, ast.If))
     seen = [(node.module, name.name) for node in block.body for name in node.names]
@@ -89,7 +89,7 @@ def test_a_public_name_is_the_one_that_type_checkers_see() -> None:
 
 
 @pytest.mark.slow
-def test_garbage_is_collected_while_a_command_runs_and_a_program_that_calls_one_is_left_alone(capsys) -> None:
+def test_garbage_collection_runs_in_a_command_and_is_restored_for_its_caller(capsys) -> None:
     code = (
         "import gc, sys; from flexlink.cli import main, modes\n"
         "modes.run_command = lambda _: print('collects' if gc.isenabled() else 'does not') or 0\n"

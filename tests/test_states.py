@@ -1,4 +1,4 @@
-"""States at which arms are compared: of every kind, and all valid for the chain."""
+"""States at which arms are compared include all kinds and are valid for the chain."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ def test_a_quarter_of_the_states_is_balanced_to_a_millionth_but_not_exactly(chai
         assert not qd.any() and not wrench.any()
 
 
-def test_balanced_springs_are_all_loaded_alike() -> None:
-    """A beam 50 times as wide as high: the springs of one plane are 2,500 times as stiff as those of the other."""
+def test_balanced_states_load_all_springs_about_equally() -> None:
+    """The beam is 50 times as wide as high, so springs of one plane are 2,500 times as stiff as those of the other."""
     chain = lump(make_scene(flexible("arm", "yz", 4)))
     hinges = chain.hinges.copy()
     hinges["stiffness"][1::2] *= 2500
@@ -73,12 +73,12 @@ def test_hinges_with_negative_rotors_are_bent_only_as_far_as_m_stays_positive_de
     assert chain.hinges["armature"].min() < 0
     states = mixed_states(chain, 24)
     assert all(np.linalg.eigvalsh(mass_matrix(chain, s.q)).min() > 0 for s in states)
-    assert np.abs([s.q[passive(chain)] for s in of_kind(states, 0, 2)]).max() > 0.3  # and yet bent
+    assert np.abs([s.q[passive(chain)] for s in of_kind(states, 0, 2)]).max() > 0.3  # but they are bent
     assert np.abs([s.q[chain.active] for s in states]).max() > 3
 
 
-def test_an_arm_that_is_singular_when_stretched_out_is_compared_where_it_is_not() -> None:
-    """Two joint axes coincide, without mass between them, at every multiple of 180°."""
+def test_an_arm_singular_when_stretched_out_is_compared_in_regular_states() -> None:
+    """At every multiple of 180° two joint axes coincide without mass between them."""
     gimbals = [Link(name="one"), Link(name="two", mount=Mount(rpy_deg=(90.0, 0.0, 0.0)))]
     chain = lump(
         make_scene(
@@ -91,7 +91,7 @@ def test_an_arm_that_is_singular_when_stretched_out_is_compared_where_it_is_not(
         assert np.linalg.eigvalsh(mass_matrix(chain, state.q)).min() > 1e-9
 
 
-def test_an_arm_that_is_singular_everywhere_is_an_error_that_names_the_joint() -> None:
+def test_an_arm_that_is_singular_everywhere_raises_an_error_naming_the_joint() -> None:
     chain = lump(
         make_scene(Link(name="one", joint=Joint()), Link(name="two"), tip=RigidBody(mass=1, inertia=(1, 1, 1)))
     )

@@ -38,7 +38,7 @@ TURNED = make_scene(
 
 
 @pytest.mark.parametrize("scene", [GEARED, nasty_scene(), make_scene(flexible("a"), gravity=(0.0, 9.81, 0.0)), TURNED])
-def test_postures_in_a_row_are_those_found_one_by_one(scene: fl.Scene) -> None:
+def test_equilibria_of_a_sequence_equal_those_found_one_by_one(scene: fl.Scene) -> None:
     chain = fl.lump(scene)
     d = len(chain.active)
     angles = np.concatenate([way([0.0] * d, [40.0] * d, 12), way([40.0] * d, [40.0] * d, 2)])
@@ -48,7 +48,7 @@ def test_postures_in_a_row_are_those_found_one_by_one(scene: fl.Scene) -> None:
     np.testing.assert_allclose(held, fl.gravity_torque(chain, wanted), rtol=1e-12, atol=1e-12)
 
 
-def test_springs_that_are_slack_elsewhere_are_bent_from_there() -> None:
+def test_equilibria_of_a_sequence_respect_rest_angles_of_springs() -> None:
     chain = fl.lump(make_scene(flexible("a", segments=3), gravity=(0.0, 9.81, 0.0)))
     hinges = chain.hinges.copy()
     hinges["rest"][1:] = 0.02
@@ -57,27 +57,27 @@ def test_springs_that_are_slack_elsewhere_are_bent_from_there() -> None:
     np.testing.assert_allclose(static_postures(chain, angles), one_by_one(chain, angles), rtol=0, atol=1e-15)
 
 
-def test_where_the_joints_jump_the_load_is_put_on_step_by_step(monkeypatch) -> None:
-    """A soft column is turned from hanging to upright at once: the nearest zero is not the wanted equilibrium."""
+def test_after_a_jump_of_the_joints_the_load_is_applied_in_steps(monkeypatch) -> None:
+    """A soft column jumps from hanging to upright: the nearest root is not the wanted equilibrium."""
     soft = make_scene(flexible("a", segments=7), gravity=(9.81, 0.0, 0.0), tip=fl.RigidBody(mass=20.0))
     chain = fl.lump(soft.varied({"material.aluminium.young": 3e8}))
     angles = np.radians([[0.0], [1.0], [100.0], [101.0], [179.0]])
-    asked: list[float] = []
+    evaluated: list[float] = []
     solved = module.static_posture
 
     def counted(chain: fl.Chain, q: np.ndarray, *more: object) -> np.ndarray:
-        asked.append(float(np.degrees(q[0])))
+        evaluated.append(float(np.degrees(q[0])))
         return solved(chain, q, *more)
 
     monkeypatch.setattr(module, "static_posture", counted)
     np.testing.assert_allclose(static_postures(chain, angles), one_by_one(chain, angles), rtol=0, atol=1e-13)
-    assert asked[0] == 0.0
-    assert 100.0 in np.round(asked, 9)
-    assert len(asked) < len(angles)
+    assert evaluated[0] == 0.0
+    assert 100.0 in np.round(evaluated, 9)
+    assert len(evaluated) < len(angles)
 
 
-def test_a_column_that_buckles_on_the_way_is_not_followed_upright() -> None:
-    """Beyond its buckling load the upright posture is an unwanted equilibrium: the result is that of separate calls."""
+def test_a_column_that_buckles_in_a_sequence_does_not_stay_upright() -> None:
+    """Beyond the buckling load the upright posture is not the wanted equilibrium; the result equals separate calls."""
     soft = make_scene(flexible("a", segments=5), gravity=(-9.81, 0.0, 0.0), tip=fl.RigidBody(mass=20.0))
     chain = fl.lump(soft.varied({"material.aluminium.young": 2e8}))
     angles = way([60.0], [0.0], 7)
@@ -85,7 +85,7 @@ def test_a_column_that_buckles_on_the_way_is_not_followed_upright() -> None:
 
 
 @pytest.mark.parametrize("decimals", range(-2, 25))
-def test_numbers_are_rounded_as_python_rounds_them(decimals: int, rng: np.random.Generator) -> None:
+def test_rounding_to_decimals_equals_python_round(decimals: int, rng: np.random.Generator) -> None:
     size = 10.0 ** rng.integers(-12, 3)
     ties = (rng.integers(-1000, 1000, 300) + 0.5) / 10.0**decimals
     x = np.concatenate([size * rng.normal(size=2000), ties, [0.0]])

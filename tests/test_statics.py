@@ -1,4 +1,4 @@
-"""Static equilibrium against exact discrete chains, the elastica, buckling loads and the Princeton beam."""
+"""Static equilibria agree with exact discrete chains, the elastica, buckling loads and the Princeton beam."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from validation.reference_values import look_up
 # --- three dimensions ------------------------------------------------------------------------------------------------
 
 
-def test_tip_moment_in_space_is_reached_and_balanced():
+def test_a_spatial_tip_moment_is_applied_in_full_and_balanced():
     chain = princeton_beam("legendre", 6)
     found = solve_static(chain, tip_wrench=[1.0, 2.0, 3.0, 2.0, 0.5, -4.0])
     torque = bias_torque(chain, found.q, np.zeros(chain.n), tip_wrench=[1.0, 2.0, 3.0, 2.0, 0.5, -4.0])
@@ -44,7 +44,7 @@ def test_tip_moment_in_space_is_reached_and_balanced():
     assert found.stable
 
 
-def test_a_follower_force_turns_with_the_tip():
+def test_equilibrium_under_a_follower_force_matches_shooting():
     chain = cantilever("midpoint", 20)
     dead, follower = (solve_static(chain, tip_wrench=[0, 2.0, 0, 0, 0, 0], frame=f).q for f in ("world", "tip"))
     slope = optimize.brentq(lambda end: _follower_shooting(end, 2.0), 0.0, 3.0)
@@ -53,7 +53,7 @@ def test_a_follower_force_turns_with_the_tip():
 
 
 def _follower_shooting(end, force, steps=400):
-    """θ'' = −F cos(θ − θ_end) along the beam, θ(0) = 0, θ'(1) = 0: backward from a guessed end slope; returns θ(0)."""
+    """Integrate θ'' = −F cos(θ − θ_end), θ'(1) = 0, backward from a guessed end slope; return θ(0), which must be 0."""
     θ, κ, h = end, 0.0, -1 / steps
     for _ in range(steps):  # Störmer-Verlet
         κ -= h / 2 * force * np.cos(θ - end)
@@ -65,8 +65,8 @@ def _follower_shooting(end, force, steps=400):
 # --- paths, stability ------------------------------------------------------------------------------------------------
 
 
-def test_the_path_turns_back_where_the_column_snaps_over():
-    """A buckled column leaning left, pushed right a little beyond what the left side can bear."""
+def test_the_load_path_turns_back_where_the_column_snaps_through():
+    """A column buckled to the left is pushed right by slightly more than the left equilibrium can carry."""
     chain = cantilever("midpoint", 8)
     leaning = solve_static(chain, tip_wrench=[-3.0, 0.5, 0, 0, 0, 0])
     left = solve_static(chain, leaning.q, tip_wrench=[-3.0, 0, 0, 0, 0, 0])
@@ -78,8 +78,8 @@ def test_the_path_turns_back_where_the_column_snaps_over():
     assert (np.diff(right.path[:, 0]) < 0).any()
 
 
-def test_a_step_that_would_jump_to_another_branch_is_taken_smaller():
-    """On that branch the path would never reach the full load."""
+def test_a_load_step_that_would_jump_to_another_branch_is_reduced():
+    """On the other branch the path would never reach the full load."""
     chain, wrench = cantilever("midpoint", 7), [-15.078, -56.753, 0, 0, 0, 10.457]
     found = solve_static(chain, tip_wrench=wrench)
     assert found.residual < 1e-9
@@ -87,8 +87,8 @@ def test_a_step_that_would_jump_to_another_branch_is_taken_smaller():
 
 
 @pytest.mark.parametrize("hinges", [2, 4, 8])
-def test_a_limp_cantilever_hangs_along_its_load_however_large_that_is(hinges):
-    """A former error: from 40 EI/L² on, a step ended with a hinge turned by a revolution, and the load went to −∞."""
+def test_a_soft_cantilever_hangs_along_its_load_for_any_load(hinges):
+    """A former error: above 40 EI/L², a step turned a hinge by a full revolution, and the load went to −∞."""
     chain, slope = cantilever("gauss", hinges), 0.0
     for force in (20.0, 40.0, 80.0, 160.0, 500.0):
         hanging = solve_static(chain, tip_wrench=[0, force, 0, 0, 0, 0])
@@ -100,16 +100,16 @@ def test_a_limp_cantilever_hangs_along_its_load_however_large_that_is(hinges):
 
 
 @pytest.mark.parametrize(("push", "aside"), [(8.0, 0.02), (8.0, 0.2), (12.0, 0.3), (30.0, 0.3)])
-def test_a_column_far_beyond_its_buckling_load_bends_to_the_side_it_is_pushed_to(push, aside):
-    """A former error: the result was nearly straight, leaning against the push, on the unstable branch."""
+def test_a_column_far_beyond_its_buckling_load_bends_to_the_pushed_side(push, aside):
+    """A former error: the result was on the unstable branch, nearly straight and bent against the push."""
     found = solve_static(cantilever("midpoint", 7), tip_wrench=[-push, aside, 0, 0, 0, 0])
     assert found.stable
     assert found.residual < 1e-9
     assert np.pi / 2 < found.q.sum() < np.pi
 
 
-def test_load_beyond_a_limit_point_without_another_side_is_refused():
-    """A rigid bar that a motor torque larger than its weight can hold nowhere."""
+def test_a_load_beyond_a_limit_point_without_an_equilibrium_is_refused():
+    """A rigid bar under a motor torque that exceeds its largest gravity torque has no equilibrium."""
     arm = Arm(
         links=(Link(name="bar", length=1.0, material="m", section="s"),),
         materials={"m": Material(young=1.0, density=1.0)},
@@ -123,7 +123,7 @@ def test_load_beyond_a_limit_point_without_another_side_is_refused():
     assert np.sin(caught.value.q) == pytest.approx([1.0], abs=0.05)
 
 
-def test_free_joints_find_their_place_and_locked_ones_stay():
+def test_free_joints_find_their_equilibrium_and_locked_ones_stay():
     chain = lump(nasty_scene())
     locked = [int(k) for k in chain.active]
     q0 = np.zeros(chain.n)
@@ -133,12 +133,12 @@ def test_free_joints_find_their_place_and_locked_ones_stay():
     tau = np.zeros(chain.n)
     tau[locked] = (bias_torque(chain, held.q, np.zeros(chain.n)))[locked]
     assert forward_dynamics(chain, held.q, np.zeros(chain.n), tau) == pytest.approx(np.zeros(chain.n), abs=1e-6)
-    again = solve_static(chain, q0, tau=tau)  # the drive holds what the lock held
+    again = solve_static(chain, q0, tau=tau)  # the drive applies the torque of the lock
     assert again.residual < 1e-8
     assert again.q == pytest.approx(held.q, abs=1e-8)
 
 
-def test_a_joint_that_nothing_holds_stays_unless_something_pushes_it():
+def test_an_unloaded_free_joint_stays_and_a_torque_on_it_has_no_equilibrium():
     weightless = thin_arm(thin_link("midpoint", 4, free=True))
     assert solve_static(weightless, [0.4, 0, 0, 0.1, 0]).q == pytest.approx([0.4, 0, 0, 0, 0], abs=1e-14)
     with pytest.raises(ConvergenceError):
@@ -146,7 +146,7 @@ def test_a_joint_that_nothing_holds_stays_unless_something_pushes_it():
 
 
 def test_steady_spin_bends_a_leaning_beam_outward():
-    """The rates are constant: relative equilibrium of a rotating arm, r(q, q̇) = 0."""
+    """With constant rates the arm is in relative equilibrium, r(q, q̇) = 0."""
     chain = thin_arm(thin_link("midpoint", 6, flex="yz", free=True), gravity=(0.0, 0.0, 2.0))
     rates = np.zeros(chain.n)
     rates[0] = 3.0
@@ -170,7 +170,7 @@ def test_finite_columns_buckle_at_henckys_loads(n):
         assert found == pytest.approx(hencky.buckling(rule, n), rel=1e-10)
 
 
-def test_a_deep_beam_tips_over_sideways_at_the_published_load():
+def test_a_deep_beam_buckles_laterally_at_the_published_load():
     exact = float(look_up("critical_loads")["lateral_tipload_PL2/sqrt(EI_min*GJ)"])
 
     def error(hinges):
@@ -198,7 +198,7 @@ def test_the_tangent_loses_stability_at_the_buckling_load():
     assert not solve_static(chain, tip_wrench=[-1.001 * critical, 0, 0, 0, 0, 0]).stable
 
 
-def test_joints_without_a_spring_take_no_part_in_buckling():
+def test_joints_without_a_spring_are_excluded_from_buckling():
     chain = lump(make_scene(flexible("a"), flexible("b"), gravity=(-9.81, 0.0, 0.0)))
     free, held = buckling_loads(chain), buckling_loads(chain, locked=chain.active.tolist())
     np.testing.assert_array_equal(free, held)
@@ -206,15 +206,15 @@ def test_joints_without_a_spring_take_no_part_in_buckling():
     assert len(free) <= 8
 
 
-def test_a_load_that_stiffens_buckles_nothing():
+def test_a_load_that_stiffens_the_chain_has_no_buckling_load():
     assert len(buckling_loads(lump(make_scene(flexible("a"), gravity=(9.81, 0.0, 0.0))))) == 0
 
 
 # --- the path itself -------------------------------------------------------------------------------------------------
 
 
-def test_without_a_load_springs_let_go_in_proportion_from_any_posture_to_any_rest_angles():
-    """F = k (q − θ₀) − (1 − s) k (q₀ − θ₀): the path is straight."""
+def test_without_a_load_the_path_to_the_rest_angles_is_straight():
+    """F = k (q − θ₀) − (1 − s) k (q₀ − θ₀) gives a straight path from any posture to the rest angles."""
     chain = cantilever("midpoint", 4)
     hinges = chain.hinges.copy()
     hinges["rest"] = rest = np.array([0.1, -0.2, 0.3, 0.2])
@@ -226,7 +226,7 @@ def test_without_a_load_springs_let_go_in_proportion_from_any_posture_to_any_res
 
 
 def test_the_residual_is_the_torque_that_remains_at_the_end_of_the_path():
-    """With a coarse tolerance it is larger than rounding."""
+    """With a coarse tolerance the residual is larger than rounding."""
     chain, wrench = cantilever("midpoint", 8), [0, 5.0, 0, 0, 0, 0]
     found = solve_static(chain, tip_wrench=wrench, tolerance=0.1)
     left = np.abs(
@@ -236,8 +236,8 @@ def test_the_residual_is_the_torque_that_remains_at_the_end_of_the_path():
     assert found.residual == pytest.approx(left, rel=1e-6, abs=0)
 
 
-def test_an_equilibrium_reports_its_holding_torque() -> None:
-    """T_EX = T_GC + T_FL at the held hinges, one of them bent, and the given torque elsewhere: q̈ = 0."""
+def test_an_equilibrium_contains_its_holding_torque() -> None:
+    """q̈ = 0 with T_EX = T_GC + T_FL at locked hinges, one of which is bent, and with the given torque elsewhere."""
     chain = lump(make_scene(flexible("a", "yz"), flexible("b", "yz"), gravity=(1.0, 9.81, 2.0)))
     wrench, given = np.arange(6.0), np.zeros(chain.n)
     given[chain.n - 1] = 0.5

@@ -1,4 +1,4 @@
-"""Modes about a steady motion: closed forms of blades, pendulums and lifts, and motions that are not steady."""
+"""Modes about a steady motion agree with closed forms of blades and pendulums; unsteady motions are refused."""
 
 from __future__ import annotations
 
@@ -28,15 +28,17 @@ def blade(axis: tuple[float, float, float], offset: float = OFFSET, **fields: ob
 
 
 @pytest.mark.parametrize(("axis", "stiff"), [((0.0, 1.0, 0.0), 1.0), ((0.0, 0.0, 1.0), 0.0)], ids=["flap", "lag"])
-def test_a_hinged_blade_flaps_and_lags_as_helicopters_do(axis: tuple[float, float, float], stiff: float) -> None:
+def test_a_hinged_blade_has_the_flap_and_lag_frequencies_of_a_helicopter_blade(
+    axis: tuple[float, float, float], stiff: float
+) -> None:
     """(ω/Ω)² = 1 + 3 e/(2 l) across the plane of rotation, 3 e/(2 l) within it (Johnson 1980)."""
     found = fl.small_motion.modes_in_motion(blade(axis), {"shaft": OMEGA})
     assert found.frequencies[0] / OMEGA == pytest.approx(np.sqrt(stiff + 1.5 * OFFSET / LENGTH), rel=1e-9)
     assert found.kinds == ("pendulum",)
 
 
-def test_a_conical_pendulum_rises_to_its_cone_and_swings_about_it() -> None:
-    """A bar hung on a vertical shaft: sin β = −g/(Ω² ⅔ l) below the level, and ω = Ω cos β about it."""
+def test_a_conical_pendulum_has_the_closed_form_cone_angle_and_frequency() -> None:
+    """A bar hinged to a vertical shaft: sin β = −g/(Ω² ⅔ l) for the angle β from horizontal, and ω = Ω cos β."""
     chain = blade((0.0, 1.0, 0.0), offset=0.0, gravity=(0.0, 0.0, -9.81))
     below = np.arcsin(9.81 / (OMEGA**2 * 2 / 3 * LENGTH))
     rest = fl.small_motion.equilibrium_in_motion(chain, {"shaft": OMEGA}, [0.0, 0.3])
@@ -46,8 +48,8 @@ def test_a_conical_pendulum_rises_to_its_cone_and_swings_about_it() -> None:
     assert found.frequencies[0] == pytest.approx(OMEGA * np.cos(below), rel=1e-7)
 
 
-def test_a_turning_beam_stiffens_as_published(capsys: pytest.CaptureFixture[str]) -> None:
-    """Flap of a clamped beam, √(EI/ρAL⁴) = 1: 4.1373 and 11.2023 at Ω = 2, 10 (Wright et al. 1982); also in the CLI."""
+def test_a_rotating_beam_has_the_published_flap_frequencies(capsys: pytest.CaptureFixture[str]) -> None:
+    """Flap frequencies of a clamped beam, √(EI/ρAL⁴) = 1: 4.1373 and 11.2023 at Ω = 2, 10 (Wright et al. 1982)."""
     scene = fl.load_scene(ROOT / "validation" / "scenes" / "spinning_beam.toml")
     flap = scene.varied({"link.beam.mount.rpy_deg": [90.0, 0.0, 0.0], "link.beam.lumping": "lobatto4",
                          "link.beam.segments": 17})  # fmt: skip
@@ -64,8 +66,8 @@ def test_a_turning_beam_stiffens_as_published(capsys: pytest.CaptureFixture[str]
     reviewed("steady motion: lowest frequency", last)
 
 
-def test_a_swept_tip_is_pulled_outward_before_it_vibrates() -> None:
-    """The configuration is in equilibrium with its rates within rounding, and far from the straight one."""
+def test_modes_of_a_swept_tip_are_about_its_rotating_equilibrium() -> None:
+    """The configuration is a relative equilibrium up to rounding, and far from the straight one."""
     swept = flexible("tip", "xyz", 3, length=0.4, joint=fl.Joint(locked=True), section="square")
     scene = make_scene(
         UP, flexible("beam", "xyz", 5, length=2.0, joint=fl.Joint(locked=True)), swept, gravity=(0.0, 0.0, 0.0),
@@ -82,7 +84,7 @@ def test_a_swept_tip_is_pulled_outward_before_it_vibrates() -> None:
     np.testing.assert_array_equal(fl.small_motion.modes_in_motion(chain, {"shaft": 30.0}).frequencies, about)
 
 
-def test_a_lift_at_constant_speed_vibrates_as_at_rest() -> None:
+def test_an_arm_on_a_slide_at_constant_speed_vibrates_as_at_rest() -> None:
     lift = fl.Link(name="lift", joint=fl.Joint(kind="prismatic", armature=1.0), hub=fl.RigidBody(mass=5.0))
     boom = flexible("boom", "yz", 5, joint=fl.Joint(locked=True))
     chain = fl.lump(make_scene(lift, boom, gravity=(0.0, 0.0, -9.81)))
@@ -90,7 +92,7 @@ def test_a_lift_at_constant_speed_vibrates_as_at_rest() -> None:
     np.testing.assert_allclose(moving, still, rtol=1e-12)
 
 
-def test_an_axisymmetric_wheel_may_spin_on_a_boom_and_another_one_may_not() -> None:
+def test_a_spinning_wheel_on_a_boom_must_be_axisymmetric() -> None:
     def with_wheel(inertia: tuple[float, float, float]) -> fl.Chain:
         wheel = fl.Link(name="wheel", joint=fl.Joint(axis=(1.0, 0.0, 0.0)), hub=fl.RigidBody(mass=2.0, inertia=inertia))
         return fl.lump(
@@ -100,7 +102,7 @@ def test_an_axisymmetric_wheel_may_spin_on_a_boom_and_another_one_may_not() -> N
     still, spun = (
         fl.small_motion.modes_in_motion(with_wheel((0.2, 0.1, 0.1)), {"wheel": r}, count=2).hertz for r in (0.0, 300.0)
     )
-    assert spun[0] < 0.99 * still[0] < still[1] < spun[1]  # gyroscopic: the two split
+    assert spun[0] < 0.99 * still[0] < still[1] < spun[1]  # gyroscopic splitting of both frequencies
     with refused(ArgumentError, "no-steady-motion"):
         fl.small_motion.modes_in_motion(with_wheel((0.2, 0.15, 0.05)), {"wheel": 300.0})
 
@@ -133,7 +135,7 @@ def test_unsteady_motions_and_unknown_names_are_refused() -> None:
         ("waist=5rpm", "locked-and-moving", ("'waist'", "joint.locked")), ("hub=5rpm", "unknown-joint", ("'hub'",)),
     ],
 )  # fmt: skip
-def test_an_impossible_rate_is_one_line_and_exit_2(rate: str, id: str, parts: tuple[str, ...], capsys) -> None:
+def test_an_impossible_rate_gives_one_line_and_exit_code_2(rate: str, id: str, parts: tuple[str, ...], capsys) -> None:
     scene = ROOT / "models" / "paper_fig5.toml"
     assert main(["modes", str(scene), "--rate", rate]) == 2
     printed = capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""Times at which steps end, in addition to their grid: knots of given functions, samples, instants of a control law."""
+"""Times at which steps must end apart from their regular grid: knots of inputs, samples, instants of a control law."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def driven(times: tuple[float, ...], torques: tuple[float, ...], **run: object) 
     return ARM.varied({"drive": drive, "run": fl.RunSettings(sample=0.1, duration=1.0, **run)})
 
 
-def test_a_fixed_step_is_cut_at_a_corner_and_the_next_ends_on_the_grid_again() -> None:
+def test_a_fixed_step_is_split_at_a_kink_and_the_next_one_ends_on_the_grid() -> None:
     scene = driven((0.0, 0.0125, 1.0), (0.0, 1.0, 0.0), method="Radau5", step=0.01)
     assert stop_times(scene).between(0.0, 0.1)[0] == pytest.approx([0.0125, 0.02, 0.1], abs=1e-15)
 
@@ -42,8 +42,8 @@ def test_a_bump_of_ten_times_the_tolerance_is_not_stepped_over() -> None:
     assert times[33] in stop_times(scene).fixed
 
 
-def test_a_table_is_landed_on_where_it_is_off_by_more_than_its_part() -> None:
-    """A corner of height b, between two others at a distance h, deviates by b/2 from the cubic through them."""
+def test_steps_end_at_table_kinks_above_the_threshold() -> None:
+    """A triangular bump of height b deviates by b/2 from the cubic through its neighbours."""
     times, part = np.linspace(0.0, 1.0, 65), 1e-3
     for bump, landed in ((1.0, False), (5.0, True)):
         torques = times + bump * part * (np.arange(65) == 33)
@@ -63,7 +63,7 @@ def test_a_sampled_law_is_evaluated_at_the_last_instant_before_the_end() -> None
 
 
 def test_steps_end_at_the_breakpoints_of_the_feed_forward() -> None:
-    """The torque that holds a bent arm along a move has more breakpoints than the move."""
+    """The holding torque of a bent arm along a move has more breakpoints than the move."""
     scene = fl.load_scene(ROOT / "models" / "ptp_move.toml")
     assert scene.drive.gravity == "static"
     law = drive_arrays(scene, fl.lump(scene))
@@ -71,8 +71,8 @@ def test_steps_end_at_the_breakpoints_of_the_feed_forward() -> None:
     assert {*law.feedforward.knots, *law.reference.knots} <= {*breakpoints(law, 1e-3)}
 
 
-def test_a_long_step_of_dop853_passes_samples_and_nothing_else() -> None:
-    """It ends at the third sample, where the law is evaluated; 15 evaluations are fewer than 12 per sample for two."""
+def test_long_steps_of_dop853_pass_samples_but_stop_at_control_instants() -> None:
+    """A step of 15 evaluations ends at the third sample, where the law is evaluated; fewer than 12 per sample."""
     drive = fl.Drive(kind="pd", kp=(1.0,), kd=(0.1,), target_deg=(0.0,), rate=8 / 3)
     run = fl.RunSettings(sample=0.125, duration=0.75, method="DOP853", tolerance=1e-3)
     times, passed_by = stop_times(ARM.varied({"drive": drive, "run": run})).between(0.0, 0.75)
@@ -81,8 +81,8 @@ def test_a_long_step_of_dop853_passes_samples_and_nothing_else() -> None:
 
 
 @pytest.mark.parametrize("passes", [True, False])
-def test_a_run_that_judges_another_one_stops_between_samples_where_that_one_stops_at_them(passes: bool) -> None:
-    """The verification run passes a sample exactly where the run passes it."""
+def test_a_verification_run_stops_halfway_between_the_stops_of_the_run(passes: bool) -> None:
+    """The verification run steps past a sample exactly if the run does."""
     run = fl.RunSettings(sample=0.1, duration=0.4, method="DOP853", tolerance=1e-3)
     problem = problem_of(ARM.varied({"run": run}))
     record = Record(problem, run.times, np.zeros((5, 3)), np.zeros((5, 3)))
@@ -91,8 +91,8 @@ def test_a_run_that_judges_another_one_stops_between_samples_where_that_one_stop
     assert passed_by.tolist() == pytest.approx([0.125, 0.125, 0.125, np.inf] if passes else [np.inf] * 4)
 
 
-def test_bodies_that_tumble_stop_at_samples() -> None:
-    """Their motion amplifies the errors of longer steps; steps of damped motion pass samples."""
+def test_steps_of_tumbling_bodies_end_at_samples() -> None:
+    """Tumbling amplifies the errors of longer steps; only steps of damped motion pass samples."""
     stub = fl.Link(name="stub", on="base", length=1.0, end=fl.RigidBody(mass=1e-3))
     body = fl.Scene(
         name="body", arm=fl.Arm(links=(stub,), base=fl.Base(kind="free", mass=10.0, inertia=(1.0, 2.0, 3.0))),

@@ -54,7 +54,7 @@ def notes(text: str) -> list[str]:
     ]
 
 
-def test_a_chapter_without_cases_here_is_that_of_the_full_study(tmp_path: Path, folder: Path) -> None:
+def test_a_chapter_without_local_cases_is_taken_from_the_full_study(tmp_path: Path, folder: Path) -> None:
     text = page(tmp_path, folder, row("paper_short", **CLAIM))
     trade = chapter(text, "trade")
     (note,) = notes(trade)
@@ -75,7 +75,7 @@ def test_tables_of_the_full_study_are_on_the_page_and_next_to_it(tmp_path: Path,
     assert copies[0] == copies[1]
 
 
-def test_a_chapter_lists_what_ran_and_what_only_the_full_study_has(tmp_path: Path, folder: Path) -> None:
+def test_a_chapter_lists_local_cases_and_those_only_in_the_full_study(tmp_path: Path, folder: Path) -> None:
     text = page(tmp_path, folder, row("paper_short", **CLAIM), row("speed_trade-crane", **PRICE))
     claims, trade = (notes(chapter(text, name))[0] for name in ("claims", "trade"))
     assert "1 case." in claims and claims.endswith("paper_long.")

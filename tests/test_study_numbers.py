@@ -1,4 +1,4 @@
-"""Quick cases, and parts of others, measured once more: every number within its limit, and that of the full study."""
+"""Quick cases and parts of others measured again: numbers are within their limits and agree with the full study."""
 
 from __future__ import annotations
 
@@ -50,15 +50,15 @@ PARTS: dict[str, dict[str, Any]] = {
     "extremes_short": {"plan": [{"scenes": ["plane"], "axes": ["payload [kg]"], "steps": ["tolerance", "fixed"]}]},
     **{name: {} for name in WHOLE.split()},
 }  # fmt: skip
-"""Cases, and what of their settings is changed so that they take seconds."""
+"""Cases, with the changes of their settings that shorten them to seconds."""
 
 CHANGING = ("own error", "fewest hinges")
-"""Quantities that rounding moves, or another rule."""
+"""Quantities that change with rounding or with the rule."""
 
 
 @cache
 def stored() -> list[tuple[tuple[str, str, str, str], float]]:
-    """Numbers of the full study that is checked in that measure no time: case, scene, engine, quantity; value."""
+    """Numbers of the checked-in full study, except times: (case, scene, engine, quantity) and value."""
     with gzip.open(ROOT / "reports" / "full" / "all_checks.csv.gz", "rt", encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if row["value"] and row["timed"] != "True"]
     return [((row["case"], row["scene"], row["engine"], row["quantity"]), float(row["value"])) for row in rows]
@@ -66,7 +66,7 @@ def stored() -> list[tuple[tuple[str, str, str, str], float]]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PARTS)
-def test_a_case_is_within_its_limits_and_measures_what_the_full_study_did(name: str, tmp_path: Path) -> None:
+def test_a_case_is_within_its_limits_and_agrees_with_the_full_study(name: str, tmp_path: Path) -> None:
     """Numbers above 1e-6, which are not rounding, agree within 2 % plus the allowance of `reports.same`."""
     case = replace(CASES[name], settings=CASES[name].settings | PARTS[name])
     kind, settings = kind_of(case)

@@ -62,7 +62,7 @@ def test_every_member_has_the_numbers_of_a_single_run(paper: fl.Scene) -> None:
         straight = np.where(np.isin(range(run.chain.n), run.chain.active), run.q, 0.0)
         away = np.linalg.norm(run.tip - fl.tip_position(run.chain, straight), axis=1)
         assert (status, reason) == ("done", ""), number
-        assert (x, bend) == (run.tip[-1, 0], away.max()), "to the bit"
+        assert (x, bend) == (run.tip[-1, 0], away.max()), "bit-equal"
 
 
 def test_keys_that_prevent_vectorized_runs_vary_slowest(paper: fl.Scene) -> None:
@@ -96,7 +96,7 @@ def test_a_members_numbers_do_not_depend_on_other_members(paper: fl.Scene, rng: 
     scenes = [
         insisting.varied({"tip.mass": m, "link.*.joint.coulomb": float(m > 1)}) for m in rng.uniform(0, 2, 11).tolist()
     ]
-    scenes[4] = insisting.varied({"initial.rate_deg": [0.0, 1e120, 0.0]})  # diverges; its block is then run one by one
+    scenes[4] = insisting.varied({"initial.rate_deg": [0.0, 1e120, 0.0]})  # diverges: its block is run one by one
     every, shuffled = outcomes(scenes, Stop()), outcomes(scenes[::-1], Stop())[::-1]
     for scene, one, other in zip(scenes, every, shuffled, strict=True):
         (alone,) = outcomes([scene], Stop())
@@ -183,7 +183,7 @@ def test_warnings_are_stored(paper: fl.Scene) -> None:
     assert warning.startswith("run.step = 0.0005 s")
 
 
-def test_reductions_match_their_names() -> None:
+def test_sweep_reductions_give_the_named_values() -> None:
     t, x = np.array([0.0, 1.0, 2.0]), np.array([1.0, -3.0, 2.0])
     found = {name: float(reduce(t, x)) for name, reduce in REDUCTIONS.items()}
     expected = {
@@ -255,7 +255,7 @@ def test_samples_fill_the_unit_cube_and_repeat_with_their_seed(method: str) -> N
 
 
 @pytest.mark.parametrize("method", ["latin", "random", "sobol", "halton"])
-def test_a_single_point_equals_that_of_the_complete_sequence(method: str) -> None:
+def test_a_single_sample_point_equals_the_same_point_of_the_complete_sequence(method: str) -> None:
     count, rng = 4096, np.random.default_rng(3)
     if method == "random":
         whole = rng.random((count, 3))
@@ -267,7 +267,7 @@ def test_a_single_point_equals_that_of_the_complete_sequence(method: str) -> Non
 
 
 @pytest.mark.parametrize("method", ["random", "sobol", "halton"])
-def test_the_last_of_a_hundred_million_members_needs_no_other(paper: fl.Scene, method: str) -> None:
+def test_any_member_of_a_hundred_million_is_computed_without_the_others(paper: fl.Scene, method: str) -> None:
     spread = {"tip.mass": {"between": [0.0, 2.0]}, "material.aluminium.young": {"mean": 7e10, "deviation": 1e9}}
     drawn = fl.Sweep(scene=paper, quantity=WANTED, sample={"count": 10**7, "method": method, "keys": spread},
                      grid={"run.duration": {"between": [0.001, 0.01], "count": 10}})  # fmt: skip
@@ -501,7 +501,7 @@ def test_files_other_than_sweep_databases_stay_unchanged(tmp_path: Path, paper: 
     assert (text.read_bytes(), other.read_bytes()) == before
 
 
-def test_a_damaged_database_is_refused_unless_fresh(tmp_path: Path, paper: fl.Scene) -> None:
+def test_a_damaged_database_is_refused_unless_the_sweep_starts_fresh(tmp_path: Path, paper: fl.Scene) -> None:
     out, sweep = tmp_path / "sweep.db", masses(paper, *np.linspace(0, 1, 200).tolist())
     fl.sweep(replace(sweep, set={"run.duration": 0.0}), out=out)
     data = bytearray(out.read_bytes())
@@ -528,7 +528,7 @@ def test_a_second_writer_is_refused(tmp_path: Path, paper: fl.Scene, monkeypatch
     assert rows_read[0] == 0
 
 
-def test_of_two_sweeps_that_create_one_file_the_second_writer_is_refused(tmp_path: Path, paper, monkeypatch) -> None:
+def test_the_second_of_two_sweeps_that_create_one_file_is_refused(tmp_path: Path, paper, monkeypatch) -> None:
     out, sweep = tmp_path / "sweep.db", masses(paper, 0.0)
     monkeypatch.setattr("flexlink.sweeps.store.LOCK_TIMEOUT", 0.05)
     errors = []
@@ -604,7 +604,7 @@ def test_a_member_that_kills_its_process_fails_alone(paper: fl.Scene) -> None:
 
 
 @pytest.mark.slow
-def test_two_workers_give_the_rows_of_one(tmp_path: Path, paper: fl.Scene) -> None:
+def test_two_workers_give_the_same_rows_as_one(tmp_path: Path, paper: fl.Scene) -> None:
     sweep = masses(paper, *np.linspace(0, 1, 101).tolist())
     assert fl.sweep(sweep, workers=2) == fl.sweep(sweep)
 
@@ -670,7 +670,7 @@ def test_a_table_shows_its_size_and_columns() -> None:
 
 
 @pytest.mark.parametrize("take", ["first", "time of max"])
-def test_the_sample_at_the_start_of_the_window_counts(take: str) -> None:
+def test_the_sample_at_the_start_of_the_window_is_included(take: str) -> None:
     t = np.array([0.0, 1.0, 2.0])
     run = SimpleNamespace(t=t, columns={"tip x [m]": np.array([9.0, 5.0, 1.0])})
     found = SweepOutput(of="tip x [m]", take=cast("Any", take), after=1.0).measure(cast("Any", run))
@@ -678,8 +678,8 @@ def test_the_sample_at_the_start_of_the_window_counts(take: str) -> None:
     assert found == expected[take]
 
 
-def test_the_rest_position_is_that_under_the_last_load() -> None:
-    """A clamped beam under a force that grows to 1 N: F L³ / 3 E I, here of 1.25 m."""
+def test_the_rest_position_is_the_equilibrium_under_the_last_load() -> None:
+    """Tip deflection F L³ / (3 E I) of a clamped beam of 1.25 m under a force that grows to 1 N."""
     clamped = make_scene(flexible("a", segments=5, lumping="gauss", joint=fl.Joint(locked=True)))
     growing = fl.Wrench(times=(0.0, 1e-3), forces=((0.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
     run = fl.simulate(clamped.varied({"wrench": growing, "run": fl.RunSettings(duration=1e-3, sample=1e-3, step=1e-5)}))

@@ -57,7 +57,7 @@ def test_the_line_of_a_run_shows_progress_elapsed_and_remaining_time() -> None:
     ]  # fmt: skip
 
 
-def test_clocks() -> None:
+def test_times_are_printed_as_clock_times() -> None:
     assert [clock(x) for x in (0.4, 59.6, 754, 3723)] == ["0:00", "1:00", "12:34", "1:02:03"]
 
 
@@ -96,7 +96,7 @@ def test_a_line_wider_than_the_terminal_is_cut(monkeypatch) -> None:
     assert max(map(len, screen.getvalue().split("\r"))) == 19
 
 
-def test_without_a_terminal_a_compilation_has_one_line_and_progress_none(capsys) -> None:
+def test_without_a_terminal_a_compilation_prints_one_line_and_no_progress(capsys) -> None:
     notice, bar = Compiling(), Progress("arm")
     for _ in range(2):
         notice.started()

@@ -40,7 +40,7 @@ MADE = [pytest.param(form, marks=drake if form == "sdf" else ()) for form in REA
 
 
 def bent_at_rest(scene: fl.Scene) -> fl.Chain:
-    """A chain with rest angles of 0.1 rad, so a file can lose them."""
+    """A chain with rest angles of 0.1 rad, to detect files that lose them."""
     chain = fl.lump(scene)
     hinges = chain.hinges.copy()
     hinges["rest"][hinges["stiffness"] > 0] = 0.1
@@ -51,7 +51,7 @@ CHAIN = bent_at_rest(SPATIAL)
 
 
 def written(folder: Path, form: str, edit: planted.Edit | None = None, chain: fl.Chain = CHAIN) -> Path:
-    """Path of our file of a chain, edited."""
+    """Write our file of a chain with an edit; return its path."""
     root = ET.fromstring(FORMATS[form].write(chain))
     if edit is not None:
         edit(root)
@@ -89,16 +89,16 @@ def test_a_planted_mistake_is_the_only_one_named_and_explains_all_that_differs(c
 
 
 def labels(*fields: str) -> str:
-    """Fields as a note lists them."""
+    """Names of fields in the format in which a note lists them."""
     return ", ".join(table().fields[field].label for field in fields)
 
 
 @pytest.mark.parametrize("form", MADE)
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
-def test_in_our_own_file_nothing_is_named(path: Path, form: str, tmp_path: Path) -> None:
+def test_no_mistake_is_named_in_our_own_file(path: Path, form: str, tmp_path: Path) -> None:
     scene = fl.load_scene(path).varied({"motion": ()})
     chain = fl.lump(scene)
-    if form == "mjcf" and path.stem == "stepped_beam":  # a table: no inertia about the beam's axis
+    if form == "mjcf" and path.stem == "stepped_beam":  # a rigidity table has no inertia about the beam's axis
         with refused(fl.errors.ArgumentError, "inertia-impossible"):
             written(tmp_path, form, chain=chain)
         return
@@ -107,9 +107,9 @@ def test_in_our_own_file_nothing_is_named(path: Path, form: str, tmp_path: Path)
     controller = {"pd": ["servo_stiffness", "servo_damping"]}.get(scene.drive.kind, [])
     controller += ["effort"] * (scene.drive.effort is not None)
     expected = [labels(*controller)] if controller else []
-    if form == "urdf" and not any(not name.startswith("base.") for name in chain.joint_names):  # no joint has them
+    if form == "urdf" and not any(not name.startswith("base.") for name in chain.joint_names):  # no root spring
         expected.append(labels("stiffness", "rest", "coulomb_width", "armature"))
-    if form != "mjcf" and len(chain.couplings):  # MJCF has them as tendons
+    if form != "mjcf" and len(chain.couplings):  # MJCF represents them as tendons
         expected.append("")
     assert len(found.notes) == len(expected)
     for note, part in zip(found.notes, expected, strict=True):
@@ -119,7 +119,7 @@ def test_in_our_own_file_nothing_is_named(path: Path, form: str, tmp_path: Path)
 
 @pytest.fixture(scope="module")
 def cranes(tmp_path_factory: pytest.TempPathFactory) -> dict[bool, fl.Scene]:
-    """The crane of the files by hand, with torques (False) and with servos (True)."""
+    """The crane of the handwritten files, with torques (False) and with servos (True)."""
     path = tmp_path_factory.mktemp("crane") / "crane.toml"
     path.write_text(CRANE, encoding="utf-8")
     scene = fl.load_scene(path)
@@ -133,11 +133,11 @@ def by_hand(
     edit: planted.Edit | None = None,
     beside: fl.Scene | None = None,
 ) -> Diagnosis:
-    """Diagnosis of a file by hand of the crane, edited, compared with its scene or with `beside`."""
+    """Diagnosis of an edited handwritten file of the crane, compared with its scene or with `beside`."""
     hand = HANDS[name]
     scene = cranes[hand.habit.servos]
     chain = fl.lump(scene)
-    root = ET.fromstring(ET.tostring(hand.write(chain, hand.habit, scene)))  # with namespaces as a reader has them
+    root = ET.fromstring(ET.tostring(hand.write(chain, hand.habit, scene)))  # with XML namespaces as a reader sees them
     if edit is not None:
         edit(root)
     path = folder / "by_hand.xml"
@@ -150,7 +150,7 @@ def needs_drake(name: str) -> tuple[pytest.MarkDecorator, ...]:
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=needs_drake(name)) for name in HANDS])
-def test_a_correct_file_by_hand_raises_no_alarm(name: str, cranes, tmp_path: Path) -> None:
+def test_a_correct_handwritten_file_has_no_findings(name: str, cranes, tmp_path: Path) -> None:
     found = by_hand(name, cranes, tmp_path)
     assert found.passed and not found.left_out and len(found.rows) == 6
     if HANDS[name].form != "sdf":
@@ -167,7 +167,7 @@ def test_a_correct_file_by_hand_raises_no_alarm(name: str, cranes, tmp_path: Pat
         for name in case.hands
     ],
 )
-def test_a_mistake_in_a_file_by_hand_is_named_first(case: Abroad, name: str, cranes, tmp_path: Path) -> None:
+def test_a_mistake_in_a_handwritten_file_is_named_first(case: Abroad, name: str, cranes, tmp_path: Path) -> None:
     found = by_hand(name, cranes, tmp_path, case.edit)
     assert case.named in str(found.findings[0]), str(found)
     assert not found.passed and found.explained is not False
@@ -235,7 +235,7 @@ def test_mujoco_reads_urdf(tmp_path: Path) -> None:
     reviewed("their files: mass in a URDF file", str(other.findings[0]))
 
 
-def test_a_file_that_mujoco_has_written_has_lost_digits(tmp_path: Path) -> None:
+def test_a_file_written_by_mujoco_has_fewer_digits(tmp_path: Path) -> None:
     path = tmp_path / "saved.xml"
     mujoco.mj_saveLastXML(str(path), mujoco.MjModel.from_xml_string(fl.to_mjcf(CHAIN)))
     found = diagnosed(path)
@@ -261,7 +261,7 @@ def without_drive(cranes: dict[bool, fl.Scene]) -> fl.Scene:
 
 def test_eleven_mistakes_at_once_are_named_one_by_one(cranes, tmp_path: Path) -> None:
     hinge, body, option = planted_abroad.HINGE, planted.BODY, planted.OPTION
-    edits = {  # by a part of the finding
+    edits = {  # keys are parts of the findings
         planted.cause("axis"): planted_abroad.axis_exchanged(hinge, 4, "axis"),
         "joint 'jib.2.z' is 1000 times ": planted.scaled(body, "pos", 1e3, only=5),
         "joint 'boom' displaced by 0.07 m": planted.frame_moved(body, "pos", 1, (0, 0.07, 0)),
@@ -296,7 +296,7 @@ def test_with_a_scene_without_a_drive_actuators_are_listed_and_not_compared(cran
     assert plain.passed and not plain.left_out
 
 
-def test_servos_push_a_scene_without_a_drive(cranes, tmp_path: Path) -> None:
+def test_servos_of_a_file_are_reported_for_a_scene_without_a_drive(cranes, tmp_path: Path) -> None:
     found = by_hand("servos", cranes, tmp_path, beside=without_drive(cranes))
     assert not found.passed and found.findings[0].likely == planted.cause("servo_stiffness", "none_expected")
     reviewed("their files: servos without a drive", str(found.findings[0]))
@@ -317,7 +317,7 @@ def test_an_actuator_that_cannot_be_compared_is_named_as_such(cranes, tmp_path: 
     assert found.left_out == ("actuators",)
 
 
-def test_only_limits_below_the_torque_of_the_drive_count(cranes, tmp_path: Path) -> None:
+def test_only_torque_limits_below_the_drive_torque_are_reported(cranes, tmp_path: Path) -> None:
     for limit, counts in ((150.0, False), (149.0, True)):  # N m; the boom's drive needs 150
         edit = planted.each(planted_abroad.MOTOR, forcerange=f"{-limit} {limit}", forcelimited="true")
         found = by_hand("degrees", cranes, tmp_path, edit)
@@ -328,7 +328,7 @@ def test_only_limits_below_the_torque_of_the_drive_count(cranes, tmp_path: Path)
             reviewed("their files: a torque limit", text)
 
 
-def test_a_table_needs_its_largest_torques(cranes, tmp_path: Path) -> None:
+def test_torque_limits_are_compared_with_the_largest_torques_of_a_table(cranes, tmp_path: Path) -> None:
     torques = ((20.0, -150.0, -60.0), (-30.0, 10.0, 5.0))
     scene = cranes[False].varied(
         {"drive.kind": "table", "drive.torque": None, "drive.times": (0.0, 1.0), "drive.torques": torques}
@@ -348,7 +348,7 @@ def test_limits_of_the_scene_are_compared_unless_the_file_has_none(cranes, tmp_p
     assert found.passed and found.notes[-1].endswith(labels("coulomb_width", "effort"))
 
 
-def test_actuators_that_are_switched_off_do_not_count(cranes, tmp_path: Path) -> None:
+def test_disabled_actuators_are_ignored(cranes, tmp_path: Path) -> None:
     motors = planted_abroad.MOTOR
     for off in (
         planted.each("option/flag", actuation="disable"),
@@ -358,7 +358,7 @@ def test_actuators_that_are_switched_off_do_not_count(cranes, tmp_path: Path) ->
         assert found.passed and found.notes[-1].endswith(": " + labels("coulomb_width", "gear"))
 
 
-def test_rotor_and_damper_of_an_actuator_are_its_joint_s(cranes, tmp_path: Path) -> None:
+def test_armature_and_damping_of_an_actuator_act_on_its_joint(cranes, tmp_path: Path) -> None:
     if not hasattr(mujoco.MjModel.from_xml_string("<mujoco/>"), "actuator_armature"):
         pytest.skip("this MuJoCo has no armature of actuators")
 
@@ -377,7 +377,7 @@ def test_rotor_and_damper_of_an_actuator_are_its_joint_s(cranes, tmp_path: Path)
 
 
 def grows(xml: str, integrator: str, step: float) -> bool:
-    """Whether a small motion about the bent arm grows without bound in MuJoCo."""
+    """Return whether a small motion about the bent arm grows without bound in MuJoCo."""
     root = ET.fromstring(xml)
     name, _, explicit = integrator.partition(" without ")
     planted.each("option", integrator=name if name == "Euler" else name.lower(), timestep=repr(step))(root)
@@ -395,7 +395,7 @@ def grows(xml: str, integrator: str, step: float) -> bool:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("integrator", [name for name in LARGEST if name != "RK4"])
-def test_stability_limits_of_mujoco_s_integrators_are_those_of_its_runs(integrator: str, cranes) -> None:
+def test_stability_limits_of_mujoco_integrators_match_its_runs(integrator: str, cranes) -> None:
     chain = fl.lump(cranes[False].varied({"gravity": (0.0, 0.0, 0.0)}))
     xml, largest = fl.to_mjcf(chain, shapes=False), LARGEST[integrator](chain)
     assert not grows(xml, integrator, 0.98 * largest) and grows(xml, integrator, 1.02 * largest)
@@ -442,7 +442,7 @@ def test_a_planar_arm_is_realigned_by_a_rotation_not_by_a_reflection(rng: np.ran
 
 
 @pytest.mark.parametrize("chain", [CHAIN, fl.lump(SPATIAL)], ids=["bent", "straight"])
-def test_a_record_as_a_chain_has_the_same_record(chain: fl.Chain) -> None:
+def test_a_record_converted_to_a_chain_and_back_is_unchanged(chain: fl.Chain) -> None:
     read = of_chain(chain)
     again = of_chain(to_chain(read, CHAIN))
     for field in ("axes", "points", "masses", "centers", "inertias", "stiffness", "rest", "gravity", "tip"):
@@ -521,7 +521,7 @@ def test_a_broken_file_is_refused_in_one_line_with_its_name(name: str, tmp_path:
         load_file(path, CHAIN.n, here=True)
     assert caught.value.id == id
     assert str(caught.value).startswith(f"{path}: ") and named in str(caught.value)
-    if id != LOAD:  # otherwise the words are the engine's
+    if id != LOAD:  # otherwise the text comes from the engine
         reviewed(id, str(caught.value))
 
 
@@ -550,7 +550,7 @@ def test_a_number_that_an_engine_cannot_read_is_named_with_its_message(tmp_path:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("form", MADE)
-def test_a_child_process_finds_the_same(form: str, tmp_path: Path) -> None:
+def test_a_child_process_gives_the_same_findings(form: str, tmp_path: Path) -> None:
     comparison = fl.compare(SPATIAL, file=written(tmp_path, form, chain=fl.lump(SPATIAL)), samples=8)
     assert comparison.passed and len(comparison.diagnosis.splitlines()) == 1
     if form != "sdf":
@@ -568,7 +568,7 @@ def test_a_missing_file_and_two_engines_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_relative_path_starts_at_the_current_folder(tmp_path: Path, monkeypatch) -> None:
-    """A child process waits for the next file, and stays in the folder where it was started."""
+    """The child process waits for the next file and keeps the working folder in which it was started."""
     light = fl.load_scene(ROOT / "models" / "paper_fig5.toml")
     for scene in (light, light.varied({"tip.mass": 1.0})):
         chain = fl.lump(scene)

@@ -21,7 +21,7 @@ from validation.store import Series, table
 CASES = {case.name: case for case in load_cases()}
 SPAR = CASES["measured_wing_spar"]
 OPEN = get_args(Verdict)[-1]
-"""Verdict if the uncertainty is too large for another one."""
+"""Verdict if the uncertainty is too large for any other verdict."""
 
 HEADS = ("quantity", "unit", "S", "D", "E", "u_input", "u_D", "wanted", "verdict")
 LINES = [
@@ -62,13 +62,13 @@ def test_a_value_is_checked_against_u_val_and_fails_only_beyond_its_limit(tmp_pa
     assert found.passed is passed
 
 
-def test_the_numerical_uncertainty_of_the_other_program_counts(tmp_path):
+def test_the_numerical_uncertainty_of_the_other_program_is_included(tmp_path):
     found, _ = judged(tmp_path, SPAR, MEASURED, "quantity,unit,value,u_num", "0.2 kg,% of the span,4.6,0.5")
     assert found.verdict.startswith(OPEN)
     assert found.passed is None
 
 
-def test_a_missing_value_is_counted_and_is_no_failure(tmp_path):
+def test_a_missing_value_is_counted_but_is_not_a_failure(tmp_path):
     found = judged(tmp_path, SPAR, MEASURED, "quantity,unit,value,u_num", "0.2 kg,% of the span,4.38,")
     assert [j.verdict for j in found][1] == "not given"
     text = theirs.sentence(found)
@@ -84,7 +84,7 @@ def test_a_benchmark_has_the_accepted_error_of_its_data_sheet(tmp_path):
 
 
 @pytest.mark.parametrize(("off", "passed"), [(0.0009, True), (0.0011, False)])
-def test_the_error_of_a_motion_is_its_largest_difference(tmp_path, off, passed):
+def test_the_error_of_a_motion_is_the_largest_difference_over_time(tmp_path, off, passed):
     rows = [f"{t},{float(np.sin(t)) + off * (t == 0.5)}" for t in TIMES]
     (found,) = judged(tmp_path, CASES["physics_torque_pulse"], MOTION, "time [s],tip y [m]", *rows)
     assert found.error == pytest.approx(off, rel=1e-6)
@@ -125,18 +125,18 @@ def test_a_motion_at_other_times_or_in_another_unit_is_refused(tmp_path):
         judged(tmp_path, CASES["physics_clamped"], PUBLISHED, "time [s],tip y [mm]", "0.0,0.0")
 
 
-def test_a_folder_without_files_or_with_a_file_of_no_case_is_named(tmp_path):
+def test_a_folder_without_files_or_with_an_unknown_file_is_named(tmp_path):
     known = list(CASES.values())
     with refused(ArgumentError, "test-theirs"):
         theirs.cases_of(tmp_path / "none", known)
     with refused(ArgumentError, "test-theirs"):
         theirs.cases_of(tmp_path, known)
     (tmp_path / "pointwise.csv").write_text("quantity,value")
-    with refused(ArgumentError, "unknown-name"):  # its reference solution is that of an engine
+    with refused(ArgumentError, "unknown-name"):  # its reference solution comes from an engine
         theirs.cases_of(tmp_path, known)
 
 
-def test_every_benchmark_and_every_measurement_accepts_other_programs():
+def test_every_benchmark_and_every_measurement_accepts_files_of_other_programs():
     names = {case.name for case in theirs.open_to_others(list(CASES.values()))}
     assert {f"measured_{name}" for name in ("rotating_beam", "wing_spar")} <= names
     assert {f"physics_{name}" for name in ("princeton", "torque_pulse", "columns")} <= names

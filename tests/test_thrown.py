@@ -48,7 +48,7 @@ def moved(change, posture):
 
 
 def prepared(name: str) -> tuple[np.ndarray, Work, np.ndarray, np.ndarray]:
-    """A bent posture, scratch, and the frequencies [rad/s] and shapes (as columns) there; two joints turn freely."""
+    """A bent posture, a workspace, and frequencies [rad/s] and mode shapes (columns) there; two joints are free."""
     chain = fl.lump(SCENES[name])
     n, q = chain.n, np.random.default_rng(3).uniform(-0.5, 0.5, chain.n)
     squares, shapes = eigh(chain.matrix("stiffness"), fl.mass_matrix(chain, q))
@@ -60,8 +60,8 @@ def prepared(name: str) -> tuple[np.ndarray, Work, np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_an_error_of_the_rates_counts_as_far_as_it_swings_the_bodies(name: str) -> None:
-    """A part x/(1 + x²) of e_v/ω, x = τω, of the best τ: 1/2 where x = 1, and the least midway between two τ."""
+def test_a_rate_error_in_a_mode_counts_as_the_displacement_it_causes(name: str) -> None:
+    """The factor on e_v/ω is x/(1 + x²), x = τω, for the best τ: 1/2 at x = 1, smallest midway between two τ."""
     q, work, ω, shapes = prepared(name)
     least = CLOSER**0.5 / (1 + CLOSER)
     for k in range(2, len(ω)):
@@ -70,7 +70,7 @@ def test_an_error_of_the_rates_counts_as_far_as_it_swings_the_bodies(name: str) 
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_what_turns_freely_goes_on_for_the_time_of_the_slowest_swing(name: str) -> None:
+def test_a_rate_error_of_a_free_joint_counts_for_the_slowest_vibration_time(name: str) -> None:
     q, work, ω, shapes = prepared(name)
     for k in range(2):
         counted = weighed(1e-3 / ω[-1], q, np.zeros_like(q), shapes[:, k], work)
@@ -78,7 +78,7 @@ def test_what_turns_freely_goes_on_for_the_time_of_the_slowest_swing(name: str) 
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_what_a_sampled_law_makes_of_an_error_of_the_rates_counts_by_where_it_throws_the_bodies(name: str) -> None:
+def test_a_sampled_control_error_counts_as_the_displacement_it_causes(name: str) -> None:
     """An impulse p moves a mode of frequency ω by τ / (1 + τ² ω²) times the modal share of p."""
     q, work, ω, shapes = prepared(name)
     τ, inverse = 1.0 / ω[2], shapes @ shapes.T
@@ -90,7 +90,7 @@ def test_what_a_sampled_law_makes_of_an_error_of_the_rates_counts_by_where_it_th
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_at_long_steps_errors_of_the_rates_go_on_for_a_step(name: str) -> None:
+def test_rate_errors_in_long_steps_count_for_the_length_of_a_step(name: str) -> None:
     q, work, ω, shapes = prepared(name)
     h = 3.0 / ω[2]
     counted = weighed(h, q, np.zeros_like(q), shapes[:, 4], work)
@@ -98,7 +98,7 @@ def test_at_long_steps_errors_of_the_rates_go_on_for_a_step(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_an_error_of_the_angles_counts_as_it_moves_the_bodies(name: str) -> None:
+def test_an_angle_error_counts_as_the_displacement_of_the_bodies(name: str) -> None:
     q, work, _, shapes = prepared(name)
     counted = weighed(1e-6, q, shapes[:, 3], np.zeros_like(q), work)
     assert counted == pytest.approx(moved(shapes[:, 3], work.posture), rel=1e-12)
@@ -106,7 +106,7 @@ def test_an_error_of_the_angles_counts_as_it_moves_the_bodies(name: str) -> None
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf])
 @pytest.mark.parametrize("name", SCENES)
-def test_what_is_not_finite_is_no_small_error(name: str, wrong: float) -> None:
+def test_an_error_that_is_not_finite_gives_nan(name: str, wrong: float) -> None:
     q, work, *_ = prepared(name)
     for k in range(len(q)):
         e = np.zeros_like(q)

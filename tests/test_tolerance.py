@@ -37,7 +37,7 @@ def swinging(**changes: Any) -> fl.Scene:
 
 
 def reference(scene: fl.Scene) -> np.ndarray:
-    """States q, q̇ (samples, 2 n) by SciPy on the public forward dynamics, the drive taken from its definition."""
+    """States q, q̇ (samples, 2 n) by SciPy, from the public forward dynamics and the definition of the drive."""
     chain = fl.lump(scene)
     inputs = input_arrays(scene, chain)
     drive, law, n = inputs.drive, scene.drive, chain.n
@@ -78,7 +78,7 @@ DRIVES: dict[str, dict[str, Any]] = {
 @pytest.mark.slow
 @pytest.mark.parametrize("drive", DRIVES)
 def test_every_method_ends_within_its_tolerance_of_another_solver(drive: str) -> None:
-    """The tip is never off by more than twice the tolerance, at any sample, whatever drives the arm."""
+    """The tip error is at most twice the tolerance at every sample, for every kind of drive."""
     scene = swinging(**DRIVES[drive])
     chain, n = fl.lump(scene), fl.lump(scene).n
     tips = np.array([fl.tip_position(chain, q) for q in reference(scene)[:, :n]])
@@ -91,7 +91,7 @@ def test_every_method_ends_within_its_tolerance_of_another_solver(drive: str) ->
 
 @pytest.mark.parametrize(("name", "steps"), [("Radau5", (8, 12)), ("Gauss4", (12, 18)), ("Gauss6", (6, 9))])
 def test_fixed_steps_have_the_order_of_their_method(name: str, steps: tuple[int, int]) -> None:
-    """For a smooth motion: a compliant arm without damping that starts at rest with slack springs."""
+    """The motion is smooth: a compliant arm without damping starts at rest with slack springs."""
     links = flexible("a", segments=2), flexible("b", segments=2)
     scene = make_scene(*links, gravity=(1.0, 0.0, 0.0), initial=fl.InitialState(joint_deg=(40.0, -70.0)))
     scene = scene.varied({"material.aluminium.young": 7e6, "run.duration": 0.3, "run.sample": 0.3})
@@ -100,10 +100,10 @@ def test_fixed_steps_have_the_order_of_their_method(name: str, steps: tuple[int,
     assert [run.steps.taken for run in runs] == list(steps)
     errors = [max(np.abs(run.q[-1] - exact.q).max(), np.abs(run.qd[-1] - exact.qd).max()) for run in runs]
     order = np.log(errors[0] / errors[1]) / np.log(steps[1] / steps[0])
-    assert order == pytest.approx(method(name).order, abs=0.05)  # what the next term of the error adds
+    assert order == pytest.approx(method(name).order, abs=0.05)  # tolerance for the next error term
 
 
-def test_samples_may_lie_anywhere_between_the_steps() -> None:
+def test_samples_may_be_anywhere_between_steps() -> None:
     scene = swinging()
     coarse, fine = (fl.simulate(scene, method="Radau5", tolerance=1e-4, sample=sample) for sample in (0.06, 0.002))
     np.testing.assert_array_equal(coarse.q[::1], fine.q[::30])
@@ -123,7 +123,7 @@ def test_a_fixed_step_whose_stages_do_not_converge_is_split_and_the_run_continue
     exact = fl.simulate(scene, method="Radau9", tolerance=1e-9)
     assert run.steps is not None
     assert run.steps.failed > 0
-    assert 400 < run.steps.taken <= 400 + 2 * run.steps.failed  # of 5 ms in 2 s; and 5 ms long again after a short one
+    assert 400 < run.steps.taken <= 400 + 2 * run.steps.failed  # 400 steps of 5 ms, and 5 ms again after a short step
     assert not run.warnings
     assert np.linalg.norm(run.tip - exact.tip, axis=1).max() <= 1e-4 * np.ptp(exact.tip, axis=0).max()
     t, q, qd = run.state(20)
@@ -132,7 +132,7 @@ def test_a_fixed_step_whose_stages_do_not_converge_is_split_and_the_run_continue
     np.testing.assert_array_equal(rest.qd, run.qd[20:])
 
 
-def test_steps_in_parts_end_at_the_knots_of_inputs_between_those_of_the_grid() -> None:
+def test_split_steps_end_at_input_knots_between_grid_points() -> None:
     scene = random_jump(Dice(659))
     times = np.arange(0.0, 2.0, 0.0031)
     force = scene.wrench.forces[-1]
@@ -161,8 +161,8 @@ def test_a_run_reports_its_method_the_reason_and_its_steps() -> None:
     assert picked.why.endswith(" 0 rad/s")
 
 
-def test_deflections_are_accurate_if_they_are_chosen() -> None:
-    """Slack springs vibrate under a sudden load: too little to matter for the tip, and half of the deflection."""
+def test_deflections_are_accurate_if_the_tolerance_applies_to_them() -> None:
+    """Slack springs vibrate under a sudden load by half of the deflection, which is negligible for the tip."""
     scene = swinging(**{"material.aluminium.loss_time": 0.0, "run.duration": 0.5})
     exact = fl.simulate(scene, method="RK10", step=1e-4)
     bent = exact.chain.stiffness > 0
@@ -175,7 +175,7 @@ def test_deflections_are_accurate_if_they_are_chosen() -> None:
 
 
 def test_deflections_of_an_arm_that_is_straight_at_first_have_a_tolerance() -> None:
-    """The arm is not bent at first, so a fraction of the deflection is zero: the rounding error is allowed.
+    """The arm is initially straight, so a fraction of its deflection is zero; errors up to rounding are allowed.
 
     The tolerance is a fraction of the largest angle of the run, here within a factor of 2.
     """
@@ -189,7 +189,7 @@ def test_deflections_of_an_arm_that_is_straight_at_first_have_a_tolerance() -> N
 
 
 def test_the_deflection_of_an_arm_that_starts_bent_in_a_stiff_mode_is_not_overestimated() -> None:
-    """Its initial q̈, in the fastest modes, would bend it a hundred times more within a period of the slowest mode."""
+    """If the initial q̈ lasted for a period of the slowest mode, the deflection would be a hundred times as large."""
     zigzag = fl.InitialState(q=(0.0, 0.03, -0.03, 0.03, -0.03))
     run = fl.RunSettings(method="DOP853", relative_tolerance=1e-2, accuracy="deflection", duration=0.1, sample=0.01)
     scene = make_scene(flexible("a", segments=5), initial=zigzag).varied({"run": run})
@@ -200,7 +200,7 @@ def test_the_deflection_of_an_arm_that_starts_bent_in_a_stiff_mode_is_not_overes
     assert there <= ready.steps.deflection <= largest < ready.monitor.record.chain.reach
 
 
-def test_a_member_with_a_tolerance_below_rounding_is_refused_alone() -> None:
+def test_only_the_batch_member_with_a_tolerance_below_rounding_is_refused() -> None:
     good = make_scene(fl.Link(name="a", length=1.0, material="aluminium", section="square"))
     good = good.varied({"run": fl.RunSettings(tolerance=1e-3, duration=0.1, sample=0.01)})
     below, (failure, run) = "tolerance-below-rounding", outcomes([good.varied({"run.tolerance": 1e-30}), good], Stop())
@@ -216,13 +216,13 @@ def test_a_relative_tolerance_needs_a_deflection() -> None:
         fl.simulate(make_scene(link).varied({"run": run}))
 
 
-def test_errors_that_a_sampled_controller_holds_are_within_the_tolerance() -> None:
-    """Rate errors of fast vibrations average out; held by the controller for 0.08 s they accelerate the arm."""
+def test_errors_sustained_by_a_sampled_controller_are_within_the_tolerance() -> None:
+    """Rate errors of fast vibrations average out, but accelerate the arm if a controller samples and holds them."""
     drive = fl.Drive(kind="computed_torque", kp=(100.0,), kd=(14.0,), rate=12.5, target_deg=(-60.0,))
     run = fl.RunSettings(method="Radau5", tolerance=1e-4, duration=0.8, sample=0.08)
     scene = make_scene(flexible("a", segments=3), drive=drive, gravity=(0.0, -6.0, 0.0)).varied({"run": run})
     exact = fl.simulate(scene, method="DOP853", tolerance=1e-8)
-    assert np.abs(fl.simulate(scene).tip - exact.tip).max() <= 5e-4  # 84 tolerances with a weight of vibrations alone
+    assert np.abs(fl.simulate(scene).tip - exact.tip).max() <= 5e-4  # 84 tolerances if only vibrations were weighted
 
 
 def test_vibrations_below_the_tolerance_are_not_resolved() -> None:
@@ -247,7 +247,7 @@ def test_a_signal_stops_a_run_with_a_tolerance_and_saves_its_samples() -> None:
     assert np.isfinite(run.q).all()
 
 
-def test_a_tolerance_and_a_step_replace_each_other() -> None:
+def test_setting_a_tolerance_removes_the_step_and_vice_versa() -> None:
     scene = swinging(**{"run.tolerance": 1e-4})
     assert scene.run.controlled
     assert scene.run.method == "auto"
@@ -289,7 +289,7 @@ def test_the_rounding_error_grows_with_the_angles() -> None:
 
 @pytest.mark.parametrize("width", [1e-3, 1e-7])
 def test_dry_friction_that_reverses_within_a_step_is_seen_by_the_error_estimate(width: float) -> None:
-    """The regularization width does not matter: the final Jacobian of the iteration does not hide the reversal."""
+    """This is true for any regularization width: the final Jacobian of the iteration does not hide the reversal."""
     scene = swinging(**{"link.*.joint.coulomb": 3.0, "link.*.joint.coulomb_width": width, "run.duration": 0.6})
     exact = fl.simulate(scene, method="Radau5", tolerance=1e-8)
     for tolerance in (1e-3, 1e-5):
@@ -303,7 +303,7 @@ def test_a_run_without_duration_has_only_its_first_sample() -> None:
 
 
 def test_fixed_implicit_steps_end_at_kinks_of_a_table_and_return_to_their_grid() -> None:
-    """A pulse of 2.8 ms off the grid: half the step leaves less than 1/8 of the error; steps across kinks leave 1/2."""
+    """A pulse of 2.8 ms is off the grid. Halving the step divides the error by > 8; by 2 if steps crossed kinks."""
     torques = (0.0, 0.0), (0.0, 0.0), (900.0, 0.0), (0.0, 0.0)
     drive = fl.Drive(kind="table", times=(0.0, 0.0993, 0.1007, 0.1021), torques=torques)
     scene = swinging(drive=drive, **{"material.aluminium.young": 7e7})
@@ -312,7 +312,7 @@ def test_fixed_implicit_steps_end_at_kinks_of_a_table_and_return_to_their_grid()
     for step in (2.5e-3, 1.25e-3):
         run = fl.simulate(scene, method="Gauss6", step=step)
         assert run.steps is not None
-        assert run.steps.taken == round(0.3 / step) + 3  # one step more for each of three kinks
+        assert run.steps.taken == round(0.3 / step) + 3  # one additional step for each of three kinks
         errors.append(np.abs(run.tip - exact).max())
     assert errors[1] <= errors[0] / 8
 
@@ -320,6 +320,6 @@ def test_fixed_implicit_steps_end_at_kinks_of_a_table_and_return_to_their_grid()
 @pytest.mark.parametrize("passive", ["zero", "static"])
 @pytest.mark.parametrize("name", CONTROLLED)
 def test_an_arm_at_rest_almost_upright_is_not_doubted(name: str, passive: str) -> None:
-    """Almost no energy is exchanged, so an error as large as the tolerance is a large fraction of it."""
+    """Almost no energy is exchanged, so an allowed energy error is a large fraction of the energy exchanged."""
     scene = swinging(**{"initial.joint_deg": (179.999, 0.0), "initial.passive": passive})
     assert fl.simulate(scene, method=name, relative_tolerance=1e-3).warnings == ()

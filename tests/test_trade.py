@@ -1,4 +1,4 @@
-"""Cost against accuracy: scenes are data, stored references belong to them, and independent solvers agree."""
+"""Cost versus accuracy: stored references belong to their scenes, and independent solvers agree."""
 
 import math
 
@@ -24,13 +24,13 @@ NAMES = list(trade.scenes())
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
-def test_every_reference_is_of_the_scene_as_it_is_now_and_of_two_methods_that_agree(name):
+def test_every_reference_belongs_to_the_current_scene_and_two_methods_agree(name):
     assert trade.is_of(trade.trade_scene(name), name)
     assert reference_array(trade.reference_name(name), "agree") <= trade_references.AGREE
     assert {part.shape for part in trade.reference(name)} == {(trade.OUTPUTS + 1, 3)}
 
 
-def test_a_scene_with_another_stiffness_is_not_that_of_the_reference():
+def test_a_scene_with_another_stiffness_does_not_match_the_reference():
     scene = trade.trade_scene("pulse11")
     young = scene.arm.materials["thin"].young
     assert trade.is_of(scene, "pulse11")
@@ -38,7 +38,7 @@ def test_a_scene_with_another_stiffness_is_not_that_of_the_reference():
     assert not trade.is_of(stiffer, "pulse11")
 
 
-def test_an_error_is_a_part_of_the_motion_and_never_finite_without_a_run():
+def test_errors_are_relative_to_the_motion_and_infinite_without_a_run():
     exact = trade.reference("paper")
     assert trade.errors("paper", exact) == (0.0, 0.0)
     moved = trade.errors("paper", exact._replace(tip=exact.tip + np.array([0.0, 0.0, 0.01])))
@@ -47,7 +47,7 @@ def test_an_error_is_a_part_of_the_motion_and_never_finite_without_a_run():
     assert trade.errors("paper", exact._replace(tip=np.full_like(exact.tip, np.nan))) == (math.inf, 0.0)
 
 
-def test_what_bends_the_tip_away_is_nothing_of_a_straight_arm_and_all_of_one_whose_joints_are_at_zero():
+def test_the_deflection_is_the_tip_displacement_from_the_rigid_arm():
     chain = fl.lump(trade.trade_scene("kick11"))
     q = np.zeros((2, chain.n))
     q[0, 0], q[1, 1:] = 0.3, 0.01
@@ -59,7 +59,7 @@ def test_what_bends_the_tip_away_is_nothing_of_a_straight_arm_and_all_of_one_who
 # Drake and Exudyn
 
 
-def test_a_missing_engine_is_left_out_and_the_others_run_in_their_scenes(monkeypatch):
+def test_a_missing_engine_is_omitted_and_the_others_run_their_scenes(monkeypatch):
     def points(engine, *_):
         if engine == "drake":
             raise fl.errors.MissingDependencyError("Drake cannot be imported")
@@ -77,7 +77,7 @@ def test_a_missing_engine_is_left_out_and_the_others_run_in_their_scenes(monkeyp
 # work against precision
 
 
-def test_a_ladder_ends_where_both_errors_are_small_or_before_its_budget():
+def test_step_refinement_ends_at_small_errors_or_before_the_time_budget():
     def run(steps: int) -> Point:
         return Point(1 / steps, 0.1 / steps**2, 1e-3 * steps, bend=1 / steps**2)
 
@@ -86,13 +86,13 @@ def test_a_ladder_ends_where_both_errors_are_small_or_before_its_budget():
 
 
 def tolerances(monkeypatch, point):
-    """Tolerances of a ladder whose runs are these points, relative to the first."""
+    """Tolerances of a refinement whose runs give these points, relative to the first tolerance."""
     monkeypatch.setattr(native_ladder, "_point", lambda _name, _scene, setting, *_: point(setting))
     found = [each.setting for each in native_ladder.by_tolerance("kick11", "Radau5", 1.0, 1e-8)]
     return [each / found[0] for each in found]
 
 
-def test_a_ladder_of_tolerances_ends_at_both_errors_at_the_budget_and_before_a_run_too_expensive(monkeypatch):
+def test_tolerance_refinement_ends_at_small_errors_or_at_the_budget(monkeypatch):
     first = native_ladder.COARSEST * tip_travel(trade.reference("kick11").tip)
     both = tolerances(monkeypatch, lambda tol: Point(tol, 1e-9, 0.1, 3e-8 * tol / first, int(1e6 / tol)))
     assert both == pytest.approx([1.0, 10**-0.25, 10**-0.5])
@@ -105,14 +105,14 @@ def test_a_ladder_of_tolerances_ends_at_both_errors_at_the_budget_and_before_a_r
     assert native_ladder.by_tolerance("kick11", "Radau5", 1.0, 1e-8) == []
 
 
-def test_where_stability_sets_the_steps_a_decade_of_tolerances_is_left_out(monkeypatch):
+def test_tolerances_are_skipped_by_decades_if_stability_limits_the_steps(monkeypatch):
     found = tolerances(monkeypatch, lambda setting: Point(setting, 1e-3, 0.1, 1e-3, 16320))
     assert found[:4] == pytest.approx([1.0, 10**-0.25, 10**-1.25, 10**-2.25])
     grows = tolerances(monkeypatch, lambda setting: Point(setting, 1e-3, 0.1, 1e-3, int(100 * setting**-0.2)))
     assert grows[:4] == pytest.approx([1.0, 10**-0.25, 10**-0.5, 10**-0.75])
 
 
-def test_the_cost_of_an_error_lies_between_the_runs_and_goes_on_with_the_order():
+def test_the_cost_of_an_error_is_interpolated_and_extrapolated_by_the_order():
     points = [Point(1.0, math.inf, 0.1), Point(0.5, 1e-2, 1.0), Point(0.25, 1e-4, 2.0)]
     assert cost(points, 1e-1, 1.0) == (1.0, "measured")
     assert cost(points, 1e-3, 1.0) == (pytest.approx(math.sqrt(2)), "measured")
@@ -120,7 +120,7 @@ def test_the_cost_of_an_error_lies_between_the_runs_and_goes_on_with_the_order()
     assert cost(points[:1], 1e-4, 2.0) is None
 
 
-def test_flexlink_has_only_runs_that_met_the_error_and_others_their_order_and_the_limit_of_stability():
+def test_only_costs_of_other_programs_are_extrapolated():
     ours = {"Radau5": [Point(1e-2, 1e-3, 1.0), Point(1e-3, 1e-5, 2.0)]}
     others = {
         "RK4": {"RK4 at its limit": [Point(1e-6, math.nan, 100.0)]},
@@ -138,4 +138,4 @@ def test_flexlink_has_only_runs_that_met_the_error_and_others_their_order_and_th
         assert part in note
     assert rows[f"RK4 {ratio} 0.0001{speed_trade.HARD_SCENE}"].value == 50
     rows = {row.quantity: row for row in speed_trade._rows("t3", speed_trade.Aim("error", 1e-6), ours, others)}
-    assert rows[f"RK4 {ratio} 1e-06"].value == 0  # flexlink does not reach the error: no limit is met
+    assert rows[f"RK4 {ratio} 1e-06"].value == 0  # flexlink does not reach the error, so no limit is met

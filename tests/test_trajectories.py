@@ -1,4 +1,4 @@
-"""compare_trajectories(): the same run in several engines, and those that differ or cannot run it."""
+"""compare_trajectories() makes a run in several engines and reports engines that differ or cannot run the scene."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_a_scene_with_a_wrench_has_the_same_run_in_every_engine(engines, capsys)
     reviewed("trajectories: compared steps", first)
 
 
-def test_an_engine_that_leaves_out_the_wrench_disagrees_at_a_joint_and_a_time(engines, monkeypatch, capsys) -> None:
+def test_a_missing_wrench_in_an_engine_is_reported_with_joint_and_time(engines, monkeypatch, capsys) -> None:
     monkeypatch.setattr("flexlink.engines.steps.wrench_function", lambda _: None)
     found = fl.compare_trajectories(fl.load_scene(SPATIAL), engines=engines, duration=0.02)
     wrong, right = found.rows
@@ -94,14 +94,14 @@ def test_a_run_that_diverges_in_an_engine_disagrees_and_its_samples_are_compared
     assert str(found).endswith("native: infinite")
 
 
-def test_motion_that_amplifies_rounding_may_differ_as_two_of_our_runs_do(monkeypatch) -> None:
+def test_in_chaotic_motion_engines_may_differ_as_much_as_two_of_our_runs(monkeypatch) -> None:
     scene = fl.load_scene(SPATIAL)
     ours, other = (fl.simulate(scene, duration=0.01, solver=name) for name in ("articulated", "lu"))
     apart = np.abs(other.q - ours.q).max()
     assert 0 < apart < ANGLE_TOLERANCE
     monkeypatch.setattr(native.NativeEngine, "integrate", lambda *_: (other.t, other.q, other.qd))
     with monkeypatch.context() as without:
-        without.setattr(trajectories, "_cross_check", lambda *_: pytest.fail("a cross-check where no engine is off"))
+        without.setattr(trajectories, "_cross_check", lambda *_: pytest.fail("a cross-check, but all engines agree"))
         calm = fl.compare_trajectories(scene, engines=["native"], duration=0.01)
     assert calm.rows[0].explained == ANGLE_TOLERANCE
     monkeypatch.setattr(trajectories, "ANGLE_TOLERANCE", 0.0)

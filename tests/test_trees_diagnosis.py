@@ -1,4 +1,4 @@
-"""compare(scene, file=…) of trees, sliding joints and free bases: it reports the mistake in a file, and only that."""
+"""compare(scene, file=…) reports exactly the mistake in a file with trees, prismatic joints or free bases."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import planted
 import pytest
-from planted import JOINT, Planted, each, frame_moved, said, said_times, scaled, unnamed
+from planted import JOINT, Planted, each, frame_moved, scaled, text_scaled, text_set, unnamed
 from test_their_files import diagnosed, written
 from test_trees_engines import satellite
 
@@ -65,8 +65,8 @@ PLANTED = (
             r"joint 'base\.rz'"),
     Planted("mjcf", "springs per degree", scaled(JOINT, "stiffness", np.pi / 180), r"stiffness \D+ 9 "),
     Planted("sdf", "a slide that turns", each(of_joint("boom"), type="revolute"), "joint 'boom': revolute"),
-    Planted("sdf", "a heavier rotor", said(planted.ROTOR, "3.0"), r"armature of joint 'boom': 3 \D+ 2 kg"),
-    Planted("sdf", "gravity the other way", said_times("world/gravity", 1, 1, -1), "gravity"),
+    Planted("sdf", "a heavier rotor", text_set(planted.ROTOR, "3.0"), r"armature of joint 'boom': 3 \D+ 2 kg"),
+    Planted("sdf", "gravity the other way", text_scaled("world/gravity", 1, 1, -1), "gravity"),
 )  # fmt: skip
 
 
@@ -75,8 +75,8 @@ PLANTED = (
     [pytest.param(case, marks=drake if case.form == "sdf" else ()) for case in PLANTED],
     ids=lambda case: f"{case.form}, {case.mistake}",
 )
-def test_a_planted_mistake_is_the_only_one_reported_and_explains_all_differences(case: Planted, tmp_path: Path) -> None:
-    """A finding matches `named`: names and values."""
+def test_only_the_planted_mistake_is_reported_and_it_explains_all_differences(case: Planted, tmp_path: Path) -> None:
+    """The finding matches `named`, a pattern of names and values."""
     found = diagnosed(written(tmp_path, case.form, case.edit, CHAIN), CHAIN, base=BASE)
     (finding,) = found.findings
     reviewed(f"diagnosis, {case.form}: {case.mistake}, tree", str(finding))
@@ -89,13 +89,13 @@ def test_a_planted_mistake_is_the_only_one_reported_and_explains_all_differences
 
 
 @pytest.mark.parametrize("form", ["urdf", "mjcf", pytest.param("sdf", marks=drake)])
-def test_in_our_own_file_no_mistake_is_reported(form: str, tmp_path: Path) -> None:
+def test_no_mistake_is_reported_in_our_own_file(form: str, tmp_path: Path) -> None:
     found = diagnosed(written(tmp_path, form, None, CHAIN), CHAIN, base=BASE)
     assert found.passed and not found.findings, str(found)
 
 
 def test_the_position_of_a_sliding_joint_does_not_matter(tmp_path: Path) -> None:
-    """Its axis has only a direction."""
+    """Only the direction of a prismatic axis matters."""
     found = diagnosed(
         written(tmp_path, "mjcf", each(".//joint[@type='slide']", pos="0.1 0.2 0.3"), CHAIN), CHAIN, base=BASE
     )
@@ -129,7 +129,7 @@ def test_the_record_of_a_tree_is_converted_back_to_its_chain() -> None:
 
 
 def test_a_urdf_of_another_tool_has_a_free_base_if_the_scene_has_one(tmp_path: Path) -> None:
-    """URDF cannot represent it; the angles of the base count from its initial attitude in the scene."""
+    """URDF cannot represent a free base; its angles are measured from its initial attitude in the scene."""
 
     def plain(root: ET.Element) -> None:
         root.remove(root.find("flexlink"))

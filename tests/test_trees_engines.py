@@ -1,4 +1,4 @@
-"""Trees, sliding joints and free bases: files represent all of them, and other engines that load the files agree."""
+"""Trees, prismatic joints and free bases: files represent all of them, and other engines that load them agree."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_files_read_back_to_the_same_tree(format, chain: fl.Chain) -> None:
 
 
 @EVERY
-def test_small_masses_go_between_joints_of_a_tree_but_not_into_its_base(format, chain: fl.Chain) -> None:
+def test_small_masses_are_added_between_joints_of_a_tree_but_not_to_its_base(format, chain: fl.Chain) -> None:
     filled = with_small_mass(chain, mass=1e-6)
     read = format.read(format.write(filled))
     assert_same(read, filled)
@@ -142,7 +142,7 @@ def test_mujoco_refuses_branches_where_nothing_has_mass() -> None:
     ],
     ids=["a link that is not there", "a stretched attitude", "another link's tip"],
 )
-def test_what_is_wrong_of_base_or_tips_is_refused_in_one_line(format, pattern, wrong, chain: fl.Chain) -> None:
+def test_an_invalid_base_or_tip_is_refused_in_one_line(format, pattern, wrong, chain: fl.Chain) -> None:
     text, count = re.subn(pattern, wrong, format.write(chain), count=1)
     assert count == 1
     with refused(fl.errors.DataFileError, "file-content"):
@@ -151,7 +151,7 @@ def test_what_is_wrong_of_base_or_tips_is_refused_in_one_line(format, pattern, w
 
 @pytest.mark.parametrize("name", WITNESSES)
 @pytest.mark.parametrize("quantity", QUANTITIES)
-def test_every_term_agrees_as_far_as_rounding_lets_it(name: str, quantity: str, chain: fl.Chain) -> None:
+def test_every_term_agrees_up_to_rounding(name: str, quantity: str, chain: fl.Chain) -> None:
     native, other, term = load("native", chain), load(name, chain), QUANTITIES[quantity]
     for state in mixed_states(chain, 8):
         expected, got = (term.evaluate(engine, state) for engine in (native, other))
@@ -162,7 +162,7 @@ def test_every_term_agrees_as_far_as_rounding_lets_it(name: str, quantity: str, 
 
 @pytest.mark.parametrize("name", WITNESSES)
 @pytest.mark.parametrize("scene", ["dual_arm", "gantry", "satellite", ""])
-def test_the_arm_that_an_engine_has_read_is_ours(name: str, scene: str) -> None:
+def test_the_arm_read_by_an_engine_equals_ours(name: str, scene: str) -> None:
     chain = fl.lump(fl.load_scene(ROOT / "models" / f"{scene}.toml") if scene else satellite())
     ours, theirs = of_chain(chain), load(name, chain).read_back()
     assert theirs.names == ours.names
@@ -176,8 +176,8 @@ def test_the_arm_that_an_engine_has_read_is_ours(name: str, scene: str) -> None:
 
 
 @pytest.mark.parametrize("name", WITNESSES)
-def test_random_trees_agree(name: str) -> None:
-    """M to 1e-13, T_GC with a wrench at any of the tips to 1e-12."""
+def test_engines_agree_on_random_trees(name: str) -> None:
+    """M agrees to 1e-13, and T_GC with a wrench at any tip agrees to 1e-12."""
     for seed in SEEDS:
         chain, random = fl.lump(random_tree(seed)), np.random.default_rng(seed)
         q, qd, wrench = random.uniform(-1, 1, chain.n), random.uniform(-1, 1, chain.n), random.normal(size=6)
@@ -189,8 +189,8 @@ def test_random_trees_agree(name: str) -> None:
             assert np.abs(got - expected).max() <= tolerance * np.abs(expected).max(), seed
 
 
-def test_axes_of_inertia_that_mujoco_takes_for_those_of_the_body_are_written_in_another_order() -> None:
-    """MuJoCo drops rotations and offsets below 1e-6: an effect of a product of inertia that is seven digits large."""
+def test_nearly_aligned_inertia_axes_are_permuted_for_mujoco() -> None:
+    """MuJoCo drops rotations and offsets below 1e-6, although their effect on M exceeds rounding by far."""
     for inertia, center in {((0.1, 0.2, 0.25, 0, 0, 1e-8), (0, 0, 0)), ((0.1, 0.2, 0.25), (5e-7, 0, 0))}:
         hub = fl.RigidBody(mass=1e5, center=center, inertia=inertia)
         links = fl.Link(name="a", hub=hub), fl.Link(name="b", joint=fl.Joint(axis=(0.0, 1.0, 0.0)), hub=hub)
@@ -224,7 +224,7 @@ def test_runs_in_the_same_steps_differ_by_rounding_only(name: str, floats: bool)
 
 
 @pytest.mark.parametrize("name", WITNESSES[:3])
-def test_a_base_that_turns_far_is_followed_in_other_coordinates_or_refused(name: str) -> None:
+def test_a_base_that_rotates_far_changes_coordinates_or_is_refused(name: str) -> None:
     scene = satellite().varied({"initial.base.spin_deg": (900.0, -700.0, 300.0), "run.duration": 0.1})
     chain = fl.lump(scene)
     engine = load(name, chain)
@@ -237,5 +237,5 @@ def test_a_base_that_turns_far_is_followed_in_other_coordinates_or_refused(name:
     assert np.abs(q[-1, 3:6]).max() > 1.0
     assert np.abs(others - q).max() <= 1e-12
     assert np.abs(rates - qd).max() <= 1e-10
-    M = engine.mass_matrix(q[0])  # in the coordinates of the start again
+    M = engine.mass_matrix(q[0])  # back in the initial coordinates
     assert pytest.approx(fl.mass_matrix(chain, q[0]), abs=1e-13 * np.abs(M).max()) == M

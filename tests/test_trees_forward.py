@@ -1,4 +1,4 @@
-"""Forward dynamics of trees, sliding joints and free bases, in O(n), against inverse dynamics and dense matrices."""
+"""O(n) forward dynamics of trees, prismatic joints and free bases agrees with inverse dynamics and dense matrices."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def moved(chain: fl.Chain, rng: np.random.Generator, share: float = 0.2) -> fl.C
 
 
 def state_of(chain: fl.Chain, rng: np.random.Generator) -> np.ndarray:
-    """q, q̇, τ, and q̈ of joints whose motion is given, (4, n)."""
+    """q, q̇, τ, and q̈ of joints with prescribed motion, (4, n)."""
     state = rng.uniform(-1, 1, (4, chain.n))
     state[1] *= 3.0
     state[3, chain.hinges["prescribed"] == 0] = 0.0
@@ -103,13 +103,13 @@ def by_articulated_bodies(chain, wrench, state):
 
 @kernel
 def by_dense_matrix(chain, wrench, state):
-    """The same by Cholesky's method."""
+    """The same as `by_articulated_bodies`, by Cholesky's method."""
     return dense(wrench, state[0], state[1], state[2], state[3], dense_workspace(chain, False))
 
 
 @kernel
 def side_by_side(work, wrench, state):
-    """The same of eight states, (4, n, 8)."""
+    """The same as `by_articulated_bodies` for eight states in SIMD lanes, (4, n, 8)."""
     articulated(wrench, state[0], state[1], state[2], state[3], work)
 
 
@@ -148,7 +148,7 @@ def missed(chain: fl.Chain, wrench: np.ndarray, state: np.ndarray) -> float:
     return float(np.abs(left).max() / (10 * np.sqrt(chain.n) * EPS * size))
 
 
-def test_trees_are_drawn_of_every_kind() -> None:
+def test_random_trees_include_every_kind_of_joint_and_base() -> None:
     chains = [random_tree(seed) for seed in SEEDS]
     slides = [chain.hinges["axis"] >= SLIDES for chain in chains]
     assert sum(chain.has_free_base for chain in chains) > 5
@@ -159,8 +159,8 @@ def test_trees_are_drawn_of_every_kind() -> None:
     assert sizes == {0, 1, 2, 3}
 
 
-def test_inverse_dynamics_gives_back_the_torques(rng) -> None:
-    """For accelerations by articulated bodies and by dense matrices, and for given motions, with equal powers."""
+def test_inverse_dynamics_reproduces_the_torques(rng) -> None:
+    """Articulated bodies and dense matrices give the accelerations, also with prescribed motion, and equal powers."""
     for seed in SEEDS:
         chain, wrench = moved(random_tree(seed), rng), rng.normal(size=6)
         given = state_of(chain, rng)
@@ -184,7 +184,7 @@ def test_mass_methods_agree_and_those_for_serial_arms_are_refused(rng) -> None:
                     fl.mass_matrix(chain, q, algorithm=method)
 
 
-def test_eight_states_and_eight_chains_side_by_side(rng) -> None:
+def test_eight_states_and_eight_chains_in_simd_lanes_equal_single_ones(rng) -> None:
     for seed in SEEDS[:12]:
         chain = moved(random_tree(seed), rng, 0.1)
         chains = [heavier(chain, factor) for factor in rng.uniform(1, 2, LANES)]
@@ -208,7 +208,7 @@ def heavier(chain: fl.Chain, factor: float) -> fl.Chain:
 
 @pytest.mark.parametrize("number", [1.0, 1.0 + 0.7j])
 @pytest.mark.parametrize("lumpings", [(), ("lobatto2", "lobatto4")], ids=["hinges", "cells"])
-def test_solutions_with_other_rotors_are_those_of_dense_matrices(number: complex, lumpings, rng) -> None:
+def test_solutions_with_a_modified_diagonal_equal_those_of_dense_matrices(number: complex, lumpings, rng) -> None:
     """(M + A) x = r within 1e-13 of |M + A| |x|, with A diagonal or full in cells of coupled springs."""
     for seed in SEEDS[:16]:
         chain = moved(random_tree(seed, *lumpings), rng)
@@ -242,8 +242,8 @@ def test_the_factors_of_forward_dynamics_solve_with_the_mass_matrix(rng) -> None
         assert np.abs((M @ x - r)[free]).max() <= 1e-13 * (np.abs(M).max() * np.abs(x).sum() + np.abs(r).max()), seed
 
 
-def test_a_displacement_is_the_largest_of_all_ends_of_segments(rng) -> None:
-    """Ends are hinge points, and the points of segments at the places of prismatic hinges."""
+def test_the_displacement_norm_is_the_largest_over_all_segment_ends(rng) -> None:
+    """Segment ends are the hinge points, and the points of the body before a prismatic hinge at its place."""
     for seed in SEEDS[:12]:
         chain, h = random_tree(seed), 1e-6
         q, δ = rng.uniform(-1, 1, (2, chain.n))
@@ -256,7 +256,7 @@ def test_a_displacement_is_the_largest_of_all_ends_of_segments(rng) -> None:
 
 
 def placed(chain: fl.Chain, q: np.ndarray, where: np.ndarray) -> np.ndarray:
-    """Hinge points at q, and the points of the bodies before them that are there at `where`, (2 bodies, 3)."""
+    """Hinge points at q, and points fixed to the parent bodies that coincide with hinge points at angles `where`."""
     then, now = forward_kinematics(chain.arrays, where), forward_kinematics(chain.arrays, q)
     ends = then.points.copy()
     for i, parent in enumerate(chain.bodies["parent"] - 1):
@@ -266,7 +266,7 @@ def placed(chain: fl.Chain, q: np.ndarray, where: np.ndarray) -> np.ndarray:
     return np.vstack([now.points, ends])
 
 
-def test_the_largest_eigenvalue_of_a_tree(rng) -> None:
+def test_the_largest_eigenvalue_of_a_tree_equals_that_of_dense_matrices(rng) -> None:
     chain = random_tree(1)
     q = rng.uniform(-1, 1, chain.n)
     λ = np.linalg.eigvals(np.linalg.solve(fl.mass_matrix(chain, q), np.diag(chain.stiffness))).real.max()

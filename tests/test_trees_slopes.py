@@ -1,4 +1,4 @@
-"""Derivatives of trees with revolute and prismatic joints, on fixed and free bases, against complex steps."""
+"""Derivatives of trees with revolute and prismatic joints on fixed and free bases agree with complex steps."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def tree(request: pytest.FixtureRequest) -> tuple[fl.Chain, np.random.Generator]
     return random_tree(rng, int(rng.integers(1, 5)), free=bool(request.param % 2)), rng
 
 
-def test_inverse_dynamics_has_the_slopes_of_newton_s_and_euler_s_equations(tree) -> None:
+def test_derivatives_of_inverse_dynamics_match_newton_euler_by_complex_steps(tree) -> None:
     chain, rng = tree
     q, qd, qdd, wrench = state(chain, rng)
     found = fl.inverse_dynamics_derivatives(chain, q, qd, qdd, tip_wrench=wrench)
@@ -62,13 +62,13 @@ def test_inverse_dynamics_has_the_slopes_of_newton_s_and_euler_s_equations(tree)
         assert off(ours, wanted) < 1e-14
         assert not ours[apart(chain)].any()
     turning = fl.inverse_dynamics_derivatives(chain, q, qd, qdd, tip_wrench=wrench, frame="tip")
-    springs = np.abs(chain.matrix("stiffness")).max()  # which the difference of two stiffnesses is taken of
+    springs = np.abs(chain.matrix("stiffness")).max()  # K is a difference of two larger matrices
     assert np.abs(turning.dq - slopes(chain, q, qd, qdd, wrench, follower=True)[0]).max() < 1e-14 * (
         np.abs(exact[0]).max() + springs
     )
 
 
-def test_forward_dynamics_has_the_slopes_of_newton_s_and_euler_s_equations(tree) -> None:
+def test_derivatives_of_forward_dynamics_match_newton_euler_by_complex_steps(tree) -> None:
     chain, rng = tree
     hinges = chain.hinges.copy()
     hinges["prescribed"][chain.active[-1]] = 1
@@ -94,7 +94,7 @@ def test_forward_dynamics_has_the_slopes_of_newton_s_and_euler_s_equations(tree)
 
 
 @pytest.mark.parametrize("follower", [False, True])
-def test_small_motion_has_the_products_and_solutions_of_the_matrices(tree, follower: bool) -> None:
+def test_small_motion_products_and_solutions_equal_those_of_the_matrices(tree, follower: bool) -> None:
     chain, rng = tree
     q, rates, _, wrench = state(chain, rng)
     locked = np.zeros(chain.n, bool)
@@ -122,7 +122,7 @@ ROOTS = {
     0.5: [2.13617562651333, 4.98196587137059, 8.0509039739791],
     5.0: [1.92626530993769, 4.73606411573393, 7.87946858968337],
 }
-"""x of sin x cosh x + cos x sinh x + μ x (1 + cos x cosh x) = 0, by the mass μ of a carriage in units of the beam's."""
+"""Roots x of sin x cosh x + cos x sinh x + μ x (1 + cos x cosh x) = 0, by the ratio μ of carriage to beam mass."""
 
 
 def thin_tree(*links: fl.Link, base: Base | None = None) -> fl.Chain:
@@ -137,7 +137,7 @@ def thin_tree(*links: fl.Link, base: Base | None = None) -> fl.Chain:
 
 
 @pytest.mark.parametrize("μ", ROOTS)
-def test_a_beam_on_a_carriage_has_the_frequencies_of_its_equation(μ: float) -> None:
+def test_a_beam_on_a_carriage_has_the_frequencies_of_its_closed_form(μ: float) -> None:
     def errors(hinges: int) -> Array:
         carriage = {
             "joint": fl.Joint(kind="prismatic", axis=(0.0, 1.0, 0.0)),
@@ -154,11 +154,11 @@ def test_a_beam_on_a_carriage_has_the_frequencies_of_its_equation(μ: float) -> 
     assert (np.log2(few / many) > 3.8).all()
 
 
-def test_a_satellite_with_two_panels_has_six_rigid_modes_and_those_of_a_carriage() -> None:
+def test_a_satellite_has_six_rigid_modes_and_modes_of_a_beam_on_a_carriage() -> None:
     still = fl.Joint(locked=True)
     left = replace(thin_link("gauss", 32, "left"), joint=still)
     right = replace(thin_link("gauss", 32, "right"), joint=still, on="base", mount=fl.Mount(rpy_deg=(0.0, 0.0, 180.0)))
-    hub = Base(kind="free", mass=1.0, inertia=(1.0, 1.0, 1.0))  # half of it to every panel
+    hub = Base(kind="free", mass=1.0, inertia=(1.0, 1.0, 1.0))  # half of the base mass for each panel
     found = fl.modes(thin_tree(left, right, base=hub))
     assert found.kinds[:8] == ("rigid",) * 6 + ("elastic",) * 2
     assert not found.eigenvalues[:6].any()
@@ -167,7 +167,7 @@ def test_a_satellite_with_two_panels_has_six_rigid_modes_and_those_of_a_carriage
 
 
 @pytest.mark.parametrize("base", [Base(), Base(kind="free", mass=2.0, inertia=(1.0, 1.0, 1.0))])
-def test_the_slowest_modes_of_long_branches_are_those_among_all(base: Base) -> None:
+def test_the_slowest_modes_of_long_branches_equal_the_first_of_all_modes(base: Base) -> None:
     slider = fl.Joint(kind="prismatic", axis=(1.0, 0.0, 0.0), armature=1.0)
     left = replace(thin_link("gauss", 60, "left", flex="yz"), joint=slider)
     right = replace(
@@ -181,7 +181,7 @@ def test_the_slowest_modes_of_long_branches_are_those_among_all(base: Base) -> N
 
 
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
-def test_an_arm_on_a_springy_slide_rests_alike_in_every_size(size: float) -> None:
+def test_the_equilibrium_of_an_arm_on_an_elastic_slide_scales_with_size(size: float) -> None:
     spring = fl.Joint(kind="prismatic", axis=(0.0, 1.0, 0.0), armature=1.0, gear_stiffness=100.0 / size)
     arm = fl.Arm(
         links=(
@@ -216,7 +216,7 @@ def branching(**fields: object) -> fl.Scene:
     )
 
 
-def test_postures_in_a_row_are_those_that_statics_finds_one_by_one() -> None:
+def test_equilibria_of_a_sequence_equal_those_of_separate_solutions() -> None:
     chain = fl.lump(branching())
     driven = np.linspace(0.0, 1.0, 4)[:, None] * [0.3, 0.05, 0.1]
     q = np.zeros((4, chain.n))
@@ -227,7 +227,7 @@ def test_postures_in_a_row_are_those_that_statics_finds_one_by_one() -> None:
 
 @pytest.mark.parametrize("on", ["right", "hand"])
 @pytest.mark.parametrize("frame", ["world", "tip", "constant"])
-def test_a_wrench_on_any_tip_does_the_work_that_the_arm_gains(frame: str, on: str) -> None:
+def test_the_energy_gain_equals_the_work_of_a_wrench_on_any_tip(frame: str, on: str) -> None:
     """The power is f·v + m·ω of the loaded tip."""
     forces, moments = ((1.0, 2.0, 3.0), (30.0, -50.0, 10.0)), ((1.0, 0.2, 0.3), (3.0, -5.0, 1.0))
     wrench = fl.Wrench(force=forces[1], moment=moments[1], on=on)

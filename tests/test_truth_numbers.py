@@ -1,4 +1,4 @@
-"""Reference results for advice: repeatable random scenes, and truth and cheapest model for closed-form runs."""
+"""Reference results for advice: repeatable random scenes; truth and cheapest model of runs with known errors."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ from validation.random_arms import random_arm, random_tree
     (random_tree, range(30), 22684.321373375),
 ])  # fmt: skip
 def test_the_same_seed_gives_the_scene_of_the_stored_study(make: Any, args: Any, known: float) -> None:
-    """Compared by a weighted sum of its numbers: stored results of a seed are useless if it gives another scene.
+    """Scenes are compared by a weighted sum of their numbers: stored results require that a seed gives the same scene.
 
-    Zeros do not count, and so a key that is new, and left out, changes nothing.
+    Zeros are ignored, so a new key that is not set changes nothing.
     """
     found = (map(float, re.findall(r"-?\d+\.?\d*(?:e-?\d+)?", repr(to_document(make(one))))) for one in args)
     total = sum((1 + k % 7) * math.asinh(x) for numbers in found for k, x in enumerate(filter(None, numbers)))
@@ -44,7 +44,7 @@ PATH = np.array([[0.0, 0.0, 0.0], [0.3, 0.4, 0.0], [0.0, -0.8, 0.6]])
 
 
 class Runs:
-    """Replacement of a runner: a tip with an error of h⁻² + 8 h⁻⁴ of its path plus `slip` tolerances or steps."""
+    """Stub of a runner whose tip has a relative error of h⁻² + 8 h⁻⁴ plus `slip` times the tolerance or step."""
 
     slip, allowed = 0.0, True
 
@@ -58,7 +58,7 @@ class Runs:
         return Outcome(tip, self.cost(h, stepping), None, stepping)
 
     def cost(self, h: float, stepping: Stepping) -> float:
-        """Cost of steps with a tolerance: fewer with DOP853."""
+        """Cost of a run: hinges times steps; steps with DOP853 are cheaper with few hinges."""
         steps = 1 / stepping.step if stepping.step else (stepping.tolerance or 1.0) ** (-0.2 - 0.1 * (h > 8))
         return h * steps * (0.3 if stepping.method == "DOP853" and h < 6 else 1.0)
 
@@ -80,14 +80,14 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> type[Runs]:
 
 
 def change(a: int, b: int, d: int) -> float:
-    """Change of the limit, of order 2, from levels a and b to b and d."""
+    """Change of the second-order extrapolated limit from levels a and b to levels b and d."""
     return 8 / b**2 * (a**-2 - d**-2)
 
 
 @pytest.mark.parametrize(("within", "levels"), [
     (0.5, (4, 6, 8)), (0.009, (6, 8, 12)), (1e-3, (8, 12, 16)), (4e-4, (12, 16, 24)), (1e-9, (24, 32, 48)),
 ])  # fmt: skip
-def test_the_truth_is_the_limit_of_levels_from_which_on_it_changes_little(within: float, levels: Any) -> None:
+def test_the_truth_is_the_extrapolated_limit_of_converged_levels(within: float, levels: Any) -> None:
     a, b, d = levels
     found = truth.truth(SCENE, within, 1.0)
     assert found.tip == pytest.approx(PATH * (1 - 8 / (b * d) ** 2), abs=1e-12)
@@ -97,17 +97,17 @@ def test_the_truth_is_the_limit_of_levels_from_which_on_it_changes_little(within
 
 
 @pytest.mark.parametrize(("slip", "of_motion"), [(10.0, 1e-6), (1e4, 1e-9)])
-def test_what_steps_do_is_added_and_where_it_is_not_small_they_are_stricter(
+def test_the_step_error_is_added_and_reduced_if_it_is_not_small(
     runs: type[Runs], slip: float, of_motion: float
 ) -> None:
-    """Found by six hinges at the tolerance of the motion of four, and at a tenth of that of the last level."""
+    """Six hinges are run at the tolerance from four hinges, and at a tenth of the tolerance of the last level."""
     runs.slip = slip
     found, size = truth.truth(SCENE, 0.009, 1.0), {h: 1 + h**-2 + 8 * h**-4 for h in (4, 12)}
     steps = slip * of_motion * (size[4] - 0.1 * size[12])
     assert found.error - change(6, 8, 12) == pytest.approx(steps, rel=0.01)
 
 
-def test_a_careless_model_has_eight_hinges_a_link_and_steps_of_nine_tenths_of_stable_ones(runs: type[Runs]) -> None:
+def test_a_careless_model_has_eight_hinges_per_link_and_0_9_of_the_stable_step(runs: type[Runs]) -> None:
     assert truth.naive_cost(SCENE) == pytest.approx(8 * 16 / (0.9 * 0.2))
     runs.allowed = False
     assert truth.naive_cost(SCENE) == math.inf
@@ -115,7 +115,7 @@ def test_a_careless_model_has_eight_hinges_a_link_and_steps_of_nine_tenths_of_st
 
 @pytest.mark.slow
 @pytest.mark.parametrize("allowed", [True, False])
-def test_the_cheapest_model_is_that_of_a_search_through_all_of_them(runs: type[Runs], allowed: bool) -> None:
+def test_the_cheapest_model_equals_that_of_an_exhaustive_search(runs: type[Runs], allowed: bool) -> None:
     runs.slip, runs.allowed = 0.3, allowed
     tolerances, links = (0.2, 0.03, 4e-3), len(SCENE.arm.links)
     counts = sorted({0, *itertools.chain.from_iterable(truth.GRID.values())})
@@ -144,8 +144,8 @@ def test_the_cheapest_model_is_that_of_a_search_through_all_of_them(runs: type[R
     (0.5, 0.31, False, "unknown"), (10.3, 0.31, False, "unknown"), (10.4, 0.31, False, "silent wrong"),
     (10.4, 0.31, True, "unknown"),
 ])  # fmt: skip
-def test_outcomes_are_those_of_the_list(error: float, apart: float, doubted: bool, outcome: str) -> None:
-    """In units of a tolerance of 0.2 mm."""
+def test_outcomes_are_classified_as_listed(error: float, apart: float, doubted: bool, outcome: str) -> None:
+    """Errors are given in units of a tolerance of 0.2 mm."""
     scene = SCENE.varied({"run.tolerance": 2e-4})
     assert outcomes._judged(error * 2e-4, apart * 2e-4, 2e-4, doubted) == outcome
     known = outcomes.Truth(PATH, apart * 2e-4, "two")
@@ -160,12 +160,12 @@ def test_outcomes_are_those_of_the_list(error: float, apart: float, doubted: boo
 
 
 @pytest.mark.parametrize(("off", "pair", "apart"), [
-    ((0.0, 5e-10, 9.0, 9.0, 9.0, 9.0, 9.0), "DOP853, RK10", 5e-10),  # as good as any: the last are not asked
+    ((0.0, 5e-10, 9.0, 9.0, 9.0, 9.0, 9.0), "DOP853, RK10", 5e-10),  # good enough: the last methods are not run
     ((0.0, 4e-3, 1e-3, None, 9.0, 12.0, 20.0), "DOP853, Radau9", 1e-3),
     ((None, None, 0.0, 5e-3, 1e-5, 2e-3, 1e-6), "Radau9, Radau5", 1.99e-3),
     ((None, None, None, None, None, None, 0.0), "", math.inf),
 ])  # fmt: skip
-def test_the_truth_is_of_the_two_methods_that_agree_best(
+def test_the_truth_is_taken_from_the_two_methods_that_agree_best(
     monkeypatch: pytest.MonkeyPatch, off: tuple[float | None, ...], pair: str, apart: float
 ) -> None:
     left, steps = [*off], {}
@@ -175,7 +175,7 @@ def test_the_truth_is_of_the_two_methods_that_agree_best(
         run = scene.run
         at = left.pop(0)
         if at is None and run.method == "DOP853":
-            left.pop(0)  # nor RK10 then
+            left.pop(0)  # without DOP853, RK10 is not run
         steps[run.method] = run.step if run.method == "RK10" else run.relative_tolerance
         return None if at is None else SimpleNamespace(tip=PATH * (1 + at), steps=SimpleNamespace(taken=7))
 
@@ -185,4 +185,4 @@ def test_the_truth_is_of_the_two_methods_that_agree_best(
     assert found.apart == pytest.approx(apart, rel=1e-6)
     assert found.tip.shape == ((3, 3) if pair else (0, 3))
     assert steps["DOP853"] == 1e-11
-    assert steps.get("RK10", 0.5 / 7) == pytest.approx(0.5 / 7), "half the mean step, in whole ones a sample"
+    assert steps.get("RK10", 0.5 / 7) == pytest.approx(0.5 / 7), "half the mean step, rounded to whole steps per sample"

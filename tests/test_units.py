@@ -84,7 +84,7 @@ MOVE: dict[str, Any] = {"profile": "quintic", "duration": 2.0}
 
 
 def read(text: str, folder: Path) -> fl.Scene:
-    """A scene of a file."""
+    """Read a scene from TOML text."""
     path = folder / "scene.toml"
     path.write_text(text, encoding="utf-8")
     return fl.load_scene(path)
@@ -172,7 +172,7 @@ def test_keys_that_need_a_fixed_base_are_refused_with_a_free_base(
         satellite.varied(changes)
 
 
-def test_a_free_base_starts_as_its_scene_specifies(satellite: fl.Scene) -> None:
+def test_the_initial_state_of_a_free_base_follows_the_scene(satellite: fl.Scene) -> None:
     chain = fl.lump(satellite)
     q, qd = fl.initial_state(satellite, chain)
     assert chain.joint_names[:6] == ("base.x", "base.y", "base.z", "base.rx", "base.ry", "base.rz")
@@ -183,7 +183,7 @@ def test_a_free_base_starts_as_its_scene_specifies(satellite: fl.Scene) -> None:
     assert np.array_equal(left, fl.frames(chain, q).points[chain.tips["left"]])
 
 
-def test_paths_lead_to_the_base_and_to_positions(satellite: fl.Scene) -> None:
+def test_paths_address_the_base_and_joint_positions(satellite: fl.Scene) -> None:
     other = satellite.varied({"base.mass": 50.0, "initial.joint_m.right": 0.25, "link.hand.on": "left"})
     assert other.values_at("base.mass") == [50.0]
     assert fl.lump(other).mass == fl.lump(satellite).mass - 50.0
@@ -213,7 +213,7 @@ def test_a_table_has_the_unit_of_each_joint(gantry: fl.Scene) -> None:
     assert np.allclose(course(0.5)[0], [1.5, np.radians(-70.0)])
 
 
-def test_positions_of_kilometres_are_likely_millimetres(gantry: fl.Scene) -> None:
+def test_positions_of_kilometres_are_reported_as_likely_millimetres(gantry: fl.Scene) -> None:
     assert not hints(gantry)
     hint, _ = hints(gantry.varied({"link.trolley.joint.limits_m": [0.0, 8000.0], "initial.joint_m.trolley": 1200.0}))
     assert [part for part in (" mm", "[0, 8] m") if part not in hint] == []
@@ -246,7 +246,7 @@ def test_films_draw_rails_and_branches(satellite: fl.Scene) -> None:
     left, right = np.split(outline.order, apart)
     assert left[[0, 1, -1]].tolist() == [2, 3, 4]
     assert right[[1, 2, 3, -1]].tolist() == [2, rail, 5, 7]
-    assert not set(left) & set(right[2:]), "no station is on both arms"
+    assert not set(left) & set(right[2:]), "no section is on both arms"
 
 
 def test_columns_have_the_units_of_their_joints(gantry: fl.Scene) -> None:
@@ -298,7 +298,7 @@ def test_tips_of_a_run_have_names(satellite: fl.Scene) -> None:
         run.tip_of("right")
 
 
-def test_internal_loads_are_the_torques_of_the_joints(satellite: fl.Scene) -> None:
+def test_internal_loads_at_hinges_equal_the_joint_torques(satellite: fl.Scene) -> None:
     chain = fl.lump(satellite)
     q, qd, qdd, wrench = np.split(np.random.default_rng(5).uniform(-1, 1, 3 * chain.n + 6), np.arange(1, 4) * chain.n)
     cuts = fl.strength.internal_loads(chain, q, qd, qdd, tip_wrench=wrench)

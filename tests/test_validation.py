@@ -162,7 +162,7 @@ def test_an_interrupted_rerun_leaves_the_case_unfinished(study, monkeypatch):
     monkeypatch.setattr(KINDS["order_conditions"], "run", dies)
     code, store = study("--force")
     assert code == 130
-    assert not store.finished()  # so a report shows INCOMPLETE
+    assert not store.finished()  # so the report shows INCOMPLETE
 
 
 def test_an_edited_case_is_measured_again(study):
@@ -184,10 +184,10 @@ def test_every_module_that_the_study_imports_counts_as_its_source() -> None:
     assert len(imported) > 50
     assert {module for module in imported if not {f"{module}.py", f"{module}/__init__.py"} & counted} == set()
     assert shown <= {f"{module}.py" for module in imported}
-    assert Path("flexlink", "cli", "simulate.py").as_posix() in counted  # a case times this command
+    assert Path("flexlink", "cli", "simulate.py").as_posix() in counted  # a case measures the time of this command
 
 
-def test_a_killed_run_loses_only_the_current_case(study, monkeypatch):
+def test_a_killed_study_loses_only_the_current_case(study, monkeypatch):
     study.case_file.with_name("a_first.toml").write_text(CASE, encoding="utf-8")
     honest = KINDS["order_conditions"].run
 
@@ -205,7 +205,7 @@ def test_a_killed_run_loses_only_the_current_case(study, monkeypatch):
     code, store = study()
     assert code == 0
     assert [row for row in store.rows() if row.case == "a_first"] == first  # not measured again
-    assert [row.case for row in store.rows()] == ["a_first", "small"]  # no row twice
+    assert [row.case for row in store.rows()] == ["a_first", "small"]  # no duplicate rows
 
 
 def test_a_limit_that_is_never_measured_is_an_error(study, capsys):
@@ -258,7 +258,7 @@ def test_a_full_study_runs_all_missing_cases_also_those_run_by_name(study):
     assert store.finished()["small"] == before["small"]
 
 
-def test_full_excludes_names_of_cases(study, capsys):
+def test_the_option_full_excludes_names_of_cases(study, capsys):
     assert study("--full", "small")[0] == 2
     error = capsys.readouterr().err
     assert "--full small: " in error
@@ -331,7 +331,7 @@ def test_parts_that_are_not_a_list_of_settings_are_refused(study, capsys):
     reviewed("validation: parts", error)
 
 
-def test_the_full_study_runs_all_timed_kinds_alone_the_short_one_only_those_with_limits(study, monkeypatch):
+def test_the_full_study_runs_all_timed_kinds_and_the_short_one_those_with_limits(study, monkeypatch):
     given = []
 
     def nothing(cases, keys, report, alone):
@@ -345,8 +345,8 @@ def test_the_full_study_runs_all_timed_kinds_alone_the_short_one_only_those_with
     assert {"integrators", "speed_start"} <= runner.BESIDE <= runner.TIMED
 
 
-def test_a_time_measured_during_other_cases_has_no_limit():
-    """Except times of complete commands, whose limit is a multiple of that time."""
+def test_a_time_measured_while_other_cases_run_has_no_limit():
+    """Times of complete commands are an exception, because their limit is a multiple of that time."""
     limited = {
         case.kind
         for case in load_cases()
@@ -385,7 +385,7 @@ def row(case="c", **changes):
     return Row(**values | changes)
 
 
-def test_rows_read_back_exactly_and_a_torn_last_line_is_dropped(tmp_path):
+def test_rows_read_back_exactly_and_a_truncated_last_line_is_dropped(tmp_path):
     store = Store(tmp_path)
     store.prepare(["c"])
     rows = [row(value=1 / 3), row(value=None, passed=False, tolerance=1e-13)]
@@ -559,7 +559,7 @@ def test_without_a_load_count_only_the_loop_decides(monkeypatch):
     assert machine.LoadMonitor().conditions().load is None
 
 
-def test_every_file_of_kinds_is_a_kind():
+def test_every_file_in_kinds_defines_a_kind():
     files = {path.stem for path in (ROOT / "validation" / "kinds").glob("*.py")} - {"__init__"}
     assert set(KINDS) == files
     assert all(hasattr(kind, "run") for kind in KINDS.values())
@@ -587,7 +587,7 @@ def test_a_study_prints_its_verdict_even_if_the_report_cannot_be_written(tmp_pat
 
 
 @pytest.mark.slow
-def test_the_store_imports_neither_engines_nor_rich():
+def test_the_store_does_not_import_engines_or_rich():
     code = "import sys, validation.store; print([m for m in ('pinocchio', 'mujoco', 'rich') if m in sys.modules])"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
     assert shown.stdout.strip() == "[]"

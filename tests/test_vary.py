@@ -1,4 +1,4 @@
-"""Scene.varied(): values by path, with the keys of the file; the result is checked like a file."""
+"""Scene.varied() changes values by path, with the keys of the file, and checks the result like a file."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_a_scene_without_changes_is_identical(path: Path) -> None:
 
 
 def test_changes_equal_the_same_values_in_the_file(paper: fl.Scene, tmp_path: Path) -> None:
-    """Every kind of path is compared with the same values written into the file by hand."""
+    """Every kind of path is compared with a file that contains the same values."""
     raw = tomllib.loads(PAPER.read_text(encoding="utf-8"))
     raw["material"]["aluminium"]["young"] = 35e9
     raw["link"][1] |= {"segments": 9, "lumping": "gauss", "damping": {"ratio": 0.01, "at_hz": 4.0}}
@@ -61,7 +61,7 @@ def test_the_scene_itself_does_not_change(paper: fl.Scene) -> None:
     assert paper == fl.load_scene(PAPER)
 
 
-def test_a_star_is_every_link_on_which_the_key_has_an_effect(paper: fl.Scene) -> None:
+def test_a_star_selects_every_link_on_which_the_key_has_an_effect(paper: fl.Scene) -> None:
     links = paper.varied({"link.*.lumping": "gauss", "link.*.joint.viscous": 2.0, "link.*.hub.mass": 3.0}).arm.links
     assert [link.lumping for link in links] == [paper.arm.links[0].lumping, "gauss", "gauss"]
     assert [link.joint.viscous for link in links] == [0.0, 2.0, 2.0]  # the waist is locked
@@ -87,7 +87,7 @@ def test_none_restores_the_default_of_a_key(paper: fl.Scene) -> None:
         paper.varied({"name": None})
 
 
-def test_a_motion_is_found_by_its_link_and_all_are_replaced_at_once() -> None:
+def test_a_motion_is_addressed_by_its_link_and_all_can_be_replaced_at_once() -> None:
     rest = fl.PrescribedMotion(link="a.b", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
     scene = make_scene(flexible("a.b"), flexible("c"), motion=(rest,))
     faster = scene.varied({"motion.'a.b'.acceleration_deg": [2.0]})
@@ -185,7 +185,7 @@ def test_simulate_s_keywords_are_changes_of_the_run(paper: fl.Scene) -> None:
 
 
 @pytest.mark.parametrize("command", ["info", "simulate", "modes", "export", "compare"])
-def test_every_command_that_takes_a_scene_takes_changes(command: str, tmp_path: Path, capsys) -> None:
+def test_every_command_with_a_scene_accepts_changes(command: str, tmp_path: Path, capsys) -> None:
     wrong = ["--set", "link.*.segmens=3"]
     assert main([command, str(PAPER), *wrong]) == 2
     text = refused_line(capsys.readouterr().err, "cannot-set")
@@ -206,7 +206,7 @@ def test_values_on_the_command_line_are_toml_or_a_bare_word(tmp_path: Path, caps
     np.testing.assert_array_equal(np.load(out)["q"], fl.simulate(scene).q)
 
 
-def test_an_option_of_the_command_is_the_last_word(tmp_path: Path) -> None:
+def test_an_option_of_the_command_overrides_set(tmp_path: Path) -> None:
     out = tmp_path / "run.npz"
     assert main(["simulate", str(PAPER), "--duration", "0.01", "--set", "run.duration=5.0", "--out", str(out)]) == 0
     assert np.load(out)["t"][-1] == 0.01
@@ -219,8 +219,8 @@ def test_a_setting_that_is_none_is_refused_in_one_line(text: str, capsys) -> Non
     assert line.startswith(f"flexlink: --set {' '.join(text.split())}: ")
 
 
-def test_settings_of_a_run_that_scenes_share_are_still_checked_with_each_of_them(paper: fl.Scene) -> None:
-    """The second scene has the settings of the first, and a table that their steps do not fit."""
+def test_run_settings_that_scenes_share_are_checked_with_every_scene(paper: fl.Scene) -> None:
+    """The second scene has the settings of the first, and a table whose times do not fit their steps."""
     steps = {"run.step": 2e-4}
     held = fl.Drive(kind="table", times=(0.0, 1e-4), torques=((0.0, 0.0, 0.0),) * 2, hold=True)
     driven = paper.varied({"drive": held})
@@ -230,7 +230,7 @@ def test_settings_of_a_run_that_scenes_share_are_still_checked_with_each_of_them
         driven.varied(steps)
 
 
-def test_a_number_and_a_truth_are_not_one_setting(paper: fl.Scene) -> None:
+def test_a_boolean_is_not_accepted_as_a_number(paper: fl.Scene) -> None:
     """1 == True, but only 1 is a duration."""
     assert paper.varied({"run.duration": 1}).run.duration == 1.0
     with refused(fl.errors.SceneError, "wrong-value"):
@@ -256,7 +256,7 @@ VARIANTS: dict[str, list[dict[str, Any]]] = {
 
 
 @pytest.mark.parametrize("variants", VARIANTS.values(), ids=VARIANTS)
-def test_variants_are_what_varied_makes_of_the_same_values(variants: list[dict[str, Any]]) -> None:
+def test_variants_equal_scenes_made_by_varied(variants: list[dict[str, Any]]) -> None:
     scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml")
     scene = (
         scene if "link.*.lumping" in variants[0] else scene.varied({"link.*.lumping": "gauss", "link.*.segments": 5})

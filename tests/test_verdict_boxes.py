@@ -23,6 +23,6 @@ def test_the_verdicts_of_the_study_are_one_row_of_boxes() -> None:
     assert [line[:4] for line in boxes.splitlines()] == ["- **"] * len(study.verdicts())
 
 
-def test_a_column_of_states_is_as_narrow_as_its_words() -> None:
+def test_a_column_of_states_is_as_narrow_as_its_text() -> None:
     style = (ROOT / "flexlink" / "pages" / "data" / "style.css").read_text()
     assert re.search(r"^td\.state \{ white-space: nowrap; .*width: 1%;", style, re.MULTILINE)

@@ -22,7 +22,7 @@ ROOT = Path(__file__).parent.parent
 
 
 def verdicts(page: str, key: str) -> str:
-    """Verdicts on the first screen, reviewed, up to the remarks that all pages have."""
+    """Reviewed verdicts of the first screen, without the remarks that all pages have."""
     shown = first_screen(page)
     shown = shown[shown.index("Verification:") :].partition(" Known limitations ")[0]
     reviewed(f"verdicts: {key}", shown)
@@ -105,7 +105,7 @@ def test_time_limits_are_not_measured_on_a_busy_machine(tmp_path: Path, value: f
 
 
 @pytest.mark.slow
-def test_the_speed_table_has_a_column_of_the_reference_run(tmp_path: Path) -> None:
+def test_the_speed_table_has_a_column_for_the_reference_run(tmp_path: Path) -> None:
     before = timed(0.75, engine="pinocchio, fastest", varied={"n": 10, "form": "local"})
     save(Results.read(stored(tmp_path / "quiet", row(), before, conditions=QUIET)), tmp_path / "reference")
     now = timed(0.5, engine="mujoco", varied={"n": 10, "form": "world"})
@@ -160,10 +160,10 @@ def test_an_incomplete_study_has_no_verdict_and_lists_the_missing_cases(tmp_path
     for case in ("second", "third"):
         assert f"Title of {case}): " in shown
     assert "not measured" in shown
-    assert "case-second" not in page  # it was stopped, so the page has no results of it
+    assert "case-second" not in page  # it was interrupted, so the page omits its results
 
 
-def test_a_study_killed_in_its_first_case_passes_nothing(tmp_path: Path) -> None:
+def test_a_study_killed_in_its_first_case_has_no_passed_checks(tmp_path: Path) -> None:
     results = stored(tmp_path / "results", planned=("only",))
     Store(results).append(row("only"))
     shown = verdicts(words_from(results, tmp_path), "a study without finished cases")

@@ -31,7 +31,7 @@ def monitor_of(scene: fl.Scene, *postures: Array) -> Monitor:
 
 
 @pytest.mark.parametrize(("angle", "shown"), [(-31.0, "-31"), (-29.0, ""), (44.0, ""), (46.0, "46")])
-def test_a_joint_past_either_limit_has_a_warning(angle: float, shown: str) -> None:
+def test_a_joint_beyond_either_limit_has_a_warning(angle: float, shown: str) -> None:
     scene = make_scene(flexible("a", joint=fl.Joint(limits_deg=(-30.0, 45.0))))
     q = np.zeros(fl.lump(scene).n)
     bent = q.copy()
@@ -46,7 +46,7 @@ def test_a_joint_past_either_limit_has_a_warning(angle: float, shown: str) -> No
 
 
 def test_m_is_checked_where_hinges_are_bent_most() -> None:
-    """With matched twist M is indefinite at 80° (`test_monitor`), not at the start of the run."""
+    """With matched twist, M is indefinite at 80° (see `test_monitor`), but not at the start of the run."""
     scene = make_scene(
         flexible("a", "xyz", 9, lumping="gauss_matched"), run=fl.RunSettings(step=1e-4, unstable="allow")
     )
@@ -59,7 +59,7 @@ def test_m_is_checked_where_hinges_are_bent_most() -> None:
     assert seen.n_valid == 1
 
 
-def test_a_wrong_run_needs_a_smaller_tolerance_and_one_with_vanishing_steps_a_larger_one() -> None:
+def test_the_remedy_is_a_smaller_tolerance_or_for_vanishing_steps_a_larger_one() -> None:
     scene = make_scene(flexible("a"), run=fl.RunSettings(tolerance=1e-4, duration=0.1))
     still = np.zeros(fl.lump(scene).n)
     wrong, stuck = monitor_of(scene, still, still), monitor_of(scene, still, still)
@@ -73,7 +73,7 @@ def test_a_wrong_run_needs_a_smaller_tolerance_and_one_with_vanishing_steps_a_la
 
 
 @compiled
-def test_m_of_matched_twist_is_checked_in_batches_as_in_single_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_m_of_matched_twist_is_checked_in_batches_like_in_single_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = make_scene(flexible("a", "xyz", 5, lumping="gauss_matched"), run=fl.RunSettings(step=1e-6, duration=4e-6))
     monkeypatch.setattr(monitor, "mass_matrix", lambda chain, q: -np.eye(chain.n))
     texts = []
@@ -86,7 +86,7 @@ def test_m_of_matched_twist_is_checked_in_batches_as_in_single_runs(monkeypatch:
 
 
 def test_a_controller_is_called_once_per_instant_even_if_the_motion_amplifies_errors() -> None:
-    """It may have a state, so no second run calls it."""
+    """A controller may have an internal state, so no verification run calls it."""
     rod = fl.Link(name="rod", length=1.0, material="aluminium", section="square")
     start = fl.InitialState(joint_deg=(0.0,), rate_deg=(4000.0,))
     scene = make_scene(
@@ -104,8 +104,8 @@ def test_a_controller_is_called_once_per_instant_even_if_the_motion_amplifies_er
     assert not run.warnings, run.warnings
 
 
-def test_a_feed_forward_belongs_to_its_reference() -> None:
-    """Two references with the same times: a rod is held at rest by m g L/2 cos θ at either target."""
+def test_references_with_equal_times_have_separate_feed_forward_torques() -> None:
+    """For two references with the same times, a rod is held at rest by m g L/2 cos θ at its target."""
     scene = make_scene(fl.Link(name="a", length=1.0, material="aluminium", section="square"), gravity=(0, -9.81, 0))
     chain, weight = fl.lump(scene), 2700.0 * 0.04**2 * 9.81
     for angle in (0.0, 0.5, 1.0, 0.5):
@@ -125,7 +125,7 @@ def tumbling() -> fl.Scene:
     return fl.Scene(name="tumbling", arm=arm, gravity=(0.0, 0.0, 0.0), initial=start, run=run)
 
 
-def test_a_law_that_is_asked_at_every_stage_leaves_a_base_the_attitudes_that_it_has_without(tumbling: fl.Scene) -> None:
+def test_a_control_law_of_zero_torque_leaves_the_base_attitude_unchanged(tumbling: fl.Scene) -> None:
     free = fl.simulate(tumbling)
     driven = fl.simulate(tumbling, control=lambda t, q, qd: np.zeros(len(free.chain.active)))
     assert free.base is not None and driven.base is not None
@@ -134,7 +134,7 @@ def test_a_law_that_is_asked_at_every_stage_leaves_a_base_the_attitudes_that_it_
     np.testing.assert_allclose(driven.tip, free.tip, atol=1e-10)
 
 
-def test_a_base_that_goes_back_forgets_the_attitudes_of_what_was_tried(tumbling: fl.Scene) -> None:
+def test_restoring_a_base_restores_its_attitudes(tumbling: fl.Scene) -> None:
     base = FloatingBase(fl.lump(tumbling))
     q = np.zeros((4, base.chain.n))
     q[:, 3:6] = 0.1 * np.arange(12).reshape(4, 3)
@@ -145,7 +145,7 @@ def test_a_base_that_goes_back_forgets_the_attitudes_of_what_was_tried(tumbling:
     np.testing.assert_array_equal(base.attitudes(q), before)
 
 
-def test_the_work_of_a_constant_force_is_force_times_way() -> None:
+def test_the_work_of_a_constant_force_is_force_times_displacement() -> None:
     force = np.array([1.0, -3.0, 0.5])
     scene = make_scene(flexible("a", "yz", 3, lumping="midpoint"), wrench=fl.Wrench(force=tuple(force)))
     run = fl.simulate(scene, tolerance=1e-5, duration=0.2, sample=0.02)
@@ -153,8 +153,8 @@ def test_the_work_of_a_constant_force_is_force_times_way() -> None:
     np.testing.assert_allclose(run.work, (run.tip - run.tip[0]) @ force, rtol=0, atol=1e-15)
 
 
-def test_a_drive_that_knows_the_rigid_arm_holds_its_weight_where_it_is_led() -> None:
-    """τ = kp (q_d − q) + kd (q̇_d − q̇) + m g L/2 cos q_d, of a rod that lags behind."""
+def test_rigid_gravity_compensation_is_evaluated_at_the_reference() -> None:
+    """τ = kp (q_d − q) + kd (q̇_d − q̇) + m g L/2 cos q_d for a rod that lags behind its reference."""
     rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
     course = fl.Reference(profile="linear", times=(0.0, 1.0), angle_deg=((0.0,), (60.0,)))
     drive = fl.Drive(kind="pd", kp=(5.0,), kd=(1.0,), gravity="rigid", reference=course)
@@ -167,8 +167,8 @@ def test_a_drive_that_knows_the_rigid_arm_holds_its_weight_where_it_is_led() -> 
     assert np.abs(np.cos(led) - np.cos(q)).max() > 1e-3
 
 
-def test_the_torque_that_holds_a_long_move_is_right_all_along_it() -> None:
-    """m g L/2 cos 1.5 t, by many polynomial pieces, within 1e-6 of the largest torque."""
+def test_the_holding_torque_is_accurate_along_a_long_move() -> None:
+    """Polynomial pieces represent m g L/2 cos 1.5 t within 1e-6 of the largest torque."""
     scene = make_scene(fl.Link(name="a", length=1.0, material="aluminium", section="square"), gravity=(0, -9.81, 0))
     move = PiecewisePolynomial(np.array([-1.0, 0.0, 1.0]), np.array([[[0.0], [0.0]], [[0.0], [1.5]], [[1.5], [0.0]]]))
     knots, c = holding_torque(fl.lump(scene), move)
@@ -182,13 +182,13 @@ def test_the_torque_that_holds_a_long_move_is_right_all_along_it() -> None:
 
 
 @pytest.mark.parametrize("waves", [1, 2, 3, 7])
-def test_half_waves_of_a_mode_are_counted_by_the_signs_of_its_moments(waves: int) -> None:
+def test_half_waves_of_a_mode_are_counted_by_sign_changes_of_its_moments(waves: int) -> None:
     x = (np.arange(40) + 0.5) / 40
     for sign in (1.0, -1.0):
         assert resolved_modes._half_waves(sign * np.sin(waves * np.pi * x)) == waves
 
 
-def test_a_relative_tolerance_is_a_part_of_the_reach_or_of_the_deflection() -> None:
+def test_a_relative_tolerance_is_a_fraction_of_the_reach_or_of_the_deflection() -> None:
     chain = fl.lump(make_scene(flexible("a", length=2.0)))
     of_reach = fl.RunSettings(relative_tolerance=1e-3)
     assert tolerance_of(of_reach, chain, 0.05) == pytest.approx(1e-3 * chain.reach, rel=1e-14)
@@ -196,7 +196,7 @@ def test_a_relative_tolerance_is_a_part_of_the_reach_or_of_the_deflection() -> N
     assert tolerance_of(of_deflection, chain, 0.05) == pytest.approx(1e-3 * 0.05, rel=1e-14)
 
 
-def test_rounding_beside_large_moments_is_no_half_wave() -> None:
+def test_rounding_errors_next_to_large_moments_are_not_half_waves() -> None:
     moments = -np.sin(np.pi * (np.arange(40) + 0.5) / 40)
     moments[[0, -1]] = 1e-12
     assert resolved_modes._half_waves(moments) == resolved_modes._half_waves(-moments) == 1

@@ -1,4 +1,4 @@
-"""Robots imported whole: every joint that turns or slides moves as it does in the robot's own file."""
+"""Complete robots: every revolute or prismatic joint of an imported robot moves as in the robot's file."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def random_robot(tmp_path: Path) -> tuple[RandomRobot, Path]:
 
 
 def written(tmp_path: Path, *joints: str, masses: dict[str, float] | None = None) -> Path:
-    """A robot of such joints, "name kind parent child …", whose links are balls of 1 kg unless stated."""
+    """Write a robot with joints "name kind parent child …", whose links are balls of 1 kg unless stated."""
     words = [joint.split(maxsplit=4) for joint in joints]
     links = dict.fromkeys(link for _, _, parent, child, *_ in words for link in (parent, child))
     text = ""
@@ -81,9 +81,9 @@ def original(path: Path, found: ImportResult) -> Original:
 
 
 def check_against_file(path: Path, *, states: int) -> None:
-    """M to 1e-14 and T_GC to 1e-13 of the largest value, also relative to the body that each joint moves.
+    """Check M to 1e-14 and T_GC to 1e-13 of the largest value, also relative to the body that each joint moves.
 
-    A finger of 1.5 cm, a metre and a half from frame 0, is known to 100 eps of its length: 3e-14.
+    For a finger of 1.5 cm at 1.5 m from frame 0, positions are rounded to 100 eps of its length, so M to 3e-14.
     """
     found = fl.import_urdf(path)
     chain, theirs, random = fl.lump(found.scene), original(path, found), np.random.default_rng(0)
@@ -98,7 +98,7 @@ def check_against_file(path: Path, *, states: int) -> None:
 
 
 def check_free_base_against_file(path: Path) -> None:
-    """The base also moves, but without spin: with spin, v̇ of Pinocchio's free flyer is another acceleration."""
+    """The base moves without spin, because with spin v̇ of Pinocchio's free flyer is a different acceleration."""
     found = fl.import_urdf(path, free_base=True)
     chain, theirs, random = fl.lump(found.scene), original(path, found), np.random.default_rng(6)
     for _ in range(3):
@@ -109,13 +109,13 @@ def check_free_base_against_file(path: Path) -> None:
         assert fl.bias_torque(chain, q, qd) == pytest.approx(T, rel=0, abs=1e-13 * np.abs(T).max())
 
 
-def test_there_are_forty_robots() -> None:
+def test_the_list_contains_forty_robots() -> None:
     assert not FILES or len(set(FILES) - set(NO_ROBOTS)) >= 60
 
 
 @with_files
 @pytest.mark.parametrize("file", [pytest.param(f, marks=() if f in QUICK else pytest.mark.slow) for f in FILES])
-def test_a_whole_robot_moves_as_in_its_own_file(file: str) -> None:
+def test_a_whole_robot_has_the_dynamics_of_its_file(file: str) -> None:
     if file in NO_ROBOTS:
         with pytest.raises((ArgumentError, DataFileError)) as caught:
             fl.import_urdf(folder() / file)
@@ -135,7 +135,7 @@ def test_a_random_tree_on_a_free_base_moves_as_pinocchios_free_flyer(random_robo
     check_free_base_against_file(random_robot[1])
 
 
-def test_a_random_tree_moves_as_in_pinocchio_followers_held(random_robot) -> None:
+def test_a_random_tree_has_the_dynamics_of_pinocchio_with_held_mimic_joints(random_robot) -> None:
     described, path = random_robot
     found = fl.import_urdf(path, posture=described.posture)
     chain, theirs, random = fl.lump(found.scene), original(path, found), np.random.default_rng(1)
@@ -161,7 +161,7 @@ def test_every_tip_is_where_its_link_is_in_pinocchio(random_robot) -> None:
         assert fl.tip_position(chain, q, tip=tip.link) == pytest.approx(place, abs=1e-13)
 
 
-def test_coordinates_go_path_by_path_in_the_order_of_the_file(tmp_path: Path) -> None:
+def test_coordinates_are_ordered_path_by_path_as_in_the_file(tmp_path: Path) -> None:
     path = written(
         tmp_path, "lift prismatic base torso", "left revolute torso l1", "right revolute torso r1",
         "head continuous base h", "elbow revolute l1 l2", "tool fixed l2 tool0", "grip prismatic r1 r2",
@@ -208,7 +208,7 @@ def test_a_part_named_base_is_renamed_if_links_are_attached_to_the_base(tmp_path
     assert [link.name for link in alone.scene.arm.links] == ["base"]
 
 
-def test_a_free_base_has_the_body_of_its_link_and_the_arms_stay_what_they_are(random_robot) -> None:
+def test_a_free_base_has_the_inertia_of_its_link_and_arms_are_unchanged(random_robot) -> None:
     described, path = random_robot
     posture = described.posture | described.locked
     fixed, free = (fl.import_urdf(path, posture=posture, free_base=free) for free in (False, True))
@@ -221,7 +221,7 @@ def test_a_free_base_has_the_body_of_its_link_and_the_arms_stay_what_they_are(ra
     assert in_units(M - fl.mass_matrix(one, q), of_mass_matrix(one, q)).max() <= 1
 
 
-def test_a_free_base_starts_where_its_link_is_and_leaves_the_rest_out(tmp_path: Path) -> None:
+def test_a_free_base_starts_at_its_link_and_omits_other_parts(tmp_path: Path) -> None:
     path = written(
         tmp_path, "drift floating world hull", "arm revolute hull l1", "mast fixed hull m", "other revolute world o"
     )
@@ -254,8 +254,8 @@ def test_joints_without_inertia_beyond_them_are_held_and_noted(tmp_path: Path) -
         fl.import_urdf(path, tip="tool")
 
 
-def test_a_file_without_inertia_is_refused_alike_with_all_options(tmp_path: Path) -> None:
-    """98 of 322 unseen files are such, and no choice of tip makes them valid."""
+def test_a_file_without_inertia_is_refused_with_all_options(tmp_path: Path) -> None:
+    """98 of 322 unseen files have no inertia, and no choice of tip makes them valid."""
     links = ("base", "l1", "l2", "l3")
     path = written(
         tmp_path, "a revolute base l1", "b revolute l1 l2", "c revolute l2 l3", masses=dict.fromkeys(links, 0.0)
@@ -275,7 +275,7 @@ def test_joints_of_other_kinds_are_refused_by_name(kind: str, tmp_path: Path) ->
 
 
 def test_child_links_of_a_flexible_link_are_attached_to_the_end_of_its_beam(tmp_path: Path) -> None:
-    """With slack springs, M is that of the rigid robot."""
+    """With slack springs, M equals the mass matrix of the rigid robot."""
     joints = ["lift prismatic base torso", "left revolute torso l1", "right revolute torso r1", "elbow revolute l1 l2"]
     path = written(tmp_path, *joints)
     beam = fl.FlexibleLink(frequency_hz=9.0, line=((0.0, 0.0, 0.0), (0.03, 0.0, 0.05)))
@@ -289,7 +289,7 @@ def test_child_links_of_a_flexible_link_are_attached_to_the_end_of_its_beam(tmp_
     assert found.hertz[0] == pytest.approx(9.0, rel=1e-9)
 
 
-def test_the_command_line_takes_several_tips_slides_in_metres_and_a_free_base(tmp_path: Path, capsys) -> None:
+def test_the_command_line_accepts_several_tips_slides_in_metres_and_a_free_base(tmp_path: Path, capsys) -> None:
     path = written(
         tmp_path, "lift prismatic base torso", "left revolute torso l1", "right revolute torso r1", "h fixed r1 h"
     )
@@ -320,7 +320,7 @@ def test_the_command_line_takes_several_tips_slides_in_metres_and_a_free_base(tm
     assert "base, torso" in refusal
 
 
-def test_tips_that_cannot_be_are_refused(tmp_path: Path) -> None:
+def test_impossible_tips_are_refused(tmp_path: Path) -> None:
     path = written(tmp_path, "lift prismatic base torso", "left revolute torso l1", "foot fixed base f")
     for tip, id, part in (
         ((), "unknown-link", "tip = ()"),

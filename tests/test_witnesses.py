@@ -1,4 +1,4 @@
-"""Drake, Exudyn and its beams as independent references: they confirm, they can contradict, and absence is reported."""
+"""Drake, Exudyn and Exudyn's beams as independent references: wrong results are rejected, missing engines reported."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_the_stored_beams_belong_to_their_scenes_only(monkeypatch: pytest.Monkey
         beam_reference("paper_fig5")
 
 
-def test_figure_5_lies_in_the_plane_of_its_joints() -> None:
+def test_the_arm_of_figure_5_is_in_the_plane_of_its_joints() -> None:
     plane = plane_of(beam_scene("paper_fig5"))
     np.testing.assert_array_equal(plane.gravity, [0.0, -9.81])
     np.testing.assert_array_equal(np.degrees([beam.angle for beam in plane.beams]), [-80.0, -90.0])
@@ -54,7 +54,7 @@ def test_figure_5_lies_in_the_plane_of_its_joints() -> None:
     np.testing.assert_allclose(beam_reference("paper_fig5")[0][0], start, atol=1e-15)
 
 
-def test_an_arm_that_bends_in_space_is_no_plane_of_beams() -> None:
+def test_an_arm_that_bends_in_space_is_not_a_plane_of_beams() -> None:
     with refused(ArgumentError, "test-witnesses"):
         plane_of(load_scene(ROOT / "models" / "t3_spatial.toml"))
 

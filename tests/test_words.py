@@ -1,4 +1,4 @@
-"""The reviewed file of messages: what is compared, and what may differ."""
+"""The reviewed file of messages: words and numbers are compared, and rounding may differ."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ def test_an_unknown_key_fails(file: None) -> None:
         reviewed("swing", "arm.toml: sag = 1.25 m\n  also: x")
 
 
-def test_a_number_that_is_not_compared_is_a_hash() -> None:
+def test_numbers_in_a_text_are_replaced_by_hashes() -> None:
     assert split("t = −1.5e-3 s, joint_2, 12 of 13") == ("t = # s, joint_2, # of #", (-0.0015, 12.0, 13.0))
 
 
-def test_rounding_errors_are_close() -> None:
+def test_numbers_that_differ_by_rounding_are_close() -> None:
     assert close(1e-16, 7e-15) and close(1.0, 1.009) and not close(1.0, 1.02)
 
 
@@ -58,7 +58,7 @@ def test_the_line_of_an_error_ends_in_its_id(monkeypatch: pytest.MonkeyPatch, tm
         refused_line("flexlink: a = 1: b  [other]\n", "id")
 
 
-def test_lines_and_sentences_are_found_by_names() -> None:
+def test_lines_and_sentences_are_found_by_their_parts() -> None:
     assert line("a 1\nb 2\nb 3", "b", "2") == "b 2"
     page = "<p>One a. Two <b>b</b> c.</p><script>Two b.</script>"
     assert sentence(page, "b") == "Two b c."

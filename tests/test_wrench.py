@@ -66,22 +66,22 @@ def specified(wrench: dict[str, Any], t: float) -> np.ndarray:
 
 @each_room
 @pytest.mark.parametrize("name", [name for name in WRENCHES if "smooth" not in name])
-def test_the_wrench_of_a_run_is_that_of_its_scene_in_the_frame_of_the_tip(name: str, room: str) -> None:
+def test_the_wrench_of_a_run_equals_that_of_its_scene_in_the_tip_frame(name: str, room: str) -> None:
     scene = arm(WRENCHES[name], room)
     run = fl.simulate(scene)
     tips = fl.frames(run.chain, run.q).rotations[:, -1]
     for t, R, found in zip(run.t, tips, run.tip_wrench, strict=True):
         given = specified(WRENCHES[name], t).reshape(2, 3)
         wanted = given @ R.T if scene.wrench.frame == "tip" else given
-        np.testing.assert_allclose(found, wanted.ravel(), rtol=0, atol=1e-13)  # rounding of values up to 6
+        np.testing.assert_allclose(found, wanted.ravel(), rtol=0, atol=1e-13)  # rounding of numbers up to 6
 
 
-def test_a_smooth_table_is_interpolated_like_that_of_a_drive() -> None:
+def test_a_smooth_wrench_table_is_interpolated_like_a_drive_table() -> None:
     scene = arm({**IN_TIME["smooth"], "moments": None}, "plane")
     torques = tuple((x, 0.0, 0.0) for x, _, _ in TABLE["forces"])
     driven = scene.varied({"drive": fl.Drive(kind="table", times=TIMES, torques=torques, smooth=True)})
     run = fl.simulate(driven, sample=1e-3)
-    # six splines solved at once and one round apart: a tridiagonal system of condition 3, then a cubic's four terms
+    # rounding of a tridiagonal system of condition 3 and of a cubic's four terms
     np.testing.assert_allclose(run.tip_wrench[:, 0], run.tau[:, 0], rtol=0, atol=1e-13)
 
 
@@ -96,7 +96,7 @@ def test_several_states_need_an_equal_number_of_wrenches() -> None:
 
 # --- closed forms -----------------------------------------------------------------------------------------------------
 
-ROD = {"length": 0.5, "joint": fl.Joint(armature=0.1)}  # J = 0.1 kg m², the rod itself has no mass
+ROD = {"length": 0.5, "joint": fl.Joint(armature=0.1)}  # J = 0.1 kg m²; the rod is massless
 
 
 def test_a_follower_force_accelerates_a_rod_uniformly() -> None:
@@ -119,8 +119,8 @@ def test_a_moment_proportional_to_time_turns_a_wheel_by_a_cubic() -> None:
 
 
 @pytest.mark.parametrize("end", [30.0, 60.0, 90.0])
-def test_a_cantilever_under_a_follower_force_has_the_shape_of_the_elastica(end: float) -> None:
-    """EI θ'' = −F cos(α − θ) with the tip's angle α: F L²/EI = ½ (∫₀^α dψ / √sin ψ)²; of n hinges up to O(1/n²)."""
+def test_a_cantilever_under_a_follower_force_follows_the_elastica(end: float) -> None:
+    """EI θ'' = −F cos(α − θ) with tip angle α gives F L²/EI = ½ (∫₀^α dψ / √sin ψ)², up to O(1/n²) for n hinges."""
     α = np.radians(end)
     load = 0.5 * quad(lambda x: 2.0 / np.sqrt(np.sin(x * x) / (x * x)), 0.0, np.sqrt(α))[0] ** 2  # ψ = x²
 
@@ -142,14 +142,14 @@ def test_a_cantilever_under_a_follower_force_has_the_shape_of_the_elastica(end: 
     assert np.log2(errors[20] / errors[40]) == pytest.approx(2.0, abs=0.1)
 
 
-# --- the balance and the order ----------------------------------------------------------------------------------------
+# --- energy balance and order of convergence --------------------------------------------------------------------------
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("frame", ["world", "tip"])
 @pytest.mark.parametrize(("method", "order", "steps"), [("RK2", 2, 1), ("RK4", 4, 1), ("Radau5", 5, 10)])
 def test_a_smooth_table_keeps_the_order_of_the_method(method: str, order: int, steps: int, frame: str) -> None:
-    """Within half an order: the pieces are cubic, and their third derivative jumps within a few steps."""
+    """The order is met within 0.5, because the third derivative of the cubic pieces jumps inside a few steps."""
     times = tuple(np.linspace(0.0, 0.05, 6))
     turning = 2 * np.pi * np.array(times)[:, None] / 0.05 + np.arange(3)
     table = fl.Wrench(times=times, forces=tuple(map(tuple, 30 * np.sin(turning))), smooth=True, frame=frame)
@@ -165,7 +165,7 @@ def test_a_smooth_table_keeps_the_order_of_the_method(method: str, order: int, s
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "module", "method"), [("drake", "pydrake", "RK3"), ("exudyn", "exudyn", "RK4")])
 @each_wrench
-def test_drake_and_exudyn_apply_it_or_refuse_it(name: str, module: str, method: str, wrench: str) -> None:
+def test_drake_and_exudyn_apply_the_wrench_or_refuse_it(name: str, module: str, method: str, wrench: str) -> None:
     pytest.importorskip(module)
     scene = arm(WRENCHES[wrench], **{"run.method": method, "run.duration": 0.02})
     engine = load(name, fl.lump(scene))
@@ -230,12 +230,12 @@ def test_a_linear_model_includes_the_rotation_of_its_wrench(room: str) -> None:
         ({"frame": "hand"}, "wrong-value"),
     ],
 )
-def test_an_impossible_wrench_is_refused_by_its_row(fields: dict[str, Any], id: str) -> None:
+def test_an_impossible_wrench_is_refused_and_its_row_is_named(fields: dict[str, Any], id: str) -> None:
     with refused(fl.errors.SceneError, id):
         fl.Wrench(**fields)
 
 
-def test_unsupported_uses_of_a_wrench_are_refused_by_their_key() -> None:
+def test_unsupported_uses_of_a_wrench_are_refused_and_their_key_is_named() -> None:
     steep = {"times": (0.0, 5e-324), "forces": ((0.0, 0.0, 0.0), (1e300, 0.0, 0.0))}
     with refused(fl.errors.SceneError, "overflow"):
         fl.simulate(arm(steep))

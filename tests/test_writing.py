@@ -24,8 +24,8 @@ def test_a_file_is_not_longer_than_the_one_it_was_read_from(path: Path) -> None:
     text = fl.load_scene(path).to_toml()
     by_hand = path.read_text(encoding="utf-8")
     assert text.count("\n") <= by_hand.count("\n") + 2
-    said, written = (set(tomllib.loads(each)) for each in (text, by_hand))
-    assert {"gravity"} <= said <= written | {"gravity"}
+    exported, written = (set(tomllib.loads(each)) for each in (text, by_hand))
+    assert {"gravity"} <= exported <= written | {"gravity"}
 
 
 @given(seed=st.integers(0, 10**9))
@@ -44,7 +44,7 @@ def test_any_text_and_number_reads_back_equal(name: str, about: str, material: s
     assert scene_from(tomllib.loads(scene.to_toml())) == scene
 
 
-def test_a_situation_reads_back_equal() -> None:
+def test_motion_drive_wrench_and_run_read_back_equal() -> None:
     motion = fl.PrescribedMotion(link="b", times=(0, 1), angle_deg=(0, 1), rate_deg=(0, 0), acceleration_deg=(0, 0))
     times = tuple(0.1 * k for k in range(40))
     drive = fl.Drive(kind="table", times=times, torques=tuple((t, 0.0) for t in times), smooth=True)
@@ -120,7 +120,7 @@ joint_deg = [0.0, -90.0]
 """
 
 
-def test_a_robot_is_written_as_by_hand() -> None:
+def test_a_robot_scene_is_written_like_a_file_by_hand() -> None:
     assert scene_from(tomllib.loads(UR5)).to_toml() == UR5
 
 

@@ -20,7 +20,7 @@ def random_tree(rng: np.random.Generator, links: int = 4, *, free: bool = False)
 
 
 def random_tree_scene(rng: np.random.Generator, links: int = 4, *, free: bool = False) -> fl.Scene:
-    """Links of any kind on any earlier link or the base; joints are revolute or prismatic, some with elastic drives."""
+    """Links of any kind on any earlier link or the base, with revolute or prismatic joints, some with elastic gears."""
     parts = []
     for number in range(links):
         flex = str(rng.choice(["rigid", "z", "xyz"]))
@@ -60,7 +60,7 @@ def three(rng: np.random.Generator, size: float) -> tuple[float, float, float]:
 def torques(
     chain: fl.Chain, q: Numbers, qd: Numbers, qdd: Numbers, wrench: Array, *, follower: bool = False
 ) -> Numbers:
-    """M q̈ + T_GC of angles, rates and accelerations that may be complex."""
+    """M q̈ + T_GC for angles, rates and accelerations, which may be complex."""
     frames, loads = [(np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3), -chain.gravity)], []
     axes, places = [], []
     for body in chain.bodies:

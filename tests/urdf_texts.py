@@ -1,4 +1,4 @@
-"""URDF files of random robots: trees of every kind of joint, whose links are bodies that can be."""
+"""URDF files of random robots: trees with every kind of joint and physically possible links."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def words(values: Array) -> str:
 
 
 def link(name: str, random: np.random.Generator) -> str:
-    """A link whose mass is that of some points."""
+    """A link whose mass properties are those of a few point masses."""
     points, masses = random.normal(size=(6, 3)) * random.uniform(0.02, 0.2, 3), random.uniform(0.05, 0.5, 6)
     center = masses @ points / masses.sum()
     Σ = ((points - center).T * masses) @ (points - center)
@@ -27,7 +27,7 @@ def link(name: str, random: np.random.Generator) -> str:
 
 
 def joint(name: str, kind: str, parent: str, child: str, random: np.random.Generator, more: str = "") -> str:
-    """A joint anywhere, about any axis."""
+    """A joint at a random place about a random axis."""
     origin = f'<origin xyz="{words(random.uniform(-0.4, 0.4, 3))}" rpy="{words(random.uniform(-3, 3, 3))}"/>'
     axis = "" if kind in {"fixed", "floating"} else f'<axis xyz="{words(random.normal(size=3))}"/>'
     limit = '<limit lower="-3" upper="3" effort="1" velocity="1"/>' if kind in {"revolute", "prismatic"} else ""
@@ -37,7 +37,7 @@ def joint(name: str, kind: str, parent: str, child: str, random: np.random.Gener
 
 @dataclass
 class RandomRobot:
-    """A base, three free joints with fixed and locked ones between them, and branches on every link."""
+    """A robot with a base, three free joints with fixed and locked joints between them, and branches on every link."""
 
     seed: int
     posture: dict[str, float] = field(default_factory=dict)

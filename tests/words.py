@@ -1,7 +1,7 @@
 """Texts that people read, reviewed in `tests/messages.txt`: tests compare ids and values; the file contains the words.
 
-A test passes a message to `reviewed`, or refuses with `refused`. `python -m tests.words` runs all tests, and writes the
-file anew from the texts that they meet: a change of words is one diff to review.
+A test passes a message to `reviewed`, or expects an error with `refused`. `python -m tests.words` runs all tests and
+rewrites the file with the texts that occur, so that a change of words is one diff to review.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ HEAD = """\
 NUMBER = re.compile(r"(?<![\w.])[-−+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w*\()", re.IGNORECASE)
 FOLDER = re.compile(r"(?<!\w)(?:[A-Z]:)?/(?:[^\s/:'\"<>,;()]+/)+")
 TEMPORARY = re.compile(r"\btest_\w*\d+(?=:)|(?<=')[\w.-]*(?=…)|(?<=sources )[0-9a-f]{12}\b")
-"""Names of temporary folders and of cut paths, which depend on the number of the run, and the hash of the sources."""
+"""Parts of texts that change between runs: names of temporary folders, shortened paths, the hash of the sources."""
 RECORDER = "FLEXLINK_WORDS"
 
 
 @contextlib.contextmanager
 def refused(kind: type[BaseException], id: str, *, values: bool = True) -> Iterator[pytest.ExceptionInfo]:
-    """Expect an error of this kind with this id, and its text in the reviewed file.
+    """Expect an error of this class with this id, whose text is in the reviewed file.
 
     Parameters
     ----------
     kind
         Class of the error.
     id
-        Its id; of an error without ids the key of its texts in the file.
+        Id of the error; for an error without id, the key of its text in the file.
     values
         Whether the numbers in its text are compared.
     """
@@ -52,7 +52,7 @@ def refused(kind: type[BaseException], id: str, *, values: bool = True) -> Itera
 
 
 def reviewed(key: str, text: str, *, values: bool = True) -> None:
-    """Check that the reviewed file holds this text under this key: the same words, and numbers within 1 %."""
+    """Check that the reviewed file contains this text under this key: the same words, and numbers within 1 %."""
     shown = normal(text)
     if not values:
         shown = NUMBER.sub("#", shown)
@@ -95,17 +95,17 @@ def sentence(page: str, *parts: str) -> str:
 
 
 def normal(text: str) -> str:
-    """A text without folders and names of temporary ones."""
+    """Remove folders and names of temporary files from a text."""
     return TEMPORARY.sub("", FOLDER.sub("", text)).strip()
 
 
 def split(text: str) -> tuple[str, tuple[float, ...]]:
-    """A text with # for its numbers, and the numbers."""
+    """Return the text with # in place of its numbers, and the numbers."""
     return NUMBER.sub("#", text), tuple(float(number.replace("−", "-")) for number in NUMBER.findall(text))
 
 
 def close(a: float, b: float) -> bool:
-    """Equal up to what another processor may round differently, in a number that is printed with few digits."""
+    """Whether two printed numbers are equal up to the rounding of another processor."""
     return a == b or abs(a - b) <= 0.01 * max(abs(a), abs(b)) + 1e-10
 
 
@@ -131,7 +131,7 @@ def known_texts() -> dict[str, dict[str, list[tuple[float, ...]]]]:
 
 
 def written(met: dict[str, set[str]]) -> str:
-    """The reviewed file, with one of the texts that differ only by rounding."""
+    """Contents of the reviewed file, with only one of several texts that differ by rounding."""
     blocks = []
     for key in sorted(met):
         kept: dict[str, list[tuple[float, ...]]] = {}
@@ -147,7 +147,7 @@ def written(met: dict[str, set[str]]) -> str:
 
 
 def main(arguments: list[str]) -> int:
-    """Run the tests, or those named, and write the file; a part of the tests keeps the texts that it does not meet."""
+    """Run all tests or the given ones, and write the file; texts of tests that did not run are kept."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "pytest", "-q", "-n", "2", *arguments]
         code = subprocess.run(command, env={**os.environ, RECORDER: folder}, check=False).returncode

@@ -8,4 +8,4 @@ The study reads its cases and scenes from a checkout of the project.
 import os
 
 for _name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # before importing NumPy: one process per core; more threads would only spin
+    os.environ.setdefault(_name, "1")  # one thread, set before NumPy is imported: the study runs a process per core

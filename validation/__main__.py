@@ -1,4 +1,4 @@
-"""python -m validation: run the study, store the results, write the report, print both verdicts. Needs a checkout."""
+"""python -m validation: run the study, store the results, write the report, print the verdicts. Needs a checkout."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ HERE = Path(__file__).parent
 REPORT = HERE.parent / "reports" / "latest"
 
 EXAMPLES = """examples:
-  python -m validation                      run cases not stored or timed on a busy machine, then report
-  python -m validation speed                every case named speed or speed_…, or of such a kind
+  python -m validation                      run cases without stored results or timed on a busy machine; report
+  python -m validation speed                every case whose name or kind is speed or speed_…
   python -m validation pointwise 'traj*'    cases by name, kind or glob
   python -m validation --force --no-report  measure again, keep the old report
   python -m validation other_solvers_long   a case that takes minutes: it runs only if named
@@ -47,7 +47,7 @@ EXAMPLES = """examples:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the study; 0 if every check of correctness passes, 1 if one fails, 2 if the study could not run."""
+    """Run the study; return 0 if every check of correctness passes, 1 if one fails, 2 if the study could not run."""
     options = _parser().parse_args(arguments)
     console = Console()
     try:
@@ -106,7 +106,7 @@ def _parser() -> argparse.ArgumentParser:
         "--full",
         action="store_true",
         help="run every case, including those that run only if named, and write reports/full, which is under version "
-        "control; stored results are skipped, even if the machine was busy",
+        "control; cases with stored results are skipped, even if they were timed on a busy machine",
     )
     parser.add_argument("--force", action="store_true", help="measure stored cases again")
     parser.add_argument("--list", action="store_true", help="list all cases and stop")
@@ -121,14 +121,14 @@ def _parser() -> argparse.ArgumentParser:
         "--theirs",
         type=Path,
         metavar="FOLDER",
-        help="check another code: FOLDER/CASE.csv contains its values by quantity, or its motion, next to the "
-        "references of the case (exit code 1: a value is not accepted)",
+        help="compare another code with the references of each case: FOLDER/CASE.csv contains its values by quantity, "
+        "or its motion (exit code 1: a value is not accepted)",
     )
     parser.add_argument(
         "--blank",
         type=Path,
         metavar="FOLDER",
-        help="write blank files for all benchmarks open to other codes, or for the named cases, to be filled in",
+        help="write blank files to fill in, for all benchmarks open to other codes or for the named cases",
     )
     parser.add_argument("--no-report", action="store_true", help="do not write the report")
     parser.add_argument(
@@ -147,7 +147,7 @@ def _run(
         if row is None:
             bar(started / len(cases), case)
             started += 1
-            if not console.is_terminal:  # a log shows no moving bar
+            if not console.is_terminal:  # a progress bar is useless in a log file
                 console.print(f"{case} …", highlight=False)
             return
         bar((started - 1) / len(cases), f"{case}: {row.quantity}")
@@ -173,7 +173,7 @@ def _report(results: Path, full: bool) -> Path | None:
 
 
 def _theirs(console: Console, options: argparse.Namespace) -> int:
-    """Check another code's files, or write blank ones; 0 if all given values are accepted, 1 if not."""
+    """Check another code's files, or write blank ones; return 0 if all given values are accepted, 1 if not."""
     if options.blank and options.theirs:
         raise ArgumentError(f"--blank {options.blank}: not with --theirs; fill in the files first")
     known = load_cases()
@@ -203,7 +203,7 @@ def _theirs(console: Console, options: argparse.Namespace) -> int:
 
 
 def _same(console: Console, results: Path, folder: Path) -> int:
-    """Compare the stored numbers with published ones; 0 if they are the same, 1 if not."""
+    """Compare the stored numbers with published ones; return 0 if they are the same, 1 if not."""
     same = importlib.import_module("reports.same")
     found = same.compare(importlib.import_module("reports.results").Results.read(results), folder)
     if not found.pairs:

@@ -13,6 +13,7 @@ import msgspec
 
 from flexlink.chain.arguments import require_one_of
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
+from flexlink.common.wording import did_you_mean
 from flexlink.data import documents
 from flexlink.describe.scene import Scene
 from flexlink.describe.scene_file import load_scene
@@ -33,12 +34,12 @@ ALL = ("*",)
 
 
 class Quantity(Spec, frozen=True):
-    """A measured quantity. It passes if its value is `bound` the tolerance; without a tolerance there is no verdict.
+    """A measured quantity, which passes if its value is at most or at least (`bound`) the tolerance.
 
-    `reason` justifies the tolerance; without a tolerance, it states why the quantity is shown, if that is not obvious.
+    Without a tolerance there is no verdict. `reason` justifies the tolerance, or states why the quantity is shown.
     `given_up` states why an earlier tolerance was abandoned, `widened` why it is wider than the published one. `rows`
-    is the number of measurements over all scenes and engines; "by machine" if it depends on the installed packages or
-    on the number of runs that finish in time. Timed quantities are not counted.
+    is the number of measurements over all scenes and engines, or "by machine" if that number depends on the installed
+    packages or on how many runs finish in time. Timed quantities are not counted.
     """
 
     metric: str
@@ -57,9 +58,9 @@ class Quantity(Spec, frozen=True):
 
 
 class Sheet(Spec, frozen=True):
-    """Definition of the error of any code's answer to a benchmark, the accepted error, and the unit of the values.
+    """Definition of the error of a code's answer to a benchmark, the accepted error, and the unit of the values.
 
-    The accepted error is relative, or in the unit of a motion.
+    The accepted error is relative; for a motion, it is in the unit of that motion.
     """
 
     error: str
@@ -68,13 +69,13 @@ class Sheet(Spec, frozen=True):
 
 
 class Case(Spec, frozen=True):
-    """One TOML file in `cases/`; its name is the file's.
+    """One TOML file in `cases/`, after which the case is named.
 
-    `parts` names a list of the settings: each value becomes a separate case NAME-VALUE. A long study is then stored,
-    and continued after a stop, value by value. The file's name means all parts.
+    `parts` names a list in the settings: each value becomes a separate case NAME-VALUE. A long study is then stored
+    value by value, and can be continued after a stop. The name of the file selects all parts.
 
     The title states what is measured, never the outcome. A case passes if the numbers are as expected, even if they
-    refute a published `claim`, which is checked by the quantity of that name.
+    refute a published claim; the quantity named `claim` checks that claim.
     """
 
     name: str
@@ -86,16 +87,16 @@ class Case(Spec, frozen=True):
     settings: dict[str, Any] = msgspec.field(default_factory=dict)  # decoded by the kind
     by_name: bool = False  # runs only if named: it takes long
     needs: str = (
-        ""  # path in the checkout of data that are not distributed; without them the case is skipped and reported
+        ""  # path, in the checkout, of data that are not distributed; if missing, the case is skipped and reported
     )
     claim: str = ""
-    sheet: Sheet | None = None  # of a benchmark that other codes can be compared with
+    sheet: Sheet | None = None  # definition of the error, if other codes can be compared
     parts: str = ""
-    whole: str = ""  # of a part: name of its case file
+    whole: str = ""  # for a part: name of its case file
 
     @property
     def part(self) -> str:
-        """The value that this part measures; "" of an undivided case."""
+        """The value that this part measures; "" for an undivided case."""
         return self.name.removeprefix(f"{self.whole}-") if self.whole else ""
 
     @property
@@ -109,7 +110,7 @@ class Case(Spec, frozen=True):
         return f"needs {self.needs}, which is not here"
 
     def divided(self) -> list[Case]:
-        """Parts of the case, each with the common quantities and those named "PART, …"; if undivided, the case."""
+        """The parts, each with the common quantities and those named "PART, …"; an undivided case returns itself."""
         if not self.parts:
             return [self]
         values = [str(value) for value in self.settings[self.parts]]
@@ -123,11 +124,11 @@ class Case(Spec, frozen=True):
         )  # fmt: skip
 
     def demands(self, quantity: str) -> bool:
-        """Whether the case must measure this quantity; a part must measure only quantities that begin with its name."""
+        """Whether the case must measure this quantity; for a part, only quantities that begin with its name."""
         return not self.part or quantity.startswith(f"{self.part}, ")
 
     def is_meant_by(self, pattern: str) -> bool:
-        """Whether the name or kind, or its first words, match a glob pattern; `by_name` cases match by name only."""
+        """Whether a glob pattern matches the name or kind, or their first words; `by_name` cases match by name only."""
         names = (self.name, self.whole) if self.whole else (self.name,)
         if self.by_name:
             return any(fnmatchcase(name, pattern) for name in names)
@@ -172,7 +173,7 @@ class Measured(NamedTuple):
     value: float
     scene: str = ""
     engine: str = "native"
-    varied: Facts = NOTHING_VARIED  # varied conditions: names of `validation.facts`
+    varied: Facts = NOTHING_VARIED  # varied conditions, by their names in `validation.facts`
     scale: float = 1.0  # unit of the case's tolerance, if the limit follows from the physics of the run
     note: str = ""  # computed remark on this value
     timed: bool = False  # whether it measures speed, not correctness
@@ -220,8 +221,9 @@ def load_cases(*wanted: str) -> list[Case]:
     cases = [part for path in sorted(CASES.glob("*.toml")) for part in load_case(path).divided()]
     for pattern in wanted:
         if not any(case.is_meant_by(pattern) for case in cases):
-            known = ", ".join(case.name for case in cases)
-            raise ArgumentError(f"case = {pattern!r}: no such case; available: {known}", id="unknown-name")
+            names = [case.name for case in cases]
+            near = did_you_mean(pattern, names) or f"; available: {', '.join(names)}"
+            raise ArgumentError(f"case = {pattern!r}: no such case{near}", id="unknown-name")
     chosen = [case for case in cases if any(map(case.is_meant_by, wanted))] if wanted else cases
     left = [case for case in chosen if case.has_data and (wanted or not case.by_name)]
     if chosen and not left:

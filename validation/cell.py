@@ -1,4 +1,4 @@
-"""python -m validation.cell CASE NUMBER: repeat one cell of a map; the map's CSV file lists the numbers."""
+"""python -m validation.cell CASE NUMBER: repeat one cell of a map; the map's CSV file lists the cell numbers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from validation.runner import kind_of
 
 
 def main() -> int:
-    """Print the cell and its result; 2 if there is none."""
+    """Print the cell and its result; return 2 if there is no such cell."""
     parser = argparse.ArgumentParser(prog="python -m validation.cell", description=__doc__)
     parser.add_argument("case", help="a case that maps extremes, e.g. extremes_digits")
     parser.add_argument("number", type=int, help="number of the cell, from 0")

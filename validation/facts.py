@@ -1,4 +1,4 @@
-"""Conditions that a measurement may vary: for each name, its column heading and the wording of a value."""
+"""Conditions that vary between measurements: for each name, its column heading and the wording of a value."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 Fact = str | int | float
 Facts = Mapping[str, Fact]
-"""Name → value, in the order in which they are printed."""
+"""Name → value, in the order of printing."""
 
 WORDS: dict[str, tuple[str, str]] = {
     "situation": ("situation", "{}"),

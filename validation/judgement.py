@@ -34,19 +34,19 @@ class JudgedRow(Row):
 
 
 class Correctness(NamedTuple):
-    """Number of checks of correctness, and those that fail."""
+    """Number of checks of correctness, and the rows of those that fail."""
 
     judged: int
     failed: tuple[Row, ...]
 
 
 class Speed(NamedTuple):
-    """Time limits by outcome."""
+    """Rows with a time limit, by outcome."""
 
     met: tuple[Row, ...]
     missed: tuple[Row, ...]
     unmeasured: tuple[Row, ...]
-    worst: Conditions | None  # on the busiest machine used for timing
+    worst: Conditions | None  # load of the busiest machine used for timing
 
     def brief(self) -> str:
         """The verdict in brief, "3 met, 1 missed"; empty without a time limit."""
@@ -61,7 +61,7 @@ class Speed(NamedTuple):
         if self.unmeasured:
             load = f" ({crowd(self.worst)})" if self.worst else ""
             parts.append(f"{len(self.unmeasured)} not measured because the machine was busy{load}")
-        return ", ".join(parts) or "no time limit was measured"
+        return ", ".join(parts) or "no time limit was checked"
 
 
 def crowd(conditions: Conditions) -> str:

@@ -32,7 +32,7 @@ class Dice:
         return float(10.0 ** self.linear(low, high))
 
     def chance(self, share: float) -> bool:
-        """True with this probability."""
+        """Return True with this probability."""
         return bool(self.random.random() < share)
 
     def one_of(self, *values: Any, shares: tuple[float, ...] | None = None) -> Any:
@@ -121,7 +121,7 @@ def _sliding(dice: Dice, joint: fl.Joint) -> fl.Joint:
 
 
 def _sections(dice: Dice) -> dict[str, fl.Section]:
-    """Two sections, each with a tapered version of the same shape for the tip."""
+    """Two sections, each with a scaled version of the same shape for the tip."""
     found = {}
     shapes: dict[str, Literal["rectangle", "tube"]] = {"bar": "rectangle", "pipe": "tube"}
     for name, shape in shapes.items():
@@ -145,11 +145,11 @@ def _link(dice: Dice, name: str, table: Convention | None) -> fl.Link:
 
 
 def _real(links: Sequence[fl.Link], seed: int) -> tuple[tuple[fl.Link, ...], dict[str, fl.Rigidity]]:
-    """Give some links soft roots or rigidity tables, with a separate generator; everything else is unchanged."""
+    """Give some links soft roots or rigidity tables, by a separate random generator; all else is unchanged."""
     dice, tables, found = Dice(OF_BEAMS + seed), {}, []
     for link in links:
         own: dict[str, Any] = {}
-        if link.material is not None and dice.chance(0.4):  # the soft root moves mass
+        if link.material is not None and dice.chance(0.4):  # a soft root must move some mass
             axes = [axis for axis in "xyz" if dice.chance(0.6)] or ["z"]
             own["root_stiffness"] = fl.details.RootStiffness(**{axis: dice.decades(2, 5) for axis in axes})
             own["root_damping"] = fl.details.RootDamping(**{axes[0]: dice.decades(-1, 1)})
@@ -161,7 +161,7 @@ def _real(links: Sequence[fl.Link], seed: int) -> tuple[tuple[fl.Link, ...], dic
 
 
 OF_BEAMS = 1_000_000
-"""Offset of the seed for the properties of beams other than their sections."""
+"""Seed offset of the generator for the properties of beams other than their sections."""
 
 
 def _table(dice: Dice, length: float) -> fl.Rigidity:
@@ -230,7 +230,7 @@ def _row(dice: Dice, convention: Convention) -> fl.details.DenavitHartenberg:
 
 
 def _body(dice: Dice) -> fl.RigidBody:
-    """A few points in a box, or a disc, which is the limit of a valid inertia; the centre is anywhere near."""
+    """A body with the inertia of random point masses, sometimes all in one plane, or with the inertia of a box."""
     mass, size = dice.decades(-1, 1), dice.linear(0.02, 0.15)
     spread = dice.random.normal(0, size, (3, 3))
     covariance = mass * spread @ spread.T
@@ -240,7 +240,7 @@ def _body(dice: Dice) -> fl.RigidBody:
     I = np.trace(covariance) * np.eye(3) - covariance
     products = (I[0, 1], I[0, 2], I[1, 2]) if dice.chance(0.7) else ()
     if not products:
-        I = np.diag(np.sort(covariance.diagonal()) + mass * size**2)  # as of a box: satisfies the triangle inequality
+        I = np.diag(np.sort(covariance.diagonal()) + mass * size**2)  # as for a box: the triangle inequality is met
         I[2, 2] = min(I[2, 2], I[0, 0] + I[1, 1])
     center = dice.three(0.1) if dice.chance(0.7) else (0.0, 0.0, 0.0)
     return fl.RigidBody(mass=mass, center=center, inertia=(*I.diagonal(), *products))

@@ -1,4 +1,4 @@
-"""Published and computed reference values: files of `validation/reference`, numbers as strings of all known digits."""
+"""Published and computed reference values, from `validation/reference`; numbers are strings of all known digits."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Check that each quantity is measured the number of times that its case states, and nothing twice.
+"""Check that each quantity is measured as often as its case states, and nothing is measured twice.
 
-If a kind silently skips a scene, an engine or a method, rows are missing. That is reported as a failed check.
+If a kind silently skips a scene, an engine or a method, rows are missing; this is reported as a failed check.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ ROWS_OF = "rows of "
 
 
 def wrong(case: Case, rows: Sequence[Row]) -> Iterator[Row]:
-    """Yield a failed check for every quantity whose number of measurements differs from the case's."""
+    """Yield a failed check for every quantity whose number of measurements differs from the number in the case."""
     for name in dict.fromkeys(row.quantity for row in rows):
         own, stated = [row for row in rows if row.quantity == name], case.quantity[name].rows
         if stated == "by machine" or own[0].timed:
@@ -34,7 +34,7 @@ def _measured(row: Row) -> str:
 
 
 def _where(rows: Sequence[Row]) -> str:
-    """Number of rows of each scene and engine."""
+    """Number of rows for each scene and engine."""
     counts = Counter(" ".join(part for part in (row.scene, row.engine) if part) for row in rows)
     return ", ".join(f"{count} {where}" for where, count in counts.items())
 

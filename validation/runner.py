@@ -1,4 +1,4 @@
-"""Run cases: skip those stored for the same sources and versions, check each number, store it at once."""
+"""Run all cases not yet stored for the same sources and versions; check each number and store it at once."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ PACKAGES = (
 )
 
 Report = Callable[[str, Row | None], None]
-"""Called with a case's name and each row when it is stored; the row is None when the case starts."""
+"""Called with the case's name and a row when the row is stored; the row is None when the case starts."""
 
 
 def run_cases(
     cases: Sequence[Case], store: Store, force: bool, report: Report, full: bool = False
 ) -> dict[str, FlexlinkError]:
-    """Run every case that is not stored: first in parallel, then the timed cases one at a time.
+    """Run every case that is not stored: first untimed cases in parallel, then timed cases one at a time.
 
     Parameters
     ----------
@@ -60,8 +60,8 @@ def run_cases(
     report
         Called for every case that starts and for every row.
     full
-        Run all timed cases alone and keep stored results even if the machine was busy. Otherwise, rerun timed cases
-        with limits if the machine was busy, and run timed cases without limits in parallel.
+        Run each timed case alone, and keep stored results even if the machine was busy. Otherwise, timed cases with
+        limits are run again if the machine was busy, and timed cases without limits run in parallel.
 
     Returns
     -------
@@ -111,7 +111,7 @@ def _keep(case: Case, results: Iterable[Row | Series], store: Store, report: Rep
 
 
 def _is_done(case: Case, key: str, store: Store, again_if_busy: bool) -> bool:
-    """Whether the case is stored for the same sources and versions; optionally also on an idle machine if timed."""
+    """Whether the case is stored for the same sources and versions; optionally also timed on an idle machine."""
     done = store.finished().get(case.name)
     if done is None or done.key != key:
         return False
@@ -125,7 +125,7 @@ def _in_order_of_completion(
 ) -> Iterator[tuple[Case, Iterable[Row | Series]]]:
     """Yield each case with its results; cases that run alone, or in a small set, yield results as they are measured.
 
-    Timed cases are rehearsed while the others run: their kernels are compiled in time.
+    While other cases run, timed cases are rehearsed, so that their kernels are compiled before they are timed.
     """
     alone = [case for case in cases if case.kind in kinds_alone]
     shared = [case for case in cases if case.kind not in kinds_alone]
@@ -141,7 +141,7 @@ def _in_order_of_completion(
                     report(running[done].name, None)
                     yield running[done], _results_of(done)
                 for rehearsal in rehearsals:
-                    rehearsal.exception()  # waits; its error recurs, and is reported, when the case runs
+                    rehearsal.exception()  # waits; an error occurs again, and is reported, when the case runs
             finally:
                 pool.shutdown(cancel_futures=True)
     for case in alone:
@@ -162,7 +162,7 @@ def _end_with_parent() -> None:
 
 
 def _results_of(done: Future[list[Row | Series]]) -> Iterator[Row | Series]:
-    """Results of a finished case; raises its error at the first result, as a case measured in this process does."""
+    """Results of a finished case; its error is raised at the first result, as for a case measured in this process."""
     yield from done.result()
 
 
@@ -217,7 +217,7 @@ def kind_of(case: Case) -> tuple[Kind, Any]:
 
 
 def judged(case: Case, measured: Measured, seconds: float, key: str) -> Row:
-    """The row of a number: passed if it is on the right side of the case's tolerance; nan never passes."""
+    """Make the row of a number, which passes if it is on the right side of the case's tolerance; nan never passes."""
     quantity = case.quantity[measured.quantity]
     tolerance = None if quantity.tolerance is None else quantity.tolerance * measured.scale
     value = float(measured.value) if math.isfinite(measured.value) else None  # JSON has no nan

@@ -32,12 +32,12 @@ def stable_step_at_start(scene: Scene, method: str) -> float:
 
 
 def stable_steps(scene: Scene, method: str, of_stable: float = 1.0) -> int:
-    """Number of steps between two samples such that none exceeds this fraction of the largest initially stable step."""
+    """Number of steps between samples that keeps the step within this fraction of the initial stable step."""
     return max(1, math.ceil(scene.run.spacing / (of_stable * stable_step_at_start(scene, method))))
 
 
 def motion_series(scene: Scene, run: Trajectory, engine: str = "") -> Iterator[Series]:
-    """Figure 5 of the paper: active joints, passive joints by link, positions of active joints and hand; energy."""
+    """Panels of the paper's figure 5 (active joints, passive joints by link, positions of joints and hand); energy."""
     chain, time = run.chain, {"time [s]": run.t}
     names = chain.joint_names
     degrees = {names[k]: np.degrees(run.q[:, k]) for k in range(chain.n)}
@@ -70,7 +70,7 @@ def motion_series(scene: Scene, run: Trajectory, engine: str = "") -> Iterator[S
 
 
 def points_of(scene: Scene, chain: Chain, t: Array, q: Array, qd: Array) -> Trajectory:
-    """An engine's samples, thinned to the number of points that a figure shows on flexlink's lines."""
+    """An engine's samples, reduced to the number of points that a figure shows on flexlink's lines."""
     shown = 50  # points per engine in a figure
     every = slice(None, None, max(1, len(t) // shown))
     return trajectory_from_states(problem_of(scene, chain), t[every].copy(), q[every].copy(), qd[every].copy())

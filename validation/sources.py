@@ -9,10 +9,10 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 SOURCE_FOLDERS = ("flexlink", "validation")
 DISPLAY_ROOMS = {"pages", "pictures", "scene_report"}
-"""Folders of the library that only display results: a new page layout needs no new measurement. The command line is
+"""Folders of the library that only display results; if they change, nothing is measured again. The command line is
 not among them, since cases run and time it."""
 DISPLAY_FILES_IN_NOTES = {"numbers.py"}
-"""Files of these folders that the study uses in its notes."""
+"""Files in these folders that the study does use, for its notes."""
 
 
 def sources() -> Iterator[Path]:
@@ -32,7 +32,7 @@ def _study_data(folder: Path) -> Iterator[Path]:
 def digests() -> dict[str, str]:
     """Path from the root → digest of every source, and of every case and scene that results depend on.
 
-    The digest is git's hash of the contents; a study of any commit can be compared.
+    The digest is git's hash of the contents, so the sources of a study can be compared with any commit.
     """
     own = [ROOT / "validation" / folder for folder in ("cases", "scenes")]
     files = {*sources(), *(path for folder in own for path in folder.glob("*.toml"))}

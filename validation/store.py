@@ -3,7 +3,7 @@
     plan.json               case → required key of its results, title and kind: all cases of the study's last run
     rows.jsonl              one JSON object per line, with the fields of `Row`
     series/CASE.NAME.npz    arrays c0, c1, … (columns of equal length) and `meta`, a JSON string: the fields of `Series`
-    environment.json        versions, processor, commit, date, digests of the sources
+    environment.json        versions, processor, commit, date, hashes of the sources
     finished.json           case → `Finished`: key, date and machine of its last complete run
     failed.json             case → error of its last run
 
@@ -41,7 +41,7 @@ START_ANEW = "remove the folder to start anew"
 ERRORS_OF_READING = (ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error, msgspec.MsgspecError)
 
 BUSY_LOAD = 0.1  # fraction of the cores; above it, other processes slow down the timed one
-BUSY_SPREAD = 0.3  # mean over fastest lap of a calibration loop, minus 1; 0.03 to 0.2 on idle virtual machines
+BUSY_SPREAD = 0.3  # mean over shortest time of a calibration loop, minus 1; 0.03 to 0.2 on idle virtual machines
 
 
 @dataclasses.dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Series:
     group: str | None = None  # a text column; one curve per value
     panel: str | None = None  # a text column; one pair of axes per value
     scene: str = ""
-    part: str = ""  # distinguishes several of one kind, such as "mode 1"
+    part: str = ""  # distinguishes several series of one kind, such as "mode 1"
     engine: str = ""  # "" for flexlink
     legend: Mapping[str, str] = dataclasses.field(default_factory=dict)  # column → entry, if columns share an entry
 
@@ -106,7 +106,7 @@ class Conditions:
     """Load of the machine while a case was timed."""
 
     load: float | None  # cores used by other processes, mean over the case; None if unknown
-    spread: float  # of a calibration loop before and after: mean over fastest lap, minus 1
+    spread: float  # of a calibration loop before and after: mean over shortest time, minus 1
     cores: int
 
     @property
@@ -117,10 +117,10 @@ class Conditions:
 
 @dataclasses.dataclass(frozen=True)
 class Environment:
-    """Software and hardware of a study; unknown entries are empty."""
+    """Software and hardware of a study; entries that are unknown are empty."""
 
     date: datetime.datetime | None = None  # of the start
-    commit: str = ""  # with "+" if the sources have changed since
+    commit: str = ""  # commit of the sources, with "+" if they have changed since
     python: str = ""
     versions: Mapping[str, str] = dataclasses.field(default_factory=dict)
     processor: str = ""

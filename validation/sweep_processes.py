@@ -77,12 +77,12 @@ def killed_at(counts: Iterable[int], sweep: Path, out: Path, *options: str) -> i
 
 
 def rows(path: Path) -> list[tuple[Any, ...]]:
-    """All rows, sorted by number; none if the database does not exist yet."""
+    """All rows of a sweep's database, sorted by number; none if it does not exist yet."""
     return _query(path, "SELECT * FROM rows ORDER BY number")
 
 
 def counted(path: Path) -> int:
-    """Number of rows."""
+    """Number of rows in a sweep's database; 0 if it does not exist yet."""
     found = _query(path, "SELECT count(*) FROM rows")
     return int(found[0][0]) if found else 0
 

@@ -1,4 +1,4 @@
-"""Run a slice of a long sweep in a separate process: memory and time of planning, of running and of storing rows.
+"""Run a slice of a long sweep in a separate process to measure memory and time of planning, running and storing rows.
 
 python -m validation.sweep_slice SWEEP.toml --slice 20000 --workers 2
 python -m validation.sweep_slice SWEEP.toml --slice 20000 --dask tcp://127.0.0.1:8786

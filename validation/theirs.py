@@ -33,7 +33,7 @@ HEADS = ("case", "quantity", "theirs", "reference", "error", "accepted", "verdic
 
 
 class Judged(NamedTuple):
-    """A value of another code with its verdict; `passed` is None without a value or without a possible verdict."""
+    """A value of another code with its verdict; `passed` is None if no value is given or no verdict is possible."""
 
     case: str
     quantity: str
@@ -169,7 +169,7 @@ def _number(file: Path, line: int, head: str, cell: str) -> float:
 
 
 def _measured(case: Case, series: Series, given: Mapping[str, Mapping[str, float]]) -> Iterator[Judged]:
-    """Compare by E and u_val, with flexlink's u_input: input uncertainty belongs to the specimen, not the code."""
+    """Compare by E and u_val, with flexlink's u_input: input uncertainty is due to the specimen, not the code."""
     c = series.columns
     names = c[NAME].tolist()
     for k, name in enumerate(names):

@@ -1,4 +1,4 @@
-"""Reference pages, generated anew at every build and thus never out of date."""
+"""Reference pages, generated at every build and thus never out of date."""
 
 from __future__ import annotations
 

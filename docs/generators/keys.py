@@ -50,7 +50,7 @@ ends in ``_deg``, otherwise in radians. For prismatic joints use the key ending 
 gains and friction are forces, N/m and so on. The options ``--set``, :meth:`flexlink.Scene.varied` and sweeps take the
 same paths: ``--set link.upper.segments=9``. A link is given by its name or its number from 1; ``*`` means every link
 on which the key has an effect. Components of a vector are x, y and z (``gravity.x``). Unknown keys, wrong types and
-impossible values are refused by name.
+impossible values are refused with a message that names the key.
 """
     pages = directive("toctree", body="\n".join(PARTS), maxdepth="1")
     return _page("Keys of a scene", f"{intro}\n{pages}", [("", Scene)], lambda place: not place)
@@ -66,9 +66,9 @@ def scene_part(name: str, _: Path) -> str:
 def sweep_page(_: Path) -> str:
     """Return the keys of a sweep and of its ranges."""
     intro = """\
-All keys of a sweep file, and of :class:`flexlink.Sweep` in Python; the prefix ``sweep.`` denotes the file. Keys below
+All keys of a sweep file, and of :class:`flexlink.Sweep` in Python; the prefix ``sweep.`` denotes the file. Keys under
 ``set``, ``grid``, ``together`` and ``sample.keys`` are paths of the scene, see :doc:`scene`, or ``engine``. Values in
-``grid`` and ``together`` are lists or ranges, those in ``sample.keys`` lists or spreads.
+``grid`` and ``together`` are lists or ranges; values in ``sample.keys`` are lists or spreads.
 """
     roots = [("sweep", Sweep), ("sweep.grid.KEY", Range), ("sweep.sample.keys.KEY", Spread)]
     return _page("Keys of a sweep", intro, roots)
@@ -78,7 +78,7 @@ def fit_page(_: Path) -> str:
     """Return the keys of a fit and of its measurements."""
     intro = """\
 All keys of a fit problem's file, and of :class:`flexlink.fits.FitProblem` in Python; the prefix ``fit.`` denotes the
-file. Keys below ``set`` and ``before`` are paths of the scene, see :doc:`scene`.
+file. Keys under ``set`` and ``before`` are paths of the scene, see :doc:`scene`.
 """
     return _page("Keys of a fit", intro, [("fit", FitProblem)])
 

@@ -18,9 +18,10 @@ EXPLAINED = Path(__file__).parent / "messages.toml"
 
 INTRO = """\
 Every message has an id, which the command line prints in brackets at its end: ``… [unknown-key]``. In Python a refusal
-is a subclass of :class:`flexlink.FlexlinkError` with the attribute ``id``; the command line prints it and exits with 2.
-A ``warning:`` means that a result may be wrong; it is also stored in ``Trajectory.warnings``. A ``note:`` means that a
-value has no effect, or is probably not intended.
+raises a subclass of :class:`flexlink.FlexlinkError` with the attribute ``id``; the command line prints the message and
+exits with 2. A ``warning:`` means that a result may be wrong; it is also stored in ``Trajectory.warnings``, or in
+``Trajectory.hints`` if a value is probably in another unit. A ``note:`` means that a value has no effect, or is
+probably not intended.
 """
 
 

@@ -72,7 +72,8 @@ def rules_page(folder: Path) -> str:
         "A lumping rule, ``link.NAME.lumping``, places the hinges of a flexible link and gives each the share w of\n"
         "the beam's length: k = EI / (w L). Keys of a custom rule file: :doc:`data_files`.\n",
         "Rules with cells also have springs between the hinges of a cell. Their w belongs to the diagonal of K and\n"
-        "does not sum to 1. The table lists the smallest number of hinges, its multiples, and coupled hinges:\n",
+        "does not sum to 1. The table lists, for each rule, the smallest number of hinges, the number that every\n"
+        "number of hinges must be a multiple of, and the number of hinges in a cell:\n",
         table(
             ("rule", "least", "multiple of", "hinges per cell"), [_numbers(name, rule) for name, rule in known.items()]
         ),
@@ -124,10 +125,10 @@ def shapers_page(folder: Path) -> str:
     ]
     parts = [
         heading("Input shapers"),
-        "An input shaper, ``drive.reference.shaper.kind``, adds delayed copies of a reference so that their\n"
-        "vibrations cancel. Keys of a custom shaper file: :doc:`data_files`.\n",
+        "An input shaper, ``drive.reference.shaper.kind``, adds delayed copies of a reference so that the vibrations\n"
+        "they cause cancel. Keys of a custom shaper file: :doc:`data_files`.\n",
         table(heads, rows),
-        _figure("shapers.svg", "Residual undamped vibration if its frequency differs from the shaper's"),
+        _figure("shapers.svg", "Residual vibration of an undamped mode whose frequency differs from the shaper's"),
     ]  # fmt: skip
     for name, each in known.items():
         parts.append(_section(name, each))

@@ -31,7 +31,7 @@ def checks() -> list[dict[str, str]]:
 
 
 def counts() -> dict[str, int]:
-    """How many checks of correctness were judged, how many passed, of how many cases."""
+    """Numbers of checks of correctness, of passed checks, and of cases."""
     judged = [row for row in checks() if row["passed"] and row["timed"] == "False"]
     return {
         "checks": len(judged),

@@ -1,1 +1,1 @@
-"""The cheapest model of a scene that meets a tolerance: which links bend, how, and with which steps."""
+"""Find the cheapest model of a scene that meets a tolerance: the links that bend, their hinges, and the time steps."""

@@ -1,4 +1,4 @@
-"""advise(scene, tip=…): the cheapest model that keeps the tip within a tolerance, checked by finer models."""
+"""advise(scene, tip=…): find the cheapest model whose tip error is within a tolerance, checked by finer models."""
 
 from __future__ import annotations
 
@@ -34,38 +34,37 @@ def advise(
 ) -> Advice:
     """Find the cheapest model of a scene with an allowed error at the tip.
 
-    For the motion of this scene it chooses the links that bend, their axes, the positions and the number of their
-    hinges, and the steps of the run. Errors are measured from the limit of finer and finer models of the same beams;
-    all links with a section may bend. Everything else stays as in the scene: joints, gears, loads, friction, drive,
-    samples.
+    For the motion of this scene, the function chooses the links that bend, their axes, the positions and the number of
+    their hinges, and the time steps. Errors are relative to the limit of finer and finer models of the same beams; all
+    links with a section may bend. Everything else is unchanged: joints, gears, loads, friction, drive, samples.
 
     Parameters
     ----------
     scene
         The scene; its flex, segments, lumping, method and step have no effect.
     tip
-        Allowed error of the tip at the samples: a fraction of its travel, or a length, such as "2 mm".
+        Allowed error of the tip at the samples, as a fraction of its travel, or as a length, such as "2 mm".
     deflection
         Whether `tip` is a fraction of the largest deflection of the tip by the springs of links and gears.
     band
-        Vibrations above this frequency are ignored [Hz]; None: all vibrations that the samples resolve count.
+        Vibrations above this frequency are ignored [Hz]; None: all vibrations that the samples resolve are included.
     budget
-        CPU time that the steps of one run may take [s], also with the finer models, computed from listed costs.
+        Largest CPU time of the steps of any one run [s], including runs of finer models; computed from listed costs.
 
     Returns
     -------
     Advice
-        Its `scene` is ready to run; `met`: whether the error is within the tolerance.
+        Result; its `scene` is ready to run, and `met` is True if the error is within the tolerance.
 
     Raises
     ------
     ArgumentError
         `scene` is not a Scene, or an argument is out of range.
     SceneError
-        The scene fits only one model (`initial.q`, `qd`), has no duration, or no link with a section.
+        The scene fits only one model (it sets `initial.q` or `qd`), has no duration, or has no link with a section.
     AdviceError
         Fewer than two models of the scene can be run; the message gives the reason of the last failure. Or `tip` is a
-        fraction of a travel, or of a deflection, that is zero.
+        fraction, and the travel or deflection of the tip is zero.
     InterruptedRunError
         Ctrl-C or SIGTERM.
 
@@ -82,7 +81,7 @@ def advise(
 
 
 class Advisor:
-    """Finds the advice on one scene."""
+    """Find the advice on one scene."""
 
     def __init__(self, scene: Scene, goal: Goal, budget: float) -> None:
         self.scene, self.goal, self._started = scene, goal, thread_time()
@@ -91,7 +90,7 @@ class Advisor:
         self.rigid: Outcome | None = None
 
     def advice(self) -> Advice:
-        """Return rigid links if they are accurate enough; otherwise refine the model, and search by its limit."""
+        """Advise rigid links if they are accurate enough; otherwise find the limit of finer models, then search."""
         settled = self._rigid_is_enough()
         if settled is not None:
             return settled
@@ -140,12 +139,12 @@ class Advisor:
         return self.runner.chain(uniform(self.axes, Thresholds.hinges)).size
 
     def _first_flexible_run(self) -> tuple[Stepping, float]:
-        """Steps of the levels, with errors far below the tolerance on the coarsest chain; and the tolerance [m]."""
+        """Return time steps whose errors on the coarsest chain are far below the tolerance, and this tolerance [m]."""
         model = uniform(self.axes, Thresholds.hinges)
         travel = tip_travel(self.rigid.tip) if self.rigid else Thresholds.first_guess * self._size()
         tolerance = self.goal.tolerance(travel, travel) or self.goal.size * self._size()
         least, share = least_tolerance(self._size()), Thresholds.reference_step_share
-        # stricter steps measure the step errors: in sensitive motion these are many times the tolerance of the steps
+        # stricter steps measure the step errors, which are many times the steps' tolerance in sensitive motion
         strictness, passes = 0.1, 8
         stepping, known_tolerance = Stepping("auto", tolerance=share * tolerance), tolerance
         for _ in range(passes):
@@ -164,7 +163,7 @@ class Advisor:
                 strict = Stepping("auto", tolerance=max(share * strictness * tolerance, least))
                 stricter = self.runner.run(model, strict)
                 small = self.norm(stricter.tip - outcome.tip) <= 0.1 * known_tolerance
-                leaves_levels = 8 * stricter.seconds <= self.runner.budget  # without levels there is no limit
+                leaves_levels = 8 * stricter.seconds <= self.runner.budget  # a limit needs levels
                 if small or stricter.over_budget or not leaves_levels:
                     return stepping, known_tolerance
                 share *= strictness
@@ -172,7 +171,7 @@ class Advisor:
         return stepping, known_tolerance
 
     def _still(self, size: float, least: float) -> AdviceError:
-        """Error for a goal that is a fraction of almost no motion [m]."""
+        """Return the error to raise if the goal is a fraction of a motion whose `size` [m] is too small."""
         what = "springs deflect the tip" if self.goal.deflection else "the tip moves"
         return AdviceError(
             f"{self.scene.name}: {what} by only {size:.2g} m, and {self.goal} of that is below the rounding error, "
@@ -203,7 +202,7 @@ class Advisor:
         return self._done(best.model, best.outcome, best.error + known_to, tolerance, refinement.travel, limit)
 
     def _cannot(self, refinement: RefinementStudy, known: Array) -> Advice:
-        """The finest level with its error; `known`: error of the limit up to each sample (samples,) [m]."""
+        """Advice with the finest level, which misses the goal; `known` is the limit's error up to each sample [m]."""
         assert refinement.limit is not None
         known_to = float(known[-1])
         finest, tolerance = refinement.finest.outcome, refinement.tolerance

@@ -1,9 +1,9 @@
-"""Cheapest hinges for an allowed error.
+"""Cheapest numbers of hinges N_k of the links for an allowed error.
 
     N_k ∝ (C_k / c_k)^(1/(p+1))        minimizes Σ c_k N_k for an allowed Σ C_k / N_k^p, c_k the cost of a hinge
 
-N_k is rounded up to a number that the rules offer. Then a hinge, an axis or all bending of a link
-is removed, whichever saves most, as long as the error is allowed.
+N_k is rounded up to a number that the rules offer. Then some hinges, one axis or all bending of a link is removed,
+whichever saves most. This is repeated as long as the error is allowed.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from flexlink.advice.model import Bend, Model, by_rule
 
 
 class Allocation:
-    """Models for an allowed error; predictions are corrected by the errors of models that were run, `measured` [m]."""
+    """Find models for an allowed error; predictions are corrected by errors `measured` [m] in runs of models."""
 
     def __init__(self, link_errors: LinkErrors, cost: Callable[[Model], float]) -> None:
         self.link_errors, self.cost = link_errors, cost
         self.measured, self._correction = dict(link_errors.known), 1.0
 
     def learn(self, model: Model, error: float) -> None:
-        """Correct predictions by the error of a model [m]."""
+        """Use the measured error of a model [m] to correct predictions."""
         predicted = self.link_errors.error(model)
         if predicted:
             ratio = error / predicted
-            self._correction = max(0.3, min(ratio, ratio**0.5, 3.0))  # steps may cause a part of an excess
+            self._correction = max(0.3, min(ratio, ratio**0.5, 3.0))  # time steps may cause part of a large error
         self.measured.setdefault(model, error)
 
     def cheapest(self, allowed: float) -> Model | None:
-        """The cheapest model with this error [m]; None if it is too small for the convergence observed so far."""
+        """The cheapest model with at most this error [m]; None if no model is predicted to be this accurate."""
         enough = [model for model, error in self.measured.items() if error <= allowed]
         enough += filter(None, [self._rounded_up(allowed)])
         cost, model = min(((self.cost(model), model) for model in enough), key=_first, default=(math.inf, None))
@@ -52,7 +52,7 @@ class Allocation:
     def _rounded_up(self, allowed: float) -> Model | None:
         axes, most = self.link_errors.refinement.axes, max(3 * self.link_errors.refinement.finest.hinges, 8)
         constants = {k: self._correction * self.link_errors.constant(k) for k in self.link_errors.bending}
-        if not all(map(math.isfinite, constants.values())):  # a run that measures one failed
+        if not all(map(math.isfinite, constants.values())):  # the run that measures a constant failed
             return None
         p, family = self.link_errors.order, FAMILIES[self.link_errors.family]
         shape = {k: (constant / len(axes[k])) ** (1 / (p + 1)) for k, constant in constants.items()}

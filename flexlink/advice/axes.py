@@ -1,4 +1,4 @@
-"""Screening of axes: on a coarse chain, axes are left out as long as together they hardly change the tip."""
+"""Screening of bending axes: with few hinges, axes are omitted as long as this hardly changes the tip's path."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from flexlink.advice.thresholds import Thresholds
 
 
 class AxisScreening:
-    """Axes of each link, without those that hardly change the tip.
+    """Axes of each link, without axes that hardly change the tip's path.
 
     Attributes
     ----------
     axes
         Remaining axes of every link.
     left_out
-        Change of the tip by all axes left out together, shape (samples, 3) [m].
+        Change of the tip's path by omitting all these axes together, shape (samples, 3) [m].
     trials
-        One line per attempt to leave out axes, in order: change of the tip, and whether it is accepted.
+        One line per attempt to omit axes, in order: change of the tip's path, and whether it is accepted.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class AxisScreening:
                     break
 
     def _try(self, name: str, axes: Axes) -> bool:
-        """Adopt these axes if they change the tip by no more than allowed; returns whether."""
+        """Adopt these axes if they change the tip's path by no more than allowed; return whether they do."""
         if axes == self.axes:
             return True
         tip = self.runner.run(uniform(axes, Thresholds.screening_hinges), self.stepping).tip

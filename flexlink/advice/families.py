@@ -6,15 +6,15 @@ from typing import NamedTuple
 
 
 class Family(NamedTuple):
-    """Rules of one kind, for any number of hinges that the family offers."""
+    """Lumping rules of one kind, for all numbers of hinges that the family offers."""
 
     order: float  # order of the errors of the tip's path
-    asymptotic: int  # number of hinges from which errors fall at this order
-    safe: float  # lower bound of the change of the extrapolated limit over its error
+    asymptotic: int  # smallest number of hinges for which errors fall with this order
+    safe: float  # lower bound of the change of the extrapolated limit, relative to the error of the limit
     step: int  # numbers of hinges above two are multiples of this
 
     def rounded_up(self, hinges: int) -> int:
-        """Smallest number of hinges that the family offers, at least `hinges`."""
+        """Smallest number of hinges that the family offers and that is at least `hinges`."""
         return hinges if hinges <= FEW else -(-hinges // self.step) * self.step
 
     def fewer(self, hinges: int) -> set[int]:
@@ -24,13 +24,13 @@ class Family(NamedTuple):
 
 
 FEW = 2
-"""Up to this number of hinges all numbers are tried, in every family."""
+"""In every family, all numbers of hinges up to this one are tried."""
 
 GAUSS = "gauss"
 """The family that every study starts with."""
 
 FAMILIES = {
-    # safe: measured on 22 scenes; cells use the value of gauss, and tests of advice on finer models check it
+    # `safe` was measured on 22 scenes; cells use the value of gauss, which tests of advice check with finer models
     GAUSS: Family(order=2.0, asymptotic=6, safe=1.5, step=1),
     "legendre": Family(order=2.0, asymptotic=6, safe=1.2, step=1),
     "lobatto": Family(order=4.0, asymptotic=12, safe=1.5, step=4),
@@ -40,7 +40,7 @@ FAMILIES = {
 def rule_of(family: str, hinges: int) -> str:
     """The lumping rule of a family for this number of hinges.
 
-    `gauss` needs an even number of hinges. Cells have four hinges, or two. A single hinge is in the middle.
+    `gauss` needs an even number of hinges. Cells have four hinges or two. A single hinge is at the middle of the link.
     """
     if hinges == 1:
         return "midpoint"

@@ -1,4 +1,4 @@
-"""Goal of the advice: the required accuracy, and the norm of tip errors that measures it."""
+"""Goal of the advice: the required accuracy, and the norm that measures tip errors."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from flexlink.results.tip_motion import largest_so_far
 class Goal(NamedTuple):
     """Allowed error of the tip at any sample.
 
-    It is a fraction of the tip's travel or, with `deflection`, of its largest deflection; with `metres` it is a length
-    [m]. Vibrations above `band` [Hz] are ignored.
+    `size` is a fraction of the tip's travel or, with `deflection`, of its largest deflection; with `metres` it is a
+    length [m]. Vibrations above `band` [Hz] are ignored.
     """
 
     size: float
@@ -42,7 +42,7 @@ def goal_of(tip: float | str, *, deflection: bool, band: float | None, run: RunS
     Raises
     ------
     ArgumentError
-        `tip` is neither a fraction between 0 and 1 nor a length with its unit, `deflection` is combined with a length,
+        `tip` is not a fraction between 0 and 1 or a length with its unit, `deflection` is combined with a length,
         or the samples are too far apart for `band`.
     """
     wanted = "a fraction of the tip's travel, such as 1e-3, or a length with its unit, such as '2 mm'"
@@ -77,28 +77,28 @@ class TipErrorNorm:
         self.window = _window(goal.band, sample)
 
     def filtered(self, difference: Array) -> Array:
-        """The part of a difference below the band."""
+        """The difference without vibrations above the band."""
         if self.window is None:
             return difference
         weight = self._windowed(np.ones(len(difference)))
         return np.column_stack([self._windowed(column) / weight for column in difference.T])
 
     def _windowed(self, column: Array) -> Array:
-        """Convolution as np.convolve(…, "same"), but always as long as the run, even if the window is longer."""
+        """Convolution like np.convolve(…, "same"), but as long as the run even if the window is longer."""
         assert self.window is not None
         before = len(self.window) // 2
         return np.convolve(column, self.window)[before : before + len(column)]
 
     def lengths(self, difference: Array) -> Array:
-        """Length at every sample [m]."""
+        """Length of the difference at every sample [m]."""
         return np.asarray(np.linalg.norm(self.filtered(difference), axis=1))
 
     def up_to(self, difference: Array) -> Array:
-        """Largest length up to every sample (samples,) [m]; inf from the first sample that is not finite."""
+        """Running maximum of the length, shape (samples,) [m]; inf from the first sample that is not finite."""
         return largest_so_far(self.lengths(difference))
 
     def __call__(self, difference: Array) -> float:
-        """Largest length [m]; inf if the difference is not finite."""
+        """Largest length of the difference [m]; inf if the difference is not finite."""
         return float(self.lengths(difference).max()) if np.isfinite(difference).all() else np.inf
 
 
@@ -109,5 +109,5 @@ def _window(band: float, sample: float) -> Array | None:
 
 
 def least_tolerance(size: float) -> float:
-    """Smallest tolerance of steps for this size [m]: a thousand rounding errors of the tip's position."""
+    """Smallest tolerance of steps for an arm of this size [m]: a thousand rounding errors of the tip's position."""
     return 1e3 * rounding.of_reach(size)

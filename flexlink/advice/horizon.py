@@ -1,4 +1,4 @@
-"""Horizon of a model that misses the tolerance: the time up to which it meets it, and how fast errors grow."""
+"""Horizon of a model, which is the time up to which the model meets the tolerance, and growth of its errors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flexlink.common.types import Array
 def horizon(refinement: RefinementStudy, norm: TipErrorNorm, known: Array) -> float:
     """Time [s] up to which the finest level is within the tolerance.
 
-    Its error is its distance from the limit plus the error of the limit, `known` (samples,) [m].
+    The error of this level is its distance from the limit plus the error of the limit, `known` (samples,) [m].
     """
     assert refinement.limit is not None
     finest = refinement.finest.outcome
@@ -25,10 +25,10 @@ def horizon(refinement: RefinementStudy, norm: TipErrorNorm, known: Array) -> fl
 
 
 def growth(runner: ModelRunner, refinement: RefinementStudy, tolerance: float) -> tuple[float, float]:
-    """Growth of an error of the initial angles at the finest level: its factor, and its e-folding time [s].
+    """Growth factor and e-folding time [s] of an error in the initial angles, for the finest level.
 
-    The factor is that at the end, or where the error becomes too large to be proportional to the initial one. The time
-    is that of the second half, inf if the error does not grow.
+    The factor is taken at the end of the run, or when the error becomes too large to be proportional to the initial
+    error. The e-folding time refers to the second half of this interval; it is inf if the error does not grow.
     """
     outcome, size = refinement.finest.outcome, runner.chain(refinement.model).size
     angle = min(Thresholds.perturbation * (outcome.stepping.tolerance or 0.0), tolerance) / size

@@ -1,8 +1,8 @@
-"""Tip path errors of each link, measured with few hinges; they fall with more hinges by the rules' order p.
+"""Errors of the tip's path due to each link, measured with few hinges; they decrease with the rules' order p.
 
     e_k(N) = C_k / N^p         N hinges in link k, p = 2, or 4 for cells
 
-The errors of all links are superposed as paths, with their signs.
+The error paths of all links are added with their signs.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class LinkErrors:
     Attributes
     ----------
     base
-        Hinges of all other links while one link is varied.
+        Number of hinges in each of the other links while one link is varied.
     bending
         Indices of the links that bend, from 0.
     known
@@ -32,7 +32,7 @@ class LinkErrors:
 
     def __init__(self, runner: ModelRunner, norm: TipErrorNorm, refinement: RefinementStudy) -> None:
         self.runner, self.norm, self.refinement = runner, norm, refinement
-        # gauss also represents Gauss-Legendre points, as it offers any number of hinges
+        # gauss also includes Gauss-Legendre points, so it offers any number of hinges
         self.family = refinement.family if FAMILIES[refinement.family].step > 1 else GAUSS
         self.order = FAMILIES[self.family].order
         self.base = 4 if refinement.finest.hinges > 4 else 2
@@ -58,7 +58,7 @@ class LinkErrors:
         return self.norm(np.sum([self._path(k, model[k]) for k in self.bending], axis=0))
 
     def axes(self, k: int) -> list[str]:
-        """Axes of a link, and the measured choices with fewer axes."""
+        """Axes of a link, followed by the choices with fewer axes whose effect has been measured."""
         return [self.refinement.axes[k], *(flex for link, flex in self._fewer_axes if link == k)]
 
     def _path(self, k: int, bend: Bend | None) -> Array:
@@ -69,7 +69,7 @@ class LinkErrors:
         return path + self._fewer_axes[k, bend.flex] if bend and bend.flex != self.refinement.axes[k] else path
 
     def _of_base(self) -> dict[int, Array]:
-        """Error of the base model, divided among its links in proportion to their changes with half the hinges."""
+        """Error of the base model, divided among links in proportion to the path's change if a link's hinges halve."""
         assert self.refinement.limit is not None
         rest = self.runner.run(self._base_model, self.refinement.stepping).tip - self.refinement.limit.tip
         changes = {k: self._changed(k, self._hinges(k, self.base // 2)) for k in self.bending}
@@ -78,7 +78,7 @@ class LinkErrors:
         return {k: share * change for k, change in changes.items()}
 
     def _measure(self, k: int) -> None:
-        counts = {self.base // 2, 1} | ({0} if len(self.bending) > 1 else set())  # all links rigid is not included
+        counts = {self.base // 2, 1} | ({0} if len(self.bending) > 1 else set())  # never a model with all links rigid
         for hinges in counts:
             self._few[k, hinges] = self._changed(k, self._hinges(k, hinges)) + self._own[k]
         for flex in fewer_axes(self.refinement.axes[k]):
@@ -92,6 +92,6 @@ class LinkErrors:
         return uniform(self.refinement.axes, self.base, self.family)
 
     def _changed(self, k: int, bend: Bend | None) -> Array:
-        """Change of the base model's tip path by another choice for one link."""
+        """Change of the base model's tip path if one link bends in another way."""
         base, stepping = self._base_model, self.refinement.stepping
         return self.runner.run((*base[:k], bend, *base[k + 1 :]), stepping).tip - self.runner.run(base, stepping).tip

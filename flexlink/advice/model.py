@@ -16,7 +16,7 @@ from flexlink.describe.link import Link
 from flexlink.describe.scene import Scene
 
 FLEX = ("rigid", "z", "yz", "xyz")
-"""Choices of the bending axes of a link; each includes the axes of the one before."""
+"""Choices of the bending axes of a link; each choice includes the axes of the previous one."""
 
 
 class Bend(NamedTuple):
@@ -31,23 +31,23 @@ class Bend(NamedTuple):
 
 
 Model = tuple[Bend | None, ...]
-"""One entry for each link; None if it is rigid."""
+"""One entry for each link; None for a rigid link."""
 Axes = tuple[str, ...]
 """One of `FLEX` for each link."""
 
 
 def by_rule(flex: str, hinges: int, family: str = GAUSS) -> Bend | None:
-    """A link with this number of hinges, by a family of rules."""
+    """Bending of a link with this number of hinges, by a rule of a family."""
     return None if flex == "rigid" else Bend(flex, rule_of(family, hinges), hinges)
 
 
 def uniform(axes: Axes, hinges: int, family: str = GAUSS) -> Model:
-    """The same number of hinges in every link that bends."""
+    """Model with the same number of hinges in every link that bends."""
     return tuple(by_rule(flex, hinges, family) for flex in axes)
 
 
 def all_axes(scene: Scene) -> Axes:
-    """All axes that can bend: three for a link with a section, those in the table for a link with a table."""
+    """All possible bending axes: all three for a link with a section, the table's axes for a link with a table."""
     return tuple(_axes_of(scene.arm, link) if is_beam(link) else "rigid" for link in scene.arm.links)
 
 
@@ -69,7 +69,7 @@ def checked_scene(scene: Scene) -> Scene:
     Raises
     ------
     SceneError
-        It starts from the coordinates of one model, has no duration, or no link with a section.
+        The scene starts from the coordinates of one model, has no duration, or has no link with a section.
     """
     for name in ("q", "qd"):
         value = getattr(scene.initial, name)
@@ -116,5 +116,5 @@ def fewer_axes(flex: str) -> tuple[str, ...]:
 
 
 def limited_axes(axes: Sequence[str], top: str) -> Axes:
-    """The axes of every link, limited to those of `top`."""
+    """The axes of every link, limited to the axes in `top`."""
     return tuple(FLEX[min(FLEX.index(flex), FLEX.index(top))] for flex in axes)

@@ -1,4 +1,4 @@
-"""Runs of a scene with different models and steps: each once, within a budget of CPU time, and counted."""
+"""Run a scene with different models and steps: each combination once, within a budget of CPU time."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ class Outcome(NamedTuple):
     seconds: float  # CPU time of its steps [s], from evaluations and listed costs
     run: Trajectory | None
     stepping: Stepping
-    reason: str = ""  # why it ended early; else empty
-    over_budget: bool = False  # whether it ended because it used up the budget
+    reason: str = ""  # why the run ended early; otherwise empty
+    over_budget: bool = False  # whether the run ended because it used up the budget
 
     @property
     def completed(self) -> bool:
@@ -61,7 +61,7 @@ class OverBudgetError(FlexlinkError):
 
 
 class ModelRunner:
-    """Runs of one scene, their `count` and the CPU `seconds` of their steps by listed costs."""
+    """Runs of one scene, with their `count` and the CPU `seconds` of their steps, computed from listed costs."""
 
     def __init__(self, scene: Scene, budget: float) -> None:
         self.scene, self.budget = scene, budget
@@ -89,13 +89,13 @@ class ModelRunner:
         )  # fmt: skip
 
     def run(self, model: Model, stepping: Stepping) -> Outcome:
-        """Run a model, or return its earlier run."""
+        """Run a model, or return its outcome if it has already been run."""
         if (model, stepping) not in self._outcomes:
             self._outcomes[model, stepping] = self._run(model, stepping)
         return self._outcomes[model, stepping]
 
     def perturbed_run(self, model: Model, stepping: Stepping, angle: float) -> Outcome | None:
-        """The run with all free joints turned by an angle [rad] at the start, or displaced by the angle times the size.
+        """The run with free hinges turned by an angle [rad] at the start, and free slides displaced by angle × size.
 
         It is None if no joint is free.
         """
@@ -156,7 +156,7 @@ class ModelRunner:
         return single.finish(stop, check, compared=False)
 
     def sample_postures(self, run: Trajectory) -> None:
-        """Take five configurations of a run for stable steps: with the initial one alone, runs have diverged."""
+        """Sample five configurations of a run to find stable steps; the initial one alone is not sufficient."""
         rows = np.linspace(0, len(run.t) - 1, 5).astype(int)
         joints = {run.chain.coordinate(int(k)).link: k for k in run.chain.active}
         self.postures = [
@@ -178,7 +178,7 @@ class ModelRunner:
         return states
 
     def stable_step(self, model: Model) -> float:
-        """Largest step of RK4 [s] that is stable in all sampled configurations; 0 if one of them has none."""
+        """Largest step of RK4 [s] that is stable in all sampled configurations; 0 if there is no such step."""
         if model not in self._stable_steps:
             chain = self.chain(model)
             inputs = input_arrays(self.scene, chain)
@@ -193,15 +193,15 @@ class ModelRunner:
         return self._stable_steps[model]
 
     def estimated_step(self, link: int, bend: Bend) -> float:
-        """Estimate of RK4's stable step [s] if this link alone bends; others hardly change it."""
+        """Estimate of RK4's stable step [s] if only this link bends; the other links hardly change it."""
         model = tuple(bend if k == link else None for k in range(len(self.scene.arm.links)))
         chain = self.chain(model)
         _, q, _ = self.states(chain)[0]
         fastest = max(fastest_frequency(chain, q), fastest_decay(chain, q))
-        return 2.78 / fastest if fastest else np.inf  # |h λ| of RK4, within a few percent in every direction
+        return 2.78 / fastest if fastest else np.inf  # RK4's limit of |h λ|, to a few percent for all directions of λ
 
     def fixed_steps(self, largest: float) -> Stepping | None:
-        """RK4 with an integer number of steps per sample, at most this long [s]; None if none fit the scene."""
+        """RK4 with an integer number of steps per sample, at most this long [s]; None if no number fits the scene."""
         if not largest > 0:
             return None
         sample, group = self.scene.run.spacing, self._divisions
@@ -212,7 +212,7 @@ class ModelRunner:
 
     @functools.cached_property
     def _divisions(self) -> int:
-        """Smallest number of fixed steps per sample that fits the scene, its held tables and kinks, or 0."""
+        """Smallest number of fixed steps per sample that fits the scene's zero-order holds and kinks, or 0."""
         run = self.scene.run
         for parts in range(1, 1001):
             try:

@@ -1,4 +1,4 @@
-"""Refinement study: the limit of the tip's path with more and more hinges, extrapolated by its order; and its error."""
+"""Refinement study: extrapolate the tip's path to the limit of more and more hinges, and estimate the limit's error."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from flexlink.results.tip_motion import tip_travel
 
 
 class Level(NamedTuple):
-    """A run with this number of hinges in every link that bends."""
+    """A run with the same number of `hinges` in every link that bends."""
 
     hinges: int
     outcome: Outcome
@@ -34,7 +34,7 @@ class RefinementStudy:
     limit
         The best estimate; None if fewer than two levels could be run.
     levels
-        Levels by family, coarse to fine.
+        Levels by family, from coarse to fine.
     tolerance, travel
         Allowed error, and travel of the tip [m], at the finest level.
     reason
@@ -48,7 +48,7 @@ class RefinementStudy:
         self.limit: Limit | None = None
         self.tolerance = self.travel = self.deflection = 0.0
         self._limits: dict[str, list[Limit]] = {family: [] for family in FAMILIES}
-        self._itself: dict[str, Array] = {}  # errors of the last level from its change (samples,)
+        self._itself: dict[str, Array] = {}  # errors of the last level, estimated from its change (samples,)
         self._errors: list[float] = []
 
     def refine(self) -> None:
@@ -93,9 +93,9 @@ class RefinementStudy:
         }
 
     def remove_step_errors(self) -> Array:
-        """Remove the step errors of the levels from the limit; return the remaining ones up to each sample [m].
+        """Remove the levels' step errors from the limit; return the remaining step errors up to each sample [m].
 
-        They are measured with a tenth of the tolerance at the two levels of the limit: coarser ones have other errors.
+        Step errors are measured by runs with a tenth of the tolerance, at the two levels that determine the limit.
         """
         assert self.limit is not None
         tip, left = self.limit.tip, np.zeros(len(self.limit.tip))
@@ -109,7 +109,7 @@ class RefinementStudy:
         return left
 
     def _step_errors(self, level: Level) -> Array:
-        """Change of a level by stricter steps (samples, 3) [m]; nan where they cannot be run."""
+        """Change of a level's tip path by stricter steps (samples, 3) [m]; nan where the stricter run fails."""
         assert self.stepping.tolerance is not None
         strict = self.stepping._replace(tolerance=Thresholds.strict * self.stepping.tolerance)
         return self.runner.run(uniform(self.axes, level.hinges, self.family), strict).tip - level.outcome.tip
@@ -173,11 +173,11 @@ class RefinementStudy:
         return min(limit, Limit(b, itself), key=self._rank)
 
     def _rank(self, limit: Limit) -> tuple[int, float]:
-        """Number of samples beyond the tolerance, then the error at the end, which grows in sensitive motion."""
+        """Sort key: number of samples beyond the tolerance, then the error at the end."""
         return int((limit.errors > self.tolerance).sum()), limit.error
 
     def _compare_rules(self, hinges: int) -> None:
-        """Switch to another family if its error is half as large with a similar number of hinges.
+        """Switch to another family if a similar number of hinges then gives less than half the error.
 
         Cells are tried as soon as axial loads or large bends reduce the order of gauss to 2. Gauss-Legendre points over
         the full link are tried once.

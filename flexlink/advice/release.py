@@ -1,10 +1,10 @@
-"""Release of links that start in static equilibrium with the joints held: `initial.passive` = "static".
+"""Release of links that start in static equilibrium with locked joints (`initial.passive` = "static").
 
-    w                             initial angles of the springs, in equilibrium with the joints held
+    w                             initial angles of the springs, in equilibrium with locked joints
     δ = M_aa⁺ M_ap w              rotation of the free joints a as the springs p straighten, at zero momentum
-    d(t) = p_δ(t) − p(t)          tip of the rigid arm that starts at an offset δ, relative to the one that does not
+    d(t) = p_δ(t) − p(t)          tip of a rigid arm that starts with an offset δ, minus tip without this offset
 
-The remaining deflection vibrates about the loads of the run, as any deflection does: `rigid.estimate`.
+The remaining deflection vibrates under the loads of the run like any other deflection (`rigid.estimate`).
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from flexlink.motion.inputs.initial_state import initial_state
 def release(runner: ModelRunner, strict: Outcome, model: Model, q: Array) -> tuple[Array, Array]:
     """Effect of initially deflected links on the tip: its initial deflection (3,) and its drift (samples, 3) [m].
 
-    The initial deflection is that with the joints held. The drift d is relative to a rigid run that starts at `q`,
-    coordinates of the model; nan after an early end of the run from which it follows.
+    The initial deflection is for locked joints. The drift d is relative to a rigid run that starts at `q`, coordinates
+    of the model; it is nan after an early end of the run from which it is computed.
     """
     assert strict.run is not None
     if runner.scene.initial.passive != "static":
@@ -45,7 +45,7 @@ def release(runner: ModelRunner, strict: Outcome, model: Model, q: Array) -> tup
 
 
 def _turned(rigid: Chain, chain: Chain, q: Array, w: Array) -> Array:
-    """δ of the joints of the rigid chain; 0 for prescribed ones."""
+    """Rotations δ of the rigid chain's joints; 0 for prescribed joints."""
     there = np.array([chain.index(*coordinate) for coordinate in rigid.coordinates], np.intp)
     free = np.array(rigid.hinges["prescribed"] == 0)
     rows = mass_matrix(chain, q)[there[free]]

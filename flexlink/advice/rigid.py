@@ -1,13 +1,13 @@
-"""Estimate of the error of rigid links without a flexible run, from the loads of the rigid run on the springs.
+"""Estimate the error of rigid links without a flexible run, from the spring loads that the rigid run implies.
 
     θ = −K⁻¹ (M q̈ + T_GC)        angles that the links' hinges would have, from q, q̇, q̈ of the rigid run
     u = p(q, θ) − p(q, 0)        quasi-static deflection of the tip
-    ÿ + ω² (y − u) = 0           its vibration, ω the lowest frequency of the springs
+    ÿ + ω² (y − u) = 0           vibration y of the tip, ω the lowest natural frequency
     d                            drift of the tip when springs that are initially bent are released (`release`)
 
-None of these is a bound: joints yield, and loads excite other modes. On 22 scenes of arms that are driven, prescribed,
-falling or in resonance, the error of the rigid model was at most 0.8 of the estimate, which is 2.5 times the largest of
-the three.
+None of these is a bound, because joints yield and loads excite other modes. The estimate is 2.5 times the largest of u,
+y and d. On 22 scenes of arms that are driven, prescribed, falling or in resonance, the error of the rigid model was at
+most 0.8 times the estimate.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def rigid_model(runner: ModelRunner) -> Model:
 def rigid_run(runner: ModelRunner, goal: Goal, size: float) -> Outcome | None:
     """Run the rigid arm with steps whose errors are far below the allowed error.
 
-    Returns None if nothing can move, or if the run fails.
+    Return None if nothing can move, or if the run fails.
     """
     model, motion = rigid_model(runner), Thresholds.first_guess * size
     if not can_move(runner.scene, model):
@@ -60,7 +60,7 @@ def _of_steps(allowed: float, size: float) -> float:
 
 
 def cheapest_run(runner: ModelRunner, strict: Outcome, allowed: float, error: Callable[[Array], float]) -> Outcome:
-    """Run the rigid arm with cheaper steps in order of expected cost, until its `error` at the tip [m] is allowed."""
+    """Run the rigid arm with cheaper steps, in order of expected cost, until the tip's `error` [m] is allowed."""
     for stepping in _steppings(runner, strict, allowed):
         outcome = runner.run(rigid_model(runner), stepping)
         if outcome.completed and error(outcome.tip) <= allowed and outcome.seconds < strict.seconds:
@@ -69,9 +69,9 @@ def cheapest_run(runner: ModelRunner, strict: Outcome, allowed: float, error: Ca
 
 
 def _steppings(runner: ModelRunner, strict: Outcome, allowed: float) -> list[Stepping]:
-    """Steps expected to be cheaper than those of a strict run, cheapest first."""
+    """Steps expected to be cheaper than the steps of a strict run, cheapest first."""
     assert strict.stepping.tolerance is not None
-    loose = (100.0, 10.0)  # tolerances over the allowed error: in smooth motion errors are far below the tolerance
+    loose = (100.0, 10.0)  # tolerance / allowed error; in smooth motion, errors are far below the tolerance
     costs = {
         Stepping("Radau5", tolerance=factor * allowed): strict.seconds
         * (factor * allowed / strict.stepping.tolerance) ** -0.25  # order 5, with an error estimate of order 4
@@ -84,7 +84,7 @@ def _steppings(runner: ModelRunner, strict: Outcome, allowed: float) -> list[Ste
 
 
 def estimate(runner: ModelRunner, strict: Outcome, axes: Axes, norm: TipErrorNorm) -> tuple[float, float]:
-    """Tip error of rigid links [m], including vibration but no growth of errors; and the lowest frequency [Hz]."""
+    """Estimated tip error of rigid links [m], with vibration but without growth, and the lowest frequency [Hz]."""
     run, model = strict.run, uniform(axes, Thresholds.hinges)
     assert run is not None
     chain = runner.chain(model)
@@ -101,7 +101,7 @@ def estimate(runner: ModelRunner, strict: Outcome, axes: Axes, norm: TipErrorNor
 
 
 def _spread(rigid: Chain, chain: Chain, values: Array) -> Array:
-    """Values of the joints of the rigid chain on the coordinates of another one; zero on its hinges."""
+    """Copy joint values of the rigid chain to the coordinates of another chain; set the hinges of that chain to 0."""
     out = np.zeros((len(values), chain.n))
     for k, coordinate in enumerate(rigid.coordinates):
         out[:, chain.index(*coordinate)] = values[:, k]
@@ -109,7 +109,7 @@ def _spread(rigid: Chain, chain: Chain, values: Array) -> Array:
 
 
 def oscillator_response(u: Array, ω: float, Δ: float, start: Array) -> Array:
-    """Exact y of ÿ + ω² (y − u) = 0, from rest at y(0) = `start`, u linear between samples Δ apart.
+    """Exact solution y of ÿ + ω² (y − u) = 0, from rest at y(0) = `start`, with u linear between samples Δ apart.
 
     With the slope s of u, e = y − u and v = (ẏ − s)/ω, z = e + i v rotates at the rate −ω, and v jumps where s does.
     """
@@ -122,7 +122,7 @@ def oscillator_response(u: Array, ω: float, Δ: float, start: Array) -> Array:
 def growth(runner: ModelRunner, outcome: Outcome, error: float) -> float:
     """Largest factor by which an initial tip error [m] grows in the rigid run of an outcome.
 
-    It is measured by a run with perturbed initial angles; inf if the two runs differ too much for proportional growth.
+    A run with perturbed initial angles measures it; inf if the two runs differ too much for proportional growth.
     """
     assert outcome.stepping.tolerance is not None
     size = runner.chain(rigid_model(runner)).size

@@ -1,6 +1,6 @@
-"""Measured CPU time of the recommended run: of a complete run, and of a repetition.
+"""Measure the CPU time of the recommended run, for a complete run and for a repetition.
 
-Choices and their reasons depend on listed costs, `evaluation_cost`, and never on these times.
+Choices and their reasons depend only on listed costs (`evaluation_cost`), not on these times.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from flexlink.results.stop_reasons import EvaluationLimitError
 
 
 def run_time(scene_of: Callable[[], Scene], enough: float = 0.05) -> tuple[float, float]:
-    """Shortest CPU times [s] of a complete run, and of a prepared one, such as with a `Problem`.
+    """Shortest CPU times [s] of a complete run, and of a prepared run, as with a `Problem`.
 
-    A complete run uses a new scene, so nothing is prepared. After `enough` CPU time [s] runs are not repeated: other
-    programs disturb long runs less. Errors as in `simulate`.
+    A complete run uses a new scene, so nothing is prepared. After `enough` CPU time [s] runs are not repeated, because
+    other programs disturb long runs less. Errors are as in `simulate`.
     """
     whole, again = list[float](), list[float]()
     # two to five times: the first run may load or compile code
@@ -38,7 +38,7 @@ def run_time(scene_of: Callable[[], Scene], enough: float = 0.05) -> tuple[float
 
 
 def own_time(scene: Scene, most: float) -> float:
-    """CPU time of a prepared run of the original scene [s]; inf above `most` [s] by listed costs, nan if it fails."""
+    """CPU time of a prepared run of the original scene [s]; inf if listed costs exceed `most` [s], nan if it fails."""
     run, chain = scene.run, lump(scene)
     name = "Radau5" if run.method == AUTO else run.method
     evaluations = min(run.max_evaluations, max(1.0, most / run_cost(chain, name, 1.0)))

@@ -1,8 +1,7 @@
-"""Search for the cheapest model and steps: models follow from the order of convergence, corrected by a few runs.
+"""Search for the cheapest model and steps; models are predicted from the order of convergence, corrected by a few runs.
 
-With a tolerance, the model is found with steps whose errors are small; then the tolerance is increased while the error
-is allowed. A finer model leaves more of the allowed error to the steps, which is tried once. Fixed steps are tried if
-they promise to be cheaper.
+With adaptive steps, the model is found with small step errors; then the tolerance is increased while the error is
+allowed. A finer model with a larger tolerance is tried once. Fixed steps are tried if they are predicted to be cheaper.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from flexlink.advice.thresholds import Thresholds
 
 
 class Solution(NamedTuple):
-    """A run with an allowed error."""
+    """A run whose error is allowed."""
 
     model: Model
     outcome: Outcome
@@ -29,7 +28,7 @@ class Solution(NamedTuple):
 
 
 class Search:
-    """The best run so far, `solution`."""
+    """Search for the cheapest run whose error is allowed; `solution` is the best run so far."""
 
     def __init__(self, runner: ModelRunner, link_errors: LinkErrors, allowed: float) -> None:
         self.runner, self.link_errors, self.allowed = runner, link_errors, allowed  # error relative to the limit [m]
@@ -51,7 +50,7 @@ class Search:
         return self.solution
 
     def accept(self, model: Model, outcome: Outcome) -> bool:
-        """Adopt a run if its error is allowed and it is the cheapest so far; return whether its error is allowed."""
+        """Adopt a run if its error is allowed and no earlier run is cheaper; return whether its error is allowed."""
         error = self.link_errors.from_limit(outcome.tip)
         good = outcome.completed and error <= self.allowed
         if good and (self.solution is None or outcome.seconds < self.solution.outcome.seconds):
@@ -97,7 +96,7 @@ class Search:
         return self.runner.evaluation_cost(model, explicit=False) if can_move(self.runner.scene, model) else np.inf
 
     def _fixed(self, part: float, model: Model) -> Stepping | None:
-        """Steps that are this fraction of the stable one; None if the solution is cheaper."""
+        """Steps that are this fraction of the stable step; None if the present solution is cheaper."""
         stable = self.runner.stable_step(model) if any(model) else np.inf
         stepping = self.runner.fixed_steps(part * Thresholds.stable_share * stable)
         most = self.runner.budget if self.solution is None else 0.99 * self.solution.outcome.seconds
@@ -114,7 +113,7 @@ class Search:
         return np.inf if stepping is None else self.runner.fixed_steps_cost(model, stepping)
 
     def _stable_step(self, k: int, bend: Bend) -> float:
-        """Estimated stable step for a link [s]; it falls with the square of the number of hinges."""
+        """Estimated stable step for a link [s], proportional to 1 / (number of hinges)²."""
         few = bend._replace(hinges=min(bend.hinges, 4))
         if (k, few) not in self._stable_steps:
             self._stable_steps[k, few] = self.runner.estimated_step(k, few)

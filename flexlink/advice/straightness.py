@@ -1,10 +1,10 @@
-"""Deviation of an arm from plain bending, in which one spring per hinge is of order 4: axial loads, large bends.
+"""Measure axial loads and large bends of an arm; without these, rules with one spring per hinge have order 4.
 
-    γ = max |F_x| L² / EI            of a link along a run: weight, spin and tip wrench together
-    θ = |Σ θ_k|                      its total bend [rad]
+    γ = max |F_x| L² / EI            axial load of a link in a run, due to weight, spin and tip wrench
+    θ = |Σ θ_k|                      total bend of the link [rad]
 
-Both reduce the order of one spring per hinge to 2, while cells stay at order 4. For the first frequency of a cantilever
-with N hinges, the error of gauss is 5.2e-4 γ (8/N)² for γ up to 1, and that of lobatto is 3.9e-5 (8/N)⁴.
+Both reduce the order of these rules to 2, while cells stay at order 4. For the first frequency of a cantilever
+with N hinges, the error is 5.2e-4 γ (8/N)² with gauss for γ up to 1, and 3.9e-5 (8/N)⁴ with lobatto.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from flexlink.results.trajectory import Trajectory
 
 
 def may_pay(arm: Arm, run: Trajectory, hinges: int) -> bool:
-    """Whether cells may be cheaper than hinges with one spring each, according to a run with `hinges` of these."""
-    # (γ + 2 θ) N² above which cells may be cheaper: there the two errors above are about equal. The study's case
-    # advice_axial checks the choice
+    """Whether cells may be cheaper than hinges with one spring each, judged by a run with `hinges` such hinges."""
+    # Cells may be cheaper above this (γ + 2 θ) N², at which the two errors above are about equal. The case
+    # advice_axial of the study checks this value.
     return load_and_bend(arm, run) * hinges**2 > 5.0
 
 
 def load_and_bend(arm: Arm, run: Trajectory) -> float:
-    """γ + 2 θ of the link where it is largest during a run."""
+    """Largest γ + 2 θ of any link during a run."""
     # samples at which loads are evaluated
     chain, few = run.chain, picked(run, np.unique(np.linspace(0, len(run.t) - 1, 40).astype(int)))
     force = np.abs(few.loads.force[..., 0])
@@ -41,7 +41,7 @@ def load_and_bend(arm: Arm, run: Trajectory) -> float:
 
 
 def _bend(chain: Chain, q: Array, hinges: list[int]) -> Array:
-    """θ at every sample, of bending about y and z."""
+    """θ of bending about y and z, at every sample."""
     axes = np.array([chain.coordinates[k].axis for k in hinges])
     return np.asarray(np.hypot(*(q[:, np.array(hinges)[axes == axis]].sum(axis=1) for axis in (2, 3))))
 

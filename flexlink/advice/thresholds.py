@@ -7,35 +7,36 @@ class Thresholds:
     """Fractions of the allowed error, safety factors, and initial choices."""
 
     reference_step_share: float = 0.02
-    """Tolerance of the steps of reference runs over the allowed error."""
+    """Tolerance of the steps of reference runs, relative to the allowed error."""
     stable_share: float = 0.9
-    """Fixed step over the smallest stable step of several configurations."""
+    """Fixed step, relative to the smallest stable step of several configurations."""
     perturbation: float = 10.0
-    """Minimum initial distance of a perturbed run over the tolerance of steps: well above the step errors."""
+    """Minimum initial distance of a perturbed run, relative to the tolerance of steps; well above the step errors."""
     proportional: float = 0.1
-    """Distance of two runs over the travel up to which it is proportional to the initial distance."""
+    """Largest distance between two runs, relative to the travel, that is proportional to the initial distance."""
     modest_growth: float = 10.0
-    """Growth of errors that the safety factor of the estimate covers."""
+    """Largest growth of errors for which the safety factor of the estimate is sufficient."""
     sensitive_growth: float = 30.0
     """Growth of initial errors above which the motion itself causes a large error."""
     hinges: int = 2
-    """Hinges of each link, at Gauss points: exact for the deflection under loads that vary linearly along it."""
+    """Hinges of each link, at Gauss points; the deflection is exact for loads that vary linearly along the link."""
     first_guess: float = 0.1
-    """Assumed travel of the tip over the size, before the first run."""
+    """Assumed travel of the tip before the first run, relative to the size of the arm."""
     rerun_factor: float = 1.5
-    """Ratio of assumed to actual travel, and so of the tolerance of steps, above which a run is repeated."""
+    """Ratio of assumed to actual travel (and thus of step tolerances) above which a run is repeated."""
     screening_hinges: int = 2
     """Hinges of each link for screening.
 
-    Runs are compared, not loads: an axis that loads bent by 3e-4 of the motion changed the motion by 6e-3.
+    Screening compares runs, not loads: about one axis, loads bent a link by only 3e-4 of the motion, but omitting
+    this axis changed the motion by 6e-3.
     """
     allowed_share: float = 0.1
-    """Allowed change of the tip by all omitted axes together, over the tolerance."""
+    """Allowed change of the tip's path by all omitted axes together, relative to the tolerance."""
     strict: float = 0.1
-    """Tolerance of the steps that measure the step errors of levels, over the tolerance of the levels."""
+    """Tolerance of the steps that measure the step errors of levels, relative to the tolerance of the levels."""
     scatter: float = 5.0
-    """Upper bound of step errors at the finest level over those at a coarser one, in sensitive motion."""
+    """Upper bound of the ratio of step errors at the finest level and at a coarser level, in sensitive motion."""
     limit_fall: float = 4.0
-    """Largest accepted excess of the observed order of the limit's errors over the order of the rule.
+    """Largest accepted amount by which the observed order of the limit's errors exceeds the order of the rule.
 
-    Two limits can agree by chance."""
+    This threshold is needed because two limits can agree by chance."""

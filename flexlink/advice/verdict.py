@@ -1,4 +1,4 @@
-"""The result of advice: the model, its error and cost, and the reasons, one line for each choice."""
+"""The result of advice: the model with its error and cost, and one line with the reason for each choice."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Advice:
     run_time
         Measured CPU time [s] of `simulate(advice.scene)`, including set-up: the minimum of a few runs.
     again_time
-        The same for each further run of that scene, or of one `Problem`, which is prepared once.
+        Measured CPU time [s] of each further run of that scene, or of one `Problem`, which is prepared only once.
     converged_tip
         Path of the tip to which finer and finer models converge, with its error; None if rigid links are enough.
     horizon
@@ -36,8 +36,8 @@ class Advice:
         Number of runs made for the advice, and their measured total CPU time [s], including the compilation of kernels
         if there was any.
     lines
-        The choices with their numbers, one line each: `print(advice)`. Only the last line contains measured times; all
-        others, and the scene, do not depend on the speed of the machine.
+        The choices with their numbers, one line each, as printed by `print(advice)`. Only the last line contains
+        measured times; the other lines and the scene do not depend on the speed of the machine.
     """
 
     met: bool
@@ -71,7 +71,7 @@ def line(word: str, text: str) -> str:
 
 
 def payback(took: float, own: float, again: float) -> str:
-    """Number of runs after which advice that `took` [s] pays off, if each takes `again` instead of `own` [s]."""
+    """State after how many runs advice that `took` [s] pays off, if each run takes `again` instead of `own` [s]."""
     if math.isnan(own):
         return ""
     if own <= again:

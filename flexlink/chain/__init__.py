@@ -1,1 +1,1 @@
-"""Lumping: an arm as rigid segments joined by hinges, in the arrays of a `Chain`."""
+"""Lumping: an arm becomes rigid segments joined by hinges, stored in the arrays of a `Chain`."""

@@ -21,9 +21,9 @@ NO_WRENCH = np.zeros(6)
 
 
 def vector(name: str, value: ArrayLike, size: int, *, many: bool = False, finite: bool = True) -> Array:
-    """Return `value` as a finite float64 array of shape (size,); `many`: the function also accepts (b, size).
+    """Return `value` as a finite float64 array of shape (size,); with `many`, messages also mention (b, size).
 
-    `finite=False` skips the check for finite values (0.2 µs) if a kernel repeats it.
+    `finite=False` skips the check for finite values, which takes 0.2 µs, for values that a kernel checks anyway.
 
     Raises
     ------
@@ -42,12 +42,12 @@ def vector(name: str, value: ArrayLike, size: int, *, many: bool = False, finite
 
 
 def real_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """Return a writable, contiguous float64 copy: kernels would be compiled again for the type of read-only arrays."""
+    """Return a writable, contiguous float64 copy, because kernels would be compiled again for read-only arrays."""
     return np.atleast_1d(numbers(name, value, f"real numbers, shape {shape}"))
 
 
 def dimensions(value: ArrayLike) -> int:
-    """Number of dimensions; 1 for something that is not an array, which `vector` then refuses."""
+    """Number of dimensions; 1 if `value` is not an array, which `vector` then reports."""
     try:
         return np.ndim(value)
     except ValueError:
@@ -76,13 +76,33 @@ def require_type(name: str, value: object, kind: type[T]) -> T:
     Raises
     ------
     ArgumentError
-        `value` has another type, which the message names.
+        `value` has another type; the message names this type and, if known, how to convert `value`.
     """
     if not isinstance(value, kind):
+        given = type(value).__name__
+        remedy = _conversion(given, kind.__name__)
         raise ArgumentError(
-            f"{name} = {truncated(value)}: expected a {kind.__name__}, got {type(value).__name__}", id="wrong-type"
+            f"{name} = {truncated(value)}: expected a {kind.__name__}, got {given}{'; use ' if remedy else ''}{remedy}",
+            id="wrong-type",
         )
     return value
+
+
+def _conversion(given: str, wanted: str) -> str:
+    """How to turn a value of one type into an argument of another; empty if unknown."""
+    conversions = {
+        ("Scene", "Chain"): "fl.lump(scene)",
+        ("Trajectory", "Chain"): "run.chain",
+        ("ndarray", "Chain"): "the chain as first argument",
+        ("Arm", "Scene"): "fl.Scene(arm=arm, …)",
+        ("Chain", "Scene"): "the scene of the chain",
+        ("str", "Scene"): "fl.load_scene(path)",
+        ("PosixPath", "Scene"): "fl.load_scene(path)",
+        ("str", "FitProblem"): "fl.fits.load_fit(path)",
+        ("PosixPath", "FitProblem"): "fl.fits.load_fit(path)",
+        ("Scene", "FitProblem"): "fl.fits.FitProblem(scene=scene, …)",
+    }
+    return conversions.get((given, wanted), "")
 
 
 def require_each(name: str, values: object, kind: type[T]) -> list[T]:
@@ -128,7 +148,7 @@ def positive(name: str, value: object) -> float:
 
 
 def real(name: str, value: object, wanted: str) -> float:
-    """Return `value`, which may be a string, as a float, finite or not; `wanted` describes it in the error message.
+    """Return `value`, a number or a string, as a float, finite or not; `wanted` describes it in the error message.
 
     Raises
     ------
@@ -147,14 +167,14 @@ def number_of(value: object) -> object:
 
 
 def require_bool(name: str, value: object) -> bool:
-    """Check that `value` is True or False, since the string "no" would count as true, and return it."""
+    """Check that `value` is True or False, because the string "no" would count as true, and return it."""
     if not isinstance(value, bool | np.bool_):
         raise ArgumentError(f"{name} = {truncated(value)}: must be True or False", id="wrong-type")
     return bool(value)
 
 
 def require_callable(name: str, value: object) -> None:
-    """Refuse a `value` that is neither None nor callable, before the computation that would call it."""
+    """Check, before a computation that would call `value`, that it is callable or None."""
     if value is not None and not callable(value):
         raise ArgumentError(f"{name} = {truncated(value)}: expected a function, or None", id="wrong-type")
 

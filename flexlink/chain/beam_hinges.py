@@ -1,6 +1,6 @@
-"""Segments and hinges of a beam along the running frame of a builder, and the springs of these hinges.
+"""Add the segments and hinges of a beam at the running frame of a builder, with the springs of these hinges.
 
-Spring constants follow from the rigidities of sections, or from the integrals of a table.
+Spring constants are computed from the rigidities of sections, or from the integrals of a table.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ PAIR = 2  # number of hinges in cells whose springs act on the curvature of the 
 
 
 class Springs(NamedTuple):
-    """Springs of a beam: rigidities at sections define the stiffness of single hinges, or of cells of hinges."""
+    """Springs of a beam: section rigidities, from which the stiffness of single hinges or of cells is computed."""
 
     link: Link
-    sections: Array  # (4, N) of the beam, at the hinges, or at the Gauss points of cells
+    sections: Array  # (4, N) A, I_y, I_z, J at the hinges, or at the Gauss points of cells
     lengths: Array  # (N,) length of beam that each section represents [m]
     rows: NDArray[np.intp]  # index of each hinge in the chain
     places: NDArray[np.intp]  # index of each hinge in the flattened (3, N) stiffnesses
     cells: Cells | None
-    coupled: slice  # of the chain's couplings
+    coupled: slice  # the beam's part of the chain's couplings
     pairs: NDArray[np.intp]  # (couplings, 3) axis, cell and pair of hinges in it
     given: tuple[Array, Array] | None = None  # constants from a table
 
@@ -57,7 +57,7 @@ class Springs(NamedTuple):
     def write(self, arms: Sequence[Arm], hinges: NDArray[np.void], couplings: NDArray[np.void]) -> NDArray[np.bool_]:
         """Write spring and damping constants of arms that differ in materials into hinges and couplings, (b, …) each.
 
-        Returns a mask, (b,) or (1,), of arms without underflow: a hinge of zero stiffness would count as a free joint.
+        Returns a mask, (b,) or (1,), false for arms with a stiffness that underflows to 0, which would free the hinge.
         """
         loss = np.array([arm.loss_time(self.link) for arm in arms])[:, None]
         k, coupled = self._of_materials(arms) if self.given is None else self.given
@@ -119,13 +119,13 @@ def add_beam(
 
 
 def _springs_of(rule: LumpingRule, hinge: int) -> int:
-    """Kind of the springs at a three-axis hinge, counted from 0 along its beam."""
+    """Kind of springs at a three-axis hinge; `hinge` is its number along the beam, from 0."""
     leads = rule.cells is not None and rule.cells.hinges == PAIR and hinge % PAIR == 0
     return int(SPRINGS.cell if leads else SPRINGS.rotation)
 
 
 def _couple(builder: Builder, cells: Cells, places: dict[tuple[int, int], int]) -> tuple[slice, NDArray[np.intp]]:
-    """Couple the hinges of every cell about the same axis; return the slice of couplings, and what each couples."""
+    """Couple hinges of each cell about the same axis; return the slice of couplings, and axis, cell, pair of each."""
     first, pairs = len(builder.couplings), []
     for axis, hinge in sorted(places):
         cell, place = divmod(hinge, cells.hinges)
@@ -137,9 +137,10 @@ def _couple(builder: Builder, cells: Cells, places: dict[tuple[int, int], int]) 
 
 
 def _twist_rotors(link: Link, rule: LumpingRule, beam: SectionBeam | TableBeam, nodes: Array, weights: Array) -> Array:
-    """Rotor inertias of the twist hinges [kg m²]; refused if the mass matrix of the twist is not positive definite.
+    """Rotor inertias of the twist hinges [kg m²]; raises an error if the twist's mass matrix is not positive definite.
 
-    A, from the tip inward, is the articulated inertia about X of the part beyond a hinge; attached bodies only add.
+    A is the articulated inertia about X of the beam beyond a hinge, computed from the tip inward; bodies on the beam,
+    which are left out, could only increase A.
     """
     if not rule.matched_twist or TWIST not in AXES[link.flex]:
         return np.zeros(len(nodes))

@@ -1,4 +1,4 @@
-"""Rigid segments of a beam: slices between hinges, or segments with the exact M in cells of coupled springs."""
+"""Rigid segments of a beam: slices between hinges or, in cells of coupled springs, segments with the exact M."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from flexlink.describe.schemes.cells import Cells
 from flexlink.describe.schemes.lumping_rules import LumpingRule
 
 Segment = tuple[SpatialInertia | None, tuple[float, float], Array]
-"""A segment: its body, the part of the link that it covers, and its end [m]."""
+"""A segment: its rigid body, the interval of the link that it covers (0 to 1), and its end [m]."""
 
 
 def segments_of(link: Link, rule: LumpingRule, beam: SectionBeam | TableBeam, nodes: Array) -> list[Segment]:
-    """Segments of a link; identical links share them for any stiffness."""
+    """Segments of a link, cached; they do not depend on the stiffness, and identical links share them."""
     if rule.cells is None or not nodes.size:  # a rigid link has no hinges under any rule
         return _segments(beam, nodes.tobytes())
     try:
@@ -46,12 +46,14 @@ def _segments(beam: SectionBeam | TableBeam, nodes: bytes) -> list[Segment]:
 def _cell_segments(beam: SectionBeam | TableBeam, cells: Cells, count: int) -> list[Segment]:
     """Segments with the exact M of a beam whose angle at each Lobatto node s is the angle of the segment there.
 
-    m is the mass of the slice from S_i−1 to S_i. m c = l ∫ ρA from s_i to S_i, measured from the segment's start, and
+    m is the mass of the slice from S_i−1 to S_i, and its centre c, measured from the segment's start, follows from
+    m c = l ∫ ρA from s_i to S_i. The inertia is
 
         J_i = l_i [(s_i − S_i−1) ν(s_i) + ∫ ν dx − Σ_j w_j ν(s_j)] − m_i c_i²        ν(x) = ∫ ρA from x to S_i
 
-    The integral extends from s_i to the end of the cell that begins at or contains s_i, the sum over its nodes beyond
-    s_i. The rotary inertia of sections, also about x, is l ρI at s: ½ ∫ ρI θ̇² by Lobatto quadrature of order 2p.
+    The integral extends from s_i to the end of the cell that begins at or contains s_i; the sum includes the cell's
+    nodes beyond s_i. The rotary inertia of sections, also about x, is l ρI at s, from ½ ∫ ρI θ̇² by Lobatto quadrature
+    of order 2p.
     """
     nodes, lengths = cells.segments(count)
     edges = np.append(0.0, np.cumsum(lengths))
@@ -62,7 +64,7 @@ def _cell_segments(beam: SectionBeam | TableBeam, cells: Cells, count: int) -> l
     J = np.array([_cell_inertia(beam, cells, i, nodes, edges) for i in range(count + 1)]) - mass * center**2
     rounding = 16 * np.finfo(float).eps * l * (cells.hinges * l.max()) * (cells.hinges * mass.max())
     given = cells.tip * mass[-1] * l[-1] ** 2 / 3
-    J[np.abs(J) <= rounding] = 0.0  # the first segment is a point mass at its end, the last at its hinge
+    J[np.abs(J) <= rounding] = 0.0  # the first segment is a point mass at its end, the last one at its hinge
     J[-1] += given
     J[-2] -= given
     if isinstance(beam, TableBeam):
@@ -88,7 +90,7 @@ def _cell_segments(beam: SectionBeam | TableBeam, cells: Cells, count: int) -> l
 
 
 def _pass_on(J: Array) -> None:
-    """Move negative inertias, as next to a jump, to neighbours with nearly the same angle; the sum is unchanged."""
+    """Add negative inertias, which occur next to a jump, to the next segment, which turns almost equally; in place."""
     for first, then in ((range(len(J) - 1), 1), (range(len(J) - 1, 0, -1), -1)):
         for i in first:
             if J[i] < 0:

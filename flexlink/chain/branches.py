@@ -15,12 +15,12 @@ def base_body(chain: Chain) -> int:
 
 
 def of_parents(chain: Chain, values: Array, of_base: Array) -> Array:
-    """Values of each body's parent, (bodies, …); `of_base` for bodies attached to the base."""
+    """Values of each body's parent, shape (bodies, …); `of_base` is used for bodies attached to the base."""
     return np.asarray(np.concatenate([of_base[None], values])[chain.bodies["parent"]])
 
 
 def branches_of(chain: Chain) -> list[list[int]]:
-    """Numbers, from 1, of the bodies of every branch, each after the branch with its parent; 0 is the fixed base.
+    """Numbers, from 1, of the bodies of every branch; a branch comes after its parent's branch; 0 is the fixed base.
 
     An unbranched arm is one branch from 0 to its tip frame; with a floating base it begins at that base.
     """
@@ -30,13 +30,13 @@ def branches_of(chain: Chain) -> list[list[int]]:
 
 
 def unslid(chain: Chain, rotations: Array, points: Array) -> Array:
-    """Origins of bodies, from poses in frame 0, if all sliding joints were at zero, (bodies, 3)."""
+    """Origins that the bodies would have if all sliding joints were at zero, (bodies, 3), from poses in frame 0."""
     R, p = of_parents(chain, rotations, np.eye(3)), of_parents(chain, points, np.zeros(3))
     return np.asarray(p + np.einsum("bij,bj->bi", R, chain.bodies["translation"]))
 
 
 def sliding_bodies(chain: Chain) -> list[int]:
-    """Indices, from 0, of bodies that slide on their parents, without a floating base."""
+    """Indices, from 0, of bodies that slide on their parents, except a floating base."""
     first = chain.bodies["first"]
     some = np.flatnonzero(first < chain.bodies["stop"]).tolist()
     return [k for k in some if k >= base_body(chain) and chain.slides[first[k]]]
@@ -45,8 +45,8 @@ def sliding_bodies(chain: Chain) -> list[int]:
 def as_lines(chain: Chain, points: Array, *, base: bool = True, rails: Array | None = None) -> Array:
     """Origins of the bodies (…, bodies, 3) as lines along the branches, (…, m, 3), separated by nan.
 
-    Lines start at a fixed base, the origin of frame 0, or, without `base`, at the bodies attached to it. They reach
-    sliding bodies by way of their positions at zero, `rails` as from `unslid`.
+    Lines start at a fixed base, the origin of frame 0, or, without `base`, at the bodies attached to it. Lines to
+    sliding bodies pass through their positions at zero, `rails`, which are returned by `unslid`.
     """
     before, count = np.zeros((*points.shape[:-2], 1, 3)), points.shape[-2] + 1
     every = np.concatenate([before, points, np.full_like(before, np.nan), points if rails is None else rails], axis=-2)

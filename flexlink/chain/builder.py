@@ -1,4 +1,4 @@
-"""Builder of rigid bodies, and the hinges between them, step by step along an arm."""
+"""Build rigid bodies, and the hinges between them, step by step along an arm."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from flexlink.kernels.layout import BODY
 
 
 class Piece(NamedTuple):
-    """A straight piece of a link between two of its hinges, x along it, for pictures of an arm.
+    """A straight piece of a link between two of its hinges, along x, for pictures of an arm.
 
     `place` is the pose of its start in a body, counted from 1 in the order of `chain.bodies`; 0 is the fixed base.
     """
@@ -36,7 +36,7 @@ class Piece(NamedTuple):
 
 @dataclasses.dataclass
 class Body:
-    """A segment under construction: pose on its parent, range of its hinges, and its rigid body so far."""
+    """A segment under construction: pose on its parent, range of its hinges, and the inertia added so far."""
 
     place: Pose
     first: int
@@ -46,7 +46,7 @@ class Body:
     springs: int = 0  # as in `BODY`
 
     def record(self) -> tuple[object, ...]:
-        """One row of dtype `BODY`; inertia and branches are recorded later."""
+        """Return one row of dtype `BODY`; inertia and branches are recorded later."""
         R, p = self.place
         tree = self.parent, 0, 0, 0, 0
         return self.first, self.stop, *tree, 1, self.springs, R, p, 0.0, (0.0, 0.0, 0.0), NOTHING.inertia
@@ -62,10 +62,10 @@ def recorded(bodies: list[Body]) -> NDArray[np.void]:
 
 
 def record_branches(records: NDArray[np.void]) -> None:
-    """Record in rows of dtype `BODY`, from their parents, where branches begin, and which bodies store state for them.
+    """Record in rows of dtype `BODY`, using `parent`, where branches begin, and which bodies store state for branches.
 
     >>> bodies = np.zeros(4, BODY)
-    >>> bodies["parent"] = 0, 1, 1, 0  # the first body is the parent of the third, the base that of the fourth
+    >>> bodies["parent"] = 0, 1, 1, 0  # the third body is attached to the first, the fourth to the base
     >>> record_branches(bodies)
     >>> bodies["begins"].tolist(), bodies["slot"].tolist(), bodies["fork"].tolist()
     ([0, 0, 1, 1], [0, 0, 1, 0], [1, 0, 0, 0])
@@ -87,7 +87,7 @@ def record_inertia(records: NDArray[np.void], rigid: list[SpatialInertia]) -> No
 
 
 def symmetric(inertias: Array) -> Array:
-    """Mirror the upper triangle of inertias (…, 3, 3), since R I Rᵀ is symmetric only up to rounding."""
+    """Mirror the upper triangle of inertias (…, 3, 3), because R I Rᵀ is symmetric only up to rounding."""
     for row, column in ((0, 1), (0, 2), (1, 2)):
         inertias[..., column, row] = inertias[..., row, column]
     return inertias
@@ -172,17 +172,17 @@ class Builder:
         self.body.stop += 1
 
     def add_payload(self, payload: RigidBody) -> None:
-        """Join a body, given in the running frame, to the current one; most links have none."""
+        """Join a payload, given in the running frame, to the current body; without mass and inertia, do nothing."""
         self.body.rigid = self.carrying(payload)
 
     def carrying(self, payload: RigidBody) -> SpatialInertia:
-        """The current body joined to a payload."""
+        """Return the current body joined to a payload."""
         if not payload.mass and not any(payload.inertia):
             return self.body.rigid
         return self._joined(SpatialInertia(payload.mass, np.array(payload.center), payload.matrix))
 
     def add(self, body: SpatialInertia) -> None:
-        """Join a rigid body to the current one."""
+        """Join a rigid body, given in the running frame, to the current body."""
         self.body.rigid = self._joined(body)
 
     def _joined(self, body: SpatialInertia) -> SpatialInertia:

@@ -1,10 +1,10 @@
-"""Chain: the arm as rigid bodies and one-axis hinges, in read-only arrays; the only input of every algorithm.
+"""Chain: the arm as rigid bodies and one-axis hinges, in read-only arrays; the only model that algorithms take.
 
-A body is a rigid segment. It is attached to its parent, in an unbranched arm the body right before it, by a fixed
-transformation (`rotation`, `translation`) followed by its hinges. These share one point and come in the order of their
-numbers: X, Y, Z, or Z, Y, X at every second hinge of a lumping rule with `alternate_axes`. A body may instead slide
+A body is a rigid segment. It is attached to its parent (in an unbranched arm, the previous body) by a fixed
+transformation (`rotation`, `translation`) followed by its hinges. The hinges of a body share one point, and their
+order is X, Y, Z, or Z, Y, X at every second hinge of a lumping rule with `alternate_axes`. A body may instead slide
 along a prismatic joint. The last body of every link without child links is followed by its tip frame, a body without
-hinges and inertia; the last of all is the frame of the arm's tip.
+hinges and inertia; the last body is the frame of the arm's tip.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ class Chain(Layout):
     gravity
         Acceleration due to gravity in the inertial frame 0 [m/s²], shape (3,).
     coordinates
-        The three-index coordinate of every hinge, in sequential order.
+        Three-index coordinate of every hinge, in the order of `hinges`.
     link_names
-        Names of the arm's links; `Coordinate.link` counts them from 1.
+        Names of the arm's links; `Coordinate.link` is their number, from 1.
     couplings
         Springs and dampers between two hinges, structured array of dtype `COUPLING`, read-only; none by default.
     forces
-        Other force elements by name, structured arrays of dtype `FORCES[name]`, read-only; none by default. "drag":
-        points at which aerodynamic drag acts.
+        Other force elements by name, structured arrays of dtype `FORCES[name]`, read-only; none by default. For
+        example, "drag" contains the points at which aerodynamic drag acts.
     tips
         Index in `bodies` of the tip frame of every link without child links, by the link's name. The last one is the
         arm's tip; by default it is the last body and the only tip.
@@ -83,7 +83,7 @@ class Chain(Layout):
             array.flags.writeable = False
 
     def __reduce__(self) -> tuple[type[Chain], tuple[object, ...]]:
-        """Rebuild copies and pickles with the constructor, so arrays are read-only, which compiled kernels require."""
+        """Rebuild copies and pickles with the constructor, so arrays are read-only, as compiled kernels require."""
         return Chain, tuple(getattr(self, field.name) for field in dataclasses.fields(self))
 
     def __repr__(self) -> str:
@@ -108,7 +108,7 @@ class Chain(Layout):
     def plot(self, q: ArrayLike | None = None) -> Any:
         """Draw the arm at angles q [rad], shape (n,), from the side and, unless it is planar, from above.
 
-        Without q joints are at zero and springs slack. Returns a matplotlib Figure, which a notebook displays.
+        Without q, joints are at zero and springs unloaded. Returns a matplotlib Figure, which a notebook displays.
 
         Raises
         ------
@@ -153,7 +153,7 @@ class Chain(Layout):
         return self.force("drag")
 
     def as_full(self) -> Chain:
-        """Return the same chain for loops that support all features, used or not."""
+        """Return the same chain in the form for the general kernels, which support all features, used or not."""
         other = dataclasses.replace(self)
         vars(other).update(vars(self) | {"arrays": self.arrays._replace(rare=self._rare)})
         return other
@@ -189,12 +189,12 @@ class Chain(Layout):
 
     @property
     def damping(self) -> Array:
-        """Viscous coefficients d [N m s/rad], shape (n,), with structural damping; D_ii of coupled dampers."""
+        """Viscous coefficients d [N m s/rad], shape (n,), including structural damping; D_ii of coupled dampers."""
         return self.hinges["damping"]
 
     @property
     def rest(self) -> Array:
-        """Angles θ₀ at which the springs are slack [rad], shape (n,)."""
+        """Angles θ₀ at which the springs are unloaded [rad], shape (n,)."""
         return self.hinges["rest"]
 
     def matrix(self, field: str) -> Array:
@@ -207,7 +207,7 @@ class Chain(Layout):
     def times(self, field: str, φ: Array, *, absolute: bool = False) -> Array:
         """K φ if `field` is "stiffness", D φ if "damping", for angles or rates φ (n,) or (b, n), in O(n).
 
-        `absolute`: |K| |φ|, which bounds the rounding error of the product.
+        With `absolute`, return |K| |φ|, which bounds the rounding error of the product.
         """
         value = self.couplings[field]
         if absolute:
@@ -227,9 +227,9 @@ class Chain(Layout):
 
     @functools.cached_property
     def size(self) -> float:
-        """Characteristic length [m]: the reach; if that is 0, as for a cart or a wheel, √(J/m) or 1 m. Never 0.
+        """Characteristic length [m], never 0: the reach or, if this is 0 (a cart, a wheel), √(J/m) or 1 m.
 
-        Relative tolerances refer to it. J is the largest inertia that turns.
+        Relative tolerances are multiplied by it. J is the largest inertia that turns [kg m²], m the total mass [kg].
         """
         return self.reach or size_without_reach(self.bodies, self.hinges)
 
@@ -240,16 +240,16 @@ class Chain(Layout):
 
     @functools.cached_property
     def has_levers(self) -> bool:
-        """Whether turning some joint moves a point, as in most arms; if not, angles times `size` are compared."""
+        """Whether turning some joint moves a point, as in most arms; if not, errors are angles times `size`."""
         without = len(self._without_lever)
         return not without or without < self.n - int(self.slides.sum())
 
     @functools.cached_property
     def turning_radii(self) -> Array:
-        """Factors from joint angles to displacements, for joints that move no point [m], 0 for others, (n,), or (0,).
+        """Factors from angles to displacements for joints that move no point [m], 0 for other joints, (n,), or (0,).
 
         The factor is `size` if no joint has a lever, otherwise a radius of gyration, reduced for motors on elastic
-        gears. (0,) means that there are no such joints.
+        gears. Shape (0,) means that there are no such joints.
         """
         if not self.has_levers:
             return np.where(self.slides, 0.0, self.size)
@@ -267,7 +267,7 @@ class Chain(Layout):
 
     @property
     def lengths(self) -> Array:
-        """Distance from each body's parent to its hinges, (bodies,) [m]; sliding joints at their outermost limit."""
+        """Distance from each body's parent to its hinges [m], (bodies,); sliding joints are at their farthest limit."""
         lengths: Array = _lengths(self.bodies["translation"])
         if np.count_nonzero(self.slides):
             limits = np.maximum(np.abs(self.hinges["lower"]), np.abs(self.hinges["upper"]))
@@ -288,7 +288,7 @@ def _lengths(vectors: Array) -> Array:
 
 
 def add_products(product: Array, couplings: NDArray[np.void], value: Array, φ: Array) -> None:
-    """Add `value` φ_j to hinge i of each coupling (couplings,), and `value` φ_i to hinge j; (n,) or (b, n)."""
+    """For each coupling of hinges i and j, add `value` φ_j to row i of the product, and `value` φ_i to row j."""
     inner, outer = couplings["inner"], couplings["outer"]
     np.add.at(product.T, inner, (value * φ[..., outer]).T)
     np.add.at(product.T, outer, (value * φ[..., inner]).T)

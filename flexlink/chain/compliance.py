@@ -1,7 +1,7 @@
-"""Compliance of the hinges of a beam with tabulated EI: ∫ M/EI dx from the moments at hinges, or in cells.
+"""Compliance of the hinges of a beam with tabulated EI, from ∫ M/EI dx with moments at hinges, or in cells.
 
-The hinges of a rule are nodes for the moment M, with weights for ∫ M dx. If EI varies, jumps or has kinks, M is still
-smooth. So M is interpolated between nodes, and the integral is exact:
+The hinges of a rule are nodes for the moment M, with weights for ∫ M dx. M is smooth even if EI varies, jumps or has
+kinks, so M is interpolated between nodes, and the integral is exact:
 
     θ = ∫ M/EI dx = Σ_j c_j M_j        c_j = ∫ ℓ_j/EI dx        k_j = 1/c_j
 
@@ -11,8 +11,8 @@ complementary energy gives
 
     ½ ∫ M²/EI dx = ½ M·F M        F_qr = ∫ ℓ_q ℓ_r/EI dx        K = (W C)ᵀ F⁻¹ (W C)        W = diag(w_q)
 
-For constant EI this is the K of `schemes.cells`. If ℓ_j would give a hinge less than `LEAST` times the compliance of
-its own interval, or a negative one, as next to a jump, all hinges of the element use their intervals (order 2).
+For constant EI this is the K of `schemes.cells`. If ℓ_j would give a hinge a negative compliance, or less than `LEAST`
+times the compliance of its interval, as next to a jump, all hinges of the element use this compliance (order 2).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from flexlink.describe.schemes.cells import Cells
 from flexlink.describe.schemes.lumping_rules import LumpingRule
 
 LEAST = 0.25
-"""Smallest c_j, relative to the compliance of the hinge's own interval."""
+"""Smallest c_j, relative to the compliance of the hinge's interval."""
 ROUNDING = 1e-9
 """Rounding error of sums of weights, relative to the link's length."""
 MOST_NODES = 100
@@ -62,7 +62,7 @@ def cell_constants(beam: TableBeam, cells: Cells, count: int) -> Array:
 def curvatures(beam: TableBeam, rule: LumpingRule, hinges: tuple[Array, Array], angles: Array) -> Array:
     """κ = M/EI about X, Y and Z at hinges, or at Gauss points of cells, from angles (…, N) about one axis [rad/m].
 
-    Shape (3, …, N): each axis as if the angles were about it.
+    Shape (3, …, N); the result for each axis treats the angles as angles about this axis.
     """
     nodes, weights = hinges
     if rule.cells is None:
@@ -79,7 +79,7 @@ def curvatures(beam: TableBeam, rule: LumpingRule, hinges: tuple[Array, Array], 
 
 
 class _Panel(NamedTuple):
-    """Hinges whose moments define one polynomial, on a part of the link."""
+    """Part of a link, and its hinges, whose moments define one polynomial."""
 
     which: slice
     edges: tuple[float, float]
@@ -117,7 +117,7 @@ def _of_stretches(beam: TableBeam, panel: _Panel) -> Array:
 
 
 def _of_moments(beam: TableBeam, rule: LumpingRule, panel: _Panel) -> Array:
-    """∫ ℓ_j L/EI over the panel, shape (3, N), with the rule's moment factor g(x)/g(x_j)."""
+    """∫ ℓ_j L/EI over the panel, shape (3, N), where ℓ_j includes the factor g(x)/g(x_j) of a `jacobi` rule."""
     (_, x, weight), per = beam.flexibility(np.array(panel.edges), len(panel.nodes))
     basis = _lagrange(panel.nodes, x)
     if rule.jacobi is not None:

@@ -1,18 +1,18 @@
-"""Constant damping ratio in every mode: dampers between all hinges of links with this law, including root and gear.
+"""Constant damping ratio in every mode, by dampers between all hinges of links with this law, including root and gear.
 
-M and K are those of all hinges with springs in the configuration of `initial.joint_deg` and `joint_m`, with slack
-springs and all other joints held. With K φ = ω² M φ and φᵀ M φ = 1,
+M and K include all hinges with springs. They are computed with unloaded springs and all other joints locked in the
+configuration `initial.joint_deg` and `joint_m`. With K φ = ω² M φ and φᵀ M φ = 1,
 
     D = Σ 2 ω (S M φ) (S M φ)ᵀ        S = diag(√ζ)        so φᵀ D φ / (2 ω) = ζ in every mode, if ζ is uniform
 
 ζ is 0 for hinges of other links; then modal damping ratios are only approximately those of the damped links.
 `root_damping` and `gear_damping` are added.
 
-A full initial state, `initial.q`, does not change the dampers: a simulation continued from it uses the same arm.
+A full initial state, `initial.q`, does not change the dampers, so a run continued from this state uses the same arm.
 
 M includes all bodies beyond the hinges. Modes and their damping ratios change with the configuration: for two equal
-links with one ζ and the elbow turned by 90° they are 0.4 to 1.3 ζ in the first two modes and 0.8 to 1.02 ζ in all
-others.
+links with the same ζ and the elbow turned by 90°, the ratios are 0.4 to 1.3 ζ in the first two modes and 0.8 to 1.02 ζ
+in all others.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def with_constant_ratios(chain: Chain, scene: Scene) -> Chain:
     Raises
     ------
     SceneError
-        There are more than `MOST` hinges; between them a branch begins or a joint slides; or a hinge moves no inertia.
+        There are more than `MOST` hinges, a branch begins or a joint slides between them, or a hinge moves no inertia.
     """
     arm = scene.arm
     ratios = {k: link.damping.ratio for k, link in enumerate(arm.links, 1) if link.damping and link.damping.is_constant}
@@ -61,7 +61,7 @@ def with_constant_ratios(chain: Chain, scene: Scene) -> Chain:
 
 
 def _posture(chain: Chain, scene: Scene) -> Array:
-    """Configuration in which the scene starts, springs at rest, shape (n,)."""
+    """Initial configuration of the scene, with unloaded springs, shape (n,)."""
     q, positions = np.array(chain.rest), scene.joint_positions
     for k in chain.active.tolist():
         q[k] = positions[chain.coordinates[k].link - 1]
@@ -69,14 +69,14 @@ def _posture(chain: Chain, scene: Scene) -> Array:
 
 
 def posture_of(scene: Scene) -> tuple[float, ...]:
-    """Initial joint coordinates on which the dampers depend; empty without such links."""
+    """Initial joint coordinates on which the dampers depend; empty if no link has a constant damping ratio."""
     if not any(link.damping is not None and link.damping.is_constant for link in scene.arm.links):
         return ()
     return tuple(scene.joint_positions.tolist())
 
 
 MOST = 400
-"""Largest number of hinges that dampers may connect: 79 800 dampers."""
+"""Largest number of hinges that dampers may connect; a damper for each pair makes 79 800 dampers."""
 
 
 def _check(chain: Chain, arm: Arm, hinges: NDArray[np.intp], count: int) -> None:

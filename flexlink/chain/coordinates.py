@@ -10,13 +10,13 @@ from flexlink.chain import free_base
 from flexlink.describe.arm import BASE
 
 ROOT = 4
-"""Axis in a `Coordinate` of the root spring about X; those about Y and Z follow."""
+"""Axis in a `Coordinate` for the root spring about X; the next two are for the springs about Y and Z."""
 LAG = ROOT + 3
-"""Axis of the internal coordinate of a joint's lagging friction."""
+"""Axis in a `Coordinate` for the internal coordinate of a joint's lagging friction."""
 
 
 class Coordinate(NamedTuple):
-    """The paper's three indices: link from 1, segment from 0, axis 0 = active, 1 twist, 2 and 3 bending.
+    """The paper's three indices: link from 1, segment from 0, and axis (0 active joint, 1 twist, 2 and 3 bending).
 
     (link, 0, 3) is the hinge of an elastic gear, about the joint's axis; (link, 0, 4) … (link, 0, 6) are the hinges of
     root springs about X, Y, Z; (link, 0, 7) is an internal coordinate, whose rate is the state of the joint's lagging
@@ -29,12 +29,12 @@ class Coordinate(NamedTuple):
 
     @property
     def of_base(self) -> bool:
-        """Whether it belongs to a floating base."""
+        """Whether the coordinate belongs to a floating base."""
         return self.link == 0
 
     @property
     def of_root(self) -> bool:
-        """Whether it is a hinge of a root spring of a link."""
+        """Whether the coordinate is a hinge of a link's root spring."""
         return self.link > 0 and ROOT <= self.axis < LAG
 
 

@@ -1,4 +1,4 @@
-"""Force elements of a chain other than springs between its hinges: those of a scene as rows of `layout.FORCES`."""
+"""Force elements of a scene, other than springs between hinges, as rows of the dtypes `layout.FORCES`."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ Rows = list[tuple[object, ...]]
 
 
 def drag_rows(scene: Scene, chain: Chain, pieces: Sequence[Piece]) -> Rows:
-    """Points at which drag acts: Gauss points of the pieces with the length that each represents, dtype `DRAG`."""
+    """Points at which drag acts, rows of dtype `DRAG`: Gauss points of the pieces, with the length of each."""
     arm, counts = scene.arm, Counter(piece.link for piece in pieces)
-    # Number of Gauss points of a piece and of a link. Two integrate the drag moment exactly in a plane, for constant
-    # breadth and sign. With eight per link the error of the torque is 1e-4 if the sign changes or the link tapers.
+    # Least numbers of Gauss points on a piece and on a link. Two points integrate the drag moment exactly in a plane,
+    # if the breadth and the velocity's sign are constant. If not, eight per link give a torque error of 1e-4.
     fewest, of_link = 2, 8
     rows: Rows = []
     for piece in pieces:
@@ -37,7 +37,7 @@ def drag_rows(scene: Scene, chain: Chain, pieces: Sequence[Piece]) -> Rows:
 
 
 def _drag_of_piece(piece: Piece, link: Link, arm: Arm, count: int, density: float) -> Rows:
-    """Rows of dtype `DRAG`."""
+    """Points at which drag acts on a piece, rows of dtype `DRAG`."""
     assert link.drag is not None
     (R, p), (start, stop) = piece.place, piece.part
     nodes, weights = np.polynomial.legendre.leggauss(count)
@@ -50,7 +50,7 @@ def _drag_of_piece(piece: Piece, link: Link, arm: Arm, count: int, density: floa
 
 
 def _breadths(link: Link, arm: Arm, x: float) -> Array:
-    """Breadths along the section's y and z, at a part of the link [m]."""
+    """Breadths seen along the section's y and z, at the fraction `x` of the link's length [m]."""
     assert link.drag is not None
     if link.drag.breadth is not None:
         return np.array(link.drag.breadth)
@@ -74,7 +74,7 @@ def gyrator_rows(scene: Scene, chain: Chain, pieces: Sequence[Piece]) -> Rows:
 ROWS: dict[str, Callable[[Scene, Chain, Sequence[Piece]], Rows]] = {
     "drag": drag_rows, "dampers": damper_rows, "gyrators": gyrator_rows,
 }  # fmt: skip
-"""Function for each kind of force element; it returns the rows of a scene from the straight pieces of its links."""
+"""For each kind of force element, the function that returns a scene's rows, given the straight pieces of its links."""
 
 
 def with_forces(chain: Chain, scene: Scene, pieces: Sequence[Piece]) -> Chain:
@@ -102,12 +102,12 @@ def _check_finite(scene: Scene, name: str, rows: NDArray[np.void]) -> None:
 
 
 def refuse_states(chain: Chain, what: str, instead: str = "", *, free: NDArray[np.intp] | None = None) -> None:
-    """Refuse lagging friction, on behalf of a method that does not support it; `free`: moving coordinates, default all.
+    """Refuse lagging friction if a method does not support it; `free` are the moving coordinates, by default all.
 
     Raises
     ------
     ArgumentError
-        The friction of such a joint lags.
+        The friction of a moving joint lags.
     """
     joints = chain.force("gyrators")["inner"]
     lagging = joints if free is None else np.intersect1d(joints, free)

@@ -1,7 +1,7 @@
 """Kinematics of a free base: six joints, three that slide along X, Y, Z of frame 0 and three that turn about X, Y, Z.
 
-The three angles turn the base from a reference attitude, R = R_reference Rx Ry Rz, which is initially its own. At zero
-angles their rates are the angular velocity in axes of the base.
+The three angles turn the base from a reference attitude, its initial attitude: R = R_reference Rx Ry Rz. At zero
+angles, their rates are the angular velocity in axes of the base.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ JOINTS = 6
 NAMES = "x", "y", "z", "rx", "ry", "rz"
 """Names of these joints."""
 AXES = (*range(SLIDES, SLIDES + 3), *range(3))
-"""Axes along or about which they move, as in dtype `HINGE`."""
+"""Axes along or about which these joints move, as in dtype `HINGE`."""
 
 
 def attitude(base: BaseState) -> Array:
@@ -42,7 +42,7 @@ def reference_rotation(base: BaseState) -> Array:
 
 
 def rotations_of(angles: Array) -> Array:
-    """R = Rx Ry Rz of three angles [rad], shape (…, 3), as (…, 3, 3)."""
+    """R = Rx Ry Rz for three angles (…, 3) [rad], shape (…, 3, 3)."""
     (cx, cy, cz), (sx, sy, sz) = _parts(np.cos(angles)), _parts(np.sin(angles))
     return _matrices(
         [cy * cz, -cy * sz, sy],
@@ -52,14 +52,14 @@ def rotations_of(angles: Array) -> Array:
 
 
 def angles_of(R: Array) -> Array:
-    """Angles [rad] of `rotations_of`, the one about Y within ±90°, shape (…, 3)."""
+    """Inverse of `rotations_of`: angles [rad], with the angle about Y within ±90°, shape (…, 3)."""
     across = np.hypot(R[..., 0, 0], R[..., 0, 1])
     x = np.arctan2(-R[..., 1, 2], R[..., 2, 2])
     return np.stack([x, np.arctan2(R[..., 0, 2], across), np.arctan2(-R[..., 0, 1], R[..., 0, 0])], axis=-1)
 
 
 def quaternions_of(angles: Array) -> Array:
-    """Unit quaternions w, x, y, z of `rotations_of`, shape (…, 4)."""
+    """Unit quaternions w, x, y, z of the rotations Rx Ry Rz by three angles [rad], shape (…, 4)."""
     half = np.asarray(angles) / 2
     turns = np.zeros((3, *half.shape[:-1], 4))
     for axis in range(3):
@@ -79,7 +79,7 @@ def product_of(p: Array, q: Array) -> Array:
 
 
 def rates_matrices(angles: Array) -> Array:
-    """S with ω = S φ̇: angular velocity in axes of the base from the rates of the angles, shape (…, 3, 3).
+    """S in ω = S φ̇, the angular velocity in axes of the base from the rates of the angles, shape (…, 3, 3).
 
     Its determinant is the cosine of the angle about Y.
     """
@@ -100,7 +100,7 @@ def _parts(vectors: Array) -> tuple[Array, Array, Array]:
 
 
 def _matrices(*rows: list[Any]) -> Array:
-    """Matrices from their elements, scalars or arrays like the first one; `np.stack` takes ten times as long."""
+    """Matrices from their elements, scalars or arrays of the first one's shape; `np.stack` takes ten times as long."""
     first = np.asarray(rows[0][0])
     found = np.empty((*first.shape, 3, 3), first.dtype)
     for i, row in enumerate(rows):

@@ -22,11 +22,11 @@ from flexlink.kernels.geometry.kinematics import forward_kinematics
 from flexlink.kernels.layout import SLIDES, ChainArrays
 
 Joints = str | int | Iterable[str | int | np.integer[Any] | np.bool_]
-"""Joints of a chain: see `Layout.joint_indices`."""
+"""Ways to specify joints of a chain; see `Layout.joint_indices`."""
 
 
 class Layout:
-    """Properties of a chain that do not depend on its masses, springs and gravity."""
+    """Properties of a chain that are independent of its masses, springs and gravity."""
 
     bodies: NDArray[np.void]
     hinges: NDArray[np.void]
@@ -54,7 +54,7 @@ class Layout:
 
     @functools.cached_property
     def internal(self) -> NDArray[np.intp]:
-        """Sequential indices of internal coordinates: their rates are states of force elements, and they move no body.
+        """Sequential indices of internal coordinates, whose rates are states of force elements, and which move no body.
 
         Their angles have no effect and are constant in statics.
         """
@@ -64,22 +64,22 @@ class Layout:
 
     @functools.cached_property
     def slides(self) -> NDArray[np.bool_]:
-        """Mask of the sliding joints, shape (n,): their coordinates are in m and torques in N, not rad and N m."""
+        """Mask of the sliding joints, shape (n,), whose coordinates are in m and forces in N instead of rad and N m."""
         return np.asarray(self.hinges["axis"] >= SLIDES)
 
     @functools.cached_property
     def is_serial(self) -> bool:
-        """Whether the parent of every body is the one before it."""
+        """Whether the parent of every body is the previous body."""
         return not np.count_nonzero(self.bodies["begins"])
 
     @functools.cached_property
     def is_serial_revolute(self) -> bool:
-        """Whether the parent of every body is the one before it, and no joint slides."""
+        """Whether the parent of every body is the previous body, and no joint slides."""
         return self.is_serial and not np.count_nonzero(self.slides)
 
     @functools.cached_property
     def has_free_base(self) -> bool:
-        """Whether the first six joints are those of a floating base."""
+        """Whether the first six joints belong to a floating base."""
         return bool(self.coordinates) and self.coordinates[0].of_base
 
     @functools.cached_property
@@ -123,7 +123,7 @@ class Layout:
         return _axes(self.bodies["rotation"][turned].tobytes(), before.tobytes(), self.hinges["axis"].tobytes())
 
     def all_axes_parallel_to(self, direction: Array) -> bool:
-        """Whether all hinge axes are parallel or opposite to a unit vector of frame 0, at zero and hence all angles.
+        """Whether all hinge axes are parallel or opposite to a unit vector of frame 0, at zero and hence at any angles.
 
         The tolerance is 16 ulp per mount rotation, the rounding error of the rotations.
         """
@@ -134,7 +134,7 @@ class Layout:
 
     @functools.cached_property
     def is_planar(self) -> bool:
-        """Whether all hinge axes are parallel or opposite, so hinges move, and react to torques, in one plane only.
+        """Whether all hinge axes are parallel or opposite, so that the arm moves only in one plane.
 
         Gravity, tip wrench and offsets may have any direction: constraint torques balance out-of-plane loads. Trees and
         arms with prismatic joints count as spatial.
@@ -155,10 +155,10 @@ class Layout:
 
     @functools.cached_property
     def _layout(self) -> tuple[object, ...]:
-        """Common data of chains that can be evaluated together: connections and code path, without numerical values.
+        """Data that chains evaluated together have in common: connections and code path, without numerical values.
 
-        It includes which hinges share their point with others and have a rotor: groups without rotors are eliminated
-        together.
+        They include which hinges share a point with others and have a rotor, because hinges at a point without rotors
+        are eliminated together.
         """
         sizes = self.bodies["stop"] - self.bodies["first"]
         rotors = np.repeat(sizes > 1, sizes) & (self.hinges["armature"] != 0)
@@ -316,7 +316,7 @@ class Layout:
 
 @functools.lru_cache(maxsize=64)
 def _axes(turns: bytes, before: bytes, axes: bytes) -> Array:
-    """`Layout.axes`, read-only, from the rotations of turned bodies, their number before each hinge, and the axes."""
+    """`Layout.axes`, read-only, from rotations of turned bodies, the number of them before each hinge, and its axis."""
     rotations = np.array([*accumulate(np.frombuffer(turns).reshape(-1, 3, 3), np.matmul, initial=np.eye(3))])
     axes_in_base: Array = rotations[np.frombuffer(before, np.intp), :, np.frombuffer(axes, np.int64)]
     axes_in_base.flags.writeable = False

@@ -1,4 +1,4 @@
-"""Scene → Chain: positions of hinges, their stiffness and damping, and the inertia of the segments."""
+"""Lump a scene into a chain: positions of hinges, their stiffness and damping, and the inertia of the segments."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from flexlink.kernels.layout import COUPLING, HINGE, SLIDES
 
 
 def lump(scene: Scene) -> Chain:
-    """Divide the arm of a scene into rigid segments joined by hinges; locked joints keep their initial angle.
+    """Divide the arm of a scene into rigid segments connected by hinges; locked joints keep their initial position.
 
     Parameters
     ----------
@@ -47,13 +47,13 @@ def lump(scene: Scene) -> Chain:
     -------
     Chain
         A chain with n = Σ over links of (1 if the joint is free) + axes · (segments − 1) degrees of freedom. For one
-        rigid link and equal flexible ones this is ngl = n [tip (nseg − 1) + 1] − tip (nseg − 1), paper eq. 1.
+        rigid link and equal flexible links this is eq. 1 of the paper, ngl = n [tip (nseg − 1) + 1] − tip (nseg − 1).
 
     Raises
     ------
     SceneError
-        A lumping rule does not exist or does not fit its link, or the dimensions lead to a mass, inertia or stiffness
-        beyond float64.
+        A lumping rule does not exist or cannot be used for its link, or the dimensions lead to a mass, inertia or
+        stiffness beyond float64.
     DataFileError
         The file of a lumping rule is not valid.
     ArgumentError
@@ -75,7 +75,7 @@ def lump(scene: Scene) -> Chain:
 
 
 def situation(scene: Scene) -> tuple[object, ...]:
-    """Settings of the scene, apart from the arm, on which the frame depends."""
+    """Settings of the scene, apart from the links, on which the `Frame` depends."""
     arm, initial = scene.arm, scene.initial
     starts = zip(arm.links, initial.joint_deg, initial.positions_m, strict=True)
     locked = tuple((deg, m) for link, deg, m in starts if link.joint.locked)
@@ -90,11 +90,11 @@ def has_user_rules(scene: Scene) -> bool:
 
 
 CHAINS = Memo(64)
-"""Cache of chains: runs of one arm with other loads and settings share its chain and what is derived from it."""
+"""Cache of chains; runs of an arm with different loads and settings share its chain and data derived from it."""
 
 
 def _lumped(scene: Scene) -> Chain:
-    """Build the chain. Arms with other payloads, springs and gravity share a frame, which is built once."""
+    """Build the chain. Arms that differ only in payload, springs and gravity share a `Frame`, which is built once."""
     arm, frame = scene.arm, frame_of(scene)
     bodies, hinges, couplings = frame.bodies.copy(), frame.hinges.copy(), frame.couplings.copy()
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # `_check_finite` refuses such values by name
@@ -122,18 +122,18 @@ def pieces(scene: Scene) -> list[Piece]:
 
 @dataclasses.dataclass
 class Frame:
-    """Chain data of an arm before the springs of its beams and its payload are added."""
+    """Chain data of an arm before its payload and the springs of its beams are added."""
 
     bodies: NDArray[np.void]
     hinges: NDArray[np.void]
     couplings: NDArray[np.void]
     builder: Builder
     springs: tuple[Springs, ...]
-    chain: Chain  # the latest one built from the frame, whose cached layout data are reused
+    chain: Chain  # the latest chain built from the frame; its cached layout data are reused
 
     @property
     def carrier(self) -> slice:
-        """The body with the payload; empty if that is fixed to the base."""
+        """Index of the body that carries the payload, as a slice; empty if the payload is fixed to the base."""
         number = self.builder.on
         return slice(max(0, number - 1), number)
 
@@ -147,7 +147,7 @@ def frame_of(scene: Scene) -> Frame:
 
 
 FRAMES = Memo(64)
-"""Cache of arms with the same links, without the data that differ between materials, payloads and initial states."""
+"""Cache of frames, keyed by the links and by all other data on which a `Frame` depends."""
 
 
 def _framed(scene: Scene, beams: Sequence[SectionBeam | TableBeam | None]) -> Frame:
@@ -190,7 +190,7 @@ def _framed(scene: Scene, beams: Sequence[SectionBeam | TableBeam | None]) -> Fr
 
 
 def _beam_of(arm: Arm, link: Link) -> SectionBeam | TableBeam | None:
-    """Beam of a link; None if it has none."""
+    """Beam of a link; None if the link has no beam with mass."""
     if link.rigidity is not None:
         return TableBeam(link.beam.length, arm.rigidities[link.rigidity])
     if link.material is None or link.section is None:
@@ -263,7 +263,7 @@ def _add_joint(builder: Builder, link: Link, number: int, start: tuple[float, fl
 
 
 def _add_lags(builder: Builder, arm: Arm) -> None:
-    """Add internal coordinates of lagging joint friction: rotors d τ with dampers d, attached to no body."""
+    """Add internal coordinates for lagging joint friction: rotors of inertia d τ with dampers d, without a body."""
     last = builder.place
     for number, link in enumerate(arm.links, 1):
         joint = link.joint

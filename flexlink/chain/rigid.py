@@ -17,18 +17,18 @@ from flexlink.common.types import Array
 
 
 class Pose(NamedTuple):
-    """Pose of a frame in another one: v_outer = R v + p."""
+    """Pose of a frame in an outer frame: v_outer = R v + p."""
 
     R: Array
     p: Array
 
     def then(self, inner: Pose) -> Pose:
-        """Pose in the outer frame of a frame that `inner` places in this one."""
+        """Compose poses: `inner` is the pose of a frame in this frame; return its pose in the outer frame."""
         return Pose(product(self.R, inner.R), self.p + product(self.R, inner.p))
 
     @property
     def inverse(self) -> Pose:
-        """Pose of the outer frame in the inner one."""
+        """Pose of the outer frame in this frame."""
         return Pose(self.R.T, product(-self.R.T, self.p))
 
 
@@ -43,12 +43,12 @@ class SpatialInertia(NamedTuple):
     inertia: Array
 
     def moved(self, pose: Pose) -> SpatialInertia:
-        """Return the body in the frame in which `pose` places its present frame."""
+        """Return the body in the outer frame, where `pose` is the pose of its present frame."""
         R, p = pose
         return SpatialInertia(self.mass, p + product(R, self.center), product(R, self.inertia, R.T))
 
     def plus(self, other: SpatialInertia) -> SpatialInertia:
-        """Join two bodies by the parallel axis theorem; second moments would lose digits of bodies far apart."""
+        """Join two bodies by the parallel axis theorem; adding second moments would lose digits far from the origin."""
         mass = self.mass + other.mass
         if mass == 0:
             return SpatialInertia(0.0, np.zeros(3), self.inertia + other.inertia)

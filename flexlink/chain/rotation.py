@@ -16,7 +16,7 @@ from flexlink.describe.directions import unit
 
 @functools.lru_cache(maxsize=256)
 def matrix_from_rpy_deg(rpy_deg: tuple[float, float, float]) -> Array:
-    """R = Rz(yaw) Ry(pitch) Rx(roll), angles in degrees; multiples of 90° give exact zeros and ones. Read-only."""
+    """R = Rz(yaw) Ry(pitch) Rx(roll), read-only, from angles in degrees; multiples of 90° give exact zeros and ones."""
     return read_only(_composed(*map(cos_sin_deg, rpy_deg)))
 
 
@@ -57,7 +57,7 @@ def turn_to(towards: tuple[float, float, float]) -> tuple[int, Array]:
 
 
 def read_only(array: Array) -> Array:
-    """Make the array read-only, since it is shared from here on."""
+    """Make the array read-only, because callers will share it."""
     array.flags.writeable = False
     return array
 
@@ -72,7 +72,8 @@ def cos_sin_deg(angle: float) -> tuple[float, float]:
 def rpy_from_matrix(R: Array) -> tuple[float, float, float]:
     """Roll, pitch, yaw [rad] with R = Rz(yaw) Ry(pitch) Rx(roll).
 
-    The yaw is computed after the roll is undone, which compensates for a badly conditioned roll (pitch near ±90°).
+    The yaw is computed after turning R back by the roll, so that it cancels errors of an ill-conditioned roll (pitch
+    near ±90°).
     """
     roll = math.atan2(R[2, 1], R[2, 2])
     pitch = math.atan2(-R[2, 0], math.hypot(R[0, 0], R[1, 0]))
@@ -81,7 +82,7 @@ def rpy_from_matrix(R: Array) -> tuple[float, float, float]:
 
 
 def quaternion_from_matrix(R: Array) -> tuple[float, float, float, float]:
-    """Unit quaternion (w, x, y, z), w ≥ 0; from its largest component, without cancellation (Shepperd 1978)."""
+    """Unit quaternion (w, x, y, z), w ≥ 0, from its largest component to avoid cancellation (Shepperd 1978)."""
     trace = np.trace(R)
     w, x, y, z = 1 + trace, *(1 + 2 * R[k, k] - trace for k in range(3))
     candidates = {

@@ -1,4 +1,4 @@
-"""A beam of one material that tapers between two sections: its mass and inertia between hinges, by Gauss points."""
+"""A beam of one material that tapers between two sections; its mass and inertia are integrated at Gauss points."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def _sections(root: Section, tip: Section, positions: bytes) -> Array:
 
 @dataclasses.dataclass(frozen=True)
 class SectionBeam:
-    """The continuous link, x from 0 to 1: its dimensions vary linearly from the root section to the tip section."""
+    """The continuous link, x from 0 to 1, whose dimensions vary linearly from the root section to the tip section."""
 
     length: float
     density: float
@@ -47,7 +47,7 @@ class SectionBeam:
     def polar_moments(self, nodes: Array) -> tuple[Array, Array]:
         """∫ p dx and ∫ x p dx, p = ρ (I_y + I_z) L, from each node to the next, and from the last to the end [kg m²].
 
-        Four Gauss points, as in `slices`.
+        Integrated with four Gauss points, as in `slices`.
         """
         edges = np.append(nodes, 1.0)
         half = np.diff(edges)[:, None] / 2
@@ -63,7 +63,7 @@ class SectionBeam:
         return np.asarray((area * GAUSS_WEIGHTS).sum(axis=1) * (end - start) / 2)
 
     def slices(self, edges: Array) -> tuple[Array, Array, Array]:
-        """Slices between neighbouring edges: mass (N,), distance of the centre (N,), inertias about it (N, 3).
+        """Mass (N,), distance of the centre from the slice's start (N,), and inertias about it (N, 3) between edges.
 
         Four Gauss points are exact for sections whose area is quadratic and whose I are of degree 4 in x. For a prism
         I_xx = ρl (I_y + I_z), I_yy = ρl I_y + m l²/12, I_zz = ρl I_z + m l²/12.

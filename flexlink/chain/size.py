@@ -1,17 +1,17 @@
-"""A characteristic length of a chain that is never 0, even without reach: a cart, a wheel, a motor and its gear.
+"""Characteristic length of a chain, which is never 0, even for a cart, a wheel, or a motor and its gear.
 
     L = max |r|                    reach: largest distance of any mass from the origin, with sliding joints at limits
-    L = √(max J / Σ m)             without reach; J is the largest inertia or rotor that turns
-    L = 1 m                        without any length: a cart, a motor without mass
+    L = √(max J / Σ m)             if the reach is 0; J is the largest inertia or rotor that turns
+    L = 1 m                        if this is also 0: a cart, a motor without mass
 
 Some revolute joints have no lever, because no point moves when they turn: a wheel, the last wrist of many robots. An
-angle error there causes no position error. It counts as the angle times a length: L if no joint has a lever, otherwise
-the radius of gyration
+angle error there causes no position error. It is converted to a length by the factor L if no joint has a lever,
+otherwise by the radius of gyration
 
     ρ = √(J / m)                   J inertia about the joint's axis, m mass of the part beyond it; L if ρ is 0
 
-A motor on an elastic gear turns against its spring, so no point moves immediately either. An error of its rotor J_r
-soon moves the part beyond, by its share of the momentum. The factor is then ρ J_r / (J_r + J).
+A motor on an elastic gear turns against its spring, so no point moves immediately either. But an angle error of its
+rotor, of inertia J_r, soon moves the part beyond, by its share of the momentum. The factor is then ρ J_r / (J_r + J).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from flexlink.kernels.geometry.kinematics import KinematicsWork, forward_kinemat
 from flexlink.kernels.layout import SLIDES, ChainArrays
 
 NEARLY = 1e-9
-"""Distance within which a point counts as on an axis, relative to the size: rounding."""
+"""Points closer to an axis than this, relative to the size, count as on the axis, because of rounding."""
 
 
 def size_without_reach(bodies: NDArray[np.void], hinges: NDArray[np.void]) -> float:
@@ -41,10 +41,10 @@ def size_without_reach(bodies: NDArray[np.void], hinges: NDArray[np.void]) -> fl
 
 
 def without_lever(arrays: ChainArrays, reach: float, anywhere: Callable[[], KinematicsWork]) -> Indices:
-    """Revolute joints that move no hinge point or tip in any configuration.
+    """Indices of revolute joints that move no hinge point or tip in any configuration.
 
-    If a joint has a lever, so has every joint before it: the point moves on a circle, which lies on no axis. For most
-    arms the outermost joints therefore decide, and `anywhere`, `at_any_posture`, is not called.
+    If a joint has a lever, so does every joint before it, because the point moves on a circle, which lies on no axis.
+    For most arms the outermost joints therefore decide, and `anywhere`, which returns `at_any_posture`, is not called.
     """
     last = len(arrays.hinges) - 1
     if (
@@ -86,7 +86,7 @@ def _lever(e: list[float], a: list[float], b: list[float]) -> float:
 
 
 def on_elastic_gears(arrays: ChainArrays) -> Indices:
-    """Joints with a rotor in series with a spring about the same axis through the same point."""
+    """Indices of joints whose rotor is in series with a spring about the same axis through the same point."""
     bodies, hinges = arrays.bodies, arrays.hinges
     if not np.count_nonzero(hinges["armature"]):
         return np.empty(0, np.intp)
@@ -101,7 +101,7 @@ def on_elastic_gears(arrays: ChainArrays) -> Indices:
 
 
 def turning_radii(arrays: ChainArrays, free: Indices, motors: Indices, size: float, placed: KinematicsWork) -> Array:
-    """ρ of joints without lever and motors on elastic gears [m], 0 for others, (n,); `placed` at any configuration."""
+    """ρ of joints without lever and of motors on elastic gears [m], 0 for others, (n,), at a configuration `placed`."""
     radii = np.zeros(len(arrays.hinges))
     for k in motors:
         J, m = _inertia_beyond(arrays, placed, k)
@@ -126,14 +126,14 @@ def _inertia_beyond(arrays: ChainArrays, placed: KinematicsWork, k: int) -> tupl
 
 
 def at_any_posture(arrays: ChainArrays, length: float) -> KinematicsWork:
-    """Kinematics at angles none of which is zero or a right angle."""
+    """Kinematics at a generic configuration, in which no angle is zero or a right angle."""
     q: Array = np.where(arrays.hinges["axis"] < SLIDES, 0.7, 0.7 * length) * (1 + np.arange(len(arrays.hinges))) ** 0.5
     placed: KinematicsWork = forward_kinematics(arrays, q)
     return placed
 
 
 def _beyond(parent: list[int], body: int) -> list[int]:
-    """Numbers of the bodies that move with `body`, itself first; `parent` is counted from 1."""
+    """Indices of the bodies that move with `body`, including itself; `parent` has numbers from 1."""
     moves = {body}
     for i in range(body + 1, len(parent)):
         if parent[i] - 1 in moves:

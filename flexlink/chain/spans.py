@@ -12,7 +12,7 @@ from flexlink.common.types import Array
 
 
 class Branch(NamedTuple):
-    """Consecutive bodies, each the parent of the next, counted from 0, and the parent of the first one."""
+    """Consecutive bodies, indexed from 0, each the parent of the next, and the parent of the first one."""
 
     parent: int  # number from 0, −1: the base
     first: int
@@ -20,13 +20,13 @@ class Branch(NamedTuple):
 
 
 def spans_of(bodies: NDArray[np.void]) -> list[Branch]:
-    """All branches of an arm, including the joints of its base; each branch follows the one with its parent."""
+    """All branches of an arm, including the joints of its base; each branch comes after its parent's branch."""
     edges = [0, *np.flatnonzero(bodies["begins"]).tolist(), len(bodies)]
     return [Branch(int(bodies["parent"][first]) - 1, first, stop) for first, stop in pairwise(edges)]
 
 
 def sums_outward(spans: list[Branch], terms: Array) -> Array:
-    """Sums of body terms, (bodies, …), from the base up to each body."""
+    """Sums of the terms of all bodies from the base up to each body, shape (bodies, …)."""
     sums = np.empty_like(terms)
     for parent, first, stop in spans:
         start = sums[parent] if parent >= 0 else np.zeros(terms.shape[1:])
@@ -35,7 +35,7 @@ def sums_outward(spans: list[Branch], terms: Array) -> Array:
 
 
 def sums_inward(spans: list[Branch], terms: Array) -> Array:
-    """Sums of body terms, (bodies, …), over the subtree of each body."""
+    """Sums of the terms of all bodies in the subtree of each body, shape (bodies, …)."""
     sums = terms.copy()
     for parent, first, stop in reversed(spans):
         sums[first:stop] = np.cumsum(sums[first:stop][::-1], axis=0)[::-1]

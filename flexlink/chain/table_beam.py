@@ -14,15 +14,15 @@ from flexlink.describe.rigidity import Rigidity
 GAUSS = np.polynomial.legendre.leggauss(4)
 """Gauss rule that is exact for linear masses times x², and for their double integrals."""
 LARGEST_RATIO = 2.0
-"""Largest ratio of rigidities on a piece for ∫ f/EI: 12 Gauss points, more if f has a high degree, err by 5.8^−24."""
+"""Largest ratio of rigidities on a piece for ∫ f/EI; 12 Gauss points (more if f has a high degree): error 5.8^−24."""
 
 
 Points = tuple[NDArray[np.intp], Array, Array]
-"""Gauss points between neighbouring edges: index of the slice that contains each, x, and its weight for ∫ dx."""
+"""Gauss points between neighbouring edges: index of the slice that contains each point, x, and weight for ∫ dx."""
 
 
 def points_between(edges: Array, knots: Array, rule: tuple[Array, Array] = GAUSS) -> Points:
-    """Points of a quadrature rule on every piece between edges and inner knots."""
+    """Quadrature points on every piece; pieces end at the edges, and at the knots between them."""
     if not len(knots) and len(edges) == 2 and edges[0] < edges[1]:  # one piece
         half = (edges[1] - edges[0]) / 2
         return np.zeros(len(rule[0]), np.intp), edges[0] + half * (1 + rule[0]), half * rule[1]
@@ -52,7 +52,7 @@ class TableBeam:
         return np.asarray(x / x[-1])
 
     def per_length(self, x: Array) -> Array:
-        """ρA [kg/m], ρI_y and ρI_z [kg m] at every x, shape (3, *x.shape); at a jump the outward value."""
+        """ρA [kg/m], ρI_y and ρI_z [kg m] at every x, shape (3, *x.shape); at a jump, the value of the outward side."""
         return np.array([np.interp(x, self._places, column) for column in self.table.rows.masses])
 
     def rigidities(self, x: Array) -> Array:
@@ -64,7 +64,7 @@ class TableBeam:
         return self.per_length(x)[1:]
 
     def polar_moments(self, nodes: Array) -> tuple[Array, Array]:
-        """∫ p dx and ∫ x p dx, p = (ρI_y + ρI_z) L, from each node to the next, the last one to the end [kg m²]."""
+        """∫ p dx and ∫ x p dx, p = (ρI_y + ρI_z) L, from each node to the next, or from the last to the end [kg m²]."""
         owner, x, weight = points_between(np.append(nodes, 1.0), self.knots)
         polar = weight * self.length * self.rotary(x).sum(axis=0)
         return _sums(owner, polar, len(nodes)), _sums(owner, x * polar, len(nodes))
@@ -79,7 +79,7 @@ class TableBeam:
         return np.asarray(up_to[len(start) :] - up_to[: len(start)])
 
     def slices(self, edges: Array) -> tuple[Array, Array, Array]:
-        """Slices between neighbouring edges: mass (N,), distance of the centre (N,), inertias about it (N, 3)."""
+        """Mass (N,), distance of the centre from the slice's start (N,), and inertias about it (N, 3) between edges."""
         owner, x, weight = points_between(edges, self.knots)
 
         def total(part: Array) -> Array:
@@ -93,7 +93,7 @@ class TableBeam:
         return mass, center, np.column_stack([y + z, y + bending, z + bending])
 
     def flexibility(self, edges: Array, degree: int) -> tuple[Points, Array]:
-        """Gauss points between edges for ∫ f/GJ, f/EI_y, f/EI_z with f of a degree, and L/GJ … there, (3, points)."""
+        """Gauss points for ∫ f/GJ, f/EI_y, f/EI_z, f of this degree, and L/GJ, L/EI_y, L/EI_z there, (3, points)."""
         found = points_between(edges, _fine(self.table), np.polynomial.legendre.leggauss(12 + degree // 2))
         return found, self.length / self.rigidities(found[1])
 

@@ -1,4 +1,4 @@
-"""Chains of several scenes at once: those that share a frame differ in a few values, computed as arrays over all."""
+"""Lump several scenes at once; scenes that share a `Frame` differ in a few values, which are computed as arrays."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from flexlink.kernels.layout import COUPLING, HINGE
 
 
 def lump_many(scenes: Sequence[Scene]) -> list[Chain | FlexlinkError]:
-    """Chain of every scene, bitwise as from `lump`, or the error that `lump` raises."""
+    """Chain of every scene, bitwise equal to the result of `lump`, or the error that `lump` raises."""
     shared: dict[int, list[int]] = {}
     frames: dict[int, Frame] = {}
     frame = None
@@ -40,7 +40,7 @@ def lump_many(scenes: Sequence[Scene]) -> list[Chain | FlexlinkError]:
 
 
 def _same_frame(before: Scene, scene: Scene) -> bool:
-    """Whether two scenes obviously share a frame, or neither has one."""
+    """Whether two scenes obviously share a `Frame`, or both have none, without computing one."""
     a, b = before.arm, scene.arm
     same = a.links is b.links and a.sections is b.sections and a.rigidities is b.rigidities
     if not (same and before.motion is scene.motion):
@@ -65,7 +65,7 @@ def _alone(scene: Scene) -> Chain | FlexlinkError:
 
 
 def _of_frame(frame: Frame, scenes: Sequence[Scene]) -> list[Chain | None]:
-    """Chains of one frame; None where `lump` has to raise an error."""
+    """Chains that share a `Frame`; None for scenes whose error `lump` must raise."""
     b = len(scenes)
     bodies, hinges = np.empty((b, len(frame.bodies)), frame.bodies.dtype), np.empty((b, len(frame.hinges)), HINGE)
     couplings = np.empty((b, len(frame.couplings)), COUPLING)
@@ -92,7 +92,7 @@ def _of_frame(frame: Frame, scenes: Sequence[Scene]) -> list[Chain | None]:
 
 
 def _write_tips(frame: Frame, tips: Sequence[RigidBody], bodies: NDArray[np.void]) -> None:
-    """Write the body with the payload."""
+    """Write the body that carries the payload, with the payload of each scene."""
     if frame.carrier.stop == 0:  # the base
         return
     last = bodies[:, frame.carrier.start]
@@ -101,7 +101,7 @@ def _write_tips(frame: Frame, tips: Sequence[RigidBody], bodies: NDArray[np.void
     last["mass"], last["center"], last["inertia"] = rigid.mass, rigid.center, symmetric(rigid.inertia.copy())
     if not carrying.any():
         return
-    payloads = [tip for tip, carried in zip(tips, carrying.tolist(), strict=True) if carried]
+    payloads = [tip for tip, loaded in zip(tips, carrying.tolist(), strict=True) if loaded]
     masses, centers, inertias = _joined(rigid, frame.builder.running, payloads)
     last["mass"][carrying], last["center"][carrying], last["inertia"][carrying] = masses, centers, symmetric(inertias)
 

@@ -51,7 +51,7 @@ def run_command(options: argparse.Namespace) -> int:
 
 
 def _document(advice: Advice) -> dict[str, object]:
-    """Advice as plain numbers [m, s] and texts, with the scene as TOML."""
+    """Advice as plain numbers [m, s] and strings, with the scene as TOML."""
     numbers = ("met", "error", "tolerance", "tip_travel", "run_time", "again_time", "horizon", "runs", "compute_time")
     return {name: getattr(advice, name) for name in numbers} | {"lines": advice.lines, "scene": advice.scene.to_toml()}
 

@@ -22,7 +22,7 @@ from flexlink.diagnosis.comparison import Comparison, compare
 from flexlink.diagnosis.trajectories import TrajectoryComparison, compare_trajectories, in_fixed_steps
 
 MANY_STEPS = 50_000
-"""Number of steps that takes other engines some seconds."""
+"""Number of steps for which other engines take a few seconds."""
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -44,7 +44,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 
 def run_command(options: argparse.Namespace) -> int:
-    """Compare; exit with 1 if an engine or the file differs by more than rounding explains."""
+    """Compare; exit with 1 if an engine or the file differs by more than rounding errors."""
     _refuse_without_effect(options)
     scene = varied_scene(options.scene, options)
     bar = Progress(scene.name)
@@ -66,7 +66,7 @@ def run_command(options: argparse.Namespace) -> int:
 
 
 def _document(comparison: Comparison | TrajectoryComparison) -> dict[str, object]:
-    """A comparison as plain numbers and texts; one object per engine."""
+    """A comparison as plain numbers and strings, with one object per engine."""
     if isinstance(comparison, Comparison):
         return {"passed": comparison.passed, "scene": comparison.scene, "engines": comparison.diagnoses}
     runs = [row._asdict() for row in comparison.rows]
@@ -74,7 +74,7 @@ def _document(comparison: Comparison | TrajectoryComparison) -> dict[str, object
 
 
 def _long_runs(scene: Scene, duration: float | None) -> tuple[str, ...]:
-    """A note on the number of steps, if it takes every engine seconds or more."""
+    """A note on the number of steps, if they take each engine a few seconds or more."""
     scene = scene if duration is None else scene.varied({"run.duration": duration})
     fixed, steps = in_fixed_steps(scene, lump(scene))
     number = fixed.run.duration / fixed.run.fixed_step

@@ -30,7 +30,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `compile`."""
     command.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes; default: one per core")
     command.add_argument(
-        "--out", type=Path, metavar="FOLDER", help="folder for the code, for a package; default: the user's cache"
+        "--out", type=Path, metavar="FOLDER", help="folder for the code, to package it; default: the user's cache"
     )
     command.add_argument(
         "--cpu", action="append", metavar="FAMILY",
@@ -58,18 +58,18 @@ def run_command(options: argparse.Namespace) -> int:
 
 
 def done_before() -> Path:
-    """Return the file in the cache that marks a complete compilation by the present rehearsal."""
+    """Return the file in the cache that marks a complete compilation by the current version of the rehearsal."""
     of = [Path(rehearsal.__file__), *sorted((Path(__file__).parent / "data").glob("*.toml"))]
     digest = hashlib.sha256(b"".join(file.read_bytes() for file in of)).hexdigest()[:16]
     return cache_folder() / f"rehearsed-{digest}"
 
 
 def _compile(cpu: str | None, out: Path | None, jobs: int) -> None:
-    """Rehearse in separate processes, which leave the code in the cache, or in a folder for a package."""
+    """Run the rehearsal in separate processes, which leave the code in the cache, or in a folder for a package."""
     with tempfile.TemporaryDirectory() as cache:
         own = {} if out is None else {"NUMBA_CACHE_DIR": cache}
         target = {"NUMBA_CPU_NAME": cpu, "NUMBA_CPU_FEATURES": ""} if cpu else {}
-        waiting = 2  # more processes than cores: some wait for a function that another one compiles
+        waiting = 2  # more processes than cores, because some wait for a function that another process compiles
         with concurrent.futures.ThreadPoolExecutor(max(1, jobs) + waiting) as pool:
             progress, calls = Progress(f"compiling for {cpu or 'this CPU'}"), rehearsal.count()
             done = iter(range(1, calls + 1))
@@ -81,7 +81,7 @@ def _compile(cpu: str | None, out: Path | None, jobs: int) -> None:
 
 
 def _put(code: Path, out: Path, cpu: Cpu) -> None:
-    """Pack code into a package's folder, and remove code of other sources."""
+    """Pack code into a package's folder, and remove code compiled from other versions of the sources."""
     for old in out.glob("[0-9a-f]" * 16):
         if old.name != code.name:
             shutil.rmtree(old)
@@ -90,7 +90,7 @@ def _put(code: Path, out: Path, cpu: Cpu) -> None:
 
 
 def _rehearse(kind: str, environment: dict[str, str], called: Callable[[], None]) -> None:
-    """Rehearse a scene in a process that prints one line per call."""
+    """Run all calls of a kind of scene in a process, which prints one line per call."""
     command, last = [sys.executable, "-m", "flexlink.cli.rehearsal", kind], "no message"
     with subprocess.Popen(command, env=os.environ | environment, stderr=subprocess.PIPE, text=True) as process:
         for line in process.stderr or ():

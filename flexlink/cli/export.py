@@ -42,7 +42,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 
 def run_command(options: argparse.Namespace) -> int:
-    """Write the chains of all scenes, or none, and print what the formats cannot represent."""
+    """Write files for all scenes, or none if there is an error, and print what the formats cannot represent."""
     if options.small_mass is not None:
         positive("--small-mass", options.small_mass)
     texts: dict[Path, str] = {}
@@ -78,7 +78,7 @@ def _formats(options: argparse.Namespace) -> list[str]:
 def _chain_and_state(
     path: Path, scene: Scene, options: argparse.Namespace, notes: list[str]
 ) -> tuple[Chain, tuple[Array, Array] | None]:
-    """The chain, with small masses on request, and the initial state if a format stores it."""
+    """Return the chain, with small masses on request, and the initial state if a format stores it."""
     chain = lump(scene)
     keyframe = any(FORMATS[name].keyframe for name in _formats(options))
     state = initial_state(scene, chain) if keyframe or options.small_mass is not None else None
@@ -89,7 +89,7 @@ def _chain_and_state(
 
 
 def _missing(target: Path, scene: Scene, chain: Chain, format: str, *, strict: bool) -> list[str]:
-    """A note on what a format cannot represent; with `--strict` an error."""
+    """Return a note on what a format cannot represent; with `--strict`, raise an error."""
     missing = unsupported(scene, chain, format=format)
     if missing and strict:
         raise ArgumentError(

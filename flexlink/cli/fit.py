@@ -23,6 +23,7 @@ from flexlink.common.output import make_folder, or_keep
 from flexlink.common.progress import Progress
 from flexlink.common.wording import Diagnostic
 from flexlink.identification.checked_page import document
+from flexlink.identification.coordinates import hints_on_bounds
 from flexlink.identification.fit import check_fit, fit
 from flexlink.identification.fitted import Fitted, building
 from flexlink.identification.identifiability import WIDE, Check
@@ -46,18 +47,20 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--profile",
         action="store_true",
-        help="profile likelihood: each interval with all other parameters refitted",
+        help="compute intervals by profile likelihood, with all other parameters refitted",
     )
     add_json(command)
 
 
 def run_command(options: argparse.Namespace) -> int:
-    """Check, fit, and write; exit with 1 if a parameter is not identifiable, or the fit is worse than before."""
+    """Check, fit and write results; exit with 1 if a parameter is not identifiable, or residuals increase."""
     problem = load_fit(options.problem)
     problem = replace(problem, scene=varied(options.problem, problem.scene, options.set))
     print_hints(problem.scene, options)
+    if not options.quiet_hints:
+        print_lines("warning", hints_on_bounds(problem))
     if options.out is not None:
-        building()  # a missing package is reported before the work
+        building()  # reports a missing package before the fit
         make_folder(options.out)
     with prefix_errors(options.problem):
         found: Check | Fitted

@@ -34,14 +34,14 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--tip",
         action="append",
-        help="link where a path ends, the rest is rigid; may be repeated; default: the complete robot",
+        help="link where a path ends; joints elsewhere are locked; may be repeated; default: the complete robot",
     )
     command.add_argument("--free-base", action="store_true", help="let the base float: a rigid body with mass")
     for option, form, text in (
         ("posture", "JOINT=DEG", "initial angle of a joint [deg], or position of a slide [m]"),
         ("locked", "JOINT=DEG", "lock a joint of the arm at this angle [deg], or a slide at this position [m]"),
         ("flexible", "LINK={…}", "make a link flexible: { section, material, mass, frequency_hz, line, segments, … }"),
-        ("armature", "JOINT=I", "rotor inertia seen at the joint [kg m²; kg of a slide]"),
+        ("armature", "JOINT=I", "rotor inertia seen at the joint [kg m²; for a slide, kg]"),
     ):
         command.add_argument(f"--{option}", action="append", default=[], metavar=form, help=f"{text}; may be repeated")
 
@@ -69,7 +69,7 @@ def run_command(options: argparse.Namespace) -> int:
 
 
 def _arguments(robot: Robot, known: KnownArm, options: argparse.Namespace) -> dict[str, Any]:
-    """Arguments of `import_urdf`: those of a known arm, overridden by the command's options."""
+    """Arguments of `import_urdf`, from a known arm, overridden by the command's options."""
     flexible = assignments("--flexible", options.flexible, "'forearm={ frequency_hz = 12 }'")
     return {
         "base": known.base if options.base is None else options.base,
@@ -83,7 +83,7 @@ def _arguments(robot: Robot, known: KnownArm, options: argparse.Namespace) -> di
 
 
 def _positions(robot: Robot, option: str, texts: Sequence[str]) -> dict[str, float]:
-    """Positions by joint [rad, m], from texts in degrees and metres."""
+    """Positions by joint [rad, m], converted from option values in degrees and metres."""
     positions = {}
     for name, value in assignments(option, texts, "elbow=90").items():
         number = finite(value)

@@ -59,13 +59,13 @@ def run_command(options: argparse.Namespace) -> int:
 
 
 def _examined(scene: Scene) -> tuple[dict[str, Any], Modes | None]:
-    """The model in its initial configuration as plain numbers and texts; its modes if it has structural damping.
+    """The model in its initial configuration as plain numbers and strings; its modes if it has structural damping.
 
-    Models of more than 300 joints have no modes: their time grows with the cube of the number of joints.
+    Modes are not computed for more than 300 joints, because the time grows with the cube of the number of joints.
     """
     chain = lump(scene)
     q, _ = initial_state(scene, chain)
-    if chain.n > 10_000:  # the largest eigenvalues take more than a few seconds
+    if chain.n > 10_000:  # computing the largest eigenvalues takes more than a few seconds
         print(f"computing the fastest modes of {chain.n} joints …", file=sys.stderr)
     λ, found = fastest_eigenvalues(chain, q), None
     if chain.n <= 300:
@@ -106,7 +106,7 @@ def _show(about: Mapping[str, Any]) -> None:
 
 
 def _show_frequencies(about: Mapping[str, Any]) -> None:
-    """Print frequencies by kind, the first elastic one with locked joints, and the stiffness ratio."""
+    """Print frequencies by kind, the first elastic frequency with locked joints, and the stiffness ratio."""
     for kind in ("elastic", "pendulum"):
         hertz = [mode["frequency_hz"] for mode in about["modes"] if mode["kind"] == kind]
         if hertz:
@@ -120,7 +120,7 @@ def _show_frequencies(about: Mapping[str, Any]) -> None:
 
 
 def _kind(chain: Chain, k: int) -> str:
-    """Describe a joint: its spring, or that it is driven, and its limits."""
+    """Describe a joint by its spring or, for a driven joint, by its limits."""
     slides = bool(chain.slides[k])
     if chain.coordinate(k).of_base:
         return "of the free base"
@@ -135,10 +135,10 @@ def _kind(chain: Chain, k: int) -> str:
 
 
 def _stable_steps(scene: Scene, chain: Chain, λ: Complex, undamped: Complex) -> Iterator[dict[str, Any]]:
-    """Largest stable step [s] of every method, inf if it is unlimited, and its cost.
+    """Largest stable step [s] of every method, inf if it is unlimited, and the cost of the method.
 
-    The cost is the CPU time on this machine for one second of motion; without a limit it is the number of steps per
-    second that cost as much as RK4 at its stable step.
+    The cost is the CPU time on this machine for one second of motion at this step; if the step is unlimited, it is the
+    number of steps per second that cost as much as RK4 at its largest stable step.
     """
     factor = machine_factor(problem_of(scene, chain))
     rk4 = step_cost(chain, "RK4") / stable_step_of(λ, "RK4")

@@ -16,7 +16,7 @@ def add_json(command: argparse.ArgumentParser) -> None:
 
 
 def print_json(document: object) -> None:
-    """Print a document: SI units, null for numbers that are not finite, [re, im] for complex ones."""
+    """Print a document in SI units, with null for numbers that are not finite and [re, im] for complex numbers."""
     print(msgspec.json.format(msgspec.json.encode(document, enc_hook=_plain), indent=1).decode())
 
 
@@ -26,7 +26,7 @@ def with_ids(texts: tuple[str, ...]) -> list[dict[str, str]]:
 
 
 def _plain(value: object) -> object:
-    """Convert what msgspec does not know: arrays, NumPy's numbers, complex numbers."""
+    """Convert types unknown to msgspec: arrays, NumPy numbers, complex numbers."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, complex):

@@ -1,4 +1,4 @@
-"""The command line `flexlink`: one module per command, loaded on use; errors are one line."""
+"""The command line `flexlink`: each command has a module, which is loaded on use; errors are printed as one line."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from flexlink.results.stop_reasons import InterruptedRunError
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; returns the exit code.
+    """Run the command line, and return the exit code.
 
     0: done; 1: negative result, such as engines that disagree or no model within the tolerance; 2: error; 130: Ctrl-C;
     143: SIGTERM.
@@ -33,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # for terminals that cannot show q̈
-    alone = arguments is None  # the process ends with this command
+    alone = arguments is None  # the process ends when this command ends
     with _loading() if alone else contextlib.nullcontext():
         words = list(sys.argv[1:] if arguments is None else arguments)
         options = build_parser(words).parse_args([] if words == ["help"] else words)
@@ -46,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             code: int = options.module.run_command(options)
         print(end="", flush=True)  # detect a full disk or a closed pipe here
         return code
-    except BrokenPipeError:  # the reader has ended: `flexlink info scene.toml | head`
+    except BrokenPipeError:  # the reading process has ended, as in `flexlink info scene.toml | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except (FlexlinkError, OSError, MemoryError) as error:
@@ -62,17 +62,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     finally:
         finish()
         if alone:
-            gc.freeze()  # saves the last collection, 0.1 s
+            gc.freeze()  # avoids the last garbage collection, 0.1 s
 
 
 def _in_lines(error: Exception) -> str:
-    """The message in one line, further mistakes of the same file in one line each."""
+    """The error message with one line for each mistake in a file."""
     return "\n  also: ".join(" ".join(text.split()) for text in str(error).split(ALSO))
 
 
 @contextlib.contextmanager
 def _loading() -> Iterator[None]:
-    """Keep the garbage collector from scanning the modules that are loaded: saves 0.2 s."""
+    """Keep the garbage collector from scanning the modules that are loaded, which saves 0.2 s."""
     gc.disable()
     try:
         yield
@@ -89,11 +89,14 @@ class _Parser(argparse.ArgumentParser):
             known, where = [name.strip("' ") for name in wrong[2].split(",")], message.partition(": invalid")[0]
             what = "unknown command" if where == "argument command" else f"{where}: unknown"
             message = f"{what} {wrong[1]!r}{did_you_mean(wrong[1], known) or '; allowed are ' + ', '.join(known)}"
+        message = re.sub(r"invalid float value: (.*)", r"\1 is not a number; give it in SI units (s, m, Hz)", message)
+        if message.startswith("unrecognized arguments") and "--set" in sys.argv:
+            message += "; --set takes PATH=VALUE, such as tip.mass=3"
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
 
 
 def build_parser(words: Container[str] | None = None) -> argparse.ArgumentParser:
-    """Build the parser; with `words`, only commands among them get their options, which loads their modules."""
+    """Build the parser; with `words`, only the commands among them get options, and only their modules are loaded."""
     modules = (
         "info", "simulate", "advise", "modes", "show", "export", "compare", "report", "fit", "import_robot", "robots",
         "sweep", "compile", "completion",
@@ -118,7 +121,7 @@ def build_parser(words: Container[str] | None = None) -> argparse.ArgumentParser
 
 
 def _add_options(command: argparse.ArgumentParser, module: ModuleType) -> None:
-    """Add the options of a module, and those of all commands."""
+    """Add the options of a command's module, and the options that all commands have."""
     command.set_defaults(module=module)
     module.add_options(command)
     command.add_argument(
@@ -132,7 +135,7 @@ def _add_options(command: argparse.ArgumentParser, module: ModuleType) -> None:
 
 @functools.cache
 def _help_of(module: str) -> tuple[str, str, str]:
-    """Name, help text and examples of a command: the docstring of its module, which is read but not loaded."""
+    """Name, help text and examples of a command, from the docstring of its module, which is read but not imported."""
     docstring = Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8").split('"""')[1]
     heading, _, examples = docstring.partition("\n\n")
     name, _, text = heading.removeprefix("`flexlink ").partition("`: ")

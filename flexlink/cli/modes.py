@@ -35,7 +35,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("--lock", nargs="+", default=[], metavar="NAME", help="links or joints (boom.2.z) to lock")
     command.add_argument(
         "--rate", nargs="+", default=[], metavar="NAME=RATE",
-        help="joints with a constant rate, such as hub=500rpm: modes about this motion; rpm, deg/s, rad/s, m/s",
+        help="compute modes about a motion with constant joint rates, such as hub=500rpm; rpm, deg/s, rad/s, m/s",
     )  # fmt: skip
     command.add_argument("--count", type=int, default=8, help="number of modes, slowest first; default: 8")
     command.add_argument("--plot", type=Path, help="plot the mode shapes to this file (.png, .svg or .pdf)")
@@ -43,19 +43,19 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 
 def print_modes(scene: Scene, found: Modes, which: Iterable[int]) -> None:
-    """Print frequency, damping ratio and kind of modes, and the links' damping ratios there: η ω/2, or constant ζ."""
+    """Print frequency, damping ratio and kind of modes, and the ratio that links specify at this frequency."""
     bending = [link for link in scene.arm.links if link.flex != "rigid"]
     constant = [link.damping.ratio for link in bending if link.damping is not None and link.damping.is_constant]
     η = [scene.arm.loss_time(link) for link in bending if link.damping is None or not link.damping.is_constant]
-    asks = any(η) or any(constant)
-    print("mode  frequency [Hz]  damping ratio  kind" + "      specified" * asks)
+    is_specified = any(η) or any(constant)
+    print("mode  frequency [Hz]  damping ratio  kind" + "      specified" * is_specified)
     for k in which:
         hertz, ratio = f"{found.hertz[k]:.6g}", f"{found.damping_ratios[k]:.4g}"
         if np.isnan(found.hertz[k]):
             hertz, ratio = "none (unstable)", "–"
         line = f"{k + 1:4d}  {hertz:>14}  {ratio:>13}  {found.kinds[k]:<8}"
         ratios = [*(each * found.frequencies[k] / 2 for each in η), *constant]
-        bounds = [f"{bound(ratios):.4g}" for bound in (min, max)] if asks else []
+        bounds = [f"{bound(ratios):.4g}" for bound in (min, max)] if is_specified else []
         print("  ".join([line, " … ".join(dict.fromkeys(bounds))]).rstrip())
 
 
@@ -66,7 +66,7 @@ def as_document(found: Modes) -> list[dict[str, object]]:
 
 
 def elastic_hertz(scene: Scene, chain: Chain, q: Array) -> float | None:
-    """The first elastic frequency at rest with the driven joints locked [Hz]; None without an equilibrium."""
+    """The first elastic frequency at rest with the driven joints locked [Hz]; None if there is no equilibrium."""
     wrench, frame = initial_wrench(scene, chain)
     try:
         return first_elastic_frequency(chain, q, tip_wrench=wrench, frame=frame)
@@ -75,7 +75,7 @@ def elastic_hertz(scene: Scene, chain: Chain, q: Array) -> float | None:
 
 
 def first_elastic(hertz: float | None) -> str:
-    """The first elastic frequency in words; None is unknown."""
+    """The first elastic frequency in words; it is unknown if `hertz` is None."""
     if hertz is None:
         return "first elastic frequency: unknown; no equilibrium with the driven joints locked"
     value = f"{hertz:.6g} Hz" if np.isfinite(hertz) else "none"
@@ -83,12 +83,12 @@ def first_elastic(hertz: float | None) -> str:
 
 
 def rates_of(chain: Chain, texts: Iterable[str]) -> dict[str, float]:
-    """Rates of joints by name [rad/s, m/s], from texts such as hub=500rpm.
+    """Rates of joints by name [rad/s, m/s], from strings such as hub=500rpm.
 
     Raises
     ------
     ArgumentError
-        A text does not have this form, or its unit does not fit the joint.
+        A string does not have this form, or its unit is wrong for the kind of joint.
     """
     # units of `--rate` in rad/s or m/s
     units = {"rpm": 2 * np.pi / 60, "deg/s": np.pi / 180, "rad/s": 1.0, "m/s": 1.0}
@@ -112,7 +112,7 @@ def rates_of(chain: Chain, texts: Iterable[str]) -> dict[str, float]:
 
 
 def first_in_motion(found: Modes, texts: Iterable[str]) -> str:
-    """The lowest frequency about a steady motion, and what restores it: for a blade's flap mostly centrifugal loads."""
+    """Text on the lowest frequency about a steady motion, which springs or loads (centrifugal, …) may restore."""
     hertz, motion = found.first_elastic_hertz, f"with {', '.join(texts)}"
     elastic = f"{hertz:.6g} Hz" if np.isfinite(hertz) else "none among these modes"
     swings = np.flatnonzero(found.hertz > 0)

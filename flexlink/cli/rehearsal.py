@@ -1,4 +1,4 @@
-"""Calls that compile all machine code: every public function, on small arms that together cover all kinds of scenes."""
+"""Compile all machine code by calling every public function, on small arms that together cover all kinds of scenes."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ import numpy as np
 import flexlink as fl
 
 KINDS = "tree", "space", "plane", "cells", "free"
-"""Scenes of `data/`, in the order of decreasing compile time."""
+"""Names of the scenes in `data/`, in order of decreasing compile time."""
 
 
 def scene_of(name: str) -> fl.Scene:
-    """Load a scene of `data/`."""
+    """Load a scene from `data/`."""
     return fl.load_scene(Path(__file__).parent / "data" / f"{name}.toml")
 
 
 def count() -> int:
-    """Number of calls over all scenes."""
+    """Number of calls for all scenes together."""
     return sum(len([*calls(scene_of(name))]) for name in KINDS)
 
 
 def calls(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
-    """Names of functions and calls of them."""
+    """Calls for a scene, each with a name for its output line."""
     for method in ("RK4", "DOP853", "Radau5", "auto"):
         yield method, functools.partial(fl.simulate, _by(scene, method))
     yield from _of_states(scene)
@@ -43,7 +43,7 @@ def _by(scene: fl.Scene, method: str) -> fl.Scene:
 
 
 def _of_states(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
-    """Functions of a chain for one state, for many states, and for eight chains side by side."""
+    """Functions of a chain, called with one state and with many states."""
     chain = fl.lump(scene)
     n, held = chain.n, chain.active
     state, many = np.full((3, n), 0.1), np.full((3, 9, n), 0.1)
@@ -77,7 +77,7 @@ def _of_states(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
 
 
 def _each(*calls: Callable[[], object]) -> Callable[[], None]:
-    """Combine calls into one; each may be refused."""
+    """Combine calls into one; each may raise an error."""
 
     def call() -> None:
         for each in calls:
@@ -88,7 +88,7 @@ def _each(*calls: Callable[[], object]) -> Callable[[], None]:
 
 
 def _of_many_joints(scene: fl.Scene) -> None:
-    """Functions that take the O(n) path from a hundred joints on."""
+    """Call functions that use O(n) algorithms if there are a hundred joints or more."""
     fine = scene.varied({f"link.{link.name}.segments": 121 for link in scene.arm.links if link.segments > 1})
     chain = fl.lump(fine)
     fl.stable_step(chain, np.zeros(chain.n))
@@ -98,7 +98,7 @@ def _of_many_joints(scene: fl.Scene) -> None:
 
 
 def _of_runs(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
-    """Simulations: side by side, step by step, sampled, stored, with advice."""
+    """Simulations: many at once, with prescribed motion, controlled, step by step, stored, and for advice."""
     mass = f"link.{scene.arm.links[-1].name}.end.mass"
     fixed, sampled = _by(scene, "RK4"), {"drive.rate": 1000.0}
     for method in ("RK4", "DOP853", "Radau5", "auto"):
@@ -113,7 +113,7 @@ def _of_runs(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
     yield "simulator", _each(*(functools.partial(_stepped, each) for each in (fixed, _by(scene, "auto"))))
     yield "stored run", lambda: _stored(fixed)
     yield "sensitivities", lambda: fl.sensitivities(scene.varied({mass: 0.1}), [mass])
-    if scene.name != "space":  # advice would try rotation vectors, which another process compiles
+    if scene.name != "space":  # advice would try rotation-vector springs, which another process compiles
         yield "advice", lambda: fl.advise(scene, 0.3, budget=0.01)
 
 
@@ -140,7 +140,7 @@ def _stored(scene: fl.Scene) -> None:
 
 
 def main(names: Sequence[str]) -> None:
-    """Rehearse scenes of `data/`, and print the time of each call to stderr."""
+    """Make all calls for scenes in `data/`, and print the time of each call to stderr."""
     for name in names:
         for what, call in calls(scene_of(name)):
             begun, refused = time.process_time(), ""

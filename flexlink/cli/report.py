@@ -32,7 +32,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 
 def run_command(options: argparse.Namespace) -> int:
-    """Write the report, print each finished chapter to stderr; exit with 1 if a verdict is negative."""
+    """Write the report, and print a line to stderr after each chapter; exit with 1 if a verdict is negative."""
     scene = varied_scene(options.scene, options)
     require_pages("report")
     make_folder(options.out)

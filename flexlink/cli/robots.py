@@ -25,7 +25,7 @@ def run_command(options: argparse.Namespace) -> int:
         require_writable(target)
     arms = {name: import_known(name) for name in known_arms()}
     scenes = {name: varied(Path(name), arm.scene, options.set) for name, arm in arms.items()}
-    print(f"{'name':<27} joints  mass [kg]  file below robots/ of example-robot-data")
+    print(f"{'name':<27} joints  mass [kg]  file under robots/ in example-robot-data")
     for name, arm in arms.items():
         moving = sum(part.body.mass for part in arm.path.parts)
         print(f"{name:<27} {len(arm.path.parts):6d} {moving:10.4g}  {_below_robots(known_arm(name).path)}")
@@ -35,6 +35,6 @@ def run_command(options: argparse.Namespace) -> int:
 
 
 def _below_robots(path: Path) -> Path:
-    """The part of a path below the folder `robots`, which is short and does not depend on the installation."""
+    """The path relative to the folder `robots`, which is short and does not depend on the installation."""
     parts = path.parts
     return Path(*parts[len(parts) - parts[::-1].index("robots") :]) if "robots" in parts else path

@@ -26,21 +26,21 @@ if TYPE_CHECKING:
 
 
 def varied_scene(path: Path, options: argparse.Namespace, own: Mapping[str, object] | None = None) -> Scene:
-    """Load a scene, apply `--set PATH=VALUE`, then the command's own options, and print hints on likely wrong units."""
+    """Load a scene, apply `--set PATH=VALUE`, then the changes `own` by options, and print hints on wrong units."""
     scene = varied(path, load_scene(path), options.set, own)
     print_hints(scene, options)
     return scene
 
 
 def varied(path: Path, scene: Scene, settings: Sequence[str], own: Mapping[str, object] | None = None) -> Scene:
-    """The scene of `path` with the changes of `--set PATH=VALUE`, then those of the command's own options."""
+    """Apply `--set PATH=VALUE`, then the changes `own` by the command's options, to the scene from `path`."""
     changes = assignments("--set", settings, "run.step=1e-4 or 'link.*.segments=8'", "PATH=VALUE") | dict(own or {})
     with prefix_errors(path):
         return scene.varied(changes) if changes else scene
 
 
 def assignments(option: str, texts: Sequence[str], example: str, form: str = "NAME=VALUE") -> dict[str, Any]:
-    """Names and values of an option's NAME=VALUE; a value is TOML, or else a text without quotes."""
+    """Names and values from an option's NAME=VALUE strings; a value is TOML, or a string without quotes."""
     return dict(_assignment(option, text, example, form) for text in texts)
 
 
@@ -73,12 +73,12 @@ def print_lines(word: str, texts: Iterable[str]) -> None:
 
 
 def print_path(what: str, path: Path) -> None:
-    """Print where a result is: relative to the current folder if it is below it."""
+    """Print the path of a result, relative to the current folder if it is inside this folder."""
     print(f"{what}: {shown_path(path)}")
 
 
 def print_hints(scene: Scene, options: argparse.Namespace) -> None:
-    """Warn of numbers that are likely given in another unit; not with `--quiet-hints`."""
+    """Warn of numbers that are likely given in another unit, except with `--quiet-hints`."""
     if not options.quiet_hints:
         print_lines("warning", hints(scene))
 
@@ -95,7 +95,7 @@ def save_plot(figure: Figure, path: Path) -> None:
 
 
 def require_writable(path: Path) -> None:
-    """Check before the work that the folder exists and is writable, and that the path is not a folder."""
+    """Check, before results are computed, that a file can be written: its folder exists and is writable."""
     if not path.parent.is_dir():
         raise ArgumentError(f"{path}: the folder {str(path.parent)!r} does not exist", id="no-such-folder")
     if path.is_dir():
@@ -104,7 +104,7 @@ def require_writable(path: Path) -> None:
 
 
 def require_picture(path: Path | None) -> None:
-    """Check before the work that a plot can be drawn and written."""
+    """Check, before results are computed, that a plot can be drawn and written."""
     if path is not None:
         picture_format(path)
         require_writable(path)

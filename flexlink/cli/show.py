@@ -37,7 +37,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 
 def run_command(options: argparse.Namespace) -> int:
-    """Run a scene and draw it; check that it can be drawn before the run."""
+    """Check that a scene can be drawn, run it, and draw the motion."""
     out = options.out or Path(options.scene.with_suffix(".html").name)
     wanted = shot(out, **{name: getattr(options, name) for name in ("magnify", "colour", "fps", "speed", "width")})
     require_writable(out)

@@ -75,7 +75,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 
 def run_command(options: argparse.Namespace) -> int:
-    """Run a scene with a progress bar, write outputs, print a summary."""
+    """Run a scene with a progress bar, write its outputs, and print a summary."""
     settings = {f"run.{name}": getattr(options, name) for name in RunSettings.__struct_fields__}
     changes = {path: value for path, value in settings.items() if value is not None}
     scene = varied_scene(options.scene, options, changes)
@@ -84,7 +84,7 @@ def run_command(options: argparse.Namespace) -> int:
         require_writable(options.out)
     require_picture(options.plot)
     with prefix_errors(options.scene):
-        ready = SingleRun(problem_of(scene))  # compiled here: signals act at once, and times exclude it
+        ready = SingleRun(problem_of(scene))  # compiles now, so signals act at once and run times are correct
         print_notes(scene)
     with deferred() as stop, contextlib.ExitStack() as last:
         last.callback(finish)
@@ -114,7 +114,7 @@ def _warn(bar: Progress, text: str) -> None:
 
 
 def _deliver(run: Trajectory, options: argparse.Namespace) -> None:
-    """Print warnings, write the samples and the plot."""
+    """Print warnings, and write the samples and the plot."""
     print_lines("warning", run.warnings)
     if run.scene is not None:
         print_lines("note", coarse_samples(run.scene, run))

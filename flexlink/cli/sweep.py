@@ -8,14 +8,18 @@ flexlink sweep sweep.toml --dask tcp://10.0.0.1:8786 --fresh
 from __future__ import annotations
 
 import argparse
+import contextlib
 import time
 from pathlib import Path
 
 from msgspec.structs import replace
 
 from flexlink.chain.arguments import integer
-from flexlink.cli.shared import assignments, prefix_errors, print_hints, print_lines, print_path, require_writable
+from flexlink.cli.shared import assignments, prefix_errors, print_lines, print_path, require_writable
+from flexlink.common.errors import FlexlinkError
 from flexlink.common.progress import Progress, clock
+from flexlink.common.wording import Diagnostic
+from flexlink.describe.plausibility.hints import hints
 from flexlink.sweeps.fingerprint import fingerprint
 from flexlink.sweeps.plan import Plan, load_sweep
 from flexlink.sweeps.preflight import preflight
@@ -44,7 +48,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 
 def run_command(options: argparse.Namespace) -> int:
-    """Run the members without a result, print a summary, export all results; exit with 1 if every member failed."""
+    """Run members without a stored result, print a summary, and export results; exit with 1 if all members failed."""
     plan = _planned(options)
     out = options.out or Path(options.sweep.stem + ".db")
     require_writable(out)
@@ -67,14 +71,24 @@ def run_command(options: argparse.Namespace) -> int:
 
 
 def _planned(options: argparse.Namespace) -> Plan:
-    """The checked plan of a file, with the values of `--set` for all members."""
+    """Load and check the plan in a file, with the values of `--set` applied to all members."""
     sweep = load_sweep(options.sweep)
     changes = assignments("--set", options.set, "run.step=1e-4", "PATH=VALUE")
     with prefix_errors(options.sweep):
         plan = Plan(replace(sweep, set={**sweep.set, **changes}))
         preflight(plan)
-    print_hints(plan.sweep.scene, options)
+    _print_hints(plan, options)
     return plan
+
+
+def _print_hints(plan: Plan, options: argparse.Namespace) -> None:
+    """Warn of numbers of the first and the last member that are likely given in another unit, once for each path."""
+    found: dict[str, Diagnostic] = {}
+    for number in (0, plan.members - 1):
+        with contextlib.suppress(FlexlinkError):  # the error is stored later, in this member's row
+            found = {hint.partition(" = ")[0]: hint for hint in hints(plan.member(number)[0])} | found
+    if not options.quiet_hints:
+        print_lines("warning", found.values())
 
 
 def _summary(store: Store, before: int, seconds: float) -> None:

@@ -1,4 +1,4 @@
-"""What the command line shows besides results: compilation, and warnings in one line."""
+"""Terminal output of the command line other than results: compilation progress, and warnings in one line."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flexlink.kernels.tools.compiler import watched
 
 
 class Compiling(Line):
-    """Shows that machine code is being compiled: a running clock on a terminal, else one line per process."""
+    """Shows that machine code is being compiled, by a running clock on a terminal, else by one line per process."""
 
     TEXT = "compiling for this machine; the result is stored, later runs start at once …"
 
@@ -27,7 +27,7 @@ class Compiling(Line):
         self._ticker: threading.Thread | None = None
 
     def started(self) -> None:
-        """Begin to show a compilation."""
+        """Show that a compilation has started."""
         if not self.shown:
             if not self._announced:
                 print(self.TEXT, file=sys.stderr, flush=True)
@@ -40,7 +40,7 @@ class Compiling(Line):
         self._ticker.start()
 
     def ended(self) -> None:
-        """Clear the line; more functions may follow."""
+        """Clear the line when a compilation has ended; others may follow."""
         if self._ticker is not None:
             self._over.set()
             self._ticker.join()
@@ -58,9 +58,9 @@ class Compiling(Line):
 
 @contextlib.contextmanager
 def announced() -> Iterator[None]:
-    """Announce compilations, and print every Python warning in one line; NumPy's floating-point warnings are off.
+    """Announce compilations, print every Python warning in one line, and turn off NumPy's floating-point warnings.
 
-    Numbers beyond float64 are refused where they arise.
+    Functions that could produce numbers beyond float64 check for them and raise errors.
     """
 
     def show(message: Warning | str, *_: object) -> None:

@@ -1,1 +1,1 @@
-"""Basics that every package uses: errors, signals, and files that are written completely or not at all."""
+"""Basic functions that every package uses: errors, signals, and safe writing of files."""

@@ -1,4 +1,4 @@
-"""Imported before anything slow: from here on `flexlink` and `python -m flexlink` respond to signals."""
+"""Imported before any slow import, so that `flexlink` and `python -m flexlink` respond to signals from then on."""
 
 import itertools
 import sys

@@ -17,7 +17,7 @@ ALSO = "; also "
 
 
 class FlexlinkError(Exception):
-    """Base class of all errors that flexlink raises on purpose; the command line prints each in one line.
+    """Base class of all errors that flexlink raises on purpose; the command line prints them as one line.
 
     `error.id` is a stable name of the mistake, such as `"unknown-key"`; the page "Messages" explains all of them.
 
@@ -39,7 +39,7 @@ class FlexlinkError(Exception):
 
     @property
     def id(self) -> str:
-        """Stable name of the mistake; by default that of the error which was being handled when this one was raised."""
+        """Stable name of the mistake; by default the id of the error being handled when this one was raised."""
         return self._id or getattr(self.__cause__ or self.__context__, "id", "")
 
     @property
@@ -48,12 +48,12 @@ class FlexlinkError(Exception):
         return Diagnostic(str(self), self.id)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Keep all attributes when pickled: by default a process pool rebuilds an error from its message alone."""
+        """Keep all attributes when pickled; by default, a process pool rebuilds an error only from its message."""
         return copyreg.__newobj__, (type(self), *self.args), {**self.__dict__, "_id": self.id}  # type: ignore[attr-defined]
 
 
 class SceneError(FlexlinkError, ValueError):
-    """An invalid scene, or an invalid part of one such as a link (TOML file or Python object).
+    """A scene, or a part of a scene such as a link, is invalid (TOML file or Python object).
 
     Examples
     --------
@@ -65,7 +65,7 @@ class SceneError(FlexlinkError, ValueError):
 
 
 class DataFileError(FlexlinkError, ValueError):
-    """An invalid data file: a lumping rule, a Runge-Kutta method, an engine's XML, a validation case.
+    """An invalid data file, such as a lumping rule, a Runge-Kutta method, an engine's XML or a validation case.
 
     Examples
     --------
@@ -78,7 +78,7 @@ class DataFileError(FlexlinkError, ValueError):
 
 
 class ArgumentError(FlexlinkError, ValueError):
-    """A function argument of a wrong shape, dtype, value or name.
+    """A function argument has a wrong shape, dtype, value or name.
 
     Examples
     --------
@@ -104,7 +104,7 @@ class SingularMassError(FlexlinkError, ArithmeticError):
 
 
 class AdviceError(FlexlinkError, RuntimeError):
-    """No model of a scene can be assessed: fewer than two can be run, or nothing moves; the message states which.
+    """No model of a scene can be assessed, because fewer than two can be run or nothing moves; see the message.
 
     Examples
     --------
@@ -117,7 +117,7 @@ class AdviceError(FlexlinkError, RuntimeError):
 
 
 class OutputError(FlexlinkError, OSError):
-    """A result that could not be written; the message states where it was saved instead.
+    """A result could not be written; if it was saved elsewhere, the message states where.
 
     Examples
     --------
@@ -153,7 +153,7 @@ class EngineError(FlexlinkError, RuntimeError):
 
 
 class UnstableStepError(FlexlinkError, ValueError):
-    """The step exceeds the largest stable one, `largest` [s]; `unstable = "allow"` runs it anyway.
+    """The step exceeds the largest stable step, `largest` [s]; `unstable = "allow"` permits the run.
 
     Examples
     --------
@@ -170,7 +170,7 @@ class UnstableStepError(FlexlinkError, ValueError):
 
 
 class ConvergenceError(FlexlinkError, ArithmeticError):
-    """The static solver did not converge; `q` is the last equilibrium found, at the fraction `load` of the load.
+    """The static solver did not converge; `q` is the last equilibrium it found, at the fraction `load` of the load.
 
     Examples
     --------
@@ -187,7 +187,7 @@ class ConvergenceError(FlexlinkError, ArithmeticError):
 
 
 class IdentifiabilityError(FlexlinkError, ValueError):
-    """Parameters that are not identifiable from the data; `check` is the result of `check_fit`.
+    """Some parameters are not identifiable from the data; `check` is the result of `check_fit`.
 
     Examples
     --------
@@ -209,7 +209,7 @@ class IdentifiabilityError(FlexlinkError, ValueError):
 
 
 class InterruptedSweepError(KeyboardInterrupt):
-    """Ctrl-C or SIGTERM during a sweep, a KeyboardInterrupt; `signal` is the number of the signal.
+    """Ctrl-C or SIGTERM interrupted a sweep; `signal` is the number of the signal.
 
     Examples
     --------

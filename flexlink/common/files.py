@@ -1,4 +1,4 @@
-"""Read a file that the user names, with one-line errors."""
+"""Read a file named by the user; error messages have one line."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from flexlink.common.errors import FlexlinkError
 
 
 def shown_path(path: str | Path) -> str:
-    """Return a path for a message, relative to the current folder if it is below it, else unchanged."""
+    """Return a path for a message, relative to the current folder if it is inside this folder, else unchanged."""
     try:
         return str(Path(path).absolute().relative_to(Path.cwd()))
     except (OSError, ValueError):

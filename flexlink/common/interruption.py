@@ -1,8 +1,8 @@
-"""Handling of Ctrl-C (SIGINT) and SIGTERM: stop at once, or after results are saved.
+"""Handle Ctrl-C (SIGINT) and SIGTERM: stop at once, or after results are saved.
 
-Code that holds results runs inside `deferred()`, where the signals are only recorded. The command line calls
-`quit_at_once()` while it has no results: it then ends with one line and no traceback, even inside a compiler that
-swallows exceptions. Signals that a program handles itself, or ignores (as under `nohup`), are not touched.
+Code with results to save runs inside `deferred()`, where the signals are only recorded. The command line calls
+`quit_at_once()` while it has no results; a signal then ends the process with one line and no traceback, even inside a
+compiler that swallows exceptions. Signals that a program handles itself, or ignores (as under `nohup`), are unchanged.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Stop:
 
 
 class StoppedError(KeyboardInterrupt):
-    """A signal that ended the work without saving results; `signal` is its number."""
+    """A signal ended the program before results were saved; `signal` is its number."""
 
     def __init__(self, number: int, text: str) -> None:
         super().__init__(text)
@@ -64,11 +64,11 @@ def deferred() -> Iterator[Stop]:
     """Only record SIGINT and SIGTERM, in the `Stop` that the block receives.
 
     The body checks `stop.requested`, finishes its current work and raises an error that contains the results, such as
-    `InterruptedRunError`. A signal that the body did not answer with an exception is sent again on leaving, so none is
-    lost. The second signal of a kind prints a warning; the third raises `StoppedError`, a KeyboardInterrupt, at once.
+    `InterruptedRunError`. If the body does not raise an exception, a recorded signal is sent again after the block, so
+    it is not lost. A second signal of a kind prints a warning; the third raises `StoppedError` (a KeyboardInterrupt).
 
-    Only the main thread can set signal handlers: in other threads nothing is deferred. Within another `deferred()`,
-    and in threads that run at the same time, `stop` is that of the outermost block.
+    Only the main thread can set signal handlers, so nothing is deferred in other threads. Within another `deferred()`,
+    and in threads that run at the same time, `stop` is the object of the outermost block.
     """
     global _active  # noqa: PLW0603  signal handlers also belong to the process
     if _active is not None or threading.current_thread() is not threading.main_thread():
@@ -90,14 +90,14 @@ def deferred() -> Iterator[Stop]:
 
 
 def quit_at_once() -> None:
-    """End the process on any later signal outside `deferred()`: one line on stderr, exit code 128 + signal number."""
+    """Let any later signal outside `deferred()` end the process, with one line on stderr and exit code 128 + signal."""
     for number in SIGNALS:
         if _is_ours(number):
             signal.signal(number, _quit)
 
 
 def finish() -> None:
-    """Ignore further signals: all results are saved, and the process is about to end."""
+    """Ignore further signals, because all results are saved and the process is about to end."""
     global _finished  # noqa: PLW0603
     _finished = True
     for number in SIGNALS:
@@ -111,12 +111,12 @@ def word(number: int) -> str:
 
 
 def _is_ours(number: int) -> bool:
-    """Whether the handler of a signal is Python's default or that of `quit_at_once`."""
+    """Whether the handler of a signal is Python's default or the one set by `quit_at_once`."""
     return _signal.getsignal(number) in (SIGNALS[number], _quit)
 
 
 def _quit(number: int, _: FrameType | None) -> None:
-    """End the process with `os._exit`: exceptions are swallowed in callbacks from C, such as those of a compiler."""
+    """End the process with `os._exit`, because callbacks from C, such as a compiler's, swallow exceptions."""
     if _finished:
         return
     with contextlib.suppress(Exception):  # flush earlier output; fails if the signal interrupted a write

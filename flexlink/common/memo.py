@@ -1,4 +1,4 @@
-"""Memoized results: by object identity, for the last few calls, or by owner."""
+"""Memoize results by object identity, for the last few calls, or by owner."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 class Memo:
-    """The last results of a function, keyed by an object's identity and a hashable key; the object may be unhashable.
+    """Cache of the last results of a function, keyed by an object's identity and a hashable key.
 
-    The object must not change. It is referenced as long as its result is kept, so no other object can take its `id`.
-    Threads may share a memo: if two ask at once, both compute the result, and one of the two is kept.
+    The object may be unhashable, but must not change. It is referenced as long as its result is kept, so no other
+    object can get its `id`. Threads may share a memo; if two ask for a result at once, both compute it.
     """
 
     def __init__(self, size: int) -> None:
@@ -36,7 +36,7 @@ class Memo:
             return self._results[slot][1]
 
     def __call__(self, of: object, key: Hashable, find: Callable[[], T]) -> T:
-        """The result kept for `of` and `key`; if there is none, that of `find`, which is then kept."""
+        """Return the result kept for `of` and `key`; if there is none, call `find` and keep its result."""
         slot = id(of), key
         with self._lock:
             if slot in self._results:
@@ -56,7 +56,7 @@ class Memo:
 
 
 def keep_last(size: int) -> Callable[[Function], Function]:
-    """Keep the last results of a function, keyed as in `Memo` by its first argument's identity and the others."""
+    """Keep the last results of a function, keyed as in `Memo` by the first argument's identity and all others."""
 
     def with_memo(find: Function) -> Function:
         memo = Memo(size)
@@ -71,7 +71,7 @@ def keep_last(size: int) -> Callable[[Function], Function]:
 
 
 def contents(given: object) -> Hashable:
-    """A hashable key that differs if numbers, texts, arrays, or tuples of these differ.
+    """Return a hashable key that differs if numbers, strings, arrays, or tuples of these differ.
 
     >>> contents((np.zeros(2), "a")) == contents((np.zeros(2), "a"))
     True
@@ -82,12 +82,12 @@ def contents(given: object) -> Hashable:
 
 
 class Kept:
-    """The last result of each name, for one owner that only one thread uses at a time.
+    """Cache of the last result of each name, for one owner that only one thread uses at a time.
 
     Attributes
     ----------
     types
-        Types of all arguments that the owner receives, if it owns its arrays; empty: its arrays may be shared.
+        Types of all arguments that the owner receives, if it owns its arrays; empty if its arrays may be shared.
     """
 
     def __init__(self) -> None:
@@ -95,7 +95,7 @@ class Kept:
         self._found: dict[Hashable, tuple[Hashable, Any]] = {}
 
     def __call__(self, name: Hashable, key: Hashable, find: Callable[[], Any]) -> Any:
-        """The last result of this name if its key is the same; if not, that of `find`, which is then kept."""
+        """Return the last result of this name if its key is the same; if not, call `find` and keep its result."""
         last = self._found.get(name)
         if last is None or last[0] != key:
             self._found[name] = last = key, find()

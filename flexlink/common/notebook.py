@@ -1,4 +1,4 @@
-"""Display of objects in a notebook: a compact table, or a figure from a module that needs matplotlib."""
+"""Display objects in a notebook, as a compact table or a figure drawn by a module that needs matplotlib."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from flexlink.common.errors import MissingDependencyError
 
 
 def html_table(caption: str, heads: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """A table as HTML, all cells escaped, numbers with five digits; a long table shows its first and last rows."""
+    """Table as HTML, with escaped cells and five-digit numbers; a long table shows only its first and last rows."""
     most_rows, ends = 16, 7
     texts = [[f"{cell:.5g}" if isinstance(cell, float) else str(cell) for cell in row] for row in rows]
     if len(texts) > most_rows:
@@ -32,7 +32,7 @@ def _cells(tag: str, texts: Sequence[str]) -> str:
 
 
 def drawing_module(name: str) -> ModuleType:
-    """A plotting module of flexlink, loaded only when something is drawn; it may be in a higher layer than the caller.
+    """Import a plotting module of flexlink when something is drawn; it may be in a higher layer than the caller.
 
     Raises
     ------

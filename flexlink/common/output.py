@@ -1,4 +1,4 @@
-"""Write results safely: a file is written completely or not at all, and a failed write never damages an old file."""
+"""Write results safely: no partial file remains, and a failed write never damages an old file."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def write_whole(path: Path, write: Callable[[Path], object]) -> None:
 
 @contextlib.contextmanager
 def _temporary(path: Path) -> Iterator[tuple[Path, Path]]:
-    """A new file in the folder of the target of `path`, and that target; raises the errors of `write_whole`."""
+    """Yield a new file in the folder of the target of `path`, and this target; raises the errors of `write_whole`."""
     target = Path(os.path.realpath(path))
     temporary = target.with_name(f".{target.stem}-{secrets.token_hex(4)}{target.suffix}")
     try:
@@ -53,13 +53,13 @@ def _temporary(path: Path) -> Iterator[tuple[Path, Path]]:
 
 
 def check_writable(path: Path) -> None:
-    """Check before the work that a file can be created next to `path`; raises the errors of `write_whole`."""
+    """Check, before results are computed, that a file can be created next to `path`; errors as in `write_whole`."""
     with _temporary(path):
         pass
 
 
 def make_folder(path: Path) -> None:
-    """Create a folder and its parents, and check before the work that files can be created in it.
+    """Create a folder and its parents, and check, before results are computed, that files can be created in it.
 
     Raises
     ------
@@ -74,17 +74,17 @@ def make_folder(path: Path) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write UTF-8 text completely or not at all; raises the errors of `write_whole`."""
+    """Write UTF-8 text so that no partial file remains; raises the errors of `write_whole`."""
     write_whole(path, lambda temporary: temporary.write_bytes(text.encode()))
 
 
 def write_or_keep(path: Path, write: Callable[[Path], object]) -> None:
-    """Write a finished result as `write_whole` does; if `path` fails, save it as `or_keep` does."""
+    """Write a finished result with `write_whole`; if `path` cannot be written, save it elsewhere, as `or_keep` does."""
     or_keep(path, lambda target: write_whole(target, write))
 
 
 def or_keep(path: Path, write: Callable[[Path], T]) -> T:
-    """Let `write` create a file or folder; if `path` fails, write the finished result to the temporary folder.
+    """Let `write` create a file or folder; if `path` cannot be written, save the result in the temporary folder.
 
     Raises
     ------
@@ -98,5 +98,5 @@ def or_keep(path: Path, write: Callable[[Path], T]) -> T:
         try:
             write(refuge)
         except OutputError as second:
-            raise OutputError(f"{first}; nor {second}") from None
+            raise OutputError(f"{first}; and {second}") from None
         raise OutputError(f"{first}; the result is kept in {refuge}", id="result-kept") from None

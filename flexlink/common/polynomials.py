@@ -1,4 +1,4 @@
-"""Exact polynomials, lists of Fractions with the lowest power first, and exact sums of products."""
+"""Exact polynomials, given as lists of Fractions with the lowest power first, and exact sums of products."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def add(p: Polynomial, q: Polynomial) -> Polynomial:
 
 
 def multiply(p: Polynomial, q: Polynomial) -> Polynomial:
-    """p q."""
+    """Product p q."""
     product = [Fraction(0)] * (len(p) + len(q) - 1)
     for i, x in enumerate(p):
         for k, y in enumerate(q):
@@ -36,7 +36,7 @@ def evaluate(p: Polynomial, x: Fraction) -> Fraction:
 
 
 def derivative(p: Polynomial) -> Polynomial:
-    """p'."""
+    """Derivative p'."""
     return [k * x for k, x in enumerate(p)][1:]
 
 
@@ -46,7 +46,7 @@ def integral(p: Polynomial) -> Polynomial:
 
 
 def lagrange(nodes: Sequence[Fraction]) -> list[Polynomial]:
-    """Lagrange's polynomials ℓ_j with ℓ_j(c_i) = δ_ij at nodes c."""
+    """Lagrange polynomials ℓ_j with ℓ_j(c_i) = δ_ij at the nodes c_i."""
     basis = []
     for j, x in enumerate(nodes):
         p = [Fraction(1)]
@@ -57,7 +57,7 @@ def lagrange(nodes: Sequence[Fraction]) -> list[Polynomial]:
 
 
 def dot(x: Iterable[Fraction], y: Iterable[Fraction]) -> Fraction:
-    """Σ x_i y_i over a common denominator: a plain sum of Fractions would reduce after every term."""
+    """Σ x_i y_i over a common denominator, because a plain sum of Fractions slowly reduces the sum after every term."""
     products = [(a.numerator * b.numerator, a.denominator * b.denominator) for a, b in zip(x, y, strict=True) if a]
     common = math.lcm(*(below for _, below in products))
     return Fraction(sum(above * (common // below) for above, below in products), common)

@@ -1,4 +1,4 @@
-"""Progress of long work: one line on the terminal, redrawn in place."""
+"""Progress of long computations, shown in one terminal line that is redrawn in place."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import time
 
 
 class Line:
-    """One line of stderr, redrawn in place; silent if stderr is not a terminal."""
+    """One line on stderr that is redrawn in place; nothing is shown if stderr is not a terminal."""
 
     def __init__(self) -> None:
         self.shown = sys.stderr.isatty()
@@ -16,7 +16,7 @@ class Line:
 
     @property
     def width(self) -> int:
-        """Characters that fit; the last column is left free because some terminals wrap there."""
+        """Number of characters that fit; the last column is left free because some terminals wrap there."""
         try:
             columns = os.get_terminal_size(sys.stderr.fileno()).columns
         except OSError:
@@ -31,16 +31,16 @@ class Line:
             self._drawn = len(text)
 
     def clear(self) -> None:
-        """Leave an empty line for the next output."""
+        """Clear the line for the next output."""
         if self._drawn:
             self.draw("")
             print("\r", end="", file=sys.stderr, flush=True)
 
 
 class Progress(Line):
-    """Progress bar: fraction done, elapsed and remaining time; `done` is the fraction done in earlier sessions.
+    """Progress bar with fraction done, elapsed and remaining time; `done` is the fraction done in earlier sessions.
 
-    If the work consists of `parts`, called `what`, it also shows how many are done per second.
+    If the work consists of `parts`, which are called `what`, it also shows how many of them are done per second.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
-"""Third-party XML, read with the standard library's parser; harmful constructs are refused.
+"""Read third-party XML with the standard library's parser, and refuse harmful constructs.
 
-A document type, and so every entity, is refused where it begins, before anything is expanded or fetched. The size, the
-number and the depth of elements are limited, which also limits memory.
+A DOCTYPE, and so every entity, is refused where it begins, before anything is expanded or fetched. The size of
+the text, and the number and depth of elements, are limited, which also limits memory.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from flexlink.common.errors import DataFileError
 
 LARGEST = 5_000_000  # bytes; a robot with a thousand links has half a megabyte
 MOST_ELEMENTS = 200_000  # including attributes; together about 100 MB
-DEEPEST = 1000  # nested elements; MuJoCo reads 500
+DEEPEST = 1000  # levels of nested elements; MuJoCo reads 500
 
 
 def parse(text: str | bytes, what: str) -> ET.Element:
@@ -23,7 +23,7 @@ def parse(text: str | bytes, what: str) -> ET.Element:
     Parameters
     ----------
     text
-        The document; bytes declare their encoding themselves (default UTF-8).
+        The document; bytes contain a declaration of their encoding (default UTF-8).
     what
         Name of the document, such as its path, for messages.
 
@@ -35,7 +35,7 @@ def parse(text: str | bytes, what: str) -> ET.Element:
     Raises
     ------
     DataFileError
-        The text is not XML, is larger or deeper than any robot file, or has a DOCTYPE. One line.
+        The text is not XML, is larger or deeper than any robot file, or has a DOCTYPE; the message has one line.
     """
     try:
         data = text if isinstance(text, bytes) else text.encode()
@@ -48,11 +48,12 @@ def parse(text: str | bytes, what: str) -> ET.Element:
     except (ET.ParseError, ValueError, LookupError) as error:  # ValueError: surrogates, encodings that expat lacks
         if isinstance(error, DataFileError):
             raise
-        raise DataFileError(f"{what}: not XML: {' '.join(str(error).split())}", id="not-xml") from None
+        scene = "; a scene (.toml) is written as URDF by flexlink export" if what.endswith(".toml") else ""
+        raise DataFileError(f"{what}: not XML: {' '.join(str(error).split())}{scene}", id="not-xml") from None
 
 
 def numbers_of(text: str) -> list[float] | None:
-    """The decimal numbers in a text, separated by blanks; None if it contains anything else. Overflow gives infinity.
+    """The decimal numbers in a text, separated by spaces; None if it contains anything else. Overflow gives infinity.
 
     Python's `float` also accepts `1_0`, `nan` and digits of any script, which other programs refuse.
     """
@@ -62,7 +63,7 @@ def numbers_of(text: str) -> list[float] | None:
 
 
 class _Elements(ET.TreeBuilder):
-    """Builder of elements only, limited in number and depth."""
+    """Builder that keeps only elements, and limits their number and depth."""
 
     def __init__(self, what: str) -> None:
         super().__init__()

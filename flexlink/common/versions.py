@@ -1,4 +1,4 @@
-"""Versions and hardware that a result was computed with."""
+"""Versions of packages, and the hardware, with which a result was computed."""
 
 from __future__ import annotations
 

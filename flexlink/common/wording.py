@@ -1,4 +1,4 @@
-"""Parts of messages: values, lists, and suggestions."""
+"""Format parts of messages: values, lists, and suggestions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Self
 class Diagnostic(str):
     """A message for the user with a stable `id`, such as `"unknown-key"`, which the documentation explains.
 
-    Errors, warnings, notes and hints differ only in severity, which `flexlink` prints before them.
+    Errors, warnings, notes and hints differ only in severity, which `flexlink` prints before the message.
     """
 
     __slots__ = ("id",)
@@ -31,15 +31,15 @@ class Diagnostic(str):
 
 
 def id_of(text: object) -> str:
-    """The id of an error or a diagnostic as it is printed: two blanks and [id]; empty without one."""
+    """The id of an error or a diagnostic as it is printed, two spaces and [id]; empty if there is no id."""
     name = getattr(text, "id", "")
     return f"  [{name}]" if name else ""
 
 
 def coloured(word: str) -> str:
-    """A word of severity in colour: red for errors, yellow for warnings, cyan for notes.
+    """Colour a word for severity: red for errors, yellow for warnings, cyan for notes.
 
-    Without colour if stderr is no terminal, or NO_COLOR is set.
+    The word is unchanged if stderr is not a terminal, or NO_COLOR is set.
     """
     codes = {"warning": 33, "note": 36, "flexlink": 31}
     if word not in codes or os.environ.get("NO_COLOR") or not sys.stderr.isatty():
@@ -48,7 +48,7 @@ def coloured(word: str) -> str:
 
 
 def did_you_mean(value: object, allowed: Iterable[str]) -> str:
-    """End of a message that suggests the name in `allowed` with a unit appended, or the closest; empty if none."""
+    """End of a message that suggests a name in `allowed`: `value` with a unit appended, or else the closest name."""
     if not isinstance(value, str):
         return ""
     by_case = {name.casefold(): name for name in reversed(list(allowed))}

@@ -1,4 +1,4 @@
-"""CSV files whose headers are quantities with units, such as "q upper [deg]": strict reading and unit conversion."""
+"""Strict reading and unit conversion of CSV files whose headers are quantities with units, such as "q upper [deg]"."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 from flexlink.common.errors import DataFileError
 from flexlink.common.files import read_regular
 from flexlink.common.types import Array
-from flexlink.common.wording import did_you_mean, short_list, truncated
+from flexlink.common.wording import did_you_mean, plural, short_list, truncated
 
 TIME = "t [s]"
 UNITS = {
@@ -26,7 +26,8 @@ UNITS = {
     "N mm²": ("N m²", 1e-6), "N mm^2": ("N m²", 1e-6), "kg/m": ("kg/m", 1.0), "g/m": ("kg/m", 1e-3),
     "kg m": ("kg m", 1.0),
 }  # fmt: skip
-"""Units allowed in headers: SI unit and factor to it. "/s" and "/s²" may follow units of angle and length."""
+"""Units allowed in headers, with their SI unit and conversion factor. Units of angle and length may be followed by "/s"
+and "/s²"."""
 WITH_RATES = {"rad", "m"}
 PER = {"": "", "/s": "/s", "/s²": "/s²", "/s^2": "/s²"}
 """Suffixes that may follow a unit, and their SI form."""
@@ -45,12 +46,12 @@ class CsvTable(NamedTuple):
         return {head_of(head)[0] for head in self.heads}
 
     def column(self, quantity: str, unit: str) -> Array:
-        """The column of a quantity, converted to `unit`; every cell must be a number.
+        """Return the column of a quantity, converted to `unit`; every cell must be a number.
 
         Raises
         ------
         DataFileError
-            The column is missing or appears twice, its unit is missing or does not fit, or a cell is empty.
+            The column is missing or appears twice, its unit is missing or cannot be converted, or a cell is empty.
         """
         found = [k for k, head in enumerate(self.heads) if head_of(head)[0] == quantity]
         wanted = f"{quantity} [{unit}]"
@@ -89,7 +90,7 @@ class CsvTable(NamedTuple):
         Raises
         ------
         DataFileError
-            The times do not increase, or `column` raises it.
+            The times do not increase, or `column` raises the error.
         """
         t = self.column("t", "s")
         late = np.flatnonzero(np.diff(t) <= 0)
@@ -118,7 +119,7 @@ def conversion(given: str, wanted: str) -> float | None:
 
 
 def _split(unit: str) -> tuple[str, float] | None:
-    """SI unit of a unit, and the factor to it; None if unknown."""
+    """SI unit for a given unit, and the conversion factor; None if the unit is unknown."""
     for per, written in PER.items():
         base, size = UNITS.get(unit.removesuffix(per) if per else unit, ("", 0.0))
         if base and (not per or (unit.endswith(per) and base in WITH_RATES)):
@@ -127,7 +128,7 @@ def _split(unit: str) -> tuple[str, float] | None:
 
 
 def units_like(unit: str) -> list[str]:
-    """All header units that can replace a unit."""
+    """All header units that can be converted to a unit."""
     return [name for name in every_unit() if conversion(name, unit) is not None]
 
 
@@ -142,7 +143,7 @@ def every_unit() -> list[str]:
 
 
 def in_si(head: str) -> tuple[str, float] | None:
-    """A header in SI units and the factor from its own unit; None if the unit is unknown."""
+    """The same header in SI units, and the factor from its unit to SI; None if the unit is unknown."""
     quantity, unit = head_of(head)
     split = _split(unit)
     return None if split is None else (f"{quantity} [{split[0]}]", split[1])
@@ -172,10 +173,10 @@ def read_csv(path: Path) -> CsvTable:
     for sign, name in ((";", "semicolons"), ("\t", "tabs")):
         if len(heads) == 1 and sign in heads[0]:
             raise DataFileError(
-                f"{path}: cells are separated by {name}; expected commas, and points in decimals", id="not-csv"
+                f"{path}: cells are separated by {name}; expected commas, and decimal points", id="not-csv"
             )
     heads = [head.strip() for head in heads]
-    if not any(head_of(head)[1] for head in heads):  # may be another kind of file: do not quote its content
+    if not any(head_of(head)[1] for head in heads):  # may be another kind of file, so do not quote its content
         raise DataFileError(
             f"{path}: its first line has no column with a unit, such as {TIME!r}; expected a CSV file", id="not-csv"
         )
@@ -186,7 +187,7 @@ def read_csv(path: Path) -> CsvTable:
 def _numbers(path: Path, number: int, line: list[str], heads: list[str]) -> list[float]:
     if len(line) != len(heads):
         raise DataFileError(
-            f"{path}: line {number}: {len(line)} cells; the header line has {len(heads)}", id="csv-cell"
+            f"{path}: line {number}: {plural(len(line), 'cell')}; the header line has {len(heads)}", id="csv-cell"
         )
     found = []
     for cell, head in zip(line, heads, strict=True):

@@ -1,4 +1,4 @@
-"""TOML documents: parsing, paths, and file names inside a document."""
+"""Parse TOML documents, and handle paths and file names inside a document."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.common.files import read_regular
 from flexlink.common.types import T
 from flexlink.common.wording import truncated
+from flexlink.data.toml_syntax import explained
 
 
 def require_path(name: str, value: object) -> Path:
@@ -23,7 +24,7 @@ def require_path(name: str, value: object) -> Path:
     Raises
     ------
     ArgumentError
-        It is neither; the message states its type.
+        `value` has another type, which the message states.
     """
     if not isinstance(value, str | os.PathLike):
         raise ArgumentError(
@@ -33,7 +34,7 @@ def require_path(name: str, value: object) -> Path:
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Parse a TOML file, with one-line errors.
+    """Parse a TOML file; error messages have one line.
 
     Raises
     ------
@@ -50,10 +51,12 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise SceneError(f"{path}: empty; expected a TOML file", id="file-empty")
     if text.lstrip().startswith("<"):
         raise SceneError(f"{path}: is XML; import it first: flexlink import {path}", id="is-xml")
+    if path.suffix.lower() == ".csv":
+        raise SceneError(f"{path}: is a table of numbers; expected a TOML file", id="not-toml")
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: TOMLDecodeError, or an integer of 5000 digits
-        raise SceneError(f"{path}: not TOML: {error}", id="not-toml") from None
+        raise SceneError(f"{path}: not TOML: {explained(text, error)}", id="not-toml") from None
 
 
 @contextlib.contextmanager
@@ -79,7 +82,8 @@ def with_absolute_paths(folder: Path, document: T) -> T:
     """Make all file names in a parsed file absolute, relative to its `folder`; tables and lists change in place.
 
     File names are all values of `file`, and values of `method`, `lumping` and `kind` that end in .toml. A key may be a
-    path such as "run.method", a value a list of several. Uses no recursion, so deep nesting is safe.
+    path such as "run.method", and a value may be a list of file names. The function is not recursive, so deep nesting
+    is safe.
     """
     text = _as_json(document)
     if text and b'.toml"' not in text and b'file"' not in text:
@@ -105,7 +109,7 @@ def is_finite(document: object) -> bool:
 
 
 def _as_json(document: object) -> bytes:
-    """A parsed file as JSON, in which infinite and nan are null: takes a few µs; empty if it cannot be encoded."""
+    """A parsed file as JSON, in a few µs, with null for infinite and nan; empty if it cannot be encoded."""
     try:
         return msgspec.json.encode(document)
     except (TypeError, ValueError, OverflowError, RecursionError):

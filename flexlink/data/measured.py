@@ -1,4 +1,4 @@
-"""Measured data: a CSV of times and trajectory columns, in SI or instrument units."""
+"""Measured data, from a CSV file with times and columns of a trajectory, in SI or instrument units."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def read_measured(path: Path, known: Mapping[str, object], only: Sequence[str] =
     known
         Allowed columns, by their names in `Trajectory.columns`.
     only
-        Headers of the columns to read; the others may be anything. Default: all.
+        Headers of the columns to read; other columns are ignored. Default: all columns.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def read_measured(path: Path, known: Mapping[str, object], only: Sequence[str] =
 def measured_from(
     where: str, heads: Sequence[str], values: Array, known: Mapping[str, object], only: Sequence[str] = ()
 ) -> Measured:
-    """Measured data from columns, shape (samples, heads), and their headers; otherwise as `read_measured`."""
+    """Return measured data from columns, shape (samples, heads), and their headers; see `read_measured`."""
     absent = [name for name in only if name not in heads]
     if absent:
         raise DataFileError(
@@ -70,7 +70,7 @@ def measured_from(
 
 
 def named(where: str, head: str, known: Mapping[str, object]) -> tuple[str, float]:
-    """Trajectory column of a header, and the factor from the header's unit to the column's.
+    """Name of the trajectory column for a header, and the factor from the header's unit to the column's unit.
 
     Raises
     ------
@@ -86,12 +86,12 @@ def named(where: str, head: str, known: Mapping[str, object]) -> tuple[str, floa
 
 
 def _why_unknown(head: str, known: Mapping[str, object]) -> str:
-    """Why a header is unknown (quantity or unit), and which column may have been meant."""
+    """Explain why a header is unknown (quantity or unit), and suggest which column was meant."""
     quantity, unit = head_of(head)
     same = next((name for name in known if head_of(name)[0] == quantity), None)
     if same is not None:
         fitting = ", ".join(units_like(head_of(same)[1]))
-        return f"{'without a unit' if not unit else 'not known with this unit'}; expected {same!r}, or in {fitting}"
+        return f"{'without a unit' if not unit else 'not known with this unit'}; expected {same!r} (units: {fitting})"
     alike = [name for name in known if conversion(unit, head_of(name)[1]) is not None and name != TIME]
     others = f"columns in {unit} are {short_list(alike)}" if alike else ""
     expected = others or f"expected {short_list(list(known))}, or in deg, mm, µm, ms"

@@ -1,9 +1,9 @@
-"""Rates and accelerations of measured angles: a zero-phase low-pass filter, differentiated exactly.
+"""Rates and accelerations of measured angles, from a zero-phase low-pass filter that is differentiated exactly.
 
 The smoothing spline f of degree 5 of angles y at times t minimizes Σ w_k (y_k − f(t_k))² + λ ∫ f‴² dt. The weight w_k
-is the time interval of a sample; λ = (2π cutoff)⁻⁶. The gain at frequency f is 1 / (1 + (f/cutoff)⁶), without delay:
-that of a third-order Butterworth filter run forward and backward. The gain is 50 % at the cutoff, 98 % at half of it
-and 99.9 % at a third. Parabolas pass unchanged, including at both ends of the record.
+is the time interval of a sample; λ = (2π cutoff)⁻⁶. The gain at frequency f is 1 / (1 + (f/cutoff)⁶), without delay, as
+for a third-order Butterworth filter run forward and backward. The gain is 50 % at the cutoff, 98 % at half of it and
+99.9 % at a third of it. Parabolas are unchanged, even at both ends of the record.
 (Schoenberg 1964; Eilers & Marx 1996 for the B-spline basis)
 """
 
@@ -18,14 +18,14 @@ from flexlink.common.types import Array
 
 
 def smoothed(t: Array, y: Array, cutoff: float) -> tuple[Array, Array, Array]:
-    """Low-pass values, rates and accelerations (samples,) of y (samples,) at times t [s]; `cutoff` in Hz.
+    """Low-pass filtered values, rates and accelerations (samples,) of y (samples,) at times t [s]; `cutoff` in Hz.
 
     Raises
     ------
     SceneError
         There are fewer than five samples, or they are too far apart for the cutoff.
     """
-    # minimum number of samples for a smoothing spline that is more than a parabola
+    # with fewer samples, the smoothing spline could only be a parabola
     fewest = 5
     if len(t) < fewest:
         raise SceneError(

@@ -26,22 +26,22 @@ from flexlink.describe.spec import (
 
 IN_METRES_OF_MOTION = "position_m", "rate_m", "acceleration_m"
 Frame = Literal["world", "tip"]
-"""Axes of the components of a tip wrench: those of frame 0, or of the tip frame, with which they turn."""
+"""Frame in which a tip wrench is given: frame 0 (world), or the tip frame, which turns with the tip."""
 
 
 class Drive(Spec, frozen=True):
-    """Drive torques T_EX at the active joints, one column per link; forces [N] at prismatic joints.
+    """Drive torques T_EX at the active joints, one per link; at prismatic joints, forces [N].
 
     constant: T_EX = torque [N m].  table: `torques`, one row per time, constant before the first and after the last
-    row. Between rows it is linear; with `smooth` a cubic spline, which preserves the integrator's order; with `hold`
-    constant until the next time. The rows may be in a CSV `file`.
+    row. Between rows the torque is linear by default, a cubic spline with `smooth` (which preserves the integrator's
+    order), or constant until the next time with `hold`. The rows may be in a CSV `file`.
     pd: T_EX = kp (r − q) + kd (ṙ − q̇) + g [N m/rad, N m s/rad], where r is `target_deg` or the time-varying
-    `reference`. g depends on `gravity`: zero ("none"), or the torque that holds the joints at r against gravity, for
+    `reference`. g depends on `gravity`: zero ("none"), or the torque that keeps the joints at r against gravity, for
     the rigid arm ("rigid") or the arm bent by gravity ("static").
-    computed_torque: T_EX = M (r̈ + kd (ṙ − q̇) + kp (r − q)) + T_GC of the rigid arm, with q and q̇ of the driven
-    joints [1/s², 1/s].
-    `effort` limits the torque of each drive [N m], including that of controllers in Python.
-    With `rate` [Hz] the controller is sampled at times t = k / rate, and its output is held in between.
+    computed_torque: T_EX = M (r̈ + kd (ṙ − q̇) + kp (r − q)) + T_GC, with kp [1/s²] and kd [1/s]. The mass matrix
+    M and the gravity and Coriolis torques T_GC are computed for the rigid arm, at q and q̇ of the driven joints.
+    `effort` limits the torque of each drive [N m], including torques computed by a controller written in Python.
+    With `rate` [Hz] the controller is sampled at times t = k / rate, and its output stays constant between them.
 
     Examples
     --------
@@ -53,11 +53,11 @@ class Drive(Spec, frozen=True):
     kind: Literal["none", "constant", "table", "pd", "computed_torque"] = "none"
     """Drive of the joints: none, a constant torque, a table over time, or a controller (pd or computed_torque)."""
     torque: PerLink | None = None
-    """For constant: torque of each joint, one per link [N m]; of a prismatic joint the force [N]."""
+    """For constant: torque on each joint, one per link [N m]; for a prismatic joint, the force [N]."""
     times: Annotated[tuple[float, ...] | None, measured_in("s")] = None
     """For a table: times of its rows [s]."""
     torques: tuple[PerLink, ...] | None = None
-    """For a table: one row per time, with one torque per link [N m]; of a prismatic joint the force [N]."""
+    """For a table: one row per time, with one torque per link [N m]; for a prismatic joint, the force [N]."""
     file: str | None = None
     """For a table: a CSV file instead of `times` and `torques`, with headers "t [s]" and "tau NAME [N m]" for every
     driven joint. The path is relative to the scene's folder; the file is read once, with the scene."""
@@ -74,13 +74,14 @@ class Drive(Spec, frozen=True):
     gravity: Literal["none", "rigid", "static"] = "none"
     """For pd: feedforward torque that holds the rigid arm (rigid) or the arm bent by gravity (static) at the target."""
     smooth: bool = False
-    """For a table: cubic spline between rows, which preserves the integrator's order; default: linear."""
+    """For a table: interpolate by a cubic spline, which preserves the integrator's order. Default: linear."""
     hold: bool = False
-    """For a table: each row is held until the next time."""
+    """For a table: keep the values of each row until the next time."""
     effort: PositivePerLink | None = None
     """Torque limit of each drive, one per link [N m; N]. Default: no limit."""
     rate: Annotated[Positive | None, measured_in("Hz")] = None
-    """Sampling rate of the controller [Hz]; its torques are held in between. Default: every stage of a step."""
+    """Sampling rate of the controller [Hz]; its torques stay constant between samples. Default: the controller is
+    evaluated at every stage of a step."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -112,9 +113,9 @@ class Drive(Spec, frozen=True):
 class PrescribedMotion(Spec, frozen=True):
     """Prescribed motion of a link's active joint; the torque it requires is an output.
 
-    Angle [deg], rate [deg/s] and acceleration [deg/s²] at `times` [s], which start at 0; quintic polynomials in
-    between, and constant rate after the last time. For a prismatic joint position [m], rate [m/s] and acceleration
-    [m/s²]. They may be in a CSV `file`; the joint then starts at the first row.
+    Give angle [deg], rate [deg/s] and acceleration [deg/s²] at `times` [s], which start at 0; for a prismatic joint,
+    position [m], rate [m/s] and acceleration [m/s²]. Quintic polynomials interpolate between the times; after the last
+    one the rate stays constant. The rows may be in a CSV `file`; the joint then starts at the first row.
 
     Examples
     --------
@@ -144,11 +145,12 @@ class PrescribedMotion(Spec, frozen=True):
     acceleration_m: Annotated[Row | None, measured_in("m/s²")] = None
     """For a prismatic joint: acceleration at each time [m/s²]."""
     file: str | None = None
-    """A CSV file instead of all these, with headers "t [s]" and "q NAME [deg]", in any unit of angle (of length for a
-    prismatic joint). The path is relative to the scene's folder; the file is read once, with the scene."""
+    """A CSV file instead of the rows, with headers "t [s]" and "q NAME [deg]", in any unit of angle (or of length, for
+    a prismatic joint). The path is relative to the scene's folder; the file is read once, with the scene."""
     cutoff: Positive | None = None
     """For a file: cutoff frequency (50 % amplitude) of a zero-phase low-pass filter of its angles [Hz]; rates and
-    accelerations come from the filtered angles. Default: the columns "qd NAME [deg/s]" and "qdd NAME [deg/s²]"."""
+    accelerations come from the filtered angles. Default: the file is not filtered, and rates and accelerations are its
+    columns "qd NAME [deg/s]" and "qdd NAME [deg/s²]"."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -207,8 +209,8 @@ class Wrench(Spec, frozen=True):
     """Force [N] and moment [N m] on the tip, acting at the origin of the tip frame.
 
     Components are in the axes of frame 0 (frame = "world") or of the tip frame ("tip"), with which they turn. They are
-    either constant, `force` and `moment`, or a table: `forces`, `moments` or both, one row per time [s], interpolated
-    as those of a drive. The table may be in a CSV `file`.
+    either constant (`force` and `moment`) or a table (`forces`, `moments` or both, one row per time [s]), interpolated
+    like the torque table of a drive. The table may be in a CSV `file`.
 
     Examples
     --------
@@ -223,9 +225,9 @@ class Wrench(Spec, frozen=True):
     moment: Annotated[Vector3, measured_in("N m")] = (0.0, 0.0, 0.0)
     """Constant moment on the tip [N m]."""
     frame: Frame = "world"
-    """Axes of the components: of frame 0 (world), or of the tip frame, with which they turn."""
+    """Frame of the components: frame 0 (world), or the tip frame, which turns with the tip."""
     on: str = ""
-    """Name of the link at whose end it acts; no other link may be attached to it. Default: the last link."""
+    """Name of the link at whose end the wrench acts; no other link may be attached there. Default: the last link."""
     times: Annotated[tuple[float, ...] | None, measured_in("s")] = None
     """For a table: times of its rows [s]."""
     forces: Annotated[tuple[Vector3, ...] | None, measured_in("N")] = None
@@ -236,9 +238,9 @@ class Wrench(Spec, frozen=True):
     """A CSV file instead of `times`, `forces` and `moments`, with headers "t [s]", "force x [N]" to "moment z [N m]";
     missing components are 0. The path is relative to the scene's folder; the file is read once, with the scene."""
     smooth: bool = False
-    """For a table: cubic spline between rows; default: linear."""
+    """For a table: interpolate by a cubic spline. Default: linear."""
     hold: bool = False
-    """For a table: each row is held until the next time."""
+    """For a table: keep the values of each row until the next time."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -278,7 +280,7 @@ class Wrench(Spec, frozen=True):
         Raises
         ------
         SceneError
-            The wrench is not constant in frame 0; the message names the key path of the scene.
+            The wrench is not constant in frame 0; the message gives the path of the scene's key that makes it vary.
         """
         if self.varies:
             cause = "frame = 'tip'" if self.frame == "tip" else f"times = {truncated(self.times)}"
@@ -302,7 +304,7 @@ def check_table(
     Raises
     ------
     SceneError
-        The message names the row.
+        A check fails; the message names the key or the row.
     """
     if times is not None:
         require_increasing("times", times)

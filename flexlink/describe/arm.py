@@ -19,18 +19,19 @@ from flexlink.describe.sections import BREADTHS
 from flexlink.describe.spec import Spec, link_key
 
 BETWEEN = (
-    "a branch or a prismatic joint lies between the links with this law; give it to one link, or use law = "
+    "a branch or a prismatic joint lies between the links with this law; set it for one link only, or use law = "
     "'proportional'"
 )
-"""Why dampers between hinges are not available."""
+"""Reason in messages why damping with a constant ratio, which needs dampers between hinges, is not available."""
 BASE = "base"
-"""Name of the base as a parent, unless a link has this name."""
+"""Name that denotes the base as a parent, unless a link has this name."""
 
 
 class Base(RigidBody, frozen=True):
     """Support of the first link: fixed in frame 0, or free, a floating rigid body such as a satellite.
 
-    `mass` [kg], `center` [m] and `inertia` [kg m²] of a free base are in its frame; it starts at `initial.base`.
+    `mass` [kg], `center` [m] and `inertia` [kg m²] of a free base are given in the base's frame; `initial.base` gives
+    its initial pose and velocity.
 
     Examples
     --------
@@ -128,15 +129,15 @@ class Arm(Spec, frozen=True):
                 path = f"{self.path(k)}.section_tip = {link.section_tip!r}"
                 yield Diagnostic(f"{path}: is a {shapes[1]}, not a {shapes[0]}", "section-shapes-differ")
         if len({link.dh.convention for link in self.links if link.dh is not None}) > 1:
-            yield Diagnostic("link.dh.convention: differs between links; a table has only one", "dh-conventions-differ")
+            yield Diagnostic("link.dh.convention: differs between links; use only one", "dh-conventions-differ")
         yield from self._wrong_law()
         if not self.base.free and all(link.joint.locked and not link.elastic for link in self.links):
             yield Diagnostic(
-                "link: every joint is locked and every link rigid; at least one must move", "nothing-to-move"
+                "link: every joint is locked and every link rigid; unlock a joint or let a link bend", "nothing-to-move"
             )
 
     def _wrong_law(self) -> Iterator[Diagnostic]:
-        """Damping with a constant ratio across a branch or a prismatic joint."""
+        """Report damping with a constant ratio across a branch or a prismatic joint."""
         given = [k for k, link in enumerate(self.links) if link.damping is not None and link.damping.is_constant]
         for k in range(given[0] + 1, given[-1] + 1) if given else ():
             link, before = self.links[k], self.links[k - 1]
@@ -146,7 +147,7 @@ class Arm(Spec, frozen=True):
                 return
 
     def _wrong_table(self, k: int, link: Link) -> Iterator[Diagnostic]:
-        """Columns that a rigidity table lacks for its link, or a wrong length."""
+        """Report columns that a link's rigidity table lacks, and a table that does not end where the beam ends."""
         table = self.rigidities.get(link.rigidity or "")
         if table is None:
             return
@@ -161,16 +162,16 @@ class Arm(Spec, frozen=True):
             )
 
     def _wrong_drag(self, k: int, link: Link) -> Iterator[Diagnostic]:
-        """Missing length or breadth of a link with drag."""
+        """Report a link with drag whose length or breadth is missing."""
         if link.drag is None:
             return
         path = f"{self.path(k)}.drag"
         if link.beam.length == 0:
-            yield Diagnostic(f"{path}: the link has no length; leave it out", "needs-a-length")
+            yield Diagnostic(f"{path}: the link has no length; leave drag out", "needs-a-length")
         elif link.drag.breadth is None:
             section = self.sections.get(link.section or "")
             if link.section is None:
-                reason = "the link has no section to take it from"
+                reason = "the link has no section from which to take it"
                 yield Diagnostic(f"{path}.breadth: missing; {reason}", "missing-key")
             elif section is not None and section.shape not in BREADTHS:
                 reason = f"a {section.shape} section, {link.section!r}, does not define it"
@@ -178,7 +179,7 @@ class Arm(Spec, frozen=True):
 
     @property
     def parents(self) -> tuple[int, ...]:
-        """For every link the number, from 1, of its parent; 0: the base."""
+        """Number of each link's parent, from 1; 0 is the base."""
         numbers, parents = {BASE: 0}, list[int]()
         for before, link in enumerate(self.links):
             parents.append(numbers[link.on] if link.on else before)
@@ -203,7 +204,7 @@ class Arm(Spec, frozen=True):
 
     @property
     def is_serial(self) -> bool:
-        """Whether every link is attached to the one before it."""
+        """Whether every link is attached to the previous link."""
         return self.parents == tuple(range(len(self.links)))
 
     def __repr__(self) -> str:
@@ -218,7 +219,7 @@ class Arm(Spec, frozen=True):
         return (link.damping or self.materials[link.material or ""]).loss_time
 
     def path(self, number: int, key: str = "link") -> str:
-        """Path of a link by its number from 1, as in `--set`: `link.upper` or `link.2`; or below another key."""
+        """Path of a link, given its number from 1, as in `--set`: `link.upper` or `link.2`; `key` replaces "link"."""
         return f"{key}.{link_key([link.name for link in self.links], number - 1)}"
 
     def number(self, link: str | int) -> int:

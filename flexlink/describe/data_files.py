@@ -58,7 +58,7 @@ def load(folder: str, key: str, name: str, kind: type[T]) -> T:
 
 @functools.lru_cache(maxsize=256)
 def _is_ours(folder: str, name: str) -> bool:
-    """Whether a built-in description has this name: checks a single file, once, instead of listing the folder."""
+    """Whether a built-in description has this name; looks for its file, once, instead of listing the folder."""
     return Path(name).name == name and (DATA / folder / f"{name}.toml").is_file()
 
 

@@ -15,7 +15,7 @@ from flexlink.describe.spec import Vector3
 
 
 def unit(key: str, vector: Vector3 | Array) -> Array:
-    """Return the direction of a vector, shape (3,); coordinate axes are exact.
+    """Return the unit vector along a vector, shape (3,); it is exact along a coordinate axis.
 
     Raises
     ------
@@ -33,7 +33,8 @@ def unit(key: str, vector: Vector3 | Array) -> Array:
 class Line(NamedTuple):
     """Position and axes of the beam in a link's frame.
 
-    `start` [m] is its root, `length` [m] its length, `frame` (3, 3) the section's axes: v_link = frame @ v_beam.
+    `start` is the beam's root [m] and `length` its length [m]; `frame` (3, 3) rotates from the section's axes to the
+    link's: v_link = frame @ v_beam.
     """
 
     start: Array
@@ -59,7 +60,7 @@ def line_of(ends: tuple[Vector3, Vector3], up: Vector3 | None, axis: Array) -> L
     length = math.hypot(*along)
     if not 0 < length < math.inf:
         raise SceneError(
-            f"line = {truncated(ends)}: has length {length:g} m; its two points must differ", id="no-length"
+            f"line = {truncated(ends)}: has length {length:g} m; must be positive and finite", id="no-length"
         )
     x = unit("line", along)
     z = _across(x, axis if up is None else unit("up", up))
@@ -70,14 +71,14 @@ def line_of(ends: tuple[Vector3, Vector3], up: Vector3 | None, axis: Array) -> L
         )
     if z is None:
         z = _across(x, np.eye(3)[2 if x[2] ** 2 < 0.5 else 1])
-        assert z is not None  # at least 45° between them
+        assert z is not None  # x and this axis are at least 45° apart
     return Line(start, length, np.stack([x, np.cross(z, x), z], axis=1))
 
 
 def _across(x: Array, direction: Array) -> Array | None:
-    """Normalized component of a unit vector perpendicular to x; None if it is parallel to x.
+    """Unit vector along the component of `direction` perpendicular to x; None if `direction` is parallel to x.
 
-    Projected twice: if the two are nearly parallel, the first pass leaves an error of eps / angle along x.
+    It is projected twice: if both are nearly parallel, the first projection leaves an error of eps / angle along x.
     """
     if math.hypot(*np.cross(x, direction)) < 1e-6:  # parallel: robot files give angles to about ten digits
         return None

@@ -8,15 +8,15 @@ from flexlink.describe.spec import Positive, Spec, measured_in
 
 
 class Drag(Spec, frozen=True):
-    """Drag against motion across a link, proportional to the square of its speed; motion along it has no drag.
+    """Drag on a link that moves across its beam, proportional to speed squared; motion along the beam causes no drag.
 
-    Per unit length, with v the velocity of the beam's axis across the link, along the section's y and z,
+    The force per unit length along the section's y and z, with v the velocity of the beam's axis across the link, is
 
         f_y = −½ ρ c_d b_y |v| v_y        f_z = −½ ρ c_d b_z |v| v_z        ρ = `air_density` of the scene
 
-    the cross-flow principle (Hoerner 1965, Fluid-Dynamic Drag, chapter 3) for a fluid at rest. The added mass of the
-    fluid, π/4 ρ b² per length, is neglected: in air it is 0.05 % of the mass of a round aluminium bar and 2 % of that
-    of an aluminium strip 60 times as wide as thick; in water it is not small.
+    by the cross-flow principle (Hoerner 1965, Fluid-Dynamic Drag, chapter 3) in a fluid at rest. The added mass of the
+    fluid, π/4 ρ b² per length, is neglected: in air it adds 0.05 % to the mass of a round aluminium bar, and 2 % to the
+    mass of an aluminium strip 60 times as wide as thick; in water it is not small.
 
     Examples
     --------
@@ -30,5 +30,5 @@ class Drag(Spec, frozen=True):
     coefficient: Positive
     """Drag coefficient c_d [1]: about 1.2 for a round bar, 2 for a flat one."""
     breadth: Annotated[tuple[Positive, Positive] | None, measured_in("m")] = None
-    """Breadth of the link, seen along the section's y and along its z [m]. Default: that of its section, including
-    taper; required for a general section and for a table of rigidities."""
+    """Breadth of the link, seen along the section's y and along its z [m]. Default: the breadth of its section,
+    including taper; required for a general section and for a table of rigidities."""

@@ -18,7 +18,7 @@ def _words() -> dict[str, Any]:
 
 
 def expected(where: str, kind: Any, value: object, reason: str, units: Sequence[str] = ()) -> str:
-    """What a key accepts, from its annotation, its name, or msgspec's reason and the key's units."""
+    """Describe what a key accepts, using its annotation, its name, or msgspec's reason and the key's units."""
     known = _allowed(kind, value) or _three_numbers(where, kind, value) or _as_written(where, value)
     return known or _in_words(reason, value, " or ".join(units))
 
@@ -30,7 +30,7 @@ def _allowed(kind: Any, value: object) -> str:
 
 
 def _three_numbers(where: str, kind: Any, value: object) -> str:
-    """Expected vector with an example; for a named axis, that axis. Empty for other keys."""
+    """Expected three numbers, with an example (the axis that `value` names, if it does); empty for other keys."""
     directions = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
     known = _words()["three_numbers"].get(where.rpartition(".")[2])
     if kind != tuple[float, float, float] or known is None:
@@ -50,7 +50,7 @@ def _as_written(where: str, value: object) -> str:
 
 
 def _in_words(reason: str, value: object, unit: str) -> str:
-    """msgspec's reason without names of Python types, with the unit of a number."""
+    """Reword msgspec's reason without names of Python types, and add the unit of a number."""
     if limit := re.fullmatch(r"Expected `(?:float|int)(?: \| null)?` ([<>]=?) (\S+)", reason):
         return f"must be {limit[1]} {limit[2].removesuffix('.0')}"
     if length := re.fullmatch(r"Expected `array(?: \| null)?` of length (>= |<= )?(\d+)(?:, got .*)?", reason):
@@ -74,7 +74,7 @@ def _in_words(reason: str, value: object, unit: str) -> str:
 def _name_of(kind: str) -> str:
     """Name of a type of TOML values."""
     names = {
-        "float": "a number", "int": "an integer", "str": "a text", "bool": "true or false", "object": "a table",
+        "float": "a number", "int": "an integer", "str": "a string", "bool": "true or false", "object": "a table",
         "array": "a list",
     }  # fmt: skip
     return names.get(kind, kind)
@@ -82,7 +82,7 @@ def _name_of(kind: str) -> str:
 
 @cache
 def _instead(words: str) -> dict[str, str]:
-    """Alternatives by each of the "keys" or "values"."""
+    """Suggested alternatives to unknown keys or to values, by word; `words` is "keys" or "values"."""
     return {word: row["text"] for row in _words()["instead"] for word in row.get(words, ())}
 
 

@@ -1,4 +1,4 @@
-"""Motions, drives, references and wrenches with tables in CSV files: read once, when a scene is built."""
+"""Read tables of motions, drives, references and wrenches from CSV files: once, when a scene is built."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ RATES = {"qd": "/s", "qdd": "/s²"}
 def filled_from_files(
     arm: Arm, *, motion: tuple[PrescribedMotion, ...], drive: Drive, wrench: Wrench, initial: InitialState
 ) -> dict[str, Any]:
-    """Fields of a scene that change when tables in files are read; a joint moved by a file starts at its first row.
+    """Return the fields of a scene that change when tables in files are read; joints then start at a file's first row.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def filled_from_files(
 
 
 def _number(arm: Arm, motion: PrescribedMotion) -> int:
-    """Number of the link that moves; 0 if it does not exist, which the scene then refuses."""
+    """Number of the moving link; 0 if there is no such link, which the checks of the scene report later."""
     try:
         return arm.number(motion.link)
     except ArgumentError:
@@ -63,12 +63,12 @@ def _number(arm: Arm, motion: PrescribedMotion) -> int:
 
 
 def _started_with(initial: InitialState, arm: Arm, number: int, motion: PrescribedMotion) -> InitialState:
-    """Set the initial state of a joint to the first angle and rate of its motion; a nearly equal angle may be given.
+    """Start a joint at the first angle and rate of its motion; an angle given in the scene must nearly equal it.
 
     Raises
     ------
     SceneError
-        A different angle, or a rate, is given.
+        The scene gives a different angle, or a rate.
     """
     # largest allowed difference between the given initial value and the file's first one, angle [deg] or position [m]
     near = {"joint": 0.01 if motion.slides else 1.0, "rate": 0.0}
@@ -80,9 +80,15 @@ def _started_with(initial: InitialState, arm: Arm, number: int, motion: Prescrib
             return initial
         given = row[number - 1]
         if given and abs(given - first) > allowed:
+            degrees = key.endswith("_deg") and abs(given - np.radians(first)) <= allowed
+            remedy = (
+                "its angles in rad are probably degrees: write [deg] in the name of the column"
+                if degrees
+                else "leave this out if the file is right: the joint starts where the file does"
+            )
             raise SceneError(
                 f"{arm.path(number, f'initial.{key}')} = {given!r}: the file of the motion of {motion.link!r} starts "
-                f"at {first:.6g}; check its unit, or leave this out: the joint starts where the file does",
+                f"at {first:.6g}; {remedy}",
                 id="start-differs-from-file",
             )
         row[number - 1] = first
@@ -121,14 +127,14 @@ def without_starts(initial: InitialState, arm: Arm, led: tuple[PrescribedMotion,
 
 
 def drive_from_file(drive: Drive, arm: Arm, moved: set[int]) -> Drive:
-    """A drive with the torques of its file: one column "tau NAME [N m]" for each driven joint.
+    """Return the drive with the torques of its file, which has one column "tau NAME [N m]" for each driven joint.
 
     Locked joints, and joints with prescribed motion (`moved`, by link number), need no column.
 
     Raises
     ------
     DataFileError
-        From `read_csv` and `CsvTable.column`.
+        Raised by `read_csv` or `CsvTable.column`.
     """
 
     def filled(table: CsvTable) -> Drive:
@@ -147,18 +153,18 @@ def _torques(table: CsvTable, link: Link, moved: bool) -> Array:
 
 
 def reference_from_file(reference: Reference, arm: Arm, moved: set[int], starts: Sequence[float]) -> Reference:
-    """A reference with the angles of its file: one column "q NAME [deg]" for each joint that it moves.
+    """Return the reference with the angles of its file, which has one column "q NAME [deg]" for each moving joint.
 
-    Locked joints, and joints with prescribed motion (`moved`), need no column; the latter stay at their initial
-    position. With profile "smooth", rates and accelerations come from the file if present, or from `smoothed` if a
-    `cutoff` is given.
+    Locked joints, and joints with prescribed motion (`moved`), need no column; without one, the reference of a moved
+    joint is its initial position. With profile "smooth", rates and accelerations come from the file if present, or from
+    `smoothed` if a `cutoff` is given.
 
     Raises
     ------
     DataFileError
-        From `drive_from_file`; or the file has rates or accelerations for only part of the joints.
+        As for `drive_from_file`; or the file has rates or accelerations for only some of the joints.
     SceneError
-        From `smoothed`.
+        Raised by `smoothed`.
     """
 
     def filled(table: CsvTable) -> Reference:
@@ -187,7 +193,7 @@ def reference_from_file(reference: Reference, arm: Arm, moved: set[int], starts:
 
 
 def _angles(table: CsvTable, link: Link, cutoff: float | None, rates: Collection[str]) -> list[Array]:
-    """Positions of a joint in its unit, with rates and accelerations from a cutoff, or the requested `rates`."""
+    """Positions of a joint in its unit; with a cutoff, also filtered rates and accelerations, else columns `rates`."""
     unit = OF_JOINT[link.joint.slides].unit
     positions = table.column(f"q {link.name}", unit)
     if cutoff is not None:
@@ -197,12 +203,12 @@ def _angles(table: CsvTable, link: Link, cutoff: float | None, rates: Collection
 
 
 def wrench_from_file(wrench: Wrench) -> Wrench:
-    """A wrench with the components of its file, "force x [N]" … "moment z [N m]"; missing components are 0.
+    """Return the wrench with the components of its file, "force x [N]" … "moment z [N m]"; missing components are 0.
 
     Raises
     ------
     DataFileError
-        No component is present, or an unknown header starts with "force" or "moment"; or from `drive_from_file`.
+        No component is present, or an unknown header starts with "force" or "moment"; or as for `drive_from_file`.
     """
     parts = {"forces": ("force", "N"), "moments": ("moment", "N m")}
 
@@ -236,7 +242,7 @@ def wrench_from_file(wrench: Wrench) -> Wrench:
 
 
 def motion_from_file(motion: PrescribedMotion, link: Link) -> PrescribedMotion:
-    """A motion with the angles of its file, "q NAME [deg]", and their rates and accelerations.
+    """Return the motion with the angles of its file, "q NAME [deg]", and their rates and accelerations.
 
     With a `cutoff`, angles, rates and accelerations come from `smoothed`; without one, rates and accelerations are the
     columns "qd NAME [deg/s]" and "qdd NAME [deg/s²]".
@@ -244,9 +250,9 @@ def motion_from_file(motion: PrescribedMotion, link: Link) -> PrescribedMotion:
     Raises
     ------
     DataFileError
-        From `drive_from_file`; or the times do not start at 0.
+        As for `drive_from_file`; or the times do not start at 0.
     SceneError
-        From `smoothed`; or neither a cutoff nor rates and accelerations are given.
+        Raised by `smoothed`; or both the cutoff and the columns of rates and accelerations are missing.
     """
 
     def filled(table: CsvTable) -> PrescribedMotion:

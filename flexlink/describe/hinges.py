@@ -18,7 +18,7 @@ from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
 
 
 def hinges_of(arm: Arm) -> list[tuple[Array, Array]]:
-    """Nodes and weights, (segments − 1,) each, of every link by its rule; empty for a rigid link.
+    """Nodes and weights of every link's lumping rule, shape (segments − 1,) each; empty for a rigid link.
 
     Raises
     ------
@@ -33,7 +33,7 @@ def hinges_of(arm: Arm) -> list[tuple[Array, Array]]:
 
 
 HINGES = Memo(64)
-"""Cached nodes and weights, keyed by an arm's links; variants of a material or a payload share them."""
+"""Cached nodes and weights, keyed by an arm's links; arms that differ only in materials or payload share them."""
 
 
 def _of_all(arm: Arm) -> list[tuple[Array, Array]]:
@@ -83,7 +83,7 @@ def _check_root(link: Link) -> None:
 
 
 def _bare(link: Link) -> str:
-    """The joint or gear before the beam, with no inertia in between, and how to add some: the end of a message."""
+    """End of a message: the joint or gear before the beam, with no inertia in between, and how to add inertia."""
     between = "with no inertia between the two"
     if link.joint.gear_stiffness is not None:
         return (

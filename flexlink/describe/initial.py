@@ -24,13 +24,13 @@ class BaseState(Spec, frozen=True):
     """
 
     xyz: Annotated[Vector3, measured_in("m")] = (0.0, 0.0, 0.0)
-    """Position of its frame [m]."""
+    """Position of the base's frame in frame 0 [m]."""
     rpy_deg: Annotated[Vector3, measured_in("deg")] = (0.0, 0.0, 0.0)
     """Roll, pitch, yaw about fixed axes [deg]: R = Rz(yaw) Ry(pitch) Rx(roll); multiples of 90° are exact."""
     quaternion: tuple[float, float, float, float] | None = None
-    """Attitude as w, x, y, z instead of `rpy_deg` [1]; need not be normalized."""
+    """Attitude as a quaternion w, x, y, z [1], instead of `rpy_deg`; need not be normalized."""
     velocity: Annotated[Vector3, measured_in("m/s")] = (0.0, 0.0, 0.0)
-    """Velocity of its origin, in frame 0 [m/s]."""
+    """Velocity of the origin of the base's frame, in frame 0 [m/s]."""
     spin_deg: Annotated[Vector3, measured_in("deg/s")] = (0.0, 0.0, 0.0)
     """Angular velocity, in axes of the base [deg/s]."""
     spin: Annotated[Vector3 | None, measured_in("rad/s")] = None
@@ -61,7 +61,8 @@ class InitialState(Spec, frozen=True):
     Prismatic joints use `joint_m` [m] and `rate_m` [m/s], also one number per link. Each list has 0 for joints of the
     other kind, and may be left out.
 
-    passive = "zero": springs slack.  "static": hinges bent by gravity and tip wrench, with the joints held.
+    With passive = "zero", all springs are unloaded; with "static", hinges are in static equilibrium under gravity and
+    the tip wrench, with the joints held.
     Instead, `q` [rad] and `qd` [rad/s] give the complete state, one number per joint of the chain in order, and `time`
     [s] the start time: this is how a run is continued. With `q`, `joint_deg` only gives the angles of locked joints;
     its default is zero.
@@ -83,13 +84,13 @@ class InitialState(Spec, frozen=True):
     rate_m: Annotated[PerLink | None, measured_in("m/s")] = None
     """Rate of each prismatic joint, one number per link [m/s]. Default: at rest."""
     base: BaseState = BaseState()
-    """Where a free base starts, and how it moves."""
+    """Initial pose and velocity of a free base."""
     passive: Literal["zero", "static"] = "zero"
-    """Hinges and elastic gears: springs slack (zero), or in static equilibrium with the joints held (static)."""
+    """Hinges and elastic gears start with unloaded springs (zero), or in static equilibrium, joints held (static)."""
     q: tuple[float, ...] | None = None
-    """Complete state instead: position of every joint of the chain, in order [rad], or [m] if it slides."""
+    """Complete state, instead of `joint_deg`: position of every joint of the chain, in order [rad], prismatic [m]."""
     qd: tuple[float, ...] | None = None
-    """Complete state instead: rate of every joint of the chain, in order [rad/s], or [m/s]. Default: at rest."""
+    """Complete state: rate of every joint of the chain, in order [rad/s], prismatic [m/s]. Default: at rest."""
     time: Annotated[NonNegative, measured_in("s")] = 0.0
     """Start time of the run [s]."""
 
@@ -104,7 +105,7 @@ class InitialState(Spec, frozen=True):
                 raise SceneError(f"qd = {truncated(self.qd)}: {name} is also given; specify only one", id="both-given")
 
     def own(self, name: str, slides: Slides) -> Row:
-        """One number per link, "joint" or "rate", in the joints' own units, deg or m; zero where not given."""
+        """Initial position ("joint") or rate ("rate") of each link's joint, in deg or m (per s); zero if not given."""
         return together(slides, getattr(self, f"{name}_deg") or None, getattr(self, f"{name}_m"))
 
     @property

@@ -21,12 +21,13 @@ from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, measure
 class Joint(Spec, frozen=True):
     """Active joint at the root of a link, about or along `axis` in the link's frame; `locked` makes it rigid.
 
-    The link's frame turns about the axis of a revolute joint and slides along that of a prismatic one; at zero it is
-    the mount's frame. Units are those of a revolute joint; a prismatic joint has N/m instead of N m/rad, and so on.
+    The link's frame turns about the axis of a revolute joint, or slides along the axis of a prismatic one; at zero it
+    coincides with the mount's frame. Units here are for a revolute joint; for a prismatic joint, N m/rad becomes N/m,
+    and so on.
     With `gear_stiffness` k the gear is elastic: the motor (with armature, friction and drive) and the link turn about
-    the same axis, connected by k (θ_link − θ_motor) and by `gear_damping` times the difference of their rates. The
-    joint's angle is then the motor's; `locked` holds the motor.
-    Friction torque T_FR = viscous · q̇ + coulomb · tanh(q̇ / coulomb_width). The tanh smooths Coulomb's law, as
+    the same axis, connected by the torque k (θ_link − θ_motor) plus `gear_damping` times the difference of their rates.
+    The joint's angle is then the motor's angle; `locked` holds the motor.
+    The friction torque is T_FR = viscous · q̇ + coulomb · tanh(q̇ / coulomb_width). The tanh smooths Coulomb's law, as
     Runge-Kutta methods require: at |q̇| = 3 · coulomb_width it reaches 99.5 % of the dry torque.
 
     Examples
@@ -44,26 +45,27 @@ class Joint(Spec, frozen=True):
     locked: bool = False
     """Whether the joint is fixed at its initial position."""
     viscous: Annotated[NonNegative, measured_in("N m s/rad", "N s/m")] = 0.0
-    """Viscous friction torque per rate [N m s/rad]; of a prismatic joint [N s/m]."""
+    """Viscous friction coefficient d [N m s/rad]; for a prismatic joint [N s/m]."""
     viscous_lag: Annotated[NonNegative, measured_in("s")] = 0.0
-    """Time constant τ by which viscous friction lags behind the rate [s], as a damper in series with a spring: d ζ
-    with τ ζ̇ = q̇ − ζ, instead of d q̇."""
+    """Time constant τ by which viscous friction lags behind the rate [s], as in a damper in series with a spring: the
+    torque is d ζ with τ ζ̇ = q̇ − ζ, instead of d q̇."""
     quadratic: Annotated[NonNegative, measured_in("N m s²/rad²", "N s²/m²")] = 0.0
-    """Torque c |q̇| q̇ per squared rate, as of a hydraulic damper [N m s²/rad²]; of a prismatic joint [N s²/m²]."""
+    """Coefficient c of a torque c |q̇| q̇, as in a hydraulic damper [N m s²/rad²]; for a prismatic joint [N s²/m²]."""
     coulomb: Annotated[NonNegative, measured_in("N m", "N")] = 0.0
-    """Dry friction torque c [N m], as c tanh(q̇ / coulomb_width); of a prismatic joint a force [N]."""
+    """Dry friction torque c [N m], applied as c tanh(q̇ / coulomb_width); for a prismatic joint, a force [N]."""
     coulomb_width: Annotated[Positive, measured_in("rad/s", "m/s")] = 0.01
-    """Rate at which tanh reaches 76 % [rad/s], or [m/s]; a smaller one is closer to Coulomb's law, but stiffer."""
+    """Rate at which tanh reaches 76 % [rad/s], or [m/s]; a smaller value is closer to Coulomb's law, but makes the
+    equations stiffer."""
     armature: Annotated[NonNegative, measured_in("kg m²", "kg")] = 0.0
-    """Rotor inertia reflected to the joint [kg m²]: the motor's inertia times the square of the gear ratio; of a
-    prismatic joint [kg]."""
+    """Rotor inertia reflected to the joint [kg m²]: the motor's inertia times the square of the gear ratio; for a
+    prismatic joint, the reflected mass [kg]."""
     gear_stiffness: Annotated[Positive | None, measured_in("N m/rad", "N/m")] = None
     """Stiffness of an elastic gear between motor and link [N m/rad], or of a prismatic joint's belt or rope [N/m];
-    needs `armature`. Default: rigid."""
+    requires `armature`. Default: the gear is rigid."""
     gear_damping: Annotated[NonNegative, measured_in("N m s/rad", "N s/m")] = 0.0
-    """Damping of the elastic gear [N m s/rad], of a prismatic joint [N s/m]."""
+    """Damping of the elastic gear [N m s/rad]; for a prismatic joint [N s/m]."""
     limits_deg: Annotated[tuple[float, float] | None, measured_in("deg")] = None
-    """Lower and upper limit of the angle [deg]: exported, and a run that exceeds them warns; not enforced."""
+    """Lower and upper limit of the angle [deg], for exports; a run that exceeds them warns but continues."""
     limits_m: Annotated[tuple[float, float] | None, measured_in("m")] = None
     """For a prismatic joint: lower and upper limit of its position [m]."""
 
@@ -89,7 +91,7 @@ class Joint(Spec, frozen=True):
         if self.gear_stiffness is not None and not self.armature and not self.locked:
             raise SceneError(
                 f"armature = {self.armature!r}: gear_stiffness = {self.gear_stiffness!r} needs the motor's inertia, "
-                "the only one between motor and gear (default: 0)",
+                "because there is no other inertia between motor and gear (default: 0)",
                 id="needs-another-key",
             )
 
@@ -110,7 +112,7 @@ class Joint(Spec, frozen=True):
 
     @property
     def limits(self) -> tuple[float, float] | None:
-        """The joint's limits [deg], of a prismatic joint [m]."""
+        """The joint's limits [deg]; for a prismatic joint [m]."""
         return self.limits_m if self.slides else self.limits_deg
 
     def position(self, deg: float, m: float) -> float:
@@ -124,9 +126,9 @@ class Joint(Spec, frozen=True):
 
 
 class Mount(Spec, frozen=True):
-    """Placement of a joint frame in the end frame of the parent link (of the first link: in frame 0).
+    """Placement of a joint frame in the end frame of the parent link (for the first link: in frame 0).
 
-    First the offset `xyz` [m], then `rpy_deg` [deg] or `rpy` [rad], roll, pitch, yaw about fixed axes:
+    The offset `xyz` [m] is followed by the rotation `rpy_deg` [deg] or `rpy` [rad], roll, pitch, yaw about fixed axes:
     R = Rz(yaw) Ry(pitch) Rx(roll), the convention of URDF; v_parent = R v_joint. Multiples of 90° are exact.
 
     Examples
@@ -137,7 +139,7 @@ class Mount(Spec, frozen=True):
     """
 
     xyz: Annotated[Vector3, measured_in("m")] = (0.0, 0.0, 0.0)
-    """Offset [m]."""
+    """Offset of the joint frame, in the end frame of the parent link [m]."""
     rpy_deg: Annotated[Vector3, measured_in("deg")] = (0.0, 0.0, 0.0)
     """Roll, pitch, yaw about fixed axes [deg]; multiples of 90° are exact."""
     rpy: Annotated[Vector3 | None, measured_in("rad")] = None
@@ -159,10 +161,10 @@ class DenavitHartenberg(Spec, frozen=True):
     to the link's end frame; the beam of a link with neither `length` nor `line` runs from the joint to (a, 0, d).
     modified (Craig 2005, section 3.4): T = Rx(α) Tx(a) Rz(θ) Tz(d) from the parent's frame (not its end frame) to this
     link's frame; a and α are Craig's a_{i−1}, α_{i−1} of the parent, as in the rows of his tables.
-    In both conventions the table alone defines the axes: a beam may follow another line, and carries the next axes at
-    its end. A standard table also defines the tip. A modified table ends in the last joint's frame; the tip is the end
-    of the last link's beam, or that frame if there is no beam. A `mount`, as that of the base, precedes the row.
-    `a`, `d` [m].
+    In both conventions the table alone places the joint axes: a beam may follow another line, but the next axes, which
+    move with its end, are as in the table. A standard table also defines the tip. A modified table ends in the last
+    joint's frame; the tip is then the end of the last link's beam, or the origin of this frame if there is no beam. A
+    `mount`, such as the base's, is applied before the row. `a` and `d` are in [m].
 
     Examples
     --------
@@ -173,7 +175,7 @@ class DenavitHartenberg(Spec, frozen=True):
     convention: Literal["standard", "modified"]
     """Siciliano's (standard) or Craig's (modified)."""
     a: Annotated[float, measured_in("m")] = 0.0
-    """Length a along x [m]."""
+    """Link length a, along x [m]."""
     alpha_deg: Annotated[float, measured_in("deg")] = 0.0
     """Twist α about x [deg]."""
     d: Annotated[float, measured_in("m")] = 0.0
@@ -183,12 +185,12 @@ class DenavitHartenberg(Spec, frozen=True):
 
     @property
     def end(self) -> Vector3:
-        """End of the link by this row, in the link's frame [m]; a modified row ends at the frame's origin."""
+        """End of the link according to this row, in the link's frame [m]; a modified row ends at the frame's origin."""
         return (self.a, 0.0, self.d) if self.convention == "standard" else (0.0, 0.0, 0.0)
 
 
 def refuse_beyond(course: ReferenceTrajectory, joints: Sequence[tuple[str, Joint]]) -> None:
-    """Refuse a reference trajectory that leaves the limits of the joints of these links, at any of its extremes.
+    """Refuse a reference trajectory whose smallest or largest positions exceed the limits of these joints.
 
     Raises
     ------

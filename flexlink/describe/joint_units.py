@@ -1,7 +1,7 @@
 """Lists of one number per link in two units: degrees for revolute joints, metres for prismatic ones.
 
-Such a list has a twin in the other unit (`joint_deg`, `joint_m`). The number of a joint is in the list of its unit; the
-other list has 0. Both are merged into one list in the joints' own units, deg or m, and then converted to SI.
+Such a list has a twin in the other unit (`joint_deg`, `joint_m`). A joint's number is in the list of its unit, and the
+other list has 0 in its place. Both lists are merged into one in the joints' own units, deg or m, then converted to SI.
 """
 
 from __future__ import annotations
@@ -65,9 +65,9 @@ def in_joint_units(slides: Sequence[bool] | NDArray[np.bool_], si: ArrayLike) ->
 
 
 def misplaced(slides: Slides, names: Sequence[str], lists: Mapping[str, Row]) -> Iterator[tuple[int, str, str]]:
-    """Numbers given in the list of the wrong unit: index of the link, key, and what is wrong.
+    """Find numbers given in the list of the wrong unit; yield the index of the link, the key, and what is wrong.
 
-    `lists` are by key; the last part of a key may have a row index, as in `reference.angle_deg[3]`.
+    `lists` maps keys to lists; the last part of a key may have a row index, as in `reference.angle_deg[3]`.
     """
     for key, row in lists.items():
         name = key.rpartition(".")[2].partition("[")[0]
@@ -88,7 +88,7 @@ def in_words(slides: bool, si: float, form: str = ".6g") -> str:
 
 
 class KindOfJoint(NamedTuple):
-    """Name of a kind of joint, its own unit and SI unit, and the unit of its drive."""
+    """Name of a kind of joint, unit of its coordinate in scenes and in SI, and unit of its drive torque or force."""
 
     name: str
     unit: str

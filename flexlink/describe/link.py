@@ -42,7 +42,7 @@ class Link(Spec, frozen=True):
     name: str
     """Name of the link and of its joint, used in paths and messages."""
     on: str = ""
-    """Parent link: a name earlier in the list, or "base". Default: the link before."""
+    """Parent link: a name earlier in the list, or "base". Default: the previous link."""
     mount: Mount = Mount()
     """Placement of the joint's frame in the end frame of the parent link, or in the base's frame."""
     dh: DenavitHartenberg | None = None
@@ -50,11 +50,11 @@ class Link(Spec, frozen=True):
     joint: Joint = Joint()
     """The active joint at the link's root."""
     hub: RigidBody = RigidBody()
-    """Rigid body that turns with the joint, in the link's frame: motor housing, bearing."""
+    """Rigid body that moves with the joint, such as a motor housing or bearing, in the link's frame."""
     root_stiffness: Annotated[RootStiffness | None, measured_in("N m/rad")] = None
     """Springs at the beam's root, about axes of the link's frame [N m/rad]. Default: rigid."""
     root_damping: Annotated[RootDamping | None, measured_in("N m s/rad")] = None
-    """Damping of these springs [N m s/rad]."""
+    """Damping of the springs in `root_stiffness` [N m s/rad]."""
     length: Annotated[NonNegative, measured_in("m")] = 0.0
     """Length of the beam, along the link's x [m]; 0: no beam."""
     line: Annotated[tuple[Vector3, Vector3] | None, measured_in("m")] = None
@@ -63,8 +63,8 @@ class Link(Spec, frozen=True):
     """Direction of the section's z in the link's frame; default: the joint's axis."""
     flex: Literal["rigid", "z", "yz", "xyz"] = "rigid"
     """Flexibility: none, bending about the section's z, about y and z, or about y and z with twist about x."""
-    segments: Annotated[int, msgspec.Meta(ge=1, le=100_001)] = 1  # the largest is lumped within seconds
-    """Rigid segments of a flexible link, which has segments − 1 hinges."""
+    segments: Annotated[int, msgspec.Meta(ge=1, le=100_001)] = 1  # the largest number is lumped within seconds
+    """Number of rigid segments of a flexible link, which has segments − 1 hinges."""
     lumping: str = "gauss"
     """Rule that places the hinges: a name, or the path of a rule file."""
     material: str | None = None
@@ -72,7 +72,7 @@ class Link(Spec, frozen=True):
     section: str | None = None
     """Name of the beam's section at the joint."""
     section_tip: str | None = None
-    """Name of the section at the link's end, of the same shape: all dimensions vary linearly, as in a tapered beam."""
+    """Name of the section at the link's end, of the same shape; all dimensions vary linearly along the tapered beam."""
     rigidity: str | None = None
     """Name of a table of rigidities and mass along the beam, instead of material and section."""
     damping: Damping | None = None
@@ -161,7 +161,7 @@ class Link(Spec, frozen=True):
 
     @property
     def turns_rigidly(self) -> bool:
-        """Whether the link as a rigid body turns in an elastic gear or at its root."""
+        """Whether an elastic gear or root springs let the link turn as a rigid body."""
         return self.joint.gear_stiffness is not None or bool(self.root_springs)
 
     @property

@@ -14,7 +14,7 @@ from flexlink.describe.spec import NonNegative, Positive, Spec, measured_in
 
 
 class Material(Spec, frozen=True):
-    """Isotropic, linear elastic, with Kelvin-Voigt loss: stress = E (strain + loss_time · strain rate).
+    """Isotropic, linear elastic material with Kelvin-Voigt damping: stress = E (strain + loss_time · strain rate).
 
     Examples
     --------
@@ -30,7 +30,7 @@ class Material(Spec, frozen=True):
     poisson: Annotated[float, msgspec.Meta(gt=-1, le=0.5)] = 0.3
     """Poisson's ratio ν [1]; the shear modulus is G = E / (2 (1 + ν))."""
     loss_time: Annotated[NonNegative, measured_in("s")] = 0.0
-    """Kelvin-Voigt's loss time η [s]: a mode of frequency ω has the damping ratio η ω / 2."""
+    """Kelvin-Voigt loss time η [s]: a mode of angular frequency ω has the damping ratio η ω / 2."""
 
     @property
     def shear(self) -> float:
@@ -111,7 +111,7 @@ class Section(Spec, frozen=True):
         return self.towards(self, 0.0)
 
     def breadths(self, tip: Section, x: float) -> tuple[float, float] | None:
-        """Breadth seen along y and along z at the fraction `x` of the way to another section [m].
+        """Breadth seen along y and along z [m], at the fraction `x` of the way from this section to `tip`.
 
         None for a general section, whose outline is unknown.
         """
@@ -122,7 +122,7 @@ class Section(Spec, frozen=True):
         return y, z
 
     def towards(self, tip: Section, x: float) -> SectionProperties:
-        """Properties at the fraction `x` of the way to a section of the same shape; dimensions vary linearly."""
+        """Properties at the fraction `x` of the way from this section to `tip`; dimensions vary linearly."""
         formula, names = SHAPES[self.shape]
         return formula(*self._dimensions(names, tip, x))
 
@@ -134,12 +134,13 @@ class Damping(Spec, frozen=True):
     """Structural damping, given as the damping ratio of a bending or twisting mode at a frequency.
 
     proportional: Kelvin-Voigt damping, d = η k with η = ratio / (π at_hz) in every hinge. A mode's ratio grows with its
-    frequency, ζ = η ω/2 = ratio · f / at_hz, for any number of segments. It reduces the stable step of explicit
-    methods; `flexlink info` reports by how much.
-    constant: dampers between all hinges of the links with this law, including root and gear, that give every mode the
-    same ratio. This is exact in the configuration `initial.joint_deg` and `joint_m` with the joints held, if all
-    flexible links have it; in other configurations ratios are close. A complete state `initial.q`, as of a continued
-    run, does not change the dampers. Not available across branches or prismatic joints between the links.
+    frequency, ζ = η ω/2 = ratio · f / at_hz, for any number of segments. This damping reduces the largest stable step
+    of explicit methods; `flexlink info` reports by how much.
+    constant: dampers between all hinges of the links with this law, including root and gear, give every mode the same
+    ratio. The ratio is exact in the configuration `initial.joint_deg` and `joint_m` with the joints held, if all
+    flexible links have this law; in other configurations it is approximate. A complete state `initial.q`, as in a
+    continued run, does not change the dampers. This law is not available if a branch or a prismatic joint lies between
+    the links with this law.
 
     Examples
     --------
@@ -160,7 +161,7 @@ class Damping(Spec, frozen=True):
     """For the proportional law: frequency of the mode that has this ratio [Hz]; the ratio of a mode is proportional to
     its frequency."""
     law: Literal["proportional", "constant"] = "proportional"
-    """Whether a mode's ratio is proportional to its frequency, or the same for all modes of the link."""
+    """Law of the damping ratio: proportional to a mode's frequency, or constant, the same for all modes of the link."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -198,4 +199,5 @@ class Friction(Spec, frozen=True):
     coulomb: Annotated[NonNegative, measured_in("N m")]
     """Dry friction torque of each hinge [N m]."""
     coulomb_width: Annotated[Positive, measured_in("rad/s")] = 0.01
-    """Rate at which tanh reaches 76 % [rad/s]; a smaller one is closer to Coulomb's law, but stiffer."""
+    """Rate at which tanh reaches 76 % [rad/s]; a smaller value is closer to Coulomb's law, but makes the equations
+    stiffer."""

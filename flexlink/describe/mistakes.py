@@ -13,7 +13,7 @@ from flexlink.describe.spec import bare_type, decode, fields_of, key_mistakes, p
 
 
 def mistakes(raw: Any, kind: Any, path: str = "") -> list[Diagnostic]:
-    """All mistakes that `decode` would find in a value and below it; same arguments."""
+    """Return all mistakes that `decode`, with the same arguments, would find in a value and its nested values."""
     try:
         decode(raw, kind, path)
     except SceneError as error:
@@ -41,7 +41,7 @@ def _below(raw: Any, kind: Any, path: str) -> Iterator[Diagnostic]:
 
 
 def raise_together(found: Iterable[Diagnostic]) -> None:
-    """Raise one error that lists all mistakes, if there are any; its id is that of the first.
+    """Raise one error that lists all mistakes, if there are any, with the id of the first mistake.
 
     Raises
     ------

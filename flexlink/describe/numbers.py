@@ -48,13 +48,14 @@ def numbers(name: str, value: ArrayLike, wanted: str = "real numbers") -> Array:
     Raises
     ------
     ArgumentError
-        It is not an array, or contains non-numbers or integers that overflow; the message states what is `wanted`.
+        `value` is not an array, or contains non-numbers or integers that overflow; the message states what is `wanted`.
     """
     try:
         array = np.array(value)
     except (TypeError, ValueError) as error:
         raise ArgumentError(f"{name}: not an array: {error}; expected {wanted}", id="wrong-type") from None
     if array.dtype.kind not in "fiu":
-        beyond = " (integers must not overflow float64)" if array.dtype.kind == "O" else ""
-        raise ArgumentError(f"{name} has dtype {array.dtype}; expected {wanted}{beyond}", id="wrong-type")
+        given = f"is a {type(value).__name__}" if array.ndim == 0 else f"has dtype {array.dtype}"
+        beyond = " (integers must not overflow float64)" if array.dtype.kind == "O" and array.ndim else ""
+        raise ArgumentError(f"{name} {given}; expected {wanted}{beyond}", id="wrong-type")
     return np.array(array, np.float64, order="C")

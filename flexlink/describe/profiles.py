@@ -15,7 +15,7 @@ from flexlink.common.types import Array
 
 
 class Quintic(NamedTuple):
-    """Unit move by one polynomial of degree 5, with zero acceleration at both ends."""
+    """Move from 0 to 1 by one polynomial of degree 5, with zero rate and acceleration at both ends."""
 
     duration: float  # s
 
@@ -25,14 +25,17 @@ class Quintic(NamedTuple):
 
     @property
     def pieces(self) -> tuple[Array, Array]:
-        """Knots from 0 [s], shape (3,), and coefficients (2, 6)."""
+        """Knots [s], shape (3,), starting at 0, and polynomial coefficients of the two pieces, shape (2, 6)."""
         # s = 10 x³ − 15 x⁴ + 6 x⁵, x = t/T, expanded about 0 and about 1/2, which avoids cancellation at the end
         s = np.array([(0.0, 0.0, 0.0, 10.0, -15.0, 6.0), (0.5, 1.875, 0.0, -5.0, 0.0, 6.0)])
         return self.duration * np.array([0.0, 0.5, 1.0]), s / self.duration ** np.arange(6)
 
 
 class Ramps(NamedTuple):
-    """Unit move with two speed ramps, each t_j of jerk, t_a of acceleration and t_j of jerk, and t_v between them."""
+    """Move from 0 to 1 with two speed ramps, each made of phases t_j, t_a and t_j, and a cruise of t_v between them.
+
+    Jerk is constant in each phase t_j, acceleration in t_a and speed in t_v.
+    """
 
     jerk: float  # s
     acceleration: float  # s
@@ -50,7 +53,7 @@ class Ramps(NamedTuple):
 
     @property
     def pieces(self) -> tuple[Array, Array]:
-        """Knots from 0 [s] and cubic coefficients; phases of zero length are left out."""
+        """Knots [s], starting at 0, and cubic coefficients of each phase; phases of zero length are left out."""
         t_j, t_a, t_v = self
         A = 1 / ((t_j + t_a) * (2 * t_j + t_a + t_v))
         j = A / t_j if t_j else 0.0
@@ -86,8 +89,8 @@ def fastest_quintic(distance: float, limits: Limits) -> Quintic:
 def fastest_ramps(distance: float, limits: Limits) -> Ramps:
     """Return the fastest S-curve over a distance D > 0 within limits v, a, j; with j = inf the fastest trapezoid.
 
-    The peak acceleration A is a, or what jerk j reaches if the rate or the distance limits the ramp. t_a follows from
-    the ramp's speed A (t_j + t_a) ≤ v and from the distance of both ramps A (t_j + t_a)(2 t_j + t_a) ≤ D.
+    The peak acceleration A is a, or less if jerk j cannot reach a within rate v or distance D. t_a follows from the
+    ramp's final speed A (t_j + t_a) ≤ v and from the distance of both ramps A (t_j + t_a)(2 t_j + t_a) ≤ D.
     """
     v, a, j = limits
     A = min(a, math.sqrt(v) * math.sqrt(j), math.cbrt(distance / 2) * math.cbrt(j) ** 2)
@@ -104,5 +107,5 @@ MOVES: dict[str, tuple[Shape, Callable[[float, Limits], Shape]]] = {
     "trapezoidal": (Ramps(0.0, 1 / 3, 1 / 3), fastest_ramps),
     "s_curve": (Ramps(1 / 9, 1 / 9, 1 / 3), fastest_ramps),
 }
-"""For each profile, its unit move and the function for its fastest move. In a unit move, speeding up, cruising and
-braking take a third each; in the ramps of an S-curve, so do rising, constant and falling acceleration."""
+"""For each profile, its move from 0 to 1 and the function for its fastest move. Speeding up, cruising and braking take
+a third of the move each; in an S-curve, acceleration rises, stays constant and falls for a third of each speed ramp."""

@@ -37,20 +37,20 @@ OF_MOTION = ("angle_deg", "rate_deg", "acceleration_deg")
 class Reference(Spec, frozen=True):
     """Desired angles of the driven joints over time, one column per link [deg, deg/s, deg/s², deg/s³].
 
-    Positions of prismatic joints [m, m/s, m/s², m/s³] are in twin lists: `to_m` for `to_deg` and so on, `position_m`
-    for `angle_deg`. Each list has 0 for joints of the other kind; omit the lists of a kind that the arm does not have.
+    Positions of prismatic joints [m, m/s, m/s², m/s³] are given in corresponding lists: `to_m` for `to_deg` and so on,
+    `position_m` for `angle_deg`. Each list has 0 for joints of the other kind; omit lists that no joint needs.
 
-    Move, profile "quintic", "trapezoidal" (trapezoidal speed) or "s_curve" (limited jerk, up to 7 phases): from
+    A move (profile "quintic", "trapezoidal" in speed, or "s_curve" with limited jerk and up to 7 phases) leads from
     `from_deg`, by default `initial.joint_deg` of the scene, to `to_deg`, beginning at `start`. It lasts `duration`, or
     as long as the slowest joint needs within its limits, at least one of which is then reached. All joints start and
-    end together: the fastest profile of each joint is stretched to the duration of the slowest. With `duration`, a
-    third is for speeding up and a third for braking; a third each of these is for rising and falling acceleration.
+    end together: the fastest profile of each joint is stretched to the duration of the slowest. If `duration` is given,
+    ramps speed up and brake for a third of it each; in an "s_curve", acceleration rises and falls for a third of each.
 
-    Table, rows `angle_deg` at `times`, profile "linear", "hold" (steps without a ramp) or "smooth": a cubic spline from
-    rest to rest, with `rate_deg` cubic Hermite polynomials, or also with `acceleration_deg` quintic polynomials.
-    The first and last angles are held before and after the table. Its rows may be in a CSV `file`.
+    A table has rows `angle_deg` at `times`, with profile "linear", "hold" (steps without a ramp) or "smooth". A smooth
+    table is a cubic spline from rest to rest, or Hermite polynomials: cubic if it has `rate_deg`, quintic if it also
+    has `acceleration_deg`. The first and last angles apply before and after the table. It may be in a CSV `file`.
 
-    A `shaper` sums delayed copies of the reference that leave no vibration at its frequencies; this takes longer.
+    A `shaper` sums delayed copies of the reference that leave no vibration at its frequencies; this lengthens the move.
 
     Examples
     --------
@@ -106,7 +106,7 @@ class Reference(Spec, frozen=True):
     relative to the scene's folder; the file is read once, with the scene."""
     cutoff: Annotated[Positive | None, measured_in("Hz")] = None
     """For a smooth table's file: cutoff frequency (50 % amplitude) of a zero-phase low-pass filter of its angles [Hz],
-    which also gives rates and accelerations. Default: those of the file, or of a spline."""
+    from which rates and accelerations are computed. Default: these come from the file's columns, or from a spline."""
     shaper: InputShaper | None = None
     """Input shaper, which sums delayed copies of the reference that leave no vibration."""
 
@@ -151,7 +151,7 @@ class Reference(Spec, frozen=True):
                 raise SceneError(f"file = {self.file!r}: {key} is also given; specify only one", id="both-given")
 
     def _check_limits(self) -> None:
-        """Check that limits are positive, except the zeros of joints whose limit is in the other unit."""
+        """Check that limits are positive; zeros are allowed for joints whose limit is given in the other unit."""
         given = {key.endswith("_m") for key in _in_both(*LISTS, *OF_MOTION) if getattr(self, key) is not None}
         for key in () if len(given) == 2 else _in_both(*LIMITS):
             why = "; 0 is only for revolute joints with a limit in deg" if key.endswith("_m") else ""
@@ -169,7 +169,7 @@ class Reference(Spec, frozen=True):
 
     @property
     def _deciding(self) -> tuple[str, ...]:
-        """Limits of which a move without a duration needs one: without limited acceleration a trapezoid would jump."""
+        """Limits of which a move without `duration` needs at least one; a trapezoid needs that of acceleration."""
         return {"quintic": LIMITS, "trapezoidal": LIMITS[1:2], "s_curve": LIMITS[2:]}[self.profile]
 
     def _is_given(self, name: str) -> bool:
@@ -205,7 +205,7 @@ class Reference(Spec, frozen=True):
         Parameters
         ----------
         initial
-            Initial positions of the joints, one number per link, [deg] or, if it slides, [m].
+            Initial positions of the joints, one number per link, [deg], or [m] if the joint is prismatic.
         links
             Indices from 0 of the links to include, which all finish together; None: all.
         slides
@@ -257,7 +257,7 @@ class Reference(Spec, frozen=True):
             raise kind(f"shaper.{error}") from None
 
     def _require_lists(self, kinds: set[bool]) -> None:
-        """Check that joints of either kind have targets, or tables, in their own unit."""
+        """Check that there are targets, or tables, in the unit of each kind of joint."""
         for name in ("to_deg", *OF_MOTION):
             for key, slides in ((name, False), (IN_METRES[name], True)):
                 if slides in kinds and self._is_given(name) and getattr(self, key) is None:
@@ -314,7 +314,7 @@ class Reference(Spec, frozen=True):
         if len(t) == 1:
             return still(angles[0])
         if self.profile == "hold":
-            on_time = 8 * np.finfo(float).eps  # exceeds the rounding of a sample time, so a sample sees the new row
+            on_time = 8 * np.finfo(float).eps  # exceeds the rounding of a sample's time, so it gets the new row
             return ReferenceTrajectory(t * (1 - on_time), angles[:, None])
         if self.profile == "linear":
             return from_rest_to_rest(
@@ -323,7 +323,7 @@ class Reference(Spec, frozen=True):
         return from_rest_to_rest(t, _smooth(t, known), angles[-1])
 
     def _rows(self, name: str, slides: Slides) -> Array:
-        """A table [rad, m] and so on, (rows, links)."""
+        """A table of angles, rates or accelerations in SI units, shape (rows, links)."""
         both = getattr(self, name), getattr(self, IN_METRES[name])
         deg, m = (rows or (None,) * len(self.times or ()) for rows in both)
         return in_si(slides, [together(slides, *row) for row in zip(deg, m, strict=True)])

@@ -1,7 +1,7 @@
-"""Piecewise polynomial angles over time: evaluated, combined, delayed and summed exactly.
+"""Piecewise polynomial angles over time, which can be evaluated, combined, delayed and summed exactly.
 
 On piece i, from knot i to the next, r = Σ_j c_ij x^j with x = t − knot_i; the last piece has no end, and x = 0 before
-the first knot. The first and the last piece are constant: a trajectory starts and ends at rest.
+the first knot. The first and the last piece are constant, so a trajectory starts and ends at rest.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class ReferenceTrajectory:
     Raises
     ------
     ArgumentError
-        Shapes do not match, a number is not finite, knots do not increase, or it does not start and end at rest.
+        Shapes do not match, a number is not finite, knots do not increase, or the first or last piece is not constant.
 
     Examples
     --------
@@ -83,9 +83,9 @@ class ReferenceTrajectory:
         return f"<ReferenceTrajectory of {d} angles: {m} pieces of degree {p - 1}, {first:g} to {last:g} s>"
 
     def restated(self, knots: Array) -> Array:
-        """Coefficients about other knots; each new piece must lie within a piece of this trajectory.
+        """Return the coefficients about other knots; each new piece must lie within a piece of this trajectory.
 
-        Taylor shift r(x₀ + x) by repeated synthetic division; shape (len(knots), degree + 1, d).
+        The shift r(x₀ + x) is computed by repeated synthetic division; the result has shape (knots, degree + 1, d).
         """
         c, x = self._located(knots)
         for j in range(c.shape[1] - 1):
@@ -98,7 +98,7 @@ class ReferenceTrajectory:
         return ReferenceTrajectory(self.knots + numbers("delay", delay), self.coefficients)
 
     def shaped(self, times: ArrayLike, weights: ArrayLike) -> ReferenceTrajectory:
-        """Apply an input shaper: Σ_i a_i r(t − t_i), with `times` t_i [s] and `weights` a_i of its impulses.
+        """Apply an input shaper: return Σ_i a_i r(t − t_i), with `times` t_i [s] and `weights` a_i of its impulses.
 
         Raises
         ------
@@ -120,7 +120,7 @@ class ReferenceTrajectory:
         most = 100_000  # more would take minutes and gigabytes
         if len(t) * len(self.knots) > most:
             raise ArgumentError(
-                f"{len(t)} impulses on {len(self.knots)} pieces are {len(t) * len(self.knots)}; at most {most}",
+                f"{len(t)} impulses on {len(self.knots)} pieces give {len(t) * len(self.knots)}; at most {most}",
                 id="too-many-impulses",
             )
         copies = [self.delayed(delay) for delay in t]
@@ -130,7 +130,7 @@ class ReferenceTrajectory:
         )
 
     def extremes(self) -> tuple[Array, Array]:
-        """Smallest and largest angles over all time, shape (d,) each: at knots, and at extrema within pieces."""
+        """Smallest and largest angles over all time [rad], shape (d,) each, at knots or at extrema within pieces."""
         low, high = self._extremes
         return low.copy(), high.copy()
 
@@ -165,7 +165,7 @@ class ReferenceTrajectory:
         return self.knots[1:][jump]
 
     def _located(self, t: Array) -> tuple[Array, Array]:
-        """Coefficients of the pieces at times t, and x there, shapes (len(t), degree + 1, d), (len(t), 1)."""
+        """Coefficients of the pieces at times t, shape (len(t), degree + 1, d), and x at these times, (len(t), 1)."""
         piece = np.maximum(np.searchsorted(self.knots, t, side="right") - 1, 0)
         return self.coefficients[piece], np.maximum(t - self.knots[piece], 0.0)[:, None]
 
@@ -187,7 +187,7 @@ def still(angles: ArrayLike) -> ReferenceTrajectory:
 
 
 def from_rest_to_rest(knots: Array, moving: Array, end: Array) -> ReferenceTrajectory:
-    """Pieces (m, degree + 1, d) between knots (m + 1,), with rest before them, and after them at angles `end` (d,)."""
+    """A trajectory of pieces (m, degree + 1, d) between knots (m + 1,); at rest before, and at `end` (d,) after."""
     rest = np.zeros((2, *moving.shape[1:]))
     rest[0, 0], rest[1, 0] = moving[0, 0], end
     before = knots[0] - max(1.0, abs(knots[0]))
@@ -195,7 +195,7 @@ def from_rest_to_rest(knots: Array, moving: Array, end: Array) -> ReferenceTraje
 
 
 def side_by_side(courses: Sequence[ReferenceTrajectory]) -> ReferenceTrajectory:
-    """One trajectory with the angles of all, on common knots."""
+    """Combine trajectories into one that has the angles of all, on common knots."""
     if not courses:
         return still([])
     knots = common_knots(courses)
@@ -207,14 +207,14 @@ def side_by_side(courses: Sequence[ReferenceTrajectory]) -> ReferenceTrajectory:
 
 
 def common_knots(courses: Sequence[ReferenceTrajectory]) -> Array:
-    """All knots except the first ones (nothing moves before them) plus the earliest; of equal times only the last."""
+    """Merge the knots of trajectories: the earliest first knot, and all later knots, of equal ones only the last."""
     later = np.unique(np.concatenate([course.knots[1:] for course in courses]))
     first = min(course.knots[0] for course in courses)
     return np.concatenate([[first], later[distinct(later)]])
 
 
 def distinct(knots: Array) -> NDArray[np.bool_]:
-    """Whether each knot differs from the next by more than rounding: sums of the same delays depend on their order."""
+    """Whether each knot differs from the next by more than rounding, which depends on the order of summed delays."""
     rounding = 16 * np.finfo(float).eps
     return np.asarray(np.diff(knots, append=np.inf) > rounding * np.abs(knots).max(initial=0.0))
 

@@ -13,21 +13,21 @@ from flexlink.common.wording import truncated
 from flexlink.describe.spec import NonNegative, Spec, Vector3, measured_in
 
 ROUNDING = 32 * np.finfo(float).eps
-"""Tolerance for impossible principal moments, relative to the largest: one eps for each of three given numbers, 12 for
+"""Tolerance in the check of principal moments, relative to the largest: one eps for each of three given numbers, 12 for
 an earlier rotation I → R I Rᵀ (two products of three terms, and R itself), 12 for the eigenvalues."""
 
 
 class RigidBody(Spec, frozen=True):
     """Rigid body with `mass` [kg], centre of mass `center` [m] and `inertia` [kg m²] about that centre.
 
-    Centre and axes are in the frame that the body is fixed to: for a hub the link's frame, for an end the link's frame
+    Centre and axes are in the frame to which the body is fixed: for a hub the link's frame, for an end the link's frame
     moved to the end of its beam, for the payload the tip frame. `inertia` has three moments, xx, yy, zz, or six
     numbers, xx, yy, zz and the products xy, xz, yz, the elements of I = ∫ (ρ² 1 − ρ ρᵀ) dm (I_xy = −∫ x y dm, the sign
     convention of URDF).
 
     A body with mass must have a physical inertia: its covariance ∫ ρ ρᵀ dm = tr(I)/2 · 1 − I is positive semidefinite,
     that is, no principal moment exceeds the sum of the other two. A body without mass represents pure inertia, such as
-    a rotor's about one axis; I itself must then be positive semidefinite.
+    a rotor's about its axis; then I itself must be positive semidefinite.
 
     Examples
     --------
@@ -39,7 +39,7 @@ class RigidBody(Spec, frozen=True):
     mass: Annotated[NonNegative, measured_in("kg")] = 0.0
     """Mass [kg]."""
     center: Annotated[Vector3, measured_in("m")] = (0.0, 0.0, 0.0)
-    """Centre of mass in the frame that the body is fixed to [m]."""
+    """Centre of mass in the frame to which the body is fixed [m]."""
     inertia: Annotated[tuple[float, ...], measured_in("kg m²")] = (0.0, 0.0, 0.0)
     """Inertia about the centre of mass [kg m²]: three moments xx, yy, zz, or six numbers xx, yy, zz, xy, xz, yz."""
 

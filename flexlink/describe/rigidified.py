@@ -12,10 +12,11 @@ from flexlink.describe.spec import build_validated
 
 
 def rigidified(scene: Scene) -> Scene:
-    """Return the scene with all links, their roots and gears rigid: its chain has only the driven joints.
+    """Return the scene with all links, their roots and gears rigid, so its chain has only the driven joints.
 
-    All masses, joint friction and rotor inertia are unchanged; hinges, their friction and damping are removed. It
-    starts with the joints' angles and rates, `initial.joint_deg` and `rate_deg`, and positions `joint_m`, `rate_m`.
+    All masses, joint friction and rotor inertia are unchanged; hinges, their friction and damping are removed. The
+    initial angles and rates of the joints remain: `initial.joint_deg`, `rate_deg`, and for prismatic joints `joint_m`,
+    `rate_m`.
 
     Parameters
     ----------

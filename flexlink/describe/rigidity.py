@@ -1,4 +1,4 @@
-"""Beam properties as a table from root to end: rigidities and mass per length, measured or computed."""
+"""Beam properties tabulated from root to end: rigidities and mass per length, measured or computed."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ HELD = {"z": ("ei_z",), "yz": ("ei_y", "ei_z"), "xyz": ("ei_y", "ei_z", "gj")}
 class Rigidity(Spec, frozen=True):
     """Rigidities and mass of a beam as a table along it, instead of a material and a section.
 
-    Columns are linear between rows and jump where two rows have the same x. Hinge springs have the exact ∫ dx/EI of
-    their part of the beam; segments have the exact mass, centre and inertia of theirs. In cells of coupled springs,
-    masses are lumped at the cell's points, which leaves an error of order 2 where ρA jumps.
+    Columns are linear between rows and jump where two rows have the same x. Hinge springs have the exact compliance
+    ∫ dx/EI of their part of the beam; segments have its exact mass, centre and inertia. In cells of coupled springs,
+    masses are lumped at the cell's points, which leaves a second-order error where ρA jumps.
     A link with flex = "z" needs `ei_z`; "yz" also needs `ei_y`; "xyz" also needs `gj` and inertia about its x.
 
     Examples
@@ -45,24 +45,24 @@ class Rigidity(Spec, frozen=True):
     rho_a: Annotated[tuple[Positive, ...], measured_in("kg/m")] = ()
     """Mass per length ρA [kg/m]."""
     ei_y: Annotated[tuple[Positive, ...] | None, measured_in("N m²")] = None
-    """Rigidity EI against bending about the section's y [N m²]."""
+    """Bending rigidity EI about the section's y [N m²]."""
     ei_z: Annotated[tuple[Positive, ...] | None, measured_in("N m²")] = None
-    """Rigidity EI against bending about the section's z [N m²]."""
+    """Bending rigidity EI about the section's z [N m²]."""
     gj: Annotated[tuple[Positive, ...] | None, measured_in("N m²")] = None
-    """Rigidity GJ against twist [N m²]."""
+    """Torsional rigidity GJ [N m²]."""
     rho_i_y: Annotated[tuple[NonNegative, ...] | None, measured_in("kg m")] = None
     """Inertia per length about the section's y, ∫ ρ z² dA [kg m]. Default: 0, for a thin beam."""
     rho_i_z: Annotated[tuple[NonNegative, ...] | None, measured_in("kg m")] = None
     """Inertia per length about the section's z, ∫ ρ y² dA [kg m]. Default: 0, for a thin beam."""
     file: str | None = None
-    """A CSV file instead of all these, with headers "x [m]", "EI_z [N m²]", "EI_y [N m²]", "GJ [N m²]", "rhoA [kg/m]",
+    """A CSV file instead of columns, with headers "x [m]", "EI_z [N m²]", "EI_y [N m²]", "GJ [N m²]", "rhoA [kg/m]",
     "rhoI_y [kg m]", "rhoI_z [kg m]". The path is relative to the scene's folder; the file is read once."""
     loss_time: Annotated[NonNegative, measured_in("s")] = 0.0
     """Kelvin-Voigt loss time η [s], as for a material."""
     stiffness_factor: Positive = 1.0
-    """Factor on EI and GJ along the complete beam: one number to vary or to fit [1]."""
+    """Factor by which EI and GJ are multiplied along the complete beam, a single number to vary or fit [1]."""
     mass_factor: Positive = 1.0
-    """Factor on ρA and ρI along the complete beam [1]."""
+    """Factor by which ρA and ρI are multiplied along the complete beam [1]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -89,7 +89,7 @@ class Rigidity(Spec, frozen=True):
                 )
 
     def _read(self, file: str) -> None:
-        """Fill the columns from a file; its path is then no longer needed."""
+        """Fill the columns from a file, and clear `file`."""
         for name in ("x", *COLUMNS):
             if getattr(self, name):
                 raise SceneError(f"file = {file!r}: {name} is also given; specify only one", id="both-given")
@@ -107,7 +107,7 @@ class Rigidity(Spec, frozen=True):
             yield "rho_i_y or rho_i_z"
 
     def jump_at(self, x: float, flex: str) -> float | None:
-        """Position of a jump at x [m], up to rounding, in a rigidity that a link with this flex needs; else None."""
+        """Position of a jump within rounding of x [m], in a rigidity that a link with this flex needs; None if none."""
         for k in range(1, len(self.x)):
             columns = (getattr(self, name) or () for name in HELD[flex])
             # relative distance below which two positions count as equal
@@ -122,7 +122,7 @@ class Rigidity(Spec, frozen=True):
 
 
 def _columns(file: Path) -> dict[str, tuple[float, ...]]:
-    """Columns of a file by key; unknown headers are refused, because they would be ignored silently."""
+    """Columns of a file by key; an unknown header is an error, because ignoring it silently would hide a mistake."""
     tiny = float(np.finfo(np.float64).tiny)
     # headers of a CSV file, and their keys
     heads = {"EI_y": "ei_y", "EI_z": "ei_z", "GJ": "gj", "rhoA": "rho_a", "rhoI_y": "rho_i_y", "rhoI_z": "rho_i_z"}

@@ -1,4 +1,4 @@
-"""Springs at the root of a link: compliance of the beam's clamping, such as a bearing, flange or screwed joint."""
+"""Springs at the root of a link: compliance of the beam's attachment, such as a bearing, flange or screwed joint."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from flexlink.describe.spec import NonNegative, Positive, Spec, measured_in
 
 
 class RootStiffness(Spec, frozen=True):
-    """Springs about axes of a link's frame, at the beam's root; an axis without a number is rigid.
+    """Springs at the beam's root, about axes of the link's frame; the root is rigid about axes without a number.
 
-    Springs connect the beam's root to the hub: the moment is k times the angle. Every axis with a spring is a hinge of
-    the chain, named `boom.root.z`. For a beam of rigidity EI and length L with k L / EI = 100, the first frequency is
+    Springs connect the beam's root to the hub: the moment is k times the angle. Each axis with a spring adds a hinge to
+    the chain, such as `boom.root.z`. For a beam of rigidity EI and length L with k L / EI = 100, the first frequency is
     2 % lower than with a rigid clamp.
 
     Examples
@@ -23,11 +23,11 @@ class RootStiffness(Spec, frozen=True):
     """
 
     x: Annotated[Positive | None, measured_in("N m/rad")] = None
-    """About the x of the link's frame [N m/rad]. Default: rigid."""
+    """Stiffness about x of the link's frame [N m/rad]. Default: rigid."""
     y: Annotated[Positive | None, measured_in("N m/rad")] = None
-    """About the y of the link's frame [N m/rad]. Default: rigid."""
+    """Stiffness about y of the link's frame [N m/rad]. Default: rigid."""
     z: Annotated[Positive | None, measured_in("N m/rad")] = None
-    """About the z of the link's frame [N m/rad]. Default: rigid."""
+    """Stiffness about z of the link's frame [N m/rad]. Default: rigid."""
 
 
 class RootDamping(Spec, frozen=True):
@@ -42,11 +42,11 @@ class RootDamping(Spec, frozen=True):
     """
 
     x: Annotated[NonNegative, measured_in("N m s/rad")] = 0.0
-    """About the x of the link's frame [N m s/rad]."""
+    """Damping about x of the link's frame [N m s/rad]."""
     y: Annotated[NonNegative, measured_in("N m s/rad")] = 0.0
-    """About the y of the link's frame [N m s/rad]."""
+    """Damping about y of the link's frame [N m s/rad]."""
     z: Annotated[NonNegative, measured_in("N m s/rad")] = 0.0
-    """About the z of the link's frame [N m s/rad]."""
+    """Damping about z of the link's frame [N m s/rad]."""
 
 
 ROOT_AXES = "xyz"

@@ -19,7 +19,7 @@ from flexlink.describe.whole_steps import is_whole, multiples, whole
 
 AUTO = "auto"  # instead of a method's name
 DEFAULT_TOLERANCE = 1e-3
-"""Default tolerance, relative to the arm's reach: error of any body's position at the end of the run."""
+"""Default tolerance: position error of any body at the end of the run, relative to the arm's reach."""
 DEFAULT_DURATION = 5.0  # s
 ForwardSolver = Literal["articulated", "lu", "cholesky"]
 """Solvers of forward dynamics."""
@@ -34,15 +34,16 @@ class RunSettings(Spec, frozen=True, dict=True):  # the dict is for cached prope
 
     Steps are either fixed, of length `step`, or adapted to the error allowed at the end of the run: `tolerance` [m] for
     the position of any body, or `relative_tolerance`, relative to the arm's reach (accuracy = "tip") or to the largest
-    displacement of any body by the springs so far (accuracy = "deflection"). With a tolerance, method = "auto" is the
-    default: it picks the cheapest method. With accuracy = "tip", vibrations too small to affect the tip's path may be
-    damped numerically.
+    displacement of any body by spring deflection so far (accuracy = "deflection"). With a tolerance, the default is
+    method = "auto", which picks the cheapest method. With accuracy = "tip", vibrations too small to affect the tip's
+    path may be damped numerically.
 
-    If method, step and tolerance are all omitted, the tolerance is a thousandth of the reach. A method alone uses fixed
-    steps of 1e-4 s.
+    If method, step and tolerance are all omitted, the tolerance is a thousandth of the reach. With only a method, steps
+    are fixed, 1e-4 s long.
 
-    A run with a tolerance is limited to `max_evaluations` of forward or inverse dynamics: a hundred times the cost of
-    dry friction on the stiffest arms, and half a minute for ten joints. If it needs more, it stops and reports why.
+    A run with a tolerance may evaluate forward or inverse dynamics `max_evaluations` times; if it needs more, it stops
+    and reports why. The default is a hundred times the number that the stiffest arms with dry friction need; for ten
+    joints, this many evaluations take half a minute.
 
     `unstable` = "allow" permits a step above the stability limit, and a run whose energy does not balance.
 
@@ -55,8 +56,8 @@ class RunSettings(Spec, frozen=True, dict=True):  # the dict is for cached prope
     """
 
     method: str = ""
-    """Runge-Kutta method: a name, the path of a method file, or auto, the cheapest for the tolerance. Default: auto;
-    RK4 if a step is given."""
+    """Runge-Kutta method: a name, the path of a method file, or auto, which picks the cheapest for the tolerance.
+    Default: auto; RK4 if a step is given."""
     step: Annotated[Positive | None, measured_in("s")] = None
     """Length of fixed steps [s]. Default: adaptive steps; 1e-4 if only a method is given."""
     duration: Annotated[NonNegative, measured_in("s")] = DEFAULT_DURATION
@@ -65,18 +66,18 @@ class RunSettings(Spec, frozen=True, dict=True):  # the dict is for cached prope
     """Time between stored samples [s]. Default: 0.005, or the nearest value that divides the duration and is a multiple
     of the step."""
     solver: ForwardSolver = "articulated"
-    """Forward dynamics: articulated bodies, or the mass matrix M with LU (as in the paper) or Cholesky."""
+    """Solver of forward dynamics: articulated bodies, or LU (as in the paper) or Cholesky factors of M."""
     unstable: Unstable = "refuse"
     """Treatment of a step above the stability limit, and of a run whose energy does not balance."""
     tolerance: Annotated[Positive | None, measured_in("m")] = None
     """Largest error of any body's position at the end of the run [m], which determines the steps."""
     relative_tolerance: Positive | None = None
-    """The same, relative to the reach or to the deflection (`accuracy`) [1]. Default: 1e-3 if neither method nor step
-    is given."""
+    """Tolerance relative to the reach or to the deflection, by `accuracy` [1]. Default: 1e-3 if no method, step or
+    tolerance is given."""
     accuracy: Accuracy = "tip"
-    """Reference length of a relative tolerance: the arm's reach (tip), or the displacement by springs (deflection)."""
+    """Reference length of a relative tolerance: the arm's reach (tip), or the elastic displacement (deflection)."""
     max_evaluations: Positive = 1e7
-    """Evaluations of dynamics after which a run with a tolerance stops with an error."""
+    """Number of evaluations of dynamics after which a run with a tolerance stops with an error."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -150,7 +151,7 @@ class RunSettings(Spec, frozen=True, dict=True):  # the dict is for cached prope
         return f"{above}{key}" if getattr(self, key) is not None else f"the default {above}{key}"
 
     def tolerance_within(self, length: float) -> float:
-        """The tolerance [m]; a relative one applies to `length`."""
+        """The tolerance [m]; a relative tolerance is multiplied by `length` [m]."""
         return self.tolerance or (self.relative_tolerance or DEFAULT_TOLERANCE) * length
 
     @property
@@ -173,7 +174,7 @@ class RunSettings(Spec, frozen=True, dict=True):  # the dict is for cached prope
 
     @functools.cached_property
     def between(self) -> float:
-        """Time between stored samples [s]; with fixed steps, exactly their number times the step."""
+        """Time between stored samples [s]; with fixed steps, exactly steps per sample times the step."""
         return self.spacing if self.controlled else self.steps_per_sample * self.fixed_step
 
     @functools.cached_property
@@ -187,13 +188,13 @@ class RunSettings(Spec, frozen=True, dict=True):  # the dict is for cached prope
         return self.times_from(0.0)
 
     def times_from(self, start: float) -> Array:
-        """Times of the stored samples [s]: integer multiples of the time between them, if the start is one."""
+        """Times of the stored samples [s]; if the start is an integer multiple of their spacing, so are all others."""
         return multiples(start, self.between, self.samples)
 
 
 @functools.lru_cache(maxsize=256)
 def default_sample(duration: float, step: float | None) -> float:
-    """Default time between stored samples [s]: close to 0.005 s, divides the duration, a multiple of the step."""
+    """Default time between stored samples [s]: near 0.005 s, a divisor of the duration and a multiple of the step."""
     # preferred time between stored samples [s]
     sample = 0.005
     if _fits(duration, sample) and (step is None or _fits(sample, step)):
@@ -210,7 +211,7 @@ def _fits(long: float, unit: float) -> bool:
 
 
 def of_run_alone(changes: Mapping[str, object]) -> bool:
-    """Whether all changes of a scene are of run settings, to plain values (no user file, whose content may change)."""
+    """Whether changes only set run settings to plain values, not to a user file, whose content may change."""
     return isinstance(changes, Mapping) and bool(changes) and all(map(_plain, changes, changes.values()))
 
 

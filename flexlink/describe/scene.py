@@ -33,7 +33,7 @@ from flexlink.describe.writing import toml_of, without_defaults
 
 
 class Scene(Spec, frozen=True):
-    """One arm in one situation, as plain data for `lump` and `simulate`; `gravity` [m/s²] in frame 0.
+    """An arm with its initial state, loads and run settings, as plain data for `lump` and `simulate`.
 
     Examples
     --------
@@ -83,7 +83,7 @@ class Scene(Spec, frozen=True):
         )  # fmt: skip
 
     def _read_files(self) -> None:
-        """Read tables in files into the scene; a joint moved by a file starts where the file does."""
+        """Read tables in files into the scene; a joint whose motion is in a file starts at the file's first row."""
         filled = filled_from_files(
             self.arm, motion=self.motion, drive=self.drive, wrench=self.wrench, initial=self.initial
         )
@@ -98,22 +98,22 @@ class Scene(Spec, frozen=True):
 
     @property
     def starts(self) -> Row:
-        """Initial joint positions, one number per link, [deg] or, if it slides, [m]."""
+        """Initial joint positions, one per link, [deg], or [m] for prismatic joints."""
         return self.initial.own("joint", self.arm.slides)
 
     @property
     def joint_positions(self) -> Array:
-        """Initial joint positions, one number per link, [rad] or, if it slides, [m]."""
+        """Initial joint positions, one per link, [rad], or [m] for prismatic joints."""
         return in_si(self.arm.slides, self.starts)
 
     @property
     def joint_rates(self) -> Array:
-        """Initial joint rates, one number per link, [rad/s] or, if it slides, [m/s]."""
+        """Initial joint rates, one per link, [rad/s], or [m/s] for prismatic joints."""
         return in_si(self.arm.slides, self.initial.own("rate", self.arm.slides))
 
     @property
     def joint_targets(self) -> Array:
-        """Target positions of a controller, one number per link, [rad] or, if it slides, [m]; zero without any."""
+        """Target positions of a controller, one per link, [rad], or [m] for prismatic joints; zero if not given."""
         return in_si(self.arm.slides, together(self.arm.slides, self.drive.target_deg, self.drive.target_m))
 
     def __repr__(self) -> str:
@@ -139,7 +139,7 @@ class Scene(Spec, frozen=True):
         MissingDependencyError
             matplotlib is not installed.
         SceneError, ConvergenceError
-            From `initial_state`.
+            Raised by `initial_state`.
 
         Examples
         --------
@@ -149,7 +149,7 @@ class Scene(Spec, frozen=True):
         return drawing_module("scene_report.arm_picture").plot_scene(self)
 
     def _put_joints_at_zero(self) -> None:
-        """Set the default angles; with a complete state, a reference must then specify where it starts."""
+        """Set the default angles; if a complete state is given, a reference must then specify where it starts."""
         if self.initial.q is not None and self.drive.reference is not None:
             for slides in set(self.arm.slides):
                 key, default = f"from_{OF_JOINT[slides].unit}", f"joint_{OF_JOINT[slides].unit}"
@@ -190,12 +190,12 @@ class Scene(Spec, frozen=True):
         Raises
         ------
         SceneError
-            They are not constant in frame 0: use `Trajectory.tip_wrench` of a run.
+            They are not constant in frame 0; use `Trajectory.tip_wrench` of a run instead.
         """
         return self.wrench.constant
 
     def varied(self, changes: Mapping[str, object]) -> Scene:
-        """Return this scene with other values, each at a key path of the TOML file.
+        """Return a copy of this scene with new values, each given by its key path in the TOML file.
 
         Parameters
         ----------
@@ -286,7 +286,7 @@ class Scene(Spec, frozen=True):
         return toml_of(written, inline=frozenset({"base"}))
 
     def save(self, path: str | Path) -> Path:
-        """Write `to_toml` to a file, completely or not at all.
+        """Write the scene as TOML to a file; if writing fails, no partial file remains.
 
         Raises
         ------
@@ -314,7 +314,7 @@ class Scene(Spec, frozen=True):
 def _course(
     reference: Reference, start: tuple[float, ...], free: tuple[int, ...], slides: tuple[bool, ...]
 ) -> ReferenceTrajectory:
-    """Trajectory of a reference, shared by runs of one scene."""
+    """Trajectory of a reference, cached because all runs of a scene share it."""
     return reference.course(start, free, slides)
 
 
@@ -343,6 +343,6 @@ def _fields() -> list[FieldInfo]:
 
 
 RUNS = Memo(256)
-"""Run settings by their original and the changes to it, shared between scenes."""
+"""Cached run settings, keyed by the original settings and the changes to them; scenes share them."""
 FIELDS: dict[str, Any] = {field.encode_name: field.type for field in _fields()}
-"""Type at each key of a scene file, which is flat: keys of the arm are next to those of the scene."""
+"""Type at each key of a scene file, where the keys of the arm are at the top level, beside the keys of the scene."""

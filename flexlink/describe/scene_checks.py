@@ -1,6 +1,6 @@
-"""Consistency of a scene's parts: one number per link, joints within limits, jumps at step ends.
+"""Check that a scene's parts are consistent: one number per link, joints within limits, jumps only at step ends.
 
-Messages name the path, the value and what is allowed; `wrong_lists` yields all, the other checks raise the first.
+Messages name the path, the value and what is allowed. `wrong_lists` yields all mistakes; other checks raise the first.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def check_parts(
     arm, initial, drive, run, motion, wrench, sensor, air_density
         Parts of the scene.
     course
-        Returns the reference trajectory of the joints.
+        Function that returns the reference trajectory of the joints.
     names
         Names of the initial positions in messages, by key.
 
@@ -55,7 +55,7 @@ def check_parts(
     SceneError
         The message names all mistakes, each with its key path, the value and what is allowed.
     """
-    raise_together(wrong_lists(arm, initial, drive))  # first, because the other checks rely on their lengths
+    raise_together(wrong_lists(arm, initial, drive))  # first, because the other checks rely on the lists' lengths
     checks = [
         lambda: check_rate(initial, drive, run),
         lambda: check_limits(arm, initial, names),
@@ -102,7 +102,7 @@ def wrong_lists(arm: Arm, initial: InitialState, drive: Drive) -> Iterator[Diagn
         for k, link in enumerate(links if not key.startswith("drive.reference.") else ()):
             if link.joint.locked and values[k] and key not in allowed_for_locked:
                 path = f"{arm.path(k + 1, key)} = {values[k]!r}"
-                yield Diagnostic(f"{path}: the joint of {link.name!r} is locked; only 0 fits", "locked-and-moving")
+                yield Diagnostic(f"{path}: the joint of {link.name!r} is locked; must be 0", "locked-and-moving")
     for k, key, wrong in misplaced(arm.slides, [link.name for link in links], fitting):
         if key.startswith("initial.") or not links[k].joint.locked:
             path = f"{arm.path(k + 1, key)} = {fitting[key][k]!r}"
@@ -112,7 +112,7 @@ def wrong_lists(arm: Arm, initial: InitialState, drive: Drive) -> Iterator[Diagn
 
 
 def _missing_targets(arm: Arm, drive: Drive) -> Iterator[Diagnostic]:
-    """Missing targets of a controller for either kind of joint."""
+    """Report missing targets of a controller for revolute or prismatic joints."""
     for key, slides in (("target_deg", False), ("target_m", True)):
         names = [link.name for link in arm.links if not link.joint.locked and link.joint.slides == slides]
         if names and getattr(drive, key) is None:
@@ -125,7 +125,7 @@ def check_limits(arm: Arm, initial: InitialState, names: Mapping[str, str]) -> N
     Raises
     ------
     SceneError
-        A joint does not.
+        A joint starts outside its limits.
     """
     for k, (link, position) in enumerate(zip(arm.links, initial.own("joint", arm.slides), strict=True)):
         outside = _outside_limits(link, position)
@@ -135,12 +135,12 @@ def check_limits(arm: Arm, initial: InitialState, names: Mapping[str, str]) -> N
 
 
 def check_motions(arm: Arm, initial: InitialState, drive: Drive, motions: Sequence[PrescribedMotion]) -> None:
-    """Check that each link has at most one motion, and no gains if its motion is prescribed.
+    """Check that each link has at most one prescribed motion, and that a link with a motion has no gains.
 
     Raises
     ------
     SceneError
-        A link violates this, or its motion does not match its joint or the initial state.
+        A link has two motions, or a motion and gains, or its motion does not match its joint or the initial state.
     """
     moved: set[int] = set()
     for motion in motions:
@@ -153,12 +153,12 @@ def check_motions(arm: Arm, initial: InitialState, drive: Drive, motions: Sequen
             if gains is not None and gains[number - 1]:
                 gain = f"{arm.path(number, f'drive.{name}')} = {gains[number - 1]!r}"
                 raise SceneError(
-                    f"{gain}: the motion of {motion.link!r} is prescribed; only 0 fits", id="joint-prescribed"
+                    f"{gain}: the motion of {motion.link!r} is prescribed; must be 0", id="joint-prescribed"
                 )
 
 
 def _check_motion(arm: Arm, initial: InitialState, motion: PrescribedMotion) -> int:
-    """Number of the link that moves, after checks."""
+    """Check a motion, and return the number of the link that it moves."""
     path = f"motion.{link_key([str(motion.link)], 0)}"
     try:
         number = arm.number(motion.link)
@@ -199,12 +199,12 @@ def check_air(arm: Arm, density: float | None) -> None:
 
 
 def check_base(arm: Arm, initial: InitialState, drive: Drive) -> None:
-    """Refuse an initial state of a fixed base, and drives that assume a fixed base on a free one.
+    """Refuse an initial state of a fixed base, and drives that assume a fixed base if the base is free.
 
     Raises
     ------
     SceneError
-        The scene contains one of these.
+        The scene has such an initial state or drive.
     """
     free = arm.base.free
     if initial.base != BaseState() and not free:
@@ -247,12 +247,12 @@ def check_wrench(arm: Arm, wrench: Wrench) -> None:
 
 
 def check_reference(arm: Arm, drive: Drive, course: ReferenceTrajectory | None, run: RunSettings) -> None:
-    """Check that the reference stays within the joint limits, also between knots, and jumps only at step ends.
+    """Check that the reference stays within the joint limits, even between knots, and jumps only at step ends.
 
     Raises
     ------
     SceneError
-        The reference does not.
+        The reference leaves the limits, or jumps within a step.
     """
     if course is None:
         return
@@ -270,7 +270,7 @@ def check_rate(initial: InitialState, drive: Drive, run: RunSettings) -> None:
     Raises
     ------
     SceneError
-        They do not match.
+        The sampling times do not match.
     """
     rate = drive.rate
     if rate is None:
@@ -291,12 +291,12 @@ def check_rate(initial: InitialState, drive: Drive, run: RunSettings) -> None:
 
 
 def check_grid(initial: InitialState, drive: Drive, wrench: Wrench, run: RunSettings) -> None:
-    """Check that the start of the run, and the times of held rows, are multiples of the fixed step.
+    """Check that the start of the run, and the times of tables with `hold`, are multiples of the fixed step.
 
     Raises
     ------
     SceneError
-        They are not.
+        A time is not a multiple of the step.
     """
     whole("initial.time", initial.time, run.label("step", "run."), run.fixed_step)
     for name, table in (("drive", drive), ("wrench", wrench)):
@@ -313,7 +313,7 @@ def _outside_limits(link: Link, position: float) -> str:
 
 
 def check_named(arm: Arm, run: RunSettings) -> None:
-    """Check that the lumping rules and the method that a scene names exist and fit it.
+    """Check that the lumping rules and the method named in a scene exist, and that they can be used in it.
 
     Raises
     ------

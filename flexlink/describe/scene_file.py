@@ -31,7 +31,7 @@ def load_scene(path: str | Path) -> Scene:
     ArgumentError
         `path` is not a path.
     SceneError
-        The message names the file, the key path, the value and what is allowed.
+        The scene is invalid; the message names the file, the key path, the value and what is allowed.
     DataFileError
         A rule or method file named by the scene is invalid.
 
@@ -44,6 +44,7 @@ def load_scene(path: str | Path) -> Scene:
     path = documents.require_path("path", path)
     raw = documents.with_absolute_paths(path.parent, documents.read_toml(path))
     with documents.errors_of(path):
+        _refuse_other(raw)
         scene = scene_from(raw, finite=documents.is_finite(raw))
         check_named(scene.arm, scene.run)
         return scene
@@ -59,6 +60,13 @@ def refuse_scene(document: dict[str, Any], path: Path, what: str) -> None:
     """
     if "link" in document and "scene" not in document:
         raise SceneError(f"this is a scene; {what} names one by scene = {path.name!r}", id="is-a-scene")
+
+
+def _refuse_other(raw: dict[str, Any]) -> None:
+    """Refuse a file that names a scene, given instead of the scene."""
+    if "scene" in raw and "link" not in raw:
+        what, command = ("fit problem", "fit") if "parameter" in raw else ("sweep", "sweep")
+        raise SceneError(f"this is a {what}, not a scene; run it by flexlink {command}", id="is-no-scene")
 
 
 def scene_named(document: dict[str, Any], folder: Path) -> Scene:

@@ -1,4 +1,4 @@
-"""Keys of a scene file, which is flat: keys of the arm are next to those of the scene."""
+"""Keys of a scene file, in which the keys of the arm are at the top level, beside the keys of the scene."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def _arm_of(values: Mapping[str, Any]) -> Arm:
 def _mistakes(
     raw: Mapping[str, Any], kinds: Mapping[str, Any], kept: Mapping[str, Any], required: Sequence[str]
 ) -> Iterator[Diagnostic]:
-    """All mistakes of a parsed file, key by key; if the arm's parts are valid, also those of the arm."""
+    """All mistakes in a parsed file, key by key; if the arm's parts are valid, also mistakes between these parts."""
     yield from key_mistakes(raw, list(kinds), required)
     known = {key: value for key, value in raw.items() if key in kinds}
     wrong = {key: mistakes(value, kinds[key], key) for key, value in known.items()}

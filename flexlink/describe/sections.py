@@ -50,7 +50,7 @@ def box(height: float, width: float, wall: float) -> SectionProperties:
 
 
 def general(area: float, i_y: float, i_z: float, torsion: float) -> SectionProperties:
-    """Section given by its properties."""
+    """Section of unspecified shape, given by its properties."""
     return SectionProperties(area, i_y, i_z, torsion)
 
 
@@ -60,8 +60,8 @@ def _rectangle_torsion(a: float, b: float) -> float:
     J = a b³ [1/3 − (64/π⁵)(b/a) Σ tanh(mπa/2b)/m⁵, m = 1, 3, 5, …],  a ≥ b
     """
     a, b = max(a, b), min(a, b)
-    # tanh = 1 − (1 − tanh): the 1 sums to exactly 31ζ(5)/32, the remainder decays like exp(−mπa/b) and is 2e-18 at
-    # m a/b = 13.
+    # tanh = 1 − (1 − tanh): the terms 1/m⁵ sum to exactly 31ζ(5)/32; the terms of 1 − tanh decay like exp(−mπa/b), to
+    # 2e-18 at m a/b = 13.
     rest = math.fsum(2 / (math.exp(m * math.pi * a / b) + 1) / m**5 for m in range(1, 13, 2) if m * a / b < 13)
     zeta_5 = 1.0369277551433699263
     return a * b**3 * (1 / 3 - 64 / math.pi**5 * (b / a) * (31 / 32 * zeta_5 - rest))

@@ -31,7 +31,7 @@ KINDS: dict[str, tuple[tuple[str, ...], tuple[str, ...], str]] = {
     "torque": ((), (), ""),
     "current": (("torque_constant",), (), "A"),
 }
-"""For each kind its required keys, its optional keys, and the unit of its signal; "" if that depends on the joint."""
+"""Required keys, optional keys, and unit of the signal of each kind; "" if the unit depends on the joint."""
 ON_A_BASE = ("accelerometer", "gyroscope", "position")
 """Kinds that may be attached to a free base."""
 OF_THE_DRIVE = ("joint", "torque", "current")
@@ -42,10 +42,11 @@ class Sensor(Spec, frozen=True):
     """A sensor on the arm with its signal processing; its readings are a column of a run, such as "root strain [1]".
 
     strain: a gauge on the beam of a flexible link, at `x` from the beam's root and at the `fibre` (y, z) of the
-    section: bending strain ε = z κ_y − y κ_z (see `beam_strain`). The curvature at `x` is a cubic through the four
-    nearest hinges; if EI is a table, it is M/EI, where M is that cubic.
-    accelerometer, gyroscope: Rᵀ(a − g) and Rᵀω of a point of a link, in the link's axes as moved by the segment there.
-    position: of such a point, in frame 0. All three measure along `axis`, or in three columns, "NAME x [m]" and so on.
+    section, measures the bending strain ε = z κ_y − y κ_z (see `beam_strain`). The curvature at `x` is interpolated by
+    a cubic through the four nearest hinges; if EI is a table, it is M/EI, with M interpolated in this way.
+    accelerometer, gyroscope: Rᵀ(a − g) and Rᵀω of a point of a link, in the link's axes, which move with the segment.
+    position: position of such a point in frame 0. All three measure along `axis`, or else in three columns, "NAME x
+    [m]" and so on.
     joint: angle or position of the link's joint; with an elastic gear, of the motor.  torque: T_EX of its drive, or the
     torque required by its prescribed motion.  current: T_EX / `torque_constant`.
 
@@ -68,41 +69,41 @@ class Sensor(Spec, frozen=True):
     """Measured quantity: strain, acceleration minus gravity, angular velocity, position of a point, joint angle or
     position, drive torque, or motor current."""
     link: str | int
-    """Link of the sensor, by name or number from 1, or "base" if it floats; for joint, torque and current the link
-    whose joint is measured."""
+    """Link that carries the sensor, by name or number from 1, or "base" if the base floats; for joint, torque and
+    current, the link whose joint is measured."""
     x: Annotated[NonNegative | None, measured_in("m")] = None
     """Position along the link's beam, from the beam's root [m]. Default: the end of the link."""
     point: Annotated[Vector3 | None, measured_in("m")] = None
-    """Alternatively, a point of the straight link, in the link's frame [m]; the nearest segment carries the sensor."""
+    """Point of the undeformed link, in the link's frame, instead of `x` [m]; the sensor is on the nearest segment."""
     fibre: Annotated[tuple[float, float] | None, measured_in("m")] = None
     """For strain: position (y, z) of the gauge in the section, relative to the centroid [m]."""
     axis: Vector3 | None = None
     """Measured direction, in axes of the link, or of frame 0 for a position; need not be normalized. Default: all
     three, one column each."""
     torque_constant: Positive | None = None
-    """For current: joint torque per current, including the gear ratio [N m/A]; of a prismatic joint [N/A]."""
+    """For current: joint torque per current, including the gear ratio [N m/A]; for a prismatic joint [N/A]."""
     gain: Annotated[float, msgspec.Meta(ge=-LARGE, le=LARGE)] = 1.0
-    """Factor from the signal, in SI units and radians, to the column [its unit per SI unit]."""
+    """Factor that converts the signal, in SI units and radians, to the column [unit of the column per SI unit]."""
     unit: str | None = None
-    """Unit of the column, after the gain. Default: unit of the signal, 1, m/s², rad/s, rad or m, N m or N, A."""
+    """Unit of the column, after the gain. Default: unit of the signal (1, m/s², rad/s, rad or m, N m or N, or A)."""
     bias: Annotated[float, msgspec.Meta(ge=-LARGE, le=LARGE)] = 0.0
     """Reading for a zero signal [unit of the column]."""
     delay: Annotated[NonNegative, measured_in("s")] = 0.0
-    """Delay of the signal [s]; before the start of the run it has its initial value."""
+    """Delay of the signal [s]; before the start of the run, the signal has its initial value."""
     low_pass: Annotated[Positive | None, measured_in("Hz")] = None
-    """Cutoff frequency (71 % amplitude) of a Butterworth low-pass filter [Hz]; it starts in steady state. Default:
-    none."""
+    """Cutoff frequency (71 % amplitude) of a Butterworth low-pass filter [Hz], which starts in steady state. Default:
+    no filter."""
     order: Annotated[int, msgspec.Meta(ge=1, le=8)] | None = None
-    """Order of the low-pass. Default: 1."""
+    """Order of the low-pass filter. Default: 1."""
     rate: Annotated[Positive | None, measured_in("Hz")] = None
-    """Sampling rate [Hz], at t = k / rate; readings are held in between. Default: every sample of the run."""
+    """Sampling rate [Hz], at t = k / rate; readings stay constant in between. Default: every sample of the run."""
     resolution: Deviation | None = None
-    """Quantization step of the readings [unit of the column]. Default: none."""
+    """Quantization step of the readings [unit of the column]. Default: no quantization."""
     noise: Annotated[float, msgspec.Meta(ge=0, le=LARGE)] = 0.0
-    """Standard deviation of white Gaussian noise on the readings [unit of the column]; without a rate, every
-    `run.sample` has an independent value."""
+    """Standard deviation of white Gaussian noise on the readings [unit of the column]; without a rate, each stored
+    sample of the run has an independent value."""
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] | None = None
-    """Seed of the noise: the noise depends only on the seed and the sensor's name. Default: 0."""
+    """Seed of the noise, which depends only on the seed and the sensor's name. Default: 0."""
 
     def __post_init__(self) -> None:
         of_kinds = ("x", "point", "fibre", "axis", "torque_constant")
@@ -137,7 +138,7 @@ class Sensor(Spec, frozen=True):
                 )
 
     def _check_name(self) -> None:
-        """Check that the name, which identifies columns, is valid and not in use."""
+        """Check that the name, which identifies columns, is valid and not used for another column of runs."""
         # other column names of a run; names that begin with "q ", "qd " and "tau " are also in use
         taken = (
             "t", "tip", "kinetic", "gravity", "elastic", "work", "imbalance", "attitude", "spin", "momentum",
@@ -155,7 +156,7 @@ class Sensor(Spec, frozen=True):
             )
 
     def _check_unit(self) -> None:
-        """Require a gain if the column's unit is another unit of the signal, such as deg; not for others, such as V."""
+        """Require a gain if the column's unit, such as deg, converts to the signal's unit, unlike V, for example."""
         # factors of instrument units, in addition to those of angles, lengths, forces and torques
         instruments = {
             ("µm/m", "1"): 1e-6, ("um/m", "1"): 1e-6, ("µε", "1"): 1e-6, ("ppm", "1"): 1e-6, ("%", "1"): 1e-2,
@@ -172,20 +173,20 @@ class Sensor(Spec, frozen=True):
 
     @property
     def sees_points(self) -> bool:
-        """Whether it measures the motion of a point."""
+        """Whether the sensor measures the motion of a point."""
         return self.kind in ON_A_BASE
 
     @property
     def components(self) -> tuple[str, ...]:
-        """Suffix of its name in each of its columns: " x", " y", " z", or "" for a single column."""
+        """Suffix of the sensor's name in each of its columns: " x", " y", " z", or "" for a single column."""
         return ("",) if not self.sees_points or self.axis is not None else (" x", " y", " z")
 
     def columns(self, slides: bool = False) -> tuple[str, ...]:
-        """Names of its columns with units, at a joint that is prismatic (`slides`) or revolute."""
+        """Names of the sensor's columns with units, for a joint that is prismatic (`slides`) or revolute."""
         return tuple(f"{self.name}{part} [{self.unit or self._own_unit(slides)}]" for part in self.components)
 
     def _own_unit(self, slides: bool) -> str:
-        """SI unit of its signal, at a joint that is prismatic (`slides`) or revolute."""
+        """SI unit of the sensor's signal, for a joint that is prismatic (`slides`) or revolute."""
         of_joint = OF_JOINT[slides]
         return KINDS[self.kind][2] or (of_joint.si if self.kind == "joint" else of_joint.torque)
 
@@ -197,7 +198,7 @@ def column_names(sensors: Sequence[Sensor], arm: Arm) -> tuple[str, ...]:
 
 
 def sensor_mistakes(sensors: Sequence[Sensor], arm: Arm) -> Iterator[Diagnostic]:
-    """Sensors that do not fit the arm, and duplicate names."""
+    """Report sensors that cannot be used on this arm, and duplicate names."""
     names = [sensor.name for sensor in sensors]
     for k, sensor in enumerate(sensors):
         path = f"sensor.{link_key(names, k)}"
@@ -236,7 +237,7 @@ def _misfits(sensor: Sensor, arm: Arm) -> Iterator[Diagnostic]:
 
 
 def _on_a_jump(x: float, link: Link, table: Rigidity) -> Iterator[Diagnostic]:
-    """Refuse a gauge at a jump of EI, where the strain is ambiguous."""
+    """Report a gauge at a jump of EI, where the strain is ambiguous."""
     jump, aside = table.jump_at(x, link.flex), 1e-3 * link.beam.length
     if jump is not None:
         yield Diagnostic(
@@ -247,5 +248,5 @@ def _on_a_jump(x: float, link: Link, table: Rigidity) -> Iterator[Diagnostic]:
 
 
 def is_on_base(sensor: Sensor, arm: Arm) -> bool:
-    """Whether a sensor is on the base, not on a link with that name."""
+    """Whether a sensor is on the base, and not on a link named "base"."""
     return sensor.link == BASE and BASE not in {link.name for link in arm.links}

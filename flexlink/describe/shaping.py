@@ -1,11 +1,11 @@
-"""Input shapers as data: impulses whose delayed responses add up to no vibration at given frequencies.
+"""Input shapers as data: impulses whose delayed responses cancel the vibration at given frequencies.
 
-Through impulses a_i at times t_i, a vibration exp(λt) has |Σ a_i exp(−λ t_i)| times the amplitude that a single impulse
+Impulses a_i at times t_i excite a vibration exp(λt) with |Σ a_i exp(−λ t_i)| times the amplitude that a single impulse
 excites. For λ = −σ ± iω_d let T = π/ω_d be half a period, and K = exp(−σT) the decay over T. Then
 
     t_i = h_i T,   a_i = w_i K^h_i / Σ_k w_k K^h_k:   Σ a_i exp(−λ t_i) = Σ w_i exp(∓iπ h_i) / Σ_k w_k K^h_k
 
-and the numbers h_i, w_i define a shaper for any frequency and damping. Shapers of several vibrations are convolved.
+so the numbers h_i, w_i define a shaper for any frequency and damping. For several vibrations, shapers are convolved.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from flexlink.describe.spec import NonNegative, Positive, Spec, measured_in
 Ratio = Annotated[float, msgspec.Meta(ge=0, lt=1)]
 
 MOST_IMPULSES = 1024
-"""Largest number of impulses: six vibrations with ZVD need 729, and the move takes six periods longer."""
+"""Largest number of impulses; six vibrations with ZVD need 729, and lengthen the move by six periods."""
 
 
 class ShaperRule(Spec, frozen=True):
     """A shaper of one vibration: impulses after `half_periods` h, with weights w K^h before normalization to sum 1.
 
-    `zeros`: number of vanishing derivatives of Σ w_i exp(iπ h_i) with respect to frequency, from the 0th on.
+    `zeros` is the number of derivatives of Σ w_i exp(iπ h_i) with respect to frequency, from the 0th on, that vanish.
     """
 
     about: str
@@ -98,7 +98,7 @@ class InputShaper(Spec, frozen=True):
     frequency_hz: Annotated[tuple[Positive, ...] | None, measured_in("Hz")] = None
     """Undamped frequencies of the vibrations [Hz]."""
     damping: tuple[Ratio, ...] | None = None
-    """Damping ratio of each vibration [1]. Default: none."""
+    """Damping ratio of each vibration [1]. Default: no damping."""
     poles: Annotated[tuple[tuple[float, float], ...] | None, measured_in("1/s")] = None
     """Vibrations as [Re λ, Im λ] [1/s], instead of `frequency_hz`."""
 
@@ -137,7 +137,7 @@ class InputShaper(Spec, frozen=True):
 
     @property
     def rule(self) -> ShaperRule:
-        """Impulses of the shaper for one vibration.
+        """Rule that gives the impulses of the shaper for one vibration.
 
         Raises
         ------
@@ -162,12 +162,12 @@ class InputShaper(Spec, frozen=True):
 
     @property
     def impulses(self) -> tuple[Array, Array]:
-        """Increasing times [s] and weights, with sum 1, of all impulses; also raises the errors of `rule`.
+        """Increasing times [s] and weights, with sum 1, of all impulses; the errors of `rule` may also be raised.
 
         Raises
         ------
         ArgumentError
-            There are too many, or their times overflow float64.
+            There are too many impulses, or their times overflow float64.
         """
         rule, vibrations = self.rule, self.vibrations
         if len(rule.weights) ** len(vibrations) > MOST_IMPULSES:

@@ -1,4 +1,4 @@
-"""Base class of all descriptions: checked when built in Python, and decoded strictly from parsed TOML."""
+"""Base class of all descriptions, which are checked when built in Python, and decoded strictly from parsed TOML."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from flexlink.describe.expected import expected, why_not
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
 SMALL, LARGE = 1e-30, 1e30
-"""Range of scale factors and deviations, so that fourth powers of their quotients with ordinary numbers fit float64."""
+"""Range of scale factors and deviations; fourth powers of numbers divided by them then do not overflow float64."""
 Deviation = Annotated[float, msgspec.Meta(ge=SMALL, le=LARGE)]
 Vector3 = tuple[float, float, float]
 ONE_PER_LINK = msgspec.Meta(extra={"one per": "link"})
-"""Marks a list with one number per link: paths lead to its items by link name or number."""
+"""Marks a list with one number per link, whose items have paths with a link's name or number."""
 
 
 def measured_in(*units: str) -> msgspec.Meta:
-    """Metadata with the unit of a number; two units for a joint's number, first revolute, then prismatic."""
+    """Metadata with the unit of a number; for a joint's number two units, for revolute and for prismatic joints."""
     return msgspec.Meta(extra={"units": units})
 
 
@@ -48,7 +48,7 @@ _thread = threading.local()  # `validated`: whether the values of the descriptio
 
 
 def build_validated(make: Callable[..., T], *arguments: Any, **fields: Any) -> T:
-    """Build a description from checked values without checking them again; their consistency is still checked."""
+    """Build a description from checked values; only their consistency is checked again."""
     before = getattr(_thread, "validated", False)
     _thread.validated = True
     try:
@@ -92,7 +92,7 @@ class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
 
 def default_of(field: msgspec.structs.FieldInfo) -> object:
-    """Default value of a field; msgspec's NODEFAULT if it is required."""
+    """Default value of a field; msgspec's NODEFAULT if the field is required."""
     factory = field.default_factory
     return field.default if factory is msgspec.NODEFAULT else factory()
 
@@ -104,9 +104,9 @@ def fields_of(kind: type[msgspec.Struct]) -> tuple[msgspec.structs.FieldInfo, ..
 
 
 def to_builtin(value: object) -> object:
-    """Convert NumPy numbers, texts and arrays to built-in ones, at any depth.
+    """Convert NumPy numbers, strings and arrays to built-in types, at any depth.
 
-    Sweeps are written with NumPy, but msgspec does not accept np.float64.
+    Users write sweeps with NumPy, but msgspec does not accept np.float64.
     """
     if isinstance(value, np.ndarray):
         return to_builtin(value.tolist())
@@ -158,7 +158,7 @@ def decode(raw: object, kind: type[T] | Any, path: str = "", *, finite: bool = F
 
 
 def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) -> Diagnostic:
-    """Message with key path, value and what is allowed, from msgspec's "reason - at `$.path`"."""
+    """Convert msgspec's "reason - at `$.path`" to a message with key path, value and what is allowed."""
     reason, _, tail = str(error).rpartition(" - at `$") if " - at `$" in str(error) else (str(error), "", "")
     value, below = cast("Any", raw), kind
     keys: list[Any] = []
@@ -170,7 +170,7 @@ def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) 
             key = int(part) if isinstance(value, list | tuple) else part
         keys.append(key)
         inner = type_below(below, key)
-        units = units_of(inner) if isinstance(bare_type(below), type) else units  # a list has the unit of its numbers
+        units = units_of(inner) if isinstance(bare_type(below), type) else units  # the unit is marked on the whole list
         value, below = value[key], inner
     where, kind = path_to(keys, raw, kind, path), bare_type(below)
     if error.__cause__ is not None:  # the message of a nested Spec already names field, value and what is allowed
@@ -182,8 +182,9 @@ def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) 
     missing = re.search(r"missing required field `(.*)`", reason)
     if missing:
         return _missing(f"{where}.{missing[1]}".lstrip("."))
-    wanted = expected(str(where), kind, value, reason, units)
-    text = f"{where} = {truncated(value)}: {wanted}{why_not('', value)}".removeprefix(" = ")
+    wanted, instead = expected(str(where), kind, value, reason, units), why_not("", value)
+    wanted = wanted.partition("; did you mean")[0] if instead else wanted
+    text = f"{where} = {truncated(value)}: {wanted}{instead}".removeprefix(" = ")
     return Diagnostic(text, "wrong-value")
 
 
@@ -243,7 +244,7 @@ def path_to(keys: Iterable[Any], value: Any, kind: Any, path: str = "") -> str:
     value
         The value at `path`.
     kind
-        Its type annotation.
+        Type annotation of `value`.
     path
         Path of `value`.
     """
@@ -277,7 +278,7 @@ def units_of(kind: Any) -> tuple[str, ...]:
 
 
 def link_key(names: Sequence[object], k: int) -> str:
-    """Name of the link at index `k` in a path: its name, in quotes if it has a dot, or its number from 1."""
+    """Part of a path for the link at index `k`: its name, in quotes if it has a dot, or else its number from 1."""
     name = names[k]
     if not isinstance(name, str) or not name or names.count(name) > 1 or re.search(r"[\"'*]", name):
         return str(k + 1)
@@ -297,7 +298,7 @@ def _class_of(kind: Any) -> type:
 
 @functools.cache
 def type_below(kind: Any, key: str) -> Any:
-    """Annotation of `key` inside `kind`: one step down a key path."""
+    """Annotation of `key` inside `kind`, one level down a key path."""
     kind = bare_type(kind)
     if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         return next((f.type for f in fields_of(kind) if f.encode_name == key), None)
@@ -321,7 +322,7 @@ def _check_finite(value: object, kind: Any, path: str) -> None:
 
 
 def _flaw(value: object) -> tuple[Any, ...] | None:
-    """Keys to the first infinite, nan or unordered item at or below a value, followed by the reason; or None."""
+    """Keys that lead to the first infinite, nan or unordered item in a value, followed by the reason; or None."""
     if type(value) in {str, int, bool, NoneType}:
         return None
     if isinstance(value, float):

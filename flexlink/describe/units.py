@@ -8,7 +8,7 @@ from flexlink.describe.vary import Keys, routes_to
 
 
 def unit_of(scene: Scene, path: str) -> str:
-    """Return the unit of the number at a path of `Scene.varied`; "" if it has none or the path does not determine it.
+    """Return the unit of the number at a path of `Scene.varied`; "" if it has no unit, or if the unit is ambiguous.
 
     Raises
     ------
@@ -28,7 +28,7 @@ def unit_of(scene: Scene, path: str) -> str:
 
 
 def _of_joint(scene: Scene, keys: Keys, units: tuple[str, ...]) -> str:
-    """Unit of a number that belongs to a joint, which may turn or slide."""
+    """Choose the unit of a joint's number, for a revolute or a prismatic joint."""
     if len(units) == 2 and keys[0] == "link" and keys[2] == "joint":
         units = (units[scene.arm.slides[keys[1]]],)
     return units[0] if len(units) == 1 else ""

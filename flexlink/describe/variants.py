@@ -1,7 +1,7 @@
-"""Many variants of one scene: numbers are replaced in place, without decoding the scene again.
+"""Many variants of one scene, in which numbers are replaced without decoding the scene again.
 
-Equivalent to `Scene.varied`, which is used if anything other than numbers changes. It also handles every failure here,
-because its messages explain invalid values.
+The resulting scene equals the one from `Scene.varied`, which is used if anything other than numbers changes, and if
+replacing numbers fails, because `Scene.varied` explains invalid values in its messages.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from flexlink.describe.vary import Keys, parts_of, routes_to, to_document
 
 Tree = dict[Any, Any]
 Base = tuple[Scene, Mapping[str, Any], Tree]
-"""A scene and where numbers are inserted: type annotation at each path, and a tree of field names whose leaves are
-paths."""
+"""A scene, the type annotation at each path, and a tree of field names whose leaves are the paths of the numbers to
+insert."""
 
 
 class Variants:
@@ -45,7 +45,7 @@ class Variants:
         self._base: tuple[list[object], Base | None] | None = None  # for the last values that are not numbers
 
     def varied(self, changes: Mapping[str, object]) -> Scene:
-        """Return `Scene.varied`, with values at all paths; raises the same errors."""
+        """Return the same scene, and raise the same errors, as `Scene.varied`; `changes` has a value for every path."""
         numbers = {path: value for path, value in changes.items() if path in self.numbers}
         if numbers:
             base = self._base_of({path: value for path, value in changes.items() if path not in numbers})
@@ -66,7 +66,7 @@ class Variants:
 
 
 def _variant(base: Scene, kinds: Mapping[str, Any], tree: Tree, numbers: Mapping[str, object]) -> Scene | None:
-    """The scene with these numbers; None if `Scene.varied` must handle them."""
+    """Return the scene with these numbers; None if `Scene.varied` must handle them."""
     if any(value is None for value in numbers.values()):
         return None
     try:
@@ -80,7 +80,7 @@ def _variant(base: Scene, kinds: Mapping[str, Any], tree: Tree, numbers: Mapping
 
 
 def _base(scene: Scene, paths: Sequence[str]) -> Base | None:
-    """The scene with a tree of the paths; None if its numbers cannot be replaced in place."""
+    """Return the scene with a tree of the paths; None if its numbers cannot be replaced without decoding."""
     if not _reads_back(scene, paths):
         return None
     tree: Tree = {}
@@ -109,7 +109,7 @@ def _reads_back(scene: Scene, paths: Sequence[str]) -> bool:
 
 
 def _plant(tree: Tree, part: Any, keys: Keys, path: str) -> bool:
-    """Insert a path into the tree at its keys; False if the keys do not exist or another path is on the way."""
+    """Insert a path into the tree at its keys; return False if a key is missing or another path is above or below."""
     for k, given in enumerate(keys):
         key = given
         if isinstance(part, Spec):
@@ -131,7 +131,7 @@ def _plant(tree: Tree, part: Any, keys: Keys, path: str) -> bool:
 
 
 def _with(part: Any, tree: Tree | str, numbers: Mapping[str, Any]) -> Any:
-    """A part of a scene with numbers inserted at the leaves of the tree."""
+    """Return a part of a scene with numbers inserted at the leaves of the tree."""
     if isinstance(tree, str):
         return numbers[tree]
     if isinstance(part, Spec):

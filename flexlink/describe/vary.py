@@ -1,9 +1,9 @@
-"""Variation of a description: values by path, in the terms of its TOML file.
+"""Variation of a description: values are set by their key paths in its TOML file.
 
 A path leads from table to table (`run.step`), to materials and sections by name (`material.steel.young`), to links by
 name or number from 1 (`link.upper.length`, `link.2.length`), to motions by link and to sensors by name. It also leads
 to items of lists of one number per link (`initial.joint_deg.upper`) and to vector components x, y and z (`gravity.x`).
-Put a name with a dot in quotes (`link."a.b".length`). `*` selects all items; among links, those on which the key has an
+Put a name with a dot in quotes (`link."a.b".length`). `*` selects all items, but only links on which the key has an
 effect. Messages name a value by the path that sets it.
 """
 
@@ -91,12 +91,12 @@ def values_at(document: dict[str, Any], kinds: Mapping[str, Any], path: str) -> 
 
 
 def number_in(values: Sequence[Any]) -> float:
-    """Return the one number at a path, from the result of `values_at`.
+    """Return the number at a path, from the result of `values_at`.
 
     Raises
     ------
     SceneError
-        It is not a number, or several numbers differ; the message starts with the value and needs the path before it.
+        A value is not a number, or several numbers differ. The message starts with the value; callers prepend the path.
     """
     if any(isinstance(value, bool) or not isinstance(value, int | float) for value in values):
         raise SceneError(f"{truncated(values[0])}: not a number in the scene; set it", id="not-a-number")
@@ -106,7 +106,7 @@ def number_in(values: Sequence[Any]) -> float:
 
 
 def routes_to(document: dict[str, Any], kinds: Mapping[str, Any], path: str) -> list[tuple[Keys, Any]]:
-    """Routes of a path: keys of tables and indices from 0, with the type annotation at the end.
+    """Routes of a path, made of keys of tables and indices from 0, each with the type annotation at its end.
 
     Arguments and errors as in `values_at`.
     """
@@ -120,7 +120,7 @@ def routes_to(document: dict[str, Any], kinds: Mapping[str, Any], path: str) -> 
 
 
 def to_document(value: object) -> Any:
-    """A description as parsed TOML: dicts without keys whose value is None, and lists."""
+    """Return a description as parsed TOML, made of lists and of dicts without keys whose value is None."""
     if isinstance(value, Spec):
         return to_document(msgspec.to_builtins(value))
     if isinstance(value, dict):
@@ -129,7 +129,7 @@ def to_document(value: object) -> Any:
 
 
 def as_document(value: Any) -> Any:
-    """A read-only description as parsed TOML, shared between variants except for dicts."""
+    """Return a description as parsed TOML for reading only: variants share its parts, except dicts."""
     if isinstance(value, dict):
         return {key: as_document(item) for key, item in value.items()}
     if isinstance(value, Spec | tuple):
@@ -154,7 +154,7 @@ def _keys_of(kind: type[msgspec.Struct]) -> tuple[str, ...]:
 
 
 class _Change:
-    """One value and the path to where it is inserted."""
+    """A value and the path at which it is inserted."""
 
     def __init__(self, document: dict[str, Any], path: str, value: object) -> None:
         self.path, self.value, self.parts, self.drops = path, value, parts_of(path), value is None
@@ -169,7 +169,8 @@ class _Change:
         self.links = links if isinstance(links, list) else []
 
     def error(self, reason: str) -> SceneError:
-        return SceneError(f"{truncated(self.path)[1:-1]} = {truncated(self.value)}: {reason}", id="cannot-set")
+        value = "" if self.value is None else f" = {truncated(self.value)}"
+        return SceneError(f"{truncated(self.path)[1:-1]}{value}: {reason}", id="cannot-set")
 
     def targets(self, node: Any, kind: Any, above: Keys = ()) -> Iterator[tuple[Any, Any, Keys]]:
         """Follow the remaining path from a table or list of this kind.
@@ -217,7 +218,7 @@ class _Change:
         raise self.error(f"{above} is one value; set it as a whole")
 
     def _one_of(self, part: str, names: Mapping[str, Any] | Sequence[str], *, keys: bool = False) -> str:
-        """Return `part`, which must be one of the names; if these are `keys`, the message may name an alternative."""
+        """Return `part`, which must be one of the names; if they are `keys`, the message may suggest an alternative."""
         if part not in names:
             listed = f"; allowed are {', '.join(names) or 'none'}{did_you_mean(part, names)}"
             raise self.error(f"{part!r} is unknown here{(keys and why_not(part, None)) or listed}")
@@ -254,7 +255,7 @@ class _Change:
 
 
 def get_in(table: Any, *keys: str) -> Any:
-    """Value below the keys; None if there is none, or if an earlier change replaced a table on the way."""
+    """Value in nested tables at these keys; None if it does not exist, or an earlier change replaced a table."""
     for key in keys:
         table = table.get(key) if isinstance(table, dict) else None
     return table

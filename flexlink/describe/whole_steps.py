@@ -1,4 +1,4 @@
-"""Integer numbers of equal steps in a time given as a decimal number, up to rounding."""
+"""Whether a time, given as a decimal number, is an integer number of equal steps, up to rounding."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from flexlink.common.types import Array
 
 
 def multiples(start: float, between: float, count: int) -> Array:
-    """Return equally spaced times [s] from a start: integer multiples of the spacing, if the start is one."""
+    """Return equally spaced times [s] from a start; if it is an integer multiple of the spacing, so are all others."""
     return (parts(start, between) + np.arange(count, dtype=np.float64)) * between
 
 
 def parts(value: float, unit: float) -> float:
-    """Number of `unit`s in a value: an integer if it is one up to the rounding of decimal input."""
+    """Number of `unit`s in a value; rounded if it is an integer up to the rounding of decimal input."""
     ratio = value / unit
     return round(ratio) if is_whole(ratio) else ratio
 
@@ -30,7 +30,7 @@ def whole(name: str, value: float, unit_name: str, unit: float, error: type[Flex
     Raises
     ------
     SceneError
-        It is not an integer, or is too large for exact integers in float64; `error` replaces this class.
+        The number is not an integer, or too large for exact integers in float64; raised as `error` if given.
     """
     if not value / unit < 2**53:
         raise error(f"{name} = {value!r}: must be less than 2**53 times {unit_name} = {unit!r}", id="not-a-multiple")

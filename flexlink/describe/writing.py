@@ -1,4 +1,4 @@
-"""Write a description as readable TOML: defaults omitted, one line per key, tables inside links inline."""
+"""Write a description as readable TOML without defaults, one line per key, with inline tables inside links."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from flexlink.describe.spec import Spec, default_of, fields_of
 
 
 def without_defaults(value: Any, always: frozenset[str] = frozenset()) -> Any:
-    """Values of a description that differ from the defaults, as dicts, lists, texts and numbers.
+    """Return the values of a description that differ from the defaults, as dicts, lists, strings and numbers.
 
     Parameters
     ----------
     value
         A `Spec`, or a value in one.
     always
-        Names of fields that are included even if they have their default.
+        Names of fields that are included even if they have their default value.
     """
     if isinstance(value, Spec):
         fields = [(field, getattr(value, field.name)) for field in fields_of(type(value))]

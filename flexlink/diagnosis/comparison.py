@@ -1,4 +1,4 @@
-"""compare(scene) → Comparison: the same arm in several engines, or in a foreign file, term by term."""
+"""compare(scene) → Comparison: compare the same arm term by term in several engines, or with a foreign file."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from flexlink.diagnosis.quantities import Difference, compare_engines
 from flexlink.diagnosis.states import mixed_states
 from flexlink.engines import load
 
-MAX_SAMPLES = 100_000  # each takes some milliseconds
+MAX_SAMPLES = 100_000  # each takes a few milliseconds
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Comparison:
-    """A `Diagnosis` of every engine for one scene; printed as a table of quantities, followed by the diagnoses."""
+    """One `Diagnosis` per engine for a scene; printed as a table of quantities, followed by the diagnoses."""
 
     scene: str
     samples: int
@@ -44,7 +44,7 @@ class Comparison:
 
     @property
     def passed(self) -> bool:
-        """Whether every difference is within the rounding bound, and no finding counts."""
+        """Whether every difference is within the rounding bound, and no finding changes simulations."""
         return all(diagnosis.passed for diagnosis in self.diagnoses)
 
     @property
@@ -84,13 +84,13 @@ def compare(
     """Compare engines, which load the exported arm or a foreign file, with the native dynamics at many states.
 
     Half of the states are random, a quarter balanced, a quarter stretched out (`states.mixed_states`). For a file, the
-    numbers that its engine has read are compared as well, with the likely mistake for every difference. Joints are then
-    matched by name, otherwise by their order; the tip wrench is omitted; values that the file lacks are the scene's.
+    numbers that its engine has read are compared as well, and the likely mistake is given for every difference. Joints
+    are then matched by name, or by order if names differ; the tip wrench is omitted; the scene supplies missing values.
 
     Parameters
     ----------
     scene
-        The scene. Its arm and gravity count, for a file also its drive, but not its initial state and motions.
+        The scene. Its arm and gravity are used, and for a file also its drive; its initial state and motions are not.
     engines
         Names in `flexlink.engines.ENGINES`. Default: Pinocchio and MuJoCo; for a file, the engine for its format.
     file

@@ -1,4 +1,4 @@
-"""Diagnosis of an engine that disagrees: what it has read, and whether that explains all differences."""
+"""Diagnose an engine that disagrees: compare what it has read, and check whether that explains all differences."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ class Diagnosis:
     rows
         Compared quantities.
     findings
-        Differences in what the engine has read; for our own exports, only checked if a quantity differs.
+        Differences in what the engine has read; for flexlink's exports, they are only computed if a quantity differs.
     explained
-        Whether native dynamics with the numbers that the engine has read agree with it; None if not computed.
+        Whether native dynamics with the numbers that the engine has read agree with the engine; None if not computed.
     notes
         Additional information.
     left_out
@@ -59,7 +59,7 @@ class Diagnosis:
 
     @property
     def passed(self) -> bool:
-        """Whether no quantity differs, and no finding counts."""
+        """Whether no quantity differs, and no finding changes simulations."""
         return all(row.passed for row in self.rows) and not any(finding.counts for finding in self.findings)
 
     def __str__(self) -> str:
@@ -96,7 +96,7 @@ def _verb(names: Sequence[str], verb: str) -> str:
 
 
 def diagnose(chain: Chain, engine: Engine, rows: Sequence[Difference], states: Sequence[State]) -> Diagnosis:
-    """Diagnose an engine that has loaded our export, if it disagrees."""
+    """Diagnose an engine that has loaded flexlink's export, if it disagrees."""
     notes = _by_us(chain, engine.name)
     if all(row.passed for row in rows):
         return Diagnosis(engine.name, tuple(rows), notes=notes)
@@ -153,7 +153,7 @@ def diagnose_file(
     native, rows = NativeEngine(chain), tuple[Difference, ...]()
     try:
         rows = compare_engines(chain, native, [matched], states, quantities=WITHOUT_WRENCH, progress=progress)
-        engine.neutralize_settings()  # settings are separate findings: from here on only numbers may differ
+        engine.neutralize_settings()  # settings are separate findings; after this only numbers may differ
     except (EngineError, SingularMassError) as error:  # for example, the only inertia of a joint is missing
         if not findings:
             raise
@@ -169,7 +169,7 @@ def diagnose_file(
 
 
 def _with_step(chain: Chain, read: ReadBack) -> ReadBack:
-    """Add to the settings an integrator other than RK4, and a step beyond its stability limit."""
+    """Add to the settings the integrator if it is not RK4, and the step if it is too large for this integrator."""
     settings = dict(read.settings)
     if read.integrator not in {"", "RK4"}:
         settings["integrator"] = read.integrator + ("" if read.integrator in LARGEST else " (stability not checked)")
@@ -210,9 +210,9 @@ def _explain(
     match: Match | None,
     states: Sequence[State],
 ) -> Diagnosis:
-    """Add the effect of each finding, and whether the findings explain all differences."""
+    """Diagnosis with the quantities that each finding affects, and whether the findings explain all differences."""
     names, some = [row.quantity for row in rows] or WITHOUT_WRENCH, states[:20]
-    tolerance = 10.0  # rounding bounds: a record is rotated into frame 0 and back
+    tolerance = 10.0  # rounding bounds; more than one, because a record is rotated into frame 0 and back
     singular_mass = "q̈ (M is singular)"
 
     def differing(record: ReadBack, other: Engine) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Differences of two records of an arm: joints, axes, numbers, settings; each with the likely mistake."""
+"""Differences between two records of an arm in joints, axes, numbers and settings, each with the likely mistake."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from flexlink.engines.couplings import COUPLED_FIELDS
 from flexlink.engines.read_back import ACTUATOR_FIELDS, BODY_FIELDS, JOINT_FIELDS, ReadBack
 
 EXACT = 1e-12
-"""Relative tolerance of copied numbers."""
+"""Relative tolerance for copied numbers."""
 PLACED = 1e-11
-"""Relative tolerance of numbers that are rotated into frame 0 joint by joint."""
+"""Relative tolerance for numbers that are rotated into frame 0 joint by joint."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,17 +33,17 @@ class Finding:
     Attributes
     ----------
     what
-        The field, the joints, the number in the file and the expected one; for a setting, its value.
+        The field, the joints, the number in the file and the expected number; for a setting, its value.
     likely, remedy
         The likely mistake, and its remedy.
     id
         Stable id of the kind of difference, for example "mass-differs".
     faulty
-        Our record with this mistake; None if the difference is not in the record.
+        flexlink's record with this mistake; None if records do not contain what differs.
     counts
-        Whether it changes simulations; otherwise it is only a note.
+        Whether the difference changes simulations; otherwise it is only a note.
     affects
-        Quantities of the equation of motion that this mistake alone changes.
+        Quantities of the equation of motion that change if only this mistake is made.
     """
 
     what: str
@@ -56,7 +56,7 @@ class Finding:
 
     @property
     def diagnostic(self) -> Diagnostic:
-        """Text and id, as for errors and warnings."""
+        """The finding as text with its id, like errors and warnings."""
         return Diagnostic(str(self), self.id)
 
     def __str__(self) -> str:
@@ -66,7 +66,7 @@ class Finding:
 
 
 def differences(ours: ReadBack, theirs: ReadBack, format: str) -> tuple[Match | None, list[Finding]]:
-    """Match the joints (None: impossible) and list the differences, numbers before settings.
+    """Match the joints (None if impossible) and list the differences, numbers before settings.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def differences(ours: ReadBack, theirs: ReadBack, format: str) -> tuple[Match | 
     theirs
         Record of what an engine has read.
     format
-        Format of the file, which determines names of fields in texts: a name in `flexlink.formats.FORMATS`.
+        Format of the file, a name in `flexlink.formats.FORMATS`; it determines the names of fields in texts.
     """
     match = match_joints(ours, theirs)
     if isinstance(match, str):
@@ -103,13 +103,13 @@ def _order(match: Match) -> Iterator[Finding]:
 
 
 def _numbers_of_tendons(ours: ReadBack, theirs: ReadBack) -> list[Finding]:
-    """`_numbers` for MJCF, where the stiffness of a joint is K_ii less the |K_ij| of its tendons."""
+    """`_numbers` for MJCF, where the stiffness of a joint is K_ii − Σ_j |K_ij|, with K_ij from its tendons."""
     fields = COUPLED_FIELDS.values()
     pairs = {field: (getattr(ours, field), getattr(theirs, field)) for field in fields}
     other = {field: np.abs(b - a) > EXACT * np.maximum(np.abs(a), np.abs(b)) for field, (a, b) in pairs.items()}
 
     def shifted(read: ReadBack, sign: int) -> ReadBack:
-        """Remove the tendons' part of these joints (−1), or add it (1)."""
+        """Remove the tendons' contribution to the joint stiffness and damping (−1), or add it (1)."""
         parts = {field: getattr(read, field) + sign * other[field] * _shared(read, field) for field in fields}
         return dataclasses.replace(read, **parts)
 
@@ -141,7 +141,7 @@ def _numbers(ours: ReadBack, theirs: ReadBack, format: str) -> list[Finding]:
 
 
 def _joined(ours: ReadBack, group: list[Finding]) -> Finding:
-    """Join findings with the same cause to one, whose faulty record has the mistake in all their fields."""
+    """Join findings with the same cause to one finding, whose faulty record has the mistakes of all of them."""
     records = [finding.faulty for finding in reversed(group) if finding.faulty is not None]
     names = [field.name for field in dataclasses.fields(ReadBack)]
     fields: dict[str, Any] = {}
@@ -193,7 +193,7 @@ def _displaced(displacement: Displacement, L: float) -> str:
 
 
 def _differing(ours: ReadBack, theirs: ReadBack) -> dict[str, Discrepancy]:
-    """Fields that differ, and their differing entries."""
+    """Fields that differ, with the entries that differ."""
     between = _between(ours, theirs)
     pairs = {
         field: (_values(ours, field, ours), _values(theirs, field, ours))
@@ -254,7 +254,7 @@ def _within_limits(ours: ReadBack, effort: Array) -> Array:
 
 
 def _values(read: ReadBack, field: str, ours: ReadBack) -> Array:
-    """Numbers of a field, one row per joint; for lines, the axis in our direction, and its point nearest ours."""
+    """Numbers of a field, one row per joint; for lines, the axis with our sign, and its point nearest to ours."""
     if field == "lines":
         sense = np.sign(np.einsum("ij,ij->i", ours.axes, read.axes))[:, None]
         along = np.einsum("ij,ij->i", ours.axes, read.points - ours.points)[:, None]
@@ -273,7 +273,7 @@ def _norm(rows: Array) -> Array:
 
 
 def _mistake(field: str, diff: Discrepancy, theirs: ReadBack) -> Mistake:
-    """First row of the table that matches."""
+    """First row in the table of mistakes that matches a difference."""
     settings = {"", *theirs.settings}
     return next(row for row in table().mistakes if row.field == field and row.setting in settings and row.shape(diff))
 
@@ -300,7 +300,7 @@ def _worded(words: tuple[str, Field, str, str], what: str, where: str, format: s
 
 
 def _with_rows(ours: Array, theirs: Array, rows: Indices) -> Array:
-    """Our numbers with some rows of theirs; those between two joints, rows (m, 2), on both sides of the diagonal."""
+    """Our numbers with some rows replaced by theirs; pairs of joints, rows (m, 2), replace K_ij and K_ji."""
     mixed = ours.copy()
     if rows.ndim == 1:
         mixed[rows] = theirs[rows]
@@ -311,7 +311,7 @@ def _with_rows(ours: Array, theirs: Array, rows: Indices) -> Array:
 
 
 def _subject(field: str, where: str) -> str:
-    """The field of these joints in words."""
+    """Text that names the field and the joints."""
     label = table().fields[field].label
     if field in COUPLED_FIELDS:
         return f"{label.removesuffix(' joints')} {where}"
@@ -319,7 +319,7 @@ def _subject(field: str, where: str) -> str:
 
 
 def _instead(field: str, diff: Discrepancy) -> str:
-    """First number in the file, the expected one and the factor; the relative error if both look alike."""
+    """First number in the file, the expected number and their ratio; the relative error if both print alike."""
     if field == "slides":
         return "revolute instead of prismatic" if diff.ours[0] else "prismatic instead of revolute"
     unit = _of_joints(field, diff).unit

@@ -21,7 +21,7 @@ READERS = {"mjcf": ("mujoco",), "urdf": ("pinocchio", "mujoco"), "sdf": ("drake"
 def load_file(
     path: Path, n: int, engine: str | None = None, *, base: Array | None = None, here: bool = False
 ) -> tuple[str, FileEngine, tuple[str, ...]]:
-    """Load a file with about `n` joints in a child process, since the engine may crash, or in this one (`here`).
+    """Load a file with about `n` joints in a child process, since the engine may crash, or in this process (`here`).
 
     Return its format, its engine, and the errors that the engine printed without stopping.
 

@@ -1,4 +1,4 @@
-"""Displaced joint axes: alone, or in frames that are rotated or displaced together with their subtree."""
+"""Find displaced joint axes: single axes, or frames that are rotated or displaced together with their subtree."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flexlink.common.types import Array, Indices
 from flexlink.engines.read_back import ReadBack
 
 RIGID_TOLERANCE = 1e-9
-"""Tolerance of a rigid motion of the subtree of a joint, relative to the reach of the arm."""
+"""Tolerance for the motion of a joint's subtree to count as rigid, relative to the reach of the arm."""
 
 
 class Displacement(NamedTuple):
@@ -25,18 +25,18 @@ class Displacement(NamedTuple):
     angle: float  # [rad]
     offset: float  # [m]
     rigid: bool = True  # whether the subtree moves rigidly; if not, it has further displacements
-    axes: tuple[Array, Array] | None = None  # for a single axis: theirs and ours, in the frame of the file
-    unit_factor: float | None = None  # distance from the previous joint over the correct one, if due to a wrong unit
+    axes: tuple[Array, Array] | None = None  # for a single axis: the axis in the file and ours, in the file's frame
+    unit_factor: float | None = None  # if due to a wrong unit: distance from the previous joint / correct distance
 
 
 def undo_displacements(
     ours: ReadBack, theirs: ReadBack, tolerance: float, units: Sequence[float] = ()
 ) -> tuple[ReadBack, list[Displacement], ReadBack]:
-    """Move their joints back, from the base outwards: the first displaced one each time, rigidly with its subtree.
+    """Move displaced joints of `theirs` back, one by one from the base outwards, each rigidly with its subtree.
 
     A single displaced axis is moved alone. `units` are factors by which a wrong unit of length can scale the distance
-    between joints. If no rigid motion fits, frames further out are also wrong; they are then replaced by ours.
-    Return their record without its displacements, the displacements, and our record with them.
+    between joints. If no rigid motion fits, frames further out are also wrong; our frames then replace them.
+    Return `theirs` without its displacements, the displacements, and `ours` with these displacements.
     """
     if (factor := _common_unit(ours, theirs, tolerance, units)) is not None:
         offsets = np.linalg.norm(theirs.points - ours.points, axis=1)
@@ -58,7 +58,7 @@ def undo_displacements(
 def _undo_one(
     ours: ReadBack, theirs: ReadBack, ours_displaced: ReadBack, k: int, tolerance: float, units: Sequence[float]
 ) -> tuple[Displacement, ReadBack, ReadBack]:
-    """Displacement of joint k, the first displaced one; their record without it, and ours with it."""
+    """Return the displacement of the first displaced joint k, `theirs` without it, and `ours_displaced` with it."""
     sin, off = (float(part[k]) for part in deviations(ours, theirs))
     angle = float(np.arcsin(min(1.0, sin)))
     before = _moved_by_joint_before(ours, theirs, k, tolerance)
@@ -82,14 +82,14 @@ def _undo_one(
 
 
 def _moved_by_joint_before(ours: ReadBack, theirs: ReadBack, k: int, tolerance: float) -> int | None:
-    """Parent of joint k if its body is displaced though its axis is not: along this axis, or rotated about it."""
+    """Parent of joint k if the parent's body is displaced along or about the parent's axis; otherwise None."""
     before = int(ours.parents[k])
     moved = np.linalg.norm(theirs.centers[before] - ours.centers[before]) > tolerance * reach(ours)
     return before if before >= 0 and ours.masses[before] > 0 and moved else None
 
 
 def _only_axis_moved(ours: ReadBack, theirs: ReadBack, k: int, tolerance: float, *, rigid_behind: bool) -> bool:
-    """Whether the subtree of joint k is in place: the next body and axis, or, unless `rigid_behind`, all bodies."""
+    """Whether joint k's subtree did not move: its next body and axes or, if not `rigid_behind`, all its bodies."""
     joints = behind(ours, k)
     here = ~_moved_bodies(ours, theirs, tolerance)[joints[ours.masses[joints] > 0]]
     next_ones = np.flatnonzero(ours.parents == k)
@@ -107,7 +107,7 @@ def behind(read: ReadBack, k: int) -> Indices:
 
 
 def _moved_bodies(ours: ReadBack, theirs: ReadBack, tolerance: float) -> NDArray[np.bool_]:
-    """Bodies with displaced centres, or rotated principal axes, whose inertias do not commute."""
+    """Bodies whose centres of mass are displaced or whose principal axes are rotated (the inertias do not commute)."""
     one, other = ours.inertias, theirs.inertias
     rotated = np.linalg.norm(one @ other - other @ one, axis=(1, 2))
     square = np.linalg.norm(one, axis=(1, 2)) * np.linalg.norm(other, axis=(1, 2))
@@ -116,7 +116,7 @@ def _moved_bodies(ours: ReadBack, theirs: ReadBack, tolerance: float) -> NDArray
 
 
 def _with_axis_of(read: ReadBack, other: ReadBack, k: int) -> ReadBack:
-    """The record with the axis of joint k from the other record."""
+    """The record, with the axis of joint k taken from the other record."""
     axes, points = read.axes.copy(), read.points.copy()
     axes[k], points[k] = other.axes[k], other.points[k]
     return dataclasses.replace(read, axes=axes, points=points)
@@ -129,7 +129,7 @@ def _offset(read: ReadBack, k: int) -> Array:
 
 
 def _unit(ours: ReadBack, theirs: ReadBack, k: int, units: Sequence[float]) -> tuple[float, Array] | None:
-    """Unit factor of the distance from the parent joint, and the position of joint k without it; None if none fits.
+    """Unit factor of the distance from the parent joint, and the corrected position of joint k; None if none fits.
 
     The position must be on our axis, for some point on the axis of the parent joint.
     """
@@ -149,9 +149,9 @@ def _unit(ours: ReadBack, theirs: ReadBack, k: int, units: Sequence[float]) -> t
 
 
 def deviations(ours: ReadBack, theirs: ReadBack) -> tuple[Array, Array]:
-    """Sine of the angle between both axes of each joint, and the distance [m] of their point from our axis.
+    """Sine of the angle between the two axes of each joint, and distance [m] of `theirs.points` from our axis.
 
-    A prismatic joint has only a direction.
+    For a prismatic joint only the direction matters; the distance is set to 0.
     """
     sin = np.linalg.norm(cross(ours.axes, theirs.axes), axis=1)
     off = np.linalg.norm(cross(ours.axes, theirs.points - ours.points), axis=1)
@@ -170,7 +170,7 @@ def _displaced_joints(ours: ReadBack, theirs: ReadBack, tolerance: float) -> Ind
 
 
 def _common_unit(ours: ReadBack, theirs: ReadBack, tolerance: float, units: Sequence[float]) -> float | None:
-    """Unit factor of all distances between joints; None if there is none."""
+    """Factor of a wrong unit that scales all distances between joints; None if there is no such factor."""
     if not len(_displaced_joints(ours, theirs, tolerance)):
         return None
     fits = (not len(_displaced_joints(ours, _scaled(theirs, 1 / factor), tolerance)) for factor in units)
@@ -178,7 +178,7 @@ def _common_unit(ours: ReadBack, theirs: ReadBack, tolerance: float, units: Sequ
 
 
 def _scaled(read: ReadBack, factor: float) -> ReadBack:
-    """The record with joints and their bodies at scaled distances from the origin of frame 0."""
+    """The record, with the distances of joints and bodies from the origin of frame 0 scaled by a factor."""
     points = factor * read.points
     tip = None if read.tip is None else factor * read.tip
     return dataclasses.replace(read, points=points, centers=points + read.centers - read.points, tip=tip)
@@ -187,7 +187,7 @@ def _scaled(read: ReadBack, factor: float) -> ReadBack:
 def _rigid_motion(
     ours: ReadBack, theirs: ReadBack, k: int, stop: int | None = None
 ) -> tuple[Array, Array, Array] | None:
-    """Rotation R, a point and its image: the rigid motion of our subtree of k, up to `stop`, to theirs, or None.
+    """Rigid motion from our subtree of joint k (up to `stop`) to theirs: a rotation R, a point and its image; or None.
 
     R is the rotation nearest to Σ theirs oursᵀ (Kabsch) over axes and all points relative to joint k. If all points lie
     on one axis, R is the smallest of the possible rotations.
@@ -215,9 +215,9 @@ def _smallest_turn(one: Array, other: Array) -> Array:
 
 
 def _marker_points(read: ReadBack, joints: Indices) -> Array:
-    """Points that move with these joints and bodies: the next centre of mass projected onto each axis; centres.
+    """Points that move with these joints: the next centre of mass projected onto each axis, and all centres of mass.
 
-    For a prismatic joint, the next centre of mass itself.
+    For a prismatic joint, the next centre of mass is not projected.
     """
     following = [_next_massive(read, j) for j in joints]
     axes, points = read.axes[joints], np.where(read.slides[joints, None], read.centers[following], read.points[joints])
@@ -249,7 +249,7 @@ def _moved_rigidly(read: ReadBack, k: int, R: Array, point: Array, image: Array)
 
 
 def _with_tail_of(read: ReadBack, other: ReadBack, k: int) -> ReadBack:
-    """The record with positions and orientations from joint k on from the other record."""
+    """The record, with positions and orientations in the subtree of joint k taken from the other record."""
     fields = ("axes", "points", "centers", "inertias")
     behind: dict[str, Any] = {f: np.concatenate([getattr(read, f)[:k], getattr(other, f)[k:]]) for f in fields}
     return dataclasses.replace(read, **behind, tip=other.tip)

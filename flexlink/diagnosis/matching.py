@@ -1,4 +1,4 @@
-"""Match the joints of two records by name; otherwise, for arms without branches, by their order from base to tip."""
+"""Match the joints of two records by name or, if names differ and no branches exist, by their order from the base."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ IN_ORDER = (*AXIS_FIELDS, "slides", *JOINT_FIELDS)
 
 
 class Match(NamedTuple):
-    """The joints of the other record in our order.
+    """The joints of another record (`theirs`), matched to our joints.
 
     Attributes
     ----------
     order
-        Index of their joint for each of ours, shape (n,).
+        For each of our joints, its index in the other record, shape (n,).
     positions
-        Position of each of our joints along their chain, from 0, shape (n,); None if joints have different parents.
+        Position of each of our joints along the other chain, from 0, shape (n,); None if joints have different parents.
     record
-        Their record with our names and order; unspecified fields are ours. Body k is the k-th along their chain, so the
-        order of joints at the same point does not matter.
+        The other record with our names and order, and with our values of unspecified fields. Body k is the k-th body
+        along the other chain, so the order of joints at the same point does not matter.
     by_name
         Whether the names are equal.
     reordered
-        Names of joints at other positions along their chain, or with another parent in their tree.
+        Names of joints that have another position, or another parent, in the other record.
     """
 
     order: Indices
@@ -41,7 +41,7 @@ class Match(NamedTuple):
 
     @property
     def whole(self) -> tuple[ReadBack, Indices] | None:
-        """Their record in the order of the chain, and our index of each joint; None if parents differ."""
+        """The other record, in its order from the base, and our index of each joint; None if parents differ."""
         if self.positions is None:
             return None
         joints = np.argsort(self.positions)
@@ -107,13 +107,13 @@ def _from_base_to_tip(theirs: ReadBack) -> Indices | None:
 
 
 def _branch(theirs: ReadBack) -> int:
-    """A joint with several children; 0 if it is the base."""
+    """A joint with several children; 0 if the base has several children."""
     parents, count = np.unique(theirs.parents, return_counts=True)
     return max(0, int(parents[count > 1][0]))
 
 
 def _regrouped(ours: ReadBack, axes: Array) -> Indices:
-    """Positions of our joints along their chain; joints at the same point may be in another order."""
+    """Positions of our joints along the other chain, where joints at the same point may have another order."""
     positions = np.arange(ours.n)
     starts = [k for k in positions if k == 0 or not np.array_equal(ours.points[k], ours.points[k - 1])]
     for first, stop in itertools.pairwise([*starts, ours.n]):

@@ -71,14 +71,14 @@ def table() -> Table:
 
 
 def _shape(row: dict[str, Any]) -> Shape:
-    """Shape of a row: a function of `shapes`, or the result of one that takes the row's factors."""
+    """Shape of a row: a function in `shapes`, or the result of calling such a function with the row's factors."""
     shape = getattr(shapes, row["shape"])
     found: Shape = shape(*row["factors"]) if "factors" in row else shape
     return found
 
 
 def _where(names: Sequence[str], rows: Indices) -> str:
-    """Joints in words for the entries of a field; pairs for fields between two joints."""
+    """Text that names the joints for the entries of a field; pairs of joints for fields between two joints."""
     if rows.ndim == 1:
         return _names([names[k] for k in rows])
     pairs = [f"{names[i]!r} and {names[j]!r}" for i, j in rows[:3]]

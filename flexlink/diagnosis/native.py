@@ -1,4 +1,4 @@
-"""flexlink as an engine."""
+"""flexlink's own dynamics with the interface of an engine."""
 
 from __future__ import annotations
 
@@ -23,27 +23,27 @@ class NativeEngine:
         self.n = chain.n
 
     def mass_matrix(self, q: Array) -> Array:
-        """M(q) by composite rigid bodies."""
+        """Mass matrix M(q) by the composite-rigid-body algorithm."""
         return terms.mass_matrix(self.chain, q)
 
     def bias_torque(self, q: Array, qd: Array, *, tip_wrench: Array | None = None) -> Array:
-        """T_GC by recursive Newton-Euler."""
+        """Torque T_GC of gravity, centrifugal and Coriolis forces by recursive Newton-Euler."""
         return terms.bias_torque(self.chain, q, qd, tip_wrench=tip_wrench)
 
     def gravity_torque(self, q: Array) -> Array:
-        """T_G by recursive Newton-Euler."""
+        """Gravity torque T_G by recursive Newton-Euler."""
         return terms.gravity_torque(self.chain, q)
 
     def elastic_torque(self, q: Array) -> Array:
-        """T_FL."""
+        """Torque T_FL of the springs."""
         return terms.elastic_torque(self.chain, q)
 
     def friction_torque(self, qd: Array) -> Array:
-        """T_FR."""
+        """Torque T_FR of friction."""
         return terms.friction_torque(self.chain, qd)
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
-        """q̈ by the default solver of `flexlink.forward_dynamics`."""
+        """Accelerations q̈ by the default solver of `flexlink.forward_dynamics`."""
         return accelerations.forward_dynamics(self.chain, q, qd, tau, tip_wrench=tip_wrench)
 
     def read_back(self) -> ReadBack:
@@ -51,6 +51,6 @@ class NativeEngine:
         return of_chain(self.chain)
 
     def integrate(self, scene: Scene) -> Samples:
-        """`flexlink.simulate`."""
+        """Samples t, q, q̇ of the scene's run by `flexlink.simulate`."""
         run = simulate(scene)
         return run.t, run.q, run.qd

@@ -1,8 +1,8 @@
-"""Terms of the equation of motion in two engines at many states; differences are relative to the rounding bound.
+"""Compare the terms of the equation of motion in two engines at many states, relative to the rounding bound.
 
     M(q) q̈ + T_GC(q, q̇) + T_FL(q) + T_FR(q̇) = T_EX
 
-Two correct programs differ by at most 1 (`dynamics.rounding`). Accelerations are compared by the torque M Δq̈.
+Two correct programs differ by at most 1 bound (`dynamics.rounding`). Accelerations are compared by the torque M Δq̈.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from flexlink.engines.base import Engine
 
 
 class Term(NamedTuple):
-    """Function that evaluates a term, and function for the error of two values over its bound, (n,) or (n, n)."""
+    """Function that evaluates a term, and function that divides the difference of two values by the rounding bound."""
 
     evaluate: Callable[[Engine, State], Array]
     error: Callable[[Chain, State, Array, Array], Array]
@@ -87,7 +87,7 @@ class Difference:
 
     @property
     def passed(self) -> bool:
-        """Whether the error is within the rounding bound; nan is not."""
+        """Whether the error is within the rounding bound; False for nan."""
         return self.error <= 1
 
 
@@ -100,7 +100,7 @@ def compare_engines(
     quantities: Iterable[str] = tuple(QUANTITIES),
     progress: Callable[[float], None] | None = None,
 ) -> tuple[Difference, ...]:
-    """Compare the quantities of every engine with those of `native` at the given states."""
+    """Compare the quantities of every engine with the quantities of `native` at the given states."""
     names, reports = list(quantities), 200  # approximate number of calls of `progress`
     worst: dict[tuple[int, str], Difference] = {}
     for number, state in enumerate(states):

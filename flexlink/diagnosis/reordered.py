@@ -1,4 +1,4 @@
-"""An engine with reordered joints."""
+"""Reorder the joints of an engine."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flexlink.engines.read_back import ReadBack
 
 
 def _reordered(method: Any) -> Any:
-    """Convert a method of the engine: arguments and values are in our order."""
+    """Convert a method of the engine, so that arguments and results are in our order."""
 
     @functools.wraps(method)
     def call(reordered: Reordered, *arguments: Array, **named: Any) -> Array:
@@ -27,7 +27,7 @@ def _reordered(method: Any) -> Any:
 
 
 class Reordered:
-    """The engine with reordered joints: joint k is its joint `order[k]`."""
+    """An engine with reordered joints: joint k is joint `order[k]` of the original engine."""
 
     def __init__(self, engine: Engine, order: Indices) -> None:
         self.engine, self.order = engine, order
@@ -41,7 +41,7 @@ class Reordered:
     forward_dynamics = _reordered(Engine.forward_dynamics)
 
     def integrate(self, scene: Scene) -> Samples:
-        """Refuse: foreign files are not simulated."""
+        """Raise an error, because foreign files are not simulated."""
         raise ArgumentError(
             f"{scene.name}: foreign files are compared at states, not in simulations", id="file-not-simulated"
         )

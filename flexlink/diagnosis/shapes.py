@@ -1,4 +1,4 @@
-"""Shapes of a discrepancy: predicates on how the numbers of a file differ from the expected ones."""
+"""Shapes of a discrepancy: predicates that describe how the numbers in a file differ from the expected numbers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TOLERANCE = 1e-9
 
 
 class Discrepancy(NamedTuple):
-    """Differing entries of a field, shape (m, …), their joints, and both records."""
+    """The m entries of a field that differ, shape (m, …), the joints of these entries, and both records."""
 
     ours: Array
     theirs: Array
@@ -26,7 +26,7 @@ class Discrepancy(NamedTuple):
 
     @property
     def factor(self) -> float | None:
-        """Factor f of theirs = f · ours, None if there is none."""
+        """Factor f if their numbers are f times ours; None if there is no such factor."""
         square = float((self.ours**2).sum())
         if square == 0 or not np.isfinite([self.ours, self.theirs]).all():
             return None
@@ -35,9 +35,9 @@ class Discrepancy(NamedTuple):
 
     @property
     def part_factor(self) -> float | None:
-        """For a single inertia, the factor f of one of the welded parts if it explains the difference completely.
+        """For a single inertia, the factor f of one of the body's parts if it explains the difference completely.
 
-        The part is f times as large in their record, so the difference is (f − 1) / f of that part.
+        The part is f times too large in the file, so the difference is (f − 1) / f times the part in the file.
         """
         if len(self.rows) > 1:
             return None
@@ -59,12 +59,12 @@ def close(theirs: Array, ours: Array) -> bool:
 
 
 def any_difference(_: Discrepancy) -> bool:
-    """Always true: the last row of a field in the table of mistakes."""
+    """Always true; used in the last row of a field in the table of mistakes."""
     return True
 
 
 def all_zero(diff: Discrepancy) -> bool:
-    """The numbers are zero, the expected ones are not."""
+    """The numbers are zero, but the expected numbers are not."""
     return not diff.theirs.any()
 
 
@@ -105,7 +105,7 @@ def lever_scaled(factor: float) -> Shape:
 
 
 def products_negated(diff: Discrepancy) -> bool:
-    """Moments are equal and products of inertia negated, in their axes, in ours, or in those of frame 0."""
+    """Moments are equal and products of inertia negated, in axes of the file's frame, our frame, or frame 0."""
     k, off = diff.rows, ~np.eye(3, dtype=bool)
     for R in (diff.their_record.frames[k], diff.our_record.frames[k], np.eye(3)[None]):
         I = R.mT @ diff.ours @ R
@@ -122,19 +122,19 @@ def one_sided(diff: Discrepancy) -> bool:
 
 
 def narrower(diff: Discrepancy) -> bool:
-    """Limits are inside ours."""
+    """The limits in the file are inside the expected limits."""
     return bool(((diff.theirs[:, 0] >= diff.ours[:, 0]) & (diff.theirs[:, 1] <= diff.ours[:, 1])).all())
 
 
 def permuted(diff: Discrepancy) -> bool:
-    """The expected numbers are at other joints."""
+    """The file has the expected numbers, but at other joints."""
     if np.ndim(diff.ours[0]) or len(diff.rows) < 2:
         return False
     return _each_close(np.sort(diff.theirs), np.sort(diff.ours))
 
 
 def all_larger(diff: Discrepancy) -> bool:
-    """All numbers, or smallest moments of inertia, are larger by more than rounding errors."""
+    """All numbers (for inertias, the smallest principal moments) are larger by more than rounding errors."""
     return bool((_smallest(diff.theirs) > (1 + TOLERANCE) * _smallest(diff.ours)).all())
 
 
@@ -146,14 +146,14 @@ def fewer_digits(diff: Discrepancy) -> bool:
         return bool(np.abs(diff.theirs - diff.ours).max() <= 1e-3 * np.abs(diff.ours).max())
     pairs = list(zip(diff.ours.tolist(), diff.theirs.tolist(), strict=True))
     formats = itertools.product("gf", range(2, 13))
-    last = 1e-14  # relative rounding error of numbers that the engine adds and we subtract; far below 12 digits
+    last = 1e-14  # relative rounding error of numbers that the engine adds and flexlink subtracts, far below 12 digits
     return any(
         all(abs(float(f"{x:.{digits}{kind}}") - y) <= last * abs(y) for x, y in pairs) for kind, digits in formats
     )
 
 
 def axes_rotated(diff: Discrepancy) -> bool:
-    """Principal moments are equal, their axes are not."""
+    """Principal moments are equal, but principal axes are not."""
     return _each_close(moments(diff.theirs), moments(diff.ours))
 
 
@@ -163,7 +163,7 @@ def equal_moments(diff: Discrepancy) -> bool:
 
 
 def water_sphere(diff: Discrepancy) -> bool:
-    """2/5 m r² of a sphere of 1000 kg/m³, which Drake substitutes, with a warning, for impossible inertias."""
+    """The inertia is 2/5 m r² of a sphere of 1000 kg/m³, which Drake substitutes for an impossible inertia."""
     m = diff.their_record.masses[diff.rows]
     moment = 0.4 * m * np.cbrt(3 * m / (4000 * np.pi)) ** 2
     return close(diff.theirs, moment[:, None, None] * np.eye(3))
@@ -186,7 +186,7 @@ def same_length(diff: Discrepancy) -> bool:
 
 
 def _smallest(values: Array) -> Array:
-    """Scalars themselves; for matrices, the smallest eigenvalue."""
+    """The values if they are scalars; for matrices, the smallest eigenvalues."""
     return values if np.ndim(values[0]) == 0 else moments(values)[:, 0]
 
 

@@ -1,4 +1,4 @@
-"""Largest stable step of the integrator in a file, for a slightly bent arm without parallel axes.
+"""Largest stable step of the integrator that a file specifies, for a slightly bent arm without parallel axes.
 
 Semi-implicit Euler, v' = v + h a(x, v), x' = x + h v', is stable for a mode λ² + d λ + ω² = 0 if
 
@@ -52,4 +52,4 @@ LARGEST: dict[str, Callable[[Chain], float]] = {
     "Implicit": _damped_implicitly,
     "Implicitfast": _damped_implicitly,
 }
-"""Functions by the names of `ReadBack.integrator`; other integrators are not checked."""
+"""Function for the largest stable step of each `ReadBack.integrator`; other integrators are not checked."""

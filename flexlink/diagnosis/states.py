@@ -2,7 +2,7 @@
 
 Angles [rad] and positions of prismatic joints [m], active and passive, are uniform in (−π, π). If M is not positive
 definite there (negative twist rotors of a lumping rule with `matched_twist`, gimbal lock), the deflection is halved
-until it is.
+until M is positive definite.
 """
 
 from __future__ import annotations
@@ -53,9 +53,9 @@ def random_states(chain: Chain, samples: int, *, seed: int = 0) -> list[State]:
 def mixed_states(chain: Chain, samples: int, *, seed: int = 0) -> list[State]:
     """Return states: half random, a quarter balanced, an eighth stretched out at rest, an eighth stretched and moving.
 
-    Balanced: at rest, T_EX = T_G + T_FL within `IMBALANCE`, with similar torques of all springs. Accelerations are then
-    so small that an error of 1e-9 in one spring is visible. Stretched out: springs at rest, active joints at multiples
-    of 90°, no loads; the arm hangs, is upright, folded or horizontal, and most terms cancel.
+    In balanced states the arm is at rest, T_EX = T_G + T_FL within `IMBALANCE`, and all spring torques are similar;
+    accelerations are so small that an error of 1e-9 in one spring is visible. In stretched states, springs are relaxed,
+    active joints are at multiples of 90°, and there are no loads; the arm hangs, is upright, folded or horizontal.
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""compare_trajectories(scene) → TrajectoryComparison: one run in several engines, step by step with the same method.
+"""compare_trajectories(scene) → TrajectoryComparison: the same run in several engines, with the same method and steps.
 
 Two correct programs differ by rounding errors, which the motion may amplify. A cross-check estimates the amplification:
-our own run with another solver of the forward dynamics. It is computed only if an engine differs by more than rounding
-errors, since it takes as long as our run and its kernels may not be compiled yet.
+it repeats our run with another solver of the forward dynamics. It is computed only if an engine differs by more than
+rounding errors, since it takes as long as our run and its kernels may not be compiled yet.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from flexlink.results.stop_reasons import DivergenceError
 from flexlink.results.trajectory import Trajectory
 
 ANGLE_TOLERANCE = 1e-9
-"""Largest difference of an angle between runs that agree [rad]: two million rounding errors at 3 rad, of one sign."""
+"""Largest difference of an angle between runs that agree [rad]; two million rounding errors at 3 rad add up to this."""
 
 CROSS_CHECK_FACTOR = 100.0
-"""Allowed difference over that of the cross-check. Other programs have larger rounding errors, since files are decimal
-and M is computed from other parts: up to 8 times larger for the scenes of `models/`."""
+"""Allowed difference of an engine, relative to the difference in the cross-check. Other programs have larger rounding
+errors (up to 8 times for the scenes in `models/`): numbers in files are decimal, and M is computed in another way."""
 
 MEANINGFUL_TOLERANCE = 1e-3
-"""Largest tolerance of an angle at which agreement is meaningful [rad]: a wrong parameter may change it by less."""
+"""Largest angle tolerance at which agreement is meaningful [rad]; a wrong parameter could change the angle by less."""
 
 
 class RunDifference(NamedTuple):
@@ -51,7 +51,7 @@ class RunDifference(NamedTuple):
     time: float  # of the largest |Δq| [s]
     joint: str  # of the largest |Δq|
     explained: float  # largest |Δq| that counts as agreement [rad]
-    diverged: str = ""  # message of the engine if its run ended early; the samples before are compared
+    diverged: str = ""  # message of the engine if its run ended early; only the samples before that are compared
 
     @property
     def passed(self) -> bool:
@@ -111,16 +111,16 @@ def compare_trajectories(
 ) -> TrajectoryComparison:
     """Simulate a scene with all its loads and motions in several engines, and compare them with flexlink.
 
-    All take the same steps: those of the scene if they are fixed steps of an explicit method, otherwise stable RK4
-    steps. An engine agrees if all angles differ by at most 1e-9 rad, or by at most 100 times the difference between two
-    of our solvers, since a sensitive motion amplifies rounding errors.
+    All engines take the same steps: the scene's steps if they are fixed steps of an explicit method, otherwise stable
+    RK4 steps. An engine agrees if all angles differ by at most 1e-9 rad, or by at most 100 times the difference between
+    two of our solvers, since a sensitive motion amplifies rounding errors.
 
     Parameters
     ----------
     scene
         The scene; an engine loads its arm from the text of an exported file.
     engines
-        Names in `flexlink.engines.ENGINES`. Default: all installed engines; those that cannot run the scene are then
+        Names in `flexlink.engines.ENGINES`. Default: all installed engines; engines that cannot run the scene are then
         omitted, and listed in the result.
     duration
         Simulated time [s], which replaces the scene's.
@@ -182,7 +182,7 @@ def compare_trajectories(
 
 
 def in_fixed_steps(scene: Scene, chain: Chain) -> tuple[Scene, str]:
-    """The scene in fixed steps of an explicit method, and these steps in words."""
+    """The scene with fixed steps of an explicit method, and a text that describes these steps."""
     run = scene.run
     over = f"{run.duration:g} s in"
     if steps_explicitly(run):
@@ -191,7 +191,7 @@ def in_fixed_steps(scene: Scene, chain: Chain) -> tuple[Scene, str]:
     state = problem.q, problem.qd
     stable = stable_step(chain, *state, method="RK4", **acting_at(problem.inputs, chain, problem.start, *state))
     whole = min(run.spacing, 1 / (scene.drive.rate or 1 / run.spacing)) if run.controlled else run.fixed_step
-    step = whole / max(1, math.ceil(whole / (0.5 * stable)))  # half: the motion changes the limit by less than that
+    step = whole / max(1, math.ceil(whole / (0.5 * stable)))  # half, since the limit changes less in the motion
     fixed = scene.varied({"run.method": "RK4", "run.step": step, "run.sample": run.spacing})
     given = f"a tolerance, {run.method}" if run.controlled else f"{run.method} steps of {run.fixed_step:g} s"
     return (
@@ -201,7 +201,7 @@ def in_fixed_steps(scene: Scene, chain: Chain) -> tuple[Scene, str]:
 
 
 def _cross_check(scene: Scene, ours: Trajectory) -> float:
-    """Largest difference between two of our runs with different solvers [rad]; 0 if the other one fails."""
+    """Largest difference between our run and a run with another solver [rad]; 0 if the other run fails."""
     other = "articulated" if scene.run.solver == "lu" else "lu"
     try:
         return float(np.abs(simulate(scene, solver=other).q - ours.q).max(initial=0.0))  # type: ignore[arg-type]
@@ -210,7 +210,7 @@ def _cross_check(scene: Scene, ours: Trajectory) -> float:
 
 
 def _difference(ours: Trajectory, scene: Scene, name: str) -> RunDifference:
-    """Differences between an engine's run and ours; if it diverges, at the samples before."""
+    """Differences between an engine's run and ours; if the engine diverges, only earlier samples are compared."""
     diverged = ""
     try:
         _, q, qd = load(name, ours.chain).integrate(scene)

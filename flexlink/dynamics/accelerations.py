@@ -1,4 +1,4 @@
-"""Forward dynamics, M q̈ = T_EX − T_GC − T_FL − T_FR − T_DRAG, of one state, a batch, or chains of one layout."""
+"""Forward dynamics, M q̈ = T_EX − T_GC − T_FL − T_FR − T_DRAG, for one state, many states, or chains of one layout."""
 
 from __future__ import annotations
 
@@ -49,15 +49,15 @@ def forward_dynamics(
     Parameters
     ----------
     chain
-        The chain; with (b, n) states also b chains of one layout (`Chain.same_layout`), such as an arm with b payloads.
+        The chain; or, for b states, b chains of the same layout (`Chain.same_layout`), such as an arm with b payloads.
     q, qd, tau
-        Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,), or (b, n) for b states; parts of shape
+        Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,), or (b, n) for b states; arrays of shape
         (n,) apply to all states. "articulated" computes eight states at a time.
     tip_wrench, frame
         Force and moment on the tip, shape (6,) [N, N m], or one row per state, (b, 6), in axes of frame 0, "world", or
         of the "tip" frame.
     solver
-        "articulated": articulated bodies (Featherstone 1983), O(n), with a planar version if `chain.is_planar`;
+        "articulated": articulated-body algorithm (Featherstone 1983), O(n), in a planar version if `chain.is_planar`;
         "lu": LU decomposition of M, as in the paper; "cholesky": M = L Lᵀ.
 
     Returns
@@ -140,7 +140,7 @@ def _forward_dynamics_of_many(
 
 
 def _side_by_side(chains: Sequence[Chain], solver: solvers.Solver, states: Sequence[Array]) -> Array:
-    """q̈ for wrenches (b, 6), angles, rates and torques (b, n)."""
+    """Return q̈, shape (b, n), for b wrenches (b, 6), and angles, rates and torques (b, n)."""
     if solver.lanes_workspace is None:
         singles = zip(itertools.cycle(chains), zip(*states, strict=True), strict=False)
         return np.array([solver.accelerations(chain.arrays, *state) for chain, state in singles])
@@ -154,7 +154,7 @@ def _side_by_side(chains: Sequence[Chain], solver: solvers.Solver, states: Seque
 
 
 def lanes_workspace(solver: solvers.Solver, chains: Sequence[Chain]) -> Any:
-    """Workspace of eight chains of one layout, without `forces`; the last one is repeated to fill eight lanes."""
+    """Workspace for up to eight chains of one layout without `forces`; the last chain is repeated to fill all lanes."""
     if any(chain.forces for chain in chains):
         raise ArgumentError(f"{chains[0].name}: {names_of(chains[0])} require chains one by one", id="chains-differ")
     if solver.lanes_workspace is None:
@@ -174,7 +174,7 @@ def _stacked(records: Sequence[NDArray[np.void]]) -> NDArray[np.void]:
 
 
 def solver_for(chain: Chain, solver: str) -> solvers.Solver:
-    """Compiled solver of this name for this chain.
+    """Return the compiled solver of this name for this chain.
 
     Raises
     ------

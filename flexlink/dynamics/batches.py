@@ -1,4 +1,4 @@
-"""Batches of states: one rule of shapes for all functions of a state, and a loop over the states."""
+"""Batches of states: one rule on array shapes for all functions of a state, and a loop over the states."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def is_batch(*state: ArrayLike) -> bool:
 
 
 def rows(n: int, state: dict[str, ArrayLike]) -> list[Array]:
-    """Return the parts of b states, shape (b, n) each. At least one must have this shape; others may be (n,).
+    """Return the parts of b states, (b, n) each; at least one part is given in this shape, the others may be (n,).
 
     Arrays that kernels can read are returned without a copy: copying many states costs as much as their dynamics.
 
@@ -54,12 +54,12 @@ def rows(n: int, state: dict[str, ArrayLike]) -> list[Array]:
 
 
 def _readable(part: ArrayLike) -> TypeGuard[Array]:
-    """Whether kernels accept an array as it is: float64, writable, contiguous, of several states."""
+    """Whether kernels accept this array of several states unchanged: float64, writable and contiguous."""
     return type(part) is np.ndarray and part.dtype == np.float64 and part.ndim > 1 and part.flags.carray
 
 
 def wrench_rows(tip_wrench: ArrayLike | None, b: int) -> Array:
-    """Return the tip wrench of each of b states, shape (b, 6); it is given once, or one row per state.
+    """Return the tip wrench of each of b states, shape (b, 6), from one wrench (6,) or one row per state.
 
     Raises
     ------
@@ -90,20 +90,20 @@ def each(
     tip_wrench: ArrayLike | None = None,
     **options: object,
 ) -> R:
-    """Call a `function` of a chain and one state for b states; stack its results, or the fields of a Result.
+    """Call a function of one state for each of b states; stack its results, or the fields of its `Result`.
 
-    Each result is bitwise equal to that of a single state.
+    Each result is bitwise equal to the result of a single call.
 
     Parameters
     ----------
     function
-        Takes the chain, the parts of the state and the options.
+        Function of the chain, the parts of the state and the options.
     chain
         The chain.
     state
         Parts of the state by name, in order; see `rows`.
     tip_wrench
-        For functions that accept one; see `wrench_rows`.
+        Tip wrench, for functions that accept one; see `wrench_rows`.
     options
         Further arguments, the same for all states.
 
@@ -116,7 +116,7 @@ def each(
     many = rows(require_type("chain", chain, Chain).n, state)
     b = len(many[0])
     wrenches = wrench_rows(tip_wrench, b)
-    for k in range(max(b, 1)):  # an empty batch calls it once to obtain the shape
+    for k in range(max(b, 1)):  # for an empty batch, one call gives the shape of the result
         if tip_wrench is not None and b:
             options["tip_wrench"] = wrenches[k]
         try:

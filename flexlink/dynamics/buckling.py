@@ -1,4 +1,4 @@
-"""Linear buckling: factors on the present load at which a configuration loses its stiffness."""
+"""Linear buckling: multiples of the present load at which an arm loses its stiffness."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ def buckling_loads(
     tip_wrench: ArrayLike | None = None,
     locked: Joints = (),
 ) -> Array:
-    """Factors (dimensionless) on the present load, gravity and tip wrench together, at which the arm can buckle.
+    """Load factors at which the arm can buckle: multiples of gravity and tip wrench together (dimensionless).
 
-    Linear buckling: K_elastic + s K_load(q) is singular, at a fixed configuration q with joints without springs locked.
+    At a buckling load, K_elastic + s K_load(q) is singular; q is fixed, and joints without springs are locked.
     Only real positive s are returned; there are none if the loads do not reduce the stiffness.
 
     Parameters
@@ -69,9 +69,9 @@ def buckling_loads(
 
 
 def _per_stiffness(load: Array, K: Array, *, diagonal: bool) -> Array:
-    """L⁻¹ load L⁻ᵀ with K = L Lᵀ, which has the eigenvalues of K⁻¹ load; `diagonal`: whether K is diagonal.
+    """Return L⁻¹ load L⁻ᵀ with K = L Lᵀ, which has the eigenvalues of K⁻¹ load; `diagonal`: whether K is diagonal.
 
-    K⁻¹ load itself if K is not positive definite, which is possible for springs of rotation vectors at large angles.
+    If K is not positive definite, which can occur for rotation-vector springs at large angles, return K⁻¹ load.
     """
     if diagonal:
         k = K.diagonal()

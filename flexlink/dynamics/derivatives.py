@@ -1,4 +1,4 @@
-"""Derivatives of inverse and forward dynamics at a state, exact and O(n²) (see `terms` for shapes and units)."""
+"""Exact derivatives of inverse and forward dynamics at a state, in O(n²) (see `terms` for shapes and units)."""
 
 from __future__ import annotations
 
@@ -60,9 +60,9 @@ def inverse_dynamics_derivatives(
     tip_wrench: ArrayLike | None = None,
     frame: Frame = "world",
 ) -> InverseDerivatives:
-    """∂τ/∂q, ∂τ/∂q̇ and ∂τ/∂q̈ of τ = M(q) q̈ + T_GC(q, q̇), `inverse_dynamics`: without springs and friction.
+    """∂τ/∂q, ∂τ/∂q̇ and ∂τ/∂q̈ of `inverse_dynamics`, τ = M(q) q̈ + T_GC(q, q̇), without springs and friction.
 
-    By an O(n²) recursion, without finite differences (Carpentier & Mansard 2018; Singh, Russell & Wensing 2022).
+    Found by an O(n²) recursion, without finite differences (Carpentier & Mansard 2018; Singh, Russell & Wensing 2022).
 
     Parameters
     ----------
@@ -118,12 +118,12 @@ def forward_dynamics_derivatives(
     tip_wrench: ArrayLike | None = None,
     frame: Frame = "world",
 ) -> ForwardDerivatives:
-    """∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX of M q̈ = T_EX − T_GC − T_FL − T_FR − T_DRAG, `forward_dynamics`.
+    """∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX of `forward_dynamics`, M q̈ = T_EX − T_GC − T_FL − T_FR − T_DRAG.
 
-    ∂q̈/∂(q, q̇) = −M⁻¹ ∂(M q̈ + T_GC + T_FL + T_FR + T_DRAG)/∂(q, q̇) at constant q̈. Each column takes O(n) by
-    articulated bodies, all of them O(n²). Friction enters with its derivative d + c/w sech²(q̇/w) at this rate. The
-    error is below 1e-12 of each matrix's largest element (3e-13 for random arms of 2 to 14 joints); like that of q̈, it
-    is larger if M is almost singular.
+    ∂q̈/∂(q, q̇) = −M⁻¹ ∂(M q̈ + T_GC + T_FL + T_FR + T_DRAG)/∂(q, q̇) at constant q̈. The articulated-body algorithm
+    takes O(n) per column, so O(n²) for all. Friction enters with its derivative d + c/w sech²(q̇/w) at the given rate.
+    The error is below 1e-12 times each matrix's largest element (3e-13 times, for random arms of 2 to 14 joints). Like
+    the error of q̈, it is larger if M is almost singular.
 
     Joints with prescribed motion have constant rates, as in `forward_dynamics`. Their input is an acceleration, not a
     torque, so their columns of `dtau` contain ∂q̈/∂q̈_given, with 1 for the joint itself.
@@ -187,7 +187,7 @@ def forward_dynamics_derivatives(
 def _of_many(
     write: Callable[..., bool], n: int, state: dict[str, ArrayLike], tip_wrench: ArrayLike | None, frame: Frame
 ) -> Array | None:
-    """Derivatives in b states, (3, b, n, n); None if one is not finite, or the wrench turns with the tip."""
+    """Derivatives at b states, (3, b, n, n); None if one is not finite, or if the wrench turns with the tip."""
     many = [part.copy() for part in rows(n, state)]
     found = np.empty((3, len(many[0]), n, n))
     if turns_with_tip(frame) or not write(wrench_rows(tip_wrench, len(many[0])), *many, found):

@@ -18,10 +18,10 @@ from flexlink.kernels.bodies.energy import energies
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Energy(Result):
-    """Energies [J]: scalars for one state, arrays for several states or the samples of a `Trajectory`."""
+    """Energies [J]: scalars for one state; arrays for several states, or for the samples of a `Trajectory`."""
 
     kinetic: Array | float
-    gravity: Array | float  # zero when all mass is at the origin of frame 0
+    gravity: Array | float  # relative to a state with all mass at the origin of frame 0
     elastic: Array | float
 
     @property

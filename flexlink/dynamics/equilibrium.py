@@ -32,13 +32,13 @@ class Equilibrium(SavedResult):
     q
         Angles [rad], shape (n,).
     tau
-        T_EX in the equilibrium, shape (n,) [N m]: the holding torque T_GC + T_FL if a coordinate is locked or
-        prescribed; otherwise as given. About it, `linearize(chain, rest.q, tau=rest.tau)` has ẋ = 0.
+        T_EX in the equilibrium, shape (n,) [N m]: the holding torque T_GC + T_FL of locked and prescribed coordinates;
+        the given torque of all others. `linearize(chain, rest.q, tau=rest.tau)` then has ẋ = 0.
     residual
         Largest residual torque on a coordinate that is not locked [N m].
     stable
-        Whether no eigenvalue of the tangent stiffness has a negative real part, beyond rounding. A neutral joint counts
-        as stable. (A follower wrench can also cause flutter: see `modes`.)
+        True if no eigenvalue of the tangent stiffness has a negative real part beyond rounding error. A neutral joint
+        counts as stable. (Flutter under a follower wrench is not detected here, but by `modes`.)
     path
         Points (s, q) of all steps, shape (steps, 1 + n); s is the load factor.
     slides
@@ -76,7 +76,7 @@ def solve_static(
 ) -> Equilibrium:
     """Configuration in which gravity, springs, tip wrench and drive torque balance: T_GC(q, q̇) + T_FL(q) = T_EX.
 
-    The load is increased along the equilibrium path by Newton's method with arc length (Riks 1979; Crisfield 1981).
+    The load is increased along the equilibrium path by an arc-length Newton method (Riks 1979; Crisfield 1981).
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def solve_static(
         shape (n,).
     tolerance
         Newton's method ends when its largest correction is below this value [rad], for sliding joints relative to the
-        arm's length. The remaining error is of the order of its square, or rounding.
+        arm's length. The remaining error is of the order of this correction squared, or of rounding errors.
 
     Returns
     -------
@@ -138,7 +138,7 @@ def solve_static(
 
 
 def at_rest(equations: Equations, tolerance: float = 1e-9) -> tuple[Array, list[Array]]:
-    """Configuration of an equilibrium and the path to it; errors and default tolerance as in `solve_static`."""
+    """Return the configuration at the equilibrium and the path to it; errors and tolerance as in `solve_static`."""
     chain, (_, rates, wrench, _, free) = equations.chain, equations.acting
     try:
         path = follow(equations, tolerance)
@@ -157,10 +157,10 @@ def at_rest(equations: Equations, tolerance: float = 1e-9) -> tuple[Array, list[
 
 
 def _as_known(chain: Chain, q: Array, free: NDArray[np.intp], qd: Array, wrench: Array) -> Array:
-    """Round the deflection of every spring to the decimals that its load determines, to ΔL / Σ_j |K_ij|.
+    """Round every spring's deflection to its significant decimals, given by the rounding error of its load ΔL.
 
-    No torque changes by more than its rounding error. Rounding removes meaningless digits, which differ between CPUs:
-    an angle that is 0 by symmetry becomes 0.
+    Decimals below ΔL / Σ_j |K_ij| are meaningless and differ between CPUs. No torque changes by more than its rounding
+    error, and an angle that is 0 by symmetry becomes 0.
     """
     q = q.copy()
     for i, decimals in known_decimals(chain, free, qd, wrench):
@@ -169,7 +169,7 @@ def _as_known(chain: Chain, q: Array, free: NDArray[np.intp], qd: Array, wrench:
 
 
 def known_decimals(chain: Chain, free: NDArray[np.intp], qd: Array, wrench: Array) -> list[tuple[int, int]]:
-    """For every spring, the decimals of its deflection that its load determines."""
+    """Indices of the springs, each with the number of significant decimals of its deflection."""
     open_ = rounding.of_loads(chain, qd, wrench)
     sprung = free[(chain.stiffness[free] > 0) & (open_[free] > 0)]
     k = chain.times("stiffness", np.ones(chain.n), absolute=True)

@@ -1,8 +1,8 @@
 """A floating base during integration: its three angles stay small because their reference attitude follows the base.
 
 When the base has turned by more than `FAR`, its attitude becomes the new reference and the angles restart at zero. This
-changes the coordinates, not the motion: the angle about Y stays far from 90°. An attitude is a unit quaternion,
-multiplied by the rotation since the last reference.
+changes the coordinates, not the motion, and keeps the angle about Y far from 90°. Each new reference, a unit
+quaternion, is the previous one multiplied by the rotation since then.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ ANGLES = slice(3, 6)
 
 
 class FloatingBase:
-    """A chain with a changeable reference attitude, and the reference of each sample of a run.
+    """A chain whose base has a changeable reference attitude, and the reference attitude at each sample of a run.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class FloatingBase:
         self._rotation[...] = self.original.bodies["rotation"][BODY]
 
     def turn(self, row: int, q: Array, qd: Array, *scratch: Any) -> None:
-        """Make the attitude of a state the reference from sample `row` on; updates q, q̇ and the workspace."""
+        """Use the base's present attitude as the reference from sample `row` on; updates q, q̇ and the workspace."""
         angles = q[ANGLES]
         if angles.any():
             self.attitude = product_of(self.attitude, quaternions_of(angles))
@@ -68,7 +68,7 @@ class FloatingBase:
         self.take(self.attitude, *scratch)
 
     def take(self, attitude: Array, *scratch: Any) -> None:
-        """Set an attitude where kernels read it: in the chain, and in workspaces with a copy of its data."""
+        """Write an attitude wherever kernels read it: in the chain, and in workspaces that copy the chain's data."""
         if attitude is not self.start:
             self._rotation[...] = matrix_from_quaternion(attitude.tolist())
         else:
@@ -78,7 +78,7 @@ class FloatingBase:
                 rows[BODY, BODY_ROW.mount : BODY_ROW.mount + 9] = self._rotation.T.ravel()
 
     def saved(self) -> tuple[Array, int]:
-        """State that `turn` changes, for `restore`."""
+        """Return the data that `turn` changes, for `restore`."""
         return self.attitude, len(self.references)
 
     def restore(self, saved: tuple[Array, int], *scratch: Any) -> None:
@@ -88,7 +88,7 @@ class FloatingBase:
         self.take(self.attitude, *scratch)
 
     def parts(self, first: int, stop: int, *scratch: Any) -> Iterator[slice]:
-        """Samples first … stop − 1, grouped by their reference attitude, which is set during each iteration."""
+        """Yield slices of samples first … stop − 1 with equal reference attitude, after setting this attitude."""
         for part, attitude in self._parts(first, stop):
             if attitude is self.attitude:  # already set
                 yield part
@@ -121,7 +121,7 @@ class FloatingBase:
         return q, qd, attitudes, spins
 
     def angles(self, attitudes: Array) -> Array:
-        """Angles that turn the base from its initial attitude to others, (rows, 4), shape (rows, 3) [rad]."""
+        """Angles that turn the base from its initial attitude to `attitudes` (rows, 4), shape (rows, 3) [rad]."""
         back = self.start * np.array([1.0, -1.0, -1.0, -1.0])
         return angles_of(matrices_from_quaternions(product_of(back, attitudes)))
 
@@ -135,6 +135,6 @@ class FloatingBase:
 
 
 def rows_of(scratch: Any) -> Any:
-    """Array of body data in a workspace of forward dynamics or of steps; None if it uses the chain's."""
+    """Body data of a workspace for forward dynamics or for steps; None if the workspace reads the chain's data."""
     rows = getattr(scratch, "posture", scratch)
     return getattr(rows, "rows", getattr(rows, "bodies", None))

@@ -20,8 +20,8 @@ def drag_torque(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:
     """T_DRAG = −Σ Jᵀ f: joint torques, in addition to T_FR, that overcome the drag of links, `link.drag`.
 
     f = −½ ρ c_d b Δx |v| v at points along each link, where v is their velocity across it (`Drag`). q̇·T_DRAG ≥ 0 is
-    the dissipated power [W]. Integration uses two Gauss points per segment and at least eight per link: exact in a
-    plane if v keeps its sign within a segment and the breadth is constant.
+    the dissipated power [W]. The integral uses two Gauss points per segment and at least eight per link. The result is
+    exact in a plane if v keeps its sign within a segment and the breadth is constant.
 
     Parameters
     ----------
@@ -88,12 +88,12 @@ def names_of(chain: Chain) -> str:
 
 
 def refuse_forces(what: str, chain: Chain, qd: Array | None = None) -> None:
-    """Refuse force elements, on behalf of a method that ignores them; at rest they vanish.
+    """Refuse a chain with force elements for a method that ignores them; at rest, where they vanish, accept it.
 
     Raises
     ------
     ArgumentError
-        The chain has force elements, and moves.
+        The chain has force elements, and it moves or `qd` is not given.
     """
     if chain.forces and (qd is None or qd.any()):
         raise ArgumentError(

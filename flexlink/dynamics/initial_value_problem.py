@@ -57,7 +57,7 @@ class InitialValueProblem:
 
     @functools.cached_property
     def explicit(self) -> bool:
-        """Whether it is integrated by an explicit method with fixed steps."""
+        """Whether the run uses an explicit method with fixed steps."""
         return steps_explicitly(self.run)
 
     def workspace(self) -> Any:

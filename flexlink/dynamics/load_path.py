@@ -5,7 +5,7 @@
 The load factor s grows from 0 to 1, while the torques that hold the springs at the initial q0 are released:
 
     F(q, s) = T_FL(q) + s L(q) − (1 − s) T_FL(q0)             for coordinates with a spring
-    F(q, s) = L(q) − (1 − s) L(q0)                            for others, not held under a reduced load
+    F(q, s) = L(q) − (1 − s) L(q0)                            without a spring: always under the full load
 
 The arc length is measured in (s, q) (Riks 1979; Crisfield 1981), so the path may turn back in s. A Newton step takes
 O(n): ∂F/∂q is eliminated along the chain (`kernels.derivatives.small_motion`).
@@ -24,11 +24,12 @@ from flexlink.dynamics.tangent import LoadedState, falls, load_torque
 from flexlink.kernels.tools.finite import is_finite
 
 FIRST_ARC = 0.5
-"""Length of the first arc [rad over all joints]; sliding joints count relative to the arm's length."""
+"""Length of the first arc [rad], the root of the sum of squares over all joints; displacements of sliding joints are
+relative to the arm's length."""
 LARGEST_ARC = 1.0
-"""Largest length of an arc [rad over all joints]."""
+"""Largest length of an arc [rad]."""
 SMALLEST_ARC = 1e-6
-"""Length of an arc [rad over all joints] below which the path is lost."""
+"""Length of an arc [rad] below which the path is given up as lost."""
 CORRECTIONS = 12
 """Largest number of Newton steps of a corrector."""
 WANTED = 6
@@ -36,12 +37,12 @@ WANTED = 6
 STEPS = 500
 """Largest number of points of a path."""
 TRIES = (1.0, 0.2), (0.1, 0.2), (1.0, 3.0)
-"""Factors on the arc length, and largest distance of a corrector from the end of an arc, relative to its length. The
-last pair is for free joints without springs, whose path may begin with a jump."""
+"""Successive tries: factor on the arc length, and the largest distance that a corrector may move, relative to the arc.
+The last pair is for free joints without springs, whose path may begin with a jump."""
 
 
 class LostError(Exception):
-    """The path does not reach the full load; the error reports how far it got."""
+    """The path does not reach the full load; the error reports the largest load reached."""
 
     def __init__(self, path: list[Array]) -> None:
         furthest = max(path, key=lambda point: point[0])
@@ -49,7 +50,7 @@ class LostError(Exception):
 
 
 class Equations:
-    """F(x) for x = (s, q), shape (1 + n,), and its derivatives; both are 0 at locked coordinates.
+    """F(x) for x = (s, q), shape (1 + n,), and its derivatives; their entries for locked coordinates are 0.
 
     `acting` is the initial configuration with its loads, `drive` are the torques T_EX.
     """
@@ -95,18 +96,18 @@ class Equations:
         return self._value(x, load), np.where(self.locked, 0.0, by_s)
 
     def solve(self, by_s: Array, row: Array, residual: Array, last: float, *, held: bool = False) -> Array:
-        """Shortest solution (δs, δq) of F' δx = residual (n,) and row · δx = last, shape (1 + n,); nan if none.
+        """Shortest solution (δs, δq) of F' δx = residual (n,) and row · δx = last, shape (1 + n,), or nan.
 
-        F' is ∂F/∂(s, q) at the last x of `with_slope`. ∂F/∂q is eliminated except for the coordinates d whose pivots
-        are too small. Let q̂ and p̂ be the solutions for the residual and for ∂F/∂s with δq_d = 0, and N the
-        homogeneous solutions with δq_d = 1. Then
+        F' is ∂F/∂(s, q) at the x of the last call of `with_slope`. ∂F/∂q is eliminated except for the coordinates d
+        whose pivots are too small. Let q̂ and p̂ be the solutions for the residual and for ∂F/∂s with δq_d = 0, and N
+        the homogeneous solutions with δq_d = 1. Then
 
             δq = q̂ − p̂ δs + N δq_d
 
         where δs and δq_d follow from the rows d, whose left sides the elimination returns, and from `row`.
 
-        A joint without stiffness or load keeps its position. If it is loaded there is no solution, unless a weak
-        spring is added (`held`).
+        A joint without stiffness or load keeps its position. If it has a load but no stiffness, there is no solution
+        unless a weak spring is added (`held`).
         """
         if not (is_finite(by_s) and is_finite(residual)):
             return np.full(len(row), np.nan)  # the corrector then fails
@@ -136,7 +137,7 @@ class Equations:
 def _shortest(A: Array, b: Array, sizes: Array, rounding: float) -> Array:
     """Shortest solution of A x = b; nan if there is none. `sizes` are the magnitudes of the terms in each row.
 
-    A row that is below its rounding error counts as 0.
+    A row whose entries are below its rounding error is treated as 0.
     """
     scaled, right = A / sizes[:, None], b / sizes
     if not (np.isfinite(scaled).all() and np.isfinite(right).all()):
@@ -150,8 +151,8 @@ def _shortest(A: Array, b: Array, sizes: Array, rounding: float) -> Array:
 def follow(equations: Equations, tolerance: float) -> list[Array]:
     """Return points x = (s, q) of the path from s = 0 to s = 1.
 
-    Shorter arcs are tried if the path is lost or ends unstable: it may have crossed to the arm that should buckle but
-    is still straight.
+    Shorter arcs are tried if the path is lost or ends in an unstable equilibrium: it may have crossed to another branch
+    of the equilibrium path, on which the arm remains straight although it should have buckled.
     """
     path, lost = list[Array](), list[LostError]()
     for part, off in TRIES:
@@ -170,7 +171,7 @@ def follow(equations: Equations, tolerance: float) -> list[Array]:
 
 
 def _arcs(equations: Equations, tolerance: float, part: float, off: float) -> list[Array]:
-    """Return points of the path, arcs scaled by `part`, with a tangent predictor and an orthogonal corrector."""
+    """Return points of the path by a tangent predictor and an orthogonal corrector; `part` scales the arcs."""
     point, arc = equations.start, part * FIRST_ARC
     path, direction = [point], np.append(1.0, np.zeros(len(point) - 1))
     while point[0] < 1:
@@ -195,7 +196,7 @@ def _arcs(equations: Equations, tolerance: float, part: float, off: float) -> li
 def _corrected(
     equations: Equations, point: Array, step: float, direction: Array, tolerance: float, off: float
 ) -> tuple[Array | None, int]:
-    """Return the point of the path one step ahead, or at s = 1, and the Newton steps; None if there is none near."""
+    """Return the next point of the path, at s ≤ 1, or None if no point is near, and the number of Newton steps."""
     scales, target = equations.scales, point + step * direction
     new, corrections = _correct(equations, target, direction / scales**2, tolerance)
     if new is not None and new[0] + 1e-12 >= 1:  # end of the path: solve at s = 1
@@ -208,7 +209,7 @@ def _corrected(
 
 
 def _direction(equations: Equations, point: Array, before: Array) -> Array:
-    """Unit tangent of the path at a point, F' t = 0, pointing forward along the previous direction."""
+    """Unit tangent t of the path at a point, F' t = 0, on the same side as the previous direction."""
     scales, (_, by_s) = equations.scales, equations.with_slope(point)
     still, row = np.zeros(len(before) - 1), before / scales**2
     t = equations.solve(by_s, row, still, 1.0)
@@ -218,7 +219,7 @@ def _direction(equations: Equations, point: Array, before: Array) -> Array:
 
 
 def _correct(equations: Equations, target: Array, row: Array, tolerance: float) -> tuple[Array | None, int]:
-    """Solve for the path in the plane row · (x − target) = 0 by Newton's method; None if it does not converge."""
+    """Return the path's point in the plane row · (x − target) = 0, or None, and the number of Newton steps."""
     x, k, scales = target.copy(), 0, equations.scales
     while k < CORRECTIONS and is_finite(x) and np.linalg.norm((x - target) / scales) <= 100 * LARGEST_ARC:
         value, by_s = equations.with_slope(x)

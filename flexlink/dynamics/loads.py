@@ -1,12 +1,12 @@
 """Internal loads: forces and moments between the parts of an arm at a cut, in motion or at rest.
 
-The cut is before body i, at its hinge point. The subtree beyond it moves under gravity, drag, the tip wrench, and the
-force f_i and moment n_i that the part before the cut exerts on it (Newton and Euler):
+The cut is just inboard of body i, at its hinge point. The subtree beyond the cut moves under gravity, drag, the tip
+wrench, and the force f_i and moment n_i that the part inboard of the cut exerts on it (Newton and Euler):
 
     F = m (a + α × c + ω × (ω × c) − g)        f_i = F_i + Σ f_j − f_tip
     N = I α + ω × I ω + c × F                  n_i = N_i + Σ (n_j + r_j × f_j) − n_tip        r_j = p_j − p_i, j child
 
-Section loads have the opposite sign: they act on the face that points outward, as in beam theory.
+Section loads have the opposite sign: they act on the face whose normal points outward along the arm, as in beam theory.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ from flexlink.kernels.tools.finite import is_finite
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class InternalLoads(Result):
-    """Force and moment of the part beyond a cut on the part before it, at the hinge point of every body.
+    """Force and moment that the part outboard of a cut exerts on the inboard part, at the hinge point of every body.
 
-    They are in axes of the body beyond the cut. In a beam x runs along it: force[0] is the axial force, positive in
+    They are in axes of the outboard body. In a beam x points along the axis: force[0] is the axial force, positive in
     tension, force[1] and force[2] are shear; moment[0] is the torque, GJ φ', moment[1] and moment[2] are the bending
     moments about y and z, EI κ. The last body is the tip frame, where the loads are the tip wrench, unless that acts on
     another tip.
@@ -44,7 +44,7 @@ class InternalLoads(Result):
 
     force: Array  # (…, bodies, 3) [N]
     moment: Array  # (…, bodies, 3) [N m]
-    hinge_moment: Array  # (…, n), moment about the axis of each hinge [N m]; force along a sliding joint [N]
+    hinge_moment: Array  # (…, n), moment about each hinge axis [N m]; for a sliding joint the force along it [N]
 
     def __repr__(self) -> str:
         *states, bodies, _ = self.force.shape
@@ -62,9 +62,9 @@ def internal_loads(
 ) -> InternalLoads:
     """Axial force, shear, torque and bending moment at every hinge and joint.
 
-    They follow from the given motion and are independent of the drive; for a simulation use `run.loads`. If q̈ is from
-    `forward_dynamics`, the moment about the axis of a hinge is k (θ − θ₀) + T_FR + I_a q̈, and about that of a driven
-    joint T_FR + I_a q̈ − T_EX, where I_a is the armature. At a joint the axes are those of its body: z is the joint's
+    They follow from the given motion alone, whatever the drive; for a simulation use `run.loads`. If q̈ is from
+    `forward_dynamics`, the moment is k (θ − θ₀) + T_FR + I_a q̈ about a hinge axis, and T_FR + I_a q̈ − T_EX about the
+    axis of a driven joint, where I_a is the armature. At a joint the loads are in axes of its body: z is the joint's
     axis unless the scene defines another.
 
     Parameters
@@ -79,8 +79,8 @@ def internal_loads(
     Returns
     -------
     InternalLoads
-        `force` and `moment`, shape (bodies, 3), one row per body of `chain.bodies`: at a joint or hinge
-        `force[chain.body("upper.2.z")]`; `hinge_moment`, shape (n,); or with a leading axis b.
+        `force` and `moment`, shape (bodies, 3), one row per body of `chain.bodies`, so `force[chain.body("upper.2.z")]`
+        is the force at that hinge; `hinge_moment`, shape (n,). For b states all have a leading axis b.
 
     Raises
     ------

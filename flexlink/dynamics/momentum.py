@@ -1,4 +1,4 @@
-"""Linear and angular momentum of an arm, which a free base conserves."""
+"""Linear and angular momentum of an arm, which are conserved if its base is free."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Momentum(NamedTuple):
 
 
 def momentum(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Momentum:
-    """Return the momentum of all bodies, without that of rotors (`armature`).
+    """Return the total momentum of all bodies, excluding rotors (`armature`).
 
     If no wrench acts on an arm with a free base, its linear momentum changes at the rate m g, and its angular momentum
     about the centre of mass is constant for any joint motion.
@@ -73,7 +73,7 @@ def momentum(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Momentum:
 
 
 def momentum_of_states(chain: Chain, q: Array, qd: Array) -> Momentum:
-    """Momentum in checked states (b, n)."""
+    """Momentum at b states (b, n), already validated."""
     found = np.empty((len(q), 3, 3))
     momenta(chain.arrays, np.ascontiguousarray(q), np.ascontiguousarray(qd), found)
     return Momentum(found[:, 0], found[:, 1], found[:, 2])

@@ -14,15 +14,15 @@ from flexlink.describe.joint import Joint
 from flexlink.describe.link import Link
 from flexlink.describe.run_settings import DEFAULT_TOLERANCE
 from flexlink.describe.scene import Scene
-from flexlink.dynamics.start_notes import balance, slack_springs, unheld_joints
+from flexlink.dynamics.start_notes import balance, slack_springs, unheld_joints, weak_drives
 from flexlink.dynamics.terms import elastic_torque
 
 ENOUGH_HINGES = 3
-"""Smallest number of hinges that resolves a parabolic moment along a link, such as that of a uniform load."""
+"""Smallest number of hinges that resolves a parabolic moment along a link, such as the moment due to a uniform load."""
 
 
 def notes(scene: Scene) -> tuple[Diagnostic, ...]:
-    """Input that is probably unintended: keys without effect, and an unusual start. Each note gives cause and remedy.
+    """Return notes on probably unintended input: keys without effect, an unusual start. Each note names a remedy.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def notes(scene: Scene) -> tuple[Diagnostic, ...]:
     Returns
     -------
     tuple of Diagnostic
-        Strings of one line each; empty if there are no notes.
+        A string of one line for each note; empty if there are none.
 
     Raises
     ------
@@ -40,7 +40,7 @@ def notes(scene: Scene) -> tuple[Diagnostic, ...]:
         `scene` is not a Scene.
     """
     require_type("scene", scene, Scene)
-    start = _parallel_gravity, slack_springs, unheld_joints, balance
+    start = _parallel_gravity, slack_springs, unheld_joints, weak_drives, balance
     unused = _unused_static_start, _unused_torques, _unused_link_keys, _centers_without_mass
     unusual = _tip_without_length, _falling_base, _few_hinges
     with np.errstate(all="ignore"):  # values beyond float64 are refused when a run is built from them
@@ -48,7 +48,7 @@ def notes(scene: Scene) -> tuple[Diagnostic, ...]:
 
 
 def defaults(scene: Scene) -> tuple[Diagnostic, ...]:
-    """Defaults of a scene that determine the result: the step or tolerance of a run that specifies neither.
+    """Report defaults that determine the result: the step or tolerance of a run that specifies neither.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def defaults(scene: Scene) -> tuple[Diagnostic, ...]:
     Returns
     -------
     tuple of Diagnostic
-        Strings of one line each; empty if there are none.
+        A string of one line for each default; empty if there are none.
     """
     run = scene.run
     if run.duration == 0 or (run.step is not None or run.has_tolerance):
@@ -90,8 +90,8 @@ def _parallel_gravity(scene: Scene) -> Iterator[Diagnostic]:
     sprung = scene.initial.q is not None and bool(elastic_torque(chain, scene.initial.q).any())
     if not sprung and chain.all_axes_parallel_to(g / np.linalg.norm(g)):
         yield Diagnostic(
-            f"gravity = {list(scene.gravity)}: is parallel to the axes of all joints and moves none, and no other "
-            "load acts; change gravity, or the first joint's axis, link.1.joint.axis",
+            f"gravity = {list(scene.gravity)}: is parallel to all joint axes, so it moves no joint, and no other load "
+            "acts; change gravity, or the first joint's axis, link.1.joint.axis",
             "no-effect",
         )
 
@@ -115,7 +115,7 @@ def _unused_torques(scene: Scene) -> Iterator[Diagnostic]:
 
 
 def _tip_without_length(scene: Scene) -> Iterator[Diagnostic]:
-    """The last link's tip is the arm's tip; probably unintended if that link has zero length, such as a wheel."""
+    """Warn about a payload or wrench at the arm's tip if the last link, such as a wheel, has zero length."""
     arm, last = scene.arm, scene.arm.links[-1]
     if len(arm.tips) < 2 or any(last.stop) or last.line is not None:
         return
@@ -140,11 +140,11 @@ def _falling_base(scene: Scene) -> Iterator[Diagnostic]:
 
 
 def _few_hinges(scene: Scene) -> Iterator[Diagnostic]:
-    """The moment of distributed loads is parabolic along a link; three hinges resolve it."""
+    """Warn about strain gauges on links with fewer hinges than a parabolic bending moment requires, three."""
     placed = hinges_of(scene.arm)
     for sensor in scene.sensor:
         if sensor.kind == "strain" and (found := len(placed[scene.arm.number(sensor.link) - 1][0])) < ENOUGH_HINGES:
-            course = "1 hinge, so its strain is constant" if found == 1 else "2 hinges, so its strain is linear"
+            course = "1 hinge, so its strain is constant" if found == 1 else "2 hinges, so its strain varies linearly"
             yield Diagnostic(
                 f"sensor.{sensor.name}: link {sensor.link!r} has only {course}; use 5 segments or more", "few-hinges"
             )

@@ -103,7 +103,7 @@ def tip_position(chain: Chain, q: ArrayLike, *, tip: str | int | None = None) ->
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Jacobian(Result):
-    """Velocity of a point and angular velocity of its body, frame 0, for each unit rate."""
+    """Velocity of a point and angular velocity of its body, in frame 0, per unit rate of each joint."""
 
     linear: Array  # (…, 3, n), v = linear @ qd [m/rad]
     angular: Array  # (…, 3, n), ω = angular @ qd [1]
@@ -116,12 +116,12 @@ class Jacobian(Result):
 def jacobian(
     chain: Chain, q: ArrayLike, *, body: int = -1, tip: str | int | None = None, point: ArrayLike = (0.0, 0.0, 0.0)
 ) -> Jacobian:
-    """Derivative of a body's position and orientation by q: v = J_v q̇ of a point, ω = J_ω q̇, in axes of frame 0.
+    """Geometric Jacobian of a point on a body: its velocity v = J_v q̇ and ω = J_ω q̇, in axes of frame 0.
 
-    The geometric Jacobian, Pinocchio's in `LOCAL_WORLD_ALIGNED`, MuJoCo's `mj_jac`. Columns k of J_v and J_ω are
-    e_k × (p − p_k) and e_k for a hinge with axis e_k through p_k, e_k and 0 for a sliding joint, and 0 for joints that
-    are not between base and body. By virtual work a force f at the point and a moment m on the body correspond to the
-    torques J_vᵀ f + J_ωᵀ m.
+    Pinocchio computes it in `LOCAL_WORLD_ALIGNED`, MuJoCo by `mj_jac`. For a hinge with axis e_k through p_k, column k
+    is e_k × (p − p_k) in J_v and e_k in J_ω. For a sliding joint it is e_k in J_v and 0 in J_ω. For joints that are not
+    between base and body it is 0. By virtual work a force f at the point and a moment m on the body are equivalent to
+    joint torques J_vᵀ f + J_ωᵀ m.
 
     Parameters
     ----------
@@ -177,7 +177,7 @@ def body_number(chain: Chain, body: int, tip: str | int | None) -> int:
 
 
 def hinges_before(chain: Chain, body: int) -> NDArray[np.bool_]:
-    """Mask of the hinges between the base and a body, including its own, shape (n,)."""
+    """Mask of the hinges between the base and a body, including the body's own hinges, shape (n,)."""
     first, stop = chain.bodies["first"], chain.bodies["stop"]
     if chain.is_serial:
         return np.asarray(np.arange(chain.n) < stop[body])
@@ -189,7 +189,7 @@ def hinges_before(chain: Chain, body: int) -> NDArray[np.bool_]:
 
 
 def hinge_bodies(chain: Chain) -> NDArray[np.intp]:
-    """Index of the body that each hinge moves, whose origin is the hinge point, shape (n,)."""
+    """Index of the body that each hinge moves, shape (n,); the body's origin is the hinge point."""
     return np.repeat(np.arange(len(chain.bodies)), chain.bodies["stop"] - chain.bodies["first"])
 
 

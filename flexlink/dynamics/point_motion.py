@@ -1,6 +1,6 @@
 """Velocity and acceleration of points of an arm, and readings of inertial sensors on it (see `terms` for shapes).
 
-    ω_i = Σ e_k q̇_k        α_i = Σ (e_k q̈_k + ω × e_k q̇_k), ω before hinge k        over the hinges k up to body i
+    ω_i = Σ e_k q̇_k        α_i = Σ (e_k q̈_k + ω × e_k q̇_k), ω inboard of hinge k        over hinges k up to body i
     v_j = v_i + ω_i × r_j        a_j = a_i + α_i × r_j + ω_i × (ω_i × r_j)        r_j = p_j − p_i, i the parent of j
 
 If body j slides along e, e q̇ adds to its velocity and e q̈ + 2 ω_i × e q̇ to its acceleration; it does not turn.
@@ -29,7 +29,7 @@ from flexlink.kernels.geometry.kinematics import forward_kinematics
 from flexlink.kernels.tools.finite import is_finite
 
 BATCH = 1000
-"""Number of states processed at once: a few MB."""
+"""Number of states processed at once, which takes a few MB."""
 
 
 class BodyMotion(NamedTuple):
@@ -46,7 +46,7 @@ class BodyMotion(NamedTuple):
 
 
 def body_motion(chain: Chain, q: Array, qd: Array, qdd: Array) -> BodyMotion:
-    """Motion of every body at one state (n,), for checked arguments; not finite if beyond float64."""
+    """Motion of every body at one state (n,) of validated arguments; not finite if it overflows float64."""
     R, p, axes = forward_kinematics(chain.arrays, q)
     return _moving(chain, R, p, axes, qd, qdd)
 
@@ -61,7 +61,7 @@ def body_motions(chain: Chain, q: Array, qd: Array, qdd: Array) -> BodyMotion:
 
 
 def _moving(chain: Chain, R: Array, p: Array, axes: Array, qd: Array, qdd: Array) -> BodyMotion:
-    """Motion of bodies and hinges at these positions, at rates and accelerations (n,) or (n, b)."""
+    """Motion of bodies and hinges, given their positions, and rates and accelerations (n,) or (n, b)."""
     spans, rest = spans_of(chain.bodies), np.zeros(p.shape[1:])
     with np.errstate(over="ignore", invalid="ignore"):
         turned, faster = axes * qd[..., None], axes * qdd[..., None]
@@ -80,7 +80,7 @@ def _moving(chain: Chain, R: Array, p: Array, axes: Array, qd: Array, qdd: Array
 
 
 def _slid(chain: Chain, rates: Array) -> Array:
-    """Remove the rates of sliding joints from those of all hinges (n, …, 3); return their sums by body."""
+    """Set the rows of sliding joints in `rates` (n, …, 3) to zero; return the sum of those rows for each body."""
     slid = np.zeros((len(chain.bodies), *rates.shape[1:]))
     if chain.slides.any():
         np.add.at(slid, hinge_bodies(chain)[chain.slides], rates[chain.slides])
@@ -89,7 +89,7 @@ def _slid(chain: Chain, rates: Array) -> Array:
 
 
 def _after_hinges(chain: Chain, spans: list[Branch], terms: Array) -> tuple[Array, Array]:
-    """Sums of hinge terms (n, …, 3) from the base to just before each hinge, and up to each body."""
+    """Sums of hinge terms (n, …, 3) along the arm, from the base to just before each hinge, and to each body."""
     before, at = np.empty_like(terms), np.empty((len(chain.bodies), *terms.shape[1:]))
     first, stop = chain.bodies["first"], chain.bodies["stop"]
     for parent, begin, end in spans:
@@ -174,7 +174,7 @@ def point_motion(
 
 
 def _of_many(chain: Chain, q: Array, qd: Array, qdd: Array, *, body: int, point: Array) -> PointMotion:
-    """Motion of a point in checked states (b, n)."""
+    """Motion of a point at b states (b, n), already validated."""
     found = np.empty((len(PointMotion.__dataclass_fields__), len(q), 3))
     for start in range(0, len(q), BATCH):
         part = slice(start, start + BATCH)

@@ -1,14 +1,14 @@
 """Derivatives of `point_motion`: how the motion of a point changes with angles, rates and accelerations.
 
-Hinge j lies at p_j on axis e_j. The part before it moves with ω, α; the part beyond turns about it as a rigid body:
+Hinge j has the axis e_j through p_j. The part inboard of it moves with ω, α; the part outboard turns about it rigidly:
 
     ∂p = e × r        ∂v = ω × (e × r) + e × u        ∂ω_P = e × (ω_P − ω)                  by q_j, r = p − p_j
     ∂a = α × (e × r) + ω × (ω × (e × r)) + 2 ω × (e × u) + e × w
     ∂v = e × r        ∂ω_P = e        ∂a = 2 ω × (e × r) + 2 e × u                          by q̇_j
     ∂a = e × r                                                                              by q̈_j
 
-u and w are velocity and acceleration of the point relative to the part before the hinge. A sliding joint shifts the
-part beyond: replace e × r by e, and e × u, e × w and ∂ω_P by 0.
+u and w are velocity and acceleration of the point relative to the inboard part. For a sliding joint, which shifts the
+outboard part, replace e × r by e, and e × u, e × w and ∂ω_P by 0.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from flexlink.dynamics.point_motion import body_motion
 def point_slopes(
     chain: Chain, q: Array, qd: Array, qdd: Array, body: int, point: Array
 ) -> dict[str, tuple[Array, ...]]:
-    """Derivatives of the results of `point_motion`, by name: by q, q̇ and q̈, unless they vanish, (3, n) each.
+    """Derivatives of each result of `point_motion` with respect to q, q̇ and q̈, (3, n) each, except those that vanish.
 
-    At a state (n,), for a point of a body, given in axes of the body [m].
+    The state is (n,); the point of the body is given in axes of the body [m].
     """
     moving, beyond = body_motion(chain, q, qd, qdd), hinge_bodies(chain)
     R, ω_P, α_P = moving.rotations[body], moving.angular_velocity[body], moving.angular_acceleration[body]

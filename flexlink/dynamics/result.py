@@ -1,4 +1,4 @@
-"""Base classes of results: their arrays are read-only, also in copies and pickles, and files can store them."""
+"""Base classes of results: their arrays are read-only, even in copies and pickles, and can be saved in files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flexlink.data.documents import require_path
 
 
 class Result:
-    """Base of frozen dataclasses."""
+    """Base class of results, which are frozen dataclasses; it makes their arrays read-only."""
 
     def __post_init__(self) -> None:
         fields = vars(self)
@@ -24,7 +24,7 @@ class Result:
                 fields[name] = read_only(value)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Rebuild copies and pickles with the constructor, so their arrays are read-only."""
+        """Make copies and pickles call the constructor, so that their arrays are read-only as well."""
         return type(self), tuple(vars(self)[field.name] for field in dataclasses.fields(self))  # type: ignore[arg-type]
 
 
@@ -36,10 +36,10 @@ def read_only(array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
 
 
 class SavedResult(Result):
-    """A result of arrays, numbers and tuples of strings, which a file can store."""
+    """A result that consists of arrays, numbers and tuples of strings, and can be saved in a file."""
 
     def save(self, path: str | Path) -> Path:
-        """Write all fields into an .npz archive, atomically; `load` reads it back bit by bit.
+        """Write all fields into an .npz archive, atomically; `load` restores them bit for bit.
 
         Raises
         ------

@@ -1,39 +1,40 @@
-"""Bounds of rounding errors, term by term: how far two correct programs may differ.
+"""Bounds on the rounding errors of all terms, that is, on the difference between two correct programs.
 
     M(q) q̈ + T_GC(q, q̇) + T_FL(q) + T_FR(q̇) = T_EX
 
-A number computed from terms of magnitude S is accurate to a few eps S. S must not be the number itself, since large
-terms cancel when an arm is balanced or stretched out. S is therefore built from magnitudes that cannot cancel for any
-configuration, axis or direction of gravity. With r_ik = |c_i − p_k| from hinge point to centre of mass, over the bodies
-i beyond hinge k:
+A number computed from terms of magnitude S is accurate to a few eps times S. S must not be the number itself, since
+large terms cancel when an arm is balanced or stretched out. S is therefore a sum of magnitudes, which cannot cancel in
+any configuration, axis or direction of gravity. With r_ik = |c_i − p_k|, the distance from hinge point k to centre of
+mass i, and sums over the bodies i outboard of hinge k:
 
     M*   = max_k Σ_i (m_i r_ik (r_ik + |p_k|) + |I_i|) + max |armature|
-    T_G* = max_k Σ_i m_i |g| (r_ik + |p_k|)                   ≥ |g| √Σ_a T_G(ê_a)², gravity along a = x, y, z
+    T_G* = max_k Σ_i m_i |g| (r_ik + |p_k|)                   ≥ |g| √Σ_a T_G(ê_a)², for gravity along a = x, y, z
     T_W* = max_k |f| (|p_tip − p_k| + |p_k|) + |m|            tip wrench (f, m)
 
-(|p_k| because a point is accurate to eps of its distance from frame 0: an arm mounted a kilometre away loses digits.)
+(|p_k| enters because a point is only accurate to eps times its distance from the origin of frame 0: an arm mounted a
+kilometre away loses digits.)
 
     |ΔM_jk|     ≤ ε M*
     |ΔT_GC|     ≤ ε (M* ω² + T_G* + T_W*)                     ω² = max_i |ω_i|²
     |M Δq̈|      ≤ ε (M* (Σ_k |q̈_k| + ω²) + T_G* + T_W* + max |T_EX, T_FL, T_FR|)
     |Δq̈|        ≤ ‖M⁻¹‖₂ times the bound of M Δq̈
     |ΔT_FL|_k   ≤ 10 eps (|K| |θ − θ₀|)_k
-    |ΔT_FL|_k   ≤ 10 eps (|K| |θ − θ₀| + s² (1 + Θ*)² Σ |K| Θ)_k          springs of rotation vectors
+    |ΔT_FL|_k   ≤ 10 eps (|K| |θ − θ₀| + s² (1 + Θ*)² Σ |K| Θ)_k          rotation-vector springs
     |ΔT_FR|_k   ≤ 10 eps (|D| |q̇| + c |tanh(q̇ / w)|)_k
 
-ε = 10 √n eps: every hinge rotates axes and adds a lever, with about ten roundings, which add up along a chain like a
-random walk. A backward stable solver of M q̈ = b perturbs M and b by no more than the same bounds, hence M Δq̈ (Higham
-2002, theorem 7.2). T_FL and T_FR are products at one joint, or sums of p of them in a cell: two roundings each, and a
-tanh accurate to four.
-Springs of rotation vectors φ: φ has an error of about ten eps Θ s, where Θ is the sum of the three |θ − θ₀| and
-s = ½|φ| / sin ½|φ|. The torques have the same relative error. They mix the three axes, hence Σ, and the derivative of φ
-adds another s. In a cell the terms are cubic in φ, and Θ* is the largest Θ.
-With ‖M‖ for M* the bound of q̈ is 10 √n eps κ₂(M) (|q̈| + |T| / ‖M‖ + ω²); but for a mast that turns about its own axis
-M itself is the result of cancellation in M*.
+In these bounds ε = 10 √n eps: every hinge rotates axes and adds a lever with about ten roundings, which accumulate
+along a chain like a random walk. A backward stable solver of M q̈ = b perturbs M and b by no more than their bounds,
+from which the bound of M Δq̈ follows (Higham 2002, theorem 7.2). T_FL and T_FR are products at one joint, or sums of p
+products in a cell: each product has two roundings, and tanh is accurate to four roundings.
+For springs that act on rotation vectors φ, the error of φ is about 10 eps Θ s, where Θ is the sum of the three |θ − θ₀|
+and s = ½|φ| / sin ½|φ|. The torques have the same relative error. They mix the three axes, hence Σ, and the derivative
+of φ adds another factor s. In a cell the terms are cubic in φ, and Θ* is the largest Θ.
+With ‖M‖ for M*, the bound of q̈ would be 10 √n eps κ₂(M) (|q̈| + |T| / ‖M‖ + ω²). But M* can be much larger than ‖M‖:
+for a mast that turns about its own axis, M results from cancellation of larger terms.
 
-Measured differences between Pinocchio, MuJoCo and flexlink in random, balanced and stretched states, n = 1 … 239, tip
-masses up to ten tons: at most 0.32 of the bound in M, 0.19 in T_GC, 0.10 in M Δq̈, without a trend in n; T_FL and T_FR
-agree bit by bit.
+Differences between Pinocchio, MuJoCo and flexlink were measured in random, balanced and stretched states, with
+n = 1 … 239 and tip masses up to ten tons. They reach 0.32 times the bound of M, 0.19 times the bound of T_GC and 0.10
+times the bound of M Δq̈, without a trend in n; T_FL and T_FR agree bit for bit.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ def of_bias_torque(chain: Chain, q: ArrayLike, qd: ArrayLike, *, tip_wrench: Arr
 
 
 def of_elastic_torque(chain: Chain, q: ArrayLike) -> Array:
-    """Rounding error of T_FL per joint, 10 eps |K| |θ − θ₀|, shape (n,) [N m]; rotation vectors: see above."""
+    """Rounding error of T_FL per joint, 10 eps |K| |θ − θ₀|, plus a term for rotation-vector springs, (n,) [N m]."""
     return ROUNDINGS * EPS * _elastic_size(chain, q)
 
 
@@ -109,7 +110,7 @@ def of_residual(
 def of_acceleration(
     chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tau: ArrayLike, *, tip_wrench: ArrayLike | None = None
 ) -> float:
-    """Rounding error of each joint's q̈ [rad/s²], ‖M⁻¹‖₂ times `of_residual`, which is the sharper check."""
+    """Rounding error of each joint's q̈ [rad/s²]: ‖M⁻¹‖₂ times `of_residual`; comparing M Δq̈ with that is sharper."""
     inverse = 1 / np.linalg.norm(mass_matrix(chain, q), -2)  # −2: the smallest singular value
     return float(inverse * of_residual(chain, q, qd, qdd, tau, tip_wrench=tip_wrench))
 
@@ -123,7 +124,7 @@ def acceleration_error(
     solutions: tuple[ArrayLike, ArrayLike],
     tip_wrench: ArrayLike | None = None,
 ) -> Array:
-    """Difference of two solutions q̈ in units of its bound, |M Δq̈| / `of_residual`, shape (n,); ≤ 1 means rounding."""
+    """Difference of two solutions q̈ as |M Δq̈| / `of_residual`, shape (n,); rounding errors explain values ≤ 1."""
     one, other = (np.asarray(qdd, dtype=np.float64) for qdd in solutions)
     if not (np.isfinite(one).all() and np.isfinite(other).all()):
         return np.full(chain.n, np.nan)
@@ -134,7 +135,7 @@ def acceleration_error(
 
 
 def in_units(error: Array, explained: Array | float) -> Array:
-    """|error| in units of its bound: 0 if there is no error, inf if the bound is 0."""
+    """|error| divided by its bound `explained`: 0 if there is no error, inf if the bound is 0 but the error is not."""
     size = np.abs(error)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         return np.where(size == 0, 0.0, size / explained)
@@ -166,7 +167,7 @@ def _along(chain: Chain) -> float:
 
 
 def _inertial(chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tip_wrench: ArrayLike | None) -> float:
-    """M* (Σ|q̈| + ω²) + T_G* + T_W*: magnitude of the terms of recursive Newton-Euler."""
+    """M* (Σ|q̈| + ω²) + T_G* + T_W*: magnitude of the terms in the recursive Newton-Euler algorithm."""
     inertia, weight, lever, axes = _sizes(chain, q)
     force = np.linalg.norm(wrench_vector(tip_wrench).reshape(2, 3), axis=1)
     rates, slides = vector("qd", qd, chain.n), chain.slides
@@ -178,7 +179,7 @@ def _inertial(chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tip_wre
 
 
 def _spins(chain: Chain, turned: Array) -> Array:
-    """ω after every hinge, from the hinge rates, (n, 3); for a tree, ω of every body."""
+    """ω outboard of every hinge, from the hinge rates, (n, 3); for a tree, ω of every body."""
     if chain.is_serial_revolute:
         return np.cumsum(turned, axis=0)
     own = np.zeros((len(chain.bodies), 3))
@@ -208,14 +209,14 @@ def _sizes_at(chain: Chain, q: bytes) -> tuple[float, float, float, Array]:
     return float(inertia + rotor), float(moment * np.linalg.norm(chain.gravity)), float(tip), axes
 
 
-# Bounds for all configurations, from the arm stretched out.
+# The following bounds are valid in all configurations: they assume that the arm is stretched out.
 
 
 def largest_loads(chain: Chain, qd: Array, wrench: Array) -> Array:
     """Magnitude of each hinge's load torque, shape (n,) [N m]: lever times weight with the arm stretched out.
 
-    Unlike the torque itself it cannot cancel, and it bounds all configurations. For sliding joints it is a force [N].
-    It is cached for all callers during a search for an equilibrium, and read-only.
+    This magnitude bounds the torque in all configurations, since its terms cannot cancel. For sliding joints it is
+    a force [N]. The result is read-only, and cached for all callers during a search for an equilibrium.
     """
     return _largest_loads(chain, qd.tobytes(), wrench.tobytes())
 
@@ -248,32 +249,32 @@ def scales(chain: Chain) -> Array:
 
 
 def largest_load_stiffness(chain: Chain, qd: Array, wrench: Array) -> Array:
-    """Magnitude of the terms of ∂T_GC/∂q's diagonal, shape (n,) [N m/rad, N/m]: largest loads over `scales`."""
+    """Magnitude of the terms in the diagonal of ∂T_GC/∂q, shape (n,) [N m/rad, N/m]: largest loads over `scales`."""
     return largest_loads(chain, qd, wrench) / scales(chain)
 
 
 def of_loads(chain: Chain, qd: Array, wrench: Array) -> Array:
     """Rounding error of each T_GC in any configuration, shape (n,) [N m].
 
-    A load torque passes one rotation and one sum in each of b bodies: an error of 8 eps of its terms per body.
+    A load is rotated once and summed once in each of b bodies; each body adds an error of 8 eps times its terms.
     """
     return 8 * len(chain.bodies) * EPS * largest_loads(chain, qd, wrench)
 
 
 def of_load_stiffness(chain: Chain) -> float:
-    """Rounding error of ∂T_GC,i/∂q_j, relative to `largest_loads` of i, for q_j in units of `scales`.
+    """Rounding error of ∂T_GC,i/∂q_j, relative to the `largest_loads` of joint i, for q_j in units of `scales`.
 
-    A change of q_j changes force and moment, each with the same rounding. So |δK_ij| ≤ 16 b eps · load_i, twice
+    A change of q_j changes force and moment, each with the same rounding error. So |δK_ij| ≤ 16 b eps · load_i, twice
     `of_loads`.
     """
     return 16 * len(chain.bodies) * EPS
 
 
 def of_energy_balance(chain: Chain, energy: Array, work: Array, q: Array) -> Array:
-    """Rounding error of E(t) − E(0) − W(t) in one step [J], shape (samples,), from T, V_g, V_e (3, samples), W and q.
+    """Rounding error of E(t) − E(0) − W(t) per step [J], shape (samples,), from T, V_g, V_e (3, samples), W and q.
 
     A step rounds angles, rates and work to a relative eps, which changes the energies by a few eps. The error of the
-    gravitational energy is eps |q| m g times the arm's size, independent of its reference point.
+    gravitational energy is eps |q| m g times the arm's size, whatever the point where that energy is zero.
     """
     weight = chain.weight * chain.size
     size = np.abs(energy).sum(axis=0) + np.abs(work) + weight * np.maximum(1.0, np.abs(q).max(axis=1))
@@ -281,10 +282,10 @@ def of_energy_balance(chain: Chain, energy: Array, work: Array, q: Array) -> Arr
 
 
 def of_position(chain: Chain) -> float:
-    """Rounding error of the tip position in a step [m], 10 eps of the arm's size."""
+    """Rounding error of the tip position in a step [m], 10 eps times the arm's size."""
     return of_reach(chain.size)
 
 
 def of_reach(reach: float, angle: float = 1.0) -> float:
-    """Rounding error of a position at this distance from the origin [m], for a hinge at this (rounded) angle [rad]."""
+    """Rounding error [m] of a position at distance `reach` from the origin, with hinge angles up to `angle` [rad]."""
     return ROUNDINGS * EPS * reach * max(angle, 1.0)

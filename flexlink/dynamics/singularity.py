@@ -1,4 +1,4 @@
-"""Diagnosis of a singular M, for which accelerations do not exist: finds the joint without inertia."""
+"""Diagnosis of a singular mass matrix M, for which accelerations do not exist: finds the joint without inertia."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flexlink.kernels.bodies.mass import mass_composite
 from flexlink.kernels.forward.solvers import ARTICULATED, Solver
 
 PITCH = AXES.index(1)
-"""Coordinate of a free base: its rotation about Y."""
+"""Index of the free base's rotation about Y among the coordinates."""
 
 
 def no_acceleration(chain: Chain, solver: Solver, wrench: Array, q: Array, qd: Array, tau: Array) -> FlexlinkError:
@@ -51,8 +51,8 @@ def no_acceleration(chain: Chain, solver: Solver, wrench: Array, q: Array, qd: A
 def base_without_rates(chain: Chain, q: Array) -> FlexlinkError | None:
     """Return the error for a free base in gimbal lock: its angle about Y is within 3e-8 rad of 90°.
 
-    The other two angles then turn about the same axis. A pivot of M is proportional to cos² of that angle, which is
-    below the rounding error.
+    The other two angles then turn about the same axis. A pivot of M is proportional to cos² of the angle about Y, and
+    is then below its rounding error.
     """
     if not chain.has_free_base or np.cos(q[PITCH]) ** 2 >= 4 * np.finfo(float).eps:
         return None
@@ -65,10 +65,10 @@ def base_without_rates(chain: Chain, q: Array) -> FlexlinkError | None:
 
 
 def idle_joint(chain: Chain, q: Array) -> int:
-    """Return the joint with the largest share in the motion of least inertia; the last one of equal shares.
+    """Return the joint that moves most in the motion with the least inertia; if several move equally, the last one.
 
-    This motion is the v of M v = λ D v with the smallest λ, where D is the diagonal of M: λ = 0 if M is singular, and
-    at most 1. Joints with prescribed motion are left out.
+    This motion is the eigenvector v of M v = λ D v with the smallest λ, where D is the diagonal of M; λ is at most 1,
+    and 0 if M is singular. Joints with prescribed motion are left out.
     """
     M = np.zeros((chain.n, chain.n))
     mass_composite(chain.arrays, q, M)
@@ -82,23 +82,23 @@ def idle_joint(chain: Chain, q: Array) -> int:
 
 
 def regular_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> Array:
-    """Return M as checked by `factored_mass`."""
+    """Return M of the free coordinates, checked as in `factored_mass`."""
     return factored_mass(chain, q, free)[0]
 
 
 def factored_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> tuple[Array, Array]:
     """Return M of the free coordinates and L of M = L Lᵀ; check that each coordinate has inertia attached.
 
-    Cholesky's pivot, the square of a diagonal entry of L, is the inertia of a coordinate while those before it move
-    freely. It must exceed the rounding error of M, n eps M_ii. Near that bound another factorization may fail, so L is
-    returned with M.
+    A Cholesky pivot, the square of a diagonal entry of L, is the inertia of a coordinate if the previous ones move
+    freely. It must exceed the rounding error of M, n eps M_ii. Just above that bound, factorizing M again by another
+    method may fail, so L is returned with M.
 
     Raises
     ------
     SingularMassError
         A coordinate has no inertia attached, or M is beyond float64.
     """
-    whole = mass_matrix(chain, q, algorithm="upper")  # body axes keep the digits of a straight slender arm's twist
+    whole = mass_matrix(chain, q, algorithm="upper")  # in body axes, accurate even for the twist of a straight thin arm
     M = whole if len(free) == chain.n else np.ascontiguousarray(whole[np.ix_(free, free)])
     L, stopped = scipy.linalg.lapack.dpotrf(M, lower=1)
     with np.errstate(invalid="ignore"):

@@ -17,14 +17,16 @@ from flexlink.kernels.derivatives.small_motion_cells import cells_workspace
 from flexlink.kernels.derivatives.small_motion_factors import factor, solve
 
 K_ALONE, C_ALONE, M_ALONE = np.eye(3)
-"""Weights that select K, C or M in their weighted sum."""
+"""Weights that select one matrix in the weighted sum of K, C and M."""
 
 SMALLEST = 1e-8
-"""Smallest pivot, relative to the terms of its row, that is eliminated: half of all digits are then correct."""
+"""Smallest pivot, relative to the terms of its row, that is eliminated; it leaves half of all digits correct."""
 
 
 class SmallMotion:
-    """K = ∂(T_GC + T_FL)/∂q, C = ∂(T_GC + T_FR)/∂q̇ and M about a configuration at constant rates, some joints locked.
+    """K = ∂(T_GC + T_FL)/∂q, C = ∂(T_GC + T_FR)/∂q̇ and M about a configuration at constant rates.
+
+    Joints may be locked.
 
     Attributes
     ----------
@@ -51,7 +53,7 @@ class SmallMotion:
         self.skipped, self.sizes = np.zeros(0, np.intp), np.zeros(chain.n)
 
     def set_position(self, q: Array) -> None:
-        """Move to another configuration."""
+        """Change the configuration to q (n,)."""
         if (sprung := about(self._chain, q)) is not self._chain:
             self._bend(sprung)
         wrench, follower, qd = self._state
@@ -59,13 +61,13 @@ class SmallMotion:
         self._q = q
 
     def _bend(self, sprung: Chain) -> None:
-        """Use the stiffness of the chain about a configuration."""
+        """Use the stiffness of `sprung`, the chain with its tangent stiffness at a configuration."""
         self._diagonals[0], self._couplings = sprung.stiffness, sprung.couplings
         self._work = self._work._replace(chain=sprung.arrays)
 
     @property
     def _matrix(self) -> Any:
-        """The workspace with its cells, which `place` and the products do not need."""
+        """The workspace with the data of coupled cells, which only factorizations and solutions need."""
         return self._work._replace(cells=self._cells)
 
     def times(self, weights: Array, x: Array) -> Array:
@@ -85,9 +87,9 @@ class SmallMotion:
         return product
 
     def eliminate(self, weights: Array, w: Array, sizes: Array, smallest: float = SMALLEST) -> int:
-        """Factorize k + w (weights · (K, C, M) − k) for `solve`; k from springs, friction and rotors, w one per row.
+        """Factorize k + w (weights · (K, C, M) − k) for `solve`; returns the number of pivots that are not positive.
 
-        Returns the number of pivots that are not positive.
+        k is the part of weights · (K, C, M) due to springs, friction and rotors; w contains one factor per row.
         """
         self.sizes, given = sizes, self._work.given
         given[:] = self.locked
@@ -96,7 +98,7 @@ class SmallMotion:
         return int(negative)
 
     def inertias(self) -> tuple[Array, Array]:
-        """Diagonal of M, and the inertia of each coordinate if all beyond it move freely, shape (n,) each [kg m²]."""
+        """Diagonal of M, and each coordinate's inertia if all outboard coordinates move freely, shape (n,) [kg m²]."""
         found, ones = [], np.ones(len(self.locked))
         for given in (True, self.locked):
             self._work.given[:] = given
@@ -105,9 +107,9 @@ class SmallMotion:
         return found[0], found[1]
 
     def solve(self, r: Array) -> tuple[Array, Array]:
-        """Solutions for right sides r (m, n) with skipped coordinates at 0, then for r = 0 with each at 1 in turn.
+        """Solve for right sides r (m, n) with skipped coordinates at 0, then for r = 0 with one of them at 1 at a time.
 
-        Returns the solutions (m + skipped, n), and the left sides of the skipped rows, (m + skipped, skipped).
+        Returns the solutions, (m + skipped, n), and the left sides of the skipped rows, (m + skipped, skipped).
         """
         m, skipped = len(r), self.skipped
         right, x = (np.zeros((m + len(skipped), r.shape[1])) for _ in range(2))
@@ -117,7 +119,7 @@ class SmallMotion:
         return x, left[:, skipped]
 
     def falling(self, weights: Array, more: Array) -> int:
-        """Number of negative eigenvalues of weights · (K, C, M) + diag(more), if that is symmetric."""
+        """Number of negative eigenvalues of the matrix weights · (K, C, M) + diag(more), which must be symmetric."""
         self._work.given[:] = self.locked
         ones = np.ones(len(more))
         return int(factor(self._matrix, weights, weights @ self._diagonals + more, ones, ones, -1.0))

@@ -22,7 +22,7 @@ def spring_torque(chain: Chain, q: Array) -> Array:
 
 
 def held_angles(chain: Chain, q: Array) -> Array:
-    """Variables of the springs at angles q (n,) or (b, n): q, or the rotation vectors of hinge triples."""
+    """Variables on which springs act, at angles q (n,) or (b, n): angles, or rotation vectors of hinge triples."""
     if not chain.has_rotation_springs:
         return q
     held = [rotation_vectors(chain.bodies, chain.hinges, chain.couplings, row) for row in np.atleast_2d(q)]
@@ -32,7 +32,7 @@ def held_angles(chain: Chain, q: Array) -> Array:
 def about(chain: Chain, q: Array) -> Chain:
     """Return the chain with ∂T_FL/∂q at angles q (n,) as its K; the same chain unless springs act on rotation vectors.
 
-    Their derivatives couple all hinges of a triple, and the triples of a cell.
+    The derivatives of such springs couple all hinges of a triple, and the triples of a cell.
     """
     if not chain.has_rotation_springs:
         return chain
@@ -60,12 +60,12 @@ def _joined(couplings: NDArray[np.void]) -> NDArray[np.void]:
 
 
 def damping_slope(chain: Chain) -> Array:
-    """Derivative of T_FR at rest by each joint's own rate, d + coulomb / coulomb_width, shape (n,)."""
+    """Derivative of each joint's T_FR with respect to its own rate, at rest: d + coulomb / coulomb_width, (n,)."""
     return np.asarray(chain.damping + _dry(chain))
 
 
 def damping_matrix(chain: Chain) -> Array:
-    """Derivative of T_FR at rest, D + diag(coulomb / coulomb_width), shape (n, n)."""
+    """∂T_FR/∂q̇ at rest, D + diag(coulomb / coulomb_width), shape (n, n)."""
     return np.asarray(chain.matrix("damping") + np.diag(_dry(chain)))
 
 

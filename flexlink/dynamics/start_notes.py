@@ -1,4 +1,4 @@
-"""Notes on a scene that probably does not start as intended: each names the cause and the remedy."""
+"""Notes on a scene whose start is probably not what was intended; each names the cause and the remedy."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ VISIBLE_DROP = 1e-4
 MAX_JOINTS = 300
 """Number of joints above which eigenvalues take seconds and stability is not checked."""
 BALANCED = 2e-3
-"""Gravity torque that hardly moves a joint, relative to the largest one that the arm's weight can exert."""
+"""Gravity torque below which a joint hardly moves, relative to the largest torque that the arm's weight can exert."""
 
 
 def is_free_fall(scene: Scene) -> bool:
@@ -64,14 +64,34 @@ def unheld_joints(scene: Scene) -> Iterator[Diagnostic]:
             names.append(scene.arm.links[k].name)
     if names:
         yield Diagnostic(
-            f"drive.kind = {scene.drive.kind!r}: gravity moves {short_list(names)} without drive or friction; add a "
+            f"drive.kind = {scene.drive.kind!r}: gravity moves {short_list(names)}, with no drive or friction; add a "
             "torque, gains or friction there, or set joint.locked = true",
             "joint-unheld",
         )
 
 
+def weak_drives(scene: Scene) -> Iterator[Diagnostic]:
+    """Warn if a torque limit in N m is so small that it supports the initial configuration only if read in kN m."""
+    effort = scene.drive.effort
+    if effort is None or not any(scene.gravity):
+        return
+    chain = lump(scene)
+    pulled = np.abs(gravity_torque(chain, _angles(scene, chain)))
+    for joint in chain.active:
+        k, unit = chain.coordinates[int(joint)].link, "N" if chain.slides[joint] else "N m"
+        limit, needed = effort[k - 1], float(pulled[joint])
+        # an effort below a twentieth of the torque holds nothing
+        if 20 * limit < needed <= 1000 * limit:
+            path = scene.arm.path(k, "drive.effort")
+            yield Diagnostic(
+                f"{path} = {limit:g} {unit}: holding the initial configuration takes {needed:.3g} {unit}; likely given "
+                f"in k{unit}: in SI {1000 * limit:g} {unit}",
+                "likely-unit",
+            )
+
+
 def balance(scene: Scene) -> Iterator[Diagnostic]:
-    """Warn if an arm starts at rest in equilibrium, so it does not move, or only after a long time."""
+    """Warn if an arm starts at rest in equilibrium: it never moves, or only after a long time."""
     initial = scene.initial
     acts = scene.drive.kind != "none" or scene.motion or scene.wrench.acts or scene.joint_rates.any() or initial.qd
     if acts or initial.q is not None or initial.passive != "zero" or not any(scene.gravity):
@@ -92,7 +112,7 @@ def balance(scene: Scene) -> Iterator[Diagnostic]:
 
 
 def _is_unstable(chain: Chain, q: Array) -> bool:
-    """Whether the equilibrium is unstable; not checked for long chains, where it takes seconds."""
+    """Whether the equilibrium is unstable; False for long chains, for which the check would take seconds."""
     if chain.n > MAX_JOINTS:
         return False
     K = stiffness_matrix(chain, q, np.zeros(chain.n), np.zeros(6))
@@ -107,7 +127,7 @@ def _angles(scene: Scene, chain: Chain) -> Array:
 
 
 def _drop(chain: Chain, q: Array) -> float:
-    """Drop of the tip from the configuration with slack springs under gravity [m], to first order."""
+    """First-order estimate of how far the tip drops under gravity from the configuration with slack springs [m]."""
     bent = q - deflections(chain, gravity_torque(chain, q))
     return float(np.linalg.norm(tip_position(chain, bent) - tip_position(chain, q)))
 

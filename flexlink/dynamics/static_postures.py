@@ -1,4 +1,4 @@
-"""Equilibria of a chain for a sequence of driven angles, as needed for static feed-forward."""
+"""Equilibria of a chain for a sequence of driven-joint angles, as needed for static feed-forward."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from flexlink.dynamics.wrench import turns_with_tip
 from flexlink.kernels.derivatives.static_continuation import follow_equilibria
 
 DENSE = 100
-"""Number of joints up to which an equilibrium is found from the previous one with a stored matrix."""
+"""Number of joints up to which an equilibrium is found from the previous one with a dense stiffness matrix."""
 
 
 POSTURES = Memo(64)
-"""Cache of static equilibria of chains, shared by the runs of one scene when they start."""
+"""Cache of static equilibria, shared by the runs of one scene when they start."""
 
 
 def static_posture(chain: Chain, q: Array, wrench: Array, frame: Frame) -> Array:
-    """Equilibrium (n,) of a chain with its driven joints held as in q; errors as in `solve_static`."""
+    """Equilibrium (n,) of a chain with its driven joints held at their angles in q; errors as in `solve_static`."""
     return POSTURES.calling(_static_posture, chain, q, wrench, frame).copy()
 
 
@@ -37,7 +37,7 @@ def _static_posture(chain: Chain, q: Array, wrench: Array, frame: Frame) -> Arra
 def static_postures(chain: Chain, angles: Array) -> Array:
     """Equilibria (rows, n) of a chain under gravity with its driven joints held at angles (rows, driven) [rad].
 
-    Each starts from the previous one. Newton's method is used if it converges at once, otherwise `solve_static`.
+    Newton's method finds each equilibrium from the previous one; if it does not converge, `solve_static` is used.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def static_postures(chain: Chain, angles: Array) -> Array:
 
 
 def _rounded(x: Array, decimals: list[int]) -> Array:
-    """Python's `round` for every number (m, k), half to even, by exact products with powers of ten (Dekker 1971)."""
+    """Round numbers (m, k) like Python's `round`, half to even, by exact products with powers of ten (Dekker 1971)."""
     exact = 22  # largest power of ten that float64 represents exactly
     scale, split = np.array([10.0 ** max(each, 0) for each in decimals]), 2.0**27 + 1.0
     y = x * scale

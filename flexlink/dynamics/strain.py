@@ -1,15 +1,15 @@
 """Curvature and surface strain of a link, as strain gauges measure them, from its hinge angles.
 
-A hinge of weight w represents a length w L of the beam, k = EI/(w L). Its angle θ is the integral of the curvature over
-this length, so κ = θ/(w L) and EI κ = k θ. At rest, k θ is the bending moment at the hinge and κ the beam's curvature
-there, for every lumping rule. If the springs of a cell are coupled, its angles determine the curvature at the cell's
-Gauss points instead:
+A hinge of weight w represents a length w L of the beam and has the stiffness k = EI/(w L). Its angle θ is the integral
+of the curvature over this length, so κ = θ/(w L) and EI κ = k θ. At rest, k θ is the bending moment at the hinge and κ
+the beam's curvature there, for every lumping rule. If the springs of a cell are coupled, its angles determine the
+curvature at the cell's Gauss points instead:
 
     κ(x_q) = 1/h Σ_j C_qj θ_j        ε = z κ_y − y κ_z
 
-If EI is a table, κ = M/EI there, where M is the moment in the springs.
+If EI is given by a table, κ = M/EI at these points, where M is the moment in the springs.
 
-If springs act on rotation vectors φ, these replace θ, and cells of two add −φ₁ × φ₂ / (6 h) to κ.
+If springs act on rotation vectors φ, these replace θ, and cells with two of them add −φ₁ × φ₂ / (6 h) to κ.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ from flexlink.kernels.tools.finite import is_finite
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class BeamStrain(Result):
-    """Curvature and strain of a link at its hinges, or at the same number of Gauss points of coupled cells."""
+    """Curvature and strain of a link at its hinges, or, in coupled cells, at equally many Gauss points."""
 
     x: Array  # (hinges,), distance from the root of the beam [m]
-    curvature: Array  # (…, hinges, 3), rate of twist φ', then κ about the section's y and z [rad/m]
+    curvature: Array  # (…, hinges, 3), twist per length φ', then κ about the section's y and z [rad/m]
     strain: Array  # (…, hinges), along the beam, positive in tension [1]
 
     def __repr__(self) -> str:
@@ -55,8 +55,8 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
 
     κ = θ/(w L); in cells of coupled springs (lumping "lobatto2", "lobatto4") it follows from all angles of the cell.
     The error is of order θ² if a hinge bends and twists at once, unless its springs act on rotation vectors. A chain
-    does not stretch: a gauge also measures the axial strain N/(EA), where N is `internal_loads(…).force[…, 0]`. The
-    root of the beam has no hinge; there κ = M/EI.
+    does not stretch. A real gauge also measures the axial strain N/(EA), where N is `internal_loads(…).force[…, 0]`.
+    The root of the beam has no hinge; there κ = M/EI.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
     q
         Angles [rad], shape (n,), or (b, n) for b states; for a simulation `run.q`.
     link
-        Name or number (from 1) of a link that bends.
+        Name or number (from 1) of a flexible link.
     fibre
         Position (y, z) of the fibre in the section, relative to its centroid, shape (2,) [m].
 
@@ -121,7 +121,7 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
 
 
 def known_at(scene: Scene, number: int) -> Array:
-    """Positions along the beam of a link at which the curvature is known, relative to its length, (hinges,)."""
+    """Positions along a link's beam at which the curvature is known, as fractions of its length, (hinges,)."""
     nodes, _ = hinges_of(scene.arm)[number - 1]
     cells = lumping_rule(scene.arm.links[number - 1].lumping).cells
     return nodes if cells is None else cells.gauss_points(len(nodes))

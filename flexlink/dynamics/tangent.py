@@ -1,4 +1,4 @@
-"""Derivatives of the torques about a state, for modal analysis and Newton's method in statics (`kernels.slopes`)."""
+"""Derivatives of the torques about a state, for modal analysis and for Newton's method in statics."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from flexlink.kernels.geometry.kinematics import forward_kinematics, turned_with
 
 
 class LoadedState(NamedTuple):
-    """The state of small motion: configuration, steady rates, constant tip wrench, and the free coordinates."""
+    """The state about which small motion occurs: configuration, steady rates, tip wrench, and the free coordinates."""
 
     q: Array
     qd: Array
@@ -35,16 +35,16 @@ class LoadedState(NamedTuple):
 
 
 class Stiffness(NamedTuple):
-    """K of the free coordinates, with the data needed to distinguish its zeros from rounding.
+    """K of the free coordinates, with the data needed to distinguish zero eigenvalues from rounding errors.
 
     Attributes
     ----------
     K
-        Tangent stiffness [N m/rad], shape (n, n); rows of sliding joints [N/…], their columns […/m].
+        Tangent stiffness [N m/rad], shape (n, n); for sliding joints N in place of N m, and m in place of rad.
     S
-        Square root of the magnitude of each row's terms, shape (n,): K̂ = S⁻¹ K S⁻¹ is of order 1.
+        Square root of the magnitude of each row's terms, shape (n,), so K̂ = S⁻¹ K S⁻¹ is of order 1.
     conservative
-        Whether K is symmetric up to rounding, so the loads have a potential.
+        Whether the loads have a potential, that is, K is symmetric up to rounding.
     rounding
         Bound of the rounding error of K̂'s eigenvalues.
     """
@@ -56,12 +56,12 @@ class Stiffness(NamedTuple):
 
     @property
     def symmetric(self) -> Array:
-        """Symmetric part of K. Conservative loads: mirrors the lower triangle, whose entries sum fewer terms."""
+        """Symmetric part of K; for conservative loads, the lower triangle mirrored, as its entries sum fewer terms."""
         return np.tril(self.K) + np.tril(self.K, -1).T if self.conservative else (self.K + self.K.T) / 2
 
     @property
     def scaled(self) -> Array:
-        """K̂ of the symmetric part."""
+        """K̂ computed from the symmetric part of K."""
         return np.asarray(self.symmetric / np.outer(self.S, self.S))
 
     @property
@@ -73,7 +73,7 @@ class Stiffness(NamedTuple):
 
 
 def unlocked(chain: Chain, locked: Joints) -> NDArray[np.intp]:
-    """Sequential indices of the free coordinates: not `locked`, not prescribed, not internal.
+    """Sequential indices of the free coordinates: those that are not `locked`, prescribed or internal.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def unlocked(chain: Chain, locked: Joints) -> NDArray[np.intp]:
 
 
 def load_torque(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool = False) -> Array:
-    """T_GC and T of force elements under a dead or follower wrench, (n,) [N m]; T_EX − T_FL in (relative) equilibrium.
+    """T_GC plus T of force elements, shape (n,) [N m]; in (relative) equilibrium it equals T_EX − T_FL.
 
     `wrench` (6,) [N, N m] acts on the tip in axes of frame 0 and keeps its direction there. With `follower` it is given
     in axes of the tip frame and turns with the tip.
@@ -107,7 +107,8 @@ def load_torque(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool
 def stiffness_matrix(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool = False) -> Array:
     """K = ∂(T_GC + T_FL + T of force elements)/∂q at constant rates, shape (n, n) [N m/rad], exact up to rounding.
 
-    Elastic, gravity, load and centrifugal stiffness; not symmetric under a follower wrench or a spatial moment.
+    It is the sum of elastic, gravity, load and centrifugal stiffness, and not symmetric under a follower wrench or a
+    spatial moment.
     """
     K = about(chain, q).matrix("stiffness")
     K += load_matrices(chain, q, qd, wrench, follower)[0]
@@ -144,7 +145,8 @@ def falls(
     follower: bool = False,
     motion: SmallMotion | None = None,
 ) -> bool:
-    """`tangent(…).falls` in O(n): by the signs of pivots if the loads have a potential, else by Arnoldi's method.
+    """Return `tangent(…).falls` in O(n): from the signs of pivots if the loads have a potential, else by Arnoldi's
+    method.
 
     `motion` is the small motion of this chain under these loads; its configuration is changed to q.
     """
@@ -168,7 +170,7 @@ def falls(
 
 
 DENSE = 100
-"""Number of coordinates up to which eigenvalues of an unsymmetric stiffness are computed with dense matrices, O(n³)."""
+"""Number of coordinates up to which the eigenvalues of an unsymmetric K are computed with dense matrices, in O(n³)."""
 
 
 def _least_eigenvalue(motion: SmallMotion, S: Array, free: NDArray[np.intp]) -> float:
@@ -188,13 +190,13 @@ def _least_eigenvalue(motion: SmallMotion, S: Array, free: NDArray[np.intp]) -> 
 
 
 def has_potential(chain: Chain, wrench: Array, follower: bool) -> bool:
-    """Whether the tip wrench has a potential: a force of constant direction, in a plane also a moment."""
+    """Whether the tip wrench has a potential: true for a force of constant direction and, in a plane, for a moment."""
     moment = wrench[3:].any() and not chain.is_planar
     return not (moment or (follower and wrench[:3].any()))
 
 
 def gyroscopic_matrix(chain: Chain, q: Array, qd: Array) -> Array:
-    """G = ∂(T_GC + T of force elements)/∂q̇, shape (n, n) [N m s/rad]; at rest only that of gyrators."""
+    """G = ∂(T_GC + T of force elements)/∂q̇, shape (n, n) [N m s/rad]; at rest only gyrators contribute."""
     G = np.zeros((chain.n, chain.n))
     if qd.any():
         G += load_matrices(chain, q, qd, np.zeros(6))[1]
@@ -206,8 +208,8 @@ def gyroscopic_matrix(chain: Chain, q: Array, qd: Array) -> Array:
 def displacements(chain: Chain, q: Array, φ: NDArray[np.inexact]) -> NDArray[np.inexact]:
     """Displacements of body origins and tips for small angles φ (m, n), in frame 0, shape (m, bodies, 3) [m].
 
-    Each body turns by the sum of φ_k e_k before it and moves the origins of its child bodies. A sliding joint also
-    shifts its body by φ_k e_k.
+    Each body turns by the sum of φ_k e_k over the hinges inboard of it, which moves the origins of its child bodies. A
+    sliding joint shifts its body by φ_k e_k.
     """
     _, points, axes = forward_kinematics(chain.arrays, q)
     steps, first, stop = φ[:, :, None] * axes, chain.bodies["first"], chain.bodies["stop"]

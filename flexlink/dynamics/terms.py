@@ -1,9 +1,9 @@
-"""Public functions for the terms of the equation of motion: they check shapes and finiteness, then call a kernel.
+"""Public functions for the terms of the equation of motion; they check their arguments, then call a kernel.
 
     M(q) q̈ + T_GC(q, q̇) + T_FL(q) + T_FR(q̇) = T_EX                         (paper, equations 2 and 3)
 
-All torques are in N m, all angles in rad. Arrays are float64 of shape (n,) in sequential order, or (b, n) for b states:
-results then have a leading axis b, and parts of the state of shape (n,) apply to all states. The tip wrench
+All torques are in N m, all angles in rad. Arrays are float64 of shape (n,) in sequential order, or (b, n) for b states.
+Results for b states have a leading axis b, and arguments of shape (n,) apply to all states. The tip wrench
 (f_x, f_y, f_z, m_x, m_y, m_z) [N, N m] acts on the arm at the origin of the tip frame, in axes of `frame`.
 """
 
@@ -52,7 +52,8 @@ def inverse_dynamics(
 ) -> Array:
     """Torque M q̈ + T_GC of the rigid-body motion, without springs and friction.
 
-    Recursive Newton-Euler (Luh, Walker & Paul 1980; paper, section 3): Pinocchio's `rnea`, MuJoCo's `mj_rne`.
+    Recursive Newton-Euler algorithm (Luh, Walker & Paul 1980; paper, section 3), as in Pinocchio's `rnea` and MuJoCo's
+    `mj_rne`.
 
     Parameters
     ----------
@@ -60,7 +61,7 @@ def inverse_dynamics(
         The chain.
     q, qd, qdd
         Angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,), or (b, n) for b states. Eight states are
-        computed at a time; results equal those of single calls up to rounding (`rounding.of_residual`).
+        computed at a time; the results agree with single calls up to rounding (`rounding.of_residual`).
     tip_wrench, frame
         Force and moment on the tip, shape (6,) [N, N m], or one row per state, (b, 6), in axes of frame 0, "world",
         or of the "tip" frame.
@@ -103,16 +104,16 @@ def _inverse_dynamics_of_many(
 
 
 def _at(what: str, chain: Chain, values: Array) -> str:
-    """Description of the first of `values`, one per joint, that is not finite."""
+    """Phrase that names the first joint whose entry in `values` is not finite."""
     return f"the {what} of joint {chain.joint_name(int(np.argmin(np.isfinite(values))))!r}"
 
 
 def bias_torque(
     chain: Chain, q: ArrayLike, qd: ArrayLike, *, tip_wrench: ArrayLike | None = None, frame: Frame = "world"
 ) -> Array:
-    """T_GC: gravity, Coriolis, centrifugal and tip wrench torques, `inverse_dynamics` with q̈ = 0 (paper, eq. 3).
+    """T_GC: torques of gravity, Coriolis and centrifugal forces and the tip wrench (paper, eq. 3).
 
-    Pinocchio calls it `nle`, MuJoCo `qfrc_bias`.
+    It is `inverse_dynamics` with q̈ = 0. Pinocchio calls it `nle`, MuJoCo `qfrc_bias`.
 
     Parameters
     ----------
@@ -144,7 +145,7 @@ def bias_torque(
 
 
 def gravity_torque(chain: Chain, q: ArrayLike) -> Array:
-    """T_G: the torque that holds the arm against gravity, T_GC with q̇ = 0.
+    """T_G: the joint torque that holds the arm against gravity, T_GC at q̇ = 0 without a tip wrench.
 
     Parameters
     ----------
@@ -174,7 +175,8 @@ def gravity_torque(chain: Chain, q: ArrayLike) -> Array:
 def elastic_torque(chain: Chain, q: ArrayLike) -> Array:
     """T_FL = k (θ − θ₀) for passive joints, 0 for active ones; K (θ − θ₀) for coupled springs.
 
-    For springs of rotation vectors (a rule with `springs = "rotation"`) it is the gradient of ½ φ·K φ by the angles.
+    For springs that act on rotation vectors φ (lumping rules with `springs = "rotation"`) it is the gradient of
+    ½ φ·K φ with respect to the angles.
 
     Parameters
     ----------
@@ -250,21 +252,21 @@ def friction_torque(chain: Chain, qd: ArrayLike) -> Array:
 
 
 def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> Array:
-    """Joint-space inertia M(q), symmetric positive definite: Pinocchio's `crba`, MuJoCo's `mj_fullM`.
+    """Joint-space inertia matrix M(q), symmetric positive definite; Pinocchio's `crba`, MuJoCo's `mj_fullM`.
 
     Parameters
     ----------
     chain
         The chain.
     q
-        Angles [rad], shape (n,), or (b, n) for b states. "composite" computes eight states at a time; results equal
-        those of single calls up to rounding (`rounding.of_mass_matrix`).
+        Angles [rad], shape (n,), or (b, n) for b states. "composite" computes eight states at a time; the results
+        agree with single calls up to rounding (`rounding.of_mass_matrix`).
     algorithm
         "columns", "lower", "upper": methods 1, 2, 3 of Walker & Orin (1982), as named in the paper; the first two only
         for unbranched arms without sliding joints;
-        "composite": composite rigid bodies in inertial axes (Featherstone 2008, section 6.2), the fastest.
-        Every element is accurate to eps of the largest. Methods 1 to 3, in body axes, are also accurate relative to
-        √(M_jj M_kk), for example for the twist j of a slender, nearly straight arm, which moves almost no inertia.
+        "composite": composite-rigid-body algorithm in inertial axes (Featherstone 2008, section 6.2), the fastest.
+        The error of every element is about eps times the largest element. With methods 1 to 3, in body axes, it is
+        about eps √(M_jj M_kk), which matters for the twist j of a slender, nearly straight arm: M_jj is then tiny.
 
     Returns
     -------

@@ -28,7 +28,7 @@ def turns_with_tip(frame: Frame) -> bool:
 
 
 def world_wrench(chain: Chain, q: Array, tip_wrench: ArrayLike | None, frame: Frame) -> Array:
-    """Tip wrench at checked angles (n,), in frame 0, shape (6,); errors as in `turns_with_tip`, `wrench_vector`."""
+    """Tip wrench in axes of frame 0, (6,), at angles q (n,); errors as in `turns_with_tip` and `wrench_vector`."""
     wrench = wrench_vector(tip_wrench)
     if frame == "world" or not turns_with_tip(frame):  # the first test is fast
         return wrench
@@ -37,7 +37,7 @@ def world_wrench(chain: Chain, q: Array, tip_wrench: ArrayLike | None, frame: Fr
 
 
 def world_wrenches(chains: Sequence[Chain], q: Array, tip_wrench: ArrayLike | None, frame: Frame) -> Array:
-    """Tip wrenches at b states of one chain, or of b chains, in frame 0, shape (b, 6); see `wrench_rows`."""
+    """Tip wrenches in axes of frame 0, (b, 6), at b states of one chain or of b chains; see `wrench_rows`."""
     wrenches = wrench_rows(tip_wrench, len(q))
     if frame == "world" or not turns_with_tip(frame):
         return wrenches

@@ -1,4 +1,4 @@
-"""Adapters that give other multibody codes one interface; each loads the exported file, which tests the export."""
+"""Adapters that give other multibody codes a common interface; each loads the exported file and so tests the export."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def load(name: str, chain: Chain) -> Engine:
     name
         One of `ENGINES`; this call imports its module.
     chain
-        The chain; engines other than "native" load it as the text of an exported file.
+        The chain; engines other than "native" load the text of a file to which the chain is exported.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A scene's drive as an actuator record, and the actuator fields that a file leaves unspecified."""
+"""Describe a scene's drive as an actuator record, and find the actuator fields that a file does not specify."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def mark_unspecified(read: ReadBack) -> ReadBack:
 
 
 def taken_from_scene(ours: ReadBack, read: ReadBack) -> frozenset[str]:
-    """Actuator fields that the scene specifies and the file does not."""
+    """Actuator fields that the scene specifies but the file does not."""
     nothing = no_actuators(ours.n)
     return frozenset(
         field

@@ -2,7 +2,7 @@
 
     M(q) q̈ + T_GC(q, q̇) + T_FL(q) + T_FR(q̇) = T_EX
 
-Units, signs and joint order are those of `flexlink.dynamics`; arrays are float64 of shape (n,). The tip wrench
+Units, signs and joint order are as in `flexlink.dynamics`; arrays are float64 of shape (n,). The tip wrench
 (f_x, f_y, f_z, m_x, m_y, m_z) [N, N m] acts on the arm at the origin of the tip frame and is given in axes of frame 0.
 """
 
@@ -44,7 +44,7 @@ class Engine(Protocol):
         """Full symmetric M(q) with the armature on the diagonal, shape (n, n)."""
 
     def bias_torque(self, q: Array, qd: Array, *, tip_wrench: Array | None = None) -> Array:
-        """T_GC = RNE(q, q̇, 0) − Jᵀ F."""
+        """T_GC = RNE(q, q̇, 0) − Jᵀ F, where RNE is the recursive Newton-Euler algorithm."""
 
     def gravity_torque(self, q: Array) -> Array:
         """T_G: T_GC with q̇ = 0 and no wrench."""
@@ -64,7 +64,7 @@ class Engine(Protocol):
         Raises
         ------
         DivergenceError
-            The state is no longer finite; the error contains the samples up to then.
+            The state is no longer finite; the error contains the samples up to that time.
         ArgumentError
             The engine does not support the scene's method, inputs or prescribed motions.
         UnstableStepError
@@ -72,7 +72,7 @@ class Engine(Protocol):
         """
 
     def read_back(self) -> ReadBack:
-        """Return the arm as this engine has read it."""
+        """Return the arm's properties as this engine has read them."""
 
 
 class FileEngine(Engine, Protocol):
@@ -135,9 +135,9 @@ class TipWrench:
     Attributes
     ----------
     follows
-        Whether it is given in axes of the tip frame; the engine rotates it with its own kinematics.
+        Whether the wrench is given in axes of the tip frame; the engine rotates it with its own kinematics.
     constant
-        Whether it is constant in time.
+        Whether the wrench is constant in time.
     middle
         Midpoint of the current step [s], as in `DriveTorque`.
     """
@@ -161,7 +161,7 @@ class TipWrench:
 
 
 def rotate_wrench(rotation: Array, wrench: Array) -> Array:
-    """Return R F and R M of a force and moment (6,)."""
+    """Rotate a force F and a moment M, together of shape (6,); return R F and R M."""
     return (wrench.reshape(2, 3) @ rotation.T).ravel()
 
 
@@ -171,7 +171,7 @@ def wrench_function(problem: InitialValueProblem) -> TipWrench | None:
 
 
 def refuse_sampled_inputs(engine: str, scene: Scene) -> None:
-    """Refuse inputs that engines with their own time stepping, which always starts at t = 0, do not support.
+    """Refuse inputs that engines with their own time stepping do not support; their runs always start at t = 0.
 
     Raises
     ------
@@ -191,7 +191,7 @@ def refuse_sampled_inputs(engine: str, scene: Scene) -> None:
 
 
 def refuse_method(engine: str, method: str, known: Collection[str]) -> None:
-    """Refuse a method that the engine does not have.
+    """Refuse an integration method that the engine does not have.
 
     Raises
     ------
@@ -256,7 +256,7 @@ def allocate_samples(problem: InitialValueProblem) -> Samples:
 
 
 def divergence_error(engine: str, problem: InitialValueProblem, samples: Samples, row: int) -> DivergenceError:
-    """Return the error of a run whose sample `row` is the first that is not finite; it contains all earlier samples."""
+    """Return the error of a run that diverged at sample `row`; the error contains all earlier samples."""
     time = f"t = {samples[0][row]:.6g} s"
     message = f"{problem.scene.name}: the state in {engine} is no longer finite at {time}; {row} samples were saved"
     return DivergenceError(message, trajectory_from_states(problem, *(array[:row].copy() for array in samples)))

@@ -1,10 +1,10 @@
-"""Run functions and complete engines in a child process: a crash or a hang there raises an error here.
+"""Run functions and complete engines in a child process, whose crash or hang raises an error in this process.
 
-The child is a new Python interpreter: it neither copies this process nor runs its main script again. Calls go to its
-standard input and results come from its standard output on every system; what it prints goes to a temporary file. The
-child is killed together with its `ChildProcess`, or if a call takes too long. It also ends when this process ends for
-any reason, because its standard input is then closed. A child that is no longer used is reused by the next engine of
-the same name, because starting and importing takes a second or two.
+The child is a new Python interpreter. It does not copy this process and does not run the main script again. On every
+system, calls go to its standard input, results come from its standard output, and printed text goes to a temporary
+file. The child is killed if its `ChildProcess` is deleted or a call takes too long. It also ends when this process
+ends for any reason, because its standard input is then closed. A child that is no longer used is reused by the next
+engine of the same name, because starting and importing takes a second or two.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class ChildProcess:
         Raises
         ------
         FlexlinkError
-            The function raises it.
+            Any such error that the function raises.
         EngineError
             The function raises another error, the process crashes, or the call does not return in time.
         """
@@ -98,7 +98,7 @@ class ChildProcess:
 
     @contextlib.contextmanager
     def _limited(self, seconds: float) -> Iterator[None]:
-        """Kill the child if the block takes longer than `seconds`; 0: no limit."""
+        """Kill the child if the `with` block takes longer than `seconds`; 0: no limit."""
         timer = Timer(seconds, self._end_late)
         timer.daemon = True
         if seconds:
@@ -118,7 +118,7 @@ class ChildProcess:
         return self.process.poll() is None
 
     def forget_output(self) -> None:
-        """Make `output` start from here."""
+        """Make `output` start with lines printed after this call."""
         self._seen = os.fstat(self._output.fileno()).st_size
 
     def output(self) -> list[str]:
@@ -152,7 +152,7 @@ def _kill(process: subprocess.Popen[bytes], output: IO[bytes]) -> None:
 
 
 def _serve() -> None:
-    """Run the calls of the parent: the main loop of the child."""
+    """Main loop of the child: run the calls of the parent."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends the child at once, even inside compiled code
     results = os.fdopen(os.dup(1), "wb")
@@ -172,7 +172,7 @@ def _serve() -> None:
 
 
 def _listen(stdin: IO[bytes], calls: SimpleQueue[bytes]) -> None:
-    """Queue every call as it arrives, even during another call; end the child when the parent has ended."""
+    """Queue every call when it arrives, even during another call; end the child after the parent has ended."""
     while head := stdin.read(HEAD):
         calls.put(stdin.read(int.from_bytes(head, "little")))
     os._exit(1)
@@ -194,7 +194,7 @@ class IsolatedEngine:
     Raises
     ------
     FlexlinkError
-        The engine raises it.
+        Any such error that the engine raises.
     EngineError
         The engine raises another error, its process crashes, or it does not answer in time.
     """
@@ -235,7 +235,7 @@ class IsolatedEngine:
         return self._child.call(words, CALL_TIMEOUT + more, function, *arguments, **named)
 
 
-_idle: dict[tuple[str, int], ChildProcess] = {}  # key: engine name and process id, because a fork has its own children
+_idle: dict[tuple[str, int], ChildProcess] = {}  # key: engine name and process id; a forked process needs its own
 
 
 def _child_for(name: str) -> ChildProcess:
@@ -251,7 +251,7 @@ def _keep(name: str, child: ChildProcess) -> None:
         _idle.setdefault((name, os.getpid()), child)
 
 
-_loaded: dict[str, Any] = {}  # in the child: its engine
+_loaded: dict[str, Any] = {}  # in the child process: the engine that it runs
 
 
 def _load(name: str, source: Chain | ForeignFile) -> tuple[str, int]:

@@ -1,4 +1,4 @@
-"""Map flexlink's coordinates to an engine's: other joint order, and other coordinates of a floating base.
+"""Map flexlink's coordinates to an engine's, which orders joints and describes a floating base differently.
 
 flexlink describes a floating base by a position in frame 0 and three angles. Engines use a position, a quaternion, a
 velocity and a spin. The engine's rates are v = T(q) q̇, where T reorders the joints and maps the base:
@@ -25,19 +25,19 @@ BASE_JOINTS = tuple(f"{BASE}.{name}" for name in NAMES)
 class Floating(NamedTuple):
     """An engine's convention for the pose and velocity of a floating base, which precedes all other joints."""
 
-    velocity_in_base: bool  # velocity in axes of the base, else of frame 0
-    spin_in_base: bool  # spin in axes of the base, else of frame 0
-    turn_first: bool  # quaternion and spin come before position and velocity
-    scalar_first: bool  # quaternion is w, x, y, z, else x, y, z, w
+    velocity_in_base: bool  # whether the velocity is in axes of the base; otherwise in axes of frame 0
+    spin_in_base: bool  # whether the spin is in axes of the base; otherwise in axes of frame 0
+    turn_first: bool  # whether quaternion and spin come before position and velocity
+    scalar_first: bool  # whether the quaternion is (w, x, y, z); otherwise (x, y, z, w)
 
 
 class Coordinates:
-    """The map between flexlink's coordinates and those of an engine with a loaded chain or file.
+    """The map between flexlink's coordinates and the coordinates of an engine with a loaded chain or file.
 
     Attributes
     ----------
     order
-        The engine's degree of freedom for each of flexlink's joints, shape (n,).
+        Index of the engine's degree of freedom for each of flexlink's joints, shape (n,).
     reference
         Rotation of a floating base at zero angles; None: the base is fixed.
     """
@@ -91,7 +91,7 @@ class Coordinates:
         return found
 
     def our_matrix(self, q: Array, M: Array) -> Array:
-        """Return Tᵀ M_e T, symmetric like M_e."""
+        """Return Tᵀ M_e T, which is symmetric because M_e is."""
         found = np.array(M if self.plain else M[np.ix_(self.order, self.order)])
         if self._own:
             T = np.eye(len(M))
@@ -133,7 +133,7 @@ class Coordinates:
         return self._sorted(q[:3], np.array([w, *xyz] if self._layout.scalar_first else [*xyz, w]))
 
     def _turn(self, q: Array) -> Array:
-        """Return T of the base, shape (6, 6)."""
+        """Return the block of T for a floating base, shape (6, 6)."""
         R, S, nothing = self._rotation(q), rates_matrices(q[3:JOINTS]), np.zeros((3, 3))
         move = R.T if self._layout.velocity_in_base else np.eye(3)
         spin = S if self._layout.spin_in_base else R @ S

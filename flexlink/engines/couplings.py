@@ -1,4 +1,4 @@
-"""Springs and dampers between two joints as an engine has read them: as matrices of a record, or as a list.
+"""Springs and dampers between two joints, as an engine has read them; stored as matrices of a record, or as a list.
 
 The list is an array of dtype `COUPLING` with the engine's joint numbers.
 """
@@ -30,7 +30,7 @@ def to_matrices(couplings: NDArray[np.void], n: int) -> dict[str, Array]:
 
 
 def of_matrices(fields: Mapping[str, Array]) -> NDArray[np.void]:
-    """Return the couplings in the matrices `COUPLED_FIELDS` as a list."""
+    """Convert the matrices `COUPLED_FIELDS` to a list of couplings."""
     K, D = (fields[field] for field in COUPLED_FIELDS)
     inner, outer = np.nonzero(np.triu((K != 0) | (D != 0), 1))
     couplings = np.zeros(len(inner), COUPLING)
@@ -40,7 +40,7 @@ def of_matrices(fields: Mapping[str, Array]) -> NDArray[np.void]:
 
 
 def of_elements(elements: Iterable[ET.Element], joints: Sequence[str]) -> NDArray[np.void]:
-    """Return the couplings that flexlink's custom elements in a file specify; those of the same joint pair add up.
+    """Return the couplings that flexlink's custom elements in a file specify; couplings of the same joint pair add up.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def of_elements(elements: Iterable[ET.Element], joints: Sequence[str]) -> NDArra
 
 
 def torque(couplings: NDArray[np.void], field: str, φ: Array) -> Array:
-    """Return Σ_j K_ij φ_j for `field` "stiffness" or Σ_j D_ij φ_j for "damping", couplings only, shape (n,)."""
+    """Return the torque of the couplings, Σ_j K_ij φ_j for `field` "stiffness" or Σ_j D_ij φ_j for "damping", (n,)."""
     total = np.zeros(len(φ))
     add_products(total, couplings, couplings[field], φ)
     return total

@@ -1,9 +1,9 @@
-"""Drake loads the exported SDF. It runs in a child process, because some files abort it (`engines.child_process`).
+"""Load the exported SDF into Drake, in a child process, because some files make Drake abort (`engines.child_process`).
 
 M, T_GC, springs, dampers, rotors and q̈ are computed by Drake. Drake ignores gravity and dry friction in the file and
 has no springs between joints. The adapter sets gravity. A `LeafSystem` outputs the drive and the terms that flexlink
 computes: the smooth Coulomb law c tanh(q̇/w), springs and dampers between joints, and rotation-vector springs. Drake's
-integrators evaluate it at every stage. Its second output is the tip wrench, an external force on the last link.
+integrators evaluate the system at every stage. Its second output is the tip wrench, an external force on the last link.
 
 A floating base is Drake's floating base with a quaternion, whose coordinates are converted (`coordinates`). An arm with
 a floating base runs in flexlink's coordinates: the scene's Runge-Kutta method integrates Drake's accelerations.
@@ -56,7 +56,7 @@ class DrakeEngine:
     coordinates
         Map between flexlink's and Drake's coordinates.
     rest, coulomb, coulomb_width
-        Read from the file, shape (n,).
+        Rest angles, Coulomb torques and their widths c and w as in `HINGE`, read from the file, shape (n,).
     couplings
         Springs and dampers between joints, of dtype `COUPLING`, read from flexlink's custom elements.
     unspecified
@@ -130,7 +130,7 @@ class DrakeEngine:
         self.tip = self.plant.GetFrameByName(tip or frames[-1].attrib["name"]) if frames else last
 
     def read_back(self) -> ReadBack:
-        """Return the arm as Drake has read it."""
+        """Return the arm's properties as Drake has read them."""
         own = {"coulomb": self.coulomb, "coulomb_width": self.coulomb_width}
         own |= couplings.to_matrices(self.couplings, self.n)
         return drake_reader.read(self.plant, self.context, self.coordinates, self.names, own, self.unspecified)
@@ -146,10 +146,10 @@ class DrakeEngine:
             self.context = self.plant.CreateDefaultContext()
 
     def neutralize_settings(self) -> None:
-        """Do nothing: at a given state only what Drake has read acts."""
+        """Do nothing, because Drake has no settings that act at a given state."""
 
     def mass_matrix(self, q: Array) -> Array:
-        """Return M(q) from composite rigid bodies (`CalcMassMatrix`)."""
+        """Return M(q) by the composite-rigid-body algorithm (`CalcMassMatrix`)."""
         self._place(q, np.zeros(self.n))
         return self.coordinates.our_matrix(q, self.plant.CalcMassMatrix(self.context))
 
@@ -204,7 +204,7 @@ class DrakeEngine:
         if self.coordinates.reference is not None or scene.arm.has_drag:
             return run_in_steps(self.name, problem, self._accelerations, self.coordinates)
         base.refuse_sampled_inputs("Drake", scene)
-        methods = {"RK3": "runge_kutta3", "DOPRI5": "runge_kutta5"}  # ours: Drake's
+        methods = {"RK3": "runge_kutta3", "DOPRI5": "runge_kutta5"}  # flexlink's name: Drake's name
         base.refuse_method("Drake", run.method, methods)
         samples = t, q, qd = base.allocate_samples(problem)
         simulator, plant = self._simulator(problem)
@@ -279,7 +279,7 @@ class DrakeEngine:
         return np.array(self.tip.CalcPoseInWorld(self.context).rotation().matrix())
 
     def added_torque(self, q: Array, qd: Array) -> Array:
-        """Return the torques that Drake lacks, with the file's constants: c tanh(q̇/w), couplings, rotation springs."""
+        """Torques that Drake does not compute, with the file's constants: friction, couplings, rotation springs."""
         torque: Array = self.coulomb * np.tanh(qd / self.coulomb_width)
         if len(self.couplings):
             torque += couplings.torque(self.couplings, "stiffness", q - self.rest)
@@ -290,7 +290,7 @@ class DrakeEngine:
 
 
 class _Inputs(LeafSystem):  # type: ignore[misc]  # pydrake is not type-checked
-    """The drive minus the torques that Drake lacks, and the force on the tip."""
+    """System that outputs the drive minus the torques that Drake does not compute, and the force on the tip."""
 
     def __init__(self, engine: DrakeEngine, drive: base.DriveTorque | None, wrench: base.TipWrench | None) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""The record of a finalized Drake plant."""
+"""Read the record (`ReadBack`) of a finalized Drake plant."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def read(
     plant: Any, context: Any, theirs: Coordinates, names: Sequence[str], own: Mapping[str, Any],
     unspecified: frozenset[str],
 ) -> ReadBack:  # fmt: skip
-    """Return the record of a plant with joints in the order of `names`; `own` are fields that the adapter stores."""
+    """Return the record of a plant with joints in the order of `names`; `own` contains fields stored by the adapter."""
     joints = [joint for joint in moving_joints(plant) for _ in range(joint.num_velocities())]
     n = len(joints)
     plant.SetPositions(context, theirs.position(np.zeros(n)))
@@ -84,7 +84,7 @@ def read(
     before = np.array([behind[int(joint.parent_body().index())] for joint in joints])
     first = np.array([k == 0 or joint is not joints[k - 1] for k, joint in enumerate(joints)])
     parents = np.where(first, before, np.arange(n) - 1)
-    if floats:  # rotations are attached to slides
+    if floats:  # in flexlink the rotations of a base follow its slides
         parents[3:6], parents[:3] = [-1, 3, 4], [5, 0, 1]
     fields |= _bodies(plant, context, behind, points)
     record = ReadBack(

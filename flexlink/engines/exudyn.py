@@ -1,15 +1,15 @@
-"""Exudyn uses a KinematicTree. It reads no files, so flexlink reads the exported URDF and builds the tree from it.
+"""Represent a chain as a KinematicTree of Exudyn, which flexlink builds from the exported URDF: Exudyn reads no files.
 
-M, T_GC, springs, dampers and q̈ are computed by Exudyn. Springs and dampers are the P and D control of the tree. A
+M, T_GC, springs, dampers and q̈ are computed by Exudyn. Springs and dampers are P and D gains of the tree's joints. A
 second object on the same coordinates adds armatures through its mass matrix, and springs and dampers between joints
 through its stiffness and damping matrices. The tip wrench is two loads on a marker. A user function adds the drive and
 two terms that flexlink computes: the smooth Coulomb law c tanh(q̇/w) and the extra torque of rotation-vector springs.
-Exudyn's Runge-Kutta methods call it at every stage.
+Exudyn's Runge-Kutta methods call this function at every stage.
 
-A floating base is six joints of the tree, three prismatic and three revolute, as in flexlink.
+A floating base is represented by six joints of the tree, three prismatic and three revolute, as in flexlink.
 
-Exudyn returns f = M q̈, the sum of all torques. Two more trees give the single terms: one without springs and dampers
-(f = −T_GC), and one without masses (f = −T_FL − d q̇).
+Exudyn returns f = M q̈, the sum of all torques. Two more trees give the individual terms: a tree without springs and
+dampers (f = −T_GC), and a tree without masses (f = −T_FL − d q̇).
 """
 
 from __future__ import annotations
@@ -74,11 +74,11 @@ class ExudynEngine:
         self._springs = _System(_without(self.read, hinges=("armature",), bodies=("mass", "inertia")))
 
     def read_back(self) -> ReadBack:
-        """Return the arm as Exudyn gets it."""
+        """Return the arm's properties as flexlink passes them to Exudyn."""
         return of_chain(self.read)
 
     def mass_matrix(self, q: Array) -> Array:
-        """Return M(q) from Exudyn's composite rigid bodies."""
+        """Return M(q) by Exudyn's composite-rigid-body algorithm."""
         return self._bodies.mass_matrix(q)
 
     def bias_torque(self, q: Array, qd: Array, *, tip_wrench: Array | None = None) -> Array:
@@ -134,11 +134,11 @@ class ExudynEngine:
         return torque
 
     def _beyond(self, q: Array) -> Array:
-        """Return the extra torque of rotation-vector springs compared with springs of angles."""
+        """Return the torque of rotation-vector springs minus the torque of angle springs."""
         return np.zeros(self.n) if self._excess is None else self._excess(q)
 
     def _torque_function(self, problem: InitialValueProblem) -> TorqueFunction | None:
-        """Return drive minus Coulomb friction and drag with Exudyn's signature, or None if none of them acts."""
+        """Return a function for Exudyn: drive torques minus friction and drag torques; None if none of these acts."""
         drive, drag = base.drive_function(problem), base.drag_function(problem)
         if drive is None and drag is None and not self.read.hinges["coulomb"].any() and self._excess is None:
             return None
@@ -181,7 +181,7 @@ class _System:
         self.moment = mbs.AddLoad(LoadTorqueVector(markerNumber=marker, loadVector=np.zeros(3)))
         mbs.Assemble()
         settings = _settings()
-        settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False  # the massless tree has none
+        settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False  # undefined for the massless tree
         self.solver = exu.MainSolverImplicitSecondOrder()
         self.solver.InitializeSolver(mbs, settings)
 
@@ -213,7 +213,7 @@ class _System:
         return np.array(self.mbs.systemData.GetODE2Coordinates_tt())
 
     def advance(self, q: Array, qd: Array, begin: float, run: RunSettings) -> tuple[Array, Array]:
-        """Return the state one sample later; it is not finite if Exudyn stops."""
+        """Return the state q, q̇ one sample later; these numbers are not finite if Exudyn stops."""
         self._set_state(q, qd, exu.ConfigurationType.Initial)
         settings = _settings()
         time = settings.timeIntegration
@@ -242,7 +242,7 @@ class _System:
         self.mbs.SetLoadParameter(load, "loadVectorUserFunction", function or 0)
 
     def _part(self, wrench: base.TipWrench, part: slice) -> LoadFunction:
-        """Return force or moment with Exudyn's signature; a wrench that follows the tip is in axes of the last link."""
+        """Return a load function with Exudyn's signature; a wrench that follows the tip is in axes of the last link."""
         rotation = self.tip_rotation if wrench.follows else np.eye(3)
         return lambda _mbs, t, _vector: base.rotate_wrench(rotation, wrench(t))[part]
 
@@ -289,7 +289,7 @@ def _kinematic_tree(chain: Chain, node: Any) -> Any:
 
 
 def _settings() -> Any:
-    """Return settings: fixed steps, no files, Eigen's LU (Exudyn's own solver multiplies by M⁻¹: two digits worse)."""
+    """Return settings: fixed steps, no files, LU by Eigen (Exudyn's own solver multiplies by M⁻¹; two digits less)."""
     settings = exu.SimulationSettings()
     settings.linearSolver.solverType = exu.LinearSolverType.EigenDense
     settings.solution.file.write = settings.solution.sensors.active = False

@@ -1,6 +1,6 @@
-"""MuJoCo loads the exported MJCF.
+"""Load the exported MJCF into MuJoCo.
 
-MuJoCo computes springs and dampers, all in `qfrc_passive`; those between joints are fixed tendons. One callback adds
+MuJoCo computes springs and dampers in `qfrc_passive`; between joints, they are fixed tendons. One callback adds
 the smooth Coulomb law c tanh(q̇/w) and the extra torque of rotation-vector springs, which flexlink computes. A second
 callback adds the drive and a variable tip wrench. MuJoCo's RK4 calls both at every stage. The tip wrench is an external
 force on the massless tip body, whose centre of mass is its origin; MuJoCo also applies it at every stage.
@@ -49,9 +49,9 @@ class MujocoEngine:
     tip
         Index of the tip body at which the wrench acts.
     coulomb, coulomb_width
-        Read from the file, shape (n,).
+        Coulomb torques c and their widths w, read from the file, shape (n,).
     couplings
-        Springs and dampers between joints, of dtype `COUPLING`, that a URDF does not specify.
+        Springs and dampers between joints, of dtype `COUPLING`, taken from the scene if the file cannot specify them.
     record
         The arm as MuJoCo has read it.
     """
@@ -122,7 +122,7 @@ class MujocoEngine:
         self.couplings = np.zeros(0, COUPLING)
 
     def read_back(self) -> ReadBack:
-        """Return the arm as MuJoCo has read it."""
+        """Return the arm's properties as MuJoCo has read them."""
         return self.record
 
     def fill_missing(self, fields: Mapping[str, Array]) -> None:
@@ -141,13 +141,13 @@ class MujocoEngine:
 
     def neutralize_settings(self) -> None:
         """Disable everything that acts in addition to gravity, springs and dampers."""
-        mujoco_tendons.disable_others(self.model)  # first, because it looks at active limits and friction
+        mujoco_tendons.disable_others(self.model)  # first, because it checks for active limits and friction
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
         self.model.opt.density = self.model.opt.viscosity = 0
         self.model.body_gravcomp[:] = 0
 
     def mass_matrix(self, q: Array) -> Array:
-        """Return M(q) from composite rigid bodies (`mj_makeM`, `mj_fullM`)."""
+        """Return M(q) by the composite-rigid-body algorithm (`mj_makeM`, `mj_fullM`)."""
         self._place(q, np.zeros(self.n))
         return self.coordinates.our_matrix(q, self._mass_matrix())
 
@@ -191,7 +191,7 @@ class MujocoEngine:
         return theirs.our_accelerations(q, qd, data.qacc)
 
     def integrate(self, scene: Scene) -> base.Samples:
-        """Run `mj_step` with MuJoCo's RK4; with a floating base or drag, the scene's method over `mj_forward`."""
+        """Run MuJoCo's RK4 (`mj_step`); with a floating base or drag, the scene's method calls `mj_forward` instead."""
         if self.coordinates.reference is not None or scene.arm.has_drag:
             problem = base.fixed_steps_problem(scene)
             base.refuse_prescribed_motion("MuJoCo", problem.chain)
@@ -258,7 +258,7 @@ class MujocoEngine:
         return couplings.torque(self.couplings, field, φ) if len(self.couplings) else 0.0
 
     def _beyond(self, q: Array) -> Array | float:
-        """Return the extra torque of rotation-vector springs compared with springs of angles."""
+        """Return the torque of rotation-vector springs minus the torque of angle springs."""
         return 0.0 if self._excess is None else self._excess(q)
 
     def _passive_callback(self) -> Callback:

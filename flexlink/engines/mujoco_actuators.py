@@ -4,7 +4,8 @@ An actuator at a joint with gear r, gain g and bias b₀ + b₁ l + b₂ l̇, wh
 
     T = r (g u + b₀) + r² b₁ q + r² b₂ q̇        limited to r · forcerange and to the joint's actuatorfrcrange
 
-A motor has no bias; its command u is a torque if r g = 1. A servo's u is an angle if r g = −r² b₁, a rate if −r² b₂.
+A motor has no bias; its command u is a torque if r g = 1. A servo's command u is an angle if r g = −r² b₁, or a rate
+if r g = −r² b₂.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ def added(model: Any, name: str) -> Array:
 
 
 def others(model: Any) -> Iterator[str]:
-    """Describe the actuators that are neither motors nor servos at a joint."""
+    """Yield a description of each actuator that is not a motor or servo at a joint."""
     for number in _acting(model):
         if kind := _kind(model, number):
             name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, number) or f"actuator {number}"
@@ -76,7 +77,7 @@ def _acting(model: Any) -> Iterator[int]:
 
 
 def _kind(model: Any, number: int) -> str:
-    """Return why an actuator is not compared, as MuJoCo's keyword; "" for a motor or servo at a joint."""
+    """Return MuJoCo's keyword that excludes an actuator from comparison; "" for a motor or servo at a joint."""
     named = (
         ("trntype", mujoco.mjtTrn, AT_JOINTS), ("dyntype", mujoco.mjtDyn, {mujoco.mjtDyn.mjDYN_NONE}),
         ("gaintype", mujoco.mjtGain, {mujoco.mjtGain.mjGAIN_FIXED}),
@@ -97,7 +98,7 @@ def _bias(model: Any, number: int) -> tuple[float, float, float]:
 
 
 def _limit(model: Any, number: int, r: float, gain: float | None) -> Array:
-    """Return smallest and largest torque of an actuator; the control range also limits a motor."""
+    """Return the smallest and largest torque of an actuator; a motor is also limited by its control range."""
     limit: Array = no_limits(1)[0]
     if model.actuator_forcelimited[number]:
         limit = _narrower(limit, np.sort(r * model.actuator_forcerange[number]))

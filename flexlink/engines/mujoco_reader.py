@@ -1,4 +1,4 @@
-"""Record of a compiled MuJoCo model, with settings that act in it or that changed values during compilation."""
+"""Read the record (`ReadBack`) of a compiled MuJoCo model, with the settings that act or have changed numbers."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def coordinates(model: Any, order: Indices, reference: Array | None = None) -> C
 
 
 def floats(model: Any) -> bool:
-    """Whether the first joint is that of a floating base."""
+    """Whether the first joint is the free joint of a floating base."""
     return bool(model.njnt and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE)
 
 
@@ -107,7 +107,7 @@ def _require_joints(model: Any) -> None:
 
 
 def _first(values: Array) -> Array:
-    """Return the constant part of coefficients that may be polynomials."""
+    """Return the constant term of coefficients that may be polynomials."""
     return np.array(values.reshape(len(values), -1)[:, 0])
 
 
@@ -120,7 +120,7 @@ def _joint(model: Any, k: int) -> str:
 
 
 def _behind(model: Any) -> Indices:
-    """Return the last joint that moves each body, its own or that of the nearest moving parent; −1 if fixed."""
+    """For each body, return its last joint, or the last joint of its nearest moving ancestor; −1 if it is fixed."""
     last = np.full(model.nbody, -1, dtype=np.intp)
     for b in range(1, model.nbody):
         own = model.body_dofnum[b]
@@ -144,7 +144,7 @@ def _tip(model: Any, data: Any) -> Array | None:
 
 
 def _active_settings(model: Any) -> Iterator[tuple[str, str]]:
-    """Yield settings that act when the model runs, with the names of `diagnosis/data/mistakes.toml`."""
+    """Yield settings that act when the model runs, named as in `diagnosis/data/mistakes.toml`."""
     opt = model.opt
     if _on(model, "CONSTRAINT"):
         yield from _active_constraints(model)
@@ -183,7 +183,7 @@ def _active_constraints(model: Any) -> Iterator[tuple[str, str]]:
 
 
 def _changing_settings(model: Any, spec: Any) -> Iterator[tuple[str, str]]:
-    """Yield settings that change values between file and model, with the names of `diagnosis/data/mistakes.toml`."""
+    """Yield settings that change values between file and model, named as in `diagnosis/data/mistakes.toml`."""
     if not _on(model, "SPRING"):
         yield "no springs", ""
     if not _on(model, "DAMPER"):

@@ -1,11 +1,11 @@
-"""Fixed tendons over two hinges of a compiled MuJoCo model, read as springs and dampers between joints.
+"""Read fixed tendons over two hinges of a compiled MuJoCo model as springs and dampers between joints.
 
 A tendon of length L = c·q, slack length L₀, stiffness s and damping d exerts the torques
 
     −s c (c·q − L₀) − d c (c·q̇)
 
 It adds s c cᵀ to K and d c cᵀ to D. The rest angles of all springs together follow from K θ₀ = Σ k_i θ_i + Σ s c L₀.
-They equal the joints' rest angles, unless a tendon is slack at other angles.
+If every tendon has its slack length at the joints' rest angles, θ₀ are these rest angles.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ def add_tendons(model: Any, joints: dict[str, Array]) -> dict[str, Any]:
 
 
 def slack_elsewhere(model: Any) -> bool:
-    """Whether a two-joint tendon is slack at angles other than the rest angles of its joints."""
+    """Whether a two-joint tendon does not have its slack length at the rest angles of its joints."""
     return bool(_apart(model).any())
 
 
 def _apart(model: Any) -> Array:
-    """Return L₀ minus the length at the joints' rest angles of two-joint tendons, shape (tendons,) [rad]."""
+    """Return L₀ − L at the joints' rest angles for all two-joint tendons, shape (tendons,) [rad]."""
     # relative rounding error of a tendon's length at the rest angles
     rounding = 8 * float(np.finfo(np.float64).eps)
     apart = np.zeros(model.ntendon)
@@ -57,12 +57,12 @@ def _apart(model: Any) -> Array:
 
 
 def others(model: Any) -> Iterator[int]:
-    """Yield tendons that are more than a linear spring and damper between two joints."""
+    """Yield the tendons that are anything other than a linear spring and damper between two joints."""
     yield from np.flatnonzero((_acting(model)[0] | _more(model)) & ~_between_two(model)).tolist()
 
 
 def disable_others(model: Any) -> None:
-    """Set springs, dampers and inertia of these tendons to zero; their limits and friction are constraints."""
+    """Set springs, dampers and inertia of the `others` to zero; limits and friction of tendons are constraints."""
     numbers = list(others(model))
     for name in (*COUPLED_FIELDS.values(), "armature"):
         for values in _constants(model, name):
@@ -83,12 +83,12 @@ def _coefficients(model: Any, name: str) -> tuple[Array, Any]:
 
 
 def _constants(model: Any, name: str) -> list[Array]:
-    """Return the model's arrays of a coefficient, constant part first; an older MuJoCo has only that part."""
+    """Return the model's arrays of a coefficient, constant part first; older MuJoCo versions have only this part."""
     return [getattr(model, key) for key in (f"tendon_{name}", f"tendon_{name}poly") if hasattr(model, key)]
 
 
 def _acting(model: Any) -> tuple[Any, Any]:
-    """Return which tendons have a spring or damper, and which have only linear ones."""
+    """Return which tendons have a spring or damper, and which have only linear springs and dampers."""
     found = [_coefficients(model, name) for name in COUPLED_FIELDS.values()]
     curved = np.logical_or.reduce([polynomial for _, polynomial in found])
     return np.logical_or.reduce([values != 0 for values, _ in found]) | curved, ~curved

@@ -1,8 +1,8 @@
-"""Pinocchio loads the exported URDF.
+"""Load the exported URDF into Pinocchio.
 
 Pinocchio has no springs, and its `aba` ignores damping and dry friction. flexlink therefore computes −T_FL − T_FR,
 including springs and dampers between joints and rotation-vector springs, and adds it to the joint torques. Pinocchio's
-M, recursive Newton-Euler algorithm and `aba` include the armature; URDF cannot store it, so a custom element does.
+M, recursive Newton-Euler algorithm and `aba` include the armature, which a custom element stores because URDF cannot.
 
 A floating base is Pinocchio's `JointModelFreeFlyer`, whose coordinates are converted (`coordinates`).
 
@@ -49,7 +49,7 @@ class PinocchioEngine:
     tip
         Index of the tip frame at which the wrench acts.
     stiffness, rest, damping, coulomb, coulomb_width, gear
-        Read from the file, shape (n,).
+        Joint properties read from the file, shape (n,); see `ReadBack`.
     couplings
         Springs and dampers between joints, of dtype `COUPLING`, read from flexlink's custom elements.
     unspecified
@@ -135,7 +135,7 @@ class PinocchioEngine:
         self.tip = model.getFrameId(tip or robot.findall("link")[-1].attrib["name"], pin.FrameType.BODY)
 
     def read_back(self) -> ReadBack:
-        """Return the arm as Pinocchio has read it, with the springs and transmissions that the file specifies."""
+        """Return the arm's properties as Pinocchio has read them, with the file's springs and transmissions."""
         own = {name: getattr(self, name) for name in ("stiffness", "rest", "coulomb_width", "gear")}
         own |= couplings.to_matrices(self.couplings, self.n)
         return pinocchio_reader.read(self.model, self.coordinates, self.names, own, self.unspecified)
@@ -153,10 +153,10 @@ class PinocchioEngine:
             self.couplings = couplings.of_matrices(fields)
 
     def neutralize_settings(self) -> None:
-        """Do nothing: Pinocchio has no such settings."""
+        """Do nothing, because Pinocchio has no settings that act at a given state."""
 
     def mass_matrix(self, q: Array) -> Array:
-        """Return M(q) from composite rigid bodies (`crba`)."""
+        """Return M(q) by the composite-rigid-body algorithm (`crba`)."""
         theirs = self.coordinates
         return theirs.our_matrix(q, pin.crba(self.model, self.data, theirs.position(q)))
 

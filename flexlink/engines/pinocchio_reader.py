@@ -63,7 +63,7 @@ def transmissions(robot: ET.Element, names: Sequence[str]) -> Array:
 def read(
     model: Any, theirs: Coordinates, names: Sequence[str], own: Mapping[str, Any], unspecified: frozenset[str]
 ) -> ReadBack:
-    """Return the record of a model with joints in the order of `names`; `own` are fields that the adapter stores."""
+    """Return the record of a model with joints in the order of `names`; `own` contains fields stored by the adapter."""
     data = pin.Data(model)
     pin.computeJointJacobians(model, data, theirs.position(np.zeros(model.nv)))
     n, moving = model.nv, list(model.joints)[1:]
@@ -85,7 +85,7 @@ def read(
     most = np.array(model.upperEffortLimit)
     most[(most <= 0) | (most >= float(LIMIT["effort"]))] = (
         np.inf
-    )  # URDF requires a number: 0 and huge values mean no limit
+    )  # URDF requires a number; 0 or a huge value means no limit
     nothing: dict[str, Any] = {name: np.zeros_like(values) for name, values in own.items()}
     record = ReadBack(
         names=("",) * n, parents=parents, axes=axes, points=points, frames=R[joints], slides=slides,
@@ -98,7 +98,7 @@ def read(
 
 
 def _parts(model: Any, R: Array, last: Indices) -> Parts:
-    """Return inertias of the links welded to each joint's link, kept by fixed frames, and of the link without them."""
+    """Return inertias of the links welded to each joint's link (stored in fixed frames), and of that link alone."""
     parts, rest = list[tuple[int, Any]](), list(model.inertias)
     for frame in model.frames:
         if frame.type == pin.FrameType.FIXED_JOINT and frame.inertia.mass and frame.parentJoint:

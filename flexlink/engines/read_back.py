@@ -1,6 +1,6 @@
-"""The arm as an engine has read it, in frame 0 at zero angles: independent of the file's body frames.
+"""Record of an arm as an engine has read it, in frame 0 at zero angles, which is independent of the file's body frames.
 
-Two descriptions of one arm have the same record, except for the order of the joints and the position of each joint's
+Two descriptions of the same arm have equal records, except for the order of the joints and the position of each joint's
 point along its axis.
 """
 
@@ -39,7 +39,7 @@ ACTUATOR_FIELDS = ("gear", "servo_stiffness", "servo_damping", "constant_torque"
 
 
 class Parts(NamedTuple):
-    """Bodies welded together: the joint that moves each, and its inertia in axes of frame 0, shape (b, 3, 3)."""
+    """Single bodies before welding: the joint that moves each body, and its inertia in axes of frame 0, (b, 3, 3)."""
 
     owner: Indices
     inertias: Array
@@ -56,11 +56,11 @@ class ReadBack:
     parents
         Parent joint of each joint, −1 for the base, shape (n,).
     slides
-        Which joints are prismatic, shape (n,); those of a floating base are the first six.
+        Which joints are prismatic, shape (n,); the joints of a floating base are the first six.
     axes, points
         Unit vectors of the axes and points on them [m], shape (n, 3).
     frames
-        Rotation into frame 0 of the frame in which the file gives each axis, shape (n, 3, 3).
+        Rotations into frame 0 from the frames in which the file specifies the axes, shape (n, 3, 3).
     masses, centers, inertias
         Masses [kg], (n,), centres of mass [m], (n, 3), and central inertias [kg m²], (n, 3, 3). The centre of a
         massless body is the joint's point.
@@ -74,7 +74,7 @@ class ReadBack:
     gear
         Torque of a motor for a command of 1 [N m], or angle of a servo for a command of 1 [rad]; 0: no actuator, (n,).
     servo_stiffness, servo_damping, constant_torque
-        −∂T/∂q [N m/rad], −∂T/∂q̇ [N m s/rad] and T [N m] of the actuators without a command, shape (n,).
+        −∂T/∂q [N m/rad], −∂T/∂q̇ [N m s/rad] and T [N m] of the actuators for zero command, shape (n,).
     effort
         Smallest and largest torque [N m], shape (n, 2); infinite without a limit.
     gravity
@@ -86,9 +86,9 @@ class ReadBack:
     unspecified
         Fields that the file does not specify, for example springs in a URDF; they are not compared.
     settings
-        Active settings, with the names of `diagnosis/data/mistakes.toml`, and their values in words.
+        Active settings, named as in `diagnosis/data/mistakes.toml`, and their values as text.
     integrator, step
-        Integrator of the file, with MuJoCo's name, and its time step [s]; None if the file has none.
+        MuJoCo's name of the file's integrator, and the time step [s]; None if the file specifies none.
     drive_range
         Smallest and largest torque that the drive of a scene may command [N m], shape (n, 2).
     """
@@ -134,7 +134,7 @@ class ReadBack:
         return len(self.names)
 
     def in_order(self, order: Indices) -> ReadBack:
-        """Return the record with joint and body `order[k]` as joint and body k."""
+        """Return the record in another order: joint and body k are the original joint and body `order[k]`."""
         of_joints = (*AXIS_FIELDS, "frames", "slides", *BODY_FIELDS, *JOINT_FIELDS, *ACTUATOR_FIELDS)
         place = np.append(np.argsort(order), -1)  # the base, −1, stays −1
         fields: dict[str, Any] = {field: getattr(self, field)[order] for field in of_joints}
@@ -191,7 +191,7 @@ def no_actuators(n: int) -> dict[str, Any]:
 
 
 def require_joints(joints: Sequence[tuple[str, str]]) -> None:
-    """Refuse joints other than hinges, slides and that of a floating base.
+    """Refuse joints other than hinges, slides and the free joint of a floating base.
 
     Parameters
     ----------
@@ -215,7 +215,7 @@ def require_joints(joints: Sequence[tuple[str, str]]) -> None:
 
 
 def merge_bodies(owner: Indices, masses: Array, centers: Array, inertias: Array, points: Array) -> dict[str, Any]:
-    """Merge the bodies that each joint moves into one, as `BODY_FIELDS` and `parts`; owner −1 is the base.
+    """Merge all bodies of each joint into one; return `BODY_FIELDS` and `parts`. Bodies of owner −1 are on the base.
 
     m = Σ mᵢ, c = Σ mᵢ cᵢ / m, I = Σ (Iᵢ + mᵢ (dᵢ² 1 − dᵢ dᵢᵀ)), dᵢ = cᵢ − c
     """
@@ -231,7 +231,7 @@ def merge_bodies(owner: Indices, masses: Array, centers: Array, inertias: Array,
 
 
 def parallel_axis(m: Array, d: Array) -> Array:
-    """Return m (d² 1 − d dᵀ) for masses (b,) and distances (b, 3)."""
+    """Return the inertias m (d² 1 − d dᵀ) of point masses (b,) at distances (b, 3)."""
     square = np.einsum("bi,bi->b", d, d)[:, None, None] * np.eye(3)
     return np.asarray(m[:, None, None] * (square - d[:, :, None] * d[:, None, :]))
 
@@ -260,7 +260,7 @@ def of_chain(chain: Chain) -> ReadBack:
 
 
 def to_chain(read: ReadBack, like: Chain) -> Chain:
-    """Return the chain of a record with the joints of `like`; each rotates about, or slides along, its frame's Z."""
+    """Convert a record to a chain with the joints of `like`; each joint turns about, or slides along, its Z axis."""
     bodies = np.zeros(read.n + len(like.tips), BODY)
     frames_of, points = [np.eye(3)], [np.zeros(3)]  # frames and origins of the base and of every joint
     for k, body in enumerate(bodies[: read.n]):

@@ -1,4 +1,4 @@
-"""Extra torque of rotation-vector springs over K (θ − θ₀), computed by flexlink because no engine has such springs."""
+"""Torque of rotation-vector springs minus K (θ − θ₀), computed by flexlink because no engine has such springs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Excess = Callable[[Array], Array]
 
 
 def excess_of(chain: Chain, read: Callable[[], Chain]) -> Excess | None:
-    """Return a function from angles (n,) to extra torques (n,) of the chain in the file; None without such springs."""
+    """Return a function that maps angles (n,) to extra torques (n,) of the file's chain; None without such springs."""
     if not chain.has_rotation_springs:
         return None
     loaded = read()

@@ -1,4 +1,4 @@
-"""A scene's Runge-Kutta method as a plain loop over the accelerations that an engine computes."""
+"""Integrate the accelerations that an engine computes with the scene's Runge-Kutta method, in a plain loop."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ Accelerations = Callable[..., Array]
 def run_in_steps(
     engine: str, problem: InitialValueProblem, accelerations: Accelerations, theirs: Coordinates
 ) -> Samples:
-    """Return the samples of a run with fixed steps; a floating base is given in its initial coordinates.
+    """Return the samples of a run with fixed steps; a floating base is described in its initial coordinates.
 
     After a large rotation the steps continue in new base coordinates, which the engine also receives, as in flexlink.
 
     Raises
     ------
     DivergenceError
-        The state is no longer finite; the error contains the samples up to then.
+        The state is no longer finite; the error contains the samples up to that time.
     """
     samples = t, q, qd = allocate_samples(problem)
     reference = theirs.reference
@@ -50,7 +50,7 @@ def run_in_steps(
 def _fill(
     engine: str, problem: InitialValueProblem, accelerations: Accelerations, theirs: Coordinates, samples: Samples
 ) -> None:
-    """Compute all samples but the first."""
+    """Compute all samples except the first."""
     run, n, step = problem.run, problem.chain.n, _step_function(problem, accelerations)
     (t, q, qd), base, every = samples, problem.base, run.steps_per_sample
     first_step = round(problem.start / run.fixed_step)

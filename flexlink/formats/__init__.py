@@ -1,4 +1,4 @@
-"""The arm as files for other programs: a writer for each format, and readers of the files that flexlink writes."""
+"""Files of the arm for other programs: a writer for each format, and readers for files written by flexlink."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -15,7 +15,7 @@ class Format(NamedTuple):
     """A file format."""
 
     write: Callable[..., str]  # chain → text
-    read: Callable[..., Chain] | None  # text written by `write` → chain; None: MuJoCo reads all of the format
+    read: Callable[..., Chain] | None  # text written by `write` → chain; None: MuJoCo reads the file
     ending: str  # suffix of file names
     keyframe: bool = False  # whether `write` also accepts the state `initial`
 

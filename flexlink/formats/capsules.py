@@ -1,4 +1,4 @@
-"""Visual shapes of a chain: a capsule along each rigid segment, coloured by link, without mass or contact.
+"""Draw a chain as capsules without mass or contact: one along each rigid segment, coloured by link.
 
 A chain has no cross-sections. A capsule gets the radius of a solid cylinder that has the segment's inertia about its
 axis, r = √(2 I / m), limited to a visible fraction of the arm's length.
@@ -27,7 +27,7 @@ COLOURS = (
 
 
 class Capsule(NamedTuple):
-    """A capsule from the origin of a body to the origin of the next one."""
+    """A capsule from the origin of a body to the origin of the next body."""
 
     end: Array  # far end in the body's frame [m]
     radius: float  # [m]
@@ -40,7 +40,7 @@ class Capsule(NamedTuple):
 
     @property
     def pose(self) -> tuple[float, ...]:
-        """x, y, z, roll, pitch, yaw of its midpoint, with local Z along the capsule."""
+        """Pose (x, y, z, roll, pitch, yaw) of the capsule's midpoint, with local Z along the capsule."""
         x, y, z = map(float, self.end)
         return x / 2, y / 2, z / 2, 0.0, math.atan2(math.hypot(x, y), z), math.atan2(y, x)
 
@@ -62,7 +62,7 @@ def capsules(chain: Chain) -> Iterator[Capsule | None]:
 
 
 def capsules_behind(chain: Chain) -> dict[int, list[Capsule]]:
-    """Return the capsules of each joint; those of a body belong to its last hinge."""
+    """Return the capsules of each joint; a body's capsules belong to its last hinge."""
     parents = chain.bodies["parent"][chain.bodies["parent"] > 0]
     found = dict[int, list[Capsule]]()
     for k, capsule in zip((chain.bodies["stop"][parents - 1] - 1).tolist(), capsules(chain), strict=True):

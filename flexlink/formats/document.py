@@ -1,4 +1,4 @@
-"""Common parts of the writers: joints one by one, valid unique names, numbers that read back exactly."""
+"""Common functions of the writers, for single joints, valid unique names, and numbers that read back exactly."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from flexlink.describe.arm import BASE
 
 UPPER_TRIANGLE = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 ROTATION_SPRINGS = "rotation_springs"
-"""Custom attribute of a file with rotation-vector springs."""
+"""Custom attribute that lists the rotation-vector springs in a file."""
 WIDE = {"lower": "-1e9", "upper": "1e9"}
 """Limits [rad, m] of an unlimited joint, for formats that require limits."""
 
@@ -48,7 +48,7 @@ def places(chain: Chain) -> Iterator[Place]:
 
 
 def joint_places(chain: Chain) -> Iterator[Place]:
-    """Yield all hinges except those of a floating base, for which formats have other elements."""
+    """Yield all hinges except the hinges of a floating base, for which formats have other elements."""
     return (place for place in places(chain) if place.k >= base_joints(chain))
 
 
@@ -85,7 +85,7 @@ def base_joints(chain: Chain) -> int:
 
 
 def tree_attributes(chain: Chain) -> dict[str, str]:
-    """Return custom attributes: rotation of a floating base at zero angles, by rows; number of the loaded link.
+    """Return custom attributes: a floating base's rotation at zero angles, row by row, and the loaded link's number.
 
     Empty for an arm on a fixed base whose wrench acts at its last link.
     """
@@ -102,7 +102,7 @@ def _parent_hinges(chain: Chain) -> list[int]:
 
 
 def custom_values(chain: Chain, k: int, standard: Iterable[str]) -> dict[str, str]:
-    """Return custom attributes of a joint: its coordinate, and the fields without a `standard` element."""
+    """Return custom attributes of a joint: its coordinate, and all fields that have no `standard` element."""
     hinge = chain.hinges[k]
     numbers = {name: decimals([hinge[name]]) for name in chain.hinges.dtype.names or () if name not in standard}
     return numbers | {"coordinate": " ".join(map(str, chain.coordinates[k]))}
@@ -115,7 +115,7 @@ def couplings(chain: Chain, joints: Sequence[str]) -> Iterator[dict[str, str]]:
 
 
 def rotation_springs(chain: Chain) -> dict[str, str]:
-    """Return the hinges with rotation-vector springs as pairs "first hinge of three:kind"; `BODY` defines the kinds."""
+    """List the rotation-vector springs as pairs "first of three hinges:kind"; `BODY` defines the kinds."""
     triples = chain.bodies[chain.bodies["springs"] != 0]
     pairs = " ".join(f"{first}:{kind}" for first, kind in zip(triples["first"], triples["springs"], strict=True))
     return {ROTATION_SPRINGS: pairs} if pairs else {}

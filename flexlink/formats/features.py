@@ -1,6 +1,6 @@
-"""What each format cannot represent: a table of features by format, and the features that a scene has.
+"""Table of features that each format cannot represent, and check for these features in a scene.
 
-All formats represent everything else: bodies, placements, axes, viscous damping, names.
+All formats represent everything else, such as bodies, placements, axes, viscous damping and names.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def _features() -> dict[str, Feature]:
         "gravity": feature(lambda scene, _: any(scene.gravity), urdf=ignored),
         "free base": feature(
             lambda _, chain: chain.has_free_base,
-            urdf=f"the root link has no joint; that it floats, and its attitude, is {custom}",
+            urdf=f"the root link has no joint; its attitude, and a mark that it floats, are {custom}",
         ),
         "springs": feature(lambda _, chain: bool(chain.stiffness.any()), urdf=ignored),
         "springs between hinges": feature(lambda _, chain: len(chain.couplings) > 0, urdf=ignored, sdf=ignored),
@@ -99,7 +99,7 @@ def unsupported(scene: Scene, chain: Chain, *, format: str) -> dict[str, str]:
     Returns
     -------
     dict
-        Feature: what happens instead. Empty if the file represents all of the scene.
+        Maps each feature to what happens instead. Empty if the file represents the complete scene.
 
     Raises
     ------

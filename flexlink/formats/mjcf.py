@@ -2,16 +2,17 @@
 
 MuJoCo rejects moving bodies without mass. The hinges of a massless body (a free waist of length zero) are written in
 the next body with mass, with their position and axis at zero angles. The motion is the same, because every hinge moves
-all bodies after it, but no branch may begin there. MuJoCo also rejects bodies without inertia. Bodies that slide and
-never rotate therefore get an inertia, which has no effect.
+all bodies after it; but no branch may begin at a massless body. MuJoCo also rejects bodies without inertia. Bodies that
+slide and never rotate therefore get an inertia, which has no effect.
 
 MuJoCo models dry friction as a constraint, which the file disables. `frictionloss` only stores the Coulomb torque c,
 and a joint's first `user` number stores the width w of c tanh(q̇/w). A program that runs the file must add that torque.
 
 Springs and dampers between hinges are fixed tendons; see `tendons`.
 
-What MJCF rounds or cannot represent is stored in `user` numbers of the joints, listed in the text `flexlink.user`, and
-in custom numbers: rotated or merged placements, non-diagonal inertias, K_ii and D_ii of coupled springs.
+Values that MJCF rounds or cannot represent are stored in `user` numbers of the joints (listed in the text
+`flexlink.user`) and in custom numbers: rotated or merged placements, non-diagonal inertias, K_ii and D_ii of coupled
+springs.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ USER_FIELDS = sorted(
     {*(HINGE.names or ())} - {*JOINT_ATTRIBUTES.values(), "lower", "upper"},
     key=lambda name: (name != "coulomb_width", name),
 )
-"""Fields of the hinge in `user`, starting with the width of dry friction; the coordinate follows them."""
+"""Fields of the hinge in `user`, starting with the width of dry friction; the coordinate is appended."""
 
 
 def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, ArrayLike] | None = None) -> str:
@@ -92,14 +93,14 @@ def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, Arra
         The document. Joints are in sequential order, branch by branch in a tree, with the names of
         `Chain.joint_names`. Each driven joint has a motor of the same name. A floating base is a body with
         `freejoint`. Body and site `tip` are the tip frame; tips of other branches are named after the links that end
-        there. Numbers read back exactly, except that MuJoCo normalizes quaternions.
+        there. MuJoCo reads back all numbers exactly, except quaternions, which it normalizes.
 
     Raises
     ------
     ArgumentError
         The chain nests more bodies than MuJoCo's parser accepts, its last joints move no mass, branches begin at a
-        moving point without mass, MuJoCo refuses the mass or inertia of a segment, a joint's springs to others of its
-        cell are together stiffer than its own, or `initial` has the wrong shape.
+        moving point without mass, MuJoCo refuses the mass or inertia of a segment, a joint's springs to other joints of
+        its cell are together stiffer than its own spring, or `initial` has the wrong shape.
     SingularMassError
         A coordinate has no inertia attached.
 
@@ -171,7 +172,7 @@ def _nested(chain: Chain) -> int:
 
 
 def _bodies(world: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> None:
-    """Write nested bodies and tips; `own` gets the exact values of numbers that MJCF rounds."""
+    """Write nested bodies and tips; exact values of numbers that MJCF rounds are added to `own`."""
     joints, links, shown = xml_joint_names(chain), xml_link_names(chain), capsules_behind(chain) if shapes else {}
     hinges, ends = _without_tendons(chain), dict(zip(chain.tips.values(), tips(chain), strict=True))
     for k in sorted({*chain.couplings["inner"].tolist(), *chain.couplings["outer"].tolist()}):
@@ -226,12 +227,12 @@ def _turning(chain: Chain) -> list[bool]:
 
 
 def stand_in(mass: float) -> Array:
-    """Return arbitrary moments of inertia [kg m²] for a body that has none and does not rotate."""
+    """Return arbitrary moments of inertia [kg m²] for a body that has no inertia and does not rotate."""
     return np.full(3, float(mass) * 0.01)
 
 
 def _require_one_way(chain: Chain, body: np.void, waiting: list[_Hinge]) -> None:
-    """Refuse hinges that wait for a body with mass if no body, or more than one, follows."""
+    """Refuse hinges at a massless point unless exactly one body follows, because they are written in this body."""
     if not waiting:
         return
     name = xml_joint_names(chain)[waiting[0].k]
@@ -287,7 +288,7 @@ def _shape(body: ET.Element, capsule: Capsule) -> None:
 def _safe_step(chain: Chain) -> float:
     """Return half the largest stable RK4 step, rounded down to one digit, at most MuJoCo's default of 2 ms.
 
-    The arm is slightly bent, so no two axes are parallel. Most flexible links diverge with the default.
+    It is computed for a slightly bent arm, in which no two axes are parallel. Most flexible links diverge with 2 ms.
     """
     step = min(2e-3, stable_step(chain, np.linspace(0.1, 0.4, chain.n), method="RK4") / 2)
     digit = 10.0 ** math.floor(math.log10(step))

@@ -1,4 +1,4 @@
-"""Principal moments and axes of an inertia by Jacobi's method: each plane rotation zeroes one product of inertia.
+"""Principal moments and axes of an inertia by Jacobi's method, whose rotations each zero one product of inertia.
 
 The order is cyclic by rows (Golub & Van Loan, Matrix Computations, 8.5.4). All sums have a fixed order, so a file is
 the same on every CPU. With LAPACK the last digits, and the axes of nearly equal moments, depend on the BLAS.
@@ -25,7 +25,7 @@ from flexlink.formats.document import (
 def principal_axes(inertia: Array) -> tuple[Array, Array]:
     """Return the moments in ascending order, and the axes as columns of a rotation R: I = R diag(moments) Rᵀ."""
     I, R = np.array(inertia, dtype=float), np.eye(3)
-    negligible = np.finfo(float).eps ** 2 * np.abs(I).max()  # such a product changes neither moments nor axes
+    negligible = np.finfo(float).eps ** 2 * np.abs(I).max()  # a product this small does not change moments or axes
     sweeps = 5  # convergence is quadratic from sweep 2 on; more sweeps of equal moments only add rounding errors
     for _ in range(sweeps):
         rotated = False
@@ -44,7 +44,7 @@ def principal_axes(inertia: Array) -> tuple[Array, Array]:
 def _rotate(I: Array, R: Array, j: int, k: int) -> None:
     """Update I → Jᵀ I J and R → R J in place, with the smaller of the angles that make I_jk zero."""
     τ = (I[k, k] - I[j, j]) / (2 * I[j, k])
-    t = math.copysign(1.0, τ) / (abs(τ) + math.hypot(1.0, τ))  # tan
+    t = math.copysign(1.0, τ) / (abs(τ) + math.hypot(1.0, τ))  # tan(angle)
     c = 1 / math.hypot(1.0, t)
     s, change = t * c, t * I[j, k]
     ends = I[j, j] - change, I[k, k] + change
@@ -59,8 +59,8 @@ SMALLEST = 1e-15  # kg, kg m²: MuJoCo's mjMINVAL
 def _principal(body: np.void) -> tuple[Array, Array]:
     """Return principal moments and axes, accurate to 2e-15; MuJoCo's `fullinertia` has errors of 1e-14.
 
-    MuJoCo rounds axes within 1e-6 of the body's, and a centre within 1e-6 m of its origin, to these values,
-    but not if the axes are in the order Y, Z, X.
+    MuJoCo replaces axes within 1e-6 of the body's axes by the body's axes, and a centre within 1e-6 m of the body's
+    origin by the origin. It does not do so if the axes are in the order Y, Z, X, which is used in these cases.
     """
     I, center = body["inertia"], np.abs(body["center"]).max()
     moments, axes = (np.diag(I), np.eye(3)) if np.array_equal(I, np.diag(np.diag(I))) else principal_axes(I)
@@ -72,16 +72,16 @@ def _principal(body: np.void) -> tuple[Array, Array]:
 
 
 def _require_loadable(chain: Chain, body: np.void, moments: Array) -> None:
-    """Refuse a body that MuJoCo refuses; there is no other way to write it."""
+    """Raise an error for a body that MuJoCo refuses, because MJCF has no other representation of this body."""
     light = body["mass"] < SMALLEST or moments.min() < SMALLEST
     if not light and moments.max() * (1 - ROUNDING) <= _largest_possible(moments):
         return
     joint = int(body["stop"]) - 1
     number = chain.coordinate(joint).link
     link = f"link {chain.link_names[number - 1]!r}" if number else "the base"
-    rule = f"accepts neither below {SMALLEST:g}" if light else "accepts no moment larger than the other two together"
+    rule = f"requires {SMALLEST:g} or more of each" if light else "accepts no moment larger than the other two together"
     raise ArgumentError(
-        f"segment behind joint {chain.joint_name(joint)!r}: mass {body['mass']:.3g} kg, principal moments of inertia "
+        f"segment after joint {chain.joint_name(joint)!r}: mass {body['mass']:.3g} kg, principal moments of inertia "
         f"{', '.join(f'{moment:.3g}' for moment in moments)} kg m²: MuJoCo {rule}; change section, segments or hub of "
         f"{link} or the payload, or use URDF",
         id="inertia-impossible",

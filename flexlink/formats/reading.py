@@ -38,7 +38,7 @@ class Hinge(NamedTuple):
     body: Mass | None  # None: no body
 
     def follows(self, before: Hinge) -> bool:
-        """Whether it moves the same body as the previous hinge."""
+        """Whether the hinge moves the same body as the previous hinge."""
         here, there = self.coordinate, before.coordinate  # springs at a root move a separate body
         return before.body is None and here[:2] == there[:2] and here.of_root == there.of_root
 
@@ -64,7 +64,7 @@ def link_of(node: Node, key: str, links: Sequence[str]) -> int:
 
 
 def coordinate(node: Node, numbers: Sequence[float], links: Sequence[str]) -> Coordinate:
-    """Return the three indices of a hinge."""
+    """Return the three indices of a hinge: link, segment and axis."""
     link, segment, axis = (int(number) if number == int(number) else -1 for number in numbers)
     if not (1 <= link <= len(links) and segment >= 0 and 0 <= axis < LAG):
         raise node.error(f"coordinate {list(numbers)}: expected link 1 … {len(links)}, segment, axis 0 … {LAG - 1}")
@@ -99,7 +99,7 @@ def chain_of(
         The element with flexlink's custom attributes, and the prefix of their names. They are the rotation of a
         floating base, the loaded link (`document.tree_attributes`) and rotation-vector springs (`rotation_springs`).
     gravity, links, hinges, ends
-        As read from the file; hinges exclude those of a floating base.
+        As read from the file; `hinges` does not include the hinges of a floating base.
     body
         Mass of a floating base.
     coupled
@@ -109,7 +109,8 @@ def chain_of(
     ------
     DataFileError
         There is no hinge or no tip, two hinges have the same coordinate, the parent of a hinge or tip does not
-        precede it, a mass, moment, spring or damper is negative, or springs between hinges exceed the hinges' own.
+        precede it, a mass, moment, spring or damper is negative, or a spring between hinges is stiffer than the
+        geometric mean of the hinges' own springs.
     """
     floats = own.element.get(f"{prefix}{BASE}") is not None
     attitude = own.rotation(f"{prefix}{BASE}") if floats else None
@@ -154,7 +155,7 @@ def _base_hinges() -> NDArray[np.void]:
 
 
 Item = tuple[tuple[int, int], Hinge | End, Sequence[Hinge]]
-"""A body to build: its sort key by link, with tips last; its first hinge, or the tip; its hinges."""
+"""A body to build: its sort key (by link, tips last), its first hinge or the tip, and its hinges."""
 
 
 def _base_bodies(attitude: Array | None, mass: Mass | None) -> list[Body]:
@@ -166,7 +167,7 @@ def _base_bodies(attitude: Array | None, mass: Mass | None) -> list[Body]:
 
 
 def _bodies(ends: Sequence[End], hinges: Sequence[Hinge], base: Sequence[Body]) -> tuple[list[Body], dict[int, int]]:
-    """Return the bodies, each link's before its tip, and by link number the body number of its tip."""
+    """Return the bodies, with each link's bodies before its tip, and map link numbers to body numbers of the tips."""
     bodies, on, numbers = [*base], {"": len(base)}, dict[int, int]()
     stop = bodies[-1].stop if bodies else 0
     begins = [k for k in range(len(hinges)) if k == 0 or not hinges[k].follows(hinges[k - 1])]
@@ -207,7 +208,7 @@ def _couplings(coupled: Iterable[Node], hinges: Sequence[Hinge], before: int) ->
         i, j = number[inner], number[outer]
         pair = before + i, before + j
         if i >= j:
-            raise one.error(f"joint {outer[:60]!r} must follow {inner[:60]!r}")
+            raise one.error(f"outer joint {outer[:60]!r} must follow inner joint {inner[:60]!r}")
         k, d = found.get(pair, (0.0, 0.0))
         found[pair] = constants = k + more[0], d + more[1]
         for field, value in zip(("stiffness", "damping"), constants, strict=True):

@@ -1,11 +1,11 @@
-"""Chain → SDFormat 1.10: one link and one revolute or prismatic joint per coordinate, with springs and dampers.
+"""Chain → SDFormat 1.10, with one link and one revolute or prismatic joint per coordinate, springs and dampers.
 
-All but the last link at a point are massless. This must be written, because a link without `<inertial>` weighs 1 kg.
+All links at a point except the last are massless. Zero mass must be written; links without `<inertial>` weigh 1 kg.
 Joints with several axes (`universal`, `ball`) are not used, because Drake drops their springs without a warning. A
 floating base is a link without a joint.
 
 Drake reads rotor inertia from `drake:rotor_inertia`, but only if the joint has an actuator. Driven joints and joints
-with a rotor have one; all others have effort 0. Drake ignores the world's gravity and dry friction. Values that
+with a rotor have an actuator; all others have effort 0. Drake ignores the world's gravity and dry friction. Values that
 SDFormat cannot represent are in attributes `flexlink:…`. Springs and dampers between two joints are elements
 `<flexlink:coupling>` of the tip frame, the only place in a model where Drake ignores them without a warning.
 """

@@ -1,4 +1,4 @@
-"""SDFormat → Chain: reads files written by `to_sdf` without rounding."""
+"""SDFormat → Chain: read files written by `to_sdf`, without rounding errors."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ OWN = f"{{{NAMESPACES['xmlns:flexlink']}}}"  # the namespace prefix as parsers w
 
 
 def read_sdf(text: str | bytes, *, what: str = "the SDF") -> Chain:
-    """Read an SDF file written by `to_sdf` back to its chain; parameters and errors are those of `read_urdf`."""
+    """Read an SDF file written by `to_sdf` back to its chain; parameters and errors are as in `read_urdf`."""
     return read(text, what, tag="sdf", to_chain=_chain, write=to_sdf, ignored=frozenset({"visual"}))
 
 

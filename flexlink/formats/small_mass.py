@@ -1,6 +1,6 @@
-"""Small masses for massless links, for programs that refuse massless links, and the size of their effect.
+"""Add small masses to massless links, which some programs refuse, and bound the effect on the motion.
 
-A point with several hinges has a massless link between each pair. It gets a mass m and inertia m r², r = 0.1 m.
+Between consecutive hinges at one point there are massless links. Each gets a mass m and an inertia m r², r = 0.1 m.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from flexlink.formats.document import base_joints
 
 
 def with_small_mass(chain: Chain, *, mass: float) -> Chain:
-    """Return the chain with a body at every hinge; massless bodies get the mass m and the inertia m r².
+    """Return the chain with a body at every hinge; massless bodies are given the mass m and the inertia m r².
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def with_small_mass(chain: Chain, *, mass: float) -> Chain:
 
 
 def added_inertia(chain: Chain, q: ArrayLike, *, mass: float) -> float:
-    """Return the largest relative change of M by small masses, δ = max vᵀ ΔM v / vᵀ M v over all v, at q.
+    """Return the largest relative change of M at q by small masses, δ = max vᵀ ΔM v / vᵀ M v over all vectors v.
 
     By Rayleigh's quotient, every natural frequency is multiplied by at least 1/√(1 + δ) > 1 − δ/2.
 
@@ -82,7 +82,7 @@ def added_inertia(chain: Chain, q: ArrayLike, *, mass: float) -> float:
 
 
 def _filled(chain: Chain, mass: float, *, keep: bool) -> Chain:
-    """Return the chain with one body per hinge and mass in massless ones; without `keep` only these have inertia.
+    """Return the chain with a body at every hinge and small masses in massless bodies; without `keep`, no others.
 
     The two bodies of a floating base are unchanged, because they are one joint in files.
     """

@@ -1,8 +1,8 @@
 """Common parts of the readers: elements that report their location, strict numbers, and a check for ignored content.
 
-The readers read files of flexlink's writers whose numbers may have been edited. The chain that was read is written
-again. Any difference from the file beyond rounding is refused by name: an unknown element, another structure, a
-rotation that contradicts the exact one next to it.
+The readers accept files written by flexlink, whose numbers may have been edited. The chain that was read is written
+again. Any difference from the file beyond rounding is an error that names the difference, such as an unknown element,
+another structure, or a rotation that contradicts the exact rotation next to it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ ROUNDING = 1e-14  # rounding error of angles and quaternions, which depends on t
 
 @dataclasses.dataclass(frozen=True)
 class Node:
-    """An element with its location for messages: the file and the last two elements of its path."""
+    """An XML element with its location for messages: the file and the last two elements of its path."""
 
     element: ET.Element
     what: str
@@ -75,7 +75,7 @@ class Node:
         return np.eye(3) if self.element.get(key) is None else self.rotation_matrix(self.numbers(9, key))
 
     def rotation_matrix(self, values: Sequence[float]) -> Array:
-        """Return R from its nine elements and check that it is a rotation; angles alone would hide a stretch."""
+        """Return R from its nine elements and check that it is a rotation matrix, not a stretched one."""
         R = np.reshape(values, (3, 3))
         tolerance = 1e-13  # rounding error of a product of a hundred rotations
         if np.abs(R @ R.T - np.eye(3)).max() > tolerance or np.linalg.det(R) < 0:
@@ -123,7 +123,7 @@ def read(
 
 
 def _require_same(node: Node, again: ET.Element, ignored: frozenset[str]) -> None:
-    """Refuse the first difference between a file and the one that flexlink would write."""
+    """Raise an error at the first difference between a file and the file that flexlink would write."""
     element = node.element
     for key in {**again.attrib, **element.attrib}:
         if f"{element.tag}.{key}" not in ignored:
@@ -145,7 +145,7 @@ def _require_equal(node: Node, key: str, actual: str | None, expected: str | Non
     if one.shape == other.shape and (abs(one - other) <= ROUNDING * (1 + abs(other))).all():
         return
     here, written = ("nothing" if text is None else repr(text[:60]) for text in (actual, expected))
-    raise node.error(f"{key}{here} where flexlink writes {written}: unknown, or contradicts another number")
+    raise node.error(f"{key}{here}, but flexlink would write {written}: not supported, or contradicts another number")
 
 
 def plain(name: str) -> str:

@@ -1,4 +1,4 @@
-"""Spring couplings as fixed tendons of MJCF.
+"""Write springs and dampers between two joints as fixed tendons of MJCF.
 
 A tendon of length θ_i ± θ_j with stiffness |K_ij| adds |K_ij| to both joint stiffnesses and ±|K_ij| to their coupling,
 with the sign of K_ij. Dampers are treated in the same way. The joints keep
@@ -62,7 +62,7 @@ def diagonal_remainder(chain: Chain, field: str) -> Array:
 
 
 def _instead(chain: Chain, k: int, field: str) -> str:
-    """Return the remedy; dampers exceed a cell's springs if a constant ratio is requested."""
+    """Return the remedy; only damping with `law = "constant"` couples joints without a spring."""
     if field == "damping" and (chain.couplings["stiffness"] == 0).any():
         return "use damping of law = 'proportional', or URDF or SDF"
     link = chain.link_names[chain.coordinate(k).link - 1]

@@ -1,12 +1,12 @@
-"""Chain → URDF: one link and one revolute or prismatic joint per coordinate; the last link at a point has the mass.
+"""Chain → URDF, with one link and one revolute or prismatic joint per coordinate; the last link at a point has mass.
 
 A fixed base is a link without mass. A floating base has its mass but no joint. URDF has no other way to mark a base as
-floating, so the program that loads the file must be configured for it.
+floating, so the program that loads the file must be configured to let it float.
 
-URDF has no springs. What it cannot represent is in custom elements `<flexlink>`, which parsers ignore. The one in the
-robot holds gravity, link names, rotation-vector springs and the rotation of a floating base, and a `<coupling>` for
-each spring and damper between two joints. The one in each joint holds stiffness, rest, coulomb_width, armature, … and
-the coordinate. Viscous damping and Coulomb torque are in the standard `<dynamics damping friction>`.
+URDF has no springs. Values that it cannot represent are in custom elements `<flexlink>`, which parsers ignore. The
+robot's element contains gravity, link names, rotation-vector springs, the rotation of a floating base, and one
+`<coupling>` for each pair of joints connected by a spring or damper. Each joint's element contains stiffness, rest,
+coulomb_width, armature, … and the coordinate. Viscous damping and Coulomb torque are in `<dynamics damping friction>`.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from flexlink.formats.document import (
 )
 from flexlink.kernels.layout import SLIDES
 
-# Rotating joints are `revolute`, which requires limits; Pinocchio would describe `continuous` ones by two coordinates.
+# Rotating joints are `revolute`, which requires limits; Pinocchio would use two coordinates for a `continuous` joint.
 LIMIT = WIDE | {"effort": "1e9", "velocity": "1e9"}
 DYNAMICS = {"damping": "damping", "friction": "coulomb"}
 """Maps attributes of <dynamics> to fields of the hinge."""

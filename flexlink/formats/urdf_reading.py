@@ -1,4 +1,4 @@
-"""URDF → Chain: reads files written by `to_urdf` without rounding."""
+"""URDF → Chain: read files written by `to_urdf`, without rounding errors."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def read_urdf(text: str | bytes, *, what: str = "the URDF") -> Chain:
     text
         The document; its numbers may have been edited.
     what
-        Its name in messages, for example its path.
+        Name of the document in messages, for example its path.
 
     Returns
     -------
@@ -42,7 +42,7 @@ def read_urdf(text: str | bytes, *, what: str = "the URDF") -> Chain:
     Raises
     ------
     DataFileError
-        The file was not written by flexlink, or a number is missing, not finite, negative, or contradicts another one.
+        The file was not written by flexlink, or a number is missing, not finite, negative, or contradicts another.
     """
     return read(text, what, tag="robot", to_chain=_chain, write=to_urdf, ignored=frozenset({"visual", "material"}))
 

@@ -1,9 +1,9 @@
-"""Measurements of one instrument, and the autoregressive (AR) model of their noise: one model per column.
+"""Measurements of one instrument, and an autoregressive (AR) model of the noise in each column.
 
     e_t = − a₁ e_{t−1} − … − a_p e_{t−p} + w_t,  w white
 
 The order p minimizes the Bayesian information criterion, n ln σ² + p ln n (Schwarz 1978); the coefficients are Burg's
-estimates. Criteria with a smaller penalty (AICc) overfit the order, which makes intervals 5 to 10 % too narrow.
+estimates. Criteria with a smaller penalty (AICc) select too high orders, which make intervals 5 to 10 % too narrow.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ class Colour(NamedTuple):
     innovations: Array
 
     def whitened(self, X: Array) -> Array:
-        """Whiten columns X, shape (n, columns); the result has the size of the innovations.
+        """Whiten columns X, shape (n, columns); the result has the standard deviation of the innovations.
 
         The first p samples are predicted from the few samples before them and scaled to the same variance.
         """
         if not X.size:
             return X
         found, p, a, size = scipy.signal.lfilter(self.a, [1.0], X, axis=0), len(self.a) - 1, self.a, 1.0
-        for t in range(p, 0, -1):  # from the predictor of order t to that of order t − 1 (Levinson-Durbin)
+        for t in range(p, 0, -1):  # reduce the predictor's order from t to t − 1 (Levinson-Durbin)
             k = a[t]
             a = (a - k * a[::-1])[:t] / (1 - k * k)
             size *= math.sqrt(1 - k * k)
@@ -45,7 +45,7 @@ class Colour(NamedTuple):
 
     @property
     def share(self) -> float:
-        """Standard deviation of the innovations over that of the noise."""
+        """Ratio of the standard deviations of innovations and noise."""
         a, size = self.a, 1.0
         for t in range(len(self.a) - 1, 0, -1):
             k = a[t]
@@ -53,13 +53,13 @@ class Colour(NamedTuple):
         return size
 
     def pulled_back(self, J: Array, past: int) -> Array:
-        """Hᵀ J, latest sample first, shape (n + past, k); H is the impulse response, with `past` earlier samples."""
+        """Hᵀ J, latest sample first, shape (n + past, k); H maps n + past innovations to n samples of the noise."""
         rows = np.vstack([J[::-1], np.zeros((past, J.shape[1]))])
         return np.asarray(scipy.signal.lfilter([1.0], self.a, rows, axis=0))
 
     @property
     def price(self) -> float:
-        """Penalty of the information criterion for the coefficients, in units of −2 ln likelihood."""
+        """Penalty that the information criterion adds for the coefficients, in units of −2 ln likelihood."""
         return _price(len(self.a) - 1, len(self.innovations))
 
     @property
@@ -72,7 +72,7 @@ class Colour(NamedTuple):
 
     @property
     def correlation_length(self) -> float:
-        """Σ ρ² over all lags: n samples determine a mean square as well as n / (this sum) independent samples."""
+        """Σ ρ² of the autocorrelation ρ; n samples give a mean square as accurately as n / Σ ρ² independent ones."""
         h = scipy.signal.lfilter([1.0], self.a, np.eye(1, self.memory + 1).ravel())
         full = np.correlate(h, h, "full")
         return float(np.sum((full / full[len(h) - 1]) ** 2))
@@ -116,7 +116,7 @@ def whiteness(e: Array) -> float:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Block:
-    """Measurements of one instrument, and their noise.
+    """Measurements of one instrument, with a description of their noise.
 
     Attributes
     ----------
@@ -125,7 +125,7 @@ class Block:
     y
         Measured values in SI units, shape (n,), finite.
     σ
-        Standard deviation of their noise, shape (n,).
+        Standard deviation of the noise in `y`, shape (n,).
     stated
         Whether the problem states the noise; otherwise it is estimated from the residuals.
     t

@@ -22,7 +22,7 @@ from flexlink.pages.tables import Table, columns_csv
 from flexlink.pages.verdict import Report, Verdict
 
 START, PROBLEM = "start.toml", "problem.toml"
-"""Files next to the page: the scene before the fit, and the problem, which refers to it."""
+"""Files next to the page: the scene before the fit, and the problem, which refers to this scene."""
 
 
 def build_check(problem: FitProblem, check: Check, folder: Path, command: str) -> Report:
@@ -101,7 +101,7 @@ def problem_part(problem: FitProblem, sentences: Sequence[str] = ()) -> Part:
 
 
 def priors_in_words(problem: FitProblem) -> tuple[str, ...]:
-    """Priors in words."""
+    """One sentence for each prior."""
     return tuple(
         f"Prior: {one.path} is {one.prior[0]:.6g} ± {one.prior[1]:.2g} (standard deviation)."
         for one in problem.parameter if one.prior
@@ -109,7 +109,7 @@ def priors_in_words(problem: FitProblem) -> tuple[str, ...]:
 
 
 def differences_of_runs(problem: FitProblem) -> tuple[str, ...]:
-    """Differences of runs from the scene, in words."""
+    """One sentence for each run that differs from the scene."""
     return tuple(
         f"Differences of {run.name} from the scene: "
         f"{', '.join(f'{path} = {truncated(value)}' for path, value in run.set.items())}."
@@ -118,7 +118,7 @@ def differences_of_runs(problem: FitProblem) -> tuple[str, ...]:
 
 
 def reproduction(scene: Scene, name: str, command: str) -> Part:
-    """The command and a scene."""
+    """Part of the page that shows the command and the scene."""
     sentences = (f"Made by: {command}",) if command else ()
     again = f"To repeat it with the files next to this page: flexlink fit {PROBLEM}"
     return Part((*sentences, again), literal=scene.to_toml(), files={name: scene.to_toml()})

@@ -1,4 +1,4 @@
-"""Residuals of every measured column before and after a fit, and those of a free linear model."""
+"""Residuals of every measured column: before the fit, after the fit, and with a free linear model."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def columns_of(
     kept: Sequence[Source],
     report: Callable[[str], None],
 ) -> tuple[FittedColumn, ...]:
-    """All columns: first those that were fitted, then those of the sources `kept` to check the fit."""
+    """All columns: first the fitted ones, then the columns of the sources `kept` to check the fit."""
     before, after = signals.model(start), signals.model(best.x)
     found = _beside(signals.sources, best.blocks, before, after)
     rows = [[row_of(b, y) for b, y in zip(*part, strict=True)] for part in zip(best.blocks, after, strict=True)]
@@ -49,7 +49,7 @@ def columns_of(
 def _with_linear(
     columns: Sequence[FittedColumn], fitted: Sequence[tuple[Source, Scene]], kept: Sequence[tuple[Source, Scene]]
 ) -> list[FittedColumn]:
-    """The same columns; those of runs have the predictions of a free linear model."""
+    """The same columns; columns of runs also contain the predictions of a free linear model."""
     models = linear_models(fitted, kept)
     if models is None:
         return list(columns)
@@ -65,7 +65,7 @@ def _with_linear(
 def _kept(
     problem: FitProblem, source: Source, values: dict[str, float], gains: dict[str, float]
 ) -> tuple[list[FittedColumn], Scene]:
-    """Columns and scene of a source that was not fitted; only the parameters of that run alone are estimated first."""
+    """Columns and scene of a source that was not fitted, after estimating only the parameters specific to this run."""
     this_run = next((run for run in problem.run if run.name == source.name), None)
     coordinates = run_coordinates(problem, this_run) if this_run is not None else []
     signals, x = Signals([source], coordinates), np.array([one.x(one.start) for one in coordinates])
@@ -115,7 +115,7 @@ def _beside(
 
 
 def _gains(blocks: Sequence[Sequence[Block]], rows: Sequence[Sequence[Row]]) -> dict[str, float]:
-    """Estimated gains by column; the mean if several runs have the column."""
+    """Estimated gain of each column, averaged over the runs that contain the column."""
     found: dict[str, list[float]] = {}
     for part, of_part in zip(blocks, rows, strict=True):
         for block, row in zip(part, of_part, strict=True):
@@ -125,6 +125,6 @@ def _gains(blocks: Sequence[Sequence[Block]], rows: Sequence[Sequence[Row]]) -> 
 
 
 def _known(block: Block, gains: dict[str, float], noises: dict[str, float]) -> Block:
-    """A check block with the estimated gain of its column and, if its noise is not stated, the estimated noise."""
+    """A check block that uses the estimated gain of its column and, if its noise is not stated, the estimated noise."""
     σ = block.σ if block.stated or block.name not in noises else np.full(len(block.y), noises[block.name])
     return dataclasses.replace(block, gain=block.gain and block.name not in gains, σ=σ)

@@ -9,8 +9,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import FlexlinkError, SceneError
 from flexlink.common.types import Array
+from flexlink.common.wording import Diagnostic
+from flexlink.describe.plausibility.hints import hints
+from flexlink.describe.plausibility.ranges import shown
 from flexlink.describe.scene import Scene
 from flexlink.describe.units import unit_of
 from flexlink.describe.vary import number_in
@@ -62,7 +65,7 @@ class Coordinate:
         return value / self.unit
 
     def value(self, x: float) -> float:
-        """Value at a coordinate; inf if it overflows float64, as the end of an interval may."""
+        """Value at a coordinate; inf if it overflows float64, which can happen at the end of an interval."""
         if self.log:
             return math.exp(x) if x < math.log(sys.float_info.max) else math.inf
         return self.unit * x
@@ -79,12 +82,12 @@ class Coordinate:
 
 
 def coordinates_of(problem: FitProblem) -> tuple[Coordinate, ...]:
-    """Coordinates of all parameters; those of single runs come last.
+    """Coordinates of all parameters; parameters of single runs come last.
 
     Raises
     ------
     SceneError
-        A path is unknown, has no number or several different ones; or the initial guess is out of bounds.
+        A path is unknown or leads to no number or several different numbers; or the initial guess is out of bounds.
     """
     found = [coordinate_of(problem.scene, parameter) for parameter in problem.parameter]
     for run in problem.run:
@@ -142,6 +145,27 @@ def coordinate_of(scene: Scene, parameter: FitParameter, run: str = "") -> Coord
     ends = (max(low, value / furthest), min(high, value * furthest)) if log else (low, high)
     unit_name = unit_of(scene, parameter.path)
     return Coordinate(parameter.path, run, value, log, unit, ends, parameter.prior, unit_name)
+
+
+def hints_on_bounds(problem: FitProblem) -> tuple[Diagnostic, ...]:
+    """Hints on parameters whose bounds were both likely given in another unit, one for each parameter."""
+    found = []
+    for one in problem.parameter:
+        several = [_hint_at(problem.scene, one.path, bound) for bound in one.between or ()]
+        if several and all(several):
+            text = f"parameter {one.path}: between = {shown(one.between or ())}: {several[0]}"
+            found.append(Diagnostic(text, "likely-unit"))
+    return tuple(found)
+
+
+def _hint_at(scene: Scene, path: str, value: float) -> str:
+    """Hint on a parameter with this value, or empty."""
+    try:
+        varied = scene.varied({path: value})
+    except FlexlinkError:  # reported where the parameter is set
+        return ""
+    new, key = [hint for hint in hints(varied) if hint not in hints(scene)], path.rpartition(".")[2]
+    return next((hint for hint in new if hint.partition(" = ")[0].endswith(f".{key}")), "")
 
 
 def _value(scene: Scene, parameter: FitParameter) -> float:

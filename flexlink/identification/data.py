@@ -1,4 +1,4 @@
-"""Measurements and the model's predictions of them, block by block: recorded runs, and single measurements at rest."""
+"""Measurements, and the model's predictions for them: recorded runs, and single measurements at rest."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Source:
     rate
         Sampling rate of a run's file [Hz].
     shows
-        Length of a run and the number of periods of the slowest mode in it, in words.
+        Text with the length of a run and the number of periods of the slowest mode that it contains.
     doubts
         Warnings about a run's times.
     at_rest
@@ -71,7 +71,7 @@ class Source:
         return self.at_rest is None
 
     def first(self, part: float) -> Source:
-        """Return the given part of a run from its beginning, at least ten samples."""
+        """Return the first part of a run, the fraction `part` of its samples and at least ten samples."""
         blocks = tuple(_first(block, part) for block in self.blocks)
         end = max(float(np.asarray(block.t)[-1]) for block in blocks)
         run = self.scene.run
@@ -81,7 +81,7 @@ class Source:
         return dataclasses.replace(self, scene=scene, blocks=blocks)
 
     def model(self, run: Trajectory) -> list[Array]:
-        """Predictions of all blocks from a simulated run, by cubic splines through its samples."""
+        """Predictions for all blocks, interpolated by cubic splines through the samples of a simulated run."""
         columns = run.columns
         return [at_times(run.t, columns[block.name], np.asarray(block.t)) for block in self.blocks]
 
@@ -122,7 +122,7 @@ def recorded(problem: FitProblem, run: FitRun) -> Source:
 
 def _check_reach(run: FitRun, scene: Scene, blocks: Sequence[Block]) -> None:
     """Refuse tip positions that the arm cannot reach, unless its base floats or a sliding joint has no limits."""
-    times = 20.0  # a range of positions beyond this multiple of the reach is in another unit
+    times = 20.0  # if the range of positions exceeds this multiple of the reach, their unit is wrong
     chain = lump(scene)
     reach, ends = chain.reach, chain.hinges[["lower", "upper"]][chain.slides]
     if scene.arm.base.free or not all(np.isfinite(ends[end]).all() for end in ("lower", "upper")):
@@ -148,7 +148,7 @@ def _measured(run: FitRun, known: Mapping[str, object]) -> Measured:
 
 
 def _by_name(run: FitRun, known: Mapping[str, object], compared: Mapping[str, object]) -> dict[str, dict[str, str]]:
-    """Heads of the file's columns in `noise`, `gain` and `bias` of a run, by the name of the simulated column."""
+    """Map simulated columns to the file's column heads that a run uses in `noise`, `gain` and `bias`."""
     where, found = f"run {run.name!r}", {}
     for key in ("noise", "gain", "bias"):
         found[key] = {named(where, head, known)[0]: head for head in getattr(run, key)}
@@ -175,7 +175,7 @@ def _block(
 
 
 def _with_noise(blocks: Sequence[Block]) -> tuple[Block, ...]:
-    """Assume a standard deviation where the noise is not stated."""
+    """The blocks, with an assumed standard deviation where the noise is not stated."""
     assumed = 0.01  # part of the range of all columns of the same unit
     range_of: dict[str, float] = {}
     for block in blocks:
@@ -189,13 +189,13 @@ def _with_noise(blocks: Sequence[Block]) -> tuple[Block, ...]:
 
 
 def exact(scene: Scene, tolerance: float) -> Scene:
-    """The scene with differentiable runs (`smooth`) and sensors that are read at every sample."""
+    """The scene with settings for differentiable runs (`smooth`), and sensors that are read at every sample."""
     sensors = tuple(replace(one, rate=None) for one in scene.sensor)
     return smooth(replace(scene, sensor=sensors) if sensors else scene, tolerance)
 
 
 def _noise_of_sensors(scene: Scene) -> dict[str, float]:
-    """Standard deviation of the noise and resolution of a scene's sensors, by column."""
+    """Standard deviation of each sensor column, from the noise and the resolution of the scene's sensors."""
     return {
         name: math.hypot(one.noise, (one.resolution or 0.0) / math.sqrt(12))
         for one in scene.sensor
@@ -209,7 +209,7 @@ def _first(block: Block, part: float) -> Block:
 
 
 def at_times(t: Array, samples: Array, times: Array) -> Array:
-    """Samples (n, …) at times t, interpolated to other times by cubic splines; unchanged if the times are equal."""
+    """Samples (n, …) at times t, interpolated to `times` by cubic splines; unchanged if `times` equals t."""
     if len(times) <= len(t) and np.allclose(t[: len(times)], times, rtol=0, atol=1e-9 * max(float(times[-1]), 1e-3)):
         return np.asarray(samples[: len(times)])
     return np.asarray(scipy.interpolate.CubicSpline(t, samples)(times))
@@ -218,7 +218,7 @@ def at_times(t: Array, samples: Array, times: Array) -> Array:
 def tapped(problem: FitProblem, part: FitModes, number: int) -> Source:
     """Source of measured natural frequencies and damping ratios."""
     name = f"modes {number}"
-    modes_asked = np.array(part.numbers or range(1, len(part.hertz) + 1)) - 1
+    indices = np.array(part.numbers or range(1, len(part.hertz) + 1)) - 1
     σ = np.broadcast_to(np.array(part.deviation), len(part.hertz)).astype(float)
     blocks = [Block("frequency [Hz]", np.array(part.hertz), σ, True)]
     if part.ratios:
@@ -230,12 +230,12 @@ def tapped(problem: FitProblem, part: FitModes, number: int) -> Source:
         held = chain.active.tolist() if part.locked is None else list(part.locked)
         found = modes(chain, q, **load, locked=held)
         elastic = np.flatnonzero(np.array(found.kinds) == "elastic")
-        if len(elastic) <= modes_asked.max():
+        if len(elastic) <= indices.max():
             raise ArgumentError(
-                f"{name}: mode {modes_asked.max() + 1} was measured; the model has only {len(elastic)} elastic modes",
+                f"{name}: mode {indices.max() + 1} was measured; the model has only {len(elastic)} elastic modes",
                 id="unknown-mode",
             )
-        which = elastic[modes_asked]
+        which = elastic[indices]
         return [found.hertz[which], found.damping_ratios[which]][: len(blocks)]
 
     scene = problem.scene.varied(part.set) if part.set else problem.scene
@@ -243,7 +243,7 @@ def tapped(problem: FitProblem, part: FitModes, number: int) -> Source:
 
 
 def sagged(problem: FitProblem, part: FitStatic, number: int) -> Source:
-    """Source of one measured coordinate of the tip at rest, or of its change from another state."""
+    """Source of one measured coordinate of the tip at rest, or of the change of this coordinate between two states."""
 
     def tip(scene: Scene) -> float:
         chain, q, _ = _at_rest(scene)
@@ -259,7 +259,7 @@ def sagged(problem: FitProblem, part: FitStatic, number: int) -> Source:
 
 
 def _at_rest(scene: Scene) -> tuple[Chain, Array, dict[str, Any]]:
-    """Chain of a scene, its static equilibrium, and its load."""
+    """Chain of a scene, and its static equilibrium and load."""
     chain = lump(scene)
     wrench, frame = initial_wrench(scene, chain)
     load: dict[str, Any] = {"tip_wrench": wrench, "frame": frame}
@@ -267,7 +267,7 @@ def _at_rest(scene: Scene) -> tuple[Chain, Array, dict[str, Any]]:
 
 
 def sources_of(problem: FitProblem, use: Use) -> list[Source]:
-    """All sources of one use: "fit" or "check".
+    """All sources with one use, "fit" or "check".
 
     Raises
     ------

@@ -21,7 +21,7 @@ from flexlink.identification.likelihood import large_changes, linear_names, prio
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.profile import profiled, widened
 from flexlink.identification.reasons import with_reasons
-from flexlink.identification.remarks import notes, ranges_apart, warnings
+from flexlink.identification.remarks import hertz_in_rad_per_s, notes, ranges_apart, warnings
 from flexlink.identification.signals import STEP, Signals
 from flexlink.identification.solve import Found, Search, start_points
 from flexlink.identification.watch import Bar, watch_with
@@ -48,7 +48,7 @@ def check_fit(problem: FitProblem) -> Check:
     Raises
     ------
     DataFileError
-        The file of a run cannot be read: an unknown column or unit, times that do not increase …
+        The file of a run is invalid, for example because of an unknown column, or times that do not increase.
     SceneError
         A path is unknown, an initial guess is out of bounds, or the scene cannot be simulated there.
 
@@ -87,9 +87,9 @@ def fit(
     problem
         The problem.
     starts
-        Number of initial guesses: the scene's values, then points that fill the bounds.
+        Number of initial guesses: first the problem's own values, then points spread around them within the bounds.
     profile
-        Whether to compute profile intervals as well: each parameter is fixed near its estimate, all others refitted.
+        Whether to compute profile intervals as well, with each parameter in turn fixed and all others refitted.
     progress
         Called with a line of text after each step.
     bar
@@ -148,7 +148,8 @@ def fit(
         numbers = (*widened(search, best, profiled(search, best, of_scene, report) if profile else of_scene), *others)
     columns = columns_of(problem, signals, best, start, checks, report)
     changes = {one.path: one.value for one in numbers if one.path and not _of_run(one, coordinates)}
-    found_warnings = warnings(numbers, coordinates, after, found, columns, [*sources, *checks])
+    in_other_units = tuple(note for note in check.notes if note.id == "likely-unit")
+    found_warnings = in_other_units + warnings(numbers, coordinates, after, found, columns, [*sources, *checks])
     return Fitted(
         problem, problem.scene.varied(changes), numbers, spread.correlation, after, columns,
         tuple((_values(coordinates, end.x), end.cost) for end in found), signals.runs, found_warnings,
@@ -156,10 +157,10 @@ def fit(
 
 
 def quick_estimates(problem: FitProblem, worth: float) -> tuple[Estimate, ...]:
-    """Estimate the parameters by one rough search with white noise, without any check.
+    """Estimate the parameters by one rough search with white noise, without an identifiability check.
 
-    Return an empty tuple if the linear model at the initial guess explains no more than a part `worth` of the sum of
-    squares.
+    Return an empty tuple if the model, linearized at the initial guess, explains no more than the fraction `worth` of
+    the sum of squares.
 
     Raises
     ------
@@ -184,7 +185,7 @@ def _values(coordinates: Sequence[Coordinate], x: Array) -> tuple[float, ...]:
 
 
 def _searched(search: Search, points: Sequence[Array], report: Callable[[str], None]) -> list[Found]:
-    """Results of the search from all initial guesses, the best first; only the problem's own guess must succeed."""
+    """Search from all initial guesses; return the results, best first. Only the first search must succeed."""
     found = []
     for k, x in enumerate(points):
         search.watch(f"guess {k + 1} of {len(points)}")
@@ -200,17 +201,19 @@ def _searched(search: Search, points: Sequence[Array], report: Callable[[str], N
 
 
 def _check(signals: Signals, x: Array, blocks: Sequence[Sequence[Block]], data_notes: Sequence[Diagnostic]) -> Check:
-    """Check identifiability; the error of the Jacobian is its difference between two finite-difference steps."""
+    """Check identifiability; the Jacobian's error is estimated from the results of two finite-difference step sizes."""
     signals.ahead([*signals.around(x, CENTRAL_4), *signals.around(x, CENTRAL_4, STEP / 2)])
     slopes, finer = signals.slopes(x, CENTRAL_4), signals.slopes(x, CENTRAL_4, STEP / 2)
     J = _of_all(signals, x, blocks, slopes)
     error = float(np.linalg.norm(J - _of_all(signals, x, blocks, finer), 2))
-    check = checked(J, error, _names(signals), [*data_notes, *ranges_apart(signals.sources, signals.model(x))])
+    sources, model = signals.sources, signals.model(x)
+    doubts = [*data_notes, *ranges_apart(sources, model), *hertz_in_rad_per_s(sources, model)]
+    check = checked(J, error, _names(signals), doubts)
     return check._replace(directions=with_reasons(signals, x, check.directions))
 
 
 def _check_after(signals: Signals, best: Found, before: Check) -> Check:
-    """Check identifiability at the solution, with the Jacobian of the search."""
+    """Check identifiability at the solution, with the Jacobian computed by the search."""
     J = _of_all(signals, best.x, best.blocks, signals.slopes(best.x))
     return checked(J, before.error, before.names, before.notes)
 

@@ -29,7 +29,7 @@ class Estimate:
     Attributes
     ----------
     name, path
-        Its name, and its path in the scene; "" for a gain or a bias.
+        Name of the parameter, and its path in the scene; the path of a gain or a bias is "".
     start, value
         Initial guess and estimate, in the unit of the path.
     low, high
@@ -41,7 +41,7 @@ class Estimate:
     widened
         Whether the interval is wider than the linear estimate, because the likelihood is far from quadratic.
     profile
-        Profile interval: all other parameters are refitted with this one fixed; None if not requested.
+        Profile interval, for which this parameter is fixed and all others are refitted; None if not requested.
     unit
         Unit of all these values; "" for a dimensionless number.
     log
@@ -74,10 +74,10 @@ class Estimate:
 
     @property
     def doubt(self) -> Diagnostic | None:
-        """Why the parameter is not identifiable from the data; None if it is.
+        """Why the parameter is not identifiable from the data; None if it is identifiable.
 
         The 95 % interval reaches a bound, or spans more than a factor of 10 for a positive parameter; or the prior
-        determines the estimate more than the data do: the variance is more than half that of the prior.
+        determines the estimate more than the data do, that is, the variance is more than half the prior's variance.
         """
         widest = 10.0  # ratio of the ends
         if not math.isfinite(self.half):
@@ -89,7 +89,7 @@ class Estimate:
         if self.log and self.high > widest * self.low:
             return Diagnostic(f"the interval spans more than a factor of {widest:g}", "wide-interval")
         if self.prior is not None and self.deviation**2 > self.prior[1] ** 2 / 2:
-            return Diagnostic("its prior determines the estimate more than the data", "prior-dominated")
+            return Diagnostic("its prior determines the estimate more than the data do", "prior-dominated")
         return None
 
     @property
@@ -114,7 +114,7 @@ class FittedColumn:
     t
         Times [s]; None for single measurements.
     measured, before, after, linear
-        Measurements; predictions of the scene before and after the fit; those of a free linear model, or None.
+        Measurements; predictions of the scene before and after the fit; predictions of a free linear model, or None.
     gain, bias
         Optimal scale and offset.
     noise
@@ -122,7 +122,7 @@ class FittedColumn:
     stated
         Whether the problem states the noise.
     times_noise
-        Root mean square of the residuals over the noise.
+        Root mean square of the residuals, each divided by the standard deviation of its noise.
     whiteness
         P-value of the residuals' whiteness (Ljung-Box); nan for single measurements.
     """
@@ -152,8 +152,8 @@ class FittedColumn:
         return float(math.sqrt(((model - self.measured) ** 2).mean()))
 
     def residual(self, model: Array) -> float:
-        """RMS residual, at least the accuracy of the search: two fits of exact data are equally good."""
-        share = 1e-7  # of the measurements: searches converge to 1e-8 of the parameters
+        """RMS residual, but at least the accuracy of the search, so that two fits of exact data are equally good."""
+        share = 1e-7  # relative to the measurements; parameters converge to 1e-8 of their values
         return max(self.off(model), share * float(abs(self.measured).max()))
 
     def fit(self, model: Array | None) -> float:
@@ -183,7 +183,7 @@ class Fitted:
     columns
         Measurements, and predictions before and after the fit.
     starts
-        For each initial guess the solution, and half the sum of squared normalized residuals; the best first.
+        Solution for each initial guess, with half its sum of squared normalized residuals; the best solution first.
     runs
         Number of simulated runs.
     warnings
@@ -223,7 +223,7 @@ class Fitted:
 
     @property
     def verdict_columns(self) -> tuple[FittedColumn, ...]:
-        """Columns that decide whether the fit is better: those kept to check it, otherwise those fitted."""
+        """Columns that decide whether the fit is better: the check columns or, without any, the fitted columns."""
         return tuple(one for one in self.columns if one.use == "check") or self.columns
 
     @property
@@ -244,11 +244,11 @@ class Fitted:
 
     @property
     def passed(self) -> bool:
-        """Whether every parameter is known from the data or its prior, and the fitted scene is no worse than before."""
+        """Whether every parameter is known from the data or its prior, and the fit is no worse than the start."""
         return self.check.passed and all(one.determined for one in self.numbers) and self.better
 
     def document(self) -> dict[str, Any]:
-        """Plain numbers and texts, as in the JSON file."""
+        """The result as plain numbers and texts, as in the JSON file."""
         return {
             "scene": self.scene.name,
             "passed": self.passed,
@@ -270,7 +270,7 @@ class Fitted:
         folder
             Folder of the page and its files; created if missing.
         command
-            Command to print on the page as the one that made it.
+            Command that made the page, to be printed on the page.
 
         Raises
         ------
@@ -309,7 +309,7 @@ def building(page: str = "page") -> ModuleType:
     Raises
     ------
     MissingDependencyError
-        One of them is not installed.
+        matplotlib or jinja2 is not installed.
     """
     return builder(f"flexlink.identification.{page}", "page")
 

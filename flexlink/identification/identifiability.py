@@ -2,8 +2,8 @@
 
     J = ∂(data / noise)/∂x = U S Vᵀ
 
-A direction v is not identifiable if its expected standard deviation 1/s is a factor of e or more, or if s is within the
-error of J. It is either a parameter without effect, or a combination of parameters without a measurable effect.
+A direction v with singular value s is not identifiable if its expected standard deviation 1/s is 1 or more (a factor of
+e), or if s is within the error of J. Such a direction is a parameter, or a combination, without a measurable effect.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ WIDE = 1.96
 COUNTS = 0.2
 """A parameter is part of a direction if its effect is more than this share of the direction's largest effect."""
 EQUAL = 1e-6
-"""Sizes are equal within this relative difference, the error of the Jacobian; then the problem's order decides."""
+"""Relative difference below which sizes count as equal, due to the Jacobian's error; the first of them is used."""
 
 
 class Direction(NamedTuple):
@@ -30,7 +30,7 @@ class Direction(NamedTuple):
     Attributes
     ----------
     names
-        Parameters in the combination, the one with the largest part first.
+        Parameters in the combination; the parameter with the largest component comes first.
     parts
         Component of each parameter.
     deviation
@@ -49,7 +49,7 @@ class Direction(NamedTuple):
 
     @property
     def text(self) -> Diagnostic:
-        """The finding in words."""
+        """Text of the finding."""
         if len(self.names) == 1:
             name, expected = self.names[0], f"expected ± {WIDE * 100 * self.deviation:.2g} % (95 %){self.why}"
             if not np.isfinite(self.deviation):
@@ -76,7 +76,7 @@ class Check(NamedTuple):
     names
         Parameters of the scene, then gains and biases.
     singular_values
-        Singular values of the Jacobian over the noise, largest first.
+        Singular values of the Jacobian divided by the noise, largest first.
     directions
         Combinations that are not, or poorly, identifiable, the worst first.
     expected
@@ -96,7 +96,7 @@ class Check(NamedTuple):
 
     @property
     def lost(self) -> tuple[Direction, ...]:
-        """Combinations that are not identifiable; with any of them the fit is refused."""
+        """Combinations that are not identifiable; if there are any, the fit is refused."""
         return tuple(one for one in self.directions if one.lost)
 
     @property
@@ -109,10 +109,10 @@ def checked(J: Array, error: float, names: Sequence[str], notes: Sequence[Diagno
     """Check the Jacobian J of all residuals, shape (data, parameters), with respect to typical large changes.
 
     `error` is the norm of the error of J. A parameter without effect is a direction by itself; combinations of the
-    others contain as few parameters as possible. The result does not depend on the basis, order and signs that
-    rounding gives to directions of equal effect.
+    others contain as few parameters as possible. If several directions have equal effects, rounding errors decide
+    their basis, order and signs in the decomposition; the result does not depend on these.
     """
-    nothing_from = 100.0  # half-width of an interval that means no effect: searches cover ± 6.9, rounding gives 1e5
+    nothing_from = 100.0  # half-width of an interval that counts as no effect; searches cover ± 6.9, rounding gives 1e5
     weak_from = 0.1  # expected standard deviation of a direction above which it is poorly identifiable
     free = 1.0  # expected standard deviation of a direction above which it is not identifiable
     unknown = 10 * error
@@ -146,15 +146,14 @@ def checked(J: Array, error: float, names: Sequence[str], notes: Sequence[Diagno
 
 
 def _largest(sizes: Array) -> int:
-    """Index of the largest size; the first of equal ones."""
+    """Index of the largest size, or of the first if several are equal."""
     return int(np.flatnonzero(sizes >= (1 - EQUAL) * sizes.max())[0])
 
 
 def _short(basis: Array) -> Array:
-    """Unit vectors that span the same space, with as many zeros as elimination finds.
+    """Unit vectors that span the same space, made sparse by Gaussian elimination.
 
-    Pivots are the parameters with the largest component in the remaining space, which makes them independent of the
-    basis.
+    Each pivot is the parameter with the largest component in the remaining space, so it does not depend on the basis.
     """
     remainder, pivots = basis.copy(), []
     for _ in basis:
@@ -166,7 +165,7 @@ def _short(basis: Array) -> Array:
 
 
 def _direction(names: Sequence[str], v: Array, effects: Array, deviation: float, lost: bool) -> Direction:
-    """Direction of the parameters whose effects cancel or are measurable alone, with a positive first component."""
+    """Direction with only those parameters whose effects matter, sorted by component; the first is positive."""
     effect = np.abs(v) * effects
     rest, order = np.where(effect > COUNTS * effect.max(), np.abs(v), 0.0), []
     while rest.any():

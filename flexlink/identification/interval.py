@@ -2,9 +2,9 @@
 
     C = B⁻¹ M B⁻¹,  B = Σ JᵀJ,  M = Σ Jᵀ Γ J,  Γ the covariance of the noise
 
-For the columns of a run, Γ is that of AR noise fitted to the residuals; columns are correlated like their innovations
+For the columns of a run, Γ follows from an AR model of the residuals; columns are correlated like their innovations
 (Morelli and Klein, Accuracy of aerodynamic model parameters estimated from flight test data, 1997). The noise of single
-measurements is the stated one. Student's t accounts for the finite number of independent samples.
+measurements is as stated. Student's t distribution accounts for the finite number of independent samples.
 """
 
 from __future__ import annotations
@@ -50,9 +50,9 @@ class Spread(NamedTuple):
 def spread_of(parts: Sequence[Part], priors: Array, coefficients: int = 0) -> Spread:
     """Covariance of all parameters; `priors` is the Jacobian of the prior residuals, shape (priors, parameters).
 
-    `coefficients` is the number of AR coefficients by which the residuals have been whitened. They are estimated from
-    the same samples as the parameters: k coefficients and n samples raise the mean square of future noise by
-    (n + k)/(n − k) over that of the residuals (Akaike's final prediction error).
+    `coefficients` is the number k of AR coefficients that whiten the residuals. They are estimated from the same n
+    samples as the parameters, so the mean square of future noise is (n + k)/(n − k) times the mean square of the
+    residuals (Akaike's final prediction error).
     """
     level = 0.95  # confidence level
     bread = meat = priors.T @ priors
@@ -79,7 +79,7 @@ def spread_of(parts: Sequence[Part], priors: Array, coefficients: int = 0) -> Sp
 
 
 def _worse(parts: Sequence[Part], unknowns: int) -> float:
-    """Mean square of the normalized residuals of single measurements, at least 1."""
+    """Mean square of the normalized residuals of single measurements, or 1 if it is less."""
     single = [e for residuals, _, is_run in parts if not is_run for e in residuals]
     count = sum(map(len, single)) - (0 if any(is_run for _, _, is_run in parts) else unknowns)
     return max(1.0, sum(float(e @ e) for e in single) / max(count, 1))
@@ -101,9 +101,9 @@ def _absorbed(slopes: Sequence[Array], covariance: Array) -> Array:
     """First-order correction: the fit absorbs part of the noise, so residuals underestimate its covariance.
 
     Σ J_tᵀ g(t − s) J_s with g(k) = 1/n Σ J_t C J_{t+k}ᵀ, the autocovariance of J δ; δ is the error of the parameters,
-    with covariance C. Noise that is slow, or near the model's frequencies, is absorbed whatever the number of samples:
-    without the correction one in twelve true values lies outside the interval. With it, the interval of a constant is
-    up to √(5/3) times too wide.
+    with covariance C. Noise that is slow, or near the model's frequencies, is absorbed for any number of samples.
+    Without the correction, one in twelve true values lies outside the interval. With the correction, the interval of
+    a constant is up to √(5/3) times too wide.
     """
     values, vectors = np.linalg.eigh(covariance)
     half = vectors * np.sqrt(np.maximum(values, 0.0))
@@ -119,7 +119,7 @@ def _absorbed(slopes: Sequence[Array], covariance: Array) -> Array:
 
 
 def _inverse(bread: Array) -> Array:
-    """Inverse of a normal matrix, scaled so units do not matter."""
+    """Inverse of a normal matrix, scaled so that the result does not depend on units."""
     size = np.sqrt(np.diag(bread))
     size = np.where(size > 0, size, 1.0)
     return np.asarray(np.linalg.pinv(bread / size[:, None] / size, rcond=1e-14, hermitian=True) / size[:, None] / size)
@@ -140,7 +140,7 @@ def parts_of(sources: Sequence[Source], rows: Sequence[Sequence[Row]]) -> list[P
 
 
 def without_ends(one: Estimate) -> Estimate:
-    """Return the estimate with an unbounded interval."""
+    """Return the estimate with its interval replaced by an unbounded interval."""
     return dataclasses.replace(one, low=-math.inf, high=math.inf, deviation=math.inf)
 
 

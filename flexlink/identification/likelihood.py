@@ -1,9 +1,9 @@
-"""Likelihood of the parameters: residuals over their noise, whitened if the noise is autocorrelated, and priors.
+"""Likelihood of the parameters from priors and from residuals, which are normalized by their noise and whitened.
 
     r = (g y(x) + b − measured) / σ        ∂r/∂x ≈ (1 − Φ Φ⁺) g ∂y/∂x / σ,  Φ = [y, 1] / σ for unknown g, b
 
 Gains g and biases b are linear and take their optimal values for every x (variable projection, Golub and Pereyra 1973,
-with Kaufman's approximation of the Jacobian). Autocorrelated residuals and their Jacobian pass a whitening filter.
+with Kaufman's approximation of the Jacobian). A filter whitens autocorrelated residuals and their Jacobian.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def _solved(Φ: Array, target: Array) -> Array:
 
 
 def white(block: Block) -> Block:
-    """The block with white noise of the same standard deviation."""
+    """The block, with its noise replaced by white noise of the same standard deviation."""
     if block.colour is None:
         return block
     return dataclasses.replace(block, σ=block.σ / block.colour.share, colour=None)

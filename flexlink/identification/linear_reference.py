@@ -1,10 +1,10 @@
-"""A free linear model of the same order: are the parameters of the scene wrong, or the scene itself?
+"""Fit a free linear model of the same order, which shows whether the scene's parameters or its structure are wrong.
 
     y_c(t) = Σ_j Re(a_cj e^{λ_j t}) + Σ_u Σ_j Re(b_cju ∫ e^{λ_j (t − s)} u(s) ds) + d_c
 
-The eigenvalues λ_j are estimated, starting from the fitted scene's modes at rest, as many as the records resolve. The
+The eigenvalues λ_j are estimated, starting from those modes of the fitted scene at rest that the records resolve. The
 inputs u are the accelerations of prescribed joints. The residues b of each column and input are common to all runs; a
-and d are different in each run. All parameters but λ are linear and take their optimal values.
+and d are different in each run. All parameters except λ are linear and take their optimal values.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.simulate import simulate
 
 Shapes = dict[tuple[int, bytes], tuple[Array, Array]]
-"""Basis functions of a run and of its inputs, by the identity of the inputs and the times of a block."""
+"""Cached basis functions of a run and of its inputs; the keys identify the inputs and the times of a block."""
 
 
 def linear_models(
     fitted: Sequence[tuple[Source, Scene]], checks: Sequence[tuple[Source, Scene]]
 ) -> list[list[Array]] | None:
-    """Predictions of all blocks of the fitted runs, then of the runs kept to check the fit.
+    """Predictions for all blocks of the fitted runs, then of the runs kept to check the fit.
 
     Return None if a linear model does not apply: joints swing freely or follow a controller, or the records resolve no
     mode.
@@ -92,7 +92,7 @@ def _accelerations(scene: Scene) -> tuple[Array, Array]:
 
 
 def _shapes(λ: Array, times: Array, driven: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Basis functions of the free motion, and of the inputs, at the times of a block."""
+    """Basis functions of the free motion and of the response to inputs, at the times of a block."""
     t, u = driven
     free = np.exp(np.outer(times - t[0], λ))
     free_motion = np.hstack([free.real, free.imag, np.ones((len(times), 1))])
@@ -113,9 +113,9 @@ def _stacked(
     name: str, λ: Array, fitted: Sequence[tuple[Source, Scene]], inputs: Sequence[tuple[Array, Array]],
     shapes: Shapes,
 ) -> tuple[Array, Array, int]:  # fmt: skip
-    """Basis functions and measurements of one column, over the noise; and the number of basis functions of the inputs.
+    """Basis functions and measurements of one column, divided by the noise; and the number of functions of inputs.
 
-    All runs are stacked. `shapes` caches the basis functions by the times of a run, which its columns share.
+    All runs are stacked. `shapes` caches the basis functions, because columns of a run share the same times.
     """
     measured = [
         (block, driven)
@@ -138,7 +138,7 @@ def _stacked(
 
 
 def _projected(Φ: Array, target: Array) -> Array:
-    """Residuals with optimal weights, by QR; an SVD takes ten times as long, and the search needs hundreds."""
+    """Residuals with optimal weights, by QR; an SVD takes ten times as long, and the search calls this often."""
     Q = np.linalg.qr(Φ)[0]
     return np.asarray(Q @ (Q.T @ target) - target)
 
@@ -146,7 +146,7 @@ def _projected(Φ: Array, target: Array) -> Array:
 def _weights(
     name: str, λ: Array, fitted: Sequence[tuple[Source, Scene]], inputs: Sequence[tuple[Array, Array]]
 ) -> Array:
-    """Weights of the inputs' basis functions in a column."""
+    """Optimal weights of the inputs' basis functions for one column."""
     Φ, target, forced = _stacked(name, λ, fitted, inputs, {})
     return np.asarray(np.linalg.lstsq(Φ, target, rcond=None)[0][:forced])
 

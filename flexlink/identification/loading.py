@@ -32,7 +32,7 @@ def load_fit(path: str | Path) -> FitProblem:
     ArgumentError
         `path` is not a path.
     SceneError
-        The message names the file, the key path, the value and the allowed values.
+        The problem is invalid; the message names the file, the key path, the value and the allowed values.
     DataFileError
         The file of a lumping rule or method in the scene is not valid.
 
@@ -58,7 +58,7 @@ def load_fit(path: str | Path) -> FitProblem:
 
 
 def _as_paths(table: Any) -> Any:
-    """Join the keys of `set` and `before` to paths again; TOML has split them at their dots."""
+    """Rejoin the keys of `set` and `before` into paths; TOML has split them at their dots."""
     if not isinstance(table, dict):
         return table
     apart = (key for key in ("set", "before") if isinstance(table.get(key), dict))

@@ -61,7 +61,7 @@ def build(fitted: Fitted, folder: Path, command: str) -> Report:
 
 
 def _with_interval(one: Estimate) -> str:
-    """Estimate with ± its interval, or with both ends if they are asymmetric, and the unit."""
+    """Estimate ± half-width of its interval, or both ends if the interval is asymmetric; with the unit."""
     level = 0.2  # largest asymmetry of a ± interval, relative to its half-width
     unit = f" {one.unit}" if one.unit else ""
     if not math.isfinite(one.half):
@@ -116,7 +116,7 @@ def _verdicts(fitted: Fitted) -> list[Verdict]:
 
 
 def _beside_linear(ours: float, theirs: float) -> Verdict:
-    """Compare the scene with a free linear model, by the part of the signal [%] that each explains."""
+    """Compare the scene with a free linear model by the percentage of the signal that each explains."""
     fails = 50.0  # part of the signal [%] below which a free linear model is not a reference
     both = f"The fitted scene explains {number(ours)} % of the signal, a free linear model of the same order "
     both += f"{number(theirs)} %: "
@@ -124,7 +124,7 @@ def _beside_linear(ours: float, theirs: float) -> Verdict:
         return Verdict("Model", "info", "not compared", f"{both}the linear model does not apply here.")
     if ours >= theirs - 1.0:  # %
         return Verdict("Model", "pass", "complete", f"{both}the scene is as good as a linear model.")
-    return Verdict("Model", "doubt", "incomplete", f"{both}the scene lacks something, whatever the parameters.")
+    return Verdict("Model", "doubt", "incomplete", f"{both}the scene lacks an effect that no parameter can replace.")
 
 
 def _numbers(fitted: Fitted) -> Part:
@@ -138,8 +138,8 @@ def _numbers(fitted: Fitted) -> Part:
     ]  # fmt: skip
     heads += ["profile from", "profile to"] if profile else []
     sentences = (
-        "From and to are the ends of the 95 % interval: it covers the true value in 95 % of cases if the model is "
-        "complete, and accounts for the autocorrelation of the residuals.",
+        "Columns “from” and “to” are the ends of the 95 % interval. It covers the true value in 95 % of cases if the "
+        "model is complete, and accounts for the autocorrelation of the residuals.",
         *priors_in_words(fitted.problem),
         *(f"Note: {warning}." for warning in fitted.warnings),
     )
@@ -188,7 +188,7 @@ def _data(fitted: Fitted) -> Part:
 
 
 def _drawn(fitted: Fitted) -> list[FittedColumn]:
-    """Columns in pictures: the fitted ones first, then those of check runs."""
+    """Columns to draw: first fitted columns, then columns of check runs."""
     most = 4  # largest number of panels
     runs = (one for one in fitted.columns if one.t is not None)
     return sorted(runs, key=lambda one: one.use == "check")[:most]
@@ -200,7 +200,7 @@ def _overlay(drawn: list[FittedColumn]) -> Picture:
 
 
 def _difference(drawn: list[FittedColumn]) -> Picture:
-    visible = 5.0  # largest residual of the linear model to draw, relative to that of the scene
+    visible = 5.0  # the linear model is drawn if its residual is at most this multiple of the scene's residual
     curves = []
     for one in drawn:
         linear = {}
@@ -213,7 +213,7 @@ def _difference(drawn: list[FittedColumn]) -> Picture:
 def _panels(
     name: str, title: str, caption: str, drawn: list[FittedColumn], curves: list[dict[str, np.ndarray]]
 ) -> Picture:
-    """One panel per column, with its curves by name."""
+    """Picture with one panel per column; `curves` contains the curves of each panel by name."""
     looks: dict[str, dict[str, Any]] = {
         "measured": {"color": GREY, "linestyle": "", "marker": ".", "markersize": 3}, "fitted": {"color": BLUE},
         "before": {"color": VERMILION, "linewidth": 0.8}, "free linear": {"color": INK, "linewidth": 0.8},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal
@@ -28,7 +29,7 @@ class FitParameter(Spec, frozen=True):
     """
 
     path: str
-    """Path of the number, as in `Scene.varied`; `*` for several equal ones."""
+    """Path of the number, as in `Scene.varied`; with `*` the path selects several equal numbers."""
     between: tuple[float, float] | None = None
     """Lower and upper bound. Default: a thousandth and a thousand times the initial guess if the logarithm is
     estimated, otherwise none."""
@@ -37,7 +38,7 @@ class FitParameter(Spec, frozen=True):
     prior: tuple[float, Deviation] | None = None
     """Prior: mean and standard deviation."""
     scale: Literal["auto", "log", "linear"] = "auto"
-    """Whether to estimate the logarithm. Default ("auto"): for positive numbers outside the initial state."""
+    """Whether to estimate the logarithm. Default ("auto"): yes for positive numbers, except in the initial state."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -64,12 +65,12 @@ class FitRun(Spec, frozen=True):
     """
 
     name: str
-    """Unique name."""
+    """Unique name of the run."""
     file: str = ""
-    """CSV file with the column heads "t [s]" and names of columns of a run; angles may be in deg, lengths in mm. The
-    path is relative to the problem's file."""
+    """CSV file with a column "t [s]" and columns named like those of a simulated run; angles may be in deg, lengths in
+    mm. The path is relative to the problem's file."""
     columns: dict[str, tuple[float, ...]] = msgspec.field(default_factory=dict)
-    """Columns in place of a file: values by head, including "t [s]"."""
+    """Columns that replace a file: lists of values by column head, including "t [s]"."""
     use: Use = "fit"
     """Whether to fit the run, or to keep it to check the fit."""
     set: dict[str, Any] = msgspec.field(default_factory=dict)
@@ -80,9 +81,9 @@ class FitRun(Spec, frozen=True):
     """Standard deviation of a column's noise, by its head, in the unit of the head. Default: the noise of the scene's
     sensor of this name, otherwise estimated from the residuals."""
     gain: tuple[str, ...] = ()
-    """Heads of columns with unknown scale; it is estimated."""
+    """Heads of columns whose scale is unknown and estimated."""
     bias: tuple[str, ...] = ()
-    """Heads of columns with unknown offset; it is estimated."""
+    """Heads of columns whose offset is unknown and estimated."""
     window: tuple[float, float] | None = None
     """First and last time to use [s]. Default: all."""
     parameter: tuple[FitParameter, ...] = ()
@@ -121,7 +122,7 @@ class FitModes(Spec, frozen=True):
     set: dict[str, Any] = msgspec.field(default_factory=dict)
     """Differences from the scene, values by path."""
     use: Use = "fit"
-    """Whether to fit them, or to keep them to check the fit."""
+    """Whether to fit these modes, or to keep them to check the fit."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -136,10 +137,16 @@ class FitModes(Spec, frozen=True):
             )
         if any(number < 1 for number in self.numbers):
             raise SceneError(f"numbers = {list(self.numbers)}: modes are counted from 1", id="modes-counted-from-1")
+        pairs = sorted(zip(self.numbers or range(len(self.hertz)), self.hertz, strict=True))
+        if any(after < before for (_, before), (_, after) in itertools.pairwise(pairs)):
+            raise SceneError(
+                f"hertz = {list(self.hertz)}: frequencies must increase with the mode's number; sort them",
+                id="modes-not-increasing",
+            )
 
 
 class FitStatic(Spec, frozen=True):
-    """A measured static position of the tip with the driven joints locked, or with `before` its change.
+    """A measured static position of the tip with the driven joints locked, or its change if `before` is given.
 
     Examples
     --------
@@ -149,15 +156,15 @@ class FitStatic(Spec, frozen=True):
     axis: Literal["x", "y", "z"]
     """Coordinate axis of frame 0."""
     value: float
-    """Coordinate of the tip, or its increase over the state `before` [m]."""
+    """Coordinate of the tip, or its increase from the state `before` [m]."""
     deviation: Deviation
-    """Standard deviation [m]."""
+    """Standard deviation of `value` [m]."""
     set: dict[str, Any] = msgspec.field(default_factory=dict)
     """Differences from the scene, values by path."""
     before: dict[str, Any] | None = None
-    """Differences of the reference state from this state, values by path."""
+    """Values by path in which the reference state differs from this state."""
     use: Use = "fit"
-    """Whether to fit it, or to keep it to check the fit."""
+    """Whether to fit this position, or to keep it to check the fit."""
 
 
 class FitProblem(Spec, frozen=True):
@@ -190,11 +197,11 @@ class FitProblem(Spec, frozen=True):
     """Loss function of the residuals; soft_l1 and huber reduce the weight of outliers."""
     noise: Literal["coloured", "white"] = "coloured"
     """Noise model. "coloured": residuals are whitened by an autoregressive model, which gives the narrowest intervals
-    if they are noise. "white": residuals are independent, which gives the smallest simulation error. Intervals account
-    for autocorrelation either way."""
+    if the residuals are noise. "white": residuals are independent, which gives the smallest simulation error. Intervals
+    account for autocorrelation either way."""
     tolerance: Positive = 1e-8
     """Tolerance of the simulations, relative to the reach [1]. It replaces the scene's tolerance, which is too coarse
-    for derivatives; fixed steps remain."""
+    for derivatives; fixed steps are not changed."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,8 +1,8 @@
-"""Profile intervals: one parameter is fixed near its estimate, all others are refitted.
+"""Profile intervals: one parameter is fixed at values near its estimate, and all others are refitted.
 
     √(2 (cost(x) − cost)) = half of the interval / standard deviation with white noise
 
-defines the ends of the interval; for a quadratic cost they are those of the linear estimate.
+defines the ends of the interval; for a quadratic cost, they equal the ends of the linear estimate's interval.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ def profiled(search: Search, best: Found, numbers: Sequence[Estimate], report: C
 def widened(search: Search, best: Found, numbers: Sequence[Estimate]) -> list[Estimate]:
     """Estimates of the scene's parameters with wider intervals where the cost is not quadratic.
 
-    An end at which the cost has hardly increased is moved outwards. If the initial guess is outside the interval, it is
-    tried with all other parameters refitted. If the data do not reject it, the end is moved beyond it, to the first
-    value that they reject.
+    An end at which the cost has hardly increased is moved outwards. If the initial guess is outside the interval, the
+    fit is repeated with the parameter fixed at this guess. If the data do not reject the guess, the end is moved beyond
+    it, to the first value that the data reject.
     """
     floor, found = _Floor(search, best), []
     search.signals.ahead([floor.beside(k, one, side) for k, one in enumerate(numbers) for side in (-1, 1)])
@@ -66,7 +66,7 @@ class _Floor:
         self.C = search.covariance(best.x, best.blocks)
 
     def rise(self, x: Array) -> float:
-        """Increase of twice the cost over its minimum; at most the likelihood ratio with the noise model refitted."""
+        """Increase of twice the cost from its minimum or, if smaller, the likelihood ratio with the noise refitted."""
         rise = 2 * (self.search.cost(x, self.best.blocks) - self.least)
         if not self.search.coloured or rise <= 0:
             return rise
@@ -76,12 +76,12 @@ class _Floor:
             return math.inf
 
     def wanted(self, k: int, end: float) -> float:
-        """Increase of a quadratic cost up to an end of the interval."""
+        """Increase of twice the cost up to an end of the interval if the cost were quadratic."""
         return (self.search.coordinates[k].x(end) - float(self.best.x[k])) ** 2 / float(self.C[k, k])
 
     def far(self, k: int, one: Estimate, side: int) -> float | None:
-        """An end farther out, with the others moved along the linear estimate; None if the interval is wide enough."""
-        hardly = 0.5  # smallest increase of the cost, relative to a quadratic one
+        """An end farther out, with other parameters moved along the linear estimate; None if no wider end is needed."""
+        hardly = 0.5  # smallest sufficient increase of the cost, relative to the increase of a quadratic cost
         wanted = hardly * self.wanted(k, _end_of(one, side))
 
         def rejected(times: float) -> bool:
@@ -92,7 +92,7 @@ class _Floor:
         return self.search.coordinates[k].value(float(self.beside(k, one, side, _rejected(rejected, OUTWARDS))[k]))
 
     def beside(self, k: int, one: Estimate, side: int, times: float = 1.0) -> Array:
-        """Point at `times` the distance of an end, with the other parameters moved along the linear estimate."""
+        """Point at `times` the distance to an end, with the other parameters moved along the linear estimate."""
         half = self.search.coordinates[k].x(_end_of(one, side)) - float(self.best.x[k])
         bounds = np.array([each.bounds for each in self.search.coordinates]).T
         return np.asarray(np.clip(self.best.x + half * times * self.C[:, k] / self.C[k, k], *bounds))
@@ -118,13 +118,13 @@ class _Floor:
 
 
 OUTWARDS = tuple(1.5**k for k in range(7))
-"""Distances at which ends are tried, relative to the linear estimate."""
+"""Distances from the estimate at which ends are tried, relative to the end of the linear estimate's interval."""
 HALVINGS = 3
 """Number of bisections for an end beyond the initial guess."""
 
 
 def _rejected(rejected: Callable[[float], bool], values: Sequence[float], halvings: int = 0) -> float:
-    """First of ever more distant values that is rejected, refined by bisection; the last one if none is.
+    """First rejected value of a sequence moving outwards, refined by bisection; the last value if none is rejected.
 
     The first value is assumed not to be rejected.
     """

@@ -1,4 +1,4 @@
-"""Why a parameter has no effect on the data: the columns that it affects instead, and the axis that it acts about."""
+"""Explain why a parameter has no effect on the data: the columns that it affects instead, or the axis it acts about."""
 
 from __future__ import annotations
 
@@ -66,8 +66,8 @@ def _moves(signals: Signals, x: Array, k: int) -> str:
 
 
 def _axis(scene: Scene, path: str) -> str:
-    """For a root spring about another axis than the bending, both axes in words; otherwise ""."""
-    diagonal = 0.7  # largest cosine of the angle between other axes; at 45° both are bending axes
+    """Text that names both axes if a root spring acts about an axis other than the bending axis; otherwise ""."""
+    diagonal = 0.7  # axes differ if the cosine of their angle is at most this; at 45° both are bending axes
     parts = parts_of(path)
     if len(parts) != 4 or parts[0] != "link" or parts[2] not in {"root_stiffness", "root_damping"} or parts[1] == "*":
         return ""
@@ -83,7 +83,7 @@ def _axis(scene: Scene, path: str) -> str:
 
 
 def _named(axis: Array) -> str:
-    """The name x, y or z of an axis, otherwise its components."""
+    """Name of an axis (x, y or z), or its components if it is none of these."""
     largest = int(np.abs(axis).argmax())
     return "xyz"[largest] if abs(axis[largest]) > 0.999 else str([round(float(part), 3) + 0.0 for part in axis])
 

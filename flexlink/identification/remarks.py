@@ -1,4 +1,4 @@
-"""Notes on the data before a fit, and warnings about its estimates afterwards."""
+"""Notes on the data before a fit, and warnings about the estimates after a fit."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def _doubts(source: Source) -> list[Diagnostic]:
 
 
 def ranges_apart(sources: Sequence[Source], model: Model) -> list[Diagnostic]:
-    """Warnings about columns whose range differs from the prediction by a large factor: the unit may be wrong."""
+    """Warnings about columns whose range differs from the prediction by a large factor, so the unit may be wrong."""
     rounded = 1e-9  # a smaller predicted range, relative to the values, is rounding error
     apart = 100.0  # factor between the ranges
     found = []
@@ -68,15 +68,15 @@ def _too_far(one: FittedColumn) -> Diagnostic:
 
 
 def _times_fitted(one: FittedColumn, columns: Sequence[FittedColumn]) -> float:
-    """RMS residual of a check column over that of the same column where it was fitted; 0 if it was not."""
+    """Ratio of the RMS residuals of a column in a check run and in fitted runs; 0 if it was not fitted."""
     residuals = [other.residual(other.after) for other in columns if other.use == "fit" and other.name == one.name]
     return one.off(one.after) / max(residuals) if one.use == "check" and residuals and max(residuals) > 0 else 0.0
 
 
 def _worse_than_fitted(one: FittedColumn, columns: Sequence[FittedColumn]) -> Diagnostic:
     return Diagnostic(
-        f"{one.source}, {one.name}: the residual is {_times_fitted(one, columns):.2g} times that of the fitted runs; "
-        "the estimates are not accurate enough for this run (fit it as well), or the model is incomplete",
+        f"{one.source}, {one.name}: the residual is {_times_fitted(one, columns):.2g} times as large as in the "
+        "fitted runs; the estimates are too inaccurate for this run (fit it as well), or the model is incomplete",
         "worse-than-fitted-runs",
     )
 
@@ -92,12 +92,28 @@ def _times(one: Estimate) -> float:
     return max(one.value / one.start, one.start / one.value)
 
 
-def _ran_away(one: Estimate) -> Diagnostic:
-    return Diagnostic(
-        f"{one.name} moved from {one.start:.4g} to {one.value:.4g}; there may be a better solution near the initial "
-        "guess: try --starts, or set between",
-        "far-from-initial-guess",
-    )
+def _ran_away(one: Estimate, *, settled: bool) -> Diagnostic:
+    doubt = "there may be a better solution near the initial guess: try --starts, or set between"
+    remedy = "check the units of the measurements if this is unexpected" if settled else doubt
+    text = f"{one.name} moved from {one.start:.4g} to {one.value:.4g}; {remedy}"
+    return Diagnostic(text, "far-from-initial-guess")
+
+
+def _agreeing(found: Sequence[Found]) -> int:
+    """Number of initial guesses that led to the best solution."""
+    return sum(bool(np.allclose(end.x, found[0].x, rtol=0, atol=1e-4)) for end in found)
+
+
+def hertz_in_rad_per_s(sources: Sequence[Source], model: Model) -> list[Diagnostic]:
+    """Warnings about measured frequencies that are 2π times the predictions at the initial guess."""
+    found = []
+    for source, several in zip(sources, model, strict=True):
+        for block, y in zip(source.blocks, several, strict=True):
+            if block.t is None and block.unit == "Hz" and np.allclose(block.y, 2 * np.pi * y, rtol=0.05, atol=0):
+                given, true = (", ".join(f"{f:.4g}" for f in row) for row in (block.y, block.y / (2 * np.pi)))
+                text = f"{source.name}: hertz = [{given}]: 2π times the predictions at the initial guess; likely "
+                found.append(Diagnostic(f"{text}given in rad/s: in Hz [{true}]", "likely-unit"))
+    return found
 
 
 def _leaves_prior(one: Estimate, known: Coordinate) -> bool:
@@ -141,7 +157,10 @@ def warnings(
     found_warnings += [
         _not_identifiable(one) for one in numbers if one.doubt is not None and one.doubt.id not in stated
     ]
-    found_warnings += [_ran_away(one) for one, by in pairs if by.log and _times(one) > away]
+    fitted = [one for one in columns if one.use == "fit"]
+    at_noise = bool(fitted) and all(one.stated and one.times_noise <= far for one in fitted)
+    settled = at_noise or 1 < len(found) == _agreeing(found)
+    found_warnings += [_ran_away(one, settled=settled) for one, by in pairs if by.log and _times(one) > away]
     found_warnings += [Diagnostic(f"{one.name}: {wider}", "interval-widened") for one in numbers if one.widened]
     found_warnings += [_far_from_prior(one, known) for one, known in pairs if _leaves_prior(one, known)]
     found_warnings += [one.text for one in check.directions]
@@ -149,7 +168,7 @@ def warnings(
     found_warnings += [doubt for source in sources for doubt in _doubts(source)]
     found_warnings += [_worse_than_fitted(one, columns) for one in columns if _times_fitted(one, columns) > far]
     if len(found) > 1:
-        same = sum(bool(np.allclose(end.x, found[0].x, rtol=0, atol=1e-4)) for end in found)
+        same = _agreeing(found)
         if same < len(found):
             text = f"{same} of {len(found)} initial guesses led to the best solution; others end at a higher cost"
             found_warnings.append(Diagnostic(text, "several-minima"))

@@ -1,4 +1,4 @@
-"""Predictions of the model for all data, at several points of the search at once, and their Jacobian."""
+"""Predictions of the model for all data, and their Jacobian, at several points of the search at once."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from flexlink.results.stop_reasons import InterruptedRunError
 from flexlink.results.trajectory import Trajectory
 
 Model = list[list[Array]]
-"""Predictions of every block of every source."""
+"""Predictions for every block of every source."""
 Slopes = list[list[Array]]
-"""Jacobians of these predictions, along all coordinates; empty if not requested."""
+"""Jacobians of these predictions with respect to all coordinates; empty if not requested."""
 STEP = 1e-3
 """Finite-difference step of x, relative to the parameter or its unit."""
 KEPT = 4
-"""Size of the cache of points: a search evaluates values, Jacobian and noise at the same ones."""
+"""Size of the cache of points; a search evaluates predictions, Jacobian and noise at the same points."""
 
 
 class Signals:
@@ -79,7 +79,7 @@ class Signals:
         return (known or self._kept(x, slopes=self._beside))[0]
 
     def ahead(self, points: Sequence[Array]) -> None:
-        """Compute the predictions at several points, side by side, and cache those that succeed."""
+        """Compute the predictions at several points in parallel, and cache the successful ones."""
         new = {x.tobytes(): x for x in points if x.tobytes() not in self._points}
         parts = [self._many([(number, x) for x in new.values()]) for number in range(len(self.sources))]
         self._most = KEPT + len(new)
@@ -118,7 +118,7 @@ class Signals:
         return [x, *(moved(x, k, step * at) for k in every for at in self._places(k, x, places, step))]
 
     def _of_source(self, number: int, x: Array, places: Places | None, step: float) -> tuple[list[Array], list[Array]]:
-        """Predictions of one source at a point and their Jacobian, all in one batch.
+        """Predictions of one source at a point, and their Jacobian, computed in one batch.
 
         Raises
         ------
@@ -144,7 +144,7 @@ class Signals:
         return FORWARD if x[k] - far < low else mirrored(FORWARD) if x[k] + far > high else places
 
     def _many(self, points: Sequence[tuple[int, Array]]) -> list[list[Array] | FlexlinkError]:
-        """Predictions of one source at several points, from the cache or by runs side by side."""
+        """Predictions of one source at several points, taken from the cache or computed by parallel runs."""
         if not points:
             return []
         cached = [self._points.get(x.tobytes()) for _, x in points]

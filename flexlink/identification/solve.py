@@ -1,4 +1,4 @@
-"""The search: single measurements first, then runs in growing windows; weights from the residuals; several guesses."""
+"""Search for the parameters: fit single measurements first, then runs in growing windows, from several guesses."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ class Found(NamedTuple):
     x
         Coordinates of the solution.
     cost
-        Half the sum of squares, with the noise assumed at first.
+        Half the sum of squares, with the noise assumed at the start.
     blocks
-        Blocks of every source, with the noise estimated at last.
+        Blocks of every source, with the final estimate of the noise.
     """
 
     x: Array
@@ -51,7 +51,7 @@ class Search:
     coloured
         Whether the noise of runs may be autocorrelated.
     watch
-        Called with "" for each iteration, that is for each Jacobian, as in `watch_with`.
+        Called with "" after each iteration (each Jacobian), as in `watch_with`.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class Search:
     def unlikelihood(self, x: Array, blocks: Sequence[Sequence[Block]]) -> float:
         """−2 ln of the posterior at a point, up to a constant; the noise of runs is estimated from the residuals there.
 
-        The AR coefficients are penalized: a higher order alone makes no point more likely.
+        The AR coefficients are penalized, so that a higher order alone does not make a point more likely.
         """
         known, _ = prior_rows(self.coordinates, x)
         plain, total = [[white(block) for block in part] for part in blocks], float(known @ known)
@@ -98,7 +98,7 @@ class Search:
         return total
 
     def weighed(self, x: Array, blocks: Sequence[Sequence[Block]], *, coloured: bool = False) -> list[list[Block]]:
-        """The blocks with noise from the residuals at a point: its AR model, and its deviation unless it is stated."""
+        """The blocks, with the AR model and any unstated deviation of the noise estimated from residuals at a point."""
         plain = [[white(block) for block in part] for part in blocks]
         rows = self.rows(x, plain, slopes=False)
         return [
@@ -115,7 +115,7 @@ class Search:
             return x
         bounds = np.array([one.bounds for one in self.coordinates]).T[:, free]
         change = 1e-4 if rough else 1e-12  # tolerance of an intermediate, and of the final search
-        smallest = 1e-8  # of x: the cost of runs is accurate to 1e-11, which makes smaller steps meaningless
+        smallest = 1e-8  # step of x: the cost of runs is accurate to 1e-11, which makes smaller steps meaningless
         end: dict[str, Any] = {"ftol": change, "xtol": max(smallest, change), "gtol": change}
 
         def whole(part: Array) -> Array:
@@ -131,7 +131,7 @@ class Search:
         return whole(np.asarray(found.x))
 
     def covariance(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
-        """Covariance for white noise of the assumed size, with optimal gains and biases."""
+        """Covariance of the parameters for white noise of the assumed size, with optimal gains and biases."""
         J = self._jacobian(x, blocks)
         return np.asarray(np.linalg.pinv(J.T @ J))
 
@@ -143,7 +143,7 @@ class Search:
         FlexlinkError
             The simulation fails at the initial guess.
         """
-        windows = 0.0, 0.15, 0.4  # growing parts of each run: the cost of a long run has minima one period apart
+        windows = 0.0, 0.15, 0.4  # growing parts of each run: the cost of a long run has false minima a period apart
         self.signals.model(x)
         sources = self.signals.sources
         blocks = [list(source.blocks) for source in sources]
@@ -165,7 +165,7 @@ class Search:
         return self._coloured(Found(x, cost, blocks)) if self.coloured else Found(x, cost, blocks)
 
     def near(self, x: Array) -> Array:
-        """Result of a rough search."""
+        """Result of a rough search from a point."""
         return self.least(x, [list(source.blocks) for source in self.signals.sources], rough=True)
 
     def _coloured(self, plain: Found) -> Found:
@@ -174,7 +174,7 @@ class Search:
         If the cost becomes clearly larger than with white noise, the residuals are a model error, not noise; the
         solution with white noise is then returned.
         """
-        more = 1.1  # allowed cost, relative to that with white noise
+        more = 1.1  # allowed cost, relative to the cost with white noise
         x, blocks = plain.x, plain.blocks
         for _ in range(ROUNDS):
             blocks = self.weighed(x, blocks, coloured=True)
@@ -205,7 +205,7 @@ class Search:
 
 
 def start_points(coordinates: Sequence[Coordinate], count: int) -> list[Array]:
-    """The problem's own initial guess, then points that fill the bounds, at most a factor of 2 away, evenly."""
+    """The problem's initial guess, then points spread evenly within the bounds, at most a factor of 2 away."""
     guess = np.array([one.x(one.start) for one in coordinates])
     low, high = np.array([_around(one) for one in coordinates]).T
     if count < 2:

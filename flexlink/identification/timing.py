@@ -1,6 +1,6 @@
 """Check the times of a record against the arm's slowest mode.
 
-A record shows a mode if it covers at least a tenth of its period, with two or more samples per period.
+A record shows a mode if it covers at least a tenth of the mode's period, with two or more samples per period.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def slowest_mode(scene: Scene) -> float:
 
 
 def in_periods(t: Array, hertz: float) -> str:
-    """Length of a record, and the number of periods of the slowest mode in it.
+    """Text with the length of a record and the number of periods of the slowest mode that it contains.
 
     >>> print(in_periods(np.linspace(0.0, 3.0, 601), 2.5))
     3 s, 7.5 periods of the slowest mode, 2.5 Hz
@@ -64,7 +64,7 @@ def doubts_of_times(scene: Scene, blocks: Sequence[Block], t: Array, hertz: floa
     if not 2 * between * hertz > 1:
         return ()
     spacing = (
-        f"samples are {between:.3g} s apart, {length:.4g} s in total: too far for the slowest mode, {hertz:.3g} Hz, "
+        f"samples are {between:.3g} s apart, {length:.4g} s in total: too far apart for the mode of {hertz:.3g} Hz, "
         f"which needs a sample every {1 / (2 * hertz):.2g} s or less"
     )
     if not _swings(scene, blocks, hertz, between):
@@ -76,7 +76,7 @@ def doubts_of_times(scene: Scene, blocks: Sequence[Block], t: Array, hertz: floa
 
 
 def as_long(scene: Scene, t: Array) -> Scene:
-    """The scene with a run as long as its record, with the same sampling if possible."""
+    """The scene with a run as long as the record, sampled at the same times if possible."""
     between = float(np.median(np.diff(t)))
     length = float(t[-1]) - scene.initial.time
     for sample in (float(f"{between:.9g}"), scene.run.spacing):
@@ -89,10 +89,10 @@ def as_long(scene: Scene, t: Array) -> Scene:
 
 
 def _swings(scene: Scene, blocks: Sequence[Block], hertz: float, between: float) -> bool:
-    """Whether the simulation deviates from a spline through its samples by a good part of the measured range.
+    """Whether the simulation deviates from a spline through its samples by a large part of the measured range.
 
     The simulation covers several periods of the slowest mode and enough samples for a spline. If that takes too long,
-    the comparison is with a straight line.
+    a straight line replaces the spline.
     """
     periods, most, per_period = 20, 400, 20  # smallest and largest number of periods; samples per period
     few = 8  # smallest number of samples of the record
@@ -102,7 +102,7 @@ def _swings(scene: Scene, blocks: Sequence[Block], hertz: float, between: float)
     t = np.asarray(scene.initial.time + between / every * np.arange(count), np.float64)
     try:
         run = simulate(as_long(scene, t))
-    except FlexlinkError:  # reported where the run itself is needed
+    except FlexlinkError:  # the error is reported when the run itself is needed
         return False
     for block in blocks:
         y = scipy.interpolate.CubicSpline(run.t, run.columns[block.name])(t)

@@ -1,4 +1,4 @@
-"""Progress of a fit: its parts (initial guesses, ends of profiles), and iterations of the present part."""
+"""Show the progress of a fit: its parts (initial guesses, ends of profiles) and the iterations of the current part."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ Bar = Callable[[float, str], None]
 
 
 def watch_with(bar: Bar | None, parts: int) -> Callable[[str], None]:
-    """Function that draws `bar`: call it with the name of each part that begins, and with "" after each iteration."""
+    """Function that updates `bar`: call it with the name of each part that begins, and with "" after each iteration."""
     if bar is None:
         return lambda part: None
     name, begun, iterations = "", 0, 0

@@ -24,12 +24,12 @@ BODY = record(
         ("stop", np.int64),
         ("parent", np.int64),  # number of the parent body, from 1; 0: the base
         ("begins", np.int64),  # 1: the first body of a branch, so its parent is not the body before it
-        ("slot", np.int64),  # first body of a branch: row with the state of its parent; 0: that of the base
+        ("slot", np.int64),  # first body of a branch: row with the state of its parent; 0: state of the base
         ("fork", np.int64),  # row in which the state of this body is stored for its branches; 0: it has none
         ("loaded", np.int64),  # 1: the tip wrench acts at its hinge point
         ("turned", np.int64),  # 1 if `rotation` is not the identity
         ("springs", np.int64),  # variable of its hinges' springs: 0 angles, 1 rotation vector (X, Y, Z or Z, Y, X),
-        # 2 rotation vector and the curvature of a cell that includes the next body
+        # 2 rotation vector, and curvature of the cell that it forms with the next body
         ("rotation", np.float64, (3, 3)),  # R: v_parent = R v_body at zero joint angles
         ("translation", np.float64, (3,)),  # r: hinge point in the frame of the parent body [m]
         ("mass", np.float64),  # [kg]
@@ -41,14 +41,14 @@ BODY = record(
 HINGE = record(
     [
         ("axis", np.int64),  # 0, 1, 2: revolute about X, Y, Z; 3, 4, 5: prismatic along them
-        ("stiffness", np.float64),  # k, or K_ii of coupled springs [N m/rad]; prismatic: [N/m], and so on for all units
+        ("stiffness", np.float64),  # k, or K_ii of coupled springs [N m/rad]; prismatic: [N/m], similarly for all units
         ("rest", np.float64),  # θ₀ [rad]
         ("damping", np.float64),  # d, viscous and structural, or D_ii of coupled dampers [N m s/rad]
         ("coulomb", np.float64),  # dry friction torque [N m]
         ("coulomb_width", np.float64),  # rate over which the dry torque changes sign [rad/s]
         ("armature", np.float64),  # rotor inertia, added to the diagonal of M [kg m²]
-        ("lower", np.float64),  # joint limits, for information only; ±inf: none [rad]
-        ("upper", np.float64),
+        ("lower", np.float64),  # lower joint limit, for information only; −inf: none [rad]
+        ("upper", np.float64),  # upper joint limit; inf: none [rad]
         ("prescribed", np.int64),  # 1 if the motion of the hinge is prescribed and its torque unknown
     ]
 )
@@ -73,7 +73,7 @@ DRAG = record(
 )
 
 SPRINGS = numbered("angles rotation cell")
-"""Variable of the springs of a body's hinges (`BODY.springs`); `cell` includes those of the next body outward."""
+"""Variable on which the springs of a body's hinges act (`BODY.springs`); `cell` includes the next body's hinges."""
 SLIDES = 3
 """Hinges with at least this axis number are prismatic. The hinges of a body are all revolute or all prismatic."""
 

@@ -1,1 +1,1 @@
-"""From a scene to its motion in time."""
+"""Simulation: the motion in time of a scene's arm."""

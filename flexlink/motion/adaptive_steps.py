@@ -21,13 +21,13 @@ from flexlink.results.record import Record
 from flexlink.results.stop_reasons import EvaluationLimitError, Failure, LawFailure
 
 NEAR = 1e-9
-"""Two times closer than this fraction of the sampling interval count as equal."""
+"""Fraction of the sampling interval within which two times count as equal."""
 
 
 class AdaptiveSteps(MethodSteps):
-    """Adaptive or implicit stepper of a run; `failure` is why it ended early.
+    """Adaptive or implicit stepper of a run; if the run ends early, `failure` gives the reason.
 
-    `halved` halves its longest steps; `passes` allows a step to pass a sample.
+    `halved` halves the longest steps; `passes` allows a step to extend beyond a sample.
     """
 
     def __init__(
@@ -37,7 +37,7 @@ class AdaptiveSteps(MethodSteps):
         self.control, self.ends = control, ends(record, control)
         self.failure: Failure | None = None
         self.budget = Budget(run.max_evaluations, run.duration)
-        self.slow = 0, ""  # index of the next sample when slow progress was found, and the warning to issue meanwhile
+        self.slow = 0, ""  # index of the next sample when slow progress was found, and the warning about it
         super().__init__(record, control is None, halved, passes)
         begin(self)
 
@@ -66,7 +66,7 @@ class AdaptiveSteps(MethodSteps):
     def go(self, inputs: Inputs, start: float, end: float) -> Failure | None:
         """Integrate from `start` to `end` [s] under these inputs, and return the failure, if any.
 
-        If both times are equal, it only compiles.
+        If both times are equal, the steps are only compiled.
         """
         self.act(inputs)
         self.aim(start, end)
@@ -83,7 +83,7 @@ class AdaptiveSteps(MethodSteps):
         return self.failure
 
     def _call_law(self, k: int) -> Iterator[Reached]:
-        """Call the controller at instant `k`, if there is one; if it fails, first yield the samples before it."""
+        """Call the control law, if any, at instant `k`; if it fails, first yield the samples before that instant."""
         if self.control is None or k == len(self.control.times):
             return
         try:
@@ -95,15 +95,15 @@ class AdaptiveSteps(MethodSteps):
 
     @property
     def _part(self) -> float:
-        """Fraction of the run's duration that is done."""
+        """Fraction of the run's duration that is completed."""
         return (self.time - float(self.record.t[0])) / self.run.duration
 
     def _take(self, choice: tuple[str, str], now: float) -> None:
         super()._take(choice, now)
-        self.budget.safe = 0.0  # a step may cost more now
+        self.budget.safe = 0.0  # a step may need more evaluations now
 
     def _advance(self, most: int) -> int:
-        """Take up to `most` steps, at most to the end of the piece; switch to another method where it is cheaper."""
+        """Take up to `most` steps, at most to the end of the piece; switch to another method if that one is cheaper."""
         if most > 0 and self.tries >= self.consider_at:
             consider(self)
         most = min(most, self.consider_at - self.tries)
@@ -117,7 +117,7 @@ class AdaptiveSteps(MethodSteps):
                 break
             if self.count[COUNT.knot] == len(self.knots[0]):
                 how = OUTCOME.ended
-            elif is_far(self.record, self.state[0]):  # as after an undivided step
+            elif is_far(self.record, self.state[0]):  # change coordinates, as after an undivided step
                 how = OUTCOME.turned
             else:
                 how = self.take(max(least, last - int(self.count[COUNT.steps])))
@@ -130,7 +130,7 @@ class AdaptiveSteps(MethodSteps):
                 self.go_on_with(others[0])
                 how, self.judged, self.tried_for = int(OUTCOME.goes_on), None, None
         if how == OUTCOME.stuck:
-            # the smallest part of a fixed step that is tried
+            # shortest step tried; a fixed step is divided into at most 64 parts
             h = self.work.stepper[STEPPER.step] if self.run.controlled else self.run.fixed_step / 64
             unsolved = self.work.stepper[STEPPER.refusal] == REFUSAL.iteration
             worst = int(self.work.stepper[STEPPER.worst_joint]) if unsolved else None
@@ -139,12 +139,12 @@ class AdaptiveSteps(MethodSteps):
         return how
 
     def _affordable(self, most: int) -> int:
-        """Number of steps, up to `most`, that the budget allows; at 0 the run has failed."""
+        """Number of steps, up to `most`, that the budget allows; 0 means that the run has failed."""
         if self.dearest and self.evaluations + most * self.dearest > self.budget.safe:
             most = min(most, self.budget.affordable(self._spent(), self.dearest))
             if self.budget.slow and not self.slow[1]:
                 self.slow = self.row, "; ".join(slow_progress(self.record, self.state, self.time, self.budget.slow))
-            if most and self.budget.slow and loop_is_unstable(self.record):  # motion only grows: stop at once
+            if most and self.budget.slow and loop_is_unstable(self.record):  # motion would only grow, so stop at once
                 most, self.budget.over = 0, self.budget.slow
             if not most:
                 where = slow_progress(self.record, self.state, self.time, self.budget.over)
@@ -156,10 +156,10 @@ class AdaptiveSteps(MethodSteps):
 
 
 def ends(record: Record, control: Control | None) -> list[float]:
-    """End times of the pieces of a run [s]: sampling instants of the controller, and the end of the run."""
+    """End times of the pieces of a run [s]: sampling instants of the control law, and the end of the run."""
     run = record.run
     start, end = float(record.t[0]), float(record.t[-1])
-    if not run.controlled:  # on the grid of all steps, bit for bit
+    if not run.controlled:  # computed as in the steps, so that times agree bit for bit
         start, end = (run.fixed_step * (record.origin + k * run.steps_per_sample) for k in (0, len(record.t) - 1))
     between = [] if control is None else control.times[1:].tolist()
     return [*(t for t in between if t < end - NEAR * run.spacing), *([end] if end > start else [])]

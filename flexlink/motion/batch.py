@@ -1,8 +1,8 @@
 """simulate_many(scenes): similar scenes run side by side, eight in one pass of the compiled loop.
 
-Runs with a tolerance go one by one. Each has its own step lengths, and so its own matrices to factor, and one rejected
-step would hold up the other seven. All their steps are only 15 to 30 % of their cost (measured with ten joints, Radau5,
-1e-4 m, 0.1 to 1 s).
+Runs with a tolerance are simulated one by one. Each has different step lengths, and so different matrices to factorize,
+and one rejected step would delay the other seven runs. Besides, steps take only 15 to 30 % of the time of such a run
+(measured with ten joints, Radau5, 1e-4 m, 0.1 to 1 s).
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ Outcome = Ended | FlexlinkError
 
 
 def simulate_many(scenes: Sequence[Scene], *, threads: int = 1) -> list[Trajectory]:
-    """Simulate many scenes; similar neighbours in the list run eight side by side.
+    """Simulate many scenes; similar scenes that are adjacent in the list run eight at a time, side by side.
 
     Similar scenes differ only in initial state, dimensions, materials and gravity. They have the same layout of bodies
     and hinges, the same drive, motion, wrench (constant in frame 0) and run settings, dynamics "articulated", and a
-    drive that is not sampled and uses no rigid model. All others run one by one. Numbers and checks are those of single
-    runs.
+    drive that is not sampled and uses no rigid model. All other scenes run one by one. Results and checks are the same
+    as for single runs.
 
     Parameters
     ----------
@@ -54,9 +54,9 @@ def simulate_many(scenes: Sequence[Scene], *, threads: int = 1) -> list[Trajecto
     ArgumentError
         `scenes` contains an item that is not a Scene, or `threads` is not an integer of at least 1.
     UnstableStepError
-        The step of a member is larger than its largest stable one; unstable = "allow" overrides this.
+        A scene's step is larger than its largest stable step; unstable = "allow" overrides this check.
     DivergenceError
-        A member diverged, as in `simulate`; the error's `runs` contains all runs, that one up to its last good sample.
+        A run diverged, as in `simulate`; the error's `runs` contains all runs, this one up to its last good sample.
     InterruptedRunError
         Ctrl-C or SIGTERM; its `runs` contains all runs up to that point.
 
@@ -86,17 +86,17 @@ def simulate_many(scenes: Sequence[Scene], *, threads: int = 1) -> list[Trajecto
 
 
 def outcomes(scenes: Sequence[Scene], stop: Stop, *, compared: int | None = None) -> list[Outcome]:
-    """Outcome of every scene, a run or an error; similar neighbours run side by side.
+    """Return the outcome of every scene, a run or an error; adjacent similar scenes run side by side.
 
     Each outcome is bit-identical whatever the other scenes are. Only the first `compared` scenes (None: all) are
-    compared with verification runs, if their steps require one.
+    compared with verification runs, if their steps require such a run.
     """
     ends = ends_of(scenes, stop, compared=compared)
     return [end.trajectory() if isinstance(end, Run) else end for end in ends]
 
 
 def ends_of(scenes: Sequence[Scene], stop: Stop, *, compared: int | None = None) -> Iterator[Run | Outcome]:
-    """Yield the `outcomes`; a member that passed all checks within its block is yielded as a `Run` of that block."""
+    """Yield the `outcomes` one by one; if a member passed all checks in its block, yield a `Run` of that block."""
     members = prepared(scenes, compared)
     kept, before = Kept(), None
     ends: deque[Run | Outcome] = deque()
@@ -115,7 +115,7 @@ def ends_of(scenes: Sequence[Scene], stop: Stop, *, compared: int | None = None)
 
 
 def prepared(scenes: Sequence[Scene], compared: int | None = None) -> list[Member | FlexlinkError]:
-    """Problems of all scenes after the check of their steps, or their errors; `compared` as in `outcomes`."""
+    """Build the problem of every scene and check its step; return members or errors; `compared` as in `outcomes`."""
     most = len(scenes) if compared is None else compared
     problems = problems_of(scenes)
     good = [problem for problem in problems if isinstance(problem, InitialValueProblem)]
@@ -148,7 +148,7 @@ def _blocks(members: Iterable[Member]) -> Iterator[list[Member]]:
 
 
 def _simulated(members: Sequence[Member], kept: Kept, stop: Stop) -> Sequence[Run | Outcome]:
-    """Simulate members in lanes, even a single one, so that its numbers do not depend on its neighbours."""
+    """Simulate members in lanes. Even a single member uses a lane, so its numbers do not depend on its neighbours."""
     if not members[0].along:
         return [_alone(members[0], stop)]
     try:
@@ -163,7 +163,7 @@ def _simulated(members: Sequence[Member], kept: Kept, stop: Stop) -> Sequence[Ru
 
 
 def _ended(end: Run | Outcome) -> Ended:
-    """Return how a run ended; raise the error of a run that did not start."""
+    """Return the outcome of a run that started; raise the error of a run that did not."""
     if isinstance(end, Run):
         return end.trajectory()
     if isinstance(end, FlexlinkError) and not isinstance(end, DivergenceError | InterruptedRunError):

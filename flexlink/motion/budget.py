@@ -6,20 +6,22 @@ import warnings
 from typing import NamedTuple
 
 LOOKS = 100
-"""Number of progress checks per budget; two slow ones in a row, a fiftieth of the budget, trigger a warning."""
+"""Number of progress checks per budget. Slow progress in two consecutive checks, after a fiftieth of the budget,
+triggers a warning."""
 
 FEWEST = 100
-"""Minimum number of steps between two checks: after a jump the first steps are tiny, each up to five times the last."""
+"""Minimum number of steps between two checks: after a jump steps are tiny, and grow at most fivefold from one to the
+next."""
 
 SHORTEST = 1e-10
-"""Mean step between two checks, relative to the duration, below which a run is stuck.
+"""Mean step between two checks, relative to the duration, below which a run is considered stuck.
 
-It would need 1e10 steps for the duration, 10,000 times the default budget.
+At this step a run would need 1e10 steps, 10,000 times the default budget.
 """
 
 
 class Spent(NamedTuple):
-    """Evaluations spent, and time reached."""
+    """Time reached, and numbers of steps and evaluations so far."""
 
     time: float  # [s]
     steps: int
@@ -34,9 +36,9 @@ class Budget:
     over
         Why the run must stop; empty while it may go on.
     slow
-        Why the run would exceed its budget at its present pace; empty until two checks in a row find that.
+        Why the run would exceed its budget at its present pace; empty until two consecutive checks predict this.
     safe
-        Number of evaluations up to which no check is due.
+        Number of evaluations after which the next check is due.
     """
 
     def __init__(self, most: float, duration: float) -> None:
@@ -44,7 +46,7 @@ class Budget:
         self.begin(Spent(0.0, 0, 0), 0.0)
 
     def begin(self, now: Spent, end: float, dearest: int = 0) -> None:
-        """Start the budget for integration to `end` [s]; `dearest`: most evaluations of a step, to time the checks."""
+        """Start the budget for integration to `end` [s]; a step takes at most `dearest` evaluations."""
         self.over = self.slow = ""
         self._crawls = False
         self._start = self._last = now
@@ -52,7 +54,7 @@ class Budget:
         self.safe = now.evaluations + min(self.most, self._apart(dearest)) if dearest else 0.0
 
     def affordable(self, now: Spent, dearest: int) -> int:
-        """Number of steps up to the next check if each takes `dearest` evaluations; 0: the run must stop.
+        """Number of steps to the next check if each takes `dearest` evaluations; 0 means that the run must stop.
 
         Checks are timed by evaluations, so that a run stops at the same step on every machine.
         """
@@ -70,7 +72,7 @@ class Budget:
         return int((self.safe - now.evaluations) / dearest)
 
     def _apart(self, dearest: int) -> float:
-        """Evaluations between two checks."""
+        """Number of evaluations between two checks."""
         return max(self.most / LOOKS, float(FEWEST * dearest))
 
     def _check_progress(self, now: Spent) -> None:
@@ -86,7 +88,7 @@ class Budget:
         crawled, self._crawls = self._crawls, now.evaluations - self._start.evaluations + rest > self.most
         if crawled and self._crawls and not self.slow:
             enough = f"more than max_evaluations = {self.most:g}"
-            self.slow = f"at steps of {mean:.2g} s, the rest of the run takes {rest:.2g} evaluations, {enough}"
+            self.slow = f"with steps of {mean:.2g} s, the rest of the run takes {rest:.2g} evaluations, {enough}"
 
 
 def warn(text: str) -> None:

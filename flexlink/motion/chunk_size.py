@@ -1,4 +1,4 @@
-"""Size of the chunks of a run: number of steps before Python checks samples, signals and the terminal."""
+"""Chunk size of a run: number of compiled steps between two checks of samples, signals and terminal by Python."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ BREATH = 0.1  # time between two checks of samples, signals and the terminal [s]
 
 
 Reached = tuple[int, float]
-"""Progress of a run: number of samples computed, and the fraction of its duration."""
+"""Progress of a run: number of samples computed, and completed fraction of its duration."""
 
 
 class ChunkSize:
-    """Adaptive chunk size: `size` steps take about `BREATH`. It starts small for `n` joints, and grows up to 8-fold."""
+    """Adaptive chunk size, such that `size` steps take about `BREATH`; it starts small, and grows at most 8-fold."""
 
     def __init__(self, n: int) -> None:
-        evaluations = 2000  # of one joint in the first chunk: at most 20 ms with any method
+        evaluations = 2000  # for one joint in the first chunk; with any method they take at most 20 ms
         self.size, self._started = max(1, evaluations // n), time.perf_counter()
         self._looked = self._started
 
     def start(self) -> int:
-        """Start timing a chunk; returns `size`."""
+        """Start timing a chunk; return its `size`."""
         self._started = time.perf_counter()
         return self.size
 
@@ -30,9 +30,9 @@ class ChunkSize:
         return time.perf_counter() - self._started >= BREATH
 
     def end(self) -> bool:
-        """Adapt `size` after a chunk of `size` steps; returns whether a check is due."""
+        """Adapt `size` after a chunk of `size` steps; return whether a check is due."""
         now = time.perf_counter()
-        # the limit of 8 splits short runs into a few chunks, and keeps a stopped clock from running all in one
+        # growth by at most 8 splits short runs into a few chunks, and limits chunks even if the clock has stopped
         self.size = max(1, int(self.size * min(8.0, BREATH / max(now - self._started, 1e-9))))
         due = not 0 < now - self._looked < BREATH / 4  # 0: the clock has stopped
         if due:

@@ -1,10 +1,10 @@
-"""CPU time of a run's steps: number of each of their operations times its listed cost.
+"""CPU time of a run's steps: the number of operations of each kind, times the listed cost of one operation.
 
 Methods are chosen by these costs, so the choice does not depend on the speed of the machine. Set-up and samples are not
-included. An operation costs a constant, plus a part for each body (by its number of hinges), coupling, joint with dry
-friction, driven joint, and body of the rigid model that a control law evaluates. An evaluation is a stage of an
-explicit method, or a stage in one Newton iteration of an implicit one. The costs were measured on one machine;
-`machine_factor` scales them to this one.
+included. The cost of an operation is a constant, plus an amount for each body (by its number of hinges), coupling,
+joint with dry friction, driven joint, and driven joint whose control law evaluates a rigid model. An evaluation is a
+stage of an explicit method, or a stage in one Newton iteration of an implicit one. The costs were measured on one
+machine; `machine_factor` scales them to the present one.
 """
 
 from __future__ import annotations
@@ -37,24 +37,24 @@ OPERATIONS = (
 )  # fmt: skip
 """Operations of a step.
 
-Evaluations; attempted steps; restarts at a knot; factorizations of a stage's linear systems (implicit methods);
-weightings of the error of the rates; matrices of single stages, and solutions with them; responses of a stage to
-friction at a joint; multiplications in the small system of these responses.
+In this order they are: evaluations; attempted steps; restarts at a knot; factorizations of a stage's linear systems
+(implicit methods); weightings of the errors of rates; set-ups of the matrix of a single stage; solutions with such a
+matrix; responses of a stage to friction at a joint; multiplications in the small system of these responses.
 """
 
 
 class Rate(Spec, frozen=True):
-    """Cost of an operation [µs]: `start`, `body` for each body with 0, 1, … hinges, and one cost per other item."""
+    """Cost of an operation [µs]: `start` once, `body` per body with 0, 1, … hinges, and a cost for each other item."""
 
     start: NonNegative = 0.0
     body: tuple[NonNegative, ...] = ()
     coupling: NonNegative = 0.0
     dry: NonNegative = 0.0
-    """For each joint with dry friction."""
+    """Cost for each joint with dry friction [µs]."""
     driven: NonNegative = 0.0
-    """For each driven joint."""
+    """Cost for each driven joint [µs]."""
     model: NonNegative = 0.0
-    """For each driven joint whose control law evaluates a rigid model."""
+    """Cost for each driven joint whose control law evaluates a rigid model [µs]."""
 
     @property
     def parts(self) -> list[float]:
@@ -64,18 +64,18 @@ class Rate(Spec, frozen=True):
 
 
 Rates = dict[str, dict[str, dict[str, dict[str, Rate]]]]
-"""Rates by plane or space, plain or full chain, kind of method, and operation."""
+"""Cost rates by planar or spatial chain, plain or full loops, kind of method, and operation."""
 
 
 @functools.cache
 def rates() -> Rates:
-    """Measured rates of chains in a `plane` or in `space`, `plain` or `full`, by `explicit` or `implicit` methods."""
+    """Measured cost rates, by "plane" or "space", "plain" or "full", "explicit" or "implicit", and operation."""
     return decode(read_toml(Path(__file__).parent / "data" / "evaluation_costs.toml"), Rates)
 
 
 @functools.cache
 def listed(place: str, has: str, kind: str) -> list[list[float]]:
-    """Rates of `OPERATIONS` [µs], each with its `parts`; read-only."""
+    """Rates of all `OPERATIONS` [µs], each as the list of its `parts`; read-only."""
     found = rates()[place][has][kind]
     return [found[name].parts if name in found else [0.0] * 9 for name in OPERATIONS]
 
@@ -87,9 +87,9 @@ def bodies_of(chain: Chain) -> Bodies:
 
 
 def parts_of(chain: Chain, drive: Drive | None) -> Array:
-    """Multipliers of an operation's costs on a chain, (9,): 1, bodies by hinges, couplings, joints by kind.
+    """Multipliers (9,) of the parts of an operation's cost: 1, bodies by hinges, couplings, joints by kind.
 
-    A torque table, such as torques held from outside, costs almost nothing.
+    Evaluating a torque table, such as held torques set by a caller, costs almost nothing.
     """
     driven = 0 if drive is None or drive.law == TABLE else len(drive.joints)
     model = driven if drive is not None and drive.law >= PD_GRAVITY else 0
@@ -98,9 +98,9 @@ def parts_of(chain: Chain, drive: Drive | None) -> Array:
 
 
 def operation_costs(chain: Chain, *, explicit: bool, drive: Drive | None = None) -> list[float]:
-    """CPU time of each of `OPERATIONS` [s] on a chain under a drive, if there is one.
+    """CPU time of each of the `OPERATIONS` [s] on a chain with its drive, if it has one.
 
-    A sampled control law is evaluated at restarts, any other at every stage. A motor with a torque limit is checked
+    A sampled control law is evaluated at restarts, any other law at every stage. Torque limits of motors are checked
     after each step.
     """
     has = "plain" if chain.arrays.rare is None else "full"
@@ -115,19 +115,19 @@ def operation_costs(chain: Chain, *, explicit: bool, drive: Drive | None = None)
 
 
 def evaluation_cost(chain: Chain, *, explicit: bool) -> float:
-    """CPU time of one evaluation [s] on a chain; for an implicit method with its share of a step's other operations."""
+    """CPU time of one evaluation [s] on a chain; for implicit methods it includes its share of the other operations."""
     return _evaluation_cost(chain, 0 if explicit else 3, explicit=explicit)
 
 
 def run_cost(chain: Chain, name: str, evaluations: float) -> float:
-    """CPU time [s] of a number of evaluations by the named method, with the other operations of its steps."""
+    """CPU time [s] of steps by the named method with this number of evaluations, including all other operations."""
     rule = method(name)
     stages = rule.stages if rule.controlled or not rule.explicit else 0
     return evaluations * _evaluation_cost(chain, stages, explicit=rule.explicit)
 
 
 def _evaluation_cost(chain: Chain, stages: int, *, explicit: bool) -> float:
-    """CPU time of one evaluation [s], with its share of the other operations of a step of `stages` stages; 0: none."""
+    """CPU time of one evaluation [s], including its share of the other operations of a step if `stages` is not 0."""
     costs = operation_costs(chain, explicit=explicit)
     if stages == 0:
         return costs[0]
@@ -137,7 +137,8 @@ def _evaluation_cost(chain: Chain, stages: int, *, explicit: bool) -> float:
 def cost_of_a_step(costs: list[float], stages: int, *, explicit: bool) -> float:
     """CPU time of one attempted step [s] from the costs of `OPERATIONS`.
 
-    Each error is weighted with three time constants; an explicit method has two errors, an implicit one has one.
+    Each error estimate is weighted three times, with different time constants. Explicit methods have two estimates,
+    implicit methods one.
     """
     systems, weighed = (0, 6) if explicit else (stages, 3)
     often = [_passes(explicit) * stages, 1, 0, systems, weighed, 0, 0, 0, 0]
@@ -145,24 +146,24 @@ def cost_of_a_step(costs: list[float], stages: int, *, explicit: bool) -> float:
 
 
 def _passes(explicit: bool) -> int:
-    """Newton iterations in a step; 1 for an explicit method."""
+    """Assumed number of Newton iterations in a step; 1 for an explicit method."""
     return 1 if explicit else 2
 
 
 def step_cost(chain: Chain, name: str) -> float:
-    """CPU time of one step [s]; an implicit step takes two Newton iterations."""
+    """CPU time of one step [s], assuming two Newton iterations for an implicit method."""
     rule = method(name)
     return run_cost(chain, name, _passes(rule.explicit) * rule.stages)
 
 
 def machine_factor(problem: InitialValueProblem) -> float:
-    """Measured cost of an evaluation on this machine relative to the listed one; takes about 5 ms."""
+    """Measured cost of an evaluation on this machine, relative to the listed cost; measuring takes about 5 ms."""
     drive = problem.inputs.drive
     return evaluation_time(problem) / operation_costs(problem.chain, explicit=True, drive=drive)[0]
 
 
 def evaluation_time(problem: InitialValueProblem) -> float:
-    """Measured CPU time [s] of one stage of an explicit method in its compiled loop: the minimum of five."""
+    """Measured CPU time [s] of one stage of an explicit method in its compiled loop, the minimum of five timings."""
     state = problem.q.copy(), problem.qd.copy(), np.zeros(1)
     none = *np.empty((2, 0, problem.chain.n)), np.empty(0)
     rule = method("RK2")

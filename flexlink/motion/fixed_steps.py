@@ -20,20 +20,20 @@ from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import Failure
 
 Lanes = tuple[Any, Arrays, Arrays]
-"""Workspace, state (n, 8) and samples (rows, n, 8) of eight runs side by side."""
+"""Workspace, state (n, 8) and samples (rows, n, 8) of eight runs that are integrated side by side."""
 
 
 class FixedSteps:
-    """Stepper of a run, or of eight side by side in `lanes`; `failure` is why it ended early."""
+    """Stepper of a run, or of eight runs side by side in `lanes`; if it ends early, `failure` gives the reason."""
 
-    slow, deflection, angle_travelled = (0, ""), 0.0, 0.0  # only adaptive and implicit steps have these
+    slow, deflection, angle_travelled = (0, ""), 0.0, 0.0  # constant: only adaptive and implicit steps change these
 
     def __init__(self, record: Record, control: Control | None = None, lanes: Lanes | None = None) -> None:
         self.record, self.run, self.origin = record, record.run, record.origin
         self.failure: Failure | None = None
         self.tableau = method(record.run.method).arrays
         self.no_samples = *np.empty((2, 0, record.chain.n)), np.empty(0)
-        self._inputs: Inputs | None = None  # for which `_integrate` is compiled
+        self._inputs: Inputs | None = None  # the inputs that `_integrate` is compiled for
         record.begin()
         if lanes is None:
             start = record.q[0].copy(), record.qd[0].copy(), np.zeros(1)
@@ -81,7 +81,7 @@ class FixedSteps:
 
     @property
     def steps(self) -> Steps:
-        """Counts of the steps so far."""
+        """Step counts so far."""
         return steps_up_to(self.run, self._done)
 
     @property
@@ -90,7 +90,7 @@ class FixedSteps:
         return ((0, self.run.method, ""),)
 
     def steps_before(self, row: int) -> Steps:
-        """Counts of the steps up to a sample."""
+        """Step counts up to a sample."""
         return steps_up_to(self.run, row * self.run.steps_per_sample)
 
     @property
@@ -107,15 +107,15 @@ class FixedSteps:
 
 
 def steps_up_to(run: RunSettings, number: int) -> Steps:
-    """Counts after a number of steps."""
+    """Step counts after a number of steps."""
     return Steps(run.method, number, number * method(run.method).stages)
 
 
 def pieces(run: RunSettings, record: Record, scratch: Any, state: Arrays, samples: Arrays) -> Iterator[int]:
-    """Integrate in chunks of about `BREATH`; yield the number of the last step with a finite state, first 0.
+    """Integrate in chunks of about `BREATH`; yield the number of the last step with a finite state, starting with 0.
 
-    The state and the samples are filled in place: of one chain or, with their workspace, of eight side by side. See
-    `integrate`.
+    The state and the samples are filled in place, for one chain or, with the workspace of lanes, for eight side by
+    side. See `integrate`.
     """
     first, last, every = 0, (run.samples - 1) * run.steps_per_sample, run.steps_per_sample
     fixed = scratch, method(run.method).arrays, record.inputs, run.fixed_step, record.origin

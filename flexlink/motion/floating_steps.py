@@ -1,4 +1,4 @@
-"""Fixed steps of an arm whose base may be free; a base that has turned far changes coordinates."""
+"""Fixed steps of an arm whose base may be free; when the base has turned far, its coordinates change."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from flexlink.dynamics.floating_base import ANGLES, FAR
 from flexlink.results.record import Record
 
 Arrays = tuple[Array, Array, Array]
-"""q, q̇ and W."""
+"""Angles q, rates q̇ and work W."""
 
 
 def far_of(record: Record) -> float:
-    """Rotation of a free base at which it changes coordinates [rad]; inf if the base is fixed."""
+    """Rotation of a free base at which its coordinates change [rad]; inf if the base is fixed."""
     return np.inf if record.base is None else FAR
 
 
@@ -35,7 +35,7 @@ def advance(
 ) -> int:
     """Integrate to step `stop`; return the number of the last step with a finite state.
 
-    A free base that has turned far changes coordinates, also at `stop`: so the result does not depend on `stop`.
+    If a free base has turned far, its coordinates change, even at step `stop`: later steps do not depend on `stop`.
     """
     far, (every, (q, qd, _), _) = far_of(record), rest
     done = int(go(*fixed, first, stop, far, *rest))

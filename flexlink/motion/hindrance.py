@@ -1,4 +1,4 @@
-"""Known causes of short steps and of failing Newton iterations, each with a remedy."""
+"""Known causes of short steps and failed Newton iterations, each with a remedy."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ def slow_progress(record: Record, state: Sequence[Array], t: float, how: str) ->
 
 
 def stuck(record: Record, q: Array, t: float, h: float, *, unsolved: int | None, explicit: bool) -> Failure:
-    """Failure of a run if no step down to h [s] works at time t [s]; `unsolved`: joint at which stages failed."""
+    """Failure of a run in which even steps of h [s] fail at time t [s]; `unsolved`: joint whose stages failed."""
     run, chain = record.run, record.chain
-    text, id = f"no step down to {h:.3g} s meets the tolerance at t = {t:.6g} s", "tolerance-not-met"
+    text, id = f"even steps of {h:.3g} s miss the tolerance at t = {t:.6g} s", "tolerance-not-met"
     if unsolved is not None:
         reason, id = "Newton's iteration does not converge", "newton-failed"
         if explicit:
             reason, id = "the state is no longer finite", "diverged"
-        text = f"no step down to {h:.3g} s works at t = {t:.6g} s: {reason} (joint {chain.joint_name(unsolved)!r})"
+        text = f"even steps of {h:.3g} s fail at t = {t:.6g} s: {reason} (joint {chain.joint_name(unsolved)!r})"
     if known := hindrance(record, q):
         cause, advice = known
         return Failure(f"{text}; {cause}", advice, id=id)
@@ -66,15 +66,16 @@ def stuck(record: Record, q: Array, t: float, h: float, *, unsolved: int | None,
 
 def loop_is_unstable(record: Record) -> bool:
     """Whether motion grows from sample to sample with a sampled drive, but not without it."""
-    # minimum relative excess over the growth without the drive, which a toppling arm also has
+    # minimum relative excess over the growth without the drive, since motion of a toppling arm grows anyway
     faster_growth = 1e-3
     growth, without = sampled_growth(record)
     return growth > max(1.0, without) * (1.0 + faster_growth)
 
 
 def _locked_gimbal(record: Record, q: Array) -> tuple[str, str] | None:
-    """Cause and remedy if the outer two axes of a three-axis hinge nearly coincide, else None."""
-    # cosine below which the outer two of three axes nearly coincide: their rates are ten times the body's
+    """Cause and remedy if the first and third axes of a three-axis hinge nearly coincide, else None."""
+    # cosine of the second angle below which the first and third axes nearly coincide, so that the rates of these two
+    # angles are ten times the angular rate of the body
     near_gimbal_lock = 0.1
     chain, places = record.chain, [(c.link, c.segment, c.of_root) for c in record.chain.coordinates]
     for place, group in itertools.groupby(range(chain.n), key=lambda k: places[k]):
@@ -82,18 +83,18 @@ def _locked_gimbal(record: Record, q: Array) -> tuple[str, str] | None:
         if len(axes) == 3 and abs(np.cos(q[axes[1]])) < near_gimbal_lock:
             name, angle = chain.joint_name(axes[1]), np.degrees(q[axes[1]])
             return (
-                f"hinge {name!r} is bent by {angle:.1f}°, near gimbal lock: two of its three axes coincide",
+                f"hinge {name!r} is bent by {angle:.1f}°, near gimbal lock: two of its three axes nearly coincide",
                 "use more segments or a shorter run",
             )
     return None
 
 
 def sampled_growth(record: Record) -> tuple[float, float]:
-    """Growth of the fastest growing motion per sampling period of a drive, with and without the drive.
+    """Growth factor of the fastest growing motion per sampling period of a drive, with and without the drive.
 
-    Growth is the largest |λ| of Φ − Γ K. Φ = exp(A T) and Γ = ∫ exp(A t) B dt belong to the arm linearized about its
-    start, where it is held at rest; K are the gains of the control law. Both numbers are 0 without sampling. Growth
-    without the drive is computed only if that with the drive exceeds 1, else it is 1.
+    With the drive it is the largest |λ| of Φ − Γ K. Φ = exp(A T) and Γ = ∫ exp(A t) B dt belong to the arm linearized
+    about its start, where it is held at rest; K are the gains of the control law. If the drive is not sampled, both
+    factors are 0. The factor without the drive is computed only if the first one exceeds 1, else it is 1.
     """
     if not record.inputs.drive.rate:
         return 0.0, 0.0

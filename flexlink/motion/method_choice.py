@@ -1,4 +1,4 @@
-"""method = "auto": the integration method expected to reach the tolerance at the lowest cost, and the reason."""
+"""Choice by method = "auto": the method expected to meet the tolerance at the lowest cost, and the reason for it."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from flexlink.results.record import Record
 STIFF = 600.0
 """Fastest frequency (or decay rate) times duration above which a run does not start with Radau9.
 
-The start excites vibration that needs short steps; Radau5 damps it first.
+The start excites fast vibration. Radau9 would need short steps to follow it; Radau5 damps it first.
 """
 
 SMALL = 1e-5
-"""Tolerance relative to the size below which Radau9 needs so few steps that it is clearly cheaper than Radau5."""
+"""Tolerance relative to the arm's size below which Radau9 is clearly cheaper than Radau5, as it needs fewer steps."""
 
 
 def cheapest(record: Record, tolerance: float, slowest: float) -> tuple[str, str]:
@@ -43,10 +43,10 @@ def guessed_costs(record: Record, tolerance: float) -> dict[str, float]:
     """Cost of the complete run by each method [s], as estimated at the start.
 
     An explicit method takes somewhat more steps than stability requires for the fastest mode or damper. Gains of a
-    drive count as springs and dampers, and dry friction at rest as a damper of its steepest slope. Steps of an implicit
-    method do not depend on these. Their number was measured on 80 random scenes: Radau5 attempts 12 steps at 1e-2 of
-    the size, 19 at 1e-3, 30 at 1e-4 and 76 at 1e-6, within a factor of 1.7 for half of the scenes. Radau9 needs fewer,
-    unless dry friction makes the motion nonsmooth.
+    drive are treated as springs and dampers, and dry friction as a damper with its steepest slope. The number of steps
+    of an implicit method depends on none of these. It was measured on 80 random scenes: Radau5 attempts 12 steps with a
+    tolerance of 1e-2 times the size, 19 with 1e-3, 30 with 1e-4 and 76 with 1e-6, within a factor of 1.7 for half of
+    the scenes. Radau9 needs fewer steps, except where dry friction makes the motion nonsmooth.
     """
     run, part = record.run, tolerance / record.chain.size
     fastest, strict = max(fastest_motion(record, record.q[0])), 1e-2 / part
@@ -62,7 +62,7 @@ def guessed_costs(record: Record, tolerance: float) -> dict[str, float]:
 
 
 def prices(record: Record, *, explicit: bool) -> list[float]:
-    """CPU time of each of `OPERATIONS` on a record's chain [s]."""
+    """CPU time of each of the `OPERATIONS` on a record's chain [s]."""
     find = functools.partial(operation_costs, record.chain, explicit=explicit, drive=record.inputs.drive)
     found: list[float] = record.kept(("prices", explicit), None, find)
     return found
@@ -75,10 +75,10 @@ def price_of_a_step(record: Record, name: str) -> float:
 
 
 def tumbles(record: Record) -> bool:
-    """Whether rigid bodies fly freely: no springs, slow dampers, and only the motion itself limits the step.
+    """Whether rigid bodies tumble freely: there are no springs or fast dampers, so only the motion limits the step.
 
-    Tumbling bodies amplify the errors of long steps. Explicit steps end at samples there, and so are much more accurate
-    than required.
+    Tumbling amplifies the errors of long steps. Explicit steps of such bodies therefore end at every sample, and are
+    much more accurate than required.
     """
     if record.base is None:
         return False
@@ -87,7 +87,7 @@ def tumbles(record: Record) -> bool:
 
 
 def _nothing_holds(record: Record) -> bool:
-    slow = 500.0  # decay rate times the duration of the run
+    slow = 500.0  # a damper is slow if its decay rate times the duration of the run is at most this
     frequency, decay = fastest_motion(record, record.q[0])
     return frequency == 0.0 and decay * record.run.duration <= slow
 

@@ -1,4 +1,4 @@
-"""Steps of a run by one or several methods: memory of the steps, changes of coordinates, switches of method."""
+"""Steps of a run by one or several methods: data kept between steps, changes of coordinates, switches of method."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ from flexlink.results.record import Record
 from flexlink.results.samples import Steps
 
 NEVER = 2**62
-"""Number of steps that is never reached."""
+"""A number of steps that no run reaches."""
 
 
 class MethodSteps:
-    """Steps of a record's run from its start, by the run's method or by an automatically chosen one.
+    """Steps of a run from its start, by the run's method or by automatically chosen methods.
 
     Attributes
     ----------
     state
-        q, q̇, q̈ (n,), and W with its power (2,), at the time reached.
+        q, q̇, q̈ (n,), and the work W with its power (2,), at the time reached.
     name, why, method
-        The present method, and why it was chosen.
+        Name of the present method, the reason for its choice, and its coefficients.
     methods
         All methods so far, each with the index of its first sample and the reason for its choice.
     end
@@ -51,22 +51,22 @@ class MethodSteps:
     settings
         Settings of the steps, in the order of `adaptive.advance`.
     dearest
-        Most evaluations of an adaptive step; 0 for a fixed step.
+        Largest number of evaluations in an adaptive step; 0 for fixed steps.
     types
-        Types of all arguments of the steps, the key of their compiled code; if empty, the arguments are inspected.
+        Types of all arguments of the steps, which select their compiled code; if empty, the arguments are inspected.
     prices
-        CPU time of each of the method's `OPERATIONS` [s].
+        CPU time of each of the `OPERATIONS` by the present method [s].
     spent, taken
         CPU time of steps by earlier methods [s], and the time at which the present method took over [s].
     consider_at
         Number of attempted steps at which a switch of method is considered next.
     rated_since
-        Time and cost of the method at the start of the steps that its rate is computed from.
+        Time, and cost of the present method, at the start of the steps from which its cost rate is computed.
     guesses, rates
-        CPU time per second of motion by each method, estimated and measured [s/s]; inf: it got stuck.
+        CPU time per second of motion with each method, estimated and measured [s/s]; inf if the method got stuck.
     tried, tried_for
-        Cost of the run when each method was last started or left [s]; the method, with its reason, to which an
-        unsuccessful trial returns.
+        Cost of the run when each method was last started or left [s]; and the method, with its reason, to which the run
+        returns if a trial is unsuccessful.
     """
 
     settings: tuple[float, ...]
@@ -152,8 +152,8 @@ class MethodSteps:
         self._choose_branches()
 
     def _choose_branches(self) -> None:
-        """Keep each adaptive step on one branch of the torques where motors saturate."""
-        if self.run.controlled and self.inputs is not self.given:  # steps write limits only then
+        """Choose for every motor whether it follows its law or stays at a torque limit in the next adaptive step."""
+        if self.run.controlled and self.inputs is not self.given:  # only then do steps write torque limits
             choose_branches(self.time, self.inputs, self.state, self.work)
 
     def aim(self, start: float, end: float) -> None:
@@ -166,7 +166,7 @@ class MethodSteps:
             self._begin(start, self.inputs, self.state, self.tau, self.forward)
 
     def take(self, most: int) -> int:
-        """Try up to `most` steps; returns an OUTCOME."""
+        """Attempt up to `most` steps; return an OUTCOME."""
         return int(self._take_steps(*self._arguments(most)))
 
     def turn(self) -> None:
@@ -177,9 +177,10 @@ class MethodSteps:
         self._begin(self.time, self.inputs, self.state, self.tau, self.forward)
 
     def step_in_parts(self) -> bool:
-        """Take a fixed step in 2, 4, … 64 parts, each try from where the last one ended; returns whether one succeeds.
+        """Complete a fixed step in 2, 4, … or 64 parts; return whether this succeeds.
 
-        It ends at the time of the undivided step, bit for bit, and the next step starts as after a knot.
+        Each division continues from where the previous one ended. The step ends exactly at the time of the undivided
+        step, and the next step starts as after a knot.
         """
         (*fixed, _, _), knots, now, count = self.settings, self.knots, self.work.stepper, self.count
         step, k, start = self.run.fixed_step, int(count[COUNT.knot]), float(now[STEPPER.time])
@@ -208,22 +209,22 @@ class MethodSteps:
         return how == int(OUTCOME.ended)
 
     def _restart(self, step: float) -> None:
-        """Restart with steps of a length [s], without memory of earlier ones."""
+        """Restart with steps of this length [s], without using data of earlier steps."""
         adaptive.forget(self.work.stepper)
         self.work.stepper[STEPPER.step] = step
 
     def go_on_with(self, name: str, why: str = "") -> None:
-        """Continue with another method to the end of the piece; by default the reason names the switch and its time."""
+        """Continue with another method to the end of the piece; by default the reason is the switch and its time."""
         before, time, end, self.evaluations_besides = self.work.stepper.copy(), self.time, self.end, self.evaluations
         self.count[COUNT.iterations] = 0
         self._take((name, why or f"{self.why}; {self.name} until t = {time:.3g} s"), time)
-        self._put_gains()  # of the present inputs: a simulator's may differ from the record's
+        self._put_gains()  # gains of the present inputs, which in a simulator may differ from the record's
         self.aim(time, end)
         now, continued = self.work.stepper, [STEPPER.deflection, STEPPER.angle_travelled]
         now[continued], now[STEPPER.step] = before[continued], min(before[STEPPER.step], self.settings[-1])
 
     def _take(self, choice: tuple[str, str], now: float) -> None:
-        """Prepare steps by a method, with its reason, from a time on; compiles while signals are not deferred."""
+        """Prepare steps by a method, chosen for a reason, from time `now` [s] on; compile before deferring signals."""
         record, (self.name, self.why) = self.record, choice
         first = self.row if self.methods else 0
         self.spent, self.taken = self.spent + (self.cost if self.methods else 0.0), now
@@ -266,7 +267,7 @@ class MethodSteps:
         return work
 
     def _compile(self) -> None:
-        kept = self.record.kept if self.given is self.record.inputs else Kept()  # code is compiled for types of inputs
+        kept = self.record.kept if self.given is self.record.inputs else Kept()  # compiled code depends on input types
         start, steps = (0.0, self.inputs, self.state, self.tau, self.forward), self._arguments(0)
         self.types = types = self._types(kept)
         self._begin = kept("begin", None, lambda: direct(adaptive.begin, *start, types=kept.types))
@@ -284,13 +285,13 @@ class MethodSteps:
 
     @property
     def steps(self) -> Steps:
-        """Counts of the steps so far."""
+        """Step counts so far."""
         count = self.count.tolist()
         taken, rejected, failed = count[COUNT.steps], count[COUNT.rejected], count[COUNT.failed]
         return Steps(self.name, taken, self.evaluations, rejected, failed, self.why)
 
     def steps_before(self, row: int) -> Steps:
-        """Counts of the steps up to the one that passed sample `row`."""
+        """Step counts up to the step that passed sample `row`."""
         *_, (_, name, why) = (found for found in self.methods if found[0] <= row)
         note = self.record.so_far[row].astype(int).tolist()
         evaluations = note[SO_FAR.besides] + note[SO_FAR.iterations] * method(name).stages
@@ -298,12 +299,12 @@ class MethodSteps:
 
     @property
     def evaluations(self) -> int:
-        """Evaluations so far."""
+        """Number of evaluations so far."""
         return self.evaluations_besides + int(self.count[COUNT.iterations]) * self.method.stages
 
     @property
     def evaluations_besides(self) -> int:
-        """Evaluations by other methods, in trials, and for dense output."""
+        """Number of evaluations by other methods, in trials, and for dense output."""
         return int(self.count[COUNT.besides])
 
     @evaluations_besides.setter
@@ -312,7 +313,7 @@ class MethodSteps:
 
     @property
     def work_done(self) -> list[float]:
-        """Number of each of `OPERATIONS` done by this method since it took over."""
+        """Number of each of the `OPERATIONS` that this method has done since it took over."""
         s, now, (evaluations, tries) = self.method.stages, self.work.stepper.tolist(), self._at_first
         return [
             self.evaluations - evaluations, self.tries - tries, now[STEPPER.begun], s * now[STEPPER.prepared],

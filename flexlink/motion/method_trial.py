@@ -1,13 +1,14 @@
-"""Choice of the method that continues a run: the one with the lowest expected cost of the rest.
+"""Choice of the method that continues a run: the one expected to complete it at the lowest cost.
 
-Nothing at the start shows how violently an arm will move, and so what a method will cost. The present method's cost per
-second of motion is the listed cost of its operations. Another method's cost is that of its last steps, reduced in
-proportion if the motion has since become easier for the present method. An untried method has an estimated cost
-(`method_choice`). A method that promises to do the rest of the run for clearly less takes some steps. They are steps of
-the run, so nothing is done twice. Trials do not begin at once, since steps after a start or a jump are short. A run
-switches only after it has cost a fraction of the promised cost, so a failed trial wastes no more than that fraction.
-Measured costs may be outdated and estimates wrong, so as a run grows longer other methods are tried again, for a
-fraction of its cost. Costs are counted alike on every machine, so runs repeat bit for bit.
+At the start of a run it is unknown how violently the arm will move, and so what a method will cost. The present
+method's cost per second of motion follows from the listed costs of its operations. For a method used earlier, the cost
+of its last steps counts; it is reduced in proportion if the motion has since become easier for the present method. The
+cost of an untried method is estimated (`method_choice`). A method that is expected to complete the run for clearly less
+is tried for some steps. These are part of the run, so nothing is computed twice. Trials do not begin at once, since
+steps after a start or a jump are short. A run switches only after it has cost a fraction of the expected remaining
+cost, so a failed trial wastes no more than that fraction. Measured costs may be outdated and estimates wrong. A long
+run therefore tries other methods again, for a fraction of the cost of the run. The listed costs are the same on every
+machine, so runs repeat bit for bit.
 """
 
 from __future__ import annotations
@@ -34,9 +35,9 @@ def begin(steps: MethodSteps) -> None:
 
 
 def consider(steps: MethodSteps) -> None:
-    """Compute the cost since the last time, and switch to another method if the rest likely costs less by it."""
+    """Compute the cost since the last call, and switch to another method if it likely completes the run for less."""
     time, cost, since = steps.time, steps.cost, steps.rated_since
-    if since is None or time <= since[0]:  # it has just begun, or made no progress
+    if since is None or time <= since[0]:  # the method has just begun, or made no progress
         steps.rated_since, steps.consider_at = (time, cost), steps.tries + few(steps)
         return
     rate, overall = (cost - since[1]) / (time - since[0]), cost / (time - steps.taken)
@@ -74,14 +75,14 @@ def go_on_with(steps: MethodSteps, name: str, why: str = "") -> None:
 
 
 def rest_of(steps: MethodSteps) -> float:
-    """Remaining time of a run [s]; if it is stepped from outside without an end, the time so far."""
+    """Remaining time of a run [s]; for a simulator stepped beyond `run.duration`, the time so far."""
     start = float(steps.record.t[0])
     left = start + steps.run.duration - steps.time
     return left if left > 0.0 else steps.time - start
 
 
 def stays(steps: MethodSteps, rate: float, before: float) -> bool:
-    """Whether a method on trial stays: it costs `rate`, and the method before it `before` [s/s]."""
+    """Whether the run stays with a method on trial that costs `rate`, while the previous one cost `before` [s/s]."""
     if steps.name == "Radau9":
         return is_cheaper(steps, steps.name, rate, before)
     return rate < 0.5 * before or is_cheaper(steps, steps.name, rate, before, patience=1 / 3)
@@ -90,15 +91,15 @@ def stays(steps: MethodSteps, rate: float, before: float) -> bool:
 def few(steps: MethodSteps) -> int:
     """Number of attempted steps until a switch is considered next.
 
-    The first ones of a run cost twice as much as a switch. Later ones cost a fraction of what the run has cost, so that
-    what a method inherits from another one matters less.
+    At the start of a run these steps cost twice as much as a switch. Later they cost a fraction of the run so far: with
+    more steps, the vibration left by the previous method matters less.
     """
     time = Thresholds.trial / 2 * steps.spent if steps.tried else 2 * Thresholds.switch
     return max(Thresholds.few, math.ceil(time / price_of_a_step(steps.record, steps.name)))
 
 
 def is_cheaper(steps: MethodSteps, name: str, promise: float, rate: float, patience: float = 1.0) -> bool:
-    """Whether a method with a promised cost [s/s] does the rest of the run for clearly less than `rate` [s/s]."""
+    """Whether a method with the cost `promise` [s/s] completes the run for clearly less than `rate` [s/s]."""
     known, rest = name in steps.rates, rest_of(steps)
     clearly, price = (0.9, Thresholds.switch) if known else (0.75, 4.0 * trial(steps, name))
     gains = promise < clearly * rate and (rate - promise) * rest > price
@@ -110,7 +111,7 @@ def is_worth_a_trial(steps: MethodSteps, name: str, rate: float) -> bool:
     if steps.rates.get(name, 0.0) == math.inf:
         return False
     last, price, since = steps.tried.get(name, 0.0), trial(steps, name), steps.spent + steps.cost
-    # stability bounds the cost of DOP853 from below; estimates of implicit methods are rarely three times too high
+    # stability gives a lower bound for the cost of DOP853; estimates of implicit methods are rarely 3 times too high
     least = steps.guesses[name] / (1.0 if name == "DOP853" else 3.0)
     often, gain = max(last, 10.0 * price), (rate - least) * rest_of(steps)  # trials cost up to a tenth of the run
     return since - last > often and gain > 4.0 * price
@@ -122,7 +123,7 @@ def trial(steps: MethodSteps, name: str) -> float:
 
 
 def updated(steps: MethodSteps, rate: float) -> dict[str, float]:
-    """Cost of each method per second of motion [s/s]; the others' costs fall in proportion to the present one's."""
+    """Updated cost of each method per second of motion [s/s]; other costs fall in proportion to the present one."""
     before = steps.rates.get(steps.name, math.inf)
     easier = min(1.0, rate / before) if before < math.inf else 1.0
     return {**{name: easier * cost for name, cost in steps.rates.items()}, steps.name: rate}

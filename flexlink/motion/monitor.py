@@ -1,4 +1,4 @@
-"""Checks during a run: power balance, bending, joint limits, errors of its steps."""
+"""Checks of a run in progress: power balance, bending of hinges, joint limits, and errors of its steps."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ class Monitor:
     n_valid
         Number of valid samples, counted from the first.
     failure
-        Fault of the next sample; empty if there is none.
+        Fault of the first invalid sample; empty if there is none.
     warnings
         Warnings about the valid samples, with their ids.
     confirmed
-        Whether a verification run agrees.
+        Whether a verification run has confirmed the result.
     """
 
     def __init__(self, record: Record, warnings: tuple[Diagnostic, ...] = (), control: Control | None = None) -> None:
@@ -60,11 +60,11 @@ class Monitor:
         self.steps, self.deflection, self.angle_travelled = Steps(run.method, 0, 0), 0.0, 0.0
         self._warned: set[str] = set()
         self._step_errors = [np.zeros(0)]
-        self._furthest = -Thresholds.a_degree  # bend of a hinge at the last check of M [rad]
-        self._extent = 0, 0.0  # number of samples, and their extent
+        self._furthest = -Thresholds.a_degree  # largest bend of a hinge at the last check of M [rad]
+        self._extent = 0, 0.0  # number of samples, and the extent of their path
 
     def begin(self) -> None:
-        """Compute tip and energies of the first sample, the reference for all others."""
+        """Compute tip and energies of the first sample, with which all other samples are compared."""
         self.record.derive(0, 1)
         self._balance.start(self.record.energy[:, 0], self.record.tip[0])
 
@@ -83,11 +83,11 @@ class Monitor:
         deflection: float = 0.0,
         angle_travelled: float = 0.0,
     ) -> bool:
-        """Compute and check the new samples before `stop`; returns whether all are valid.
+        """Compute and check the new samples before `stop`; return whether all are valid.
 
-        `errors`, if known: the `step_errors` of the steps from the `probed` samples. Adaptive steps pass their
-        `methods`, each with the index of its first sample and the reason for its choice, the largest `deflection` so
-        far [m], and the `angle_travelled` by all free joints [rad].
+        `errors`, if known, are the `step_errors` of the steps from the `probed` samples. For adaptive steps, `methods`
+        lists each method with the index of its first sample and the reason for its choice, `deflection` is the largest
+        deflection so far [m], and `angle_travelled` the angle by which all free joints have moved [rad].
         """
         first, self.steps = self.n_valid, steps or self.steps
         self.deflection, self.angle_travelled = deflection, angle_travelled
@@ -106,7 +106,7 @@ class Monitor:
         return not self.failure
 
     def trajectory(self) -> Trajectory:
-        """The valid samples with all warnings; the first sample if none has been checked yet."""
+        """The valid samples with all warnings; only the first sample if none has been checked yet."""
         if not self.n_valid:
             self.check(1)
         return self.record.trajectory(self.n_valid, (*self.warnings, *self._doubts()), self.steps)
@@ -118,12 +118,12 @@ class Monitor:
 
     @property
     def tolerance(self) -> float:
-        """Tolerance of the steps so far [m], at least the rounding limit."""
+        """Tolerance of the steps so far [m], but at least the smallest one that rounding errors allow."""
         return max(tolerance_of(self.run, self.record.chain, self.deflection), self.record.least_tolerance)
 
     @property
     def extent(self) -> float:
-        """Extent of the tip, or of the path compared instead, in the valid samples (`extent_of_motion`) [m]."""
+        """Extent of the tip's path (or of the path that replaces it) in the valid samples (`extent_of_motion`) [m]."""
         if self._extent[0] != self.n_valid:
             self._extent = self.n_valid, extent_of_motion(self.record.compared(self.n_valid))
         return self._extent[1]
@@ -147,7 +147,7 @@ class Monitor:
         return failure.kind(message, self.trajectory(), id=failure.id)
 
     def _loop_advice(self) -> str:
-        """Advice if torques are held between samples in stable steps, so the loop is at fault; else empty."""
+        """Advice if the instability likely results from held torques and not from the steps; else empty."""
         if self.run.unstable == "allow":
             return ""
         if self.control is not None and self.control.sampled:
@@ -174,14 +174,15 @@ class Monitor:
                 self.n_valid, wrong = self._balance.look(begin, end, samples, allowed)
         if seen[SEEN.garbage] >= 0 or seen[SEEN.bent] or seen[SEEN.beyond]:
             for row, key, text in sorted(self._findings(slice(first, self.n_valid)), key=lambda found: found[0]):
-                self._warn(key, row, text)
+                if key != "bend" or not self._diverges:
+                    self._warn(key, row, text)
         if seen[SEEN.garbage] >= 0 and self.run.unstable != "allow":
             unbalanced = f"{self._imbalance()} (at most {balance.SHARE:.0%} allowed)"
             self.failure = Diagnostic(unbalanced, "energy-imbalance")
         self.failure = wrong_samples.get(wrong, self.failure)
 
     def _findings(self, rows: slice) -> Iterator[tuple[int, str, Diagnostic]]:
-        """Warnings about these samples: index of the sample, key and text."""
+        """Yield warnings about these samples, each with the index of the sample, a key and the text."""
         seen = self._balance.seen
         if seen[SEEN.garbage] >= 0 and self.run.unstable == "allow":
             yield int(seen[SEEN.garbage]), "balance", Diagnostic(self._imbalance(), "energy-imbalance")
@@ -195,10 +196,10 @@ class Monitor:
         return f"the energy does not balance: E − E(0) − W = {r:.3g} J of {X:.3g} J exchanged"
 
     def unbalanced(self, q: Array, qd: Array, work: Array, steps: Steps, deflection: float) -> Failure | None:
-        """Failure of the energy balance in a state beyond the samples, if it fails, also with unstable = "allow".
+        """Check the energy balance in a state beyond the samples, even with unstable = "allow"; return any failure.
 
-        Takes angles and rates (n,), the integrated work (1,), the steps and the largest `deflection` [m] of a run in
-        progress up to this state. A failed check leaves the balance unchanged.
+        The arguments are angles and rates (n,), the integrated work (1,), and the steps and the largest `deflection`
+        [m] of the run up to this state. A failed check leaves the balance unchanged.
         """
         record, seen = self.record, self._balance.seen
         tip, energy = np.empty((1, 3)), np.empty((3, 1))
@@ -216,7 +217,7 @@ class Monitor:
         return Failure(text, id="energy-imbalance")
 
     def _allowance(self, name: str) -> Allowance:
-        """Energy imbalance that the tolerance explains in samples by a method."""
+        """Energy imbalance that the tolerance explains at samples computed by a method."""
         if not self.run.controlled:
             return balance.NOTHING
         about = self.record.q[0].tobytes()
@@ -224,7 +225,7 @@ class Monitor:
         return allowance
 
     def _explained_of(self, name: str) -> Allowance:
-        explicit = name != AUTO and method(name).explicit  # before the first step the method may not be chosen
+        explicit = name != AUTO and method(name).explicit  # before the first step the method may not be chosen yet
         return allowed_imbalance(
             self.run, self.record.chain, self.record.least_tolerance, explicit, compared=not explicit
         )
@@ -236,6 +237,8 @@ class Monitor:
             row = int(np.argmax(bends.max(axis=1) > Thresholds.far_bent))
             bent = self._bent(rows.start + row, bends[row])
             text = f"{bent}: beyond 84° the chain is no longer a good model of a beam; use more segments"
+            if bends[row].max() > 2 * np.pi:
+                text = f"{bent}, more than a turn: the link is far too soft for its load; check young, section and load"
             yield rows.start + row, "bend", Diagnostic(text, "hinge-bent-far")
 
     def _bends(self, rows: slice) -> Array:
@@ -244,8 +247,8 @@ class Monitor:
     def _definite(self, first: int, stop: int) -> int:
         """Index of the first of these samples in which M is not positive definite, or `stop`.
 
-        Only matched twist, with its negative rotor inertias, needs this check. It is made where a hinge is bent a
-        degree further than at the last check.
+        Only matched twist, with its negative rotor inertias, requires this check. It is repeated whenever a hinge is
+        bent a degree more than at the last check.
         """
         for row, bend in enumerate(self._bends(slice(first, stop)).max(axis=1).tolist(), first):
             if bend >= self._furthest + Thresholds.a_degree:
@@ -274,7 +277,7 @@ class Monitor:
         return f"hinge {self.record.chain.joint_name(k)!r} is bent by {np.degrees(self.record.q[row, k]):.1f}°"
 
     def _probed(self, first: int, known: Array | None) -> Array:
-        """Errors of the probed steps from a valid sample on; measured unless known."""
+        """Errors of the probed steps after sample `first`, limited to valid samples; measured if not known."""
         sampled = probed(self.run, slice(first, self.n_valid))
         if known is not None:
             return known[: len(sampled)]
@@ -283,17 +286,17 @@ class Monitor:
 
     @property
     def tip_error(self) -> float:
-        """Sum of the errors of fixed explicit steps [m], extrapolated from measured ones; 0 for other methods."""
+        """Sum of the errors of all fixed explicit steps [m], extrapolated from the measured ones; 0 for other steps."""
         if not self.explicit:
             return 0.0
         return float(summed(self.run, np.concatenate(self._step_errors), np.array(self.record.chain.size)))
 
     def _doubts(self) -> Iterator[Diagnostic]:
-        """Warnings of a run that passed all checks but may be inaccurate."""
+        """Warnings about a run that passed all checks but may be inaccurate."""
         if self.n_valid < 2:
             return
         rounded, tip_error = 0.0, self.tip_error
-        if not self.run.controlled:
+        if not self.run.controlled and not self._diverges:
             q, qd = self.record.q[: self.n_valid], self.record.qd[: self.n_valid]
             rounded = float(rounded_away(self.run, q, qd, np.array(self.record.chain.size)))
         moved = self.extent if tip_error or rounded else np.inf
@@ -320,6 +323,11 @@ class Monitor:
             )
 
     @property
+    def _diverges(self) -> bool:
+        """Whether the run continues (unstable = "allow") although its energy balance failed, which explains bends."""
+        return "balance" in self._warned
+
+    @property
     def suspicious(self) -> bool:
         """Whether the energy imbalance is notable, or so large that only the tolerance explains it."""
         exchanged, _, unbalanced, excused = self._balance.seen[SEEN.exchanged : SEEN.travelled].tolist()
@@ -328,7 +336,7 @@ class Monitor:
 
     @property
     def travelled(self) -> float:
-        """Angle [rad] that all driven joints travel, back and forth: in all steps, or from their rates at samples."""
+        """Angle [rad] travelled, back and forth, by free joints in all steps, or by driven joints between samples."""
         return max(self.angle_travelled, float(self._balance.seen[SEEN.travelled]))
 
     def _warn(self, key: str, row: int, text: Diagnostic) -> None:

@@ -1,4 +1,4 @@
-"""Control laws in Python: torques from time and state, sampled and held as by a digital controller."""
+"""Control laws in Python: torques as functions of time and state, sampled and held as by a digital controller."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from flexlink.chain.arguments import positive, require_callable
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
+from flexlink.describe.plausibility.ranges import hint_if_outside
 from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.whole_steps import multiples, parts, whole
@@ -31,14 +32,14 @@ from flexlink.results.record import Record
 from flexlink.results.stop_reasons import LawFailure
 
 Law = Callable[..., ArrayLike]
-"""T_EX of the driven joints (d,), `chain.active` [N m], from t [s], q [rad] and q̇ [rad/s], both (n,).
+"""T_EX of the driven joints `chain.active`, (d,) [N m], as a function of t [s], q [rad] and q̇ [rad/s], both (n,).
 
-A law with a parameter `sensors` also gets the readings of the sensors, by the names of their columns.
+A law with a parameter `sensors` also gets the sensor readings, by the names of their columns.
 """
 SENSORS = "sensors"
-"""Name of the parameter by which a law gets sensor readings."""
+"""Name of the parameter through which a law gets sensor readings."""
 Tableau = tuple[Array, Array, Array]
-"""A, b and c of a method."""
+"""Butcher tableau A, b, c of a method."""
 
 
 class Control:
@@ -47,7 +48,7 @@ class Control:
     Attributes
     ----------
     apart
-        Number of fixed steps between two instants; adaptive steps do not have it.
+        Number of fixed steps between two instants; not defined for adaptive steps.
     times
         Instants [s] for which the run stores the law's torques: its sampling instants, or the samples of the run.
     joints
@@ -55,7 +56,7 @@ class Control:
     between
         Time between two instants [s].
     drive
-        Held torques of the law at its instants: those so far, 0 later.
+        Drive with the law's held torques at all instants so far, and 0 at later ones.
     """
 
     def __init__(self, law: Law, rate: float | None, problem: InitialValueProblem) -> None:
@@ -77,7 +78,7 @@ class Control:
         self._problem, self._sensing = problem, Readings(problem.scene) if takes_sensors(law) else None
 
     def torque(self, t: float, q: Array, qd: Array, sensors: dict[str, dict[str, float]] | None = None) -> Array:
-        """Torques of the law, limited to the drive's `effort`, shape (d,); `sensors`: its argument with the readings.
+        """Torques of the law, limited to the drive's `effort`, shape (d,); `sensors`: readings for the law.
 
         Raises
         ------
@@ -104,7 +105,7 @@ class Control:
         return f"t = {t:.6g} s: control law {getattr(self.law, '__qualname__', type(self.law).__name__)}"
 
     def note(self, k: int, q: Array, qd: Array) -> None:
-        """Evaluate the law at instant `k`, and hold its torques from there; sensors see the torques before."""
+        """Evaluate the law at instant `k`, and hold its torques from then on; sensors still see the previous ones."""
         t, held = float(self.times[k]), self.drive.feedforward.coefficients
         sensors = None
         if self._sensing is not None:
@@ -114,7 +115,7 @@ class Control:
         held[k, 0] = self.torque(t, q, qd, sensors)
 
     def pieces(self, record: Record, run: RunSettings, state: tuple[Array, Array, Array]) -> Iterator[int]:
-        """Integrate; yield, about every `BREATH`, the number of the last step with a finite state, first 0.
+        """Integrate; yield the number of the last step with a finite state, first 0, about every `BREATH`.
 
         Raises
         ------
@@ -192,8 +193,8 @@ def control_of(problem: InitialValueProblem, law: Law | None, rate: float | None
     Raises
     ------
     ArgumentError
-        The law is not callable, the scene also has a drive, the rate does not fit the step, or the method has no stages
-        at which a law can be evaluated.
+        The law is not callable, the scene also has a drive, the rate does not fit the step or is likely a period, or
+        the method has no stages at which a law can be evaluated.
     """
     require_callable("control", law)
     if law is None:
@@ -231,7 +232,12 @@ def control_of(problem: InitialValueProblem, law: Law | None, rate: float | None
             raise ArgumentError(
                 "control: a law with the parameter sensors needs a rate; specify rate [Hz]", id="controller-needs-rate"
             )
-    return Control(law, rate, problem)
+    controlled = Control(law, rate, problem)
+    if rate is not None and 1 / rate > run.duration > 0:
+        ends = f", and the run ends after {run.duration:g} s, before the second sample"
+        for hint in hint_if_outside("rate", rate, "rate", rate, detail=ends):
+            raise ArgumentError(hint, id=hint.id)
+    return controlled
 
 
 def takes_sensors(law: Law) -> bool:

@@ -1,4 +1,4 @@
-"""One sample of a problem during integration: what sensors measure, with the torques that act."""
+"""One sample of a problem during integration, with the acting torques, for sensors to measure."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from flexlink.results.samples import RunSamples
 
 
 def sample_at(problem: InitialValueProblem, inputs: Inputs, t: float, q: Array, qd: Array) -> RunSamples:
-    """The sample at time t [s] and a state (n,) of a problem under these inputs.
+    """The sample of a problem at time t [s] and a state (n,), with these inputs.
 
-    With a free base the state is in the coordinates of the run, and the sample, as in a run, in those of
-    `problem.original`.
+    With a free base, the state is given in the integrator's coordinates; the sample is returned in those
+    of `problem.original`, like the samples of a finished run.
     """
     chain, time = problem.original, np.array([t])
     wrench = inputs.tip_wrenches(time, q[None], qd[None])

@@ -16,7 +16,7 @@ from flexlink.results.trajectory import Trajectory
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Sensitivities(Result):
-    """A run and its derivatives with respect to p parameters of the scene, in units of the quantity per unit of each.
+    """A run and its derivatives with respect to p parameters of the scene, per unit of each parameter.
 
     Attributes
     ----------
@@ -33,9 +33,9 @@ class Sensitivities(Result):
     q_error, qd_error, tip_error
         Estimates of the largest error of these derivatives for each parameter, shape (p,), in the same units.
     step
-        Distance of the runs whose differences are taken, shape (p,), in units of the parameters.
+        Step in each parameter between the runs whose differences are taken, shape (p,), in units of the parameter.
     runs
-        These runs.
+        The runs whose differences are taken.
     """
 
     run: Trajectory
@@ -58,7 +58,7 @@ class Sensitivities(Result):
         Raises
         ------
         ArgumentError
-            There is no such column, or it is the time or the imbalance, which is only an error.
+            There is no such column, or it is the time or the imbalance, which have no derivative.
 
         Examples
         --------
@@ -104,12 +104,12 @@ class Sensitivities(Result):
 def sensitivities(scene: Scene, parameters: object) -> Sensitivities:
     """Derivatives of a run with respect to parameters of its scene, by differences between runs, with error estimates.
 
-    Three additional runs per parameter, side by side, give derivatives of third order. Their distance is 1e-5 of the
-    parameter (1e-5 if it is 0), to one side of a parameter at its bound. The error estimate is the change from another
-    order. If it exceeds 3e-6 of the largest derivative, other distances are tried, with five runs. With fixed steps the
-    error is 1e-7 to 1e-9 of the largest derivative. With a tolerance it is 1e-5; the compared runs then have a relative
-    tolerance of 1e-9. Errors are larger where the motion is so sensitive that rounding errors grow. Errors of the run's
-    own steps are not included.
+    Three additional runs per parameter, side by side, give derivatives with a third-order error. The parameter changes
+    by 1e-5 of its value (1e-5 if it is 0), in one direction only if it is at its bound. The error estimate is the
+    difference from a derivative of lower order. If it exceeds 3e-6 of the largest derivative, other changes are tried,
+    with five runs. With fixed steps the error is 1e-7 to 1e-9 of the largest derivative. With a tolerance it is 1e-5;
+    the compared runs then have a relative tolerance of 1e-9. Errors are larger where the motion is so sensitive that
+    rounding errors grow. Errors of the run's own steps are not included.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""Eight runs of one layout in one pass of the compiled loop, each checked by its own `Monitor`, as a single run is.
+"""Up to eight runs of one layout in one pass of the compiled loop; a `Monitor` checks each of them like a single run.
 
-Samples have a leading axis of members.
+Arrays of samples have a leading axis of members.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Member(NamedTuple):
     problem: InitialValueProblem
     warnings: tuple[Diagnostic, ...]
     along: bool  # may run side by side with others
-    compared: bool = True  # with a verification run, if its steps require one
+    compared: bool = True  # whether a verification run follows if the steps require one
 
 
 def fits_lanes(problem: InitialValueProblem) -> bool:
@@ -58,7 +58,7 @@ def fits_lanes(problem: InitialValueProblem) -> bool:
 
 def alike(one: InitialValueProblem, other: InitialValueProblem) -> bool:
     """Whether two problems that fit lanes can run side by side."""
-    if one.start != other.start:  # all share the time
+    if one.start != other.start:  # all members share the time
         return False
     a, b = one.scene, other.scene
     if not all(x is y or x == y for x, y in ((a.run, b.run), (a.motion, b.motion), (a.wrench, b.wrench))):
@@ -68,9 +68,9 @@ def alike(one: InitialValueProblem, other: InitialValueProblem) -> bool:
 
 
 class Samples(NamedTuple):
-    """The fields of `RunSamples` for several runs, which are the last axis."""
+    """The fields of `RunSamples` for several runs, which are the last axis of each array."""
 
-    chain: Chain  # of the first run
+    chain: Chain  # chain of the first run
     t: Array
     q: Array
     qd: Array
@@ -82,7 +82,7 @@ class Samples(NamedTuple):
 
 
 class Block:
-    """Up to eight similar members, and after `integrate` their samples as far as they go.
+    """Up to eight similar members; `integrate` computes their samples.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class Block:
         self.errors = np.zeros((b, 0))
 
     def integrate(self, stop: Stop) -> bool:
-        """Integrate to the end, or until `stop`; return False if a member is no longer finite, which ends all early."""
+        """Integrate to the end or until `stop`; return False if a state is not finite; this stops all members."""
         run, n, b = self.run, self.chain.n, len(self.members)
         for k, member in enumerate(self.members):
             self.q[k, 0], self.qd[k, 0] = member.problem.q, member.problem.qd
@@ -141,7 +141,7 @@ class Block:
 
     @functools.cached_property
     def samples(self) -> Samples:
-        """Samples of all members, in the form that columns are computed from."""
+        """Samples of all members, in the form from which columns are computed."""
         q, qd, tau, tip = (np.moveaxis(part[:, : self.rows], 0, -1) for part in (self.q, self.qd, self.tau, self.tip))
         energy, work = self.energy[:, :, : self.rows], self.works[:, : self.rows].copy()
         for k, record in enumerate(self.records):
@@ -154,7 +154,7 @@ class Block:
 
     @functools.cached_property
     def deflections(self) -> Array:
-        """Deflection of the tip by the springs, (members, samples) [m]."""
+        """Deflection of the tip due to the springs, (members, samples) [m]."""
         unmoved, tips = np.empty_like(self.tip[:, : self.rows]), self.tip[:, : self.rows]
         for k, record in enumerate(self.records):
             tip_points(record.chain.arrays, unbent(record.chain, self.q[k, : self.rows]), unmoved[k])
@@ -177,9 +177,9 @@ class Block:
         return monitor.trajectory()
 
     def _calm(self) -> NDArray[np.bool_]:
-        """Whether each member is valid, and needs no warning and no verification run."""
-        # fraction of a limit above which a member is checked by itself: results computed side by side may differ in the
-        # last digits
+        """Whether each member is certainly valid, and needs no warning and no verification run."""
+        # fraction of a limit above which a member is checked individually, since results computed side by side may
+        # differ in the last digits
         nearly = 0.9
         calm = [
             not (monitor.failure or monitor.suspicious or monitor.travelled > Thresholds.far_turned)

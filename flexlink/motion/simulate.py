@@ -1,4 +1,4 @@
-"""simulate(scene) → Trajectory: the compiled Runge-Kutta loop, in chunks between which Python checks the samples."""
+"""simulate(scene) → Trajectory: runs the compiled Runge-Kutta loop in chunks, between which Python checks samples."""
 
 from __future__ import annotations
 
@@ -48,29 +48,30 @@ def simulate(
 ) -> Trajectory:
     """Integrate the equation of motion M q̈ + T_GC + T_FL + T_FR = T_EX from the scene's initial state.
 
-    Runge-Kutta with a fixed step, t = k · step (paper, equations 5 to 12), or with adaptive steps that meet a
-    tolerance. The run checks itself: its step before it starts, and each sample by the power balance
-    E(t) − E(0) = W(t).
+    The method is Runge-Kutta with a fixed step, t = k · step (paper, equations 5 to 12), or with adaptive steps that
+    meet a tolerance. The stability of a fixed step is checked before the run starts, and each sample is checked by the
+    power balance E(t) − E(0) = W(t).
 
     Parameters
     ----------
     scene
         Arm, gravity, initial state, drive, wrench and run settings.
     progress
-        Called with the finished fraction from time to time: 0 after compilation, when the run starts, 1 at its end.
+        Function called with the completed fraction from time to time: 0 when the run starts, 1 at its end.
     method, step, duration, sample, solver, unstable, tolerance, relative_tolerance, accuracy, max_evaluations
         Replacements for the settings of `scene.run`, times in s, tolerance in m; None: as in the scene. A tolerance
         replaces a fixed step, and a step replaces a tolerance.
     q0, qd0, t0
         State to start from: joint angles [rad] and rates [rad/s], shape (n,), and the time [s], as `run.state` returns
-        them; None: as in `scene.initial`. A run with fixed steps that continues from one of its samples is identical
-        bit for bit.
+        them; None: as in `scene.initial`. If a run with fixed steps is continued from one of its samples, the result is
+        identical bit for bit.
     control
-        Control law tau(t, q, qd) that replaces the scene's drive: torques of the driven joints (`chain.active`) [N m],
-        shape (d,), from time [s], angles [rad] and rates [rad/s], shape (n,). A law tau(t, q, qd, sensors), which needs
-        a rate, also gets the sensor readings at its sampling instants: numbers by the names of their columns.
+        Control law tau(t, q, qd), used instead of a drive in the scene. It returns the torques of the driven joints
+        (`chain.active`) [N m], shape (d,), from time [s], angles [rad] and rates [rad/s], shape (n,). A law
+        tau(t, q, qd, sensors), which needs a rate, also gets the sensor readings, a dict by column name, at its
+        sampling instants.
     rate
-        Sampling rate of the law [Hz]; torques are held in between, as by a digital controller. None: the law is
+        Sampling rate of the law [Hz]; torques are held between samples, as by a digital controller. None: the law is
         evaluated at every stage of every step, which requires fixed steps of an explicit method.
 
     Returns
@@ -87,16 +88,16 @@ def simulate(
     DataFileError
         The user's method file is not valid.
     UnstableStepError
-        The step is larger than the largest stable one at the start (`stable_step`); unstable = "allow" overrides this.
+        The step is larger than the largest stable step at the start (`stable_step`); unstable = "allow" permits it.
     DivergenceError
         The state is no longer finite, or the energy imbalance exceeds a tenth of the energy exchanged (with adaptive
         implicit steps a second run decides, and may mark the run as doubtful instead); the error's `trajectory`
         contains the good samples.
     EvaluationLimitError
-        Also a DivergenceError: adaptive steps would take more than `max_evaluations`. A RuntimeWarning gives the cause
-        of slow progress after a fiftieth of them.
+        Adaptive steps would take more than `max_evaluations`; this error is also a DivergenceError. After a fiftieth of
+        the evaluations, a RuntimeWarning gives the cause of slow progress.
     ControlError
-        The law raised an exception, or did not return d finite numbers; `trajectory` contains the samples before.
+        The law raised an exception, or did not return d finite numbers; `trajectory` contains the samples before that.
     InterruptedRunError
         Ctrl-C or SIGTERM; `trajectory` contains the samples up to that point.
 
@@ -128,10 +129,11 @@ def simulate(
 
 
 class Problem:
-    """A scene prepared once for many simulations, with other initial states, durations or control laws.
+    """A scene prepared once for many simulations with different initial states, durations or control laws.
 
-    Each run is identical, bit for bit, to `simulate` with the same arguments, and costs little more than its steps: the
-    chain, its derived data, the inputs, workspace and machine code are reused. Threads may share it.
+    Each run is identical, bit for bit, to `simulate` with the same arguments, and takes little more time than its
+    steps, since the chain, its derived data, inputs, workspace and machine code are reused. Threads may share a
+    Problem.
 
     Parameters
     ----------
@@ -141,7 +143,7 @@ class Problem:
     Attributes
     ----------
     scene, chain
-        The scene, and its chain, as from `lump`.
+        The scene, and its chain as returned by `lump`.
 
     Raises
     ------
@@ -165,7 +167,7 @@ class Problem:
         self._idle: list[tuple[InitialValueProblem, Kept]] = [(self._problem, Kept())]
 
     def __reduce__(self) -> tuple[type[Problem], tuple[Scene]]:
-        """Copies and pickles are prepared again: machine code stays in its process."""
+        """Prepare copies and pickles anew from the scene, since machine code cannot leave its process."""
         return Problem, (self.scene,)
 
     def __repr__(self) -> str:
@@ -194,7 +196,7 @@ class Problem:
         control, rate
             Control law tau(t, q, qd) that replaces the scene's drive, and its sampling rate [Hz].
         progress
-            Called with the finished fraction from time to time.
+            Function called with the completed fraction from time to time.
 
         Returns
         -------
@@ -228,11 +230,11 @@ class Problem:
 
 
 PROBLEMS = Memo(16)
-"""Prepared problems by scene and run settings, for scenes that are simulated repeatedly."""
+"""Cache of prepared problems by scene and run settings, for scenes that are simulated repeatedly."""
 
 
 def problem_with(scene: Scene, settings: dict[str, object]) -> Problem:
-    """The problem of a scene with other run settings, by path; errors as in `Scene.varied` and `Problem`."""
+    """The problem of a scene with changed run settings, given by path; errors as in `Scene.varied` and `Problem`."""
 
     def prepared() -> Problem:
         return Problem(scene.varied(settings) if settings else scene)
@@ -248,7 +250,7 @@ def problem_with(scene: Scene, settings: dict[str, object]) -> Problem:
 
 
 def names_files(scene: Scene) -> bool:
-    """Whether a scene names a method, a lumping rule or a shaper in a user's file."""
+    """Whether a scene refers to a user's file for its method, a lumping rule or a shaper."""
     reference = scene.drive.reference
     shaper = reference.shaper.kind if reference is not None and reference.shaper is not None else ""
     return any(map(is_user_file, (scene.run.method, shaper, *(link.lumping for link in scene.arm.links))))
@@ -259,7 +261,7 @@ def started_from(
 ) -> Scene:
     """The scene with these changes by path and this initial state; None leaves a part of the state unchanged.
 
-    Arrays of finite numbers are not validated, which takes a tenth of the time.
+    States that are arrays of finite numbers are not validated again, which reduces the time to a tenth.
     """
     if q0 is None and qd0 is None and t0 is None and not changes:
         return scene

@@ -1,4 +1,4 @@
-"""Simulator: an arm that is stepped from outside, for example by a controller or a learning agent."""
+"""Simulator: an arm that the caller advances step by step, for example a controller or a learning agent."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ OFTEN = 128
 
 
 class Simulator:
-    """An arm that is stepped from outside: M q̈ + T_GC + T_FL + T_FR = T_EX, by the scene's method.
+    """An arm that the caller advances step by step: M q̈ + T_GC + T_FL + T_FR = T_EX, by the scene's method.
 
-    With the same torques, the numbers are identical, bit for bit, to those of `simulate` sampled at the calls. The
-    checks are those of a run: a fixed step of an explicit method at `reset`, finite numbers at every call, and the
-    power balance at some calls. A tolerance is that of a run of `run.duration`, however long this one takes.
+    With the same torques, states are identical, bit for bit, to the samples of `simulate` at the calls. As in a
+    run, the stability of fixed explicit steps is checked at `reset`, finite numbers at every call, and the power
+    balance at some calls. Steps meet the tolerance as in a run of `run.duration`, whatever the time simulated here.
 
     Parameters
     ----------
@@ -122,9 +122,9 @@ class Simulator:
     def readings(self) -> dict[str, float]:
         """Sensor readings at the present time, by the names of their columns, "gauge [1]".
 
-        Sensors sample the arm at the end of every step, and their signals are linear in between. Accelerometers measure
-        with the torques of the step that ends. With the scene's drive and steps of `run.sample`, readings are those of
-        a run.
+        Sensors sample the arm at the end of every call of `step`, and their signals are linear in between.
+        Accelerometers measure the acceleration under the torques of the step that ends. With the scene's drive and
+        steps of `run.sample`, the readings are the same as in a run.
 
         Examples
         --------
@@ -150,13 +150,13 @@ class Simulator:
         return State(self._time, q.copy(), qd.copy())
 
     def step(self, tau: ArrayLike | None = None, *, duration: float | None = None) -> State:
-        """Advance with held torques, and return the state at the end.
+        """Advance the arm under constant torques, and return the state at the end.
 
         Parameters
         ----------
         tau
-            T_EX of the driven joints (`chain.active`) [N m], shape (d,), that replaces the scene's drive; None: the
-            scene's drive acts. It has no effect on joints with prescribed motion.
+            T_EX of the driven joints (`chain.active`) [N m], shape (d,), which replaces the scene's drive; None: the
+            scene's drive acts. The torque of a joint with prescribed motion has no effect.
         duration
             Duration [s], a multiple of a fixed step; None: `run.sample`.
 
@@ -179,7 +179,7 @@ class Simulator:
         if tau is not None:
             self._held.feedforward.coefficients[0, 0] = vector("tau", tau, len(self.chain.active))
             inputs = self._pushed
-        drive = remembered(inputs.drive) if inputs.drive.rate else ()  # held torques have no memory
+        drive = remembered(inputs.drive) if inputs.drive.rate else ()  # only a sampled drive has memory
         before = steps.saved(), drive, [array.copy() for array in drive]
         calls = self._calls + 1
         try:
@@ -204,7 +204,7 @@ class Simulator:
             array[:] = before
 
     def _later(self, duration: float) -> float:
-        """End [s] of a step of this duration: on the grid of fixed steps, else a multiple of it if the time is one."""
+        """End time [s] of a call: a multiple of a fixed step, or, for other steps, the next multiple of `duration`."""
         run, now = self._run, self._time
         if type(duration) is not float or duration not in self._lengths:
             duration = positive("duration", duration)
@@ -221,7 +221,7 @@ class Simulator:
         return end
 
     def _diverged(self, fault: Failure, held: float) -> DivergenceError:
-        """Error of a step that failed; `held`: time for which outside torques are held [s], or 0."""
+        """Return the error of a step that failed; `held`: time for which the caller's torques are held [s], or 0."""
         (t, q, qd), run = self.state, self._run
         fixed = f"a smaller step than {run.fixed_step:g} s"
         advice = fault.advice or f"try {'another tolerance, or fixed steps' if run.controlled else fixed}"

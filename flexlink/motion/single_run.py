@@ -36,14 +36,14 @@ from flexlink.results.stop_reasons import (
 from flexlink.results.trajectory import Trajectory
 
 Stepper = FixedSteps | AdaptiveSteps
-"""Stepper of a run: fixed steps of an explicit method, or adaptive or implicit steps."""
+"""Stepper of a run: takes fixed steps of an explicit method, or adaptive or implicit steps."""
 
 GIVEN_UP = 50
-"""Limit on the evaluations of a verification run over those of the run; a useful one takes a few times as many."""
+"""Largest number of evaluations of a verification run, relative to the run itself; useful ones need far fewer."""
 
 
 class SingleRun:
-    """A run that is ready to start: its step is checked, its samples are allocated, its code is compiled.
+    """A run that is ready to start, with its step checked, its samples allocated and its code compiled.
 
     Parameters
     ----------
@@ -52,15 +52,15 @@ class SingleRun:
     law, rate
         Control law that replaces the scene's drive, and its sampling rate [Hz].
     rows
-        Number of samples to allocate; None: all of the run.
+        Number of samples to allocate; None: all samples of the run.
     kept
         Workspace and machine code of other runs of the problem.
     warnings
-        Warnings of the check of its step, if known.
+        Warnings from the check of the step; None: check it.
     halved
-        Whether its longest steps are halved, as in a verification run.
+        Whether the longest steps are halved, as in a verification run.
     passes
-        Whether long steps of an explicit method may pass samples.
+        Whether long steps of an explicit method may extend beyond samples.
 
     Raises
     ------
@@ -111,9 +111,9 @@ class SingleRun:
         compared: bool = True,
         warn: Callable[[Diagnostic], None] | None = None,
     ) -> Trajectory:
-        """Run to the end, or until stopped; if `compared`, verify the run by a second one if its steps require that.
+        """Run to the end, or until stopped; if `compared`, verify the run by a second one where its steps require it.
 
-        `warn` is called once, during the run, with the cause of slow progress.
+        If progress is slow, `warn` is called once during the run with the cause.
         """
         monitor, steps = self.monitor, self.steps
         try:
@@ -146,7 +146,7 @@ class SingleRun:
                     angle_travelled=steps.angle_travelled,
                 )
             row, slow = steps.slow
-            if warn and slow and row <= max(1, monitor.n_valid):  # no warning about steps after an invalid sample
+            if warn and slow and row <= max(1, monitor.n_valid):  # do not warn about steps after an invalid sample
                 warn(Diagnostic(f"{monitor.record.chain.name}: {slow}", "slow-progress"))
                 warn = None
             if not good:
@@ -167,8 +167,8 @@ def verify(monitor: Monitor, name: str, stop: Stop) -> Iterator[Diagnostic]:
     own, problem = monitor.steps.evaluations, monitor.record.problem
     for second in second_runs(monitor, name):
         text = text or Diagnostic(
-            "doubtful: error unknown: no comparison run with other steps ended within "
-            f"{GIVEN_UP} times the evaluations; {advice(monitor)} and compare",
+            "doubtful: the error is unknown, since no comparison run with other steps ended within "
+            f"{GIVEN_UP} times the evaluations of this run; {advice(monitor)} and compare",
             "no-comparison-run",
         )
         most = min(second.run.max_evaluations, GIVEN_UP * own)
@@ -186,7 +186,7 @@ def verify(monitor: Monitor, name: str, stop: Stop) -> Iterator[Diagnostic]:
         limited_out = failure is not None and failure.kind is EvaluationLimitError and not wrong
         if limited_out or evaluations > GIVEN_UP * own:
             break
-        # a step of 2 h in two parts is two steps of the run itself, so the runs would agree trivially
+        # a step of 2 h taken in two parts equals two steps of the first run, so the runs would agree trivially
         in_parts = not second.run.controlled and other.steps.steps.failed > 0
         if not (wrong or failure or in_parts):
             text = doubt(monitor, second, other.monitor.record.compared(other.monitor.n_valid))
@@ -198,7 +198,7 @@ def verify(monitor: Monitor, name: str, stop: Stop) -> Iterator[Diagnostic]:
 
 
 def _recorded(problem: InitialValueProblem, rows: int | None, kept: Kept | None) -> Record:
-    """Record of a run of a problem, for `rows` samples or all; the first one is the start."""
+    """Record of a run with `rows` samples (None: all); the first sample is set to the initial state."""
     run, chain = problem.run, problem.chain
     try:
         number = run.samples if rows is None else rows
@@ -222,5 +222,5 @@ def _recorded(problem: InitialValueProblem, rows: int | None, kept: Kept | None)
 
 @keep_last(64)
 def _types_of_drive(drive: Drive) -> bytes:
-    """Types of the arrays of a drive, which runs share."""
+    """Types of the arrays of a drive; cached, since runs share drives."""
     return types_of(drive)

@@ -1,12 +1,13 @@
-"""Derivatives of runs with respect to parameters of their scene: differences between runs side by side.
+"""Derivatives of runs with respect to parameters of their scene, by differences between runs side by side.
 
-A derivative is that of the polynomial through the values at a point and at its neighbours, at multiples a_i of step h:
+The polynomial through the values at a point x and at its neighbours x + a_i h, for integers a_i and a step h, has the
+derivative
 
-    f' ≈ Σ w_i (f(x + a_i h) − f(x)) / h        w_i = L_i'(0), of Lagrange's polynomials
+    f' ≈ Σ w_i (f(x + a_i h) − f(x)) / h        w_i = L_i'(0), L_i: Lagrange polynomials
 
 With m neighbours the truncation error is a constant times h^m f^(m+1), and the rounding error is Σ |w_i| ε / h. The
-error estimate is the difference from the derivative of one order less, from the same runs, as in embedded Runge-Kutta
-methods.
+error estimate is the difference from a derivative of the next lower order, from the same runs, as in embedded
+Runge-Kutta methods.
 """
 
 from __future__ import annotations
@@ -34,18 +35,18 @@ from flexlink.results.trajectory import Trajectory
 
 Value = TypeVar("Value")
 Places = tuple[int, ...]
-"""Multiples of the step at which a function is evaluated beside a point."""
+"""Multiples of the step at which a function is evaluated around a point."""
 CENTRAL: Places = (-1, 1)
-"""Central differences with an error of order 2."""
+"""Central differences with a second-order error."""
 CENTRAL_4: Places = (-2, -1, 1, 2)
-"""Central differences with an error of order 4."""
+"""Central differences with a fourth-order error."""
 FORWARD: Places = (1, 2)
-"""One-sided differences with an error of order 2, at a lower bound; mirrored at an upper one."""
+"""One-sided differences with a second-order error, for a lower bound; mirrored for an upper bound."""
 
 
 @functools.cache
 def weights(at: Places) -> tuple[float, ...]:
-    """Weights of the differences at these multiples; their weighted sum over the step is the derivative.
+    """Weights of the differences at these multiples; the weighted sum, divided by the step, is the derivative.
 
     >>> print(weights((-1, 1)))
     (-0.5, 0.5)
@@ -74,14 +75,14 @@ class Neighbours(NamedTuple, Generic[Value]):
     values: list[Value]
 
     def slope(self, middle: Array, read: Callable[[Value], Array]) -> Array:
-        """Derivative of what `read` extracts from the values; `middle` is that at the point."""
+        """Derivative of the quantity that `read` extracts from a value; `middle` is this quantity at the point."""
         return self._slope(self.at, self._changes(middle, read))
 
     def slope_with_error(self, middle: Array, read: Callable[[Value], Array]) -> tuple[Array, float]:
-        """Return `slope` and an estimate of its largest error: three times the change by the last neighbour.
+        """Return `slope` and an estimate of its largest error: three times its change if the last neighbour is omitted.
 
-        The truncation error is far smaller, as the derivative is one order more accurate than the one it is compared
-        with. The rounding error is 0.8 to 1.6 times the change.
+        The truncation error is far smaller, as `slope` is one order more accurate than the derivative without the last
+        neighbour. The rounding error is 0.8 to 1.6 times the change.
         """
         changes = self._changes(middle, read)
         found, rougher = self._slope(self.at, changes), self._slope(self.at[:-1], changes[:-1])
@@ -106,13 +107,13 @@ def neighbours(
     Parameters
     ----------
     many
-        The function, at several points at once: values or errors.
+        The function, which takes several points at once and returns a value or an error for each.
     x, steps
         The point (p,), and the step along each coordinate (p,); 0: no neighbours.
     at
         Neighbours along each coordinate.
     one_sided
-        Neighbours to try instead, and their mirror images, if a value at one of these is missing.
+        Neighbours to try instead, or their mirror images, if the function fails at one of the neighbours `at`.
 
     Raises
     ------
@@ -144,19 +145,19 @@ def moved(x: Array, k: int, by: float) -> Array:
 
 
 def mirrored(at: Places) -> Places:
-    """The same multiples on the other side."""
+    """The same multiples of the step with opposite signs."""
     return tuple(-place for place in at)
 
 
 def smooth(scene: Scene, tolerance: float) -> Scene:
-    """The scene with differentiable runs: no noise or resolution of sensors, and at most this relative tolerance."""
+    """The scene with differentiable runs: sensors without noise and resolution, and this relative tolerance."""
     sensors = [replace(one, noise=0.0, seed=None, resolution=None) for one in scene.sensor]
     plain = replace(scene, sensor=tuple(sensors)) if sensors else scene
     return plain.varied({"run.relative_tolerance": tolerance}) if scene.run.controlled else plain
 
 
 class RunSlopes(NamedTuple):
-    """A run, and its neighbours along parameters of its scene.
+    """A run, and neighbouring runs with slightly changed parameters of the scene.
 
     Attributes
     ----------
@@ -177,17 +178,17 @@ class RunSlopes(NamedTuple):
 
     @property
     def step(self) -> Array:
-        """Step between the runs along each parameter, shape (p,)."""
+        """Change of each parameter between neighbouring runs, shape (p,)."""
         return np.array([one.step for one in self.beside])
 
     def of(self, read: Callable[[Trajectory], Array]) -> tuple[Array, Array]:
-        """Derivatives of what `read` extracts from runs, last axis parameters, and estimates of their errors (p,)."""
+        """Derivatives of the array that `read` extracts from a run, shape (…, p), and estimated errors (p,)."""
         middle = read(self.middle)
         found = [one.slope_with_error(middle, read) for one in self.beside]
         return np.stack([slope for slope, _ in found], axis=-1), np.array([error for _, error in found])
 
     def states(self) -> list[tuple[Array, Array]]:
-        """Derivatives and errors of q, q̇ and the tip; angles of a free base are unwrapped to those of `middle`."""
+        """Derivatives and errors of q, q̇ and the tip; angles of a free base are unwrapped to be close to `middle`."""
         return [self.of(self._turned), self.of(lambda run: run.qd), self.of(_tip)]
 
     def _turned(self, run: Trajectory) -> Array:
@@ -199,7 +200,7 @@ class RunSlopes(NamedTuple):
 
 
 def slopes_of_runs(scene: Scene, paths: Sequence[str]) -> RunSlopes:
-    """A run and its neighbours along the parameters at `paths`, with steps that make the estimated error small.
+    """A run, and runs with slightly changed parameters at `paths`; the changes keep the estimated error small.
 
     Raises
     ------
@@ -211,10 +212,10 @@ def slopes_of_runs(scene: Scene, paths: Sequence[str]) -> RunSlopes:
     x = np.array([_number(scene, path) for path in paths])
     runs = _Runs(scene, paths, x)
     size = np.where(x == 0, 1.0, np.abs(x))
-    third, fifth = (1, -1, 2), (1, -1, 2, -2, 3)  # orders of the error, one less without the last neighbour
+    third, fifth = (1, -1, 2), (1, -1, 2, -2, 3)  # neighbours, by error order; without the last, one order less
     first, part = (fifth, 1e-2) if scene.run.controlled else (third, 1e-5)  # step over the parameter
     rounding = 1e-8 if scene.run.controlled else 1e-13  # upper bound for runs whose motion is not sensitive
-    enough = 3e-6  # estimated error of third order that needs no other step: mostly far more than the error itself
+    enough = 3e-6  # estimated error below which no other step is tried; the estimate mostly far exceeds the error
     steps, best = part * size, dict[int, _Candidate]()
     for at in (first, fifth, fifth):
         varied = np.flatnonzero(steps).tolist()
@@ -242,7 +243,7 @@ def _tip(run: Trajectory) -> Array:
 
 
 class _Candidate(NamedTuple):
-    """Neighbours of a run, the largest error of their derivatives and its rounding error, relative to these."""
+    """Neighbours of a run; largest relative error of the derivatives, and the part of it due to rounding."""
 
     beside: Neighbours[Trajectory]
     error: float
@@ -255,17 +256,17 @@ def _candidate(beside: Neighbours[Trajectory], middle: Trajectory, size: float, 
         f = read(middle)
         slope, off = beside.slope_with_error(f, read)
         largest = float(np.abs(f).max())
-        most = max(float(np.abs(slope).max()), 1e-10 * largest / size)  # a smaller effect is none
+        most = max(float(np.abs(slope).max()), 1e-10 * largest / size)  # smaller slopes count as zero
         if most > 0 and off / most > error:
             error, of_rounding = off / most, rounding * largest / (beside.step * most)
     return _Candidate(beside, error, of_rounding)
 
 
 def _other(candidate: _Candidate) -> float:
-    """A step of fifth order with a smaller error.
+    """Step with which the fifth-order differences likely have a smaller error.
 
-    A function that changes by its own size over a length L has an error of order 2 of (h/L)²/6; the estimate is three
-    times that. The new step is a hundredth of L.
+    For a function that changes by its own size over a length L, the second-order error is (h/L)²/6; the estimate is
+    three times this error. The new step is a hundredth of L.
     """
     step = candidate.beside.step
     if candidate.error <= candidate.rounding:
@@ -274,7 +275,7 @@ def _other(candidate: _Candidate) -> float:
 
 
 class _Runs:
-    """Runs of a scene, and with other parameters, several at a time side by side."""
+    """Runs of a scene with its own parameter values and with others, several runs at a time side by side."""
 
     def __init__(self, scene: Scene, paths: Sequence[str], x: Array) -> None:
         self.paths, self.x, self.plain = paths, x, smooth(scene, 1e-9)
@@ -283,7 +284,7 @@ class _Runs:
         self._variants = [Variants(self.plain, [path]) for path in paths]
 
     def many(self, points: Sequence[Array]) -> list[Trajectory | FlexlinkError]:
-        """Runs at several points, the scene's own values among the first.
+        """Runs at several points; in the first call these points include the scene's own values.
 
         Raises
         ------
@@ -329,7 +330,7 @@ def _run(end: object) -> Trajectory:
 
 
 def _number(scene: Scene, path: object) -> float:
-    """Value at a path; run settings are refused, since they change steps and samples."""
+    """Value of the parameter at a path; run settings are rejected, since they change steps and samples."""
     if not isinstance(path, str):
         raise ArgumentError(f"parameters: {truncated(path)}: expected a path such as 'tip.mass'", id="path-form")
     if parts_of(path)[:1] == ("run",) or path == "initial.time":

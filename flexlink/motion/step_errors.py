@@ -1,6 +1,6 @@
-"""Errors of fixed steps at the tip: one step of h against two of h/2, from samples that represent all steps.
+"""Tip errors of fixed steps: one step h is compared with two steps h/2, at samples that represent all steps.
 
-Sums over all steps also accept runs side by side, along a first axis.
+The functions that sum over all steps also accept several runs side by side, along a first axis.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from flexlink.results.tip_motion import apart, compared_path
 
 
 def step_errors(record: Record, probed: NDArray[np.intp]) -> Array:
-    """Distance of the tips after one step of h and after two of h/2 [m], from the `probed` samples of a run."""
+    """Distance between the tips after one step h and after two steps h/2 [m], from the `probed` samples of a run."""
     samples, found = (record.q, record.qd), [np.empty(0)]
     for part in record.parts(int(probed[0]), int(probed[-1]) + 1) if len(probed) else ():
         rows = probed[(probed >= part.start) & (probed < part.stop)]
@@ -40,19 +40,19 @@ def step_errors_side_by_side(
 
 
 def summed(run: RunSettings, errors: Array, size: Array) -> Array:
-    """Sum of the errors of all steps [m], shape (…), from the probed ones (…, probed), for arms of a size (…).
+    """Sum of the errors of all steps [m], shape (…), from errors of the probed steps (…, probed) and arm size (…).
 
-    Errors below the rounding error of the tip position count as zero.
+    Errors below the rounding error of the tip position are treated as zero.
     """
     counted = np.where(errors < rounding.of_reach(1.0) * size[..., None], 0.0, errors)
     return np.asarray(counted.sum(axis=-1) * tolerable.apart(run) * run.steps_per_sample)
 
 
 def rounded_away(run: RunSettings, q: Array, qd: Array, size: Array) -> Array:
-    """Tip motion [m], shape (…), that rounding of q + h q̇ may lose in N fixed steps: N h q̇, at most N ulp(q)/2.
+    """Tip motion [m], shape (…), that N fixed steps may lose by rounding q + h q̇: N h q̇, at most N ulp(q)/2.
 
-    Takes samples (…, rows, n) of arms of a size (…). The result is zero for angles of a few turns, where it does not
-    exceed the usual rounding error.
+    The samples are (…, rows, n), of arms of size (…). The result is zero for angles of a few turns, where the loss does
+    not exceed the usual rounding error.
     """
     most, steps = np.spacing(np.abs(q).max(axis=-2)) / 2, q.shape[-2] * run.steps_per_sample
     if (most.sum(axis=-1) <= rounding.of_reach(1.0)).all():
@@ -62,7 +62,7 @@ def rounded_away(run: RunSettings, q: Array, qd: Array, size: Array) -> Array:
 
 
 def _ends(record: Record, scratch: Any, samples: tuple[Array, Array], probed: NDArray[np.intp]) -> tuple[Array, Array]:
-    """Angles (probed, n), or (probed, n, 8), after one step of h and after two of h/2."""
+    """Angles (probed, n), or (probed, n, 8), after one step h and after two steps h/2."""
     run = record.run
     ends = np.empty((2, len(probed), *samples[0].shape[1:]))
     drive = record.inputs.drive._replace(next_instant=np.array([NEVER]))  # these steps do not evaluate a sampled law
@@ -73,7 +73,7 @@ def _ends(record: Record, scratch: Any, samples: tuple[Array, Array], probed: ND
 
 
 def _tips(one: Array, two: Array, records: Sequence[Record]) -> Array:
-    """Distance of the tips of arms between two configurations each, shape (arms, rows)."""
+    """Distance of each arm's tip between two configurations, shape (arms, rows)."""
     found = np.empty((len(records), len(one)))
     for arm, record in enumerate(records):
         paths = (np.ascontiguousarray(part[..., arm] if part.ndim > 2 else part) for part in (one, two))

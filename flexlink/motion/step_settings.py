@@ -1,4 +1,4 @@
-"""Settings of the steps of a method: error limits, shortest and longest step."""
+"""Settings of a method's steps: error limits, shortest and longest step."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from flexlink.results.record import Record
 
 
 def longest_step(name: str, record: Record, span: float, t: float, state: tuple[Array, ...]) -> float:
-    """Largest stable step [s] of an explicit method about a state t, q, q̇; with longer steps errors only grow.
+    """Largest stable step [s] of an explicit method about a state t, q, q̇; with a longer step errors would grow.
 
     It is inf if it certainly exceeds `span`, the time between two stops.
     """
@@ -30,24 +30,24 @@ def longest_step(name: str, record: Record, span: float, t: float, state: tuple[
 
 
 def longest_step_of(name: str, span: float, ω: float, δ: float) -> float:
-    """`longest_step` if the fastest motions oscillate at ω [rad/s] and decay at δ [1/s]."""
+    """Return `longest_step` for motion whose fastest oscillation is ω [rad/s] and fastest decay δ [1/s]."""
     λ = bounding_eigenvalues(ω, δ)
     return stable_step_of(λ, name) if _matters(name, span, float(np.abs(λ).max())) else np.inf
 
 
 def _matters(name: str, span: float, rate: float) -> bool:
-    """Whether a step of length `span` [s] may be unstable for eigenvalues up to a rate [1/s]."""
+    """Whether a step of length `span` [s] may be unstable for eigenvalues λ with |λ| up to `rate` [1/s]."""
     return not 1.01 * span * rate < stable_half_disc(method(name))
 
 
 def settings(run: RunSettings, rule: Method, record: Record, largest: float) -> tuple[float, ...]:
     """Settings of `advance`: error limits, order of the error estimate, shortest and longest step."""
     long_stages = 5  # implicit methods with this number of stages or more take few, long steps
-    exact = 1e-13  # residual of a fixed step over the arm's size; a larger one makes the energy drift
+    exact = 1e-13  # residual of a fixed step, relative to the arm's size; a larger one makes the energy drift
     if record.chain.has_free_base:
-        exact = 1e-16  # one more iteration: momentum errors of all steps have one sign, and nothing absorbs them
-    of_the_iteration = 0.05  # residual of the Newton iteration over the allowed error of a step
-    of_a_deflection = 0.1  # stricter if the tolerance is on deflection: errors of all steps persist as vibration
+        exact = 1e-16  # one more iteration, since momentum errors of all steps add up and nothing damps them
+    of_the_iteration = 0.05  # residual of the Newton iteration, relative to the allowed error of a step
+    of_a_deflection = 0.1  # stricter for a tolerance on deflection, since errors of all steps persist as vibration
     size = record.chain.size
     if not run.controlled:
         return np.inf, 0.0, run.fixed_step, exact * size, 0.0, 1.0, run.duration, run.fixed_step, run.fixed_step
@@ -69,11 +69,11 @@ def settings(run: RunSettings, rule: Method, record: Record, largest: float) -> 
             )
     order = float(rule.order if rule.explicit else rule.stages + 1)
     long = rule.stages >= long_stages
-    # Error over the tolerance that one step of duration / `Thresholds.long` may have; a shorter one may have less in
-    # proportion. It is the error of the formula of lower order: the step's own error is a few hundredths of it or less.
-    # Measured on 16 scenes with 7 tolerances: errors at the end have a median of at most 0.14 tolerances, and are at
-    # most 6 tolerances where motion is sensitive. Explicit steps limited by stability have the errors they estimate,
-    # all of one sign.
+    # Largest error, relative to the tolerance, of a step of length duration / `Thresholds.long`; a shorter step may
+    # have proportionally less. This refers to the embedded lower-order formula; the step's own error is a few
+    # hundredths of it or less. Measured on 16 scenes with 7 tolerances, errors at the end have a median of at most 0.14
+    # tolerances, and are at most 6 tolerances where motion is sensitive. Explicit steps limited by stability actually
+    # have the errors that they estimate, all of one sign.
     one = 0.02 if rule.explicit else 0.1 if long else 0.25
     errors = one * absolute, of_a_deflection * one * part, run.duration / Thresholds.long, np.inf, of_the_iteration
     return *errors, order, run.duration, SHORTEST * run.duration, largest

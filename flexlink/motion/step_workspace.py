@@ -1,4 +1,4 @@
-"""Workspace of the steps of a method on a chain, and what steps remember from one to the next."""
+"""Workspace for the steps of a method on a chain, and the data that are kept from one step to the next."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ FEW_PASSES = 12
 
 def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | ImplicitWork:
     """Workspace of a method's steps on the chain of a record; `slowest`: its lowest natural frequency [rad/s]."""
-    of_fixed_step = 50  # Newton iterations: more than for an adaptive step, since a fixed step cannot be shortened
+    of_fixed_step = 50  # Newton iterations, more than for an adaptive step, since a fixed step cannot be shortened
     chain, arrays, n, s = record.chain, record.chain.arrays, record.chain.n, method.stages
     posture = posture_of(chain)
     numbers, new, width = np.zeros(STEPPER.size), np.zeros((3, n)), columns(posture.first)
@@ -60,8 +60,8 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     turning, with_error = turning_of(chain, s, r, p), record.run.controlled and method.controlled
     numbers[STEPPER.wait] = 0.0 if with_error else np.inf
     # Factor on the error of a step in which dry friction stops or releases a joint: the stages K jump there, and the
-    # joint keeps the error of its rate. Measured on stick-slip motion with widths from 1e-1 to 1e-6 rad/s: errors at
-    # the end are at most 2.5 tolerances, and 14 with a factor of 1
+    # error of the joint's rate persists. Measured on stick-slip motion with widths from 1e-1 to 1e-6 rad/s, errors at
+    # the end are at most 2.5 tolerances; with a factor of 1 they are up to 14
     numbers[STEPPER.turning] = 4.0 if with_error and len(turning.joints) == len(turning.dry) else 0.0
     postures = (plane_postures if chain.is_planar else space_postures)(s, posture)
     return ImplicitWork(
@@ -74,12 +74,12 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
 
 
 def posture_of(chain: Chain) -> PlanePosture | SpacePosture:
-    """Workspace of the chain's configurations, with the radii that weight rotations which move no point."""
+    """Workspace for configurations of the chain, with the radii that convert rotations into lengths."""
     return scratch(chain)._replace(radius=chain.turning_radii)
 
 
 def drive_gains(chain: Chain, inputs: Inputs) -> tuple[Array, Array, Array]:
-    """Gains (n,) of the drive for Newton's matrix, and T k_d of a sampled drive; shared, so read-only."""
+    """Gains k_p, k_d (n,) of the drive for Newton's matrix, and T k_d if it is sampled with period T; read-only."""
     drive = inputs.drive
     gains, kick = gains_at_zero(drive, chain), np.zeros(chain.n)
     if drive.rate:
@@ -88,18 +88,18 @@ def drive_gains(chain: Chain, inputs: Inputs) -> tuple[Array, Array, Array]:
 
 
 def remembered(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
-    """Arrays that steps remember from one to the next; all others are temporary."""
+    """Arrays that are kept from one step to the next; all others are temporary."""
     springs = work.springs
     return work.stepper, springs.kp, springs.kd, springs.impulse, *work.saturation[:2], *stages_of(work)
 
 
 def stages_of(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
-    """Stages of the last step, the initial guess of an implicit step's iteration."""
+    """Stages of the last step, from which the next implicit step's iteration starts."""
     return (work.stages,) if isinstance(work, ImplicitWork) else ()
 
 
 def turning_of(chain: Chain, stages: int, r: int, p: int) -> Turning:
-    """Workspace of joints whose friction reverses in a step; the method has r real eigenvalues and p complex pairs."""
+    """Workspace for joints whose friction reverses in a step; the method has r real eigenvalues and p complex pairs."""
     coulomb = chain.hinges["coulomb"]
     if not any(coulomb.tolist()):
         return without_friction(chain.n, stages, r, p)._replace(count=np.zeros(1, np.int64))
@@ -108,13 +108,13 @@ def turning_of(chain: Chain, stages: int, r: int, p: int) -> Turning:
 
 @functools.cache
 def without_friction(n: int, stages: int, r: int, p: int) -> Turning:
-    """Workspace for no joints; runs share all arrays but the count."""
+    """Workspace for chains without dry friction; runs share all its arrays except the count."""
     return turning_at(np.empty(0, np.int64), n, stages, r, p)
 
 
 def turning_at(dry: Indices, n: int, stages: int, r: int, p: int) -> Turning:
-    """Workspace of these joints with dry friction, of n joints in total."""
-    most = 8  # joints; the small matrix grows as (stages · joints)³
+    """Workspace for these joints with dry friction, among n joints."""
+    most = 8  # largest number of joints, since the cost of the small matrix grows as (stages · joints)³
     d = min(most, len(dry))
     G, J = np.zeros((2, stages * d, stages * d))
     rows, probe = np.zeros((5, stages * d)), np.zeros((3, stages * d))
@@ -134,7 +134,7 @@ def coefficients_of(method: Method) -> ImplicitMethod:
 
 
 def dense_weights(c: Array) -> Array:
-    """Coefficients (2, s, s) of β_i(x) / x and α_i(x) / x²: Lagrange polynomials of c, integrated once and twice."""
+    """Coefficients (2, s, s) of β_i(x)/x and α_i(x)/x²: the Lagrange polynomials of c integrated once and twice."""
     m = np.arange(len(c))
     once = np.linalg.inv(c[:, None] ** m).T / (m + 1)
     return np.array([once, once / (m + 2)])

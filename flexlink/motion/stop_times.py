@@ -16,10 +16,10 @@ from flexlink.motion.method_choice import tumbles
 from flexlink.results.record import Record
 
 SHORTEST = 1e-14
-"""Fraction of the duration below which a step is skipped."""
+"""Smallest distance between two stops, as a fraction of the duration; closer stops are skipped."""
 
 Stops = tuple[Array, Array]
-"""Times [s], and the minimum length of a step that passes each [s]; inf: steps end there."""
+"""Stop times [s], and for each the minimum length of a step that may extend beyond it [s]; inf: steps end there."""
 
 
 def only(end: float) -> Stops:
@@ -30,26 +30,26 @@ def only(end: float) -> Stops:
 class StopTimes:
     """Times at which the steps of a run stop, in addition to the ends of its pieces.
 
-    Explicit steps end at samples, which then cost nothing. With dense output they pass a sample if they are long enough
-    that the stages for dense output cost less than additional steps. Fixed steps also end at samples, so that only the
-    state is carried past a sample. They end at the knots of a nonsmooth table as well, and then on their grid again.
-    Instants of a control law in Python are ends of pieces; those of a sampled drive are ends of steps. A verification
-    run is `halved`: an additional stop halfway between two stops shortens its steps where stops, not the tolerance,
-    limit them.
+    Explicit steps end at samples, which then cost nothing. With dense output a step may extend beyond a sample if it is
+    so long that the stages for dense output cost less than additional steps. Fixed steps also end at samples, so that
+    only the state is carried over. In addition they end at the knots of a nonsmooth table, and then return to their
+    grid. Instants of a control law in Python are ends of pieces; instants of a sampled drive are ends of steps. In a
+    verification run (`halved`) an additional stop halfway between two stops shortens steps that are limited by stops
+    and not by the tolerance.
 
-    No step passes a sample where errors of long steps would exceed the tolerance: for free tumbling bodies, whose
+    All steps end at samples if errors of longer steps would exceed the tolerance: for freely tumbling bodies, whose
     motion amplifies errors, and if `passes` is False, as in a run that verifies fixed steps.
 
     Attributes
     ----------
     passed_by
-        Minimum length of an adaptive step that passes a sample [s]; inf: it ends there.
+        Minimum length of an adaptive step that may extend beyond a sample [s]; inf: steps end there.
     """
 
     def __init__(
         self, method: Method, record: Record, by_drive: bool, *, halved: bool = False, passes: bool = True
     ) -> None:
-        part = 0.1  # torque error between stages that a step may miss, over the largest torque and tolerance / size
+        part = 0.1  # ignored torque error between stages, relative to the largest torque times tolerance / size
         on_the_grid = 1e-6  # fraction of a fixed step within which a time counts as on the grid
         run, (drive, motion, _, wrench) = record.run, record.inputs
         tables = [table for table in (drive if by_drive else None, wrench) if table is not None]
@@ -76,7 +76,7 @@ class StopTimes:
         return self.run.spacing if self.passed_by == np.inf else self.run.duration
 
     def between(self, start: float, end: float) -> Stops:
-        """Stops after `start` and before `end`, and `end`; read-only."""
+        """Stops after `start`, the last of them at `end`; read-only."""
         if start == end:
             return only(end)
         if self.halved:
@@ -95,14 +95,14 @@ class StopTimes:
             return only(end)
         samples = self._samples(start, end) if self.at_samples else range(0)
         sampled = instants(self.drive, start, end)
-        if not self.run.controlled:  # snap to the grid, or a step as short as a rounding error would result
+        if not self.run.controlled:  # snap to the grid, to avoid steps as short as a rounding error
             sampled = np.round(sampled / self.run.fixed_step) * self.run.fixed_step
         if not fixed and not samples and not len(sampled):
             return only(end)
         times, must = self._times(np.arange(samples.start, samples.stop)), np.concatenate([fixed, sampled])
         if len(times) and len(must):
             times = np.unique(np.concatenate([must, times]))
-        elif len(must):  # already sorted if of one kind
+        elif len(must):  # already sorted if all stops are of one kind
             times = np.unique(must) if fixed and len(sampled) else must
         shortest = SHORTEST * self.run.duration + 2 * np.spacing(end)
         times = times[(times > start + shortest) & (times < end - shortest)]

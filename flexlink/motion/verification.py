@@ -1,13 +1,13 @@
-"""A second run, which reveals what a run's own checks cannot: errors that the motion amplifies.
+"""Verification by a second run, which reveals errors that the motion amplifies; a run's own checks cannot show them.
 
-Fixed steps of an implicit method are compared with a run of twice the step, at about half the cost. If the two differ,
-or one of these steps was taken in parts, a run with a tolerance follows.
+A run with fixed steps of an implicit method is compared with a run of twice the step, at about half the cost. If the
+two differ, or a step of the second run had to be divided, another run with a tolerance follows.
 
-A tolerance bounds the errors of adaptive steps, and the errors of fixed explicit steps are measured; most motions only
-add them up. They grow where joints turn round and round, or where the loop of a sampled drive is unstable. There a run
-with a tenth of the tolerance shows by how much. Fixed explicit steps may be far more accurate than necessary. They are
-compared with runs of smaller and smaller tolerances, until a run agrees, is strict enough to prove them wrong, or has
-taken more evaluations than they have.
+A tolerance bounds the errors of adaptive steps, and the errors of fixed explicit steps are measured; in most motions
+they only add up. Errors grow where joints make full turns, or where the loop of a sampled drive is unstable. In these
+cases a second run with a tenth of the tolerance shows by how much. Fixed explicit steps may be far more accurate than
+necessary. They are compared with runs of smaller and smaller tolerance, until a run agrees, is strict enough to prove
+them wrong, or has taken more evaluations than the run with fixed steps.
 """
 
 from __future__ import annotations
@@ -27,25 +27,26 @@ from flexlink.motion.tolerable import Thresholds
 from flexlink.results.tip_motion import apart, motion_in_words
 
 STRICTER = 0.1
-"""Tolerance of the second run over that of the first, or over the error at which a run is doubtful."""
+"""Tolerance of the second run, relative to the first run's tolerance, or to the error at which a run is doubtful."""
 
 
 class Second(NamedTuple):
     """A verification run, and how it is compared."""
 
     run: RunSettings
-    every: int  # samples of the first run per compared sample
-    larger: float  # distance of the two runs over the error of the first
-    strict: bool = True  # so accurate that a difference proves the first run wrong
+    every: int  # number of samples of the first run per compared sample
+    larger: float  # ratio of the distance between the two runs to the error of the first
+    strict: bool = True  # whether this run is so accurate that a difference proves the first run wrong
 
 
 def second_runs(monitor: Monitor, name: str) -> Iterator[Second]:
-    """Yield runs to compare a finished run by method `name` with; the first that ends and is strict decides.
+    """Yield runs with which to compare a finished run by method `name`; the first strict one that ends decides.
 
-    There are none if a control law drives the arm: it may have memory.
+    If a control law drives the arm, there are no such runs, since the law may have internal states.
     """
-    # Ratio of the distance to a run with twice the step to the error of the first run, at order two. Steps that hardly
-    # resolve the motion do not show the order of their method, and two such runs may be wrong alike.
+    # Distance to a run with twice the step, relative to the error of the first run, for a method of order two. Steps
+    # that hardly resolve the motion do not converge with the order of their method, and two such runs may be equally
+    # wrong.
     error_ratio = 2**2 - 1.0
     run = monitor.run
     if monitor.control is not None:
@@ -70,10 +71,10 @@ def doubt(monitor: Monitor, second: Second, path: Array) -> Diagnostic:
     error = float(apart(own, path).max()) / second.larger
     of = second.run.tolerance or STRICTER * _tolerance(monitor)
     steps = f"a tolerance of {of:.2g} m" if second.run.controlled else f"steps of {second.run.fixed_step:g} s"
-    text = f"doubtful: tip error {error:.2g} m against a run with {steps}"
+    text = f"doubtful: tip error {error:.2g} m relative to a run with {steps}"
     if not (chain := monitor.record.chain).has_levers:
         text = (
-            f"doubtful: error {error:.2g} m (positions, or angles times {chain.size:.3g} m) against a run with {steps}"
+            f"doubtful: error {error:.2g} m (positions, or angles × {chain.size:.3g} m) relative to a run with {steps}"
         )
     if monitor.run.controlled and error > Thresholds.tolerable * _tolerance(monitor):
         return Diagnostic(f"{text}{multiplies(monitor)}; {advice(monitor)} and compare", "doubtful-comparison")
@@ -85,16 +86,16 @@ def doubt(monitor: Monitor, second: Second, path: Array) -> Diagnostic:
 
 
 def multiplies(monitor: Monitor) -> str:
-    """Why a run may amplify its errors, as the end of a sentence; empty if no reason is known."""
-    # Growth of motion by a sampled loop within a run, relative to that without the drive, above which a verification
-    # run is made. Among 44 random loops the stable ones reached at most 2.1, the others at least 4e3.
+    """Why a run may amplify its errors, phrased as the end of a sentence; empty if no reason is known."""
+    # Growth of motion due to a sampled loop within a run, relative to the growth without the drive, above which a
+    # verification run is made. In 44 random loops, this growth was at most 2.1 if stable, else at least 4e3.
     notable_growth = 10.0
     if monitor.travelled > Thresholds.far_turned:
         return ": this motion amplifies errors"
-    # a motor that keeps switching between its limits: among 120 arms with saturating motors none rejected more than 0.7
-    # of the steps taken
+    # rejected steps show that a motor keeps switching between its limits: among 120 other arms with saturating motors,
+    # rejected steps were at most 0.7 times the steps taken
     if monitor.steps.rejected > 0.8 * max(monitor.steps.taken, 50):
-        return ": the drive switches again and again, and each switch adds an error"
+        return ": the drive switches repeatedly, and each switch adds an error"
     growth, without = sampled_growth(monitor.record)
     more, rate = growth / max(1.0, without), monitor.record.problem.scene.drive.rate or 0.0
     if more > 1.0 and np.log(more) * rate * monitor.run.duration > np.log(notable_growth):
@@ -109,7 +110,7 @@ def advice(monitor: Monitor) -> str:
 
 def _stricter_and_stricter(monitor: Monitor) -> Iterator[Second]:
     """Settings of stricter and stricter runs, until their own errors cannot explain a difference."""
-    finer = 1e-2  # tolerance of a run over that of the one before
+    finer = 1e-2  # tolerance of a run, relative to the tolerance of the previous run
     tolerance, own = STRICTER * _tolerance(monitor), STRICTER * max(monitor.tip_error, monitor.record.least_tolerance)
     while tolerance > own:
         yield Second(_within(monitor.run, AUTO, tolerance), 1, 1.0, strict=False)
@@ -118,7 +119,7 @@ def _stricter_and_stricter(monitor: Monitor) -> Iterator[Second]:
 
 
 def _stricter(monitor: Monitor, name: str) -> RunSettings:
-    """The same settings with a stricter tolerance of the same kind."""
+    """The settings of the finished run with a stricter tolerance of the same kind."""
     run = monitor.run
     if run.accuracy == "tip":
         return _within(run, name, max(STRICTER * _tolerance(monitor), monitor.record.least_tolerance))

@@ -32,13 +32,13 @@ class Chapter:
     figures, tables
         Figures and tables that support the conclusion.
     literal
-        Preformatted text, for example a scene; it is folded.
+        Preformatted text, for example a scene, which the page folds.
     literal_title
         Title of the preformatted text.
     files
         Names of other files next to the page.
     failure
-        Why the chapter could not be computed; "" if it was.
+        Reason why the chapter could not be computed; "" if it was computed.
     """
 
     id: str

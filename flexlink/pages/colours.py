@@ -1,13 +1,13 @@
-"""Colours and markers of all figures, as data: each engine has one name, colour and marker.
+"""Colours and markers of all figures; each engine has one name, colour and marker.
 
-The palette is that of Okabe and Ito (2008), which is distinguishable with the common kinds of colour blindness.
+The palette is by Okabe and Ito (2008); its colours are distinguishable with the common kinds of colour blindness.
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-INK, PAPER = "#1c2024", "#fefefe"  # text and background of the files; a page replaces both by its own colours
+INK, PAPER = "#1c2024", "#fefefe"  # text and background colours in files; a page replaces them by its colours
 BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"
 GREY, PALE = "#8a8f94", "#d8dcdf"
 CYCLE = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
@@ -31,11 +31,11 @@ ENGINES = {
     "solvers": Look("SciPy, CVODE", GREEN, "^"),
     "mpmath": Look("50 digits", INK, "X"),
 }
-"""Look of each engine, by its name in stored results."""
+"""Name, colour and marker of each engine; the keys are names in stored results."""
 
 
 def look_of(engine: str) -> Look | None:
-    """Look of an engine, by its stored name, its own name or the name of its package; None for other names."""
+    """Look of an engine, found by its stored name, its own name or its package name; None for other names."""
     aliases = {"flexlink": "native", "pin": "pinocchio", "scipy": "solvers", "cvode": "solvers", "sundials": "solvers"}
     name = engine.lower()
     return ENGINES.get(aliases.get(name, name))

@@ -30,7 +30,7 @@ def _digits(value: float, digits: int) -> str:
 
 
 def passing(passed: int, checks: int) -> str:
-    """Number of passed checks: '1 of 1 check passes', '1 of 9 checks passes', '2 of 9 checks pass'."""
+    """State the number of passed checks, as in '1 of 1 check passes', '1 of 9 checks passes', '2 of 9 checks pass'."""
     return f"{passed} of {plural(checks, 'check')} {'passes' if passed == 1 else 'pass'}"
 
 

@@ -21,7 +21,7 @@ DATA = Path(__file__).parent / "data"
 def template(path: Path, **filters: object) -> jinja2.Template:
     """Return the template of a file; HTML templates may extend `page.html` and import macros from `elements.html`.
 
-    Templates are cached: to read one takes longer than to render it.
+    Templates are cached, because reading a template takes longer than rendering it.
     """
     is_html = path.suffix == ".html"
     environment = jinja2.Environment(

@@ -25,7 +25,7 @@ class Part:
     pictures, tables
         Pictures and tables, with their files.
     literal
-        Preformatted text, for example a scene; it is folded.
+        Preformatted text, for example a scene, which the page folds.
     literal_title
         Title of the preformatted text.
     files

@@ -25,7 +25,7 @@ class Picture:
     Attributes
     ----------
     name
-        Name of its files, without extension.
+        Name of the files of the figure, without extension.
     title
         Short description; also the text for screen readers.
     figure
@@ -76,7 +76,7 @@ class Picture:
 
 
 def _lay_out(figure: Figure, dots: float) -> None:
-    """Compute the layout once, for `dots` dots per inch: with a layout engine `savefig` would draw everything twice."""
+    """Compute the layout once, for `dots` dots per inch; a layout engine would make `savefig` draw everything twice."""
     engine = figure.get_layout_engine()
     if engine is not None and figure.axes:
         original, figure.dpi = figure.dpi, dots
@@ -89,7 +89,7 @@ USE = re.compile(r'(<use href="[^"]*"(?: [xy]="[^"]*")*)( style="[^"]*")?/>')
 
 
 def inline(svg: str, title: str, definitions: dict[str, str]) -> str:
-    """Return the `svg` element for a page, in its colours; shared definitions are added to `definitions`.
+    """Return the `svg` element in the page's colours; shared definitions are added to `definitions`.
 
     matplotlib names letters, markers and clip paths by their content, so equal names have equal definitions in all
     figures, and the page contains each only once. Coordinates are rounded to 0.1 pt, which is invisible.
@@ -110,7 +110,7 @@ def inline(svg: str, title: str, definitions: dict[str, str]) -> str:
 
 
 def _short(numbers: str) -> str:
-    """Round coordinates to a tenth; consecutive line commands omit their letter."""
+    """Round coordinates to 0.1 pt, and omit the letters of repeated line commands."""
     tenths = re.sub(r"(\.\d)\d+", r"\1", numbers)
     return tenths.strip() if re.search("[CQ]", tenths) else re.sub(r"\s*L ", " ", tenths).strip()
 
@@ -121,7 +121,7 @@ def _shared(found: re.Match[str], definitions: dict[str, str]) -> str:
 
 
 def _same_style_once(uses: re.Match[str]) -> str:
-    """Join neighbours with the same style in one group."""
+    """Put adjacent `use` elements with the same style into one group."""
     pairs = USE.findall(uses[0])
     groups = ((style, "".join(f"{use}/>" for use, _ in same)) for style, same in groupby(pairs, lambda pair: pair[1]))
     return "".join(f"<g{style}>{same}</g>" if style else same for style, same in groups)

@@ -14,7 +14,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from flexlink.pages.colours import GREY, INK, PAPER
 from flexlink.pages.numbers import number
 
-WIDTH = 5.2  # in; 11.5 pt then look like the page's text in half a column of 66 rem, and like 11 px on a 390 px phone
+WIDTH = 5.2  # in; 11.5 pt then matches the page's text in half a column of 66 rem, and 11 px on a 390 px phone
 NAMED_CURVES = 6  # largest number of curves in the legend of a panel
 
 RC: dict[str, Any] = {
@@ -61,7 +61,7 @@ def stacked_axes(rows: int, height: float, share: bool = True) -> tuple[Figure, 
 
 
 def _steps(low: float, high: float) -> tuple[float, ...]:
-    """Ticks of a decade: 1, 2 and 5 if the axis covers little, 1 and 3 if it has only one power of ten, else 1."""
+    """Ticks per decade: 1, 2 and 5 on a short axis, 1 and 3 if it contains only one power of ten, otherwise 1."""
     if high < 40.0 * low:
         return (1.0, 2.0, 5.0)
     powers = math.floor(math.log10(high)) - math.ceil(math.log10(low)) + 1 if low > 0.0 else 2
@@ -86,7 +86,7 @@ def tidy_logs(axes: Axes) -> None:
 
 
 def legend_above(figure: Figure, axes: Axes, columns: int) -> Legend:
-    """Add one legend above all panels, where it hides no curve."""
+    """Add one legend above all panels, where it does not hide curves."""
     handles, labels = axes.get_legend_handles_labels()
     return figure.legend(
         handles, labels, loc="outside upper left", ncols=columns, frameon=False, columnspacing=1.0, handletextpad=0.5

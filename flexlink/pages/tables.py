@@ -21,15 +21,15 @@ class Table:
     Attributes
     ----------
     name
-        Name of its CSV file, without extension.
+        Name of the CSV file of the table, without extension.
     title
         Title; also the text for screen readers.
     heads
         Heads of the columns, with units.
     lines
-        Rows of texts and numbers; None for an empty cell. The page rounds numbers, the file does not.
+        Rows of texts and numbers; None for an empty cell. Numbers are rounded on the page but not in the file.
     sentences
-        Conclusions from the numbers, the main one first.
+        Conclusions from the numbers, most important first.
     to_look_up
         Whether the page folds the table, which is for reference only.
     opened
@@ -67,7 +67,7 @@ class Table:
 
 def _is_number(cell: Cell) -> bool:
     """Whether a cell is empty, a number, or a number with a unit as text, for example "≤ 2 mm"."""
-    longest = 24  # characters; a longer text is a sentence that begins with a number
+    longest = 24  # characters; a longer text counts as a sentence that begins with a number
     number = r"$|–$|(at most )?[<>≤≥]? ?[−-]?\d"
     return not isinstance(cell, str) or (len(cell) <= longest and re.match(number, cell) is not None)
 

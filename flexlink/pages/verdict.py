@@ -1,4 +1,4 @@
-"""First screen of a report: a verdict on each question that the report answers."""
+"""Verdicts on the first screen of a report, one for each question that the report answers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ State = Literal["pass", "fail", "doubt", "info", "incomplete", "met", "missed", 
 
 @dataclasses.dataclass(frozen=True)
 class Verdict:
-    """Verdict on a subject: a word, coloured by `state`, and a sentence."""
+    """Verdict on a subject, consisting of a word, coloured by `state`, and a sentence."""
 
     about: str
     state: State
@@ -41,7 +41,7 @@ class Report:
     page
         Path of index.html.
     verdicts
-        Verdicts on its first screen.
+        Verdicts on the first screen of the page.
     chapters
         Chapters of the page, in order.
     """

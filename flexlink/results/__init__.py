@@ -1,1 +1,1 @@
-"""Results of a run: samples, derived quantities, files, tables and plots."""
+"""Results of a run: samples, derived quantities, files, tables, and plots."""

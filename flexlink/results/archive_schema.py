@@ -1,6 +1,6 @@
 """Checks of a saved run: finite numbers, shapes that match its samples and joints, and a consistent chain.
 
-Kernels use the indices of a chain unchecked: a wrong one would read other memory.
+Kernels do not check the indices in a chain; a wrong index would make them read unrelated memory.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from flexlink.kernels.layout import FORCES
 
 
 def check_samples(arrays: Mapping[str, NDArray[Any]], n: int) -> None:
-    """Check the arrays with one entry per sample, as far as they are given.
+    """Check the arrays that have one entry per sample; skip those that are missing.
 
     Raises
     ------
     ValueError
         An array has the wrong type or shape, or is not finite; or times do not increase.
     """
-    shapes: dict[str, tuple[int, ...]] = {  # of one sample
+    shapes: dict[str, tuple[int, ...]] = {  # shape of one sample
         "t": (), "q": (n,), "qd": (n,), "tau": (n,), "tip": (3,), "tip_wrench": (6,), "kinetic": (), "gravity": (),
         "elastic": (), "work": (), "attitude": (4,), "spin": (3,), "momentum_linear": (3,), "momentum_angular": (3,),
         "momentum_center": (3,),
@@ -34,7 +34,7 @@ def check_samples(arrays: Mapping[str, NDArray[Any]], n: int) -> None:
         array, wanted = arrays[name], (samples, *shapes[name])
         if array.dtype != np.float64:
             raise ValueError(f"{name} is of type {array.dtype}; expected float64")
-        if array.shape != wanted and not (name == "tip_wrench" and array.shape == (0, 6)):  # not from a run
+        if array.shape != wanted and not (name == "tip_wrench" and array.shape == (0, 6)):  # empty if not from a run
             raise ValueError(f"{name} has shape {array.shape}; expected {wanted}")
         if not np.isfinite(array).all():
             raise ValueError(f"{name} has numbers that are not finite")
@@ -61,7 +61,7 @@ def check_chain(chain: Chain) -> None:
     if chain.gravity.shape != (3,) or chain.gravity.dtype != np.float64 or not np.isfinite(chain.gravity).all():
         raise ValueError("its chain's gravity is not three finite numbers")
     if len(chain.coordinates) != chain.n or any(not 0 <= c.link <= len(chain.link_names) for c in chain.coordinates):
-        raise ValueError("its chain's coordinates are not those of its hinges and links")
+        raise ValueError("its chain's coordinates do not match its hinges and links")
     belong = {name: _are_within(chain, rows) for name, rows in forces.items()}
     for part, good in ({"bodies": _is_tree(chain)} | belong).items():
         if not good:
@@ -81,7 +81,7 @@ def _is_tree(chain: Chain) -> bool:
 
 
 def _are_within(chain: Chain, rows: NDArray[np.void]) -> bool:
-    """Whether force elements refer to existing hinges and bodies, couplings in ascending order."""
+    """Whether force elements refer to existing hinges and bodies, and each coupling lists its inner hinge first."""
     names = set(rows.dtype.names or ())
     ends = {"hinge": chain.n, "inner": chain.n, "outer": chain.n, "body": len(chain.bodies)}
     there = all(((rows[name] >= 0) & (rows[name] < ends[name])).all() for name in names & ends.keys())

@@ -1,9 +1,9 @@
-"""The power balance, by which a run checks itself: E(t) − E(0) = W(t), the work done on the arm.
+"""The power balance, by which a run checks itself: E(t) − E(0) = W(t), where W is the work done on the arm.
 
     d/dt (T + V_g + V_e) = q̇·(T_EX − T_FR) + f·ṗ + m·ω
 
-with T_EX of drives and prescribed motions, force f and moment m on the tip. W is integrated with the method of the
-run, so the imbalance E − E(0) − W is the energy error of the discretisation, or of an unstable step.
+T_EX are the torques of drives and prescribed motions; f and m are force and moment on the tip. W is integrated with the
+method of the run, so the imbalance E − E(0) − W is the energy error that the discretisation or an unstable step causes.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ def imbalance(energy: Array, work: Array, start: Array) -> Array:
 
 
 def turned_over(energy: Array, work: Array, start: Array) -> Array:
-    """T + |ΔV_g| + |ΔV_e| + |W| [J], shape (…, samples); its running maximum is the energy exchanged."""
+    """T + |ΔV_g| + |ΔV_e| + |W| [J], shape (…, samples), whose running maximum is the energy exchanged."""
     moved = np.abs(energy[..., 1:, :] - start[..., 1:, None]).sum(axis=-2)
     return np.asarray(energy[..., 0, :] + moved + np.abs(work))
 
 
 NOTHING = Allowance()
-"""Allowance of fixed steps: none."""
+"""Allowance of fixed steps, which is zero."""
 
 
 class Balance:
-    """Running results of the checks of a run's samples: `seen`, indexed by SEEN."""
+    """Checks of a run's samples; `seen`, indexed by SEEN, contains their running results."""
 
     def __init__(
         self,
@@ -68,12 +68,12 @@ class Balance:
     def look(
         self, first: int, stop: int, samples: tuple[Array, ...], allowance: Allowance = NOTHING
     ) -> tuple[int, int]:
-        """Check samples by `look_at`; return the index of the first invalid one, or `stop`, and its fault (WRONG)."""
+        """Check samples by `look_at`; return the index of the first invalid one (or `stop`) and its fault (WRONG)."""
         row, wrong = self._code(samples)(first, stop, samples, self.chain.hinges, self.bounds, allowance, self.seen)
         return row, wrong
 
     def compile(self, samples: tuple[Array, ...]) -> None:
-        """Compile the check of samples in such arrays."""
+        """Compile the check for samples in arrays of these types."""
         self._code(samples)
 
     def _code(self, samples: tuple[Array, ...]) -> Callable[..., tuple[int, int]]:
@@ -91,12 +91,12 @@ def _bounds(chain: Chain, force: Array, insisted: bool, bend: float, near: float
 
 
 WATCHED = Memo(64)
-"""By layout of a chain: joints that bend, joints with limits, and driven joints without prescribed motion."""
+"""Cache by chain layout: joints that bend, joints with limits, and driven joints without prescribed motion."""
 
 
 def _watched(chain: Chain) -> tuple[Indices, Indices, Indices]:
     free, prescribed = chain.active, chain.hinges["prescribed"]
     if np.count_nonzero(prescribed):
         free = free[prescribed[free] == 0]
-        free.flags.writeable = False  # as `chain.active`, so that the same compiled code fits
+        free.flags.writeable = False  # read-only like `chain.active`, so that the same compiled code fits
     return chain.bending, np.isfinite(chain.hinges["lower"]).nonzero()[0], free

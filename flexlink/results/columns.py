@@ -1,4 +1,4 @@
-"""The columns of a trajectory by name, each computed when it is used: sweeps use only a few."""
+"""The columns of a trajectory by name; each is computed only when it is used, since sweeps use only a few."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
+from flexlink.common.wording import did_you_mean
 from flexlink.results.samples import BaseMotion, RunSamples
 
 Source = Callable[[Any], Array]
-"""Function of `RunSamples`, or of an object with its fields and runs as a last axis."""
+"""Function that computes a column from `RunSamples`, or from an object with the same fields and a last axis of runs."""
 
 
 def _of_base(part: Callable[[BaseMotion], Array], k: int) -> Source:
@@ -21,13 +22,15 @@ def _of_base(part: Callable[[BaseMotion], Array], k: int) -> Source:
 
 
 class Columns(Mapping[str, Array]):
-    """Every sampled quantity of a run, shape (samples,), by its name with unit."""
+    """Every sampled quantity of a run as an array (samples,), by its name with unit."""
 
     def __init__(self, run: RunSamples) -> None:
         sources = sources_of(run.chain, run.work is not None)
         self._run, self._sources = run, {**sources, **{name: _reading(name) for name in run.sensor_names}}
 
     def __getitem__(self, name: str) -> Array:
+        if name not in self._sources:
+            raise KeyError(f"no column {name!r}{did_you_mean(name, self._sources)}")
         return self._sources[name](self._run)
 
     def __iter__(self) -> Iterator[str]:
@@ -59,7 +62,7 @@ def _sources(
     joints: tuple[str, ...], units: tuple[tuple[str, ...], tuple[str, ...]], active: tuple[int, ...], balanced: bool
 ) -> Mapping[str, Source]:
     """Source of each column, in the order of the CSV file; runs of one layout share it."""
-    # only flexlink's own runs have these
+    # only for runs of flexlink itself: other engines do not integrate work
     of_balanced: Mapping[str, Source] = {
         "work [J]": lambda run: np.asarray(run.work),
         "imbalance [J]": lambda run: run.imbalance,
@@ -82,5 +85,5 @@ def _reading(name: str) -> Source:
 
 
 def _of(field: str, k: int) -> Source:
-    """Column `k` of an array (samples, …)."""
+    """Source of column `k` of the array (samples, …) in a field of the run."""
     return lambda run: getattr(run, field)[:, k]

@@ -1,10 +1,10 @@
-"""Richardson extrapolation: the path of the tip to which models with more and more hinges converge.
+"""Richardson extrapolation of the tip's path to the limit of infinitely many hinges.
 
-x* ≈ x_b + (x_b − x_a) / ((N_b/N_a)^p − 1)                  two levels of N_a < N_b hinges, p the order of convergence
-p = log(|x_b − x_a| / |x_c − x_b|) / log(N_b/N_a)           observed with three levels, N_c/N_b = N_b/N_a
+x* ≈ x_b + (x_b − x_a) / ((N_b/N_a)^p − 1)          two levels, N_a < N_b hinges; p is the order of convergence
+p = log(|x_b − x_a| / |x_c − x_b|) / log(N_b/N_a)   order observed with three levels, N_c/N_b = N_b/N_a
 
-With a known order and three levels, the error of x* is estimated by its change from the previous level, otherwise by
-its distance |x* − x_b| from the finest level.
+With a known order and three levels, the error of x* is estimated by the change of x* when the last level is added.
+Otherwise it is estimated by the distance |x* − x_b| of x* from the finest level.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from flexlink.common.types import Array
 from flexlink.results.tip_motion import largest_distance
 
 Level = tuple[float, Array]
-"""Number of hinges of each link, and the path of the tip (samples, 3) [m]."""
+"""A level: number of hinges in each link, and the path of the tip (samples, 3) [m]."""
 
 
 class Limit(NamedTuple):
@@ -49,7 +49,7 @@ class Limit(NamedTuple):
 
 
 def extrapolated(levels: Sequence[Level], order: float = 2.0) -> Limit:
-    """Limit of the last two levels, for a method of this order; its errors are not estimated yet, and so inf."""
+    """Limit extrapolated from the last two levels with this order; its errors are inf, since not yet estimated."""
     (Na, a), (Nb, b) = levels[-2:]
     q = (Nb / Na) ** order - 1
     return Limit(b + (b - a) / q, np.full(len(b), np.inf), order, (-1 / q, 1 + 1 / q))

@@ -1,4 +1,4 @@
-"""Deflection: displacement of the tip by the springs of links and gears, relative to unloaded springs."""
+"""Deflection: displacement of the tip due to the springs of links and gears, relative to unloaded springs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flexlink.results.trajectory import Trajectory
 
 
 def deflections(run: Trajectory) -> Array:
-    """Deflection of the tip by the springs, at every sample of a run [m]."""
+    """Deflection of the tip due to the springs, at every sample of a run [m]."""
     unmoved = np.empty(run.tip.shape)
     tip_points(run.chain.arrays, np.ascontiguousarray(unbent(run.chain, run.q)), unmoved)
     return distances(run.tip, unmoved)

@@ -1,4 +1,4 @@
-"""Files of trajectories and pictures: their formats, from the extension of the name, and their contents."""
+"""Files of trajectories and pictures: their formats, given by the file name extension, and their contents."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def write(run: RunSamples, format: str, path: Path) -> None:
 
 
 def _arrays(run: RunSamples) -> dict[str, Any]:
-    """All data of a run and, for other programs, its imbalance and the names of its joints."""
+    """All data of a run and, for use by other programs, its imbalance and the names of its joints."""
     chain, balanced = run.chain, run.work is not None
     return {
         "t": run.t, "q": run.q, "qd": run.qd, "tau": run.tau, "tip": run.tip, "joints": np.array(chain.joint_names),
@@ -53,7 +53,7 @@ def _of_base(run: RunSamples) -> dict[str, Any]:
 
 
 def _of_sensors(run: RunSamples) -> dict[str, Any]:
-    """Sensor readings, for other programs; a run that is loaded computes them from its scene."""
+    """Sensor readings, for use by other programs; a loaded run computes them from its scene."""
     names = run.sensor_names
     return {"sensors": np.array(names), "readings": np.array([run.readings[name] for name in names])} if names else {}
 
@@ -64,7 +64,7 @@ def picture_format(path: Path) -> str:
     Raises
     ------
     ArgumentError
-        The extension is none of .png, .svg, .pdf.
+        The extension is not .png, .svg or .pdf.
     """
     return _ending(path, (".png", ".svg", ".pdf"), "a picture")
 
@@ -75,7 +75,7 @@ def output_format(path: Path) -> str:
     Raises
     ------
     ArgumentError
-        The extension is neither.
+        The extension is another one.
     """
     return _ending(path, (".npz", ".csv"), "a trajectory")
 

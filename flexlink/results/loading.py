@@ -82,7 +82,7 @@ def _trajectory(arrays: Mapping[str, Any]) -> Trajectory:
 
 
 def _warnings(arrays: Mapping[str, Any]) -> Iterator[Diagnostic]:
-    """Warnings with their ids, which archives of older versions lack."""
+    """Warnings with their ids; archives of older versions contain no ids."""
     texts: list[str] = arrays["warnings"].tolist()
     ids: list[str] = arrays["warning_ids"].tolist() if "warning_ids" in arrays else [""] * len(texts)
     return (Diagnostic(text, id) for text, id in zip(texts, ids, strict=True))
@@ -113,18 +113,18 @@ def _chain(arrays: Mapping[str, Any]) -> Chain:
 
 
 def _forces(arrays: Mapping[str, Any]) -> Iterator[tuple[str, NDArray[np.void]]]:
-    """Force elements of the chain, without couplings, as far as it has any."""
+    """Force elements of the chain, if any, without couplings."""
     for name, dtype in FORCES.items():
         if name != "couplings" and len(rows := arrays.get(f"chain_{name}", ())):
             yield name, _records(rows, dtype)
 
 
 def _records(rows: NDArray[np.void], dtype: np.dtype[np.void]) -> NDArray[np.void]:
-    """Rows with the dtype that kernels are compiled for; an archive stores only names and formats.
+    """Rows with the dtype for which kernels are compiled; archives store only names and formats of the dtype.
 
-    Archives of older versions have bodies without `springs`, which then act on angles, or without branches.
+    In archives of older versions, bodies lack the field `springs` (springs then act on angles) or fields for branches.
     """
-    # fields that archives of older versions lack
+    # fields that are missing in archives of older versions
     later = {"springs", "parent", "begins", "slot", "fork", "loaded"}
     there = rows.dtype.names or ()
     if there != tuple(name for name in dtype.names or () if name not in later or name in there):

@@ -1,4 +1,4 @@
-"""A figure that a notebook shows once, as the value of its cell, with any backend."""
+"""A figure that a notebook shows once, as the value of its cell, with any backend of matplotlib."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 
 class NotebookFigure(Figure):  # type: ignore[misc]  # mypy does not read matplotlib's types
-    """A figure unknown to pyplot, which would draw it again at the end of the cell."""
+    """A figure that pyplot does not manage, since pyplot would draw it again at the end of the cell."""
 
     def _repr_png_(self) -> bytes:
         picture = io.BytesIO()

@@ -1,4 +1,4 @@
-"""Plots of trajectories and modes; this module needs matplotlib, and is imported only to plot."""
+"""Plots of trajectories and modes; this module needs matplotlib, so it is imported only for plotting."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 
 def plot_trajectory(run: RunSamples) -> Figure:
-    """Plot all `panels` against time, each with its legend to the right."""
-    # a different colour for each curve of a legend
+    """Plot all `panels` of a run against time, each with its legend to the right."""
+    # each curve of a legend has a different colour
     colours = (*CYCLE, GREY, INK)
     panel_height = 1.9  # [in]
     shown = list(panels(run))
@@ -79,7 +79,7 @@ def tip(panel: Axes, run: RunSamples) -> None:
 
 
 def exchanged_energy(panel: Axes, run: RunSamples) -> None:
-    """Plot kinetic, gravity and total energy since the start, as the zero of gravity energy is arbitrary."""
+    """Plot changes of kinetic, gravity and total energy since the start, as the zero of gravity energy is arbitrary."""
     for name, values in (("kinetic", run.energy.kinetic), ("gravity", run.energy.gravity)):
         panel.plot(run.t, _since_start(values), label=name)
     panel.plot(run.t, _since_start(run.energy.total), label="total", color=INK, linestyle="--")
@@ -87,7 +87,7 @@ def exchanged_energy(panel: Axes, run: RunSamples) -> None:
 
 
 def elastic_energy(panel: Axes, run: RunSamples) -> None:
-    """Plot the energy of the springs, often thousands of times smaller than the other energies."""
+    """Plot the energy of the springs, which is often thousands of times smaller than the other energies."""
     panel.plot(run.t, np.asarray(run.energy.elastic), label="elastic", color=GREEN)
     panel.set_ylabel("elastic\nenergy [J]")
 
@@ -100,7 +100,7 @@ def imbalance(panel: Axes, run: RunSamples) -> None:
 
 
 def plot_modes(found: Modes, chain: Chain, count: int = 8) -> Figure:
-    """Plot mode shapes as displaced arms, one panel per mode, each from the view that shows it best."""
+    """Plot mode shapes as displaced arms, one panel per mode, each in the view that shows its motion best."""
     shown = min(count, len(found.eigenvalues))
     reach = np.ptp(found.points, axis=0).max() or 1.0
     rows = -(-shown // 2)
@@ -125,7 +125,7 @@ def plot_modes(found: Modes, chain: Chain, count: int = 8) -> Figure:
             markersize=4,
             label=f"mode {k + 1}",
         )
-        frequency = f"{found.hertz[k]:.4g} Hz" if np.isfinite(found.hertz[k]) else "falls, no frequency"
+        frequency = f"{found.hertz[k]:.4g} Hz" if np.isfinite(found.hertz[k]) else "unstable, no frequency"
         panel.set_title(f"{k + 1}: {frequency}{words}", fontsize="medium")
         panel.set(xlabel=view.labels[0], ylabel=view.labels[1])
         panel.set_aspect("equal", adjustable="datalim")
@@ -134,12 +134,12 @@ def plot_modes(found: Modes, chain: Chain, count: int = 8) -> Figure:
 
 
 def _driven(run: RunSamples, *, slides: bool) -> list[int]:
-    """Driven joints that turn, or those that slide."""
+    """Indices of the driven joints that turn or, if `slides`, that slide."""
     return [k for k in run.chain.active.tolist() if run.chain.slides[k] == slides]
 
 
 def _hinges(run: RunSamples, *, slides: bool) -> list[int]:
-    """Passive joints of links that turn, or those that slide."""
+    """Indices of the links' passive joints that turn or, if `slides`, that slide."""
     chain, internal = run.chain, run.chain.internal
     passive = (k for k, c in enumerate(chain.coordinates) if c.link and c.axis and k not in internal)
     return [k for k in passive if chain.slides[k] == slides]

@@ -24,20 +24,20 @@ from flexlink.results.trajectory import Trajectory
 
 
 def trajectory_from_states(problem: InitialValueProblem, t: Array, q: Array, qd: Array) -> Trajectory:
-    """Add tip, energies and drive torques to the states of another engine's run of a problem."""
+    """Trajectory of a problem from another engine's states; tip, energies and drive torques are computed here."""
     record = Record(problem, t, q.copy(), qd.copy())
     record.derive(0, len(t))
     return record.trajectory(len(t), balanced=False)
 
 
 class Record:
-    """Preallocated samples of a running simulation; those beyond the last one reached are uninitialised.
+    """Preallocated samples of a running simulation; samples not yet computed are uninitialised.
 
     Attributes
     ----------
     q, qd, works
-        States (samples, n) and the integrated work (samples,), without that of a constant tip
-        force, which has a potential.
+        States (samples, n) and the integrated work (samples,), excluding the work of a constant
+        tip force, which follows from its potential.
     so_far
         Step counts and largest deflection up to each sample (samples, SO_FAR.size).
     origin
@@ -81,12 +81,12 @@ class Record:
         return self.kept("forward dynamics", None, self.problem.workspace)
 
     def begin(self) -> None:
-        """Express the first sample of a free base relative to its own attitude, as for the steps that follow."""
+        """Measure the angles of a free base from its initial attitude, in the first sample and the following steps."""
         if self.base is not None:
             self.base.turn(0, self.q[0], self.qd[0], self.scratch)
 
     def parts(self, first: int, stop: int) -> Iterator[slice]:
-        """Samples first … stop − 1, split where a free base changes coordinates."""
+        """Samples first … stop − 1, split where the coordinates of a free base change."""
         return iter([slice(first, stop)]) if self.base is None else self.base.parts(first, stop, self.scratch)
 
     @property
@@ -96,7 +96,7 @@ class Record:
 
     @property
     def path(self) -> Array:
-        """The `checked_path` of the samples: that of the tip, or of all bodies if rotations move no point."""
+        """The `checked_path` of the samples: the path of the tip, or of all bodies if rotations move no point."""
         return self.tip if self._placed is None else self._placed
 
     def compared(self, stop: int) -> Array:
@@ -108,12 +108,12 @@ class Record:
     @functools.cached_property
     def least_tolerance(self) -> float:
         """Smallest tolerance [m] that rounding errors allow, for the arm's size and its initial angles."""
-        # rounding errors of the tip position, one per step, whose sum a tolerance must exceed
+        # a tolerance must exceed the sum of this number of rounding errors of the tip position, one per step
         roundings = 200.0
         return roundings * rounding.of_reach(self.chain.size, max(map(abs, self.q[0].tolist())))
 
     def compile(self) -> None:
-        """Compile the code of `derive`."""
+        """Compile the code that `derive` runs."""
         arguments = self.chain.arrays, self.inputs, 0, 0, *self.samples[:6]
         self._derive = self.kept("derive", None, lambda: direct(derive, *arguments, types=self.kept.types))
         if len(self.inputs.motion.joints):
@@ -164,7 +164,7 @@ class Record:
 
 
 def noted(problem: InitialValueProblem, rows: int) -> Array:
-    """Initial step counts of a run (rows, SO_FAR.size); those of fixed explicit steps are known in advance."""
+    """Initial step counts of a run (rows, SO_FAR.size); for fixed explicit steps they are known in advance."""
     so_far = np.zeros((rows, SO_FAR.size))
     if problem.explicit:
         so_far[:, SO_FAR.steps] = problem.run.steps_per_sample * np.arange(rows)
@@ -177,5 +177,5 @@ def joined(parts: Sequence[Array]) -> Array:
 
 
 def _kept(array: Array, stop: int) -> Array:
-    """The first rows, without keeping the memory of the others."""
+    """The first `stop` rows, copied if there are more, so that the memory of the others is freed."""
     return array if stop == len(array) else array[:stop].copy()

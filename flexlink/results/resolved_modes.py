@@ -1,4 +1,4 @@
-"""Modes that the hinges of a chain resolve: those with two or more hinges per half-wave of curvature."""
+"""Modes that the hinges of a chain resolve: these have two or more hinges per half-wave of curvature."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ HINGES_A_HALF_WAVE = 2.0
 
 
 def resolved(found: Modes, chain: Chain) -> tuple[bool, ...]:
-    """Whether the frequency of each mode is a property of the arm, and not of its division into hinges.
+    """Whether the frequency of each mode is a property of the arm, rather than of its division into hinges.
 
     A link's hinge angles about an axis change sign where the beam's curvature does. A half-wave lies between two such
-    changes and needs `HINGES_A_HALF_WAVE` hinges, so at most one mode per pair of hinges is resolved. Modes that are
-    not elastic count as resolved. Frequencies of resolved modes are mostly accurate within a few percent.
+    sign changes and needs `HINGES_A_HALF_WAVE` hinges, so at most one mode per pair of hinges is resolved. Modes that
+    are not elastic count as resolved. Frequencies of resolved modes are mostly accurate to a few per cent.
     """
     springs = int((chain.stiffness > 0).sum())
     elastic = np.cumsum([kind == "elastic" for kind in found.kinds])
@@ -33,18 +33,18 @@ def _in_phase(shape: NDArray[np.inexact]) -> Array:
 
 
 def _resolves(shape: Array, chain: Chain) -> bool:
-    moments = chain.times("stiffness", shape)  # with the sign of the curvature
+    moments = chain.times("stiffness", shape)  # same sign as the curvature
     energy = moments * shape
     for hinges in _lines(chain):
         waves = _half_waves(moments[hinges])
-        # share of a mode's elastic energy: hinges with less do not matter for its frequency
+        # hinges with less than 5 % of a mode's elastic energy do not matter for its frequency
         if energy[hinges].sum() > 0.05 * energy.sum() and len(hinges) < HINGES_A_HALF_WAVE * waves:
             return False
     return True
 
 
 def _lines(chain: Chain) -> list[list[int]]:
-    """Coordinates of the hinges of each link about each axis, from the root outward, without gears."""
+    """Coordinates of the hinges of each link about each axis, from the root outward, excluding gears."""
     found: dict[tuple[int, int], list[int]] = {}
     for k, coordinate in enumerate(chain.coordinates):
         if coordinate.axis and coordinate.segment and chain.stiffness[k] > 0:

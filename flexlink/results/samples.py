@@ -31,13 +31,13 @@ from flexlink.results import balance
 
 
 class Steps(NamedTuple):
-    """Method and step counts of a run."""
+    """Method of a run, and its numbers of steps and evaluations."""
 
     method: str
     taken: int
-    evaluations: int  # of forward or inverse dynamics
-    rejected: int = 0  # steps repeated with a shorter length, since their error was too large
-    failed: int = 0  # Newton failures: steps repeated, since the iteration did not converge
+    evaluations: int  # evaluations of forward or inverse dynamics
+    rejected: int = 0  # steps repeated with a shorter length because their error was too large
+    failed: int = 0  # Newton failures: steps repeated because the iteration did not converge
     why: str = ""  # reason for an automatically chosen method
 
     def __str__(self) -> str:
@@ -67,7 +67,7 @@ class BaseMotion(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class RunSamples(Result):
-    """Samples of a run, read-only, and quantities derived from them.
+    """Read-only samples of a run, and quantities derived from them.
 
     Attributes
     ----------
@@ -78,14 +78,14 @@ class RunSamples(Result):
     q, qd
         Joint angles [rad] and rates [rad/s], shape (samples, n).
     tau
-        Drive torques T_EX [N m], shape (samples, n): 0 on passive joints, the required torque on prescribed ones.
+        Drive torques T_EX [N m], shape (samples, n): 0 on passive joints; on prescribed joints the required torque.
     tip
         Position of the tip in frame 0 [m], shape (samples, 3).
     energy
         Kinetic, gravity and elastic energy [J], each of shape (samples,).
     work
-        Work W done on the arm so far by drives, prescribed motions, tip wrench and friction [J], shape (samples,),
-        integrated with the run's own method; None for a run of another engine.
+        Work W done on the arm up to each sample by drives, prescribed motions, tip wrench and friction [J], shape
+        (samples,), integrated with the run's method; None for a run of another engine.
     warnings
         Warnings about the result, each a string with a stable `id`, such as "unstable-step".
     steps
@@ -93,12 +93,12 @@ class RunSamples(Result):
     tip_wrench
         Force and moment that acted on the tip, frame 0, shape (samples, 6) [N, N m].
     scene
-        The simulated scene with the settings of the run. It has data that the chain lacks, such as sections, but no
-        control law in Python.
+        The simulated scene with the settings of the run. It contains data that the chain does not, such as sections,
+        but not a control law in Python.
     base
         Attitude and angular velocity of a free base; None if it is fixed. The base's coordinates in q are its position
-        in frame 0 [m] and the angles [rad] about X, Y, Z from its attitude at the start. Near 90° about Y the rates of
-        these angles grow without bound; `base` stays exact.
+        in frame 0 [m] and angles [rad] about X, Y, Z relative to its initial attitude. Near 90° about Y the rates of
+        these angles grow without bound, but `base` remains exact.
     """
 
     chain: Chain
@@ -124,10 +124,10 @@ class RunSamples(Result):
 
     @property
     def momentum_error(self) -> tuple[float, float] | None:
-        """Largest error of the linear [N s] and angular momentum about the centre of mass [N m s] with a free base.
+        """Largest errors of linear momentum [N s] and angular momentum about the centre of mass [N m s] of a free base.
 
-        From the first sample on, linear momentum must change by m g t, and angular momentum must be constant. None if a
-        wrench acts, or if the base is fixed.
+        From the first sample on, linear momentum must change by m g t, and angular momentum must be constant. The
+        result is None if a wrench acts, or if the base is fixed.
         """
         if self.base is None or self.tip_wrench.any() or not len(self.t):
             return None
@@ -139,18 +139,18 @@ class RunSamples(Result):
 
     @functools.cached_property
     def notes(self) -> tuple[str, ...]:
-        """Defaults that the run used, settings of the scene without effect, and sensors that need more samples."""
+        """Notes on defaults that the run used, settings without effect, and sensors that need more samples."""
         if self.scene is None:
             return ()
         return (*defaults(self.scene), *notes(self.scene), *coarse_samples(self.scene, self))
 
     @functools.cached_property
     def hints(self) -> tuple[str, ...]:
-        """Numbers of the scene that likely have another unit, one line each with the likely unit."""
+        """Numbers in the scene that were likely given in a wrong unit, one line each with the likely unit."""
         return () if self.scene is None else hints(self.scene)
 
     def state(self, k: int) -> State:
-        """Time, joint angles and rates of sample `k`, −1 the last; `simulate(scene, q0=, qd0=, t0=)` continues there.
+        """Time, joint angles and rates at sample `k` (−1: last), from which `simulate(…, q0=, qd0=, t0=)` continues.
 
         Raises
         ------
@@ -161,9 +161,9 @@ class RunSamples(Result):
         return State(float(self.t[k]), self.q[k].copy(), self.qd[k].copy())
 
     def tip_of(self, link: str | int) -> Array:
-        """Position of the tip of a link without child links in frame 0, at the samples [m], shape (samples, 3).
+        """Position in frame 0 of the tip of a link without child links, at the samples [m], shape (samples, 3).
 
-        `tip` is the position of the last link's tip.
+        The attribute `tip` is the position of the last link's tip.
 
         Raises
         ------
@@ -174,7 +174,7 @@ class RunSamples(Result):
 
     @functools.cached_property
     def qdd(self) -> Array:
-        """Joint accelerations at the samples [rad/s²], shape (samples, n), by `forward_dynamics` from q, q̇ and `tau`.
+        """Joint accelerations at the samples [rad/s²], shape (samples, n): `forward_dynamics` of q, q̇ and `tau`.
 
         Raises
         ------
@@ -206,9 +206,9 @@ class RunSamples(Result):
 
     @functools.cached_property
     def readings(self) -> Mapping[str, Array]:
-        """Sensor readings at the samples, each of shape (samples,), by the name of the sensor with its unit.
+        """Sensor readings at the samples, each of shape (samples,), by sensor name with unit.
 
-        Delays and low-pass filters act on the signals at the samples, linear in between.
+        Delays and low-pass filters act on the signals at the samples, with linear interpolation between them.
 
         Raises
         ------
@@ -228,7 +228,7 @@ class RunSamples(Result):
         Raises
         ------
         ArgumentError
-            The run is from another engine, so its work is not known.
+            The run is from another engine, so its work is unknown.
         """
         energy = self.energy.parts
         return balance.imbalance(energy, self._known_work, energy[:, 0])
@@ -250,7 +250,7 @@ class RunSamples(Result):
 
 
 def picked(run: RunSamples, rows: NDArray[np.intp]) -> RunSamples:
-    """The run at these samples only."""
+    """The run with only these samples, without its work."""
     parts = {name: getattr(run, name)[rows] for name in ("t", "q", "qd", "tau", "tip", "tip_wrench")}
     energy = Energy(*run.energy.parts[:, rows])
     return dataclasses.replace(run, **parts, energy=energy, work=None)

@@ -1,6 +1,6 @@
 """Settling of the tip at the end of a move: settling time, overshoot, residual vibration.
 
-All measures use only the samples of a run: take ten or more per period of the vibration.
+All these quantities are computed from the samples of a run, which should be ten or more per period of the vibration.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ def settling_time(run: Trajectory, *, target: ArrayLike, tolerance: float, after
     run
         The run.
     target
-        Rest position of the tip, frame 0, shape (3,) [m]: `fl.tip_position(chain, rest.q)`, rest of `solve_static`.
+        Rest position of the tip in frame 0, shape (3,) [m], `fl.tip_position(chain, rest.q)` with
+        `rest = fl.solve_static(…)`.
     tolerance
         Largest distance from the target that counts as settled, > 0 [m].
     after
@@ -35,7 +36,7 @@ def settling_time(run: Trajectory, *, target: ArrayLike, tolerance: float, after
     Returns
     -------
     float
-        Time [s] from `after` to the first sample from which all are within the tolerance; inf if the last one is not.
+        Time [s] from `after` to the sample from which on all samples are within the tolerance; inf if the last is not.
 
     Raises
     ------
@@ -56,20 +57,20 @@ def settling_time(run: Trajectory, *, target: ArrayLike, tolerance: float, after
 
 
 def overshoot(run: Trajectory, *, target: ArrayLike) -> float:
-    """Largest distance of the tip beyond its target, along the straight line from its start to the target.
+    """Largest distance by which the tip passes its target, along the straight line from its start to the target.
 
     Parameters
     ----------
     run
         The run.
     target
-        Rest position of the tip, frame 0, shape (3,) [m].
+        Rest position of the tip in frame 0, shape (3,) [m].
 
     Returns
     -------
     float
-        Largest u·(p − target) [m], u the direction from the start of the tip to the target; 0 if the tip does not pass
-        the target. Divided by |target − p(0)| it is the overshoot of control theory.
+        Largest u·(p − target) [m], where u is the unit vector from the tip's start to the target; 0 if the tip does not
+        pass the target. Divided by |target − p(0)| it is the overshoot of control theory.
 
     Raises
     ------
@@ -105,8 +106,8 @@ def residual_vibration(run: Trajectory, *, after: float) -> float:
     Returns
     -------
     float
-        Largest distance of the tip, from `after` on, from the centre of the smallest box along frame 0 around its path
-        [m]: half the peak-to-peak range of a vibration along a line.
+        Largest distance [m] between the tip, from the time `after` on, and the centre of the box around its path, with
+        edges along the axes of frame 0. For vibration along a line it is half the peak-to-peak range.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Errors of runs that end early; each contains every good sample up to that point."""
+"""Errors raised by runs that end early; each contains all good samples up to that point."""
 
 from __future__ import annotations
 
@@ -58,11 +58,11 @@ class Failure(NamedTuple):
     text: str
     advice: str = ""  # remedy if the cause is known; empty: the general remedy
     kind: type[DivergenceError] = DivergenceError
-    id: str = ""  # empty: that of `kind`
+    id: str = ""  # empty: the id of `kind`
 
 
 def ended_early(reached: float, end: float) -> Failure | None:
-    """Failure of steps that ended at another time than `end` [s] without reporting one; else None.
+    """Failure of steps that ended at another time than `end` [s] without reporting a failure; else None.
 
     Every kind of run is checked, so that an incomplete run is never accepted as complete.
     """
@@ -77,7 +77,7 @@ class LawFailure(Exception):  # noqa: N818  internal: becomes a ControlError wit
 
 
 class ControlError(FlexlinkError, ValueError):
-    """A control law raised an exception, or returned no valid torques; `trajectory` contains every sample before.
+    """A control law raised an exception, or returned no valid torques; `trajectory` contains all samples before that.
 
     Examples
     --------
@@ -96,7 +96,7 @@ class ControlError(FlexlinkError, ValueError):
 
 
 class InterruptedRunError(KeyboardInterrupt):
-    """Ctrl-C or SIGTERM during a run; a KeyboardInterrupt, so programs that handle one stop as usual.
+    """Ctrl-C or SIGTERM during a run; as it is a KeyboardInterrupt, programs that handle it stop as usual.
 
     `trajectory` contains every sample up to that point, and `signal` is the number of the signal. From `simulate_many`,
     `runs` contains all runs up to that point.
@@ -121,5 +121,5 @@ class InterruptedRunError(KeyboardInterrupt):
         self.trajectory, self.signal, self.where, self.runs = trajectory, number, where, runs
 
     def __reduce__(self) -> tuple[type[InterruptedRunError], tuple[Trajectory, int, str, Sequence[Trajectory]]]:
-        """Keep the samples in a process pool, which otherwise rebuilds an error from its message alone."""
+        """Preserve the samples when a process pool pickles the error; by default only its message is preserved."""
         return InterruptedRunError, (self.trajectory, self.signal, self.where, self.runs)

@@ -1,4 +1,4 @@
-"""A run as tables of pandas and xarray, which are imported only if they are used."""
+"""Tables of a run for pandas and xarray, which are imported only if they are used."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def to_pandas(run: RunSamples) -> Any:
 
 
 def to_xarray(run: RunSamples) -> Any:
-    """States, torques, tip and energies as a Dataset over time, joint and axis, with units."""
+    """States, torques, tip and energies as a Dataset with dimensions time, joint and axis, and with units."""
     per_time = {
         "kinetic": run.energy.kinetic, "gravity": run.energy.gravity, "elastic": run.energy.elastic,
         **({} if run.work is None else {"work": run.work, "imbalance": run.imbalance}),

@@ -1,7 +1,7 @@
-"""Extent of the motion of an arm's tip, and distance of two of its paths; a path has shape (samples, 3) [m].
+"""Extent of the motion of an arm's tip, and distance between two paths; a path has shape (samples, 3) [m].
 
-If rotations move no point, as in a wheel, checks use the path of all bodies, (samples, bodies, 12). It contains each
-body's position, and its axes times the chain's size L over √2, so a rotation by a small angle φ counts as L φ.
+If rotations move no point, as in a wheel, checks use the path of all bodies, (samples, bodies, 12). This has each
+body's position, and its axes multiplied by L/√2 with the chain's size L, so rotation by a small angle φ counts as L φ.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def checked_path(chain: Chain, q: Array) -> Array:
 
 
 def compared_path(chain: Chain, q: Array) -> Array:
-    """`checked_path`; for a tree the paths of all its tips, (samples, tips, 3) [m]."""
+    """Return `checked_path`, or, for an arm with several tips, the paths of all its tips, (samples, tips, 3) [m]."""
     if len(chain.tips) == 1 or not chain.has_levers:
         return checked_path(chain, q)
     tips = list(chain.tips.values())
@@ -35,13 +35,13 @@ def compared_path(chain: Chain, q: Array) -> Array:
 
 
 def apart(path: Array, other: Array) -> Array:
-    """Distance of two compared paths at every sample (samples,) [m]: the largest over all bodies or tips."""
+    """Distance between two compared paths at every sample (samples,) [m]; the largest over all bodies or tips."""
     lengths = np.linalg.norm(path - other, axis=-1)
     return np.asarray(lengths if path.ndim == 2 else lengths.max(axis=-1))
 
 
 def motion_in_words(chain: Chain, moved: float) -> str:
-    """Phrase for the extent of a compared path [m]."""
+    """Phrase that states the extent of a compared path [m]."""
     what = "it" if not chain.has_levers else "the tip" if len(chain.tips) == 1 else "a tip"
     return f"while {what} moves {moved:.3g} m"
 
@@ -57,7 +57,7 @@ def largest_distance(path: Array, other: Array) -> float:
 
 
 def largest_so_far(lengths: Array) -> Array:
-    """Running maximum of lengths (samples,) [m]; inf from the first one that is not finite."""
+    """Running maximum of lengths (samples,) [m]; inf from the first length that is not finite."""
     return np.maximum.accumulate(np.where(np.isfinite(lengths), lengths, np.inf))
 
 
@@ -69,8 +69,8 @@ def tip_travel(tip: Array) -> float:
 def extent_of_motion(tip: Array) -> float:
     """Diagonal of the smallest box along the axes of frame 0 around a path [m].
 
-    It is at least the travel, and errors of steps are compared with it. A vibration of amplitude a has the extent 2a,
-    wherever in its period a run starts; its travel is between a and 2a.
+    It is at least `tip_travel`. Errors of steps are compared with the extent, not with the travel: a vibration of
+    amplitude a has the extent 2a at any initial phase, but a travel between a and 2a.
     """
     box = np.ptp(tip, axis=0)
     return float(np.linalg.norm(box) if box.ndim == 1 else np.linalg.norm(box, axis=-1).max())

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Trajectory(RunSamples):
-    """Samples of a simulation (`RunSamples`), with files, tables, plots and films of them.
+    """Samples of a simulation, as in `RunSamples`, with methods to save, tabulate, plot and animate them.
 
     Examples
     --------
@@ -40,25 +40,26 @@ class Trajectory(RunSamples):
     def columns(self) -> Mapping[str, Array]:
         """Every sampled quantity as a column, shape (samples,), by its name with unit, in the order of the CSV file.
 
-        "t [s]", then "q upper [rad]" and "qd upper [rad/s]" by the names of joints, "tau upper [N m]" of driven joints
-        (sliding joints: m, m/s and N), "tip x [m]", "tip y [m]", "tip z [m]", "kinetic [J]", "gravity [J]" and
-        "elastic [J]". Runs of flexlink itself add "work [J]" and "imbalance [J]". A free base adds "attitude w [1]" and
-        so on to z, "spin x [rad/s]" in axes of the base, "momentum x [N s]" and "angular momentum x [N m s]". The
-        readings of the scene's sensors come last, under their names.
+        They are "t [s]", then "q upper [rad]" and "qd upper [rad/s]" for each joint, by name, "tau upper [N m]" for
+        driven joints (sliding joints: m, m/s and N), "tip x [m]", "tip y [m]", "tip z [m]", "kinetic [J]",
+        "gravity [J]" and "elastic [J]". Runs of flexlink itself add "work [J]" and "imbalance [J]". A free base adds
+        "attitude w [1]" to "attitude z [1]", "spin x [rad/s]" in axes of the base, "momentum x [N s]" and
+        "angular momentum x [N m s]". The readings of the scene's sensors come last, under their names.
         """
         return Columns(self)
 
     def save(self, path: str | Path) -> Path:
-        """Write an .npz archive, which `load_trajectory` reads back bit for bit, or a .csv table of `columns`.
+        """Write an .npz archive, which `load_trajectory` restores bit for bit, or a .csv table of `columns`.
 
         The archive contains t, q, qd, tau, tip, kinetic, gravity, elastic, work, imbalance, tip_wrench, joints,
-        warnings, warning_ids, steps, scene (TOML), chain_… and, if the scene has sensors, their names, sensors, and
-        readings. Numbers of the table read back exactly. The file appears complete or not at all.
+        warnings, warning_ids, steps, scene (TOML), chain_… and, if the scene has sensors, sensors (their names) and
+        readings. Numbers in the table have enough digits to be read back exactly. A file is written completely or not
+        at all.
 
         Raises
         ------
         ArgumentError
-            The name ends in neither .npz nor .csv.
+            The name does not end in .npz or .csv.
         OutputError
             The file cannot be written.
 
@@ -78,7 +79,7 @@ class Trajectory(RunSamples):
         Raises
         ------
         ArgumentError
-            The name ends in neither .npz nor .csv.
+            The extension is not .npz or .csv.
         """
         format = output_format(path)
         return lambda place: write(self, format, place)
@@ -100,7 +101,7 @@ class Trajectory(RunSamples):
         return tables.to_pandas(self)
 
     def to_xarray(self) -> Any:
-        """All samples as an xarray.Dataset: q, qd, tau (time, joint), tip (time, axis), energies (time); with `units`.
+        """All samples as an xarray.Dataset: q, qd, tau (time, joint), tip (time, axis), energies (time), with units.
 
         If the scene has sensors, it also contains their readings (time, sensor).
 
@@ -151,19 +152,19 @@ class Trajectory(RunSamples):
     ) -> Path:
         """Draw the moving arm with its links as wide as their sections, gravity downwards, and the path of its tip.
 
-        Planar arms are seen perpendicular to their plane, others from the side and above, with their shadow on a level
-        floor. The payload is a steel ball of its mass. Joints and thin links are enlarged until they are visible.
+        Planar arms are shown perpendicular to their plane, others from the side and above, with their shadow on a level
+        floor. The payload is drawn as a steel ball of its mass. Joints and thin links are enlarged to be visible.
 
         Parameters
         ----------
         path
-            File, whose extension gives the format: .gif; .mp4, by the program ffmpeg; or .html, one page with a player,
-            which needs neither a network nor matplotlib.
+            File, whose extension gives the format: .gif; .mp4, written by the program ffmpeg; or .html, a single page
+            with a player, which works without a network and without matplotlib.
         magnify
-            Factor on the deflections of hinges and gears; the picture shows it.
+            Factor by which deflections of hinges and gears are magnified; it is stated in the picture.
         colour
-            Quantity that colours the links: the magnitude of the bending "moment" [N m], from `loads`, exact at hinges
-            and joints and linear between; or the bending "strain" at the surface.
+            Quantity shown by the links' colour: the magnitude of the bending "moment" [N m] from `loads`, exact at
+            hinges and joints and linear between them; or the bending "strain" at the surface.
         fps
             Frames per second of the film, at most one per sample; a GIF shows each frame for a multiple of 1/100 s.
         speed
@@ -171,12 +172,12 @@ class Trajectory(RunSamples):
         width
             Width of the picture in pixels, 320 to 3840.
         progress
-            Called with the finished fraction, 0 to 1.
+            Function called with the completed fraction, 0 to 1.
 
         Returns
         -------
         Path
-            The file, which a notebook plays.
+            Path of the file; a notebook plays the film.
 
         Raises
         ------

@@ -1,1 +1,1 @@
-"""Import third-party robots: the tree of rigid links in a URDF, the parts that become an arm, and flexible links."""
+"""Import third-party robots: read the links in a URDF file, select the parts of an arm, and make links flexible."""

@@ -39,7 +39,7 @@ def assembled(
     DataFileError
         The inertia of a part or of a floating base is physically impossible.
     SceneError, ArgumentError
-        As in `bent`, or an armature is negative.
+        As in `bent`; or an armature is negative.
     """
     names = _names(way)
     parts = list(_imported_links(way, names, flexible, armature))
@@ -104,7 +104,7 @@ def _base(way: Paths) -> tuple[Base, BaseState]:
 def _imported_links(
     way: Paths, names: list[str], flexible: Mapping[str, FlexibleLink], armature: Mapping[str, float]
 ) -> Iterator[ImportedLink]:
-    """Yield the links one by one."""
+    """Yield the imported link of each part, from the base outward."""
     stops = [np.zeros(3)]  # end of the base and of each link, in the frame of its part
     for number, (part, beyond) in enumerate(zip(way.parts, way.beyond(), strict=True), 1):
         rigid = _rigid(part, names[number], stops[part.parent], armature.get(part.joint.name, 0.0))
@@ -167,7 +167,7 @@ def _tidy(degrees: float) -> float:
 
 
 def _tip_frames(way: Paths, number: int, names: list[str], link: Link) -> Iterator[Link]:
-    """Yield rigid links to the tip frames of a part; none if the part ends there and has no other child."""
+    """Yield rigid links to the tip frames of a part; none if the part ends at its tip and has no other child."""
     for k, tip in way.tips_on(number):
         mount = _mount(tip.place, _stop(link))
         if mount != Mount() or way.bears(number) > 1:

@@ -20,10 +20,10 @@ PACKAGE = "example-robot-data"
 
 
 class KnownArm(Spec, frozen=True):
-    """An arm or robot: its file below the package's robots folder, and the arguments of `import_urdf`."""
+    """An arm or robot: its file under the package's robots folder, and the arguments of `import_urdf`."""
 
     file: str
-    """URDF file below the package's robots folder."""
+    """Path of the URDF file, relative to the package's robots folder."""
     base: str | None = None
     """Link at which the arm starts. Default: the root of the robot."""
     tip: str | tuple[str, ...] | None = None
@@ -54,12 +54,12 @@ class KnownArm(Spec, frozen=True):
 
 @functools.cache
 def folder() -> Path:
-    """Return the folder in which example-robot-data installs its robots, below the package's own prefix.
+    """Return the folder in which example-robot-data installs its robots, under the package's prefix.
 
     Raises
     ------
     MissingDependencyError
-        The package is not installed.
+        The package is not installed, or has no robots folder.
     """
     try:
         package = importlib.metadata.distribution(PACKAGE)

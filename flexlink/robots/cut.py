@@ -1,14 +1,14 @@
-"""Split a rigid link into a beam with a rigid body at each end, preserving total mass, centre and inertia exactly.
+"""Split a rigid link into a beam with a rigid body at each end; total mass, centre and inertia are preserved exactly.
 
     link = beam + root + end
 
 The remainder, link − beam, has mass m, centre c and covariance Σ. The lever rule divides it: the end body gets the
-fraction s = (c − a)·x̂ / L of the mass, for a beam of length L from a along x̂. Along the line the two bodies preserve
-the second moment at c − v √(s / (1 − s) m) and c + v √((1 − s) / s m), v = Σ x̂ / √(x̂ᵀ Σ x̂). The second moment across
-the line, the Schur complement Σ − v vᵀ ⪰ 0, is divided in the same ratio. Both bodies are physically possible whenever
-the remainder is.
+fraction s = (c − a)·x̂ / L of the mass, for a beam of length L from a along x̂. The second moment along the line is
+preserved by centres at c − v √(s / (1 − s) m) and c + v √((1 − s) / s m), v = Σ x̂ / √(x̂ᵀ Σ x̂). The second moment
+across the line, the Schur complement Σ − v vᵀ ⪰ 0, is divided in the same ratio. Both bodies are physically possible
+if the remainder is.
 
-Largest mass of a beam: the moments of link and beam are positive semidefinite. Those of the remainder must be, so
+Largest mass of a beam: the second moments of the remainder, J − m J₁, must be positive semidefinite, so
 
     J − m J₁ ⪰ 0,   J₁: moments of the beam per kilogram   ⇔   m ≤ 1 / λ_max(J₁ x = λ J x)
 """
@@ -32,7 +32,7 @@ def largest_mass(link: SpatialInertia, beam: SpatialInertia) -> float:
     size = np.sqrt(np.where(np.diag(J) > 0, np.diag(J), 1.0))
     squares, axes = np.linalg.eigh(J / np.outer(size, size))
     J1 = axes.T @ (J1 / np.outer(size, size)) @ axes
-    flat = 1e-12  # relative squared extent below which a body is a plate or a rod, given the rounding of files
+    flat = 1e-12  # relative squared extent below which a body counts as a plate or rod; files contain rounded numbers
     there = squares > flat
     if (np.diag(J1)[~there] > flat * np.trace(J1)).any():  # the beam is thick in a direction in which the link is flat
         return 0.0
@@ -53,7 +53,7 @@ def cut(link: SpatialInertia, beam: SpatialInertia, line: Pose, length: float) -
     length
         Length of the beam [m].
     """
-    about = Pose(line.R, link.center)  # close to the subtracted moments and along the line, so no digits are lost
+    about = Pose(line.R, link.center)  # along the line, at the link's centre, where subtraction loses no digits
     whole, part = link.moved(about.inverse), beam.moved(about.inverse)
     rest = whole.moments - part.moments
     mass, first = rest[0, 0], rest[0, 1:]

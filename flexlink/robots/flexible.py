@@ -1,4 +1,4 @@
-"""Specification of a robot's flexible link, and the beam that follows from it."""
+"""Specification of a robot's flexible link, and the beam computed from it."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from flexlink.robots.paths import Part
 class FlexibleLink(Spec, frozen=True):
     """Line, material and segments of a link's beam.
 
-    The beam has `section` and `material`. With `mass` [kg], the density follows from the mass. With `frequency_hz`
-    [Hz], Young's modulus follows: it is then the first frequency of the link clamped at its joint, with everything
+    The beam has `section` and `material`. If `mass` [kg] is given, it determines the density. If `frequency_hz` [Hz] is
+    given, it determines Young's modulus; it is the first frequency of the link clamped at its joint, with everything
     beyond it rigid, in the initial configuration, without gravity. If only the frequency is given, the section is a
-    thin tube with a diameter of a tenth of its length, and the mass is half the largest that the link allows.
+    thin tube with a diameter of a tenth of its length, and the mass is half the largest mass that the link allows.
 
     `line`, from one point of the link's frame to another [m], is the straight line from joint to joint by default;
-    `up`, `flex`, `segments`, `lumping` and `damping` are those of `Link`.
+    `up`, `flex`, `segments`, `lumping` and `damping` are as in `Link`.
 
     Examples
     --------
@@ -45,15 +45,15 @@ class FlexibleLink(Spec, frozen=True):
     material: Material = Material(young=70e9, density=2700.0, poisson=0.33)
     """Material of the beam."""
     mass: Positive | None = None
-    """Mass of the beam, taken from the link's mass [kg]; the density follows from it."""
+    """Mass of the beam [kg], which is subtracted from the link's mass and determines the density."""
     frequency_hz: Positive | None = None
-    """First frequency of the link clamped at its joint, everything beyond it rigid [Hz]; E follows from it."""
+    """First frequency of the link clamped at its joint, with all parts beyond it rigid [Hz]; it determines E."""
     line: tuple[Vector3, Vector3] | None = None
     """Start and end of the beam in the link's frame [m]. Default: from joint to joint."""
     up: Vector3 | None = None
     """Direction of the section's z in the link's frame. Default: the joint's axis."""
     flex: Literal["z", "yz", "xyz"] = "yz"
-    """Bending axes: the section's z, y and z, or y and z with twist."""
+    """Bending axes: z, y and z, or y and z with twist about x, in axes of the section."""
     segments: Annotated[int, msgspec.Meta(ge=2, le=1001)] = 5
     """Number of rigid segments of the link."""
     lumping: str = "gauss"
@@ -78,7 +78,7 @@ class ImportedLink(NamedTuple):
 
 
 def joint_to_joint(next_origin: Array) -> tuple[Vector3, Vector3]:
-    """Return the line from a link's joint to the next one, in the link's frame [m]."""
+    """Return the line from a link's joint to the next joint, in the link's frame [m]."""
     x, y, z = next_origin.tolist()
     return (0.0, 0.0, 0.0), (x, y, z)
 
@@ -112,7 +112,7 @@ def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) ->
     SceneError
         The line has no length.
     ArgumentError
-        The beam does not fit into the link; the message states the largest mass that does.
+        The beam is too heavy for the link; the message states the largest possible mass.
     """
     ends = flexible.line or joint_to_joint(next_origin)
     line = line_of(ends, flexible.up, part.joint.axis)
@@ -167,7 +167,7 @@ def _warning(part: Part, flexible: FlexibleLink, largest: float) -> Diagnostic |
 
 
 def payload(body: SpatialInertia) -> RigidBody:
-    """Return a body as a `RigidBody`; an inertia that is impossible only by rounding becomes the nearest possible one.
+    """Return a body as a `RigidBody`; an inertia that is impossible only due to rounding is corrected.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""URDF → scene: import a robot, or the paths to some of its links, as an arm; links may be flexible."""
+"""URDF → scene: import a complete robot, or the paths to some of its links, as an arm; links may be flexible."""
 
 from __future__ import annotations
 
@@ -34,13 +34,14 @@ class ImportResult:
     scene
         The arm, at rest in the given configuration, without a drive.
     path
-        Joints, bodies and positions from which it was built.
+        Joints, bodies and positions from which the scene was built.
     largest_beams
         For each link, the largest mass [kg] of a thin beam from joint to joint; 0 if the joints coincide.
     notes
         One line for each joint or link that was folded, fixed or ignored, and for each flexible link.
     warnings
-        Doubtful results: a beam much lighter than its link, or a fixed joint that mimics a moving one.
+        Doubtful results: angles that are likely in degrees, a beam much lighter than its link, or a fixed joint that
+        mimics a moving one.
     """
 
     scene: Scene
@@ -71,12 +72,12 @@ def import_urdf(
     armature: Mapping[str, float] = NOTHING,
     gravity: Vector3 = (0.0, 0.0, -9.81),
 ) -> ImportResult:
-    """Read a robot from a URDF file and make a scene of all of it, or of the paths to some of its links.
+    """Convert a URDF file to a scene, with the complete robot or only the paths to some of its links.
 
     All hinges and sliding joints become joints of the scene, each after its parent, path by path in the file's
-    order. If a link has several children, they name it with `on`. Fixed joints are folded; mass, centre and inertia are
-    preserved. If `tip` is given, only joints on the way there move. Everything attached to that path, such as side
-    branches and grippers, is rigid in the given configuration. Joints that mimic other joints are always rigid.
+    order. If a link has several children, they name it with `on`. Links connected by fixed joints are merged; mass,
+    centre and inertia are preserved. If `tip` is given, only joints on the paths to the tips move. Everything attached
+    to these paths, such as grippers, is rigid in the given configuration. Mimicking joints are always rigid.
 
     Parameters
     ----------
@@ -85,10 +86,10 @@ def import_urdf(
     base
         Link where the paths begin; by default the root. Frame 0 is the root's frame.
     tip
-        Link or links where the paths end. Default: all ends of the robot, beyond the last joint of each path.
+        Link or links where the paths end. Default: all ends of the robot, after the last joint of each path.
     free_base
-        Whether the base floats. Its link and everything fixed to it become the scene's `base`; links not beyond it are
-        ignored.
+        Whether the base floats. Its link and everything fixed to it become the scene's `base`. Only links beyond this
+        base are imported.
     posture
         Positions by joint [rad; m if sliding]: initial positions of free joints, constant positions of others.
         Default 0, or the middle of the limits if they exclude 0. Mimicking joints follow their leader.
@@ -97,7 +98,7 @@ def import_urdf(
     flexible
         Flexible links on the path, by name; children of such a link are attached to the end of its beam.
     armature
-        Rotor inertias by joint, reflected to the joint [kg m²; kg if sliding]; URDF has none.
+        Rotor inertias by joint, reflected to the joint [kg m²; kg if sliding], which URDF cannot express.
     gravity
         Gravitational acceleration [m/s²] in the root's frame, whose Z points up.
 
@@ -146,7 +147,7 @@ def import_urdf(
     stated = {*posture, *locked}
     remarks = [one.remark for one in parts if one.remark is not None]
     notes = [*_notes(robot, way, stated, lifeless), *remarks, *([] if flexible else _beams(way, largest))]
-    warnings = [*(one.warning for one in parts if one.warning is not None), *_left_behind(robot, way)]
+    warnings = [*robot.doubts, *(one.warning for one in parts if one.warning is not None), *_left_behind(robot, way)]
     return ImportResult(scene, way, largest, tuple(notes), tuple(warnings))
 
 
@@ -247,7 +248,7 @@ def _left_behind(robot: Robot, way: Paths) -> list[Diagnostic]:
 
 def _beams(way: Paths, largest: Mapping[str, float]) -> list[Diagnostic]:
     """Return a note on the largest beam of each link."""
-    least = 0.01  # share of the link's mass; below it, the joints are too close, or the mass is far from their line
+    least = 0.01  # fraction of the link's mass; below this, joints are too close, or the mass is far from their line
     share = {part.link: largest[part.link] / part.body.mass for part in way.parts if part.body.mass}
     notes = [
         Diagnostic(

@@ -1,4 +1,4 @@
-"""A robot as URDF describes it: rigid links joined to a tree; anything that is not a tree is refused by name."""
+"""A robot as URDF describes it: rigid links that form a tree; anything else is an error that names the element."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from flexlink.chain.rigid import Pose, SpatialInertia
 from flexlink.common.errors import DataFileError
 from flexlink.common.types import Array
-from flexlink.common.wording import plural, short_list, truncated
+from flexlink.common.wording import Diagnostic, plural, short_list, truncated
 
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
 
@@ -29,7 +29,7 @@ class Mimic:
 
 @dataclasses.dataclass(frozen=True)
 class TreeJoint:
-    """A joint of a robot: the frame of the link `child` in that of the link `parent`, at position 0.
+    """A joint of a robot; `origin` is the frame of the link `child` in the frame of the link `parent`, at position 0.
 
     `axis` is a unit vector in the child's frame. `limits` are positions [rad, m], or None. `damping` is in N m s/rad or
     N s/m, `friction` in N m or N.
@@ -48,16 +48,16 @@ class TreeJoint:
 
     @property
     def turns(self) -> bool:
-        """Whether it is revolute or continuous."""
+        """Whether the joint is revolute or continuous."""
         return self.kind in {"revolute", "continuous"}
 
     @property
     def moves(self) -> bool:
-        """Whether it is not fixed."""
+        """Whether the joint is not fixed."""
         return self.kind != "fixed"
 
     def pose(self, position: float) -> Pose:
-        """Return the child's frame in the parent's; floating and planar joints ignore `position`."""
+        """Return the child's frame in the parent's frame; floating and planar joints ignore `position`."""
         if self.kind == "prismatic":
             return self.origin.then(Pose(np.eye(3), self.axis * position))
         return self.origin.then(Pose(_turn(self.axis, position), np.zeros(3))) if self.turns else self.origin
@@ -84,7 +84,9 @@ class Robot:
     joints
         Joints by name, in the file's order.
     left_out
-        Numbers of ignored elements of the file by name; they do not affect motion, or flexlink does not support them.
+        How many elements of each name were ignored, because they do not affect motion or are not supported.
+    doubts
+        Warnings about angles that are likely in degrees.
 
     Raises
     ------
@@ -97,6 +99,7 @@ class Robot:
     links: Mapping[str, SpatialInertia]
     joints: Mapping[str, TreeJoint]
     left_out: Mapping[str, int]
+    doubts: tuple[Diagnostic, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Robot {self.name!r}: {plural(len(self.links), 'link')}, {plural(len(self.joints), 'joint')}>"
@@ -143,7 +146,7 @@ class Robot:
         return next(link for link in self.links if link not in self.above)
 
     def outward(self, base: str, stop: Collection[str] = ()) -> list[str]:
-        """Return `base` and all links beyond it, parents first, but no links beyond the joints `stop`."""
+        """Return `base` and all links beyond it, parents first, except links beyond the joints in `stop`."""
         links = [base]
         for link in links:  # grows during the loop
             links += [joint.child for joint in self.below[link] if joint.name not in stop]
@@ -174,7 +177,7 @@ class Robot:
         return joint
 
     def position(self, joint: TreeJoint, posture: Mapping[str, float]) -> float:
-        """Return the position [rad, m] of a joint: from `posture`, from the joint that it mimics, or 0."""
+        """Return the position [rad, m] of a joint, from `posture` or from the joint that it mimics; otherwise 0."""
         scale, shift = 1.0, 0.0
         while joint.mimic is not None and joint.name not in posture:
             shift += scale * joint.mimic.offset
@@ -209,7 +212,7 @@ def _check_mimics(robot: Robot) -> None:
                 raise DataFileError(
                     f"joint {truncated(joint.name)}: mimics {truncated(leader)}, which does not exist", id="mimic"
                 )
-            checked.add(joint.name)  # unless this path leads back to it
+            checked.add(joint.name)  # joints of this path are also in `way`, by which loops are detected
             joint = robot.joints[leader]
             if leader in way:
                 raise DataFileError(

@@ -1,4 +1,4 @@
-"""Joints with no inertia attached, which would make M singular; an import without named tips fixes them."""
+"""Find joints with no inertia attached, which would make M singular; without named tips, an import makes them rigid."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def living_paths(
 ) -> tuple[Paths, tuple[str, ...]]:
     """Return the moving parts of a robot, and the joints that are fixed because nothing beyond them has inertia.
 
-    `rotors` are the joints with an armature. The other parameters are those of `paths`; `tip` None means all ends.
+    `rotors` are the joints with an armature. The other parameters are as in `paths`; `tip` None means all ends.
 
     Raises
     ------
     ArgumentError
         As in `paths`.
     DataFileError
-        A joint on the way to a named tip has no inertia attached, no joint has, or no link has inertia.
+        A joint on the path to a named tip has no inertia attached, all joints have none, or no link has inertia.
     """
     still: dict[str, None] = {}
     while True:
@@ -52,8 +52,8 @@ def living_paths(
 
 
 def _lifeless(way: Paths, rotors: Collection[str]) -> list[Part]:
-    """Return the parts without inertia about their joint whose children are also without inertia."""
-    alive = [False] * (len(way.parts) + 1)  # also True if a part carries inertia, which may move about another axis
+    """Return the parts that have no inertia about their joint, and whose children have no inertia."""
+    alive = [False] * (len(way.parts) + 1)  # also True if a child has inertia, which may move about another axis
     found = []
     for number in range(len(way.parts), 0, -1):
         part = way.parts[number - 1]

@@ -1,4 +1,4 @@
-"""Paths through a robot from a link to its tips; everything else becomes a rigid part of them or of the base."""
+"""Paths through a robot from a link to its tips; everything else is rigidly attached to these paths or to the base."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from flexlink.robots.positions import check_stated, known, positions_of
 
 @dataclasses.dataclass(frozen=True)
 class Part:
-    """The bodies that move with one free joint: the link behind it and everything rigidly attached to that link.
+    """The bodies that move with one free joint: its child link and everything rigidly attached to that link.
 
     `parent` is the number of the parent part, from 1, or 0 for the base. `origin` is the frame of `link` at position 0
-    in the frame of that part (fixed base: in the root's frame; floating base: in the frame of its link). `body` is in
+    in the parent part's frame (fixed base: the root's frame; floating base: the frame of its link). `body` is in
     the frame of `link`; `folded` names the other links of the part.
     """
 
@@ -33,7 +33,7 @@ class Part:
 
 
 class Tip(NamedTuple):
-    """A link where a path ends: the number of its part, from 1, and its frame in that of the part."""
+    """A link where a path ends: the number of its part, from 1, and the link's frame in the frame of this part."""
 
     link: str
     part: int
@@ -52,8 +52,8 @@ class FreeBase(NamedTuple):
 class Paths:
     """The moving parts of a robot from the base outward, path by path, and the tips.
 
-    `positions` [rad, m] contains all joints of the robot. `held` names movable joints that are fixed and matter: those
-    before the base, and those between links of one part. `free_base` is None for a fixed base.
+    `positions` [rad, m] contains all joints of the robot. `held` names movable joints that are fixed and affect the
+    arm: joints before the base, and joints between links of one part. `free_base` is None for a fixed base.
     """
 
     base: str
@@ -83,9 +83,9 @@ class Paths:
         return self._parents[number] + len(self.tips_on(number))
 
     def beyond(self) -> list[Pose]:
-        """Return for each part the frame of the next joint or, without one, of the tip; a beam ends there.
+        """For each part, return the frame of the next joint or, if there is none, of the tip; a beam ends there.
 
-        If a part has several child joints, the one with the most joints beyond it counts.
+        If a part has several child joints, the joint with the most joints beyond it is used.
         """
         joints = [1] * (len(self.parts) + 1)
         for number in range(len(self.parts), 0, -1):
@@ -117,11 +117,11 @@ def paths(
     base
         Link where the paths begin; by default the root.
     tip
-        Link or links; the joints on the way to them move. By default all joints beyond the base except mimicking ones
-        move, and the tips are the ends.
+        Link or links; the joints on the path to them move. By default, all joints beyond the base move except mimicking
+        joints, and the tips are the ends of the robot.
     posture
-        Positions of joints [rad; m if prismatic]: initial for free ones, constant for others. Default 0, or the middle
-        of the limits if they exclude 0. Mimicking joints follow their leader.
+        Positions of joints [rad; m if prismatic]: initial positions of free joints, constant positions of others.
+        Default 0, or the middle of the limits if they exclude 0. Mimicking joints follow their leader.
     locked
         Positions of joints on the path that are locked.
     free_base
@@ -132,8 +132,8 @@ def paths(
     Raises
     ------
     ArgumentError
-        The robot lacks a name, a position is beyond limits, given twice or given for a joint that has none, or there is
-        no path from base outward to tip, or none with a joint that can move freely.
+        The robot has no link or joint of this name; a position is beyond limits, given twice or given for a joint that
+        has no position; or there is no path from base outward to tip, or no path with a joint that can move freely.
     """
     base = robot.root if base is None else known("base", base, robot.links)
     check_stated(robot, posture, locked)
@@ -214,7 +214,7 @@ def _parts(
     positions: Mapping[str, float],
     places: dict[str, tuple[int, Pose]],
 ) -> tuple[tuple[Part, ...], dict[str, tuple[int, Pose]]]:
-    """Return the parts, and for each link on the way the number of its part and its frame in that part."""
+    """Return the parts, and for each link on the path the number of its part and its frame in that part."""
     parts: list[Part] = []
     for joint in way:
         number, pose = places[joint.parent]
@@ -228,13 +228,13 @@ def _parts(
 
 
 def _ends(robot: Robot, parts: Sequence[Part], moving: Collection[str]) -> list[str]:
-    """Return for each part without children its last link that no other joint could move."""
+    """For each part without children, return its outermost link."""
     stems = {part.parent for part in parts}
     return [robot.outward(part.link, moving)[-1] for k, part in enumerate(parts, 1) if k not in stems]
 
 
 def _held(robot: Robot, found: Paths) -> tuple[str, ...]:
-    """Return movable joints that are fixed and matter: before the parts, or within a part or the floating base."""
+    """Return movable joints that are fixed and affect the arm; they precede the parts, or are within a part or base."""
     start = robot.root if found.free_base is None else found.base
     before: dict[str, None] = {}
     for part in found.parts:

@@ -1,4 +1,4 @@
-"""Positions of a robot's joints: the given ones are checked, the others follow."""
+"""Positions of a robot's joints: check given positions, and compute all others."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def positions_of(robot: Robot, stated: Mapping[str, float]) -> dict[str, float]:
 
 
 def check_stated(robot: Robot, posture: Mapping[str, float], locked: Mapping[str, float]) -> None:
-    """Check that the given positions belong to joints that have one, and are within the limits.
+    """Check that the given positions are within the limits and belong to joints that have a position.
 
     Raises
     ------
@@ -86,5 +86,5 @@ def _check(robot: Robot, key: str, name: object, value: object) -> None:
 
 
 def _with_unit(joint: TreeJoint, position: float) -> str:
-    """Format a position with its unit; for a hinge also in degrees, as on the command line."""
+    """Format a position with its unit; positions of hinges also in degrees, as on the command line."""
     return f"{position!r} rad ({math.degrees(position):.6g}°)" if joint.turns else f"{position!r} m"

@@ -1,13 +1,15 @@
 """URDF → `Robot`: read masses, placements and joints; ignore everything that does not affect motion, such as meshes.
 
-The reader is stricter than others. A number must be a decimal number (not `nan`, nor `1,5`, which some readers take as
-0 or 1), required values must be present, and nothing may be given twice. It opens no other files, such as meshes.
+The reader is stricter than other readers. A number must be a decimal number (not `nan` or `1,5`, which some readers
+take as 0 or 1), required values must be present, and nothing may be given twice. Mesh files are not opened.
 """
 
 from __future__ import annotations
 
+import math
 import sys
 from collections import Counter
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import cast, get_args
 from xml.etree import ElementTree as ET
@@ -20,7 +22,7 @@ from flexlink.common import safe_xml
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.common.files import read_regular, shown_path
 from flexlink.common.types import Array
-from flexlink.common.wording import did_you_mean, truncated
+from flexlink.common.wording import Diagnostic, did_you_mean, truncated
 from flexlink.data.documents import require_path
 from flexlink.describe.directions import unit
 from flexlink.robots.kinematic_tree import JointKind, Mimic, Robot, TreeJoint
@@ -93,7 +95,24 @@ def _robot(root: ET.Element) -> Robot:
     }
     tables = [(root, read["robot"]), *((e, read[e.tag]) for e in root if e.tag in read)]
     left_out = Counter(child.tag for element, known in tables for child in element if child.tag not in known)
-    return Robot(root.get("name", "robot"), links, joints, left_out)
+    return Robot(root.get("name", "robot"), links, joints, left_out, tuple(_in_degrees(root, joints)))
+
+
+def _in_degrees(root: ET.Element, joints: Mapping[str, TreeJoint]) -> Iterator[Diagnostic]:
+    """Warnings about angles that are likely in degrees: rotations of more than a turn, limits of whole degrees."""
+    why = "likely given in deg; angles in URDF are in rad"
+    for element in (*root.findall("link"), *root.findall("joint")):
+        origin = element.find("origin" if element.tag == "joint" else "inertial/origin")
+        rpy = "" if origin is None else origin.get("rpy", "")
+        if max(map(abs, safe_xml.numbers_of(rpy) or [0.0])) > 2 * math.pi + 1e-3:
+            text = f"{_label(element)}: <origin rpy> = {truncated(rpy)}: more than one turn; {why}"
+            yield Diagnostic(text, "likely-degrees")
+    for joint in joints.values():
+        lower, upper = joint.limits or (0.0, 0.0)
+        far = 4 * math.pi < max(abs(lower), abs(upper)) <= 720
+        if joint.turns and far and lower.is_integer() and upper.is_integer():
+            text = f"joint {truncated(joint.name)}: <limit> from {lower:g} to {upper:g}: more than two turns; {why}"
+            yield Diagnostic(text, "likely-degrees")
 
 
 def _new_name(element: ET.Element, known: dict[str, SpatialInertia] | dict[str, TreeJoint]) -> str:
@@ -168,7 +187,7 @@ def _vector(element: ET.Element | None, key: str, about: str, default: tuple[flo
 def _origin(parent: ET.Element, about: str) -> Pose:
     element = _one(parent, "origin", about)
     zero = (0.0, 0.0, 0.0)
-    roll, pitch, yaw = np.degrees(_vector(element, "rpy", about, zero)).tolist()  # a right angle is exact in degrees
+    roll, pitch, yaw = np.degrees(_vector(element, "rpy", about, zero)).tolist()  # right angles are exact in degrees
     return Pose(matrix_from_rpy_deg((roll, pitch, yaw)), _vector(element, "xyz", about, zero))
 
 

@@ -1,7 +1,7 @@
 """Find a beam's Young's modulus from a measured frequency.
 
-Springs are proportional to E, and without gravity there is no other stiffness: f ∝ √E. One evaluation gives
-E = E₀ (f/f₀)².
+Spring stiffness is proportional to E, and without gravity there is no other stiffness, so f ∝ √E. The frequency f₀ for
+E₀ therefore gives E = E₀ (f/f₀)².
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def tuned(scene: Scene, link: str, hertz: float) -> Scene:
     Raises
     ------
     ArgumentError
-        Frequencies of this size are not proportional to √E in float64, or E would overflow.
+        A frequency of this size is not proportional to √E in float64, or E would overflow.
     """
     name = scene.arm.links[scene.arm.number(link) - 1].material or link
     material, ratio = scene.arm.materials[name], hertz / clamped_frequency(scene, link)

@@ -1,4 +1,4 @@
-"""Pictures of an arm, true to scale: Scene.plot, Chain.plot, and the arm in figures of the report."""
+"""Draw an arm true to scale, for Scene.plot, Chain.plot, and figures of the report."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from flexlink.results.pictures.view import View, views_of
 
 
 def plot_scene(scene: Scene) -> Figure:
-    """Plot the arm in the initial state of the scene; `initial_state` lists the errors."""
+    """Plot the arm in the initial state of the scene; errors are listed at `initial_state`."""
     chain = lump(scene)
     return plot_chain(chain, initial_state(scene, chain)[0])
 
 
 def plot_chain(chain: Chain, q: ArrayLike | None) -> Figure:
-    """Plot the arm at the angles q (n,) [rad]; None: joints at zero, springs relaxed."""
+    """Plot the arm at the angles q (n,) [rad]; if q is None, with joints at zero and springs relaxed."""
     placed = frames(chain, chain.rest if q is None else np.asarray(q))
     points, rails = placed.points, unslid(chain, placed.rotations, placed.points)
     seen = points[max(base_body(chain) - 1, 0) :]
@@ -60,7 +60,7 @@ def panels(views: list[View], chain: Chain, points: Array) -> tuple[Figure, list
 
 
 def draw_arm(axes: Axes, view: View, points: Array, chain: Chain, rails: Array | None = None) -> None:
-    """Draw the arm as lines between body origins: springs are dots, driven joints rings, tips stars."""
+    """Draw the arm as lines between body origins, with dots for springs, rings for driven joints and stars for tips."""
     axes.plot(*view.flat(as_lines(chain, points, rails=rails)), color=BLUE, linewidth=2.2, zorder=2)
     base = base_body(chain)
     at = points[base - 1 : base] if base else np.zeros((1, 3))

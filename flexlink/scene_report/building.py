@@ -1,4 +1,4 @@
-"""Build the page of a report on one scene, chapter by chapter, with its files; a failed chapter becomes a sentence."""
+"""Build the page of a report on one scene, with its files; if a chapter fails, a sentence replaces it."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ CHAPTERS = {
     "accuracy": ("Accuracy and cost", "Accuracy and cost"),
     "reproduce": ("How to reproduce", "Reproduce"),
 }
-"""Modules of `flexlink.scene_report.parts` in page order: heading, and name in the table of contents."""
+"""Modules of `flexlink.scene_report.parts` in page order, each with its heading and name in the table of contents."""
 
 
 def build(study: Study, folder: Path, progress: Callable[[str], None]) -> Report:
-    """Write all files, and finally the complete page; `report` lists the errors."""
+    """Write all files, and finally the complete page; errors are listed at `report`."""
     study.chain  # noqa: B018  fail early: without a chain there is nothing to report
     make_folder(folder)
     definitions: dict[str, str] = {}
@@ -61,12 +61,12 @@ def build(study: Study, folder: Path, progress: Callable[[str], None]) -> Report
 
 
 def _part(name: str, study: Study) -> Part | str | None:
-    """Return the content of a chapter; None if it does not apply, the reason if it cannot be computed."""
+    """Return the content of a chapter; None if it does not apply; the reason if it cannot be computed."""
     module = importlib.import_module(f"flexlink.scene_report.parts.{name}")
     try:
         with mpl.rc_context(RC), np.errstate(all="ignore"):
             part: Part | None = module.made(study)
-    except Exception as error:  # from any engine; it must not stop the other chapters
+    except Exception as error:  # an error in one chapter must not stop the others
         reason = str(error) if isinstance(error, FlexlinkError) else f"{type(error).__name__}: {error}"
         return " ".join(reason.split())
     return part

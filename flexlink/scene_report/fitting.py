@@ -1,8 +1,8 @@
-"""Fit a scene's parameters to a measurement one at a time, to find the one that best explains the difference.
+"""Fit a scene's parameters to a measurement, one at a time, to find which parameter best explains the difference.
 
     min over x of Σ r(x)²        r = (run − measured) / scale of the column, at all times
 
-Each fit is quick and has one parameter; scales replace the noise. The spread assumes that residuals are autocorrelated.
+Each fit is fast and has one parameter; scales replace the noise. Standard deviations allow for autocorrelation.
 """
 
 from __future__ import annotations
@@ -73,12 +73,12 @@ class Fit:
 
     @property
     def factor(self) -> float | None:
-        """Best value divided by the scene's; None for an initial position."""
+        """Best value divided by the scene's value; None for an initial position."""
         return None if self.number.is_angle else self.value / self.number.value
 
     @property
     def remaining(self) -> float:
-        """Root mean square difference after the fit divided by that before."""
+        """Root mean square difference after the fit, divided by the difference before the fit."""
         return math.sqrt(max(1.0 - self.explained, 0.0))
 
 
@@ -153,7 +153,7 @@ class Comparison:
 
     @cached_property
     def sizes(self) -> dict[str, float]:
-        """Scale of the differences in each column: the largest spread of the columns with its unit."""
+        """Scale of the differences in each column: largest standard deviation of any column with the same unit."""
         unit = {name: name.rpartition("[")[2] for name in self.measured}
         spread = {name: float(np.nanstd(column) or np.nanmax(np.abs(column))) for name, column in self.measured.items()}
         return {name: max(spread[other] for other in unit if unit[other] == unit[name]) or 1.0 for name in unit}
@@ -165,14 +165,14 @@ class Comparison:
 
     @property
     def differs(self) -> bool:
-        """Whether a column differs by more than rounding: a spline adds four terms, 10 eps of the column's size."""
+        """Whether a column differs by more than the rounding errors of a spline, 10 eps times the column's size."""
         size = {name: float(np.nanmax(np.abs(column))) for name, column in self.measured.items()}
         off = self.differences(self.run)
         return any(bool((np.abs(off[name]) > ROUNDINGS * EPS * size[name]).any()) for name in size)
 
     @cached_property
     def fits(self) -> tuple[Fit, ...]:
-        """Fits of all parameters that explain part of the difference, the best one first."""
+        """Fits of all parameters that explain part of the difference, best fit first."""
         before = self.residual(self.run)
         found = [self.fit(number, before) for number in numbers_of(self.scene)] if self.differs else []
         return tuple(sorted((fit for fit in found if fit is not None), key=lambda fit: -fit.explained))

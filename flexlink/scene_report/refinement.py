@@ -1,7 +1,7 @@
 """Compare a scene's run with runs that have other numbers of hinges, axes and steps: tip errors and costs.
 
-Errors are relative to the limit that `results.convergence` extrapolates from discretisations with 1, 2 and 4 times the
-hinges, with their observed order. CPU times are for this machine.
+Errors are relative to the limit that `results.convergence` extrapolates, with the observed order, from discretisations
+with 1, 2 and 4 times the hinges. CPU times are for this machine.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from flexlink.results.tip_motion import distances, largest_distance, largest_so_
 from flexlink.scene_report.study import Study
 
 FACTORS = (0.5, 2.0, 4.0)
-"""Numbers of hinges of the other discretisations, as multiples of the scene's."""
+"""Numbers of hinges of the other discretisations, as multiples of the scene's number."""
 
 ENOUGH = 0.01
-"""Fraction of the tip's travel: largest acceptable model error, and largest uncertainty of the limit."""
+"""Largest acceptable model error, and largest uncertainty of the limit, as a fraction of the tip's travel."""
 
 
 class Choice(NamedTuple):
-    """An alternative to the scene's run, or that run."""
+    """The scene's run, or an alternative to it."""
 
     label: str
     n: int
@@ -51,7 +51,7 @@ class Refinement:
 
     @cached_property
     def model(self) -> Model:
-        """The scene's discretisation: bending of every link."""
+        """The scene's discretisation, that is, how every link bends."""
         return tuple(
             Bend(link.flex, link.lumping, link.segments - 1) if link.flex != "rigid" else None
             for link in self.scene.arm.links
@@ -65,34 +65,34 @@ class Refinement:
 
     @property
     def gives_state(self) -> bool:
-        """Whether the scene gives the initial state of all its joints, so no other discretisation can start from it."""
+        """Whether the scene specifies the initial state of all joints, so that other discretisations cannot use it."""
         return self.scene.initial.q is not None or self.scene.initial.qd is not None
 
     @cached_property
     def cuts(self) -> dict[float, Outcome]:
-        """Completed runs by multiple of the scene's number of hinges; 1 is the scene's discretisation."""
+        """Completed runs by multiples of the scene's number of hinges; 1 is the scene's discretisation."""
         if self.gives_state or not any(self.model):
             return {}
-        apart = {self.cut(factor): factor for factor in (*FACTORS, 1.0)}  # a link with one hinge keeps it at factor 0.5
+        apart = {self.cut(factor): factor for factor in (*FACTORS, 1.0)}  # for one hinge, factor 0.5 changes nothing
         runs = {factor: self.runner.run(model, self.strict) for model, factor in apart.items()}
         return {factor: runs[factor] for factor in sorted(runs) if runs[factor].completed}
 
     def cut(self, factor: float) -> Model:
-        """Return the discretisation with a multiple of the hinges, approximate if < 1, as the rules allow."""
+        """Return the discretisation with this multiple of the hinges; a multiple < 1 is rounded as the rules allow."""
         return tuple(bend and scaled(bend, factor) for bend in self.model)
 
     def times_the_hinges(self, factor: float, times: str) -> str:
-        """Describe a discretisation; `times` is the factor in words."""
+        """Describe a discretisation; `times` is the text for the factor."""
         exact = all(bend is None or scaled(bend, factor).hinges == factor * bend.hinges for bend in self.model)
         return f"{times} the hinges" if exact else f"about {times} the hinges"
 
     @cached_property
     def limit(self) -> Limit | None:
-        """Limit of the discretisations; the finest one if changes do not decrease, None if fewer than two completed."""
+        """Limit of the discretisations; the finest one if changes do not decrease; None if only one run completed."""
         cuts = [(factor, self.cuts[factor].tip) for factor in (1.0, 2.0, 4.0) if factor in self.cuts]
         if len(cuts) < 2:
             return None
-        lowest, highest = math.log2(1.5), 4.0  # smallest observed order that is accepted; cap of the order
+        lowest, highest = math.log2(1.5), 4.0  # smallest accepted observed order; largest order used
         order = min(observed_order(cuts), highest) if len(cuts) == 3 else math.nan
         finest = cuts[-1][1]
         if not order >= lowest:
@@ -111,7 +111,7 @@ class Refinement:
         return float(t[apart.argmax()] if apart.any() else t[-1])
 
     def error(self, tip: Array) -> float:
-        """Return the largest distance of a tip path from the limit [m]; nan if that is unknown."""
+        """Return the largest distance of a tip path from the limit [m]; nan if the limit is unknown."""
         return largest_distance(tip, self.limit.tip) if self.limit is not None and self.is_accurate else math.nan
 
     @property
@@ -121,7 +121,7 @@ class Refinement:
 
     @property
     def factors(self) -> tuple[float, float]:
-        """Factors of the scene's steps or tolerance: coarser, finer."""
+        """Factors of the scene's steps or tolerance for a coarser and a finer run."""
         return (10.0, 0.1) if self.scene.run.controlled else (2.0, 0.5)
 
     @cached_property
@@ -144,7 +144,7 @@ class Refinement:
 
     @cached_property
     def scale(self) -> float:
-        """CPU time of evaluations on this machine, relative to the list in `motion.evaluation_cost`."""
+        """CPU time of evaluations on this machine, relative to the times listed in `motion.evaluation_cost`."""
         return machine_factor(problem_of(self.scene, self.chain))
 
     @cached_property
@@ -174,7 +174,7 @@ class Refinement:
         return found
 
     def limited_axes(self, top: str) -> Model:
-        """Return the scene's discretisation without bending about axes other than these."""
+        """Return the scene's discretisation with bending only about these axes."""
         axes = limited_axes([bend.flex if bend else FLEX[0] for bend in self.model], top)
         return tuple(bend and bend._replace(flex=flex) for bend, flex in zip(self.model, axes, strict=True))
 
@@ -192,7 +192,7 @@ class Refinement:
 
 
 def scaled(bend: Bend, factor: float) -> Bend:
-    """Return a link with a multiple of the hinges; if < 1, with the nearest number that its rule accepts."""
+    """Return a link with this multiple of the hinges; if < 1, with the nearest number that its rule accepts."""
     wanted = round(factor * bend.hinges)
     if factor < 1:
         nearest = sorted(range(bend.hinges, 0, -1), key=lambda count: abs(count - wanted))

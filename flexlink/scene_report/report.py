@@ -35,10 +35,10 @@ def report(
     folder
         Folder for the page and its files; created if missing. Existing files with the same names are replaced.
     against
-        An MJCF, URDF or SDF file of the same arm from any source, which is compared and diagnosed; or measurements: a
-        CSV file with column "t [s]" and columns of `Trajectory.columns`, angles also in deg, lengths in mm.
+        An MJCF, URDF or SDF file of the same arm from any source, which is compared and diagnosed; or a CSV file of
+        measurements with a column "t [s]" and columns of `Trajectory.columns`, where deg and mm are also allowed.
     command
-        Command that the page shows as its origin.
+        Command that made the page, to be printed on the page.
     progress
         Called with one line for each finished chapter.
 

@@ -1,4 +1,4 @@
-"""Data shared by the chapters of a report: the scene, its chain and its run, each computed once on first use."""
+"""Data shared by the chapters of a report, such as the chain and the run; each is computed once, on first use."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ MEASURED = ".csv"
 
 @dataclasses.dataclass(frozen=True)
 class Study:
-    """A scene and the data that a report needs; a failed computation raises the same error on every access.
+    """A scene and the data that a report needs; if a computation fails, each access raises the same error.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Study:
 
     @property
     def measurements(self) -> bool:
-        """Whether `against` contains measurements, not an arm."""
+        """Whether `against` is a file of measurements, not of an arm."""
         return self.against is not None and self.against.suffix.lower() == MEASURED
 
     @cached_property
@@ -117,7 +117,7 @@ class Study:
         Raises
         ------
         FlexlinkError
-            There is none; see `solve_static`.
+            There is no equilibrium; see `solve_static`.
         """
         wrench, frame = initial_wrench(self.scene, self.chain)
         return rest_of(self.chain, self.start[0], tip_wrench=wrench, frame=frame)

@@ -1,1 +1,1 @@
-"""Sweeps: thousands of variants of a scene, the outputs of each run, and the table or file of their rows."""
+"""Sweeps: run thousands of variants of a scene, and collect the outputs of each run as rows of a table or file."""

@@ -1,4 +1,4 @@
-"""Run the members of a sweep on an executor, in tasks of half a second; repeat those whose worker died."""
+"""Run the members of a sweep on an executor, in tasks of half a second; repeat tasks whose worker died."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TASK_SECONDS = 0.5
 
 
 MAX_WORKER_DEATHS = 3
-"""Number of workers that a member may crash, alone in its task, before it gets a row with this reason."""
+"""Number of times that a member alone may crash its worker; after that, its row gives the crash as the reason."""
 
 Numbers = list[int]
 Task = Future[tuple[list[Row], float]]
@@ -52,7 +52,7 @@ class Execution:
             Workers have another version of flexlink, do not start, or have all ended.
         """
         self._handshake()
-        poll_interval = 0.2  # longest delay of the reaction to a signal [s]
+        poll_interval = 0.2  # longest reaction time to a signal [s]
         while not self.stop.requested:
             self._fill(missing)
             if not self.running:
@@ -60,7 +60,7 @@ class Execution:
             for future in wait(self.running, poll_interval, FIRST_COMPLETED).done:
                 if future in self.running:
                     yield self._answer(future, self.running.pop(future))
-        for future in wait(self.running, 0).done:  # tasks that were complete when the signal came
+        for future in wait(self.running, 0).done:  # tasks that were complete when the signal arrived
             if future.exception() is None:
                 yield future.result()[0]
 
@@ -80,7 +80,7 @@ class Execution:
             ) from None
 
     def _fill(self, missing: Iterator[int]) -> None:
-        """Start tasks until all workers are busy; one task at a time as long as there are suspects."""
+        """Start tasks until all workers are busy; only one task at a time while a member is suspected of crashes."""
         while self.suspects and not self.running:
             self._start(self.suspects.popleft())
         while not self.suspects and len(self.running) < self.pool.slots and not self.stop.requested:
@@ -118,14 +118,14 @@ class Execution:
         except Exception as error:  # any error of one member
             return self._after_failure(numbers, f"{type(error).__name__}: {error}")
         size = len(numbers) * TASK_SECONDS / max(seconds, 1e-6)
-        # members in a task: half a second of short runs
-        self.size = int(min(size, 4 * len(numbers), 4096))  # limited growth: the first task compiles
-        if len(rows) < len(numbers) and not self.stop.requested:  # the worker received a signal, this process did not
+        # number of members per task, so that it takes half a second
+        self.size = int(min(size, 4 * len(numbers), 4096))  # limit growth, since the first task includes compilation
+        if len(rows) < len(numbers) and not self.stop.requested:  # only the worker received a signal
             self.suspects.append(sorted({*numbers} - {row.number for row in rows}))
         return rows
 
     def _after_death(self, numbers: Numbers) -> list[Row]:
-        """Repeat all running tasks, which are lost, one by one to find the member that crashes its worker."""
+        """Repeat all running tasks (they are lost) one by one, to find the member that crashes its worker."""
         lost_tasks = [numbers, *self.running.values()]
         self.running.clear()
         if not self.pool.replace():
@@ -142,7 +142,7 @@ class Execution:
         return self._after_failure(numbers, f"its worker process crashed {MAX_WORKER_DEATHS} times")
 
     def _after_failure(self, numbers: Numbers, reason: str) -> list[Row]:
-        """Repeat the task in halves, down to the one member that fails."""
+        """Repeat the task in halves until the member that fails is found."""
         if len(numbers) == 1:
             return [failed_row(self.plan, numbers[0], reason)]
         middle = len(numbers) // 2

@@ -1,4 +1,4 @@
-"""Fingerprint of a sweep, everything that its rows depend on: the sweep, its scene, their files, and versions."""
+"""Fingerprint of a sweep, which identifies everything that its rows depend on: sweep, scene, their files, versions."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Fingerprint = dict[str, Any]
 
 @functools.cache
 def version() -> str:
-    """Version of flexlink with a hash of its sources, since a checkout changes without a new version."""
+    """Version of flexlink with a hash of its sources, since the sources can change without a new version."""
     folder = Path(__file__).parent.parent
     digest = hashlib.sha256()
     for path in sorted(folder.rglob("*")):
@@ -42,7 +42,7 @@ def fingerprint(sweep: Sweep) -> Fingerprint:
 
 
 def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
-    """First three differences of two fingerprints in words; empty if there are none."""
+    """Text with the first three differences between two fingerprints; empty if there are none."""
     changes = [f"{path} was {truncated(a)} and is {truncated(b)}" for path, a, b in _different(old, new)]
     more = f" and {len(changes) - 3} more" if len(changes) > 3 else ""
     return "; ".join(changes[:3]) + more
@@ -60,7 +60,7 @@ def _different(old: Any, new: Any, path: str = "") -> Iterator[tuple[str, Any, A
 
 
 def _own_files(value: Any) -> Iterator[str]:
-    """Existing files of methods and lumping rules, wherever the sweep names them."""
+    """Existing files of methods and lumping rules that the sweep refers to."""
     if isinstance(value, Mapping):
         for item in value.values():
             yield from _own_files(item)

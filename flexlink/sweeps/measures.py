@@ -1,4 +1,4 @@
-"""Outputs of a sweep: one number per run, from a sampled column or from the run as a unit."""
+"""Outputs of a sweep: one number per run, computed from a sampled column or from the complete run."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ class SweepOutput(Spec, frozen=True):
 
     A sampled column (`Trajectory.columns`, for example "tip x [m]", or "deflection [m]") is reduced by `take`, by
     default "final". "largest" is the largest absolute value, "range" is maximum − minimum. Only samples from the time
-    `after` [s] on are used. "steps" and "evaluations" are counts of the run. "settling time [s]" takes a
-    `tolerance` [m]; it and "overshoot [m]" take a `target`: a point of frame 0, "final" (the final position of the
+    `after` [s] on are used. "steps" and "evaluations" are counts of the run. "settling time [s]" needs a `tolerance`
+    [m]. Settling time and "overshoot [m]" take a `target`: a point in frame 0, "final" (the final position of the
     tip), or "rest" (its static equilibrium under gravity and tip wrench, with the joints at their final angles).
     """
 
@@ -56,7 +56,7 @@ class SweepOutput(Spec, frozen=True):
     after: NonNegative = 0.0
     """Time of the first sample to use [s]."""
     target: Vector3 | Literal["rest", "final"] | None = None
-    """For settling time and overshoot: a point of frame 0 [m], the tip's final position, or its rest position."""
+    """For settling time and overshoot: a point in frame 0 [m], the tip's final position, or its rest position."""
     tolerance: Positive | None = None
     """For the settling time: distance from the target within which the tip must remain [m]."""
 
@@ -74,7 +74,7 @@ class SweepOutput(Spec, frozen=True):
             raise SceneError(f"tolerance: missing; quantity {self.of!r} needs one [m]", id="missing-key")
 
     def measure(self, run: Trajectory) -> float:
-        """Compute the number of a run.
+        """Compute this output of a run.
 
         Raises
         ------
@@ -185,7 +185,7 @@ MEASURES: Mapping[str, Measure] = {
 
 
 def measured(quantities: Mapping[str, SweepOutput], run: Trajectory) -> tuple[tuple[float | None, ...], str]:
-    """Numbers of a run, None if one cannot be computed, and the reasons."""
+    """Outputs of a run (None for an output that cannot be computed), and the reasons for missing outputs."""
     values: list[float | None] = []
     reasons = []
     with np.errstate(all="ignore"):
@@ -206,6 +206,6 @@ def measured_together(
     try:
         with np.errstate(all="ignore"):
             columns += [quantity.measure_all(block) for quantity in quantities.values()]
-    except FlexlinkError:  # member by member, each gets the numbers that can be computed
+    except FlexlinkError:  # one by one, so that each member gets the numbers that can be computed
         return [measured(quantities, block.trajectory(k)) for k in range(len(block.members))]
     return [(values, "") for values in zip(*columns, strict=True)]

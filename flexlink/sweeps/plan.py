@@ -1,4 +1,4 @@
-"""A sweep as data, read from TOML: a scene, fixed and varied values, outputs; planned as numbered members."""
+"""A sweep as data, read from TOML (a scene, fixed and varied values, outputs), and its plan of numbered members."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from flexlink.sweeps.measures import SweepOutput
 from flexlink.sweeps.ranges import MAX_MEMBERS, Axis, RandomDesign, grid_axis, sample_axis, together_axis
 
 ROW_COLUMNS = ("number", "status", "reason", "warnings")
-"""Columns of every table, before those of the varied keys and the outputs."""
+"""First columns of every table; the varied keys and the outputs follow."""
 
 
 class Sweep(Spec, frozen=True):
@@ -128,9 +128,10 @@ class Plan:
 
     @functools.cached_property
     def _start(self) -> tuple[Scene, dict[str, Any]]:
-        """Scene that members vary, and the fixed values to set together with the varied ones.
+        """Scene that members vary, and the fixed values to set together with the varied values.
 
-        Fixed values in tables without varied keys are set once, unless they are only valid together with the others.
+        Fixed values in tables without varied keys are set once. If the scene is then not valid, all fixed values are
+        set together with the varied values.
         """
         scene, varied = self.sweep.scene, top_level_keys(dict.fromkeys(self.sweep.keys))
         once = {path: value for path, value in self.sweep.set.items() if not top_level_keys({path: value}) & varied}
@@ -234,6 +235,6 @@ def load_sweep(path: str | Path) -> Sweep:
 
 
 def _is_slow(axis: Axis) -> bool:
-    """Whether members that differ in these keys cannot run side by side; such an axis varies slowest."""
+    """Whether members with different values of these keys cannot run side by side; such an axis varies slowest."""
     tables, fields = {"engine", "run", "drive", "motion", "wrench"}, {"flex", "segments", "lumping", "locked", "axis"}
     return any(key.split(".")[0] in tables or key.split(".")[-1] in fields for key in axis.keys)

@@ -1,4 +1,4 @@
-"""Checks of a sweep before its first run: its keys, engines and output columns must exist."""
+"""Check before the first run that the keys, engines and output columns of a sweep exist."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from flexlink.sweeps.plan import Plan
 
 
 def preflight(plan: Plan) -> None:
-    """Refuse a sweep if no member can have all outputs; values are checked member by member.
+    """Refuse a sweep with unknown keys or output columns; values are checked later, member by member.
 
     Raises
     ------
     SceneError
-        A key is not a path of the scene, or neither the first nor the last member has a column for an output.
+        A key is not a path of the scene, or the first and the last member both lack the column of an output.
     MissingDependencyError
         An engine of the members is not installed.
     """

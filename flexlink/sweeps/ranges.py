@@ -23,11 +23,11 @@ Spacing = Literal["linear", "log"]
 Whole = Annotated[int, msgspec.Meta(ge=0)]
 
 MAX_MEMBERS = 1_000_000_000
-"""Largest sweep: two days on a core at 0.2 ms per member; Sobol's sequence has no more points."""
+"""Largest number of members, and of points in Sobol's sequence; at 0.2 ms each, they take two days on one core."""
 
 
 class Range(Spec, frozen=True):
-    """Numbers between two ends, which are included: `count` of them, or one every `step` from the first on.
+    """Numbers between two ends, which are included: `count` numbers, or one every `step` from the first end.
 
     With spacing = "log", neighbours differ by a factor. `whole` rounds to integers, for example for `segments`.
     """
@@ -89,7 +89,7 @@ class Range(Spec, frozen=True):
 
 
 class Spread(Spec, frozen=True):
-    """Distribution of a sampled key: uniform `between` two ends (its logarithm if spacing = "log"), or normal.
+    """Distribution of a sampled key: normal, or uniform `between` two ends (uniform logarithm if spacing = "log").
 
     `whole` draws integers, including both ends. A normal distribution has a `mean` and a `deviation`.
     """
@@ -123,7 +123,7 @@ class Spread(Spec, frozen=True):
             _check_ends(self.between, self.spacing)
 
     def value(self, u: float) -> float | int:
-        """Inverse of the distribution function: the number at the probability u, 0 ≤ u < 1."""
+        """Inverse of the distribution function: the number with cumulative probability u, 0 ≤ u < 1."""
         if self.between is None:
             from scipy.special import ndtri  # noqa: PLC0415  only for normal distributions
 
@@ -137,8 +137,9 @@ class Spread(Spec, frozen=True):
 class RandomDesign(Spec, frozen=True):
     """Random points: `count` of them, with a list of values or a spread for each of the `keys`.
 
-    method = "latin": Latin hypercube, at most a million points, with evenly spread values of each key. "sobol",
-    "halton": scrambled low-discrepancy sequences. "random": independent. The same `seed` gives the same points.
+    The method "latin" is a Latin hypercube of at most a million points, with evenly spread values of each key. "sobol"
+    and "halton" are scrambled low-discrepancy sequences. "random" gives independent points. The same `seed` gives the
+    same points.
     """
 
     keys: dict[str, Any]
@@ -179,7 +180,7 @@ def grid_axis(key: str, values: Any) -> Axis:
     Raises
     ------
     SceneError
-        The values are neither, or empty.
+        The values are not a list or range, or they are empty.
     """
     listed = _listed(f"grid.{key}", values)
     return Axis((key,), len(listed), lambda k: (listed[k],))
@@ -191,7 +192,7 @@ def together_axis(table: Mapping[str, Any]) -> Axis:
     Raises
     ------
     SceneError
-        Values are neither lists nor ranges, empty, or of different lengths.
+        Values are not lists or ranges, are empty, or have different lengths.
     """
     lists = {key: _listed(f"together.{key}", value) for key, value in table.items()}
     counts = {key: len(values) for key, values in lists.items()}
@@ -211,7 +212,7 @@ def sample_axis(sample: RandomDesign) -> Axis:
     Raises
     ------
     SceneError
-        It has no keys, or a spread is not valid.
+        The sample has no keys, or a spread is not valid.
     """
     if not sample.keys:
         raise SceneError("sample.keys: empty; specify at least one key and its spread", id="empty")

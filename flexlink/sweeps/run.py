@@ -1,4 +1,4 @@
-"""sweep(…): run all members of a sweep, side by side and on several workers, and collect one table."""
+"""sweep(…): run all members of a sweep, side by side and on several workers, and collect their rows in a table."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ def sweep(
 ) -> SweepRows:
     """Run every member of a sweep; each gives one row of outputs.
 
-    Members with the same structure run eight side by side. A member that is refused, diverges, or crashes its process
-    three times gets a row with the reason. Rows are bitwise reproducible on processors of one kind: they depend neither
-    on other members nor on the executor.
+    Members with the same structure run eight at a time, side by side. A member that is refused, diverges, or crashes
+    its process three times gets a row with the reason. Rows are bitwise reproducible on processors of the same kind;
+    they do not depend on other members or on the executor.
 
     Parameters
     ----------
     what
         The sweep, or the path of its file.
     out
-        SQLite database for the rows, written as they are computed. After an interruption or a crash the same call
-        continues. None: rows stay in memory.
+        SQLite database for the rows, written as they are computed. After an interruption or a crash, the same call
+        continues the sweep. None: rows stay in memory.
     executor
         Executor of the members: any `concurrent.futures.Executor`, or a function that returns one and is called again
         if the executor breaks. None: see `workers` and `dask`.
@@ -54,7 +54,7 @@ def sweep(
     fresh
         Whether to delete the rows in `out` first.
     progress
-        Called with the fraction of the members that have rows.
+        Called with the fraction of members that have a row.
 
     Returns
     -------

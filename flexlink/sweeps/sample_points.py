@@ -1,9 +1,9 @@
 """Points of the unit cube for the members of a sample, computed from their number and the seed without a stored list.
 
-"random": the generator is advanced to the point. "sobol": point n is the bitwise sum of direction numbers, one for each
-binary digit of n's Gray code; they are the differences between SciPy's points 0 and 2, 4, 8, … − 1. "halton": each
-point is computed from its number. "latin": points of a Latin hypercube depend on each other, so all are computed
-together.
+For "random", the generator is advanced to the point. For "sobol", point n is the bitwise sum of direction numbers, one
+for each digit 1 of n's binary Gray code. Direction numbers are the differences of SciPy's points 1, 3, 7, 15, … from 0.
+For "halton", each point is computed from its number. For "latin", all points are computed together, because points of a
+Latin hypercube depend on each other.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def _block(method: str, dimensions: int, count: int, seed: int, number: int) -> 
     elif method == "halton":
         with _halton_moves:  # the engine is shared by several threads
             engine = _halton(dimensions, seed)
-            engine.num_generated = first  # its `fast_forward` would compute all points before
+            engine.num_generated = first  # its `fast_forward` would compute all previous points
             points = engine.random(BLOCK)
     else:
         points = _latin(dimensions, count, seed)[first : first + BLOCK]
@@ -55,7 +55,7 @@ def _block(method: str, dimensions: int, count: int, seed: int, number: int) -> 
 
 @functools.lru_cache(maxsize=2)
 def _latin(dimensions: int, count: int, seed: int) -> Array:
-    """All points, equal to those of SciPy's engine, which takes half a second to import."""
+    """All points, equal to the points of SciPy's engine, which takes half a second to import."""
     (rng,) = np.random.default_rng(seed).spawn(1)
     inside = rng.uniform(size=(count, dimensions))
     cells = np.tile(np.arange(1, count + 1), (dimensions, 1))

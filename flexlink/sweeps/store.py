@@ -1,10 +1,10 @@
-"""Rows of a sweep in SQLite: on disk as soon as a task is done, one per member, never of two sweeps.
+"""Store the rows of one sweep in an SQLite database; each row is on disk as soon as its task is done.
 
     about(name, value)                             fingerprint of the sweep, as JSON
-    rows(number, status, reason, warnings, …)      one per member; then the varied values, by key, and the outputs
+    rows(number, status, reason, warnings, …)      one row per member; … are the varied values, by key, and the outputs
 
-With a write-ahead log (WAL), committed rows survive a crash at any moment, and other processes may read at the same
-time. The writer keeps SQLite's write lock except during a commit, so a second writer gets an error.
+With a write-ahead log (WAL), committed rows survive a crash at any moment, and other processes can read concurrently.
+The writer keeps SQLite's write lock except during a commit, so a second writer gets an error.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ APPLICATION_ID = 0x666C7877
 """SQLite application id of sweep databases, "flxw"; other databases are not touched."""
 
 LOCK_TIMEOUT = 1.0
-"""Timeout for another process's commit [s], which takes milliseconds."""
+"""Longest wait for a commit by another process [s]; a commit takes milliseconds."""
 
 
 class Store:
@@ -36,7 +36,7 @@ class Store:
     Raises
     ------
     OutputError
-        It cannot be written, is another kind of database or damaged, or another process writes to it.
+        The file cannot be written, is damaged or another kind of database, or another process writes to it.
     ArgumentError
         It contains the rows of another sweep.
     """
@@ -56,7 +56,7 @@ class Store:
 
     def _open(self, identity: str) -> None:
         run = self._db.execute
-        run("BEGIN EXCLUSIVE")  # before the check: another sweep may be creating the same file
+        run("BEGIN EXCLUSIVE")  # must precede the check, because another sweep may be creating the same file
         if not _is_ours(self._db):
             names = (*ROW_COLUMNS, *self.plan.sweep.keys, *self.plan.sweep.quantity)
             kinds = ("INTEGER PRIMARY KEY", *["TEXT NOT NULL"] * 3, *[""] * (len(names) - 4))
@@ -65,7 +65,7 @@ class Store:
             run("CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL)")
             run(f"CREATE TABLE rows ({columns})")
             run("INSERT INTO about VALUES ('identity', ?)", (identity,))
-        run("COMMIT")  # all or nothing, and before WAL, so the file itself identifies its owner
+        run("COMMIT")  # before WAL, so that the file itself (not the log) identifies its owner
         run("PRAGMA journal_mode = WAL")
         run("PRAGMA synchronous = NORMAL")  # if the machine crashes, the last rows may be computed again
         run("BEGIN IMMEDIATE")
@@ -92,12 +92,12 @@ class Store:
             self._db.close()
 
     def add(self, rows: Iterable[Row]) -> None:
-        """Add and commit rows of members that have none.
+        """Add and commit rows of members that do not have a row yet.
 
         Raises
         ------
         OutputError
-            They cannot be written; earlier rows remain.
+            The rows cannot be written; earlier rows remain.
         """
         lines = [(*row[:4], *map(_kept, self.plan.values(row.number).values()), *row.values) for row in rows]
         if lines:
@@ -107,7 +107,7 @@ class Store:
                 self._commit()
 
     def missing(self) -> Iterator[int]:
-        """Numbers of the members without a row, in order; rows may be added meanwhile."""
+        """Numbers of the members without a row, in order; rows may be added during the iteration."""
         part = 65_536  # number of members to look up together
         for first in range(0, self.plan.members, part):
             within = first, min(first + part, self.plan.members)
@@ -116,7 +116,7 @@ class Store:
             yield from (number for number in range(*within) if number not in have)
 
     def count(self, status: str | None = None) -> int:
-        """Number of rows with a status, or of all rows."""
+        """Number of rows with a status; of all rows if it is None."""
         where, values = ("", ()) if status is None else (" WHERE status = ?", (status,))
         return int(self._db.execute(f"SELECT count(*) FROM rows{where}", values).fetchone()[0])
 
@@ -132,12 +132,12 @@ class Store:
         return [column[0] for column in found.description], iter(found)
 
     def _commit(self) -> None:
-        """Commit the added rows, and take the lock again before another process can."""
+        """Commit the added rows, and take the lock again before another process can take it."""
         self._db.execute("COMMIT")
         self._db.execute("BEGIN IMMEDIATE")
 
     def _remove(self, path: Path) -> None:
-        """Delete the database, unless another process writes to it or it belongs to another program."""
+        """Delete the database; raise an error if another process writes to it or it belongs to another program."""
         with self._translated_errors(), contextlib.closing(sqlite3.connect(path, timeout=LOCK_TIMEOUT)) as db:
             db.execute("BEGIN IMMEDIATE")
             _is_ours(db)
@@ -164,7 +164,7 @@ class Store:
 
 
 def _is_ours(db: sqlite3.Connection) -> bool:
-    """Whether a database is one of a sweep; False for a new one.
+    """Whether a database is the database of a sweep; False for a new database.
 
     Raises
     ------
@@ -183,7 +183,7 @@ def _quoted(name: str) -> str:
 
 
 def _kept(value: Any) -> float | int | str | None:
-    """A varied value as a number or text; lists and tables as JSON."""
+    """Convert a varied value to a number or text; lists and tables become JSON."""
     if isinstance(value, float | str) or value is None:
         return value
     if type(value) is int and abs(value) < 2**63:

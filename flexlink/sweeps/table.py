@@ -1,4 +1,4 @@
-"""Rows of a sweep, for Python, for pandas, and as files."""
+"""Rows of a sweep as Python objects, as a pandas DataFrame, and as files."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class SweepRows:
 
     @property
     def failed(self) -> dict[int, str]:
-        """Reasons of the members that lack outputs, by number."""
+        """Reasons why outputs are missing, by the number of the member."""
         return {row[0]: row[2] for row in self.rows if row[1] == "failed"}
 
     def to_pandas(self) -> Any:
@@ -66,7 +66,7 @@ def frame(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> Any:
 
 
 def export(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
-    """Write rows to a file, all or nothing, in the format of the file's extension.
+    """Write rows to a file in the format of the file's extension; if this fails, no partial file remains.
 
     Raises
     ------

@@ -52,7 +52,7 @@ def rows_of(text: bytes, theirs: str, numbers: Sequence[int]) -> tuple[list[Row]
     EngineError
         The worker has another version of flexlink.
     """
-    # number of members to prepare together: their chains take some megabytes
+    # number of members to prepare together; their chains take a few megabytes
     together = 512
     started = time.perf_counter()
     handshake(text, theirs)
@@ -90,12 +90,12 @@ def plan_of(text: bytes) -> Plan:
 
 
 def failed_row(plan: Plan, number: int, reason: str) -> Row:
-    """Row of a member without numbers."""
+    """Row of a failed member, without outputs."""
     return Row(number, "failed", reason, "", (None,) * len(plan.sweep.quantity))
 
 
 def goes_side_by_side(plan: Plan, number: int) -> bool:
-    """Whether a member runs side by side with others: eight cost little more than one."""
+    """Whether a member runs side by side with others, since eight members cost little more than one."""
     try:
         scene, engine = plan.member(number)
     except FlexlinkError:
@@ -134,7 +134,7 @@ def _ends(plan: Plan, numbers: Sequence[int], stop: Stop) -> list[Row | Outcome]
 
 
 def _integrated(scene: Scene, engine: str) -> Trajectory:
-    """Run of another engine."""
+    """Run the scene in another engine."""
     problem = problem_of(scene)
     return trajectory_from_states(problem, *load(engine, problem.original).integrate(scene))
 

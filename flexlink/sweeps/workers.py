@@ -1,4 +1,4 @@
-"""Executors of a sweep: this thread, worker processes, a Dask cluster, or an executor of the caller."""
+"""Executors of a sweep: the calling thread, worker processes, a Dask cluster, or the caller's executor."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from flexlink.common.processes import exit_when_closed
 from flexlink.common.wording import truncated
 
 TASKS_PER_WORKER = 2
-"""Number of queued tasks per worker: one runs, the next is ready."""
+"""Number of queued tasks per worker: one that runs, and one that is ready."""
 
 MAX_WORKERS = 1024
-"""Largest number of processes: more than a machine has cores, and some hundred gigabytes."""
+"""Largest number of processes; no machine has more cores, and this number needs a few hundred gigabytes of memory."""
 
 DASK_TIMEOUT = 10
-"""Timeout for the answer of a scheduler and its first worker [s]."""
+"""Longest wait for an answer of the scheduler and for its first worker [s]."""
 
 
 class InThread(Executor):
@@ -42,8 +42,8 @@ class InThread(Executor):
 class Workers(ProcessPoolExecutor):
     """Processes that end immediately on `shutdown`, or when their parent ends for any reason.
 
-    Each process watches a pipe whose other end only the parent has: it closes on `shutdown`, or when the parent ends.
-    Ctrl-C in a terminal reaches all processes; workers ignore it, their parent handles it.
+    Each process watches a pipe whose other end only the parent has; the pipe closes on `shutdown`, or when the parent
+    ends. Ctrl-C in a terminal reaches all processes; workers ignore it, and their parent handles it.
     """
 
     def __init__(self, count: int) -> None:
@@ -79,7 +79,7 @@ class WorkerPool:
         self.executor = make()
 
     def replace(self) -> bool:
-        """Replace a broken executor; False if it cannot be replaced."""
+        """Replace a broken executor; return False if it cannot be replaced."""
         if self.again:
             self.executor.shutdown(wait=False, cancel_futures=True)
             self.executor = self.make()
@@ -88,7 +88,7 @@ class WorkerPool:
 
 @contextlib.contextmanager
 def pool_of(executor: Executor | Callable[[], Executor] | None, workers: int, dask: str | None) -> Iterator[WorkerPool]:
-    """Executor of a sweep: that of the caller, that of the caller's function, or the one for `dask` or `workers`."""
+    """Pool with the caller's executor, or one made by the caller's function, or an executor for `dask` or `workers`."""
     if isinstance(executor, Executor):  # the caller shuts it down
         yield WorkerPool(lambda: executor, TASKS_PER_WORKER * _count_of(executor))
     elif callable(executor):

@@ -15,7 +15,7 @@ from validation.judgement import JudgedRow
 SECTION = "agreement"
 TAKES: tuple[str, ...] = ()
 KINDS = {"pointwise": "flexlink", "judge": "50-digit arithmetic"}
-"""Kind of cases → the reference of its differences."""
+"""Kind of case → the reference from which the differences are measured."""
 LINE = 0.36  # height per term [in]
 
 
@@ -39,7 +39,7 @@ def _picture(case: str, scene: str, rows: Sequence[JudgedRow], limits: tuple[flo
     figure, (axes,) = stacked_axes(1, 1.4 + LINE * lines / 1.3)
     for number, engine in enumerate(engines):
         found = [row for row in rows if row.engine == engine]
-        values = [max(row.value or 0.0, limits[0] * 1.3) for row in found]  # a log axis has no 0: at its edge
+        values = [max(row.value or 0.0, limits[0] * 1.3) for row in found]  # a log axis has no 0; drawn at its edge
         offset = 0.16 * (number - 0.5 * (len(engines) - 1))
         places = [terms.index(row.quantity) + offset for row in found]
         look = ENGINES[engine]

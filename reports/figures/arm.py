@@ -1,4 +1,4 @@
-"""The arm of the paper's figure 5 on the first screen: its two links during the first second of the fall."""
+"""Picture for the first screen: the arm of the paper's figure 5 during the first second of its fall."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def _picture(motion: Motion) -> Picture:
         "flexible link": Line2D([], [], color=colour_along(1.0), linewidth=2.4), "free joint": Line2D([], [], **ring),
         "path of the hand": Line2D([], [], color=GREY, linewidth=0.8),
     }  # fmt: skip
-    figure.legend(key.values(), key.keys(), loc="outside upper left", ncols=2, frameon=False, columnspacing=1.0)
+    figure.legend(key.values(), key.keys(), loc="outside upper left", frameon=False)
     lines = [(float(time[k]), *elbow[k].tolist(), *hand[k].tolist()) for k in range(end)]
     heads = ("time [s]", "elbow x [m]", "elbow z [m]", "hand x [m]", "hand z [m]")
     return Picture("arm", TITLE, figure, CAPTION.format(SCENES[motion.scene]), table_csv(heads, lines))

@@ -1,4 +1,4 @@
-"""Tip distance from exact beams: samples of a fast vibration, drawn as points because no line can join them."""
+"""Tip distance from exact beams, drawn as points, because the tip vibrates too fast between samples for a line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Error of a run and its parts on one logarithmic line: one panel per scene, one line per run."""
+"""Error of each run and its parts on a logarithmic axis: one panel per scene, one line per run."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ ENGINES = ("native", "pinocchio", "mujoco")
 MOST = 16  # decimal digits of float64
 SHADES = ListedColormap(["#b2182b", "#d6604d", "#f4a582", "#fddbc7", "#d1e5f0", "#92c5de", "#4393c3", "#2166ac"])
 MAP = (
-    "One cell per value of a parameter, in order; each shows the less accurate of two scenes. Grey: refused. The CSV "
+    "One cell per value of a parameter, in order; it shows the less accurate of two scenes. Grey: refused. The CSV "
     "includes pairs of parameters."
 )
 CLOUD = "Error of q̈ relative to its largest element, in every cell of the map and of its pairs. 1: no correct digit."

@@ -1,4 +1,4 @@
-"""Runs at extreme parameters that are wrong without a warning: one cell per value, in flexlink and other engines."""
+"""Runs at extreme parameters that are wrong without a warning, in flexlink and other engines: one cell per value."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from reports.cells import fill, key, panels_beside, with_range
 from reports.results import Results
 
 SECTION = "extremes"
-TAKES = ()  # `outcomes.py` draws this series as well and takes it
+TAKES = ()  # the series is already listed by `outcomes.py`, which also draws it
 KNOWN = ("within", "near", "warned", "false doubt")
 REFUSED = "error"
 NOTHING, STOPPED, GOOD, WRONG = range(4)  # no reference, all refused, none wrong, wrong without a warning
@@ -136,5 +136,5 @@ def _panel(axes: Axes, grid: Grid, runs: Runs, engine: str) -> Iterator[tuple[ob
 
 
 def _state(outcomes: NDArray[np.str_]) -> int:
-    """State of a cell whose runs include none that is wrong without a warning."""
+    """State of a cell in which no run is wrong without a warning."""
     return GOOD if np.isin(outcomes, KNOWN).any() else STOPPED if (outcomes == REFUSED).all() else NOTHING

@@ -1,4 +1,4 @@
-"""Chaos: growth of rounding errors, between two runs of flexlink and between flexlink and other engines."""
+"""Growth of rounding errors in a chaotic motion, between runs of flexlink and between flexlink and other engines."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TAKES = ("growth",)
 
 
 def draw(results: Results) -> Iterator[Picture]:
-    """Difference up to time t on a log axis, with the fitted growth and the time up to which runs are compared."""
+    """Draw the difference up to time t on a log axis, the fitted growth, and the time up to which runs are compared."""
     for case, rows in results.of_kind("rounding_growth"):
         value = {(row.scene, row.quantity): row.value for row in rows if row.engine == "native"}
         for series in (s for s in results.series[case] if s.what in TAKES):
@@ -45,6 +45,6 @@ def draw(results: Results) -> Iterator[Picture]:
 
 
 CAPTION = (
-    "Largest joint-angle difference up to time t. Blue: effect of rounding alone. Engines that compute the same motion "
-    "follow the blue curve."
+    "Largest joint-angle difference up to time t. Blue: effect of rounding alone. The curve of an engine that computes "
+    "the same motion follows the blue one."
 )

@@ -23,8 +23,8 @@ SHOWN = {
 }  # fmt: skip
 """Outcome of a run → words, colour."""
 CAPTION = (
-    "Outcomes of runs by method and by step or tolerance (relative to the reach). The number of runs with each outcome "
-    "is in brackets."
+    "Outcomes of runs by method and by step or tolerance (relative to the arm's reach). Numbers in brackets count the "
+    "runs with each outcome."
 )
 
 

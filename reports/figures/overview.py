@@ -1,4 +1,4 @@
-"""Every verification check as a dot at the share of its limit that it uses: the figure of the first screen."""
+"""Figure for the first screen: every verification check as a dot at the share of its limit that it uses."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from validation.store import Row
 
 SECTION = "summary"
 TAKES: tuple[str, ...] = ()
-LEAST, MOST = 1e-4, 5.0  # share of the limit; smaller and larger ones are drawn at the left and right edge
-SPREAD = 0.62  # of the height of a line, over which the dots of a chapter are spread
+LEAST, MOST = 1e-4, 5.0  # share of the limit; smaller and larger shares are drawn at the left and right edge
+SPREAD = 0.62  # part of the height of a line over which the dots of a chapter are spread
 
 
 def draw(results: Results) -> Iterator[Picture]:

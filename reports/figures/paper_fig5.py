@@ -22,7 +22,7 @@ def draw(results: Results) -> Iterator[Picture]:
 
 
 def readme(results: Results) -> Picture | None:
-    """First reading in the format of the README."""
+    """Figure for the README, with the first reading of the initial angle."""
     for motion in _found(results):
         return Picture("readme", "Figure 5 of the paper", draw_wide(motion), caption(motion), data(motion))
     return None

@@ -53,7 +53,7 @@ def draw(results: Results) -> Iterator[Picture]:
             yield Picture(f"{case}.motion", f"{title}: motion", _motion(series), MOTION, series_csv(series))
 
 
-READ = "Error against the number of hinges of a link. Orders are fitted to the last three marks above rounding."
+READ = "Error against hinges per link. Orders are fitted to the three largest hinge counts with errors above rounding."
 PRICE = (
     "Error of the first mode against the work of RK4 at its largest stable step (EI = ρA = L = 1). Short end segments, "
     "as with legendre, require small steps."

@@ -1,4 +1,4 @@
-"""CPU time against error: every run of a scene, and each program's Pareto front, for the tip and the deflection."""
+"""CPU time against error, for the tip and the deflection: every run of a scene, and each program's Pareto front."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from reports.results import Results
 
 SECTION = "trade"
 TAKES = ("work",)
-APART = 20.0  # smallest ratio of the errors of two named runs
-SHOWN = 1.0  # relative error from which a run is not drawn
+APART = 20.0  # smallest ratio of the errors of two labelled runs
+SHOWN = 1.0  # runs with a relative error of this size or larger are not drawn
 CAPTION = (
     "Left: more accurate; lower: cheaper. Line: best runs of each program, with their methods. Errors are relative "
     "to the motion of the tip or its deflection."

@@ -17,9 +17,9 @@ SECTION = "trade"
 TAKES = ("models",)
 LOOKS = {"rigid": (GREY, "s"), "T1": (ORANGE, "o"), "T2": (GREEN, "^"), "T3": (SKY, "D")}
 AIM = "error"
-ROOM = 0.15  # of the smallest error, as room for the name of the first run
-SHOWN = 1.0  # relative error from which a run is not drawn
-APART = 4.0  # smallest ratio of the errors of two named runs
+ROOM = 0.15  # factor on the left limit of the axis, to leave room for the first label
+SHOWN = 1.0  # runs with a relative error of this size or larger are not drawn
+APART = 4.0  # smallest ratio of the errors of two labelled runs
 CAPTION = (
     "One mark per combination of link type, hinges, rule, method and step. Line: the best ones. Vertical edge: error "
     "of a link type, whatever its hinges."
@@ -54,7 +54,7 @@ def _cut(run: Run) -> str:
 
 
 def _runs(series: Series) -> Iterator[Run]:
-    """Runs by link type, with number of hinges and rule in place of the method."""
+    """Runs, with the link type in place of the program, and number of hinges and rule in place of the method."""
     names = ("type", "rule", "hinges", "setting", "error", "CPU time [s]")
     for flex, rule, hinges, setting, error, seconds in zip(*(series.columns[n].tolist() for n in names), strict=True):
         yield Run(flex, f"{hinges} {rule}", setting, seconds, 0, {AIM: error})

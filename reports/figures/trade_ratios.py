@@ -1,4 +1,4 @@
-"""CPU time of other programs relative to flexlink's at equal error, by scene: flexlink wins right of the line."""
+"""CPU time of other programs relative to flexlink's at equal error, by scene; flexlink is faster right of the line."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LETTERS = 74  # letters in a line of a scene's description
 WRITTEN: dict[str, Any] = {
     "fontsize": 8.5, "va": "top", "bbox": {"facecolor": PAPER, "edgecolor": "none", "pad": 0.3},
 }  # fmt: skip
-HEIGHT, ROOM = 0.15, 0.24  # in; height of such a line, and of the marks below it
+HEIGHT, ROOM = 0.15, 0.24  # height of a line of the description, and of the marks below it [in]
 HEADS = (
     "scene",
     "program",

@@ -19,7 +19,7 @@ PARTS = {
     "rounding": "rounding",
 }
 MM = 1e3  # millimetres per metre
-LITTLE = 0.01  # share of the error below which a part is not worth reducing
+LITTLE = 0.01  # fraction of the error below which a part is not worth reducing
 
 
 def find(results: Results) -> Iterator[Table]:

@@ -1,4 +1,4 @@
-"""Measured quantities: error, validation uncertainty with its parts, and verdict; and fits of held-out recordings."""
+"""Measured quantities: error, validation uncertainty with its parts, and verdict; fits to held-out recordings."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FIT = (
 
 
 def find(results: Results) -> Iterator[Table]:
-    """A table of held-out recordings per case, then a table of quantities per case."""
+    """For each case, a table of fits to held-out recordings; then for each case, a table of quantities."""
     for case, series in results.showing(HELD_OUT):
         fits = tuple(zip(*(column.tolist() for column in series.columns.values()), strict=True))
         title = f"{results.cases[case][0].title}: fit [%]"

@@ -1,4 +1,4 @@
-"""What each independent reference shares with flexlink: oracles.toml, and the imports of its source."""
+"""What each independent reference shares with flexlink, from oracles.toml and from the imports of its source files."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ORACLES = ROOT / "validation" / "oracles"
 TYPES = {"flexlink.common.types", "flexlink.common.errors"}
 """Modules of types and errors, which contain no numbers."""
 HEADS = ("independent reference", "shares with flexlink", "does independently", "imports from flexlink")
-ASKED = {"judge", "judge_trees", "measured", "manufactured"}  # kinds of cases for which the table is shown
+KINDS = {"judge", "judge_trees", "measured", "manufactured"}  # the table is shown if a case has one of these kinds
 
 
 class Judge(Spec, frozen=True):
@@ -31,7 +31,7 @@ class Judge(Spec, frozen=True):
 
     @property
     def imports(self) -> tuple[str, ...]:
-        """Modules of flexlink that its files and the oracles used by them import, except types and errors."""
+        """Modules of flexlink that its files import, directly or through other oracles, except types and errors."""
         return tuple(sorted(set().union(*map(imports_of, self.files)) - TYPES))
 
 
@@ -48,7 +48,7 @@ def judges() -> tuple[Judge, ...]:
 
 
 def imports_of(oracle: str) -> set[str]:
-    """Modules of flexlink that an oracle imports, directly or through another oracle."""
+    """Modules of flexlink that a file in validation/oracles/ imports, directly or through another such file."""
     tree = ast.parse((ORACLES / f"{oracle}.py").read_text(encoding="utf-8"))
     modules = {node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
     modules |= {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
@@ -58,8 +58,8 @@ def imports_of(oracle: str) -> set[str]:
 
 
 def find(results: Results) -> Iterator[Table]:
-    """One table, if the study has a case of the kinds `ASKED`."""
-    if not ASKED.isdisjoint(planned.kind for planned in results.plan.values()):
+    """One table, if the study has a case of the kinds `KINDS`."""
+    if not KINDS.isdisjoint(planned.kind for planned in results.plan.values()):
         lines = tuple(
             (j.name, j.shares, j.own, ", ".join(name.removeprefix("flexlink.") for name in j.imports) or "–")
             for j in judges()

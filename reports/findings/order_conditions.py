@@ -1,4 +1,4 @@
-"""Order of every Runge-Kutta method: residuals of all its order conditions, and of those of the next order."""
+"""Order of every Runge-Kutta method: residuals of all its order conditions, and of the conditions of the next order."""
 
 from __future__ import annotations
 
@@ -34,4 +34,4 @@ def _sentence(values: dict[str, dict[str, float | None]]) -> str:
     words = f"All order conditions of {len(values)} sets of coefficients are satisfied to {amount(met, '')}"
     if beyond is None:
         return f"{words}."
-    return f"{words}. Those of the next order have residuals of {amount(beyond, '')} or more, so no order is higher."
+    return f"{words}. Conditions of the next order have residuals of {amount(beyond, '')} or more: no order is higher."

@@ -16,7 +16,7 @@ SECTION = "integrators"
 ERROR, WORK = "error [rad]", "evaluations per simulated second"
 TARGETS = tuple(float(f"1e-{k}") for k in range(1, 13))  # rad; one accuracy per decade
 
-Costs = Mapping[str, float]  # method → evaluations per simulated second, of the methods that reach an accuracy
+Costs = Mapping[str, float]  # method → evaluations per simulated second, for the methods that reach an accuracy
 
 
 def find(results: Results) -> Iterator[Table]:
@@ -80,7 +80,7 @@ def _sentences(table: Mapping[float, Costs], best: Mapping[float, str]) -> Itera
     second = [target for target, method in best.items() if method == "RK2"]
     yield f"RK2 is the cheapest for errors of {_span(second)}." if second else "RK2 is never the cheapest."
     yield (
-        "The table lists evaluations per simulated second. If the number of a method is the same in several rows, its "
+        "The table lists evaluations per simulated second. If a method has the same number in several rows, its "
         "longest step is already accurate enough, and longer steps are near or beyond the stability limit."
     )
 

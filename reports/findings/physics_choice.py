@@ -12,11 +12,11 @@ from reports.results import Results
 SECTION = "physics"
 GENERAL = ("paper", "midpoint", "gregory", "gauss", "legendre")  # rules for any joint and load, one column each
 FREE, CLAMPED = "physics_pinned", "physics_clamped"  # cases
-NEAR = 2.0  # ratio to the fewest hinges up to which a rule is sufficient
+NEAR = 2.0  # a rule is sufficient if it needs at most this multiple of the fewest hinges
 
 
 class Need(NamedTuple):
-    """Rule → hinges needed, and rule → most hinges that were insufficient."""
+    """Rule → hinges needed, and rule → largest number of hinges that was insufficient."""
 
     needed: dict[str, float]
     missed: dict[str, float]
@@ -80,7 +80,7 @@ def _paper(needs: Mapping[str, Need]) -> Iterator[str]:
             f"The paper’s own layout is sufficient, with no more than {number(NEAR)} times the fewest hinges, for: "
             f"{'; '.join(enough)}."
         )
-    yield f"It misses {missed} of all {len(needs)} requirements."
+    yield f"The paper’s own layout does not meet {missed} of all {len(needs)} requirements."
 
 
 def _orders(results: Results) -> Iterator[str]:
@@ -92,8 +92,8 @@ def _orders(results: Results) -> Iterator[str]:
     }
     if FREE in orders and CLAMPED in orders:
         yield (
-            f"Its order for the first mode is {orders[FREE]} if both ends are free of torque, as in its figure 5, and "
-            f"{orders[CLAMPED]} at a clamped, locked or driven joint, because no hinge represents the half segments."
+            f"Its order for the first mode is {orders[FREE]} if both ends are free of torque, as in its figure 5, "
+            f"and {orders[CLAMPED]} at a clamped, locked or driven joint, because the half segments there do not bend."
         )
 
 

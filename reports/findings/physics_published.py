@@ -15,7 +15,7 @@ DIGITS = 7
 
 
 def find(results: Results) -> Iterator[Table]:
-    """One table over all cases: the first values of each, and the largest difference of the others."""
+    """One table: the first values of each case, and the largest difference if the case has more values."""
     lines: list[tuple[str | float | None, ...]] = []
     compared = cases = 0
     for case, series in results.showing("published"):

@@ -1,4 +1,4 @@
-"""CPU times against n as a table: flexlink and every engine."""
+"""Table of CPU times against n for flexlink and every engine."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from validation.store import Row
 SECTION = "extremes"
 KIND, QUANTITY = "stable_steps", "observed / predicted − 1"
 TAKES = ("stable steps",)
-CLOSE = 1e-3  # relative difference of two steps that are equal in practice
+CLOSE = 1e-3  # relative difference up to which two steps are equal in practice
 
 
 def find(results: Results) -> Iterator[Table]:

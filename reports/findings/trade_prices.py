@@ -1,4 +1,4 @@
-"""CPU time of each program's cheapest run for each scene and error, including those in which flexlink loses."""
+"""CPU time of each program's cheapest run for each scene and error, including cases in which flexlink is slower."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FAVOUR = (
     "Times of other programs without a run are extrapolated by the order of the method, or taken from a run at the "
     "stability limit that is assumed to be accurate. Both are in their favour."
 )
-Line = tuple[str, float, dict[str, Price]]  # scene, error, contestant → price
+Line = tuple[str, float, dict[str, Price]]  # scene, error, program → price
 
 
 def find(results: Results) -> Iterator[Table]:
@@ -57,14 +57,14 @@ def _ratio(price: dict[str, Price]) -> float | None:
 
 def _sentences(lines: list[Line]) -> tuple[str, ...]:
     ratios = {(scene, error): ratio for scene, error, price in lines if (ratio := _ratio(price)) is not None}
-    lost = sorted((ratio, asked) for asked, ratio in ratios.items() if ratio < 1.0)
+    lost = sorted((ratio, combination) for combination, ratio in ratios.items() if ratio < 1.0)
     nowhere = [f"{scene} at {number(error)}" for scene, error, price in lines if OURS not in price]
     won = f"flexlink is the cheapest in {len(ratios) - len(lost)} of {len(ratios)} combinations of scene and error."
     sentences = [won]
     if lost:
         named = [f"{scene} at {number(error)} ({number(ratio, 2)} × flexlink’s time)" for ratio, (scene, error) in lost]
         more = "; …" if len(lost) > MOST else ""
-        sentences.append(f"Another program is cheaper in {len(lost)}: {'; '.join(named[:MOST])}{more}.")
+        sentences.append(f"Another program is cheaper in {len(lost)} of them: {'; '.join(named[:MOST])}{more}.")
     if nowhere:
         sentences.append(f"flexlink does not reach the error within the study's time budget for: {'; '.join(nowhere)}.")
     return (*sentences, FAVOUR)

@@ -2,8 +2,8 @@
 
 With --machine: automatic mutants in all folders of the project, or in the folders and files given.
 
-Exit codes: 0, all killed; 1, a fault survived, does not apply any more or has no verdict; 2, wrong call, or the tests
-fail without a fault; 130, interrupted, with the verdicts so far printed above.
+Exit codes: 0, all faults are detected; 1, a fault survived, does not apply any more or has no verdict; 2, wrong call,
+or the tests fail without a fault; 130, interrupted after printing the verdicts so far.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     outcomes: collections.Counter[str] = collections.Counter()
     try:
         with copied() as copy:
-            for fault, (outcome, told, seconds) in judged(copy, faults):
+            for fault, (outcome, detail, seconds) in judged(copy, faults):
                 outcomes[outcome] += 1
                 number = f"{outcomes.total():>4}/{len(faults)}"
-                print(f"{number} {seconds:>6.1f} s  {outcome:<9} {fault.name:<36} {told}", flush=True)
+                print(f"{number} {seconds:>6.1f} s  {outcome:<9} {fault.name:<36} {detail}", flush=True)
     except NotSoundError:
         return 2
     except KeyboardInterrupt:
@@ -75,7 +75,7 @@ def judged(copy: Copy, faults: Sequence[Fault]) -> Iterator[tuple[Fault, Verdict
 
 
 def is_sound(copy: Copy, faults: Sequence[Fault]) -> bool:
-    """Check that all tests pass without a fault; otherwise a failure proves nothing."""
+    """Check that all tests pass without a fault; otherwise their failure with a fault proves nothing."""
     tests = sorted({test for fault in faults for test in fault.tests})
     files = {test for test in tests if "::" not in test}
     tests = [test for test in tests if test in files or test.partition("::")[0] not in files]
@@ -88,8 +88,8 @@ def is_sound(copy: Copy, faults: Sequence[Fault]) -> bool:
 
 def summary(outcomes: collections.Counter[str], faults: int) -> str:
     """Summary line with the counts of the outcomes."""
-    told = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items())
-    return f"{outcomes.total()} of {faults} faults tested: {told or 'none'}"
+    counts = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items())
+    return f"{outcomes.total()} of {faults} faults tested: {counts or 'none'}"
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ ROOT = HERE.parent.parent
 KERNELS = "flexlink/kernels/"
 NOT_COPIED = shutil.ignore_patterns(".*_cache", ".git", ".hypothesis", "__pycache__", "*.egg-info", "build", "dist")
 LONGEST = 600.0  # s; slower tests of a faulty tree hang (the slowest take a minute, including compilation)
-LONGEST_AS_PYTHON = 120.0  # s; from there on, compiling the kernels is faster
+LONGEST_AS_PYTHON = 120.0  # s; beyond this time, compiling the kernels is faster
 
 KILLED, SURVIVED, STALE, BROKEN = "killed", "SURVIVED", "does not apply any more", "NO VERDICT"
 
@@ -98,7 +98,7 @@ class Verdict(NamedTuple):
     """Outcome of the tests of a fault."""
 
     outcome: str  # KILLED, SURVIVED, STALE or BROKEN
-    told: str  # the test that failed, or the reason why there is no verdict
+    detail: str  # the test that failed, or the reason why there is no verdict
     seconds: float
 
 
@@ -118,8 +118,8 @@ class Copy:
         shutil.copytree(tree, self.root, ignore=NOT_COPIED)
 
     def run(self, tests: Sequence[str], cache: Path | None, longest: float = LONGEST) -> Answer:
-        """Run tests in the copy until the first failure, with machine code in `cache`; None: kernels as Python."""
-        # -B: byte code is matched by time in seconds and size; it would be reused for a fault of equal length.
+        """Run tests in the copy until the first failure, with machine code in `cache` (None: run kernels as Python)."""
+        # -B: byte code is identified by file size and time in seconds; a fault of equal length would reuse it.
         options = ("-x", "-q", "--tb=no", "-rfE", "-p", "no:cacheprovider")
         kernels = {"NUMBA_DISABLE_JIT": "1"} if cache is None else {"XDG_CACHE_HOME": str(cache)}
         environment = os.environ | {"PYTHONPATH": str(self.root), "COLUMNS": "1000"} | kernels  # show reasons in full
@@ -188,7 +188,7 @@ class Copy:
 
 
 def verdict(answer: Answer) -> tuple[str, str]:
-    """Outcome and the deciding test. A fault that Numba or Python cannot compile proves nothing."""
+    """Outcome and the deciding test; a fault that Numba or Python cannot compile has no verdict."""
     code, output = answer
     failed = re.search(r"^(?:FAILED|ERROR) (.*)$", output, re.MULTILINE)
     line = failed[1] if failed else ""

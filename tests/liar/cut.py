@@ -30,8 +30,8 @@ FILE = Path(__file__).parent / "lies.toml"
 class Lie(Spec, frozen=True):
     """One wrong result: its quantity, relative error and call, and the quantity of the study that must fail.
 
-    Only one call is wrong, so a mean or the best of all calls could hide it. If `size` is above 1e-6, `why` names the
-    limit that is wider.
+    Only one call is wrong, because a check of the mean or the best of all calls would miss it. If `size` is above 1e-6,
+    `why` names the limit that allows smaller errors.
     """
 
     of: str
@@ -41,7 +41,7 @@ class Lie(Spec, frozen=True):
     why: str = ""
 
     def at(self, calls: int) -> int | None:
-        """Index of the wrong call, from 0, out of this number of calls; negative from the end; None: every call."""
+        """Index of the wrong call among this many calls, from 0 or negative from the end; None: every call is wrong."""
         named = {"first": 0, "middle": calls // 2, "last": calls - 1, "every": None}
         return named[self.call] if isinstance(self.call, str) else self.call % max(calls, 1)
 
@@ -74,7 +74,7 @@ class Cut(Spec, frozen=True):
         )  # fmt: skip
 
     def rows_of(self, left_out: int = 0) -> list[Row]:
-        """Its checked rows, without the last scenes."""
+        """Checked rows of the shortened case, without its last `left_out` scenes."""
         case = self.made
 
         def files(of: Case) -> list[Path]:
@@ -101,14 +101,14 @@ JUDGES = ("validation.oracles.manufactured.torque_pieces", "validation.kinds.jud
 
 @contextlib.contextmanager
 def remembering_judges() -> Iterator[None]:
-    """Cache the results that a check computes for a chain and its state, whatever the injected fault."""
+    """Cache the reference results for a chain and a state, because they do not depend on the injected fault."""
     found: dict[tuple[str, bytes], Any] = {}
 
     def by(path: str, judge: Callable[..., Any]) -> Callable[..., Any]:
-        def kept(*asked: Any) -> Any:
-            key = path, pickle.dumps(asked)
+        def kept(*arguments: Any) -> Any:
+            key = path, pickle.dumps(arguments)
             if key not in found:
-                found[key] = judge(*asked)
+                found[key] = judge(*arguments)
             return copy.deepcopy(found[key])
 
         return kept

@@ -1,4 +1,4 @@
-"""Injected faults: functions by their results, and results of every type with a relative error."""
+"""Injected faults: which functions return wrong results, and how results of each type get a relative error."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Wrong = Callable[[Any, float], Any]
 """Function (value, relative error) → wrong value."""
 
 CALLERS = "validation", "flexlink.diagnosis.native", "flexlink.diagnosis.comparison"
-"""Modules that call the wrong function: the study, and the library as an engine. The library calls the right one."""
+"""Modules that get the wrong function: the study, and the library as an engine. Other modules get the right one."""
 
 
 def scaled(value: Any, size: float) -> Any:
@@ -57,7 +57,7 @@ def at_the_end(run: Trajectory, size: float) -> Trajectory:
 
 
 def total_energy(run: Trajectory, size: float) -> Trajectory:
-    """Run whose energy jumps half-way by a fraction of the largest kinetic energy."""
+    """Run whose energy jumps halfway by a fraction of the largest kinetic energy."""
     jump = np.zeros(len(run.t))
     jump[len(run.t) // 2] = size * np.max(run.energy.kinetic)
     return dataclasses.replace(run, energy=dataclasses.replace(run.energy, elastic=run.energy.elastic + jump))
@@ -69,7 +69,7 @@ def decaying(run: Trajectory, size: float) -> Trajectory:
 
 
 def sensors(run: Trajectory, size: float) -> Trajectory:
-    """Run with columns that are wrong in the middle, as a dictionary."""
+    """Run whose sensor columns, as a dictionary, are wrong in the middle."""
     return WrongColumns(run, size)  # type: ignore[return-value]
 
 
@@ -155,7 +155,7 @@ def replaced(function: Function, by: Callable[[Callable[..., Any]], Callable[...
     liar = by(honest)
     public = {"flexlink", *(f"flexlink.{each}" for each in ("details", "fits", "measures", "small_motion", "strength"))}
     for each in map(importlib.import_module, public):
-        for lazily in each.__all__:  # or it would be imported and cached during the fault
+        for lazily in each.__all__:  # import now; a lazy import during the fault would cache the wrong function
             getattr(each, lazily)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(holder, name, liar)
@@ -167,8 +167,8 @@ def replaced(function: Function, by: Callable[[Callable[..., Any]], Callable[...
 
 
 @contextlib.contextmanager
-def told(name: str, size: float, at: int | None) -> Iterator[list[int]]:
-    """Inject a fault into call number `at`, into every call if None; yields the counter of calls."""
+def injected(name: str, size: float, at: int | None) -> Iterator[list[int]]:
+    """Inject a fault into call number `at`, or into every call if None; yields the counter of calls."""
     function, calls = LIES[name], [0]
 
     def by(honest: Callable[..., Any]) -> Callable[..., Any]:

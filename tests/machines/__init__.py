@@ -2,7 +2,7 @@
 
     python -m tests.machines                 the full suite on every machine
     python -m tests.machines --quick         the machines of .ci/run, with a selection of fast tests
-    python -m tests.machines noise           a fictitious CPU: tests that depend on rounding fail there first
+    python -m tests.machines noise           a fictitious CPU, on which tests that depend on rounding fail first
     python -m tests.machines oldest -- -x    one machine; options of pytest after --
 
 Machines are data (`machines.toml`). A machine that this computer cannot emulate (AVX-512 without AVX-512, a Python

@@ -23,7 +23,7 @@ import scipy.sparse.linalg
 
 EPS = np.finfo(float).eps
 IN, OUT = EPS / 2, 2 * EPS
-"""Largest relative changes. More than half an ulp at the inputs would lift zero singular values above `rcond`."""
+"""Largest relative changes; above half an ulp at the inputs, zero singular values would exceed `rcond`."""
 EXACT = (1 << 20) - 1
 """Trailing bits that are 0 in exact numbers (and in one of a million rounded numbers)."""
 SEED = int(os.environ.get("NOISE_SEED", "1"))
@@ -68,7 +68,7 @@ def as_elsewhere(function: Callable[..., Any]) -> Callable[..., Any]:
         key = own
         for one in (*given, *keywords.values()):
             key = zlib.crc32(one.tobytes(), key) if isinstance(one, np.ndarray) else key
-        if name == "norm":  # the most frequent by far, a sum of squares: perturb only its result, by one factor
+        if name == "norm":  # by far the most frequent, a sum of squares: perturb only its result
             found = np.asarray(function(*given, **keywords), dtype=np.float64)
             rounded = (found.view(np.int64) & EXACT) != 0
             return np.where(rounded, found * (1 + OUT * (key / 2**31 - 1)), found)[()]
@@ -80,12 +80,12 @@ def as_elsewhere(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _drawn(name: str, found: Any, ξ: np.random.Generator) -> Any:
-    """Randomize what LAPACK leaves open: signs of vectors, and the order of unordered values."""
+    """Randomize what LAPACK does not define: signs of vectors, and the order of unordered eigenvalues."""
     several = list(found) if isinstance(found, tuple) else [found]
     if name in ANY_ORDER and several[0].ndim == 1:
         pairs, order = _shuffled(several[0], ξ)
         for one in several:
-            one[..., [k + 1 for k in pairs]] = one[..., pairs].conj()  # equal to the bit, as in LAPACK
+            one[..., [k + 1 for k in pairs]] = one[..., pairs].conj()  # conjugate pairs stay bit-equal, as in LAPACK
         several = [one[..., order] for one in several]
     at = int(name == "svd" and len(several) == 3)
     if name in RISING:

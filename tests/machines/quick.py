@@ -11,7 +11,7 @@ import pytest
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Deselect the parameter sets between."""
+    """Deselect the parameter sets of each test between the first and the last."""
     ends: dict[str, list[pytest.Item]] = {}
     for item in items:
         ends.setdefault(item.nodeid.partition("[")[0], []).append(item)

@@ -1,4 +1,4 @@
-"""Machines as data, whether this computer can emulate them, and the tests on one of them."""
+"""Machines as data: check whether this computer can emulate a machine, and run the tests on it."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ class Machine(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     reason: str
     env: dict[str, str] = {}
     needs: frozenset[str] = frozenset()  # CPU flags that the chosen kernels need
-    best: bool = False  # OpenBLAS chooses these kernels by itself on a CPU with these flags
+    best: bool = False  # OpenBLAS chooses these kernels by default on a CPU with these flags
     python: str = ""  # command; "": the current one
     cores: int = 0  # 0: all
     plugin: str = ""  # pytest plugin for what environment variables cannot do
-    files: tuple[str, ...] = ()  # tests that run there; empty: all
+    files: tuple[str, ...] = ()  # tests that run on the machine; if empty, all
     without: tuple[str, ...] = ()  # tests that are left out
     fast: bool = False  # without slow tests
     quick: bool = False
@@ -47,10 +47,10 @@ class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Outcome(NamedTuple):
     """Result of the tests on one machine."""
 
-    code: int  # pytest's
+    code: int  # exit code of pytest
     counts: str  # "3 failed, 12 passed"
     seconds: float
-    failed: tuple[str, ...]  # pytest's lines on failed tests
+    failed: tuple[str, ...]  # lines that pytest prints for failed tests
 
 
 FILE = msgspec.toml.decode((HERE / "machines.toml").read_bytes(), type=_File)
@@ -85,7 +85,7 @@ def missing(machine: Machine) -> str:
 
 
 def is_already(machine: Machine) -> bool:
-    """Return whether this computer already is the machine, so its normal tests cover it."""
+    """Return whether this computer already is the machine, so that its normal tests cover it."""
     return machine.best and machine.needs <= flags()
 
 
@@ -122,7 +122,7 @@ def python_of(machine: Machine) -> Iterator[str]:
 
 
 def run_as(machine: Machine, files: Sequence[str], options: Sequence[str], *, quick: bool = False) -> Outcome:
-    """Run the tests on a machine; `quick`: fast tests, few parameter sets."""
+    """Run the tests on a machine; `quick` selects fast tests with few parameter sets."""
 
     def fewer_cores() -> None:
         os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: machine.cores])

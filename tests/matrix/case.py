@@ -1,4 +1,4 @@
-"""An arm of `chains/`, with cached results for many claims."""
+"""An arm from `chains/`, with results that are cached for all claims."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Case:
 
     @property
     def mass(self) -> str:
-        """Path of the mass at the end of the last link."""
+        """Path, for `varied`, of the mass at the end of the last link."""
         return f"link.{self.scene.arm.links[-1].name}.end.mass"
 
     @property
@@ -110,12 +110,12 @@ def names() -> list[str]:
 
 
 def difference(f: Callable[[float], Any], h: float = 1e-3) -> Array:
-    """f'(0), fourth order."""
+    """f'(0) by a central difference of fourth order."""
     return np.asarray(sum(w * np.asarray(f(s * h)) for s, w in FOURTH.items()) / h, dtype=float)
 
 
 def close(found: Any, wanted: Any, relative: float, absolute: float = 0.0) -> None:
-    """Check the error relative to the largest expected number."""
+    """Check that the largest error is within `relative` times the largest expected number, plus `absolute`."""
     found, wanted = np.asarray(found), np.asarray(wanted)
     assert found.shape == wanted.shape
     limit = relative * np.abs(wanted).max(initial=0.0) + absolute

@@ -17,7 +17,7 @@ from matrix.case import Case, close
 
 ENGINES = ("mujoco", "pinocchio")
 LENGTH, MASS, TIME = 4.0, 16.0, 0.25
-"""Factors of units: even powers of two, so square roots round alike."""
+"""Factors of units: even powers of two, so that square roots are rounded equally in both units."""
 SIZES = {
     "m": LENGTH, "kg": MASS, "s": TIME, "Hz": 1 / TIME, "N": MASS * LENGTH / TIME**2, "Pa": MASS / LENGTH / TIME**2,
     "rad": 1.0, "deg": 1.0, "1": 1.0,
@@ -49,19 +49,19 @@ def formats(case: Case) -> None:
 
 
 def engines(case: Case) -> None:
-    """Other engines reproduce M, bias, accelerations, energy and positions from an export, to rounding."""
+    """Other engines that read an export reproduce M, bias, accelerations, energy and positions up to rounding."""
     found = fl.compare(case.scene, engines=ENGINES, samples=3)
     assert found.passed, str(found)
 
 
 def engine_runs(case: Case) -> None:
-    """Other engines make the same steps."""
+    """A run in another engine with the same steps gives the same motion."""
     found = fl.compare_trajectories(case.scene, engines=ENGINES, duration=0.008)
     assert found.passed, str(found)
 
 
 def units(case: Case) -> None:
-    """A scene in other units of length, mass and time moves alike."""
+    """A scene converted to other units of length, mass and time has the same motion in these units."""
     scene = case.scene.varied({"sensor": None, **({"air_density": 1.225} if len(case.chain.drag) else {})})
     run, other = fl.simulate(scene), fl.simulate(scene_from(_scaled(scene, scene.document(), [])))
     lengths = np.where(case.chain.slides, LENGTH, 1.0)

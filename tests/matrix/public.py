@@ -1,4 +1,4 @@
-"""Every public function works on every arm, or refuses with a FlexlinkError: no NaN, no traceback."""
+"""Every public function works on every arm without NaN, or refuses the arm with a FlexlinkError."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Call = Callable[[Case, Path], Any]
 
 
 def _turning(function: Callable[..., Any]) -> Call:
-    """Solve with the first joint at a steady rate, all others held, without gravity."""
+    """Call the function with the first joint at a steady rate, all other joints held, without gravity."""
 
     def call(case: Case, _: Path) -> Any:
         chain = fl.lump(case.scene.varied({"gravity": (0.0, 0.0, 0.0)}))
@@ -41,7 +41,7 @@ def _sweep(case: Case, folder: Path) -> Any:
 
 
 def _problem(case: Case) -> fl.fits.FitProblem:
-    """Identify a mass from the run of a scene with 0.2 kg more."""
+    """Problem of identifying a mass from a run of a scene in which this mass is 0.2 kg larger."""
     scene = case.heavier(0.1)
     run = fl.simulate(case.heavier(0.2))
     columns = {name: tuple(column) for name, column in run.columns.items() if name[:2] in ("t ", "q ", "qd")}
@@ -67,7 +67,7 @@ def _stored_sweep(case: Case, folder: Path) -> Any:
 
 
 def _imported(case: Case, folder: Path) -> Any:
-    """Treat the arm as a third-party robot, without flexlink's own elements."""
+    """Import the exported arm as a third-party robot, without flexlink's additional elements."""
     root = ElementTree.fromstring(fl.to_urdf(case.chain))
     for parent in list(root.iter()):
         for own in parent.findall("flexlink"):
@@ -77,7 +77,7 @@ def _imported(case: Case, folder: Path) -> Any:
 
 
 def _of_state(function: Callable[..., Any], count: int, **options: Any) -> Call:
-    """Wrap a function of a chain and the first parts of a state."""
+    """Wrap a function whose arguments are a chain and the first `count` parts of a state."""
     return lambda case, _: function(case.chain, *case.state()[:count], **options)
 
 
@@ -144,7 +144,7 @@ ONLY = {
     "public:fit": ("cart", "cells_space", "drag", "free", "motion", "root", "sampled", "tree_slide", "wheel"),
     "public:report": ("cart", "sensors", "tree_cells"),
 }
-"""Slow functions, and the chains for which they are slow."""
+"""Slow functions, and the only chains on which they are tested."""
 SLOW = {"public:fit", "public:report"}
 SLOW_CHAINS = {"engine_runs": "free*", "statics": "free*", "public:solve_static": "free*"}
 MAY_BE_NAN = {"natural_frequencies", "advise.converged_tip", "advise.error"}

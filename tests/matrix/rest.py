@@ -23,7 +23,7 @@ def statics(case: Case) -> None:
 
 
 def slow_run(case: Case) -> None:
-    """An equilibrium is the final state of a run with locked joints and well damped springs."""
+    """A run with locked joints and well damped springs ends at the equilibrium."""
     changes = {"drive": None, "motion": None, "sensor": None, "initial.q": None, "initial.qd": None}
     changes |= {"initial.rate_deg": None, "initial.rate_m": None}
     changes |= {f"link.{link.name}.joint.locked": True for link in case.scene.arm.links} | case.damped(0.1)
@@ -34,7 +34,7 @@ def slow_run(case: Case) -> None:
 
 
 def modes(case: Case) -> None:
-    """Modes about an equilibrium and in motion solve λ² M + λ (D + G) + K, with matrices from torque differences."""
+    """At rest and in motion, λ are eigenvalues of λ² M + λ (D + G) + K, with matrices from torque differences."""
     q, qd, _, _ = case.state()
     rows, n = np.ix_(case.free, case.free), len(case.free)
     for rates in (0.0 * qd, 0.3 * qd):
@@ -44,7 +44,7 @@ def modes(case: Case) -> None:
 
 
 def _matrices(chain: fl.Chain, q: np.ndarray, qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """M and the derivatives of torques with respect to angles and rates; joint friction is linearized about rest."""
+    """M, and derivatives of torques with respect to angles and rates; friction has its slope at rest."""
 
     def torques(q: np.ndarray, qd: np.ndarray) -> np.ndarray:
         return fl.bias_torque(chain, q, qd) + fl.elastic_torque(chain, q) + force_torque(chain, q, qd)
@@ -62,7 +62,7 @@ def _matrices(chain: fl.Chain, q: np.ndarray, qd: np.ndarray) -> tuple[np.ndarra
 
 
 def _paired(found: np.ndarray, dense: np.ndarray) -> None:
-    """Each eigenvalue is close to one of the others; double eigenvalues have the square root of the error."""
+    """Check that each eigenvalue is close to one of the dense matrix; double ones have the square root of the error."""
     size = np.abs(dense).max()
     for value in found:
         assert np.abs(dense - value).min() <= 1e-6 * abs(value) + 1e-4 * size**0.5, (value, dense)

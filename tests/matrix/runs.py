@@ -29,7 +29,7 @@ def same(one: fl.Trajectory, other: fl.Trajectory, first: int = 0) -> None:
 
 
 def whole(run: fl.Trajectory) -> fl.Trajectory:
-    """A run reaches its end time with all samples."""
+    """Check that a run reaches its end time with all samples; return the run."""
     settings, begun = run.scene.run, run.scene.initial.time
     np.testing.assert_allclose(run.t, begun + np.linspace(0.0, settings.duration, len(run.t)), rtol=0, atol=1e-12)
     assert len(run.t) == round(settings.duration / settings.spacing) + 1
@@ -38,32 +38,32 @@ def whole(run: fl.Trajectory) -> fl.Trajectory:
 
 
 def balanced(run: fl.Trajectory) -> fl.Trajectory:
-    """The power of drives, friction, drag and wrench matches the energies, to the residual of Newton's iteration."""
+    """Check that the work of all loads equals the energy change, up to Newton's residual; return the run."""
     moved, largest = np.ptp(run.energy.parts, axis=-1).sum(), np.abs(run.energy.parts).max()
     assert np.abs(run.imbalance).max() <= 1e-3 * moved + 1e-7 * largest
     return run
 
 
 def rounded(run: fl.Trajectory) -> float:
-    """Energy error after this number of steps [J]."""
+    """Rounding error of the energy after all steps of a run [J]."""
     return 10 * run.steps.taken * EPS * float(np.abs(run.energy.parts).max())
 
 
 def near(found: fl.Trajectory, case: Case, tolerance: float) -> None:
-    """All samples meet the tolerance; no requirement where the coordinates have no length."""
+    """Check that the tips of all samples meet the tolerance; for a chain without reach, check the angles."""
     runs = (found, case.half, case.truth)
-    asked, half, truth = (run.tip if case.chain.reach else run.q for run in runs)
-    assert np.abs(asked - truth).max() <= tolerance + 2 * np.abs(half - truth).max()
+    requested, half, truth = (run.tip if case.chain.reach else run.q for run in runs)
+    assert np.abs(requested - truth).max() <= tolerance + 2 * np.abs(half - truth).max()
 
 
 def ends(case: Case) -> None:
-    """The energy error of RK4 with fixed steps has its order."""
+    """The energy error of RK4 with fixed steps decreases with order 4."""
     run, half = balanced(whole(case.run)), whole(case.half)
     assert np.abs(half.imbalance).max() <= np.abs(run.imbalance).max() / 5 + rounded(half)
 
 
 def ends_implicit(case: Case) -> None:
-    """Gauss4 agrees with steps ten times as long."""
+    """Gauss4 with steps ten times as long reaches the same final state."""
     near(balanced(whole(fl.simulate(case.scene.varied(IMPLICIT)))), case, NEAR)
 
 
@@ -192,5 +192,5 @@ def sensors(case: Case) -> None:
     run = fl.simulate(case.scene.varied({"sensor": tuple(felt)}))
     end = [fl.point_motion(run.chain, *state, tip=tip) for state in zip(run.q, run.qd, run.qdd, strict=True)]
     for kind, unit in kinds.items():
-        told = np.array([run.readings[f"{kind} {axis} [{unit}]"] for axis in "xyz"]).T
-        close(told, np.array([getattr(point, kind) for point in end]), 1e-9, 1e-9)
+        readings = np.array([run.readings[f"{kind} {axis} [{unit}]"] for axis in "xyz"]).T
+        close(readings, np.array([getattr(point, kind) for point in end]), 1e-9, 1e-9)

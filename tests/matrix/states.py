@@ -14,12 +14,12 @@ from flexlink.dynamics.terms import algorithms_of
 from matrix.case import EPS, Array, Case, close, difference
 
 STEP = 1e-3
-"""Relative step of differences."""
+"""Step of finite differences."""
 SOLVERS = "articulated", "lu", "cholesky"
 
 
 def forces(chain: fl.Chain, q: Array, qd: Array) -> Array:
-    """T_FL + T_FR + T_DRAG."""
+    """Sum of spring, friction and drag torques, T_FL + T_FR + T_DRAG."""
     return fl.elastic_torque(chain, q) + fl.friction_torque(chain, qd) + fl.drag_torque(chain, q, qd)
 
 
@@ -90,10 +90,10 @@ def slopes_inverse(case: Case) -> None:
 
 
 def as_differences(found: Sequence[Array], f: Callable[..., Array], state: tuple[Array, ...], relative: float) -> None:
-    """Derivatives of f with respect to all parts of a state, with the rounding error of differences."""
+    """Check derivatives of f with respect to all parts of a state against differences, within their rounding error."""
     rounded = 100 * EPS * np.abs(f(*state)).max() / STEP
-    for slopes, told in zip(found, along(f, *state), strict=True):
-        close(slopes, told, relative, rounded)
+    for slopes, expected in zip(found, along(f, *state), strict=True):
+        close(slopes, expected, relative, rounded)
 
 
 def along(f: Callable[..., Array], *state: Array) -> Iterator[Array]:
@@ -107,7 +107,7 @@ def along(f: Callable[..., Array], *state: Array) -> Iterator[Array]:
 
 
 def linear_model(case: Case) -> None:
-    """A and B are derivatives of forward dynamics, C of the tip; angles of internal coordinates are no states."""
+    """A and B are derivatives of forward dynamics, C is the derivative of the tip; internal angles are not states."""
     q, qd, tau, _ = case.state()
     found, n = fl.linearize(case.chain, q, qd, tau), case.chain.n
     slopes = fl.forward_dynamics_derivatives(case.chain, q, qd, tau)
@@ -129,13 +129,13 @@ def potential(case: Case) -> None:
         found = fl.energy(case.chain, q, np.zeros(case.chain.n))
         return found.gravity + found.elastic
 
-    told = [difference(lambda h, e=e: energy(q + h * e)) for e in np.eye(case.chain.n)]
-    close(fl.gravity_torque(case.chain, q) + fl.elastic_torque(case.chain, q), np.array(told), 1e-9,
+    expected = [difference(lambda h, e=e: energy(q + h * e)) for e in np.eye(case.chain.n)]
+    close(fl.gravity_torque(case.chain, q) + fl.elastic_torque(case.chain, q), np.array(expected), 1e-9,
           100 * EPS * abs(energy(q)) / STEP)  # fmt: skip
 
 
 def power(case: Case) -> None:
-    """The energy rate is the power of drives, wrench, friction and drag, in any motion."""
+    """In any motion, the energy rate equals the power of drives, wrench, friction and drag."""
     q, qd, qdd, wrench = case.state()
     own = fl.friction_torque(case.chain, qd) + fl.drag_torque(case.chain, q, qd)
     tau = fl.inverse_dynamics(case.chain, q, qd, qdd, tip_wrench=wrench) + fl.elastic_torque(case.chain, q) + own
@@ -171,7 +171,7 @@ def points(case: Case) -> None:
 
 
 def momenta(case: Case) -> None:
-    """Linear momentum is mass times velocity of the centre of mass; rotors do not count."""
+    """Linear momentum is mass times velocity of the centre of mass; rotors have no effect on it."""
     q, qd, _, _ = case.state()
     masses = case.chain.bodies["mass"]
 

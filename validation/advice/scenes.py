@@ -1,4 +1,4 @@
-"""Random arms in situations for which users need advice; the same seed gives the same scene. Nothing is tuned on them.
+"""Random arms in situations for which users need advice. A seed always gives the same scene; none was used for tuning.
 
 One to three links, from stiff to very soft, each bending about all physically possible axes; planar or in space;
 falling, driven by a pulsed or constant torque, by a PD controller, or with prescribed motion; with random payload,
@@ -19,12 +19,12 @@ from flexlink.describe.spec import Vector3
 from validation.random_arms import Dice
 
 SITUATIONS = ("falling", "pulse", "constant", "pd", "led")
-"""Situations by seed, in turn; five planar scenes alternate with five in space."""
+"""Situations, used in turn as the seed increases; five planar scenes alternate with five spatial ones."""
 
 SAMPLES = 100
 
 SOFTEST_LINK = 0.2
-"""Largest deflection of a link divided by its length."""
+"""Largest static deflection of a horizontal link under its outboard mass, divided by the link's length."""
 MATERIALS = {
     "aluminium": fl.Material(young=70e9, density=2700.0, poisson=0.33),
     "steel": fl.Material(young=210e9, density=7850.0, poisson=0.3),
@@ -92,7 +92,7 @@ def released_scene(seed: int) -> fl.Scene:
 
 
 def robot_scene(duration: float) -> fl.Scene:
-    """A three-axis robot from a URDF file; two links are flexible tubes. Its waist turns while it falls."""
+    """A three-axis robot from a URDF file with two flexible tubes as links; its waist turns while the arm falls."""
     flexible = {name: fl.FlexibleLink(section=section, flex="xyz") for name, section in SECTIONS_OF_ROBOT.items()}
     posture = {"waist": 0.3, "shoulder": -0.6, "elbow": 0.9}
     scene = fl.import_urdf(ROBOT_FILE, posture=posture, flexible=flexible).scene
@@ -130,9 +130,9 @@ def _link(dice: Dice, k: int, stuff: str, sections: dict[str, fl.Section], plana
 def _thicken(
     links: tuple[fl.Link, ...], sections: dict[str, fl.Section], material: fl.Material, outer_mass: float
 ) -> None:
-    """Thicken links, from the tip inwards, that bend by more than `SOFTEST_LINK` of their length.
+    """From the tip inwards, thicken every link that bends by more than `SOFTEST_LINK` of its length.
 
-    As a cantilever: δ/L = 9.81 m L²/(3 E I). Scaling the thickness by s multiplies stiffness by s⁴ and weight by s².
+    A cantilever has δ/L = 9.81 m L²/(3 E I). Scaling the thickness by s multiplies stiffness by s⁴ and weight by s².
     """
     for link in reversed(links):
         thinnest = sections[link.section_tip or link.section or ""].properties
@@ -157,7 +157,7 @@ def _mass(links: tuple[fl.Link, ...], sections: dict[str, fl.Section], material:
 
 
 def _inertias(arm: fl.Arm, material: fl.Material) -> list[float]:
-    """Inertia about each joint of everything beyond it, stretched out, with links as rods [kg m²]."""
+    """Inertia of all outboard links about each joint, with the arm straight and links as rods [kg m²]."""
     found, outer_mass, reach = [], arm.tip.mass, 0.0
     for link in reversed(arm.links):
         beam = arm.sections[link.section or ""].properties.area * material.density * link.length
@@ -168,7 +168,7 @@ def _inertias(arm: fl.Arm, material: fl.Material) -> list[float]:
 
 
 def _put_in(scene: fl.Scene, situation: str, dice: Dice, inertias: list[float]) -> fl.Scene:
-    """Add the situation: torques for accelerations of a few rad/s², or moves within the run."""
+    """Add the situation: torques that cause accelerations of a few rad/s², or moves that end before the run ends."""
     end = scene.run.duration
     torques = [dice.linear(-8.0, 8.0) * inertia for inertia in inertias]
     if situation == "pulse":
@@ -193,7 +193,7 @@ def _put_in(scene: fl.Scene, situation: str, dice: Dice, inertias: list[float]) 
 
 
 def _move(dice: Dice, link: str, angle: float, end: float) -> fl.PrescribedMotion:
-    """A move from rest to rest that ends before the run."""
+    """A move from rest to rest that ends before the run ends."""
     zero, there = (0.0, 0.0), angle + dice.linear(-80.0, 80.0)
     times = (0.0, end * dice.linear(0.4, 0.9))
     return fl.PrescribedMotion(link=link, times=times, angle_deg=(angle, there), rate_deg=zero, acceleration_deg=zero)

@@ -1,7 +1,8 @@
-"""Independent references for advice: tip paths, the cost of a naive model, the cost of the cheapest one.
+"""Independent references for advice: tip paths, the cost of a naive model, and the cost of the cheapest model.
 
-The reference model has all axes of all beams, hinges at Gauss points, Radau IIA of order 9 with a separate tolerance,
-and levels extrapolated until two limits agree. It shares no screening, estimate or candidate with the advice.
+The reference model has all axes of all beams and hinges at Gauss points, and is integrated by Radau IIA of order 9 with
+a separate tolerance. Chains with more and more hinges are extrapolated until two successive limits agree. The reference
+shares no screening, error estimate or candidate model with the advice.
 """
 
 from __future__ import annotations
@@ -23,10 +24,10 @@ from flexlink.results.tip_motion import distances, largest_distance, largest_so_
 LEVELS = (4, 6, 8, 12, 16, 24, 32, 48)
 METHOD, OF_MOTION = "Radau9", (1e-6, 1e-9)
 CHECKED, STRICTER = 6, 0.1
-"""Level at which the steps are checked; tolerance of the check, relative to the level's own."""
+"""Hinges of the model that checks time-stepping errors; its tolerance as a fraction of the other models' tolerance."""
 
 NAIVE = 8
-"""Number of hinges, about three axes, of the naive model; it uses RK4 at its stable step."""
+"""Number of three-axis hinges per link of the naive model, which is integrated by RK4 with its stable step."""
 
 GRID = {"midpoint": (1, 2, 3, 4, 6), "gauss": (2, 4, 6, 8, 12, 16), "legendre": (3, 4, 5, 6, 8)}
 FACTORS = (1.0, 0.5)
@@ -48,10 +49,10 @@ class Truth(NamedTuple):
 
 
 def truth(scene: Scene, within: float, budget: float) -> Truth:
-    """Limit of finer and finer models, until its last change is `within` times the motion or the budget is spent.
+    """Extrapolate finer and finer models until the limit changes by at most `within` × motion or the budget is spent.
 
-    All levels may share the time-stepping error. A run with stricter steps at a coarse level estimates it; if it is not
-    small, as in sensitive motion, all levels are repeated with stricter steps.
+    All models may have the same time-stepping error. One coarse model with a stricter tolerance estimates this error;
+    if it is not small, as in sensitive motion, all models are run again with a stricter tolerance.
     """
     found: list[Truth] = []
     for of_motion in OF_MOTION:
@@ -63,7 +64,7 @@ def truth(scene: Scene, within: float, budget: float) -> Truth:
 
 
 def _limit(scene: Scene, within: float, budget: float, of_motion: float) -> tuple[Truth, Array]:
-    """The limit of the levels, and their time-stepping error up to each sample (samples,) [m]."""
+    """The extrapolated limit, and the time-stepping error of the models up to each sample (samples,) [m]."""
     runner, axes = ModelRunner(scene, budget), all_axes(scene)
     levels: list[tuple[int, Array]] = []
     motion, errors = 1.0, np.full(scene.run.samples, np.inf)
@@ -104,10 +105,10 @@ def naive_cost(scene: Scene) -> float:
 
 
 def cheapest(scene: Scene, true: Truth, allowed: dict[float, float], axes: Axes) -> dict[float, float]:
-    """Cost of the cheapest model with these axes and methods [s] for each tolerance [m], up to the `allowed` costs.
+    """Lowest cost [s] of a model with these axes for each tolerance [m], or the `allowed` cost if no model is cheaper.
 
-    It tries every combination of a grid of rules and hinges per link (or rigid) with every method; runs that exceed the
-    lowest known cost are stopped.
+    Each link is rigid or has a rule and a number of hinges from a grid; every combination is tried with every method.
+    A run is stopped once it costs more than the cheapest known run for every tolerance.
     """
     best = dict(allowed)
     for model in _grid(scene, axes):

@@ -1,4 +1,4 @@
-"""Cells of a map: scenes, axes that each vary one key, and plans that combine axes."""
+"""Cells of a parameter map: scenes, axes that each vary one key, and plans that combine axes."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ OF_STATE = "state."
 
 
 class Axis(Spec, frozen=True):
-    """One key, or several varied together, and the values.
+    """One key of a scene, or several keys varied together, and the values.
 
     Attributes
     ----------
     values
-        Each value is multiplied by the entry of a path in `paths`, a number or a list.
+        Each value is multiplied by the number or list that `paths` gives for a path.
     paths
         Paths as in `Scene.varied`; those that begin with "state." are handled by the kind.
     given
-        Changes applied before, such as the table that contains the key.
+        Changes that are applied first, such as adding the table that contains the key.
     unit
         "times": values multiply the scene's value.  "fastest mode": values are damping ratios of the fastest mode and
         become loss times η = 2 ζ / ω.  "links": the number of copies of the last link; no paths.
@@ -64,9 +64,9 @@ class Axis(Spec, frozen=True):
 
 
 class Plan(Spec, frozen=True):
-    """Scenes and axes. `together` is the number of axes varied at once, 0 for all; `steps` are the kind's.
+    """Scenes, and axes of which `together` are varied at once (0: all axes); `steps` are settings of the kind.
 
-    An axis takes all its values if axes are varied one at a time or all at once, otherwise a few.
+    If axes are varied one at a time or all at once, they take all their values, otherwise only a few.
     """
 
     scenes: tuple[str, ...]
@@ -110,7 +110,7 @@ class Map(Spec, frozen=True, kw_only=True):
         Raises
         ------
         FlexlinkError
-            No such scene exists; the message names the value and the allowed ones.
+            No such scene exists; the message names the value and the allowed values.
         """
         scene, state = varied_scene(self.scene[cell.scene], cell.scene).varied(self.change), dict[str, Any]()
         for name, value in cell.values.items():
@@ -130,7 +130,7 @@ def recipe(case: Case, number: int) -> str:
 
 
 def _times(value: float, weight: Any) -> Any:
-    """A number or a list times a value, rounded to an integer if the weight is one."""
+    """Multiply a weight, which is a number or a list, by a value; round the product if the weight is an integer."""
     product = np.multiply(value, weight)
     return round(float(product)) if isinstance(weight, int) else product.tolist()
 

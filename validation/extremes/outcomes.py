@@ -1,7 +1,7 @@
-"""Classify a run by a reference on which two methods agree: right, warned, an error, silently wrong.
+"""Classify a run, by a reference on which two methods agree, as right, warned, ended by an error, or silently wrong.
 
-A run with a tolerance is compared with it; a run of fixed steps with the error above which flexlink calls it doubtful.
-With ε the tip's largest distance from the reference at any sample, in units of that tolerance:
+The error of a run is compared with its tolerance, or, for fixed steps, with the error above which flexlink calls a run
+doubtful. ε is the tip's largest distance from the reference at any sample, in units of that tolerance:
 
     within          ε ≤ 1                  near            1 < ε ≤ 10, possible in sensitive motion
     warned          ε > 1, and the result has a warning
@@ -43,7 +43,7 @@ NEAR_TOLERANCES = 10.0
 """Largest allowed final error in units of the tolerance: the project's limit."""
 
 KNOWN = 0.3
-"""Largest distance between the references, in units of the tolerance, for a classification."""
+"""Largest distance between the references, in units of the tolerance, at which a run is classified."""
 
 REFERENCES = (
     ("DOP853", 1e-11),
@@ -53,15 +53,15 @@ REFERENCES = (
     ("Radau5", 1e-8),
     ("Radau9", 1e-6),
 )
-"""Methods and tolerances (fractions of the reach) of the references. DOP853 is complemented by RK10 with fixed steps of
-half its mean step."""
+"""Methods and tolerances (fractions of the arm's reach) of the references. After DOP853, RK10 runs with fixed steps of
+half DOP853's mean step."""
 
 
 class Truth(NamedTuple):
     """Reference path of the tip, on which two methods agree."""
 
-    tip: Array  # (samples, 3) of the finer one [m]; no samples if there is no reference
-    apart: float  # distance between the two references [m]; inf without two
+    tip: Array  # (samples, 3) by the more accurate method [m]; no samples if there is no reference
+    apart: float  # distance between the two references [m]; inf unless there are two
     methods: str
 
 
@@ -75,7 +75,7 @@ class RunOutcome(NamedTuple):
 
 
 def truth_of(scene: Scene, budget: float) -> Truth:
-    """The two references of different methods that agree best, among those within `budget` [s] each."""
+    """The tip path on which two methods agree best; methods that need more than `budget` [s] are skipped."""
     best, found = Truth(np.empty((0, 3)), np.inf, ""), list[tuple[str, Array]]()
     good = 1e-9 * lump(scene).reach  # good enough to stop
     for method, tip in _references(scene, budget):
@@ -90,7 +90,7 @@ def truth_of(scene: Scene, budget: float) -> Truth:
 
 
 def _references(scene: Scene, budget: float) -> Iterator[tuple[str, Array]]:
-    """Tips by different methods, strictest first; methods that fail or exceed the budget are skipped."""
+    """Yield tip paths by different methods, strictest first; methods that fail or exceed the budget are skipped."""
     for method, tolerance in REFERENCES:
         changes = {"run.method": method, "run.relative_tolerance": tolerance}
         if (run := _reference(scene.varied(changes), budget)) is None:
@@ -112,9 +112,9 @@ def _reference(scene: Scene, budget: float) -> Trajectory | None:
 
 
 def within_budget(scene: Scene, budget: float, *, compared: bool = True) -> Trajectory:
-    """Run a scene; InterruptedRunError if it takes longer than `budget` [s of CPU], without compilation.
+    """Run a scene; raise InterruptedRunError after more than `budget` [s of CPU], not counting compilation.
 
-    `compared`: check with a second run if the steps require one, as users' runs do.
+    `compared`: check the run with a second run if its kind of steps requires this, as in users' runs.
     """
     started: list[float] = []
 
@@ -159,7 +159,7 @@ def outcome_beside(scene: Scene, name: str, method: str, truth: Callable[[], Tru
 
 
 def judged(scene: Scene, tip: Array, known: Truth, words: str, seconds: float) -> RunOutcome:
-    """The outcome of a run from its tip path, (samples, 3), and its messages."""
+    """Determine the outcome of a run from its tip path, (samples, 3), and its messages."""
     if not known.tip.size:
         return RunOutcome("unknown", np.nan, words, seconds)
     tolerance = allowed(scene, known)

@@ -1,13 +1,13 @@
 """Kinds of measurement: one file each, with a generator `run`.
 
-A kind is a file in this folder and has the file's name. A case's table `settings` contains the parameters of
-`run` after `case`; a kind that needs them together declares a class `Settings`, which its `run(case, settings)` takes.
+Each file in this folder is a kind, named after the file. A case's table `settings` contains the parameters of `run`
+after `case`; a kind that needs them together declares a class `Settings`, and its generator is `run(case, settings)`.
 
 A kind that measures time sets `TIMED = True`: nothing else runs meanwhile, and the study records the load of the
-machine. If no limit applies to its times, or they are far from CPU times, it also sets `BESIDE = True`: then it runs
-alone only in the full study. If its kernels take long to compile, it has `rehearsal(settings)`, the settings of a short
-run that compiles them while other cases run. A kind with long cases sets `LONG = True`: they start first, so no core is
-idle at the end.
+machine. If no limit applies to its times, or they are mostly not CPU times, it also sets `BESIDE = True`, so that it
+runs alone only in the full study. If its kernels take long to compile, it has a function `rehearsal(settings)`, which
+returns the settings of a short run that compiles them while other cases run. A kind with long cases sets `LONG = True`;
+they start first, so that no core is idle at the end.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Kind(Protocol):
 
 
 def measurements(kind: Kind, case: Case, settings: Any) -> Iterator[Measured | Series]:
-    """Measurements of a kind for a case with decoded settings."""
+    """Measurements by a kind for a case with decoded settings."""
     if hasattr(kind, "Settings"):
         yield from kind.run(case, settings)
     else:

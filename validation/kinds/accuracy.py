@@ -1,4 +1,4 @@
-"""q̈ of flexlink and of the engines against 50-digit arithmetic at the same states."""
+"""q̈ by flexlink and by other engines, compared with 50-digit arithmetic at the same states."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ class Arms(Family, frozen=True):
     Attributes
     ----------
     loads
-        Masses at the tip [kg] instead of the scene's; with large ones, single rounding errors of m c and I dominate.
+        Tip masses [kg] that replace the scene's; if they are large, single rounding errors of m c and I dominate.
     bend
-        Largest angle of passive hinges [rad]; their rates are scaled in proportion.
+        Largest angle of passive hinges [rad]; their rates are scaled by the same factor.
     from_lock
         Distances from gimbal lock [rad], applied to every second hinge group of three axes.
     times
-        Factor on the case's number of states, for short chains whose worst of a few states is random.
+        Factor on the case's number of states, for short chains, for which the worst of a few states is random.
     """
 
     loads: tuple[float, ...] = ()
@@ -46,7 +46,7 @@ class Arms(Family, frozen=True):
         return [lump(scene.varied({"tip.mass": load})) for load in self.loads or (scene.arm.tip.mass,)]
 
     def states(self, chain: Chain, samples: int, seed: int) -> list[State]:
-        """Random states; near gimbal lock, the same number at every distance."""
+        """Random states; if `from_lock` is set, the same states at each of these distances from gimbal lock."""
         share = np.full(chain.n, self.bend / np.pi)
         share[chain.active] = 1.0
         states = [
@@ -65,7 +65,7 @@ def _near_lock(chain: Chain, state: State, distance: float) -> State:
 def run(
     case: Case, chain: dict[str, Arms], engines: tuple[str, ...], samples: int, seed: int = 0
 ) -> Iterator[Measured]:
-    """Yield errors of every engine, and ratios of ours to theirs, for the worst state and the geometric mean of all.
+    """Yield each engine's worst and geometric mean error over the states, and the ratio of flexlink's error to it.
 
     `chain` are families by name.
     """

@@ -1,4 +1,4 @@
-"""Advice on random scenes and robots that it was not tuned on: estimated against true error, and cost."""
+"""Check the error estimates and costs of advice, on random scenes and robots that were not used for tuning."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ TRUTH_KNOWN_TO = 0.1
 class Settings(Spec, frozen=True):
     """Seeds of the random scenes, tolerances as fractions of the motion, and the budget of the references.
 
-    `durations` are those of the case's scenes, `robot` that of the robot from a URDF file [s], 0 for none. `grid` lists
-    seeds for which every model of a grid is tried, `tumbling` those of scenes with sensitive motion, `released` those
-    of arms released from a bent state.
+    `durations` [s] belong to the case's scenes; `robot` [s] is the duration for the robot from a URDF file, 0 to leave
+    it out. `grid` lists seeds for which every model of a grid is tried, `tumbling` seeds of scenes with sensitive
+    motion, `released` seeds of arms released from a bent state.
     """
 
     first: int
@@ -194,7 +194,7 @@ def _summary(cells: list[Cell], optimum: list[float]) -> Iterator[Measured]:
         if ratios:
             yield Measured(f"naive over advised cost at {tolerance:g}, median", float(np.median(ratios)))
     short = [cell for cell in cells if not cell.advice.met]
-    third = 1 / 3  # estimates may be three times too large: a third of the tolerance may be estimated as all of it
+    third = 1 / 3  # estimates may be three times too large; a third of the tolerance may then be estimated as all of it
     horizons = [(cell.advice.horizon, _true_horizon(cell, 1.0), _true_horizon(cell, third)) for cell in short]
     yield from _spread("horizon over true horizon", [stated_end / true for stated_end, true, _ in horizons if true])
     thirds = [stated_end / earlier for stated_end, _, earlier in horizons if earlier]
@@ -204,7 +204,7 @@ def _summary(cells: list[Cell], optimum: list[float]) -> Iterator[Measured]:
 
 
 def _true_horizon(cell: Cell, part: float) -> float | None:
-    """Time until the advised model exceeds a fraction of the tolerance [s]; None if the reference ends before."""
+    """Time [s] until the advised model's error exceeds a part of the tolerance; None if it does not or is unknown."""
     run, allowed = simulate(cell.advice.scene), part * cell.advice.tolerance
     beyond = np.flatnonzero(np.linalg.norm(run.tip - cell.true.tip, axis=1) > allowed)
     if not beyond.size or cell.true.errors[beyond[0]] > TRUTH_KNOWN_TO * allowed:

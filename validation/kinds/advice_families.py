@@ -1,8 +1,8 @@
 """Check that advice selects the cheapest family of lumping rules, against a grid of all families.
 
-Every scene has an allowed tip error. The grid is that of `rule_ladder`: rules, hinges, methods and tolerances; costs
-are taken from the cost list that advice uses, and from the clock. The advised family may cost more than the cheapest
-only within the uncertainty of both.
+Every scene has an allowed tip error. The grid comes from `rule_ladder`: rules, hinges, methods and tolerances; costs
+are taken from the cost list that advice uses, and measured as CPU times. The advised family may cost more than the
+cheapest only within the uncertainty of both costs.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from validation.trade.scenes import Varied, varied_scene
 TIMED = True
 
 
-class Asked(Spec, frozen=True):
-    """A scene and its allowed tip error [m]; `axial` if cells are expected to pay off."""
+class Requested(Spec, frozen=True):
+    """A scene and its allowed tip error [m]; `axial` if cells of coupled springs should be cheapest."""
 
     name: str
     scene: Varied
@@ -38,11 +38,11 @@ class Settings(Spec, frozen=True):
     methods: tuple[str, ...]
     reference: Reference
     longest: Positive
-    asked: tuple[Asked, ...]
+    asked: tuple[Requested, ...]
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Yield the cost of the advised family relative to the cheapest for each scene, and the worst of both groups."""
+    """Yield the cost of the advised family relative to the cheapest, for each scene, and the largest of each group."""
     worst: dict[bool, list[float]] = {True: [], False: []}
     for aim in settings.asked:
         scene = varied_scene(aim.scene, aim.name)
@@ -75,7 +75,7 @@ def _family(settings: Settings, case: Case, scene: fl.Scene) -> str:
 
 
 def _over_cheapest(settings: Settings, family: str, met: Sequence[Tried], costs: Sequence[float]) -> tuple[float, str]:
-    """The least cost of a family relative to the least of all, and a description of both."""
+    """Least cost of a family relative to the least cost of all families, and a description of both runs."""
     order = sorted(range(len(met)), key=lambda k: costs[k])
     own = next(k for k in order if met[k].at.rule in settings.families[family])
     return costs[own] / costs[order[0]], f"{met[own]}; cheapest {met[order[0]]}."

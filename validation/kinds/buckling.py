@@ -1,4 +1,4 @@
-"""Critical loads of clamped beams: dead loads by linear buckling, a follower load by flutter; also in MuJoCo."""
+"""Critical loads of clamped beams in flexlink and MuJoCo: dead loads by linear buckling, a follower load by flutter."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from validation.store import Series
 
 
 class Load(Spec, frozen=True):
-    """A load and its critical value: a unit tip force, gravity as the variant sets it, or a follower force.
+    """A load and its critical value: a tip force of unit size, gravity set by the variant, or a follower force.
 
     `bracket` contains loads below and above the onset of flutter. A `guided` tip stays on the line of the force.
     """
@@ -74,7 +74,7 @@ def error_at(case: Case, settings: Settings, at: Rule) -> float:
 
 
 def mujoco_error_at(case: Case, settings: Settings, at: Rule) -> float:
-    """Largest relative error of a critical load by MuJoCo's torques, from the exported file."""
+    """Largest relative error of a critical load computed with MuJoCo's torques, from the exported file."""
     return _worst(case, settings, at, _critical_in_mujoco)
 
 
@@ -100,9 +100,9 @@ def _critical(chain: fl.Chain, load: Load) -> float:
 
 
 def _guided(K: Array, pushed: Array, torque: Callable[[Array], Array]) -> float:
-    """The least load P at which K + P `pushed` is singular on motions that leave the tip's y coordinate unchanged.
+    """The least load P at which K + P `pushed` is singular for motions that leave the tip's y coordinate unchanged.
 
-    `torque` is a function of the tip wrench w that gives Jᵀ: T_G decreases by Jᵀ w.
+    `torque` is a function of the tip wrench w, from which Jᵀ follows: w reduces T_G by Jᵀ w.
     """
     across = torque(np.zeros(6)) - torque(np.eye(6)[1])
     Z = linalg.null_space(across[None, :])

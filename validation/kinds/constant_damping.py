@@ -1,7 +1,7 @@
 """Damping with an equal ratio in every mode: decrements of free vibrations in the first modes.
 
-An amplitude falls by ln(A_k / A_k+1) = 2π ζ / √(1 − ζ²) per period. Each run starts in one mode with an amplitude in
-the linear range; its peaks are those of parabolas through samples of the tip.
+The logarithmic decrement is ln(A_k / A_k+1) = 2π ζ / √(1 − ζ²) per period. Each run starts in one mode with an
+amplitude in the linear range; its peaks are found by parabolas through samples of the tip.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ PERIODS, OF_A_PERIOD = 8, 200  # periods of a run, samples per period
 
 
 def run(case: Case, ratio: Positive, modes: int, amplitude: Positive) -> Iterator[Measured]:
-    """Yield the ratio of each mode, from its decrement, relative to the requested one; `amplitude` [m] of the tip."""
+    """Yield each mode's damping ratio, from its decrement, relative to the target; tips start at `amplitude` [m]."""
     for scene in case.load_scenes():
         damped = scene.varied({"link.*.damping": {"ratio": ratio, "law": "constant"}})
         found = fl.modes(fl.lump(scene), count=modes)

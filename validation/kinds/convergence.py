@@ -22,7 +22,7 @@ from validation.store import Series, table
 
 
 class Reference(Spec, frozen=True):
-    """The run with the reference end state."""
+    """The run whose end state is the reference."""
 
     method: str
     steps: int
@@ -36,7 +36,7 @@ def run(
     reference: Reference,
     steps: dict[str, tuple[int, ...]],
 ) -> Iterator[Measured | Series]:
-    """Yield fitted slopes, their distances from the order, and their shortfalls.
+    """Yield the fitted slopes, their differences from the method's order, and by how much they are below the order.
 
     Flexible links have `segments` segments; a run lasts `duration` [s]; `steps` are numbers of steps by method.
     """

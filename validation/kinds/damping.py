@@ -1,5 +1,5 @@
-"""Kelvin-Voigt damping: an explicit method's largest step against the damping ratio of the fastest mode, and the ratio
-of the slowest mode, which must be as specified for any number of hinges.
+"""Kelvin-Voigt damping: an explicit method's largest stable step against the damping ratio of the fastest mode, and the
+damping ratio of the slowest mode, which must be as specified for any number of hinges.
 
 With d = η k every mode has ζ = η ω/2. A mode with ζ > 1 decays with rates λ = −ω (ζ ± √(ζ² − 1)); the faster one limits
 the step: h ω = r / (ζ + √(ζ² − 1)), with r the method's stability limit on the negative real axis.
@@ -27,7 +27,7 @@ from validation.store import Series
 
 
 class Settings(Spec, frozen=True):
-    """Damping ratios of the fastest mode; the method, with its published limit on the real axis; and a target.
+    """Damping ratios of the fastest mode; the method and its published stability limit on the real axis; and a target.
 
     `target` is the damping ratio specified for the slowest mode of the continuous link, whose frequency is `slowest`
     [rad/s]. It is checked on chains with the numbers of hinges in `refined`.
@@ -43,7 +43,7 @@ class Settings(Spec, frozen=True):
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """Yield stable steps with Kelvin-Voigt damping, then one target under refinement."""
+    """Yield stable steps with Kelvin-Voigt damping, then one target damping ratio on finer and finer chains."""
     free = _scene(case, settings.chain, {})
     ω = largest_frequency(fl.lump(free), np.zeros(fl.lump(free).n))
     steps = {}
@@ -64,7 +64,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
 
 
 def _refined(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Damping ratio of the slowest mode against the specified one, at the frequency of the chain's mode."""
+    """Compare the damping ratio of the chain's slowest mode with the ratio specified for the frequency of that mode."""
     damping = {"ratio": settings.target, "at_hz": settings.slowest / (2 * math.pi)}
     for hinges in settings.refined:
         rule = Rule(rule=settings.chain.rule, hinges=hinges)
@@ -81,7 +81,7 @@ def _refined(case: Case, settings: Settings) -> Iterator[Measured]:
 
 
 def _difference(scene: Scene) -> float:
-    """|λ / λ of MuJoCo − 1| of the eigenvalue that limits the step, from MuJoCo's own M and torques."""
+    """|λ_MuJoCo / λ − 1| of the largest eigenvalue, which limits the step; λ_MuJoCo is from MuJoCo's M and torques."""
     chain = fl.lump(scene)
     engine, rest = MujocoEngine(chain), np.zeros(chain.n)
     M, K = engine.mass_matrix(rest), springs(engine)

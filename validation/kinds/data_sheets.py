@@ -1,7 +1,7 @@
 """Data sheets of the beam benchmarks, in the form of the IFToMM library of computational benchmarks.
 
-Each has a description, the definition of the error and the accepted error. Accuracy and CPU time (including building
-and loading the model) are given with few, more and many hinges, for flexlink and, if possible, for MuJoCo.
+Each sheet has a description, the definition of the error and the accepted error. It lists accuracy and CPU time
+(including building and loading the model) with few, more and many hinges, for flexlink and, if possible, for MuJoCo.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ WORTH_TWICE = 0.03  # s: shorter measurements are repeated, and the faster one c
 
 
 def run(case: Case, benchmarks: tuple[str, ...] = ()) -> Iterator[Measured | Series]:
-    """Yield a sheet per named benchmark, by default for all that have one."""
+    """Yield a data sheet for each named benchmark, by default for all benchmarks that have one."""
     for sheet in (each for each in load_cases() if each.sheet and each.name in (benchmarks or (each.name,))):
         yield from _sheet(sheet)
 
@@ -60,7 +60,7 @@ def _sheet(case: Case) -> Iterator[Measured | Series]:
 
 
 def _settings(settings: Any) -> list[Rule]:
-    """The case's rule with three numbers of hinges: smallest with all modes, the case's (or a middle one), largest."""
+    """The case's rule with three hinge counts: the smallest with all modes, the case's or a middle one, the largest."""
     rule, own = str(settings.best.rule), int(settings.best.hinges)
     counts = [n for n in sorted(settings.rules.get(rule, (own,))) if n >= getattr(settings, "modes", 1)]
     between = own if own in counts[1:-1] else counts[len(counts) // 2]

@@ -1,12 +1,12 @@
-"""Digits of M, T_GC and q̈ of every engine at extremes, cell by cell, against 100-digit arithmetic on the same numbers.
+"""Correct digits of M, T_GC and q̈ in every engine at extreme parameters, by 100-digit arithmetic on the same numbers.
 
 The error of a quantity is the largest over its elements and over several states, relative to the largest element in
 each state; it is capped at 1, which means no correct digit. For M, the error relative to √(M_jj M_kk) is also given, as
 "M, scaled".
 
-A cell's ratio is flexlink's error divided by that of the better engine, which counts as at least √n eps. Ten times that
-is explained by rounding (`dynamics.rounding`); an engine may be better by chance. Cells with cond(M) above 10¹⁶ are
-listed separately: there the rounded M is singular, and correct digits are accidental.
+The ratio of a cell is flexlink's error divided by the error of the better engine, which is taken to be at least √n eps.
+Rounding explains ratios up to ten (`dynamics.rounding`), because an engine may be better by chance. Cells with cond(M)
+above 10¹⁶ are listed separately: there the rounded M is singular, and correct digits are accidental.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ class States(Spec, frozen=True):
     angle, bend
         Largest angles of driven joints and of hinges [rad].
     gimbal
-        Distance of the middle one of three concurrent axes from 90° or, if negative, from −90° [rad]; None leaves the
-        random angle.
+        Distance of the middle angle of a three-axis hinge group from 90° or, if negative, from −90° [rad]; None leaves
+        the angle random.
     """
 
     angle: float = np.pi
@@ -85,7 +85,7 @@ class Settings(Map, frozen=True):
 
 
 class CellErrors(NamedTuple):
-    """Results of a cell: joints, cond(M), errors by engine and measure (none if refused), and refusals."""
+    """Results of a cell: joints, cond(M), errors by engine and measure (none if refused), and reasons for refusals."""
 
     n: int
     condition: float
@@ -93,7 +93,7 @@ class CellErrors(NamedTuple):
     refusals: str
 
     def ratio(self, measure: str) -> float:
-        """Flexlink's error relative to that of the better engine; nan if one is missing."""
+        """Flexlink's error relative to the error of the better engine; nan if one is missing."""
         others = [e for (engine, of), e in self.errors.items() if of == measure and engine != NATIVE]
         own = self.errors.get((NATIVE, measure), np.nan)
         return own / max(min(others), np.sqrt(self.n) * EPS) if others else np.nan

@@ -1,11 +1,11 @@
 """Air drag against closed forms: a bar that slows down, and a strip whose vibration decays.
 
-A rigid bar, ∫ ½ ρ c_d b x³ dx = β, obeys I ω̇ = −β ω², hence ω = ω₀ / (1 + β ω₀ t / I). A clamped strip in its first
-mode φ, 1 at the tip, loses energy in each period; its amplitude A obeys
+A rotating rigid bar obeys I ω̇ = −β ω² with β = ∫ ½ ρ c_d b x³ dx, hence ω = ω₀ / (1 + β ω₀ t / I). A clamped strip
+in its first mode φ, with φ = 1 at the tip, loses energy in each period; its amplitude A obeys
 
     d(1/A)/dt = 4/(3π) ½ ρ c_d b ∫|φ|³ dx / (ρA ∫φ² dx) ω        with 4/(3π) the mean of |cos³|
 
-to first order in the relative loss per period. φ is that of the continuous beam.
+to first order in the relative loss per period. φ is the mode shape of the continuous beam.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ ROOT = 1.8751040687119611  # βL of a clamped beam's first mode, cos β cosh β 
 
 
 class Settings(Spec, frozen=True):
-    """Integration settings for the bar; chains of the strip and its amplitude [m]; random states of arms with drag."""
+    """Integration settings for the bar; chains and amplitude [m] of the strip; random states of arms with drag."""
 
     ways: tuple[dict[str, Any], ...]
     chains: tuple[Rule, ...]
@@ -42,7 +42,7 @@ class Settings(Spec, frozen=True):
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """Yield the bar's errors by method, the strip's by chain, and torques of random states against 50 digits."""
+    """Yield errors of the bar by method, of the strip by chain, and of drag torques against 50-digit arithmetic."""
     bar, strip, arm = case.load_scenes()
     for way in settings.ways:
         scene = bar.varied({f"run.{key}": value for key, value in way.items()})
@@ -75,14 +75,14 @@ def _rate_error(scene: Scene, run: fl.Trajectory) -> float:
 
 
 def _in_mujoco(scene: Scene) -> Measured:
-    """Compare with MuJoCo, which receives T_DRAG as torques from flexlink's kinematics and computes everything else."""
+    """Compare with MuJoCo, which receives T_DRAG as torques computed by flexlink, and computes everything else."""
     ours = fl.simulate(scene)
     _, q, _ = engines.load("mujoco", ours.chain).integrate(scene)
     return Measured("MuJoCo's motion", float(np.abs(q - ours.q).max()), scene.name, "mujoco", run_facts(scene.run))
 
 
 def _ringing(strip: Scene, rule: Rule, amplitude: float) -> Scene:
-    """The strip in the first mode of its chain, with a tip amplitude [m]."""
+    """The strip at rest in its chain's first mode shape, with this tip deflection [m]."""
     scene = strip.varied({"link.strip.lumping": rule.rule, "link.strip.segments": rule.hinges + 1})
     chain = fl.lump(scene)
     shape = fl.modes(chain, count=1).shapes[0].real
@@ -121,7 +121,7 @@ def _mode(x: Array) -> Array:
 
 
 def _torque_error(arm: Scene, settings: Settings) -> float:
-    """Error of the drag torques of random states, in units of the largest torque of each."""
+    """Largest error of the drag torques at random states, relative to the largest torque of each state."""
     chain, random = fl.lump(arm), np.random.default_rng(settings.seed)
     oracle, worst = SpatialChain(chain), 0.0
     for _ in range(settings.states):

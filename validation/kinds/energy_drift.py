@@ -56,12 +56,12 @@ def released_modes(scene: Scene) -> tuple[Array, Array]:
     q, _ = initial_state(scene, chain)
     squares, Φ = linalg.eigh(chain.matrix("stiffness"), mass_matrix(chain, q))  # Φᵀ M Φ = 1
     force = Φ.T @ (gravity_torque(chain, q) + chain.times("stiffness", q - chain.rest))
-    elastic = squares > 1e-9 * squares.max()  # the others are rigid: their ω² is rounding error
+    elastic = squares > 1e-9 * squares.max()  # the other modes are rigid: their ω² is only rounding error
     ω: Array = np.sqrt(squares[elastic])
     return ω, 0.5 * force[elastic] ** 2 / ω**2
 
 
 def modal_loss(method: str, ωh: Array, E: Array, steps: int) -> float:
-    """|energy| that `method` removes from or adds to the modes in `steps` steps [J]."""
+    """Magnitude of the energy [J] that `method` removes from or adds to the modes in `steps` steps."""
     R = np.abs(stability_function(methods.method(method), 1j * ωh))
     return float((E * np.abs(np.expm1(2 * steps * np.log(R)))).sum())

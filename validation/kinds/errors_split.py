@@ -1,4 +1,4 @@
-"""Sources of a run's error: type of the links, lumping, time steps, rounding."""
+"""Contributions to a run's error: type of the links, lumping, time steps, rounding."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Errors(Spec, frozen=True):
     true
         Type of links of the reference.
     fine, in_time
-        Settings converged in space and time, and settings exact in time for a run's own chain.
+        Settings that converge in space and time, and settings without time-stepping error for a run's own chain.
     """
 
     true: Type
@@ -38,7 +38,7 @@ class Errors(Spec, frozen=True):
 
 
 def run(case: Case, scene: dict[str, Errors]) -> Iterator[Measured | Series]:
-    """Yield errors of the scenes by name, their parts, their uncertainties, and a series per scene."""
+    """Yield the error of every run, its parts and their uncertainties, and a series per scene."""
     for name, errors in scene.items():
         base = case.varied_scene(name, errors.change)
         splitter = Splitter(base, errors.true, errors.fine, errors.in_time)

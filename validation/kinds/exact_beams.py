@@ -1,8 +1,8 @@
-"""Motions of chains against geometrically exact beams in Exudyn, and those against other references.
+"""Motions of chains against geometrically exact beams in Exudyn, and those beams against other references.
 
 The chain is lumped with two resolutions. The distance between the two tips bounds the error of the coarser chain and,
-generously, that of the finer one, which is compared. The reference has an error estimate from its mesh, step,
-stiffnesses and residual:
+generously, of the finer one, which is compared with the reference. The error of the reference (own error) is estimated
+from its mesh, step, stiffnesses and residual:
 
     apart / (own error + |coarse − fine|) ≤ 1
 """
@@ -34,7 +34,7 @@ def run(
     """Yield tip distances, absolute and in units of the allowed error.
 
     `coarse` and `fine` lump the chain, `of_stable` is the step as a fraction of the largest stable one, and `others`
-    are other references by scene.
+    names a second reference for some scenes.
     """
     for name in case.scenes:
         scene, (exact, own) = beam_scene(name), beam_reference(name)

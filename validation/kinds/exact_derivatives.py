@@ -21,9 +21,9 @@ CLOSE_TO = 1e-12
 
 
 def run(case: Case, arms: int, joints: tuple[int, int], seed: int = 0) -> Iterator[Measured]:
-    """For each derivative, yield the share of arms within `CLOSE_TO`, the largest error, and that relative to rounding.
+    """For each derivative, yield the share of arms within `CLOSE_TO` and the largest error, also relative to rounding.
 
-    Only arms with a number of joints in the range `joints` count, from the first `seed` on.
+    Only arms whose number of joints is in the range `joints` count; `seed` is the first seed.
     """
     errors, seeds, conditions, sizes = [], [], [], []
     for number, chain in _arms(arms, joints, seed):

@@ -1,4 +1,4 @@
-"""Rigid pendulums and the paper's link against trajectories of 18 and more digits; the same runs in MuJoCo.
+"""Rigid pendulums and the paper's link against trajectories known to at least 18 digits; the same runs in MuJoCo.
 
 With RK10 only rounding error remains. MuJoCo has no such method and is compared with flexlink's RK4 at the same step.
 """
@@ -30,13 +30,13 @@ class Trial(Spec, frozen=True):
 
 
 def run(case: Case, run: tuple[Trial, ...], chain: Rule) -> Iterator[Measured | Series]:
-    """Yield tip errors, their changes with half the step, and differences to MuJoCo; `chain` lumps flexible links."""
+    """Yield tip errors, changes of the tip with half the step, and differences from MuJoCo; `chain` lumps the links."""
     for trial in run:
         scene = trial.variant.build(case, chain)
         name = trial.variant.name or scene.name
         times, exact = _exact(trial)
         ours, half = fl.simulate(scene), fl.simulate(scene, step=scene.run.fixed_step / 2)
-        rows = np.searchsorted(ours.t, times - 1e-9)  # indices of their samples in ours, tolerating rounding of k·step
+        rows = np.searchsorted(ours.t, times - 1e-9)  # samples at the reference times, allowing for rounding of k·step
         error = np.linalg.norm(ours.tip[rows, :2] - exact, axis=1)
         yield Measured("tip error", float(error.max()), name, varied=run_facts(scene.run))
         change = float(np.abs(half.tip - ours.tip).max())

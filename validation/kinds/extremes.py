@@ -1,6 +1,6 @@
-"""Runs at extreme parameters: scene × varied keys × method × tolerance → outcome; none may be wrong without a warning.
+"""Outcomes of runs at extreme parameters, for each scene, varied keys, method and tolerance.
 
-Other engines take the same steps in the same cells; they issue no warnings.
+No run may be wrong without a warning. Other engines take the same steps in the same cells; they issue no warnings.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ JUDGED_OUTCOMES: tuple[Outcome, ...] = ("within", "near", "warned", "false doubt
 
 
 class HowTo(NamedTuple):
-    """Settings of a run: engine, method, "relative_tolerance", "step" or "of_limit", its value, number of steps."""
+    """Settings of a run; `key` is "relative_tolerance", "step" or "of_limit", and `number` is the number of steps."""
 
     engine: str
     method: str
@@ -66,7 +66,7 @@ class HowTo(NamedTuple):
             return scene.varied(changes | {"run.relative_tolerance": self.value})
         step = self.value
         if self.key == "of_limit":
-            longest = 0.02  # s, if every step is stable
+            longest = 0.02  # step [s] if every step is stable
             chain = lump(scene)
             step *= min(stable_step(chain, *initial_state(scene, chain), tip_wrench=scene.tip_wrench), longest)
         changes["run.step"] = step
@@ -77,14 +77,14 @@ class HowTo(NamedTuple):
 
 
 class Steps(Spec, frozen=True):
-    """Settings of runs: every method with every tolerance, a fraction of the reach, or with every fixed step.
+    """Settings of runs: every method with every tolerance (a fraction of the arm's reach) or every fixed step.
 
     engine
         "native", or another engine with "RK4"; MuJoCo also with "implicitfast".
     steps, of_limit
         Fixed steps [s], or fractions of RK4's largest stable step at the initial state.
     count
-        Number of steps of each run; 0: as many as the scene's duration takes.
+        Number of steps of each run; 0 for the scene's full duration.
     """
 
     methods: tuple[str, ...]
@@ -104,7 +104,7 @@ class Steps(Spec, frozen=True):
 
 
 class Settings(Map, frozen=True):
-    """The map, the settings of the runs of a plan, and the budget [s of CPU] beyond which a run is not classified."""
+    """The map, the settings of each plan's runs, and the budget [s of CPU] beyond which a run is not classified."""
 
     budget: Positive
     steps: dict[str, Steps]
@@ -148,7 +148,7 @@ def cell_in_words(_: Case, settings: Settings, number: int) -> Iterator[str]:
 
 
 def _outcomes(settings: Settings, corner: Corner, runs: Iterable[HowTo]) -> Iterator[Cell]:
-    """Runs of one corner of the map; they share its scene, and the reference if their durations agree."""
+    """Yield the runs of one corner of the map, which share the scene and, if they last equally long, the reference."""
     truths: dict[tuple[float, float], Truth] = {}
 
     def truth(scene: Scene) -> Truth:
@@ -174,7 +174,7 @@ def _outcomes(settings: Settings, corner: Corner, runs: Iterable[HowTo]) -> Iter
 
 
 def _counts(engine: str, facts: Facts, members: list[Cell]) -> Iterator[Measured]:
-    """Yield the number of runs by outcome; for other engines it is information only."""
+    """Yield the number of runs by outcome, for other engines only as information."""
     counts = collections.Counter(cell.found.outcome for cell in members)
     for outcome in OUTCOMES:
         note = _worst(members) if outcome == "silent wrong" else ""

@@ -1,6 +1,6 @@
-"""Chains of a few cells against their exact values: theory and code agree to rounding error.
+"""Chains of a few cells against the exact values of the same chains: theory and code must agree to rounding error.
 
-Nothing is approximated here: any wrong mass, lever arm or spring is visible, however small the error.
+Since nothing is approximated, any wrong mass, lever arm or spring is visible, however small the error.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ ELASTICA_RULES = {"paper": "paper", "midpoint": "midpoint", "hencky": "nodal2k"}
 
 
 class Settings(Spec, frozen=True):
-    """Numbers of cells n of the chains; loads of the elastica α = PL²/EI; number of hinges compared in 40 digits.
+    """Numbers of cells n of the chains; loads of the elastica α = PL²/EI; hinges of chains with 40-digit references.
 
     `coupled` are rules with coupled springs, each with a number of hinges.
     """
@@ -77,7 +77,7 @@ def _frequencies(case: Case, settings: Settings) -> Iterator[Measured]:
             chain = _chain(case, rule, n)
             for engine, found in _both(chain):
                 yield Measured("bending frequencies", _relative(found[: len(exact)], exact), "", engine, facts)
-            if rule != "hencky":  # its root disc would need half its inertia
+            if rule != "hencky":  # a hencky chain's root disc would need half its inertia
                 bar = _chain(case, rule, n, "torsion_bar")
                 bending = [k for k, c in enumerate(bar.coordinates) if c.axis != 1]
                 found = fl.natural_frequencies(bar, locked=bending)

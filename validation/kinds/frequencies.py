@@ -1,7 +1,7 @@
 """Natural frequencies against the continuous beam: error by rule and hinges, published numbers, MuJoCo's frequencies.
 
-Rigid-body modes, one for each free joint, are excluded; alternatively, only modes of some kinds count. An arm may
-rotate steadily; its modes are those about that motion.
+Rigid-body modes, one for each free joint, are excluded; alternatively, only modes of some kinds count. If the arm
+rotates steadily, its modes are vibrations about that motion.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ from validation.store import Series, table
 class Settings(Sweep, frozen=True, kw_only=True):
     """Settings of the comparison.
 
-    The error of a mode in the sweep is the worst of the variants; with `apart`, each variant has separate measures.
-    `best` is the chain compared with the published numbers. Values of the reference file are ω if `power` is 1 and √ω
-    if it is 2, in rad/s or Hz. `axes` are the hinge axes that move, 1 twist, 2 and 3 bending. If `kinds` are named,
-    only modes of these kinds of `fl.modes` count. `price` adds stable steps.
+    The error of a mode in the sweep is the largest over the variants; with `apart`, each variant has separate measures.
+    `best` is the chain compared with the published numbers. The reference file contains ω if `power` is 1 and √ω if it
+    is 2, in rad/s or Hz. `axes` are the hinge axes that move: 1 twists, 2 and 3 bend. If `kinds` are named, only modes
+    of these kinds of `fl.modes` count. `price` adds stable steps.
     """
 
     reference: str
@@ -129,7 +129,7 @@ def _exact(variant: Variant, settings: Settings) -> Array:
 
 
 class _State(NamedTuple):
-    """A chain and the state for its modes."""
+    """A chain and the state about which it vibrates."""
 
     chain: Chain
     q: Array
@@ -156,7 +156,7 @@ def _frequencies(scene: Scene, variant: Variant, settings: Settings) -> Array:
     found = state.modes
     counts = np.isin(found.kinds, settings.kinds) if settings.kinds else np.arange(len(found.kinds)) >= state.rigid
     ω = found.frequencies[counts][: settings.modes]
-    ω = np.append(ω, np.full(settings.modes - len(ω), np.inf))  # modes that the chain is too short to have
+    ω = np.append(ω, np.full(settings.modes - len(ω), np.inf))  # modes for which the chain has too few hinges
     return ω / (2 * np.pi) if settings.unit == "Hz" else ω
 
 

@@ -17,9 +17,9 @@ from validation.facts import Facts
 
 
 def run(case: Case, engines: dict[str, str], samples: int, seed: int = 0) -> Iterator[Measured]:
-    """Yield the worst of each quantity by scene and engine, and the number of values that differ after reading back.
+    """Yield the largest error of each quantity by scene and engine, and the number of values read back differently.
 
-    `engines` are by format.
+    `engines` maps each format to the engine that reads it.
     """
     facts: Facts = {"states": samples}
     for scene in case.load_scenes():
@@ -38,7 +38,7 @@ def run(case: Case, engines: dict[str, str], samples: int, seed: int = 0) -> Ite
 
 
 def _errors(chain: Chain, native: Engine, engine: Engine, state: State) -> dict[str, float]:
-    """Errors at one state; M, T_GC relative to the largest element, T_FL to each joint's, q̈ in units of rounding."""
+    """Errors at one state: M and T_GC relative to the largest element, count of wrong T_FL, q̈ in units of rounding."""
     (q, qd, tau, wrench), pair = state, (native, engine)
     M, other_M = (one.mass_matrix(q) for one in pair)
     bias, other_bias = (one.bias_torque(q, qd, tip_wrench=wrench) for one in pair)

@@ -1,13 +1,13 @@
 """Identities of the equation of motion at random states, independent of other engines.
 
-Derivatives are exact, not finite differences of a small step. As functions of one angle, kinetic and gravity energy
+Derivatives are exact, not finite differences with a small step. As functions of one angle, kinetic and gravity energy
 are trigonometric polynomials of degree at most 2, so five equidistant points over the full turn give the derivative:
 
     f'(0) = Σ_j=1,2 w_j (f(jΔ) − f(−jΔ)),    Δ = 2π/5,    w_j = ½ (−1)^(j+1) / sin(jΔ/2)
 
-As functions of one rate, or of one angle for the elastic energy, they are quadratic, and f'(0) = (f(1) − f(−1))/2.
+As functions of one rate (or of one angle, for elastic energy) energies are quadratic, and f'(0) = (f(1) − f(−1))/2.
 
-Every error is relative to the sum of the magnitudes of all added terms; its floor is eps.
+Every error is relative to the sum of the magnitudes of all added terms, so rounding alone causes errors of about eps.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def run(case: Case, samples: int, seed: int = 0) -> Iterator[Measured]:
 
 def _asymmetry(chain: Chain, s: State) -> float:
     if chain.is_serial_revolute:
-        M = fl.mass_matrix(chain, s.q, algorithm="columns")  # the only method that does not mirror one half
+        M = fl.mass_matrix(chain, s.q, algorithm="columns")  # the only method that computes both triangles
     else:
         bias = fl.bias_torque(chain, s.q, np.zeros(chain.n))
         M = np.array([fl.inverse_dynamics(chain, s.q, np.zeros(chain.n), unit) - bias for unit in np.eye(chain.n)])
@@ -103,7 +103,7 @@ def _skew(chain: Chain, s: State) -> float:
 
 
 def _inverse(chain: Chain, s: State) -> float:
-    """Inverse dynamics of forward dynamics returns the drive torque."""
+    """Inverse dynamics of the accelerations from forward dynamics returns the drive torque."""
     qdd = fl.forward_dynamics(chain, s.q, s.qd, s.tau, tip_wrench=s.wrench)
     own = fl.elastic_torque(chain, s.q) + fl.friction_torque(chain, s.qd) + fl.drag_torque(chain, s.q, s.qd)
     back = fl.inverse_dynamics(chain, s.q, s.qd, qdd, tip_wrench=s.wrench) + own
@@ -112,7 +112,7 @@ def _inverse(chain: Chain, s: State) -> float:
 
 
 def _hinge_moments(chain: Chain, s: State) -> float:
-    """The internal moment about a hinge axis is minus the inverse-dynamics torque without the rotor's."""
+    """The internal moment about a hinge axis is minus the inverse-dynamics torque without the rotor's torque."""
     qdd = fl.forward_dynamics(chain, s.q, s.qd, s.tau, tip_wrench=s.wrench)
     found = fl.strength.internal_loads(chain, s.q, s.qd, qdd, tip_wrench=s.wrench)
     torque = fl.inverse_dynamics(chain, s.q, s.qd, qdd, tip_wrench=s.wrench) - chain.hinges["armature"] * qdd
@@ -121,7 +121,7 @@ def _hinge_moments(chain: Chain, s: State) -> float:
 
 
 def _equilibrium(chain: Chain, s: State) -> float:
-    """Each segment about its centre of mass, in its own axes: Σ f = m (a − g), Σ (n + r × f) = I α + ω × I ω."""
+    """Newton-Euler equations of each segment, in its axes: Σ f = m (a − g), Σ (n + r × f) = I α + ω × I ω."""
     qdd = fl.forward_dynamics(chain, s.q, s.qd, s.tau, tip_wrench=s.wrench)
     cut = fl.strength.internal_loads(chain, s.q, s.qd, qdd, tip_wrench=s.wrench)
     f, n = cut.force, cut.moment

@@ -39,8 +39,8 @@ def run(
 ) -> Iterator[Measured | Series]:
     """Yield error, drift and cost of every run, then stability limits; the report compares the methods.
 
-    `reference` are two steps of RK10 [s], of which the finer one is taken as exact; `steps` are those of the methods
-    [s]. The stability limit is measured for the methods in `stability`.
+    `reference` are two steps of RK10 [s]; the run with the finer one is taken as exact. `steps` are the steps of the
+    methods [s]. The stability limit is measured for the methods in `stability`.
     """
     for full in case.load_scenes():
         scene = full.varied({"run.duration": duration, "run.sample": sample})
@@ -72,7 +72,7 @@ def _errors(scene: Scene, method: str, step: float, exact: Trajectory) -> tuple[
 
 
 def _seconds_per_step(scene: Scene, method: str, step: float, steps: int = 10_000) -> float:
-    """Time of a step [s]: the fastest of several runs after a warm-up, long enough to make set-up negligible."""
+    """Time of a step [s] in the fastest of several runs after a warm-up; the runs are long, so set-up is negligible."""
     duration = steps * step
     timed = scene.varied(
         {"run": RunSettings(method=method, step=step, sample=duration, duration=duration, unstable="allow")}
@@ -85,7 +85,7 @@ def _distance(a: Trajectory, b: Trajectory) -> float:
 
 
 def _stability(scene: Scene, method: str, exact: Trajectory) -> Measured:
-    """Largest stable step, by bisection, relative to the smallest predicted for the configurations of the run."""
+    """Largest stable step, by bisection, relative to the smallest one predicted for configurations during the run."""
     some = exact.q[:: max(1, len(exact.q) // 50)]
     predicted = min(stable_step(exact.chain, q, method=method) for q in some)
     low, high = 0.5, 2.0

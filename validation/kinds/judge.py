@@ -1,4 +1,4 @@
-"""flexlink and other engines against 50-digit arithmetic on planar chains, which decides if engines differ."""
+"""flexlink and other engines against 50-digit arithmetic on planar chains, which decides which engine is right."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 """A laboratory's two-link arm: strains predicted in held-out recordings, against a linear model of the same order.
 
-Fitted parameters: of the arm, by `fl.fit` on the first half of one recording, 10 (two roots, one damping, two of its
-tilt, the second axis' position, two gains and two offsets); of the linear model 12, with offsets 14. Both models start
-from rest and are driven by the same accelerations. Both are filtered by the same low-pass and minimize the same sum of
-squares of the same samples.
+On the first half of one recording, `fl.fit` identifies 10 parameters of the arm (two root stiffnesses, one damping, two
+of the tilt, the second axis' position, two gains, two offsets). The linear model has 12 parameters, or 14 with offsets.
+Both models start from rest and are driven by the same accelerations. Both pass the same low-pass filter and minimize
+the same sum of squares of the same samples.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from validation.measured.two_link import FITTED, HELD_OUT, STRAINS, Window, fit_
 from validation.store import Series, table
 
 LINEAR = "the linear model", "the linear model with zeros"
-ALIKE = 0.1  # deg; equal noise: squares of both strains have equal weight, as in the linear model
+ALIKE = 0.1  # deg; equal noise of both strains, so that both have equal weight, as in the linear model
 NAMES = [strain.partition(" [")[0] for strain in STRAINS]
 
 
 class Run(NamedTuple):
-    """A recording, and the scene's run with the recorded angles."""
+    """A recording, and the run of the scene with the recorded angles."""
 
     t: Array
     h: float
@@ -72,7 +72,7 @@ def run(
 
 
 def _changed_by_a_finer_grid(scene: Scene, first: Run) -> Iterator[Measured]:
-    """Changes of the fits with twice the hinges of both links and half the step."""
+    """Yield how much the fits change if both links have twice the hinges and the step is halved."""
     hinges = {f"link.{link.name}.segments": 2 * link.segments - 1 for link in scene.arm.links}
     finer = _run(scene.varied({**hinges, "run.step": scene.run.fixed_step / 2}), FITTED.run)
     for window in (each for each in (FITTED, *HELD_OUT) if each.run == FITTED.run):
@@ -83,7 +83,7 @@ def _changed_by_a_finer_grid(scene: Scene, first: Run) -> Iterator[Measured]:
 
 
 def _zeros(scene: Scene, first: Run) -> Iterator[Measured]:
-    """Strains at the start, which the recorder calls 0: gravity on the tilted arm should explain the fitted offsets."""
+    """Strains at the start, which the recorder sets to 0: gravity on the tilted arm should explain the offsets."""
     for k, (name, sensor) in enumerate(zip(NAMES, scene.sensor, strict=True)):
         note = f"Zero {sensor.bias:.3f} deg; at rest gravity gives {first.model[k][0] - sensor.bias:.3f} deg."
         off = abs(first.model[k][0] / sensor.bias)
@@ -106,7 +106,7 @@ def _fits(run: Run, window: Window, model: Sequence[Array]) -> list[float]:
 
 
 def _identified(scene: Scene, sought: tuple[FitParameter, ...]) -> Iterator[Measured]:
-    """Compare the parameters that `fl.fit` finds on the first half with those of the scene."""
+    """Compare the parameters that `fl.fit` finds on the first half of a recording with the scene's parameters."""
     with tempfile.TemporaryDirectory() as folder:
         path = two_link.write_renamed(FITTED.run, Path(folder))
         known: dict[str, Any] = {"motion": two_link.led_by(path), "run.duration": FITTED.end}

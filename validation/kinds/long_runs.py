@@ -1,8 +1,9 @@
 """Drift of energy, angular momentum and time over millions of steps of a conservative arm.
 
 Without gravity and friction the energy E is constant, and so is the momentum (M q̇)₁ of the first joint, about which no
-torque acts. Their drift grows by the method's error and by rounding, at most eps of their size, in every step: at most
-proportionally to the number of steps. A run's drift is therefore compared with that of its first hundredth.
+torque acts. Every step adds the method's error and a rounding error of at most eps times E or the momentum. The drift
+thus grows at most in proportion to the number of steps, and is compared with the drift in the first hundredth of the
+run.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ SAMPLES_OF_A_HUNDREDTH = SAMPLES // 100
 
 
 def run(case: Case, number: int, steps: dict[str, Positive]) -> Iterator[Measured | Series]:
-    """Yield relative drifts of every method with its step [s], and their ratios to extrapolated ones."""
+    """Yield relative drifts of every method with its step [s], and their ratios to linearly extrapolated drifts."""
     for scene in case.load_scenes():
         rows = list[tuple[str, float, float, float]]()
         for method, step in steps.items():

@@ -1,6 +1,6 @@
-"""A manufactured solution: a smooth motion, and integration of the torque that produces it, computed in 50 digits.
+"""A manufactured solution: runs driven by a torque computed to 50 digits from a smooth motion must return the motion.
 
-It includes every term of the equation of motion, the inputs and every integrator: any deviation is their error.
+This tests every term of the equation of motion, the inputs and every integrator: any deviation is an error.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ BETWEEN = 0.37  # fraction of a piece at which its torque is checked, away from 
 
 
 class Settings(Spec, frozen=True, kw_only=True):
-    """The motion, the pieces of its torque, two numbers of steps by method, coarse first, and the `finest` ones.
+    """The motion, the pieces of its torque, two numbers of steps for each method, and `finest` numbers of steps.
 
-    `driven` and `held` are the largest amplitudes of driven joints and of joints with springs [rad, m]; `rates` the
-    slowest and the fastest [rad/s].
+    `driven` and `held` are the largest amplitudes of driven joints and of joints with springs [rad, m]; `rates` are the
+    slowest and the fastest frequency [rad/s].
     """
 
     duration: Positive
@@ -87,7 +87,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
 
 
 def _wrench(scene: Scene) -> Wrench:
-    """The scene's two-row wrench table in 50 digits."""
+    """The scene's wrench table of two rows, interpolated to 50 digits."""
     given = scene.wrench
     assert given.times is not None and given.forces is not None and given.moments is not None
     start, end = ([*map(mpf, (*given.forces[row], *given.moments[row]))] for row in (0, -1))
@@ -102,7 +102,7 @@ def _between(start: tuple[Any, Vector], end: tuple[Any, Vector], t: Any) -> Vect
 
 
 def _values(spline: PiecewisePolynomial, at: Array) -> Array:
-    """Values of the pieces, at one time in each."""
+    """Values of the spline at one time `at` in each of its pieces."""
     x = (at - spline.knots)[:, None]
     return np.asarray(sum(c * x**j for j, c in enumerate(spline.coefficients.swapaxes(0, 1))))
 

@@ -1,6 +1,6 @@
 """Comparison with measurements: error of every quantity, its validation uncertainty (ASME V&V 20), and a verdict.
 
-No parameters are fitted: the scene contains the values stated by the source of the measurement.
+No parameters are fitted; the scene contains the values that the source of the measurement states.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ GRIDS = (1, 2, 4)  # multiples of the number of hinges of a link
 
 
 class Input(Spec, frozen=True, kw_only=True):
-    """A stated value with its tolerance, ± `relative` of itself or ± `by`; `path` is its location in the scene."""
+    """A stated value with its tolerance, ± `relative` × value or ± `by`; `path` is its location in the scene."""
 
     path: str
     relative: float = 0.0
@@ -33,8 +33,8 @@ class Input(Spec, frozen=True, kw_only=True):
 class Settings(Spec, frozen=True, kw_only=True):
     """The measurement, a file of `validation/measured/`; hinges of each link on the coarsest grid; inputs by name.
 
-    `wanted` is the largest relevant |E| / |D| by group of quantities, which a measurement must be able to resolve.
-    `order` is that of the lumping rule. `rounding` is the least relative error of S.
+    `wanted` is the required accuracy |E| / |D| for each group of quantities, which a measurement must be able to
+    resolve. `order` is the order of the lumping rule. `rounding` is the smallest relative error assumed for S.
     """
 
     measurement: str
@@ -46,13 +46,13 @@ class Settings(Spec, frozen=True, kw_only=True):
 
 
 class _Simulated(NamedTuple):
-    """Values by name, on each grid, and with each input at both limits of its tolerance."""
+    """Simulated values by name, on each grid, and with each input at both limits of its tolerance."""
 
     grids: list[dict[str, float]]
     inputs: dict[str, tuple[dict[str, float], dict[str, float]]]
 
     def u_input(self, name: str) -> dict[str, float]:
-        """Standard uncertainty of a value, by input."""
+        """Standard uncertainty of a simulated value due to each input."""
         return {which: standard(abs(high[name] - low[name]) / 2) for which, (low, high) in self.inputs.items()}
 
 
@@ -117,7 +117,7 @@ def _compared(
 
 
 def _measured(name: str, reading: Reading, compared: Comparison, inputs: Mapping[str, float]) -> Iterator[Measured]:
-    """Yield the error of a quantity, relative to D; if D is too uncertain, under a separate quantity."""
+    """Yield the error of a quantity, relative to D; errors relative to an uncertain D are a separate quantity."""
     parts = ", ".join(f"{which} {u:.2g}" for which, u in sorted(inputs.items(), key=lambda item: -item[1])) or "nothing"
     precise = COVERAGE * compared.u_measured <= compared.wanted
     quantity = f"|E| / |D|, {reading.group}" + ("" if precise else ", read too coarsely")

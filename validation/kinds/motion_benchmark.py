@@ -1,7 +1,7 @@
 """Motions of flexible arms against continuous references: tip error by rule and hinges; the same run in MuJoCo.
 
-A prescribed joint has no counterpart in MuJoCo. There flexlink's torque is applied at sampled states of the run and
-must reproduce flexlink's accelerations, including the prescribed one.
+MuJoCo has no prescribed joints. Instead, flexlink's torque is applied there at sampled states of the run and must
+reproduce flexlink's accelerations, including the prescribed one.
 
 The reference files also contain runs of the same chains by an independent program in absolute angles, which must agree.
 """
@@ -39,9 +39,9 @@ LONG = True
 class Settings(Sweep, frozen=True, kw_only=True):
     """Settings of the comparison.
 
-    `best` is the chain that is checked, `beside` a second one in the figure, `parity` the one run in MuJoCo. `columns`
-    are the columns of the tip's x and y in the reference. With `lag` the tip is given in the first joint's frame. Every
-    chain runs with `of_stable` times its largest stable step.
+    `best` is the chain that is checked, `beside` a second chain in the figure, and `parity` the chain that also runs in
+    MuJoCo. `columns` are the columns of the tip's x and y in the reference. With `lag` the tip is given in the first
+    joint's frame. Every chain runs with `of_stable` times its largest stable step.
     """
 
     reference: str
@@ -148,7 +148,7 @@ def _parity(scene: Scene, at: Rule) -> Iterator[Measured]:
 
 
 def _acceleration_errors(scene: Scene, run: Trajectory, free: fl.Chain) -> Iterator[float]:
-    """Yield |Δq̈| in units of the rounding bound for each sample except the first, at rest."""
+    """Yield |Δq̈| in units of the rounding bound for each sample except the first, which is at rest."""
     motion, engine = motion_arrays(scene, run.chain), engines.load("mujoco", free)
     for t, q, qd, tau in list(zip(run.t, run.q, run.qd, run.tau, strict=True))[1:]:
         wanted, given = fl.forward_dynamics(free, q, qd, tau), np.zeros(free.n)

@@ -1,4 +1,4 @@
-"""Prove the order of the Runge-Kutta methods: every condition up to the order, and the first one that fails."""
+"""Prove the order of the Runge-Kutta methods: all conditions up to the order are met, one of the next order fails."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from validation.oracles.rooted_trees import embedded as embedded_coefficients
 
 
 def run(case: Case, methods: tuple[str, ...], embedded: dict[str, tuple[int, ...]] | None = None) -> Iterator[Measured]:
-    """Yield residuals of the conditions; for a family also the rounding of its float64 coefficients.
+    """Yield residuals of the conditions; for Gauss and Radau IIA also the rounding of the float64 coefficients.
 
     `embedded` are the orders of a method's embedded methods, one per row of error weights.
     """
@@ -32,7 +32,7 @@ def run(case: Case, methods: tuple[str, ...], embedded: dict[str, tuple[int, ...
 
 
 def _conditions(name: str, order: int, exact: Coefficients) -> Iterator[Measured]:
-    """Yield the largest residual of all conditions up to the order, their number, and the largest one order above."""
+    """Yield the largest residual of the conditions up to the order, their number, and the largest of the next order."""
     found = [r for k in range(1, order + 1) for r in residuals(exact, k)]
     facts: Facts = {"method": name, "order": order}
     yield Measured("residual", float(max(found)), varied=facts)
@@ -41,7 +41,7 @@ def _conditions(name: str, order: int, exact: Coefficients) -> Iterator[Measured
 
 
 def _rounding(method: Method) -> float:
-    """Largest difference of A, b and c from independent values, in units of the last place of each number."""
+    """Largest difference of A, b and c from independent values, in units in the last place of each number."""
     with mp.workdps(DIGITS):
         exact = collocation(str(method.family), method.stages)
         pairs = zip(

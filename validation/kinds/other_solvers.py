@@ -1,8 +1,8 @@
 """Complete motions by solvers that share no code with flexlink's integrators: SciPy's, and CVODE if installed.
 
-The independent solver runs twice; the distance between its two tips bounds the error of the coarser run, and generously
-that of the finer one, which is compared. A run of flexlink may have an error of ten times its tolerance, the project's
-limit for the final error, and the other solver one of that distance:
+The independent solver runs twice. The distance between the tips of both runs bounds the error of the coarser one and,
+generously, of the finer one, which is compared. A run of flexlink may have an error of ten times its tolerance, the
+project's limit for the final error, and the other solver may have an error equal to that distance:
 
     apart / (10 tolerance + |coarse − fine|) ≤ 1
 """

@@ -20,9 +20,9 @@ NEGLIGIBLE_TORQUE = 1e-9  # fraction of the springs' torques: far above rounding
 
 
 class Settings(Spec, frozen=True):
-    """The statement to check on the case's scenes: numbers of links and segments of the arms, or of states.
+    """The statement to check on the case's scenes, with the numbers of links and segments of the arms, or of states.
 
-    `bend` is the range of angles [deg].
+    Random angles are within ± `bend` [deg].
     """
 
     check: Literal["freedoms", "indices", "springs", "definite"]
@@ -34,7 +34,7 @@ class Settings(Spec, frozen=True):
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Yield the measured values and the verdict on the claim."""
+    """Yield the measured values and the verdict on the paper's statement."""
     yield from CHECKS[settings.check](case, settings)
 
 
@@ -82,7 +82,7 @@ def _arm_of(scene: Scene, n: int, flex: str, nseg: int) -> Scene:
 
 
 def _springs(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Without gravity and rates, compare T_GC with zero and T_IN, which includes springs, with T_FL."""
+    """Without gravity and rates, compare T_GC with zero, and T_IN, which includes springs, with T_FL."""
     without, apart = [], []
     for scene in case.load_scenes():
         chain = fl.lump(scene.varied({"gravity": [0.0, 0.0, 0.0]}))
@@ -99,7 +99,7 @@ def _springs(case: Case, settings: Settings) -> Iterator[Measured]:
 
 
 def _of_springs(without: float, apart: float) -> str:
-    """Verdict from the torques of an inverse dynamics without springs, and the error of one with springs."""
+    """Verdict on the claim, from T_GC (no springs) and the error of T_IN (with springs), both relative to T_FL."""
     if apart > NEGLIGIBLE_TORQUE:
         return "does not hold"
     if without > NEGLIGIBLE_TORQUE:
@@ -111,7 +111,7 @@ def _of_springs(without: float, apart: float) -> str:
 
 
 def _definite(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Yield the ratio of M's extreme eigenvalues in random configurations, and with three axes bent to 90°."""
+    """Yield the ratio of M's extreme eigenvalues in random configurations, and with a T3 hinge bent to 90° about Y."""
     (scene,) = case.load_scenes()
     bent = [link for link in scene.arm.links if link.flex != "rigid"]
     for name, flex in TYPES.items():

@@ -19,13 +19,13 @@ Convention = Literal["standard", "modified"]
 
 
 def standard(a: float, α: float, d: float, θ: float) -> Array:
-    """A_i^{i−1} of Siciliano et al. (2009), equation (2.52)."""
+    """Homogeneous matrix A_i^{i−1} of a link by Siciliano et al. (2009), equation (2.52)."""
     c, s, ca, sa = math.cos(θ), math.sin(θ), math.cos(α), math.sin(α)
     return np.array([[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1]])
 
 
 def modified(a: float, α: float, d: float, θ: float) -> Array:
-    """{}^{i−1}T_i of Craig (2005), equation (3.6), from a_{i−1} and α_{i−1}."""
+    """Homogeneous matrix {}^{i−1}T_i of a link by Craig (2005), equation (3.6), from a_{i−1} and α_{i−1}."""
     c, s, ca, sa = math.cos(θ), math.sin(θ), math.cos(α), math.sin(α)
     return np.array([[c, -s, 0, a], [s * ca, c * ca, -sa, -sa * d], [s * sa, c * sa, ca, ca * d], [0, 0, 0, 1]])
 
@@ -37,7 +37,7 @@ CONVENTIONS: Mapping[Convention, Callable[[float, float, float, float], Array]] 
 
 
 def run(case: Case, links: int, arms: int, length: float, seed: int = 0) -> Iterator[Measured]:
-    """Yield the largest difference of the tip's frame from the matrix product by convention, and the claim.
+    """Yield the largest difference of the tip's frame from the matrix product, by convention, and the verdict.
 
     There are `arms` arms for each number of links up to `links`; `length` is the largest |a| and |d| [m].
     """

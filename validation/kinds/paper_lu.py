@@ -1,4 +1,4 @@
-"""q̈ by LU decomposition of M (the paper's way), by the library's solver, and by the inverse that the paper avoids."""
+"""q̈ by LU decomposition of M (as in the paper), by the library's solver, and by the inverse that the paper avoids."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from validation.speed.families import timed_states
 
 
 def run(case: Case, samples: int) -> Iterator[Measured]:
-    """Yield the residual of M q̈ + T_IN − T_EX by solver, the distance of LU from the library's solver, the verdict."""
+    """Yield the residual M q̈ + T_IN − T_EX by solver, how LU differs from articulated bodies, and the verdict."""
     residuals: dict[str, list[float]] = {}
     apart = []
     for scene in case.load_scenes():
@@ -47,7 +47,7 @@ def run(case: Case, samples: int) -> Iterator[Measured]:
 
 
 def _verdict(lu: float, inverse: float) -> str:
-    """Verdict: whether LU's residual is within the rounding bound; also gives the inverse's."""
+    """Verdict on whether LU's residual is within the rounding bound, with the residual of the inverse."""
     if lu > 1.0:
         return f"does not hold: LU leaves {number(lu, 2)} times the rounding bound"
     return (

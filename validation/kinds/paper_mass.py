@@ -57,14 +57,14 @@ def run(case: Case, settings: Races) -> Iterator[Measured | Series]:
 
 
 def _apart(chain: Chain, q: Array, loop: Loop) -> float:
-    """Largest difference to composite bodies, relative to the rounding bound."""
+    """Largest difference of a method's M from the M by composite bodies, relative to the rounding bound."""
     last = q[:1]
     difference = np.abs(loop(chain.arrays, last, 1) - METHODS[LATER](chain.arrays, last, 1)).max()
     return float(difference / rounding.of_mass_matrix(chain, last[0]))
 
 
 def _exponents(found: Sequence[Race]) -> Iterator[Measured]:
-    """Yield p of cost ∝ n^p between the two longest chains of a family, by method."""
+    """Yield each method's exponent p in cost ∝ n^p between the two longest chains of a family."""
     if len(found) < 2:
         return
     shorter, longer = found[-2:]
@@ -75,12 +75,12 @@ def _exponents(found: Sequence[Race]) -> Iterator[Measured]:
 
 
 def _verdict(found: Sequence[Race], longest: Race) -> str:
-    """Verdict: whether each method is faster than the one before on every chain; also gives composite bodies' gain."""
+    """Verdict on whether each method is faster than the one before on every chain; gain by composite bodies."""
     tie = 0.9  # time ratio: closer times may be reversed on another machine
     pairs = ((SECOND, FIRST), (THIRD, SECOND))
-    dear = [f"{m} on {t.chain} of n = {t.n}" for t in found for m, before in pairs if t.times_less(m, before) < tie]
+    dear = [f"{m} on {t.chain} with n = {t.n}" for t in found for m, before in pairs if t.times_less(m, before) < tie]
     less = number(longest.times_less(LATER, THIRD), 2)
-    later = f"at n = {longest.n} composite bodies in inertial axes take {less} times less than method 3"
+    later = f"at n = {longest.n} composite bodies in inertial axes take {less} times less time than method 3"
     if dear:
         return f"does not hold for method {'; '.join(dear)}; {later}"
     return f"holds; {later}"

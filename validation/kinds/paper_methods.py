@@ -1,4 +1,4 @@
-"""Is RK4 sufficient in all cases? Evaluations per method for a given tip error, on many arms."""
+"""Is RK4 sufficient in all cases? Number of evaluations that each method needs for a given tip error, on many arms."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ OF_STABLE = 0.9  # fraction of the largest stable step at the initial state; lat
 
 
 class Settings(Spec, frozen=True):
-    """Situations by name with their changes of the scene; types; segments; target errors.
+    """Situations (changes of the scene) by name, types of links, numbers of segments, target errors.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class Settings(Spec, frozen=True):
     errors
         Target errors, as fractions of the tip's motion, the largest first.
     exact
-        Settings of the reference that is exact in time.
+        Settings of the reference, whose time-stepping error is negligible.
     """
 
     situation: dict[str, dict[str, Any]]
@@ -54,12 +54,12 @@ class Need(NamedTuple):
     evaluations: Mapping[str, float]
 
     def gain(self, rival: str, method: str = OF_ORDER_4) -> float:
-        """Evaluations of the method divided by those of the rival."""
+        """Evaluations that `method` needs, divided by the evaluations that `rival` needs."""
         return self.evaluations[method] / self.evaluations[rival]
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Yield RK4's error at its largest stable step by arm, the rivals' gains over all arms, and both claims."""
+    """Yield RK4's error at its largest stable step on each arm, the other methods' largest gains, and both claims."""
     (base,) = case.load_scenes()
     needs: list[Need] = []
     arms, worst = 0, 0.0
@@ -82,7 +82,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
 
 
 def _ladders(scene: Scene, cut: Setup, settings: Settings) -> tuple[dict[str, list[Point]], float]:
-    """Ladders by method: errors relative to the motion, evaluations instead of seconds; and the reference's error."""
+    """Runs by method, with relative errors and with evaluations in place of seconds; also the reference's error."""
     truth = settings.exact.in_time(scene, cut)
     return {m: list(_ladder(scene, cut, m, k, truth)) for m, k in settings.halvings.items()}, truth.own / tip_travel(
         truth.tip
@@ -103,13 +103,13 @@ def _ladder(scene: Scene, cut: Setup, method: str, halvings: int, truth: Path) -
 
 
 def _costs(ladders: Mapping[str, list[Point]], error: float) -> dict[str, float]:
-    """Evaluations by method; beyond the smallest measured error they are extrapolated by its order."""
+    """Evaluations by method; beyond the smallest measured error they are extrapolated by the method's order."""
     found = {method: cost(points, error, methods.method(method).order) for method, points in ladders.items()}
     return {method: each.seconds if each else math.inf for method, each in found.items()}
 
 
 def _of_tenth(needs: Sequence[Need], arms: int) -> str:
-    """Verdict: the error down to which RK10 is on no arm cheaper than RK4."""
+    """Verdict, with the smallest target error down to which RK4 is the cheaper method on every arm."""
     if any(math.isinf(need.evaluations[OF_ORDER_4]) for need in needs):
         return "does not hold: RK4 fails on an arm with every step tried"
     held = ""
@@ -125,7 +125,7 @@ def _of_tenth(needs: Sequence[Need], arms: int) -> str:
 
 
 def _of_second(needs: Sequence[Need], method: str) -> str:
-    """Verdict: situations in which RK2 takes fewer evaluations than the method, and for how many target errors."""
+    """Verdict, with the situations in which RK2 takes fewer evaluations than the method, and how often it does."""
     exceptions, valid = [], []
     for situation in dict.fromkeys(need.situation for need in needs):
         gains = [need.gain(OF_ORDER_2, method) for need in needs if need.situation == situation]
@@ -133,7 +133,7 @@ def _of_second(needs: Sequence[Need], method: str) -> str:
         if lost:
             most = number(max(lost), 2)
             exceptions.append(
-                f"{situation} (in {len(lost)} of {len(gains)} pairs of arm and error it takes more, up to {most} times)"
+                f"{situation} (in {len(lost)} of {len(gains)} pairs of arm and error it needs more, up to {most} times)"
             )
         else:
             valid.append(situation)

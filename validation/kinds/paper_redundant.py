@@ -1,4 +1,4 @@
-"""Gain by removing redundant operations: the same recursion with and without products by 0 and 1."""
+"""Gain by removing redundant operations: compare the same recursion with and without products by 0 and 1."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def _forms(chain: Chain, states: States) -> dict[str, Jobs]:
 
 
 def _apart(chain: Chain, states: States, job: str) -> float:
-    """Difference of both forms in the first state, relative to the rounding bound."""
+    """Difference between the results of both forms in the first state, relative to the rounding bound."""
     one, other = (np.asarray(jobs[job](1)) for jobs in _forms(chain, States(*(s[:1] for s in states))).values())
     difference = np.abs(one - other).max()
     q, qd = states.q[0], states.qd[0]
@@ -70,5 +70,5 @@ def _apart(chain: Chain, states: States, job: str) -> float:
 
 
 def _verdict(least: Mapping[str, float]) -> str:
-    gains = ", ".join(f"{job} takes at least {number(gain, 2)} times less" for job, gain in least.items())
+    gains = ", ".join(f"{job} takes at least {number(gain, 2)} times less time" for job, gain in least.items())
     return f"holds: {gains}" if min(least.values()) > 1.0 else f"does not hold: {gains}"

@@ -1,4 +1,4 @@
-"""Does rounding error limit the step? Truncation and rounding errors, down to the step at which they are equal."""
+"""Does rounding error limit the step? Truncation and rounding errors, down to the step at which both are equal."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from validation.trade.error_parts import Fine, Setup, rounding
 
 
 class Errors(NamedTuple):
-    """Errors of one run [m]: total error of the steps, and rounding error only."""
+    """Errors of one run [m]: total error of the steps, and its part due to rounding."""
 
     step: float
     steps: float
@@ -30,7 +30,7 @@ class Errors(NamedTuple):
 def run(
     case: Case, hinges: int, steps: dict[str, tuple[Positive, ...]], exact: Fine, change: dict[str, Any] | None = None
 ) -> Iterator[Measured | Series]:
-    """Yield both errors at every step [s], and the step at which they meet, relative to the largest stable one.
+    """Yield both errors for every step [s], and the step at which they are equal, relative to the largest stable one.
 
     The links have `hinges` hinges by the paper's rule; `exact` defines the reference that is exact in time.
     """
@@ -67,7 +67,7 @@ def _errors(scene: Scene, setups: Sequence[Setup], exact: Fine) -> Iterator[Erro
 
 
 def _meeting(errors: Sequence[Errors], order: int) -> float:
-    """The step at which both errors are equal, extrapolated by order from the finest step clear of rounding error."""
+    """The step at which both errors are equal, extrapolated by order from the finest step with negligible rounding."""
     floor = max(e.rounding for e in errors)
     least = 10.0 * floor  # smallest error that is hardly affected by rounding
     clear = min((e for e in errors if e.steps >= least), key=lambda e: e.step, default=errors[0])

@@ -1,4 +1,4 @@
-"""Precision and cost by the number of segments per link, laid out as in the paper; RK4 at its largest stable step."""
+"""Precision and cost against the number of segments per link, in the paper's layout, by RK4 at its stability limit."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ BESIDE = True
 
 
 class Arm(Spec, frozen=True):
-    """Increasing numbers of segments per link and the type; settings for infinitely many hinges and for exact time."""
+    """Type and increasing numbers of segments per link; settings that converge in the number of hinges, and in time."""
 
     segments: tuple[int, ...]
     flex: Type
@@ -36,7 +36,7 @@ class Arm(Spec, frozen=True):
 
 
 class Price(NamedTuple):
-    """Error and cost of a number of segments per link."""
+    """Error and cost of a chain with this number of segments per link."""
 
     scene: str
     segments: int
@@ -73,7 +73,7 @@ def _cost(scene: Scene) -> float:
 
 
 def _gain(prices: Sequence[Price]) -> tuple[float, float]:
-    """Ratios from the fewest segments to the most: decrease of the error, increase of the cost."""
+    """Decrease of the error and increase of the cost from the fewest segments to the most, as ratios."""
     first, last = prices[0], prices[-1]
     return first.error / last.error, last.cost / first.cost
 
@@ -85,8 +85,8 @@ def _verdict(found: Sequence[Price], gains: Mapping[str, tuple[float, float]]) -
         for name, (error, cost) in gains.items()
     )
     worse = [
-        f"{b.segments} segments on {a.scene}, less precise than {a.segments}"
+        f"{b.segments} segments on {a.scene}, which are less precise than {a.segments}"
         for a, b in itertools.pairwise(found)
         if a.scene == b.scene and b.error > a.error
     ]
-    return f"holds but for {', '.join(worse)}; {gained}" if worse else f"holds; {gained}"
+    return f"holds except for {', '.join(worse)}; {gained}" if worse else f"holds; {gained}"

@@ -1,4 +1,4 @@
-"""Have T1, T2 and T3 low, medium and high precision? The error of each type only, hinges and steps converged."""
+"""Is the precision of T1, T2 and T3 low, medium and high? Only the type causes errors; hinges and steps converged."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.trade.error_parts import TYPES, Fine
 
-LEAST_GAIN = 2.0  # least improvement factor for another level of precision
+LEAST_GAIN = 2.0  # smallest factor of error reduction that counts as a higher level of precision
 
 
 class Motion(Spec, frozen=True):
@@ -26,9 +26,9 @@ class Motion(Spec, frozen=True):
 
 
 def run(case: Case, scene: dict[str, Motion]) -> Iterator[Measured]:
-    """Yield the tip's distance from that with T3 by type, and whether each type is more precise on every scene.
+    """Yield each type's distance from the tip by T3, and whether each type is more precise than the one before.
 
-    The scenes by name have links that bend and twist.
+    The links of the scenes bend and twist.
     """
     found: dict[str, float] = {}
     for name, motion in scene.items():
@@ -50,8 +50,8 @@ def run(case: Case, scene: dict[str, Motion]) -> Iterator[Measured]:
 
 
 def _verdict(gains: Mapping[str, float]) -> str:
-    """Verdict from the gain of each type over the previous one, by type and scene; references are known to a tenth."""
-    known = 0.1  # fraction of an error: largest error estimate of the references, by the case's limit
+    """Verdict from the gain of each type over the previous one, by type and scene; errors are known to a tenth."""
+    known = 0.1  # largest error estimate of the references that the case accepts, as a fraction of an error
     worse = _named({name: gain for name, gain in gains.items() if gain < 1.0 - known})
     if worse:
         return f"does not hold: less precise than the previous type: {worse}"

@@ -1,4 +1,4 @@
-"""Random arms with planted parameters and coloured noise: does the stated interval contain the true value?"""
+"""Fits to simulated records of random arms with coloured noise: does the stated interval contain the true value?"""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from flexlink.common.types import Array
 from flexlink.identification.fitted import Estimate
 from validation.case import Case, Measured
 
-LONG = 400  # samples before the record, after which filters have forgotten their initial state
+LONG = 400  # samples before the record, after which the initial state of the filters no longer matters
 MOST = 4  # largest number of parameters that are fitted at once
 
 
 class Held(NamedTuple):
-    """Fitted parameters: distance of each true value from the estimate, in units of the interval's half width."""
+    """Distance of each fitted parameter's true value from its estimate, in units of the interval's half width."""
 
     off: list[float]
     worst: int  # seed of the arm with the largest distance
@@ -90,7 +90,7 @@ def planted(seed: int, sought: Sequence[str]) -> tuple[fl.fits.FitProblem, dict[
 
 
 def arm(rng: np.random.Generator) -> fl.Scene:
-    """One to three flexible links of a strip released at random angles under gravity."""
+    """An arm of one to three flexible links, all cut from one strip, released at random angles under gravity."""
     links = rng.integers(1, 4)
     return fl.Scene(
         name="random",

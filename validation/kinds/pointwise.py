@@ -1,4 +1,4 @@
-"""Every term of the equation of motion against other engines, at random, balanced and stretched-out states."""
+"""Every term of the equation of motion against other engines, in random, balanced and stretched-out states."""
 
 from __future__ import annotations
 

@@ -17,8 +17,8 @@ from validation.facts import Facts
 from validation.random_arms import random_arm, random_tree
 
 SHARES = {"M": "M", "T_GC": "T_GC with tip wrench"}
-"""Quantity → quantity whose largest element over an arm's states is the unit of its share. The torque of a balanced arm
-is only rounding error; with a tip load it is not."""
+"""Quantity → the quantity by whose largest element over an arm's states the error is divided. Without a tip load, the
+torque of a balanced arm would be only rounding error."""
 
 
 def run(
@@ -49,7 +49,7 @@ def run(
 
 
 def _errors(chain: Chain, native: Engine, engine: Engine, states: Sequence[State]) -> Iterator[tuple[str, float]]:
-    """Yield the largest error of each quantity in units of the rounding bound, and for `SHARES` also as a share."""
+    """Yield the largest error of each quantity in units of the rounding bound, for `SHARES` also relative to size."""
     for row in compare_engines(chain, native, [engine], states):
         yield row.quantity, row.error
     for name, whole in SHARES.items():

@@ -1,4 +1,4 @@
-"""Rigidity and mass as tables: frequencies against transfer matrices, curvature and strain against M/EI."""
+"""Links given by tables of rigidity and mass: frequencies against transfer matrices, curvature, strain against M/EI."""
 
 from __future__ import annotations
 

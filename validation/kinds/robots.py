@@ -20,11 +20,11 @@ from validation.case import MODELS, Case, Measured
 from validation.physics.source_urdf import Original
 
 BENDING = "_flexible"
-"""Suffix of the names of flexible arms; without it, the name is that of the rigid arm."""
+"""Suffix of the names of flexible arms; the name without it belongs to the same arm with rigid links."""
 
 
 def run(case: Case, samples: int, hertz: tuple[float, ...] = ()) -> Iterator[Measured]:
-    """Yield the largest errors at random states, and requested frequencies against those that `modes` finds.
+    """Yield the largest errors at random states, and errors of the frequencies that `modes` finds for tuned links.
 
     `hertz` are the frequencies [Hz] to which links of flexible arms are tuned.
     """
@@ -72,7 +72,7 @@ def _against_original(scene: fl.Scene, original: Original, samples: int) -> Iter
 
 
 def _against_rigid(scene: fl.Scene, samples: int) -> Iterator[Measured]:
-    """Yield errors of the driven joints' block of M and of their T_GC, with springs at rest."""
+    """Yield errors of M and T_GC of the driven joints, with unloaded springs, against the rigid arm."""
     chain, rigid = (
         fl.lump(scene),
         fl.lump(fl.load_scene(MODELS / "robots" / f"{scene.name.removesuffix(BENDING)}.toml")),

@@ -1,7 +1,7 @@
-"""A chaotic motion: growth of rounding errors, and the time for which they explain the difference between engines.
+"""Growth of rounding errors in a chaotic motion, and how long they explain the difference between engines.
 
-The measure is the library's own sensitivity: the initial angles changed by one unit in the last place, either way, and
-another solver for q̈. The largest of these differences up to time t is the effect of rounding.
+The errors are measured with the library alone: the initial angles change by one unit in the last place, up or down, or
+another solver for q̈ is used. The largest of these differences up to time t is the effect of rounding.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def run(
         end = int(np.argmax(apart)) if apart.any() else len(own)
         within = slice(1, end)
         rate = float(np.polyfit(ours.t[within], np.log(own[within]), 1)[0])
-        ulps = 0.5 * math.sqrt(1 / (rate * step))  # random sum of half an ulp per step of one e-folding time
+        ulps = 0.5 * math.sqrt(1 / (rate * step))  # random sum of half an ulp in each step of one e-folding time
         facts: dict[str, Fact] = {"method": scene.run.method, "step": scene.run.fixed_step}
         yield Measured("growth rate", rate, scene.name, varied=facts)
         yield Measured("horizon", float(ours.t[end - 1]), scene.name, varied=facts)

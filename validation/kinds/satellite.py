@@ -1,4 +1,4 @@
-"""A tumbling satellite: attitude and spin by Euler's equations in SciPy, momentum by conservation."""
+"""A tumbling satellite: attitude and spin against Euler's equations in SciPy, momentum against conservation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A motor of limited torque: tip of a link with an elastic gear, against SciPy with an event at each switch."""
+"""A motor of limited torque turns a link through an elastic gear: comparison with SciPy, which stops at each switch."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from validation.oracles.rigid_motions import Motor
 def run(
     case: Case, steps: dict[str, Positive], methods: tuple[str, ...], tolerances: tuple[Positive, ...]
 ) -> Iterator[Measured]:
-    """Yield tip errors of methods with fixed steps [s], and of others with tolerances [m], in units of tolerance."""
+    """Yield tip errors of runs with fixed steps [s], and of runs with tolerances [m], in units of the tolerance."""
     for scene in case.load_scenes():
         exact = _tips(scene)
         for method, step in steps.items():

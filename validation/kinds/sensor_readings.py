@@ -1,7 +1,7 @@
 """Sensors of a rigid link, turned from rest by a constant torque, against closed forms.
 
 With α = τ/I the rate is α t; a point at r has the acceleration (−r α² t², r α, 0) in the link's axes. SciPy applies the
-Butterworth low-pass to the rate, from its analogue coefficients.
+Butterworth low-pass filter, given by its analogue coefficients, to the rate.
 """
 
 from __future__ import annotations

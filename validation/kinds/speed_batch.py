@@ -1,4 +1,4 @@
-"""Many runs at once on one thread: the loop of `simulate_many`, MuJoCo's rollout and `mj_step`."""
+"""Time of many runs on one thread: the loop of `simulate_many`, MuJoCo's `rollout` and `mj_step`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TIMED = True
 
 
 class Settings(Races, frozen=True):
-    """The races; number of members (a multiple of 8), and steps of a complete run."""
+    """The timing comparisons; number of members (a multiple of 8), and steps of a complete run."""
 
     members: int
     steps: int
@@ -33,7 +33,7 @@ def rehearsal(settings: Settings) -> Settings:
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Yield times of an RK4 step and of q̈ per member, on one core; ratio to MuJoCo's faster way."""
+    """Yield times of an RK4 step and of q̈ per member on one core, and the ratio of MuJoCo's faster way to flexlink."""
     for name, family in settings.chain.items():
         scene = family.released(case, family.segments[0])
         members = _members(scene, settings.members)

@@ -1,4 +1,4 @@
-"""Time of one evaluation against n: q̈, RNE, M and T_GC; flexlink in a compiled loop and by calls, engines by calls."""
+"""Time of one evaluation of q̈, RNE, M and T_GC against n: flexlink compiled and from Python, engines from Python."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ rehearsal = races.rehearsal
 
 
 def run(case: Case, settings: Races) -> Iterator[Measured | Series]:
-    """Yield times, ratios to flexlink's, exponents, and a series for every job."""
+    """Yield times, ratios of other programs' times to flexlink's, exponents of n, and a series for every job."""
     found: list[Race] = []
     for name, family, segments in settings.sizes():
         chain = lump(family.scene(case, segments))
@@ -38,7 +38,7 @@ def run(case: Case, settings: Races) -> Iterator[Measured | Series]:
 
 
 def _contestants(chain: Chain, family: Family, segments: int) -> dict[str, Jobs]:
-    """Native, public, MuJoCo and each form of Pinocchio; beyond the engines' limits only O(n) jobs."""
+    """Calls to be timed: native, public, MuJoCo, each form of Pinocchio; beyond the engines' limits only O(n) jobs."""
     states = timed_states(chain)
     found = {"native": evaluations.native(chain, states), "public": evaluations.public(chain, states)}
     if segments <= family.mujoco:

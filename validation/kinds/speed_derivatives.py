@@ -17,7 +17,7 @@ rehearsal = races.rehearsal
 
 
 def run(case: Case, settings: Races) -> Iterator[Measured]:
-    """Yield flexlink's times, and ratios of Pinocchio's times, with its fastest joints, to flexlink's."""
+    """Yield flexlink's times, and the ratios of Pinocchio's times to them, with Pinocchio's fastest joint type."""
     for name, family, segments in settings.sizes():
         chain = lump(family.scene(case, segments))
         for found in settings.run(name, chain.n, evaluations.derivatives(chain, timed_states(chain))):

@@ -31,7 +31,7 @@ def rehearsal(settings: Any) -> Any:
 def run(case: Case, chain: dict[str, Family], tolerance: Positive, count: int, turns: int = 5) -> Iterator[Measured]:
     """Yield the CPU time of each call, the fastest of up to `turns`, and the exponent between two lengths.
 
-    `tolerance` [m] is that of the run, `count` the number of modes.
+    `tolerance` [m] is the tolerance of the run, `count` the number of modes.
     """
     for name, family in chain.items():
         before: dict[str, tuple[int, float]] = {}

@@ -1,6 +1,6 @@
 """A control loop in Python: a joint PD controller in NumPy, then `Simulator.step` or MuJoCo's `mj_step`.
 
-The controller is included in the time; it and the joints are the same for all contestants.
+Both programs use the same joints and the same controller, whose time is included.
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ def run(
     turns: int = 10,
     turn: NonNegative = 0.02,
 ) -> Iterator[Measured]:
-    """Yield the time per sample, sampling period over that time, and MuJoCo's time over ours with the same steps.
+    """Yield the time per sample, the sampling period relative to it, and MuJoCo's time relative to flexlink's.
 
-    `steps` are those of the methods [s], `rate` is that of the loop [Hz], `kp` [N m/rad] and `kd` [N m s/rad] are the
-    gains of the driven joints; each contestant runs `turns` times, `turn` [s] or longer.
+    `steps` are the steps of the methods [s], `rate` is the rate of the loop [Hz], `kp` [N m/rad] and `kd` [N m s/rad]
+    are the gains of the driven joints; each program runs `turns` times, for `turn` [s] or longer.
     """
     between = 1.0 / rate
     for scene in case.load_scenes():
@@ -71,7 +71,7 @@ def run(
 
 
 def _pd(scene: Scene, chain: Chain, kp: Array, kd: Array) -> Law:
-    """PD controller for angles that oscillate about the initial ones, with gravity compensation for those."""
+    """PD controller with targets that oscillate about the initial angles, where it compensates gravity."""
     driven, (start, _) = chain.active, initial_state(scene, chain)
     target, hold = start[driven], gravity_torque(chain, start)[driven]
     swing = 0.1  # rad, at 1 Hz

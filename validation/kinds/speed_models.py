@@ -1,7 +1,7 @@
 """Cost of a model against its total error at the tip: type of the links, rule, hinges, method and steps.
 
-The error is the distance from a chain with infinitely many hinges, exact in time, relative to the tip's motion; the
-time is that of the steps only, as in `speed_trade`.
+The error is the distance from the tip of a chain with infinitely many hinges, exact in time, relative to the tip's
+motion; only the time of the steps counts, as in `speed_trade`.
 """
 
 from __future__ import annotations

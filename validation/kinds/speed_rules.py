@@ -1,6 +1,6 @@
-"""CPU time at equal tip error: the cheapest chain of one family of lumping rules against that of another.
+"""CPU time at equal tip error: the cheapest chain of one family of lumping rules against the cheapest of another.
 
-Every family uses its own cheapest number of hinges and tolerance; time is that of the steps only
+Every family uses its own cheapest number of hinges and tolerance; only the time of the steps counts
 (`native_ladder.timed_run`). The reference is a finer chain, whose error is estimated with a coarser one.
 """
 
@@ -22,7 +22,7 @@ COLUMNS = "rule", "error [m]", "CPU time [s]", "hinges", "tolerance [m]"
 
 
 class Race(Spec, frozen=True):
-    """A scene and its tip errors [m]; for each method, the hinges to try by rule."""
+    """A scene and its tip errors [m]; for each method, the numbers of hinges to try by rule."""
 
     name: str
     scene: Varied
@@ -31,7 +31,7 @@ class Race(Spec, frozen=True):
 
 
 class Settings(Spec, frozen=True):
-    """Families of rules, compared with the first one; races; the longest run [s]."""
+    """Families of rules, compared with the first one; the comparisons; the longest run [s]."""
 
     families: dict[str, tuple[str, ...]]
     reference: Reference
@@ -41,7 +41,7 @@ class Settings(Spec, frozen=True):
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """Yield times of each family and their ratios, race by race, and a series of all runs."""
+    """Yield times of each family and their ratios for every comparison, and a series of all runs."""
     for race in settings.race:
         scene = varied_scene(race.scene, race.name)
         true = exact(scene, settings.reference)

@@ -34,7 +34,7 @@ LONG = True
 def run(case: Case, repeats: int, steps: tuple[int, int]) -> Iterator[Measured]:
     """Yield CPU times of the command, cold and warm, and of the import; and a long run's additional peak memory.
 
-    `steps` are those of a short and a long run with the same 101 samples.
+    `steps` are the numbers of steps of a short and a long run, both with 101 samples.
     """
     for scene, path in zip(case.load_scenes(), case.scene_files, strict=True):
         with tempfile.TemporaryDirectory() as folder:

@@ -1,6 +1,6 @@
 """Time per Runge-Kutta step of complete simulations against n, compared with `mj_step` and a loop over `pin.aba`.
 
-Every run must remain stable: step and state are checked at its end.
+Every run must remain stable: the number of steps and the state are checked at its end.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ TIMED = True
 
 
 class Settings(Races, frozen=True):
-    """The races; segments of the longest chains, and their number of steps."""
+    """The timing comparisons; segments of the longest chains, and their number of steps."""
 
     longest: dict[str, int]
     longest_steps: int

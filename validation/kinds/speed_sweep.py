@@ -33,8 +33,8 @@ def run(
 ) -> Iterator[Measured]:
     """Yield members per second of a sweep, MuJoCo's time per member in three ways, their ratios, and CPU times.
 
-    The sweep is one of validation/sweeps. Contestants take turns, and the fastest turns count: ours runs all members on
-    all workers, MuJoCo's runs `beside` members for at least `turn` [s].
+    The sweep is one of validation/sweeps. The programs take turns, and the fastest turns count: flexlink runs all
+    members on all workers, MuJoCo runs `beside` members for at least `turn` [s].
     """
     facts: Facts = {"members": members}
     with tempfile.TemporaryDirectory() as folder:
@@ -58,7 +58,7 @@ def run(
 
 
 def _seconds(sweep: Path, members: int, workers: int, out: Path) -> float:
-    """Seconds per member with all workers, from the first rows on, since workers start once for a sweep of any size."""
+    """Seconds per member with all workers, without the start of the workers, which does not depend on the size."""
     marks: list[tuple[float, float]] = []
     fl.sweep(sweep, out=out, workers=workers, progress=lambda part: marks.append((part, time.perf_counter())))
     marks = [mark for mark in marks if mark[0] > 0]

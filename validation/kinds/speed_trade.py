@@ -1,8 +1,9 @@
 """Work-precision study: time for a given error with flexlink, MuJoCo, Pinocchio, SciPy, CVODE, Drake and Exudyn.
 
-CPU time of the thread, for runs only, after set-up and compilation. Other programs' times are interpolated between
-their runs and extrapolated by order; a run that would take too long at the stability limit counts with zero error.
-flexlink counts only with its runs that met the error. Pinocchio is charged only with evaluations (`pinocchio_ladder`).
+Times are CPU times of the thread for the runs only, after set-up and compilation. Other programs' times are
+interpolated between their runs and extrapolated by order; a run that would take too long at the stability limit counts
+as free of error. For flexlink only runs that met the error count. Pinocchio's time is that of its evaluations only
+(`pinocchio_ladder`).
 """
 
 from __future__ import annotations
@@ -31,9 +32,9 @@ NOTES = {
     "order": "Beyond its smallest measured error, by its order.",
     "limit": "At its limit of stability, from a part of the run; its error is taken to be small enough.",
 }
-LAST_ERROR = 1e-8  # error at which a ladder ends
+LAST_ERROR = 1e-8  # error at which the runs of a method end
 RK4, MUJOCO, PINOCCHIO, SOLVERS = "RK4", "MuJoCo", "Pinocchio", "solvers"
-ORDER_OF_RK4 = 4.0  # for extrapolation, also of SciPy's and CVODE's ladders, whose measured points count
+ORDER_OF_RK4 = 4.0  # for extrapolation; also used for SciPy and CVODE unless their last points show a higher order
 ORDERS_OF_OTHERS: Mapping[str, Mapping[str, float]] = {
     MUJOCO: mujoco_ladder.ORDER,
     PINOCCHIO: pinocchio_ladder.ORDER,
@@ -44,8 +45,8 @@ ORDERS_OF_OTHERS: Mapping[str, Mapping[str, float]] = {
 class Settings(Spec, frozen=True):
     """Scenes; errors, as fractions of the motion; methods; longest runs [s of CPU]; other programs and their scenes.
 
-    `methods` have tolerances, `stepped` steps. `solvers` and `witnesses` that are not installed are skipped.
-    `pinocchio` is the largest number of evaluations of its runs.
+    `methods` use tolerances, `stepped` methods use fixed steps. `solvers` and `witnesses` that are not installed are
+    skipped. `pinocchio` is the largest number of evaluations in a Pinocchio run.
     """
 
     scenes: tuple[str, ...]
@@ -63,7 +64,7 @@ class Settings(Spec, frozen=True):
 
 
 class Aim(NamedTuple):
-    """An error of the tip ("error") or of the deflection ("deflection error")."""
+    """A target error of the tip ("error") or of the deflection ("deflection error")."""
 
     what: str
     error: float

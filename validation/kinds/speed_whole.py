@@ -1,12 +1,12 @@
 """Time for a given error in complete calls by a user: flexlink against MuJoCo and Pinocchio.
 
-prepared      a problem that has run before is called again, including tips, energies and checks of the run, against
-              only the steps of a loaded model
-description   from the text of the description to the result: a scene file, an MJCF, a URDF
+prepared      flexlink repeats the run of a problem, including tips, energies and checks of the run; for the others only
+              the steps of a loaded model are timed
+description   from the text of the description (a scene file, an MJCF, a URDF) to the result
 
-CPU time of the thread, everything compiled, in several rounds, of which the fastest counts. Other programs' times are
-interpolated between their runs and extrapolated by order; flexlink counts only with its runs that met the error.
-Pinocchio is charged only with evaluations in a C++ loop.
+Times are CPU times of the thread with everything compiled, the fastest of several rounds. Other programs' times are
+interpolated between their runs and extrapolated by order; for flexlink only runs that met the error count. Pinocchio's
+time is that of its evaluations in a C++ loop only.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ TIMED = True
 
 Ladders = dict[str, list[Point]]
 ROUNDS = 3
-RIGID, OF_ORDER = ", rigid", 1e-4  # suffix for arms without springs; error from which on the methods' orders matter
+RIGID, OF_ORDER = ", rigid", 1e-4  # suffix for arms without springs, at errors up to 1e-4
 CLOCKS = {"prepared": prepared, "description": described}
 ORDERS: Mapping[str, Mapping[str, float]] = {"MuJoCo": mujoco_ladder.ORDER, "Pinocchio": pinocchio_ladder.ORDER}
 
@@ -40,9 +40,10 @@ def run(
     pinocchio: int,
     pinocchio_tolerances: tuple[Positive, ...],
 ) -> Iterator[Measured]:
-    """Yield times by clock and method, and ratios of others' least times to flexlink's.
+    """Yield times of both kinds of calls by method, and ratios of other programs' shortest times to flexlink's.
 
-    `errors` are fractions of the motion, `budget` is the longest run [s of CPU], `pinocchio` its most evaluations.
+    `errors` are fractions of the motion, `budget` is the longest run [s of CPU], `pinocchio` the largest number of
+    evaluations in a Pinocchio run.
     """
     smallest = min(errors)
 

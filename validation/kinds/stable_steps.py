@@ -1,14 +1,14 @@
 """Predicted and observed largest stable step of every explicit method on every scene.
 
-Each arm is in equilibrium under gravity and wrench, its joints held by constant torques. Two runs of a few steps h
+Each arm is in equilibrium under gravity and wrench, with constant torques at its joints. Two runs of a few steps h
 start slightly displaced along all modes, in opposite directions. They show the factor μ by which a step multiplies each
-mode: with w its left eigenvector (of `linearize`, which `stable_step` does not use) and δ half the difference of runs,
+mode: with w its left eigenvector (by `linearize`, which `stable_step` does not use) and δ half the runs' difference,
 
     |μ|^N = |w·δ(N h)| / |w·δ(0)|
 
-and h is stable if no |μ| exceeds 1 + 1e-6, as in `stable_step`. Bisection finds the largest such h. Modes that grow by
-themselves, as of an inverted arm, and modes that hardly move in a step do not count. If a growing mode limits the
-predicted step, as if it oscillated at its rate, nothing can be observed.
+and h is stable if no |μ| exceeds 1 + 1e-6, as in `stable_step`. Bisection finds the largest such h. Modes that are
+physically unstable, as in an inverted arm, and modes that hardly move in a step do not count. `stable_step` treats an
+unstable mode as if it oscillated at its growth rate; if such a mode limits the step, nothing can be observed.
 """
 
 from __future__ import annotations
@@ -37,19 +37,19 @@ from validation.store import Series, table
 LONG = True
 
 STEPS_OF_A_RUN = 3
-"""Number of steps of a run: few, since an inverted arm may grow tenfold per step and differences must stay small."""
+"""Number of steps of a run; few, so that differences stay small even if they grow tenfold per step (inverted arm)."""
 
 ANGLE_ASIDE, RATE_ASIDE_OF_WIDTH = 1e-8, 1e-4
-"""Largest initial difference of angles [rad], and of rates as a fraction of the width of the friction law. Their
-squares cancel, even if a hinge is 10⁸ times as stiff as its neighbour; cubes and their rounding errors are far below
-the growth threshold."""
+"""Largest initial difference of angles [rad], and of rates as a fraction of the width of the friction law. Terms of
+second order cancel, even if a hinge is 10⁸ times as stiff as its neighbour; terms of third order and rounding errors
+are far below the growth threshold."""
 
 SEARCHED, HALVINGS = (0.8, 1.25), 9
-"""Range of the search, relative to the predicted step, and its bisections, to (1.25 − 0.8) / 2⁹ = 0.1 %."""
+"""Range of the search, relative to the predicted step, and number of bisections, to (1.25 − 0.8) / 2⁹ = 0.1 %."""
 
 
 class Rest(NamedTuple):
-    """A scene at rest at q; λ [1/s] and left eigenvectors of counted modes; a displacement along all of them."""
+    """A scene at rest at q; λ [1/s] and left eigenvectors of the modes that count; a displacement along all of them."""
 
     scene: Scene
     q: Array
@@ -59,7 +59,7 @@ class Rest(NamedTuple):
 
 
 def run(case: Case, methods: tuple[str, ...]) -> Iterator[Measured | Series]:
-    """Yield observed over predicted step minus 1 for every scene with a largest stable step, and their number."""
+    """Yield observed / predicted step − 1 for every scene that has a largest stable step, and their number."""
     rows = list[tuple[str, int, str, float, float, float]]()
     scenes = case.load_scenes()
     for scene in scenes:
@@ -109,12 +109,12 @@ def at_rest(scene: Scene) -> Rest:
         {"drive": {"kind": "constant", "torque": torques_of_links(scene, chain, hold)}, "initial.passive": None}
     )
     λ, left, right = linalg.eig(linearize(chain, q, tau=hold, tip_wrench=scene.tip_wrench).A, left=True, right=True)
-    counted = λ.real <= 1e-2 * np.abs(λ)  # others grow physically; rounding of an undamped mode is smaller
+    counted = λ.real <= 1e-2 * np.abs(λ)  # others are physically unstable; rounding of an undamped mode is smaller
     one_of_two = right[:, counted & (λ.imag >= 0)]
-    aside = (one_of_two * (1 + 1j) / np.abs(one_of_two).max(axis=0)).real.sum(axis=1)  # each in angle and in rate
+    aside = (one_of_two * (1 + 1j) / np.abs(one_of_two).max(axis=0)).real.sum(axis=1)  # each mode in angle and in rate
     width = chain.hinges["coulomb_width"].min(where=chain.hinges["coulomb"] > 0, initial=np.inf)
     angles, rates = (np.abs(part).max() for part in np.split(aside, 2))
-    with np.errstate(divide="ignore", invalid="ignore"):  # without springs or friction no step is too large
+    with np.errstate(divide="ignore", invalid="ignore"):  # no displacement is too large without springs or friction
         aside *= min(ANGLE_ASIDE / angles, ANGLE_ASIDE * np.abs(λ).max() / rates, RATE_ASIDE_OF_WIDTH * width / rates)
     return Rest(scene, q, λ[counted], left.T.conj()[counted], aside)
 

@@ -1,4 +1,4 @@
-"""Large static deflection under a tip load: error by rule and hinges; check of equilibrium with MuJoCo's torques."""
+"""Large static deflection under a tip load: error by rule and hinges; MuJoCo's torques check the equilibrium."""
 
 from __future__ import annotations
 

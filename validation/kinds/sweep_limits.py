@@ -1,4 +1,4 @@
-"""Limits of sweeps of millions of members: memory and time of planning, running and storing, from a slice."""
+"""Limits of sweeps of millions of members: memory and time of planning, running and storing a slice."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def rehearsal(settings: Any) -> Any:
 def run(
     case: Case, sweep: str, sizes: list[int], members: int, durations: list[float], workers: int = 2
 ) -> Iterator[Measured]:
-    """Plan each size, run a slice of the largest on processes and on Dask, and extrapolate by a model.
+    """Plan a sweep of each size, run a slice of the largest on processes and on Dask, and extrapolate by a model.
 
     Members per second = min(workers / time of a member, 1 / the parent's time per row). The sweep is one of
     validation/sweeps, with Sobol points.
@@ -57,7 +57,7 @@ STEP = 1e-4
 
 
 def _of_slice(pool: str, found: dict[str, Any], member: float, workers: int) -> Iterator[Measured]:
-    """Yield results of a slice; `member` is the time of one of its members [s]."""
+    """Yield results of a slice; `member` is the CPU time of one member [s]."""
     part = found["slice"]
     most = min(workers / member, 1 / part["row"])
     yield Measured(f"{pool}: parent's time of a row", 1e6 * part["row"], timed=True)

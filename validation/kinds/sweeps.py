@@ -1,4 +1,4 @@
-"""Sweeps that are killed or lose a worker, against an undisturbed one: each member once, and equal rows."""
+"""Sweeps that are killed or lose a worker must have each member once, and the same rows as an undisturbed sweep."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from validation.case import Case, Measured
 from validation.facts import Facts
 
 LOST_AFTER, LAST_KILL = 0.1, 0.9
-"""Share of members with rows when a cluster's worker is killed; largest share when a sweep is killed."""
+"""Share of stored members at which a cluster's worker is killed; largest share at which a sweep is killed."""
 
 
 def run(
     case: Case, sweep: str, members: int, workers: int = 2, kills: int = 0, seed: int = 0, cluster: int = 0
 ) -> Iterator[Measured]:
-    """Yield the number of kills, of members without exactly one row, and of rows that differ.
+    """Yield the numbers of kills, of members without exactly one row, and of rows that differ.
 
     The sweep is one of validation/sweeps. It is killed at random row counts, or runs on `cluster` Dask workers, one of
     which is killed.
@@ -47,7 +47,7 @@ def run(
 
 
 def _with_a_worker_lost(sweep: Path, out: Path, cluster: int, members: int) -> int:
-    """Kill one worker of a cluster during a sweep; return whether the sweep was still running."""
+    """Kill one worker of a cluster during a sweep; return 1 if the sweep was still running, 0 if not."""
     with (
         sweep_processes.cluster(out.parent, cluster) as (address, workers),
         sweep_processes.started(sweep, out, "--dask", address) as process,

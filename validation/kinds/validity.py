@@ -1,7 +1,7 @@
-"""Domain of validity: the largest thickness of a link, and the axial load up to which theory and chain are accurate.
+"""Domain of validity: the largest relative thickness and the largest axial load at which a chain is accurate.
 
-A chain is an Euler-Bernoulli beam, without shear. The reference is Timoshenko's beam. For a link under an axial
-compressive force it is the slender beam under that force, and the error is that of the hinges.
+A chain models an Euler-Bernoulli beam, without shear. The reference is Timoshenko's beam. For a link under an axial
+compressive force the reference is the slender beam under that force, and the error is due to the hinges.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ RIGID = 1e30  # N: shear stiffness of a beam without shear
 class Settings(Spec, frozen=True, kw_only=True):
     """Length-to-height ratios, ascending; the number of modes; axial forces relative to Euler's load; hinges.
 
-    `within` is the largest error that counts as valid. The slenderness of the compressed link is `thin`.
+    `within` is the largest error that counts as valid; `thin` is the slenderness of the compressed link.
     """
 
     slenderness: tuple[Positive, ...]

@@ -1,4 +1,4 @@
-"""Arms without any length, a cart on a spring and a wheel, against closed forms.
+"""Scenes without any length, a cart on a spring and a wheel, against closed forms.
 
 m ẍ = −k x − d ẋ        x = x₀ e^(−σt) (cos ωt + σ/ω sin ωt)
 I ω̇ = τ − d ω          θ = τ/d (t − I/d (1 − e^(−dt/I)))

@@ -1,4 +1,4 @@
-"""Drake and Exudyn, which compute springs, dampers and Runge-Kutta steps themselves: terms, and complete motions.
+"""Terms and complete motions against Drake and Exudyn, which compute springs, dampers and Runge-Kutta steps themselves.
 
 Motions use the same tableau and step, so only rounding errors differ. An engine that is not installed is skipped and
 reported.
@@ -53,7 +53,7 @@ def run(
 
 
 def _terms(scene: Scene, name: str, samples: int, seed: int) -> Iterator[Measured]:
-    """Yield |Δ| relative to the largest element at that state (q̈ in units of rounding); the worst of all states."""
+    """Yield the largest |Δ| over the states, relative to the largest element of a state (q̈ in units of rounding)."""
     chain, facts = lump(scene), {"states": samples}
     ours, theirs = engines.load("native", chain), engines.load(name, chain)
     states = random_states(chain, samples, seed=seed)

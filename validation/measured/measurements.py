@@ -1,4 +1,4 @@
-"""Measurements by name: each is a file of this folder."""
+"""Measurements by name; each is a file in this folder."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ class Reading(NamedTuple):
 
 
 class Derived(NamedTuple):
-    """A quotient or a difference of two named quantities: their common errors cancel."""
+    """A ratio or a difference of two named quantities, in which common errors cancel."""
 
     name: str
     group: str
@@ -26,12 +26,12 @@ class Derived(NamedTuple):
     second: str
 
     def of(self, values: Mapping[str, float]) -> float:
-        """Value of the quotient or difference."""
+        """Value of the ratio or difference."""
         a, b = values[self.first], values[self.second]
         return a / b if self.kind == "ratio" else a - b
 
     def reading(self, readings: Mapping[str, Reading]) -> Reading:
-        """Derived reading from two readings with independent errors."""
+        """Derived reading, computed from two readings with independent errors."""
         a, b = readings[self.first], readings[self.second]
         if self.kind == "difference":
             return Reading(a.value - b.value, math.hypot(a.u, b.u), a.unit, self.group)

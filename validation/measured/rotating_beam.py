@@ -31,7 +31,7 @@ def readings() -> dict[str, Reading]:
 
 
 def derived() -> Iterator[Derived]:
-    """Ratios of each frequency over sweep and over speed, except for the slowest: 1.4 to 1.8 Hz are read to 0.3 Hz."""
+    """Ratios of frequencies at two sweeps or speeds, except for the slowest mode (1.4 to 1.8 Hz, read to 0.3 Hz)."""
     sweeps = look_up(DATA, "sweep_deg")
     for mode, speeds in look_up(DATA, "frequency_hz").items():
         for speed in speeds:
@@ -48,7 +48,7 @@ def derived() -> Iterator[Derived]:
 
 
 def predicted(scene: Scene) -> dict[str, float]:
-    """Frequencies of the chain about its steady rotation, in which the swept tip bends it."""
+    """Frequencies of the chain about its steady rotation, in which the swept tip bends the beam."""
     found = {}
     speeds = list(next(iter(look_up(DATA, "frequency_hz").values())))
     for sweep in look_up(DATA, "sweep_deg"):

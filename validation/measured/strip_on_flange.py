@@ -1,8 +1,9 @@
 """Ringing of a steel strip on a robot's flange after the robot has stopped, in three orientations.
 
-The measured frequency falls with the amplitude, by 1 % from the smallest to the largest. Modes are those of small
-motion. They are compared with the frequency at amplitude zero, on a straight line through the means of the moves; the
-mean of the runs is also given. The chain's frequency rises with the amplitude, a hundred times less.
+The measured frequency falls with increasing amplitude, by 1 % from the smallest to the largest. The computed modes are
+those of small motion, so they are compared with the frequency at amplitude zero, which a straight line through the
+means of the moves gives. The mean of the runs is also given. The chain's frequency rises with the amplitude, but a
+hundred times less.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ MEAN, SMALL = "mean of the runs", "at amplitude zero"
 def readings() -> dict[str, Reading]:
     """Ringing frequencies by orientation [Hz].
 
-    For a mean, u is the scatter of the runs, since their amplitudes differ and the model ignores amplitude. For the
-    line, u is the standard error of its value at amplitude zero.
+    The uncertainty u of a mean is the scatter of the runs, since their amplitudes differ and the model ignores
+    amplitude. For the straight line, u is the standard error of its value at amplitude zero.
     """
     found = {}
     for attitude, moves in _moves().items():
@@ -44,7 +45,7 @@ def readings() -> dict[str, Reading]:
 
 
 def derived() -> Iterator[Derived]:
-    """Effect of gravity: hanging stiffens, standing upright softens."""
+    """Effect of gravity, which stiffens a hanging strip and softens an upright one."""
     for which, group in ((MEAN, "gravity's split"), (SMALL, "gravity's split, small amplitude")):
         yield Derived(f"down − up, {which}", group, "difference", f"down, {which}", f"up, {which}")
 
@@ -59,7 +60,7 @@ def predicted(scene: Scene) -> dict[str, float]:
 
 
 def _moves() -> dict[str, dict[str, list[list[Any]]]]:
-    """attitude → move → its runs."""
+    """Orientation of the strip → move → runs of the move."""
     found: dict[str, dict[str, list[list[Any]]]] = {}
     for run in look_up(DATA, "runs"):
         found.setdefault(run[1], {}).setdefault(run[0].rpartition("_")[0], []).append(run)
@@ -67,7 +68,7 @@ def _moves() -> dict[str, dict[str, list[list[Any]]]]:
 
 
 def _at_zero(x: Sequence[float], y: Sequence[float]) -> tuple[float, float]:
-    """Value at x = 0 of the straight line of least squares, and its standard error."""
+    """Value of the least-squares line at x = 0, and its standard error."""
     design = np.column_stack([np.ones(len(x)), x])
     line, residual, *_ = np.linalg.lstsq(design, np.asarray(y), rcond=None)
     variance = residual[0] / (len(x) - 2)

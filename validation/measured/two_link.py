@@ -27,9 +27,9 @@ FOLDER = ROOT.parent / "shared" / "measured"
 HEADS = {"q1 [deg]": "q one [deg]", "q2 [deg]": "q two [deg]"}  # column names of the recording → of the scene's run
 STRAINS = ("strain angle 1 [deg]", "strain angle 2 [deg]")
 LINKS = ("one", "two")
-CUTOFF = 15.0  # Hz, low-pass of the recorded angles; their motion is below 3 Hz
+CUTOFF = 15.0  # Hz, of the low-pass filter for the recorded angles, whose motion is below 3 Hz
 LOW_PASS, ORDER = 2.0, 2  # cutoff [Hz] and order of the recorder's filter of strains
-SETTLED = 1.2  # s: start of strain 1 in the first run
+SETTLED = 1.2  # s; strain 1 of the first run starts here
 
 
 class Window(NamedTuple):
@@ -75,12 +75,12 @@ def write_renamed(run: str, folder: Path) -> Path:
 
 
 def led_by(path: Path) -> list[dict[str, object]]:
-    """Prescribed motions of both joints from such a file."""
+    """Prescribed motions of both joints, from a file of `write_renamed`."""
     return [{"link": link, "file": str(path), "cutoff": CUTOFF} for link in LINKS]
 
 
 def simulated(scene: Scene, run: str, end: float) -> tuple[Mapping[str, Array], Array]:
-    """Columns of the scene's run with the recorded angles, and the angles' accelerations (samples, 2) [rad/s²]."""
+    """Run the scene with the recorded angles: its columns, and the angles' accelerations (samples, 2) [rad/s²]."""
     with tempfile.TemporaryDirectory() as folder:
         led = scene.varied({"motion": led_by(write_renamed(run, Path(folder))), "run.duration": end})
     found = simulate(led)
@@ -94,14 +94,14 @@ def fit_percent(measured: Array, model: Array) -> float:
 
 
 class LinearModel(NamedTuple):
-    """Two modes driven by the joints' accelerations u from rest, through the recorder's low-pass: 12 parameters.
+    """Two modes from rest, driven by the joints' accelerations u, through the recorder's low-pass filter.
 
-    z̈_j + 2 ζ_j ω_j ż_j + ω_j² z_j = u,  y_c = Σ_ju b_cju z_ju + d_c. The parameters are ω and ζ of two modes, and b;
-    with offsets d of the strains, 14.
+    z̈_j + 2 ζ_j ω_j ż_j + ω_j² z_j = u,  y_c = Σ_ju b_cju z_ju + d_c. The 12 parameters are ω and ζ of the two modes,
+    and b; with the offsets d of the strains there are 14.
     """
 
     poles: Array  # log ω, ζ of each mode
-    weights: Array  # (inputs × modes, strains); offsets in an optional last row
+    weights: Array  # (inputs × modes, strains); an optional last row contains the offsets
 
     def strains(self, u: Array, h: float) -> Array:
         """Both strains (samples, 2)."""
@@ -112,7 +112,7 @@ class LinearModel(NamedTuple):
 def linear_model(
     u: Array, measured: Sequence[Array], h: float, there: Array, start: Sequence[float], *, zeros: bool = False
 ) -> LinearModel:
-    """Fit the model to the samples marked `there`; initial frequencies are `start` [Hz]."""
+    """Fit the model to the samples where `there` is true; initial frequencies are `start` [Hz]."""
     y = np.column_stack(measured)[there]
     begin = np.array([[math.log(2 * math.pi * f), 0.015] for f in start]).ravel()
 

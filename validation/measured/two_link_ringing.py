@@ -1,4 +1,4 @@
-"""Two ringing frequencies of a laboratory's two-link arm with both drives at rest, read from its recordings."""
+"""Two ringing frequencies of a laboratory's two-link arm with both drives at rest, from the arm's recordings."""
 
 from __future__ import annotations
 

@@ -14,13 +14,13 @@ Verdict = Literal["validated to u_val", "not validated", "cannot be told"]
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 
 COVERAGE = 2.0
-"""Coverage factor of a 95 % interval: half width over standard uncertainty."""
+"""Coverage factor of a 95 % interval, its half width divided by the standard uncertainty."""
 
 SAFETY, SAFETY_UNORDERED = 1.25, 3.0
 """Safety factors of Roache's grid convergence index: with an observed order, and without a reliable one."""
 
 ONE_SIDED = 1.15
-"""Grid convergence index over its standard uncertainty (V&V 20); the error has a known sign."""
+"""Ratio of the grid convergence index to the standard uncertainty (V&V 20), for an error of known sign."""
 
 
 def standard(half_width: float) -> float:
@@ -44,7 +44,7 @@ class Convergence(NamedTuple):
 
     @classmethod
     def stated(cls, u_num: float) -> Convergence:
-        """Convergence of a code that states its standard uncertainty."""
+        """Convergence of a code that states its own numerical standard uncertainty."""
         return cls(math.nan, ONE_SIDED * u_num)
 
     @property
@@ -56,8 +56,8 @@ class Convergence(NamedTuple):
 def grid_convergence(coarse: float, middle: float, fine: float, formal: float, rounding: float = 0.0) -> Convergence:
     """Grid convergence index of S₄ from S₁, S₂, S₄ with N, 2N, 4N hinges or steps (Roache 1994).
 
-    An observed order above the `formal` one is ignored. Without an order, the bound is 3 times the largest difference;
-    it is at least `rounding`.
+    An observed order above the `formal` one is ignored. If no order is observed, the index is 3 times the largest
+    difference. The index is at least `rounding`.
     """
     first, second = middle - coarse, fine - middle
     if first * second > 0 and abs(second) < abs(first):
@@ -76,9 +76,9 @@ class Comparison(NamedTuple):
     convergence
         Result of the grid convergence study.
     u_input, u_measured
-        From the tolerances of the inputs, and of D.
+        Standard uncertainties due to the tolerances of the inputs, and of D.
     wanted
-        The largest |E| that the application allows; a comparison with larger uncertainty decides nothing.
+        The largest |E| that the application allows; if the uncertainty is larger, there is no verdict.
     """
 
     simulated: float
@@ -102,8 +102,8 @@ class Comparison(NamedTuple):
     def verdict(self) -> Verdict:
         """The verdict in words.
 
-        "not validated": |E| > 2 u_val: the model error is at least |E| − 2 u_val. "cannot be told": E is explained by
-        data, inputs and grid, but their uncertainty exceeds `wanted`. Otherwise "validated to u_val".
+        "not validated" means |E| > 2 u_val, so the model error is at least |E| − 2 u_val. "cannot be told" means that
+        data, inputs and grid explain E, but their uncertainty exceeds `wanted`. Otherwise "validated to u_val".
         """
         within = COVERAGE * self.u_val
         if not abs(self.error) <= within:  # also if nan

@@ -19,7 +19,7 @@ READ_WITHIN = 0.2  # reading error, percent of the span, 1 mm; not stated by the
 
 
 def readings() -> dict[str, Reading]:
-    """Deflection of the tip [% of the span], from its position without a mass."""
+    """Deflection of the tip [% of the span], relative to its position without a mass."""
     found = {}
     for mass, value in zip(look_up(DATA, "tip_mass_kg"), look_up(DATA, "tip_deflection_percent_of_span"), strict=True):
         if mass:

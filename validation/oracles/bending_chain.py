@@ -1,7 +1,7 @@
-"""Bending frequencies of a clamped chain of thin rods in 40 digits, from its nodes and weights only.
+"""Bending frequencies of a clamped chain of thin rods to 40 digits, from the positions and weights of its hinges only.
 
-With EI = ρA = L = 1 and hinges at x_i with compliance w_i, M_ij = ∫ (ξ − x_i)₊ (ξ − x_j)₊ dξ and K = diag(1/w); the
-eigenvalues of W½ M W½ are 1/ω².
+With EI = ρA = L = 1 and hinges at x_i with compliance w_i, M_ij = ∫ (ξ − x_i)₊ (ξ − x_j)₊ dξ and K = diag(1/w); with
+W = K⁻¹, the eigenvalues of √W M √W are 1/ω².
 """
 
 from __future__ import annotations

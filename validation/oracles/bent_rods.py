@@ -1,4 +1,4 @@
-"""Tip positions of clamped rods under large bending by tip loads, by integration along the rod; L = 1.
+"""Tip positions of clamped rods that tip loads bend far, by integration along the rod; L = 1.
 
 A follower force P, normal to the rod at its tip (EI = 1), needs no shooting. With σ the distance from the tip and ψ the
 angle of the rod relative to its angle at the tip,
@@ -21,11 +21,11 @@ from scipy.integrate import solve_ivp
 Array = NDArray[np.float64]
 PRECISE = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-15}
 STEPS = 10  # number of load increments
-SLOPE = 1e-6  # step of finite differences; an inaccurate derivative costs iterations, not accuracy
+SLOPE = 1e-6  # step of finite differences; inaccurate derivatives cost iterations, but no accuracy
 
 
 def follower(force: float) -> list[Any]:
-    """x, y and angle of the tip under a force normal to the rod at its tip, in 25 digits."""
+    """x, y and angle of the tip under a force normal to the rod at its tip, to 25 digits."""
     with mp.workdps(25):
         P = mp.mpf(force)
 
@@ -55,7 +55,7 @@ def in_space(force: Array, rigidity: Array, **precision: Any) -> Array:
 
 
 def _end(tip: Array, force: Array, rigidity: Array, precision: dict[str, Any]) -> Array:
-    """End of the rod whose moments are those of a force at `tip`."""
+    """End of a rod that is integrated with the moments of a force acting at `tip`."""
 
     def slopes(_: float, y: Array) -> Array:
         R = y[3:].reshape(3, 3)

@@ -1,4 +1,4 @@
-"""Dynamics of any chain in 100 digits and O(n), with all spatial vectors about the origin of frame 0.
+"""Dynamics of any chain to 100 digits in O(n), with all spatial vectors about the origin of frame 0.
 
 All motions (ω, v) and forces (n, f) refer to one fixed point, so those of neighbouring bodies add without transforms.
 For hinge k with axis e through p, s = (e, p × e); Ī is the 6 × 6 inertia of a body; motion · force is power:
@@ -8,7 +8,7 @@ For hinge k with axis e through p, s = (e, p × e); Ī is the 6 × 6 inertia of 
     F_k = Ī_k (Γ_k − g) + V_k ×* Ī_k V_k + F_k+1,  Γ_k = Γ_k−1 + ṡ_k q̇_k       T_GC,k = s_k · F_k
     U = I^A s,  D = s · U + A,  u = T − s · p^A,  I^A ← Ī + I^A − U Uᵀ/D       q̈ = (u − U · (Γ + ṡ q̇))/D  (Featherstone)
 
-The fixed point costs some of the 100 digits; the results are rounded once, to float64.
+Using one fixed point loses some of the 100 digits; the results are rounded once, to float64.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ class _Hinge(NamedTuple):
 
     s: Vector
     bias: Vector  # ṡ q̇
-    V: Vector  # of the attached body
+    V: Vector  # spatial velocity of the attached body
     inertia: Matrix | None  # of the attached body; None between the axes of one joint
 
 
 class CommonOrigin:
-    """A chain at one state: M(q), T_GC(q, q̇) and q̈ as floats that are rounded once; without tip wrench."""
+    """A chain at one state, without tip wrench: M(q), T_GC(q, q̇) and q̈ as floats, each rounded once."""
 
     def __init__(self, chain: Chain, q: Array, qd: Array) -> None:
         with mp.workdps(DIGITS):
@@ -73,7 +73,7 @@ class CommonOrigin:
         return torque
 
     def forward_dynamics(self, tau: Array) -> Array:
-        """q̈ [rad/s²] of drive torques T_EX, springs, dampers and dry friction, shape (n,)."""
+        """q̈ [rad/s²] under drive torques T_EX, springs, dampers and dry friction, shape (n,)."""
         with mp.workdps(DIGITS):
             left = sub(exactly(tau), joint_torques(self.joints, self.q, self.qd))
             forces, zero = self._gyroscopic(), mpf(0)

@@ -1,14 +1,14 @@
-"""Bending frequencies of a clamped chain of cells of coupled springs in 40 digits, from p and the tip's inertia only.
+"""Bending frequencies of a clamped chain of cells, each with p coupled springs, to 40 digits, without the library.
 
-EI = ρA = L = 1. A cell of length h has the beam's angles θ(t_k) at its p + 1 Gauss-Lobatto nodes as coordinates. The
-segment of node k has length h b_k, b its weight; the two segments at a cell boundary are one. Springs act on the
-derivative of the interpolating polynomial at the p Gauss points with weights w_q:
+EI = ρA = L = 1. The coordinates of a cell of length h are the beam's angles θ(t_k) at its p + 1 Gauss-Lobatto nodes.
+The segment of node k has length h b_k, with b the weights; the two segments at a cell boundary are one. Springs act on
+the derivative of the interpolating polynomial at the p Gauss points with weights w_q:
 
     K = Cᵀ diag(w) C / h        C_qj = Σ_k≥j L_k'(x_q)
 
-A segment has the mass of its length; its centre is S_i − s_i beyond its hinge, with S_i its end and s_i its node. Its
-inertia gives a rigidly rotating beam the exact kinetic energy, in the angles of the segments
-Σ_j A_ij = l_i ∫ min(1 − s_i, 1 − x) dx. The last segment takes `tip` m l²/3 from the one before it.
+The mass of a segment is its length; its centre is at a distance S_i − s_i from its hinge, with S_i its end and s_i its
+node. Its inertia is such that a rigidly rotating beam has the exact kinetic energy: for the angles of the segments,
+Σ_j A_ij = l_i ∫ min(1 − s_i, 1 − x) dx. The last segment takes an inertia `tip` m l²/3 from the previous one.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def frequencies(p: int, hinges: int, tip: float) -> Array:
     with mp.workdps(DIGITS):
         lower = mp.matrix(hinges + 1, hinges)
         for i, j in itertools.product(range(hinges + 1), range(hinges)):
-            lower[i, j] = mpf(i > j)  # angles of segments from those of hinges
+            lower[i, j] = mpf(i > j)  # gives the angles of segments from the angles of hinges
         M = lower.T * _mass(p, hinges, tip) * lower
         inverse = mp.inverse(mp.cholesky(_stiffness(p, hinges)))
         S = inverse * M * inverse.T
@@ -50,14 +50,14 @@ def _stiffness(p: int, hinges: int) -> Any:
 
 
 def _mass(p: int, hinges: int, tip: float) -> Any:
-    """A for the angles of all segments, including the one at the root."""
+    """Mass matrix A for the angles of all segments, including the one at the root."""
     cells, nodes = hinges // p, _lobatto(p)
     s, l = [mpf(0)] * (hinges + 1), [mpf(0)] * (hinges + 1)
     for e, k in itertools.product(range(cells), range(p + 1)):
         s[e * p + k] = (e + nodes[k]) / cells
         l[e * p + k] += _weight(nodes, k) / cells
     ends = list(itertools.accumulate(l))
-    beyond = [1 - end for end in ends]  # mass beyond each segment
+    beyond = [1 - end for end in ends]  # mass outboard of each segment
     centre = [end - place for end, place in zip(ends, s, strict=True)]
     A = mp.zeros(hinges + 1)
     for i in range(hinges + 1):

@@ -1,7 +1,7 @@
 """Runge-Kutta methods in mpmath with exact coefficients, for q̈ = f(q, q̇).
 
-The stages of an implicit method are found by fixed-point iteration, stage by stage; it converges for step sizes small
-enough to measure an order.
+The stages of an implicit method are found by fixed-point iteration, stage by stage. The iteration converges for the
+small steps with which an order is measured.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from validation.oracles.rooted_trees import as_mpf
 Vector = list[Any]
 
 SOLVED, MOST_PASSES = mpf("1e-30"), 200
-"""Largest relative change of the stage derivatives at convergence, far below the measured errors; iteration limit."""
+"""Largest relative change of the stage derivatives at convergence, far below measured errors; iteration limit."""
 
 
 def integrate(
@@ -27,7 +27,7 @@ def integrate(
     duration: Any,
     steps: int,
 ) -> tuple[Vector, Vector]:
-    """q and q̇ after `duration` [s] in equal steps, in mpmath's working precision; implicit stages to `SOLVED`.
+    """q and q̇ after `duration` [s] in equal steps, in mpmath's working precision; stages converge to `SOLVED`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Closed-form eigenvalues of the chain of n equal cells (Hencky 1920): twist and buckling; roll-up gives a polygon.
+"""Closed-form eigenvalues of a chain of n equal cells (Hencky 1920), for twist and buckling.
 
 `paper` is the paper's layout, n segments and n − 1 hinges; `midpoint` and `hencky` have n hinges and equal eigenvalues.
 """

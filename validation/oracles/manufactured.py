@@ -1,4 +1,4 @@
-"""A manufactured solution: a smooth motion of every joint and the torque that produces it, in 50 digits.
+"""A manufactured solution: a smooth motion of every joint and the torque that produces it, to 50 digits.
 
     q_k(t) = a_k sin(ω_k t + φ_k)        T_EX = M q̈ + T_GC + T_FL + T_FR + T_DRAG − Jᵀ w(t)
 
@@ -41,7 +41,7 @@ class Motion(NamedTuple):
 
 
 def motion(chain: Chain, amplitudes: tuple[float, float], rates: tuple[float, float], seed: int) -> Motion:
-    """Random motion: amplitudes of driven and of other joints [rad, m], range of rates [rad/s], random phases."""
+    """Random motion, from the amplitudes of driven and of other joints [rad, m] and the range of rates [rad/s]."""
     random = np.random.default_rng(seed)
     driven = np.isin(np.arange(chain.n), chain.active)
     size = np.where(driven, *amplitudes)
@@ -53,7 +53,7 @@ def motion(chain: Chain, amplitudes: tuple[float, float], rates: tuple[float, fl
 
 
 def torque(oracle: SpatialChain, t: Any, moved: Motion, wrench: Wrench) -> Vector:
-    """T_EX [N m] at a time."""
+    """T_EX [N m] at time t [s]."""
     q, qd, qdd = moved.at(t)
     return add(oracle.torque(q, qd, qdd, wrench(t)), _coupled(oracle, q, qd))
 
@@ -74,7 +74,7 @@ def torque_pieces(
 ) -> tuple[Array, Array]:
     """T_EX as polynomials in the time since the last knot: knots (pieces,), coefficients (pieces, degree + 1, n).
 
-    Each piece interpolates the torque at the Chebyshev points including the ends; coefficients are rounded once.
+    Each piece interpolates the torque at Chebyshev points that include both ends; coefficients are rounded once.
     """
     oracle = SpatialChain(chain)
     with mp.workdps(DIGITS):

@@ -1,7 +1,7 @@
-"""Lagrangian of a planar chain in absolute angles, in 50 digits: it shares no algorithm with the kernels.
+"""Lagrangian of a planar chain in absolute angles, to 50 digits; it shares no algorithm with the kernels.
 
-Points of the plane are complex numbers. Body i turns by φ_i = α_i + Σ_j≤i q_j, its centre is at
-p_i = p_0 + Σ_j≤i d_ij exp(iφ_j), with d_ij the hinge offset to body j + 1 (j < i) or the centre's (j = i). With
+Points of the plane are complex numbers. Body i turns by φ_i = α_i + Σ_j≤i q_j, and its centre is at
+p_i = p_0 + Σ_j≤i d_ij exp(iφ_j), with d_ij the offset of the next hinge (j < i) or of the centre (j = i). With
 W_jk = Σ_i m_i conj(d_ij) d_ik and E_jk = exp(i(φ_k − φ_j)) W_jk, Lagrange's equation for φ_j reads
 
     Σ_k Re(E_jk) φ̈_k + I_j φ̈_j − Σ_k Im(E_jk) φ̇_k² − Σ_i m_i Re(conj(i d_ij exp(iφ_j)) g) = generalised torque
@@ -109,7 +109,7 @@ class PlanarChain:
 
 
 def joints_of(chain: Chain) -> list[dict[str, Any]]:
-    """Springs, dampers, friction and rotors of the hinges as exact numbers."""
+    """Constants of the springs, dampers, friction and rotors of the hinges as exact numbers."""
     names = ("stiffness", "rest", "damping", "coulomb", "coulomb_width", "armature")
     return [{name: mpf(float(hinge[name])) for name in names} for hinge in chain.hinges]
 
@@ -130,7 +130,7 @@ def _plane(v: Any) -> Any:
 
 
 def _running_sum(values: Sequence[Any]) -> Vector:
-    """L v."""
+    """L v, the running sums of v."""
     total, out = mpf(0), []
     for value in values:
         total += value
@@ -139,5 +139,5 @@ def _running_sum(values: Sequence[Any]) -> Vector:
 
 
 def _sum_from_end(values: Sequence[Any]) -> Vector:
-    """Lᵀ v."""
+    """Lᵀ v, the sums of v from each element to the last."""
     return _running_sum(values[::-1])[::-1]

@@ -1,4 +1,4 @@
-"""Rigid-body motions by formulas and SciPy: step response, saturated motor, tumbling satellite."""
+"""Motions of rigid bodies by formulas and SciPy: step response, saturated motor, tumbling satellite."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Servo(NamedTuple):
 
     @property
     def peak(self) -> float:
-        """The largest angle, half a period after the initial time."""
+        """The largest angle, which is reached after half a period."""
         σ, ω = self._σω
         return self.target * (1 + math.exp(-σ * math.pi / ω))
 
@@ -64,7 +64,7 @@ class Motor(NamedTuple):
     effort: float
 
     def link_angles(self, start: float, times: np.ndarray) -> np.ndarray:
-        """The link's angle from rest; torque switches are events, since the equation is smooth only in between."""
+        """The link's angle, starting from rest; torque switches are events, between which the equation is smooth."""
         y, t, found = np.array([start, start, 0.0, 0.0]), 0.0, np.full(len(times), start)
         while t < times[-1] - 1e-14:
             branch = self._branch(y)
@@ -84,7 +84,7 @@ class Motor(NamedTuple):
         return float(-self.kp * y[0] - self.kd * y[2])
 
     def _branch(self, y: np.ndarray, left: int | None = None) -> int:
-        """−1, 0, 1: below, within, above the limits; at a switch, the branch other than `left`."""
+        """−1, 0 or 1 if the torque is below, within or above its limits; at a switch, the branch other than `left`."""
         if left is not None:
             return int(np.sign(self._wanted(y))) if left == 0 else 0
         return int(np.sign(self._wanted(y))) if abs(self._wanted(y)) > self.effort else 0
@@ -106,7 +106,7 @@ class Motor(NamedTuple):
 
 
 class Body(NamedTuple):
-    """A rigid body: mass, centre and inertia about it, in body axes."""
+    """A rigid body: its mass, its centre of mass, and its inertia about this centre, in body axes."""
 
     mass: float
     center: np.ndarray
@@ -141,5 +141,5 @@ def rotation(quaternion: np.ndarray) -> np.ndarray:
 
 
 def _moment(r: np.ndarray) -> np.ndarray:
-    """Inertia of a unit mass at r."""
+    """Inertia of a unit point mass at r, about the origin."""
     return np.asarray(r @ r * np.eye(3) - np.outer(r, r))

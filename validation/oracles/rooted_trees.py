@@ -24,7 +24,7 @@ DIGITS = 80
 
 @functools.cache
 def trees(order: int) -> tuple[Tree, ...]:
-    """All rooted trees with `order` nodes: 1, 1, 2, 4, 9, 20, 48, 115, 286, 719, …"""
+    """All rooted trees with `order` nodes; there are 1, 1, 2, 4, 9, 20, 48, 115, 286, 719, …"""
     return tuple(_forests(order - 1, order - 1))
 
 
@@ -37,7 +37,7 @@ def _forests(nodes: int, largest: int) -> tuple[Tree, ...]:
 
 
 def _starting_with(size: int, nodes: int) -> Iterator[Tree]:
-    """Multisets whose largest member has `size` nodes; equal sizes are in the order of `trees`."""
+    """Multisets whose largest tree has `size` nodes; trees of equal size are in the order of `trees`."""
     same = trees(size)
     rank = {tree: k for k, tree in enumerate(same)}
     for first in same:
@@ -61,9 +61,9 @@ def density(tree: Tree) -> int:
 
 
 def residuals(method: Coefficients, order: int) -> list[Any]:
-    """|b·u(t) − 1/γ(t)| of every tree with `order` nodes, in `DIGITS` digits.
+    """|b·u(t) − 1/γ(t)| of every tree with `order` nodes, to `DIGITS` digits.
 
-    The elementary weights of smaller trees are cached: a condition costs one product per stage.
+    The elementary weights of smaller trees are cached, so a condition costs one product per stage.
     """
     A, b = method
     stages = range(len(b))
@@ -86,7 +86,7 @@ def residuals(method: Coefficients, order: int) -> list[Any]:
 
 
 def coefficients(method: Method) -> Coefficients:
-    """A and b: of a tableau from its exact strings, of a family from an independent reference."""
+    """A and b, from the exact strings of a tableau, or from an independent reference for a family."""
     with mp.workdps(DIGITS):
         if method.family is not None:
             A, b, _ = collocation(method.family, method.stages)
@@ -96,7 +96,7 @@ def coefficients(method: Method) -> Coefficients:
 
 
 def embedded(method: Method, row: int) -> Coefficients:
-    """Embedded method of an explicit one, b̂ = b − e, with e a row of error weights; q̈ at the end is a stage."""
+    """Embedded method of an explicit one, b̂ = b − e, with e a row of error weights; the step's end is a stage."""
     with mp.workdps(DIGITS):
         A, b = coefficients(method)
         given = [as_mpf(Fraction(x)) for x in method.error_rows[row]]
@@ -106,9 +106,9 @@ def embedded(method: Method, row: int) -> Coefficients:
 
 
 def inside(method: Method, x: Fraction) -> Coefficients:
-    """The method that dense output makes of an explicit step: its step ends at a fraction x of that step.
+    """The dense output of an explicit method at a fraction x of its step, as a method with that shorter step.
 
-    It evaluates the nested polynomials of Hairer's codes for each stage.
+    The nested polynomials of Hairer's codes are evaluated for each stage.
     """
     with mp.workdps(DIGITS):
         rows, b = coefficients(method)

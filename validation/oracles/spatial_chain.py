@@ -1,4 +1,4 @@
-"""Newton-Euler of any chain projected on its hinges, in 50 digits; no recursion is shared with the kernels.
+"""Newton-Euler equations of any chain, projected on its hinges, to 50 digits; shares no recursion with the kernels.
 
 In frame 0 every body i has a centre c_i, a rotation R_i and the Jacobians of its centre and of its rotation,
 
@@ -26,13 +26,13 @@ from validation.oracles.planar_chain import DIGITS, joint_torques, joints_of
 STEP = mpf(10) ** -20
 """Step of central differences [rad, rad/s]."""
 DIFFERENCES = 60
-"""Working digits for central differences. They lose 20 and are accurate to 40; M at 89.99° loses 8."""
+"""Working digits for central differences, which lose 20 and are accurate to 40; inverting M at 89.99° loses 8."""
 Vector = list[Any]
 Matrix = list[Vector]
 
 
 class Body(NamedTuple):
-    """A body with inertia, its position and motion at q̈ = 0, in frame 0."""
+    """A body with inertia: its position, and its motion at q̈ = 0, in frame 0."""
 
     mass: Any
     inertia: Matrix
@@ -55,18 +55,18 @@ class Frame(NamedTuple):
 
 
 class Hinges(NamedTuple):
-    """Axes of all hinges in frame 0, their points, and whether they slide."""
+    """All hinges: axes and points on them in frame 0, and whether they slide."""
 
     axes: list[Vector]
     points: list[Vector]
     slide: list[bool]
 
     def moves(self, k: int, place: Vector) -> Vector:
-        """Velocity of a point at unit rate of hinge k."""
+        """Velocity of a point if hinge k moves at unit rate."""
         return self.axes[k] if self.slide[k] else cross(self.axes[k], sub(place, self.points[k]))
 
     def turns(self, k: int) -> Vector:
-        """Angular velocity at unit rate of hinge k."""
+        """Angular velocity if hinge k moves at unit rate."""
         return [mpf(0)] * 3 if self.slide[k] else self.axes[k]
 
 
@@ -157,7 +157,7 @@ class SpatialChain:
         return found
 
     def torque(self, q: Vector, qd: Vector, qdd: Vector, wrench: Vector) -> Vector:
-        """M q̈ + T_GC − Jᵀ w + T_FL + T_FR + T_DRAG [N m], body by body, without M."""
+        """M q̈ + T_GC − Jᵀ w + T_FL + T_FR + T_DRAG [N m], summed over the bodies without forming M."""
         hinges, bodies, frames = self.place(q, qd)
         found = add(joint_torques(self.joints, q, qd), self._drag(hinges, frames, qd))
         for k, joint in enumerate(self.joints):
@@ -175,7 +175,7 @@ class SpatialChain:
         return sub(found, self._load(hinges, frames, wrench))
 
     def slopes(self, q: Vector, qd: Vector, qdd: Vector, wrench: Vector) -> tuple[Any, Any]:
-        """∂T/∂q and ∂T/∂q̇ of `torque`, (n, n): central differences, error STEP²."""
+        """∂T/∂q and ∂T/∂q̇ of `torque`, (n, n), by central differences with an error of order STEP²."""
         by_angle, by_rate = mp.zeros(self.n, self.n), mp.zeros(self.n, self.n)
         for j in range(self.n):
             h = [STEP * (k == j) for k in range(self.n)]
@@ -239,7 +239,7 @@ class SpatialChain:
 def accelerations(chain: Chain, *states: Sequence[Any]) -> list[NDArray[np.float64]]:
     """q̈ [rad/s²] of states (q, q̇, T_EX), rounded once."""
     oracle = SpatialChain(chain)
-    with mp.workdps(2 * DIGITS):  # M itself loses up to 36 at gimbal lock
+    with mp.workdps(2 * DIGITS):  # M loses up to 36 digits at gimbal lock
         exact = [oracle.forward_dynamics(*(exactly(part) for part in state)) for state in states]
         return [np.array(values, dtype=np.float64) for values in exact]
 

@@ -1,11 +1,11 @@
-"""Frequencies of a beam under axial load, in 60 digits: hanging under gravity, or on a rotating hub.
+"""Frequencies of a beam under axial load, to 60 digits: it hangs under gravity, or is on a rotating hub.
 
 With EI = ρA = L = 1, x from the root, gravity γ along the beam and a hub of radius zero that rotates at Ω,
 
     w'''' − (T w')' = λ w        T = γ (1 − x) + Ω² (1 − x²) / 2
 
-λ = ω² for flap, normal to the plane of rotation, and ω² + Ω² for lag, within it. The leading coefficient is constant:
-a power series about the root converges everywhere. The tip is free, w'' = w''' = 0.
+λ = ω² for flap, normal to the plane of rotation, and ω² + Ω² for lag, within it. The leading coefficient is constant,
+so a power series about the root converges everywhere. The tip is free, w'' = w''' = 0.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from mpmath import mp
 
 DIGITS = 60
 TERMS = 300  # a term falls as (√T)ᵏ / k!: 1e-160 at T = 1000
-GRID = 0.25  # rad/s, search interval for roots; roots are ten times as far apart
+GRID = 0.25  # rad/s, search interval for roots, whose distances are about ten times larger
 
 
 class Beam(NamedTuple):
-    """Loads and support of a beam; `hinged`: at the root, instead of clamped; `lag`: in the plane of rotation."""
+    """Loads and support of a beam; its root may be `hinged` instead of clamped; `lag` is in the plane of rotation."""
 
     gravity: float = 0.0
     spin: float = 0.0

@@ -1,11 +1,11 @@
 """Frequencies of a clamped beam with shear (Timoshenko 1921) or with an axial tip force, by transfer matrices.
 
-Deflection w, rotation of the section ψ, moment M and force Q normal to the undeformed axis. P is a compressive dead
-force on the tip, used only for slender beams, which have w' = ψ:
+The state is the deflection w, the rotation ψ of the section, the moment M and the force Q normal to the undeformed
+axis. P is a compressive dead force on the tip, used only for slender beams, which have w' = ψ:
 
     w' = ψ + Q / k_s G A      ψ' = M / EI      M' = −Q − (ρI ω² + P) ψ      Q' = −ρA ω² w
 
-Clamped: w = ψ = 0; free: M = Q = 0.
+A clamped end has w = ψ = 0, a free end M = Q = 0.
 """
 
 from __future__ import annotations

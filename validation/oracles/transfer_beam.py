@@ -2,8 +2,9 @@
 
     w' = φ        φ' = M/EI        M' = V        V' = ρA ω² w
 
-Two solutions start with a unit moment and a unit shear force at the root. ω is a natural frequency if a combination has
-M = V = 0 at the tip: the determinant of that block is 0. Columns are linear between rows and may jump.
+Two solutions start with a unit moment and a unit shear force at the root. ω is a natural frequency if a combination of
+both has M = V = 0 at the tip, so the determinant of their M and V is 0. EI and ρA vary linearly between the rows of a
+table and may jump.
 """
 
 from __future__ import annotations
@@ -36,13 +37,13 @@ def frequencies(columns: Columns, count: int) -> list[float]:
 
 
 def curvature(columns: Columns, force: float, at: Sequence[float]) -> list[float]:
-    """M/EI of the beam under a small transverse tip force [rad/m]."""
+    """Curvature M/EI of the beam under a small transverse tip force [rad/m]."""
     x, EI, _ = (np.asarray(column) for column in columns)
     return [force * (x[-1] - place) / _linear(x, EI, place) for place in at]
 
 
 def _linear(x: np.ndarray, column: np.ndarray, at: float) -> float:
-    """Interpolate linearly between rows; none is at `at`."""
+    """Interpolate linearly between rows; no row may be exactly at `at`."""
     k = int(np.searchsorted(x, at)) - 1
     return float(column[k] + (column[k + 1] - column[k]) * (at - x[k]) / (x[k + 1] - x[k]))
 

@@ -1,1 +1,1 @@
-"""Scenes with exact, published or converged values, and their errors for any rule and number of hinges."""
+"""Scenes with exact, published or converged values, and the errors of chains of any rule and number of hinges."""

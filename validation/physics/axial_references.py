@@ -1,6 +1,6 @@
 """python -m validation.physics.axial_references: exact values of beams under axial load and of rods in large bending.
 
-Write `validation/reference/axial_load.json` and `bent_rods.json`, in two minutes.
+Writes `validation/reference/axial_load.json` and `bent_rods.json`; takes two minutes.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ FOLLOWERS = (1, 2, 5, 10)  # PL² / EI
 FORCE, RIGIDITY = np.array([-2.0, 3.0, 2.5]), np.array([0.7, 1.0, 3.0])
 MODES = 3
 COARSER = {"method": "Radau", "rtol": 1e-11, "atol": 1e-13}
-"""Another method and tolerance, to estimate the error of the rod in space."""
+"""Another method and tolerance, to estimate the error of the rod that bends in space."""
 
 
 def main() -> None:

@@ -28,7 +28,7 @@ SHEAR_FACTOR = 5 / 6
 
 
 class Beam(NamedTuple):
-    """A link as a planar beam."""
+    """Properties of a link as a planar beam."""
 
     length: float  # m
     angle: float  # at its start, from the x axis of the plane [rad]
@@ -55,7 +55,7 @@ class Plane(NamedTuple):
 
 
 def beam_scene(name: str) -> Scene:
-    """The scene with its input, with the samples of the reference.
+    """The scene with its input, sampled at the times of the reference.
 
     Raises
     ------

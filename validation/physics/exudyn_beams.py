@@ -1,9 +1,9 @@
 """python -m validation.physics.exudyn_beams: compute reference motions of Exudyn's geometrically exact beams.
 
-Elements have three nodes (order 4 in their number). The generalized-α method has order 2 in the step; a released beam
-also vibrates in unresolved modes, so order 1 is assumed. The beam of a chain neither shears nor stretches: both
-stiffnesses are s EI/L², with an effect proportional to 1/s. Newton's method stops at a residual relative to the largest
-such stiffness; below the rounding error of axial forces it would not converge.
+Elements have three nodes, so the error has order 4 in the number of elements. The generalized-α method has order 2;
+a released beam also vibrates in unresolved modes, so order 1 is assumed. A chain does not shear or stretch;
+therefore the beam's shear and axial stiffness are both s EI/L²; their effect is proportional to 1/s. Newton's method
+stops at a residual relative to this stiffness; below the rounding error of axial forces it would not converge.
 
 Each of the four parameters is coarsened separately. The error estimate of the finest run is the sum of the changes,
 each divided by its ratio to the remaining error. Needs exudyn; takes a minute.

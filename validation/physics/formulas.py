@@ -1,4 +1,4 @@
-"""Torques and motions that benchmarks define by formulas, as tables with negligible error."""
+"""Torques and motions that benchmarks define by formulas, as interpolated tables with negligible error."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def spin_up(scene: Scene, knots: int = 151) -> Scene:
 
 
 def torques_of_motion(scene: Scene, step: float = 0.02) -> Scene:
-    """Replace the scene's prescribed motions by the drive torques that they need if the arm is rigid."""
+    """Replace the scene's prescribed motions by the drive torques that produce these motions in a rigid arm."""
     chain = lump(scene)
     motion = motion_arrays(scene, chain)
     q, qd = initial_state(scene, chain)

@@ -1,4 +1,4 @@
-"""Error against number of hinges for each rule: curves, fitted orders, and the number of hinges that a need takes."""
+"""Error against number of hinges for each rule: curves, fitted orders, and hinges needed for each requirement."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from validation.physics.variant import Rule
 from validation.store import Series, table
 
 Errors = dict[int, float]
-"""hinges → |error|."""
+"""Number of hinges → magnitude of the error."""
 
 
 class Need(Spec, frozen=True):
-    """A user's requirement: these errors are within a limit."""
+    """A user's requirement that these errors are within a limit."""
 
     name: str
     measures: tuple[str, ...]
@@ -29,7 +29,7 @@ class Need(Spec, frozen=True):
 
 
 class Named(Spec, frozen=True):
-    """An error of one chain with its own limit, as a separate quantity; or its ratio to the error of another rule."""
+    """The error of one chain, or its ratio to the error of another rule, as a separate quantity with its own limit."""
 
     quantity: str
     measure: str
@@ -39,11 +39,11 @@ class Named(Spec, frozen=True):
 
 
 class Sweep(Spec, frozen=True, kw_only=True):
-    """Numbers of hinges by rule, needs, and expected orders by measure and rule.
+    """Numbers of hinges by rule, requirements, and expected orders by measure and rule.
 
-    The order is fitted to the last `fitted` numbers of hinges with an error above the measure's `rounding`. `least`
+    The order is fitted to the `fitted` largest hinge counts with an error above the measure's `rounding`. `least`
     contains lower bounds for rules that approach their order from above or whose error changes sign; the fit then skips
-    accidentally small errors, which a finer chain exceeds. `named` are errors of single chains.
+    errors that a finer chain exceeds, since these are small by accident. `named` are errors of single chains.
     """
 
     rules: dict[str, tuple[int, ...]]
@@ -71,7 +71,7 @@ class Point(NamedTuple):
 
 
 def by_rule(points: Sequence[Point], measure: str) -> dict[str, Errors]:
-    """rule → errors."""
+    """Lumping rule → errors of this measure by number of hinges."""
     found: dict[str, Errors] = {}
     for point in points:
         found.setdefault(point.at.rule, {})[point.at.hinges] = abs(point.errors[measure])
@@ -81,10 +81,11 @@ def by_rule(points: Sequence[Point], measure: str) -> dict[str, Errors]:
 def report(
     sweep: Sweep, points: Sequence[Point], about: str, units: Mapping[str, str] = MappingProxyType({})
 ) -> Iterator[Measured | Series]:
-    """Yield a series titled `about` per measure, and rows for fitted orders, needs and named errors.
+    """Yield a series titled `about` per measure, and rows for fitted orders, requirements and named errors.
 
-    `hinges needed` is the smallest tried number from which the error stays within the limit. A rule that never reaches
-    it has a row `hinges not enough` instead. `fewest hinges: NAME` is the minimum over all rules.
+    `hinges needed` is the smallest number of hinges with which, and with all larger numbers tried, the error is within
+    the limit. A rule without such a number has a row `hinges not enough` instead. `fewest hinges: NAME` is the minimum
+    over all rules.
     """
     for measure in points[0].errors:
         errors = by_rule(points, measure)

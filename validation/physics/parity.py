@@ -1,4 +1,4 @@
-"""Repeat a benchmark in another engine from the exported file, with that engine's M and torques.
+"""Repeat a benchmark in another engine, with the M and torques that it computes from the exported file.
 
 As a function of one angle, M and every torque of a chain are trigonometric polynomials of degree at most 2. Riesz's
 formula gives the exact derivative: f'(q) = Σ_k (−1)^(k+1) f(q + x_k) / (8 sin²(x_k/2)), x_k = (2k − 1) π/4, k = 1 … 4.
@@ -52,7 +52,7 @@ def follower_stiffness(engine: MujocoEngine, q: Array, force: Array) -> Array:
 def chain_frequencies(engine: Engine) -> Array:
     """All ω of a straight chain with a spring in every joint. The eigenvalues of L⁻¹ M L⁻ᵀ, K = L Lᵀ, are 1/ω².
 
-    This form computes slow modes to rounding error, however fast the fast modes are.
+    In this form slow modes are accurate to rounding error, however fast the fast modes are.
     """
     L = linalg.cholesky(springs(engine), lower=True)
     half = linalg.solve_triangular(L, engine.mass_matrix(np.zeros(engine.n)), lower=True)
@@ -68,7 +68,7 @@ def squares(engine: Engine, q: Array, K: Array, free: Indices) -> NDArray[np.com
 
 
 def symmetric_squares(engine: Engine, q: Array, K: Array, free: Indices) -> Array:
-    """`squares` for a conservative load: real, from the symmetric solver."""
+    """The real ω² for a conservative load, as by `squares` but with the symmetric solver."""
     block = np.ix_(free, free)
     part = K[block]
     return np.asarray(linalg.eigh((part + part.T) / 2, engine.mass_matrix(q)[block], eigvals_only=True))

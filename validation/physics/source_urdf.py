@@ -15,8 +15,9 @@ from flexlink.common.types import Array
 class Original:
     """The joints `names` of a URDF, in this order; all other joints are fixed at their positions [rad, m].
 
-    A `continuous` joint has two numbers in Pinocchio, cosine and sine. With a free base, six coordinates come first.
-    The base is placed at frame 0; without spin, its rates and accelerations are those of Pinocchio's free flyer.
+    Pinocchio describes a `continuous` joint by two numbers, cosine and sine. With a free base, six coordinates come
+    first. The base is at frame 0; if it does not spin, its rates and accelerations equal those of Pinocchio's free
+    flyer.
     """
 
     def __init__(
@@ -50,7 +51,7 @@ class Original:
         return np.asarray(full[np.ix_(self.order, self.order)])
 
     def sizes(self, q: Array) -> Array:
-        """√ of the inertia that each joint moves: largest moment of inertia about its point, or mass if it slides.
+        """√ of the inertia that each joint moves: the largest moment of inertia about its origin, or mass if it slides.
 
         |M_ij| ≤ s_i s_j. Unlike √(M_ii M_jj), this bound is not reduced by cancellation about some axis.
         """

@@ -22,7 +22,7 @@ class TipLoad(NamedTuple):
     wrench: Array  # (6,) [N, N m]
     displacement: Array  # (3,) [m]
     note: str = ""  # published value
-    frame: Frame = "world"  # axes of the wrench: a dead load, or one that turns with the tip
+    frame: Frame = "world"  # axes of the wrench: of the world for a dead load, or of the tip
 
     @property
     def size(self) -> Fact:
@@ -60,7 +60,7 @@ def princeton() -> Iterator[TipLoad]:
 
 
 def follower() -> Iterator[TipLoad]:
-    """Force PL²/EI normal to a beam with EI = L = 1 at its tip; it turns with the tip."""
+    """Follower force PL²/EI at the tip of a beam with EI = L = 1; it stays normal to the beam."""
     for size, exact in look_up("bent_rods", "follower").items():
         x, y, angle = map(float, exact)
         note = f"The tip turns by {angle:.4g} rad."

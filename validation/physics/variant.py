@@ -1,4 +1,4 @@
-"""A benchmark scene, varied, with any lumping rule and number of hinges."""
+"""Variants of a benchmark scene, with any lumping rule and number of hinges."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Variant(Spec, frozen=True):
 
     name: str = ""
     keys: tuple[str, ...] = ()
-    scene: str = ""  # default: the case's first
+    scene: str = ""  # default: the case's first scene
     change: dict[str, Any] = msgspec.field(default_factory=dict)
     hold: tuple[str, ...] = ()
 
@@ -53,7 +53,7 @@ class Variant(Spec, frozen=True):
         SceneError
             The change does not fit, or the rule does not exist for this number of hinges.
         ArgumentError
-            `scene` is not one of the case's.
+            `scene` is not a scene of the case.
         """
         paths = {path.stem: path for path in case.scene_files}
         path = require_one_of(f"{case.path}: variant.scene", self.scene or case.scenes[0], paths)

@@ -1,1 +1,1 @@
-"""Chains, contestants and clocks for races."""
+"""Timing comparisons of flexlink and other programs: chains, calls to be timed, and clocks."""

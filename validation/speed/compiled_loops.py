@@ -13,7 +13,7 @@ from flexlink.kernels.tools.vec3 import vector
 
 @kernel
 def forward_dynamics_loop(work: Any, q: Any, qd: Any, tau: Any, calls: int) -> Any:
-    """q̈ of states (s, n) in turn, `calls` times."""
+    """Compute q̈ `calls` times, cycling through the states (s, n)."""
     wrench, qdd = np.zeros(6), np.zeros(q.shape[1])
     for i in range(calls):
         s = i % len(q)
@@ -23,7 +23,7 @@ def forward_dynamics_loop(work: Any, q: Any, qd: Any, tau: Any, calls: int) -> A
 
 @kernel
 def rne_loop(chain: Any, q: Any, qd: Any, qdd: Any, calls: int) -> Any:
-    """τ = M q̈ + T_GC of states (s, n) in turn, `calls` times."""
+    """Compute τ = M q̈ + T_GC `calls` times, cycling through the states (s, n)."""
     wrench, tau, work = np.zeros(6), np.zeros(q.shape[1]), rne_workspace(chain)
     for i in range(calls):
         s = i % len(q)
@@ -33,7 +33,7 @@ def rne_loop(chain: Any, q: Any, qd: Any, qdd: Any, calls: int) -> Any:
 
 @kernel
 def mass_loop(chain: Any, q: Any, calls: int) -> Any:
-    """M of angles (s, n) in turn, `calls` times."""
+    """Compute M `calls` times, cycling through the angles (s, n)."""
     n = q.shape[1]
     M, work = np.zeros((n, n)), composite_workspace(chain)
     for i in range(calls):

@@ -3,10 +3,10 @@
     python -m validation.speed.cost_list 240 > flexlink/motion/data/evaluation_costs.toml     # seeds 0 … 239
 
 Random planar and spatial arms, plain and full (`flexlink.motion.inputs.actuation`), are run by every method with three
-tolerances. Each run's compiled loop is timed (the shortest of five turns) and its operations are counted; a single
-evaluation is timed as well. Costs are the non-negative numbers with the least relative error of all times (NNLS).
-Samples and calls from Python are also fitted, but not listed. Times are CPU times of one thread, which depend little on
-other processes.
+tolerances. Each run's compiled loop is timed (the shortest of five repeats) and its operations are counted; a single
+evaluation is timed as well. The costs are fitted to all times by non-negative least squares of relative errors (NNLS).
+Costs of samples and of calls from Python are also fitted, but not listed. Times are CPU times of one thread, which
+depend little on other processes.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from flexlink.motion.single_run import SingleRun
 from validation.random_arms import Dice, random_arm, random_tree
 
 METHODS = ("Radau5", "Radau9", "DOP853")
-TOLERANCES = (1e-2, 1e-4, 1e-6)  # fractions of the reach
+TOLERANCES = (1e-2, 1e-4, 1e-6)  # fractions of the arm's reach
 TURNS = 5
 AFFORDABLE = 3e4  # largest number of evaluations of a run
 FIRST_SEED = 71_000  # differs from the seeds that test `auto`
@@ -40,7 +40,7 @@ PARTS = ("start", "body", "body", "body", "body", "coupling", "dry", "driven", "
 
 
 class Timed(NamedTuple):
-    """A run: its kind, counts of each part of each operation, of samples and of calls, and its time [µs]."""
+    """A run: its kind, how often each part of each operation, a sample and a call occurred, and its time [µs]."""
 
     kind: tuple[str, str, str]
     counts: Array
@@ -59,7 +59,7 @@ def scenes(seeds: range) -> Iterator[fl.Scene]:
 
 
 def planar(dice: Dice) -> fl.Scene:
-    """One to four links with parallel joint axes that are rigid or bend in their plane."""
+    """An arm of one to four links with parallel joint axes; links are rigid or bend in the plane of motion."""
     links = []
     for k in range(dice.one_of(1, 2, 3, 4)):
         flex = dice.one_of("rigid", "z", "z")
@@ -106,7 +106,7 @@ def drive_of(dice: Dice, scene: fl.Scene) -> fl.Drive:
 
 
 def timed(scene: fl.Scene) -> Timed | None:
-    """The shortest of several turns of a run's compiled loop; None if the run fails or takes no step."""
+    """Shortest time of a run's compiled loop in several repeats; None if the run fails or takes no step."""
     least, counts, kind = np.inf, np.zeros(0), ("", "", "")
     try:
         problem = problem_of(scene)
@@ -133,7 +133,7 @@ def timed(scene: fl.Scene) -> Timed | None:
 
 
 def of_an_evaluation(scene: fl.Scene) -> Timed | None:
-    """Time of a single evaluation, in steps of zero length; None if the scene is refused."""
+    """Time of a single evaluation, measured with steps of zero length; None if the scene is refused."""
     try:
         problem = problem_of(scene)
         chain, drive = problem.chain, problem.inputs.drive
@@ -148,7 +148,7 @@ def of_an_evaluation(scene: fl.Scene) -> Timed | None:
 
 
 def clocked(function: Callable[..., Any], times: list[float]) -> Callable[..., Any]:
-    """The function, with its CPU times [s] appended to `times`."""
+    """Wrap a function so that each call appends its CPU time [s] to `times`."""
 
     def call(*arguments: Any) -> Any:
         started = time.thread_time()
@@ -160,7 +160,7 @@ def clocked(function: Callable[..., Any], times: list[float]) -> Callable[..., A
 
 
 def design(work_done: Sequence[float], parts: Array, drive: Any) -> Array:
-    """Counts of each part of each operation, flattened; as `operation_costs` takes them."""
+    """How often each part of each operation occurs, flattened, in the form that `operation_costs` uses."""
     counted = np.ones((len(OPERATIONS), len(PARTS)))
     limited = bool(np.min(drive.effort, initial=np.inf) < np.inf) and not drive.rate
     counted[:, 7:] = np.array([not drive.rate, limited, drive.rate > 0, *[0] * 6])[:, None]
@@ -168,14 +168,14 @@ def design(work_done: Sequence[float], parts: Array, drive: Any) -> Array:
 
 
 def fitted(runs: list[Timed]) -> tuple[Array, Array]:
-    """Costs (operations, parts) [µs] for runs of one kind, and ratios of fitted to measured times."""
+    """Fit costs (operations, parts) [µs] to runs of one kind; also return ratios of fitted to measured times."""
     A, y = np.array([run.counts for run in runs]), np.array([run.microseconds for run in runs])
     found, _ = nnls(A / y[:, None], np.ones(len(y)), maxiter=100_000)
     return found[:-BESIDE].reshape(len(OPERATIONS), len(PARTS)), A @ found / y
 
 
 def written(costs: Array) -> Iterator[str]:
-    """Operations of one kind as TOML."""
+    """Costs of the operations of one kind as TOML."""
     for name, row in zip(OPERATIONS, costs, strict=True):
         values = dict(zip(PARTS[5:], row[5:], strict=True))
         entries = [f"start = {row[0]:.4g}"] if row[0] else []

@@ -1,6 +1,6 @@
-"""Contestants for one evaluation: kernels in a compiled loop; public functions, Pinocchio and MuJoCo from Python.
+"""Timed evaluations: kernels in a compiled loop; public functions, Pinocchio and MuJoCo called from Python.
 
-Each function below returns contestants by job for a chain and states.
+Each function below returns the calls to be timed for a chain and states, by job (q̈, RNE, M, …).
 """
 
 from __future__ import annotations

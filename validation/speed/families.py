@@ -1,4 +1,4 @@
-"""Families of chains: one scene with more and more segments in its flexible links."""
+"""Families of chains, each from one scene with more and more segments in its flexible links."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from validation.physics.variant import Rule, Variant
 
 
 class Family(Spec, frozen=True):
-    """The case's scene, varied by `change`, with numbers of segments per link; engines join up to their own limits."""
+    """The case's scene varied by `change`, its numbers of segments per link, and the largest number for each engine."""
 
     segments: tuple[int, ...]
     pinocchio: int = 0
@@ -32,9 +32,9 @@ class Family(Spec, frozen=True):
         return Variant(change=self.change).build(case, Rule(rule=self.rule, hinges=segments - 1))
 
     def released(self, case: Case, segments: int) -> Scene:
-        """The scene with RK4 at a stable step: half the largest of the shortest chain, scaled by (n₀/n)².
+        """The scene with RK4 at a stable step, half the largest one of the shortest chain times (n₀/n)².
 
-        The fastest mode bends from hinge to hinge; its frequency grows at most with the square of their number.
+        In the fastest mode, neighbouring hinges bend in opposite directions; the frequency grows at most with n².
         """
         first = min(self.segments)
         chain = lump(self.scene(case, first))
@@ -43,7 +43,7 @@ class Family(Spec, frozen=True):
 
 
 def of_steps(scene: Scene, steps: int, step: float | None = None) -> Scene:
-    """A run with `steps` steps of RK4 and two samples, first and last state; the step [s] defaults to the scene's."""
+    """The scene with `steps` steps of RK4, sampled at the start and the end; the step [s] defaults to the scene's."""
     h = step or scene.run.fixed_step
     return scene.varied({"run": RunSettings(method="RK4", step=h, duration=steps * h, sample=max(steps, 1) * h)})
 
@@ -58,6 +58,6 @@ class States(NamedTuple):
 
 
 def timed_states(chain: Chain, count: int = 2) -> States:
-    """Random states, arrays of shape (count, n); a loop uses them in turn, so no call repeats the previous one."""
+    """Random states, arrays of shape (count, n); a loop cycles through them, so no call repeats the previous one."""
     random = np.random.default_rng(0)
     return States(random.uniform(-np.pi, np.pi, (count, chain.n)), *random.uniform(-10.0, 10.0, (3, count, chain.n)))

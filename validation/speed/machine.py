@@ -1,4 +1,4 @@
-"""Load of the machine during a timed case: cores used by other processes, and scatter of a calibration loop."""
+"""Load of the machine during a timed case: cores used by other processes, and spread of a calibration loop's times."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class LoadMonitor:
             others = (end.every - start.every) - (end.own - start.own)
             load = round(max(0.0, others) / passed, 3)
         laps = sorted(self._laps + _laps())
-        usual = laps[: len(laps) - len(laps) // 50]  # drop the slowest 2 %: single hiccups do not affect minima either
+        usual = laps[: len(laps) - len(laps) // 50]  # drop the slowest 2 %: rare delays do not affect minima either
         spread = sum(usual) / len(usual) / laps[0] - 1.0
         return Conditions(load, round(spread, 3), os.cpu_count() or 1)
 
@@ -49,7 +49,7 @@ def _read() -> ClockReading:
 
 
 def _busy_seconds() -> float | None:
-    """CPU time of all processes and of the host, over all cores [s]; None if the system does not count it."""
+    """CPU time of processes, interrupts and the virtual machine's host, over all cores [s]; None if not counted."""
     if not PROC_STAT.exists():
         return None
     user, nice, system, _idle, _wait, *interrupts = map(int, PROC_STAT.read_text().splitlines()[0].split()[1:9])

@@ -1,4 +1,4 @@
-"""Members of a sweep in one process with MuJoCo: run only, compile the model as well, or also write its text.
+"""Run members of a sweep in one process with MuJoCo, optionally compile each model, and optionally write its text.
 
 No results are read from the runs, which favours MuJoCo.
 """
@@ -21,7 +21,7 @@ from validation.speed.steps import take_in_mujoco
 
 
 def works(members: Sequence[Scene]) -> Mapping[str, Work]:
-    """Jobs that take the next members cyclically and run each to its end by RK4 with its own step."""
+    """Jobs that cycle through the members and run each to its end by RK4 with its own step."""
     texts = [_text(scene) for scene in members]
     models = list(map(_compiled, texts))
     starts = [initial_state(scene, lump(scene)) for scene in members]

@@ -1,6 +1,7 @@
-"""A chain as Pinocchio models built in code: one joint per hinge or per hinge group, of each joint type that fits.
+"""A chain as Pinocchio models built in code, with one joint per hinge or per hinge group, for each suitable joint type.
 
-SphericalZYX turns about Z, Y, X; a group turns about X, Y, Z. In axes turned by S about Y, x' = −z, z' = x, it is
+SphericalZYX rotates about Z, Y, X, but a hinge group about X, Y, Z. In axes turned by S about Y (x' = −z, z' = x), the
+rotation of the group is
 Rx(a) Ry(b) Rz(c) = S Rz(a) Ry(b) Rx(−c) Sᵀ.
 """
 

@@ -1,6 +1,6 @@
-"""Races of named contestants, job by job, on families of chains: times, and how they grow with the number of joints n.
+"""Timing comparisons of programs, job by job, on families of chains: times, and how they grow with n joints.
 
-Contestants run in turns after a warm-up; the fastest turn of each counts.
+After a warm-up, the programs run in turns; the fastest turn of each counts.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ from validation.speed.families import Family
 from validation.store import Series, table
 
 Work = Callable[[int], object]
-"""Repeats its job a given number of times."""
+"""A call that repeats its job a given number of times."""
 
 Jobs = dict[str, Work]
-"""Jobs of one contestant by name."""
+"""Jobs of one program by name."""
 
 Name = TypeVar("Name")
 
 
 def race(works: Mapping[Name, Work], turns: int, turn: float) -> dict[Name, float]:
-    """Seconds per call, in the fastest turn of each contestant.
+    """Seconds per call, in the fastest turn of each program.
 
-    Contestants take turns, so a slow period of the machine affects all of them. Disturbances only lengthen a turn, so
-    the shortest is the best estimate.
+    Programs take turns, so a slow period of the machine affects all of them. Disturbances only lengthen a turn, so the
+    shortest is the best estimate.
 
     Parameters
     ----------
     works
-        The contestants. Each is warmed up, including compilation, to find the number of calls in a turn.
+        The timed programs. Each is warmed up, including compilation, to find the number of calls in a turn.
     turns
-        Number of turns of each contestant.
+        Number of turns of each program.
     turn
         Shortest length of a turn [s].
     """
@@ -57,7 +57,7 @@ def clock(work: Work, calls: int) -> float:
 
 
 def processor_time(work: Callable[[], object]) -> float:
-    """CPU time of this process [s], which depends little on other processes."""
+    """CPU time of this process for a call [s], which depends little on other processes."""
     begun = time.process_time()
     work()
     return time.process_time() - begun
@@ -72,7 +72,7 @@ def _calls_in(work: Work, turn: float) -> int:
 
 
 class Race(NamedTuple):
-    """Seconds of each contestant for one job on a chain of n joints."""
+    """Seconds per call of each program for one job on a chain of n joints."""
 
     chain: str
     job: str
@@ -90,7 +90,7 @@ class Race(NamedTuple):
 
 
 class Races(Spec, frozen=True):
-    """Families by name, number of turns of each contestant, and length of a turn [s]."""
+    """Families of chains by name, number of turns of each program, and length of a turn [s]."""
 
     chain: dict[str, Family]
     turns: int
@@ -102,7 +102,7 @@ class Races(Spec, frozen=True):
             yield from ((name, family, segments) for segments in family.segments)
 
     def run(self, chain: str, n: int, contestants: Mapping[str, Jobs]) -> Iterator[Race]:
-        """Race every job of the first contestant among all that can do it."""
+        """Time every job of the first program in all programs that can do it."""
         for job in next(iter(contestants.values())):
             works = {name: jobs[job] for name, jobs in contestants.items() if job in jobs}
             yield Race(chain, job, n, race(works, self.turns, self.turn))
@@ -126,7 +126,7 @@ def growth(races: Sequence[Race]) -> Iterator[Measured | Series]:
 
 
 def exponent(races: Sequence[Race], engine: str) -> Iterator[Measured]:
-    """p of an engine's cost ∝ n^p by least squares of logarithms, if at least two chains are long enough."""
+    """Yield the exponent p of an engine's cost ∝ n^p by a fit of logarithms, if at least two chains are long enough."""
     shortest = 100  # joints; for shorter chains, constant overhead is significant
     long = [one for one in races if one.n >= shortest and engine in one.seconds]
     if len(long) > 1:
@@ -138,7 +138,7 @@ def exponent(races: Sequence[Race], engine: str) -> Iterator[Measured]:
 
 
 def series(races: Sequence[Race], what: str, title: str, group: str, part: str = "") -> Series:
-    """Cost of one job against n: a panel per family, a curve per contestant, named in the column `group`."""
+    """Cost of one job against n, with a panel per family and a curve per program, named in the column `group`."""
     rows = [(one.chain, name, one.n, 1e6 * seconds) for one in races for name, seconds in one.seconds.items()]
     columns = table(("chain", group, "n", "time [µs]"), rows)
     labels = "n", "degrees of freedom n", "time [µs]"

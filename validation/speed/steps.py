@@ -1,4 +1,4 @@
-"""Contestants for Runge-Kutta steps: flexlink's compiled loop, MuJoCo's `mj_step`, a Python loop of Pinocchio's `aba`.
+"""Timed Runge-Kutta steps: flexlink's compiled loop, MuJoCo's `mj_step`, and a Python loop over Pinocchio's `aba`.
 
 Each function prepares a run from the scene's initial state and returns a job that takes a number of steps of RK4.
 """
@@ -36,7 +36,7 @@ def native(scene: Scene) -> Work:
 
 
 def native_batch(members: Sequence[Scene]) -> Work:
-    """The loop of `flexlink.simulate_many`, on one thread: members of one chain, eight in parallel."""
+    """The loop of `flexlink.simulate_many` on one thread; members have the same chain, and eight run in parallel."""
     problem = problem_of(members[0])
     chain = problem.chain
     work = lanes_workspace(solver_for(chain, "articulated"), [chain])
@@ -59,7 +59,7 @@ def _loop(problem: InitialValueProblem, work: Any, starts: Array) -> Work:
 
 
 def by_pinocchio(scene: Scene) -> Work:
-    """A plain Python loop over `aba`, four per step, for an arm without drive; set up once."""
+    """A plain Python loop over `aba`, four calls per step, for an arm without drive; set up once."""
     chain, h = lump(scene), scene.run.fixed_step
     engine = PinocchioEngine(chain)
     model, data, k, d = engine.model, engine.data, engine.stiffness, engine.damping

@@ -1,9 +1,9 @@
-"""Recursive Newton-Euler for any arm with all operations: the baseline for removing redundant ones.
+"""Recursive Newton-Euler for any arm with all operations, the baseline for the gain by removing redundant operations.
 
-The formulation is that of `flexlink/kernels/bodies/rne.py`, with body frames and the same terms. But every hinge is a
-separate joint with a body (possibly massless), a rotation matrix of nine numbers, an axis and an offset of three:
-products with 0 and 1 and sums with 0 are computed like all others. M takes one complete inverse dynamics per column,
-with gravity, rates and tip wrench set to zero.
+It has the body frames and terms of `flexlink/kernels/bodies/rne.py`, but every hinge is a separate joint with a body
+(possibly massless), a rotation matrix of nine numbers, and an axis and an offset of three numbers each. So products
+with 0 and 1 and sums with 0 are computed like all others. Each column of M takes one complete inverse dynamics with
+gravity, rates and tip wrench set to zero.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ def newton_euler(rows: Any, rotations: Any, gravity: Any, wrench: Any, qd: Any, 
 
 @kernel
 def bias_loop(rows: Any, q: Any, qd: Any, calls: int) -> Any:
-    """T_GC of states (s, n) in turn, `calls` times: q̈ = 0."""
+    """Compute T_GC (q̈ = 0) `calls` times, cycling through the states (s, n)."""
     n = q.shape[1]
     rest, wrench, tau, loads = np.zeros(n), np.zeros(6), np.zeros(n), np.empty((len(rows.mass), 2, 3))
     for i in range(calls):
@@ -111,7 +111,7 @@ def bias_loop(rows: Any, q: Any, qd: Any, calls: int) -> Any:
 
 @kernel
 def mass_loop(rows: Any, q: Any, calls: int) -> Any:
-    """M of angles (s, n) in turn, `calls` times: method 1 by complete inverse dynamics; rotations are computed once."""
+    """Compute M `calls` times by method 1, cycling through the angles (s, n); rotations are computed once per M."""
     n = q.shape[1]
     rest, one, wrench, column = np.zeros(n), np.zeros(n), np.zeros(6), np.empty(n)
     M, loads = np.empty((n, n)), np.empty((len(rows.mass), 2, 3))

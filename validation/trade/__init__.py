@@ -1,1 +1,1 @@
-"""Work-precision studies: scenes with references, run in flexlink, other engines and other solvers."""
+"""Work-precision studies of scenes with references, run in flexlink, other engines and other solvers."""

@@ -1,8 +1,8 @@
 """Time for a given error with Drake's error-controlled integrators on the exported SDF.
 
-Scenes with a drive, dry friction or load are excluded, since Drake would call Python for them. Only Drake's advancing
-is timed, which involves no Python. Its `runge_kutta5` and `bogacki_shampine3` are excluded: on a damped chain they do
-not pass the first outputs within half a minute.
+Scenes with a drive, dry friction or load are excluded, since Drake would call Python for them. Only the advance of
+Drake's simulator is timed, which involves no Python. Its `runge_kutta5` and `bogacki_shampine3` are excluded: on a
+damped chain they do not pass the first outputs within half a minute.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ SCHEMES = ("implicit_euler", "radau3", "runge_kutta3")
 
 
 def points(name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
-    """Ladders of accuracies of all integrators, until both errors are small or a run exceeds the budget."""
+    """Run all integrators with finer and finer accuracies, until both errors are small or a run exceeds the budget."""
     runs = DrakeRuns(name)
     return {scheme: _ladder(runs, scheme, budget, smallest) for scheme in SCHEMES}
 
 
 def _ladder(runs: DrakeRuns, scheme: str, budget: float, smallest: float) -> list[Point]:
     found: list[Point] = []
-    for digits in range(1, 13):  # of accuracy; Drake accepts no fewer
+    for digits in range(1, 13):  # digits of accuracy; Drake requires at least one
         point = runs.run(scheme, 10.0**-digits, 2.0 * budget)  # longer runs are aborted
         if point is None:
             break
@@ -50,7 +50,7 @@ class DrakeRuns:
         self.engine, self.start = DrakeEngine(self.chain), initial_state(self.scene, self.chain)
 
     def run(self, scheme: str, accuracy: float, longest: float) -> Point | None:
-        """Run once; the error is infinite if Drake gives up, the result None if it takes more than `longest` [s]."""
+        """Run once; the error is infinite if Drake gives up; None if the run takes more than `longest` [s]."""
         simulator, plant = self.engine._simulator(problem_of(self.scene, self.chain))
         state = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
         plant.SetPositionsAndVelocities(state, np.concatenate(self.start))

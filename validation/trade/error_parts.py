@@ -1,11 +1,11 @@
-"""Split the error of a run into model, space, time and rounding errors, each from a run converged in that part.
+"""Split the error of a run into model, space, time and rounding errors, by runs that are converged in each part.
 
     run → the same chain, exact in time → the same type, infinitely many hinges → the true type, infinitely many hinges
        time                            space                                   model
 
-Each arrow is the tip's largest distance over the samples; the total error is at most their sum. Rounding is part of the
-first arrow and also shown separately. The converged runs have error estimates: the distance to a run with a coarser
-choice of the same kind.
+Each arrow is the tip's largest distance over the samples; the total error is at most the sum of the three distances.
+Rounding is part of the first arrow and also shown separately. The error of a converged run is estimated by its distance
+to a run with coarser settings of the same kind.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from flexlink.results.tip_motion import largest_distance
 Type = Literal["rigid", "z", "yz", "xyz"]
 TYPES: Mapping[str, Type] = {"T1": "z", "T2": "yz", "T3": "xyz"}  # the paper's names
 
-SMALL_CHANGE = 1e-10  # rad, rad/s: its square is below rounding error; its effect on h q̇ and h q̈ is far above
+SMALL_CHANGE = 1e-10  # rad, rad/s; its square is below rounding error, its effect on h q̇ and h q̈ is far above
 
 
 class Setup(Spec, frozen=True):
-    """Definition of a run: type of the links, lumping, method, and a step [s] or a tolerance [m]."""
+    """Settings of a run: type of the links, lumping, method, and a step [s] or a tolerance [m]."""
 
     flex: Type
     method: str
@@ -63,7 +63,7 @@ class Fine(Spec, frozen=True):
     hinges: tuple[int, int] = (0, 0)
 
     def limit(self, scene: Scene, flex: Type) -> Path:
-        """Path with infinitely many hinges; for a rigid arm, which has none, the path exact in time."""
+        """Path with infinitely many hinges; for a rigid arm, which has no hinges, the path exact in time."""
         counts = (0, 0) if flex == "rigid" else self.hinges
         return self._of(scene, *(Setup(flex=flex, method=self.method, rule=self.rule, hinges=k) for k in counts))
 
@@ -128,9 +128,9 @@ def _between(one: Path, other: Path) -> Part:
 def rounding(scene: Scene, setup: Setup, tip: Array) -> float:
     """Rounding error of the tip path of this run, shape (samples, 3) [m].
 
-    Two runs start from slightly and oppositely perturbed states. To second order, the mean of their paths is the path
-    of the unperturbed run; every run has different rounding errors, which cause the remaining difference. (Another
-    solver for q̈ would not reveal them: it rounds q + h q̇ in the same way.)
+    Two runs start from states that are slightly perturbed in opposite directions. To second order, the mean of their
+    paths is the path of the unperturbed run; the remaining difference is due to rounding, which differs in every run.
+    (Another solver for q̈ would not reveal it, because it rounds q + h q̇ in the same way.)
     """
     cut = setup.scene(scene)
     chain = lump(cut)

@@ -27,7 +27,7 @@ SOLVERS = {
 
 
 def points(name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
-    """Ladders of steps of all integrators; for RK44 only the time at the stability limit if it exceeds the budget."""
+    """Run all integrators with finer and finer steps; RK44 is only timed if stable steps exceed the budget."""
     runs = ExudynRuns(name)
     return ladders(runs.scene, SOLVERS, runs.run, runs.seconds_a_step, budget, smallest)
 

@@ -1,8 +1,8 @@
 """A scene as y' = f(t, y), with y = (q, q̇) of the joints that move freely, for solvers independent of flexlink.
 
 Only `lump`, `initial_state` and the public `forward_dynamics` of flexlink are used. Drives and motions are evaluated
-independently, by SciPy's splines and Hermite polynomials. A prescribed joint p is free in this chain; a torque x gives
-it its acceleration. q̈ is affine in the torques, so with columns c_p = q̈(τ + e_p) − q̈(τ)
+independently, by SciPy's splines and Hermite polynomials. A prescribed joint p is free in this chain; a torque x_p
+produces its prescribed acceleration. q̈ is affine in the torques, so with columns c_p = q̈(τ + e_p) − q̈(τ)
 
     (c_p)_p x = q̈_p − q̈(τ)_p,        q̈ = q̈(τ) + Σ c_p x_p.
 """
@@ -97,7 +97,7 @@ class FirstOrder:
         return q, qd, np.array([acceleration for _, _, acceleration in led])
 
     def by(self, solver: str, relative: float) -> Solved:
-        """Run with SUNDIALS' "CVODE" or a method of SciPy's; raises the errors of `by_cvode` and `by_scipy`."""
+        """Run with SUNDIALS' "CVODE" or a SciPy method; raises the same errors as `by_cvode` and `by_scipy`."""
         return self.by_cvode(relative) if solver == "CVODE" else self.by_scipy(solver, relative)
 
     def by_scipy(self, method: str, relative: float) -> Solved:
@@ -156,7 +156,7 @@ class FirstOrder:
         return self._pieces(solve)
 
     def by_rk4(self, steps: int) -> Solved:
-        """Run a loop of RK4 with `steps` steps between two samples, as flexlink does; nan if it diverges."""
+        """Run RK4 with `steps` steps between two samples, as flexlink does; nan if the run diverges."""
         y, h = self.start, self.scene.run.spacing / steps
         rows, before = [y], self.evaluations
         with np.errstate(all="ignore"):
@@ -171,7 +171,7 @@ class FirstOrder:
         return Solved(q, tip, self.evaluations - before)
 
     def _pieces(self, solve: Callable[[float, Array, Array], Array]) -> Solved:
-        """Integrate from sample to sample, restarting at each knot; `solve` gives y at times, and ends at the last."""
+        """Integrate over the samples, restarting at each knot; `solve` returns y at times that end at the next knot."""
         before, y, t = self.evaluations, self.start, 0.0
         times = self.scene.run.times
         knots = [*self._knots(), times[-1]]
@@ -186,7 +186,7 @@ class FirstOrder:
         return Solved(q, fl.tip_position(self.chain, q), self.evaluations - before)
 
     def _knots(self) -> list[float]:
-        """Times in the run at which f jumps: knots of motions and of linear tables; only the ends of smooth tables."""
+        """Times in the run at which f is not smooth: knots of motions and linear tables, ends of smooth tables."""
         drive, run = self.scene.drive, self.scene.run
         inside: set[float] = set()
         if drive.times is not None:
@@ -198,7 +198,7 @@ class FirstOrder:
 
 
 def _hermite(motion: fl.PrescribedMotion) -> OfTime:
-    """Angle, rate and acceleration [rad, s] of a prescribed joint: quintic pieces, then the last rate is constant."""
+    """Angle, rate and acceleration [rad, s] of a prescribed joint: quintic pieces, then motion at the last rate."""
     table = np.radians(motion.columns).T
     end, (angle, rate, _) = motion.times[-1], table[-1]
     pieces = BPoly.from_derivatives(motion.times, table) if len(motion.times) > 1 else None
@@ -233,7 +233,7 @@ def _drive(scene: Scene, links: list[int]) -> tuple[OfTime, Array, Array, Array]
 
 
 def _rk4(f: OfState, t: float, y: Array, h: float) -> Array:
-    """y at t + h."""
+    """y at t + h, by one step of RK4."""
     k1 = f(t, y)
     k2 = f(t + h / 2, y + h / 2 * k1)
     k3 = f(t + h / 2, y + h / 2 * k2)

@@ -1,6 +1,6 @@
 """Time for a given error with MuJoCo's integrators on the exported MJCF, at finer and finer steps, without Python.
 
-What the file does not contain is added in the way that is best for MuJoCo: PD gains as MuJoCo's springs and dampers,
+What the file does not contain is added in the way that is fastest in MuJoCo: PD gains as MuJoCo's springs and dampers,
 which its implicit integrators treat implicitly; a constant drive as an applied force; dry friction and a table of
 torques by a compiled callback, without the interpreter.
 """
@@ -44,7 +44,7 @@ TIME_WITHIN, TIME_BLOCK = 1 << 19, 512  # bytes of mjData that are searched for 
 
 
 def points(name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
-    """Ladders of all integrators on a scene of the trade study; RK4 starts at flexlink's stability limit."""
+    """Run all integrators with finer and finer steps on a scene; RK4 starts at flexlink's stability limit."""
     runs = MujocoRuns(trade_scene(name))
 
     def run(integrator: str, steps: int) -> Point:
@@ -133,7 +133,7 @@ def _seconds_of(model: Any, data: Any, steps: int) -> float:
 
 @contextlib.contextmanager
 def _passive(callback: Any) -> Iterator[None]:
-    """Set MuJoCo's callback for passive forces as a pointer to machine code: no interpreter, no lock."""
+    """Set MuJoCo's callback for passive forces to machine code, which runs without the interpreter and its lock."""
     mujoco.set_mjcb_passive(callback)
     try:
         yield
@@ -142,7 +142,7 @@ def _passive(callback: Any) -> Iterator[None]:
 
 
 def _callback(model: Any, data: Any, coulomb: Array, width: Array, table: Drive | None) -> Any:
-    """qfrc_passive −= c tanh(q̇/w), += table(t), compiled; addresses and numbers are constants in the code."""
+    """Compile qfrc_passive += table(t) − c tanh(q̇/w), with addresses and numbers as constants in the code."""
     forces, rates = data.qfrc_passive.ctypes.data, data.qvel.ctypes.data
     n, offset = len(coulomb), _offset_of_time(model, data)
     rubbing = np.flatnonzero(coulomb)
@@ -184,7 +184,7 @@ def _pointer(_context: Any, address: Any) -> Any:
 
 
 def _offset_of_time(model: Any, data: Any) -> int:
-    """Offset of the time in mjData, in bytes; found by setting it twice."""
+    """Offset of the time in mjData [bytes], found by setting the time twice."""
     seen: list[int] = []
     look = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(lambda _, mjdata: seen.append(mjdata))
     with _passive(look), quiet():

@@ -1,9 +1,9 @@
 """Time for a given error with flexlink: adaptive methods with finer and finer tolerances, others with finer steps.
 
-Steps of an explicit method start at its stability limit, those of an implicit one at the time between outputs.
+Explicit methods begin with their largest stable step, implicit methods with the time between outputs.
 
-`timed_run` times the steps and the interpolation of samples, comparable to MuJoCo's `mj_step`; `whole_calls` also times
-set-up, tips, energies and the check of samples.
+`timed_run` times the steps and the interpolation of samples, which is comparable to MuJoCo's `mj_step`; `whole_calls`
+also times set-up, tips, energies and the check of samples.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from validation.trade.work_precision import Point, ladder
 
 COARSEST, FINER = 0.3, 10**-0.25  # first tolerance, fraction of the motion; ratio of successive tolerances
 OF_STABLE = 0.98  # fraction of the largest stable step at the initial state
-TOO_DEAR = 2.0  # budgets: a run that takes longer is aborted
+TOO_DEAR = 2.0  # times the budget; a run that takes longer is aborted
 LIMIT = "RK4 at its limit"
 
 
@@ -37,7 +37,7 @@ class Timed(NamedTuple):
 
 
 def timed_run(scene: Scene, longest: float = math.inf) -> Timed:
-    """Run a scene and time only its steps; raises the errors of `simulate`, and one if it exceeds `longest` [s]."""
+    """Run a scene and time only its steps; raises `simulate`'s errors, and TooDearError if it exceeds `longest` [s]."""
     run = SingleRun(problem_of(scene))
     monitor, rows, begun = run.monitor, 1, time.thread_time()
     for rows, _ in run.steps:  # noqa: B007  the last value is used
@@ -56,13 +56,13 @@ class TooDearError(FlexlinkError):
 
 
 Clock = Callable[[Scene, float], Timed]
-"""Makes a run and times it; may raise a TooDearError after this number of seconds."""
+"""Makes and times a run; may raise a TooDearError after the given number of seconds."""
 
 
 def by_tolerance(name: str, method: str, budget: float, smallest: float, clock: Clock = timed_run) -> list[Point]:
-    """Run a method with finer and finer tolerances, until both errors are met or a run exceeds the budget.
+    """Run a method with finer and finer tolerances, until both errors are ≤ `smallest` or a run exceeds the budget.
 
-    If a finer tolerance needs no more evaluations, stability limits the steps, and the next tolerances are skipped.
+    If a finer tolerance needs no more evaluations, stability limits the steps; three tolerances are then skipped.
     """
     scene, points, motion, rung = trade_scene(name), list[Point](), tip_travel(reference(name).tip), 0
     while rung < 48:  # the last tolerance is 5e-13 of the motion, below rounding error
@@ -70,7 +70,7 @@ def by_tolerance(name: str, method: str, budget: float, smallest: float, clock: 
         try:
             run = scene.varied({"run.method": method, "run.tolerance": tolerance})
             points.append(_point(name, run, tolerance, TOO_DEAR * budget, clock))
-        except TooDearError:  # finer ones would be as well
+        except TooDearError:  # finer tolerances would take even longer
             break
         if points[-1].worst <= smallest or points[-1].seconds >= budget:
             break
@@ -79,13 +79,13 @@ def by_tolerance(name: str, method: str, budget: float, smallest: float, clock: 
 
 
 def _bound_by_stability(points: Sequence[Point]) -> bool:
-    """Whether the last two runs took nearly equal numbers of evaluations."""
+    """Whether stability limits the steps, so the last two runs took nearly equal numbers of evaluations."""
     last, before = points[-1].evaluations, points[-2].evaluations if len(points) > 1 else 0
     return abs(last - before) < 0.02 * before
 
 
 def _point(name: str, scene: Scene, setting: float, longest: float = math.inf, clock: Clock = timed_run) -> Point:
-    """The fastest of several runs, of more runs if they are short; the error is infinite if it fails.
+    """The fastest of several runs, more if they are short, as a point; its error is infinite if a run fails.
 
     Raises
     ------
@@ -99,7 +99,7 @@ def _point(name: str, scene: Scene, setting: float, longest: float = math.inf, c
 
 
 def fastest(scene: Scene, longest: float = math.inf, clock: Clock = timed_run) -> Timed | None:
-    """The fastest of several runs, of more runs if they are short; None if it fails.
+    """The fastest of several runs, more if they are short; None if a run fails.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def fastest(scene: Scene, longest: float = math.inf, clock: Clock = timed_run) -
 
 
 def by_step(name: str, method: str, budget: float, smallest: float) -> list[Point]:
-    """Run a method from its largest stable step on; if the first run exceeds the budget, extrapolate its time only."""
+    """Run a method with its largest stable step and finer ones; only time it if the first run exceeds the budget."""
     scene = trade_scene(name)
     sample, first = scene.run.spacing, stable_steps(scene, method, OF_STABLE)
     stepped = {"run.method": method, "run.unstable": "allow"}

@@ -1,8 +1,8 @@
 """Time for a given error with Pinocchio's ABA in RK4, and in SciPy's DOP853 and Radau.
 
-Runs are made from Python. They are charged only with the number of evaluations × the time of one ABA. That time is the
+Runs are made from Python, but only the number of evaluations × the time of one ABA counts. The time of one ABA is the
 least of repeated calls of `abaInParallel` on one thread, a C++ loop over many states, with the fastest type of joints.
-The interpreter, SciPy's linear algebra, springs, friction, drives and prescribed motions are therefore free of charge.
+The interpreter, SciPy's linear algebra, springs, friction, drives and prescribed motions therefore cost nothing.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ BATCH, REPEATS = 256, 60
 
 
 class PinocchioForm(FirstOrder):
-    """A scene as y' = f(t, y) with Pinocchio's accelerations, and a largest number of evaluations.
+    """A scene as y' = f(t, y) with Pinocchio's accelerations, and a limit on the number of evaluations.
 
     Raises
     ------
     FlexlinkError
-        A run takes more evaluations.
+        A run exceeds this limit.
     """
 
     def __init__(self, scene: Scene, most: float = math.inf) -> None:
@@ -54,7 +54,7 @@ class PinocchioForm(FirstOrder):
 
 
 def seconds_of_aba(chain: Chain) -> float:
-    """Least CPU seconds of an ABA, in a C++ loop on this thread, over the types of joints that fit.
+    """Least CPU seconds of an ABA in a C++ loop on this thread, over all joint types that fit the chain.
 
     Raises
     ------
@@ -75,10 +75,10 @@ def seconds_of_aba(chain: Chain) -> float:
 
 
 def points(name: str, tolerances: Sequence[float], most: int, smallest: float) -> dict[str, list[Point]]:
-    """RK4 from its stability limit on, SciPy's solvers with tolerances; only times of explicit runs that are too long.
+    """Run RK4 with stable steps, and SciPy's solvers; the time of explicit runs that would be too long is estimated.
 
-    `most` limits the number of evaluations of a run, since it is made in Python. Relative tolerances are the solvers',
-    absolute ones a hundredth of them.
+    `most` limits the evaluations of a run, because runs are slow in Python. `tolerances` are the solvers' relative
+    tolerances; the absolute ones are a hundredth of them.
     """
     form = PinocchioForm(trade_scene(name), most)
     aba, found = seconds_of_aba(form.chain), dict[str, list[Point]]()

@@ -1,8 +1,8 @@
 """python -m validation.trade.references: compute the trade study's references, by two methods that agree to 1e-10.
 
-Both are explicit, with steps within their stability limits: RK10, and RK4 at half its step; steps are halved until they
-agree. No implicit method of the trade study contributes to its own reference. A scene with a valid stored reference is
-skipped: the program can be stopped and continued at any time. The total time is some minutes.
+Both methods are explicit and run within their stability limits: RK10, and RK4 with half its step. Steps are halved
+until both agree. No implicit method of the trade study contributes to its own reference. A scene with a valid stored
+reference is skipped, so the program can be stopped and continued at any time. All scenes together take a few minutes.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ HALVINGS = 9
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Compute missing references; 0 if every scene has its reference."""
+    """Compute missing references; return 0 if every scene has a reference."""
     parser = argparse.ArgumentParser(prog="python -m validation.trade.references", description=__doc__)
     parser.add_argument("scenes", nargs="*", default=list(scenes()), help="names (default: all)")
     missing = [name for name in parser.parse_args(arguments).scenes if not is_there(name)]
@@ -53,7 +53,7 @@ def compute(name: str) -> float:
     Raises
     ------
     FlexlinkError
-        They do not agree, or a run fails.
+        The methods do not agree, or a run fails.
     """
     scene, start = trade_scene(name), time.process_time()
     for halvings in range(HALVINGS):
@@ -79,7 +79,7 @@ def compute(name: str) -> float:
 
 
 def _run(scene: Scene, method: str, divided: int) -> tuple[Seen, float]:
-    """Outputs of a run, and its step: the largest stable one that divides a sample, divided by `divided`."""
+    """Outputs of a run, and its step: the largest stable one that divides the sample time, divided by `divided`."""
     step = scene.run.spacing / (divided * stable_steps(scene, method, OF_STABLE))
     return seen(fl.lump(scene), fl.simulate(scene, method=method, step=step).q), step
 

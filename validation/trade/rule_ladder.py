@@ -1,4 +1,4 @@
-"""Time for a given error of the beam by lumping rule: every number of hinges of a grid, with every tolerance.
+"""Time for a given error of the beam by lumping rule, over a grid of hinge counts and tolerances.
 
 The reference is a finer chain with a separate method and tolerance; its distance to a coarser chain of the same rule
 bounds its error. The error of a run is the largest distance of its tip from the reference at the samples [m], including
@@ -44,7 +44,7 @@ class Exact(NamedTuple):
 
 
 class Tried(NamedTuple):
-    """A run: chain, method and tolerance; its cost by the clock and by the cost list [s], and its error [m]."""
+    """A run: chain, method and tolerance; its measured time and its cost by the cost list [s], and its error [m]."""
 
     at: Rule
     method: str
@@ -83,7 +83,7 @@ def ladder(
 ) -> Iterator[Tried]:
     """Yield every run of the grid that takes at most `longest` [s]; hinge numbers invalid for a rule are skipped.
 
-    Tolerances become finer until the chain's lumping error dominates: the last three errors differ by under a tenth.
+    Tolerances become finer until the lumping error dominates, that is, the last three errors differ by under a tenth.
     """
     for name, method in itertools.product(rules, methods):
         rule, warm = lumping_rule(name), False

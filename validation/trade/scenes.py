@@ -1,4 +1,4 @@
-"""Scenes of the trade study between cost and accuracy, their references, and the two errors it measures.
+"""Scenes of the study of cost against accuracy, their references, and the two errors that it measures.
 
 The error of a run is the tip's largest distance from the reference at the outputs, divided by the reference tip's
 largest distance from its initial position: 1e-2 is a hundredth of the motion. The deflection is the vector by which the
@@ -29,8 +29,8 @@ from validation.trade.first_order import FirstOrder
 from validation.trade.work_precision import Point
 
 FILE = STUDY_SCENES / "trade" / "scenes.toml"
-OUTPUTS = 20  # of every run; the first sample is the initial state
-PROBED = 1e-7  # relative tolerance: allows cancellation in the sums of a stiff chain; any relevant change is larger
+OUTPUTS = 20  # number of outputs of every run, after the initial state
+PROBED = 1e-7  # relative tolerance, above the cancellation errors of a stiff chain and below any real change
 
 
 class Varied(Spec, frozen=True):
@@ -77,7 +77,7 @@ def _varied(varied: Varied, name: str) -> Scene:
 
 
 def probe(scene: Scene) -> Array:
-    """Fingerprint of a scene: q̇ and q̈ along a fixed direction, at the initial state for two times, and near it."""
+    """Fingerprint of a scene: q̇ and q̈ along a fixed direction, at and near the initial state, at two times."""
     f, random = FirstOrder(scene), np.random.default_rng(0)
     direction, aside = random.normal(size=(2, len(f.start)))
     later = scene.run.duration / 3
@@ -122,7 +122,7 @@ def reference(name: str) -> Seen:
 def errors(name: str, found: Seen) -> tuple[float, float]:
     """Error of the tip relative to its motion, and of the deflection relative to the largest; inf if a run failed.
 
-    A rigid arm has zero deflection and zero error of it.
+    For a rigid arm the deflection and its error are zero.
     """
     exact = reference(name)
     sizes = tip_travel(exact.tip), float(np.linalg.norm(exact.bend, axis=1).max())

@@ -15,7 +15,7 @@ from validation.trade.work_precision import Point
 
 
 def points(name: str, solver: str, tolerances: Sequence[float]) -> list[Point]:
-    """Run once for each relative tolerance; the absolute one is a hundredth of it. CVODE must be installed."""
+    """Run once for each relative tolerance; the absolute tolerance is a hundredth of it. CVODE must be installed."""
     form = FirstOrder(trade_scene(name))
     for y in (form.start, np.vstack([form.start, form.start])):  # compile before timing
         form(0.0, y)

@@ -1,4 +1,4 @@
-"""Clocks for complete user calls: a problem that has run before, and a run from a scene file."""
+"""Time complete user calls: run a problem that has run before, or run a scene file."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def _timed(run: Callable[[], Trajectory]) -> Timed:
 
 def _quietly(run: Callable[[], Trajectory]) -> Trajectory:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # doubts: a reference measures the error
+        warnings.simplefilter("ignore", RuntimeWarning)  # about doubtful results; here a reference measures the error
         return run()
 
 

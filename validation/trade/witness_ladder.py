@@ -12,7 +12,7 @@ NAMES = {"drake": "Drake", "exudyn": "Exudyn"}  # name in `flexlink.engines` →
 
 
 def points(engine: str, name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
-    """Ladders of all integrators of an engine on a scene of the trade study.
+    """Run all integrators of an engine, with finer and finer settings, on a scene of the trade study.
 
     Raises
     ------

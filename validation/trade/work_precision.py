@@ -31,15 +31,15 @@ class Point(NamedTuple):
 
     @property
     def time_only(self) -> bool:
-        """Whether the run was too long: its time is extrapolated from its first part, its error unknown."""
+        """Whether the run was too long, so its time is extrapolated from its first part and its error is unknown."""
         return math.isnan(self.error)
 
 
 class Cost(NamedTuple):
     """CPU seconds for an error.
 
-    `kind` is "measured"; "order": extrapolated beyond the smallest measured error by the method's order; "limit": time
-    for the smallest stable number of steps, extrapolated from part of a run, whatever its error.
+    `kind` is "measured"; "order", extrapolated beyond the smallest measured error by the method's order; or "limit",
+    the time for the smallest stable number of steps, extrapolated from part of a run, whatever its error.
     """
 
     seconds: float
@@ -47,7 +47,7 @@ class Cost(NamedTuple):
 
 
 def ladder(run: Callable[[int], Point], first: int, budget: float, smallest: float) -> list[Point]:
-    """Run with `first`, 2 `first`, … steps between outputs, until both errors are met or the next exceeds the budget.
+    """Run with `first`, 2 `first`, … steps between outputs until both errors are small or the budget would be exceeded.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def ladder(run: Callable[[int], Point], first: int, budget: float, smallest: flo
     budget
         Longest run [CPU seconds].
     smallest
-        Value of both errors at which the ladder ends.
+        The runs end when both errors are at or below this value.
     """
     points: list[Point] = []
     steps, per_step = first, 0.0
@@ -85,7 +85,7 @@ def ladders(
     budget: float,
     smallest: float,
 ) -> dict[str, list[Point]]:
-    """Ladders of an engine's integrators with fixed steps; for RK4 only the time if stable steps exceed the budget.
+    """Run an engine's integrators with finer and finer fixed steps; if RK4 exceeds the budget, only estimate its time.
 
     `run` and `seconds_a_step` take an integrator and its number of steps between outputs; other parameters as in
     `ladder`.
@@ -103,7 +103,7 @@ def ladders(
 
 
 def cost(points: Sequence[Point], target: float, order: float) -> Cost | None:
-    """Least CPU time for an error, interpolated between points of the ladder; None if no run was useful.
+    """Least CPU time for an error, interpolated between runs with finer and finer settings; None if no run was useful.
 
     A run that is too long at its stability limit counts with its time, whatever its error.
 
@@ -127,7 +127,7 @@ def cost(points: Sequence[Point], target: float, order: float) -> Cost | None:
 
 
 def _measured_order(good: Sequence[Point]) -> float:
-    """Order of the last two points of a ladder that doubles; 0 if it cannot be computed."""
+    """Order from the last two points, if the number of steps doubles; 0 if it cannot be computed."""
     if len(good) < 2 or not 0 < good[-1].error < good[-2].error:
         return 0.0
     return math.log2(good[-2].error / good[-1].error)

@@ -6,13 +6,13 @@ import math
 from collections.abc import Iterator, Sequence
 
 from flexlink.common.wording import Diagnostic
-from flexlink.describe.plausibility.ranges import hint_if_outside
+from flexlink.describe.plausibility.ranges import hint_if_outside, shown
 from flexlink.describe.plausibility.situation import Situation
 from flexlink.describe.scene import Scene
 
 
 def of_angles(scene: Scene) -> Iterator[Diagnostic]:
-    """Angles in degrees whose digits are those of multiples of 5° in radians; angles in radians beyond one turn."""
+    """Hints on angles in degrees whose digits match multiples of 5° in radians, and on angles beyond 2π in radians."""
     arm, drive, reference = scene.arm, scene.drive, scene.drive.reference
     angles: list[tuple[str, Sequence[float]]] = [
         ("initial.joint_deg", scene.initial.joint_deg), ("drive.target_deg", drive.target_deg or ()),
@@ -34,7 +34,7 @@ def of_angles(scene: Scene) -> Iterator[Diagnostic]:
             angles += [(f"{path}.dh.alpha_deg", (link.dh.alpha_deg,)), (f"{path}.dh.theta_deg", (link.dh.theta_deg,))]
         if max(map(abs, link.mount.rpy or (0.0,))) > 2 * math.pi + 1e-3:
             yield Diagnostic(
-                f"{path}.mount.rpy = {list(link.mount.rpy or ())} rad: more than one turn; likely given in deg: use "
+                f"{path}.mount.rpy = {shown(link.mount.rpy or ())} rad: more than one turn; likely given in deg: use "
                 "rpy_deg",
                 "likely-degrees",
             )
@@ -42,14 +42,14 @@ def of_angles(scene: Scene) -> Iterator[Diagnostic]:
         nonzero = [value for value in values if value]
         if nonzero and max(map(abs, nonzero)) <= 2 * math.pi + 0.01 and any(map(_looks_like_radians, nonzero)):
             inner = ", ".join(f"{math.degrees(value):.4g}" for value in values)
-            why = "the digits are those of round angles in radians"
+            why = "the digits match round angles in radians"
             yield Diagnostic(
-                f"{path} = {list(values)} deg: {why}; likely given in rad: in degrees [{inner}]", "likely-radians"
+                f"{path} = {shown(values)} deg: {why}; likely given in rad: in degrees [{inner}]", "likely-radians"
             )
 
 
 def _looks_like_radians(value: float) -> bool:
-    """Whether the decimals are those of a multiple of 5° in radians (of 90° if there are only two decimals)."""
+    """Whether the decimals match a multiple of 5° in radians (or of 90°, if there are only two decimals)."""
     decimals = len(f"{abs(value):.12g}".partition(".")[2])
     if decimals < 2 or "e" in f"{value:.12g}":
         return False
@@ -59,7 +59,7 @@ def _looks_like_radians(value: float) -> bool:
 
 
 def of_times(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
-    """Tables much longer than the run, and tolerances as large as the arm."""
+    """Hints on tables much longer than the run, and on tolerances that are large relative to the arm's reach."""
     run = scene.run
     tables = [("drive", scene.drive.times), ("wrench", scene.wrench.times)]
     tables += [(f"motion.{motion.link}", motion.times) for motion in scene.motion]

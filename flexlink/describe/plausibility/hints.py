@@ -1,4 +1,4 @@
-"""hints(scene): numbers that were likely given in another unit, one line each."""
+"""hints(scene): reports numbers that were likely given in another unit, one line each."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from flexlink.describe.scene import Scene
 
 @keep_last(64)
 def hints(scene: Scene) -> tuple[Diagnostic, ...]:
-    """Numbers that are probably off by a factor between units, each with plausible values and the likely unit.
+    """Find numbers that were probably given in another unit, each with plausible values and the likely unit.
 
-    Never raises: only arithmetic on the scene's numbers; nothing is built or solved. Units are inferred from ranges of
+    It never raises, and only does arithmetic on the scene's numbers, without lumping. Units are inferred from ranges of
     material properties, slenderness, sizes relative to the arm, strains under its load, and the digits of angles.
 
     Parameters
@@ -45,6 +45,6 @@ def _hints(scene: Scene) -> Iterator[Diagnostic]:
     yield from of_angles(scene)
     yield from of_times(scene, about)
     yield from of_sensors(scene)
-    if not causes:  # a wrong number would make these wrong as well
+    if not causes:  # these hints depend on the numbers checked above
         loads = list(of_loads(scene, about))
         yield from loads or of_joints(scene, about)

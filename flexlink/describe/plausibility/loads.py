@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from flexlink.common.wording import Diagnostic
+from flexlink.describe.actions import Drive
 from flexlink.describe.arm import Arm
 from flexlink.describe.link import Link
 from flexlink.describe.material import Section
@@ -21,29 +22,29 @@ BRISK = 100.0
 
 
 def of_gravity(scene: Scene) -> Iterator[Diagnostic]:
-    """Gravity in another unit, or in multiples of g."""
+    """Hint on gravity that was probably given in another unit, or in multiples of g."""
     g = math.hypot(*scene.gravity)
     yield from hint_if_outside("gravity", scene.gravity, "gravity_of_one" if g == 1.0 else "gravity", g)
 
 
 def of_places(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
-    """Offsets and centres of mass far beyond the arm."""
+    """Hints on offsets more than 20 times as long as the arm, and on centres of mass beyond three times its reach."""
     arm = scene.arm
     lengths = sum(span(link) for link in arm.links)
-    points: list[tuple[str, Vector3, float]] = [("tip.center", arm.tip.center, about.reach)]
+    most = 3.0 * about.reach
+    points: list[tuple[str, Vector3, float]] = [("tip.center", arm.tip.center, most)]
     for k, link in enumerate(arm.links, 1):
         path = arm.path(k)
-        points += [(f"{path}.mount.xyz", link.mount.xyz, lengths if k > 1 else math.inf)]
-        points += [(f"{path}.hub.center", link.hub.center, about.reach)]
-        points += [(f"{path}.end.center", link.end.center, about.reach)]
-    for path, point, size in points:
+        points += [(f"{path}.mount.xyz", link.mount.xyz, 20.0 * lengths if k > 1 else math.inf)]
+        points += [(f"{path}.hub.center", link.hub.center, most), (f"{path}.end.center", link.end.center, most)]
+    for path, point, limit in points:
         far = math.hypot(*point)
-        if far > 100.0 or (far > 3.0 and size > 0 and far > 20.0 * size):
+        if far > 100.0 or (far > 3.0 and far > limit > 0):
             yield from hint_if_outside(path, point, "place", max(far, 100.1))
 
 
 def of_bodies(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
-    """Inertias too large for their masses."""
+    """Hints on inertias that are too large for the mass of their body."""
     arm = scene.arm
     bodies: list[tuple[str, RigidBody]] = [("tip", arm.tip)]
     for k, link in enumerate(arm.links, 1):
@@ -57,7 +58,7 @@ def of_bodies(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
 
 
 def of_joints(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
-    """Rotors, gears and root springs relative to what they move; torques relative to what they turn."""
+    """Hints on rotors, gears, root springs and torques that are implausible for the masses they move."""
     arm, drive = scene.arm, scene.drive
     whole = about.inertia()
     for k, link in enumerate(arm.links):
@@ -81,12 +82,20 @@ def of_joints(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
         for key, row in _torques(scene):
             if about.inertia(k) > 0:
                 yield from hint_if_outside(arm.path(k + 1, key), row[k], "torque", abs(row[k]) / usual)
+    yield from _of_controller(drive)
+
+
+def _of_controller(drive: Drive) -> Iterator[Diagnostic]:
+    """Hints on an implausible sampling rate of a controller, and on computed-torque gains as large as PD gains."""
     if drive.rate is not None:
         yield from hint_if_outside("drive.rate", drive.rate, "rate", drive.rate)
+    if drive.kind == "computed_torque" and drive.kp:
+        bandwidth = math.sqrt(max(drive.kp))
+        yield from hint_if_outside("drive.kp", drive.kp, "bandwidth", bandwidth, detail=f" {bandwidth:.3g} rad/s")
 
 
 def _of_sliding_joint(scene: Scene, about: Situation, k: int) -> Iterator[Diagnostic]:
-    """The same for a prismatic joint: masses, forces, and positions far beyond the arm."""
+    """Hints on a prismatic joint: forces and gears implausible for the mass it moves, and positions beyond 100 m."""
     arm, joint = scene.arm, scene.arm.links[k].joint
     path, mass = arm.path(k + 1), about.mass(k)
     if mass > 0:
@@ -100,7 +109,7 @@ def _of_sliding_joint(scene: Scene, about: Situation, k: int) -> Iterator[Diagno
         )
     travel = {f"{path}.joint.limits_m": joint.limits_m or (), arm.path(k + 1, "initial.joint_m"): (scene.starts[k],)}
     for key, positions in travel.items():
-        # position of a prismatic joint beyond the travel of cranes [m]
+        # limit for positions of prismatic joints, larger than the travel of cranes [m]
         if positions and max(map(abs, positions)) > 100.0:
             yield from hint_if_outside(
                 key, positions if len(positions) > 1 else positions[0], "place", max(map(abs, positions))
@@ -116,7 +125,7 @@ def _torques(scene: Scene) -> list[tuple[str, Sequence[float]]]:
 
 
 def of_loads(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
-    """Strains at the roots of flexible links, with the arm stretched out, by weight, payload and wrench."""
+    """Hint on an implausible strain at the root of a flexible link, if the arm were stretched out under its loads."""
     arm, wrench = scene.arm, scene.wrench
     force = max([math.hypot(*wrench.force), *(math.hypot(*row) for row in wrench.forces or ())])
     moment = max([math.hypot(*wrench.moment), *(math.hypot(*row) for row in wrench.moments or ())])
@@ -130,23 +139,23 @@ def of_loads(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
         }  # fmt: skip
         own = about.moment(k) - parts["tip.mass"]
         strain = _strain(material.young, section, own + sum(parts.values()))
-        # Young's modulus below which a material can bear large strains [Pa]
+        # materials with a Young's modulus below 5e9 Pa can bear larger strains
         known = ranges()["strain_of_soft" if material.young < 5e9 else "strain"]
         if known.holds(strain):
             continue
         most = max(parts, key=lambda key: parts[key])
         yield _overload(arm, link, most if parts[most] > 10 * own else "", strain, known, scene)
-        return  # one is enough: later links bear less of the same load
+        return  # one hint is enough: later links bear less of the same load
 
 
 def _strain(E: float, section: Section, moment: float) -> float:
-    """Strain of the outermost fibre, M c/(E I), bent about the stiffer axis: the smallest that the moment can cause."""
+    """Strain M c/(E I) of the outermost fibre for bending about the stiffer axis: the least strain that M can cause."""
     _, i_y, i_z, _ = section.properties
     return moment * largest_dimension(section)[1] / 2 / (E * max(i_y, i_z))
 
 
 def _overload(arm: Arm, link: Link, cause: str, strain: float, known: Range, scene: Scene) -> Diagnostic:
-    """Hint on a strain: it names the load that causes most of it, or the material if that is too soft."""
+    """Hint on a strain; names the load that causes most of the strain, or else the material, which may be too soft."""
     why = f"{link.name!r}, stretched out, would strain by {strain:.2g}: {known.reason}"
     young = f"material.{link.material}.young"
     E = arm.materials[link.material or ""].young

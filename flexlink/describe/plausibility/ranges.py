@@ -1,4 +1,4 @@
-"""Plausible ranges of quantities, from `data/plausibility/ranges.toml`, and the hint on a value outside."""
+"""Plausible ranges of quantities, from `data/plausibility/ranges.toml`, and the hint on a value outside its range."""
 
 from __future__ import annotations
 
@@ -21,16 +21,20 @@ class Range(Spec, frozen=True):
     reason: str
     """Justification of the range."""
     mistaken: dict[str, float]
-    """Factors to SI, by mistaken unit."""
+    """Conversion factor to SI of each unit that may have been used by mistake."""
     of: str = ""
-    """Quantity and unit that the range applies to, if it is not the number itself."""
+    """Quantity and unit that the range applies to, if this is not the given number itself."""
+    inverse: str = ""
+    """If the inverse may have been given: both names for the hint, such as 'a sampling period in s, the rate'."""
+    remedy: str = "check its unit"
+    """End of the hint if no unit fits."""
 
     def holds(self, value: float) -> bool:
         """Whether a value is plausible."""
         return self.range[0] <= value <= self.range[1]
 
     def likely(self, value: float, power: float = 1.0) -> tuple[str, float] | None:
-        """Unit, and factor, in which the number was probably given; the quantity scales with `power` of the number."""
+        """Unit in which the number was probably given, and its factor to SI; the quantity varies as number**power."""
         fitting = ((u, f) for u, f in self.mistaken.items() if self.usual[0] <= value * f**power <= self.usual[1])
         return next(fitting, None)
 
@@ -62,15 +66,19 @@ def hint_if_outside(
     if known.holds(at):
         return
     unit = "" if known.unit == "1" else f" {known.unit}"
-    start = f"{path} = {_shown(value)}{unit}: {known.reason}{detail}"
+    start = f"{path} = {shown(value)}{unit}: {known.reason}{detail}"
     if (found := known.likely(at, power)) is None:
-        yield Diagnostic(f"{start}; check its unit", "likely-unit")
+        remedy = known.remedy
+        if known.inverse and at > 0 and known.usual[0] <= 1 / at <= known.usual[1]:
+            remedy = f"if this is {known.inverse} is {1 / at:.6g}{unit}"
+        yield Diagnostic(f"{start}; {remedy}", "likely-unit")
         return
     other, factor = found
-    yield Diagnostic(f"{start}; likely given in {other}: in SI {_shown(value, factor)}{unit}", "likely-unit")
+    yield Diagnostic(f"{start}; likely given in {other}: in SI {shown(value, factor)}{unit}", "likely-unit")
 
 
-def _shown(value: float | Sequence[float], factor: float = 1.0) -> str:
+def shown(value: float | Sequence[float], factor: float = 1.0) -> str:
+    """A number or vector times a factor, with six digits."""
     if isinstance(value, int | float):
         return f"{value * factor:.6g}"
     return f"[{', '.join(f'{item * factor:.6g}' for item in value)}]"

@@ -27,19 +27,19 @@ class Situation(NamedTuple):
     @property
     def pull(self) -> float:
         """Gravity, or at least a typical acceleration during handling [m/s²]."""
-        # acceleration of an arm during handling, which matters without gravity, as in space [m/s²]
+        # 0.3 m/s²: typical acceleration during handling, which is the load if there is no gravity, as in space
         return max(self.gravity, 0.3)
 
     def moment(self, k: int) -> float:
-        """Moment about the joint of link k (from 0) of the weight, or handling force, of its subtree [N m]."""
+        """Moment about the joint of link k (from 0) due to the weight, or handling force, of its subtree [N m]."""
         return self.pull * self._first_moment(k)
 
     def weight_moment(self, k: int) -> float:
-        """Moment about the joint of link k (from 0) of the subtree's weight on Earth [N m]."""
+        """Moment about the joint of link k (from 0) due to the subtree's weight on Earth [N m]."""
         return 9.81 * self._first_moment(k)
 
     def force(self, k: int) -> float:
-        """Force along the joint of link k (from 0) by the weight, or handling force, of its subtree [N]."""
+        """Weight, or handling force, of link k (from 0) and its subtree, along the axis of its joint [N]."""
         return self.pull * self.mass(k)
 
     def mass(self, k: int = 0) -> float:

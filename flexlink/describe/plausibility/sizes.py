@@ -12,8 +12,8 @@ from flexlink.describe.plausibility.ranges import hint_if_outside, ranges
 
 
 def of_materials(arm: Arm) -> Iterator[Diagnostic]:
-    """Modulus, density and damping of materials, except where only products with the section are meaningful."""
-    # densities at which no material is soft [kg/m³]: metals, glass and stone
+    """Hints on modulus, density and damping of materials, except if only products such as EI are meaningful."""
+    # range of densities of metals, glass and stone, none of which is soft [kg/m³]
     heavy = 2500.0, 23000.0
     for name, material in arm.materials.items():
         path, E, ρ = f"material.{name}", material.young, material.density
@@ -25,7 +25,7 @@ def of_materials(arm: Arm) -> Iterator[Diagnostic]:
                 yield from hint_if_outside(f"{path}.young", E, "young", E)
             elif dense and heavy[0] < ρ < heavy[1]:
                 yield from hint_if_outside(f"{path}.young", E, "young_of_heavy", E)
-            # speed of sound above that of every solid [m/s]; diamond has 1.8e4
+            # faster than sound in any solid [m/s]; the speed of sound in diamond is 1.8e4 m/s
             elif dense and math.sqrt(E / ρ) > 2.5e4:
                 yield from hint_if_outside(f"{path}.density", ρ, "density_of_stiff", ρ)
         yield from hint_if_outside(f"{path}.loss_time", material.loss_time, "loss_time", material.loss_time)
@@ -36,7 +36,7 @@ def of_materials(arm: Arm) -> Iterator[Diagnostic]:
 
 
 def _is_made_up(arm: Arm, material: str) -> bool:
-    """Whether only unreal general sections use a material: a way to enter EI and ρA directly."""
+    """Whether a material is used only with unreal general sections, as when EI and ρA are entered directly."""
     sections = [arm.sections[link.section] for link in arm.links if link.material == material and link.section]
     return bool(sections) and all(map(_is_no_section, sections))
 
@@ -52,7 +52,7 @@ def _is_no_section(section: Section) -> bool:
 
 
 def of_sections(arm: Arm) -> Iterator[Diagnostic]:
-    """Dimensions of sections, lengths of links, and slenderness of flexible links."""
+    """Hints on dimensions of sections, lengths of links, and slenderness of flexible links."""
     mistaken: set[str] = set()
     for name, section in arm.sections.items():
         users = {link.material for link in arm.links if link.section == name and link.material}

@@ -1,9 +1,9 @@
-"""Cells of hinges with coupled springs: order 4 under axial load and in large bending.
+"""Cells of hinges with coupled springs, which have order 4 under axial load and in large bending.
 
-With one spring per hinge, a chain under a tension T is too stiff by T L² / (12 N²), for any rule: the angle of the
-chain is a staircase, which misses a line by that amount. Here the segments have the beam's angle θ at the p + 1
-Gauss-Lobatto nodes t_k of every cell [0, 1], and their lengths are the weights b_k, so the staircase has the integrals
-of θ to order 2p. Between nodes θ is the interpolating polynomial. The springs act on its derivative, the curvature, at
+With one spring per hinge, a chain under a tension T is too stiff by T L² / (12 N²), for any rule, because the angle of
+the chain is a step function instead of a continuous one. Here the segments have the beam's angle θ at the p + 1
+Gauss-Lobatto nodes t_k of every cell [0, 1], and their lengths are the weights b_k, so the steps integrate θ to order
+2p. Between nodes θ is the interpolating polynomial. The springs act on its derivative, the curvature, at
 the p Gauss points x_q with weights w_q. With hinge angles φ_j, cell length h and Lagrange polynomials L_k of the nodes,
 
     κ(x_q) = 1/h Σ_j C_qj φ_j        C_qj = Σ_k≥j L_k'(x_q)        K = 1/h Cᵀ diag(w_q EI(x_q)) C
@@ -46,7 +46,7 @@ class Cell(NamedTuple):
         return np.asarray((each @ self.curvature.T / length).reshape(angles.shape))
 
     def stiffness(self, i: int, j: int, held: Array) -> Array:
-        """K_ij of cells with rigidity EI w_q / h = `held` at the Gauss points, shape (…, p)."""
+        """K_ij of cells, where `held` is EI w_q / h at the Gauss points, shape (…, p)."""
         return np.asarray(sum(row[i] * row[j] * held[..., q] for q, row in enumerate(self.curvature)))
 
 
@@ -56,8 +56,8 @@ class Cells(Spec, frozen=True):
     hinges: Annotated[int, msgspec.Meta(ge=2, le=6)]
     """Number of hinges p per cell, 2 to 6 [1]."""
     tip: NonNegative
-    """Inertia of the last segment about its hinge, relative to a uniform bar, m l²/3, taken from the segment before.
-    The exact value is 0, for which M is singular unless there is a body at the tip [1]."""
+    """Inertia of the last segment about its hinge, divided by m l²/3, the inertia of a uniform bar; the inertia of the
+    previous segment is reduced by it. The exact value is 0, but then M is singular without a body at the tip [1]."""
 
     @property
     def cell(self) -> Cell:
@@ -65,7 +65,7 @@ class Cells(Spec, frozen=True):
         return cell_of(self.hinges)
 
     def gauss_points(self, count: int) -> Array:
-        """Gauss points, where the springs act on the curvature, for `count` hinges, (count,), on a link of length 1."""
+        """Gauss points of `count` hinges on a link of length 1, shape (count,); springs act on the curvature there."""
         cells = count // self.hinges
         return np.asarray((np.arange(cells)[:, None] + self.cell.points).ravel() / cells)
 

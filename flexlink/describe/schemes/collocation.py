@@ -1,4 +1,4 @@
-"""Collocation Runge-Kutta methods: nodes, and A and b derived from them, more precise than float64.
+"""Collocation Runge-Kutta methods: nodes, and A and b computed from them, to more digits than float64.
 
 The nodes of s stages on [0, 1] are zeros of combinations of P_k, the Legendre polynomials shifted to [0, 1]:
 
@@ -49,7 +49,7 @@ def _legendre(s: int) -> Polynomial:
 
 
 def _zeros(p: Polynomial) -> list[Fraction]:
-    """Simple zeros on [0, 1], ascending: float64 values refined by Newton's method."""
+    """Simple zeros on [0, 1], ascending, from float64 values refined by Newton's method."""
     slope = derivative(p)
     zeros = [Fraction(float(x)) for x in np.sort(np.roots([float(x) for x in reversed(p)]).real)]
     for _doubling_of_digits in range(6):  # 8 → 512 bits

@@ -1,8 +1,8 @@
 """Dense output of explicit Runge-Kutta methods: stage weights as polynomials of the fraction x of a step.
 
 Published methods give rows d of weights for the s stages, for the derivative at the end of the step (number s + 1), and
-for e extra stages. At a fraction x of a step h from y to y + h Σ b_i K_i, where H is the cubic Hermite polynomial of
-both ends,
+for e extra stages. At a fraction x of a step h from y to y + h Σ b_i K_i, the solution is interpolated as follows,
+where H is the cubic Hermite polynomial through both ends:
 
     y(x) = H(x) + h x² (1 − x)² Σ w_i(x) K_i        w_i(x) = d_1i + x (d_2i + (1 − x) (d_3i + x (d_4i + …)))
 
@@ -23,7 +23,7 @@ from flexlink.common.types import Array
 def polynomials(b: Sequence[Fraction], ends: Sequence[Fraction], rows: Sequence[Sequence[Fraction]]) -> Array:
     """Coefficients of β_i / x and of α_i / x² (2, s + 1 + e, powers), lowest power first.
 
-    The step ends at q + h q̇ + h² Σ ends_i K_i and q̇ + h Σ b_i K_i; `rows` are those of d.
+    The step ends at q + h q̇ + h² Σ ends_i K_i and q̇ + h Σ b_i K_i; `rows` contains the rows of d.
     """
     s, stages = len(b), len(rows[0])
     powers = max(4, len(rows) + 3)
@@ -58,7 +58,7 @@ def _polynomial(*coefficients: int | Fraction) -> Polynomial:
 
 
 def _sum(p: Polynomial, q: Polynomial) -> Polynomial:
-    """p + q of any degrees."""
+    """Sum of polynomials p and q, whose degrees may differ."""
     return add(p, q) if len(p) >= len(q) else add(q, p)
 
 

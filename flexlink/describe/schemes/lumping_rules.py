@@ -1,7 +1,7 @@
-"""Lumping rules as data: a rule places N hinges on a link of length 1 and gives each a weight.
+"""Lumping rules as data. A rule places N hinges on a link of length 1 and gives each a weight.
 
 A chain of rigid segments and springs is a quadrature of the curvature integral θ = ∫ M/EI dx: hinges are nodes, with
-stiffness k = EI / (weight · length). The frequencies are those of Nyström's method for λ κ(x) = ∫ M(x, y) κ(y) dy,
+stiffness k = EI / (weight · length). Its frequencies are what Nyström's method gives for λ κ(x) = ∫ M(x, y) κ(y) dy,
 where M(x, y) is the inertial moment at x due to a kink at y. M'' has a kink at x = y, which limits every rule to order
 4 in bending, and to order 2 in twist (see `twist_inertias`). This applies without axial load and for small angles;
 otherwise only rules with `cells` exceed order 2.
@@ -27,7 +27,7 @@ Exponent = Annotated[float, msgspec.Meta(ge=0, le=100)]
 class Grid(Spec, frozen=True):
     """Equally spaced nodes: x_j = (first + j − 1) h, j = 1 … N, with h = 1 / (first + N − 1 + last).
 
-    All weights are h, except the listed ones, in units of h, from the root and from the tip inward.
+    All weights are h, except those listed in `first_weights` and `last_weights`.
     """
 
     first: NonNegative
@@ -65,7 +65,7 @@ class Element(Spec, frozen=True):
 
 
 class Jacobi(Spec, frozen=True):
-    """Gauss-Jacobi nodes over the complete link, weight function (1 − x)^tip x^root; Gauss-Legendre if both are 0.
+    """Gauss-Jacobi nodes over the link, for the weight function (1 − x)^tip x^root; Gauss-Legendre if both are 0.
 
     The rule with N hinges is exact for bending moments (1 − x)^tip x^root · (polynomial of degree 2N − 1).
     """
@@ -80,17 +80,18 @@ class LumpingRule(Spec, frozen=True):
     """Positions of the hinges of a flexible link, and the part of the beam that each represents.
 
     `matched_twist` gives the twist hinges the (negative) rotor inertia of `twist_inertias`. M stays positive definite
-    while hinges are bent moderately: measured up to 50° in all hinges, 40° for a link twice as thick at its tip as at
-    its root; towards 90° the axes X and Z of a hinge coincide.
+    for moderate bending: in tests, up to 50° in all hinges, or 40° for a link twice as thick at its tip as at its root;
+    at 90° the axes X and Z of a hinge coincide.
 
     `alternate_axes` reverses the axis order of every second hinge to Z, Y, X. With angles θ = φ + O(φ²) of Rx Ry Rz,
     the springs' energy differs from that of the rotation vector φ by ½ (k_x − k_y + k_z) θ_x θ_y θ_z, which accumulates
-    to an error of order 1 in bend-bend-twist coupling; the reversed order has the opposite sign. An error of order 2
-    remains wherever a link bends far out of a plane.
+    to a first-order error in bend-bend-twist coupling; with the reversed order the error has the opposite sign. A
+    second-order error remains wherever a link bends far out of a plane.
 
-    `springs` = "rotation" makes the springs of a hinge act on φ itself, and those of a cell of two hinges on the
-    curvature of the rotation between them, which then also has order 4. It affects links with flex = "xyz": with fewer
-    axes every rotation involves twist, and in a plane angles are exact. See `flexlink.kernels.forces.rotation_springs`.
+    With `springs` = "rotation", the springs of a hinge act on φ itself. The springs of a cell of two hinges act on the
+    curvature of the rotation between them, which then also has order 4. This affects links with flex = "xyz": with
+    fewer axes every rotation involves twist, and in a plane angles are exact. See
+    `flexlink.kernels.forces.rotation_springs`.
     """
 
     about: str
@@ -106,7 +107,7 @@ class LumpingRule(Spec, frozen=True):
     cells: Cells | None = None
     """Cells of hinges with coupled springs."""
     matched_twist: bool = False
-    """Whether twist hinges get the rotor inertia that gives twist order 4."""
+    """Whether twist hinges get the rotor inertia with which twist converges with order 4."""
     alternate_axes: bool = False
     """Whether every second hinge has the axis order Z, Y, X."""
     springs: Literal["angles", "rotation"] = "angles"
@@ -156,17 +157,17 @@ class LumpingRule(Spec, frozen=True):
     def twist_inertias(self, weights: Array, inertias: Array, moments: Array) -> Array:
         """Rotor inertia of the twist hinges [kg m²], shape (N,); zero unless `matched_twist`.
 
-        The twist angle of a link varies linearly between hinges, that of the chain in steps. Under uniform twist (per
-        unit of acceleration) the link carries the moment ∫_{x_i}^1 ξ p dξ beyond hinge i, p(ξ) = ρ I_p L. The chain has
-        turned by C(ξ) = Σ w_j over x_j ≤ ξ and carries ∫_{x_i}^1 C p dξ. The difference is assigned to the hinge as an
-        inertia of the relative motion,
+        The twist angle of a beam varies linearly between hinges, but the chain's twist angle has steps. Under uniform
+        twist (per unit of acceleration) the beam carries the moment ∫_{x_i}^1 ξ p dξ beyond hinge i, p(ξ) = ρ I_p L.
+        The chain is turned by C(ξ) = Σ w_j over x_j ≤ ξ and carries ∫_{x_i}^1 C p dξ. The difference is assigned to the
+        hinge as an inertia of the relative motion,
 
             r_i = 1/w_i ∫_{x_i}^1 (ξ − C(ξ)) p(ξ) dξ                                                 (negative).
 
         In the integral equation λ GJ κ(x) = ∫ P(max(x, y)) κ(y) dy, P(x) = ∫_x^1 p dξ, this subtracts the kink of the
         kernel at y = x, ∫ P κ dy = κ(x) ∫ P dy + ∫ P (κ(y) − κ(x)) dy (Kantorovich & Krylov 1958), which raises
-        Nyström's method from order 2, the limit of every rule here, to order 4, with or without taper. It requires a
-        rule that is exact for quadratics, so not the midpoint rule.
+        Nyström's method from order 2, the limit of every rule here, to order 4, with or without taper. The rule must be
+        exact for quadratics, which excludes the midpoint rule.
 
         Parameters
         ----------

@@ -23,11 +23,11 @@ CLOSE = Fraction(1, 10**15)
 """Tolerance for sums of coefficients, which may be rounded decimals."""
 
 MOST_STAGES = 9
-"""Limit for implicit methods: beyond it, eigenvectors of A become parallel (condition number 3e4 at 9 Gauss stages)."""
+"""Most stages of implicit methods; with more, eigenvectors of A are too parallel (condition number 3e4 at 9, Gauss)."""
 
 
 class Modes(NamedTuple):
-    """A = T_real diag(real) Tinv_real + 2 Re(T_complex diag(complex) Tinv_complex), and products of A."""
+    """Eigendecomposition A = T_real diag(real) Tinv_real + 2 Re(T_complex diag(complex) Tinv_complex), and products."""
 
     real: Array  # (r,) real eigenvalues of A
     complex: Complex  # (p,) one of each complex pair, Im > 0
@@ -42,12 +42,12 @@ class Modes(NamedTuple):
 class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
     """A Runge-Kutta method: `family` and `stages`, or the Butcher tableau A, b, c.
 
-    Coefficients are decimal strings or fractions such as "1/6". A is strictly lower triangular (rows of 0, 1, 2, …
-    numbers: explicit) or square (implicit). `error` of an explicit method: rows of weights for the stages, and
-    optionally for q̈ at the end of the step, whose sums estimate the step's error. With two rows, the second scales the
-    first, as in DOP853. `dense` of an explicit method: rows d of weights that interpolate samples inside a step, for
-    the stages, for q̈ at the end of the step, and for the extra stages `dense_stages`. Between y and y + Δ, with
-    derivatives f and f₁, at a fraction x of a step h, with sums over the stages:
+    Coefficients are decimal strings or fractions such as "1/6". A is strictly lower triangular (explicit: rows of 0, 1,
+    2, … numbers) or square (implicit). For an explicit method, `error` has rows of weights for the stages, and
+    optionally for q̈ at the end of the step, whose sums estimate the step's error; with two rows, the second scales the
+    first, as in DOP853. `dense` has rows d of weights that interpolate samples inside a step, for the stages, for q̈ at
+    the end of the step, and for the extra stages `dense_stages`. At a fraction x of a step h from y to y + Δ, with
+    derivatives f and f₁ at its ends and sums over the stages, the solution is
 
         y + x (Δ + (1 − x) (h f − Δ + x (2 Δ − h f − h f₁ + (1 − x) h (Σ d_1i K_i + x (Σ d_2i K_i + (1 − x) (…))))))
 
@@ -63,7 +63,7 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
     source: str
     """Publication."""
     order: Annotated[int, msgspec.Meta(ge=1)]
-    """Order p: errors are proportional to the step to the power p."""
+    """Order p of the method: errors are proportional to the p-th power of the step."""
     family: Literal["Radau IIA", "Gauss"] | None = None
     """Implicit family with computed coefficients, instead of a tableau."""
     stages: Annotated[int, msgspec.Meta(ge=0)] = 0
@@ -79,7 +79,7 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
     dense_rows: tuple[tuple[str, ...], ...] = msgspec.field(default=(), name="dense")
     """For an explicit method: rows of weights that interpolate samples inside a step. Default: steps end at samples."""
     dense_stages: tuple[tuple[str, ...], ...] = ()
-    """Rows of A of extra stages used only by `dense`, after those of the step and the derivative at its end."""
+    """Rows of A for extra stages used only by `dense`; they follow the step's stages and the derivative at its end."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -111,7 +111,7 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
 
     @functools.cached_property
     def exact(self) -> collocation.Tableau:
-        """A (square), b and c as exact fractions: from strings, or accurate to 2^−255 for a family."""
+        """A (square), b and c as fractions, exact if given as strings, or accurate to 2^−255 for a family."""
         if self.family is not None:
             return collocation.tableau(self.family, self.stages)
         rows = [[Fraction(x) for x in row] for row in self.A or ()]
@@ -126,7 +126,7 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
 
     @functools.cached_property
     def error(self) -> Array:
-        """Rows `error` of an explicit method for its stages and q̈ at the end of the step (rows, s + 1)."""
+        """Error weights of an explicit method for its stages and for q̈ at the end of the step, shape (rows, s + 1)."""
         weights = np.zeros((len(self.error_rows), self.stages + 1))
         for row, given in zip(weights, self.error_rows, strict=True):
             row[: len(given)] = float64([Fraction(x) for x in given])
@@ -134,12 +134,12 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
 
     @property
     def more_stages(self) -> int:
-        """Extra evaluations for samples inside a step of an explicit method."""
+        """Number of extra evaluations for samples inside a step of an explicit method."""
         return len(self.dense_stages)
 
     @functools.cached_property
     def dense(self) -> tuple[Array, Array, Array] | None:
-        """A (e, s + 1 + e) and c (e,) of the e extra stages, and coefficients of β_i / x and α_i / x²; or None.
+        """A (e, s + 1 + e) and c (e,) of e extra stages, and coefficients of β_i / x and α_i / x²; None if not given.
 
         Rates at a fraction x of a step are q̇ + h Σ β_i(x) q̈_i, with stages i = 1 … s + 1 + e (`embedded` of the
         kernels); the coefficients (2, s + 1 + e, powers) have the lowest power first.
@@ -174,7 +174,7 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
         exact, b, _ = self.exact
         A = float64(exact)
         λ, T = np.linalg.eig(A)
-        if not np.linalg.cond(T) < 1e7:  # Newton corrections are multiplied by T and keep 9 digits
+        if not np.linalg.cond(T) < 1e7:  # Newton corrections are multiplied by T, and 9 digits must remain
             raise SceneError(
                 "A: too few eigenvectors, for example because of repeated diagonal elements; use another method",
                 id="method-coefficients",
@@ -200,7 +200,7 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
 
     @functools.cached_property
     def embedded(self) -> tuple[float, Array]:
-        """γ and d (stages,), the weights of an implicit method's error estimate.
+        """γ and d, shape (stages,), the weights in the error estimate of an implicit method.
 
         At 0, the polynomial through values f_i at the nodes is Σ_i ℓ_i(0) f_i, hence d_i = −γ ℓ_i(0).
 
@@ -316,7 +316,7 @@ def method(name: str) -> Method:
 
 
 def _check_differences(name: str, row: tuple[str, ...]) -> None:
-    """Check weights that must sum to 0: they vanish for equal derivatives."""
+    """Check that weights sum to 0, so that they give 0 for equal derivatives."""
     for x in row:
         _check_number(name, x)
     if abs(sum(map(Fraction, row), Fraction(0))) > CLOSE:

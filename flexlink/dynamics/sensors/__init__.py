@@ -1,1 +1,1 @@
-"""Sensors on an arm: ideal signals, and readings of their instruments."""
+"""Sensors on an arm: their ideal signals, and the readings of their instruments."""

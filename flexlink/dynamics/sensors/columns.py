@@ -1,4 +1,4 @@
-"""Columns of a scene's sensors for the samples of a run."""
+"""Result columns with the sensor readings of a scene at the samples of a run."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flexlink.dynamics.sensors.signals import Samples, signal_of
 
 
 def readings_of(sensor: Sensor, scene: Scene, run: Samples) -> Array:
-    """Readings of a sensor in the samples of a run, shape (columns, samples); errors as in `signal_of`."""
+    """Readings of a sensor at the samples of a run, shape (columns, samples); errors as in `signal_of`."""
     return _shown(sensor, scene, run.t, signal_of(sensor, scene, run).T)
 
 
@@ -27,17 +27,17 @@ def _shown(sensor: Sensor, scene: Scene, t: Array, signal: Array) -> Array:
 
 
 def sensor_columns(scene: Scene, run: Samples) -> dict[str, Array]:
-    """Columns of all sensors by name; errors as in `signal_of`."""
+    """Reading columns of all sensors, by name; errors as in `signal_of`."""
     found = [column for sensor in scene.sensor for column in readings_of(sensor, scene, run)] if len(run.t) else []
     found = found or [np.empty(0)] * len(column_names(scene.sensor, scene.arm))
     return dict(zip(column_names(scene.sensor, scene.arm), found, strict=True))
 
 
 def coarse_samples(scene: Scene, run: Samples) -> Iterator[Diagnostic]:
-    """Warn about sensors whose signal is not resolved: it is interpolated linearly between samples of a run.
+    """Warn about sensors whose signal is not resolved by its linear interpolation between the samples of a run.
 
-    The error is estimated by leaving out every other sample, which makes it up to four times as large. Errors as in
-    `signal_of`.
+    The interpolation error is estimated by leaving out every other sample, which makes it up to four times as large.
+    Errors as in `signal_of`.
     """
     # fewer samples do not allow an estimate
     for sensor in scene.sensor if len(run.t) > 8 else ():

@@ -1,7 +1,7 @@
-"""A strain gauge: strain interpolated by a cubic through the nearest hinges, and its derivative by the angles.
+"""A strain gauge: strain from a cubic through the nearest hinges, and its derivative with respect to the angles.
 
-If EI is a table, it may have kinks and jumps, and so may the curvature, but not the moment M = EI κ. The cubic then
-interpolates the moment at the hinges, and κ = M/EI with the rigidity at the gauge.
+If EI is given by a table, EI and the curvature may have kinks and jumps, but the moment M = EI κ does not. The cubic
+then interpolates the moment at the hinges, and κ = M/EI with EI at the gauge.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def interpolation(nodes: Array, x: float) -> tuple[NDArray[np.intp], Array]:
     >>> print(nearest, weights)
     [0 1 2 3] [0. 1. 0. 0.]
     """
-    most = 4  # between hinges h apart the error of the strain is about h⁴ ε⁗/24
+    most = 4  # between hinges at a distance h the error of the strain is about h⁴ ε⁗/24
     nearest = np.sort(np.argsort(np.abs(nodes - x), kind="stable")[:most])
     known = nodes[nearest]
     apart = known[:, None] - known
@@ -56,7 +56,7 @@ def gauge_slope(sensor: Sensor, scene: Scene, chain: Chain, q: Array) -> Array:
 
     ε is linear in the angles, and the derivative is exact up to rounding, unless springs act on rotation vectors.
     """
-    nudge = 1e-3  # step [rad] of the fourth-order differences; error 1e-13, and rounding
+    nudge = 1e-3  # step [rad] of the fourth-order differences; their error is 1e-13, plus rounding
     steps = nudge * np.array([1.0, -1.0, 2.0, -2.0])
     states = q + steps[:, None, None] * np.eye(chain.n)
     near, nearer, far, farther = gauge_strain(sensor, scene, states.reshape(-1, chain.n)).reshape(4, chain.n)

@@ -1,8 +1,9 @@
-"""Instrument readings of a signal that is known at samples and linear between them.
+"""Readings of an instrument whose signal is known at samples and assumed to be linear between them.
 
     y(t) = gain · LP[u](t_k − delay) + bias + noise_k, rounded to multiples of `resolution`, t_k = k / rate ≤ t
 
-LP is exact for such a signal. Linear interpolation of a smooth signal with samples h apart is off by at most h² ü / 8.
+The low-pass filter LP is exact for such a signal. Linear interpolation of a smooth signal with a sampling interval h
+has an error of at most h² ü / 8.
 """
 
 from __future__ import annotations
@@ -24,9 +25,9 @@ BLOCK = 256
 
 
 class Signal:
-    """A signal up to now, linear between samples, with the state of its low-pass.
+    """A signal up to the last sample, linear between samples, with the state of its low-pass filter.
 
-    Before the first sample it is constant. Samples are appended one by one, or replaced from an earlier time on.
+    Before the first sample the signal is constant. Samples are appended, or replaced from an earlier time on.
     """
 
     def __init__(self, columns: int, low_pass: LowPass | None) -> None:
@@ -58,7 +59,7 @@ class Signal:
             self._z[k] = decay[k - first] * self._z[k - 1] + forced[k - first]
 
     def at(self, times: Array) -> Array:
-        """Output of the low-pass at times [s] up to the last sample, shape (times, columns)."""
+        """Output of the low-pass filter at times [s] up to the last sample, shape (times, columns)."""
         t, u = self._t[: self.count], self._u[: self.count]
         k = np.maximum(np.searchsorted(t, times, side="right") - 1, 0)
         after = np.minimum(k + 1, self.count - 1)
@@ -71,7 +72,7 @@ class Signal:
 
 
 class Instrument:
-    """The instrument of a sensor. Without a sampling rate its noise changes every `between` seconds."""
+    """The instrument of a sensor. If it has no sampling rate, its noise changes every `between` seconds."""
 
     def __init__(self, sensor: Sensor, between: float) -> None:
         self.sensor, self.between, self.rate = sensor, between, sensor.rate or 1 / between
@@ -81,7 +82,7 @@ class Instrument:
     def readings(self, times: Array) -> Array:
         """Readings at times [s] up to the last sample of the signal, shape (times, columns)."""
         sensor = self.sensor
-        on_time = 1e-9  # a time may precede an instant by this part of the period and still belong to it
+        on_time = 1e-9  # a time up to this fraction of a period before an instant counts as this instant
         instants = np.floor(times * self.rate + on_time * np.maximum(1.0, times * self.rate))
         read_at = times if sensor.rate is None else instants / sensor.rate
         shown = sensor.gain * self.signal.at(read_at - sensor.delay) + sensor.bias
@@ -94,14 +95,14 @@ class Instrument:
 
     @property
     def known_at_samples(self) -> bool:
-        """Whether readings need the signal only at samples of the run: no low-pass, and no times between samples."""
+        """Whether readings use only values of the signal at the run's samples, without filtering or interpolation."""
         sensor, apart = self.sensor, self.between
         times = [sensor.delay, *([] if sensor.rate is None else [1 / sensor.rate])]
         return sensor.low_pass is None and all(is_whole(time / apart) for time in times)
 
 
 def noise(key: str, instants: Array) -> Array:
-    """Normally distributed values for instants with these numbers, independent of their order and of the run."""
+    """Normally distributed values for the instants with these numbers; they do not depend on their order or the run."""
     blocks, offsets = np.divmod(instants.astype(np.int64), BLOCK)
     found = np.empty(len(instants))
     for block in np.unique(blocks).tolist():

@@ -1,4 +1,4 @@
-"""Butterworth low-pass in modal form, exact for a signal that is linear between samples.
+"""Butterworth low-pass filter in modal form, exact for a signal that is linear between samples.
 
     H(s) = Π ω/(s − p_k) · … = Σ_k r_k/(s − p_k)        p_k = ω exp(iπ (2k + n + 1)/(2n)), k = 0 … n − 1
     ż_k = p_k z_k + u        y = Σ_k r_k z_k; one pole of each conjugate pair is stored
@@ -18,7 +18,7 @@ from flexlink.common.types import Array, Complex
 
 
 class LowPass(NamedTuple):
-    """Poles in the upper half-plane, and the weights of their modes in the output."""
+    """Poles of a low-pass filter in the upper half-plane, and the weights of their modes in the output."""
 
     poles: Complex  # (modes,) [1/s]
     weights: Complex  # (modes,) [1/s], y = Re Σ weights · z
@@ -40,7 +40,7 @@ class LowPass(NamedTuple):
 
     @property
     def matrices(self) -> tuple[Array, Array, Array]:
-        """A (n, n), B (n,), C (n,) of a real state with the same output: Re z and Im z of each mode, or only Re z."""
+        """A (n, n), B (n,), C (n,) of a real state with this output: Re z and Im z of each mode; Re z if it is real."""
         sizes = [2 if p.imag else 1 for p in self.poles]
         A, B, C = (np.zeros(shape) for shape in ((sum(sizes),) * 2, sum(sizes), sum(sizes)))
         for p, w, end, size in zip(self.poles, self.weights, np.cumsum(sizes).tolist(), sizes, strict=True):
@@ -52,7 +52,7 @@ class LowPass(NamedTuple):
 
 @functools.lru_cache(maxsize=64)
 def butterworth(hertz: float, order: int) -> LowPass:
-    """Low-pass with gain 1/√2 at this frequency and unit gain at zero frequency."""
+    """Low-pass filter with gain 1/√2 at this frequency and unit gain at zero frequency."""
     ω = 2 * math.pi * hertz
     unit = np.exp(1j * math.pi * (2 * np.arange(order) + order + 1) / (2 * order))
     apart = unit[:, None] - unit

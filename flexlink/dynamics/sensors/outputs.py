@@ -21,8 +21,8 @@ from flexlink.dynamics.vibration.outputs import Output
 class SensorOutputs:
     """All or some sensors of a scene as outputs of `linearize`.
 
-    Gains and biases are included, low-passes become states of the model, delays are listed separately. Sampling,
-    resolution and noise, which are not linear, are left out.
+    Gains and biases are included, low-pass filters become states of the model, and delays are listed separately.
+    Sampling, resolution and noise, which are not linear, are left out.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class SensorOutputs:
         return f"<SensorOutputs: {', '.join(sensor.name for sensor in self.sensors)}>"
 
     def outputs(self, chain: Chain, q: Array, qd: Array, qdd: Array, tau: Array) -> list[Output]:
-        """Outputs about a state (n,).
+        """Outputs of the linear model about a state (n,).
 
         Raises
         ------

@@ -18,12 +18,12 @@ from flexlink.kernels.geometry.kinematics import forward_kinematics
 
 
 def placement_of(sensor: Sensor, scene: Scene) -> tuple[int, Array, Array]:
-    """Placement on the lumped arm of a sensor that measures the motion of a point.
+    """Return where a sensor of point motion is placed on the lumped arm, and the directions that it measures.
 
-    Returns the index of a body in `chain.bodies`, the point in its axes [m], (3,), and the measured directions as unit
-    vectors (columns, 3), in axes of the body; for a position, in axes of frame 0.
+    The result is the index of a body in `chain.bodies`, the point in its axes [m], (3,), and the measured directions as
+    unit vectors (columns, 3), in axes of the body; for a position sensor, in axes of frame 0.
 
-    On a flexible link the body is the segment at the sensor's position; at a hinge, the outer one.
+    On a flexible link the body is the segment at the sensor's position; at a hinge, the outboard segment.
 
     Raises
     ------
@@ -39,7 +39,7 @@ def placement_of(sensor: Sensor, scene: Scene) -> tuple[int, Array, Array]:
     unbent = forward_kinematics(chain.arrays, np.zeros(chain.n))
     R, p = np.concatenate([np.eye(3)[None], unbent.rotations]), np.concatenate([np.zeros((1, 3)), unbent.points])
     (start, length, frame), root = link.beam, of_link[0]
-    axes = R[root.body] @ root.place.R @ frame.T  # of the link, in frame 0
+    axes = R[root.body] @ root.place.R @ frame.T  # axes of the link in frame 0
     origin = p[root.body] + R[root.body] @ root.place.p - axes @ start
     body, position = _beam_position(sensor, chain, link, of_link)
     if sensor.point is not None:
@@ -64,7 +64,7 @@ def check_placements(scene: Scene) -> None:
 
 
 def _beam_position(sensor: Sensor, chain: Chain, link: Link, of_link: list[Piece]) -> tuple[int, Array]:
-    """Body, counted from 1, and position of a sensor along the beam, by default the end of the link."""
+    """Body number, from 1, and position in it of a sensor along the beam; by default at the end of the link."""
     if sensor.x is None and link.name in chain.tips:
         return chain.tips[link.name] + 1, np.zeros(3)
     part = 1.0 if sensor.x is None or not link.beam.length else sensor.x / link.beam.length
@@ -75,5 +75,5 @@ def _beam_position(sensor: Sensor, chain: Chain, link: Link, of_link: list[Piece
 
 
 def _piece_at(of_link: list[Piece], part: float) -> Piece:
-    """Piece of the link that contains this part of its length; the outer one of two."""
+    """Piece of the link at the fraction `part` of its length; where two pieces meet, the outboard one."""
     return next((piece for piece in reversed(of_link) if piece.part[0] <= part), of_link[0])

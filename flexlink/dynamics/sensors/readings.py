@@ -1,4 +1,4 @@
-"""Sensor readings during a simulation, for controllers and for arms that are stepped by the caller."""
+"""Sensor readings during a simulation, for control laws and for arms that are stepped by the caller."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Readings:
         self._instruments = [Instrument(sensor, scene.run.spacing) for sensor in scene.sensor]
 
     def after(self, seen: Samples) -> dict[str, float]:
-        """Return readings by column name after one more sample; samples at later times are discarded.
+        """Add one sample, and return the readings by column name; samples at later times are discarded.
 
         Raises
         ------

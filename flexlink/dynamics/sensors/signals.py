@@ -1,4 +1,4 @@
-"""Ideal signals of a scene's sensors, before their instruments, for the states of a run; derivatives at one state."""
+"""Ideal signals of a scene's sensors along a run, without effects of the instruments, and derivatives at a state."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Samples(Protocol):
 
 
 class Slopes(NamedTuple):
-    """Derivatives of signals (columns,) by angles, rates, accelerations and drive torques, each (columns, n)."""
+    """Derivatives of signals (columns,) with respect to q, q̇, q̈ and drive torques, each of shape (columns, n)."""
 
     q: Array
     qd: Array
@@ -54,7 +54,7 @@ class Slopes(NamedTuple):
 
 
 def signal_of(sensor: Sensor, scene: Scene, run: Samples) -> Array:
-    """Ideal signal of a sensor in the samples of a run, in SI units and radians, shape (columns, samples).
+    """Ideal signal of a sensor at the samples of a run, in SI units and radians, shape (columns, samples).
 
     Raises
     ------

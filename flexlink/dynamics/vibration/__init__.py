@@ -1,1 +1,1 @@
-"""Small motion about a state: natural frequencies, poles, the largest stable step."""
+"""Small motion about a state: natural frequencies, poles, and the largest stable step."""

@@ -30,7 +30,7 @@ def modes_at_rest(
     frame: Frame = "world",
     count: int | None = None,
 ) -> Modes:
-    """Modes about the equilibrium `rest` with the driven joints held; the slowest `count`, or all."""
+    """The `count` slowest modes, or all, about the equilibrium `rest` with the driven joints held."""
     return modes(chain, rest.q, tip_wrench=tip_wrench, frame=frame, locked=chain.active.tolist(), count=count)
 
 

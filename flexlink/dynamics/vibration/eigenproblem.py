@@ -1,11 +1,12 @@
-"""The eigenproblem of small motion, (λ² M + λ C + K) φ = 0, for stiffnesses that differ by many orders of magnitude.
+"""The eigenproblem of small motion, (λ² M + λ C + K) φ = 0, with stiffnesses that differ by orders of magnitude.
 
-1.  K = S K̂ S, S diagonal, K̂ of order 1. By Sylvester's law of inertia negative and zero eigenvalues of K̂ count the
-    unstable and neutral modes for any M. Rounding is checked here, where all rows have the same magnitude.
-2.  K = Y Yᵀ and M = L Lᵀ make ω the singular values of Yᵀ L⁻ᵀ. Nothing is squared: ω has the relative error
-    eps · ω_max/ω, whereas the eigenvalues of M⁻¹ K have eps · (ω_max/ω)². An indefinite K is shifted: K + σ M.
-3.  With damping, rotation or a load without a potential, λ follow from the first-order system in these modes, fastest
-    first. The rows of its matrix decrease in size, so the QR algorithm is accurate row by row.
+1.  K = S K̂ S with a diagonal S, so that K̂ is of order 1. By Sylvester's law of inertia, the numbers of negative and
+    zero eigenvalues of K̂ are the numbers of unstable and neutral modes, for any M. Small eigenvalues are compared with
+    the rounding error here, where all rows have the same magnitude.
+2.  With K = Y Yᵀ and M = L Lᵀ, the ω are the singular values of Yᵀ L⁻ᵀ. Nothing is squared: the relative error of ω is
+    eps · ω_max/ω, but eps · (ω_max/ω)² for eigenvalues of M⁻¹ K. An indefinite K is shifted: K + σ M.
+3.  With damping, rotation or a load without a potential, the λ follow from the first-order system in these modes,
+    fastest first. The rows of its matrix decrease in size, so the QR algorithm is accurate row by row.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ EPS = np.finfo(float).eps
 
 
 class Solution(NamedTuple):
-    """λ [1/s], slowest first, φ in columns, and the rounding error of each λ [1/s]."""
+    """Eigenvalues λ [1/s], slowest first, mode shapes φ in columns, and the rounding error of each λ [1/s]."""
 
     eigenvalues: Complex
     shapes: NDArray[np.inexact]
@@ -41,7 +42,7 @@ class _Modes(NamedTuple):
 
 
 def solve(M: Array, L: Array, C: Array, stiffness: Stiffness) -> Solution:
-    """Return one eigenvalue of each conjugate pair, and every real one that is not paired by symmetry.
+    """Return one λ of each conjugate pair, and each real λ; of real pairs ±λ in an undamped system, only λ > 0.
 
     Parameters
     ----------
@@ -50,7 +51,7 @@ def solve(M: Array, L: Array, C: Array, stiffness: Stiffness) -> Solution:
     C
         Damping and gyroscopic matrix, shape (n, n).
     stiffness
-        K with the magnitude of its terms.
+        K, and the magnitude of its terms.
 
     Raises
     ------
@@ -70,7 +71,7 @@ def solve(M: Array, L: Array, C: Array, stiffness: Stiffness) -> Solution:
 
 
 def _conservative(M: Array, L: Array, stiffness: Stiffness) -> _Modes:
-    """Step 2. If K is indefinite it is done twice: the first shift is a bound that may be far too high."""
+    """Take step 2, twice if K is indefinite, since the first shift is a bound that may be far too high."""
     w, V = np.linalg.eigh(stiffness.scaled)  # reads the lower triangle: rows of outer hinges, which are more accurate
     falling = int((w < -stiffness.rounding).sum())
     resting = int((np.abs(w) <= stiffness.rounding).sum())
@@ -91,7 +92,7 @@ def _conservative(M: Array, L: Array, stiffness: Stiffness) -> _Modes:
 
 
 def _swinging(L: Array, S: Array, w: Array, V: Array, resting: int) -> tuple[Array, Array]:
-    """ω², slowest first, and Φ of K = Y Yᵀ, Y = S V √w; the first `resting` entries of w count as zero.
+    """ω², slowest first, and Φ for K = Y Yᵀ with Y = S V √w; the first `resting` entries of w are treated as zero.
 
     With Yᵀ L⁻ᵀ = U ω Rᵀ the mode shapes are Φ = L⁻ᵀ R, and also Yᵀ Φ = U ω. The rounding error of row i is
     eps ‖(L⁻ᵀ)_i‖ by the first formula and eps ω/S_i by the second, which is smaller for stiff hinges in slow modes.
@@ -109,7 +110,7 @@ def _swinging(L: Array, S: Array, w: Array, V: Array, resting: int) -> tuple[Arr
 
 
 def _undamped(modes: _Modes, without_potential: Array) -> Solution:
-    """λ = √−μ: the one with Im λ > 0 of each conjugate pair, the growing one of each real pair."""
+    """Solution without damping, λ = ±√−μ: it contains the λ of each pair ±λ with Im λ > 0, or λ > 0 if real."""
     μ: Complex = modes.μ.astype(complex)
     shapes: NDArray[np.inexact] = modes.Φ
     moved = np.zeros(len(μ))
@@ -129,18 +130,18 @@ def _eigenvalues(A: Array) -> tuple[Complex, Complex, Array]:
     """Eigenvalues and right eigenvectors of A, and the rounding error of each eigenvalue."""
     λ, left, right = scipy.linalg.eig(A, left=True)
     overlap = np.abs(np.einsum("ik,ik->k", left.conj(), right))
-    # The QR algorithm moves a simple eigenvalue by at most N eps ‖A‖/|wᴴ v| (Golub & Van Loan, section 7.2.2), and an
-    # eigenvalue of multiplicity m by m times as much: m = 2 for a neutral joint, 4 if two of them coincide.
+    # The QR algorithm changes a simple eigenvalue by at most N eps ‖A‖/|wᴴ v| (Golub & Van Loan, section 7.2.2), and an
+    # eigenvalue of multiplicity m by m times this bound: m = 2 for one neutral joint, 4 for two.
     defect = 4
     size = defect * len(A) * EPS * np.linalg.norm(A, 2)
     return λ, right, np.asarray(size / np.maximum(overlap, EPS))
 
 
 def _first_order(modes: _Modes, C: Array, without_potential: Array) -> Solution:
-    """Solve d/dt of x = s a and y = ȧ for mode amplitudes a, s = √|μ|: ẋ = s y, ẏ = −μ a − Φᵀ (C Φ y + N Φ a).
+    """Solve ẋ = s y, ẏ = −μ a − Φᵀ (C Φ y + N Φ a) for x = s a and y = ȧ, with mode amplitudes a and s = √|μ|.
 
-    The amplitude of a neutral mode has no effect, so it has no x, but contributes one λ = 0. If nothing brakes it, its
-    steady motion y is the other half of that double root.
+    The amplitude of a neutral mode has no effect, so the mode has no x, but contributes one λ = 0. If nothing brakes
+    the mode, λ = 0 is a double root, whose second half is the steady motion y.
     """
     n, resting = len(modes.μ), 0 if without_potential.any() else modes.resting
     fast = np.argsort(-np.abs(modes.μ), kind="stable")  # neutral modes last
@@ -174,7 +175,7 @@ def _first_order(modes: _Modes, C: Array, without_potential: Array) -> Solution:
 
 
 def _dissipative(C: Array) -> bool:
-    """Whether q̇ᵀ C q̇ ≥ 0 for all q̇, up to rounding, with all rows scaled to the same magnitude."""
+    """Whether q̇ᵀ C q̇ ≥ 0 for all q̇ up to rounding errors, judged with all rows scaled to the same magnitude."""
     size = np.sqrt(np.abs(C).max(axis=1))
     size[size == 0] = 1.0
     scaled = (C + C.T) / 2 / np.outer(size, size)

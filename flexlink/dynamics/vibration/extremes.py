@@ -1,4 +1,4 @@
-"""Lowest and highest natural frequency of a chain's springs, in O(n) per iteration; they determine method and step."""
+"""Lowest and highest natural frequency due to a chain's springs, in O(n) per iteration, to choose method and step."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from flexlink.kernels.forward.mass_plus_space import SpacePosture, space_posture
 from flexlink.kernels.forward.power_iteration import largest_eigenvalue, smallest_square
 
 FOUND = Memo(256)
-"""Frequencies by chain and configuration, shared by the runs of one scene."""
+"""Cache of frequencies by chain and configuration, shared by the runs of one scene."""
 
 PASSES = 30
 """Largest number of power iterations."""
 CLOSE = 1e-2
-"""Relative change of ω² at which power iterations end: accurate enough for error weights and the choice of a method."""
+"""Relative change of ω² below which power iterations end; error weights and the choice of a method need no more."""
 
 
 def inertia_alone(chain: Chain) -> Chain:
-    """Return the chain without gravity, springs and friction; at rest its dynamics are M q̈ = τ."""
+    """Return the chain without gravity, springs and friction, whose equation of motion at rest is M q̈ = τ."""
     hinges = chain.hinges.copy()
     for name in ("stiffness", "damping", "coulomb"):
         hinges[name] = 0.0
@@ -33,12 +33,12 @@ def inertia_alone(chain: Chain) -> Chain:
 
 
 def slowest_frequency(chain: Chain, q: Array) -> float:
-    """Lowest angular frequency of the springs [rad/s], with joints without springs free and no gravity.
+    """Lowest natural frequency due to springs [rad/s]; joints without springs are free, and gravity is ignored.
 
-    inf if no joint has a spring, or if the sprung mass is below rounding.
+    The result is inf if no joint has a spring, or if the sprung mass is below the rounding error.
 
-    Power iteration φ ← K⁻¹ S φ for K φ = ω² S φ on the hinges p with springs. S = M_pp − M_pa M_aa⁺ M_ap is the inertia
-    with the joints a free. M_aa is singular if a stretched arm moves only a point mass.
+    Power iteration φ ← K⁻¹ S φ for K φ = ω² S φ on the hinges p with springs. S = M_pp − M_pa M_aa⁺ M_ap is their
+    inertia while the joints a without springs are free. M_aa is singular if a stretched arm moves only a point mass.
     """
     return FOUND.calling(_slowest_frequency, chain, q)
 
@@ -51,22 +51,22 @@ def _slowest_frequency(chain: Chain, q: Array) -> float:
 
 
 def fastest_frequency(chain: Chain, q: Array, stiffness: Array | None = None) -> float:
-    """Highest angular frequency of the springs [rad/s], K φ = ω² M φ, as an estimate from below.
+    """Highest natural frequency due to springs [rad/s], from K φ = ω² M φ, estimated from below.
 
-    `stiffness` is the diagonal of K, by default the chain's; couplings are the chain's.
+    `stiffness` is the diagonal of K; by default it is taken from the chain, as the other entries always are.
 
-    0 if there are no springs; inf if the inertia of a joint is below rounding.
+    The result is 0 if there are no springs, and inf if the inertia of a joint is below the rounding error.
     """
     return float(np.sqrt(_found(chain, "stiffness", q, chain.stiffness if stiffness is None else stiffness)))
 
 
 def fastest_decay(chain: Chain, q: Array, damping: Array | None = None) -> float:
-    """Highest decay rate by dampers [1/s], D φ = δ M φ, from below; `damping` is the diagonal of D."""
+    """Highest decay rate due to dampers [1/s], from D φ = δ M φ, estimated from below; `damping` is D's diagonal."""
     return _found(chain, "damping", q, chain.damping if damping is None else damping)
 
 
 def fastest_of(chain: Chain, q: Array, stiffness: Array, damping: Array) -> tuple[float, float]:
-    """`fastest_frequency` [rad/s] and `fastest_decay` [1/s] for these diagonals, computed together."""
+    """Return `fastest_frequency` [rad/s] and `fastest_decay` [1/s] for these diagonals, computed together."""
     return FOUND.calling(_fastest, chain, q, stiffness, damping)
 
 
@@ -93,7 +93,7 @@ def _largest_eigenvalue(
 ) -> float:
     """Largest λ of W φ = λ M φ by the power iteration φ ← M⁻¹ W φ; prescribed joints are at rest.
 
-    W is stiffness or damping, by `name`: `weights` on its diagonal, and the chain's couplings.
+    W is the stiffness or damping matrix, according to `name`, with `weights` on its diagonal and the chain's couplings.
     """
     posture = posture or scratch(chain)
     weights, coupled = np.ascontiguousarray(weights), np.ascontiguousarray(chain.couplings[name])

@@ -1,7 +1,8 @@
-"""Modes of an arm in steady motion: about a spinning shaft, along a rail at constant speed.
+"""Modes of an arm in steady motion, such as turning with a spinning shaft or moving along a rail at constant speed.
 
 A motion with constant rates is an equilibrium of the other joints, T_GC(q, q̇) + T_FL(q) = 0, if these torques, M and K
-do not change along it. That is true without gravity, for gravity along the shaft, and for loads that turn with the tip.
+do not change along it. They are constant without gravity, with gravity along the shaft, and for loads that turn with
+the tip.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.dynamics.wrench import turns_with_tip
 
 LATER = 1.0, 2.5
-"""Distances along the motion at which steadiness is checked [rad], for sliding joints in lengths of the arm."""
+"""Distances along the motion at which steadiness is checked [rad]; for sliding joints as multiples of arm length."""
 SAME = 1e-9
-"""Largest change of torques, M and K that counts as rounding, relative to the magnitude of their terms."""
+"""Largest change of torques, M and K that counts as a rounding error, relative to the magnitude of their terms."""
 
 
 def modes_in_motion(
@@ -42,7 +43,7 @@ def modes_in_motion(
     locked: Joints = (),
     count: int | None = None,
 ) -> Modes:
-    """Modes about the configuration of an arm some of whose joints move at constant rates.
+    """Modes of an arm about a steady motion in which some joints move at constant rates.
 
     The configuration is `equilibrium_in_motion`, in which centrifugal forces, gravity, springs and loads balance. The
     modes include centrifugal stiffness and gyroscopic coupling: M δq̈ + (D + G) δq̇ + K δq = 0, as in `modes`.
@@ -52,7 +53,7 @@ def modes_in_motion(
     chain
         The chain.
     rates
-        Constant rates [rad/s], of sliding joints [m/s], by the names of their links; these joints are held at them.
+        Constant rates [rad/s], or [m/s] of sliding joints, by link name; these joints are held at their rates.
     q
         Initial configuration [rad], shape (n,); default: springs slack, joints at zero.
     tip_wrench, frame
@@ -99,7 +100,7 @@ def equilibrium_in_motion(
 ) -> Equilibrium:
     """Configuration of an arm with some joints at constant rates; all others satisfy T_GC(q, q̇) + T_FL(q) = 0.
 
-    It is `solve_static(chain, q, qd)`, starting from slack springs, with a check that the motion is steady.
+    It is the result of `solve_static(chain, q, qd)`, starting from slack springs, with a check for steady motion.
 
     Parameters
     ----------
@@ -136,7 +137,7 @@ def _steady_posture(
     tip_wrench: ArrayLike | None,
     frame: Frame,
 ) -> Equilibrium:
-    """Equilibrium at rates (n,) of the joints that are `held`."""
+    """Equilibrium of the other joints while the joints in `held` move at their rates (n,)."""
     start = unbent(chain, chain.rest.copy() if q is None else vector("q", q, chain.n))
     rest = solve_static(chain, start, turning, tip_wrench=tip_wrench, frame=frame, locked=held)
     if turning.any():
@@ -188,7 +189,7 @@ def steady_joint(chain: Chain, name: str) -> int:
     k = chain.joint_index("rates", name, perhaps_locked=True)
     if k < 0:
         raise ArgumentError(
-            f"rates: {name!r} is locked in the scene; set its joint.locked to false, and it is held at its rate",
+            f"rates: {name!r} is locked in the scene; set its joint.locked to false, so that it moves at its rate",
             id="locked-and-moving",
         )
     if k not in chain.active and not chain.coordinates[k].of_base:

@@ -5,8 +5,8 @@
     A = | 0          1          |        B = | 0          |
         | ∂q̈/∂q      ∂q̈/∂q̇      |            | ∂q̈/∂u      |
 
-u are the drive torques; for prescribed joints, the acceleration. Low-passes of sensors append states z to x. Only the
-rate of an internal coordinate, such as that of lagging friction, is a state; its angle has no effect.
+u are the drive torques or, for prescribed joints, the accelerations. Low-pass filters of sensors append states z to x.
+An internal coordinate, such as that of lagging friction, contributes only its rate to x, since its angle has no effect.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.vibration.outputs import OUTPUTS, Output, OutputSource, joints_as
 
 LOW_PASS = "low-pass "
-"""Prefix in the names of low-pass states."""
+"""Prefix in the names of low-pass filter states."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -42,8 +42,8 @@ class LinearModel(SavedResult):
     Attributes
     ----------
     A, B, C, D
-        Shapes (2n + f, 2n + f), (2n + f, m), (p, 2n + f), (p, m), in SI units and radians. f is the number of low-pass
-        states of sensors, 0 without sensors.
+        Shapes (2n + f, 2n + f), (2n + f, m), (p, 2n + f), (p, m), in SI units and radians. f is the number of states
+        of the sensors' low-pass filters, 0 without sensors.
     x, u, y
         State (q, q̇, z), inputs and outputs about which the model is linearized, shapes (2n + f,), (m,), (p,).
     rate
@@ -51,10 +51,10 @@ class LinearModel(SavedResult):
     states, inputs, outputs
         Names with units: "q upper [rad]", "tau upper [N m]", "tip x [m]".
     delays
-        Delay of each output behind C δx + D δu [s], shape (p,); zero except for sensors with a delay.
+        Delay of each output relative to C δx + D δu [s], shape (p,); zero except for sensors with a delay.
     eigenvalues
-        Eigenvalues of A [1/s], shape (2n + f,), slowest first. The accuracy of the slow ones is not limited by the
-        stiffest joint.
+        Eigenvalues of A [1/s], shape (2n + f,), slowest first. A very stiff joint does not reduce the accuracy of slow
+        eigenvalues.
     """
 
     A: Array
@@ -72,7 +72,7 @@ class LinearModel(SavedResult):
 
     @property
     def eigenvalues(self) -> Complex:
-        """λ of A [1/s], shape (2n + f,), slowest first; the arm's from the `graded` matrix, low-passes separately."""
+        """λ of A [1/s], (2n + f,), slowest first: of the arm from the `graded` matrix, of the filters separately."""
         n2 = len([name for name in self.states if not name.startswith(LOW_PASS)])
         own = self.A[:n2, :n2]
         angles = sum(name.startswith("q ") for name in self.states)  # internal coordinates have only a rate
@@ -90,9 +90,9 @@ class LinearModel(SavedResult):
 def graded(A: Array) -> Array:
     """Return a similar matrix whose rows decrease in size, for which eigenvalue solvers find slow λ accurately.
 
-    The λ of stiff arms range from 1/100 to 1e5 1/s, and rounding may change each by 2n eps ‖A‖. With decreasing rows
-    the slow ones change only by 2n eps times the last rows. Angles are scaled by ω, so A = | 0 ω | −ω 0 |. Joints are
-    sorted by ω² = |∂q̈_k/∂q_k|, with each angle next to its rate.
+    The λ of stiff arms range from 0.01 to 1e5 1/s, and rounding may change each by 2n eps ‖A‖. If the rows decrease in
+    size, the slow λ change only by 2n eps times the last rows. Joints are sorted by ω² = |∂q̈_k/∂q_k|, with each angle
+    next to its rate. Angles are multiplied by ω, so each diagonal block of A is | 0 ω | −ω 0 |.
     """
     n = len(A) // 2
     ω = np.sqrt(np.abs(np.diag(A[n:, :n])))
@@ -114,8 +114,8 @@ def linearize(
 ) -> LinearModel:
     """Linear model about any state, exact up to rounding, with springs, friction, gravity, rates and loads.
 
-    M δq̈ = δT_EX − ∂(M q̈ + T_GC + T_FL + T_FR)/∂q δq − ∂(T_GC + T_FR)/∂q̇ δq̇ (`forward_dynamics_derivatives`). Its
-    eigenvalues about an equilibrium, `linearize(chain, rest.q, tau=rest.tau)` with `rest = solve_static(…)`, are those
+    M δq̈ = δT_EX − ∂(M q̈ + T_GC + T_FL + T_FR)/∂q δq − ∂(T_GC + T_FR)/∂q̇ δq̇ (`forward_dynamics_derivatives`). At an
+    equilibrium, `linearize(chain, rest.q, tau=rest.tau)` with `rest = solve_static(…)`, the model has the eigenvalues
     of `modes`.
 
     Parameters
@@ -130,7 +130,7 @@ def linearize(
     outputs
         Any of "tip" and "tip_rate", position [m] and velocity [m/s] of the tip in frame 0; "joints" and "joint_rates",
         angles [rad] and rates [rad/s] of the driven joints; "state", (q, q̇); and `SensorOutputs(scene)`, readings of
-        sensors. Outputs are stacked in this order. Low-passes of sensors append states; their delays are in `delays`.
+        sensors. Outputs are stacked in the given order. Low-pass filters of sensors append states; see also `delays`.
 
     Returns
     -------
@@ -164,7 +164,7 @@ def linearize(
     driven = chain.active
     given_motion = chain.hinges["prescribed"][driven] != 0
     size = 2 * n + sum(len(output.names) * len(output.low_pass[1]) for output in found if output.low_pass)
-    A, B = np.zeros((size, size)), np.zeros((size, len(driven)))  # no other blocks of zeros: half a gigabyte each
+    A, B = np.zeros((size, size)), np.zeros((size, len(driven)))  # further blocks would each take half a gigabyte
     np.fill_diagonal(A[:n, n : 2 * n], 1.0)
     A[n : 2 * n, :n], A[n : 2 * n, n : 2 * n], B[n : 2 * n] = slopes.dq, slopes.dqd, slopes.dtau[:, driven]
     C, D, z, states = _put_outputs(found, A, B, driven, n)
@@ -200,7 +200,7 @@ def _without(model: LinearModel, angles: NDArray[np.intp]) -> LinearModel:
 def _put_outputs(
     found: Sequence[Output], A: Array, B: Array, driven: NDArray[np.intp], n: int
 ) -> tuple[Array, Array, Array, tuple[str, ...]]:
-    """C, D, and the low-pass states z with their names; writes the equations of z into A and B."""
+    """Return C, D, and the filter states z with their names; write the equations of z into A and B."""
     rows = sum(len(output.names) for output in found)
     C, D, z, states = np.zeros((rows, len(A))), np.zeros((rows, B.shape[1])), np.zeros(len(A) - 2 * n), list[str]()
     row, at = 0, 2 * n

@@ -3,9 +3,9 @@
     φ = Wᵀ a        W M Wᵀ = 1        W ← W, (K + σ C + σ² M)⁻¹ (λ² M + λ C + K) φ        σ = |λ|
 
 K, C and M projected on the rows of W form an eigenproblem of a few dozen unknowns (`eigenproblem`). The residuals of
-its slowest modes are divided by a positive definite matrix and added to W (Davidson 1975). The division is exact here,
-which makes this the shift-and-invert block Lanczos method. For a real symmetric problem Sylvester's law of inertia
-counts the modes, so none is missed.
+its slowest modes are multiplied by the inverse of a positive definite matrix and appended to W (Davidson 1975). With an
+exact inverse, as here, this is the shift-and-invert block Lanczos method. For a real symmetric problem the modes are
+counted by Sylvester's law of inertia, so none is missed.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from flexlink.dynamics.tangent import Stiffness
 from flexlink.dynamics.vibration import eigenproblem
 
 CLOSE = 1e-9
-"""Largest correction of a converged mode shape, relative to its largest entry. The error of ω² is of the order of its
-square, unless damping or rotation couples the modes."""
+"""Largest correction of a converged mode shape, relative to its largest entry. The error of ω² is of the order of this
+number squared, unless damping or rotation couples the modes."""
 
 EPS = np.finfo(float).eps
 
 GUARD = 4
 """Number of initial rows of W in addition to the modes wanted."""
 ROUNDS = 16
-"""Largest number of iterations. 5 to 7 suffice unless modes lie very close, as overdamped ones may."""
+"""Largest number of iterations. 5 to 7 suffice unless modes lie very close together, as overdamped modes may."""
 
 NEARLY = 1e-9
-"""Relative distance in ω² within which two modes count as one."""
+"""Relative difference of ω² up to which two modes are considered equal."""
 
 
 class Subspace:
-    """W, and K, C, M of a chain projected on it."""
+    """Subspace spanned by the rows of W, with K, C and M of a chain projected on it."""
 
     def __init__(self, motion: SmallMotion, loads: Array, square: Array, damped: bool) -> None:
         self.motion, self.loads, self.square, self.damped = motion, loads, square, damped
@@ -52,7 +52,7 @@ class Subspace:
         return len(new) > 0
 
     def _orthonormal(self, rows: Array) -> tuple[Array, Array]:
-        """New directions with W M Wᵀ = 1, and M times them. Two passes: cancellation in the first one leaves noise."""
+        """New rows of W with W M Wᵀ = 1, and M times them, in two passes, as the first leaves cancellation errors."""
         for least in (1e-10, 0.5):
             M = self.motion.times_mass(rows)
             size = np.sqrt(np.maximum(np.einsum("mn,mn->m", rows, M), 0.0))
@@ -69,7 +69,7 @@ class Subspace:
         return M, scipy.linalg.cholesky((M + M.T) / 2, lower=True)
 
     def stiffness(self) -> Stiffness:
-        """K of the subspace, with the magnitudes of its terms."""
+        """K projected on the subspace, with the magnitudes of its terms."""
         n, K, each = len(self.square), self.W @ self.KW.T, np.abs(self.W)
         S = np.sqrt(self.W**2 @ self.square)
         scales = self.motion.scales
@@ -78,11 +78,14 @@ class Subspace:
         return Stiffness(K, S, symmetric, self.motion.rounding)
 
     def modes(self) -> eigenproblem.Solution:
-        """Modes of the subspace."""
+        """Modes of the chain restricted to the subspace."""
         return eigenproblem.solve(*self._mass(), self.W @ self.CW.T, self.stiffness())
 
     def corrections(self, λ: NDArray[np.inexact], shapes: NDArray[np.inexact]) -> NDArray[np.inexact]:
-        """(K + σ C + σ² M)⁻¹ (λ² M + λ C + K) φ for columns of amplitudes, relative to the largest entry of φ."""
+        """(K + σ C + σ² M)⁻¹ (λ² M + λ C + K) φ for each mode, relative to the largest entry of φ.
+
+        `shapes` contains the amplitudes of the modes in the subspace, in columns.
+        """
         square = λ**2 if np.iscomplexobj(shapes) else (λ**2).real
         residual = square[:, None] * (shapes.T @ self.MW) + shapes.T @ self.KW
         if self.damped:
@@ -112,7 +115,7 @@ class Subspace:
     def _least_shift(self) -> float:
         """Return the first σ of 0, σ₁, 2 σ₁ … for which K + σ C + σ² M is regular.
 
-        σ₁² is the Rayleigh quotient of the deflection under the inertia forces of a common acceleration.
+        σ₁² is the Rayleigh quotient of the deflection under inertia forces if all joints have equal accelerations.
         """
         if self._shift(0.0, SMALLEST):
             return 0.0
@@ -123,7 +126,7 @@ class Subspace:
         return σ
 
     def is_complete(self, λ: NDArray[np.inexact]) -> bool:
-        """Whether no mode below the highest of these is missing; True if that cannot be checked."""
+        """Whether `λ` contains all modes below its highest mode; True if this cannot be checked."""
         if self.damped or not self.stiffness().conservative:
             return True
         μ = -(λ**2).real

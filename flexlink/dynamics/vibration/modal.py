@@ -43,21 +43,21 @@ class Modes(SavedResult):
     Attributes
     ----------
     eigenvalues
-        λ [1/s], shape (modes,): one of each conjugate pair, and every real one that is not paired by symmetry.
+        λ [1/s], shape (modes,): one of each conjugate pair, and each real λ; of real pairs ±λ without damping, λ > 0.
     shapes
-        Mode shapes φ, shape (modes, n): largest entry 1, zero for locked coordinates; complex if damping or rotation
-        makes the joints move out of phase.
+        Mode shapes φ, shape (modes, n), with largest entry 1 and zeros for locked coordinates; complex if damping or
+        rotation makes the joints move out of phase.
     paths
-        Displacements of the body origins and the tip for φ, frame 0, shape (modes, bodies, 3) [m].
+        Displacements of the body origins and the tip by φ, in frame 0, shape (modes, bodies, 3) [m].
     points
-        Body origins and tip in the configuration, frame 0, shape (bodies, 3) [m].
+        Positions of the body origins and the tip in the configuration, in frame 0, shape (bodies, 3) [m].
     rounding
         Rounding error of each λ [1/s], shape (modes,); 0 if the sign of its real part is certain.
     kinds
         "elastic" if springs store most of a mode's energy, "pendulum" if gravity and loads do, "rigid" if it has no
         stiffness.
     elastic_shares
-        Share of the springs in the energy, shape (modes,), as in `vibration.mode_kinds`.
+        Share of the springs in the energy of each mode, shape (modes,), as in `vibration.mode_kinds`.
     """
 
     eigenvalues: Complex
@@ -96,7 +96,7 @@ class Modes(SavedResult):
 
     @property
     def frequencies(self) -> Array:
-        """Natural angular frequencies |λ| [rad/s], shape (modes,); nan for aperiodic growth, λ real > 0."""
+        """Natural angular frequencies |λ| [rad/s], shape (modes,); nan for aperiodic growth (real λ > 0)."""
         λ = self.eigenvalues
         return np.where((λ.imag == 0) & (λ.real > 0), np.nan, np.abs(λ))
 
@@ -113,13 +113,13 @@ class Modes(SavedResult):
 
     @property
     def damping_ratios(self) -> Array:
-        """ζ = −Re λ / |λ|, shape (modes,): 0 undamped, 1 aperiodic decay, negative if growing; 0 for λ = 0."""
+        """ζ = −Re λ / |λ|, shape (modes,): 0 if undamped or λ = 0, 1 for aperiodic decay, negative for growth."""
         size = np.abs(self.eigenvalues)
         return 0.0 - self.eigenvalues.real / np.where(size > 0, size, 1.0)
 
     @property
     def stable(self) -> bool:
-        """Whether no mode grows: no Re λ > 0 beyond rounding. A neutral joint, λ = 0, counts as stable."""
+        """True if no mode grows: no Re λ exceeds its rounding error. A neutral joint, λ = 0, counts as stable."""
         return bool((self.eigenvalues.real <= self.rounding).all())
 
 
@@ -144,8 +144,8 @@ def modes(
     q
         Configuration [rad], shape (n,); default: springs slack, joints at zero.
     qd
-        Rates of steady rotation [rad/s], shape (n,), for centrifugal stiffness and gyroscopic coupling, such as Ω of a
-        joint that is also `locked`, which holds it at that rate.
+        Rates of steady rotation [rad/s], shape (n,), for centrifugal stiffness and gyroscopic coupling. List a joint
+        that turns at a constant rate Ω in `locked` as well, which keeps it at this rate.
     tip_wrench, frame
         Constant force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame;
         in the latter they turn with the tip.
@@ -153,8 +153,8 @@ def modes(
         Coordinates that do not move, such as servo-held joints: names or sequential indices of joints, names of links,
         or a boolean mask, shape (n,). Prescribed joints are always locked.
     count
-        Number of modes, slowest first; None: all. For more than 100 free coordinates a few modes are computed in O(n),
-        as accurately as all modes unless damping or rotation couples them; then λ has a relative error of 1e-9.
+        Number of modes, slowest first; None: all. With more than 100 free coordinates a few modes are computed in O(n),
+        as accurately as all modes unless damping or rotation couples them; then the relative error of λ is 1e-9.
 
     Returns
     -------
@@ -197,11 +197,11 @@ def modes(
 
 
 EQUAL = 1e-6
-"""Relative difference up to which entries of a mode shape count as equal: in symmetric arms they differ by rounding."""
+"""Relative difference up to which entries of a mode shape are equal; rounding makes them differ in symmetric arms."""
 
 
 def scaled(vectors: NDArray[np.inexact]) -> NDArray[np.inexact]:
-    """Divide columns by their largest entry, the first of equal ones, so the sign does not depend on rounding."""
+    """Divide columns by their largest entry, or the first of several equal ones, so rounding does not affect signs."""
     sizes = np.abs(vectors)
     first = (sizes >= (1 - EQUAL) * sizes.max(axis=0)).argmax(axis=0)
     return np.asarray(vectors / vectors[first, np.arange(vectors.shape[1])])

@@ -1,11 +1,11 @@
-"""Elastic, pendulum and rigid modes, classified by their energy.
+"""Classification of modes as elastic, pendulum or rigid by their energy.
 
     E = φ* (k + |λ| d) φ          stored in springs, and dissipated by their dampers
     P = |φ* (K − k) φ|            stored in gravity, tip wrench and rotation
     F = |λ| Σ d |φ|²              dissipated in joints without springs
 
-A mode is elastic if E > P + F. Otherwise it is a pendulum mode if loads hold it or make it unstable, and rigid if not:
-λ = 0, or friction brakes it. An overdamped mode of a beam is elastic, however fast it decays.
+A mode is elastic if E > P + F. Otherwise it is a pendulum mode if loads restore it or make it unstable. All other modes
+are rigid: they have λ = 0, or friction brakes them. An overdamped mode of a beam is elastic, however fast it decays.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from flexlink.common.types import Array, Complex
 
 
 class Loads(NamedTuple):
-    """Products of load stiffness and mode shapes, (K − k) φ, shape (modes, n), with data to detect rounding errors."""
+    """Load stiffness times mode shapes, (K − k) φ, shape (modes, n), with data to detect rounding errors."""
 
     products: NDArray[np.inexact]
     square: Array  # S² of `Stiffness`, shape (n,)
@@ -36,7 +36,7 @@ def mode_kinds(
     λ, shapes
         Eigenvalues [1/s], shape (modes,), and mode shapes of the free coordinates, shape (modes, n).
     loads
-        Load stiffness times the mode shapes.
+        Products of the load stiffness with the mode shapes.
     stiffness, damping
         Springs [N m/rad] and derivatives of friction at rest [N m s/rad] of the free coordinates, shape (n,).
     coupled

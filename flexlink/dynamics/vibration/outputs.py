@@ -1,4 +1,4 @@
-"""Outputs of a linear model: derivatives of positions, rates and sensor signals by the state and the torques."""
+"""Outputs of a linear model: derivatives of positions, rates and sensor signals with respect to state and torques."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from flexlink.common.types import Array
 from flexlink.dynamics.placement import jacobian, tip_position
 
 Filter = tuple[Array, Array, Array]
-"""A (f, f), B (f,), C (f,) of ż = A z + B u, y = C z, with unit gain for constants: −C A⁻¹ B = 1."""
+"""A (f, f), B (f,), C (f,) of a filter ż = A z + B u, y = C z with unit gain for constant signals, −C A⁻¹ B = 1."""
 
 
 class Output(NamedTuple):
-    """Outputs y = gain · s + bias of signals s, with their derivatives; a low-pass and a delay may follow."""
+    """Outputs y = gain · s + bias of signals s, with their derivatives; a low-pass filter and a delay may follow."""
 
     names: tuple[str, ...]
     signal: Array  # (p,) s
@@ -32,7 +32,7 @@ class Output(NamedTuple):
 
     @property
     def values(self) -> Array:
-        """(p,) y in the steady state of the signals."""
+        """Outputs y (p,) for constant signals."""
         return self.gain * self.signal + self.bias
 
 
@@ -54,7 +54,7 @@ def _tip(chain: Chain, q: Array, qd: Array) -> Output:
 
 
 def _tip_rate(chain: Chain, q: Array, qd: Array) -> Output:
-    """v = Σ_k q̇_k J_k: a rotation about hinge j turns the terms from j on, and moves the tip in all terms before.
+    """v = Σ_k q̇_k J_k; a rotation about hinge j turns the terms k ≥ j, and moves the tip in the terms k < j.
 
     ∂v/∂q_j = e_j × Σ_{k ≥ j} q̇_k J_k + Σ_{k < j} q̇_k e_k × J_j
     """

@@ -1,4 +1,4 @@
-"""Poles of an arm with motor control, to which input shapers are tuned."""
+"""Poles of an arm under PD control of its joints, to which input shapers are tuned."""
 
 from __future__ import annotations
 
@@ -17,19 +17,20 @@ from flexlink.dynamics.vibration.linear import linearize
 def pd_poles(
     chain: Chain, q: ArrayLike, *, kp: ArrayLike, kd: ArrayLike, tip_wrench: ArrayLike | None = None
 ) -> Complex:
-    """Vibrations about a configuration at rest, driven joints under T_EX = kp (target − q) − kd q̇ + holding torque.
+    """Poles of an arm at rest with its driven joints under T_EX = kp (target − q) − kd q̇ + holding torque.
 
-    Eigenvalues of A − B (kp, kd) of the linear model of `linearize`, in a state where all torques balance. A reference
-    filtered by an input shaper for the slowest poles, `InputShaper.at(pd_poles(…)[:2])`, excites almost no vibration.
+    They are eigenvalues of A − B (kp, kd) with A and B from `linearize`, in a state where all torques balance. A
+    reference filtered by an input shaper for the slowest poles, `InputShaper.at(pd_poles(…)[:2])`, excites almost no
+    vibration.
 
     Parameters
     ----------
     chain
         The chain. Joints with prescribed motion are held.
     q
-        Angles [rad], shape (n,), bent under gravity: from `solve_static`.
+        Angles [rad], shape (n,), of the arm bent under gravity, as returned by `solve_static`.
     kp, kd
-        Gains [N m/rad], [N m s/rad], ≥ 0, one for all driven joints or one each, shape (d,).
+        Gains [N m/rad] and [N m s/rad], ≥ 0: one number for all driven joints, or one per joint, shape (d,).
     tip_wrench
         Force and moment on the tip, frame 0, shape (6,) [N, N m].
 

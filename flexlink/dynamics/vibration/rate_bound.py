@@ -1,8 +1,8 @@
-"""A cheap bound of the eigenvalues of small motion about a state, to skip their computation if they are small.
+"""A cheap upper bound on eigenvalues of small motion; if the bound is small, the eigenvalues need not be computed.
 
     λ² φ + λ M⁻¹C φ + M⁻¹K φ = 0,    so    |λ|² ≤ c |λ| + k        c = ‖M⁻¹C‖, k = ‖M⁻¹K‖
 
-in any matrix norm consistent with a vector norm; here the Frobenius norm.
+in any matrix norm that is consistent with a vector norm; the Frobenius norm is used here.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from flexlink.dynamics.wrench import turns_with_tip
 
 
 def rate_bound(chain: Chain, q: Array, qd: Array, *, tip_wrench: Array, frame: Frame, gains: Gains) -> float:
-    """Return an upper bound of the |λ| of `eigenvalues` [1/s]; arguments as in `eigenvalues`.
+    """Return an upper bound on |λ| [1/s] of all eigenvalues; the arguments are as in `eigenvalues`.
 
-    The bound is inf if unknown: for more than 100 joints, prescribed joints, or a possibly singular mass matrix.
+    The bound is inf if it is unknown: with more than 100 joints, prescribed joints, or a possibly singular mass matrix.
     """
     n = chain.n
     if n > DENSE or np.count_nonzero(chain.hinges["prescribed"]):

@@ -3,7 +3,7 @@
     λ² M + λ (D + G) + K = 0        K = ∂(T_GC + T_FL)/∂q + k_p,  G = ∂T_GC/∂q̇,  D = ∂T_FR/∂q̇ at rest + k_d
 
 Springs, gravity, wrench, centrifugal forces and drive gains all add stiffness or damping, so all are included. Dry
-friction enters with its derivative at rest, c/w, which is the largest: sooner or later a joint comes to rest.
+friction enters with its largest derivative, c/w at rest, since sooner or later a joint comes to rest.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ from flexlink.kernels.bodies.mass import mass_upper
 from flexlink.kernels.tools.finite import is_finite
 
 DENSE = 100
-"""Number of joints up to which all eigenvalues are computed, in O(n³); above it, only those that bound the step, in
-O(n)."""
+"""Number of joints up to which all eigenvalues are computed, in O(n³); with more joints, only the eigenvalues that
+limit the step are computed, in O(n)."""
 
 NUDGE = 1e-4
 """Step of the central difference along a direction [rad], for sliding joints relative to the arm's length. Its error,
@@ -44,7 +44,7 @@ of order NUDGE², is far below the tolerance of the Lanczos method, 1e-4."""
 
 
 class Gains(NamedTuple):
-    """Gains of a drive, T_EX = … − k_p q − k_d q̇: each (n,), or (n, n) if joints affect each other [N m/rad, …]."""
+    """Gains of a drive, T_EX = … − k_p q − k_d q̇, each (n,), or (n, n) if not diagonal [N m/rad, N m s/rad]."""
 
     kp: Array
     kd: Array
@@ -55,13 +55,13 @@ class Gains(NamedTuple):
         return kp, kd
 
     def diagonals(self) -> tuple[Array, Array]:
-        """Both gains as vectors (n,), without those between joints."""
+        """Both gains as vectors (n,), the diagonals."""
         kp, kd = (slope if slope.ndim == 1 else np.diag(slope).copy() for slope in self)
         return kp, kd
 
 
 def _along(slope: Array, φ: Array) -> Array:
-    """Product of φ and the symmetric part of gains."""
+    """Product of φ and the symmetric part of a gain, which is given as a vector or a matrix."""
     return slope * φ if slope.ndim == 1 else np.asarray(slope @ φ + slope.T @ φ) / 2
 
 
@@ -74,7 +74,7 @@ def eigenvalues(
     frame: Frame = "world",
     gains: Gains | None = None,
 ) -> Complex:
-    """Eigenvalues λ [1/s] of small motion about a state, 2 per free joint; prescribed joints are excluded.
+    """Eigenvalues λ [1/s] of small motion about a state, two per free joint; prescribed joints are excluded.
 
     λ² M + λ (D + G) + K = 0 with K = ∂(T_GC + T_FL)/∂q + k_p and D = ∂T_FR/∂q̇ at rest + k_d.
 
@@ -109,10 +109,10 @@ def fastest_eigenvalues(
     frame: Frame = "world",
     gains: Gains | None = None,
 ) -> Complex:
-    """Eigenvalues that bound the step of an explicit method [1/s]; with more than 100 joints, estimates in O(n).
+    """Eigenvalues that limit the step of an explicit method [1/s]; for more than 100 joints, estimated in O(n).
 
-    The Lanczos method finds the largest ω² of K φ = ω² M φ and the largest δ of D φ = δ M φ, with M and M⁻¹ applied by
-    inverse and forward dynamics. `bounding_eigenvalues` combines them. Arguments and errors as in `eigenvalues`.
+    The Lanczos method finds the largest ω² of K φ = ω² M φ and the largest δ of D φ = δ M φ; inverse and forward
+    dynamics multiply by M and M⁻¹. `bounding_eigenvalues` combines ω and δ. Arguments and errors as in `eigenvalues`.
     """
     state, gains = _about(chain, q, qd, tip_wrench, frame, gains)
     if chain.n <= DENSE:
@@ -124,15 +124,15 @@ def fastest_eigenvalues(
 
 
 def eigenvalue_bounds(abouts: Sequence[tuple[Chain, Array, Array]], acting: Sequence[Mapping[str, Any]]) -> list[float]:
-    """Upper bounds of the |λ| of `eigenvalues` [1/s], at a fraction of their cost, for chains of equal size.
+    """Upper bounds on |λ| of the `eigenvalues` [1/s] of several chains of equal size, at a fraction of the cost.
 
     A mode φ satisfies φ*M φ λ² + φ*C φ λ + φ*K φ = 0. With M = L Lᵀ,
 
         |λ|² ≤ c |λ| + k        c = ‖L⁻¹ C L⁻ᵀ‖, k = ‖L⁻¹ K L⁻ᵀ‖
 
-    in the Frobenius norm, which exceeds the largest ω² of an undamped chain by at most a factor √n. `abouts` are states
-    q, q̇ with their chains, `acting` the other arguments of `eigenvalues`. The bound is inf if unknown: for more than
-    100 joints, or a singular mass matrix.
+    in the Frobenius norm, which exceeds the largest ω² of an undamped chain by at most a factor √n. `abouts` contains
+    chains and states q, q̇; `acting` the other arguments of `eigenvalues`. The bound is inf if unknown, that is, with
+    more than 100 joints or a singular mass matrix.
     """
     n, count = abouts[0][0].n if abouts else 0, len(abouts)
     if n > DENSE or not n:
@@ -217,7 +217,7 @@ def _damping_and_stiffness(chain: Chain, state: LoadedState, gains: Gains) -> tu
 
 
 def _stiffness_along(chain: Chain, state: LoadedState, kp: Array, φ: Array) -> Array:
-    """K φ [N m/rad]; load stiffness by a central difference along φ."""
+    """K φ [N m/rad], where the load stiffness is a central difference along φ."""
     size = np.abs(φ / scales(chain)).max()
     if size == 0:
         return np.zeros_like(φ)
@@ -267,8 +267,8 @@ def stable_step(
     """Largest step [s] at which `method` is stable on this chain about a state.
 
     It is the largest h with |R(h'λ)| ≤ 1 + 1e-6 for all `eigenvalues` λ of the chain and all h' ≤ h. An unstable
-    motion, Re λ > 0, is treated as an oscillation at the rate |λ|. The eigenvalues change with configuration and rates;
-    stay a few per cent below the limit. For A-stable methods, such as Radau IIA and Gauss, the result is inf.
+    motion, Re λ > 0, is treated as an oscillation with angular frequency |λ|. The eigenvalues change with configuration
+    and rates, so stay a few per cent below this step. For A-stable methods (Radau IIA, Gauss) the result is inf.
 
     Parameters
     ----------
@@ -309,10 +309,10 @@ def stable_step(
 
 
 def bounding_eigenvalues(ω: float, δ: float) -> Complex:
-    """λ [1/s] that bound the step of an explicit method: the fastest modes oscillate at ω [rad/s], or decay at δ [1/s].
+    """λ [1/s] that limit an explicit method's step, given the fastest oscillation ω [rad/s] and fastest decay δ [1/s].
 
-    They are the roots of λ² + δ λ + ω² = 0, as if the stiffest mode were also the most damped one (true for
-    Kelvin-Voigt damping), and ±iω and −δ alone.
+    They are the roots of λ² + δ λ + ω² = 0, which assume that the stiffest mode is also the most damped one (true for
+    Kelvin-Voigt damping), and ±iω and −δ, in case these are separate modes.
     """
     pair = np.roots([1.0, δ, ω * ω]).astype(complex)
     return np.concatenate([pair, [1j * ω, -1j * ω, -δ]])
@@ -321,8 +321,8 @@ def bounding_eigenvalues(ω: float, δ: float) -> Complex:
 def stable_step_of(λ: Complex, method: str) -> float:
     """Stable step [s] for eigenvalues λ [1/s]; inf if no joint has stiffness or damping.
 
-    The reach of the method is computed for few directions only: an eigenvalue is skipped if the stable half disc alone
-    allows it a step as long as the smallest one so far.
+    The stability limit along the direction of an eigenvalue is computed only if needed: an eigenvalue is skipped if the
+    stable half disc already allows it a step at least equal to the smallest so far.
     """
     moving, rule, least = λ[λ != 0], methods.method(method), np.inf
     rates = np.abs(moving)

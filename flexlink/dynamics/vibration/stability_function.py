@@ -1,4 +1,4 @@
-"""The stability function R of a Runge-Kutta method, with y_new = R(hλ) y for y' = λ y, and the reach of stable steps.
+"""Stability function R of a Runge-Kutta method, y_new = R(hλ) y for y' = λ y, and the extent of its stability region.
 
     R(z) = 1 + z b·(1 − zA)⁻¹·1 = P(z) / Q(z)        Q(z) = det(1 − zA)        (Hairer & Wanner, II, IV.3)
 
@@ -7,7 +7,7 @@ A step is stable if |R| ≤ 1 + g. Along a direction d this depends on the sign 
     E_d(x) = (1 + g)² |Q(xd)|² − |P(xd)|² ≥ 0
 
 which for d = i is a polynomial in x². If E_i has no zero and the poles of R lie in the right half-plane, |R| ≤ 1 + g
-on the entire left half-plane, by the maximum principle. A Sturm sequence in rational numbers proves that E_i has none.
+on the entire left half-plane, by the maximum principle. A Sturm sequence in rational numbers counts the zeros of E_i.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from flexlink.describe.schemes.methods import Method
 
 GROWTH = Fraction(1, 10**6)
 """Growth g of the amplitude per step that still counts as stable: a factor e in a million steps. With g = 0, RK2 would
-be unstable at every step, since its amplitude grows by (ω h)⁴/8."""
+be unstable for every h, since its amplitude grows by (ω h)⁴/8 per step."""
 
 SQUARE = float((1 + GROWTH) ** 2)
 EPS = float(np.finfo(np.float64).eps)
@@ -41,7 +41,7 @@ def stability_function(method: Method, z: NDArray[Any]) -> Complex:
 
 @functools.lru_cache(maxsize=64)
 def stability_polynomials(method: Method) -> tuple[Polynomial, Polynomial]:
-    """P and Q, exact. R = 1 + Σ b A^(k−1) 1 z^k, and P = R Q has degree s, so s + 1 terms of the series suffice."""
+    """Exact P and Q: as P = R Q has degree s, s + 1 terms of the series R = 1 + Σ b A^(k−1) 1 z^k determine it."""
     A, b, _ = method.exact
     series, power = [Fraction(1)], [Fraction(1)] * method.stages
     for _ in range(method.stages):
@@ -52,7 +52,7 @@ def stability_polynomials(method: Method) -> tuple[Polynomial, Polynomial]:
 
 
 def stable_reach(method: Method, directions: Complex) -> Array:
-    """Largest r such that |R(xd)| ≤ 1 + g for all 0 ≤ x ≤ r; inf if this is true of all x.
+    """Largest r such that |R(xd)| ≤ 1 + g for all 0 ≤ x ≤ r; inf if this is true for all x ≥ 0.
 
     Parameters
     ----------
@@ -76,16 +76,17 @@ def stable_reach(method: Method, directions: Complex) -> Array:
 
 @functools.lru_cache(maxsize=64)
 def _reach_of_polynomial(method: Method, direction: complex, stable: int) -> float:
-    """`stable_reach` of an explicit method, piece by piece: E_d has degree 2 s, so 2 s + 1 values determine it.
+    """Return `stable_reach` of an explicit method, by a search for zeros of E_d interval by interval.
 
-    Coefficients of E_d in powers of x suffer from cancellation, which grows with the number of stages; values of R
-    computed by the stages do not. The search ends: if |R| ≤ 1 on [0, x], R'(0) = 1 and the degree is s, then x ≤ 2 s²
-    in any direction (Markov's inequality). It starts at x = `stable`, below which the method is known to be stable.
+    E_d has degree 2 s, so 2 s + 1 values determine it. Its coefficients in powers of x suffer from cancellation, which
+    grows with the number of stages; values of R computed by the stages do not. The search starts at x = `stable`, below
+    which the method is known to be stable, and always ends: if |R| ≤ 1 on [0, x], R'(0) = 1 and the degree is s, then
+    x ≤ 2 s² in any direction (Markov's inequality).
     """
     nodes, to_series = _series_of(2 * method.stages)
     for start in range(stable, 2 * method.stages**2 + 1):
         E = SQUARE - np.abs(_by_stages(method, direction * (start + (1 + nodes) / 2))) ** 2
-        zeros = _zeros_of_series((np.array([E, E]) @ to_series.T)[0])  # for a single row BLAS rounds differently
+        zeros = _zeros_of_series((np.array([E, E]) @ to_series.T)[0])  # two rows, since BLAS rounds differently for one
         if zeros.size:
             return float(start + (1 + zeros.min()) / 2)
     return 2.0 * method.stages**2
@@ -93,7 +94,7 @@ def _reach_of_polynomial(method: Method, direction: complex, stable: int) -> flo
 
 @functools.lru_cache(maxsize=64)
 def stable_half_disc(method: Method) -> float:
-    """Radius r such that |R(z)| ≤ 1 + g for all |z| ≤ r, Re z ≤ 0: the largest one to eight digits, from below.
+    """Largest r such that |R(z)| ≤ 1 + g for all |z| ≤ r with Re z ≤ 0, to eight digits, rounded down.
 
     By the maximum principle it suffices to check the boundary. The imaginary axis is stable up to `stable_reach`; on
     the arc |R(r exp iφ)|² is a polynomial of degree s in cos φ, so s + 1 values determine it. Half discs are nested,
@@ -140,7 +141,7 @@ def _by_stages(method: Method, z: NDArray[Any]) -> Complex:
 
 
 def _zeros_of_series(series: Array) -> Array:
-    """Real zeros in [−1, 1] of Σ c_k T_k, |T_k| ≤ 1; none if the first coefficient exceeds the sum of the others."""
+    """Real zeros in [−1, 1] of Σ c_k T_k; none if |c_0| exceeds the sum of the other |c_k|, since |T_k| ≤ 1."""
     size = np.abs(series)
     if series[0] > size[1:].sum():
         return np.empty(0)
@@ -150,9 +151,9 @@ def _zeros_of_series(series: Array) -> Array:
 
 @functools.lru_cache(maxsize=64)
 def is_stable_everywhere(method: Method) -> bool:
-    """Whether |R| ≤ 1 + g on the entire left half-plane: A-stable.
+    """Whether |R| ≤ 1 + g on the entire left half-plane, so the method is A-stable.
 
-    The poles of R are 1 / λ for eigenvalues λ of A. They lie in the right half-plane; `Method` refuses others.
+    The poles of R are 1 / λ for eigenvalues λ of A. `Method` ensures that they lie in the right half-plane.
     """
     if method.explicit:  # R is a polynomial
         return False
@@ -168,7 +169,7 @@ def _along_i(p: Polynomial) -> Polynomial:
 
 
 def _positive_zeros(p: Polynomial) -> int:
-    """Number of zeros x > 0, by a Sturm sequence; requires p(0) ≠ 0."""
+    """Number of distinct zeros x > 0 of p, by a Sturm sequence; requires p(0) ≠ 0."""
     sequence = [p, derivative(p)]
     while len(sequence[-1]) > 0:
         sequence.append([-x for x in _remainder(sequence[-2], sequence[-1])])
@@ -214,6 +215,6 @@ def _square(p: Array, d: complex) -> Array:
 
 
 def _first_zero(p: Array) -> float:
-    """Smallest x > 0 with p(x) = 0; inf if there is none. A double zero depends on rounding."""
+    """Smallest x > 0 with p(x) = 0; inf if there is none. Rounding decides whether a double zero is found."""
     zeros = np.roots(p[::-1])
     return float(zeros[(zeros.imag == 0) & (zeros.real > 0)].real.min(initial=np.inf))

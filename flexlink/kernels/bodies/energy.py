@@ -18,7 +18,7 @@ def energies(chain, q, qd):
 
 @recursion
 def energies_of(chain, q, qd, placed, forces):
-    """Return T, V_g and V_e, given the kinematics `placed` and the `forces_of` the chain."""
+    """Return T, V_g and V_e, given the kinematics `placed` and the force elements `forces` of the chain."""
     bodies, hinges = chain.bodies, chain.hinges
     rotations, points, axes = placed.rotations, placed.points, placed.axes
     kinetic, gravity, elastic = 0.0, 0.0, 0.0
@@ -49,5 +49,5 @@ def energies_of(chain, q, qd, placed, forces):
 
 @subroutine
 def slid(v, rate, axis):
-    """v + rate · axis: the velocity of the point after a prismatic hinge, from the velocity v before it."""
+    """Velocity v + rate · axis of the point after a prismatic hinge, from the velocity v of the point before it."""
     return add(v, scale(rate, vector(axis)))

@@ -1,6 +1,6 @@
 """Inverse dynamics: τ = M q̈ + T_GC.
 
-The type of the scratch selects the recursion, as in `forward`.
+The type of the scratch arrays `work` selects the recursion, as in forward dynamics.
 """
 
 from flexlink.kernels.bodies.planar_rne import planar_rne

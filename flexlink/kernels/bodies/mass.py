@@ -1,12 +1,12 @@
 """Mass matrix by four methods: the three of Walker & Orin (1982) that the paper names, and composite bodies.
 
-columns     each column is an inverse dynamics with one unit acceleration; terms that are then zero are omitted
-lower       the same, with the backward pass only as far as the moving joint: the column on and below the diagonal
-upper       bodies outboard of the joint move as one rigid body, in body frames: the column on and above the diagonal
-composite   the same composite bodies in inertial axes: a row needs only joint axes and points (Featherstone 2008, 6.2)
+columns     each column is the inverse dynamics of one unit joint acceleration, without the terms that vanish
+lower       the same, but the backward pass stops at the moving joint; gives the column on and below the diagonal
+upper       outboard bodies move as one rigid body, in body frames; gives the column on and above the diagonal
+composite   the same composite bodies in inertial axes; a row needs only joint axes and points (Featherstone 2008, 6.2)
 
-The first two methods are for the arms of the paper: serial chains of revolute hinges. All four write M (n, n) and
-return its trace. The source of the last serves one state, or eight states side by side (`lanes`).
+The first two methods work only for arms like the paper's: serial chains of revolute hinges. All four write M (n, n) and
+return its trace. The code of the last method works for one state or for eight states side by side (`lanes`).
 """
 
 from typing import Any, NamedTuple
@@ -62,7 +62,7 @@ from flexlink.kernels.tools.vec3 import (
 
 @inlined
 def trace(M):
-    """Σ M_kk; if it is finite, so is every entry of M, since |M_jk|² ≤ M_jj M_kk."""
+    """Trace Σ M_kk; if it is finite, every entry of M is finite, since |M_jk|² ≤ M_jj M_kk."""
     total = 0.0
     for k in range(len(M)):
         total += M[k, k]
@@ -84,7 +84,7 @@ def column(chain, start, j, last, M, turns, loads):
     """Write column j of M, rows n − 1 … `last`, by Newton-Euler with q̈_j = 1; hinge j belongs to body `start`.
 
     Gravity, rates, gyroscopic terms, springs and the tip wrench are zero and omitted. Bodies inboard of hinge j are at
-    rest. `turns` are the `turns_of` q; `loads` is scratch for the force and moment of every body.
+    rest. `turns` is the result of `turns_of(q)`; `loads` is scratch for the force and moment of every body.
     """
     bodies, hinges = chain.bodies, chain.hinges
     α, a = unit(hinges[j].axis), ZERO
@@ -142,7 +142,7 @@ def slid(axis, q, m, h, J):
 
 @kernel
 def mass_columns(chain, q, M):
-    """Write M by n full columns (Walker-Orin method 1)."""
+    """Write M as n full columns (Walker-Orin method 1)."""
     turns, loads = turns_of(q), np.empty((len(chain.bodies), 2, 3))
     for start in range(len(chain.bodies)):
         for j in range(chain.bodies[start].first, chain.bodies[start].stop):
@@ -152,7 +152,7 @@ def mass_columns(chain, q, M):
 
 @kernel
 def mass_lower(chain, q, M):
-    """Write M by columns from the diagonal down (Walker-Orin method 2)."""
+    """Write each column of M from the diagonal down (Walker-Orin method 2)."""
     turns, loads = turns_of(q), np.empty((len(chain.bodies), 2, 3))
     for start in range(len(chain.bodies)):
         for j in range(chain.bodies[start].first, chain.bodies[start].stop):
@@ -164,10 +164,10 @@ def mass_lower(chain, q, M):
 
 @kernel
 def mass_upper(chain, q, M):
-    """Write M by composite bodies in body frames (Walker-Orin method 3): each column from the diagonal up."""
+    """Write each column of M from the diagonal up, by composite bodies in body frames (Walker-Orin method 3)."""
     bodies, hinges, turns = chain.bodies, chain.hinges, turns_of(q)
-    m, h, J = 0.0, ZERO, ZERO6  # mass, first moment and inertia of this body and all outboard, about the hinge point
-    beyond = np.zeros((0 if chain.rare is None else len(bodies), 10))  # m, h, J of the branches on each body
+    m, h, J = 0.0, ZERO, ZERO6  # mass, first moment and inertia of this and all outboard bodies, about the hinge point
+    beyond = np.zeros((0 if chain.rare is None else len(bodies), 10))  # m, h, J of branches that begin on each body
     M[:] = 0.0
     for start in range(len(bodies) - 1, -1, -1):
         b = bodies[start]
@@ -241,7 +241,7 @@ def composite_workspace(chain):
 
 @kernel
 def masses_of_branches(chain):
-    """Scratch for the mass on every fork; None for a plain chain."""
+    """Scratch for the mass of the branches at every fork; None for a plain chain."""
     if chain.rare is None:
         return None
     return np.empty(rows_of_forks(chain.bodies))
@@ -267,10 +267,10 @@ def mass_composite(chain, q, M):
 def composite(chain, q, M, work):
     """Write M by composite bodies in inertial axes; q are angles (n,), or the `Turns` of eight states for M (n, n, 8).
 
-    Let all bodies outboard of hinge k at p_k have mass m, centre C and inertia J about C. A unit acceleration of the
-    hinge takes f = m axis_k × (C − p_k) and n = J axis_k + (C − p_k) × f, or, if hinge k slides, f = m axis_k and
-    n = (C − p_k) × f. For each hinge j ≤ k on the path to the base, M_jk = axis_j · (n + (p_k − p_j) × f), or
-    M_jk = axis_j · f if hinge j slides.
+    Let all bodies outboard of hinge k, at p_k, have mass m, centre C and inertia J about C. A unit acceleration of the
+    hinge requires f = m axis_k × (C − p_k) and n = J axis_k + (C − p_k) × f, or, if hinge k is prismatic, f = m axis_k
+    and n = (C − p_k) × f. For each hinge j ≤ k on the path to the base, M_jk = axis_j · (n + (p_k − p_j) × f), or
+    M_jk = axis_j · f if hinge j is prismatic.
     """
     bodies, hinges = chain.bodies, chain.hinges
     kinematics(chain, q, work.placed)
@@ -340,7 +340,7 @@ def begin_branches(M, work, o):
 
 @inlined
 def together(m, C, J, m_other, C_other, J_other):
-    """Mass, centre of mass, and inertia about this centre, of two bodies taken as one."""
+    """Mass, centre of mass, and inertia about this centre, of two bodies combined into one."""
     if m + m_other == 0.0:
         return 0.0, C, sym_add(J, J_other)
     d = sub(C_other, C)
@@ -350,7 +350,7 @@ def together(m, C, J, m_other, C_other, J_other):
 
 @kernel
 def mass_of_many(chain, q):
-    """M (b, n, n) of many states q (b, n), by composite bodies, eight states side by side."""
+    """Mass matrices M (b, n, n) of many states q (b, n), by composite bodies, eight states side by side."""
     b, n, m = len(q), len(chain.hinges), len(chain.bodies)
     found, M, trig = np.empty((b, n, n)), empty_lanes((n, n)), empty_lanes((3, n))
     placed = KinematicsWork(empty_lanes((m, 3, 3)), empty_lanes((m, 3)), empty_lanes((n, 3)))

@@ -9,7 +9,7 @@ and h are r and m c turned by 90°. The centre of mass accelerates by a + (α h 
                 a ← a + α d − ω² r
     backward    n ← n + N + d·f        f ← f + F        τ = σ n + A q̈
 
-It costs a quarter of `rne`: no vector is rotated from frame to frame or multiplied by zeros of the third axis.
+This takes a quarter of `rne`'s time, since no vector is rotated between frames or multiplied by zeros of a third axis.
 """
 
 from flexlink.kernels.bodies.plane import BASE, LINK, cos_sin_less_turns, in_plane
@@ -62,7 +62,7 @@ def forward(base, links, cosines, sines, qd, qdd, tau):
 
 @inlined
 def backward(base, links, wrench, qdd, tau):
-    """Write τ: sum N and F of all bodies outboard of each hinge, less the tip wrench, about the hinge point."""
+    """Write τ of each hinge from N and F summed over all outboard bodies, less the tip wrench, about its point."""
     fx, fy = in_plane(base, scale(-1.0, vec(wrench, 0)))
     n = -dot(vec(base, BASE.normal), vec(wrench, 3))
     for k in range(len(qdd) - 1, -1, -1):

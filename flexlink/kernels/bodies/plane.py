@@ -1,6 +1,7 @@
 """Constants of one planar chain, or of eight side by side: the links at q = 0, projected once onto the plane of motion.
 
-The planar recursions read them: forward dynamics (`planar`), inverse dynamics (`planar_rne`), M + A and derivatives.
+All planar recursions read these constants: forward dynamics (`planar`), inverse dynamics (`planar_rne`), solutions of
+(M + A) x = r, and derivatives.
 """
 
 import math
@@ -37,11 +38,11 @@ from flexlink.kernels.tools.vec3 import (
 LINK = numbered(
     "sign armature mass inertia",  # sign σ of the hinge axis, armature A, mass, inertia I about the hinge point
     "rx ry sx sy",  # r to the next hinge (last link: to the tip) and s = m c, at q = 0
-    "rate2 torque dx dy",  # of the state: ω², τ, d (r turned by 90°)
+    "rate2 torque dx dy",  # in the current state: ω², τ, d (r turned by 90°)
     "ux uy α β γ",  # H / D, T / D, A / D, 1 − A / D
     start=JOINT.size,
 )
-"""Columns of a link, after those of its joint."""
+"""Columns of a link, which follow the columns `JOINT` of its hinge."""
 BASE = numbered("u:3 v:3 normal:3 gravity:3")
 """Entries of the base: in-plane axes u and v, normal (right-handed) and gravity, in frame 0."""
 
@@ -116,7 +117,7 @@ def planar_lanes_workspace(bodies, hinges, gravity, rare):
 
 @kernel
 def span_plane(normal, base):
-    """Write u, v and normal to `base`; for a normal along a coordinate axis, u and v lie along the other two."""
+    """Write u, v and normal to `base`; for a normal along a coordinate axis, u and v are along the other two axes."""
     least = 0
     for k in range(1, 3):
         if abs(normal[k]) < abs(normal[least]):
@@ -136,7 +137,7 @@ def in_plane(base, a):
 
 @recursion
 def cos_sin_less_turns(q, links, flat, angles):
-    """Recompute cosines and sines for large angles: whole turns are removed from each joint angle before the sum.
+    """Recompute cosines and sines for large angles: remove whole turns from each joint angle before summing.
 
     `angles` is a view of `flat[0]`.
     """

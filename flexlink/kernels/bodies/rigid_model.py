@@ -13,7 +13,7 @@ class RigidModel(NamedTuple):
     chain: Any
     rne: Any
     wrench: Any  # (6,) zeros
-    q: Any  # (d,), as are the three below
+    q: Any  # (d,), like the next three
     qd: Any
     qdd: Any
     tau: Any

@@ -5,10 +5,10 @@
     backward    f ← f + F        n ← n + N        τ = e·n + armature q̈        n ← R n + r × R f
 
 R and r are the rotation and translation from the previous frame to this one, e is the hinge axis, a the acceleration of
-the frame origin, c the centre of mass and I the inertia about c. A prismatic joint adds to a in the forward pass
-α × e q + ω × (ω × e q) + 2 ω × e q̇ + e q̈; in the backward pass it gives τ = e·f + armature q̈ and n ← n + e q × f.
-Gravity enters as an acceleration −g of the base. The forward pass rotates the tip wrench into the tip frame. One source
-serves one state and eight side by side (`lanes`).
+the frame origin, c the centre of mass and I the inertia about c. In the forward pass, a prismatic joint adds to a
+α × e q + ω × (ω × e q) + 2 ω × e q̇ + e q̈; in the backward pass, it gives τ = e·f + armature q̈ and n ← n + e q × f.
+Gravity enters as an acceleration −g of the base. The forward pass rotates the tip wrench into the tip frame. The
+same code works for one state and for eight states side by side (`lanes`).
 """
 
 from typing import Any, NamedTuple
@@ -52,7 +52,7 @@ from flexlink.kernels.tools.vec3 import (
 class RneWork(NamedTuple):
     """Scratch of `rne`."""
 
-    turns: Any  # (n, 2) cosine and sine of every revolute hinge; displacement of a sliding one
+    turns: Any  # (n, 2) cosine and sine of every revolute hinge; displacement of a prismatic one
     loads: Any  # (bodies, 6) force and moment of every body
     forks: Any  # (rows, 15) ω, α, a and the tip wrench where branches begin; None for a plain chain
 
@@ -170,7 +170,7 @@ def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
 
 @inlined
 def slide(axis, q, qd, qdd, ω, α, a):
-    """Acceleration of the point after a prismatic hinge, from that of the point before it, a."""
+    """Acceleration of the point after a prismatic hinge, from the acceleration a of the point before it."""
     o = 0.0 * q
     ωe = cross_unit(ω, axis, o)
     return add_along(axis, qdd, add(a, add(scale(q, add(cross_unit(α, axis, o), cross(ω, ωe))), scale(2.0 * qd, ωe))))

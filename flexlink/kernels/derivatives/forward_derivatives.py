@@ -1,8 +1,8 @@
 """Derivatives of forward dynamics with respect to all angles, rates and torques, O(n²).
 
 The articulated-body algorithm runs once, for q̈ and the factors of M. For each column of ∂q̈/∂q and ∂q̈/∂q̇, the change
-of the load on each body is then solved with these factors as a force on the body, eight columns side by side. (Joint
-torques, M⁻¹ ∂T/∂q, sum the loads of all bodies outboard of a joint and separate them again, which costs digits.)
+of each body's load is then applied to it as a force, and the factors give the change of q̈, eight columns at once.
+(The product M⁻¹ ∂T/∂q would sum the loads of all bodies outboard of a joint and separate them again, losing digits.)
 
 The force f and the moment n that a body outboard of hinge j requires, about the hinge point p of the body, change as
 follows, with ρ = p − p_j, the velocity v of p, and the symbols of `inverse_derivatives`:
@@ -11,8 +11,8 @@ follows, with ρ = p − p_j, the velocity v of p, and the symbols of `inverse_d
     f = m δa + η_j × m c + 2 δω_j × (ω × m c)          n = m c × δa + I η_j − 2 G δω_j
 
 A change of an angle also rotates the force and moment that the hinge transmits: the body inboard of the hinge bears
-e_j × f_j and e_j × n_j. A given acceleration, of a joint with prescribed motion, has η_j = e_j alone. A prismatic hinge
-has δa alone. Its displacement changes the lever arm of its load: the body inboard of it bears the moment e_j × f_j.
+e_j × f_j and e_j × n_j. A change of a prescribed acceleration gives η_j = e_j alone. A prismatic hinge changes only δa,
+and its displacement changes the lever arm of its load, so the body inboard of it bears a moment e_j × f_j.
 """
 
 import math
@@ -50,7 +50,7 @@ from flexlink.kernels.tools.rare import rarely
 from flexlink.kernels.tools.sym3 import sym_apply, sym_of
 from flexlink.kernels.tools.vec3 import ZERO, X, Y, Z, add, cross, dot, rotate, scale, sub
 
-VARIABLE = numbered("q qd tau")  # with respect to which derivatives are taken
+VARIABLE = numbered("q qd tau")  # the derivatives are with respect to these
 
 
 class ForwardDerivativesWork(NamedTuple):
@@ -58,7 +58,7 @@ class ForwardDerivativesWork(NamedTuple):
 
     factors: ArticulatedWork
     solution: Any  # (2, n) T_EX and q̈
-    slopes: Slopes | None  # of force elements; None for a plain chain
+    slopes: Slopes | None  # derivatives of force elements; None for a plain chain
     motion: Any  # results of `outward`
     axes: Any  # (bodies, 9) working axes in frame 0
     accelerations: Any  # (bodies, 6) α of the body and a − g of its hinge point, frame 0
@@ -82,7 +82,7 @@ def forward_derivatives_workspace(bodies, hinges, gravity, rare):
 
 @kernel
 def forward_derivatives(bodies, hinges, gravity, rare, wrench, q, qd, tau, found):
-    """Write ∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX to `found` (3, n, n); return whether all is finite.
+    """Write ∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX to `found` (3, n, n); return whether all values are finite.
 
     The column of a prescribed joint in ∂q̈/∂T_EX is the derivative with respect to its given acceleration.
     """
@@ -93,7 +93,7 @@ def forward_derivatives(bodies, hinges, gravity, rare, wrench, q, qd, tau, found
 
 @subroutine
 def derivatives_in_space(chain, wrench, q, qd, tau, found, work):
-    """Write the three derivatives to `found`, (n, n) each; return whether all is finite. `work` is reusable scratch."""
+    """Write the three derivatives to `found`, (n, n) each; return whether all are finite. `work` is scratch."""
     n, hinges, factors, torque, qdd = len(q), chain.hinges, work.factors, work.solution[0], work.solution[1]
     begin(tau, torque, qdd)
     forward_dynamics(wrench, q, qd, torque, qdd, factors)
@@ -113,7 +113,7 @@ def derivatives_in_space(chain, wrench, q, qd, tau, found, work):
 
 @recursion
 def begin(tau, torque, qdd):
-    """Copy the drive torques to scratch, where forward dynamics adds those of prescribed joints; set every q̈ to 0."""
+    """Copy the drive torques to `torque`, where forward dynamics adds torques of prescribed joints; set q̈ to 0."""
     for k in range(len(tau)):
         torque[k], qdd[k] = tau[k], 0.0
 
@@ -159,7 +159,7 @@ def add_to_body(transmitted, number, n, f):
 
 @recursion
 def keep_solution(factors, axes, accelerations):
-    """Write the working axes of `articulated` at every body, and the accelerations that it has found, in frame 0."""
+    """Write, in frame 0, the working axes at every body and the accelerations, both as found by `articulated`."""
     x, y, z = X, Y, Z
     for i in range(len(axes)):
         if factors.forks is not None and factors.layout[i, LAYOUT.begins]:
@@ -176,13 +176,13 @@ def keep_solution(factors, axes, accelerations):
 
 @recursion
 def axes_on(axes, number):
-    """Working axes of body `number`, counted from 1; 0 is the base."""
+    """Working axes of body `number`, where the first body has number 1 and the base 0."""
     if number > 0:
         return vec_of(axes, number - 1, 0), vec_of(axes, number - 1, 3), vec_of(axes, number - 1, 6)
     return X, Y, Z
 
 
-# Inlined: a call would pass the 500 numbers that describe the arrays of `work`, a third of the run time.
+# Inlined, since a call would pass the 500 numbers that describe the arrays of `work`, which takes a third of the time.
 @inlined
 def write_loads(chain, qd, variable, first, work):
     """Write the loads on joints and bodies for the eight columns from `first` on."""
@@ -202,7 +202,7 @@ def write_loads(chain, qd, variable, first, work):
 
 @recursion
 def joint_loads(hinges, qd, variable, first, r):
-    """Write to r the joint torques due to unit angles, rates or drive torques of the columns from `first` on."""
+    """Write to r the joint torques due to unit changes of angles, rates or drive torques, columns from `first` on."""
     for k in range(len(r)):
         for lane in range(LANES):
             r[k, lane] = 0.0
@@ -225,7 +225,7 @@ def force_loads(slopes, first, r):
 
 @recursion
 def keep_prescribed(hinges, by_input):
-    """Write 1 on the diagonal for prescribed joints: the derivative of q̈ with respect to itself."""
+    """Write 1 on the diagonal for prescribed joints: the derivative of a given acceleration with respect to itself."""
     for k in range(len(hinges)):
         if hinges[k].prescribed:
             by_input[k, k] = 1.0
@@ -233,7 +233,7 @@ def keep_prescribed(hinges, by_input):
 
 @inlined
 def turn_transmitted(chain, i, j, lane, r, loads, work):
-    """Add the loads on earlier hinges of body `i` and its parent: hinge `j` rotates or shifts its force and moment."""
+    """Add the loads on the parent and earlier hinges of body `i` when hinge `j` rotates or shifts its own load."""
     hinges = work.motion.hinges
     e, parent = of_hinge(hinges, j, HINGE_MOTION.e), chain.bodies[i].parent - 1
     n, f = cross(e, vec_of(work.transmitted, i, 0)), cross(e, vec_of(work.transmitted, i, 3))
@@ -252,7 +252,7 @@ def turn_transmitted(chain, i, j, lane, r, loads, work):
 
 @inlined
 def in_axes(axes, i, a):
-    """Components along the working axes of body `i`."""
+    """Components of the vector a along the working axes of body `i`."""
     return dot(vec_of(axes, i, 0), a), dot(vec_of(axes, i, 3), a), dot(vec_of(axes, i, 6), a)
 
 
@@ -296,7 +296,7 @@ def slide_loads(chain, variable, first, motion, axes, loads):
 
 @subroutine
 def part_branches(bodies, first, loads):
-    """Set the loads on a body to 0 for hinges from `first` on that are not on its path from the base."""
+    """Set to 0 the loads due to hinges from `first` on at the bodies that these hinges do not move."""
     for i in range(len(bodies)):
         number, stop = i + 1, first + LANES
         while stop > first:
@@ -310,7 +310,7 @@ def part_branches(bodies, first, loads):
 
 @inlined
 def load_of_body(bodies, hinges, i, m, variable, block):
-    """Moment and force that body `i` requires, for a block of eight changes."""
+    """Moment and force that body `i` requires for unit changes of the eight hinges of a block."""
     mc, ω, I = vec_of(bodies, i, BODY_MOTION.mc), vec_of(bodies, i, BODY_MOTION.ω), sym_of(bodies, i, BODY_MOTION.I)
     ρ = sub(vec_of(bodies, i, BODY_MOTION.p), vec_of(hinges, block, HINGE_MOTION.p))
     u = sub(vec_of(bodies, i, BODY_MOTION.v), vec_of(hinges, block, HINGE_MOTION.v))
@@ -339,7 +339,7 @@ def any_prescribed(hinges):
 
 @recursion
 def friction_derivative(hinge, rate):
-    """∂T_FR/∂q̇ = d + (c / w) sech²(q̇ / w) of one hinge: damping d, Coulomb torque c of width w."""
+    """∂T_FR/∂q̇ = d + (c / w) sech²(q̇ / w) of one hinge with damping d and Coulomb torque c of width w."""
     slope = hinge.damping
     if hinge.coulomb > 0.0:
         decay = math.exp(-abs(rate) / hinge.coulomb_width)

@@ -16,8 +16,8 @@ A prismatic hinge translates the outboard bodies and the wrench without a rotati
 
     along q_j       δa = α × e_j + ω × (ω × e_j)        along q̇_j       δa = 2 ω × e_j        along q̈_j       δa = e_j
 
-The change of the load on all bodies outboard of hinge i, about p_i, follows from their composite. With u = v_x − v_i,
-ρ = x − p_i and δa at p_i,
+The change of the load on all bodies outboard of hinge i, about p_i, follows from sums over these bodies, their
+composite. With u = v_x − v_i, ρ = x − p_i and δa at p_i,
 
     m       s = Σ m ρ       I = Σ m (ρ·ρ 1 − ρ ρᵀ)       P = Σ m u       G = Σ m u ρᵀ
     δf_i = m δa + η × s + 2 δω × P                δn_i = s × δa + I η + 2 (tr G δω − G δω)
@@ -31,7 +31,7 @@ The derivatives of the torques outboard of the joint that moves, j ≤ i, and in
 with f_i, n_i the force and moment that hinge i transmits. A change of a rate rotates nothing: f* and n* then lack their
 last terms. A follower wrench rotates with the arm: δF = δm = 0. The torque of a prismatic hinge is e·f in place of e·n,
 and its displacement changes the lever arm of its load: f* = δf_i, n* = δn_i + e_i × f_i. Eight joints j are computed
-side by side (`lanes`) as if all were revolute; the few that slide are then overwritten.
+side by side (`lanes`) as if all were revolute; the results of the few that slide are then overwritten.
 
 A joint moves only the bodies outboard of it, so derivatives between joints on different branches are 0.
 """
@@ -77,7 +77,7 @@ from flexlink.kernels.tools.vec3 import (
 )
 
 HINGE_MOTION = numbered("e:3 p:3 v:3 δa:3 η:3 δω:3 δF:3 δm:3 δv:3")
-"""Columns of a hinge: axis e, point p, its velocity v, the changes above; δv = ω × e and δa alone if it slides."""
+"""Columns of a hinge: axis e, point p, its velocity v, and the changes above; if prismatic, only δa and δv = ω × e."""
 BODY_MOTION = numbered("r:3 u:3 mc:3 ω:3 F:3 N:3 I:6 p:3 v:3")
 """Columns of a body: r from the parent body and u = dr/dt, m c, ω, the force F and moment N of its motion, its inertia
 I about the hinge point, and position p and velocity v of this point."""
@@ -95,7 +95,7 @@ class MotionWork(NamedTuple):
 
 
 class InverseDerivativesWork(NamedTuple):
-    """Scratch of `inverse_derivatives`: ∂τ_i/∂x_j, j ≤ i, at [j // 8, i, j % 8]."""
+    """Scratch of `inverse_derivatives`; ∂τ_i/∂x_j, j ≤ i, is at index [j // 8, i, j % 8]."""
 
     by_angle: Any  # (⌈n/8⌉, n, 8)
     by_rate: Any
@@ -141,9 +141,9 @@ def derivatives_workspace(chain):
 
 @kernel
 def all_inverse_derivatives(bodies, hinges, gravity, rare, wrench, q, qd, qdd, found):
-    """Write ∂τ/∂q, ∂τ/∂q̇ and ∂τ/∂q̈ = M to `found` (3, n, n); return whether all is finite.
+    """Write ∂τ/∂q, ∂τ/∂q̇ and ∂τ/∂q̈ = M to `found` (3, n, n); return whether all values are finite.
 
-    The chain's arrays are separate arguments: to identify the type of one tuple takes half a microsecond per call.
+    The chain's arrays are separate arguments because identifying the type of a tuple takes half a microsecond per call.
     """
     return load_slopes(ChainArrays(bodies, hinges, gravity, rare), wrench, False, q, qd, qdd, found)
 
@@ -158,7 +158,7 @@ def load_slopes(chain, wrench, follower, q, qd, qdd, found):
 
 @subroutine
 def inverse_derivatives(chain, wrench, q, qd, qdd, found, work):
-    """Write the three derivatives to the arrays `found`, (n, n) each; return whether all is finite.
+    """Write the three derivatives to the arrays `found`, (n, n) each; return whether all are finite.
 
     The scratch `work` can be reused for other states.
     """
@@ -167,7 +167,7 @@ def inverse_derivatives(chain, wrench, q, qd, qdd, found, work):
 
 @recursion
 def slopes_under(chain, wrench, follower, q, qd, qdd, found, work):
-    """Write the three derivatives under a wrench that may be a follower; return whether all is finite."""
+    """Write the three derivatives under a fixed or follower wrench; return whether all values are finite."""
     force, moment = outward(chain, wrench, follower, q, qd, qdd, None, work.motion)
     inward(chain, force, moment, work)
     keep_slopes(work.by_angle, work.by_angle_inner, found[0])
@@ -207,7 +207,7 @@ def part_branches(bodies, slopes):
 def keep_columns(x, first, found):
     """Copy the block x (n, 8) to the columns of `found` from `first` on; the last block must be copied first.
 
-    Eight numbers of a row are stored at once. Those past the last column are overwritten by the next row or block.
+    Eight numbers of a row are stored at once. Numbers past the last column are overwritten by the next row or block.
     """
     n, elements = len(x), found.reshape(-1)
     for k in range(n):
@@ -223,8 +223,8 @@ def keep_columns(x, first, found):
 def outward(chain, wrench, follower, q, qd, qdd, solved, work):
     """Write the motion of bodies and hinges to `work`; return force and moment of the wrench in frame 0.
 
-    `solved`: α and a of the bodies (bodies, 6) if forward dynamics has found them, or None. The q̈ of light segments
-    can nearly cancel in the α of a heavy outboard body, and their sum would lose digits.
+    `solved` contains α and a of the bodies (bodies, 6) if forward dynamics has found them, otherwise it is None. A sum
+    of q̈ would lose digits where the q̈ of light segments nearly cancel, as in the α of a heavy outboard body.
     """
     rows = work.bodies
     force, moment = vector(wrench), (wrench[3], wrench[4], wrench[5])
@@ -286,7 +286,7 @@ def outward(chain, wrench, follower, q, qd, qdd, solved, work):
 
 @inlined
 def body_slides(hinges, body):
-    """Whether the hinges of `body` are prismatic hinges."""
+    """Whether the hinges of `body` are prismatic."""
     return body.first < body.stop and hinges[body.first].axis >= SLIDES
 
 
@@ -350,7 +350,7 @@ def add_dyad(G, a, b):
 
 @inlined
 def own_spin(ω, I):
-    """Columns of G = Σ m (ω × ρ) ρᵀ = ω̃ (½ tr I 1 − I) of one body."""
+    """Columns of G = Σ m (ω × ρ) ρᵀ = ω̃ (½ tr(I) 1 − I) of one body."""
     half = 0.5 * (I[0] + I[1] + I[2])
     return (
         cross(ω, (half - I[0], -I[5], -I[4])), cross(ω, (-I[5], half - I[1], -I[3])),
@@ -401,7 +401,7 @@ def inward(chain, force, moment, work):
 
 @subroutine
 def unload(hinges, k):
-    """Set δF and δm of hinge `k` to 0: the wrench does not act outboard of it."""
+    """Set δF and δm of hinge `k` to 0, since the tip wrench does not act outboard of this hinge."""
     put_of_hinge(hinges, k, HINGE_MOTION.δF, ZERO)
     put_of_hinge(hinges, k, HINGE_MOTION.δm, ZERO)
 
@@ -443,7 +443,7 @@ def derivatives_of_slide(i, m, s, P, f, loaded, work):
 def put_row(i, by_a, by_η, by_ω, by_F, by_m, f_q, n_q, f_qd, n_qd, work):
     """Write the derivatives between joint i and all joints j ≤ i, eight at a time, as if all j were revolute.
 
-    `by_*` are the coefficients of δa, η, δω, δF, δm in the torque of joint i. The rest are f* and n* of joint i.
+    `by_*` are the coefficients of δa, η, δω, δF, δm in the torque of joint i. `f_*` and `n_*` are its f* and n*.
     """
     hinges = work.motion.hinges
     p, v = of_hinge(hinges, i, HINGE_MOTION.p), of_hinge(hinges, i, HINGE_MOTION.v)

@@ -1,4 +1,4 @@
-"""Derivatives of forward and inverse dynamics at many states of a chain, one after another with the same scratch."""
+"""Derivatives of forward and inverse dynamics at many states of a chain, computed in turn with the same scratch."""
 
 from flexlink.kernels.derivatives.forward_derivatives import (
     ForwardDerivativesWork,
@@ -20,7 +20,7 @@ from flexlink.kernels.tools.compiler import by_type, kernel
     }
 )
 def derivatives_into(chain, wrench, q, qd, given, found, work):
-    """Write the derivatives with respect to q, q̇ and `given`, (n, n) each; return whether all is finite.
+    """Write the derivatives with respect to q, q̇ and `given`, (n, n) each; return whether all are finite.
 
     `given` is T_EX for forward and q̈ for inverse dynamics.
     """
@@ -28,7 +28,7 @@ def derivatives_into(chain, wrench, q, qd, given, found, work):
 
 @kernel
 def write_all(chain, wrench, q, qd, given, found, work):
-    """Write derivatives at states (b, n), wrenches (b, 6), to `found` (3, b, n, n); return whether all are finite."""
+    """Write derivatives at states (b, n) and wrenches (b, 6) to `found` (3, b, n, n); return whether all are finite."""
     finite = True
     for k in range(len(q)):
         slopes = (found[0, k], found[1, k], found[2, k])

@@ -1,16 +1,16 @@
-"""Derivatives of forward dynamics in a plane, O(n²): `planar`, differentiated by the absolute angle of each link.
+"""Derivatives of planar forward dynamics, O(n²): `planar` differentiated with respect to the angle φ of each link.
 
 A unit rotation of link k alone changes r by d, d by −r, m c by h and h by −m c (symbols of `planar_rne`). At constant α
 and a, the following quantities change by
 
     b = −α r − ω² d                   acceleration of the next hinge point
     f = M b − α m c − ω² h            force; M is the translational inertia of all outboard links, from `planar`
-    n = g·b + d·M b − m c·a − r·f⁺    moment; g is its effect on rotation; f⁺ is the force of the next hinge
+    n = g·b + d·M b − m c·a − r·f⁺    moment; g: moment of outboard links per acceleration; f⁺: force of next hinge
 
 A unit change of the rate gives b = −2 ω r, f = M b − 2 ω m c, n = g·b + d·M b. A unit change of the acceleration gives
-b = d, f = M d + h, n = I + g·d + d·M d. A unit change of q_j rotates all links from j on by σ_j, so column j uses the
-same b, f, n as every other column, from link j on. The factors of the mass matrix then give x, with joint torques r,
-for eight columns side by side, or, for many states, column by column for eight states:
+b = d, f = M d + h, n = I + g·d + d·M d. A unit change of q_j rotates link j and all later links by σ_j, so all columns
+share the same b, f, n; column j uses them from link j on. With joint torques r, the factors of the mass matrix then
+give x, for eight columns of one state at once or, for many states, for one column of eight states at once:
 
     inward      n ← n + d·f + n_k        f ← f + f_k        T = σ r − n       n ← σ r − A T / D       f ← f + H T / D
     outward     α = T / D + (A / D) α_before − H·a / D      σ x = α − α_before      a ← a + α d + b_k
@@ -43,7 +43,7 @@ ROW = numbered(
     "inverse hx hy β γ",  # factors of the mass matrix: 1 / D, H, A / D, 1 − A / D
     "Mxx Mxy Myy gx gy",  # M and g of all outboard links
     "ω α ax ay fx fy",  # motion; force through the next hinge
-    "changes:15 unused",  # a `CHANGE` by the angle, by the rate and by the acceleration
+    "changes:15 unused",  # three `CHANGE`s: for a unit angle, rate and acceleration
 )
 CHANGE = numbered("n fx fy bx by")
 
@@ -54,14 +54,14 @@ class PlanarDerivativesWork(NamedTuple):
     posture: PlanePosture
     rows: Any  # (n, SIZE)
     turned: Any  # (9, 8) row t: σ for the first t columns of a block, 0 for the others
-    prescribed: Any  # (9, 8) the same, with 0 for all joints but prescribed ones
+    prescribed: Any  # (9, 8) the same, but 0 for joints that are not prescribed
     r: Any  # (3, n, 8)
     x: Any  # (3, n, 8)
 
 
 @kernel
 def planar_derivatives(bodies, hinges, gravity, rare, wrench, q, qd, tau, found):
-    """Write ∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX to `found` (3, n, n) like `forward_derivatives`; return whether all is finite."""
+    """Write the derivatives of `forward_derivatives` to `found` (3, n, n); return whether all values are finite."""
     n, planar = len(q), planar_workspace(bodies, hinges, gravity, rare)
     qdd, levers, lanes = np.zeros(n), np.empty((2, n, 2)), np.empty((6, n, LANES))
     forward_dynamics(wrench, q, qd, tau.copy(), qdd, planar)
@@ -98,7 +98,7 @@ def differentiate(base, wrench, qd, work):
 
 @recursion
 def factor(work):
-    """Factor the mass matrix from the tip to the base, as in `planar`; keep M and g of the links outboard of each."""
+    """Factor the mass matrix from the tip to the base, as in `planar`; store M and g of the links outboard."""
     links, prescribed, d, h = work.posture.links, work.posture.prescribed, work.posture.d, work.posture.h
     rows = work.rows
     o = zero_of(rows, 0, 0)
@@ -126,7 +126,7 @@ def factor(work):
 
 @recursion
 def move(base, wrench, qd, work):
-    """Write absolute rates, accelerations (α as `planar` has found it) and the forces that the hinges transmit."""
+    """Write absolute rates, accelerations (α from the solution of `planar`) and the forces that hinges transmit."""
     links, d, h, rows = work.posture.links, work.posture.d, work.posture.h, work.rows
     ω = zero_of(qd)
     ax, ay = in_plane(base, scale(-1.0, vec(base, BASE.gravity)))
@@ -148,7 +148,7 @@ def move(base, wrench, qd, work):
 
 @recursion
 def write_changes(k, work):
-    """Write b, f, n of link k for unit angle, rate and acceleration; r = (d_y, −d_x), m c = (h_y, −h_x)."""
+    """Write b, f, n of link k for unit changes of angle, rate, acceleration; r = (d_y, −d_x), m c = (h_y, −h_x)."""
     rows, d, h = work.rows, work.posture.d, work.posture.h
     dx, dy, hx, hy = at(d, k, 0), at(d, k, 1), at(h, k, 0), at(h, k, 1)
     ω, α, I = at(rows, k, ROW.ω), at(rows, k, ROW.α), at(work.posture.links, k, LINK.inertia)
@@ -192,7 +192,7 @@ def weigh(hinges, first, work):
 def solve(first, work):
     """Write x, the derivatives of q̈ by q, q̇ and T_EX, for a block of columns; the three recursions run interleaved.
 
-    They are independent of each other, so no step of one waits for a step of another.
+    The three are independent, so the processor can overlap their steps: none waits for the result of another.
     """
     o = zero_of(work.x, 0, 0)
     at_rest = o, o, o
@@ -219,7 +219,7 @@ def weights_of(k, first, work):
 
 @inlined
 def load(k, variable, weight, work, n, fx, fy):
-    """Return n and f inboard of link k, from those outboard of it; write T / D to x."""
+    """Return n and f inboard of link k, given n and f outboard of it; write T / D to x."""
     links, prescribed, d, rows = work.posture.links, work.posture.prescribed, work.posture.d, work.rows
     p = ROW.changes + variable * CHANGE.size
     n += at(d, k, 0) * fx + at(d, k, 1) * fy + at(rows, k, p + CHANGE.n) * weight
@@ -252,9 +252,9 @@ def turn(k, variable, weight, work, before, ax, ay):
 
 @kernel
 def planar_derivatives_of_many(chain, planar, wrench, q, qd, tau, found):
-    """Write derivatives at states (b, n), wrenches (b, 6), to `found` (3, b, n, n), eight states side by side.
+    """Write derivatives at states (b, n) with wrenches (b, 6) to `found` (3, b, n, n), eight states side by side.
 
-    `planar` is scratch for eight copies of the chain. Returns whether all is finite.
+    `planar` is scratch for eight copies of the chain. Returns whether all values are finite.
     """
     hinges, finite = chain.hinges, True
     n, slopes = len(hinges), slopes_side_by_side(chain)
@@ -293,7 +293,7 @@ def planar_derivatives_of_many(chain, planar, wrench, q, qd, tau, found):
 
 @recursion
 def put_joint_loads(hinge, j, qd, r):
-    """Write the torques of joint j in eight states due to its unit angle, rate or drive torque."""
+    """Write the torques of joint j in eight states due to a unit change of its angle, rate or drive torque."""
     for lane in range(LANES):
         r[VARIABLE.q, j, lane] = -hinge.stiffness
         r[VARIABLE.qd, j, lane] = -friction_derivative(hinge, qd[j, lane])
@@ -311,7 +311,7 @@ def slopes_side_by_side(chain):
 
 @kernel
 def find_slopes_of_eight(chain, q, qd, start, found):
-    """Write the derivatives of force elements by q and q̇ to `found`, for up to eight states from `start` on."""
+    """Write the derivatives of element torques by q and q̇ to `found`, for up to eight states from `start` on."""
     slopes = force_slopes_of(chain, forces_of(chain))
     for lane in range(min(LANES, len(q) - start) if slopes.act else 0):
         find_slopes(slopes, q[start + lane], qd[start + lane])
@@ -320,7 +320,7 @@ def find_slopes_of_eight(chain, q, qd, start, found):
 
 @recursion
 def put_force_loads(slopes, j, r):
-    """Subtract the derivatives of force elements by the angle and rate of joint j from r, for eight states."""
+    """Subtract from r the derivatives of element torques by the angle and rate of joint j, for eight states."""
     for part in range(2):
         for k in range(r.shape[1]):
             for lane in range(LANES):

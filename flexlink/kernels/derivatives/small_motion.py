@@ -1,4 +1,4 @@
-"""Products of λ² M + λ C + K with small motion x exp(λt) of a chain about a state with constant rates, in O(n).
+"""Products (λ² M + λ C + K) x in O(n), for small motion x exp(λt) of a chain about a state with constant rates.
 
 K = ∂(T_GC + T_FL)/∂q, C = ∂(T_GC + T_FR)/∂q̇. A motion x_k of hinge k changes the motion of all outboard bodies by the
 δa, η, δω of `inverse_derivatives`, and their orientation by δφ. The sum y of these changes is passed outward:
@@ -48,13 +48,13 @@ class SmallMotion(NamedTuple):
     cells: Any  # `Cells` of coupled springs, for `factor` and `solve`; None without couplings
     motion: MotionWork
     tip: Any  # (2, 3) force and moment of fixed direction at the tip; 0 for a follower
-    moving: Any  # (1,) bool: some rate is not zero
+    moving: Any  # (1,) bool: at least one rate is not zero
     hinges: Any  # (n, HINGE)
     demands: Any  # (bodies, 6) scratch
     A: Any  # (12, 6) scratch
     forks: Any  # (rows, 12, 6) scratch at forks: A, or y, or force and moment
     size: Any  # (1,) number of leading entries of y that cause loads
-    given: Any  # (n,) bool: x is given, the hinge is not eliminated
+    given: Any  # (n,) bool: the x of the hinge is given, so the hinge is not eliminated
 
 
 @kernel
@@ -117,13 +117,13 @@ def clear_loads(forks):
 
 @recursion
 def with_loads(forks, row, f, n):
-    """f and n plus those of the branches at fork `row`."""
+    """f and n plus the forces and moments of the branches at fork `row`."""
     return added(forks[row], 0, (f, n))
 
 
 @recursion
 def add_loads(forks, row, f, n):
-    """Add f and n of a branch at fork `row`; return zeros, with which the next branch begins at its tip."""
+    """Add f and n of a branch to the sums at fork `row`; return zeros, from which the next branch starts at its tip."""
     keep(forks[row], 0, added(forks[row], 0, (f, n)))
     return ZERO, ZERO
 
@@ -160,7 +160,7 @@ def weigh_slides(work, by_angle, by_rate, by_acceleration):
 
 @inlined
 def wrench_part(chain, k):
-    """Index in (f, n) of the vector whose component along e loads hinge k: 0, force, if it slides, else 3, moment."""
+    """Index in (f, n) of the vector whose component along e loads hinge k: 0 (f) if prismatic, 3 (n) if revolute."""
     if chain.rare is not None and chain.hinges[k].axis >= SLIDES:
         return 0
     return 3
@@ -174,13 +174,13 @@ def by_acceleration(bodies, m, i, δa):
 
 @inlined
 def by_turning(bodies, i, η):
-    """Force and moment that body i requires for η."""
+    """Force and moment that body i requires for the entry η of y."""
     return cross(η, vec_of(bodies, i, BODY_MOTION.mc)), sym_apply(sym_of(bodies, i, BODY_MOTION.I), η)
 
 
 @inlined
 def by_spin(bodies, i, δω):
-    """Force and moment that body i requires for δω."""
+    """Force and moment that body i requires for the entry δω of y."""
     ω, I = vec_of(bodies, i, BODY_MOTION.ω), sym_of(bodies, i, BODY_MOTION.I)
     return scale(2.0, cross(δω, cross(ω, vec_of(bodies, i, BODY_MOTION.mc)))), spin(own_spin(ω, I), δω)
 
@@ -225,7 +225,7 @@ def beyond_hinge(rows, k, x, δa, δφ, η, δω):
 def multiply(work, weights, κ, x, product):
     """Write (weights[0] K + weights[1] C + weights[2] M) x for x (columns, n).
 
-    `κ` (n,) contains the springs, friction and rotors of the hinges, already weighted.
+    `κ` (n,) contains the weighted sum of stiffness, damping and armature of each hinge.
     """
     weigh(work, weights[0], weights[1], weights[2])
     for column in range(len(x)):
@@ -235,7 +235,7 @@ def multiply(work, weights, κ, x, product):
 
 @kernel
 def mass_products(chain, q, x, product):
-    """Write M x for x (columns, n), in body axes, where the twist of a straight slender arm keeps its digits."""
+    """Write M x for x (columns, n), computed in body axes, so the twist of a straight slender arm loses no digits."""
     zero, wrench, work = np.zeros(len(q)), np.zeros(6), rne_workspace(chain)
     for column in range(len(x)):
         rne(chain, ZERO, wrench, q, zero, x[column], product[column], work)
@@ -243,7 +243,7 @@ def mass_products(chain, q, x, product):
 
 @recursion
 def body_loads(work, x):
-    """Forward pass: write the load that every body requires for x; at the tip it includes the rotated wrench."""
+    """Forward pass: write the load that every body requires for x; at the tip, add the change of the wrench."""
     rows, bodies, demands = work.hinges, work.motion.bodies, work.demands
     δa = δφ = η = δω = ZERO
     if work.forks is not None and len(work.forks) > 0:
@@ -267,7 +267,7 @@ def body_loads(work, x):
 
 @recursion
 def answer(work, by_angle, κ, x, product):
-    """Backward pass: sum forces and moments, and write κ x + e·n (e·f if it slides) of every hinge to `product`."""
+    """Backward pass: sum forces and moments, and write κ x + e·n (prismatic: e·f) of every hinge to `product`."""
     rows, bodies, demands = work.hinges, work.motion.bodies, work.demands
     f = n = ZERO
     if work.forks is not None:

@@ -8,12 +8,12 @@ current point due to x_j = 1, and, as the matrix is not symmetric, an open row q
 
     body        q_j moves like a row of A             G_j moves like a column of A
     hinge k     c = A j + (e × f, e × n) + G_k        p = w e·A + q_k            D = κ_kk + w (e·A j + e·G_k) + q_k·j
-                L_j = κ_kj + w e·G_j                  U_j = κ_jk + q_j·j         j < k, its cell
+                L_j = κ_kj + w e·G_j                  U_j = κ_jk + q_j·j         for j < k in the same cell
                 A ← A − c pᵀ / D      G_j ← G_j − c L_j / D      q_j ← q_j − U_j p / D      κ_ji ← κ_ji − U_j L_i / D
     load        T = (r − w e·b) / D                   b ← b + c T                r_j ← r_j − U_j T
     outward     x = T − (p·y + Σ_j L_j x_j) / D
 
-A hinge whose x is given is not eliminated: it uses x in place of T.
+A hinge whose x is given is not eliminated; the load pass uses its x in place of T.
 """
 
 from typing import Any, NamedTuple
@@ -37,7 +37,7 @@ class Cells(NamedTuple):
     G: Any  # (w, 6) scratch: open columns of the current cell
     q: Any  # (w, 12) scratch: open rows of the current cell
     κ: Any  # (w, w) scratch: κ of the current cell
-    known: Any  # (n,) scratch of a solution: known terms to subtract from r
+    known: Any  # (n,) scratch of one solve: known terms to subtract from r
 
 
 @kernel
@@ -53,7 +53,7 @@ def cells_workspace(chain):
 
 @recursion
 def put_couplings(work, weights):
-    """Write the weighted stiffness and damping of each coupling where L_j of its outer hinge k is stored later."""
+    """Write the weighted stiffness plus damping of each coupling to the entry that later receives L_j of hinge k."""
     couplings, cells = work.chain.rare.couplings, work.cells
     for k in range(len(cells.L)):
         for j in range(cells.L.shape[1]):
@@ -79,7 +79,7 @@ def open_cell(cells, κ, k):
 
 @recursion
 def demand_in_cell(work, k, size, pj, w):
-    """Write c and p of hinge k to its row, and its L and U; return D, given `pj` = e·A j."""
+    """Write c, p, L and U of hinge k; return D, given `pj` = e·A j."""
     rows, cells, G, q, κ = work.hinges, work.cells, work.cells.G, work.cells.q, work.cells.κ
     e, part, own = vec_of(rows, k, HINGE.e), wrench_part(work.chain, k), k - cells.first[k]
     D = κ[own, own] + w * (pj + dot(e, vec_of(G, own, part)))
@@ -98,7 +98,7 @@ def demand_in_cell(work, k, size, pj, w):
 
 @recursion
 def eliminate_in_cell(work, k, size):
-    """Subtract the elimination of hinge k from G, q and κ of the hinges before it in its cell."""
+    """Update G, q and κ of the hinges before hinge k in its cell for the elimination of hinge k."""
     rows, cells, own = work.hinges, work.cells, k - work.cells.first[k]
     for j in range(own):
         column, row = cells.L[k, j] / rows[k, HINGE.D], cells.U[k, j] / rows[k, HINGE.D]

@@ -1,7 +1,7 @@
 """Solution of (λ² M + λ C + K) x = r in O(n) for small motion of a chain, with y and j of `small_motion`.
 
 Once all outboard hinges are eliminated, force and moment at a hinge point are linear in the y there: (f, n) = A y + b.
-The recursion is that of articulated bodies (Featherstone 2008, chapter 7), with A and b in place of the
+The recursion is the articulated-body algorithm (Featherstone 2008, chapter 7), with A and b in place of the
 articulated-body inertia and the bias force:
 
     body        A ← A + load of the body per unit y   then moved by r to the hinge point of the parent body
@@ -10,13 +10,13 @@ articulated-body inertia and the bias force:
     outward     x = T − w p·y / D                                     which solves row by row  κ x + w (e·n) = r
 
 A prismatic hinge has e·f in place of e·n. At a fork, the A and b of all branches are added; outward, each branch starts
-from the y there. For cells of coupled springs, κ is a full block: `small_motion_cells` adds terms to c, p and D.
+from the y at its fork. For cells of coupled springs, κ is a full block: `small_motion_cells` adds terms to c, p and D.
 
-κ has the spring constant k, the damping d and the armature of a hinge. w scales the load e·n in a row. The D are the
-pivots: a symmetric matrix has an equal number of negative pivots and negative eigenvalues (Sylvester). Hinges whose
-pivot is too small are not eliminated; their x is given.
+κ contains the spring constant k, the damping d and the armature of a hinge. w scales the load e·n in a row. The D are
+the pivots; a symmetric matrix has equally many negative pivots and negative eigenvalues (Sylvester). A hinge whose
+pivot is too small is not eliminated; its x must be given.
 
-The columns of A have the order of y. Columns from `size` on cause no loads and are skipped.
+The columns of A have the order of y. Columns of A from index `size` on cause no loads and are skipped.
 """
 
 from flexlink.kernels.derivatives.inverse_derivatives import BODY_MOTION
@@ -54,11 +54,11 @@ from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, cross, dot, scale
 
 @kernel
 def factor(work, weights, κ, w, sizes, smallest):
-    """Factor weights[0] K + weights[1] C + weights[2] M; `κ` (n,) has springs, friction and rotors, already weighted.
+    """Factor weights[0] K + weights[1] C + weights[2] M, with the weighted stiffness, damping and armature in `κ` (n,).
 
-    The springs and dampers that couple hinges of a cell are not in `κ` but read from the chain. Hinges that are `given`
-    are not eliminated. Hinges with |D| ≤ smallest · sizes[k] also become given. Returns the number of eliminated hinges
-    whose pivot is not positive. D of a given hinge is its diagonal entry after elimination of the outboard hinges.
+    The springs and dampers that couple hinges of a cell are not in `κ`; they are read from the chain. Hinges marked
+    `given` are not eliminated; hinges with |D| ≤ smallest · sizes[k] become given. Returns the number of eliminated
+    hinges whose pivot is not positive. D of a given hinge is its diagonal entry after elimination of outboard hinges.
     """
     weigh(work, weights[0], weights[1], weights[2])
     rows, bodies, A, given, size = work.hinges, work.motion.bodies, work.A, work.given, work.size[0]
@@ -92,7 +92,7 @@ def factor(work, weights, κ, w, sizes, smallest):
             move_columns(bodies, i, size, A)
             if work.cells is not None:
                 move_open(work, i, size, open_)
-        if work.forks is not None and b.begins:  # no cell is open here: its hinges are consecutive in one branch
+        if work.forks is not None and b.begins:  # no cell is open here, since its hinges are consecutive in one branch
             add_matrix(A, work.forks[b.slot])
             A[:] = 0.0
     return negative
@@ -136,7 +136,7 @@ def add_body(bodies, m, i, size, A):
 
 @recursion
 def move_columns(bodies, i, size, A):
-    """Move A from the hinge point of body i to that of its parent body."""
+    """Move A from the hinge point of body i to the hinge point of its parent body."""
     r, u = vec_of(bodies, i, BODY_MOTION.r), scale(2.0, vec_of(bodies, i, BODY_MOTION.u))
     for column in range(3):
         if size > PARTS.η:
@@ -191,7 +191,7 @@ def solve(work, r, x, left):
 
 @recursion
 def load(work, r, x):
-    """Backward pass of b: write T to x, or e·b of a given hinge to its row; in cells, known terms of r to `known`."""
+    """Backward pass of b: write T to x, e·b of a given hinge to its row and, in cells, known terms to `known`."""
     rows, bodies, given = work.hinges, work.motion.bodies, work.given
     f = n = ZERO
     if work.cells is not None:

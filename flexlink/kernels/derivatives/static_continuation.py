@@ -1,7 +1,7 @@
 """Static equilibria of a chain with springs under gravity, for a sequence of positions of the held joints.
 
-Newton's method solves T_G(q) + T_FL(q) = 0 on the joints that are not held. It keeps its matrix as long as every
-correction is at most a tenth of the one before, because the deflection hardly changes from one position to the next.
+Newton's method solves T_G(q) + T_FL(q) = 0 for the free joints. It reuses its factored matrix as long as every
+correction is at most a tenth of the last one, because the deflection hardly changes from one position to the next.
 """
 
 import math
@@ -21,10 +21,10 @@ from flexlink.kernels.tools.vec3 import vector
 def follow_equilibria(chain, held, free, angles, q, postures):
     """Write equilibria `postures` (rows, n) with joints `held` at `angles` (rows, held), starting from equilibrium q.
 
-    q (n,) is overwritten. Returns the number of rows found. It stops where Newton's method fails, its corrections
-    add up to more than a limit, or the equilibrium is unstable.
+    q (n,) is overwritten. Returns the number of rows found. The sequence ends where Newton's method fails, where its
+    corrections add up to more than a limit, or where the equilibrium is unstable.
     """
-    most, far, shrinks, small = 30, 0.1, 0.1, 1e-11  # corrections: number, sum [rad, arm lengths], ratio, size
+    most, far, shrinks, small = 30, 0.1, 0.1, 1e-11  # of corrections: number, sum [rad, arm lengths], ratio, size
     n, f = len(q), len(free)
     zero, none, torque, x, work = np.zeros(n), np.zeros(6), np.zeros(n), np.zeros(f), rne_workspace(chain)
     forces, spare = forces_of(chain), np.empty((n, n))
@@ -66,7 +66,7 @@ def follow_equilibria(chain, held, free, angles, q, postures):
                 return row
             for i in range(f):
                 q[free[i]] -= x[i]
-            if size == 0.0 or (size < small and size > shrinks * last):  # only rounding remains
+            if size == 0.0 or (size < small and size > shrinks * last):  # only rounding errors remain
                 break
             known = size <= shrinks * last
             last = size

@@ -1,4 +1,4 @@
-"""Springs and dampers between two hinges: the off-diagonal K_ij and D_ij. Hinges hold the diagonals themselves."""
+"""Springs and dampers between two hinges: off-diagonal K_ij and D_ij. Diagonal entries are stored with the hinges."""
 
 from typing import Any, NamedTuple
 
@@ -99,7 +99,7 @@ def cells_of(n, rare):
 
 @kernel
 def factor_springs(chain, joints):
-    """Banded factors of K = L D Lᵀ of some joints with springs, O(n): row i is D_i, L_{i,i−1}, L_{i,i−2}, …
+    """Factors of the banded K = L D Lᵀ of the given joints with springs, O(n): row i is D_i, L_{i,i−1}, L_{i,i−2}, …
 
     `joints` is in ascending order.
     """

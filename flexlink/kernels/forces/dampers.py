@@ -1,4 +1,4 @@
-"""Quadratic dampers of single joints, as in a hydraulic brake: T = c |q̇| q̇ resists and dissipates c |q̇|³ ≥ 0."""
+"""Quadratic dampers of single joints, as in a hydraulic brake: T = c |q̇| q̇ resists motion; c |q̇|³ is dissipated."""
 
 from typing import Any, NamedTuple
 
@@ -6,7 +6,7 @@ from flexlink.kernels.tools.compiler import kernel, recursion
 
 
 class Dampers(NamedTuple):
-    """Force element: rows of dtype `DAMPER`."""
+    """Force element: one row of dtype `DAMPER` per damper."""
 
     rows: Any
 

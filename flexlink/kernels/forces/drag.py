@@ -1,4 +1,4 @@
-"""Joint torques T by the drag of a fluid at rest on points of the bodies, in inertial axes.
+"""Joint torques T due to the drag of a fluid at rest on points of the bodies, in inertial axes.
 
     forward     kinematics      ω ← ω + e q̇      v ← v + ω × Δp; prismatic joint: v ← v + e q̇
     point       v_i = v + ω × R p        u = v_i·R e_y        w = v_i·R e_z        s = √(u² + w²)
@@ -6,7 +6,7 @@
     backward    f ← f + f_i        n ← n + R p × f_i        T = −e·n; prismatic joint: −e·f        n ← n + Δp × f
 
 T enters the equations of motion as T_FR does: M q̈ = T_EX − T_GC − T_FL − T_FR − T. The power q̇·T = Σ s (d_y u² +
-d_z w²) ≥ 0 is dissipated. The same source serves real and complex numbers: a derivative is the imaginary part at
+d_z w²) ≥ 0 is dissipated. The same code runs on real and complex numbers: a derivative is the imaginary part at
 x + i ε, divided by ε, with ε² below rounding (complex-step method, Squire & Trapp 1998). s is smooth except at s = 0,
 where the derivative of the force is 0.
 """
@@ -26,12 +26,12 @@ EPSILON = 1e-100
 
 
 class Drag(NamedTuple):
-    """Force element: drag of links, with scratch of floats, or of complex numbers for its derivatives."""
+    """Force element: drag of links, with scratch arrays of floats or, for derivatives, of complex numbers."""
 
     chain: Any
     placed: KinematicsWork
     motion: Any  # (bodies, 2, 3) ω of every body, and v of its hinge point
-    loads: Any  # (bodies, 2, 3) force on its subtree, and moment about its hinge point
+    loads: Any  # (bodies, 2, 3) force on the subtree of every body, and moment about its hinge point
     torque: Any  # (n,) T
 
 
@@ -45,7 +45,7 @@ class DragSlopes(NamedTuple):
 
 @kernel
 def drag_of(chain):
-    """The drag of a chain; without drag the scratch arrays are empty, and few are allocated."""
+    """The drag of a chain; without drag the scratch arrays are empty and share memory to save allocations."""
     m, n = drag_sizes(chain)
     points, motion = np.empty((m, 3)), np.empty((m, 2, 3))
     axes, loads = points, motion
@@ -56,7 +56,7 @@ def drag_of(chain):
 
 @kernel
 def drag_slopes_of(chain):
-    """Scratch for the derivatives of the drag of a chain; without drag the arrays are empty, and few are allocated."""
+    """Scratch for the derivatives of a chain's drag; without drag the arrays are empty and share memory."""
     (m, n), c = drag_sizes(chain), np.complex128
     points, motion, torque, angles = np.empty((m, 3), c), np.empty((m, 2, 3), c), np.empty(n, c), np.empty((3, n), c)
     axes, loads, rates = points, motion, torque

@@ -1,9 +1,9 @@
 """Force elements: forces on a chain besides inertia, gravity, and the spring and friction of each joint.
 
 The force elements of a chain are a tuple with one record of every kind; a plain chain has no tuple. Each function here
-calls the function of every record, chosen by the type of the record, and adds up the results. A new kind is a record
-with the functions below, entered in the tables and in `in_motion`. Its parameters are a structured array of the chain,
-named in `layout.FORCES`:
+selects a function by the type of each record, calls it and adds up the results. To add a new kind, define a record with
+the functions below and enter them in the tables and in `in_motion`. The parameters of a kind are a structured array of
+the chain, named in `layout.FORCES`:
 
     of a chain      (chain) -> record                             with constants and scratch
     torque          (record, q, qd, torque) -> power [W]          adds T (n,), with the sign of T_FR; dissipated power
@@ -149,19 +149,19 @@ def motion_torques(chain, qs, qds, found):
 
 @kernel
 def motion_slopes(chain, q, qd, by_angle, by_rate):
-    """Add ∂T/∂q and ∂T/∂q̇ of the elements of `in_motion` to (n, n) each."""
+    """Add ∂T/∂q and ∂T/∂q̇ of the elements of `in_motion` to `by_angle` and `by_rate`, (n, n) each."""
     add_slopes((drag_slopes_of(chain), dampers_of(chain), gyrators_of(chain)), q, qd, by_angle, by_rate)
 
 
 @kernel
 def one_of(bodies, hinges, gravity, rare, lane):
-    """Chain number `lane` of eight, whose arrays are (8, …)."""
+    """Chain number `lane` of eight chains, whose arrays have shape (8, …)."""
     return ChainArrays(bodies[lane], hinges[lane], gravity[lane], one_rare(rare, lane))
 
 
 @kernel
 def one_rare(rare, lane):
-    """The rare parts of chain number `lane` of eight; None for plain chains."""
+    """The optional features of chain number `lane` of eight; None for plain chains."""
     if rare is None:
         return None
     return Rare(rare.couplings[lane], rare.drag[lane], rare.dampers[lane], rare.gyrators[lane])

@@ -2,7 +2,8 @@
 
 A force law with an internal state is a gyrator between its joint and an internal coordinate, whose rate is the state.
 The internal coordinate is a hinge with a rotor and no body. Example: viscous friction d that lags behind the rate by
-the time constant τ, as of a damper in series with a spring. With the state ζ it has g = d, a rotor d τ and a damper d:
+the time constant τ, as in a damper in series with a spring. The state ζ of this law is the rate of a hinge with rotor
+inertia d τ and damping d, connected to the joint by a gyrator with g = d:
 
     T = d ζ        d τ ζ̇ = d q̇ − d ζ
 """
@@ -13,7 +14,7 @@ from flexlink.kernels.tools.compiler import kernel, recursion
 
 
 class Gyrators(NamedTuple):
-    """Force element: rows of dtype `GYRATOR`."""
+    """Force element: one row of dtype `GYRATOR` per gyrator."""
 
     rows: Any
 

@@ -58,7 +58,7 @@ def prescribed_joints(hinges):
 
 @inlined
 def smooth_torques(rows, k, angle, rate, torque):
-    """T_EX − d q̇ of joint `k`, whose power is counted as work, and T_EX − d q̇ − k (θ − θ₀); or both of eight chains."""
+    """T_EX − d q̇ of joint `k`, whose power counts as work, and this minus k (θ − θ₀), for one chain or eight."""
     working = torque - at(rows, k, JOINT.damping) * rate
     return working, working - at(rows, k, JOINT.stiffness) * (angle - at(rows, k, JOINT.rest))
 
@@ -67,7 +67,7 @@ def smooth_torques(rows, k, angle, rate, torque):
 def subtract_dry_friction(rows, dry, qd, net):
     """Subtract c tanh(q̇ / w) from column `net` of the rows of the joints in `dry`; returns the dissipated power [W].
 
-    A separate loop: most chains have no dry friction.
+    This is a separate loop because most chains have no dry friction.
     """
     power = zero_of(qd)
     for i in range(len(dry)):

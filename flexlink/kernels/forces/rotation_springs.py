@@ -1,7 +1,7 @@
-"""Springs of the rotation vector φ = log R of three hinges at one point, in place of springs of their angles θ.
+"""Springs that act on the rotation vector φ = log R of three hinges at one point instead of on their angles θ.
 
 R is the product of the hinges' rotations in their order, X, Y, Z or Z, Y, X. Euler angles are φ + O(φ²), which limits
-every lumping rule to order 2 where a link bends far out of a plane. With the chain's K, including coupled springs,
+every lumping rule to second order where a link bends far out of a plane. With the chain's K, including coupled springs,
 
     V = ½ φ·K φ        m = ∂V/∂φ        n = m − ½ φ × m + g φ × (φ × m)        τ_k = e_k·n
     g = (1 − ½ |φ| cot ½|φ|) / |φ|²
@@ -12,11 +12,11 @@ the curvature Θ' − ½ Θ × Θ' at both Gauss points, where the rotation vect
 
     V += (β₁∘φ₁ + β₂∘φ₂)·w + ½ w·(γ∘w)        w = −φ₁ × φ₂ / 6        β_i = (K_ii + K_12) / 2        γ = (β₁ + β₂) / 2
 
-where ∘ multiplies component by component. The energy is exact up to the fourth power of the cell's length, also for
-tapered links.
+where ∘ is the product component by component. The energy is exact up to the fourth power of the cell's length, even
+for tapered links.
 
-R is stored as its quaternion, computed from the half angles: φ is smooth up to a full turn and reverses there. In the
-order Z, Y, X the vector is −φ(−θ) of the order X, Y, Z, so one factor σ = ±1 covers both orders. Kernels first apply
+R is stored as a quaternion computed from the half angles, so φ is smooth up to a full turn, where it reverses. The φ(θ)
+of order Z, Y, X equals −φ(−θ) of order X, Y, Z, so one factor σ = ±1 covers both orders. Kernels first apply
 the torques K (θ − θ₀) of all hinges. This module computes the excess: the torque of the law minus K (θ − θ₀).
 
 Eight triples are computed at once, one per SIMD lane (`lanes`): triples of one chain, or the same triple of eight
@@ -97,7 +97,7 @@ def rotation_springs(bodies, hinges, couplings):
 
 @kernel
 def no_springs(triples, cells):
-    """Empty springs, for a chain without triples; few arrays, because forward dynamics of one state allocates them."""
+    """Empty springs, for a chain without triples; they share arrays, since forward dynamics often allocates them."""
     none, pairs, numbers = np.empty(0, np.int64), np.empty((0, 5), np.int64), np.empty((ROW.size, 0))
     coupled = np.empty((0, 1))
     return RotationSprings(triples, none, cells, none, triples, pairs, coupled, numbers, numbers, turns_of(numbers))
@@ -153,7 +153,7 @@ def slots_of(cells, count, room):
 
 @kernel
 def joined(triples, slots, cells, couplings, n):
-    """`within` and `pairs` of `RotationSprings`: the couplings between hinges of triples, within cells and others."""
+    """Return `within` and `pairs` of `RotationSprings`, which index the couplings between hinges of triples."""
     place, partner = np.full((n, 2), -1), np.full(len(triples), -1)
     for t in range(len(triples)):
         for a in range(3):
@@ -176,7 +176,7 @@ def joined(triples, slots, cells, couplings, n):
 
 @kernel
 def put_constants(springs, own, both):
-    """Set the diagonal of K to `own` (n,) and its couplings to `both` (couplings,); the law is linear in both."""
+    """Set the diagonal of K to `own` (n,) and its couplings to `both` (couplings,); the law is linear in K."""
     for t in range(len(springs.hinges)):
         for a in range(3):
             springs.numbers[ROW.stiffness + a, springs.slots[t]] = own[springs.hinges[t, a]]
@@ -260,7 +260,7 @@ def excess_torque(bodies, hinges, couplings, q):
 
 @kernel
 def rotation_vectors(bodies, hinges, couplings, q):
-    """Angles (n,), with the angles of triples replaced by the components of φ."""
+    """Return the angles (n,), with the angles of triples replaced by the components of φ."""
     springs, found = rotation_springs(bodies, hinges, couplings), q.copy()
     find_quaternions(q, springs)
     find_moments(springs)
@@ -272,7 +272,7 @@ def rotation_vectors(bodies, hinges, couplings, q):
 
 @kernel
 def stretches(bodies, hinges, couplings, q):
-    """Hinges (t, 3) of the triples, and (t,) the factor ½|φ| / sin ½|φ| by which φ amplifies errors of R."""
+    """Return the hinges (t, 3) of the triples, and the factor ½|φ| / sin ½|φ| (t,) by which φ amplifies errors of R."""
     springs = rotation_springs(bodies, hinges, couplings)
     find_quaternions(q, springs)
     return springs.hinges, 0.5 * springs.numbers[ROW.factor][springs.slots]
@@ -299,7 +299,7 @@ def excess_energy(q, springs):
 
 @inlined
 def energy_of_cell(numbers, t, u):
-    """Contribution of K_12 and w to the excess energy of the cell with slots `t` and `u` [J]."""
+    """Contribution of K_12 and w to the excess energy of the cell whose triples have slots `t` and `u` [J]."""
     θ1, θ2 = three(numbers, ROW.half, t), three(numbers, ROW.half, u)
     φ1, φ2, both = three(numbers, ROW.φ, t), three(numbers, ROW.φ, u), three(numbers, ROW.coupled, t)
     β1, β2, γ = bending_of_cell(three(numbers, ROW.stiffness, t), three(numbers, ROW.stiffness, u), both)
@@ -365,7 +365,7 @@ def turned_back(σ, g, φ, m):
 
 @recursion
 def find_quaternions(q, springs):
-    """Write the half angles, their cosines and sines, v, v·v, |φ| / |v| and g of every triple."""
+    """Write half angles with cosines and sines, the quaternion (v, w), v·v, |φ| / |v| and g of every triple."""
     numbers, side = springs.numbers, springs.side
     for t in range(len(springs.hinges)):
         slot = springs.slots[t]

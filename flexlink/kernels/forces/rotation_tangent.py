@@ -4,7 +4,7 @@ With the symbols of `rotation_springs`, A = 1 + ½ φ × + g φ × φ ×, so tha
 
     ∂τ_k/∂θ_j = (A e_k)·∂²V/∂φ² (A e_j) + e_k·∂Aᵀ/∂θ_j m + ∂e_k/∂θ_j·n
 
-The last two terms occur only where k and j are in one triple. ∂e_k/∂θ_j = −e_j × e_k if hinge j is outboard of hinge k
+The last two terms occur only if k and j are in one triple. ∂e_k/∂θ_j = −e_j × e_k if hinge j is outboard of hinge k
 (order X, Y, Z), otherwise 0. A cell adds
 
     W₁ = φ₂ × / 6        W₂ = −φ₁ × / 6        M = ∂V/∂w
@@ -40,7 +40,7 @@ class RotationTangent(NamedTuple):
     """Derivatives of the torques of springs of rotation vectors, with scratch."""
 
     springs: RotationSprings
-    blocks: Any  # (b, 2) triples t ≤ u that springs couple; first the diagonal blocks (t, t)
+    blocks: Any  # (b, 2) pairs t ≤ u of triples coupled by springs; first the diagonal (t, t)
     values: Any  # (b, 3, 3) ∂excess_t/∂θ_u, by the hinges about X, Y, Z; block u, t is the transpose
     bent: Any  # (b, 3, 3) ∂²V/∂φ_t∂φ_u
     of_pair: Any  # (m,) index of the block of each coupling in `springs.pairs`
@@ -51,7 +51,7 @@ class RotationTangent(NamedTuple):
 
 @recursion
 def rotation_slopes(element, q, qd, by_angle, by_rate):
-    """Add all blocks to ∂T/∂q, `by_angle` (n, n)."""
+    """Add all blocks of the excess stiffness to ∂T/∂q, `by_angle` (n, n)."""
     if len(element.springs.hinges) > 0:
         add_tangent(q, element.springs, element, by_angle)
 
@@ -114,7 +114,7 @@ def add_tangent(q, springs, tangent, K):
 
 @subroutine
 def find_tangent(q, springs, tangent):
-    """Write the values of all blocks."""
+    """Write the values ∂excess_t/∂θ_u of all blocks."""
     find_excess(q, springs)
     bend_blocks(springs, tangent)
     for t in range(len(springs.hinges)):
@@ -134,7 +134,7 @@ def find_tangent(q, springs, tangent):
 
 @recursion
 def turn_vectors(springs, t, tangent):
-    """Write e_k and A e_k of triple t for the angles σ (θ − θ₀), by the hinges about X, Y, Z."""
+    """Write e_k and A e_k of the hinges about X, Y, Z of triple t, for the angles σ (θ − θ₀)."""
     numbers, k = springs.numbers, springs.slots[t]
     σ, c, s, φ = (
         numbers[ROW.sense, k],
@@ -231,7 +231,7 @@ def add_curvature(block, β1, β2, γ, W1, W2):
 def add_coupling(springs, m, block, sign):
     """Add ± K_ij of coupling m in `springs.pairs` to its block, at its two axes."""
     a, b, k = springs.pairs[m, 0], springs.pairs[m, 2], sign * springs.coupled[m, 0]
-    block[a, b] += k  # row: axis of the inner hinge, as its triple comes first; or both hinges are in one triple
+    block[a, b] += k  # row: axis of the inner hinge, whose triple comes first or also contains the outer hinge
     if springs.pairs[m, 1] == springs.pairs[m, 3]:
         block[b, a] += k
 

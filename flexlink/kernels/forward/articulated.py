@@ -1,6 +1,6 @@
 """Articulated-body algorithm, O(n) (Featherstone 1983), in working axes, with any number of hinges at one point.
 
-Moment and force at the hinge point of a body, from the body and all outboard bodies, are linear in the angular
+The moment and force that a body and all outboard bodies require at its hinge point are linear in the angular
 acceleration α and the acceleration a of the point:
 
     n = J α + H a + n₀          f = Hᵀ α + M a + f₀          (J, M symmetric 3×3)
@@ -10,24 +10,24 @@ J e = Hᵀ e = 0 afterwards:
 
     D = e·J e + A      q̈ = (T − e·n₀ − e·(J α + H a)) / D      J ← J − J e (J e)ᵀ/D, …
 
-For a prismatic hinge force and moment are exchanged, and so are α and a: D = e·M e + A, and J ← J − H e (H e)ᵀ/D, ….
-The hinge point of its body is displaced, to r + Σ e q from the previous one. At a fork the moments and forces of all
+For a prismatic hinge, force and moment swap roles, and so do α and a: D = e·M e + A, and J ← J − H e (H e)ᵀ/D, ….
+The vector from the previous hinge point to the body's is then r + Σ e q. At a fork the moments and forces of all
 branches are transferred to the hinge point of their parent body and added (`articulated_branches`).
 
-Inboard of a triple, three axes without rotors, the moment t follows from the torques alone, e_k·t = τ_k. Only M and f₀
-are passed on. The body's own axes x_j are eliminated instead of the hinge axes, since they stay perpendicular where
-hinge axes align (gimbal lock). If the next body outward passes no J and H either, then with d_j = x_j × r
+Inboard of a triple (three axes without rotors), the moment t follows from the torques alone, e_k·t = τ_k. Only M and f₀
+are passed on. The body's own axes x_j are eliminated instead of the hinge axes, since the x_j stay perpendicular
+where hinge axes align (gimbal lock). If the next body outward passes no J and H, either, then with d_j = x_j × r
 
     h_j = m x_j × c + M d_j        J_jk = I_jk + d_j·M d_k        M ← M + m 1 − Σ h_j (J⁻¹)_jk h_kᵀ
 
 and no matrix is rotated. Inboard of a pair, e₁ and e₂, two components of the moment are known. x₁ = e₂ and x₂ = e₁ are
-eliminated in the same way. x₃ = t, normal to both, remains: J = j t tᵀ, H = t hᵀ, which adds to the next body inboard
+eliminated in the same way. x₃ = t, normal to both, remains: J = j t tᵀ, H = t hᵀ. For the next body inboard they add
 
     h_j += t_j h        J_jk += j t_j t_k + t_j g_k + g_j t_k        t_j = x_j·t        g_j = h·d_j
 
 `articulated_layout` chooses how the hinges of a body are eliminated, and where working axes restart so that the axis of
-a single hinge is z. All vectors are in the working axes of their body. One source serves one chain and eight chains
-side by side (`lanes`).
+a single hinge is z. All vectors are in the working axes of their body. The same code works for one chain and for eight
+chains side by side (`lanes`).
 """
 
 from flexlink.kernels.forces.elements import subtract_torques
@@ -90,7 +90,7 @@ def articulated(wrench, q, qd, tau, qdd, work):
 
 @inlined
 def prepare(q, qd, tau, hinges, angles):
-    """Store angles and torques less those of springs and friction; return the power of drives and viscous friction."""
+    """Store angles and T_EX − d q̇ − k (θ − θ₀) of all hinges; return the power of drives and viscous friction."""
     power = zero_of(q)
     for k in range(len(q)):
         put_at(angles, at(q, k), k)
@@ -102,9 +102,9 @@ def prepare(q, qd, tau, hinges, angles):
 
 @inlined
 def outward(layout, axes, bodies, hinges, forks, wrench, qd, places, cosines, sines):
-    """Store axes and velocity terms; return −wrench in the working axes of the loaded body, and its power m·ω.
+    """Store axes and velocity terms; return −wrench in the working axes of the loaded body, and the power m·ω.
 
-    `places`: angles, and positions of prismatic hinges.
+    `places` contains the angles of revolute hinges and the displacements of prismatic hinges.
     """
     o = zero_of(qd)
     zero = (o, o, o)
@@ -200,7 +200,7 @@ def mixed(μ, x, y, z, ν):
 
 @inlined
 def pair_axes(bodies, i, hinges, k, axes, cosines, sines):
-    """e₂, e₁, e₂ × e₁ of a pair of hinges Y, Z or Z, Y; rotates the body's inertia into these axes."""
+    """Return e₂, e₁, e₂ × e₁ of a pair of hinges Y, Z or Z, Y; rotate the body's inertia into these axes."""
     e1, e2 = vec_of(hinges, k, HINGE_ROW.axis), vec_of(hinges, k + 1, HINGE_ROW.axis)
     c, s, I = at(cosines, k + 1), at(sines, k + 1), sym_of(bodies, i, BODY_ROW.own_inertia)
     if axes[k + 1] == 2:
@@ -241,7 +241,7 @@ def inward(layout, axes, prescribed, bodies, hinges, forks, n_tip, f_tip, qdd, c
                 J, H = in_full(o, outer, J, H, j, h, t)
                 M, n, f = eliminate_triple(bodies, i, hinges, k, c, *propagate_any(bodies, i, following, J, H, M, n, f))
         elif group == GROUP.pair:
-            if outer > GROUP.pair:  # it passes no J and H
+            if outer > GROUP.pair:  # the next body passes no J and H
                 j, h = o, zero
             if outer >= GROUP.pair:
                 body = add_pair(bodies, i, following, j, h, t, *propagate_body(bodies, i, following, M, n, f))
@@ -280,7 +280,7 @@ def with_branches(bodies, i, forks, k, J, H, M, n, f):
 
 @inlined
 def propagate_joints(layout, i, following, axes, forks, prescribed, bodies, hinges, qdd, J, H, M, n, f):
-    """J, H, M, n, f inboard of body `i`, hinge by hinge; a given q̈ adds to n and f."""
+    """Return J, H, M, n, f inboard of body `i`, eliminating hinge by hinge; a prescribed q̈ adds to n and f."""
     J, H, M, n, f = propagate_inertia(bodies, i, following, J, H, M, n, f)
     if layout[i, LAYOUT.group] == GROUP.along:
         J, H, M, n, f = eliminate_along(hinges, layout[i, LAYOUT.first], J, H, M, n, f)
@@ -302,10 +302,10 @@ def propagate_joints(layout, i, following, axes, forks, prescribed, bodies, hing
 
 @inlined
 def accelerate(gravity, layout, forks, prescribed, bodies, hinges, qd, tau, qdd, power):
-    """Forward pass: absolute accelerations, q̈ from their differences, and torques of prescribed hinges.
+    """Forward pass: compute absolute accelerations, q̈ from their differences, and torques of prescribed hinges.
 
-    Returns the power including that of these torques. The rows of the bodies then have α in place of ζ and a − g in
-    place of b, from which branches continue.
+    Returns the power, including the power of these torques. In the rows of the bodies, α replaces ζ and a − g replaces
+    b; branches continue from these values.
     """
     o = zero_of(qdd)
     α, a = (o, o, o), scale(-1.0, vec(gravity, 0))
@@ -363,7 +363,7 @@ def motion_of_branch(bodies, i, parent, gravity):
 
 @inlined
 def along_group(bodies, i, α3, a):
-    """α along the axes of body `i` from its part α₃ and the hinge point's acceleration: Lᵀ α = D⁻¹ (T − h·a)."""
+    """α along the axes of body `i`, from its component α₃ and a of the hinge point: Lᵀ α = D⁻¹ (T − h·a)."""
     l12, l13, l23 = vec_of(bodies, i, BODY_ROW.factors)
     α2 = at(bodies, i, BODY_ROW.α + 1) - dot(vec_of(bodies, i, BODY_ROW.h_D + 3), a) - l23 * α3
     α1 = at(bodies, i, BODY_ROW.α) - dot(vec_of(bodies, i, BODY_ROW.h_D), a) - l12 * α2 - l13 * α3
@@ -372,7 +372,7 @@ def along_group(bodies, i, α3, a):
 
 @inlined
 def spread(hinges, k, step, qdd):
-    """q̈ of the triple from hinge `k`, from the difference of angular acceleration across it."""
+    """Write q̈ of the triple that starts at hinge `k`, from the difference of angular acceleration across it."""
     first = dot(vec_of(hinges, k, HINGE_ROW.Je), step)
     put_at(qdd, first, k)
     put_at(qdd, dot(vec_of(hinges, k + 1, HINGE_ROW.axis), step), k + 1)

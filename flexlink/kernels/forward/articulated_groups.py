@@ -7,10 +7,10 @@
     pair            `propagate_body` and `add_pair`, or `propagate_any`  `eliminate_pair`
     triple          `propagate_body`, or `propagate_any`                 `eliminate_triple`
 
-The first three use J and H in working axes, the others along the axes x_j of the body (`AXES`), which stay
+The first three groups use J and H in working axes. The others use components along the axes x_j of the body, which stay
 perpendicular where hinge axes align: J_jk = x_j·J x_k, h_j = Hᵀ x_j, n_j = x_j·n.
 
-Prismatic hinges are eliminated like revolute ones, with force and moment exchanged (`slides`).
+Prismatic hinges are eliminated like revolute ones, but force and moment swap roles (`slides`).
 """
 
 from flexlink.kernels.forward.articulated_branches import over_lever
@@ -24,7 +24,7 @@ from flexlink.kernels.tools.vec3 import add, add_scaled, combine, cross, dot, ro
 
 @inlined
 def propagate_inertia(bodies, i, outer, J, H, M, n, f):
-    """J, H, M, n, f at the hinge point of body `i`, including its inertia, from those at the hinge point of `outer`."""
+    """J, H, M, n, f at the hinge point of body `i`, including its inertia, given them at the hinge point of `outer`."""
     x, y, z = axes_of(bodies, i, BODY_ROW.axes)
     r, mc, m = vec_of(bodies, outer, BODY_ROW.r), vec_of(bodies, i, BODY_ROW.mc), at(bodies, i, BODY_ROW.mass)
     n, f = with_bias(bodies, outer, H, M, n, f)
@@ -42,7 +42,7 @@ def propagate_inertia(bodies, i, outer, J, H, M, n, f):
 
 @inlined
 def with_bias(bodies, i, H, M, n, f):
-    """Add the terms of the acceleration b of hinge point `i` relative to the previous one to n and f."""
+    """Add to n and f the terms of the acceleration b of hinge point `i` relative to the previous hinge point."""
     bias = vec_of(bodies, i, BODY_ROW.b)
     n = add(n, (dot(H[0], bias), dot(H[1], bias), dot(H[2], bias)))
     return n, add(f, sym_apply(M, bias))
@@ -62,11 +62,11 @@ def with_mass(M, m):
 
 @inlined
 def eliminate_joint(hinges, k, again, J, H, M, n, f):
-    """J, H, M, n, f inboard of a hinge, from those outboard; `again`: the next hinge outward has the same axis.
+    """J, H, M, n, f inboard of a hinge, from their values outboard; `again`: the next hinge outward has the same axis.
 
-    Along the axis of an elastic gear's motor, J is exactly the contribution of the gear's rotor, A / D of the previous
-    value, or zero. Computed as a difference it would be the rounding error of the arm's inertia, which may exceed the
-    rotor's.
+    In that case, as at the motor of an elastic gear, J e is exactly A / D times the J e of the next hinge outward: the
+    contribution of its rotor, or zero. Computed as a difference, J e would contain the rounding error of the arm's
+    inertia, which may exceed the rotor's inertia.
     """
     e = vec_of(hinges, k, HINGE_ROW.axis)
     Je, He = sym_apply(J, e), rotate(e, H[0], H[1], H[2])
@@ -95,7 +95,7 @@ def eliminate_joint(hinges, k, again, J, H, M, n, f):
 
 @inlined
 def eliminate_along(hinges, k, J, H, M, n, f):
-    """The same for a hinge along the working axis z: the remainder along z is exact."""
+    """`eliminate_joint` for a hinge along the working axis z; the remainder along z is exact."""
     Je, He, τ, A = (J[4], J[3], J[2]), H[2], at(hinges, k, HINGE_ROW.torque), at(hinges, k, HINGE_ROW.armature)
     T, inverse = τ - n[2], 1.0 / (J[2] + A)
     keep_joint(hinges, k, Je, He, T, inverse)
@@ -108,7 +108,7 @@ def eliminate_along(hinges, k, J, H, M, n, f):
 
 @inlined
 def propagate_prescribed(hinges, k, acceleration, J, H, n, f):
-    """n, f inboard of a hinge with given q̈; stores J e, Hᵀ e and e·n to compute its torque."""
+    """Return n, f inboard of a hinge with prescribed q̈; stores J e, Hᵀ e and e·n to compute its torque."""
     e = vec_of(hinges, k, HINGE_ROW.axis)
     Je, He = sym_apply(J, e), rotate(e, H[0], H[1], H[2])
     put_vec_of(hinges, Je, k, HINGE_ROW.Je)
@@ -119,7 +119,7 @@ def propagate_prescribed(hinges, k, acceleration, J, H, n, f):
 
 @inlined
 def missing_torque(hinges, k, acceleration, α, a):
-    """Torque of a hinge with given q̈, e·(J α + H a + n) + A q̈, minus those of drive, spring and friction."""
+    """Torque of a hinge with given q̈, e·(J α + H a + n) + A q̈, minus the torques of drive, spring and friction."""
     Je, He = vec_of(hinges, k, HINGE_ROW.Je), vec_of(hinges, k, HINGE_ROW.He)
     moment = dot(Je, α) + dot(He, a) + at(hinges, k, HINGE_ROW.T)
     return moment + at(hinges, k, HINGE_ROW.armature) * acceleration - at(hinges, k, HINGE_ROW.torque)
@@ -147,7 +147,7 @@ def in_axes_before(bodies, i, J, H, M, n, f):
 
 @inlined
 def propagate_body(bodies, i, outer, M, n, f):
-    """J, h, n along the body's axes, M, f at its hinge point, including its inertia, if J = H = 0 at the next one."""
+    """J, h, n along the axes of body `i`, M, f at its hinge point, with its inertia; J = H = 0 at the next point."""
     x, y, z = axes_of(bodies, i, BODY_ROW.axes)
     r, mc, m = vec_of(bodies, outer, BODY_ROW.r), vec_of(bodies, i, BODY_ROW.mc), at(bodies, i, BODY_ROW.mass)
     I = sym_of(bodies, i, BODY_ROW.inertia)
@@ -193,7 +193,7 @@ def propagate_any(bodies, i, outer, J, H, M, n, f):
 
 @inlined
 def in_full(o, outer, J, H, j, h, t):
-    """J and H of the next body outward by its group: full, j t tᵀ and t hᵀ of a pair, or zero, o."""
+    """Full J and H of the next body outward, by its group: j t tᵀ and t hᵀ for a pair, zero (o) for a triple or tip."""
     if outer > GROUP.pair:
         return (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
     if outer == GROUP.pair:
@@ -256,10 +256,10 @@ def eliminate_triple(bodies, i, hinges, k, c, J, h, n, M, f):
 
 @inlined
 def known_moment(hinges, k, c):
-    """Solve e_j·t = τ_j for the three axes from `k`, neighbours perpendicular; store e₁*, with e₁*·e₁ = 1, others 0.
+    """Solve e_j·t = τ_j for three axes with e₁·e₂ = e₂·e₃ = 0; store e₁* with e₁*·e₁ = 1 and e₁*·e₂ = e₁*·e₃ = 0.
 
-    The triple product e₁·e₂×e₃ is consistent with the rounded axes; ± the cosine `c` of the middle angle keeps its
-    relative accuracy near gimbal lock. They are averaged with weights c² (product) and s² (cosine).
+    The triple product e₁·e₂×e₃ is consistent with the rounded axes; `c`, computed as ± the cosine of the middle angle,
+    keeps its relative accuracy near gimbal lock. The two are averaged with weights c² (product) and s² (cosine).
     """
     e1, e2 = vec_of(hinges, k, HINGE_ROW.axis), vec_of(hinges, k + 1, HINGE_ROW.axis)
     e3 = vec_of(hinges, k + 2, HINGE_ROW.axis)

@@ -1,4 +1,4 @@
-"""How `articulated` eliminates the hinges of each body, and where working axes restart, as integers.
+"""Integers that define how `articulated` eliminates the hinges of each body, and where working axes restart.
 
     group   hinges of the body, all at one point      passed inboard
     slides  prismatic, one after another              J, H, M
@@ -9,10 +9,10 @@
     tip     no hinges, no mass: the tip frame         nothing
 
 Prescribed hinges are handled one after another. Working axes are initially those of frame 0. They restart as the axes
-of the body at every single hinge Z that is not exactly along the working axis z. Links that bend in a plane pass z on
+of the body at every single hinge Z that is not exactly along the working axis z. Links that bend in a plane pass on z
 without rounding. This matters because the remainder of J along their hinges is small: it stays accurate only if it is
-not added to the link's inertia about other axes, which is n³ times that of one of its n segments. A branch continues in
-the working axes of its parent body.
+not added to the link's inertia about other axes, which is n³ times the inertia of one of its n segments. A branch
+continues in the working axes of its parent body.
 """
 
 import numpy as np
@@ -22,15 +22,15 @@ from flexlink.kernels.tools.compiler import kernel
 from flexlink.kernels.tools.numbered import numbered
 
 LAYOUT = numbered("first stop turned restart group parent begins slot fork loaded next")
-"""Integers of a body: its hinges are first … stop − 1; whether a mount rotates it; whether working axes restart here;
-its group; position in the tree, and whether the tip wrench acts on it, as in `BODY`; index of the next body if that is
-its child, otherwise the number of bodies."""
+"""Integers of a body: its hinges first … stop − 1; 1 if a mount rotates it; 1 if working axes restart at it; its group;
+its position in the tree, and 1 if the tip wrench acts on it, as in `BODY`; index of the next body if that is its child,
+otherwise the number of bodies."""
 GROUP = numbered("slides hinges along pair triple tip")
 
 
 @kernel
 def layout_of(bodies, hinges):
-    """Layout of a chain, shape (bodies, LAYOUT_SIZE)."""
+    """Layout of a chain, shape (bodies, LAYOUT.size)."""
     layout = np.zeros((len(bodies), LAYOUT.size), np.int64)
     along = True  # whether z of the current body, before its hinges, is exactly the working axis z
     beyond = np.ones(1 + len(bodies), np.bool_)  # the same after each body, counted from 1, and after the base
@@ -77,7 +77,7 @@ def group_of(body, hinges):
 
 @kernel
 def common_layout(layouts):
-    """Layout for chains side by side, from layouts (lanes, bodies, LAYOUT_SIZE) with equal hinges."""
+    """Common layout for chains side by side, from layouts (lanes, bodies, LAYOUT.size) with equal hinges."""
     layout = layouts[0].copy()
     for i in range(len(layout)):
         for lane in range(1, len(layouts)):

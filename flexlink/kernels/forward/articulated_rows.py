@@ -29,11 +29,11 @@ BODY_ROW = numbered(
     "h_D:9 factors:3 α:3 inverses:3",
 )
 RESTART = numbered("axes_before:9 restarts", start=BODY_ROW.h_D)
-"""Where working axes may restart, never at a pair or triple: the previous axes (columns); 1 if they do restart."""
+"""Columns of a body where working axes may restart (never a pair or triple): previous axes; 1 if they do restart."""
 HINGE_ROW = numbered("armature torque axis:3 Je:3 He:3 T inverse", start=JOINT.size)
-"""Columns of a hinge, after those of its joint: rotor A, torque, e, J e, Hᵀ e, T, 1 / D; in a triple e₁* for J e."""
+"""Columns of a hinge after the `JOINT` columns: rotor A, torque, e, J e (in a triple: e₁*), Hᵀ e, T, 1 / D."""
 THIRD_HINGE = numbered("e13 sense", start=HINGE_ROW.T)
-"""Columns of a triple: e₁·e₃, and 1 or −1, the sign by which the cosine of the middle angle equals e₁·e₂×e₃."""
+"""Columns of a triple: e₁·e₃, and the sign s = ±1 for which s times the cosine of the middle angle is e₁·e₂×e₃."""
 
 
 class ArticulatedWork(NamedTuple):
@@ -84,7 +84,7 @@ def articulated_workspace(bodies, hinges, gravity, rare):
 
 @kernel
 def articulated_lanes_workspace(bodies, hinges, gravity, rare):
-    """The same for eight chains with equal hinges side by side: arrays (8, bodies), (8, n), (8, 3), rare features."""
+    """The workspace for eight chains with equal hinges side by side, from arrays (8, bodies), (8, n) and (8, 3)."""
     m, n, chains = bodies.shape[1], hinges.shape[1], eight_of(bodies, hinges, gravity, rare)
     axes, coulomb, layouts = np.empty(n, np.int64), np.zeros(n), np.empty((LANES, m, LAYOUT.size), np.int64)
     base, rows = empty_lanes((3,)), empty_lanes((m + 1, BODY_ROW.size))
@@ -106,7 +106,7 @@ def articulated_lanes_workspace(bodies, hinges, gravity, rare):
 
 @inlined
 def inertia_alone(work):
-    """The workspace without force elements, which makes calls faster: every array is passed by several numbers."""
+    """The workspace without force elements; calls are faster, because every array is passed as several numbers."""
     return ArticulatedWork(
         work.gravity, work.layout, work.axes, work.prescribed, work.bodies, work.hinges, work.dry, work.flat, work.trig,
         work.forks, None,

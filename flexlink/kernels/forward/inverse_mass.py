@@ -1,4 +1,4 @@
-"""M x = r for many right-hand sides, O(n) each, with the factors that forward dynamics has left in its workspace.
+"""Solve M x = r for many right-hand sides, O(n) each, with the factors that forward dynamics stored in its workspace.
 
     group      load, backward pass                                       forward pass
     one hinge  T = r − e·n          n ← n + T J e / D                    x = (T − J e·α − Hᵀe·a) / D
@@ -7,9 +7,9 @@
     triple     t with e_k·t = r_k   T = L⁻¹ (x_j·t − x_j·n)              Lᵀα = D⁻¹ (T − h·a)
     pair       t = r₁ e₁ + r₂ e₂    f ← f + Σ T_j h_j / D_j              x from the difference of α across the group
 
-Between points n ← n + r × f and a ← a + α × r, as in `articulated` at rest and without gravity. The factors are floats;
-r and x are floats or eight floats side by side (`lanes`). The load of a branch is added to that of its parent body. In
-the forward pass the rows of the loads store the accelerations from which branches continue.
+From one hinge point to the next, n ← n + r × f and a ← a + α × r, as in `articulated` at rest and without gravity. The
+factors are floats; r and x are floats or eight floats side by side (`lanes`). The load of a branch is added to the load
+of its parent body. In the forward pass the rows of the loads store the accelerations from which branches continue.
 """
 
 from flexlink.kernels.forward.articulated import spread
@@ -23,9 +23,9 @@ from flexlink.kernels.tools.vec3 import add, add_scaled, combine, combine2, cros
 
 @recursion
 def solve_on_articulated(r, loads, x, work):
-    """Write x (n,) with M x + Jᵀ(loads) = r, 0 at prescribed joints; `work` from a call of `articulated`.
+    """Write x (n,) with M x + Jᵀ(loads) = r, 0 at prescribed joints; `articulated` must have been called with `work`.
 
-    `loads` (bodies, 6): moment and force of the bodies at their hinge points, working axes; overwritten.
+    `loads` (bodies, 6) contains moment and force of the bodies at their hinge points, in working axes; overwritten.
     """
     layout, prescribed, bodies, hinges = work.layout, work.prescribed, work.bodies, work.hinges
     o = zero_of(x)
@@ -83,7 +83,7 @@ def add_branch(loads, number, r, n, f):
 
 @subroutine
 def motion_of_branch(loads, number, r):
-    """α and a of a branch at a hinge point displaced by r from that of body `number`, whose row stores its own."""
+    """α and a at the first hinge point of a branch, displaced by r, from α and a in the row of body `number`."""
     if number == 0:
         o = zero_of(loads, 0, 0)
         return (o, o, o), (o, o, o)
@@ -103,7 +103,7 @@ def load_hinge(hinges, k, first, second, r, x, n, f):
 
 @subroutine
 def load_slides(layout, i, prescribed, hinges, r, x, n, f):
-    """n and f inboard of the prismatic hinges of body `i`."""
+    """Return n and f inboard of the prismatic hinges of body `i`; stores T / D in x."""
     for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
         if not prescribed[k]:
             f, n = load_hinge(hinges, k, HINGE_ROW.He, HINGE_ROW.Je, r, x, f, n)
@@ -112,7 +112,7 @@ def load_slides(layout, i, prescribed, hinges, r, x, n, f):
 
 @subroutine
 def move_slides(layout, i, prescribed, hinges, x, α, a):
-    """a outboard of the prismatic hinges of body `i`, and their x."""
+    """Return a outboard of the prismatic hinges of body `i`; write x of these hinges."""
     for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
         if prescribed[k]:
             put_at(x, zero_of(x), k)
@@ -151,7 +151,7 @@ def load_group(bodies, i, hinges, k, triple, r, x, n, f):
 
 @inlined
 def move_group(bodies, i, hinges, k, triple, x, before, a):
-    """α outboard of a group of hinges from `k`, and their x."""
+    """Return α outboard of a triple or pair of hinges from `k`; write x of these hinges."""
     u, v, w = axes_of(bodies, i, BODY_ROW.axes)
     l12, l13, l23 = vec_of(bodies, i, BODY_ROW.factors)
     α3 = dot(w, before)

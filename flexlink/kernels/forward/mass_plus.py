@@ -1,7 +1,7 @@
-"""Solve (M + A) x = r with diagonal A or, with coupled springs, block-diagonal A; displacements for changes of angles.
+"""Solve (M + A) x = r with A diagonal or, with coupled springs, block-diagonal; find displacements due to small angles.
 
-The type of the posture selects the recursion for a plane or for space, as in `forward`. It also selects whether springs
-are coupled: if `first` is None, no code for cells is compiled. All numbers but those of the posture may be complex.
+The type of the posture selects the recursion for a plane or for space, as in `forward`. This type also decides whether
+springs are coupled: if `first` is None, no code for cells is compiled. All numbers except the posture's may be complex.
 """
 
 from flexlink.kernels.forward.mass_plus_plane import (
@@ -31,7 +31,7 @@ FACTORS = numbered("A inverse others:6")  # of a hinge: A, 1 / D, and factors th
 
 @by_type({PlanePosture: plane_posture_of, SpacePosture: space_posture_of})
 def posture_of_stage(i, postures):
-    """One of several postures, whose arrays have a leading dimension (s,)."""
+    """Posture `i` of s postures, whose arrays have a leading dimension (s,)."""
 
 
 @by_type({PlanePosture: place_in_plane, SpacePosture: place_in_space})
@@ -41,7 +41,7 @@ def place_bodies(q, posture):
 
 @by_type({PlanePosture: plane_without_cells, SpacePosture: space_without_cells})
 def without_cells(posture):
-    """The same posture with the type of a chain without coupled springs."""
+    """The same posture, with the type that belongs to a chain without coupled springs."""
 
 
 @by_type({PlanePosture: factor_in_plane, SpacePosture: factor_in_space})
@@ -51,13 +51,13 @@ def factor_by_type(factors, posture):
 
 @subroutine
 def factor_cells(factors, posture):
-    """`factor` for a chain with cells, which is rare: not inlined into other kernels."""
+    """`factor` for a chain with cells; not inlined into other kernels because such chains are rare."""
     factor_by_type(factors, posture)
 
 
 @recursion
 def factor(factors, posture):
-    """Prepare `solve`; column 0 of `factors` (n, 8) is the diagonal of A, columns from `COUPLED.L` its cells."""
+    """Prepare `solve`; column 0 of `factors` (n, 8) is the diagonal of A, columns from `COUPLED.L` the other A_kj."""
     if posture.first is not None and len(posture.first) > 0:
         factor_cells(factors, posture)
     else:
@@ -71,13 +71,13 @@ def solve_by_type(factors, r, x, posture):
 
 @subroutine
 def solve_cells(factors, r, x, posture):
-    """`solve` for a chain with cells, which is rare: not inlined into other kernels."""
+    """`solve` for a chain with cells; not inlined into other kernels because such chains are rare."""
     solve_by_type(factors, r, x, posture)
 
 
 @recursion
 def solve(factors, r, x, posture):
-    """Write x (n,) with (M + A) x = r, 0 at prescribed joints, M without rotors; call `factor` first."""
+    """Write x (n,) with (M + A) x = r, 0 at prescribed joints; M excludes rotors. Call `factor` first."""
     if posture.first is not None and len(posture.first) > 0:
         solve_cells(factors, r, x, posture)
     else:
@@ -91,7 +91,7 @@ def displacement_of_places(δ, posture):
 
 @inlined
 def displacement(δ, posture):
-    """The same, or the largest |δ_k| times a radius for joints that displace no point."""
+    """Maximum of `displacement_of_places` and of radius · |δ_k| over the joints that displace no point."""
     largest = displacement_of_places(δ, posture)
     if rarely(len(posture.radius) > 0):
         for k in range(len(δ)):

@@ -1,4 +1,4 @@
-"""Columns for cells of coupled springs in a hinge's row of factors, for a plane and for space."""
+"""Columns of a hinge's row of factors for cells of coupled springs, in planar and in spatial chains."""
 
 import numpy as np
 
@@ -23,7 +23,7 @@ def columns(first):
 
 @kernel
 def rows_beside(first, rare):
-    """K_kj and D_kj of every hinge k and those before it in its cell, (n, w, 2), for `put_couplings`; None: plain."""
+    """K_kj and D_kj, (n, w, 2), of every hinge k and every hinge j before it in its cell; None for a plain chain."""
     if rare is None:
         return None
     couplings = rare.couplings

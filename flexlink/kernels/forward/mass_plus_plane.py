@@ -1,7 +1,7 @@
-"""(M + A) x = r in a plane, O(n), real or complex: the mass matrix plus rotors, springs and dampers.
+"""Solve (M + A) x = r in a plane, O(n), real or complex; M is the mass matrix, A contains rotors, springs, dampers.
 
-Absolute angles and accelerations as in `planar`, at rest and without forces; d and h are r and m c rotated by 90°. For
-a diagonal A:
+Angles and accelerations are absolute as in `planar`, at rest and without forces; d and h are r and m c rotated by 90°.
+For a diagonal A:
 
     backward    H = h + g + M d          D = I + A + j + 2 d·g + d·M d        M ← M + m 1 − H Hᵀ / D
     load        n ← n + d·f              T = σ r − n       n ← σ r − A T / D      f ← f + H T / D
@@ -15,13 +15,13 @@ same moment c_j and force g_j there. This column of j is transferred inboard lik
 by σ_k σ_j, and D the outboard inertia without the rotor,
 
     body        c_j ← c_j + d·g_j
-    hinge       U = D + c_k        G = H + g_k        S = U + c_k + A_kk        L_kj = A_kj + c_j        j < k, its cell
+    hinge       U = D + c_k        G = H + g_k        S = U + c_k + A_kk        L_kj = A_kj + c_j      j < k in the cell
                 j = (D A_kk − c_k²) / S               g = ((c_k + A_kk) H − U g_k) / S                M ← M − G Gᵀ / S
                 c_j ← c_j − L_kj U / S                g_j ← g_j − L_kj G / S                 A_ij ← A_ij − L_ki L_kj / S
     load        T = (τ − n) / S       n ← (U τ + (c_k + A_kk) n) / S       f ← f + G T       r_j ← r_j − L_kj T
     forward     ξ = T − (U α_before + G·a + Σ_j L_kj ξ_j) / S
 
-There is no cancellation for large A. Column j is stored in the columns of row j's factors until j is eliminated. The
+There is no cancellation for large A. Column j is stored in row j of the factors until j is eliminated. The
 stored numbers are σ_j L_kj, which multiply r_j and x_j directly.
 """
 
@@ -73,7 +73,7 @@ def plane_postures(s, posture):
 
 @kernel
 def levers_alone(planar, levers):
-    """A posture that shares the memory of `planar`, of one state or of eight, for uses of d and h only."""
+    """A posture that shares the memory of `planar`, for one state or eight, where only d and h are needed."""
     links, prescribed, trig = planar.links, planar.prescribed, planar.trig
     return PlanePosture(links, prescribed, trig, levers[0], levers[1], None, None, np.empty(0))
 
@@ -87,7 +87,7 @@ def plane_without_cells(posture):
 
 @recursion
 def plane_posture_of(i, postures):
-    """Posture `i` of several, whose arrays have a leading dimension."""
+    """Posture `i` of several postures, whose arrays have a leading dimension."""
     trig, d, h = postures.trig[i], postures.d[i], postures.h[i]
     return PlanePosture(
         postures.links, postures.prescribed, trig, d, h, postures.first, postures.coupled, postures.radius
@@ -109,7 +109,7 @@ def place_in_plane(q, posture):
 
 @recursion
 def turn_levers(posture):
-    """d and h from cosines and sines of the absolute angles, of one state or of eight side by side."""
+    """Write d and h from cosines and sines of the absolute angles, for one state or eight side by side."""
     links, trig, d, h = posture.links, posture.trig, posture.d, posture.h
     for k in range(len(d)):
         c, s = at(trig[1], k), at(trig[2], k)
@@ -159,7 +159,7 @@ def factor_in_plane(factors, posture):
 
 @inlined
 def open_columns(factors, begin, k, beyond, dx, dy):
-    """Columns of a cell, hinges `begin` … k, at the point of hinge k; `beyond` is the start of the previous cell."""
+    """Transfer the columns of a cell, hinges `begin` … k, to the point of hinge k; clear them if the cell is new."""
     o = factors.dtype.type(0)
     for i in range(begin, k + 1):
         if begin == beyond:
@@ -171,7 +171,7 @@ def open_columns(factors, begin, k, beyond, dx, dy):
 
 @inlined
 def close_hinge(factors, links, k, begin, U, Gx, Gy):
-    """Eliminate hinge k from the hinges before it in its cell, from `begin`; stores σ_j L_kj."""
+    """Eliminate hinge k from the equations of hinges `begin` … k − 1, before it in its cell; stores σ_j L_kj."""
     inverse, σ = factors[k, ROW.inverse], links[k, LINK.sign]
     for i in range(begin, k):
         own = links[i, LINK.sign]

@@ -1,4 +1,4 @@
-"""Prismatic hinges in (M + A) x = r, all hinges of a body in one call: see `mass_plus_space`; springs not coupled."""
+"""Prismatic hinges in (M + A) x = r (`mass_plus_space`), all hinges of a body in one call; springs are uncoupled."""
 
 from flexlink.kernels.forward.articulated_layout import LAYOUT
 from flexlink.kernels.forward.mass_plus_cells import COUPLED
@@ -14,7 +14,7 @@ FACTORS = numbered("A inverse He:3 Me:3")  # of a prismatic hinge: A, 1 / D, H e
 
 @subroutine
 def place_slides(q, posture, i, x, y, z):
-    """Axes of the prismatic hinges of body `i` with axes x, y, z, and its hinge point at q."""
+    """Write the axes of the prismatic hinges of body `i` with axes x, y, z, and its hinge point at q."""
     r = vec_of(posture.r, i, 0)
     for k in range(posture.layout[i, LAYOUT.first], posture.layout[i, LAYOUT.stop]):
         e = pick(posture.axes[k] - SLIDES, x, y, z)
@@ -45,7 +45,7 @@ def factor_slides(factors, posture, i, J, H, M):
 
 @subroutine
 def load_slides(factors, r, x, posture, i, n, f):
-    """n and f inboard of the hinges of body `i`; stores T in x."""
+    """Return n and f inboard of the hinges of body `i`; store T in x."""
     for k in range(posture.layout[i, LAYOUT.stop] - 1, posture.layout[i, LAYOUT.first] - 1, -1):
         if not posture.prescribed[k]:
             T = (r[k] - dot(vec_of(posture.e, k, 0), f)) * factors[k, FACTORS.inverse]
@@ -57,7 +57,7 @@ def load_slides(factors, r, x, posture, i, n, f):
 
 @subroutine
 def move_slides(factors, x, posture, i, α, a):
-    """a outboard of the hinges of body `i`, and their x."""
+    """Return a outboard of the hinges of body `i`; write x of these hinges."""
     for k in range(posture.layout[i, LAYOUT.first], posture.layout[i, LAYOUT.stop]):
         x[k] = 0.0 if posture.prescribed[k] else x[k]
         if not posture.prescribed[k]:
@@ -69,7 +69,7 @@ def move_slides(factors, x, posture, i, α, a):
 
 @subroutine
 def displace_slides(δ, posture, i, p):
-    """Displacement of the hinge point of body `i`, from its displacement by all hinges before."""
+    """Displacement of the hinge point of body `i`, from its displacement p due to all earlier hinges."""
     for k in range(posture.layout[i, LAYOUT.first], posture.layout[i, LAYOUT.stop]):
         p = add_scaled(p, δ[k], vec_of(posture.e, k, 0))
     return p

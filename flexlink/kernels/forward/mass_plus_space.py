@@ -1,6 +1,6 @@
-"""(M + A) x = r in space, O(n), real or complex: the mass matrix plus rotors, springs and dampers.
+"""Solve (M + A) x = r in space, O(n), real or complex; M is the mass matrix, A contains rotors, springs, dampers.
 
-Articulated bodies as in `articulated`, hinge by hinge, at rest and without forces, in axes of frame 0. Diagonal A:
+Articulated bodies as in `articulated`, hinge by hinge, at rest and without forces, in axes of frame 0. For diagonal A:
 
     backward    J ← J + I + Σ…       H ← H + M r̃ + m c̃       M ← M + m 1              (body with lever r)
                 D = e·J e + A         J ← J − J e (J e)ᵀ / D    H ← H − J e (Hᵀ e)ᵀ / D    M ← M − Hᵀ e (Hᵀ e)ᵀ / D
@@ -114,7 +114,7 @@ def space_without_cells(posture):
 
 @recursion
 def space_posture_of(i, postures):
-    """Posture `i` of several, whose arrays have a leading dimension."""
+    """Posture `i` of several postures, whose arrays have a leading dimension."""
     return SpacePosture(
         postures.layout, postures.axes, postures.rows, postures.prescribed, postures.trig[i],
         postures.e[i], postures.r[i], postures.moments[i], postures.inertias[i],
@@ -221,7 +221,7 @@ def open_columns(factors, begin, stop):
 
 @inlined
 def close_hinge(factors, k, begin, e, U, G):
-    """Eliminate hinge k from the hinges before it in its cell, from `begin`."""
+    """Eliminate hinge k from the equations of hinges `begin` … k − 1, before it in its cell."""
     inverse = factors[k, ROW.inverse]
     for j in range(begin, k):
         c = vec_of(factors, j, OPEN.c)
@@ -237,7 +237,7 @@ def close_hinge(factors, k, begin, e, U, G):
 
 @inlined
 def add_body(posture, i, J, H, M):
-    """J, H, M at the hinge point of body i, from those at the next one."""
+    """J, H, M at the hinge point of body i, from J, H, M at the next hinge point."""
     r, mc, m = vec_of(posture.r, i + 1, 0), vec_of(posture.moments, i, 0), posture.rows[i, BODY_ROW.mass]
     I = sym_of(posture.inertias, i, 0)
     d1, d2, d3 = (0.0, -r[2], r[1]), (r[2], 0.0, -r[0]), (-r[1], r[0], 0.0)  # unit vectors × r
@@ -325,7 +325,7 @@ def displacement_in_space(δ, posture):
 
 @subroutine
 def displacement_in_tree(δ, posture):
-    """The same for a tree or prismatic joints: separate, since implicit steps call the other loop most often of all."""
+    """`displacement_in_space` for trees or prismatic joints; separate, to keep the loop for other chains short."""
     layout, es, rs, forks = posture.layout, posture.e, posture.r, posture.forks
     φ, p, largest = ZERO, ZERO, 0.0
     keep(forks, 0, (φ, p))

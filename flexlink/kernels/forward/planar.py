@@ -1,9 +1,9 @@
 """Articulated-body algorithm in a plane, O(n), for chains with parallel hinge axes.
 
-Inertial axes; the unknown is the acceleration a of the hinge point. The force of a body and all outboard bodies is
-f = M a + f₀. Their moment equals the joint torque, which is known, so only M (2×2) and f₀ are passed on. d is r rotated
-by 90°, h is m c rotated by 90°, φ and α are absolute, D is the inertia about the hinge point plus rotor A. A large φ is
-summed from angles without full turns, so it keeps all digits:
+All vectors are in inertial axes; the unknown is the acceleration a of the hinge point. A body and all outboard bodies
+require a force f = M a + f₀. Their moment equals the joint torque, which is known, so only M (2×2) and f₀ are passed
+on. d is r rotated by 90°, h is m c rotated by 90°, φ and α are absolute, D is the inertia about the hinge point plus
+rotor A. A large φ is summed from angles without full turns, so φ keeps all digits:
 
     forward     φ ← φ + σ q       ω ← ω + σ q̇
     backward    f₀ ← f₀ − M ω² r             H = h + M d            D = I + d·M d + A        T = σ τ − n − d·f₀
@@ -11,8 +11,8 @@ summed from angles without full turns, so it keeps all digits:
     forward     α = (T − H·a) / D            σ q̈ = α − α_before    a ← a + α d − ω² r
 
 A rotor's torque A q̈ is not known in advance. It adds a moment that depends on the motion, j α + g·a (zero if A = 0),
-with j = A (1 − A/D). 1 − A/D is computed as (D − A)/D, so a large rotor loses no digits. One source serves one chain
-and eight chains side by side (`lanes`).
+with j = A (1 − A/D). 1 − A/D is computed as (D − A)/D, so a large rotor loses no digits. The same code works for one
+chain and for eight chains side by side (`lanes`).
 """
 
 from flexlink.kernels.bodies.plane import BASE, LINK, cos_sin_less_turns, in_plane
@@ -45,9 +45,9 @@ def planar(wrench, q, qd, tau, qdd, work):
 
 @inlined
 def outward(q, qd, tau, links, angles):
-    """Store absolute angles and rates, and torques less those of springs and friction.
+    """Store absolute angles, squared rates and T_EX − d q̇ − k (θ − θ₀) of every hinge.
 
-    Returns the rate of the tip, and the power of drives and viscous friction.
+    Returns the angular rate of the tip, and the power of drives and viscous friction.
     """
     φ = ω = power = zero_of(q)
     for k in range(len(q)):
@@ -64,7 +64,7 @@ def outward(q, qd, tau, links, angles):
 
 @inlined
 def inward(base, wrench, prescribed, qdd, links, cosines, sines):
-    """M, f₀ and the moment n of each link and all outboard links at its hinge point."""
+    """Compute M, f₀ and the moment n of each link and all outboard links, at the link's hinge point."""
     o = zero_of(cosines)
     Mxx = Mxy = Myy = j = gx = gy = o
     fx, fy = in_plane(base, scale(-1.0, vec(wrench, 0)))
@@ -110,9 +110,9 @@ def inward(base, wrench, prescribed, qdd, links, cosines, sines):
 
 @inlined
 def accelerate(base, prescribed, links, qd, tau, qdd, power):
-    """Absolute accelerations, q̈ from their differences, and torques of prescribed hinges.
+    """Compute absolute accelerations, q̈ from their differences, and torques of prescribed hinges.
 
-    Returns the power including that of these torques. The rows of the links then have α in place of T / D.
+    Returns the power, including the power of these torques. In the rows of the links, α replaces T / D.
     """
     ax, ay = in_plane(base, scale(-1.0, vec(base, BASE.gravity)))
     before = zero_of(qdd)
@@ -122,7 +122,7 @@ def accelerate(base, prescribed, links, qd, tau, qdd, power):
         if prescribed[k]:
             α = before + at(links, k, LINK.sign) * at(qdd, k)
             moment = at(links, k, LINK.sign) * (at(links, k, LINK.α) + at(links, k, LINK.β) * α + pull)
-            # torque beyond those of drive, spring and friction
+            # torque in addition to drive, spring and friction
             more = moment + at(links, k, LINK.armature) * at(qdd, k) - at(links, k, LINK.torque)
             put_at(tau, at(tau, k) + more, k)
             power += at(qd, k) * more

@@ -1,10 +1,11 @@
-"""Largest and smallest frequency of a chain by power iteration, O(n) per iteration: estimates.
+"""Estimates of the largest and smallest frequency of a chain by power iteration, O(n) per iteration.
 
     fastest     φ ← M⁻¹ W φ        W φ = λ M φ, W diagonal except for couplings, prescribed joints at rest
     slowest     φ ← K⁻¹ S φ        K φ = ω² S φ on the joints with springs, S = M_pp − M_pa M_aa⁺ M_ap
 
 S is the Schur complement of M for the free joints a, which follow the others without torque: φ_a = −M_aa⁺ M_ap φ_p.
-M_aa is singular if a stretched arm moves only a point mass. Any inverse on its range is correct, since M_ap is in it.
+M_aa is singular if a stretched arm moves only a point mass. Any inverse on the range of M_aa is correct, since M_ap φ_p
+lies in this range.
 """
 
 import math
@@ -23,10 +24,10 @@ EPS = 2.0**-52
 
 @kernel
 def largest_eigenvalue(chain, q, weights, coupled, passes, close, posture):
-    """Largest λ of W φ = λ M φ, from below, after `passes` iterations or when one changes it by less than `close` λ.
+    """Estimate the largest λ of W φ = λ M φ from below; stop after `passes` iterations or at a change ≤ `close` λ.
 
-    `weights` (n,) are the diagonal of W, `coupled` (couplings,) its other elements; `posture` is scratch. Not finite if
-    M is singular.
+    `weights` (n,) are the diagonal of W, `coupled` (couplings,) its other elements; `posture` is scratch. The result is
+    not finite if M is singular.
     """
     n, last = len(q), 0.0
     φ, r, factors = np.zeros(n), np.zeros(n), np.zeros((n, columns(posture.first)))
@@ -54,7 +55,7 @@ def largest_eigenvalue(chain, q, weights, coupled, passes, close, posture):
 
 @recursion
 def largest(φ):
-    """The largest |φ_k|; nan if any is."""
+    """The largest |φ_k|; nan if some φ_k is not finite."""
     size = 0.0
     for k in range(len(φ)):
         size = max(size, abs(φ[k])) + (φ[k] - φ[k])
@@ -63,7 +64,7 @@ def largest(φ):
 
 @kernel
 def smallest_square(chain, q, passes, close):
-    """Smallest ω² of K φ = ω² S φ, from above, on the joints with springs; inf: none; `passes` as above."""
+    """Estimate the smallest ω² of K φ = ω² S φ from above, as in `largest_eigenvalue`; inf without springs."""
     bent, free = joints_of(chain, True), joints_of(chain, False)
     n, p, a, last = len(q), len(bent), len(free), 0.0
     if p == 0:
@@ -120,7 +121,7 @@ def coupled_energy(couplings, φ):
 
 @kernel
 def joints_of(chain, springs):
-    """The joints with springs, or those without, except prescribed joints."""
+    """Indices of the joints with springs or, if `springs` is False, without springs; prescribed joints are excluded."""
     found, count = np.zeros(len(chain.hinges), np.int64), 0
     for k in range(len(chain.hinges)):
         if (chain.hinges[k].stiffness > 0.0) == springs and not chain.hinges[k].prescribed:
@@ -163,7 +164,7 @@ def factor_semidefinite(A, order):
 
 @recursion
 def solve_semidefinite(L, order, rank, x, y):
-    """Overwrite b in `x` with a solution of A x = b, 0 where L has no pivot; b in A's range, scratch `y` (n,) zero."""
+    """Overwrite b in `x` with a solution of A x = b (0 where L has no pivot); b must be in A's range, `y` (n,) zero."""
     for i in range(rank):
         y[i] = x[order[i]]
         for k in range(i):

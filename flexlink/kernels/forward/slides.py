@@ -1,6 +1,6 @@
 """Prismatic hinges in the articulated-body algorithm, all hinges of a body in one call.
 
-Force and moment are exchanged, and so are acceleration and angular acceleration. With U = H e and G = M e in place of
+Force and moment swap roles, and so do acceleration and angular acceleration. With U = H e and G = M e in place of
 J e and Hᵀ e:
 
     D = e·G + A      q̈ = (T − e·f − U·α − G·a) / D      J ← J − U Uᵀ/D      H ← H − U Gᵀ/D      M ← M − G Gᵀ/D
@@ -32,7 +32,7 @@ def put_slides(layout, i, axes, bodies, hinges, x, y, z, ω, places, qd):
 
 @subroutine
 def eliminate_slides(layout, i, axes, prescribed, hinges, qdd, J, H, M, n, f):
-    """J, H, M, n, f inboard of the hinges of body `i`, from those outboard; a given q̈ adds to n and f."""
+    """Return J, H, M, n, f inboard of the hinges of body `i`, given them outboard; a given q̈ adds to n and f."""
     H = transposed(H)
     for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
         if prescribed[k]:
@@ -49,14 +49,14 @@ def eliminate_slides(layout, i, axes, prescribed, hinges, qdd, J, H, M, n, f):
 
 @inlined
 def transposed(A):
-    """Rows of Aᵀ, from those of A."""
+    """Rows of Aᵀ, from the rows of A."""
     a, b, c = A
     return (a[0], b[0], c[0]), (a[1], b[1], c[1]), (a[2], b[2], c[2])
 
 
 @subroutine
 def accelerate_slides(layout, i, prescribed, hinges, qd, tau, qdd, α, a):
-    """Write q̈ of the hinges of body `i`, or their torques; return a outboard of them, and the power of the torques."""
+    """Write q̈ of the hinges of body `i`, or torques if prescribed; return a outboard, and the power of the torques."""
     power = zero_of(qdd)
     for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
         if not prescribed[k]:

@@ -44,7 +44,7 @@ class DenseWork(NamedTuple):
 
 @kernel
 def dense_workspace(chain, by_lu):
-    """Allocate the workspace of `dense`, by LU or by Cholesky."""
+    """Allocate the workspace of `dense`, which solves by LU if `by_lu`, otherwise by Cholesky decomposition."""
     n = len(chain.hinges)
     return DenseWork(
         chain,
@@ -140,7 +140,7 @@ def forward_dynamics(wrench, q, qd, tau, qdd, work):
 def forward_under(inputs, t, middle, q, qd, tau, qdd, work):
     """`forward_dynamics` with the tip wrench at time t; `middle` is the midpoint of the step that contains t.
 
-    Returns the power of all forces without a potential [W], which include a force on the tip that changes.
+    Returns the power of all forces without a potential [W], including a tip force that is not constant.
     """
     if inputs.loads is None:
         return forward_dynamics(inputs.wrench, q, qd, tau, qdd, work)
@@ -149,7 +149,7 @@ def forward_under(inputs, t, middle, q, qd, tau, qdd, work):
 
 
 class Solver(NamedTuple):
-    """An algorithm as the functions with argument checks call it; each entry is a single compiled call."""
+    """An algorithm in the form that the argument-checking functions call; each entry is a single compiled call."""
 
     workspace: Callable[..., Any]  # (chain) -> scratch
     accelerations: Callable[..., Any]  # (chain, wrench, q, qd, tau) -> q̈ in a new array
@@ -208,7 +208,7 @@ def _cholesky(chain, wrench, q, qd, tau):
 def accelerations_of_many(work, wrench, q, qd, tau):
     """q̈ of many states (b, n) with wrenches (b, 6) for the chains of a workspace, eight states side by side.
 
-    The last eight are filled up with copies of the last state.
+    The last group of eight is padded with copies of the last state.
     """
     b, n = q.shape
     qdd = np.zeros((b, n))

@@ -1,7 +1,7 @@
 """Rows in which a recursion stores the state at the forks of a tree and adds up the contributions of the branches.
 
-Row 0 is that of the base. A body with branches has row `fork`; the first body of a branch has the row of its parent,
-`slot` (`layout`).
+Row 0 belongs to the base. A body with branches uses row `fork`; the first body of a branch uses the row of its parent,
+`slot` (see `layout`).
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from flexlink.kernels.tools.lanes import empty_lanes
 
 @kernel
 def rows_of_forks(bodies):
-    """Number of rows, including that of the base; zero for a chain without branches."""
+    """Number of rows, including the row of the base; zero for a chain without branches."""
     rows = 0
     for i in range(len(bodies)):
         if bodies[i].begins:

@@ -109,7 +109,7 @@ def columns_of(R):
 def motion_of(chain, body, qd, placed):
     """ω of a body and the velocity of its hinge point, from the results of `kinematics`.
 
-    `body` counts from 1; 0 is the base. Sums over the joints on the path to it: revolute ω = Σ q̇ e and
+    Body numbers start at 1; 0 is the base. The sums include all joints on the path to the body: revolute ω = Σ q̇ e and
     v = Σ q̇ e × (p − p_k), prismatic v = Σ q̇ e.
     """
     ω, v, i = ZERO, ZERO, body - 1
@@ -127,7 +127,7 @@ def motion_of(chain, body, qd, placed):
 
 @kernel
 def arm_length(bodies):
-    """Sum of the lengths of all bodies [m], or 1 if it is zero: it makes slides comparable with rotations."""
+    """Sum of the lengths of all bodies [m], or 1 if it is zero; a scale to compare displacements with rotations."""
     length = 0.0
     for i in range(len(bodies)):
         r = vector(bodies[i].translation)

@@ -5,7 +5,7 @@ from flexlink.kernels.inputs.references import locate
 from flexlink.kernels.tools.compiler import entry, inlined
 from flexlink.kernels.tools.lanes import put_at, zero_of
 
-LATE = 1.0 + 8.0 * 2.0**-52  # allowed relative rounding error of the number of an instant
+LATE = 1.0 + 8.0 * 2.0**-52  # factor that allows for rounding of time · rate, a sampling instant's number
 
 
 @inlined
@@ -31,10 +31,10 @@ def drive_torque(drive, t, middle, q, qd, tau):
 
 @entry
 def drive_slopes(drive, t, state, nudge, ends, slopes):
-    """−∂T_EX/∂q and −∂T_EX/∂q̇, (2, n, d), with respect to angle and rate of each driven joint at a `state` (2, n).
+    """Write −∂T_EX/∂q and −∂T_EX/∂q̇, (2, n, d), for angle and rate of each driven joint at a `state` (2, n).
 
-    Central differences with step `nudge`, exact for a linear law except for rounding. `ends` (2, n), initially zero,
-    receives the torques at both ends.
+    They are central differences with step `nudge`, exact for a linear law except for rounding. `ends` (2, n), initially
+    zero, receives the torques at both ends of the step.
     """
     for part in range(2):
         for d in range(len(drive.joints)):
@@ -49,7 +49,7 @@ def drive_slopes(drive, t, state, nudge, ends, slopes):
 
 @inlined
 def sample_at_step(drive, t, middle, q, qd, tau):
-    """Call `sample_law` only if the drive is sampled, so that other drives do not pay for passing its record."""
+    """Call `sample_law` only if the drive is sampled, so that other drives save the time to pass its record."""
     if drive.rate > 0.0:
         sample_law(drive, t, middle, q, qd, tau)
 
@@ -61,7 +61,7 @@ def sample_law(drive, t, middle, q, qd, tau):
     Other laws store nothing. `middle` is the midpoint of the step that begins at t; `tau` (n,) is scratch.
     """
     now = int(middle * drive.rate * LATE)
-    if q.ndim == 1:  # noqa: SIM102  to the compiler; arms side by side have no sampled law
+    if q.ndim == 1:  # noqa: SIM102  decided by the compiler: arms side by side have no sampled law
         if drive.rate > 0.0 and now >= drive.next_instant[0]:
             law_torque(drive, t, middle, q, qd, tau)
             for d in range(len(drive.joints)):

@@ -22,9 +22,9 @@ TABLE, PD, PD_GRAVITY, COMPUTED_TORQUE = range(4)
 
 @inlined
 def law_torque(drive, t, middle, q, qd, tau):
-    """Write T_EX at the driven joints to `tau` (n,), within the limits of the drive, at time t of a step with `middle`.
+    """Write T_EX at the driven joints to `tau` (n,), within the limits, at time t of a step with midpoint `middle`.
 
-    Inlined: passing the record of a drive takes longer than evaluating most laws.
+    It is inlined because passing the record of a drive takes longer than evaluating most laws.
     """
     unlimited_torque(drive, t, middle, q, qd, tau)
     for d in range(len(drive.joints)):

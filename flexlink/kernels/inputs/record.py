@@ -13,10 +13,10 @@ from flexlink.kernels.layout import ChainArrays
 
 
 class PiecewisePolynomial(NamedTuple):
-    """Σ_j c_j x^j of d joints, with x = t − the last knot; the last piece continues without end.
+    """Σ_j c_j x^j of d joints, with x = t minus the last knot before t; the last piece continues without end.
 
-    Before the first knot the value, rate and acceleration at the knot apply. The first knot must therefore be at or
-    before the start of the run, or its piece constant.
+    Before the first knot, the value, rate and acceleration at the knot apply. The first knot must therefore be at or
+    before the start of the run, or the first piece must be constant.
     """
 
     knots: Array  # (m,) [s]
@@ -71,7 +71,7 @@ class Loads(NamedTuple):
 
 
 class GivenWrench(NamedTuple):
-    """A constant wrench, as `solve_static` and `modes` take it."""
+    """A constant wrench in the form that `solve_static` and `modes` accept."""
 
     tip_wrench: Array  # (6,)
     follower: bool  # whether it is in axes of the tip frame
@@ -103,7 +103,7 @@ class Inputs(NamedTuple):
 
     @property
     def potential_force(self) -> Array:
-        """Constant force (3,), else zero. It has a potential, so runs do not integrate its work."""
+        """Tip force (3,) if constant, else zero. A constant force has a potential: its work is not integrated."""
         return np.zeros(3) if self.changing else self.wrench[:3]
 
     def tip_wrenches(self, t: Array, q: Array, qd: Array) -> Array:

@@ -25,8 +25,8 @@ def reference(ref, t, middle, d):
     """Value [rad], rate [rad/s] and acceleration [rad/s²] of column `d` of a reference at time t.
 
     `ref` has knots (m,) and coefficients (m, p + 1, d). All stages of a step use the piece at its `middle`, so the
-    polynomial is smooth within the step: a stage at its end ignores a jump there, and with a knot inside the step
-    stages before the knot extrapolate the later piece.
+    polynomial is smooth within the step: a stage at its end ignores a jump there, and if a knot lies inside the step,
+    stages on the other side of the knot extrapolate this piece.
     """
     piece = locate(ref.knots, 0, len(ref.knots), middle)
     x, c = t - ref.knots[piece], ref.coefficients[piece]

@@ -1,4 +1,4 @@
-"""The tip wrench at a stage, in frame 0: constant, or from a table in time, in axes of frame 0 or of the tip.
+"""The tip wrench at a stage, in frame 0; it is constant or given by a table in time, in axes of frame 0 or of the tip.
 
 A constant force has a potential. A force that changes, or rotates with the tip, has none. Its power is
 
@@ -32,10 +32,10 @@ from flexlink.kernels.tools.vec3 import (
 def put_wrench(loads, t, middle, q, qd, wrench):
     """Write force and moment at time t and state q, q̇ (n,) into `wrench` (6,), frame 0; return the power f·ṗ [W].
 
-    `middle` is the midpoint of the step that contains t. A constant wrench is not changed; arms side by side have no
-    other.
+    `middle` is the midpoint of the step that contains t. A constant wrench is not changed. Arms side by side have only
+    constant wrenches.
     """
-    if q.ndim == 1:  # noqa: SIM102  to the compiler
+    if q.ndim == 1:  # noqa: SIM102  decided by the compiler
         if loads is not None and loads.varies:
             return put_acting(loads, t, middle, q, qd, wrench)
     return 0.0

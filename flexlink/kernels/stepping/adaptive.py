@@ -4,11 +4,11 @@
 
 limited by the predictive controller, which uses the last two errors (Gustafsson; Hairer & Wanner, Solving Ordinary
 Differential Equations II, IV.8). A step ends at every knot of an input, because an input is not smooth there, and where
-a motor saturates (`saturation`). After a rejected step the step length grows only slowly. Samples inside a step are its
+a motor saturates (`saturation`). After a rejected step the step length grows only slowly. Samples inside a step use its
 dense output. An explicit method ends a step at a sample where that is cheaper, or if it has no dense output.
 
-With an infinite tolerance all steps have the largest length, and only the state is carried across a knot: a run that
-starts from the state at a knot computes the same numbers.
+With an infinite tolerance all steps have the largest length, and only the state is carried across a knot, so a run
+that starts from the state at a knot computes the same numbers.
 """
 
 import math
@@ -34,29 +34,29 @@ from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, SO_FAR, STEPPER
 from flexlink.kernels.tools.compiler import by_type, entry, inlined, recursion, shared
 from flexlink.kernels.tools.numbered import numbered
 
-OUTCOME = numbered("goes_on ended stuck turned")  # results of `advance`; turned: a free base turned far
+OUTCOME = numbered("goes_on ended stuck turned")  # results of `advance`; turned: a free base has turned far
 SAFETY, SHRINK = 0.9, 1 / 8  # safety factor of the step length; smallest factor by which h changes
 NEARLY = 1.01  # a knot at most this many h away is reached in one step
 AT_THE_END = 1e-9  # fraction of a step within which a time counts as the end of the step
-OF_A_SWITCH = 0.1  # fraction of a long step's tolerance: limit of the displacement by a torque off its branch
+OF_A_SWITCH = 0.1  # displacement allowed if saturation changes within a step, as a fraction of a long step's tolerance
 
 
 @by_type({ImplicitWork: implicit_step, EmbeddedWork: embedded_step})
 def take_step(t, h, inputs, state, allowed, work):
-    """One step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; returns its error [m] and iterations."""
+    """Step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; returns its error [m] and number of iterations."""
 
 
 @entry
 def advance(work, forward, inputs, settings, count, state, tau, knots, samples, most):
     """Take up to `most` steps from `state` q, q̇, q̈ (n,) and W (2,), in place, and fill in the samples on the way.
 
-    Scratch: `work` of the method, `forward` of forward dynamics, `tau` (n,).
+    Scratch arrays are `work` of the method, `forward` of forward dynamics and `tau` (n,).
 
     `settings`: absolute tolerance of a long step [m]; its relative tolerance, as a fraction of the largest deflection;
-    the length from which a step is long [s]; the largest error of the iteration [m], and the same as a fraction of the
-    tolerance; p; the duration of the run [s]; smallest and largest step [s]. The tolerance of a shorter step is
-    proportional to its length, so that the errors of many steps add up to the same. `knots`: times where a step ends,
-    the last of which is the end of the run, and the length above which a step may pass each [s], inf if none may.
+    the length from which a step counts as long [s]; the largest error of the iteration [m], and the same as a fraction
+    of the tolerance; p; the duration of the run [s]; smallest and largest step [s]. The tolerance of a shorter step is
+    proportional to its length, so short steps have the same total error. `knots`: times where a step ends,
+    the last being the end of the run, and for each the length above which a step may pass it [s], inf if none may.
     `samples`: times (rows,), q and q̇ (rows, n), W (rows,), and the record of the steps so far (rows, SO_FAR.size).
     """
     absolute, part, long, exact, left, p, duration, smallest, largest = settings
@@ -66,7 +66,7 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
         t = stepper[STEPPER.time]
         knot = next_knot(t, stepper[STEPPER.step], knots, count)
         end = knots[0][knot]
-        switch = t < stepper[STEPPER.switch] < end  # a step ends there as at a knot
+        switch = t < stepper[STEPPER.switch] < end  # the step ends at the switch, as at a knot
         end = stepper[STEPPER.switch] if switch else end
         ends = t + NEARLY * stepper[STEPPER.step] >= end
         h = end - t if ends else stepper[STEPPER.step]
@@ -141,14 +141,14 @@ def pass_knots(t, knots, count):
 def first_step(work, state, settings, duration, bent):
     """Set the deflection, and a first step in which q̈ moves no body by more than the tolerance of a step.
 
-    Scratch `bent` (n,).
+    `bent` (n,) is scratch.
     """
     absolute, part, largest = settings[0], settings[1], settings[8]
     q, qd, qdd = state[0], state[1], state[2]
     stepper, τ = work.stepper, min(work.stepper[STEPPER.inverse_ω1], duration)
     place_bodies(q, work.posture)
     stepper[STEPPER.deflection] = spring_displacement(q, bent, work)
-    for k in range(len(q)):  # for an arm with relaxed springs: its deflection by q̇ and q̈ in 1 / ω₁
+    for k in range(len(q)):  # for an arm with relaxed springs: deflection due to q̇ and q̈ in the time 1 / ω₁
         bent[k] = qd[k] + τ * qdd[k]
     stepper[STEPPER.deflection] = max(
         stepper[STEPPER.deflection], deflection_norm(τ, bent, work.springs, work.posture, work.chain)
@@ -162,7 +162,7 @@ def first_step(work, state, settings, duration, bent):
 
 @recursion
 def spring_displacement(q, bent, work):
-    """Largest displacement [m] of a body by the deflections of all springs; scratch `bent` (n,)."""
+    """Largest displacement [m] of a body due to the deflections of all springs; `bent` (n,) is scratch."""
     for k in range(len(q)):
         hinge = work.chain.hinges[k]
         bent[k] = q[k] - hinge.rest if hinge.stiffness > 0.0 else 0.0
@@ -204,7 +204,7 @@ def forget(stepper):
 
 @recursion
 def refuse(h, error, p, stepper, count):
-    """Shorten the step after a rejection; `error` / tolerance is 1 or more, or nan if the iteration failed."""
+    """Shorten the step after a rejection; `error` is relative to the tolerance, ≥ 1, or nan if the iteration failed."""
     if math.isnan(error):
         if stepper[STEPPER.refusal] > 0.0:
             stepper[STEPPER.last_step] = 0.0
@@ -219,7 +219,7 @@ def refuse(h, error, p, stepper, count):
 
 @recursion
 def following(h, error, p, iterations, stepper):
-    """Length of the step after an accepted step of length h, whose error / tolerance is below 1."""
+    """Length of the step after an accepted step of length h; its `error`, relative to the tolerance, is below 1."""
     safety = SAFETY * 21.0 / (20.0 + iterations)
     error = max(error, 1e-10)
     factor = safety * error ** (-1.0 / p)
@@ -243,9 +243,9 @@ def following(h, error, p, iterations, stepper):
 
 @inlined
 def off_inside(t, h, long_error, inputs, state, knots, count, samples, work):
-    """Error of the samples inside a step over their tolerance; 0 if no sample is inside.
+    """Ratio of the error of the samples inside a step to their tolerance; 0 if no sample is inside.
 
-    Their tolerance is twenty times that of a long step, because this error does not propagate.
+    Their tolerance is twenty times the tolerance of a long step, because this error does not propagate.
     """
     off, times = 0.0, 20.0
     if passes(t + (1.0 - AT_THE_END) * h, knots[0], count[COUNT.knot], samples[0], count[COUNT.row]):
@@ -281,7 +281,7 @@ def sample(t, h, inputs, state, work, count, samples, spare):
 
 @inlined
 def note(stepper, count, so_far):
-    """Record the numbers by which a sample is judged later: the deflection, and the counts so far."""
+    """Record the numbers that the check of a sample needs later: the deflection, and the counts so far."""
     so_far[SO_FAR.deflection] = stepper[STEPPER.deflection]
     for k in range(COUNT.knot):
         so_far[SO_FAR.steps + k] = count[k]

@@ -1,8 +1,8 @@
-"""When each stage of a step has a separate matrix (see `newton`): only where one matrix for all stages fails.
+"""Decide when each stage of a step uses a separate matrix (see `newton`): only if one matrix for all stages fails.
 
-A step whose iteration does not converge is repeated with stage matrices. They are used for eight steps, and for more
-than twice that number if the next failure follows soon after. If two steps in a row fail in spite of stage matrices,
-they are switched off, and the number of failures before the next trial doubles.
+A step whose iteration does not converge is repeated with stage matrices. They are used for eight steps, and for up to
+24 steps if the next failure follows soon after. If two attempts in a row fail in spite of stage matrices, these are
+switched off, and the number of failures before the next trial about doubles.
 """
 
 from flexlink.kernels.stepping.step_state import REFUSAL, STEPPER

@@ -1,8 +1,8 @@
-"""q and q̇ at a fraction x of the step just taken, by the polynomial through the stages or through both ends.
+"""Find q and q̇ at a fraction x of the step just taken, by the polynomial through the stages or through both ends.
 
-Samples inside a step are its dense output (`implicit`, `embedded`), for which an explicit method evaluates a few
-additional stages. The search for the time at which a motor saturates needs many points of a step. There an explicit
-method uses the quintic polynomial with q, q̇ and q̈ of both ends, and its derivative for q̇.
+Samples inside a step are computed by its dense output (`implicit`, `embedded`), for which an explicit method evaluates
+a few additional stages. The search for the time at which a motor saturates needs many points of a step. In this search,
+an explicit method uses the quintic polynomial that matches q, q̇, q̈ at both ends, and its derivative for q̇.
 """
 
 import math
@@ -38,7 +38,7 @@ def of_implicit(x, h, state, angles, rates, work):
 def of_explicit(x, h, state, angles, rates, work):
     """Write q and q̇ at the fraction x by the polynomials of `prepare_explicit`; returns W there.
 
-    Only for a method with dense output.
+    The method must have dense output.
     """
     q, qd, done = state[0], state[1], state[3]
     once, twice, W = work.inside[0], work.inside[1], 0.0
@@ -73,12 +73,12 @@ def between_ends(x, h, state, angles, rates, work):
 
 @by_type({ImplicitWork: of_implicit, EmbeddedWork: between_ends})
 def between(x, h, state, angles, rates, work):
-    """Write q and q̇ at the fraction x of the step just taken, without new evaluations; returns W there, or nan."""
+    """Write q and q̇ at the fraction x of the step, without new evaluations; returns W there, nan if unknown."""
 
 
 @inlined
 def is_prepared(t, h, inputs, state, work):
-    """Returns 0 and 0: an implicit step needs no preparation, and its error estimate also covers its inside."""
+    """Returns 0 and 0: an implicit step needs no preparation, and its error estimate also covers times inside it."""
     return 0.0, 0
 
 
@@ -129,7 +129,7 @@ def add_up_stages(h, work):
 
 @by_type({ImplicitWork: is_prepared, EmbeddedWork: prepare_explicit})
 def prepare_inside(t, h, inputs, state, work):
-    """Prepare `inside`; returns its error as displacement of a body [m], and the number of evaluations."""
+    """Prepare `inside`; returns its error as a body's displacement [m], and the number of additional evaluations."""
 
 
 @by_type({ImplicitWork: of_implicit, EmbeddedWork: of_explicit})

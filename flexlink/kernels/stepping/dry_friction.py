@@ -56,7 +56,7 @@ def is_noted(k, turning):
 
 @subroutine
 def factor_turning(h, work):
-    """Write Y, the columns of (M + A_λ)⁻¹ at the joints `turning.joints`, and G; after `factor_all`."""
+    """Write Y, the columns of (M + A_λ)⁻¹ at the joints `turning.joints`, and G; call `factor_all` first."""
     method, turning, s = work.method, work.turning, work.stages.shape[1]
     r, z, d = work.vectors[VECTOR.rhs], work.pairs[0], turning.count[0]
     for m in range(s * d):
@@ -150,7 +150,7 @@ def subtract_answers(h, work):
 
 @recursion
 def narrow(size, work):
-    """Find V for a large friction width, then for smaller and smaller widths; returns whether it converged."""
+    """Find V for a large friction width, then for smaller and smaller ones; returns whether the iteration converged."""
     turning, wider = work.turning, 1.0
     for m in range(size):
         hinge = work.chain.hinges[turning.joints[m % turning.count[0]]]
@@ -167,7 +167,7 @@ def narrow(size, work):
 def find_rates(wider, size, work):
     """Newton's iteration for V, with friction widths multiplied by `wider`; returns whether it converged."""
     turning, J, rows = work.turning, work.turning.J, work.turning.rows
-    most, enough = 12, 1e-7  # iterations; change of a joint's friction torque over c
+    most, enough = 12, 1e-7  # limits: iterations; change of a joint's friction torque relative to c
     torques(wider, size, work)
     for _ in range(most):
         for m in range(size):
@@ -188,7 +188,7 @@ def find_rates(wider, size, work):
 
 @recursion
 def torques(wider, size, work):
-    """Write f(V) and f'(V); returns the largest change of f over the c of its joint."""
+    """Write f(V) and f'(V); returns the largest change of f relative to the c of its joint."""
     turning, rows, largest = work.turning, work.turning.rows, 0.0
     for m in range(size):
         hinge = work.chain.hinges[turning.joints[m % turning.count[0]]]

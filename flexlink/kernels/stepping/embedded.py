@@ -3,15 +3,15 @@
 L_i = q̇ + h Σ_j<i a_ij K_j        K_i = f(t + c_i h, q + h Σ_j<i a_ij L_j, L_i)
 q ← q + h Σ b_i L_i               q̇ ← q̇ + h Σ b_i K_i              K_s+1 = f(t + h, q, q̇)
 
-One or two rows d of weights give e_q = h Σ d_i L_i and e_v = h Σ d_i K_i, i = 1 … s + 1, whose norm is in `error_norm`.
-From two error estimates ε and ε₃, the second of lower order, the error is ε² / √(ε² + ε₃² / 100) (Hairer, Nørsett &
+One or two rows d of weights give e_q = h Σ d_i L_i and e_v = h Σ d_i K_i, i = 1 … s + 1, with the norm of `error_norm`.
+If there are two error estimates, ε and ε₃ of lower order, the error is ε² / √(ε² + ε₃² / 100) (Hairer, Nørsett &
 Wanner, Solving Ordinary Differential Equations I, II.10).
 
 Dense output at t + x h, from the stages of the step and e additional stages, i = 1 … s + 1 + e (the same book, II.6):
 
     q̇(x) = q̇ + h Σ β_i(x) K_i     q(x) = q + x h q̇ + h² Σ α_i(x) K_i     W(x) = W + h Σ β_i(x) P_i
 
-The β_i are those of the method, with a lower order than the step. α_i = ∫ β_i plus a cubic polynomial that is 0 at
+The method defines the β_i, which have a lower order than the step. α_i = ∫ β_i plus a cubic polynomial that is 0 at
 x = 0 and gives the end of the step at x = 1, so q is as accurate inside the step as at its end.
 """
 
@@ -35,7 +35,7 @@ class EmbeddedMethod(NamedTuple):
     b: Any
     c: Any
     d: Any  # (1 or 2, s + 1)
-    beyond: Any  # (e, s + 1 + e) rows of A of the additional stages; None without dense output, as the next two
+    beyond: Any  # (e, s + 1 + e) rows of A of the additional stages; None, like the next two, without dense output
     beyond_c: Any  # (e,)
     dense: Any  # (2, s + 1 + e, powers) coefficients of the polynomials β_i / x and α_i / x²
 
@@ -117,7 +117,7 @@ def more_stages(t, h, inputs, state, work):
 
 @inlined
 def error_by(row, h, work):
-    """The error estimate [m] from one row of d."""
+    """Return the error estimate [m] with the weights d in row `row`."""
     d, e_q, e_v = work.method.d[row], work.e[0], work.e[1]
     for k in range(len(e_q)):
         e_q[k] = e_v[k] = 0.0

@@ -5,12 +5,13 @@ dampers. In a time τ, by one implicit Euler step, the displacement of the angle
 
     δ = τ (M + τ D + τ² K)⁻¹ M e_v
 
-The norm is the largest δ for τ = 1/ω₁ (ω₁: the lowest frequency), 1/(8 ω₁), … > h. For a vibration of frequency ω it
-is 0.3 to 0.5 of the amplitude e_v/ω, and for joints that turn freely e_v/ω₁. The simpler weight 1/ω₁ for all rates
-would overestimate fast vibrations hundreds of times. The weight h would ignore errors of slow motion at small steps.
+The norm is the largest δ for τ = 1/ω₁ (ω₁: the lowest frequency), 1/(8 ω₁), … > h. For a vibration of frequency ω, it
+is 0.3 to 0.5 times the amplitude e_v/ω; for joints that turn freely, it is e_v/ω₁. The simpler weight 1/ω₁ for all
+rates would overestimate fast vibrations by a factor of hundreds. The weight h would ignore errors of slow motion at
+small steps.
 
-A sampled law also reads the rates of fast vibrations and keeps its torque for a period T. There an error of the rates
-that would vanish by itself becomes an impulse T k_d e_v, which displaces bodies, within τ = 1/ω₁, by
+A sampled law also reads the rates of fast vibrations and keeps its torque for a period T. An error of the rates that
+would otherwise vanish then becomes an impulse T k_d e_v, which displaces bodies, within τ = 1/ω₁, by
 
     δ = τ (M + τ D + τ² K)⁻¹ T k_d e_v
 """
@@ -27,7 +28,7 @@ CLOSER = 1 / 8  # factor from one τ to the next
 
 
 class Springs(NamedTuple):
-    """Stiffness and damping of joints besides their hinges' own, and scratch of the error norm."""
+    """Stiffness and damping of joints in addition to their hinges' springs and dampers; scratch of the error norm."""
 
     kp: Any  # (n,) proportional gains of the drives; kd: derivative gains
     kd: Any
@@ -42,8 +43,8 @@ class Springs(NamedTuple):
 def step_error_norm(h, e_q, e_v, springs, posture, chain, stepper):
     """Error norm [m] of a step of length h with errors e_q of its angles and e_v of its rates (n,).
 
-    The scratch is passed in parts, because a call copies its arguments, and the whole scratch of a method is a thousand
-    machine words.
+    The scratch is passed in parts, because a call copies its arguments, and the descriptors of a method's whole scratch
+    take a thousand machine words.
     """
     longest = max(h, stepper[STEPPER.inverse_ω1])
     at_once = displacement(e_q, posture)
@@ -68,14 +69,14 @@ def step_error_norm(h, e_q, e_v, springs, posture, chain, stepper):
 
 @recursion
 def displacement_norm(τ, e_v, springs, posture, chain):
-    """Largest displacement [m] of a body in a time τ by errors e_v of the rates."""
+    """Largest displacement [m] of a body in a time τ due to errors e_v of the rates."""
     displace(τ, e_v, springs, posture, chain)
     return displacement(springs.δ, posture)
 
 
 @recursion
 def deflection_norm(τ, e_v, springs, posture, chain):
-    """Largest displacement [m] of a body in a time τ by e_v, counting only the angles of springs."""
+    """Largest displacement [m] of a body in a time τ due to e_v, counting only deflections of springs."""
     displace(τ, e_v, springs, posture, chain)
     for k in range(len(e_v)):
         if chain.hinges[k].stiffness == 0.0:
@@ -85,7 +86,7 @@ def deflection_norm(τ, e_v, springs, posture, chain):
 
 @subroutine
 def displace(τ, e_v, springs, posture, chain):
-    """Write δ of the rates e_v; without dry friction, whose slope at rest would hide any error of a rate."""
+    """Write δ for rate errors e_v; omits dry friction, whose slope at rest would hide any error of a rate."""
     factors, r, δ = springs.factors, springs.r, springs.δ
     for k in range(len(e_v)):
         held = implicit_rotor(τ, k, springs, chain)
@@ -101,7 +102,7 @@ def displace(τ, e_v, springs, posture, chain):
 
 @recursion
 def impulse_norm(τ, e_v, springs, posture, chain):
-    """Largest displacement [m] of a body in a time τ by a sampled law's impulses from errors of the rates."""
+    """Largest displacement [m] of a body in a time τ due to a sampled law's impulses from errors of the rates."""
     for k in range(len(e_v)):
         springs.r[k] = τ * springs.impulse[k] * e_v[k]
     return thrown(τ, springs, posture, chain)
@@ -109,7 +110,7 @@ def impulse_norm(τ, e_v, springs, posture, chain):
 
 @recursion
 def thrown(τ, springs, posture, chain):
-    """Largest displacement [m] of a body in a time τ by impulses [N m s]; `springs.r` is τ times the impulses."""
+    """Largest displacement [m] of a body in a time τ due to impulses [N m s]; `springs.r` is τ times the impulses."""
     factors, r, δ = springs.factors, springs.r, springs.δ
     for k in range(len(r)):
         factors[k, FACTORS.A] = chain.hinges[k].armature + implicit_rotor(τ, k, springs, chain)

@@ -4,19 +4,19 @@
     R_i = f(t + c_i h, Q_i, V_i) − M(Q_i) K_i = 0                            residual, by recursive Newton-Euler
     q ← q + h q̇ + h² Σ (b A)_i K_i             q̇ ← q̇ + h Σ b_i K_i
 
-The stages are found by Newton's iteration, whose linear systems are those of `newton`.
+The stages are found by Newton's iteration; `newton` describes its linear systems.
 
 Dense output at t + x h: the polynomial through the stages' q̈, integrated once and twice,
 
     q̇(x) = q̇ + h Σ β_i(x) K_i     q(x) = q + x h q̇ + h² Σ α_i(x) K_i     W(x) = W + h Σ β_i(x) P_i
 
-with β_i = ∫ ℓ_i and α_i = ∫ β_i, where ℓ_i is 1 at c_i and 0 at the other nodes. At x = 1 it is the end of the step;
-inside, it has the order of the error estimate, s + 1, so the tolerance also applies there. The initial q̈ is not used:
-after a jump of torque it contains vibrations that the step does not resolve.
+with β_i = ∫ ℓ_i and α_i = ∫ β_i, where ℓ_i is 1 at c_i and 0 at the other nodes. At x = 1 this is the end of the step.
+Inside the step the order is s + 1, as for the error estimate, so the tolerance applies there as well. The initial q̈ is
+not used: after a jump of torque it contains vibrations that the step does not resolve.
 
 Error (Hairer & Wanner, Solving Ordinary Differential Equations II, IV.8), γ₀ the real eigenvalue of A:
 
-    e_q = h (γ₀ q̇ + Σ d_i V_i)       e_v = h (γ₀ q̈ + Σ d_i K_i)       both times (1 − hγ₀ J)⁻¹; norm: `error_norm`
+    e_q = h (γ₀ q̇ + Σ d_i V_i)    e_v = h (γ₀ q̈ + Σ d_i K_i)    both multiplied by (1 − hγ₀ J)⁻¹; norm: `error_norm`
 """
 
 import math
@@ -57,9 +57,9 @@ FIRST_CONTRACTION = 0.3  # assumed contraction factor in the first iteration
 
 @subroutine
 def implicit_step(t, h, inputs, state, allowed, work):
-    """Step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; returns its error [m] and iterations.
+    """Step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; returns its error [m] and number of iterations.
 
-    `allowed`: tolerance of the step, and the largest displacement of a body [m] that the remaining error of the
+    `allowed` is the tolerance of the step, and the largest displacement of a body [m] that the remaining error of the
     iteration may cause at the end of the step. The error is nan if the iteration does not converge.
     """
     q, qd, qdd, done = state
@@ -77,7 +77,7 @@ def implicit_step(t, h, inputs, state, allowed, work):
         accurate *= 0.3  # the remaining error of K affects the error estimate more than the end of the step
     law = work.stepper[STEPPER.turning] > 0.0
     work.turning.count[0] = 0
-    roundings = 200.0 * work.stepper[STEPPER.rounding]  # of a body's position, added up over all joints
+    roundings = 200.0 * work.stepper[STEPPER.rounding]  # rounding errors of a body's position, added up over all joints
     most = work.stepper[STEPPER.max_iterations]
     stalled_at, slow_from = 0.5, 0.25  # contraction above 0.5: only rounding moves K; above 0.25: friction may reverse
     of_friction = 100.0 * accurate  # [m] limit at joints with dry friction: five times a step's error, by experiment
@@ -86,7 +86,7 @@ def implicit_step(t, h, inputs, state, allowed, work):
     while not settled:
         residuals(t, h, inputs, q, qd, work)
         iteration += 1
-        if not math.isnan(error):  # this pass only updated P_i to the final stages
+        if not math.isnan(error):  # this pass only updated P_i for the final stages
             break
         if iteration == 1:
             prepare_systems(h, rates, by_stage, work)
@@ -118,7 +118,7 @@ def implicit_step(t, h, inputs, state, allowed, work):
 
 @recursion
 def prepare_systems(h, rates, by_stage, work):
-    """Factor the matrices of the next passes, with friction's slope at `rates`, 0 if its nonlinear law is used."""
+    """Factor the matrices of the next passes; dry friction has its slope at `rates`, 0 if its nonlinear law is used."""
     if work.stepper[STEPPER.turning] > 0.0:
         for k in work.turning.dry:
             rates[k] = math.inf
@@ -131,7 +131,7 @@ def prepare_systems(h, rates, by_stage, work):
 
 @inlined
 def improve_stages(h, qd, by_stage, work):
-    """One Newton pass of K; returns how far it moves a body at the step's end [m], or nan."""
+    """Take one Newton step for K; returns how far it moves a body at the step's end [m], or nan if it fails."""
     begin_changes(work)
     if work.turning.count[0] > 0:
         leave_out_friction(work)
@@ -146,10 +146,10 @@ def improve_stages(h, qd, by_stage, work):
 
 @inlined
 def likely_contraction(h, moved, stepper):
-    """Contraction factor of the first iteration, about in proportion to h² (Hairer & Wanner, IV.8).
+    """Contraction factor of the first iteration, roughly proportional to h² (Hairer & Wanner, IV.8).
 
-    It is extrapolated from the last step's, unless this step is much longer, or this pass moves a body much farther:
-    because of the curvature of f, the factor grows in proportion to that displacement.
+    It is extrapolated from the factor in the last step, unless this step is much longer, or this pass moves a body much
+    farther: because f is nonlinear, the factor grows in proportion to that displacement.
     """
     known, last = stepper[STEPPER.contraction], stepper[STEPPER.last_step]
     stepper[STEPPER.contraction] = 0.0
@@ -161,7 +161,7 @@ def likely_contraction(h, moved, stepper):
 
 @inlined
 def predict(h, work):
-    """Extrapolate K from the last step's polynomial; 0 without one, or where h² would magnify stiff noise."""
+    """Extrapolate K from the last step's polynomial; K = 0 in a first step, or if h² would magnify stiff noise."""
     c, qdd, before = work.method.weights[WEIGHT.c], work.stages[STAGE.qdd], work.stages[STAGE.last_qdd]
     last = work.stepper[STEPPER.last_step]
     s, n = qdd.shape
@@ -246,8 +246,8 @@ def unsettled(h, work):
 def work_is_accurate(moved, q, allowed, work):
     """Whether the stages' powers, computed before the last pass moved a body by `moved`, are accurate enough for W.
 
-    They are if `moved` is at most 4 times the tolerance: then the error of W over all steps is no larger than if the
-    path of the forces were longer by the tolerance. For a fixed step the limit is 1e-3 of the step's displacement.
+    They are accurate if `moved` ≤ 4 tolerances: the error of W over all steps is then no larger than if the path of
+    the forces were longer by the tolerance. For a fixed step the limit is 1e-3 times the step's displacement.
     """
     tolerance, accurate = allowed
     if tolerance < math.inf:
@@ -302,7 +302,7 @@ def estimate(h, qd, qdd, tolerance, work):
     """Error of the step [m]; 0 for a fixed step.
 
     In the first step, and after a rejection, an error beyond the tolerance is damped a second time, because the error
-    of stiff vibrations, as after a jump, would not decrease with h (Hairer & Wanner II, equation IV.8.20, J for f).
+    of stiff vibrations, as after a jump, would not decrease with h (Hairer & Wanner II, IV.8.20, with J instead of f).
     The slope of dry friction in D is taken at the end of the step: the steepest slope, which the iteration uses last,
     would hide the error of a reversal.
     """

@@ -29,9 +29,9 @@ class ImplicitMethod(NamedTuple):
 
 
 class Turning(NamedTuple):
-    """Scratch for the d joints that stop or reverse in a step. Numbers of (s d,) are ordered by stage.
+    """Scratch for the d joints that stop or reverse in a step. Arrays of shape (s d,) are ordered by stage.
 
-    d is limited by the size of the arrays.
+    The size of the arrays limits d.
     """
 
     dry: Any  # all joints with dry friction, except prescribed joints
@@ -41,7 +41,7 @@ class Turning(NamedTuple):
     J: Any  # (s d, s d)
     rows: Any  # (5, s d)
     probe: Any  # (3, s d)
-    real: Any  # (r, d, n) responses of all joints to torques at these, for every real eigenvalue
+    real: Any  # (r, d, n) responses of all joints to torques at the d joints, for every real eigenvalue
     pairs: Any  # (p, d, n) the same for the complex eigenvalues
 
 

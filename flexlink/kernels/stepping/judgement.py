@@ -1,12 +1,12 @@
 """Check of new samples of a run: energy balance, bending, joint limits, and how far the joints have turned.
 
-A sample is judged only by the samples before it, so the time of the check does not affect the result.
+The check of a sample uses only this sample and earlier ones, so the result does not depend on the time of the check.
 
     d/dt (T + V_g + V_e) = q̇·(T_EX − T_FR) + f·ṗ + m·ω        r = E(t) − E(0) − W(t)
 
-X is the largest T + |ΔV_g| + |ΔV_e| + |W| up to the sample, the energy exchanged. ε is the limit of rounding: the
-largest limit for one step, 4 eps (|T| + |V_g| + |V_e| + |W| + m g · size · max(1, |q|)), times the number of steps. A
-sample is garbage if |r| > share · X + ε + the error that the tolerance explains.
+X, the energy exchanged, is the largest T + |ΔV_g| + |ΔV_e| + |W| up to the sample. ε is the limit of rounding errors:
+the largest limit for one step, 4 eps (|T| + |V_g| + |V_e| + |W| + m g · size · max(1, |q|)), times the number of steps.
+A sample is garbage if |r| > share · X + ε + the error that the tolerance explains.
 """
 
 import math
@@ -22,7 +22,7 @@ SEEN = numbered(
     "start:3",  # T, V_g and V_e at the start [J]
     "low:3 high:3",  # corners of the box around the path of the tip [m]
     "exchanged rounded",  # X, and the largest rounding limit of one step so far [J]
-    "unbalanced excused",  # largest so far: |r| minus all that is explained, |r| minus ε [J]
+    "unbalanced excused",  # largest so far: |r| minus the explained imbalance, and |r| minus ε [J]
     "travelled",  # path of all driven joints in both directions, from their rates [rad]
     "garbage imbalance available",  # first garbage row, −1: none; its r and X [J]
     "last",  # r of the last row [J]
@@ -43,7 +43,7 @@ class Allowance(NamedTuple):
     momentum: float = 0.0  # factor of δ √T [√J/m]
     share: float = math.inf  # limit: share · X · δ / extent of the motion so far
     damped: bool = False  # every loss is explained: an implicit method damps fast vibrations
-    compared: bool = False  # no sample counts as garbage: a second run is the judge
+    compared: bool = False  # no sample counts as garbage: comparison with a second run decides
 
 
 class Bounds(NamedTuple):
@@ -127,7 +127,7 @@ def extent(seen):
 def explained_by(allowance, δ, moved, r, X, T):
     """Imbalance [J] that a tolerance δ [m] explains; inf for a loss, r < 0, by a method that damps.
 
-    `moved`: extent of the tip's path so far [m]; r: imbalance; X: energy exchanged; T: kinetic energy [J].
+    `moved` is the extent of the tip's path so far [m], r the imbalance, X the energy exchanged, T the kinetic energy.
     """
     if allowance.damped and r < 0.0:
         return math.inf

@@ -3,17 +3,18 @@
     R_i = f(t_i, Q_i, V_i) − M(Q_i) K_i → 0        K ← K + x
 
 The Jacobian is simplified: M at the posture in the middle of the step, and matrices K and D of springs, dampers,
-friction's slope and a drive's gains, diagonal except for couplings. With A = T Λ T⁻¹ it decouples into one system
-for each eigenvalue λ of A, where one of each complex pair suffices. Its matrix is M with rotors A_λ = hλ D + h²λ² K:
+friction's slope and a drive's gains, diagonal except for couplings. With A = T Λ T⁻¹ the equations decouple into one
+system for each eigenvalue λ of A, where one of each complex pair suffices. The matrix of this system is M with rotors
+A_λ = hλ D + h²λ² K:
 
     (M + A_λ) x_λ = T⁻¹ R        x = T x_λ
 
 The omitted terms, the derivatives of gravity and of velocity terms, lead to a contraction factor of 1e-3 to 0.2 at
 useful steps.
 
-A hinge that twists a slender arm turns a millionth of the inertia that it moves when the arm is bent. Then δM, the
-change of M from stage to stage, is not small compared with M, and the term M⁻¹ δM K_i makes the iteration diverge. In
-this case every stage is solved with a separate matrix, and a second solution with M + A_λ corrects the coupling of
+A hinge that twists a straight slender arm moves a millionth of the inertia that it moves when the arm is bent. Then δM,
+the change of M from stage to stage, is not small compared with M, and the term M⁻¹ δM K_i makes the iteration diverge.
+In this case every stage is solved with a separate matrix, and a second solution with M + A_λ corrects the coupling of
 the stages:
 
     w_i = (M(Q_i) + A_γ)⁻¹ R_i        x_λ = T⁻¹ w − (M + A_λ)⁻¹ (A_λ − A_γ) T⁻¹ w        γ the real eigenvalue
@@ -39,7 +40,7 @@ from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 
 @inlined
 def slope(work, k, rate):
-    """D of one joint: dampers, a drive's gain, and the secant slope of dry friction, which does not overshoot."""
+    """D of joint `k`: its dampers, drive gain, and the secant slope of dry friction, which prevents overshoot."""
     hinge = work.chain.hinges[k]
     d = hinge.damping + work.springs.kd[k]
     if work.springs.brakes is not None:
@@ -74,7 +75,7 @@ def shift_rotors(z, rates, factors, work):
 
 @recursion
 def slowest_rates(qd, rates, work):
-    """Write each joint's smallest rate at the start and in the stages, 0 if it reverses: the steepest secant slope."""
+    """Write each joint's smallest rate in the step, 0 if it reverses; the secant slope is steepest at this rate."""
     for k in range(len(qd)):
         least = qd[k]
         for i in range(work.stages.shape[1]):
@@ -88,7 +89,7 @@ def slowest_rates(qd, rates, work):
 
 @inlined
 def inertia_beyond(k, work):
-    """Inertia [kg m²] that joint k moves, without its rotor; outboard joints are as stiff as in the first factors."""
+    """Inertia [kg m²] that joint k moves, without its rotor, if outboard joints have the A of the first factors."""
     if work.posture.first is not None and len(work.posture.first) > 0:
         return abs(
             work.factors[0, k, COUPLED.inertia] if len(work.factors) > 0 else work.factors_pairs[0, k, COUPLED.inertia]
@@ -122,7 +123,7 @@ def divide_stages(work):
 
 @inlined
 def improve(h, by_stage, work):
-    """K += T x for all eigenvalues; adds the change at the end of the step to the vectors of `changes`."""
+    """K += T x for all eigenvalues; adds the resulting changes of angles and rates to the vectors of `changes`."""
     method, qdd = work.method, work.stages[STAGE.qdd]
     R = work.stages[STAGE.divided if by_stage else STAGE.residual]
     r, x, z = work.vectors[VECTOR.rhs], work.vectors[VECTOR.solution], work.pairs
@@ -166,7 +167,7 @@ def solve_one(h, λ, factors, r, x, by_stage, work):
 
 @inlined
 def add_change(h, method, i, weight, x, qdd, δq, δv):
-    """K_i += Re(weight x); adds the change at the end of the step to δq and δv."""
+    """K_i += Re(weight x); adds the resulting changes of q and q̇ at the end of the step to δq and δv."""
     for k in range(len(x)):
         δ = (weight * x[k]).real
         qdd[k] += δ
@@ -176,7 +177,7 @@ def add_change(h, method, i, weight, x, qdd, δq, δv):
 
 @inlined
 def changes(work):
-    """The vectors δq and δv (n,): change of angles and rates at the end of the step by one pass."""
+    """The vectors δq and δv (n,): changes of angles and rates at the end of the step due to one Newton pass."""
     return work.vectors[VECTOR.q_middle], work.vectors[VECTOR.tau]
 
 

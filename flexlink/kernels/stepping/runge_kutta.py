@@ -21,7 +21,7 @@ from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import at, put_at
 
 NEVER = 2**62
-"""`every` of `integrate` if no step is a sample."""
+"""Value of `every` in `integrate` if no step is a sample."""
 
 
 class StepWork(NamedTuple):
@@ -49,7 +49,7 @@ def integrate(work, tableau, inputs, h, origin, first, last, far, every, state, 
     Steps are counted from the start of the run, where t = origin · h. Every `every`-th state goes to its row of
     `samples`: q, q̇ (rows, n) and W (rows,). Returns the number of the last step whose q and q̇ are finite. If that
     number is not `last`, `state` is the first state that is not finite, unless the base has turned.
-    With scratch of eight chains all states are (…, 8), and the first chain with a number that is not finite stops all.
+    For eight chains, all states have shape (…, 8), and all chains stop when the state of one is not finite.
     """
     q, qd, done = state
     qs, qds, works = samples
@@ -143,7 +143,7 @@ def step(work, tableau, inputs, h, number, state, stages):
 def stage(work, inputs, t, middle, q, qd, tau, qdd):
     """Write q̈ of a stage whose drive torques `tau` (n,) are given; returns the power of non-conservative forces.
 
-    `middle`: time at the middle of the step that contains t.
+    `middle` is the midpoint of the step that contains t.
     """
     follow(inputs.motion, t, q, qd, qdd)
     return forward_under(inputs, t, middle, q, qd, tau, qdd, work)

@@ -19,7 +19,7 @@ def tips_and_energies(chain, qs, qds, tips, parts):
 
 @subroutine
 def tips_and_energies_of(chain, first, stop, qs, qds, tips, parts, placed, forces):
-    """Write tips and energies of the samples first … stop − 1; scratch `placed`, and `forces` of `forces_of`."""
+    """Write tips and energies of the samples first … stop − 1; `placed` is scratch, `forces` are force elements."""
     for row in range(first, stop):
         kinematics(chain, qs[row], placed)
         put(tips[row], vector(placed.points[-1]))

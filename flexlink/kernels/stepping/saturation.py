@@ -1,8 +1,8 @@
-"""Motors at their torque limit: in each step a motor is saturated or not, and the step ends where that changes.
+"""Motors at their torque limit: a motor saturates during a whole step or not at all; a step ends where this changes.
 
 A torque |u| ≤ E has a kink where its law u reaches E. Neither the polynomial of a step nor its error estimate can
-represent this kink. So a step keeps the branch that is valid at its start, u itself, E or −E, and is smooth. Afterwards
-a search finds the fraction x of the step at which u leaves the branch. The torque error from there on is an impulse
+represent this kink. A step therefore keeps the branch valid at its start, u, E or −E, so it is smooth. Afterwards a
+search finds the fraction x of the step at which u leaves the branch. The torque error from there on is an impulse
 
     p = (1 − x) h max |off|
 
@@ -20,7 +20,7 @@ from flexlink.kernels.stepping.error_norm import CLOSER, thrown
 from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.tools.compiler import entry, inlined, recursion, subroutine
 
-LOOKS = 4  # points checked in a step; a torque off its branch only between two of them has a small, short error
+LOOKS = 4  # points checked in a step; a torque that leaves its branch only between two of them has a small error
 NEVER = 2.0  # value of x if no torque leaves its branch in the step
 ROOT_PASSES, ROOT = 30, 1e-6  # passes of regula falsi; accuracy of x
 
@@ -70,7 +70,7 @@ def put_slopes(drive, work):
 
 @recursion
 def follow_limits(inputs, work):
-    """Clip torques that left their branch in the step just taken at ±E in the next step, in spite of the kinks."""
+    """In the next step, clip at ±E all torques that left their branch in the step just taken, in spite of the kinks."""
     drive = inputs.drive
     for d in range(len(drive.joints)):
         if work.saturation.impulse[drive.joints[d]] > 0.0:
@@ -123,7 +123,7 @@ def first_switch(t, h, inputs, state, work):
 
 @subroutine
 def thrown_by(x, t, h, longest, inputs, state, work):
-    """Largest displacement [m] of a body, in any time up to `longest`, by torque errors after the fraction x."""
+    """Largest displacement [m] of a body, in any time up to `longest`, due to torque errors after the fraction x."""
     springs, now = work.springs, work.saturation
     for k in range(len(now.impulse)):
         now.impulse[k] = 0.0
@@ -147,7 +147,7 @@ def thrown_by(x, t, h, longest, inputs, state, work):
 
 @recursion
 def ends_at_switch(x, t, h, shortest, longest, allowed, inputs, state, work):
-    """Whether to repeat the step up to just after x, because the rest displaces a body by more than `allowed` [m]."""
+    """Whether to repeat the step up to just after x, since later errors displace a body by more than `allowed` [m]."""
     off = thrown_by(x, t, h, longest, inputs, state, work)
     if off <= allowed:
         return False

@@ -7,16 +7,16 @@ STEPPER = numbered(
     "last_step last_error",  # length of the last accepted step, and its error / tolerance; 0: cleared
     "max_step",  # largest h after the iteration failed; 0: no limit
     "refusal",  # why the last step was rejected, a `REFUSAL`; 0: it was accepted
-    "accepted",  # whether the last stages are those of an accepted step
+    "accepted",  # 1 if the last stages belong to an accepted step
     "worst_joint",  # the joint that moved most in the last iteration
-    "deflection",  # the largest so far [m]
+    "deflection",  # largest deflection so far [m]
     "inverse_ω1",  # 1 / ω₁ [s], ω₁ the lowest frequency
     "max_iterations",  # limit for one step
     "rounding",  # displacement of a body by rounding in one iteration [m]
     "work power",  # W and power at the end of the step just taken
     "contraction displacement",  # contraction factor (0: unknown), displacement of a body by the pass before [m]
-    "by_stage stay",  # remaining steps with stage matrices; initial number, minus later steps without
-    "wait patience",  # failures before the next trial of stage matrices: still to come, and initially
+    "by_stage stay",  # remaining steps with stage matrices; their initial number, minus later steps without them
+    "wait patience",  # failures to wait for before the next trial of stage matrices: remaining, and initial number
     "turning",  # factor of the error of a step with friction's nonlinear law; 0: friction is linearized
     "angle_travelled",  # path of all free joints, in both directions [rad]
     "switch",  # time at which a motor saturates or desaturates in the next step [s]; 0: unknown
@@ -34,4 +34,4 @@ COUNT = numbered(
 SO_FAR = numbered("deflection", "steps rejected failed iterations besides")
 """Record with each sample: the largest deflection [m] and the counts, up to the step that contains the sample."""
 REFUSAL = numbered("none error iteration")
-"""Why a step was rejected: not at all, for its error, or because the iteration did not converge."""
+"""Why a step was rejected: it was not, its error was too large, or the iteration did not converge."""

@@ -1,8 +1,8 @@
 """Remove code for absent parts: `if record.part is not None` is decided at compile time, by the type of the record.
 
 Numba removes such a branch only if an argument itself is None. This pass also handles parts of arguments that are named
-tuples, and arguments that are not None. A plain chain is then compiled without branches, prismatic joints and force
-elements, and a chain that has them without run-time tests.
+tuples, and arguments that are not None. The kernels of a plain chain then contain no code for branches, prismatic
+joints and force elements, and the kernels of other chains contain no run-time tests of `None`.
 """
 
 import operator
@@ -27,7 +27,7 @@ class DecideAbsent(FunctionPass):
         FunctionPass.__init__(self)
 
     def run_pass(self, state: Any) -> bool:
-        """Rewrite all such expressions; Numba's pruning of dead branches does the rest."""
+        """Rewrite all such expressions; Numba then removes the dead branches."""
         changed = False
         for block in state.func_ir.blocks.values():
             for each in block.body:
@@ -44,7 +44,7 @@ class DecideAbsent(FunctionPass):
 
 
 def _type_of(func_ir: Any, arguments: Any, variable: Any) -> Any:
-    """Type of a variable that is an argument, part of one, or None; else None."""
+    """Return the type of a variable that is an argument, a part of an argument, or None; otherwise return None."""
     value = guard(get_definition, func_ir, variable)
     if isinstance(value, ir.Const) and value.value is None:
         return types.none

@@ -3,10 +3,10 @@
 The name of a folder is a hash of all kernel sources, including the layout of their records, and of the compiler
 versions. The environment variable NUMBA_CACHE_DIR sets the parent folder.
 
-A package contains one archive of all files for each family of CPUs (x86-64, v3, v4); one built from source contains an
-archive for the CPU of the build. The archive is unpacked into the user's folder when a file is first missing there. As
-one archive the files are a fifteenth of their size, since most of the content is names of types, the same in all. Code
-of different families can be mixed, since calling conventions are equal.
+A package contains one archive of all files for each family of CPUs (x86-64, v3, v4); a package built from source
+contains an archive for the CPU of the build. The archive is unpacked into the user's folder when a file is first
+missing there. The archive is a fifteenth of the size of its files, which mostly contain the same type names. Code of
+different families can be mixed, since calling conventions are equal.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ import numba
 from flexlink.common.output import write_whole
 
 Cpu = tuple[str, str, str]
-"""A CPU as Numba names targets: triple, name, features."""
+"""A CPU in Numba's terms for targets: triple, name, features."""
 HERE = Path(__file__).parent.parent
-KEPT = 8  # folders of other sources and versions, up to 17 MB each: the last used are kept
+KEPT = 8  # number of most recently used folders of other sources and versions to keep, up to 17 MB each
 
 
 def sources() -> list[Path]:
@@ -67,7 +67,7 @@ FAMILIES = {
     "x86-64": "",
 }
 """Families of CPUs, the best first, with their required features (System V ABI, x86-64 psABI, table 3.1). The last one
-has no fused multiply-add, so its results differ from those of the others in the last digits."""
+has no fused multiply-add, so its results differ from the other families' in the last digits."""
 
 
 def families(cpu: Cpu) -> list[Cpu]:
@@ -90,9 +90,9 @@ def archive_name(cpu: Cpu) -> str:
 
 
 def pack(code: Path, archive: Path) -> None:
-    """Put the machine code files of a folder into an archive, without parts that only compiling needs.
+    """Put the machine code files of a folder into an archive, without files that only compilation needs.
 
-    The settings of the filter fit this data: 6 % smaller than by default.
+    The filter settings suit this data: the archive is 6 % smaller than with the defaults.
     """
     densely = {"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "dict_size": 2**26, "lc": 4, "pb": 0}
     with lzma.open(archive, "w", filters=[densely]) as content, tarfile.open(fileobj=content, mode="w") as packed:
@@ -102,7 +102,7 @@ def pack(code: Path, archive: Path) -> None:
 
 @functools.cache
 def shipped(cpu: Cpu) -> dict[str, bytes]:
-    """Files shipped for a CPU; also copied to the user's folder, for later processes."""
+    """Return the files shipped for a CPU, and copy them to the user's folder for later processes."""
     for each in (cpu, *families(cpu)):
         with contextlib.suppress(OSError, tarfile.TarError), tarfile.open(SHIPPED / archive_name(each)) as packed:
             files = {member.name: cast(IO[bytes], packed.extractfile(member)).read() for member in packed}
@@ -145,10 +145,10 @@ def _locked(lock: Any, fcntl: Any) -> bool:
 
 
 def checked(content: bytes, mark: bytes = b"") -> bytes:
-    """Content after its checksum, which must be `mark` if that is given."""
+    """Return the content that follows a valid checksum, which must equal `mark` if that is given."""
     size = hashlib.sha256().digest_size
     if hashlib.sha256(content[size:]).digest() != content[:size] or not content.startswith(mark):
-        raise ValueError("damaged, or not that with this checksum")
+        raise ValueError("the file is damaged, or its checksum differs from the expected one")
     return content[size:]
 
 

@@ -61,7 +61,7 @@ INLINED = {"forceinline": True, **RECURSION}
 
 
 def recursion(function: Callable[..., Any]) -> Any:
-    """A function for kernels that allocates no arrays and does not count references to those of its caller.
+    """A function for kernels that allocates no arrays and does not count references to its caller's arrays.
 
     It cannot be called from Python.
     """
@@ -71,13 +71,13 @@ def recursion(function: Callable[..., Any]) -> Any:
 def subroutine(function: Callable[..., Any]) -> Any:
     """A long recursion that kernels call by its symbol: they do not inline it, so it is compiled only once.
 
-    Not used for forward dynamics, which loops call so often that steps take 4 to 20 % longer without inlining.
+    It is not used for forward dynamics, which loops call so often that steps take 4 to 20 % longer without inlining.
     """
     return shared(recursion(function))
 
 
 def shared(compiled: Any) -> Any:
-    """Make a function that Python also calls a `subroutine` of kernels."""
+    """Turn a function that Python also calls into a `subroutine` of kernels."""
     if not numba.config.DISABLE_JIT:
         share(compiled)
     return compiled
@@ -89,7 +89,7 @@ def entry(function: Callable[..., Any]) -> Any:
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """A formula: a recursion that is always inlined, so loops can be vectorized."""
+    """A short recursion, such as a formula, that is always inlined, so that loops can be vectorized."""
     return _compile(function, forceinline=True, **BORROWS, **ONLY_KERNELS)
 
 
@@ -113,7 +113,7 @@ def by_type(algorithms: dict[type, Any]) -> Callable[[Callable[..., Any]], Calla
 def of_each(
     functions: dict[type, Any], *, summed: bool = True, optional: bool = False
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Define a function of a tuple of records: it calls the function for each record's type, and sums the results.
+    """Define a function of a tuple of records that calls the function for each record's type and sums the results.
 
     In a compiled kernel the loop is unrolled. `optional`: types without a function are skipped.
     """

@@ -1,4 +1,4 @@
-"""Check whether all numbers of an array are finite: one pass, no temporary array."""
+"""Check whether all numbers of an array are finite, in one pass and without a temporary array."""
 
 from flexlink.kernels.tools.compiler import entry, inlined
 from flexlink.kernels.tools.lanes import LANES, all_zero, at, eight_of, zero_of

@@ -1,4 +1,4 @@
-"""Eight numbers side by side as one number of a kernel, so one source serves one chain and eight chains at once.
+"""Eight numbers side by side as one number of a kernel, so the same code works for one chain or eight at once.
 
 `Lanes` is LLVM's vector of eight doubles: one register with AVX-512, two with AVX2, four with SSE2. It has + − × ÷ and
 negation; tuples of three are 3-vectors, as for floats. A kernel accesses arrays by `at` and `put_at`: for shape (m,) or
@@ -20,7 +20,7 @@ from numba.extending import intrinsic, models, overload, register_model
 from flexlink.kernels.tools.compiler import INLINED, inlined, kernel, recursion, subroutine
 
 LANES = 8
-CACHE_LINE = 64  # bytes; the size of the lanes
+CACHE_LINE = 64  # bytes; also the size of eight lanes
 VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 
 
@@ -49,7 +49,7 @@ lanes = LanesType()
 
 @register_model(LanesType)
 class LanesModel(models.PrimitiveModel):
-    """A vector register, or several."""
+    """Machine representation of `LanesType`: one vector register, or several."""
 
     def __init__(self, manager, kind):
         super().__init__(manager, kind, VECTOR)
@@ -127,8 +127,8 @@ def _store(typing, array, index, value):
 def empty_lanes(shape):
     """Uninitialized array of this shape with a last axis of eight, aligned to cache lines.
 
-    Numba aligns arrays to a cache line or to half of one. In the latter case every access is to two lines, and
-    recursions take 1.15 times the time.
+    Numba aligns arrays to a cache line or to half of one. In the latter case every access touches two lines, and
+    recursions take 1.15 times as long.
     """
     count = LANES
     for extent in shape:

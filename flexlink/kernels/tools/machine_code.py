@@ -1,28 +1,28 @@
-"""Everything that kernels use of Numba's undocumented interfaces, in one place: try a new version of Numba here first.
+"""Everything that kernels use of Numba's undocumented interfaces, in one place: test new versions of Numba here first.
 
-Code on disk, under a hash of all kernel sources. The documented option `cache=True` checks only the file of the
-function itself, so an edit of another file would silently return stale machine code. It passes on any exception from
-reading a damaged file. If its folder is not writable, it uses one beside the sources, which may contain code of other
-sources. `code_files` describes the folders.
+Code on disk: the folder's name is a hash of all sources. The documented option `cache=True` checks only the file of the
+function itself, so an edit of another file would silently return stale machine code. Numba does not catch exceptions
+from reading a damaged file. If the folder is not writable, Numba uses a folder beside the sources, which may contain
+code of other sources. `code_files` describes the folders.
 
 A file `.bin` contains the machine code and Numba's record of the function. The `.bc` file of the same name contains
-LLVM bitcode, which is needed when another function that inlines this one is compiled. It is used only if it was written
+LLVM bitcode, needed to compile another function that inlines this one. The bitcode is used only if it was written
 together with the `.bin`, since processes that compile the same function give it different names. Functions that are
 only inlined have no machine code and a separate folder. If several processes need a function at the same time, one
-compiles it and the others wait. The package ships no bitcode, which would be five times as large. A function that a new
-one inlines is then compiled once more.
+compiles it and the others wait. The package ships no bitcode, which would be five times as large. A shipped function is
+therefore compiled once more if new code inlines it.
 
-Borrowed arrays: Numba has no documented way to omit reference counting.
+Borrowed arrays (`BORROWS`): Numba has no documented way to omit counting references to a caller's arrays.
 
-Shared code: Numba inlines the code of a callee into its caller, to optimize both together, and that into the caller's
+Shared code: Numba inlines the code of a callee into its caller, to optimize both together, and both into the caller's
 caller, so a recursion is compiled again for each of them. Most long functions gain nothing from this. Their callers
 call them by a symbol instead, which consists of module, name and types, and is the same in every process.
 
-Selection by type: the documented way, an overload, compiles one more function per selection, with a copy of the callee.
+Selection by type: an overload, the documented way, adds a compiled function per selection, with a copy of the callee.
 
-Calls from a loop in Python: a call examines the types of all arguments, array by array, to find its code, 4 to 10 µs.
-Looking up the code once, for calls without this check, takes 0.7 ms; later lookups use the fingerprint by which Numba
-remembers types.
+Calls from a loop in Python: to find its code, a call examines the types of all arguments, array by array, in 4 to
+10 µs. Looking up the code once, for calls without this check, takes 0.7 ms; later lookups use the fingerprint by which
+Numba remembers types.
 """
 
 from __future__ import annotations
@@ -53,20 +53,20 @@ from flexlink.kernels.tools.code_files import Cpu, checked, families, make, read
 from flexlink.kernels.tools.parts import part_of
 
 BORROWS: dict[str, Any] = {"_nrt": False}
-"""Option for functions that allocate no arrays: references to those of the caller are not counted, which saves about
-10 ns per array and call (two atomic instructions), the cost of a joint."""
+"""Option for functions that allocate no arrays: references to the caller's arrays are not counted, which saves about
+10 ns per array and call (two atomic instructions), as much as a joint costs."""
 
 NO_C: dict[str, Any] = {"no_cfunc_wrapper": True}  # no C callback wrapper
 ONLY_KERNELS: dict[str, Any] = {"no_cpython_wrapper": True, **NO_C}
-"""Option for functions that Python does not call: the wrapper that unpacks the arguments, array by array, is as long as
-a recursion."""
+"""Options for functions that Python does not call: no wrapper that unpacks the arguments array by array, which is as
+long as a recursion."""
 
 
 def direct(compiled: Any, *arguments: Any, types: bytes = b"") -> Callable[..., Any]:
     """The compiled code of a kernel for the types of these arguments; calls with other types are not detected.
 
-    `types`, such as `types_of` some of the arguments, identifies the types of all of them if the caller guarantees it;
-    this saves 10 to 30 µs.
+    `types`, for example `types_of` some of the arguments, must identify the types of all arguments, which the caller
+    guarantees; this saves 10 to 30 µs.
     """
     if numba.config.DISABLE_JIT:
         return cast("Callable[..., Any]", compiled)
@@ -118,7 +118,7 @@ def share(compiled: Any) -> None:
 
 
 def choose(call: Callable[..., Any], algorithms: dict[type, Any]) -> None:
-    """Make kernels that call `call` call one of the algorithms instead, selected by the type of the last argument."""
+    """In kernels, replace calls of `call` by calls of one algorithm, selected by the type of the last argument."""
 
     class Chosen(AbstractTemplate):
         key = call
@@ -152,7 +152,7 @@ _SHARED: dict[str, tuple[Any, tuple[Any, ...]]] = {}
 
 
 def _called(library: Any) -> list[tuple[str, str, tuple[Any, ...]]]:
-    """Shared functions that machine code calls: module, name and types of each."""
+    """Return module, name and types of every shared function that machine code calls."""
     symbols = {function.name for function in library._final_module.functions if function.is_declaration}
     called = [_SHARED[symbol] for symbol in sorted(symbols & _SHARED.keys())]
     return [(compiled.__module__, compiled.__name__, types) for compiled, types in called]
@@ -170,12 +170,12 @@ NO_BITCODE = llvmlite.binding.parse_assembly("").as_bitcode()
 
 
 class DiskCache:
-    """Replacement of Numba's cache for one function: one file per signature, with checksum.
+    """Replacement for Numba's cache of one function: one file per signature, with checksum.
 
     A file that is missing, incomplete or damaged is ignored: the code is compiled again.
     """
 
-    warned = False  # that code cannot be saved
+    warned = False  # whether the user was warned that code cannot be saved
     folder = ""
 
     def __init__(self, compiled: Any) -> None:
@@ -183,7 +183,7 @@ class DiskCache:
 
     @property
     def cache_path(self) -> str:
-        """Folder of the files."""
+        """Folder of the cached files."""
         return str(code_files.FOLDER)
 
     def load_overload(self, signature: Any, target: Any) -> Any:
@@ -202,7 +202,7 @@ class DiskCache:
         return None
 
     def _contents(self, signature: Any, cpu: Cpu) -> Iterator[bytes]:
-        """Contents in the user's folder, then in the package, for this CPU or a family to which it belongs."""
+        """Yield file contents from the user's folder, then from the package, for this CPU or its families."""
         files = [self._file(signature, each) for each in (cpu, *families(cpu))]
         for file in files:
             with contextlib.suppress(OSError, ValueError):
@@ -227,14 +227,14 @@ class DiskCache:
         return found.library._shared_module
 
     def _module_of_sources(self, found: Any) -> Any:
-        """The same, compiled again, under the name by which the function is known."""
+        """The same module compiled again from the sources, under the name by which the function is known."""
         anew = self._compiled._compiler._compile_core(tuple(found.signature.args), None)
         module = llvmlite.binding.parse_bitcode(anew.library._get_module_for_linking().as_bitcode())
         module.get_function(anew.fndesc.mangled_name).name = found.fndesc.mangled_name
         return module
 
     def compile_once(self, compile_: Callable[..., Any], arguments: tuple[Any, ...], returned: Any) -> Any:
-        """The function, compiled by this process or by another one that has begun to."""
+        """The function, compiled by this process or by another one that has begun to compile it."""
         target = cpu_target.target_context
         with code_files.alone(self._file(arguments, target.codegen().magic_tuple())) as file:
             found = self.load_overload(arguments, target) if file.exists() else None
@@ -291,7 +291,7 @@ def _rebuilt(target: Any, name: str, code: bytes, symbols: list[str], *others: A
 
 
 def _key(function: Callable[..., Any], types: Any, cpu: Cpu = ("", "", "")) -> str:
-    """Name of the code of a function for arguments of these types, on a CPU as named by Numba, or on any."""
+    """Name of the code of a function for arguments of these types, on a CPU as named by Numba, or on any CPU."""
     own = _source(function.__code__.co_filename)
     digest = hashlib.sha256(repr((types, cpu)).encode() + own).hexdigest()[:16]
     return f"{function.__module__}.{function.__qualname__}-{digest}"
@@ -299,6 +299,6 @@ def _key(function: Callable[..., Any], types: Any, cpu: Cpu = ("", "", "")) -> s
 
 @functools.cache
 def _source(file: str) -> bytes:
-    """The sources of a function that are not part of the folder's hash."""
+    """Source file of a function if it is not part of the folder's hash, otherwise nothing."""
     source = Path(file)
     return b"" if source.is_relative_to(code_files.HERE) else source.read_bytes()

@@ -5,7 +5,7 @@ from typing import Any, cast
 
 
 def numbered(*names: str, start: int = 0) -> Any:
-    """Return a record of consecutive integers by name, with `size` for their end; `name:3` takes three of them.
+    """Return a record of named consecutive integers; `size` is the next one after them, and `name:3` takes three.
 
     Kernels use the record as a global: its fields become constants of the machine code.
     """

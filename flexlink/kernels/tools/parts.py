@@ -1,4 +1,4 @@
-"""Functions that are only inlined into others: their LLVM code.
+"""LLVM code of functions that are only inlined into others.
 
 Most functions are never called by their address, but inlined by their callers. Generating machine code for them, and
 optimizing them fully before they are inlined, would take a seventh of the compile time.
@@ -35,7 +35,7 @@ class Part(JITCodeLibrary):
         """Do nothing."""
 
     def serialize_using_object_code(self) -> tuple[str, str, tuple[bytes, bytes]]:
-        """Return no object code."""
+        """Return the bitcode, without object code."""
         return self.name, "object", (b"", self._get_module_for_linking().as_bitcode())
 
 

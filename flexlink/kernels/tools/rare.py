@@ -1,6 +1,6 @@
-"""Conditions that are rarely true: LLVM moves the code behind them out of the loop, and keeps registers for the rest.
+"""Conditions that are rarely true: LLVM moves the code they guard out of the loop, and keeps registers for the rest.
 
-A loop with some twenty live vectors would otherwise spill them in every iteration, around calls that few chains need.
+A loop with about twenty live vectors would otherwise spill them in every iteration, around calls that few chains need.
 """
 
 import numba
@@ -14,7 +14,7 @@ def rarely(condition):
     return bool(condition)
 
 
-# LLVM expects the hint at the branch: in a separate function, as an `overload` makes it, it would be lost.
+# LLVM expects the hint at the branch; in a separate function, which an `overload` would make, the hint would be lost.
 @intrinsic
 def _rarely(typing, condition):
     def generate(context, builder, sig, args):

@@ -1,7 +1,7 @@
 """Cosine and sine without branches, so loops over many angles are vectorized.
 
-Cody & Waite (1980): x = k π/2 + y + tail with π/2 in three parts of 33 bits, products with k < 2²⁰ exact; then the
-minimax polynomials of fdlibm (`k_sin.c`, `k_cos.c`, Sun Microsystems 1993) on |y| ≤ π/4. Error below 1 ulp.
+Cody & Waite (1980): x = k π/2 + y + tail with π/2 in three parts of 33 bits, so products with k < 2²⁰ are exact; then
+the minimax polynomials of fdlibm (`k_sin.c`, `k_cos.c`, Sun Microsystems 1993) on |y| ≤ π/4. The error is below 1 ulp.
 """
 
 import math
@@ -15,7 +15,7 @@ TWO_OVER_PI = 0.6366197723675814
 HALF_PI = (1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21)  # 33 bits, 33 bits, remainder
 
 FAR = 4e8  # rad, fewer than 2²⁶ turns: their products with parts of 26 bits are exact
-OFTEN = 64.0  # rad, from which an angle costs a sum of angles a digit
+OFTEN = 64.0  # rad; a larger angle costs a sum of angles one digit
 TURNS = 0.15915494309189535
 TURN = (6.283185243606567, 6.357301884918343e-08, 2.4492935982947064e-16)  # 2π: 26 bits, 26 bits, remainder
 
@@ -70,7 +70,7 @@ def cos_sin_all(x, cosines, sines):
 
 @entry
 def less_whole_turns(x):
-    """Subtract full turns from the angles beyond `OFTEN` of an array, any finite x, within an ulp of π.
+    """Subtract full turns from the angles beyond `OFTEN` of an array, any finite x, accurate to an ulp of π.
 
     Sums of angles whose absolute values stay below half of `OFTEN` are not affected, whatever other angles are in the
     array.

@@ -2,8 +2,8 @@
 
 Rounding turns a singular M into a regular one, whose solution is finite and wrong. A second right-hand side detects
 this: e_k = ±√M_kk, with signs chosen during the elimination so that its solution z grows most (Cline, Moler, Stewart &
-Wilkinson 1979). With M = D H D, D_kk = √M_kk, the growth Σ √M_kk |z_k| estimates 1/λ_min(H), which bounds the rounding
-error of x: a relative n eps / λ_min (Demmel 1989; Higham 2002, theorem 10.6). Where that reaches 1, x is nan.
+Wilkinson 1979). With M = D H D, D_kk = √M_kk, the growth Σ √M_kk |z_k| estimates 1/λ_min(H). The relative rounding
+error of x is at most n eps / λ_min (Demmel 1989; Higham 2002, theorem 10.6). If this bound reaches 1, x is set to nan.
 """
 
 import math
@@ -72,7 +72,7 @@ def solve_lu(A, b, probe):
 
 @entry
 def solve_cholesky(A, b, probe):
-    """The same by A = L Lᵀ; also nan if A is not positive definite."""
+    """Solve like `solve_lu`, but by A = L Lᵀ; the result is also nan if A is not positive definite."""
     n, z = len(b), probe[2]
     begin_probe(A, probe)
     for j in range(n):

@@ -34,30 +34,30 @@ def inputs_with(drive: Drive, scene: Scene, chain: Chain) -> Inputs:
 
 
 def drive_for(chain: Chain, drive: Drive) -> Drive:
-    """The drive with the types of the chain's loops: full loops have a rigid model, empty if it is not used."""
+    """The drive with the types that the chain's loops require: full loops need a rigid model, even if it is empty."""
     return drive if chain.arrays.rare is None else drive._replace(model=drive.model or no_model())
 
 
 def of_kind(scene: Scene, chain: Chain) -> Chain:
-    """The chain for the kind of compiled loops that a scene needs.
+    """Return the chain, marked for the kind of compiled loops that the scene needs.
 
-    There are two kinds, each in a plane and in space. *Plain* loops support springs and friction of joints, prescribed
-    motions, laws without a model, and a constant wrench on the arm's tip. *Full* loops also support branches, sliding
-    joints, bases that move, force elements (`kernels.forces.elements`), laws that evaluate a rigid model, and wrenches
-    that change or act on another tip. A plain chain with one of the last two uses the full loops.
+    There are two kinds, both for planar and for spatial chains. *Plain* loops support springs and friction of joints,
+    prescribed motions, laws without a model, and a constant wrench on the arm's tip. *Full* loops also support
+    branches, sliding joints, moving bases, force elements (`kernels.forces.elements`), laws that evaluate a rigid
+    model, and wrenches that vary or act on another tip. Even a plain chain uses full loops for such a law or wrench.
     """
     modelled = scene.drive.kind == "computed_torque" or scene.drive.gravity == "rigid"
     return chain.as_full() if chain.arrays.rare is None and (modelled or loads_of(scene, chain)) else chain
 
 
 def acting_at(inputs: Inputs, chain: Chain, t: float, q: Array, qd: Array) -> dict[str, Any]:
-    """Tip wrench, its frame and the gains of the drive about a state at time t [s], as arguments of `stable_step`."""
+    """Tip wrench, its frame and the drive gains about a state at time t [s], as keyword arguments of `stable_step`."""
     wrench, frame = wrench_at(inputs, t)
     return {"tip_wrench": wrench, "frame": frame, "gains": gains_of(chain, inputs.drive, t, q, qd)}
 
 
 def motion_arrays(scene: Scene, chain: Chain) -> MotionTable:
-    """The scene's prescribed motions; without joints if it has none.
+    """The scene's prescribed motions; a table without joints if the scene has none.
 
     Raises
     ------
@@ -83,13 +83,13 @@ def motion_arrays(scene: Scene, chain: Chain) -> MotionTable:
 
 @functools.cache
 def no_motion() -> MotionTable:
-    """Motions without joints. All runs share them, since they are never written to."""
+    """Motion table without joints. All runs share it, since it is never written to."""
     return MotionTable(np.empty(0, np.int64), np.zeros(1, np.int64), np.empty(0), np.empty((0, 6)))
 
 
 @functools.lru_cache(maxsize=64)
 def _pieces(motion: PrescribedMotion) -> Array:
-    """Quintic Hermite pieces, then one at the final rate; cached for all models of a scene."""
+    """Quintic Hermite pieces, followed by a piece with the final rate; cached for all models of a scene."""
     columns = [in_si([motion.slides], np.array(column)[:, None])[:, 0] for column in motion.columns]
     pieces = np.zeros((len(motion.times), 6))
     if len(motion.times) > 1:

@@ -29,7 +29,7 @@ from flexlink.motion.inputs.static_feedforward import holding_torque
 
 
 def drive_arrays(scene: Scene, chain: Chain) -> Drive:
-    """The scene's drive; without driven joints if the scene has none.
+    """The scene's drive; a drive without joints if the scene has none.
 
     Raises
     ------
@@ -38,7 +38,7 @@ def drive_arrays(scene: Scene, chain: Chain) -> Drive:
     ConvergenceError
         gravity = "static", and the arm has no equilibrium at the reference.
     """
-    # by kind of drive
+    # function that builds the arrays, by kind of drive
     laws: dict[str, Callable[[Scene, Chain], Drive]] = {
         "constant": _table,
         "table": _table,
@@ -48,7 +48,7 @@ def drive_arrays(scene: Scene, chain: Chain) -> Drive:
     kind = scene.drive.kind if len(chain.active) else "none"
     if kind == "none":
         return no_drive()
-    if kind in {"constant", "table"} and scene.drive.rate is None:  # never written to
+    if kind in {"constant", "table"} and scene.drive.rate is None:  # shared, since runs never write to it
         joints = chain.active.tobytes(), tuple(chain.coordinates[k].link for k in chain.active.tolist())
         return TORQUES(scene.drive, (joints, len(chain.link_names)), lambda: _table(scene, chain))
     law = laws[kind](scene, chain)
@@ -56,11 +56,11 @@ def drive_arrays(scene: Scene, chain: Chain) -> Drive:
 
 
 TORQUES = Memo(64)
-"""Torque tables by drive and driven joints, shared by variants of an arm."""
+"""Cache of torque tables by drive and driven joints, shared by variants of an arm."""
 
 
 def drive_of(joints: Indices, **parts: Any) -> Drive:
-    """A drive of these joints: zero torque without limits, except for the given `parts`."""
+    """A drive of these joints with zero torque and no limits, except as given by `parts`."""
     d = len(joints)
     nothing = PiecewisePolynomial(np.zeros(1), np.zeros((1, 2, d)))
     blank = Drive(
@@ -71,13 +71,13 @@ def drive_of(joints: Indices, **parts: Any) -> Drive:
 
 
 def limited(drive: Drive, effort: Array | None = None) -> Drive:
-    """The drive with torques within ± effort [N m], shape (d,): its own effort, or another."""
+    """The drive with torques limited to ± effort [N m], shape (d,); None: the drive's own effort."""
     effort = drive.effort if effort is None else effort
     return drive._replace(effort=effort, limits=np.array([-effort, effort]))
 
 
 def held_torques(chain: Chain, times: Array, torques: Array, effort: Array | None = None) -> Drive:
-    """A drive of torques (m, d) at the driven joints, each row held until the next time."""
+    """A drive that applies torques (m, d) to the driven joints, holding each row until the next time."""
     table = PiecewisePolynomial(held_knots(times), np.ascontiguousarray(torques[:, None]))
     drive = drive_of(chain.active.copy(), feedforward=table)
     return drive if effort is None else limited(drive, effort)
@@ -90,7 +90,7 @@ def effort_of(scene: Scene, chain: Chain) -> Array:
 
 
 def acts_on_many(drive: Drive) -> bool:
-    """Whether a drive can act on eight chains side by side: its law has no model, and is not sampled."""
+    """Whether a drive can act on eight chains side by side, which requires a law without model and sampling."""
     return drive.law in {TABLE, PD} and not drive.rate
 
 
@@ -104,14 +104,14 @@ def _numbers(drive: Drive) -> tuple[Any, ...]:
 
 
 def remembered(drive: Drive) -> tuple[NDArray[Any], ...]:
-    """The arrays of a drive that a run writes to."""
+    """The arrays of a drive to which a run writes."""
     return drive.held, drive.next_instant
 
 
 def gains_of(chain: Chain, drive: Drive, t: float, q: Array, qd: Array) -> Gains:
-    """−∂T_EX/∂q and −∂T_EX/∂q̇ of a drive at a state, without its limits; zero if it is sampled.
+    """−∂T_EX/∂q and −∂T_EX/∂q̇ of a drive at a state, ignoring torque limits; zero if the drive is sampled.
 
-    Each has shape (n,) if every joint's torque depends only on the joint's motion, else (n, n).
+    Each has shape (n,) if every joint's torque depends on the motion of this joint alone, else (n, n).
     """
     n, joints = chain.n, drive.joints
     if not len(joints) or drive.law == TABLE:  # independent of the state
@@ -134,9 +134,9 @@ def gains_of(chain: Chain, drive: Drive, t: float, q: Array, qd: Array) -> Gains
 
 @keep_last(64)
 def gains_at_zero(drive: Drive, chain: Chain, continuous: bool = False) -> Gains:
-    """Gains at zero angles and rates, so that a continued run is identical bit for bit; read-only.
+    """Gains of a drive at zero angles and rates, the same wherever a run starts, so it can be continued; read-only.
 
-    `continuous`: the gains of a sampled law as if it were continuous.
+    `continuous`: treat a sampled law as if it were continuous.
     """
     zero = np.zeros(chain.n)
     return gains_of(chain, drive._replace(rate=0.0) if continuous else drive, 0.0, zero, zero)
@@ -153,8 +153,8 @@ def _table(scene: Scene, chain: Chain) -> Drive:
 
 
 def _pd(scene: Scene, chain: Chain) -> Drive:
-    """PD drive: the feed-forward is computed once for a constant reference, else at every stage by the rigid model."""
-    # feed-forward of a constant reference, by the drive's `gravity`
+    """PD drive; its feed-forward is computed once for a constant reference, else at every stage by the rigid model."""
+    # how to compute the feed-forward of a constant reference, for each value of the drive's `gravity`
     gravity = {"none": _no_gravity, "rigid": _rigid_gravity, "static": _static_gravity}
     feedback = _feedback(scene, chain)
     target = feedback.reference
@@ -180,13 +180,13 @@ def _sampled(scene: Scene, law: Drive) -> Drive:
     """The law sampled at instants t = k / rate, with memory for all instants of the run."""
     run, rate = scene.run, float(scene.drive.rate or 0.0)
     if not run.controlled:
-        rate = 1.0 / (round(1.0 / (rate * run.fixed_step)) * run.fixed_step)  # with the rounding error of the step
+        rate = 1.0 / (round(1.0 / (rate * run.fixed_step)) * run.fixed_step)  # same rounding as multiples of the step
     rows = round(run.duration * rate) + 2
     return law._replace(rate=rate, held=np.zeros((rows, len(law.joints))))
 
 
 def rigid_model(chain: Chain) -> RigidModel:
-    """Rigid model of a chain: its arrays, workspace, and the motion for which a law evaluates it."""
+    """Rigid model of a chain: its arrays, its workspace, and the motion at which a control law evaluates it."""
     arrays = chain.as_full().arrays
     return RigidModel(arrays, rne_workspace(arrays), np.zeros(6), *np.zeros((4, chain.n)))
 
@@ -199,7 +199,7 @@ def no_drive() -> Drive:
 
 @functools.cache
 def no_model() -> RigidModel:
-    """Model for laws without one: a chain without bodies. All runs share it, since it is never written to."""
+    """Rigid model for laws that need none: a chain without bodies. All runs share it, since it is never written to."""
     return rigid_model(Chain("", np.empty(0, BODY), np.empty(0, HINGE), np.zeros(3), (), ()))
 
 
@@ -213,7 +213,7 @@ def _rigid_gravity(scene: Scene, chain: Chain, target: PiecewisePolynomial) -> P
 
 
 def _static_gravity(scene: Scene, chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
-    """Holding torque of the arm, bent by gravity with its joints at the reference."""
+    """Torque that holds the arm, bent by gravity, with its joints at the reference."""
     return holding_torque(chain, target)
 
 

@@ -1,4 +1,4 @@
-"""Initial state of a scene, in the order of its chain's joints."""
+"""Initial state of a scene, with joints in the order of its chain."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from flexlink.motion.inputs.tip_wrench import wrench_at
 
 
 def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
-    """Initial joint angles q0 [rad] and rates q̇0 [rad/s] of a scene, in sequential order; [m, m/s] of sliding joints.
+    """Initial joint angles q0 [rad] and rates q̇0 [rad/s] in sequential order; [m] and [m/s] for sliding joints.
 
     Parameters
     ----------
     scene
-        The scene. With initial.passive = "static" gravity and the initial tip wrench bend its hinges, while its joints
-        are held.
+        The scene. If initial.passive = "static", the hinges start bent by gravity and by the initial tip wrench, in
+        equilibrium with the joints fixed.
     chain
         Its chain, from `lump`.
 
@@ -60,7 +60,7 @@ def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
 
 
 def state_under(inputs: Inputs, scene: Scene, chain: Chain) -> tuple[Array, Array]:
-    """`initial_state` for known inputs of the scene."""
+    """Return the `initial_state` of a scene whose inputs are known."""
     initial = scene.initial
     q, qd = stated(scene, chain)
     q, qd = _given("q", initial.q, q), _given("qd", initial.qd, qd)
@@ -73,7 +73,7 @@ def state_under(inputs: Inputs, scene: Scene, chain: Chain) -> tuple[Array, Arra
 
 
 def stated(scene: Scene, chain: Chain) -> tuple[Array, Array]:
-    """q0 and q̇0 (n,) [rad, rad/s, m, m/s] as specified for joints and for a free base; springs are unloaded."""
+    """q0 and q̇0 (n,) [rad, rad/s, m, m/s] as specified for joints and for a free base, with springs unloaded."""
     initial, slides = scene.initial, scene.arm.slides
     q, qd = spread(chain, row_in_si(slides, initial.own("joint", slides))), np.zeros(chain.n)
     if initial.rate_deg or initial.rate_m:
@@ -104,13 +104,13 @@ def _given(name: str, numbers: tuple[float, ...] | None, otherwise: Array) -> Ar
 
 
 def _check_followed(motion: MotionTable, scene: Scene, chain: Chain, q: Array, qd: Array) -> None:
-    """Check that prescribed joints start on their motions."""
+    """Check that prescribed joints start with the position and rate of their motions."""
     there = q.copy(), qd.copy()
     follow(motion, scene.initial.time, *there, np.zeros(chain.n))
     for name, per, state, wanted in (("q", "", q, there[0]), ("qd", "/s", qd, there[1])):
         for k in motion.joints:
-            # tolerance between a state and a prescribed motion [rad, rad/s], relative where it exceeds 1: rounding of
-            # numbers written with ten digits
+            # allowed difference of a state from a prescribed motion [rad, rad/s], relative where the motion exceeds 1:
+            # the rounding error of numbers written with ten digits
             if abs(state[k] - wanted[k]) > 1e-9 * max(1.0, abs(wanted[k])):
                 joint = chain.joint_name(int(k))
                 raise SceneError(

@@ -1,4 +1,4 @@
-"""Tables in time as the piecewise polynomials that the kernels read."""
+"""Conversion of tables in time to the piecewise polynomials that the kernels read."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from flexlink.common.types import Array
 
 
 def pieces_of(name: str, times: Array, rows: Array, *, smooth: bool) -> Array:
-    """Coefficients (m, order + 1, d) of a table (m, d): linear or a cubic spline, and constant after the last time.
+    """Coefficients (m, order + 1, d) of a table (m, d): linear or cubic-spline pieces, constant after the last time.
 
     Raises
     ------
@@ -35,8 +35,8 @@ def pieces_of(name: str, times: Array, rows: Array, *, smooth: bool) -> Array:
 
 
 def held_knots(times: Array) -> Array:
-    """Knots of rows that are each held until the next time.
+    """Knots of a table in which each row applies until the next time.
 
-    They are rounded down by more than the rounding error of a sample's time: a sample at a knot sees the new row.
+    Knots are rounded down by more than the rounding error of a sample's time, so a sample at a knot sees the new row.
     """
     return times * (1 - 8 * np.finfo(float).eps)

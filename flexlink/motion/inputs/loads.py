@@ -14,7 +14,7 @@ from flexlink.motion.inputs.interpolation import held_knots, pieces_of
 def loads_of(scene: Scene, chain: Chain) -> Loads | None:
     """The tip wrench; None if it is constant and acts on the arm's tip.
 
-    The work of such a wrench follows from the motion of the tip in frame 0.
+    In that case its work follows from the motion of the tip in frame 0.
 
     Raises
     ------
@@ -38,5 +38,5 @@ def loads_of(scene: Scene, chain: Chain) -> Loads | None:
 
 
 def no_loads(chain: Chain) -> Loads:
-    """Loads for a constant wrench on the tip of an arm."""
+    """Empty loads, for an arm whose wrench is constant and acts on its tip."""
     return Loads(False, False, np.zeros(1), np.zeros((1, 1, 6)), chain.arrays, np.empty(0, np.int64))

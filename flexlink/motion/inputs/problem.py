@@ -1,4 +1,4 @@
-"""The initial value problem of a scene, built in one place for all that integrate it."""
+"""The initial value problem of a scene, built in one place for all modules that integrate it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from flexlink.motion.inputs.references import check_start
 
 
 def problem_of(scene: Scene, chain: Chain | None = None, inputs: Inputs | None = None) -> InitialValueProblem:
-    """The problem of a scene, with its own chain or another one of the same links; known `inputs` are reused.
+    """The problem of a scene, with its own chain or another chain of the same links; known `inputs` are reused.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def problem_of(scene: Scene, chain: Chain | None = None, inputs: Inputs | None =
 
 
 def problems_of(scenes: Sequence[Scene]) -> list[InitialValueProblem | FlexlinkError]:
-    """The problem of every scene from `problem_of`, or its error; arms without drives and loads share inputs."""
+    """Return `problem_of` each scene, or its error; arms without drives and loads share their inputs."""
     found: list[InitialValueProblem | FlexlinkError] = []
     before: InitialValueProblem | None = None
     for scene, chain in zip(scenes, lump_many(scenes), strict=True):
@@ -53,7 +53,7 @@ def problems_of(scenes: Sequence[Scene]) -> list[InitialValueProblem | FlexlinkE
 
 
 def _acts_alike(one: Scene, scene: Scene) -> bool:
-    """Whether two arms have equal inputs that do not depend on the arm, and that runs do not write to."""
+    """Whether two scenes can share inputs: these must not depend on the arm, and runs must not write to them."""
     free = (
         not (one.motion or scene.motion or one.wrench.varies or one.wrench.on)
         and one.drive.kind == scene.drive.kind == "none"
@@ -62,7 +62,7 @@ def _acts_alike(one: Scene, scene: Scene) -> bool:
 
 
 def started(problem: InitialValueProblem, scene: Scene) -> InitialValueProblem:
-    """The problem with the start of another scene that is otherwise equal; errors as in `problem_of`."""
+    """The problem with the initial state of another scene that is otherwise equal; errors as in `problem_of`."""
     check_start(scene, problem.chain)
     q, qd = state_under(problem.inputs, scene, problem.chain)
     return dataclasses.replace(problem, scene=scene, q=q, qd=qd)

@@ -1,4 +1,4 @@
-"""References of the driven joints, as the arrays that the kernels read."""
+"""Reference motions of the driven joints, as the arrays that the kernels read."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from flexlink.kernels.inputs.record import PiecewisePolynomial
 
 
 def reference_arrays(scene: Scene, chain: Chain) -> PiecewisePolynomial:
-    """The target of the scene's drive, or its reference in time, in the order of `chain.active`.
+    """The constant target of the scene's drive, or its reference motion, in the order of `chain.active`.
 
     Raises
     ------
     SceneError
-        The run does not start where the reference assumes, or as in `Scene.course`.
+        The run does not start where the reference starts; or the reference is not valid, as in `Scene.course`.
     DataFileError
         The file of the reference's shaper is not valid.
     """
@@ -32,14 +32,14 @@ def reference_arrays(scene: Scene, chain: Chain) -> PiecewisePolynomial:
 
 
 def check_start(scene: Scene, chain: Chain) -> None:
-    """Check that a run from given angles starts at t = 0 where a reference without `from_deg` starts.
+    """Check that `initial.q` agrees at t = 0 with the start of a reference without `from_deg`.
 
     Raises
     ------
     SceneError
-        It does not.
+        The run starts elsewhere.
     """
-    close = 1e-9  # tolerance [deg, m]: rounding of the same number
+    close = 1e-9  # largest difference [deg, m] that rounding of the same number explains
     initial, reference = scene.initial, scene.drive.reference
     if initial.q is None or initial.time or reference is None:
         return
@@ -61,5 +61,5 @@ def check_start(scene: Scene, chain: Chain) -> None:
 
 
 def constant(angles: Array) -> PiecewisePolynomial:
-    """The reference that stays at these angles (d,) [rad, m]."""
+    """A reference that is constant at these angles or positions (d,) [rad, m]."""
     return PiecewisePolynomial(np.zeros(1), np.array(angles, dtype=np.float64)[None, None])

@@ -1,4 +1,4 @@
-"""Static feed-forward: the torque that holds the arm along a reference, its hinges bent by gravity."""
+"""Static feed-forward: the torque that holds the arm, with its hinges bent by gravity, along a reference."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ from flexlink.kernels.derivatives.static_continuation import gravity_torques
 from flexlink.kernels.inputs.record import PiecewisePolynomial
 
 TURN = np.radians(8.0)
-"""Largest turn per polynomial of degree 5 [rad]: its error is then within 1e-6 of the largest torque."""
+"""Largest rotation of a joint within one polynomial of degree 5 [rad]; the torque error is then below 1e-6 of the
+largest torque."""
 NODES = np.linspace(0.0, 1.0, 6)
 TO_POWERS = np.linalg.inv(np.vander(NODES, increasing=True))
 
 
 def holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
-    """Torque of the driven joints that holds the arm at rest along its reference, in the form of a reference [N m].
+    """Torque of the driven joints that keeps the arm in equilibrium along its reference, as polynomials in time [N m].
 
-    Polynomials through equilibria (`static_postures`): six equilibria per piece, and as many pieces as the turn needs.
+    Each polynomial passes through six equilibria (`static_postures`); large rotations need more pieces.
 
     Raises
     ------
@@ -33,7 +34,7 @@ def holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolyno
 
 
 TORQUES = Memo(16)
-"""Holding torques by chain and reference; each takes some hundred equilibria."""
+"""Cache of holding torques by chain and reference, as each requires hundreds of equilibria."""
 
 
 def _holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
@@ -57,13 +58,13 @@ def _holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolyn
 
 
 def _different(nodes: Array) -> tuple[Array, Indices]:
-    """The nodes (rows, d) that differ from the one before, and for each node the index of the equal one."""
+    """Nodes (rows, d) without consecutive repetitions, and for each original node its index among them."""
     new = np.append(True, (np.diff(nodes, axis=0) != 0).any(axis=1))
     return np.ascontiguousarray(nodes[new]), np.cumsum(new) - 1
 
 
 def _divided(knots: Array, c: Array) -> Array:
-    """Starts of parts of pieces that turn no joint by more than `TURN`; the last piece, a constant, is one part."""
+    """Start times after dividing pieces so that no joint turns by more than `TURN`; the last one is constant."""
     h = np.diff(knots)
     farthest = (np.abs(c[:-1, 1:]) * h[:, None, None] ** np.arange(1, c.shape[1])[:, None]).sum(axis=1)
     parts = np.maximum(1, np.ceil(farthest.max(axis=1, initial=0.0) / TURN).astype(np.int64)).tolist()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 from flexlink.common.errors import FlexlinkError, UnstableStepError
 from flexlink.common.wording import Diagnostic
 from flexlink.describe.schemes.methods import method
+from flexlink.describe.whole_steps import is_whole
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.dynamics.vibration.stability import eigenvalue_bounds, fastest_eigenvalues, stable_step_of
 from flexlink.dynamics.vibration.stability_function import stable_half_disc
@@ -18,7 +20,7 @@ from flexlink.motion.inputs.actuation import acting_at
 
 
 def check_steps(problems: Sequence[InitialValueProblem]) -> list[tuple[Diagnostic, ...] | FlexlinkError]:
-    """Warnings from `check_step` for every problem, or its error; bounds computed for all problems decide most."""
+    """Warnings or the error from `check_step` for every problem; bounds computed for all at once decide most cases."""
     within = _within_bounds(problems)
     return [() if known else _checked(problem) for problem, known in zip(problems, within, strict=True)]
 
@@ -35,7 +37,7 @@ def _within_bounds(problems: Sequence[InitialValueProblem]) -> list[bool]:
     within = [False] * len(problems)
     for n in {problem.chain.n for problem in problems}:
         these = [k for k, p in enumerate(problems) if p.chain.n == n and p.run.duration and p.explicit]
-        with contextlib.suppress(FlexlinkError):  # the problem at fault raises it again by itself
+        with contextlib.suppress(FlexlinkError):  # raised again when the problem at fault is checked individually
             abouts = [(p.chain, p.q, p.qd) for p in map(problems.__getitem__, these)]
             for k, bound in zip(these, eigenvalue_bounds(abouts, _acting([problems[k] for k in these])), strict=True):
                 run = problems[k].run
@@ -44,7 +46,7 @@ def _within_bounds(problems: Sequence[InitialValueProblem]) -> list[bool]:
 
 
 def _acting(problems: Sequence[InitialValueProblem]) -> list[dict[str, Any]]:
-    """`acting_at` the start of each problem; inputs that depend on neither arm nor time are evaluated once."""
+    """Return `acting_at` the start of each problem; inputs independent of arm and time are evaluated only once."""
     found: list[dict[str, Any]] = []
     for k, problem in enumerate(problems):
         inputs = problem.inputs
@@ -56,12 +58,12 @@ def _acting(problems: Sequence[InitialValueProblem]) -> list[dict[str, Any]]:
 
 
 def check_step(problem: InitialValueProblem) -> tuple[Diagnostic, ...]:
-    """Check the fixed step against the largest stable one at the start; warn if it exceeds it but is allowed.
+    """Compare the fixed step with the largest stable step at the start; warn if it is larger but allowed.
 
     Raises
     ------
     UnstableStepError
-        The step is larger, and `run.unstable` does not allow that.
+        The step is larger than the largest stable step, and `run.unstable` does not allow that.
     """
     if problem.run.duration == 0 or not problem.explicit or _within_bounds([problem])[0]:
         return ()
@@ -69,7 +71,7 @@ def check_step(problem: InitialValueProblem) -> tuple[Diagnostic, ...]:
 
 
 def _check_by_eigenvalues(problem: InitialValueProblem) -> tuple[Diagnostic, ...]:
-    """`check_step` of a step that the bound does not decide."""
+    """Do `check_step` by eigenvalues, for a step that the bound does not prove stable."""
     run = problem.run
     if run.duration == 0 or not problem.explicit:
         return ()
@@ -85,10 +87,18 @@ def _check_by_eigenvalues(problem: InitialValueProblem) -> tuple[Diagnostic, ...
     )
     if run.unstable == "refuse":
         raise UnstableStepError(
-            f"{reason}; use a tolerance instead, for any stiffness: relative_tolerance = 1e-3 "
-            f"(--relative-tolerance 1e-3), or a step below {largest:.3g} s, or override this check: unstable = 'allow' "
-            "(--insist)",
+            f"{reason}; in place of step and method give relative_tolerance = 1e-3 (--method auto --relative-tolerance "
+            f"1e-3), which works for any stiffness; or step = {_divisor(run.sample or run.duration, largest)}; or "
+            "override this check: unstable = 'allow' (--insist)",
             largest,
             id="unstable-step",
         )
     return (Diagnostic(f"{reason}; allowed by unstable = 'allow'", "unstable-step"),)
+
+
+def _divisor(time: float, largest: float) -> str:
+    """A step of few digits below `largest` that divides `time`; if there is none, the longest step that divides it."""
+    power = 10.0 ** math.floor(math.log10(largest))
+    round_steps = (digits * power for digits in (8, 5, 4, 2.5, 2, 1, 0.5, 0.1))
+    fitting = (step for step in round_steps if step < largest and is_whole(time / step))
+    return f"{next(fitting, time / math.ceil(time / largest)):.9g}"

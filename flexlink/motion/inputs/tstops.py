@@ -1,4 +1,4 @@
-"""Times at which adaptive steps must stop, so that no feature of a tabulated input falls between two stages."""
+"""Times at which adaptive steps must stop, so that no peak or jump of a tabulated input falls between two stages."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from flexlink.kernels.inputs.laws import PD, TABLE
 from flexlink.kernels.inputs.record import Drive, Loads, PiecewisePolynomial
 
 LINEAR = 2
-"""Coefficients per piece of a piecewise linear table."""
+"""Number of coefficients per piece of a piecewise linear table."""
 
 
 def breakpoints(given: Drive | Loads, part: float) -> Array:
-    """Times [s] between which an input is smooth, without sampling instants."""
+    """Times [s] between which an input is smooth, excluding sampling instants."""
     if isinstance(given, Loads):
         return merged_breakpoints(given, part)
     if given.rate:
@@ -24,7 +24,7 @@ def breakpoints(given: Drive | Loads, part: float) -> Array:
 
 
 def corners(given: Drive | Loads) -> Array:
-    """Knots [s] of an input at which fixed steps also end, without sampling instants."""
+    """Knots [s] of an input at which even fixed steps end, excluding sampling instants."""
     if isinstance(given, Drive) and given.rate:
         return np.empty(0)
     if isinstance(given, Drive) and given.law != TABLE:
@@ -42,12 +42,12 @@ def instants(drive: Drive | None, start: float, end: float) -> Array:
 
 
 def merged_breakpoints(table: PiecewisePolynomial | Loads, part: float) -> Array:
-    """Knots [s] between which the table is one cubic polynomial, up to `part` of the largest number of each column.
+    """Knots [s] between which the table is a cubic polynomial, up to `part` of the largest number in each column.
 
-    What a step evaluates at its stages then represents, up to that error, what happens between them. Two pieces of a
-    smooth table are always merged: no peak of theirs falls between the stages of one step. Pieces are then merged by
-    twos, fours, eights, … as long as the cubic polynomial with the values and slopes of both ends passes through all of
-    their knots and midpoints.
+    The values at the stages of a step then represent, up to this error, the values between them. Pairs of pieces of a
+    smooth table are always merged, since a step over two pieces cannot miss a peak between its stages. Pieces are then
+    merged in groups of two, four, eight, … as long as the cubic polynomial with the values and slopes at both ends of a
+    group passes through all of its knots and midpoints.
     """
     knots, given = table.knots, table.coefficients
     if len(knots) < 3:  # nothing to merge
@@ -78,14 +78,14 @@ def merged_breakpoints(table: PiecewisePolynomial | Loads, part: float) -> Array
 
 
 def interleaved(ends: Array, middles: Array) -> Array:
-    """First end, first middle, second end, …, last end."""
+    """Array of the first end, first middle, second end, …, last end."""
     both = np.empty((2 * len(ends) - 1, *ends.shape[1:]))
     both[::2], both[1::2] = ends, middles
     return both
 
 
 def hermite(t: Array, a: Array, b: Array, ends: tuple[Array, ...]) -> Array:
-    """Cubic polynomials with the values and slopes (blocks, d) at times a and b (blocks,), at t (blocks, points)."""
+    """Cubics at t (blocks, points), from their values and slopes `ends`, (blocks, d), at times a and b (blocks,)."""
     length = (b - a)[:, None, None]
     x = (t - a[:, None])[:, :, None] / length
     start, end, rise, fall = (value[:, None] for value in ends)

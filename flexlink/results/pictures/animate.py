@@ -1,4 +1,4 @@
-"""A run as a film in a file: the arguments are checked, frames are drawn, and the complete file is written."""
+"""Film of a run in a file: the arguments are checked, the frames are drawn, and the complete file is written."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def shot(path: str | Path, *, magnify: float, colour: str, fps: float, speed: fl
 
 
 def animate(run: RunSamples, wanted: Shot, progress: Progress | None = None) -> PlayedPath:
-    """Draw and write the specified film of a run; errors as in `Trajectory.animate`."""
+    """Draw the specified film of a run and write it to its file; errors as in `Trajectory.animate`."""
     writers = {".gif": _gif, ".mp4": _mp4, ".html": _html}
     require_callable("progress", progress)
     report, path = progress or (lambda _: None), wanted.path
@@ -95,12 +95,12 @@ def animate(run: RunSamples, wanted: Shot, progress: Progress | None = None) -> 
 
 
 def require_film(path: Path) -> None:
-    """Check before the work that a film of this name can be made.
+    """Check that a film with this file name can be made, before any frame is drawn.
 
     Raises
     ------
     ArgumentError
-        The extension is none of .gif, .mp4, .html.
+        The extension is not .gif, .mp4 or .html.
     MissingDependencyError
         matplotlib is not installed, or, for .mp4, ffmpeg.
     """

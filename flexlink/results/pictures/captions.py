@@ -1,4 +1,4 @@
-"""Texts of a picture, the same in films and pages."""
+"""Texts in the pictures of a film; these texts are the same in all formats."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def digits_of_time(film: Film) -> int:
 
 
 def number(value: float) -> str:
-    """A number with three digits, as short as possible."""
+    """Format a number with up to three significant digits, as briefly as possible."""
     return f"{value:.3g}" if value == 0 or 1e-3 <= abs(value) < 1e4 else f"{value:.2e}"
 
 

@@ -1,7 +1,8 @@
-"""The colour of a link: bending moment, or strain of its surface, from the internal loads along a run.
+"""The colour of a link, which shows the bending moment, or the strain at its surface, from a run's internal loads.
 
-Loads are known in every hinge and joint, and moments are linear between them. M_s = M + r × F moves a moment from a
-joint to the start of the beam next to it. For bending about y and z, with half the height a and half the width b,
+Loads are known at every hinge and joint, and moments are interpolated linearly between them. M_s = M + r × F transfers
+a moment from a joint to the start of the adjacent beam. The strain due to bending about y and z is, with half height a
+and half width b,
 
     ε = |M_z| a / EI_z + |M_y| b / EI_y          for a round section  ε = r √(M_y² + M_z²) / EI
 """
@@ -21,14 +22,14 @@ from flexlink.results.pictures.outline import Outline, has_rectangle_instead
 Colour = Literal["moment", "strain"]
 
 STOPS = ("#1f0c94", "#6a00a8", "#9c179e", "#c5407e", "#e16462", "#f38748", "#fdb42f")
-"""Colours from 0 to the largest value, linear in between; distinguishable by the colour-blind, and in grey."""
+"""Colours from 0 to the largest value, interpolated linearly; suitable for colour-blind readers and in greyscale."""
 
 UNKNOWN = "#8a8f94"
-"""Colour of links without a value: without a section, or rigid if strain is shown."""
+"""Colour of links without a value: links without a section and, if strain is shown, rigid links."""
 
 
 class Colouring(NamedTuple):
-    """Values along the arm, ≥ 0, nan where there is none; the largest value; and a label with the unit."""
+    """Values along the arm (≥ 0, or nan where a link has none), the largest value, and a label with the unit."""
 
     values: Array  # (frames, s)
     largest: float  # 0 if there is nothing to colour
@@ -38,7 +39,7 @@ class Colouring(NamedTuple):
 def colouring(
     colour: Colour, arm: Arm, outline: Outline, placed: tuple[Array, Array], loads: InternalLoads
 ) -> Colouring:
-    """Values at every station of the outline in every frame; `placed`: rotations and points of bodies, as in `Film`."""
+    """Values at every station of the outline in every frame; `placed` are R and p of the bodies, as in `Film`."""
     about = _bending(outline, placed, loads)
     if colour == "moment":
         values, label = np.hypot(about[..., 0], about[..., 1]), "bending moment [N m]"

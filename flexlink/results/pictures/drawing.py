@@ -1,4 +1,4 @@
-"""A film drawn frame by frame with matplotlib: the picture without its texts."""
+"""Drawing of a film's frames with matplotlib, without the texts around the picture."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Image = NDArray[np.uint8]
 
 
 class Drawing:
-    """The picture of a film: static parts are drawn once, moving parts over them."""
+    """The picture of a film: its static parts are drawn once; moving parts are drawn over them in each frame."""
 
     def __init__(self, film: Film, width: int) -> None:
         dpi = 100
@@ -43,7 +43,7 @@ class Drawing:
         self._ground = self.canvas.copy_from_bbox(self.figure.bbox)
 
     def image(self, k: int) -> Image:
-        """Frame `k`, shape (height, width, 3)."""
+        """Image of frame `k`, shape (height, width, 3)."""
         self._place(k)
         self.canvas.restore_region(self._ground)
         for artist in self._movers:
@@ -97,7 +97,7 @@ class Drawing:
         self._clock.set_text(time_text(film, k))
 
     def _colours(self, k: int) -> NDArray[np.float64]:
-        """Colour of every span, from the mean of its ends."""
+        """Colour of every span, from the mean of the values at its two ends."""
         found, spans = self.film.colouring, self.projected.spans
         values = (found.values[k, spans] + found.values[k, spans + 1]) / 2
         return np.asarray(COLOURS(values / found.largest if found.largest else np.full(len(spans), np.nan)))

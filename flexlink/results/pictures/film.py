@@ -1,4 +1,4 @@
-"""A run as frames of a film: positions of all parts of the arm at equidistant times."""
+"""Frames of a film of a run: positions of all parts of the arm at equidistant times."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flexlink.results.pictures.outline import Outline, outline_of
 from flexlink.results.pictures.view import View, view_of
 from flexlink.results.samples import RunSamples, picked
 
-MOST_FRAMES = 3000  # two minutes; more would not fit into memory as a GIF
+MOST_FRAMES = 3000  # two minutes; a GIF with more frames would not fit into memory
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -28,11 +28,11 @@ class Film:
     name, about
         Name of the chain, and the scene's description.
     magnify, speed, fps
-        Factor on the deflections; seconds of the run, and frames, per second of the film.
+        Magnification of the deflections; seconds of the run per second of the film; frames per second of the film.
     t
         Time of each frame in the run [s], shape (f,).
     R, p
-        Rotations (f, b, 3, 3) and origins (f, b, 3) [m] of the bodies; 0 is the fixed base, the last one the tip frame.
+        Rotations (f, b, 3, 3) and origins (f, b, 3) [m] of bodies; body 0 is the fixed base, the last the tip frame.
     trace, trace_t
         Path of the tip (m, 3) [m], and its times (m,) [s].
     """
@@ -53,7 +53,7 @@ class Film:
 
     @property
     def bodies(self) -> Array:
-        """Origins of all bodies of the arm, from the base outward, and `rails`; (f, ·, 3) [m]."""
+        """Origins of all bodies of the arm, from the base outward, followed by `rails`, shape (f, ·, 3) [m]."""
         return np.concatenate([self.p[:, self.outline.base :], self.rails], axis=1)
 
     @property
@@ -70,7 +70,7 @@ class Film:
 
     @property
     def axes(self) -> Array:
-        """Section's y and z at every station in frame 0, shape (f, s, 2, 3)."""
+        """Axes y and z of the section at every station, in frame 0, shape (f, s, 2, 3)."""
         return np.asarray(np.einsum("fsij,saj->fsai", self.R[:, self.outline.body], self.outline.axes))
 
     @property
@@ -80,14 +80,14 @@ class Film:
 
     @property
     def reach(self) -> float:
-        """Length of the arm [m], to which the size of small parts is compared."""
+        """Length of the arm [m], the reference for the size of small parts."""
         return (
             sum(piece.length for piece in self.outline.pieces) or float(np.ptp(self.bodies, axis=(0, 1)).max()) or 1.0
         )
 
 
 def film_of(run: RunSamples, *, magnify: float, colour: Colour, fps: float, speed: float) -> Film:
-    """Frames `speed`/`fps` apart, each at the nearest sample.
+    """Film of a run with a frame every `speed`/`fps` seconds of the run; each frame shows the nearest sample.
 
     Raises
     ------
@@ -126,12 +126,12 @@ def film_of(run: RunSamples, *, magnify: float, colour: Colour, fps: float, spee
 
 
 def frame_count(lasts: float, fps: float, speed: float) -> int:
-    """Number of frames of a run that lasts this long [s].
+    """Number of frames in the film of a run that lasts `lasts` [s].
 
     Raises
     ------
     ArgumentError
-        There would be too many.
+        There would be more than `MOST_FRAMES`.
     """
     count = 1 + int(lasts * fps / speed + 1e-6)
     if count > MOST_FRAMES:

@@ -30,7 +30,7 @@ class Legend:
         self.figure, self.width, self.height = figure, *size
 
     def head(self, film: Film) -> Text:
-        """Draw name and scales; return the clock, which is still empty."""
+        """Draw name and scales; return the text field for the time, which is still empty."""
         self._text(SIDE, self.height - 10, film.name, va="top", fontsize=11, fontweight="bold", parse_math=False)
         self._text(SIDE, self.height - 31, subtitle(film), va="top", fontsize=9)
         style = {"va": "top", "ha": "right", "fontsize": 10, "family": "DejaVu Sans Mono"}

@@ -1,4 +1,4 @@
-"""Outline of an arm for drawing: its links as wide as their sections, in the frames of its bodies."""
+"""Outline of an arm for drawing, with links as wide as their sections, in the frames of its bodies."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ Whole = Indices
 
 
 Cuts = tuple[tuple[int, ...], tuple[int, ...]]
-"""Cuts that load the start and the end of a piece: hinge points of bodies, counted from 0.
+"""Cuts whose loads act on the start and on the end of a piece; a cut is given by the index of its body, from 0.
 
-The start is loaded at the hinge where the piece begins, or else by the cuts beyond it. The end is loaded by all bodies
-attached to the piece's body beyond the piece.
+The load at the start acts at the hinge where the piece begins or, without a hinge, at the cuts outboard of the piece.
+The load at the end comes from all bodies that are attached to the piece's body outboard of the piece.
 """
 
 
 class Outline(NamedTuple):
-    """Stations along the arm's links, from the base outward; bodies are counted from 1, 0 is the base.
+    """Stations along the arm's links, from the base outward; body 0 is the base, and other bodies count from 1.
 
-    `across` is half the height and half the width of the section [m]; both are the radius of a round one.
+    `across` is half the height and half the width of the section [m], both equal to the radius of a round section.
     """
 
-    link: Whole  # (s,), from 1
+    link: Whole  # (s,), number of the link, from 1
     body: Whole  # (s,)
-    place: Array  # (s, 3), in the body's frame [m]
-    axes: Array  # (s, 2, 3), the section's y and z in the body's frame
-    across: Array  # (s, 2) [m]; 0 of links without a section
+    place: Array  # (s, 3), position in the body's frame [m]
+    axes: Array  # (s, 2, 3), axes y and z of the section in the body's frame
+    across: Array  # (s, 2) [m]; 0 for links without a section
     round: NDArray[np.bool_]  # (s,)
     piece: Whole  # (s,), index into `pieces`
     part: Array  # (s,), fraction of the piece's length
@@ -50,13 +50,13 @@ class Outline(NamedTuple):
     center: Array  # (3,), its centre in the tip frame [m]
     pieces: list[Piece]
     cuts: list[Cuts]  # for every piece
-    base: int  # the body that is the base: 0, or one that floats
+    base: int  # the body that is the base: 0, or a floating body
     rails: tuple[Whole, Array]  # zero positions of sliding joints: parent bodies (r,), positions (r, 3)
-    order: Whole  # along the arm: bodies, then numbers of stations and of rails; −1 between two branches
+    order: Whole  # order of points along the arm, as indices of bodies, stations and rails; −1 between two branches
 
 
 def outline_of(scene: Scene, chain: Chain) -> Outline:
-    """Stations of every piece of every link; two pieces that meet in a hinge share one, of the outer piece."""
+    """Outline with stations on every piece of every link; a hinge where pieces meet belongs to the outboard piece."""
     arm, found = scene.arm, [piece for piece in pieces(scene) if piece.length > 0]
     rows = [row for k, piece in enumerate(found) for row in _stations(arm, found, k, piece)]
     link, body, place, axes, across, is_round, number, part = zip(*rows, strict=True) if rows else [()] * 8
@@ -80,7 +80,7 @@ def _rails(chain: Chain) -> tuple[Whole, Array]:
 
 
 def _order(chain: Chain, body: Whole, piece: Whole, cuts: list[Cuts]) -> Whole:
-    """Compute `Outline.order`: along every branch, from its parent body, all points up to the next body."""
+    """Compute `Outline.order`, which lists all points along every branch, starting at its parent body."""
     count, order = len(chain.bodies) + 1, list[int]()
     rails = {k + 1: [count + len(body) + row] for row, k in enumerate(sliding_bodies(chain))}
     for branch in branches_of(chain):
@@ -93,7 +93,7 @@ def _order(chain: Chain, body: Whole, piece: Whole, cuts: list[Cuts]) -> Whole:
 
 
 def _cuts(arm: Arm, chain: Chain, found: list[Piece]) -> list[Cuts]:
-    """Cuts of every piece: its own hinges and the child links of its link, but not other links on the same body."""
+    """Cuts of every piece, due to its own hinges and the children of its link, not due to other links on its body."""
     of_body = [
         chain.coordinates[first].link if stop > first else 0
         for first, stop in zip(chain.bodies["first"].tolist(), chain.bodies["stop"].tolist(), strict=True)
@@ -115,7 +115,7 @@ def _cuts(arm: Arm, chain: Chain, found: list[Piece]) -> list[Cuts]:
 
 def _stations(arm: Arm, found: list[Piece], k: int, piece: Piece) -> list[tuple[object, ...]]:
     link = arm.links[piece.link - 1]
-    stations = 24  # minimum number along a link, for its colour
+    stations = 24  # minimum number along a link, to resolve its colour
     steps = max(1, math.ceil((piece.part[1] - piece.part[0]) * stations))
     ends_here = k + 1 == len(found) or found[k + 1].link != piece.link
     rows: list[tuple[object, ...]] = []

@@ -1,4 +1,4 @@
-"""A film as one page: data and player in one file, which needs only a browser."""
+"""A film as one HTML page with data and player, which needs only a browser."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from flexlink.results.pictures.projection import AROUND, Projected, floor_level,
 
 
 def page(film: Film, width: int) -> str:
-    """Return the page: the template with title, data and texts."""
+    """Return the HTML page, that is, the template filled with title, data and texts."""
     template = (files("flexlink.results.pictures") / "data" / "player.html").read_text(encoding="utf-8")
     data = json.dumps(data_of(film), ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
     title = film.name.replace("&", "&amp;").replace("<", "&lt;")
@@ -26,7 +26,7 @@ def page(film: Film, width: int) -> str:
 
 
 def data_of(film: Film) -> dict[str, Any]:
-    """Data for the player; arrays are float32, and colours are bytes, where 255 means no value."""
+    """Data for the player; arrays are float32, and colours are bytes; the byte 255 means no value."""
     projected, outline, found = Projected(film), film.outline, film.colouring
     pivot, window = turned_window(projected)
     poses = np.concatenate([film.p, film.R[..., 1], film.R[..., 2]], axis=-1)  # origin, y and z of every body
@@ -74,11 +74,11 @@ def data_of(film: Film) -> dict[str, Any]:
 
 
 def turned_window(projected: Projected) -> tuple[Array, list[float]]:
-    """The point in the middle of the window [m], and from there left, right, bottom, top [m].
+    """Return the point in the middle of the window [m], and its left, right, bottom and top edges from there [m].
 
-    The window contains the arm at all times, and a spatial arm at any rotation about the vertical through that point.
-    Seen from an angle e above the horizon, a point at height h and distance r from this line is at most
-    h cos e + r sin e high in the picture.
+    The window contains the arm at all times, and a spatial arm for any rotation about the vertical through that point.
+    If the view is from an angle e above the horizon, the height in the picture of a point at height h and distance r
+    from that vertical is at most h cos e + r sin e.
     """
     film, view = projected.film, projected.view
     if not view.spatial:

@@ -1,4 +1,4 @@
-"""The arm projected into the picture: outlines of its links, from far to near, and a window around them."""
+"""Projection of the arm into the picture: outlines of its links, from far to near, and a window around them."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from flexlink.common.types import Array, Indices
 from flexlink.results.pictures.film import Film
 from flexlink.results.pictures.view import View
 
-AROUND = 0.06  # margin around the arm over the window's size
-JOINT, BASE = 1.15, 1.3  # radius of a joint over half the width of its link; half the side of the base over this radius
+AROUND = 0.06  # margin around the arm, relative to the window's size
+JOINT, BASE = 1.15, 1.3  # joint radius relative to half the link's width; half the base's side relative to that radius
 
 
 class Window(NamedTuple):
@@ -38,7 +38,7 @@ class Window(NamedTuple):
 
 
 class Projected:
-    """A film in its view; all lengths in m in the picture plane."""
+    """A film projected in its view; all lengths are in m in the picture plane."""
 
     def __init__(self, film: Film) -> None:
         self.film, self.view = film, film.view
@@ -60,7 +60,7 @@ class Projected:
 
     @functools.cached_property
     def thickest(self) -> float:
-        """Largest distance of the edge of a link or the payload from its line [m]."""
+        """Largest distance from the arm's line to the edge of a link, joint, base or payload [m]."""
         return thickest(self.film)
 
     @functools.cached_property
@@ -75,9 +75,9 @@ class Projected:
 
     @property
     def skeleton_points(self) -> Array:
-        """Points of the arm's line, which is drawn if there is no section; frame 0, shape (f, m, 3).
+        """Points of the arm's line, which is drawn where links have no section, in frame 0, shape (f, m, 3).
 
-        They are bodies, stations and payload, with nan between two points that are not connected.
+        The points are origins of bodies, stations and the payload, with nan between two points that are not connected.
         """
         film = self.film
         every = np.concatenate([film.p, film.points, film.rails, np.full_like(film.p[:, :1], np.nan)], axis=1)
@@ -86,24 +86,24 @@ class Projected:
 
     @functools.cached_property
     def skeleton(self) -> Array:
-        """`skeleton_points` in the view."""
+        """The `skeleton_points` in the view."""
         return self.view(self.skeleton_points)
 
     @functools.cached_property
     def thinnest(self) -> tuple[float, float]:
-        """Smallest visible half width of a link, and radius of a ball [m]."""
+        """Smallest visible half width of a link, and smallest visible radius of a ball [m]."""
         return 0.0022 * self.window.size, 0.010 * self.window.size
 
     @functools.cached_property
     def spans(self) -> NDArray[np.intp]:
-        """Stations followed by another one of the same link."""
+        """Indices of the stations that are followed by another station of the same link."""
         return np.flatnonzero(np.diff(self.film.outline.link) == 0)
 
     def outlines(self, k: int) -> tuple[Array, NDArray[np.intp]]:
         """Four corners of every span of the links in frame `k`, shape (spans, 4, 2), and their order from far to near.
 
-        Half the visible width of a section is |y·e| a + |z·e| b, with e the direction across its line in the picture;
-        neighbours share a corner.
+        Half the visible width of a section is |y·e| a + |z·e| b, where e is the direction in the picture perpendicular
+        to the arm's line. Adjacent spans share corners.
         """
         P, spans = self.points[k], self.spans
         across = self._across(k)
@@ -121,7 +121,7 @@ class Projected:
 
     @functools.cached_property
     def joint_radii(self) -> Array:
-        """Radius of every driven joint: that of the link which begins there, but large enough to be visible."""
+        """Radius of every driven joint [m]: slightly more than half its link's width, and at least visible."""
         outline, found = self.film.outline, []
         for body in outline.joints:
             here = outline.across[outline.body == body]
@@ -130,17 +130,17 @@ class Projected:
 
     @property
     def base_half(self) -> float:
-        """Half the side of the square base, which is larger than the joint on it."""
+        """Half the side length of the square that shows the base, which is larger than the joint on it."""
         return BASE * max(self.thinnest[1], float(self.joint_radii[0]) if len(self.joint_radii) else 0.0)
 
     @property
     def ball_radius(self) -> float:
-        """Radius of the payload; 0 without one."""
+        """Radius of the payload's ball; 0 without a payload."""
         return max(self.film.outline.ball, 1.3 * self.thinnest[1]) if self.film.outline.ball else 0.0
 
 
 def _normals(P: Array, link: Indices) -> Array:
-    """Unit vectors across a line of points, (s, 2): normal to the sum of the directions to both neighbours."""
+    """Unit vectors across a line of points, (s, 2), each normal to the mean direction of the two adjacent segments."""
     steps = np.diff(P, axis=0, append=P[-1:])
     steps[:-1][np.diff(link) != 0] = 0.0
     lengths = np.linalg.norm(steps, axis=1, keepdims=True)
@@ -152,24 +152,24 @@ def _normals(P: Array, link: Indices) -> Array:
 
 
 def thickest(film: Film) -> float:
-    """Largest distance of the edge of a link, joint, base or payload from its line or centre [m]; √2 for corners."""
+    """Largest distance from the line or centre of a link, joint, base or payload to its edge or corner [m]."""
     return max(float(film.outline.across.max(initial=0.0)) * 2**0.5 * JOINT * BASE, film.outline.ball)
 
 
 def floor_level(film: Film) -> float:
-    """Lowest height of the arm along the vertical [m]."""
+    """Height of the floor [m], slightly below the lowest point of the arm during the film."""
     heights = np.concatenate([(part @ film.view.vertical).ravel() for part in (film.points, film.bodies, film.ball)])
     return float(heights.min()) - thickest(film) - 0.02 * film.reach
 
 
 def dropped(points: Array, view: View, level: float) -> Array:
-    """Points straight above or below these, at a level."""
+    """Vertical projections of these points onto the horizontal plane at height `level` [m]."""
     v = view.vertical
     return np.asarray(points + (level - points @ v)[..., None] * v)
 
 
 def floor_of(film: Film) -> Array:
-    """Lines of the grid in frame 0, shape (lines, 2, 3), a nice step apart."""
+    """Lines of the floor's grid in frame 0, shape (lines, 2, 3), spaced by a round number."""
     a, v = _level(film.view), film.view.vertical
     flat = np.concatenate([film.points.reshape(-1, 3), film.bodies.reshape(-1, 3)]) @ a.T
     step = nice(float(np.ptp(flat, axis=0).max()) / 5)
@@ -184,12 +184,12 @@ def floor_of(film: Film) -> Array:
 
 
 def _level(view: View) -> Array:
-    """Two level directions, axes of frame 0 where gravity is along the third."""
+    """Two horizontal directions; they are axes of frame 0 if gravity is along the third axis."""
     level = [axis for axis in np.eye(3) if abs(axis @ view.vertical) < 1e-9]
     return np.asarray(level if len(level) == 2 else [view.axes[0], np.cross(view.vertical, view.axes[0])])
 
 
 def nice(length: float) -> float:
-    """Smallest number among 1, 2, 5 × 10ⁿ that is at least `length`."""
+    """Smallest of the numbers 1, 2, 5 × 10ⁿ, n any integer, that is at least `length`."""
     power = 10.0 ** np.floor(np.log10(max(length, 1e-12)))
     return float(next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= length * (1 - 1e-9)))

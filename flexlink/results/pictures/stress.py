@@ -1,4 +1,4 @@
-"""Largest bending stress of a run: its position along the links, and its time."""
+"""Largest bending stress in a run, with its position along a link and its time."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ AT_ONCE = 500  # samples per batch, which limits the memory
 
 
 class PeakStress(NamedTuple):
-    """Bending stress E ε at the surface of a link that bends."""
+    """Largest bending stress E ε at the surface of a flexible link."""
 
     pascals: float
     link: str
-    along: float  # from the root of the link's beam [m]
+    along: float  # distance from the root of the link's beam [m]
     time: float  # [s]
-    rectangle: bool  # a general section has no known surface: the rectangle with its radii of gyration replaces it
+    rectangle: bool  # whether a general section, of unknown surface, is replaced by a rectangle of equal inertia
 
 
 def peak_stress(run: RunSamples) -> PeakStress | None:

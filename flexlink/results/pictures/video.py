@@ -21,7 +21,7 @@ Image = NDArray[np.uint8]
 def write_gif(place: Path, images: Iterable[Image], like: Iterable[Image], milliseconds: int) -> None:
     """Write frames of shape (height, width, 3), each shown for this time, as a GIF that repeats endlessly.
 
-    All frames use the 256 colours that suit those in `like`: colours that change from frame to frame would flicker.
+    All frames use the same 256 colours, chosen for the images `like`; a palette that changes would cause flicker.
     """
     from PIL import Image as Pillow  # noqa: PLC0415  needed only for drawing
 
@@ -50,7 +50,7 @@ def require_ffmpeg() -> str:
 
 
 def write_mp4(place: Path, images: Iterable[Image], size: tuple[int, int], fps: float) -> None:
-    """Write frames of shape (height, width, 3), both even, as H.264, which every browser plays.
+    """Write frames of shape (height, width, 3), height and width even, as H.264, which every browser plays.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def write_mp4(place: Path, images: Iterable[Image], size: tuple[int, int], fps: 
 
 
 def _fed(command: list[str], images: Iterable[Image], output: IO[bytes]) -> int:
-    """Feed the frames to a program; return its exit code. It runs in a separate session, so only we receive Ctrl-C."""
+    """Feed the frames to a program and return its exit code; in its separate session, Ctrl-C does not stop it."""
     with subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=output, stderr=output, start_new_session=True
     ) as process:

@@ -1,7 +1,7 @@
-"""Views of an arm: a planar one perpendicular to its plane, a spatial one from the side; gravity points down.
+"""Views of an arm: a planar arm is viewed perpendicular to its plane, a spatial arm from the side; gravity points down.
 
-Films show a spatial arm obliquely in parallel projection. Figures show it from the side and from above, true to scale
-along both axes.
+Films show a spatial arm from an oblique direction in parallel projection. Figures show it from the side and from above,
+with both axes true to scale.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from flexlink.common.types import Array
 
 
 class View(NamedTuple):
-    """Parallel projection: components of a vector to the right, upwards and towards the eye."""
+    """Parallel projection, which gives the components of a vector to the right, upwards and towards the eye."""
 
-    axes: Array  # (3, 3), rows right, up, towards the eye; frame 0
+    axes: Array  # (3, 3), unit vectors in frame 0: right, up, towards the eye
     spatial: bool  # whether the view may be rotated about `vertical`
-    vertical: Array  # (3,), against gravity; frame 0
+    vertical: Array  # (3,), opposite to gravity; frame 0
 
     def __call__(self, vectors: Array) -> Array:
-        """Right, up and depth of vectors of frame 0, shape (…, 3)."""
+        """Components of vectors (…, 3) in frame 0 to the right, upwards and towards the eye, shape (…, 3)."""
         return np.asarray(vectors @ self.axes.T)
 
     def flat(self, points: Array) -> Array:
-        """Coordinates in the picture [m] of points (…, 3): shape (2, …), right and up."""
+        """Coordinates of points (…, 3) to the right and upwards in the picture [m], shape (2, …)."""
         return np.moveaxis(self(points)[..., :2], -1, 0)
 
     @property
@@ -38,7 +38,7 @@ class View(NamedTuple):
 
 
 def view_of(chain: Chain) -> View:
-    """View perpendicular to the plane of motion, or, for a spatial arm, from the side and above."""
+    """View of a planar arm perpendicular to its plane of motion; of a spatial arm, obliquely from above."""
     gravity = float(np.linalg.norm(chain.gravity))
     vertical = -chain.gravity / gravity if gravity else np.array([0.0, 0.0, 1.0])
     if chain.is_planar:
@@ -53,7 +53,7 @@ def view_of(chain: Chain) -> View:
 
 
 def views_of(chain: Chain, points: Array) -> list[View]:
-    """Views that are true to scale: `view_of` a planar arm; else the side view that shows more, and the top view."""
+    """Views true to scale: for a planar arm its `view_of`; for a spatial arm the wider side view and the top view."""
     view = view_of(chain)
     if not view.spatial:
         return [view]
@@ -67,12 +67,12 @@ def views_of(chain: Chain, points: Array) -> list[View]:
 
 
 def view_of_motion(chain: Chain, rest: Array, moved: Array) -> View:
-    """The one of `views_of` that shows most of the motion of points from `rest` to `moved`, both (…, 3)."""
+    """The view among `views_of` that shows the motion of points from `rest` to `moved`, both (…, 3), best."""
     return max(views_of(chain, np.stack([rest, moved])), key=lambda view: float(np.abs(view.flat(moved - rest)).sum()))
 
 
 def _axis_name(direction: Array) -> str:
-    """x, −y, …: the axis of frame 0 along which a direction points; empty for any other."""
+    """Name of the axis of frame 0 along which a direction points, such as x or −y; empty for any other direction."""
     k = int(np.argmax(np.abs(direction)))
     if abs(direction[k]) < 1 - 1e-6:
         return ""
@@ -80,9 +80,12 @@ def _axis_name(direction: Array) -> str:
 
 
 def _across(normal: Array, vertical: Array, weighs: bool) -> Array:
-    """Axes of a view normal to a plane: gravity down, else X right, or Y; a nearly level plane is seen from above."""
+    """Axes of a view normal to a plane; gravity points down or, without it, X (else Y) points right.
+
+    A nearly horizontal plane is viewed from above.
+    """
     rises, up = float(normal @ vertical), _part_across(vertical, normal)
-    lying = 0.7  # cosine between normal and vertical above which a plane is seen from above
+    lying = 0.7  # cosine between normal and vertical above which a plane is viewed from above
     if abs(rises) > lying and rises < 0:
         normal = -normal
     if not weighs or np.linalg.norm(up) < 1e-3:

@@ -1,4 +1,4 @@
-"""One chapter per file: `made(study)` returns its `Part`; `building.CHAPTERS` has titles and order.
+"""One chapter per file: `made(study)` returns its `Part`; `building.CHAPTERS` defines titles and order.
 
-A chapter that does not apply to the scene is None. If a chapter raises an error, the page shows it instead.
+`made` returns None if the chapter does not apply to the scene. If it raises an error, the page shows the error instead.
 """

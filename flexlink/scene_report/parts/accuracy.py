@@ -1,4 +1,4 @@
-"""Accuracy of the chosen model relative to finer ones, and accuracy and cost of its alternatives."""
+"""Accuracy of the chosen model relative to finer models, and accuracy and cost of alternative models."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def _hinge_error(about: Refinement) -> list[str]:
         until = about.accurate_until(ENOUGH)
         return [
             f"Tip error from the number of hinges: unknown. More hinges still move the tip by {_length(limit.error)}, "
-            f"as in motion that amplifies small errors. Up to {number(until)} s the two finest models differ by less "
+            f"as in motion that amplifies small errors. Until {number(until)} s the two finest models differ by less "
             f"than {number(100 * ENOUGH)} % of the tip’s travel; to get an estimate, shorten the run to that time "
             "(run.duration).",
         ]
@@ -162,7 +162,7 @@ def _in_time(about: Refinement) -> Picture | None:
 
 
 def _prices(choices: Sequence[Choice]) -> Picture | None:
-    """Plot error over cost."""
+    """Plot the tip error over the CPU time of all choices."""
     known = [one for one in choices if math.isfinite(one.error) and one.error > 0 and one.seconds > 0]
     if len(known) < 2:
         return None
@@ -176,7 +176,7 @@ def _prices(choices: Sequence[Choice]) -> Picture | None:
     tidy_logs(axes)
     legend_over(axes, figure=figure)
     csv = table_csv(("choice", "CPU time [s]", "tip error [m]"), [(one.label, one.seconds, one.error) for one in known])
-    caption = "Lower: more accurate; further left: cheaper. CPU time = number of evaluations × time of one."
+    caption = "Lower is more accurate; further left is cheaper. CPU time = evaluations × time per evaluation."
     return Picture("price_list", "Accuracy against CPU time", figure, caption, csv)
 
 

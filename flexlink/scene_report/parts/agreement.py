@@ -1,4 +1,4 @@
-"""Compare other engines, with the exported arm, at many states term by term, and in the run step by step."""
+"""Compare other engines, which load the exported arm, term by term at many states and step by step in the run."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def made(study: Study) -> Part:
         "of them random. The largest difference is divided by the rounding bound; a ratio of at most 1 means that the "
         "results agree to within rounding.",
         "Terms: mass matrix M; torques of gravity T_G, of gravity with centrifugal and Coriolis forces T_GC, of "
-        "springs T_FL, of friction T_FR; accelerations q̈.",
+        "springs T_FL, and of friction T_FR; accelerations q̈.",
         _between_joints(study, diagnoses),
         about_runs,
         *(str(each) for each in diagnoses if not each.passed),
@@ -45,7 +45,7 @@ def made(study: Study) -> Part:
 
 
 def _between_joints(study: Study, diagnoses: Iterable[Diagnosis]) -> str:
-    """Return which engines compute springs and dampers between two joints, if the arm has any."""
+    """State which engines compute springs and dampers between two joints; "" if the arm has none."""
     if not len(study.chain.couplings):
         return ""
     names = [(ENGINES[each.engine].between_joints, engine_name(each.engine)) for each in diagnoses]
@@ -92,7 +92,7 @@ def _runs(study: Study) -> tuple[Sequence[RunDifference], str, Sequence[str]]:
 
 
 def _affordable(study: Study) -> float:
-    """Return the duration [s] that an engine can simulate within its evaluation budget, in complete samples."""
+    """Return the longest duration [s], a multiple of the sample spacing, that fits an engine's evaluation budget."""
     run = in_fixed_steps(study.scene, study.chain)[0].run
     evaluations = 8_000  # budget of one run; an evaluation from Python takes 0.1 ms
     samples = int(evaluations / method(run.method).stages * run.fixed_step / run.spacing)

@@ -26,7 +26,7 @@ def made(study: Study) -> Part | None:
     worst = int(np.argmax(imbalance))
     share = float(imbalance[worst]) / exchanged if exchanged > 0 else 0.0
     once, steps = _rounding(run), run.steps.taken if run.steps is not None else 0
-    nothing = 1e6  # multiple of the rounding error; below this exchange the arm is at rest, as in `Study.moves`
+    nothing = 1e6  # multiple of the rounding error; if less energy is exchanged, the arm is at rest (`Study.moves`)
     still = exchanged <= nothing * float(once[-1])
     of = (
         "; the arm is at rest and exchanges no energy"
@@ -38,14 +38,14 @@ def made(study: Study) -> Part | None:
         "Energy error = E − E(0) − W. E: kinetic, gravity and elastic energy. W: work of drives, friction, damping and "
         "tip wrench, integrated with the run’s own method. Causes of the error: time steps and rounding."
     )
-    good = 1e-3  # acceptable fraction of the exchanged energy; from 0.1 on, the run fails
+    good = 1e-3  # acceptable fraction of the exchanged energy; the run fails from a fraction of 0.1 on
     state: State = "pass" if share <= good or still or bool((imbalance <= (1 + steps) * once).all()) else "doubt"
     verdict = Verdict("Energy", state, "balanced" if state == "pass" else "poorly balanced", text)
     return Part((text, meant), (verdict,), (_picture(study),))
 
 
 def _rounding(run: Trajectory) -> Array:
-    """Return the rounding error of the balance at each sample, counted once [J]."""
+    """Return the rounding error of one evaluation of the energy balance at each sample [J]."""
     assert run.work is not None
     return rounding.of_energy_balance(run.chain, run.energy.parts, run.work, run.q)
 
@@ -61,7 +61,7 @@ def _picture(study: Study) -> Picture:
         columns[f"{name} [J]"] = np.asarray(values) - np.asarray(values)[0]
         if name != "elastic":
             axes[0].plot(run.t, columns[f"{name} [J]"], color=colour, label=name)
-        elif bends:  # separate panel: often thousands of times smaller than the other energies
+        elif bends:  # on a separate panel, as it is often thousands of times smaller than the other energies
             axes[1].plot(run.t, columns[f"{name} [J]"], color=colour)
             axes[1].set_ylabel("elastic, change [J]")
             tidy_linear(axes[1])

@@ -58,10 +58,10 @@ def _place(study: Study, body: int) -> str:
 
 
 def _in_beam_axes(study: Study, body: int) -> tuple[Array, Array]:
-    """Force and moment at a cut in axes of the beam, x along it, for all samples.
+    """Force and moment at a cut for all samples, in axes of the beam, with x along the beam.
 
-    Hinges have these axes already. The body of a driven joint or a gear is turned so that one of its axes is the
-    joint's.
+    Hinges already have these axes. The body of a driven joint or a gear is turned so that one of its axes is the joint
+    axis.
     """
     chain, loads = study.chain, study.run.loads
     first, rotation = int(chain.bodies["first"][body]), np.eye(3)
@@ -74,7 +74,7 @@ def _in_beam_axes(study: Study, body: int) -> tuple[Array, Array]:
 
 
 def _cuts(study: Study) -> list[int]:
-    """Return one body for every driven joint: the roots of the links."""
+    """Return the bodies at the roots of the links, one for every driven joint."""
     return [study.chain.body(int(k)) for k in study.chain.active] or [0]
 
 

@@ -26,12 +26,14 @@ def made(study: Study) -> Part | None:
     measured = read_measured(study.against, study.run.columns)
     comparison = Comparison(study.scene, study.run, measured)
     if len(comparison.t) < 2:
-        return Part((
+        text = (
             f"Fewer than two samples of {study.against.name} ({measured.t[0]:g} … {measured.t[-1]:g} s) are within the "
-            f"run ({study.run.t[0]:g} … {study.run.t[-1]:g} s); use the times of the scene (initial.time).",
-        ))  # fmt: skip
+            f"run ({study.run.t[0]:g} … {study.run.t[-1]:g} s). Subtract the time at which the run begins; name "
+            "times in ms 't [ms]'."
+        )
+        return Part((text,), (Verdict("Measurements", "fail", "not compared", text),))
     fits = comparison.fits
-    best = fits[0] if fits and fits[0].explained > 0.5 else None  # fraction of the mean square difference
+    best = fits[0] if fits and _explains(fits[0]) else None
     first = (
         f"{study.against.name}: {plural(len(comparison.measured), 'column')}, {len(comparison.t)} samples from "
         f"{number(float(comparison.t[0]))} to {number(float(comparison.t[-1]))} s"
@@ -43,6 +45,11 @@ def made(study: Study) -> Part | None:
         tables.append(_numbers(fits))
     pictures = (_overlay(study, comparison, best), _difference(study, comparison, best))
     return Part(tuple(filter(None, sentences)), (_verdict(study, comparison, best),), pictures, tuple(tables))
+
+
+def _explains(fit: Fit) -> bool:
+    """Whether a parameter removes most of the mean square difference, by a change of more than two deviations."""
+    return fit.explained > 0.5 and abs(fit.value - fit.number.value) > 2 * fit.spread
 
 
 def _about_difference(study: Study, comparison: Comparison) -> str:
@@ -57,14 +64,14 @@ def _about_fits(fits: Sequence[Fit], best: Fit | None) -> list[str]:
         return ["No single parameter of the scene explains the difference, not even in part."]
     if best is None:
         return [
-            f"No single parameter of the scene explains the difference. With the best, {fits[0].number.what}, "
-            f"{_share(fits[0].remaining)} of it remains.",
+            "No single parameter of the scene explains the difference; check the units and the order of the columns. "
+            f"With the best, {fits[0].number.what} {_change(fits[0])}, {_share(fits[0].remaining)} of it remains.",
         ]
     sentences = [
         f"Best explanation: {best.number.what} {_change(best)}, {_value(best)} instead of "
         f"{number(best.number.value)}; {_share(best.remaining)} of the difference remains."
     ]
-    clearly = 2.0  # a parameter is the cause if every other leaves at least twice its difference
+    clearly = 2.0  # a parameter is the cause if all others leave at least twice the difference
     rivals = [
         f"{fit.number.what} ({_change(fit)}; {_share(fit.remaining)} remains)"
         for fit in fits[1:]
@@ -89,7 +96,7 @@ def _value(fit: Fit) -> str:
 
 
 def _change(fit: Fit) -> str:
-    """Return the change from the scene's value to the best value, in per cent, or in ° or m for an initial position."""
+    """Return the change from the scene's value to the best value, in %, or in ° or m for an initial position."""
     by, spread, unit = fit.value - fit.number.value, fit.spread, fit.number.sign
     if not fit.number.is_angle:
         by, spread, unit = 100 * by / fit.number.value, 100 * spread / abs(fit.number.value), " %"
@@ -144,7 +151,7 @@ def _numbers(fits: Sequence[Fit]) -> Table:
 
 
 def _drawn(comparison: Comparison) -> list[str]:
-    """Return the columns to plot: the first four, so the page stays short."""
+    """Return the first four columns, which are plotted; more would make the page long."""
     return list(comparison.measured)[:4]
 
 

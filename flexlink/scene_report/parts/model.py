@@ -1,4 +1,4 @@
-"""The model: the arm with its hinges, links, joints and springs, and remarks on input without effect."""
+"""The model: the arm with its hinges, links, joints and springs, and remarks on inputs that have no effect."""
 
 from __future__ import annotations
 

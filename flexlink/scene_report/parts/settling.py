@@ -1,4 +1,4 @@
-"""How the arm settles at the target of its drive."""
+"""Settling of the arm at the target of its drive."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from flexlink.results.settling import overshoot, residual_vibration, settling_ti
 from flexlink.scene_report.study import Study
 
 TOLERANCES = (1e-2, 1e-3, 1e-4)
-"""Fractions of the tip's travel within which the arm counts as settled."""
+"""Tolerances for settling, as fractions of the tip's travel."""
 
 
 def made(study: Study) -> Part | None:
@@ -56,7 +56,7 @@ def made(study: Study) -> Part | None:
 
 
 def _goal(study: Study) -> tuple[Array, float] | None:
-    """Return final angles of the driven joints [rad] and the time [s] at which the reference reaches them, if any."""
+    """Return the final angles of the driven joints [rad], and the time [s] when the reference reaches them; or None."""
     scene, chain = study.scene, study.chain
     if scene.drive.kind not in ("pd", "computed_torque") or scene.motion:
         return None

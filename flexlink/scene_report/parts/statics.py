@@ -53,7 +53,7 @@ def made(study: Study) -> Part:
 
 
 def _held(chain: Chain, tau: Array) -> tuple[Fact, ...]:
-    """Return the largest torques that hold the arm, for the first screen."""
+    """Return the largest holding torques, for the first screen of the page."""
     torques, shown = _without_rounding(tau), 2  # number of values that fit on one line
     largest = sorted(chain.active.tolist(), key=lambda k: -abs(torques[k]))[:shown]
     if not largest:
@@ -99,7 +99,7 @@ def _buckling(study: Study) -> str:
 def _picture(study: Study, size: float) -> Picture:
     chain, rest = study.chain, study.rest
     straight, bent = (frames(chain, q).points for q in (unbent(chain, rest.q), rest.q))
-    visible = 0.08  # smallest drawn sag of the tip, as a fraction of the arm's size
+    visible = 0.08  # smallest sag of the tip in the picture, as a fraction of the arm's size
     scale = max(1.0, _round(visible * study.size / size))
     shown = straight + scale * (bent - straight)
     both = np.stack([straight, shown])
@@ -118,7 +118,7 @@ def _picture(study: Study, size: float) -> Picture:
 
 
 def _without_rounding(values: Array) -> Array:
-    """Set values below the rounding error of the largest one to zero."""
+    """Set values below the rounding error of the largest value to zero."""
     return np.where(np.abs(values) > 1e-12 * np.abs(values).max(initial=0.0), values, 0.0)
 
 

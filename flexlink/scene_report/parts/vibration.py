@@ -57,7 +57,7 @@ def _first(found: Modes) -> str:
 
 
 def _facts(found: Modes) -> tuple[Fact, ...]:
-    """Return the first two elastic frequencies, for the first screen."""
+    """Return the first two elastic frequencies, for the first screen of the page."""
     hertz = [float(f) for f, kind in zip(found.hertz, found.kinds, strict=True) if kind == "elastic"][:2]
     if not hertz:
         return ()

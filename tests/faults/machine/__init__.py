@@ -1,6 +1,6 @@
-"""Automatic mutation testing: small mistakes at random places in every folder, and the share that the tests detect.
+"""Automatic mutation testing: small mistakes at random places in every folder, and the fraction that tests detect.
 
-    python -m tests.faults --machine                          every folder, numbers from `machine.toml`
+    python -m tests.faults --machine                          every folder, as many mutants as `machine.toml` gives
     python -m tests.faults --machine flexlink/dynamics/sensors         one folder; a file; a glob
     python -m tests.faults --machine --seed 7 --most 3        other mutants, fewer of them
 

@@ -1,4 +1,4 @@
-"""Test a mutant in a copy of the tree, if it cannot be applied in a forked process. It takes seconds longer."""
+"""Test a mutant in a copy of the tree if it cannot be applied in a forked process; a copy takes seconds longer."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def judge_apart(copy: Copy, mutant: Mutant, by_function: dict[Function, list[Ran
     start = time.monotonic()
     path.write_bytes(mutant.planted(sound))
     try:
-        outcome, told = verdict(copy.run(chosen, cache, LONGEST))
+        outcome, detail = verdict(copy.run(chosen, cache, LONGEST))
     finally:
         path.write_bytes(sound)
     seen = SURVIVED if outcome == SURVIVED else KILLED  # an import error counts as detected
-    return Judged(mutant, seen, told, len(chosen), time.monotonic() - start)
+    return Judged(mutant, seen, detail, len(chosen), time.monotonic() - start)

@@ -16,20 +16,20 @@ from tests.faults.plant import ROOT
 
 TREES = ("flexlink", "validation", "reports")
 SPOKEN = frozenset({"__repr__", "__str__", "_repr_html_", "_repr_png_"})
-"""Functions that only display."""
+"""Functions that only display results; they are not mutated."""
 SHOWN = frozenset({
     "alpha", "bbox_to_anchor", "bottom", "color", "dpi", "elinewidth", "figsize", "fontsize", "height", "labelpad",
     "left", "lw", "linewidth", "loc", "markersize", "markeredgewidth", "ms", "pad", "right", "rotation", "stacklevel",
     "top", "width", "zorder", "decimals", "digits", "maxsize", "size",
 })  # fmt: skip
 """Keywords that affect only presentation or memory use."""
-TOLD = frozenset({"Memo", "lru_cache", "numbered", "warn", "cast", "TypeVar", "NewType", "print", "Gauge"})
+NON_NUMERIC = frozenset({"Memo", "lru_cache", "numbered", "warn", "cast", "TypeVar", "NewType", "print", "Gauge"})
 """Calls whose arguments are messages, types, names or memory sizes."""
 NUMBERS = frozenset({"constant", "count", "factor", "sign"})
 NOT_HERE = "__init__.py", "__main__.py", "drake*.py", "exudyn*.py"
 """Files that are commands, or that run only with the extra `witness`."""
 DRAWN = ("flexlink/pages", "flexlink/results/pictures", "reports", "reports/figures")
-"""Folders whose numbers are positions on paper: only logic is mutated there."""
+"""Folders whose numbers are positions in drawings; only logic is mutated there."""
 
 
 class Mutant(NamedTuple):
@@ -60,7 +60,7 @@ class Mutant(NamedTuple):
         gone = source[self.start : self.end].count(b"\n")
         planted = " ".join(line.strip() for line in self.becomes.split("\n"))
         rest = source[self.end :]
-        head, newline, tail = rest.partition(b"\n")  # keep the line numbers of later functions
+        head, newline, tail = rest.partition(b"\n")  # preserve the line numbers of later functions
         return source[: self.start] + planted.encode() + head + b"\n" * gone + newline + tail
 
     def __str__(self) -> str:
@@ -101,7 +101,7 @@ def mutants(file: str, source: bytes) -> list[Mutant]:
 
 
 def is_python(mutant: Mutant, source: bytes) -> bool:
-    """Return whether the mutated file parses, to a different syntax tree."""
+    """Return whether the mutated file is valid Python whose syntax tree differs from the original."""
     try:
         return ast.dump(ast.parse(mutant.planted(source))) != ast.dump(ast.parse(source))
     except SyntaxError:
@@ -129,13 +129,13 @@ def _walk(node: ast.AST, where: str, returns: ast.expr | None, inside: bool) -> 
                 yield from _walk(statement, where if inside else f"{where}.{name}".lstrip("."), None, inside)
         case ast.AnnAssign(value=value):
             yield from _walk(value, where, returns, inside) if value is not None else ()
-        case _ if not _only_told(node):
+        case _ if not _computes_nothing(node):
             yield node, where if inside else "", returns
             for child in ast.iter_child_nodes(node):
                 yield from _walk(child, where, returns, inside)
 
 
-def _only_told(node: ast.AST) -> bool:
+def _computes_nothing(node: ast.AST) -> bool:
     """Return whether the node computes nothing: a message, a type, a name or the style of a figure."""
     match node:
         case ast.Expr(ast.Call(ast.Attribute(ast.Name("axes" | "figure" | "ax")))):
@@ -145,7 +145,7 @@ def _only_told(node: ast.AST) -> bool:
         case ast.If(ast.Name("TYPE_CHECKING") | ast.Compare(ast.Name("__name__"))) | ast.Assign([ast.Name("__all__")]):
             return True
         case ast.Call(ast.Name(name) | ast.Attribute(_, name)):
-            return name in TOLD
+            return name in NON_NUMERIC
         case ast.keyword(arg):
             return arg in SHOWN
     return False
@@ -154,7 +154,7 @@ def _only_told(node: ast.AST) -> bool:
 def drawn(rooms: Sequence[str], seed: int, most: int, left_out: frozenset[str], root: Path = ROOT) -> list[Mutant]:
     """Select up to `most` mutants per folder, spread over its files: those with the lowest hashes of seed and name.
 
-    So the selection does not change when code elsewhere in the file or in other files changes.
+    Hashes make the selection independent of changes elsewhere in the file or in other files.
     """
     by_room = defaultdict(list)
     for file in files(root):

@@ -1,8 +1,8 @@
 """Test mutants in one process that has imported the project and collected its tests, each in a fork.
 
-Tests that run the mutated function run until the first failure, the most specific tests first, for at most `MOST`
-seconds of processor time. What cannot be applied in a fork (a default of a class, a decorator) is planted in a copy
-of the tree by `plant.Copy`.
+Tests that call the mutated function run until the first failure, the most specific tests first, for at most `MOST`
+seconds of processor time. Mutants that cannot be applied in a fork (a default of a class, a decorator) are planted in
+a copy of the tree by `plant.Copy`.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ class Judged(NamedTuple):
 
     mutant: Mutant
     outcome: str
-    told: str = ""
-    asked: int = 0
+    detail: str = ""
+    tests_run: int = 0
     seconds: float = 0.0
 
 
@@ -54,7 +54,7 @@ class _TooDearError(BaseException):
 
 
 class Session:
-    """pytest plugin that calls `work` with the collected tests; slow tests only from the files `slow`."""
+    """pytest plugin that calls `work` with the collected tests; slow tests are included only from the files `slow`."""
 
     def __init__(self, work: Callable[[Session], None], slow: Sequence[str] = ()) -> None:
         self._work, self._slow, self.failed, self.items = work, slow, "", dict[str, pytest.Item]()
@@ -85,10 +85,10 @@ class Session:
         return self.failed
 
     def record(self, file: str) -> list[Ran]:
-        """Run the tests of a file; return those that pass in time, up to one that kills the process."""
+        """Run the tests of a file; return the tests that pass in time, up to a test that kills the process."""
         items = [item for name, item in self.items.items() if name.partition("::")[0] == file]
-        told = forked(lambda: self._recorded(items), (DEAR + 1.0) * len(items) + LONGEST)
-        return [Ran(test, seconds, frozenset((a, b) for a, b in names)) for test, seconds, names in told]
+        recorded = forked(lambda: self._recorded(items), (DEAR + 1.0) * len(items) + LONGEST)
+        return [Ran(test, seconds, frozenset((a, b) for a, b in names)) for test, seconds, names in recorded]
 
     def _recorded(self, items: Sequence[pytest.Item]) -> Iterator[Any]:
         for item in items:
@@ -105,15 +105,15 @@ class Session:
         if not tests:
             return Judged(mutant, SURVIVED, UNREACHED)
         start = clock()
-        told = list(forked(lambda: self._judged(mutant, tests), MOST + LONGEST))
-        asked = sum(1 for each in told if each is None)
+        outcomes = list(forked(lambda: self._judged(mutant, tests), MOST + LONGEST))
+        tests_run = sum(1 for each in outcomes if each is None)
         seconds = clock() - start
-        match told[-1] if told else None:
+        match outcomes[-1] if outcomes else None:
             case None:
-                return Judged(mutant, KILLED, "the process died or did not end", asked, seconds)
+                return Judged(mutant, KILLED, "the process died or did not end", tests_run, seconds)
             case [outcome, test]:
-                return Judged(mutant, outcome, test, asked, seconds)
-        raise AssertionError(told)
+                return Judged(mutant, outcome, test, tests_run, seconds)
+        raise AssertionError(outcomes)
 
     def _judged(self, mutant: Mutant, tests: Sequence[Ran]) -> Iterator[Any]:
         try:
@@ -136,7 +136,7 @@ class Session:
 
 
 def forked(work: Callable[[], Iterator[Any]], seconds: float) -> Iterator[Any]:
-    """Yield the output lines of `work` in a fork of this process, until it ends, dies or exceeds its time."""
+    """Yield the output lines of `work` in a fork of this process, until the fork ends, dies or exceeds its time."""
     read, write = os.pipe()
     child = os.fork()
     if not child:
@@ -170,7 +170,7 @@ def forked(work: Callable[[], Iterator[Any]], seconds: float) -> Iterator[Any]:
 
 @contextlib.contextmanager
 def _stopped_after(seconds: float) -> Iterator[None]:
-    """Let a test fail that takes more processor time than this (with kernels run as Python, `conftest` does it)."""
+    """Make a test fail if it takes more processor time than this (`conftest` does so if kernels run as Python)."""
 
     def ring(*_: object) -> None:
         raise _TooDearError
@@ -194,12 +194,12 @@ def with_tests(files: Sequence[str], work: Callable[[Session], None], slow: Sequ
         return int(pytest.main([*OPTIONS, f"--basetemp={folder}/tests", *files], plugins=[Session(work, slow)]))
 
 
-def record(session: Session, recorded: Recorded, tell: Callable[[str], None]) -> None:
+def record(session: Session, recorded: Recorded, report: Callable[[str], None]) -> None:
     """Record every test file that is not up to date."""
     for file in dict.fromkeys(name.partition("::")[0] for name in session.items):
         if not recorded.knows(file):
             ran = session.record(file)
-            tell(f"{file}: {len(ran)} tests in {sum(each.seconds for each in ran):.1f} s")
+            report(f"{file}: {len(ran)} tests in {sum(each.seconds for each in ran):.1f} s")
             recorded.add(file, ran)
 
 

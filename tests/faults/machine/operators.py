@@ -34,7 +34,7 @@ SYMMETRIC = frozenset({
     "isinstance", "issubclass", "getattr", "hasattr", "zip", "range", "max", "min", "maximum", "minimum", "hypot",
     "multiply", "largest_distance", "allclose", "array_equal",
 })  # fmt: skip
-"""Functions whose argument order does not matter, or is never wrong."""
+"""Functions whose argument order does not matter or cannot be wrong."""
 EMPTY = {"bool": "not ({})", "float": "0.0 * ({})", "int": "0 * ({})", "Array": "0.0 * ({})", "str": '""'}
 CONTAINERS = {"list": "[]", "tuple": "()", "dict": "{}", "set": "set()"}
 
@@ -178,7 +178,7 @@ KINDS = {
 
 
 def _is_text(node: ast.expr) -> bool:
-    """Return whether the operand is a text or a list, whose + is no sum."""
+    """Return whether the operand is a text or a list, for which + means concatenation."""
     match node:
         case ast.Constant(str() | bytes()) | ast.JoinedStr() | ast.List() | ast.ListComp() | ast.Tuple():
             return True

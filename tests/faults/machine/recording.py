@@ -1,4 +1,4 @@
-"""Record the tests that run each function: each test file runs once, and again only after it has changed."""
+"""Record which tests call each function; a test file runs once for this, and again only after it has changed."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Ran(NamedTuple):
 
 
 class Recorded:
-    """Recorded test files, saved in a file. A test file that has changed is unknown."""
+    """Recorded test files, saved in a file. A test file that has changed counts as not recorded."""
 
     def __init__(self, path: Path, slow: Sequence[str] = ()) -> None:
         self._path, self._slow = path, slow
@@ -40,7 +40,7 @@ class Recorded:
         return hashlib.sha256((ROOT / file).read_bytes()).hexdigest()[:16] + " with slow ones" * (file in self._slow)
 
     def knows(self, file: str) -> bool:
-        """Return whether this version of the test file was recorded."""
+        """Whether this version of the test file was recorded."""
         return file in self._known and self._known[file]["digest"] == self._digest(file)
 
     def add(self, file: str, ran: list[Ran]) -> None:
@@ -70,7 +70,7 @@ class Recorded:
 
 
 def tests_of(file: str, where: str, by_function: dict[Function, list[Ran]]) -> list[Ran]:
-    """Tests that may detect a change there; for values in a file without functions, all tests."""
+    """Tests that may detect a change in function `where` of a file, or (if `where` is empty) in a value of the file."""
     return by_function.get((file, where), []) or (by_function[EVERY] if not where else [])
 
 

@@ -21,7 +21,7 @@ KEPT = HERE / "judged.toml"
 
 
 class Same(msgspec.Struct, forbid_unknown_fields=True):
-    """An equivalent mutant: both texts behave alike, or the difference is not observable."""
+    """An equivalent mutant: it behaves like the original, or its difference is not observable."""
 
     mutant: str  # `Mutant.key`
     reason: str
@@ -32,7 +32,7 @@ class Plan(msgspec.Struct, forbid_unknown_fields=True):
 
     seed: int
     most: int  # maximum number per folder
-    quota: float  # minimum share that the tests must detect
+    quota: float  # minimum fraction of mutants that the tests must detect
     python: tuple[str, ...]  # tests of kernels, run as Python
     slow: tuple[str, ...]  # files whose slow tests are also used
     more: dict[str, int] = {}  # folders with more mutants than `most`
@@ -49,12 +49,12 @@ class Room(msgspec.Struct, forbid_unknown_fields=True):
 
     @property
     def share(self) -> float:
-        """Share that the tests detect."""
+        """Fraction of mutants that the tests detect."""
         return self.killed / self.judged if self.judged else 1.0
 
 
 def plan() -> Plan:
-    """Selected mutants."""
+    """Settings that select the mutants, from `machine.toml`."""
     return msgspec.toml.decode((HERE / "machine.toml").read_bytes(), type=Plan)
 
 
@@ -64,7 +64,7 @@ def kept() -> dict[str, Room]:
 
 
 def chosen(rooms: Sequence[str], seed: int | None, most: int | None) -> list[Mutant]:
-    """The mutants of a call with one seed and number for all folders, or those of `machine.toml`."""
+    """Mutants for this seed and number per folder; for None, the seed and numbers of `machine.toml` apply."""
     wanted = plan()
     left_out = frozenset(each.mutant for each in wanted.same)
     number = {} if most else wanted.more
@@ -89,7 +89,7 @@ def main(rooms: Sequence[str], seed: int | None, most: int | None) -> int:
         group = [mutant for mutant in mutants if mutant.file.startswith(KERNELS) == compiled]
         for mutant, outcome in _judged(group, compiled):
             found[mutant.room].append((outcome, str(mutant)))
-    wanted, told = plan(), kept()
+    wanted, previous = plan(), kept()
     result = {
         room: Room(
             wanted.seed if seed is None else seed,
@@ -102,7 +102,7 @@ def main(rooms: Sequence[str], seed: int | None, most: int | None) -> int:
     print(table(result))
     whole = seed is None and most is None and not any(room.endswith(".py") for room in rooms)
     if whole:
-        write(told | result)
+        write(previous | result)
     return 0 if all(room.share >= wanted.quota for room in result.values()) else 1
 
 
@@ -120,7 +120,7 @@ def write(rooms: dict[str, Room]) -> None:
 
 
 def _judged(mutants: Sequence[Mutant], compiled: bool) -> Iterable[tuple[Mutant, str]]:
-    """Outcomes of the mutants from a separate process: kernels that run as Python need one."""
+    """Outcomes of the mutants from a separate process, which is needed to run kernels as Python."""
     if not mutants:
         return
     with tempfile.NamedTemporaryFile("w", suffix=".json", encoding="utf-8") as file:
@@ -136,9 +136,9 @@ def _judged(mutants: Sequence[Mutant], compiled: bool) -> Iterable[tuple[Mutant,
         assert process.stdout is not None
         for line in process.stdout:
             if line.startswith("["):
-                number, outcome, told, asked, seconds = json.loads(line)
+                number, outcome, detail, tests_run, seconds = json.loads(line)
                 head = f"{number + 1:>4}/{len(mutants)} {seconds:>5.1f} s {outcome:<9}"
-                print(f"{head}{mutants[number]}  ({asked} tests) {told}", flush=True)
+                print(f"{head}{mutants[number]}  ({tests_run} tests) {detail}", flush=True)
                 yield mutants[number], outcome
             else:
                 print(line, end="", flush=True)

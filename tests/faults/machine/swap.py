@@ -56,7 +56,7 @@ def _swap_code(path: str, source: bytes, planted: bytes) -> None:
 
 
 def _codes(code: CodeType) -> dict[tuple[str, int], CodeType]:
-    """Code of every function, by name and number of earlier functions with the same name."""
+    """Code of every function, by its name and the number of earlier functions with that name."""
     found: dict[tuple[str, int], CodeType] = {}
     before: Counter[str] = Counter()
 
@@ -88,7 +88,7 @@ def _swap_value(mutant: Mutant, source: bytes, planted: bytes) -> None:
 
 
 def _assigned(tree: ast.Module, line: int) -> str | None:
-    """The only name assigned there; no other value of the module may depend on it."""
+    """Return the only name assigned on this line; no other value of the module may depend on it."""
     for statement in tree.body:
         if statement.lineno <= line <= (statement.end_lineno or 0):
             match statement:
@@ -100,7 +100,7 @@ def _assigned(tree: ast.Module, line: int) -> str | None:
 
 
 def forget() -> None:
-    """Clear caches filled since modules were imported."""
+    """Clear the caches that were filled after the modules were imported."""
     for memo in living(Memo):
         memo._results.clear()
     for each in living(functools._lru_cache_wrapper):

@@ -24,12 +24,12 @@ def main(file: str) -> None:
     """Test all mutants of a file."""
     mutants = [Mutant(*each) for each in json.loads(Path(file).read_text(encoding="utf-8"))]
     output = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # dots
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # pytest prints dots
     as_python = bool(os.environ.get("NUMBA_DISABLE_JIT"))
     recorded = Recorded(CACHE / ("python.json" if as_python else "fast.json"), plan().slow)
     files = list(plan().python) if as_python else test_files()
 
-    def tell(text: str) -> None:
+    def report(text: str) -> None:
         print(text, file=output, flush=True)
 
     def work(session: Session) -> None:
@@ -37,19 +37,19 @@ def main(file: str) -> None:
             for scene in WARM:
                 simulate(load_scene(ROOT / "models" / scene))
             forget()
-        record(session, recorded, tell)
+        record(session, recorded, report)
         by_function = recorded.by_function()
         with copied() as copy:
             for number, mutant in enumerate(mutants):
                 judged = session.judge(mutant, by_function)
                 if judged.outcome == APART:
                     judged = judge_apart(copy, mutant, by_function)
-                tell(json.dumps([number, *judged[1:]]))
+                report(json.dumps([number, *judged[1:]]))
 
     unknown = [name for name in files if not recorded.knows(name)]
     mutated = {mutant.file for mutant in mutants}
-    asked = {ran.test.partition("::")[0] for ran in recorded if any(file in mutated for file, _ in ran.functions)}
-    with_tests(sorted({*unknown, *(asked & set(files))}), work, plan().slow)
+    relevant = {ran.test.partition("::")[0] for ran in recorded if any(file in mutated for file, _ in ran.functions)}
+    with_tests(sorted({*unknown, *(relevant & set(files))}), work, plan().slow)
 
 
 if __name__ == "__main__":
