@@ -118,6 +118,11 @@ def test_the_error_of_a_typical_beginner_mistake_names_the_remedy(edit: Edit, id
 def test_a_value_with_a_unit_on_the_command_line_is_refused(capsys: Any) -> None:
     assert main(["info", PAPER, "--set", "tip.mass=3kg"]) == 2
     words.refused_line(capsys.readouterr().err, "wrong-value")
+    for wrong in (["--tolerance", "1mm"], ["--set", "tip.mass", "3"]):
+        with pytest.raises(SystemExit) as ended:
+            main(["simulate", PAPER, *wrong])
+        assert ended.value.code == 2
+        words.reviewed("parser", capsys.readouterr().err)
 
 
 def test_a_path_with_a_wrong_key_names_the_remedy() -> None:

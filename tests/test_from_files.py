@@ -76,6 +76,13 @@ class TestMotions:
         assert second.initial.joint_deg[0] == pytest.approx(-40.0)
         assert second.initial.rate_deg[0] == pytest.approx(-10.0)
 
+    def test_degrees_in_a_column_of_radians_are_recognised_by_the_initial_angle(self, tmp_path: Path) -> None:
+        at = make_scene(*LINKS, initial=fl.InitialState(joint_deg=(20.0, 0.0)))
+        file = run_file(tmp_path, **{"q upper [rad]": 20.0 + 10.0 * T})
+        with refused(fl.errors.SceneError, "start-differs-from-file") as caught:
+            at.varied({"motion": [{"link": "upper", "file": str(file), "cutoff": 20.0}]})
+        assert "[deg]" in str(caught.value)
+
     def test_an_explicit_initial_angle_is_checked_against_the_file(self, tmp_path: Path) -> None:
         still = make_scene(*LINKS, initial=fl.InitialState(joint_deg=(28.6, 0.0)))
         file = run_file(tmp_path, **{"q upper [deg]": -40.0 - 10.0 * T})

@@ -80,10 +80,10 @@ def _started_with(initial: InitialState, arm: Arm, number: int, motion: Prescrib
             return initial
         given = row[number - 1]
         if given and abs(given - first) > allowed:
-            degrees = key.endswith("_deg") and abs(given - np.radians(first)) <= allowed
+            converted = key.endswith("_deg") and abs(given - np.radians(first)) <= allowed  # degrees, converted again
             remedy = (
                 "its angles in rad are probably degrees: write [deg] in the name of the column"
-                if degrees
+                if converted
                 else "leave this out if the file is right: the joint starts where the file does"
             )
             raise SceneError(
