@@ -29,7 +29,7 @@ EXAMPLES = """examples:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command and return its exit code: 0 if the report is written, 2 without results or a writable folder."""
+    """Run the command and return its exit code: 0 if the report is written, 2 if it cannot be."""
     parser = argparse.ArgumentParser(
         prog="python -m reports",
         description="Make the validation report (index.html; a CSV per table; a PNG, SVG and CSV per figure) "

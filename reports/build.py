@@ -31,12 +31,12 @@ from validation.store import Environment, Row
 
 HERE = Path(__file__).parent
 NO_TEXT = ("versions", "sources")  # fields of `Environment` that are mappings, not text
-SUMMARY, ARM = "summary", "arm"  # chapter of the first screen's figures; figure next to the first sentences
+SUMMARY, ARM = "summary", "arm"  # id of the chapter with the first screen's figures; name of its figure beside the text
 
 
 @dataclasses.dataclass(frozen=True)
 class CaseBlock:
-    """A case in its chapter."""
+    """What a chapter shows of a case: texts, verdict, table of checks, and definitions of the quantities."""
 
     case: str
     title: str
@@ -49,7 +49,7 @@ class CaseBlock:
 
 @dataclasses.dataclass(frozen=True)
 class StudyChapter(Chapter):
-    """A chapter with cases. `more` are folded figures; `ran` names cases that ran and those only in reports/full."""
+    """A chapter with its cases; `more` are folded figures, `ran` states which cases ran, and which were left out."""
 
     headlines: tuple[str, ...] = ()
     more: tuple[Shown, ...] = ()
@@ -59,7 +59,7 @@ class StudyChapter(Chapter):
 
 @dataclasses.dataclass(frozen=True)
 class StudyReport(Report):
-    """The report, with the figures of its first screen."""
+    """The report page: chapters, and the figures of the first screen (`overview`)."""
 
     chapters: Sequence[StudyChapter]
     overview: tuple[Shown, ...]
@@ -73,7 +73,7 @@ def build(
 ) -> Path:
     """Write the report of a study: one self-contained page, a CSV per table, and a PNG, SVG and CSV per figure.
 
-    A pure function of the stored results: needs no engine and runs no simulation.
+    The report depends only on the stored results: building it needs no engine and runs no simulation.
 
     Parameters
     ----------
@@ -234,7 +234,7 @@ def _chapters(
 
 
 def _ran(section: Section, here: int, results: Results, whole: stored_full.Stored | None) -> str:
-    """Number of cases of the chapter that ran for this page, and names of those only in the full study."""
+    """Sentences: how many cases of the chapter ran for this page, and which cases only the full study has."""
     ran = f"Ran for this page: {plural(here, 'case')}."
     if not (here and whole):
         return ran if here else ""
@@ -246,7 +246,7 @@ def _ran(section: Section, here: int, results: Results, whole: stored_full.Store
 
 
 def _stored_chapter(section: Section, whole: stored_full.Stored, out: Path) -> StudyChapter:
-    """A chapter from the full study, for which no case ran here."""
+    """A chapter for which no case ran here, with the contents stored by the full study."""
     stored = whole.study.chapter(section.id)
     ran = (
         f"No case of this chapter ran for this page. Shown: the full study, {plural(len(stored.cases), 'case')}, "

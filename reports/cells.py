@@ -20,7 +20,7 @@ LETTERS = 7.5  # font size of row names [pt]
 
 
 def panels_beside(engines: Sequence[str], rows: Sequence[str], room: float) -> tuple[Figure, list[Axes]]:
-    """Figure with one panel per engine, the first with row names; `room` is the height of everything else [in]."""
+    """Figure with one panel per engine, the first with row names; `room` is the height without the rows [in]."""
     figure = Figure(figsize=(WIDTH, room + ROW * len(rows)), layout="constrained")
     axes = list(figure.subplots(1, len(engines), sharey=True, squeeze=False)[0])
     for panel, engine in zip(axes, engines, strict=True):
@@ -35,7 +35,7 @@ def panels_beside(engines: Sequence[str], rows: Sequence[str], room: float) -> t
 
 
 def fill(axes: Axes, values: Array, colours: object, highest: float) -> object:
-    """Fill cells with the colours of 0 to `highest`; nan cells stay empty."""
+    """Draw each value, 0 to `highest`, as a coloured cell; cells with nan stay empty."""
     cells = np.ma.masked_invalid(values)
     return axes.pcolormesh(cells, cmap=colours, vmin=0, vmax=highest, edgecolors="w", linewidth=0.6)
 

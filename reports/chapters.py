@@ -12,7 +12,7 @@ from flexlink.data.documents import read_toml
 from flexlink.describe.spec import Spec, decode
 
 FILE = Path(__file__).parent / "sections.toml"
-ANY = "*"  # marks the chapter for all kinds that no other chapter names
+ANY = "*"  # as one of a chapter's `kinds`, means all kinds that no other chapter names
 
 
 class Wanted(Spec, frozen=True):
@@ -24,10 +24,10 @@ class Wanted(Spec, frozen=True):
     engine: str = ""
     varied: dict[str, str | int | float] = {}  # noqa: RUF012  msgspec copies it
     pick: Literal["largest", "smallest"] = "largest"
-    text: str = "{value}"  # {value}, {quantity}, {where}
+    text: str = "{value}"  # a sentence, in which {value}, {quantity} and {where} are replaced
     times: float = 1.0  # factor from the row's unit to `unit`
     unit: str = ""
-    beside: bool = False  # use the scene and settings of the number's first value
+    beside: bool = False  # search only rows with the scene and settings of the number's first value
 
 
 class Number(Spec, frozen=True):

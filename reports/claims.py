@@ -10,7 +10,7 @@ from flexlink.pages.verdict import State
 from validation.store import Row
 
 CLAIM = "claim"  # first word of the quantities that check a claim; also the name of the setting with the claim's text
-PLAINLY, LIMITED = re.compile(r"holds($|[;:])"), re.compile(r"holds\b")  # beginnings of the note of a confirmed claim
+PLAINLY, LIMITED = re.compile(r"holds($|[;:])"), re.compile(r"holds\b")  # notes of confirmed claims begin so
 
 
 class Standing(NamedTuple):

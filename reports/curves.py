@@ -32,7 +32,7 @@ class Curve(NamedTuple):
 def panels_of(series: Series) -> list[tuple[str, Series]]:
     """(value of the panel column, the series of that panel), in order of appearance.
 
-    Without such a column: one panel, ("", all), or one panel per quantity if there are more than `MOST` curves.
+    Without a panel column, there is one panel, ("", all), or one per quantity if it would have over `MOST` curves.
     """
     if series.panel is None:
         names = quantities(series)
@@ -49,7 +49,7 @@ def panels_of(series: Series) -> list[tuple[str, Series]]:
 
 
 def quantities(series: Series) -> tuple[str, ...]:
-    """Numeric columns, except the horizontal one."""
+    """Names of the numeric columns, except the horizontal one."""
     return tuple(name for name, values in series.columns.items() if name != series.x and values.dtype.kind in "iuf")
 
 
@@ -99,7 +99,7 @@ def put_labels(axes: Axes, series: Series) -> None:
 
 
 def picture(case: str, series: Series) -> Picture:
-    """Figure of a series that no file in reports/figures/ draws."""
+    """Figure with plain curves, for a series that no file in reports/figures/ draws."""
     found = panels_of(series)
     figure, all_axes = stacked_axes(len(found), 3.2 if len(found) == 1 else 2.3)
     for axes, (name, part) in zip(all_axes, found, strict=True):

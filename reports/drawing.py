@@ -57,7 +57,7 @@ def figures_of(results: Results, out: Path) -> tuple[dict[str, list[Shown]], dic
 
 
 def _share(results: Results, out: Path, first: int, step: int) -> list[Drawn]:
-    """Write every `step`-th figure from `first` on. Each process generates all figures, but only writing takes time."""
+    """Write every `step`-th figure from `first` on; all are made in each process, since only writing takes time."""
     return [_written(*made, out) for made in islice(pictures(results), first, None, step)]
 
 

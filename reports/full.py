@@ -1,7 +1,7 @@
 """Write the full study as checked in under reports/full: README.md, figures as PNG, and all numbers as CSV.
 
-It is made from the report in reports/latest, without files that are too large for a repository: the page, the SVGs, and
-the tables of the cases.
+It is made from the report in reports/latest. The page, the SVGs and the tables of the cases are left out, because they
+are too large for a repository.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ def _meanings(study: Results) -> Iterator[tuple[str, ...]]:
 
 
 def _machine(study: Results) -> Iterator[tuple[str, str]]:
-    """Command, machine and versions; the end, duration and machine load of each case."""
+    """Text with the command, machine and versions of the study, and the end, duration and machine load of each case."""
     yield "command", COMMAND
     yield from environment_rows(study.environment)
     for case, done in study.finished.items():
@@ -133,7 +133,7 @@ def _machine(study: Results) -> Iterator[tuple[str, str]]:
 
 
 def _whole(study: Results, report: StudyReport) -> FullStudy:
-    """Contents that the default report shows from the full study."""
+    """The part of the full study that default reports show later, stored as chapters.json."""
     chapters = (
         StoredChapter(
             chapter.id,

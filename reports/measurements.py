@@ -63,7 +63,7 @@ class Counts(NamedTuple):
 
     @property
     def all_validated(self) -> bool:
-        """Whether every quantity is validated."""
+        """Whether all counted quantities are validated."""
         return self.validated == self.all
 
     @property
@@ -82,7 +82,7 @@ class Counts(NamedTuple):
 
 
 def counts_of(verdicts: Iterable[str]) -> Counts | None:
-    """Counts of verdicts in the order of `VERDICTS`; None without verdicts."""
+    """How often each verdict of `VERDICTS` occurs; None without verdicts."""
     found = list(verdicts)
     return Counts(*(found.count(verdict) for verdict in VERDICTS)) if found else None
 

@@ -18,11 +18,11 @@ from validation.store import Series
 
 PANELS = ("active", "passive-2", "passive-3", "joint-3", "hand")  # parts of the stored series "panel", a to e
 TAKES = ("panel",)
-POINTS = 12  # points of an engine on a curve
+POINTS = 12  # number of points by which an engine's curve is shown
 LOOK: dict[str, Any] = {
     "color": INK, "markersize": 4.5, "markerfacecolor": "none", "markeredgewidth": 0.8, "linestyle": "",
 }  # fmt: skip
-LEGEND = 4  # most entries that fit on a phone
+LEGEND = 4  # most legend entries that fit on a phone's screen
 
 
 class Motion(NamedTuple):

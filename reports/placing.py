@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 LETTER, HEIGHT = 0.60, 1.25  # mean width of a letter and height of a line, relative to the font size
 PLACES = ((0, -9), (0, 9), (1, -7), (1, 7), (-1, -7), (-1, 7), (1, 0), (-1, 0), (1, -14), (-1, 14), (1, 14), (-1, -14))
 """Candidate positions of a label: side (-1 left, 0 centred, 1 right of the point) and height above the point [pt]."""
-GAP = 5.0  # between a point and its label [pt]
+GAP = 5.0  # distance between a point and its label [pt]
 COVERED = 3  # most points that a label may cover
 
 

@@ -75,7 +75,7 @@ def _split(label: str) -> tuple[str, str]:
 
 
 def front(many: Sequence[Run], aim: str) -> list[Run]:
-    """Pareto front, the most accurate run first; no other run is both cheaper and more accurate than one of these."""
+    """Pareto front, the most accurate run first: the runs than which no other run is both cheaper and more accurate."""
     best: list[Run] = []
     for run in sorted(many, key=lambda run: (run.errors[aim], run.seconds)):
         if not best or run.seconds < best[-1].seconds:

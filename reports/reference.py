@@ -35,7 +35,7 @@ class Reference:
 
 
 def _key(row: Row) -> tuple[str, str, str]:
-    """(case, quantity, setting) of a row, without the name of the fastest engine and its fastest form."""
+    """(case, quantity, setting) of a row; the setting omits which engine and which of its forms was the fastest."""
     set_ = in_words({name: value for name, value in row.varied.items() if name != FOUND})
     return row.case, row.quantity, ", ".join(part for part in (row.scene, set_) if part)
 

@@ -1,4 +1,4 @@
-"""Stored results of a study, as the report reads them: consistent cases, and missing ones. Nothing is run."""
+"""Stored results of a study, as the report reads them: complete cases of the same sources, and missing cases."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Results:
     rows
         Rows of complete cases, measured with the sources and versions of the study's last run.
     finished
-        Key, date and machine of the same cases.
+        Key, date and machine of the complete cases.
     missing
         All other cases of the study.
     """
@@ -106,9 +106,9 @@ class Results:
 
 
 def used(row: Row) -> float | None:
-    """Ratio of value to limit, which is at most 1 if and only if the row passes; None without a limit.
+    """Fraction of its limit that a row uses, at most 1 if and only if the row passes; None without a limit.
 
-    value / tolerance for an upper limit, tolerance / value for a lower one.
+    The fraction is value / tolerance for an upper limit, and tolerance / value for a lower one.
     """
     if row.tolerance is None:
         return None

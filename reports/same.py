@@ -31,7 +31,7 @@ from validation.store import Row
 
 FILE = "all_checks.csv"
 OF_LIMIT = 0.1  # fraction of a check's limit below which a difference is insignificant
-RELATIVE, LEFT = 1e-6, 1e-12  # allowed rounding, relative to the larger number and absolute, in the SI unit
+RELATIVE, LEFT = 1e-6, 1e-12  # allowed rounding: relative to the larger number, and absolute [SI unit]
 INFORMING, SMALL = 1e-3, 1e-9  # the same for numbers without a limit, whose rounding errors may have grown
 ROUNDING = "relative to the rounding bound"
 """If a metric contains these words, its number is relative to the rounding bound, and its natural limit is 1."""
@@ -65,15 +65,15 @@ class Comparison:
     """Numbers of both studies, those of only one study, and limits wider than the published ones."""
 
     pairs: tuple[Pair, ...]
-    missing: tuple[str, ...]  # in only one of the studies, although both must have them
+    missing: tuple[str, ...]  # numbers in only one of the studies, although both must have them
     wider: tuple[str, ...]
-    moved: tuple[str, ...]  # in only one of the studies, because sources were edited
-    unpublished: tuple[str, ...]  # cases
-    cases: int  # cases of both studies
-    published: int  # cases of the published study
+    moved: tuple[str, ...]  # numbers in only one of the studies, because sources were edited
+    unpublished: tuple[str, ...]  # cases of this study that have no published numbers
+    cases: int  # number of cases in both studies
+    published: int  # number of cases in the published study
 
     def of(self, kind: Kind) -> list[Pair]:
-        """Pairs of a kind."""
+        """Pairs whose comparison has this result."""
         return [pair for pair in self.pairs if pair.kind == kind]
 
     @property
@@ -247,7 +247,7 @@ def _count(pairs: Iterable[Pair], kind: Kind) -> int:
 
 
 def _worst(pairs: Iterable[Pair]) -> str:
-    """The number whose difference is the largest in units of the allowed difference."""
+    """Describe the number whose difference is the largest in units of the allowed difference; empty if none differs."""
     apart = [pair for pair in pairs if pair.kind == "different"]
     if not apart:
         return ""

@@ -11,7 +11,7 @@ from validation.judgement import JudgedRow, crowd
 
 
 def limits_of_time(results: Results) -> list[JudgedRow]:
-    """Rows with a time limit: missed ones first, then those not measured, then those met."""
+    """Rows with a time limit: first those that miss it, then those not measured, then those that meet it."""
     found = [row for row in results.rows if row.timed and row.passed is not None]
     return sorted(found, key=lambda row: STATES.index(row.state))
 

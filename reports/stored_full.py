@@ -50,7 +50,7 @@ class StoredFigure(Spec, frozen=True):
 
 
 class StoredCase(Spec, frozen=True):
-    """A case in one line."""
+    """Name, title, state and verdict of a case in the full study."""
 
     case: str
     title: str
@@ -126,7 +126,7 @@ class Stored(NamedTuple):
         return sum(len(chapter.cases) for chapter in self.study.chapters)
 
     def since(self) -> str:
-        """Whether the code has changed since the study was measured."""
+        """Sentence on whether the code has changed since the study was measured."""
         return since(self.study.commit, read_sources(self.folder))
 
     def _data(self, name: str) -> bytes:

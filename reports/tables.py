@@ -30,7 +30,7 @@ class Meaning:
 
 
 def checks(rows: Sequence[JudgedRow]) -> tuple[Table, str]:
-    """Checks of a case, failing ones first and information last; and the settings common to all rows, as text."""
+    """Table of a case's checks, failing ones first and rows without a limit last; and settings common to all rows."""
     facts = {name: {row.varied.get(name) for row in rows} for row in rows for name in row.varied}
     differ = {name for name, values in facts.items() if len(values) > 1}
     columns: dict[str, list[str]] = {
@@ -90,7 +90,7 @@ def rows_csv(rows: Sequence[JudgedRow], without: Collection[str] = ()) -> str:
 
 
 def series_csv(*many: Series) -> str:
-    """Points of a figure, one per line: series, panel, curve, column, x and y."""
+    """CSV text of all points of a figure; each line has series, panel, curve, column, x and y."""
     lines: list[tuple[object, ...]] = []
     for series in many:
         names = [n for n in series.columns if n not in (series.x, series.group, series.panel)]

@@ -128,7 +128,7 @@ def _when(results: Results) -> str:
 
 
 def verification(results: Results) -> Verdict:
-    """Verdict on whether the equations are solved correctly, from all checks except time limits, and missing cases."""
+    """Verdict on whether the equations are solved correctly: checks except time limits pass, and no case is missing."""
     judged, failed = correctness(results.rows)
     checks = plural(judged, "check")
     if failed:
@@ -200,7 +200,7 @@ def _sentence(want: Wanted, row: Row) -> str:
 
 
 def _remark(row: JudgedRow) -> str:
-    """A remark on a number that misses its limit, or was timed on a busy machine."""
+    """Remark that a number misses its limit or was timed on a busy machine; empty otherwise."""
     if row.busy:
         return "machine busy"
     return {"FAIL": "fails its limit", "missed": "misses its limit"}.get(row.state, "")

@@ -1,4 +1,4 @@
-"""Display names of stored quantities and verdicts whose names cannot change, because they identify stored results."""
+"""Display names for stored quantities and verdicts; stored names cannot change, because they identify results."""
 
 from __future__ import annotations
 

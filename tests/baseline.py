@@ -1,11 +1,11 @@
-"""Digests of every run, term, export and sweep row, of which a refactoring must not change a bit.
+"""Digests of every run, term, export and sweep row; a refactoring must not change any of them.
 
     python tests/baseline.py before.json            # write the digests
     python tests/baseline.py --against before.json  # list the differences; exit code 1 if any digest differs
 
 Scenes are all of `models/`, one with each control law, and the arm with every feature. Digests cover runs with fixed,
 implicit and adaptive steps (alone, side by side, by a Simulator, continued from a sample), the terms of the equation of
-motion and their derivatives at random states, URDF, MJCF and SDF, and the rows of a sweep. Changes may be correct.
+motion and their derivatives at random states, URDF, MJCF and SDF, and the rows of a sweep. Changes can be correct.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from test_continued import DRIVES, MOTION, arm
 
 import flexlink as fl
 
-SAMPLES, CONTINUED = 10, 3  # number of samples of a run; sample from which it is continued
+SAMPLES, CONTINUED = 10, 3  # number of samples of a run; number of the sample from which the run is continued
 WAYS: dict[str, dict[str, Any]] = {
     "RK4": {"method": "RK4"},
     "Gauss4": {"method": "Gauss4"},

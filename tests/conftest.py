@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 if "PYTEST_XDIST_WORKER" in os.environ:  # one process per core: BLAS threads would spin and wait for each other
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # must be set before NumPy is imported
 
 import numba
 import numpy as np
@@ -41,7 +41,7 @@ SQUARE = Section(shape="rectangle", height=0.04, width=0.04)
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell without job control ignores SIGINT in background jobs
     signal.signal(signal.SIGINT, signal.default_int_handler)
 compiled = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="needs compiled kernels: NUMBA_DISABLE_JIT is set")
-LONGEST_AS_PYTHON = 10.0  # s of processor time
+LONGEST_AS_PYTHON = 10.0  # s of processor time; slower tests are skipped if kernels run as Python
 
 
 settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])

@@ -1,4 +1,4 @@
-"""Worker process of a sweep that one member kills; it imports as little as possible because it is started often."""
+"""Worker process of a sweep, killed by one member; the module imports little because it is started often."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ class Actor:
                 into[f"{key}_{unit}"] = [v if s == own else 0.0 for v, s in zip(values, self.slides, strict=True)]
 
     def base(self) -> Table:
-        """Initial state of a free base."""
+        """Add the initial state of a free base."""
         m, base = self.m, dict[str, Any]()
         keys: tuple[tuple[str, Any], ...] = (
             ("xyz", m.uniform(-2, 2, 3)), ("velocity", m.uniform(-0.5, 0.5, 3)), ("rpy_deg", m.uniform(-170, 170, 3)),
@@ -86,7 +86,7 @@ class Actor:
         return base
 
     def run(self) -> None:
-        """Integration settings."""
+        """Add the integration settings."""
         m, run = self.m, dict[str, Any]()
         run["duration"] = {"instant": 0.0, "long": 20.0}.get(m.extreme, m.drop)
         if m.chance(0.8) or m.extreme == "long":
@@ -123,7 +123,7 @@ class Actor:
         self.table["run"] = run
 
     def motions(self) -> None:
-        """Prescribed motions of joints."""
+        """Add prescribed motions of joints."""
         m, motions = self.m, list[Table]()
         for k, link in enumerate(self.links):
             if self.locked[k] or not m.chance(0.12):
@@ -156,13 +156,13 @@ class Actor:
                 x = self.start[k] + a * (1 - np.cos(w * t))
                 m.files[f"motion{k}.csv"] = csv(**{"t [s]": t, f"q {link['name']} [{unit}]": x})
                 motion |= {"file": f"motion{k}.csv", "cutoff": 20.0}
-                self.rate[k] = self.start[k] = 0.0  # the file gives the initial state
+                self.rate[k] = self.start[k] = 0.0  # the motion's file gives the initial state of this joint
             motions.append(motion)
         if motions:
             self.table["motion"] = motions
 
     def drive(self) -> None:
-        """Drives of the joints."""
+        """Add drives of the joints."""
         m = self.m
         laws = ("none", "constant", "table", "pd", "pd", "pd") + (
             () if m.free else ("computed_torque", "computed_torque")
@@ -199,7 +199,7 @@ class Actor:
             link["joint"].setdefault("armature", 0.3 * float(inertia))
 
     def torques(self, drive: Table, weight: Any, driven: Any) -> None:
-        """Table of torques."""
+        """Add a table of torques."""
         m = self.m
         times = np.round(np.linspace(0.0, m.pick(0.2, 0.4), m.pick(3, 5)), 2)
         rows = weight * m.rng.uniform(-1, 1, (len(times), len(driven)))
@@ -217,7 +217,7 @@ class Actor:
         drive["file"] = "torques.csv"
 
     def law(self, drive: Table, driven: Any) -> None:
-        """Gains and reference."""
+        """Add gains and a reference."""
         m = self.m
         w = 2 * np.pi * m.uniform(0.5, 3.0) * (1e3 if m.extreme == "gains" else 1.0)
         inertia = m.inertia if drive["kind"] == "pd" else np.ones(len(driven))
@@ -305,7 +305,7 @@ class Actor:
         reference["file"] = "reference.csv"
 
     def wrench(self) -> None:
-        """Force and moment at a tip."""
+        """Add a force and a moment at a tip."""
         m, wrench = self.m, dict[str, Any]()
         if not m.chance(0.45):
             return
@@ -336,7 +336,7 @@ class Actor:
         self.table["wrench"] = wrench
 
     def sensors(self) -> None:
-        """Up to three sensors."""
+        """Add up to three sensors."""
         m, sensors = self.m, list[Table]()
         kinds = ("strain", "accelerometer", "gyroscope", "joint", "torque", "current", "position")
         for number in range(m.pick(0, 0, 1, 2, 3)):
@@ -374,7 +374,7 @@ class Actor:
             self.table["sensor"] = sensors
 
     def instrument(self, kind: str) -> Table:
-        """Filter, rate and noise of a sensor."""
+        """Choose the filter, rate and noise of a sensor."""
         m = self.m
         keys: Table = {
             "gain": -2.0, "bias": 0.1, "delay": m.pick(0.01, 0.003), "low_pass": 40.0, "rate": m.pick(50.0, 100.0),

@@ -382,7 +382,7 @@ class Judged:
                 self.expect("torque of run", float(np.abs(run.tau[k][chain.active] - expected).max() / scale), 1e-4)
 
     def archive(self) -> None:
-        """Check that archive and table read back equal."""
+        """Check that a saved archive and a saved table read back equal."""
         again = fl.load_trajectory(self.result.save(self.folder / "run.npz"))
         for key in ("t", "q", "qd", "tau", "tip", "work", "tip_wrench"):
             if not np.array_equal(getattr(again, key), getattr(self.result, key)):
@@ -492,7 +492,7 @@ def held_by(chain: fl.Chain, q: Array) -> Array:
 
 
 def instrument(sensor: Any, t: Array, u: Array) -> Array:
-    """Delay, low-pass filter, gain, bias, rate and quantization on a grid of 1 ms."""
+    """Apply a sensor's delay, low-pass filter, gain, bias, rate and quantization to u(t), on a grid of 1 ms."""
     fine = t[0] + 1e-3 * np.arange(round((t[-1] - t[0]) / 1e-3) + 1)
     y = np.interp(fine - sensor.delay, t, u)
     if sensor.low_pass:

@@ -323,7 +323,7 @@ class Maker:
         return Made(table, self.files, self.extreme)
 
     def laws_that_fit(self) -> None:
-        """Constant damping ratios need arms without branches and without sliding joints inside."""
+        """Replace constant damping ratios in arms with branches or sliding joints, which do not support them."""
         plain = not any("on" in link or link["joint"].get("kind") == "prismatic" for link in self.links)
         for link in self.links:
             if link.get("damping", {}).get("law") == "constant" and not plain:

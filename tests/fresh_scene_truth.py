@@ -40,7 +40,7 @@ def rows_in_time(times: Array, rows: Array, *, smooth: bool, hold: bool) -> Sign
 
 
 def own(slides: tuple[bool, ...], deg: Any, m: Any) -> Array:
-    """Positions of joints by link, from lists in degrees and in metres [rad] or [m]."""
+    """Joint positions by link [rad] or [m], from a list in degrees and a list in metres."""
     count = len(slides)
     turned = np.radians(deg if deg is not None and len(deg) else np.zeros(count))
     return np.where(slides, m if m is not None else np.zeros(count), turned)
@@ -225,7 +225,7 @@ class Truth:
         self.spline: Any = None
 
     def motion(self, motion: Any) -> tuple[int, Callable[[float], Array]]:
-        """Prescribed coordinate, with its position, rate and acceleration in time."""
+        """Number of the prescribed coordinate, and its position, rate and acceleration as a function of time."""
         number = self.scene.arm.number(motion.link) - 1
         rows = np.column_stack(motion.columns)
         rows = rows if self.slides[number] else np.radians(rows)
@@ -257,7 +257,7 @@ class Truth:
         return np.asarray(self.spline(t))
 
     def holding(self, r: Array) -> Array:
-        """T_EX that holds the joints at rest at r."""
+        """Torques T_EX that hold the joints at rest at the reference position r."""
         if self.chain.n == len(self.a):  # rigid arm
             return np.array(fl.gravity_torque(self.chain, r))
         key = tuple(np.round(r, 13))
@@ -268,7 +268,7 @@ class Truth:
         return self.held[key]
 
     def law(self, t: float, q: Array, qd: Array) -> Array:
-        """T_EX that the drive applies to the driven joints."""
+        """Torques T_EX that the drive applies to the driven joints."""
         drive, place, rate = self.scene.drive, q[self.a], qd[self.a]
         if drive.kind == "none":
             return np.zeros(len(self.a))
@@ -476,7 +476,7 @@ def compliance(arm: fl.Arm, link: fl.Link) -> dict[str, float]:
 
 
 def _second_moments(first: fl.Section, last: fl.Section, part: float) -> tuple[float, float, float]:
-    """J, I_y, I_z; J of rectangles and boxes is not checked."""
+    """J, I_y and I_z of a section; J of rectangles and boxes is NaN, because it is not checked."""
     size = sizes(first, last, part)
     if first.shape == "general":
         return size("torsion"), size("i_y"), size("i_z")

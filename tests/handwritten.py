@@ -36,7 +36,7 @@ class Habit(NamedTuple):
 
 
 class Part(NamedTuple):
-    """Mass properties rigidly attached to a link, in its frame."""
+    """Mass properties of a part rigidly attached to a link, in the link's frame."""
 
     mass: float
     center: Array
@@ -294,7 +294,7 @@ def _pose(parent: ET.Element, place: tuple[Array, Array], attributes: dict[str, 
 
 
 class Hand(NamedTuple):
-    """A third party's style of a format."""
+    """A file format written in the style of a third party."""
 
     form: str
     write: Callable[[fl.Chain, Habit, fl.Scene], ET.Element]

@@ -55,7 +55,7 @@ def digests(what: Callable[[], Any]) -> list[object]:
 
 
 def look(patch: pytest.MonkeyPatch, sizes: Iterator[int], due: Callable[[], bool]) -> None:
-    """Advance all runs by this number of steps, and read them if their turn has come."""
+    """Advance all runs by these numbers of steps in turn; after each piece, read a run if `due()` is true."""
 
     def start(pace: ChunkSize) -> int:
         pace.size = next(sizes)

@@ -11,7 +11,7 @@ import tomllib
 from pathlib import Path
 
 PROJECT = Path(__file__).parent.parent / "pyproject.toml"
-OWN = "flexlink["  # extras that name each other
+OWN = "flexlink["  # begins a requirement that refers to another extra of flexlink
 TOOLS = "dev"  # extra that checks the sources, independently of other versions
 
 

@@ -29,7 +29,7 @@ class Planted(NamedTuple):
 
 
 def cause(field: str, shape: str = "", *factors: float, setting: str = "") -> str:
-    """Mistake that the table lists for a field that differs in this pattern; without a pattern, a displacement."""
+    """The mistake listed in `mistakes.toml` for a field that differs in this pattern; without one, a displacement."""
     table = read_toml(Path(mistakes.__file__).parent / "data" / "mistakes.toml")
     if not shape:
         return table["misplaced"][field]["likely"]

@@ -92,7 +92,7 @@ def ended(scene: fl.Scene, simulator: bool) -> str:
 
 
 def _astray(scene: fl.Scene, run: fl.Trajectory) -> float:
-    """Deviation of a simulator that stops at each sample from the run [m]."""
+    """Deviation from the run [m] of a simulator that stops at each sample."""
     arm, farthest = fl.Simulator(scene), 0.0
     for tip, t, before in zip(run.tip[1:], run.t[1:], run.t[:-1], strict=True):
         state = arm.step(duration=float(t - before))

@@ -97,7 +97,7 @@ def random_link(dice: Dice, name: str) -> fl.Link:
 
 
 def judge(scene: fl.Scene, tolerance: float) -> fl.Trajectory:
-    """Reference: the same run with steps that end at every jump and need no interpolation."""
+    """Reference for a run: the same run with steps that end at every jump and need no interpolation."""
     chain = fl.lump(scene)
     q, qd = initial_state(scene, chain)
     stricter = max(STRICTER * tolerance, FLOOR * chain.reach)

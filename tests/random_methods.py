@@ -28,7 +28,7 @@ from validation.random_arms import Dice, random_arm, random_tree
 
 METHODS = ("auto", "Radau5", "Radau9", "DOP853")
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-6)  # fractions of the reach
-NEAR, NEARLY_ALL, FAR = 1.3, 0.95, 2.0  # time relative to the cheapest; fraction of cells within it; limit for all
+NEAR, NEARLY_ALL, FAR = 1.3, 0.95, 2.0  # cost relative to the cheapest; fraction of cells below NEAR; limit for all
 FIRST_SEED = 20261124
 TURNS, LEAST = 5, 0.02  # minimum number of runs per method, and their minimum total processor time [s]
 AFFORDABLE = 2e5  # maximum evaluations per run; a method that needs more is not the cheapest
@@ -96,7 +96,7 @@ def tree(dice: Dice, seed: int) -> fl.Scene:
 
 
 def every_key(_dice: Dice, seed: int) -> fl.Scene:
-    """Scene with any key of a file, without extremes."""
+    """Scene that may use any key of a scene file, without extreme values."""
     made = next(made for k in range(100) if not (made := make(10_000 + 100 * seed + k)).extreme)
     with tempfile.TemporaryDirectory() as folder:
         scene = fl.load_scene(made.write(Path(folder)))

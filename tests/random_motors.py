@@ -103,7 +103,7 @@ def _link(dice: Dice, name: str) -> fl.Link:
 
 
 def law_of(scene: fl.Scene, chain: fl.Chain) -> Callable[[float, float, Array, Array], Array]:
-    """u(t, middle, q, q̇) of the driven joints without limits; `middle` selects the piece of the reference."""
+    """Drive torques u(t, middle, q, q̇) without limits; `middle` is a time inside the piece of the reference."""
     drive, joints = scene.drive, chain.active
     if drive.kind == "table":
         times, rows = np.array(drive.times), np.array(drive.torques)
@@ -135,7 +135,7 @@ def law_of(scene: fl.Scene, chain: fl.Chain) -> Callable[[float, float, Array, A
 
 
 def judged(scene: fl.Scene, times: Array) -> Array:
-    """Tips at the times, (rows, 3), by SciPy: within a step each torque stays on one branch."""
+    """Tip positions at the times by SciPy, shape (rows, 3); within a step each torque stays on one branch."""
     chain = fl.lump(scene)
     q, qd = initial_state(scene, chain)
     law, E, d = law_of(scene, chain), np.array(scene.drive.effort), len(chain.active)

@@ -62,7 +62,7 @@ def page_from(results: Path, tmp_path: Path) -> str:
 
 
 def words_from(results: Path, tmp_path: Path) -> str:
-    """The report page without figures, which would take nearly all of the time."""
+    """The report page without figures, since drawing them would take nearly all of the time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("reports.drawing.pictures", lambda *_: iter(()))
         return page_from(results, tmp_path)

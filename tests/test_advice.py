@@ -52,7 +52,7 @@ def outcome(tip: Array, evaluations: int = 100, why: str = "") -> Outcome:
 
 
 class Beams:
-    """Links with known errors: C_k / N² for N hinges, 20 C_k if rigid, plus the error `less` of missing axes."""
+    """Link k has the known error C_k / N² with N hinges, or 20 C_k if rigid, plus `less` for missing axes."""
 
     def __init__(self, *constants: float, axes: Axes | None = None, less: dict[tuple[int, str], float] | None = None):
         self.constants, self.less, self.bending = constants, less or {}, list(range(len(constants)))
@@ -428,7 +428,7 @@ def test_the_horizon_is_the_last_sample_before_the_tolerance_is_exceeded(
 
 
 def test_errors_of_all_dropped_axes_are_limited_together() -> None:
-    """Dropping the axis of one link causes 0.6 of the error allowed for all dropped axes; only one is dropped."""
+    """Dropping the axis of one link causes 0.6 of the error allowed for all dropped axes, so only one is dropped."""
     moved = {("yz", "yz"): 0.0, ("z", "z"): 1.2, ("z", "yz"): 0.6, ("yz", "z"): 0.6}
     links = [SimpleNamespace(name=name) for name in "ab"]
 
@@ -477,9 +477,9 @@ def test_the_time_constant_of_exponential_error_growth_is_found() -> None:
 
 
 def test_the_rigid_link_estimate_gives_the_sag_of_a_cantilever_beam() -> None:
-    """The tip of a steel rod, 1 m by 1 cm, sags by −ρ A g L⁴ / 8 E I; with two hinges, to within a tenth.
+    """The tip of a steel rod, 1 m by 1 cm, sags by −ρ A g L⁴ / 8 E I; two hinges reproduce this sag to within a tenth.
 
-    Its vibration in 0.02 s, a sixth of a period, is smaller than the sag. The estimate is 2.5 times the larger one.
+    Its vibration in 0.02 s, a sixth of a period, is smaller than the sag. The estimate is 2.5 times the sag.
     """
     bar = fl.Link(name="bar", length=1.0, material="steel", section="square")
     steel, square = fl.Material(young=210e9, density=7850.0), fl.Section(shape="rectangle", height=0.01, width=0.01)

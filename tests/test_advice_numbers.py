@@ -33,7 +33,7 @@ WAYS = [T[:, None] * [1.0, 0.0, 0.0], (T**2)[:, None] * [0.6, 0.8, 0.0]]  # dire
 
 
 class World(NamedTuple):
-    """Known tip errors: C_k (1/N² − fourth/N⁴) per link, `aside` per dropped axis, and `steps` times the tolerance."""
+    """Tip errors: C_k (1/N² − fourth/N⁴) for N hinges in link k, `aside` per dropped axis, `steps` · tolerance."""
 
     constants: tuple[float, ...] = (1e-2, 4e-2)
     fourth: float = 0.0
@@ -163,7 +163,7 @@ def test_reported_errors_bound_the_true_errors_in_thirty_synthetic_models(advise
 
 
 def test_dropped_axes_are_included_in_the_uncertainty_of_the_converged_tip(advised: Any) -> None:
-    """Dropping one axis per link moves the tip by 0.04 tolerances each; the error of the limit is the sum of both."""
+    """Dropping one axis per link moves the tip by 0.04 tolerances each; both displacements add to the limit's error."""
     tolerance = 1e-3 * TRAVEL
     advice, true = advised(World(aside=0.04 * tolerance, steps=0.0), 1e-3)
     assert [link.flex for link in advice.scene.arm.links] == ["z", "z"]
@@ -201,7 +201,7 @@ def test_the_uncertainty_of_the_reference_reduces_the_allowed_model_error(
 def test_rigid_links_suffice_if_the_error_with_growth_is_below_half_the_tolerance(
     advised: Any, estimated: float, grows: float, rigid_links: bool
 ) -> None:
-    """Growth above 10 multiplies the error by growth / 10: 0.1 tolerances become 0.3 at 30 and 0.9, too much, at 90."""
+    """A growth above 10 multiplies errors by growth / 10: 0.1 tolerances become 0.3 at 30 and 0.9, too much, at 90."""
     tolerance = 0.01 * TRAVEL
     world = World(estimated=estimated * tolerance, grows=grows, constants=(1e-6, 1e-6), steps=0.5)
     advice, true = advised(world, 0.01)
@@ -214,7 +214,7 @@ def test_rigid_links_suffice_if_the_error_with_growth_is_below_half_the_toleranc
 
 @pytest.mark.parametrize(("steps", "times"), [(1e-4, 100.0), (0.05, 10.0)])
 def test_rigid_links_use_the_loosest_allowed_step_tolerance(advised: Any, steps: float, times: float) -> None:
-    """Step tolerances of 100 and then 10 times the goal are tried; each has a step error of `steps` times itself."""
+    """Step tolerances of 100 and then 10 times the goal are tried; the step error is `steps` times the tolerance."""
     tolerance = 0.01 * TRAVEL
     world = World(estimated=0.1 * tolerance, constants=(1e-6, 1e-6), steps=steps)
     advice, true = advised(world, 0.01)
@@ -334,6 +334,6 @@ def test_an_incomplete_run_is_not_accepted_however_small_its_error(advised: Any)
     assert not search.accept((None,), good._replace(reason="did not end"))
     assert search.solution is None
     assert search.accept((None,), good)
-    assert search.accept((None,), good._replace(seconds=2.0))  # as accurate, but more expensive
+    assert search.accept((None,), good._replace(seconds=2.0))  # an equally accurate but more expensive run
     assert search.solution is not None
     assert search.solution.outcome.seconds == 1.0

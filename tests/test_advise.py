@@ -270,7 +270,7 @@ def test_advice_does_not_depend_on_measured_times(monkeypatch) -> None:
 @pytest.mark.slow
 def test_the_reported_horizon_of_a_sensitive_motion_is_right_within_twenty_percent() -> None:
     scene = arm(0.03, links=2, **{"initial.joint_deg": (80.0, 30.0), "run.duration": 3.6})
-    advice = fl.advise(scene, 1e-3, budget=0.1)  # limits the predicted cost, equal on all machines
+    advice = fl.advise(scene, 1e-3, budget=0.1)  # the budget limits the predicted cost, which is equal on all machines
     assert not advice.met
     assert any(line.startswith("cannot") for line in advice.lines)
     assert any(line.startswith("sensitive") for line in advice.lines)

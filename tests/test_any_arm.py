@@ -96,7 +96,7 @@ def test_the_dynamics_do_not_depend_on_the_choice_of_link_frames(rng) -> None:
 
 @given(axes=st.tuples(directions, directions), angles=st.tuples(coordinate, coordinate))
 def test_a_joint_turns_its_link_about_its_axis(axes, angles) -> None:
-    """R = R₁ R₂ by Rodrigues' formula (SciPy); the second joint is at the end of the first line."""
+    """R = R₁ R₂ by Rodrigues' formula (SciPy); the second joint is at the end of the first link's line."""
     ends = ((0.1, 0.2, 0.3), (0.4, -0.2, 0.1))
     load = fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1))
     links = [fl.Link(name=f"l{k}", joint=fl.Joint(axis=axis), line=ends, end=load) for k, axis in enumerate(axes)]

@@ -46,7 +46,7 @@ def spatial(chain: Chain, q: np.ndarray, qd: np.ndarray, tau: np.ndarray, wrench
 
 
 def assert_as_lu(chain: Chain, rng: np.random.Generator, states: int = 5) -> None:
-    """Check that both recursions agree with LU within the bound for rounding errors."""
+    """Check that the chain's usual recursion and the spatial one agree with LU within the bound for rounding."""
     for _ in range(states):
         q, qd = random_state(chain, rng)
         tau, wrench = rng.normal(size=chain.n), rng.normal(size=6)
@@ -369,7 +369,7 @@ def test_accelerations_of_a_long_chain_satisfy_its_equation_of_motion(flex: str,
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 100.0, LIMIT, 1e9])
 def test_cosine_and_sine_are_accurate_to_one_ulp(scale: float, rng: np.random.Generator) -> None:
-    """They are compared with 60-digit values, also close to multiples of π/2, where all digits of π/2 matter."""
+    """Results are compared with 60-digit values, also close to multiples of π/2, where all digits of π/2 matter."""
     x = np.concatenate([rng.uniform(-scale, scale, 500), np.rint(rng.uniform(-scale, scale, 500)) * np.pi / 2])
     cosines, sines = np.empty_like(x), np.empty_like(x)
     cos_sin_all(x, cosines, sines)

@@ -49,7 +49,7 @@ def accelerations(name: str) -> np.ndarray:
 
 
 def as_python(parts: str, folder: Path) -> Mapping[str, np.ndarray]:
-    """Named results of expressions, evaluated in a process without compilation; `t` is this module there."""
+    """Results by name of expressions evaluated in a process without compilation, where `t` is this module."""
     file, here = folder / "found.npz", Path(__file__).parent
     code = f"import sys, numpy, test_as_python as t; numpy.savez(sys.argv[1], {parts})"
     path = os.pathsep.join([str(here), str(here.parent), os.environ.get("PYTHONPATH", "")])

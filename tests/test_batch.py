@@ -257,7 +257,7 @@ def test_a_signal_keeps_the_samples_of_every_batch_member(models, number: int) -
     starts = [
         paper.varied({"initial": fl.InitialState(joint_deg=(0.0, float(angle), 0.0))}) for angle in range(-90, -72)
     ]
-    fl.simulate_many([start.varied({"run": fl.RunSettings(step=1e-4, duration=0.01)}) for start in starts])  # compiles
+    fl.simulate_many([start.varied({"run": fl.RunSettings(step=1e-4, duration=0.01)}) for start in starts])  # warm up
     timer = threading.Timer(0.5, signal.raise_signal, [number])
     timer.start()
     with pytest.raises(fl.errors.InterruptedRunError) as caught:

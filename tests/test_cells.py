@@ -72,7 +72,7 @@ def test_the_stiffness_matrix_of_a_two_hinge_cell_is_exact() -> None:
 
 @pytest.mark.parametrize("p", HINGES)
 def test_the_curvature_matrix_of_a_cell_is_exact_for_polynomials(p: int) -> None:
-    """From the jumps of θ = x^d at the nodes, C computes d x^(d−1), for d ≤ p; the norm of C is up to 3 p²."""
+    """C computes the curvature d x^(d−1) from the jumps of θ = x^d, for d ≤ p; the norm of C is at most 3 p²."""
     cell = cell_of(p)
     for d in range(1, p + 1):
         jumps = np.diff(cell.nodes**d)
@@ -138,7 +138,7 @@ def test_row_sums_of_the_mass_matrix_agree_with_the_continuous_beam(p: int, tip:
 
 @pytest.mark.parametrize("p", HINGES)
 def test_the_last_segment_takes_its_inertia_from_the_previous_one(p: int, tmp_path: Path) -> None:
-    """The inertia of the last segment grows by `tip` m l²/3, and that of the previous segment is reduced by this."""
+    """The inertia of the last segment grows by `tip` m l²/3, and the previous segment loses the same inertia."""
     bare, given = (cantilever(rule_file(tmp_path, p, tip), 2 * p).bodies for tip in (0.0, 2.0))
     change = (given["inertia"] - bare["inertia"])[:, 2, 2]
     last = given["mass"][-2] * (given["translation"][-1, 0]) ** 2 * 2.0 / 3
@@ -307,7 +307,7 @@ def test_coupled_springs_and_dampers_balance_energy_in_implicit_steps(method: st
 @pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize("method", ["Radau5", "Radau9"])
 def test_coupled_springs_do_not_increase_the_number_of_newton_iterations(method: str, rule: str) -> None:
-    """If the Newton matrix contained only the diagonals of K and D, at least 1.4 times as many would be needed."""
+    """If the Newton matrix had only the diagonals of K and D, at least 1.4 times as many iterations would be needed."""
     passes = {}
     for name in ("gauss", rule):
         link = flexible("a", "z", 13, lumping=name, damping=DAMPED)

@@ -239,7 +239,7 @@ def test_modes_with_two_hinges_per_half_wave_count_as_resolved(rule: str, least:
 
 @pytest.mark.parametrize("name", SPRUNG)
 def test_lowest_and_highest_frequencies_agree_with_the_dense_eigenproblem(name: str, tmp_path: Path) -> None:
-    """They also agree if the driven joints and a joint within a cell have prescribed motions."""
+    """The frequencies also agree if the driven joints and a joint within a cell have prescribed motions."""
     chain = CHAINS[name](tmp_path)
     q = 0.3 * state(chain)[0]
     for one in (chain, held_at(chain, *chain.active.tolist(), chain.n - 2)):

@@ -78,7 +78,7 @@ def test_joint_names_are_unique_and_every_column_is_kept(names: tuple[str, ...])
     run = simulate(scene)
     assert (
         len(run.columns) == 1 + 2 * chain.n + len(names) + 3 + 5
-    )  # t, q, q̇, drives, tip, energies with work and imbalance
+    )  # columns: t, q, q̇, drives, tip, energies with work and imbalance
     for text in (to_urdf(chain), to_mjcf(chain)):
         assert all(text.count(f'<joint name="{name}" type=') == 1 for name in given)
 
@@ -232,7 +232,7 @@ def test_section_properties_of_a_prism_are_computed_once(monkeypatch) -> None:
 
 
 def test_a_segment_of_a_prism_has_the_exact_mass_and_inertia() -> None:
-    """m = ρ A l;  I_xx = ρ l (I_y + I_z),  I_yy = ρ l I_y + m l²/12,  I_zz = ρ l I_z + m l²/12."""
+    """m = ρ A l;  I_xx = ρ l (I_y + I_z), I_yy = ρ l I_y + m l²/12, I_zz = ρ l I_z + m l²/12 for length l."""
     section = Section(shape="rectangle", height=0.03, width=0.02)
     arm = Arm(links=(flexible("a", "xyz", 5),), materials={"aluminium": ALUMINIUM}, sections={"square": section})
     body = chain_of(arm, (0, 0, 0)).bodies[2]

@@ -45,7 +45,7 @@ def chosen(duration: float, part: float = 1e-4, drive: dict[str, Any] | None = N
 
 
 def test_strong_dampers_alone_lead_to_an_implicit_method() -> None:
-    """With springs alone, an explicit method suits this short run; the dampers are a million times critical."""
+    """Without dampers, an explicit method suits this short run; the damping is a million times the critical one."""
     duration = 0.1 * STIFF / fastest()
     assert chosen(duration) == "DOP853"
     assert chosen(duration, damping=1e6 * float(CHAIN.stiffness.max()) / fastest()) == "Radau5"

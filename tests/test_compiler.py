@@ -37,7 +37,7 @@ def fresh() -> Callable[[float], float]:
 
 
 def compilations(call: Callable[[], float]) -> int:
-    """The number of compilations while `call` runs; its result is checked."""
+    """The number of compilations while `call` runs; the result of `call` is checked."""
     starts: list[None] = []
     with compiler.watched(lambda: starts.append(None), lambda: None):
         assert call() == 6.0
@@ -466,6 +466,6 @@ def test_unlikely_branches_are_marked_in_the_compiled_code() -> None:
 
 @pytest.mark.parametrize("shape", [(3,), (5, 2), (0, 4), (2, 3, 7)])
 def test_lane_arrays_are_aligned_to_cache_lines(shape: tuple[int, ...]) -> None:
-    arrays = [empty_lanes(shape) for _ in range(9)]  # some of numba's own arrays start within a cache line
+    arrays = [empty_lanes(shape) for _ in range(9)]  # not every array of Numba starts at the beginning of a cache line
     assert {each.ctypes.data % 64 for each in arrays} == {0}
     assert {each.shape for each in arrays} == {(*shape, LANES)}

@@ -32,7 +32,7 @@ def test_every_mode_has_the_requested_ratio_in_the_initial_configuration(rule: s
 
 
 def test_vibration_in_the_second_mode_decays_at_its_damping_ratio() -> None:
-    """After 5 periods of a run, the amplitude of the second mode has decayed to exp(−ζ ω t)."""
+    """After 5 periods of a run, the amplitude of the second mode has decayed by the factor exp(−ζ ω t)."""
     scene = make_scene(flexible("a", "z", 9, lumping="gauss", damping=ALIKE, joint=HELD), gravity=(0.0, 0.0, 0.0))
     chain = fl.lump(scene)
     undamped = fl.modes(fl.lump(scene.varied({"link.a.damping": None})))

@@ -82,7 +82,7 @@ def test_recorded_torques_of_a_law_reproduce_the_run() -> None:
 
 
 def test_a_continuous_law_in_python_equals_the_same_drive_of_the_scene() -> None:
-    """Both evaluate the same formula at each stage, but NumPy rounds sums differently, by a few ulp in 3200 stages."""
+    """Both laws use the same formula at each stage, but NumPy rounds sums differently, by a few ulp in 3200 stages."""
     law, drive = fl.simulate(arm("none"), control=pd), fl.simulate(arm("pd"))
     np.testing.assert_allclose(law.q, drive.q, rtol=0, atol=1e-11)
     np.testing.assert_allclose(law.tau, drive.tau, rtol=0, atol=1e-9)

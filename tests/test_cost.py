@@ -78,7 +78,7 @@ def test_a_run_takes_about_the_predicted_time(flex: str) -> None:
     chain = fl.lump(scene)
     step, seconds = fl.stable_step(chain), machine_factor(problem_of(scene)) * step_cost(chain, "RK4")
     samples, steps = 10, 2000
-    fl.simulate(scene, step=step / 2, sample=step, duration=step)  # compiles
+    fl.simulate(scene, step=step / 2, sample=step, duration=step)  # compiles the kernels, before the timing
     started = time.thread_time()
     fl.simulate(scene, step=step / 2, sample=steps / samples * step / 2, duration=steps * step / 2)
     taken = time.thread_time() - started
@@ -92,13 +92,13 @@ def test_a_run_takes_about_the_predicted_time(flex: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "tolerance"), [("t3_spatial", 1e-4), ("paper_fig5", 1e-6)])  # a few hundred steps
 def test_an_implicit_step_takes_about_the_predicted_time(models, name: str, tolerance: float) -> None:
-    """The allowed factor of four is two for the number of Newton iterations times two for other running programs."""
+    """A factor of four is allowed: two for the number of Newton iterations, times two for other running programs."""
     scene = fl.load_scene(models / f"{name}.toml")
     chain = fl.lump(scene)
     predicted = machine_factor(problem_of(scene)) * step_cost(chain, "Radau5")
     run = {"method": "Radau5", "relative_tolerance": tolerance, "sample": 0.1}
     short, long = (scene.varied({"run": run | {"duration": duration}}) for duration in (0.1, 1.0))
-    fl.simulate(short)  # compiles
+    fl.simulate(short)  # compiles the kernels, before the timing
     times, steps = [], []
     for part in (short, long):
         started = time.thread_time()
@@ -112,7 +112,7 @@ def test_an_implicit_step_takes_about_the_predicted_time(models, name: str, tole
 def test_predicted_cost_ratio_of_implicit_to_explicit_stages_is_in_measured_range(
     flex: str, segments: int, least: float, most: float
 ) -> None:
-    chain, stages = chain_of(flex, segments), 3  # of Radau5
+    chain, stages = chain_of(flex, segments), 3  # Radau5 has three stages
     assert least < step_cost(chain, "Radau5") / (stages * run_cost(chain, "RK4", 1)) < most
 
 

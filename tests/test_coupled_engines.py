@@ -74,7 +74,7 @@ def test_short_motions_differ_by_rounding_only(name: str) -> None:
     scene = arm("xyz", "lobatto2", 3, run=run).varied({"initial.rate_deg": (100.0, 300.0)})
     (_, q, _), (_, other, _) = (load(each_one, fl.lump(scene)).integrate(scene) for each_one in ("native", name))
     bound = rounding_bound(scene)
-    assert bound < 1e-9 and np.abs(q - q[0]).max() > 1e-4  # it moves, by much more than the bound
+    assert bound < 1e-9 and np.abs(q - q[0]).max() > 1e-4  # the arm moves by much more than the bound
     assert np.abs(other - q).max() <= bound
 
 

@@ -30,7 +30,7 @@ def two_masses() -> fl.Scene:
 def test_advice_sweeps_reports_and_trade_agree_on_the_deflection_of_a_gear(two_masses: fl.Scene) -> None:
     run = fl.simulate(two_masses)
     assert deflections(run)[0] == pytest.approx(GEAR, rel=1e-12)
-    assert deflections(run).max() == pytest.approx(GEAR, rel=1e-3)  # it vibrates with this amplitude
+    assert deflections(run).max() == pytest.approx(GEAR, rel=1e-3)  # the tip vibrates with this amplitude
     assert np.array_equal(column_of(run, "deflection [m]"), deflections(run))
     assert np.array_equal(Study(two_masses).bent_by, deflections(run))
     assert np.linalg.norm(seen(run.chain, run.q).bend, axis=1) == pytest.approx(deflections(run), abs=1e-15)
@@ -50,7 +50,7 @@ def test_an_advice_goal_relative_to_the_deflection_includes_the_gear(two_masses:
     assert refinement.deflection == deflections(run).max()
     hinges = [c.segment > 0 for c in run.chain.coordinates]
     links_alone = np.linalg.norm(run.tip - fl.tip_position(run.chain, np.where(hinges, 0.0, run.q)), axis=1)
-    assert refinement.deflection > 1.5 * links_alone.max()  # the gear's part is not left out
+    assert refinement.deflection > 1.5 * links_alone.max()  # the displacement due to the gear is included
 
 
 def test_the_unbent_configuration_puts_springs_at_their_rest_angles(two_masses: fl.Scene) -> None:

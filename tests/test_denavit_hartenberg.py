@@ -24,13 +24,13 @@ PUMA = [  # a_{i−1}, α_{i−1}, d: Craig, figure 3.21, modified
 
 
 def siciliano(a: float, α: float, d: float, θ: float) -> np.ndarray:
-    """Matrix A_i^{i−1} of equation (2.52), from the frame before the joint rotates to the frame at the link's end."""
+    """Siciliano's matrix A_i^{i−1} (2.52), from the frame before the joint rotates to the frame at the link's end."""
     c, s, ca, sa = math.cos(θ), math.sin(θ), math.cos(α), math.sin(α)
     return np.array([[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1]])
 
 
 def craig(a: float, α: float, d: float, θ: float) -> np.ndarray:
-    """Matrix {}^{i−1}T_i of equation (3.6), with a_{i−1} and α_{i−1}."""
+    """Craig's matrix {}^{i−1}T_i (3.6), with a_{i−1} and α_{i−1}."""
     c, s, ca, sa = math.cos(θ), math.sin(θ), math.cos(α), math.sin(α)
     return np.array([[c, -s, 0, a], [s * ca, c * ca, -sa, -sa * d], [s * sa, c * sa, ca, ca * d], [0, 0, 0, 1]])
 

@@ -89,7 +89,7 @@ def test_steps_after_a_jump_are_not_rejected_for_vibrations_that_they_damp() -> 
 
 @pytest.mark.slow
 def test_samples_between_steps_have_the_order_of_the_error_estimate() -> None:
-    """Rates have order s + 1, so doubling the steps multiplies errors of samples inside steps by 2^(s + 1)."""
+    """Rates have order s + 1, so doubling the step length multiplies errors of samples inside steps by 2^(s + 1)."""
     scene = struck(1e-3, torque=0.0).varied({"material.aluminium.young": 70e12, "material.aluminium.loss_time": 1e-5})
     exact = fl.simulate(scene, method="DOP853", tolerance=1e-10, sample=0.01)
     errors = []

@@ -105,7 +105,7 @@ def test_derivatives_agree_with_50_digit_arithmetic(seed: int) -> None:
 
 @pytest.mark.slow
 def test_derivatives_of_random_arms_agree_with_50_digit_arithmetic() -> None:
-    """Only arms with two or more joints are tested: with one joint, the only element may be a small difference.
+    """Arms have two or more joints: with one joint, the only element may be a small difference of large numbers.
 
     300 such arms, and 300 arms with every key of a link (`python -m validation derivatives_50_digits`), are all
     within this limit.
@@ -157,7 +157,7 @@ def test_planar_and_spatial_recursions_give_the_same_derivatives(rng: np.random.
 
 
 def test_forward_and_inverse_dynamics_derivatives_are_consistent(chain: Chain, rng: np.random.Generator) -> None:
-    """Both solve the same equation, so ∂τ/∂q + ∂τ/∂q̈ ∂q̈/∂q = −∂(T_FL + T_FR)/∂q, and equally for q̇ and τ."""
+    """Both use the same equation of motion: ∂τ/∂q + ∂τ/∂q̈ ∂q̈/∂q = −∂(T_FL + T_FR)/∂q, and equally for q̇ and τ."""
     q, qd = bent_state(chain, rng)
     tau = rng.normal(size=chain.n)
     forward = fl.forward_dynamics_derivatives(chain, q, qd, tau)

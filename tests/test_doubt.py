@@ -89,9 +89,9 @@ def test_joint_travel_is_the_sum_over_driven_joints_without_prescribed_motion() 
     still, rows = np.zeros_like(rates), len(T)
     samples = T, still, rates, still, np.zeros((rows, 3)), np.zeros((3, rows)), np.zeros(rows)
     samples = *samples, np.zeros((rows, SO_FAR.size))
-    for first, stop in ((0, 7), (7, rows)):  # in two pieces
+    for first, stop in ((0, 7), (7, rows)):  # the monitor reads the rows in two pieces
         assert known.look(first, stop, samples) == (stop, WRONG.nothing)
     seen = cast("Any", SimpleNamespace(_balance=known, angle_travelled=0.0))
     assert Monitor.travelled.fget(seen) == pytest.approx(20.0)
-    seen.angle_travelled = 25.0  # path in all steps, longer than between samples
+    seen.angle_travelled = 25.0  # path summed over all steps, longer than the sum over samples
     assert Monitor.travelled.fget(seen) == 25.0

@@ -120,7 +120,7 @@ def test_the_drive_of_a_prescribed_joint_works_against_drag() -> None:
     run = fl.simulate(BAR.varied({"motion": (turning,), "run.duration": 1.0, "initial": initial}))
     ω = math.pi / 2
     np.testing.assert_allclose(run.tau[:, 0], BRAKE * ω * ω, rtol=1e-12)
-    np.testing.assert_allclose(run.work[-1], 0.0, atol=1e-12)  # drag dissipates all of the work
+    np.testing.assert_allclose(run.work[-1], 0.0, atol=1e-12)  # drag dissipates all work of the drive
 
 
 @pytest.mark.parametrize(

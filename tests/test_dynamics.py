@@ -101,7 +101,7 @@ def test_the_rate_of_energy_equals_the_power_of_external_minus_friction_torques(
     def total(t: float) -> float:
         return float(fl.energy(chain, q + t * qd + t * t / 2 * qdd, qd + t * qdd).total)
 
-    h = 1e-3 / (1 + np.sqrt(np.abs(qdd).max()))  # the motion changes on the scale 1/√|q̈|
+    h = 1e-3 / (1 + np.sqrt(np.abs(qdd).max()))  # the motion changes on the time scale 1/√|q̈|
     coarse, fine = ((total(s) - total(-s)) / (2 * s) for s in (h, h / 2))
     rate = (4 * fine - coarse) / 3
     power = qd @ (tau - fl.friction_torque(chain, qd))
@@ -184,7 +184,7 @@ def test_a_run_with_a_singular_mass_matrix_is_refused(method: str) -> None:
     scene = make_scene(*links, tip=fl.RigidBody(mass=1.0, inertia=(0.1, 0.2, 0.3)), gravity=(0.0, 9.81, 0.0), run=run)
     M = fl.mass_matrix(fl.lump(scene), [0.0, 0.0])
     assert 0 < abs(np.linalg.det(M)) < 10 * EPS
-    with pytest.raises(fl.errors.SingularMassError):  # found before the run, or by NaN during the run
+    with pytest.raises(fl.errors.SingularMassError):  # detected before the run, or by NaN during the run
         fl.simulate(scene)
     with refused(fl.errors.DivergenceError, "diverged"):
         SingleRun(problem_of(scene), warnings=()).finish(Stop())

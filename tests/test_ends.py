@@ -171,7 +171,7 @@ def test_a_run_never_reads_unwritten_samples(monkeypatch: pytest.MonkeyPatch) ->
 
 @pytest.mark.slow
 def test_the_spin_of_a_free_body_is_conserved_in_implicit_steps() -> None:
-    """It is conserved to within rounding of all steps; Newton residuals would add up to fifty times as much."""
+    """The spin is constant within the rounding of all steps; Newton residuals would add up to fifty times as much."""
     for method in ("Gauss6", "Radau9"):
         run = fl.simulate(satellite(1.0), method=method, step=0.002, sample=0.2, duration=6.0)
         assert run.base is not None

@@ -63,7 +63,7 @@ def shortened(scene: Scene, duration: float, **run: object) -> Scene:
 
 
 def of_a_tolerance(path: Path) -> dict[str, object]:
-    """Steps for a scene that specifies none."""
+    """Step settings for a scene that specifies none; otherwise no settings."""
     return {} if steps_explicitly(load_scene(path).run) else {"method": "RK4", "step": 5e-5, "sample": 0.01}
 
 

@@ -61,7 +61,7 @@ def test_adaptive_steps_are_offered_only_if_the_scene_has_fixed_steps(changes: d
     own, *others = about.choices()
     adaptive = [one for one in others if one.n == own.n and one.outcome.stepping == about.strict]
     assert len(adaptive) == ("run.step" in changes)
-    assert others[-1].n == len(fl.lump(FALL).active)  # rigid links
+    assert others[-1].n == len(fl.lump(FALL).active)  # the last model has rigid links
 
 
 def test_plots_of_mode_shapes_have_no_axis_scale() -> None:

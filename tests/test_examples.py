@@ -23,7 +23,7 @@ Figures = Callable[[str], dict[str, Any]]
 
 @pytest.fixture
 def figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Figures]:
-    """Results of a script by variable name; it runs in a temporary folder where it may write."""
+    """Results of a script by variable name; the script runs in a temporary folder where it may write."""
     plt.switch_backend("Agg")
     (tmp_path / "models").symlink_to(ROOT / "models")
     folder = tmp_path / "examples"

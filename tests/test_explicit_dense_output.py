@@ -98,7 +98,7 @@ def test_dense_rates_use_the_published_weights_and_dense_angles_their_integral(x
         wanted = np.array([float(weight * mp.mpf(at)) for weight in inside(rule, x)[1]])
     np.testing.assert_allclose(at * once @ powers, wanted, rtol=0, atol=1e-12)
     A, b, _ = rule.arrays
-    whole = once / np.arange(2, once.shape[1] + 2)  # ∫ β, over x²
+    whole = once / np.arange(2, once.shape[1] + 2)  # ∫ β dx, divided by x²
     left = np.append(b @ A, np.zeros(4)) - whole.sum(axis=1)
     np.testing.assert_allclose(twice @ powers, whole @ powers + left * (3 - 2 * at), rtol=0, atol=1e-12)
 
@@ -148,7 +148,7 @@ def test_errors_inside_steps_are_of_order_8_for_angles_and_rates(monkeypatch: py
 
         monkeypatch.setattr(method_steps, "settings", of_this_length)
         run = fl.simulate(spring(duration=2.0, sample=step / 40, tolerance=1e-2, unstable="allow"))
-        whole = run.t > 5 * step  # the first steps are shorter
+        whole = run.t > 5 * step  # the first steps are shorter than the fixed length
         q, qd = swing(run.scene, run.t)
         return np.abs(run.q[:, 0] - q)[whole].max(), np.abs(run.qd[:, 0] - qd)[whole].max()
 
@@ -204,7 +204,7 @@ def test_a_user_loop_gives_the_results_of_a_run_with_dense_output() -> None:
     """The law is evaluated eight times a second; the run stores 16 samples in between, which the loop does not read."""
 
     def law(t: float, q: np.ndarray, qd: np.ndarray) -> list[float]:
-        return [6.0 * float(np.radians(30.0) - q[0]) - 0.5 * float(qd[0])]  # 0 at the start: equal first steps
+        return [6.0 * float(np.radians(30.0) - q[0]) - 0.5 * float(qd[0])]  # no torque at the start: equal first steps
 
     scene = spring(duration=1.0, sample=1 / 128, tolerance=1e-7).varied({"drive": None, "gravity": (0.0, -9.81, 0.0)})
     run, stepped = fl.simulate(scene, control=law, rate=8.0), fl.Simulator(scene)
@@ -233,7 +233,7 @@ def test_dense_output_is_the_same_in_batches_and_from_archives(tmp_path: Path) -
 def test_a_step_with_a_large_inner_error_is_shortened(tolerance: float) -> None:
     """Near the stability limit of a decay, the error is small at the end of a step but not inside the step.
 
-    It was 3.3 tolerances for an arm that follows a slow reference.
+    This inner error was 3.3 tolerances for an arm that follows a slow reference.
     """
     scene = spring(duration=2.0, sample=0.02, tolerance=tolerance).varied({"drive.kp": (2.0,), "drive.kd": (15.0,)})
     run = fl.simulate(scene)

@@ -246,7 +246,7 @@ def thin_strip(width: float, **fields: object) -> Chain:
 
 def test_segments_too_light_for_mujoco_are_refused_and_slightly_heavier_ones_load() -> None:
     """I_xx = ρ l (I_y + I_z) of the shortest segment crosses MuJoCo's lower limit, 1e-15 kg m²."""
-    least = min(thin_strip(1e-3).bodies["inertia"][:-1, 0, 0]) / 1e-3  # proportional to the width while it is thin
+    least = min(thin_strip(1e-3).bodies["inertia"][:-1, 0, 0]) / 1e-3  # proportional to the width of a thin strip
     for share, loads in ((1.01, True), (0.99, False)):
         chain = thin_strip(float(share * 1e-15 / least))
         if loads:

@@ -52,11 +52,11 @@ def test_the_time_step_of_an_mjcf_file_is_at_most_half_the_largest_stable_one() 
 
 def test_mujoco_does_not_reset_a_diverged_run(tmp_path, monkeypatch) -> None:
     mujoco = pytest.importorskip("mujoco")
-    monkeypatch.chdir(tmp_path)  # where MuJoCo leaves its log
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes its log file to the working folder
     chain = fl.lump(make_scene(flexible("a")))
     model = mujoco.MjModel.from_xml_string(fl.to_mjcf(chain))
     data = mujoco.MjData(model)
-    data.qvel[:] = 1e9  # after a step it exceeds 1e10, the limit at which MuJoCo resets a run
+    data.qvel[:] = 1e9  # after a step the speed exceeds 1e10, the limit at which MuJoCo resets a run
     for _ in range(5):
         mujoco.mj_step(model, data)
-    assert data.time == pytest.approx(5 * model.opt.timestep)  # it continued; a reset would restart at 0
+    assert data.time == pytest.approx(5 * model.opt.timestep)  # no reset, which would set the time to 0

@@ -61,8 +61,8 @@ def test_arms_with_nearly_massless_links_and_a_point_mass_can_be_simulated(
 ) -> None:
     """The small mass of the links vibrates faster than anything else.
 
-    Below eps, rounding decides whether any of this mass remains in M. Without fused multiply-adds, often none
-    remains and q̈ at the start is undefined, but implicit steps do not need it.
+    Below eps times the point mass, rounding decides whether M contains any of the links' mass. Without fused
+    multiply-adds, often none remains and q̈ at the start is undefined, but implicit steps do not need it.
     """
     arm = make_scene(flexible("a", segments=4), flexible("b", segments=4), tip=fl.RigidBody(mass=1.0))
     light = arm.varied({"material.aluminium.density": density, "initial.joint_deg": np.degrees(q)})
@@ -85,7 +85,7 @@ def test_a_joint_whose_inertia_is_below_rounding_is_named() -> None:
 
 
 def test_joints_without_inertia_have_an_infinite_frequency() -> None:
-    """The choice of a method uses this frequency, and implicit methods need no inertia, so it is not an error."""
+    """The choice of a method uses this frequency, and implicit methods need no inertia, so ∞ is allowed."""
     chain = fl.lump(make_scene(flexible("a")))
     bodies = chain.bodies.copy()
     for inertia in ("mass", "inertia"):
@@ -104,7 +104,7 @@ def test_the_fastest_decay_rate_agrees_with_the_dense_eigenproblem(chain: fl.Cha
     hinges["damping"] += 1e-3 * hinges["stiffness"]
     damped = dataclasses.replace(chain, hinges=hinges)
     wanted = linalg.eigh(np.diag(damped.damping), fl.mass_matrix(damped, q), eigvals_only=True)[-1]
-    assert fastest_decay(damped, q) == pytest.approx(wanted, rel=2 * ESTIMATE)  # of ω², so twice that of ω
+    assert fastest_decay(damped, q) == pytest.approx(wanted, rel=2 * ESTIMATE)  # ω² has twice the error of ω
 
 
 def test_the_damper_of_a_prescribed_joint_causes_no_decay() -> None:

@@ -132,6 +132,16 @@ def test_a_path_with_a_wrong_key_names_the_remedy() -> None:
     with words.refused(fl.errors.SceneError, "cannot-set") as caught:
         scene_from(T3).varied({"link.upper.mass": 2.0})
     assert "hub" in str(caught.value)
+    with words.refused(fl.errors.SceneError, "cannot-set") as caught:
+        scene_from(T3).varied({"link.upper.material.young": 2e11})
+    assert "material.aluminium.young" in str(caught.value)
+
+
+def test_initial_angles_of_links_instead_of_joints_are_refused_by_their_number() -> None:
+    move = fl.load_scene(ROOT / "models" / "ptp_move.toml")
+    with words.refused(fl.errors.SceneError, "one-per-joint") as caught:
+        fl.simulate(move, q0=[0.3, -0.6])
+    assert "11" in str(caught.value)
 
 
 def test_a_scene_given_instead_of_a_sweep_plan_is_explained(tmp_path: Path) -> None:

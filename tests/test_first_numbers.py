@@ -24,7 +24,7 @@ LENGTH, LOAD, G = 1.25, 2.0, 9.81
 
 @pytest.fixture
 def cantilever() -> fl.Scene:
-    """A horizontal beam at rest with a load at its tip."""
+    """A horizontal beam with a load at its tip, kept at rest by a stiff drive."""
     beam = flexible("beam", segments=17, lumping="gauss", length=LENGTH)
     drive = fl.Drive(kind="pd", kp=(1e7,), kd=(1e4,), target_deg=(0.0,), gravity="static")
     at_rest = fl.InitialState(joint_deg=(0.0,), passive="static")

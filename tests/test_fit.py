@@ -56,7 +56,7 @@ class TestPlanted:
             assert one[path].low < value < one[path].high
             assert one[path].value == pytest.approx(other[path].value, rel=1e-6)
             assert one[path].half < 0.02 * value
-        assert one.runs < 250  # searching beyond the accuracy of the sum of squares takes 350
+        assert one.runs < 250  # a search beyond the accuracy of Σ e² takes 350 runs
         assert one.passed
         assert all(column.noise == pytest.approx(1e-3, rel=0.1) for column in one.columns)
 

@@ -60,7 +60,7 @@ def check(run: fl.fits.FitRun, *paths: str, scene: fl.Scene | None = None) -> fl
 
 
 class TestTimes:
-    """A strip with a payload at its tip swings at √(3 EI/L³ / (m + 33/140 ρAL)) / 2π = 3.0 Hz."""
+    """A strip with a payload m at its tip vibrates at √(3 EI/L³ / (m + 33/140 ρAL)) / 2π = 3.0 Hz."""
 
     def test_a_note_gives_the_length_of_a_record_in_periods_of_the_slowest_mode(self) -> None:
         stiffness, beam = 3 * 205e9 * 0.04 * 0.004**3 / 12 / 0.9**3, 7850 * 0.04 * 0.004 * 0.9
@@ -205,7 +205,7 @@ class TestUnits:
 
 
 class TestEndsOfIntervals:
-    """2 cost = min(x², 2), plus (x − 8)² beyond x = 8; the 95 % interval ends where this sum is 3.84."""
+    """Twice the cost is min(x², 2), plus (x − 8)² beyond x = 8; the 95 % interval ends where it is 3.84."""
 
     def floor(self, start: float) -> tuple[_Floor, Estimate]:
         def twice(x: np.ndarray) -> float:

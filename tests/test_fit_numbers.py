@@ -144,7 +144,7 @@ class TestCoverage:
     def test_ninety_five_percent_of_the_intervals_contain_the_true_value(
         self, fit_of: Any, a: tuple[float, ...]
     ) -> None:
-        """For 400 intervals with p = 0.95 the standard error is √(p (1 − p) / 400) = 1.1 %: 92 … 98 % are ± 2.8 σ."""
+        """For 400 intervals with p = 0.95 the standard error is √(p (1 − p) / 400) = 1.1 %; the limits are ± 2.8 σ."""
         rng, n, draws, problem = np.random.default_rng(6), 60, 100, problem_of(*PATHS)
         Φ = rng.standard_normal((n, 4))
         found = [fit_of(Φ, film(clean(Φ) + 0.1 * noise(rng, n, a), 0.05), problem=problem) for _ in range(draws)]
@@ -187,7 +187,7 @@ class TestCoverage:
             assert found.wide == pytest.approx(1.96, abs=1e-4)
 
     def test_the_interval_of_a_constant_includes_the_noise_removed_by_the_fit(self) -> None:
-        """C = Σ e²/n² (1 + (2 n² + 1)/(3 n²)); the second term, the sum of 1 − |k|/n over all pairs, is that noise."""
+        """Variance: Σ e²/n² (1 + (2 n² + 1)/(3 n²)); the second term, Σ 1 − |k|/n over all pairs, is this noise."""
         e, n = np.random.default_rng(14).standard_normal(30), 30
         found = spread_of([([e], [np.ones((n, 1))], True)], np.zeros((0, 1))).covariance[0, 0]
         assert found == pytest.approx(float(e @ e) / n**2 * (1 + (2 * n**2 + 1) / (3 * n**2)), rel=1e-9)
@@ -209,7 +209,7 @@ class TestCoverage:
         np.testing.assert_allclose(G[0].T @ G[1], J[0].T @ H[0] @ H[1].T @ J[1], rtol=1e-9)
 
     def test_white_noise_is_rarely_taken_for_coloured_noise(self) -> None:
-        """A coefficient must gain ln n. By chance one coefficient does so in P(χ²₁ > ln 60) = 4.3 % of the draws."""
+        """An AR coefficient must reduce n ln σ² by ln n; by chance one does so in P(χ²₁ > ln 60) = 4.3 % of draws."""
         rng = np.random.default_rng(5)
         orders = [len(colour_of(rng.standard_normal(60)).a) - 1 for _ in range(300)]
         assert np.mean([order > 0 for order in orders]) < 3 * 0.043
@@ -335,7 +335,7 @@ class TestKept:
         ours, theirs = fitted.columns
         assert (theirs.source, theirs.use) == ("kept", "check")
         assert ours.gain == theirs.gain == pytest.approx(1.5, rel=0.01)
-        best = float(np.linalg.lstsq(np.full((n, 1), 3.0), first)[0][0])  # with start values the toy gives 3
+        best = float(np.linalg.lstsq(np.full((n, 1), 3.0), first)[0][0])  # with its start values, the toy model gives 3
         np.testing.assert_allclose(ours.before, 3.0 * best)
         after = ours.gain * (3.0 + of_logs({p: math.log(fitted[p].value) for p in PATHS[:2]}, Φ))
         np.testing.assert_allclose(theirs.after, after, rtol=1e-9)
@@ -377,7 +377,7 @@ class TestEstimates:
         assert [each.unit for each in found] == ["", "m"]
 
     def test_residual_derivatives_account_for_the_best_gain_and_bias(self) -> None:
-        """For zero residuals they equal differences of residuals that each have their best gain and bias."""
+        """For zero residuals the derivatives equal differences of residuals that each have their best gain and bias."""
         t = np.linspace(0.0, 1.0, 20)
         swing = lambda x: np.sin((5 + x) * t)  # noqa: E731
         block = dataclasses.replace(film(1.5 * swing(0.0) + 0.2, 0.1, gain=True).blocks[0], bias=True)

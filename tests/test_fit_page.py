@@ -139,7 +139,7 @@ class TestPage:
         assert [line["RMS"] for line in lines(part.tables, "left")] == pytest.approx([0.1] * 3)
 
     def test_the_spectrum_of_white_noise_is_flat_at_two_variances_over_the_rate(self) -> None:
-        """The integral of the one-sided spectrum up to half the rate is σ²; a mean of 2000 lines is known to 3 %."""
+        """The integral of the one-sided spectrum up to half the rate is σ²; means of 2000 lines are accurate to 3 %."""
         t = 0.01 * np.arange(4001)
         e = 0.3 * np.random.default_rng(13).standard_normal(4001)
         f, root = page._spectrum(t, e)

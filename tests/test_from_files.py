@@ -114,7 +114,7 @@ def test_the_low_pass_filter_is_the_documented_one_without_delay(part: float) ->
 
 
 def test_a_parabola_passes_unchanged_up_to_the_ends_of_a_record() -> None:
-    t = np.cumsum(np.random.default_rng(1).uniform(0.5e-3, 1.5e-3, 3000))  # s, at uneven times
+    t = np.cumsum(np.random.default_rng(1).uniform(0.5e-3, 1.5e-3, 3000))  # times [s] at uneven intervals
     place, rate, acceleration = smoothed(t, 3 + 2 * t - 4 * t**2, 5.0)
     np.testing.assert_allclose(place, 3 + 2 * t - 4 * t**2, rtol=0, atol=1e-6)
     np.testing.assert_allclose(rate, 2 - 8 * t, rtol=0, atol=1e-5)

@@ -25,7 +25,7 @@ def geared(joint: fl.Joint = GEAR, **fields: object) -> fl.Scene:
 
 
 def test_motor_gear_and_wheel_behave_as_two_inertias_and_a_spring() -> None:
-    """The coordinates are θ_motor and θ_link − θ_motor; ω² = k (1/I_a + 1/J), or k/J with the motor locked."""
+    """The coordinates are θ_motor and θ_link − θ_motor; ω² = k (1/I_rotor + 1/J), or k/J if it is locked."""
     chain = fl.lump(geared())
     assert chain.joint_names == ("a", "a.gear")
     assert chain.coordinate("a.gear") == (1, 0, 3)

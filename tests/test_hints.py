@@ -115,7 +115,7 @@ def test_the_resolution_of_a_joint_sensor_in_degrees_gets_a_hint() -> None:
 
 @pytest.mark.parametrize(("effort", "hinted"), [(5.0, True), (100.0, True), (500.0, False), (3.0, False)])
 def test_an_effort_that_suffices_only_in_kilonewton_metres_gets_a_note(effort: float, hinted: bool) -> None:
-    """With both links level, the jib holds 1.9 m × 9.81 m/s² × 200 kg and 0.9 m × 9.81 m/s² × 25 kg: 3.95 kN m."""
+    """The drive of the level jib must hold 9.81 m/s² (1.9 m × 200 kg + 0.9 m × 25 kg) = 3.95 kN m."""
     level = CRANE.varied({"initial.joint_deg": [0.0, 0.0], "drive.effort": [1e5, effort], "sensor": []})
     found = [note for note in notes(level) if note.startswith("drive.effort.jib = ")]
     assert len(found) == hinted
@@ -178,7 +178,7 @@ FILES = [path for folder in ("models", "validation/scenes", "docs") for path in 
 def test_the_scenes_of_the_repository_get_no_hints(path: Path) -> None:
     try:
         scene = fl.load_scene(path)
-    except fl.errors.SceneError:  # a sweep
+    except fl.errors.SceneError:  # the file describes a sweep
         return
     assert hints(scene) == ()
 

@@ -20,7 +20,7 @@ GOOD = f'<robot name="r"><link name="a"/><link name="b">{BODY}</link>{JOINT}</ro
 
 
 def edited(*pairs: str) -> str:
-    """The good file with the first text of each pair replaced by the second."""
+    """The good file, in which the first text of each pair is replaced by the second."""
     text = GOOD
     for old, new in zip(pairs[::2], pairs[1::2], strict=True):
         assert old in text
@@ -44,7 +44,7 @@ def rope(count: int) -> str:
 LAUGHS = "".join(f'<!ENTITY l{k + 1} "{f"&l{k};" * 10}">' for k in range(9))
 MIMIC = '<mimic joint="{}"/>'
 HOSTILE: dict[str, tuple[str | bytes, str, str]] = {
-    # no robot
+    # files without a robot
     "empty": ("", "not-xml", ""),
     "blank": (" \n", "not-xml", ""),
     "no XML": ("name = 'arm'", "not-xml", ""),
@@ -57,7 +57,7 @@ HOSTILE: dict[str, tuple[str | bytes, str, str]] = {
     "our own export": (edited("</joint>", '<flexlink stiffness="9"/></joint>'), "exported-by-flexlink", "<flexlink>"),
     "no link": ("<robot name='r'/>", "no-link", ""),
     "no joint": ("<robot name='r'><link name='a'/></robot>", "no-movable-joint", "'a'"),
-    # entities, size, depth
+    # XML entities, file size, nesting depth
     "billion laughs": (f'<!DOCTYPE r [<!ENTITY l0 "ha">{LAUGHS}]><robot name="&l9;"/>', "xml-entities", "<!DOCTYPE r>"),
     "quadratic": (
         f'<!DOCTYPE r [<!ENTITY x "{"x" * 100_000}">]><robot>{"&x;" * 100_000}</robot>', "xml-entities", "<!DOCTYPE r>"

@@ -96,7 +96,7 @@ def test_imports_and_robots_have_a_short_representation(robot) -> None:
 
 
 def test_the_tip_is_at_the_frame_of_its_link(robot) -> None:
-    """Compare with Pinocchio's placement of the link's frame."""
+    """The tip is compared with Pinocchio's placement of the link's frame."""
     described, path, imported = robot(1)
     chain, q = fl.lump(imported.scene), np.array([0.1, -0.7, 1.3])
     import pinocchio as pin  # noqa: PLC0415

@@ -121,7 +121,7 @@ def test_a_signal_does_not_wait_for_a_long_sample(number: int, models) -> None:
 
 @pytest.mark.parametrize("clock", [time.perf_counter, lambda: 0.0], ids=["a clock", "a stopped clock"])
 def test_a_run_is_split_into_short_pieces_even_if_samples_are_long(clock, models, monkeypatch) -> None:
-    """50,000 steps take at least 0.1 s: 100 pieces of 1 ms; with a stopped clock, 4 pieces, of 200 steps, then × 8."""
+    """50,000 steps take at least 0.1 s: 100 pieces of 1 ms. If the clock stops: 4 pieces, from 200 steps, × 8 each."""
     seen: list[float] = []
     monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "BREATH", 1e-3)
     monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "time", SimpleNamespace(perf_counter=clock))
@@ -212,7 +212,7 @@ def test_a_signal_at_the_end_of_a_run_loses_no_sample(models) -> None:
     [
         ("/usr/bin/flexlink", ["python", "/usr/bin/flexlink", "info"], True),
         ("-m", ["python", "-X", "dev", "-m", "flexlink", "info"], True),
-        ("-m", ["python", "-m", "laboratory", "flexlink"], False),  # a program that imports the library
+        ("-m", ["python", "-m", "laboratory", "flexlink"], False),  # a user's program that imports the library
         ("study.py", ["python", "study.py", "-m", "flexlink"], False),
         ("", ["python"], False),
     ],

@@ -175,7 +175,7 @@ def test_ctrl_c_sent_only_to_the_engine_process_is_raised_in_the_parent() -> Non
 def test_a_process_serves_one_engine_after_another(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    gc.collect()  # otherwise an unused engine of an earlier test could leave its process idle later
+    gc.collect()  # without this, an unused engine of an earlier test could leave its process idle later
     monkeypatch.setattr(child_process, "_idle", {})
     engine = IsolatedEngine("native", lump(SCENE))
     first, other = process_of(engine), process_of(IsolatedEngine("native", lump(SCENE)))
@@ -265,7 +265,7 @@ def test_an_engine_process_ends_if_its_parent_is_killed() -> None:
     parent = subprocess.Popen([sys.executable, "-c", PARENT], stdout=subprocess.PIPE, text=True, env=here)
     assert parent.stdout is not None
     child = int(parent.stdout.readline())
-    time.sleep(0.3)  # it is simulating 1000 s
+    time.sleep(0.3)  # by now the engine simulates a motion of 1000 s
     assert alive(child)
     parent.kill()
     parent.wait()

@@ -67,7 +67,7 @@ def test_an_interrupted_sweep_reports_its_signal() -> None:
 
 
 def test_a_damaged_page_of_the_database_is_found(tmp_path: Path) -> None:
-    """The damaged page contains the end of a long reason, which only a full query of the table reads."""
+    """The damaged page contains the end of a long text, which is read only by a full query of the table."""
     plan, out = Plan(SWEEP), tmp_path / "sweep.db"
     with Store(out, plan, {"of": "this"}) as store:
         store.add([row(0, "x" * 20_000)])

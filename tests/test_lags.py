@@ -13,7 +13,7 @@ import flexlink as fl
 from flexlink.formats.features import unsupported
 from tests.words import refused
 
-FIXED = 1e-9  # for steps of 1 ms
+FIXED = 1e-9  # allowed error of runs with steps of 1 ms
 WAYS = [("RK4", FIXED), ("Gauss4", FIXED), ("Radau5", 1e-6), ("DOP853", 1e-7), ("Radau9", 1e-8), ("auto", 1e-5)]
 NONE = {"link.*.joint.viscous": 0.0, "link.*.joint.viscous_lag": 0.0}
 RATES = np.array([[0.0, -2.0], [1 / 0.3, -1 / 0.3]])  # matrix of q̈ = −d ζ / I and ζ̇ = (q̇ − ζ) / τ

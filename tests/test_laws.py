@@ -116,7 +116,7 @@ def inverse_dynamics(by: str, scene: fl.Scene) -> Callable[..., np.ndarray]:
 def test_a_compiled_law_agrees_with_its_formula(
     name: str, by: str, monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
 ) -> None:
-    """They agree to 1e-12 of the largest term, that is, to a few thousand roundings."""
+    """Torques agree to 1e-12 of the largest term, that is, to a few thousand roundings."""
     law, scene = LAWS[name], arm(LAWS[name])
     order = 1 if law.get("gravity") == "static" else 4
     ref = PiecewisePolynomial(np.zeros(1), rng.uniform(-1, 1, (1, order, 3)))
@@ -149,7 +149,7 @@ def moved(ref: PiecewisePolynomial, t: float) -> list[np.ndarray]:
 @every_limit
 @every_law
 def test_a_sampled_law_agrees_with_the_same_law_in_python(name: str, limit: str) -> None:
-    """Both use the same sampling loop; rounding differs by a few ulp of 100 N m at each of 100 samples."""
+    """Both laws use the same sampling loop; rounding differs by a few ulp of 100 N m at each of 100 samples."""
     scene = arm({**LAWS[name], **LIMITED[limit], "rate": 1000.0})
     law = fl.simulate(scene.varied({"drive": {"kind": "none"}}), control=in_python(scene), rate=1000.0)
     run = fl.simulate(scene)
@@ -229,7 +229,7 @@ def test_effort_limits_apply_to_laws_and_external_torques() -> None:
 
 @every_law
 def test_the_gains_of_a_law_are_its_derivatives(name: str, rng: np.random.Generator) -> None:
-    """They agree with central differences of the Python formula in random directions, whose error is about 1e-10."""
+    """The gains agree with central differences of the Python formula in random directions, accurate to about 1e-10."""
     scene = arm(LAWS[name])
     chain, law = fl.lump(scene), in_python(scene)
     q, qd, δ, δd = rng.uniform(-1, 1, (4, chain.n))

@@ -1,7 +1,7 @@
 """Every check of the study is given false values and must report them: a check that always passes is useless.
 
 Each case is shortened, passes unchanged, and must fail if one function of the library returns a false value in one
-call. False values exceed a limit only a few times, so that a limit 1000 times too wide, or a mean in place of a
+call. False values exceed a limit by a small factor only, so that a limit 1000 times too wide, or a mean in place of a
 maximum, is found.
 """
 
@@ -22,7 +22,7 @@ from validation.kinds import KINDS
 from validation.store import Row
 
 CUTS = load()
-SHARPEST = 40.0  # most times that a false value may exceed its limit: far below 1000, well above rounding
+SHARPEST = 40.0  # largest factor by which a false value may exceed its limit: far below 1000, well above rounding
 MILLIONTH = 1e-6
 
 

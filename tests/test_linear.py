@@ -41,9 +41,9 @@ def test_slow_modes_of_stiff_arms_are_accurate(name: str, stiffer: float) -> Non
 
     A backward stable solver changes λ of 2n rows by 2n eps ‖A‖ times the condition number 1/|yᴴx|. With graded rows
     the slowest λ changes by 2n eps of the slowest joint's row; `numpy.linalg.eigvals(A)` of the stiffer arm exceeds
-    this by a factor of 30. By 60-digit arithmetic, eigenvalues of A are accurate to 6e-13 of λ, and `modes` to 1e-12.
-    The condition number of fast pairs that nearly coincide is known only roughly, so 1e-10 of λ is also allowed, 20
-    times the error observed with OpenBLAS.
+    this by a factor of 30. Compared with 60-digit arithmetic, eigenvalues of A are accurate to 6e-13 of λ, and `modes`
+    to 1e-12. The condition number of fast pairs that nearly coincide is known only roughly, so 1e-10 of λ is also
+    allowed, 20 times the error observed with OpenBLAS.
     """
     scene = fl.load_scene(next(path for path in MODELS if path.stem == name))
     used = {link.material: scene.arm.materials[link.material] for link in scene.arm.links if link.material}

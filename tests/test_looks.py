@@ -127,9 +127,9 @@ def test_results_and_warnings_do_not_depend_on_the_checking_times(kind: str) -> 
 
 
 def test_the_compared_runs_cover_every_kind_of_ending() -> None:
-    """If they did not, their comparison would prove nothing."""
+    """If a kind of ending were missing, the comparison would not test it."""
     parts = {
-        "fixed explicit": "joint 'a'",  # past its limits
+        "fixed explicit": "joint 'a'",  # joint beyond its limits
         "fixed explicit, coarse": "E − E(0) − W",
         "no further": "max_evaluations = 60",
         "bent far": "'a.1.y'",

@@ -152,7 +152,7 @@ def test_the_error_e_is_printed_next_to_u_val_and_its_components():
     c = series.columns
     assert np.allclose(c["u_val"] ** 2, c["u_num"] ** 2 + c["u_input"] ** 2 + c["u_D"] ** 2)
     assert np.allclose(c["E"], c["S"] - c["D"])
-    assert np.allclose(c["order"][:2], 2.0, atol=0.1)  # order of the rule, for the hanging and the standing strip
+    assert np.allclose(c["order"][:2], 2.0, atol=0.1)  # order of the rule, for the hanging and the upright strip
 
 
 def test_a_missing_measurement_is_named():

@@ -36,7 +36,7 @@ def test_a_result_is_computed_once_per_object_and_key() -> None:
 
 
 def test_a_key_of_contents_depends_on_all_arguments() -> None:
-    """Numbers with another value, type, shape or position give another key; a copy of an array gives the same key."""
+    """Arguments of another value, type, shape or position give another key; a copy of an array gives the same key."""
     memo, one, calls, zeros, ones = Memo(64), Unhashable(), [], np.zeros(2), np.ones(2)
     given = [
         (zeros, ones), (zeros, ones + 1.0), (ones, zeros), (zeros, np.ones((2, 1))), (zeros, np.ones(2, np.int64)),
@@ -49,7 +49,7 @@ def test_a_key_of_contents_depends_on_all_arguments() -> None:
 
     for _ in range(2):
         assert [memo.calling(find, one, *copy.deepcopy(each)) for each in given] == list(range(1, len(given) + 1))
-    assert memo.calling(lambda *_: 0, one, zeros, ones) == 0  # another function
+    assert memo.calling(lambda *_: 0, one, zeros, ones) == 0  # another function has other results
 
 
 def test_holding_torques_of_references_with_equal_times_are_stored_separately() -> None:

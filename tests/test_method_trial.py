@@ -53,7 +53,7 @@ STEP = 1e-5  # CPU time of a step by any method [s]
 
 
 class Counted:
-    """Steps of a method that cost a given CPU time per second of motion; 1 s is done, and 10 s of motion remain."""
+    """Steps of a method that cost a given CPU time per second of motion; 1 s of motion is done, 10 s remain."""
 
     def __init__(self, name: str, cost: float, **known: Any) -> None:
         self.name, self.why, self.cost, self.spent, self.taken = name, "", cost, 0.0, 0.0

@@ -72,7 +72,7 @@ def test_the_error_estimate_vanishes_for_polynomials_below_its_order(name: str) 
     c = method(name).arrays[2]
     for k in range(1, len(c) + 1):
         assert d @ c ** (k - 1) == pytest.approx(-γ if k == 1 else 0.0, abs=4 * EPS)
-    assert abs(d @ c ** len(c)) > 1e-5  # but not for the next degree
+    assert abs(d @ c ** len(c)) > 1e-5  # not exact for the next degree
 
 
 def test_methods_with_an_error_estimate_are_marked_as_controlled() -> None:

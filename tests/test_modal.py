@@ -75,8 +75,8 @@ def test_frequencies_of_the_arm_of_de_luca_and_siciliano_are_reproduced():
     )
     measured = np.concatenate([modes(first).hertz[:2], modes(second).hertz[:2]])
     published = [0.4797, 1.7966, 2.1783, 15.9145]
-    assert measured[:3] == pytest.approx(published[:3], rel=1e-3)  # measured 1e-6
-    assert measured == pytest.approx(published, rel=2e-4)  # the published digits
+    assert measured[:3] == pytest.approx(published[:3], rel=1e-3)  # the measured deviation is 1e-6
+    assert measured == pytest.approx(published, rel=2e-4)  # within the published digits
 
 
 # --- posture, gravity, spin, damping ---------------------------------------------------------------------------------
@@ -99,7 +99,7 @@ def test_tangent_matrices_are_derivatives_of_the_torques():
             assert K[:, j] == pytest.approx(difference, abs=1e-9 * np.abs(K).max())
     G = gyroscopic_matrix(chain, q, qd)
     whole = load_torque(chain, q, qd, np.zeros(6)) - load_torque(chain, q, 0 * qd, np.zeros(6))
-    assert G @ qd == pytest.approx(2 * whole, abs=1e-12 * np.abs(whole).max() * chain.n)  # homogeneous of degree 2
+    assert G @ qd == pytest.approx(2 * whole, abs=1e-12 * np.abs(whole).max() * chain.n)  # T_GC is of degree 2 in q̇
 
 
 def test_follower_force_and_moment_act_in_axes_of_the_tip():
@@ -165,7 +165,7 @@ def test_eigenvalues_equal_those_of_linearised_forward_dynamics():
     chain = fl.lump(nasty_scene())
     n, wrench = chain.n, np.array([3.0, -2.0, 5.0, 1.0, 0.5, -1.0])
     q, rest = np.linspace(-0.3, 0.4, n), np.zeros(n)
-    tau = load_torque(chain, q, rest, wrench) + elastic_torque(chain, q)  # balances the arm: an equilibrium
+    tau = load_torque(chain, q, rest, wrench) + elastic_torque(chain, q)  # torque of equilibrium
 
     def slope(f, h):
         return np.array([(f(h * e) - f(-h * e)) / (2 * h) for e in np.eye(n)]).T
@@ -208,7 +208,7 @@ def sixty_digits(chain):
 @pytest.mark.parametrize("gravity", [(0.0, 0.0, 0.0), (0.0, 0.0, 9.81)])
 @pytest.mark.parametrize("ratio", [1e8, 1e12])
 def test_soft_modes_stay_accurate_in_the_presence_of_stiff_ones(ratio, gravity):
-    """If ω² were computed as eigenvalues, their error ω_max² eps would be 3e-4 of the first one at a ratio of 1e8."""
+    """If ω² were computed as eigenvalues, the error ω_max² eps would be 3e-4 of the first ω² at a ratio of 1e8."""
     chain = l_arm(ratio, segments=5, gravity=gravity)
     exact = sixty_digits(chain)
     assert exact[-1] / exact[0] > 50 * ratio**0.5

@@ -90,7 +90,7 @@ def test_a_run_of_another_engine_has_no_work_or_imbalance(paper: fl.Scene) -> No
 @pytest.mark.parametrize("sample", [0.01, 0.05, 0.25, 1.0])
 @pytest.mark.parametrize("unstable", ["refuse", "allow"])
 def test_all_samples_of_a_run_are_finite(paper: fl.Scene, sample: float, unstable: str) -> None:
-    """This includes overflow in the last step of a piece or of the run."""
+    """The overflow may also occur in the last step of a piece or of the run."""
     with pytest.raises((fl.errors.UnstableStepError, fl.errors.DivergenceError)) as caught:
         fl.simulate(paper, step=0.01, sample=sample, duration=1.0, unstable=unstable)
     kept = getattr(caught.value, "trajectory", None)
@@ -174,7 +174,7 @@ def test_loads_that_stiffen_a_chain_shorten_the_stable_step() -> None:
 
 
 def test_a_falling_upright_rod_has_a_largest_stable_step() -> None:
-    """An upright rod falls or rises with the rate √(3g/2l); the stable step is 2.785/rate."""
+    """Small motion about the upright position is e^(±λt) with λ = √(3g/2l); the stable step is 2.785/λ."""
     scene = make_scene(fl.Link(name="a", length=1.0, material="aluminium", section="square"), gravity=(-9.81, 0.0, 0.0))
     rate = np.sqrt(9.81 * 0.5 / (1 / 3 + 0.04**2 / 12))  # m g l/2 over I of a square bar about its end
     assert fl.stable_step(fl.lump(scene), [0.0], method="RK4") * rate == pytest.approx(2.785293563, rel=1e-6)
@@ -306,7 +306,7 @@ def test_a_run_is_doubtful_for_errors_of_steps_and_of_energy() -> None:
 
 def test_the_sum_of_step_errors_does_not_depend_on_the_number_of_probed_steps(monkeypatch) -> None:
     few = sum_of_errors(swung(0.17))
-    monkeypatch.setattr(sys.modules["flexlink.motion.tolerable"], "APART", 1)  # every step
+    monkeypatch.setattr(sys.modules["flexlink.motion.tolerable"], "APART", 1)  # probe every step
     assert sum_of_errors(swung(0.17)) == pytest.approx(few, rel=0.3)
 
 
@@ -329,7 +329,7 @@ def test_a_tolerance_explains_only_its_share_of_the_imbalance_of_an_explicit_run
 
 
 def test_the_energy_check_of_samples_gives_its_documented_values(rng: np.random.Generator) -> None:
-    """With random numbers in two pieces, r, X, ε and the unexplained part of r agree; every fault is found."""
+    """Imbalance r, exchanged energy X, rounding ε and the unexplained part of r agree for random samples."""
     chain, force, rows, n = fl.lump(everything("xyz")), np.array([2.0, -1.0, 0.5]), 9, 8
     energy, works, tip = rng.normal(size=(3, rows)), rng.normal(size=rows), rng.normal(size=(rows, 3))
     energy[0] = np.abs(energy[0])
@@ -395,4 +395,4 @@ def test_no_random_scene_gives_a_wrong_run_without_a_warning() -> None:
     """Run a few of the scenes that `python -m tests.random_scenes 2000` runs."""
     outcomes = {seed: verdict(seed) for seed in range(20)}
     assert {seed: found for seed, found in outcomes.items() if found[0] == "WRONG"} == {}
-    assert sum(found[0] == "right" for found in outcomes.values()) >= 3  # so the reference is used
+    assert sum(found[0] == "right" for found in outcomes.values()) >= 3  # the reference is used in these runs

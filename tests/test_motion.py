@@ -118,7 +118,7 @@ def test_a_prescribed_joint_of_a_planar_chain_may_be_reversed_and_have_a_rotor(s
     for run in runs[1:]:
         assert np.abs(run.q - runs[0].q).max() < 1e-11
         np.testing.assert_allclose(run.tau, runs[0].tau, rtol=0, atol=1e-7 * np.abs(runs[0].tau).max())
-    assert np.abs(runs[0].q[:, 0]).max() > 0.04 * (samples * sample) ** 2  # the free joint inboard of it moves
+    assert np.abs(runs[0].q[:, 0]).max() > 0.04 * (samples * sample) ** 2  # the free inboard joint moves
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ DRY = 1.5  # N m
 
 
 def slender(**changes: Any) -> fl.Scene:
-    """Two slender links, the second perpendicular to the first, that bend and twist under a heavy tip."""
+    """Two slender links, the second perpendicular to the first, which bend and twist under a heavy load at the tip."""
     across = fl.Mount(rpy_deg=(-90.0, 0.0, 0.0))
     links = flexible("a", "xyz", 9), flexible("b", "xyz", 5, mount=across)
     scene = make_scene(
@@ -41,7 +41,7 @@ def test_steps_of_twisting_arms_are_limited_by_their_motion_only(rule: str) -> N
         run = fl.simulate(arm, method="Radau5", tolerance=part * travel)
         assert np.linalg.norm(run.tip - truth, axis=1).max() <= part * travel
         assert run.steps.failed <= 0.25 * run.steps.taken
-        assert run.steps.evaluations <= most  # 15,000 at any tolerance if all stages share one matrix
+        assert run.steps.evaluations <= most  # it would be 15,000 at any tolerance if all stages shared one matrix
 
 
 def sliding(width: float, **changes: Any) -> fl.Scene:
@@ -61,7 +61,7 @@ def angle_by_events(inertia: float) -> float:
             slope, t, end = (mpmath.mpf(b) - a) / (mpmath.mpf(t1) - t0), mpmath.mpf(0), mpmath.mpf(t1) - t0
             while t < end:
                 tau = a + slope * t
-                if v == 0 and abs(tau) <= DRY:  # sticking until the torque exceeds the friction
+                if v == 0 and abs(tau) <= DRY:  # the joint sticks until the torque exceeds the friction
                     away = [(s * DRY - a) / slope for s in (-1, 1) if s * slope > 0]
                     t = min([end, *(x for x in away if x > t)])
                     if t < end:

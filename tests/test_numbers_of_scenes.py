@@ -96,7 +96,7 @@ def cantilever(**fields: object) -> fl.Scene:
 
 
 WEIGHT = 2700.0 * 0.04**2 * 2.0 * 9.81
-YIELD = 0.1  # limit of `strain` in data/plausibility
+YIELD = 0.1  # limit of the strain in data/plausibility
 MOMENT = YIELD * 70e9 * (0.04**4 / 12) / 0.02 - WEIGHT * 1.0  # strain · E I/c, minus the moment of the weight
 
 
@@ -154,7 +154,7 @@ def test_points_bodies_and_springs_beyond_their_limits_have_a_hint() -> None:
     ],
 )
 def test_an_angle_with_the_digits_of_a_round_angle_in_radians_has_a_hint(angle: float, radians: bool) -> None:
-    """The number is a multiple of 5° in radians, rounded to its decimals; with two decimals, it must be 90°."""
+    """The number is a multiple of 5° in radians, rounded to its decimals; with two decimals, only 90° has a hint."""
     scene = make_scene(flexible("a"), gravity=(0.0, 0.0, 0.0), initial=fl.InitialState(joint_deg=(angle,)))
     found = [hint for hint in hints(scene) if hint.id == "likely-radians"]
     assert len(found) == radians
@@ -179,7 +179,7 @@ def test_a_spring_that_the_weight_stretches_by_half_a_metre_has_a_hint() -> None
 
 @pytest.mark.parametrize(("length", "side", "key"), [(30.0, 5e-3, "link.bar.length"), (0.03, 0.04, "section.square.")])
 def test_a_link_too_slender_or_too_short_for_a_beam_has_a_hint(length: float, side: float, key: str) -> None:
-    """If L/h = 6000, the length is probably wrong; if the link is wider than long, the section is."""
+    """If L/h = 6000, the length is probably wrong; if the link is wider than long, the section is probably wrong."""
     section = fl.Section(shape="rectangle", height=side, width=side)
     scene = make_scene(flexible("bar", length=length), gravity=(0.0, 0.0, 0.0)).varied({"section.square": section})
     (hint,) = hints(scene)

@@ -90,7 +90,7 @@ def test_predicted_energy_loss_of_an_oscillator_follows_from_the_stability_funct
 
 
 def test_the_release_of_a_straight_arm_gives_its_modes_the_energy_of_the_static_bend():
-    """With all joints locked, Σ E_m equals the spring energy of the static deflection, ½ T_G·K⁻¹·T_G."""
+    """With all joints locked, the mode energies add up to the spring energy at static deflection, ½ T_G·K⁻¹·T_G."""
     scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied({"link.*.joint.locked": True})
     chain = fl.lump(scene)
     ω, E = released_modes(scene)

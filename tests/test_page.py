@@ -142,7 +142,7 @@ LATEST = Path(__file__).parent.parent / "reports" / "latest" / "index.html"
 
 @pytest.mark.skipif(not LATEST.is_file(), reason="needs a report: python -m validation")
 def test_the_full_report_is_short_and_small_and_cuts_no_word(window: Browser) -> None:
-    """The page of all 100 cases has 22 screens when folded, and 2 MB without the drawings."""
+    """The page of all 100 cases has 22 screens with folded chapters, and 2 MB without the drawings."""
     window.open(LATEST, *DESK)
     window.run(FOLD)
     assert window.run(SCREENS) <= 22

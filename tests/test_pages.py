@@ -87,7 +87,7 @@ def test_the_readme_is_short_and_has_the_numbers_of_the_stored_study() -> None:
 def test_links_lead_to_files(path: Path) -> None:
     text = re.sub(r"```.*?```", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
     links = [link.partition("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", text) if not link.startswith("http")]
-    left_out = re.findall(r"^prune (.+)$", (ROOT / "MANIFEST.in").read_text(), re.MULTILINE)  # from the sdist
+    left_out = re.findall(r"^prune (.+)$", (ROOT / "MANIFEST.in").read_text(), re.MULTILINE)  # excluded from the sdist
     built = (ROOT / "docs" / "reference" / "generated", ROOT / "docs" / "gallery")  # checked when the site is built
     gone = tuple(ROOT / each for each in left_out if not (ROOT / each).is_dir())
     places = [(path.parent / link).resolve() for link in links if link]

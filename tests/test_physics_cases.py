@@ -51,13 +51,13 @@ def test_the_fitted_order_of_a_power_law_is_its_exponent(power):
 def test_the_hinges_needed_are_the_fewest_beyond_which_the_error_stays_small():
     errors = {"lucky": {2: 0.5, 3: 0.001, 4: 0.3, 5: 0.001, 6: 0.0005}, "poor": {2: 0.5, 9: 0.2}}
     found = rows(Sweep(rules={}, needs=(Need(name="need", measures=("tip",), within=0.01),)), errors)
-    assert found[NEEDED, "lucky, need"] == 5  # 3 hinges meet the error by chance
+    assert found[NEEDED, "lucky, need"] == 5  # 3 hinges meet the allowed error only by chance
     assert found[NOT_ENOUGH, "poor, need"] == 9
     assert found[FEWEST, ""] == 5
 
 
 def test_a_fitted_order_ignores_rounding_errors_and_accidentally_small_errors():
-    lucky = {4: 4**-4.0, 8: 1e-9, 16: 16**-4.0, 32: 32**-4.0, 64: 1e-13, 128: 3e-13}  # at 8, error changes sign
+    lucky = {4: 4**-4.0, 8: 1e-9, 16: 16**-4.0, 32: 32**-4.0, 64: 1e-13, 128: 3e-13}  # at 8 the error changes sign
     sweep = Sweep(rules={}, least={"tip": {"lobatto4": 3.8}}, rounding={"tip": 1e-12}, fitted=4)
     found = rows(sweep, {"lobatto4": lucky})
     assert found["fitted order", "lobatto4, tip"] == pytest.approx(4)

@@ -127,7 +127,7 @@ def test_near_segments_hide_far_ones() -> None:
     depth = projected.points[0, projected.spans, 2] + projected.points[0, projected.spans + 1, 2]
     assert (np.diff(depth[order]) >= 0).all()
     towards = projected.view.axes[2]
-    assert projected.view(towards)[2] == pytest.approx(1.0)  # larger is nearer
+    assert projected.view(towards)[2] == pytest.approx(1.0)  # a larger value is nearer to the viewer
 
 
 def pendulum(center: tuple[float, float, float], mass: float = 3.0) -> fl.Trajectory:

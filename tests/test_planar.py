@@ -21,7 +21,7 @@ TIP = fl.RigidBody(mass=0.5, inertia=(0.1, 0.2, 0.3))
 
 
 def assert_solves_its_equation_of_motion(chain: fl.Chain, rng: np.random.Generator) -> None:
-    """Check that spatial inverse dynamics of the resulting q̈ returns the torques, up to a few roundings."""
+    """Check that spatial inverse dynamics of the computed q̈ returns the torques, up to a few roundings."""
     assert chain.is_planar
     for _ in range(5):
         q, qd = random_state(chain, rng)

@@ -28,7 +28,7 @@ def test_no_legend_covers_a_curve(run: fl.Trajectory) -> None:
 
 
 def test_every_energy_spans_a_fifth_of_its_panel(run: fl.Trajectory) -> None:
-    """The constant total is excluded. If the zero of gravity energy were arbitrary, all curves would look flat."""
+    """The constant total energy is excluded. With an arbitrary zero of gravity energy, all curves would look flat."""
     figure = plotting.plot_trajectory(run)
     for panel in figure.axes[-3:]:
         low, high = panel.get_ylim()

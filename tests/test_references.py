@@ -53,12 +53,12 @@ def derivatives(course: fl.ReferenceTrajectory, number: int) -> list[fl.Referenc
 
 
 def peaks(course: fl.ReferenceTrajectory, number: int = 3) -> np.ndarray:
-    """Exact largest |value| of the reference and of `number` derivatives, (number + 1, d)."""
+    """Exact largest |value| of the reference and its first `number` derivatives, shape (number + 1, d)."""
     return np.array([np.abs(each.extremes()).max(axis=0) for each in derivatives(course, number)])
 
 
 def came_to(course: fl.ReferenceTrajectory, piece: int) -> np.ndarray:
-    """Angle, rate and acceleration at the end of a piece, (3, d)."""
+    """Angle, rate and acceleration at the end of a piece, shape (3, d)."""
     x = course.knots[piece + 1] - course.knots[piece]
     c = [each.coefficients[piece] for each in derivatives(course, 2)]
     return np.array([(part * x ** np.arange(len(part))[:, None]).sum(axis=0) for part in c])
@@ -87,7 +87,7 @@ def test_a_move_starts_and_ends_at_rest_at_the_given_angles(move: Move) -> None:
 @pytest.mark.slow
 @given(moves(limited=True))
 def test_no_limit_is_exceeded_and_the_slowest_joint_reaches_a_limit(move: Move) -> None:
-    """Checked at the exact extremes of every piece and between them; knots are rounded by ε of their time."""
+    """Limits are checked at and between the exact extremes of every piece; knots are rounded by ε of their time."""
     reference, start = move
     course = reference.course(start)
     if len(course.knots) == 1:
@@ -142,7 +142,7 @@ def test_an_s_curve_becomes_the_trapezoid_as_its_jerk_grows(speed: float) -> Non
 
 
 def test_a_move_of_given_duration_has_ramps_of_one_third() -> None:
-    """Trapezoid: v = 3/2 D/T, a = 9/2 D/T². S-curve: a = 27/4 D/T², j = 243/4 D/T³. Quintic: 15/8, 10/√3, 60."""
+    """For D = T = 1: trapezoid v = 3/2, a = 9/2; S-curve a = 27/4, j = 243/4; quintic v = 15/8, a = 10/√3, j = 60."""
     D, T = np.radians(40.0), 1.5
     wanted = {"quintic": (15 / 8, 10 / np.sqrt(3), 60.0), "trapezoidal": (1.5, 4.5), "s_curve": (1.5, 6.75, 60.75)}
     for profile, ratios in wanted.items():
@@ -190,7 +190,7 @@ def test_a_smooth_table_passes_through_all_its_values_with_continuous_derivative
 @pytest.mark.slow
 @given(st.integers(0, 2**32))
 def test_extremes_are_the_largest_and_smallest_values_of_all_pieces(seed: int) -> None:
-    """The extremes are compared with a thousand samples per piece, which miss an extreme by < max |r̈| dt²/8."""
+    """The extremes are compared with a thousand samples per piece, which miss an extreme by up to max |r̈| dt²/8."""
     rng = np.random.default_rng(seed)
     t = np.cumsum(rng.uniform(0.1, 1.0, 5))
     parts = [tuple(map(tuple, rng.uniform(-90, 90, (5, 2)))) for _ in range(3)]

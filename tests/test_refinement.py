@@ -82,7 +82,7 @@ def test_the_cost_of_a_choice_is_proportional_to_its_evaluations(about: Refineme
     own, *others = about.choices()
     reviewed("report: labels of choices", "\n".join(one.label for one in others))
     same = [one.seconds / own.seconds for one in others if one.n == own.n][:2]
-    assert same == pytest.approx([0.5, 2.0], rel=1e-12)  # double and half the step
+    assert same == pytest.approx([0.5, 2.0], rel=1e-12)  # measured with double and with half the step
     assert [one.label for one in others if not one.outcome.completed] == []
     assert {one.n for one in others} - {own.n} != set()
     assert about.cut(0.5) == about.model  # two hinges: gauss allows only pairs

@@ -71,7 +71,7 @@ def test_an_explicit_method_has_no_eigendecomposition() -> None:
 
 
 def test_a_smooth_table_interpolates_its_torques_with_continuous_derivatives() -> None:
-    """At every knot the remaining jump is a rounding error times 1/h for each derivative."""
+    """At the knots, value, slope and second derivative jump by rounding errors only, times 1/h per derivative."""
     t = np.linspace(0.0, 4.0, 17)
     torques = tuple((float(value),) for value in np.sin(t))
     scene = make_scene(flexible("a"), drive=fl.Drive(kind="table", times=tuple(t), torques=torques, smooth=True))

@@ -33,7 +33,7 @@ def test_loads_are_equal_for_a_joint_about_minus_y_and_one_about_z_in_a_rotated_
 
 
 def test_the_root_of_a_level_beam_carries_shear_and_bending_but_no_torque() -> None:
-    """Shear (1 + ρAL) g and bending moment g L (1 + ρAL/2) of a beam with a tip mass of 1 kg, for a joint about −Y."""
+    """Shear is (1 + ρAL) g and the bending moment g L (1 + ρAL/2) for a tip mass of 1 kg and a joint about −Y."""
     link = flexible("beam", "z", 4, length=1.0, joint=fl.Joint(axis=(0.0, -1.0, 0.0)))
     weight = 9.81 * (1.0 + 2700.0 * 0.04**2)
     drive = fl.Drive(kind="pd", kp=(1e5,), kd=(1e3,), target_deg=(0.0,), gravity="static")

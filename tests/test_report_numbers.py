@@ -87,8 +87,8 @@ def with_run(study: Study, run: Any) -> Study:
 # an arm at rest: closed forms of a beam
 
 L, HEIGHT, WIDTH, E, RHO, LOAD, ASIDE, G = 0.8, 0.02, 0.03, 2.1e11, 7850.0, 2.0, 0.1, 9.81
-EI, WEIGHT = E * WIDTH * HEIGHT**3 / 12, RHO * WIDTH * HEIGHT * G  # about z; N/m
-MOMENT, SHEAR = G * LOAD * L + WEIGHT * L**2 / 2, G * LOAD + WEIGHT * L  # at the root
+EI, WEIGHT = E * WIDTH * HEIGHT**3 / 12, RHO * WIDTH * HEIGHT * G  # bending stiffness about z [N m²]; weight [N/m]
+MOMENT, SHEAR = G * LOAD * L + WEIGHT * L**2 / 2, G * LOAD + WEIGHT * L  # moment and shear force at the root
 
 
 def bar_of(height: float, width: float, mass: float, link: dict[str, Any]) -> fl.Arm:
@@ -152,7 +152,7 @@ class TestHeld:
         assert sorted(hinges) == list(range(1, 17))
         assert springs["damping [N m s/rad]"] == pytest.approx(1e-4 * np.array(springs["stiffness [N m/rad]"]))
         assert springs["start [deg]"] == pytest.approx(np.degrees(held.start[0][hinges]), rel=1e-12)
-        assert [names.count("bar.") for names in springs["coupled with"]] == [3] * 16  # 3 others in a cell of 4 hinges
+        assert [names.count("bar.") for names in springs["coupled with"]] == [3] * 16  # the 3 other hinges of its cell
 
     def test_only_one_mode_per_two_hinges_and_axis_is_resolved(self, held: Study) -> None:
         part = made("vibration", held)

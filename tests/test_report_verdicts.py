@@ -206,7 +206,7 @@ class TestOthers:
         reviewed("report verdicts: motion that amplifies rounding", warning)
 
     def test_eight_thousand_evaluations_limit_the_part_of_a_run_that_is_compared(self) -> None:
-        """With four evaluations per step of 1 ms this is 2 s, or less if the run is shorter."""
+        """With four evaluations per step of 1 ms, 2 s of motion are compared, or less if the run is shorter."""
         affordable = importlib.import_module(f"{PARTS}.agreement")._affordable
         assert affordable(Study(MOVE.varied({"run.duration": 8.0}))) == pytest.approx(2.0)
         assert affordable(Study(MOVE)) == 0.6

@@ -272,12 +272,12 @@ def conclusion(rk4: float, rk10: float) -> Table:
 
 
 def test_the_papers_conclusion_changes_where_the_curves_cross() -> None:
-    found = conclusion(rk4=1.0, rk10=1e18)  # equal at N = 10³, where both errors are 1e-12
+    found = conclusion(rk4=1.0, rk10=1e18)  # the methods are equal at N = 10³, where both errors are 1e-12
     assert {line[-1] for line in found.lines[:-1]} == {"RK4"}
     assert found.lines[-1][1] == pytest.approx(1e3, rel=1e-9), (
         "interpolation between logarithms is exact on a power law"
     )
-    crossing = conclusion(rk4=1.0, rk10=10**8.7)  # equal at N = 10^1.45, error 10^-5.8
+    crossing = conclusion(rk4=1.0, rk10=10**8.7)  # the methods are equal at N = 10^1.45, with error 10^-5.8
     assert [line[-1] for line in crossing.lines] == ["RK4"] * 5 + ["RK10"] * 7
     shown = crossing.sentences[0].replace(JOIN, " ")
     limits = re.findall(r"0\.1|10⁻[¹²⁵⁶]+", shown)

@@ -266,7 +266,7 @@ def test_a_table_is_read_from_a_csv_file_next_to_the_scene(tmp_path) -> None:
     (tmp_path / "spar.csv").write_text(CSV, encoding="utf-8")
     (tmp_path / "spar.toml").write_text(SCENE, encoding="utf-8")
     scene = fl.load_scene(tmp_path / "spar.toml")
-    (tmp_path / "spar.csv").unlink()  # it has been read
+    (tmp_path / "spar.csv").unlink()  # the table was read when the scene was loaded
     assert scene.arm.rigidities["spar"].x == pytest.approx(STEPPED.x, abs=1e-15)
     np.testing.assert_allclose(fl.lump(scene).stiffness, fl.lump(beam(STEPPED)).stiffness, rtol=1e-12)
     stiffer = scene.varied({"rigidity.spar.stiffness_factor": 2.0})

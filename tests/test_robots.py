@@ -50,7 +50,7 @@ def test_every_arm_of_the_table_has_its_scene_and_is_validated() -> None:
 @with_files
 @pytest.mark.parametrize("name", ARMS)
 def test_a_stored_scene_equals_the_result_of_its_import(name: str) -> None:
-    """They agree up to rounding differences between machines: a modulus is computed from an eigenvalue."""
+    """The scenes agree up to rounding that differs between machines: a modulus is computed from an eigenvalue."""
     stored = flat(fl.load_scene(ROOT / "models" / "robots" / f"{name}.toml").document())
     made = flat(import_known(name).scene.document())
     assert stored.keys() == made.keys()

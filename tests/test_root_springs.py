@@ -80,7 +80,7 @@ def test_a_stiff_root_spring_acts_as_a_clamp_and_a_soft_one_as_a_pin() -> None:
 
 
 def test_a_root_spring_adds_its_rotation_to_the_sag_of_the_beam() -> None:
-    """δ = F L³/(3 EI) + F L²/k."""
+    """The tip sags by δ = F L³/(3 EI) + F L²/k."""
     scene, force, k = clamped(), 1e-4, 3 * EI / LENGTH
     chain = fl.lump(scene)
     q = fl.solve_static(chain, np.zeros(chain.n), tip_wrench=[0, force, 0, 0, 0, 0]).q

@@ -121,7 +121,7 @@ def test_the_bound_is_within_a_factor_of_100_of_actual_errors() -> None:
         for row in rows_of(lump(load_scene(path))):
             found[row.quantity] = max(found.get(row.quantity, 0.0), row.error)
     assert all(found[name] > 0.01 for name in QUANTITIES if name not in ("T_FL", "T_FR")), found
-    assert found["T_FL"] == found["T_FR"] == 0  # the same few operations in every engine
+    assert found["T_FL"] == found["T_FR"] == 0  # every engine does the same few operations
 
 
 def test_an_error_that_is_not_finite_exceeds_every_bound() -> None:

@@ -60,7 +60,7 @@ def test_an_advised_family_is_represented_by_its_cheapest_chain():
 def test_the_family_of_an_advice_follows_from_the_rules_of_its_links(falling):
     case = load_case(CASES / "advice_axial.toml")
     settings = decode(case.settings, advice_families.Settings)
-    assert advice_families._family(settings, case, falling) == "gauss"  # midpoint
+    assert advice_families._family(settings, case, falling) == "gauss"  # the midpoint rule is in the gauss family
     assert advice_families._family(settings, case, cut(falling, Rule(rule="lobatto4", hinges=4))) == "lobatto"
     stiff = fl.load_scene(STUDY_SCENES / "triple_pendulum_rods.toml")
     assert all(link.flex == "rigid" for link in stiff.arm.links)

@@ -57,7 +57,7 @@ def test_bending_is_exact_under_moments_up_to_the_listed_degree(name):
     highest = EXACT_DEGREE[name]
     errors = [integral(lumping_rule(name), 12, lambda x, d=d: (1 - x) ** d) - 1 / (d + 1) for d in range(highest + 2)]
     assert np.array(errors[2 if name in TIP_FREE else 0 : -1]) == pytest.approx(0, abs=1e-14)
-    assert name.startswith("legendre") or abs(errors[-1]) > 1e-9  # Legendre: within rounding
+    assert name.startswith("legendre") or abs(errors[-1]) > 1e-9  # Legendre rules are exact within rounding
 
 
 @pytest.mark.parametrize(
@@ -90,7 +90,7 @@ def test_a_jacobi_rule_is_exact_for_its_weight_times_polynomials(root: float, ti
     for d in range(2 * count + 1):
         exact = special.beta(root + d + 1, tip + 1)
         wrong.append(integral(rule, count, lambda x, d=d: (1 - x) ** tip * x ** (root + d)) / exact - 1)
-    assert wrong[:-1] == pytest.approx(np.zeros(2 * count), abs=1e-12)  # nodes of roots_jacobi are good to 1e-14
+    assert wrong[:-1] == pytest.approx(np.zeros(2 * count), abs=1e-12)  # nodes of roots_jacobi are accurate to 1e-14
     assert abs(wrong[-1]) > 1e-8
 
 

@@ -41,7 +41,7 @@ def kinds(found: same.Comparison) -> list[str]:
     (CHECK, {}, "equal"),
     (CHECK, {"value": 0.35}, "rounding"),  # within a tenth of the limit
     (CHECK, {"value": 0.45}, "different"),
-    (CHECK, {"value": 1.02}, "different"),  # it also fails
+    (CHECK, {"value": 1.02}, "different"),  # this value also exceeds its limit
     ({"value": 6e-14, "tolerance": 1e-12}, {"value": 9e-14}, "rounding"),
     ({"value": 16.3, "tolerance": 3.0, "bound": "at least"}, {"value": 16.5}, "rounding"),
     ({"value": 16.3, "tolerance": 3.0, "bound": "at least"}, {"value": 12.0}, "different"),

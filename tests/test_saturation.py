@@ -78,7 +78,7 @@ def test_a_saturating_motor_on_an_elastic_gear_follows_the_exact_solution(
 ) -> None:
     run = fl.simulate(geared, method=method, tolerance=tolerance)
     error = np.linalg.norm(run.tip[:, :2] - np.stack([np.cos(exact), np.sin(exact)], axis=1), axis=1).max()
-    assert error <= WRONG * tolerance or run.warnings  # measured: 3.3 tolerances; 1,100 with kinks in steps
+    assert error <= WRONG * tolerance or run.warnings  # measured: 3.3; 1,100 if kinks are inside steps
 
 
 def test_torques_of_a_run_stay_within_the_effort_and_reach_it(geared: fl.Scene) -> None:

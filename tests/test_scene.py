@@ -103,6 +103,7 @@ BAD = {  # text of the good scene, its replacement, the id of the error, and par
         'name     = "fore"', 'name = "fore"\nyoung = 2e11', "unknown-key", ["link.fore.young", "[material.NAME]"],
     ),
     "payload below another table": ("[run]", "[run]\ntip.mass = 2.0", "unknown-key", ["run.tip", "top of the file"]),
+    "wall of a tube": ("width  = 0.04", "thickness = 0.04", "unknown-key", ["section.square.thickness", "outer"]),
     "integral term": (
         "[initial]", "[drive]\nkind = 'pid'\n[initial]", "wrong-value", ["drive.kind", "'pd'", "control=law"],
     ),

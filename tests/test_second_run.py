@@ -24,7 +24,7 @@ from tests.words import reviewed
 from validation.random_arms import Dice
 
 pytestmark = compiled
-WRONG = 0.05  # relative to the tip's motion
+WRONG = 0.05  # a tip error above this fraction of the tip's motion is wrong
 
 
 def swung() -> fl.Scene:
@@ -106,7 +106,7 @@ def test_fixed_explicit_steps_are_doubted_only_if_their_errors_grow() -> None:
     exact = fl.simulate(scenes[0], method="DOP853", tolerance=1e-10)
     runs = [fl.simulate(scene) for scene in scenes]
     assert [bool(doubts(run)) for run in runs] == [True, True, False, False, False]
-    assert off(runs[1], exact) > WRONG  # its step errors are below a thousandth of the motion
+    assert off(runs[1], exact) > WRONG  # though step errors are below 1/1000 of the motion
     assert max(off(run, exact) for run in runs if not run.warnings) < WRONG / 10
     assert [run.warnings for run in fl.simulate_many(scenes)] == [run.warnings for run in runs]
 
@@ -208,7 +208,7 @@ def test_only_motions_with_large_rotations_have_a_verification_run(monkeypatch: 
 def test_a_large_energy_error_within_tolerance_starts_a_second_run(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The integrator damps vibrations below the tolerance and thereby most of the energy."""
+    """The integrator damps vibrations below the tolerance and thereby dissipates most of the energy."""
     runs: list[Monitor] = []
     begin = single.SingleRun.advance
     monkeypatch.setattr(
@@ -281,7 +281,7 @@ def test_an_unstable_sampled_loop_is_doubted(rate: float, grows: bool) -> None:
     "run", [{"method": "Radau5", "tolerance": 1e-3}, {"method": "RK4", "step": 0.025}], ids=["tolerance", "step"]
 )
 def test_errors_of_a_branch_without_the_tip_are_detected(run: dict[str, object]) -> None:
-    """A double pendulum and a last link at rest: the tip does not show an error of metres."""
+    """A double pendulum and a last link at rest: an error of metres is not visible at the tip."""
     bar = fl.RigidBody(mass=1.0, center=(0.5, 0.0, 0.0), inertia=(0.0, 1 / 12, 1 / 12))
     still = fl.Link(name="c", on="base", length=1.0, hub=bar, joint=fl.Joint(locked=True))
     scene = make_scene(

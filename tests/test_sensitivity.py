@@ -44,8 +44,8 @@ def arm(flex: str = "z", **changes: Any) -> fl.Scene:
 def by_runs(scene: fl.Scene, path: str, value: float, part: float) -> tuple[Array, Array]:
     """∂(q, q̇, tip)/∂p at the last sample by a polynomial through 13 runs of varied scenes, and its error.
 
-    The error follows from the last two terms, which are truncation or, mostly, the rounding error of every term; in the
-    slope, term j has a weight of up to j².
+    The error is estimated from the last two terms, which contain truncation and, mostly, rounding errors; term j
+    affects the slope with a weight of up to j².
     """
     x = np.cos(np.pi * (np.arange(13) + 0.5) / 13)
     Δ = part * (abs(value) or 1.0)

@@ -105,7 +105,7 @@ def test_delay_gain_and_bias_are_applied_to_the_signal() -> None:
 
 
 def test_a_delay_after_a_low_pass_filter_is_exact_between_samples() -> None:
-    """For a ramp u = t that starts at 0, a first-order low-pass lags by its time constant."""
+    """For a ramp u = t that starts at 0, a first-order low-pass filter lags by its time constant."""
     t, T = np.arange(0.0, 1.0, 0.01), 1 / (2 * np.pi * 5.0)
     late = np.maximum(t - 0.0537, 0.0)
     found = shown(t, t, delay=0.0537, low_pass=5.0)
@@ -117,7 +117,7 @@ def test_readings_are_held_between_instants_and_rounded() -> None:
     found = shown(t, t, rate=20.0, resolution=0.02)
     np.testing.assert_allclose(found, 0.02 * np.round(np.floor(20 * t + 1e-9) / 20 / 0.02), rtol=0, atol=1e-14)
     assert len(np.unique(found)) == 20
-    np.testing.assert_allclose(shown(t, t, rate=100.0), t, rtol=0, atol=1e-14)  # 0.29 · 100 is less than 29
+    np.testing.assert_allclose(shown(t, t, rate=100.0), t, rtol=0, atol=1e-14)  # in floats, 0.29 · 100 < 29
 
 
 def test_noise_is_white_and_normal_and_repeatable_by_its_seed() -> None:

@@ -21,7 +21,7 @@ ZEROS = {"ZV": 1, "ZVD": 2, "ZVDD": 3, "EI": 0}
 
 
 def left(shaper: fl.InputShaper, pole: complex, derivative: int = 0) -> complex:
-    """Σ a_i exp(−λ t_i), or its derivative with respect to λ."""
+    """Residual Σ a_i exp(−λ t_i) of impulses a_i at times t_i for the pole λ, or its derivative with respect to λ."""
     t, a = shaper.impulses
     return complex(np.sum(a * (-t) ** derivative * np.exp(-pole * t)))
 
@@ -89,7 +89,7 @@ def test_derivatives_of_a_shaper_with_respect_to_frequency_vanish_up_to_its_orde
 
 
 def test_the_extra_insensitive_shaper_leaves_5_percent_at_most_in_its_band() -> None:
-    """Undamped, the residual is 5 % at the frequency and below it from 0.83 to 1.17 of it, where ZVD leaves more."""
+    """Undamped, 5 % remain at the design frequency, and less from 0.83 to 1.17 times it, where ZVD leaves more."""
     shapers = {kind: fl.InputShaper(kind=kind, frequency_hz=(1.0,)) for kind in ("EI", "ZVD")}
     band = 2j * np.pi * np.linspace(0.83, 1.17, 201)
     most = {kind: max(abs(left(shaper, pole)) for pole in band) for kind, shaper in shapers.items()}

@@ -55,7 +55,7 @@ def test_a_pd_drive_settles_at_its_target() -> None:
 
 
 def test_a_table_drive_is_linear_between_its_times_and_constant_outside() -> None:
-    """θ'' = τ(t)/J with τ rising linearly to 1 at t = 1, then constant: q̇(2) = (1/2 + 1)/J exactly."""
+    """q̈ = τ(t)/J with τ rising linearly to 1 at t = 1, then constant: q̇(2) = (1/2 + 1)/J exactly."""
     drive = fl.Drive(kind="table", times=(0.0, 1.0), torques=((0.0,), (1.0,)))
     scene = make_scene(fl.Link(name="a", length=1.0), tip=fl.RigidBody(mass=2.0), gravity=(0, 0, 0), drive=drive)
     run = fl.simulate(scene, step=1e-2, duration=2.0, sample=0.1)
@@ -63,7 +63,7 @@ def test_a_table_drive_is_linear_between_its_times_and_constant_outside() -> Non
 
 
 def test_a_table_that_starts_late_holds_its_first_torque_until_then() -> None:
-    """θ'' = τ/J, τ = 3 up to t = 1, then linearly to 5 at t = 2: q̇(2) = (3 + 4)/J, and 3/J at t = 1."""
+    """q̈ = τ/J with τ = 3 up to t = 1, then linearly to 5 at t = 2: q̇(2) = (3 + 4)/J and q̇(1) = 3/J."""
     drive = fl.Drive(kind="table", times=(1.0, 2.0), torques=((3.0,), (5.0,)))
     scene = make_scene(fl.Link(name="a", length=1.0), tip=fl.RigidBody(mass=2.0), gravity=(0, 0, 0), drive=drive)
     run = fl.simulate(scene, step=1e-2, duration=2.0, sample=0.5)
@@ -94,7 +94,7 @@ def test_every_link_gets_its_own_drive_even_after_a_locked_one(kind: str) -> Non
     run = fl.simulate(
         make_scene(*links, gravity=(0, 0, 0), drive=drive, initial=start), step=0.01, sample=0.5, duration=0.5
     )
-    assert run.tau[-1] == pytest.approx(np.array(wanted), rel=1e-8)  # effect of 10 N m on 1e9 kg m² in 0.5 s
+    assert run.tau[-1] == pytest.approx(np.array(wanted), rel=1e-8)  # rates change slightly: 10 N m act on 1e9 kg m²
 
 
 def test_constant_torque_and_wrench_act_together() -> None:

@@ -97,7 +97,7 @@ def test_a_motor_on_an_elastic_gear_is_weighted_by_its_share_of_the_momentum() -
 
 @compiled
 def test_newtons_residual_for_a_rotor_on_an_elastic_gear_is_within_the_tolerance() -> None:
-    """The motor saturates, so rate errors persist; if the norm used only positions, the error was 10.8 tolerances."""
+    """The motor saturates, so rate errors persist; with a norm of positions only, the error was 10.8 tolerances."""
     found = [one for one in outcomes(130, (3.24e-7,)) if one.method == "Radau9"]
     assert [one.word for one in found] == ["right"] and found[0].error < 1.0
 
@@ -105,7 +105,7 @@ def test_newtons_residual_for_a_rotor_on_an_elastic_gear_is_within_the_tolerance
 @compiled
 @pytest.mark.parametrize("method", ["auto", "DOP853", "Radau5", "Radau9"])
 def test_a_last_link_without_moving_points_is_within_the_tolerance(method: str) -> None:
-    """The last link accelerates the previous one; if the norm used only positions, Radau5 erred by 66 tolerances."""
+    """The last link accelerates the previous one; with a norm of positions only, Radau5 erred by 66 tolerances."""
     scene = fl.load_scene(ROOT / "models" / "robots" / "double_pendulum.toml")
     scene = replace(scene, initial=replace(scene.initial, joint_deg=(70.0, 40.0)))
     scene = replace(scene, run=fl.RunSettings(method=method, tolerance=1e-5, duration=2.0, sample=0.1))

@@ -20,7 +20,7 @@ Rng = np.random.Generator
 
 
 def matrices(chain: fl.Chain, q, qd, wrench, follower) -> np.ndarray:
-    """K, C and M."""
+    """The dense matrices K, C and M."""
     K = stiffness_matrix(chain, q, qd, wrench, follower)
     C = gyroscopic_matrix(chain, q, qd) + np.diag(damping_slope(chain))
     return np.array([K, C, fl.mass_matrix(chain, q)])
@@ -74,7 +74,7 @@ def test_a_newton_step_with_skipped_rows_equals_that_of_the_full_matrix(
 
 
 def test_pivots_and_eigenvalues_agree_on_stability(rng: Rng) -> None:
-    """For columns near their buckling load, and for arms in random postures with and without a wrench in space."""
+    """Tested: columns near their buckling load, and arms in random postures in space with and without a wrench."""
     seen = []
     for _ in range(40):
         column = cantilever("gauss", 6)

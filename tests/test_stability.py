@@ -63,7 +63,7 @@ def chebyshev(tmp_path) -> str:
 
 
 def test_a_chebyshev_method_is_stable_up_to_twice_the_square_of_its_stages(chebyshev: str) -> None:
-    """No method of 5 stages is stable further (Markov)."""
+    """No method of 5 stages is stable over a longer interval (Markov)."""
     joint = fl.Joint(viscous=8.0)
     scene = make_scene(fl.Link(name="a", joint=joint), tip=fl.RigidBody(mass=1.0, inertia=(1, 1, 2)), gravity=(0, 0, 0))
     assert fl.stable_step(fl.lump(scene), method=chebyshev) == pytest.approx(50 / 4.0, rel=1e-5)
@@ -106,7 +106,7 @@ def test_the_order_n_algorithm_for_long_chains_gives_the_same_step(flex, damping
     q = np.linspace(0.1, 0.2, chain.n)
     dense = fl.stable_step(chain, q, method="RK4")
     monkeypatch.setattr(stability, "DENSE", 0)
-    # conservative by ω²/δ² = 1/(4ζ²) of an overdamped mode; Lanczos stops within 1e-4
+    # the step may be shorter by ω²/δ² = 1/(4ζ²) of an overdamped mode; the Lanczos method has an error of 1e-4
     assert dense * (1 - 1e-3) < fl.stable_step(chain, q, method="RK4") < dense * (1 + 1e-4)
 
 
@@ -192,7 +192,7 @@ def test_estimates_for_long_and_short_chains_agree_under_all_loads(what: str, mo
     hinges = chain.hinges.copy()
     hinges["prescribed"][chain.active[1]] = prescribed
     if prescribed:
-        hinges["stiffness"][chain.active[1]] = 1e9  # no effect
+        hinges["stiffness"][chain.active[1]] = 1e9  # has no effect, since the joint is prescribed
     chain, q = dataclasses.replace(chain, hinges=hinges), np.linspace(bend, 2 * bend, chain.n)
     if "gains" in acts:
         kp, kd = np.zeros((2, chain.n))

@@ -73,7 +73,7 @@ def test_the_trapezoidal_rule_is_a_stable_and_backward_kutta_is_not() -> None:
 
 
 def test_the_limit_of_a_method_stable_in_a_wedge_matches_its_expansion() -> None:
-    """|Q(iy)|² = 1 − y⁴/12 + y⁶/36, so growth begins at y⁴/12 ≈ 2 g; there is none on the negative real axis."""
+    """|Q(iy)|² = 1 − y⁴/12 + y⁶/36, so growth begins at y⁴/12 ≈ 2 g; no growth occurs on the negative real axis."""
     reach = stable_reach(BACKWARD, np.array([1j, -1.0]))
     assert reach[0] == pytest.approx((24 * g) ** 0.25, rel=1e-3)  # the next term changes y by y²/12
     assert reach[1] == np.inf

@@ -73,7 +73,7 @@ def test_hinges_with_negative_rotors_are_bent_only_as_far_as_m_stays_positive_de
     assert chain.hinges["armature"].min() < 0
     states = mixed_states(chain, 24)
     assert all(np.linalg.eigvalsh(mass_matrix(chain, s.q)).min() > 0 for s in states)
-    assert np.abs([s.q[passive(chain)] for s in of_kind(states, 0, 2)]).max() > 0.3  # but they are bent
+    assert np.abs([s.q[passive(chain)] for s in of_kind(states, 0, 2)]).max() > 0.3  # but the passive hinges are bent
     assert np.abs([s.q[chain.active] for s in states]).max() > 3
 
 

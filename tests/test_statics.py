@@ -119,7 +119,7 @@ def test_a_load_beyond_a_limit_point_without_an_equilibrium_is_refused():
     assert solve_static(chain, tau=[4.0]).q == pytest.approx([np.arcsin(0.8)], abs=1e-12)
     with refused(ConvergenceError, "no-equilibrium") as caught:
         solve_static(chain, tau=[6.0])
-    assert caught.value.load == pytest.approx(5 / 6, abs=0.05)  # the largest of 5 sin q over 6
+    assert caught.value.load == pytest.approx(5 / 6, abs=0.05)  # largest holding torque, 5 N m, over the motor's 6 N m
     assert np.sin(caught.value.q) == pytest.approx([1.0], abs=0.05)
 
 
@@ -133,7 +133,7 @@ def test_free_joints_find_their_equilibrium_and_locked_ones_stay():
     tau = np.zeros(chain.n)
     tau[locked] = (bias_torque(chain, held.q, np.zeros(chain.n)))[locked]
     assert forward_dynamics(chain, held.q, np.zeros(chain.n), tau) == pytest.approx(np.zeros(chain.n), abs=1e-6)
-    again = solve_static(chain, q0, tau=tau)  # the drive applies the torque of the lock
+    again = solve_static(chain, q0, tau=tau)  # the drive applies the holding torque of the locked joints
     assert again.residual < 1e-8
     assert again.q == pytest.approx(held.q, abs=1e-8)
 
@@ -214,7 +214,7 @@ def test_a_load_that_stiffens_the_chain_has_no_buckling_load():
 
 
 def test_without_a_load_the_path_to_the_rest_angles_is_straight():
-    """F = k (q − θ₀) − (1 − s) k (q₀ − θ₀) gives a straight path from any posture to the rest angles."""
+    """F = k (q − θ₀) − (1 − s) k (q₀ − θ₀) = 0 is a straight path from any posture to the rest angles."""
     chain = cantilever("midpoint", 4)
     hinges = chain.hinges.copy()
     hinges["rest"] = rest = np.array([0.1, -0.2, 0.3, 0.2])

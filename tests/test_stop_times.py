@@ -43,7 +43,7 @@ def test_a_bump_of_ten_times_the_tolerance_is_not_stepped_over() -> None:
 
 
 def test_steps_end_at_table_kinks_above_the_threshold() -> None:
-    """A triangular bump of height b deviates by b/2 from the cubic through its neighbours."""
+    """A triangular bump of height b deviates by b/2 from the cubic through the neighbouring knots."""
     times, part = np.linspace(0.0, 1.0, 65), 1e-3
     for bump, landed in ((1.0, False), (5.0, True)):
         torques = times + bump * part * (np.arange(65) == 33)
@@ -72,7 +72,7 @@ def test_steps_end_at_the_breakpoints_of_the_feed_forward() -> None:
 
 
 def test_long_steps_of_dop853_pass_samples_but_stop_at_control_instants() -> None:
-    """A step of 15 evaluations ends at the third sample, where the law is evaluated; fewer than 12 per sample."""
+    """A step of 15 evaluations ends at every third sample, where the law is evaluated: fewer than 12 per sample."""
     drive = fl.Drive(kind="pd", kp=(1.0,), kd=(0.1,), target_deg=(0.0,), rate=8 / 3)
     run = fl.RunSettings(sample=0.125, duration=0.75, method="DOP853", tolerance=1e-3)
     times, passed_by = stop_times(ARM.varied({"drive": drive, "run": run})).between(0.0, 0.75)

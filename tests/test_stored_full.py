@@ -1,4 +1,4 @@
-"""The default report shows the checked-in full study without git and without its results."""
+"""The default report shows the checked-in full study without git and without a new run of the study."""
 
 from __future__ import annotations
 

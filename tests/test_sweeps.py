@@ -96,7 +96,7 @@ def test_a_members_numbers_do_not_depend_on_other_members(paper: fl.Scene, rng: 
     scenes = [
         insisting.varied({"tip.mass": m, "link.*.joint.coulomb": float(m > 1)}) for m in rng.uniform(0, 2, 11).tolist()
     ]
-    scenes[4] = insisting.varied({"initial.rate_deg": [0.0, 1e120, 0.0]})  # diverges: its block is run one by one
+    scenes[4] = insisting.varied({"initial.rate_deg": [0.0, 1e120, 0.0]})  # diverges, so its block is run one by one
     every, shuffled = outcomes(scenes, Stop()), outcomes(scenes[::-1], Stop())[::-1]
     for scene, one, other in zip(scenes, every, shuffled, strict=True):
         (alone,) = outcomes([scene], Stop())
@@ -192,7 +192,7 @@ def test_sweep_reductions_give_the_named_values() -> None:
     }  # fmt: skip
     assert found == expected
     for name in REDUCTIONS:
-        SweepOutput(of="tip x [m]", take=name)  # each is allowed
+        SweepOutput(of="tip x [m]", take=name)  # each name is accepted
 
 
 def test_settling_is_measured_against_the_equilibrium() -> None:
@@ -251,7 +251,7 @@ def test_samples_fill_the_unit_cube_and_repeat_with_their_seed(method: str) -> N
     assert (points(method, 100, 8) != drawn).any()
     counts = np.array([np.histogram(column, 10, (0, 1))[0] for column in drawn.T])
     assert (counts == 10).all() or method != "latin", "one point per hundredth"
-    assert np.abs(counts - 10).max() <= 15  # binomial(100, 1/10): 5 deviations
+    assert np.abs(counts - 10).max() <= 15  # 5 standard deviations of binomial(100, 1/10)
 
 
 @pytest.mark.parametrize("method", ["latin", "random", "sobol", "halton"])

@@ -61,7 +61,7 @@ def prepared(name: str) -> tuple[np.ndarray, Work, np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_a_rate_error_in_a_mode_counts_as_the_displacement_it_causes(name: str) -> None:
-    """The factor on e_v/ω is x/(1 + x²), x = τω, for the best τ: 1/2 at x = 1, smallest midway between two τ."""
+    """A rate error e_v counts as e_v/ω · x/(1 + x²), x = τω, with the best τ: 1/2 at x = 1, less between two τ."""
     q, work, ω, shapes = prepared(name)
     least = CLOSER**0.5 / (1 + CLOSER)
     for k in range(2, len(ω)):

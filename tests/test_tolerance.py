@@ -100,7 +100,7 @@ def test_fixed_steps_have_the_order_of_their_method(name: str, steps: tuple[int,
     assert [run.steps.taken for run in runs] == list(steps)
     errors = [max(np.abs(run.q[-1] - exact.q).max(), np.abs(run.qd[-1] - exact.qd).max()) for run in runs]
     order = np.log(errors[0] / errors[1]) / np.log(steps[1] / steps[0])
-    assert order == pytest.approx(method(name).order, abs=0.05)  # tolerance for the next error term
+    assert order == pytest.approx(method(name).order, abs=0.05)  # allowance for the effect of the next error term
 
 
 def test_samples_may_be_anywhere_between_steps() -> None:
@@ -175,7 +175,7 @@ def test_deflections_are_accurate_if_the_tolerance_applies_to_them() -> None:
 
 
 def test_deflections_of_an_arm_that_is_straight_at_first_have_a_tolerance() -> None:
-    """The arm is initially straight, so a fraction of its deflection is zero; errors up to rounding are allowed.
+    """Any fraction of the initial deflection of a straight arm is zero; errors up to rounding are allowed.
 
     The tolerance is a fraction of the largest angle of the run, here within a factor of 2.
     """
@@ -303,7 +303,7 @@ def test_a_run_without_duration_has_only_its_first_sample() -> None:
 
 
 def test_fixed_implicit_steps_end_at_kinks_of_a_table_and_return_to_their_grid() -> None:
-    """A pulse of 2.8 ms is off the grid. Halving the step divides the error by > 8; by 2 if steps crossed kinks."""
+    """A pulse of 2.8 ms is off the grid. Halving the step divides errors by over 8 (by 2 if steps crossed kinks)."""
     torques = (0.0, 0.0), (0.0, 0.0), (900.0, 0.0), (0.0, 0.0)
     drive = fl.Drive(kind="table", times=(0.0, 0.0993, 0.1007, 0.1021), torques=torques)
     scene = swinging(drive=drive, **{"material.aluminium.young": 7e7})

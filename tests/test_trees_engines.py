@@ -119,7 +119,7 @@ def test_a_keyframe_places_the_base_by_a_quaternion_and_joints_branch_by_branch(
         called = "tip" if name == "right" else name
         assert data.body(called).xpos == pytest.approx(frames(chain, q).points[number], abs=1e-14)
     assert model.nv == chain.n == len(depth_first(chain))
-    assert data.qvel[3:6] == pytest.approx(np.radians([5.0, -3.0, 8.0]), rel=1e-14)  # in axes of the base
+    assert data.qvel[3:6] == pytest.approx(np.radians([5.0, -3.0, 8.0]), rel=1e-14)  # ω in axes of the base
 
 
 def test_mujoco_refuses_branches_where_nothing_has_mass() -> None:
@@ -168,7 +168,7 @@ def test_the_arm_read_by_an_engine_equals_ours(name: str, scene: str) -> None:
     assert theirs.names == ours.names
     assert theirs.parents.tolist() == ours.parents.tolist()
     assert theirs.slides.tolist() == ours.slides.tolist()
-    turns = [k for k in range(chain.n) if not ours.slides[: k + 1].all()]  # MuJoCo also has inertias of other bodies
+    turns = [k for k in range(chain.n) if not ours.slides[: k + 1].all()]  # bodies that only slide may differ
     assert theirs.inertias[turns] == pytest.approx(ours.inertias[turns], rel=1e-13, abs=1e-13)
     for field in ("axes", "points", "masses", "centers", "stiffness", "damping", "armature", "gravity"):
         assert getattr(theirs, field) == pytest.approx(getattr(ours, field), rel=1e-13, abs=1e-13), field

@@ -87,7 +87,7 @@ def moved(chain: fl.Chain, rng: np.random.Generator, share: float = 0.2) -> fl.C
 
 
 def state_of(chain: fl.Chain, rng: np.random.Generator) -> np.ndarray:
-    """q, q̇, τ, and q̈ of joints with prescribed motion, (4, n)."""
+    """Rows q, q̇, τ, and q̈ of joints with prescribed motion, shape (4, n)."""
     state = rng.uniform(-1, 1, (4, chain.n))
     state[1] *= 3.0
     state[3, chain.hinges["prescribed"] == 0] = 0.0
@@ -243,7 +243,7 @@ def test_the_factors_of_forward_dynamics_solve_with_the_mass_matrix(rng) -> None
 
 
 def test_the_displacement_norm_is_the_largest_over_all_segment_ends(rng) -> None:
-    """Segment ends are the hinge points, and the points of the body before a prismatic hinge at its place."""
+    """Segment ends are the hinge points, and the points of the preceding body at the place of a prismatic hinge."""
     for seed in SEEDS[:12]:
         chain, h = random_tree(seed), 1e-6
         q, δ = rng.uniform(-1, 1, (2, chain.n))

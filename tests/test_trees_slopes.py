@@ -28,7 +28,7 @@ def state(chain: fl.Chain, rng: np.random.Generator) -> tuple[Array, ...]:
 
 
 def apart(chain: fl.Chain) -> np.ndarray:
-    """Mask of pairs of joints that are not on a common path from the base, (n, n)."""
+    """Mask of pairs of joints that are not on a common path from the base, shape (n, n)."""
     on_path = np.zeros((chain.n, chain.n), bool)
     for body in chain.bodies:
         above = chain.bodies[body["parent"] - 1] if body["parent"] else None

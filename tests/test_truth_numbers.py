@@ -49,7 +49,7 @@ class Runs:
     slip, allowed = 0.0, True
 
     def __init__(self, scene: fl.Scene, budget: float) -> None:
-        self.budget = float(budget)  # of a scene it is none
+        self.budget = float(budget)  # a scene passed by mistake would raise an error
 
     def run(self, model: Any, stepping: Stepping) -> Outcome:
         h = sum(bend.hinges for bend in model if bend) / len(model) or 1

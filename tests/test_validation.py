@@ -320,7 +320,7 @@ def test_each_part_of_a_case_is_stored_with_the_common_limits_and_its_own(study,
     assert finished["small-RK4"].date == first < finished["small-RK2"].date
     study.case_file.write_text(text + own, encoding="utf-8")
     assert study("small-RK2")[0] == 0  # a quantity named after one part does not concern another
-    assert study("small-RK4")[0] == 2  # this part must measure it
+    assert study("small-RK4")[0] == 2  # but the part with this name must measure it
 
 
 def test_parts_that_are_not_a_list_of_settings_are_refused(study, capsys):

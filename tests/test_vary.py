@@ -153,7 +153,7 @@ def test_a_message_names_a_link_by_its_path_or_number(names: list) -> None:
         assert scene.varied({path: 5.0}).arm.links[number - 1].length == 5.0
         link["length"] = 1.0
         with refused(fl.errors.SceneError, "wrong-value") as caught:
-            fl.InitialState(joint_deg=[*[0.0] * (number - 1), "x"])  # names are not known yet
+            fl.InitialState(joint_deg=[*[0.0] * (number - 1), "x"])  # without an arm, the names of links are not known
         assert f".{number} " in str(caught.value)
 
 

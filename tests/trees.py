@@ -52,7 +52,7 @@ def random_tree_scene(rng: np.random.Generator, links: int = 4, *, free: bool = 
 
 
 def three(rng: np.random.Generator, size: float) -> tuple[float, float, float]:
-    """A random vector."""
+    """A random vector of three numbers."""
     x, y, z = rng.uniform(-size, size, 3)
     return float(x), float(y), float(z)
 

@@ -69,7 +69,7 @@ def reviewed(key: str, text: str, *, values: bool = True) -> None:
 def refused_line(stderr: str, id: str, *, values: bool = True) -> str:
     """Expect one error of the command line with this id, reviewed; returns its text without the id.
 
-    Lines of notes, warnings and compilation before it are skipped; further mistakes ("also: …") belong to it.
+    Lines of notes, warnings and compilation before it are skipped; further mistakes ("also: …") are part of the text.
     """
     lines = stderr.splitlines()
     first = next(k for k, line in enumerate(lines) if line.startswith("flexlink"))

@@ -27,7 +27,7 @@ MODELS = HERE.parent / "models"
 STUDY_SCENES = HERE / "scenes"
 
 
-CLAIM = "claim"  # name of the quantity that tests a claim, and of the fact in its rows
+CLAIM = "claim"  # name of the quantity that tests a claim, and of the setting with the claim's text in its rows
 
 ALL = ("*",)
 """Pattern that matches all cases, including those that run only if named."""
@@ -92,7 +92,7 @@ class Case(Spec, frozen=True):
     claim: str = ""
     sheet: Sheet | None = None  # definition of the error, if other codes can be compared
     parts: str = ""
-    whole: str = ""  # for a part: name of its case file
+    whole: str = ""  # for a part of a case: name of the case's file
 
     @property
     def part(self) -> str:
@@ -174,7 +174,7 @@ class Measured(NamedTuple):
     scene: str = ""
     engine: str = "native"
     varied: Facts = NOTHING_VARIED  # varied conditions, by their names in `validation.facts`
-    scale: float = 1.0  # unit of the case's tolerance, if the limit follows from the physics of the run
+    scale: float = 1.0  # factor on the case's tolerance, for a limit that is computed from the run
     note: str = ""  # computed remark on this value
     timed: bool = False  # whether it measures speed, not correctness
 

@@ -11,7 +11,7 @@ from validation.runner import kind_of
 
 
 def main() -> int:
-    """Print the cell and its result; return 2 if there is no such cell."""
+    """Print the cell and its result; return the exit code, 2 if there is no such cell and 0 otherwise."""
     parser = argparse.ArgumentParser(prog="python -m validation.cell", description=__doc__)
     parser.add_argument("case", help="a case that maps extremes, e.g. extremes_digits")
     parser.add_argument("number", type=int, help="number of the cell, from 0")

@@ -145,11 +145,11 @@ def _link(dice: Dice, name: str, table: Convention | None) -> fl.Link:
 
 
 def _real(links: Sequence[fl.Link], seed: int) -> tuple[tuple[fl.Link, ...], dict[str, fl.Rigidity]]:
-    """Give some links soft roots or rigidity tables, by a separate random generator; all else is unchanged."""
+    """Give some links soft roots or rigidity tables; a separate random generator keeps all else unchanged."""
     dice, tables, found = Dice(OF_BEAMS + seed), {}, []
     for link in links:
         own: dict[str, Any] = {}
-        if link.material is not None and dice.chance(0.4):  # a soft root must move some mass
+        if link.material is not None and dice.chance(0.4):  # no link without material: a soft root must move mass
             axes = [axis for axis in "xyz" if dice.chance(0.6)] or ["z"]
             own["root_stiffness"] = fl.details.RootStiffness(**{axis: dice.decades(2, 5) for axis in axes})
             own["root_damping"] = fl.details.RootDamping(**{axes[0]: dice.decades(-1, 1)})
@@ -234,7 +234,7 @@ def _body(dice: Dice) -> fl.RigidBody:
     mass, size = dice.decades(-1, 1), dice.linear(0.02, 0.15)
     spread = dice.random.normal(0, size, (3, 3))
     covariance = mass * spread @ spread.T
-    if dice.chance(0.2):  # flat
+    if dice.chance(0.2):  # all point masses in one plane
         directions, lengths, _ = np.linalg.svd(spread)
         covariance = mass * (directions[:, :2] * lengths[:2] ** 2) @ directions[:, :2].T
     I = np.trace(covariance) * np.eye(3) - covariance

@@ -90,7 +90,7 @@ def run_cases(
         watch = LoadMonitor() if case.kind in alone else None
         try:
             _keep(case, results, store, report)
-        except OutputError:  # the next case would fail as well
+        except OutputError:  # the store cannot be written, so the next case would fail as well
             raise
         except FlexlinkError as error:
             failed[case.name] = error

@@ -106,7 +106,7 @@ class Conditions:
     """Load of the machine while a case was timed."""
 
     load: float | None  # cores used by other processes, mean over the case; None if unknown
-    spread: float  # of a calibration loop before and after: mean over shortest time, minus 1
+    spread: float  # mean over shortest time of a calibration loop before and after the case, minus 1
     cores: int
 
     @property
@@ -119,7 +119,7 @@ class Conditions:
 class Environment:
     """Software and hardware of a study; entries that are unknown are empty."""
 
-    date: datetime.datetime | None = None  # of the start
+    date: datetime.datetime | None = None  # start of the study
     commit: str = ""  # commit of the sources, with "+" if they have changed since
     python: str = ""
     versions: Mapping[str, str] = dataclasses.field(default_factory=dict)
@@ -134,7 +134,7 @@ class Finished:
     """A complete run of a case."""
 
     key: str
-    date: datetime.datetime  # of the end
+    date: datetime.datetime  # end of the run
     machine: str
     conditions: Conditions | None  # None: nothing was timed
 
@@ -306,7 +306,7 @@ def _line(row: Row) -> str:
 
 
 def _read(file: Path, read: Callable[[Path], T]) -> T:
-    """Read a file; raise a one-line FlexlinkError if it is damaged or of another version."""
+    """Read a file with `read`; raise a one-line FlexlinkError if it is damaged or was written by another version."""
     try:
         return read(file)
     except (*ERRORS_OF_READING, OSError) as error:

@@ -1,4 +1,4 @@
-"""Run a slice of a long sweep in a separate process to measure memory and time of planning, running and storing rows.
+"""Run a slice of a long sweep, to measure the memory and time to plan it, run its members and store their rows.
 
 python -m validation.sweep_slice SWEEP.toml --slice 20000 --workers 2
 python -m validation.sweep_slice SWEEP.toml --slice 20000 --dask tcp://127.0.0.1:8786

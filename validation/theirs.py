@@ -27,7 +27,7 @@ from validation.store import Series
 
 MEASURED, PUBLISHED, MOTION = "measured", "published", "motion"  # names of the series with references
 NAME, UNIT, VALUE, U_NUM, REFERENCE = "quantity", "unit", "value", "u_num", "reference"
-SAME_TIME = 1e-9  # s
+SAME_TIME = 1e-9  # largest difference of two times that count as equal [s]
 MEASURED_HEADS = (NAME, UNIT, VALUE, U_NUM)
 HEADS = ("case", "quantity", "theirs", "reference", "error", "accepted", "verdict")
 
@@ -141,7 +141,7 @@ def _heads(case: Case) -> tuple[str, str]:
 def _by_name(
     file: Path, expected: Sequence[str], heads: list[str], rows: list[list[str]], units: Mapping[str, str]
 ) -> dict[str, dict[str, float]]:
-    """quantity → value, and u_num if given; lines without a value are skipped."""
+    """Read quantity → its value, and its u_num if given; lines without a value are skipped."""
     if heads != list(expected):
         raise DataFileError(f"{file}: heads {','.join(heads)}; expected {','.join(expected)}")
     found: dict[str, dict[str, float]] = {}
@@ -169,7 +169,7 @@ def _number(file: Path, line: int, head: str, cell: str) -> float:
 
 
 def _measured(case: Case, series: Series, given: Mapping[str, Mapping[str, float]]) -> Iterator[Judged]:
-    """Compare by E and u_val, with flexlink's u_input: input uncertainty is due to the specimen, not the code."""
+    """Compare by E and u_val; u_input is taken from flexlink, since it is due to the specimen, not to the code."""
     c = series.columns
     names = c[NAME].tolist()
     for k, name in enumerate(names):

@@ -81,7 +81,7 @@ def advise(
 
 
 class Advisor:
-    """Find the advice on one scene."""
+    """Search for the cheapest model of one scene, and for the reasons."""
 
     def __init__(self, scene: Scene, goal: Goal, budget: float) -> None:
         self.scene, self.goal, self._started = scene, goal, thread_time()
@@ -163,7 +163,7 @@ class Advisor:
                 strict = Stepping("auto", tolerance=max(share * strictness * tolerance, least))
                 stricter = self.runner.run(model, strict)
                 small = self.norm(stricter.tip - outcome.tip) <= 0.1 * known_tolerance
-                leaves_levels = 8 * stricter.seconds <= self.runner.budget  # a limit needs levels
+                leaves_levels = 8 * stricter.seconds <= self.runner.budget  # the budget must suffice for finer levels
                 if small or stricter.over_budget or not leaves_levels:
                     return stepping, known_tolerance
                 share *= strictness

@@ -1,4 +1,4 @@
-"""Cheapest numbers of hinges N_k of the links for an allowed error.
+"""Cheapest numbers of hinges N_k of links with errors C_k / N_k^p (see `link_errors`), for an allowed error.
 
     N_k ∝ (C_k / c_k)^(1/(p+1))        minimizes Σ c_k N_k for an allowed Σ C_k / N_k^p, c_k the cost of a hinge
 
@@ -63,7 +63,7 @@ class Allocation:
             model = tuple(self._bend(flex, hinges.get(k, 0)) for k, flex in enumerate(axes))
             if self._error(model) <= allowed:
                 return model
-            # with few hinges the error does not follow the order
+            # with few hinges, errors do not yet fall as 1 / N^p
             hinges = {k: family.rounded_up(count + max(1, count // 4)) for k, count in hinges.items()}
         return None
 

@@ -1,4 +1,4 @@
-"""Screening of bending axes: with few hinges, axes are omitted as long as this hardly changes the tip's path."""
+"""Screening of bending axes: in runs with few hinges, axes are omitted as long as this hardly moves the tip's path."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ class Family(NamedTuple):
     """Lumping rules of one kind, for all numbers of hinges that the family offers."""
 
     order: float  # order of the errors of the tip's path
-    asymptotic: int  # smallest number of hinges for which errors fall with this order
+    asymptotic: int  # smallest number of hinges from which on errors fall with this order
     safe: float  # lower bound of the change of the extrapolated limit, relative to the error of the limit
     step: int  # numbers of hinges above two are multiples of this
 

@@ -90,11 +90,11 @@ class TipErrorNorm:
         return np.convolve(column, self.window)[before : before + len(column)]
 
     def lengths(self, difference: Array) -> Array:
-        """Length of the difference at every sample [m]."""
+        """Length of the filtered difference at every sample [m]."""
         return np.asarray(np.linalg.norm(self.filtered(difference), axis=1))
 
     def up_to(self, difference: Array) -> Array:
-        """Running maximum of the length, shape (samples,) [m]; inf from the first sample that is not finite."""
+        """Running maximum of `lengths`, shape (samples,) [m]; inf from the first sample that is not finite."""
         return largest_so_far(self.lengths(difference))
 
     def __call__(self, difference: Array) -> float:

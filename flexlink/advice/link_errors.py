@@ -69,7 +69,7 @@ class LinkErrors:
         return path + self._fewer_axes[k, bend.flex] if bend and bend.flex != self.refinement.axes[k] else path
 
     def _of_base(self) -> dict[int, Array]:
-        """Error of the base model, divided among links in proportion to the path's change if a link's hinges halve."""
+        """Error of the base model, divided among links in proportion to the path's change with half a link's hinges."""
         assert self.refinement.limit is not None
         rest = self.runner.run(self._base_model, self.refinement.stepping).tip - self.refinement.limit.tip
         changes = {k: self._changed(k, self._hinges(k, self.base // 2)) for k in self.bending}

@@ -212,7 +212,7 @@ class ModelRunner:
 
     @functools.cached_property
     def _divisions(self) -> int:
-        """Smallest number of fixed steps per sample that fits the scene's zero-order holds and kinks, or 0."""
+        """Smallest number of fixed steps per sample that fits the scene's holds and kinks; 0 if none does."""
         run = self.scene.run
         for parts in range(1, 1001):
             try:

@@ -85,7 +85,7 @@ class RefinementStudy:
         return uniform(self.axes, self.finest.hinges, self.family)
 
     def models(self) -> dict[Model, Outcome]:
-        """All levels by their models."""
+        """Outcomes of all levels, by their models."""
         return {
             uniform(self.axes, hinges, family): outcome
             for family, levels in self.levels.items()
@@ -102,7 +102,7 @@ class RefinementStudy:
         for weight, level in zip(self.limit.weights, self.levels[self.family][-2:], strict=True):
             change = weight * self._step_errors(level) if weight else np.zeros_like(tip)
             tip = tip + change
-            left = left + self.norm.up_to(change) * Thresholds.strict**0.5  # an upper bound for any order
+            left = left + self.norm.up_to(change) * Thresholds.strict**0.5  # upper bound for any order of the steps
         if not np.isfinite(left[-1]):
             return self._step_errors_of_coarser()
         self.limit = self.limit._replace(tip=tip)
@@ -129,7 +129,7 @@ class RefinementStudy:
 
     def _beyond_budget(self, hinges: int) -> bool:
         levels = self.levels[self.family]
-        if len(levels) < 2:  # two are needed to estimate an error
+        if len(levels) < 2:  # an error estimate needs two levels
             return False
         prices = [
             self.runner.evaluation_cost(uniform(self.axes, n, self.family), explicit=False)

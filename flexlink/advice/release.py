@@ -45,7 +45,7 @@ def release(runner: ModelRunner, strict: Outcome, model: Model, q: Array) -> tup
 
 
 def _turned(rigid: Chain, chain: Chain, q: Array, w: Array) -> Array:
-    """Rotations δ of the rigid chain's joints; 0 for prescribed joints."""
+    """Rotations δ of the rigid chain's joints for spring angles w; 0 for prescribed joints."""
     there = np.array([chain.index(*coordinate) for coordinate in rigid.coordinates], np.intp)
     free = np.array(rigid.hinges["prescribed"] == 0)
     rows = mass_matrix(chain, q)[there[free]]

@@ -74,7 +74,7 @@ def _steppings(runner: ModelRunner, strict: Outcome, allowed: float) -> list[Ste
     loose = (100.0, 10.0)  # tolerance / allowed error; in smooth motion, errors are far below the tolerance
     costs = {
         Stepping("Radau5", tolerance=factor * allowed): strict.seconds
-        * (factor * allowed / strict.stepping.tolerance) ** -0.25  # order 5, with an error estimate of order 4
+        * (factor * allowed / strict.stepping.tolerance) ** -0.25  # steps follow an error estimate of order 4
         for factor in loose
     }
     fixed = runner.fixed_steps(runner.scene.run.spacing)
@@ -84,7 +84,7 @@ def _steppings(runner: ModelRunner, strict: Outcome, allowed: float) -> list[Ste
 
 
 def estimate(runner: ModelRunner, strict: Outcome, axes: Axes, norm: TipErrorNorm) -> tuple[float, float]:
-    """Estimated tip error of rigid links [m], with vibration but without growth, and the lowest frequency [Hz]."""
+    """Estimated tip error of rigid links [m], before errors grow along the run, and the lowest frequency [Hz]."""
     run, model = strict.run, uniform(axes, Thresholds.hinges)
     assert run is not None
     chain = runner.chain(model)

@@ -37,7 +37,7 @@ class Search:
 
     def best(self) -> Solution | None:
         """The cheapest solution; None if there is none."""
-        for factor in (1.0, 0.25, 0.06):  # in smooth motion errors are about a hundredth of the tolerance
+        for factor in (1.0, 0.25, 0.06):  # step tolerance, relative to the allowed error
             if self._fit(0.95, self._implicit_cost, functools.partial(self._by_tolerance, factor * self.allowed)):
                 break
         self._loosen()

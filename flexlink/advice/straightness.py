@@ -21,14 +21,14 @@ from flexlink.results.trajectory import Trajectory
 
 def may_pay(arm: Arm, run: Trajectory, hinges: int) -> bool:
     """Whether cells may be cheaper than hinges with one spring each, judged by a run with `hinges` such hinges."""
-    # Cells may be cheaper above this (γ + 2 θ) N², at which the two errors above are about equal. The case
-    # advice_axial of the study checks this value.
+    # Cells may be cheaper if (γ + 2 θ) N² exceeds this value, at which the errors of gauss and lobatto (see above) are
+    # about equal. The validation case advice_axial checks this value.
     return load_and_bend(arm, run) * hinges**2 > 5.0
 
 
 def load_and_bend(arm: Arm, run: Trajectory) -> float:
     """Largest γ + 2 θ of any link during a run."""
-    # samples at which loads are evaluated
+    # loads are evaluated at no more than 40 samples
     chain, few = run.chain, picked(run, np.unique(np.linspace(0, len(run.t) - 1, 40).astype(int)))
     force = np.abs(few.loads.force[..., 0])
     found = [0.0]

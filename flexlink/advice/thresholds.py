@@ -11,7 +11,7 @@ class Thresholds:
     stable_share: float = 0.9
     """Fixed step, relative to the smallest stable step of several configurations."""
     perturbation: float = 10.0
-    """Minimum initial distance of a perturbed run, relative to the tolerance of steps; well above the step errors."""
+    """Minimum initial distance between a perturbed and the original run, relative to the tolerance of steps."""
     proportional: float = 0.1
     """Largest distance between two runs, relative to the travel, that is proportional to the initial distance."""
     modest_growth: float = 10.0
@@ -19,13 +19,13 @@ class Thresholds:
     sensitive_growth: float = 30.0
     """Growth of initial errors above which the motion itself causes a large error."""
     hinges: int = 2
-    """Hinges of each link, at Gauss points; the deflection is exact for loads that vary linearly along the link."""
+    """Number of hinges per link, at Gauss points: deflections are exact for loads that vary linearly along the link."""
     first_guess: float = 0.1
     """Assumed travel of the tip before the first run, relative to the size of the arm."""
     rerun_factor: float = 1.5
     """Ratio of assumed to actual travel (and thus of step tolerances) above which a run is repeated."""
     screening_hinges: int = 2
-    """Hinges of each link for screening.
+    """Number of hinges of each link for screening.
 
     Screening compares runs, not loads: about one axis, loads bent a link by only 3e-4 of the motion, but omitting
     this axis changed the motion by 6e-3.

@@ -31,7 +31,7 @@ class Advice:
     converged_tip
         Path of the tip to which finer and finer models converge, with its error; None if rigid links are enough.
     horizon
-        Time up to which the tolerance is met [s]: the end if it is met throughout.
+        Time up to which the tolerance is met [s]; the end of the run if it is met throughout.
     runs, compute_time
         Number of runs made for the advice, and their measured total CPU time [s], including the compilation of kernels
         if there was any.

@@ -21,9 +21,9 @@ NO_WRENCH = np.zeros(6)
 
 
 def vector(name: str, value: ArrayLike, size: int, *, many: bool = False, finite: bool = True) -> Array:
-    """Return `value` as a finite float64 array of shape (size,); with `many`, messages also mention (b, size).
+    """Return `value` as a finite float64 array of shape (size,); with `many`, messages add (b, size), for b states.
 
-    `finite=False` skips the check for finite values, which takes 0.2 µs, for values that a kernel checks anyway.
+    `finite=False` skips the check for finite values, which takes 0.2 µs; use it if a kernel checks the values anyway.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def require_type(name: str, value: object, kind: type[T]) -> T:
 
 
 def _conversion(given: str, wanted: str) -> str:
-    """How to turn a value of one type into an argument of another; empty if unknown."""
+    """Advice on converting a value of one type to another, for a message; empty if no conversion is known."""
     conversions = {
         ("Scene", "Chain"): "fl.lump(scene)",
         ("Trajectory", "Chain"): "run.chain",
@@ -167,7 +167,7 @@ def number_of(value: object) -> object:
 
 
 def require_bool(name: str, value: object) -> bool:
-    """Check that `value` is True or False, because the string "no" would count as true, and return it."""
+    """Return `value` after checking that it is True or False; a string such as "no" would count as true."""
     if not isinstance(value, bool | np.bool_):
         raise ArgumentError(f"{name} = {truncated(value)}: must be True or False", id="wrong-type")
     return bool(value)

@@ -25,7 +25,7 @@ from flexlink.describe.schemes.cells import Cells
 from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
 from flexlink.kernels.layout import SPRINGS
 
-TWIST = 1  # axis of a coordinate
+TWIST = 1  # number of the twist axis in a `Coordinate`
 PAIR = 2  # number of hinges in cells whose springs act on the curvature of the rotation between them
 
 
@@ -38,9 +38,9 @@ class Springs(NamedTuple):
     rows: NDArray[np.intp]  # index of each hinge in the chain
     places: NDArray[np.intp]  # index of each hinge in the flattened (3, N) stiffnesses
     cells: Cells | None
-    coupled: slice  # the beam's part of the chain's couplings
-    pairs: NDArray[np.intp]  # (couplings, 3) axis, cell and pair of hinges in it
-    given: tuple[Array, Array] | None = None  # constants from a table
+    coupled: slice  # range of the beam's couplings among the couplings of the chain
+    pairs: NDArray[np.intp]  # (couplings, 3) axis, cell, and number of the hinge pair in the cell
+    given: tuple[Array, Array] | None = None  # K_ii and K_ij computed from a table
 
     def constants(self, rigidities: Array) -> tuple[Array, Array]:
         """K_ii (…, hinges) and K_ij (…, couplings) [N m/rad] from GJ, EI_y, EI_z at the sections, (…, 3, N) [N m²]."""
@@ -139,8 +139,8 @@ def _couple(builder: Builder, cells: Cells, places: dict[tuple[int, int], int]) 
 def _twist_rotors(link: Link, rule: LumpingRule, beam: SectionBeam | TableBeam, nodes: Array, weights: Array) -> Array:
     """Rotor inertias of the twist hinges [kg m²]; raises an error if the twist's mass matrix is not positive definite.
 
-    A is the articulated inertia about X of the beam beyond a hinge, computed from the tip inward; bodies on the beam,
-    which are left out, could only increase A.
+    For this check, A, the articulated inertia about X of the beam beyond a hinge, is computed from the tip inward;
+    bodies on the beam, which are left out, could only increase A.
     """
     if not rule.matched_twist or TWIST not in AXES[link.flex]:
         return np.zeros(len(nodes))

@@ -1,4 +1,4 @@
-"""Rigid segments of a beam: slices between hinges or, in cells of coupled springs, segments with the exact M."""
+"""Rigid segments of a beam: slices between hinges or, in cells of coupled springs, segments with exact mass matrix."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ def _segments(beam: SectionBeam | TableBeam, nodes: bytes) -> list[Segment]:
 def _cell_segments(beam: SectionBeam | TableBeam, cells: Cells, count: int) -> list[Segment]:
     """Segments with the exact M of a beam whose angle at each Lobatto node s is the angle of the segment there.
 
-    m is the mass of the slice from S_i−1 to S_i, and its centre c, measured from the segment's start, follows from
-    m c = l ∫ ρA from s_i to S_i. The inertia is
+    Segment i, from S_i−1 to S_i, contains the node s_i and has length l_i and mass m_i. Its centre c_i, measured from
+    the segment's start, follows from m_i c_i = l_i ∫ ρA from s_i to S_i. Its inertia about the centre is
 
         J_i = l_i [(s_i − S_i−1) ν(s_i) + ∫ ν dx − Σ_j w_j ν(s_j)] − m_i c_i²        ν(x) = ∫ ρA from x to S_i
 
@@ -99,7 +99,7 @@ def _pass_on(J: Array) -> None:
 
 
 def _cell_inertia(beam: SectionBeam | TableBeam, cells: Cells, i: int, nodes: Array, edges: Array) -> float:
-    """J_i + m_i c_i² of a segment."""
+    """Inertia J_i + m_i c_i² of segment i about its start [kg m²], see `_cell_segments`."""
     p, count, L = cells.hinges, len(nodes) - 1, beam.length
     e = min(i // p, count // p - 1)
     beyond = np.arange(i + 1, (e + 1) * p + 1)

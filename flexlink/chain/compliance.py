@@ -1,7 +1,7 @@
 """Compliance of the hinges of a beam with tabulated EI, from ∫ M/EI dx with moments at hinges, or in cells.
 
 The hinges of a rule are nodes for the moment M, with weights for ∫ M dx. M is smooth even if EI varies, jumps or has
-kinks, so M is interpolated between nodes, and the integral is exact:
+kinks, so M is interpolated between nodes, and the integral of the interpolated M divided by EI is exact:
 
     θ = ∫ M/EI dx = Σ_j c_j M_j        c_j = ∫ ℓ_j/EI dx        k_j = 1/c_j
 
@@ -11,6 +11,7 @@ complementary energy gives
 
     ½ ∫ M²/EI dx = ½ M·F M        F_qr = ∫ ℓ_q ℓ_r/EI dx        K = (W C)ᵀ F⁻¹ (W C)        W = diag(w_q)
 
+The matrix C of `Cell` converts hinge angles to curvatures, and w_q are the weights of the Gauss points.
 For constant EI this is the K of `schemes.cells`. If ℓ_j would give a hinge a negative compliance, or less than `LEAST`
 times the compliance of its interval, as next to a jump, all hinges of the element use this compliance (order 2).
 """

@@ -102,7 +102,7 @@ def _check_finite(scene: Scene, name: str, rows: NDArray[np.void]) -> None:
 
 
 def refuse_states(chain: Chain, what: str, instead: str = "", *, free: NDArray[np.intp] | None = None) -> None:
-    """Refuse lagging friction if a method does not support it; `free` are the moving coordinates, by default all.
+    """Refuse lagging friction for a method that does not support it; `free`: moving coordinates, by default all.
 
     Raises
     ------

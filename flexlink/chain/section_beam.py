@@ -37,7 +37,7 @@ class SectionBeam:
 
     @property
     def knots(self) -> Array:
-        """Positions of kinks: none."""
+        """Positions of kinks; this beam has none."""
         return np.empty(0)
 
     def rotary(self, x: Array) -> Array:

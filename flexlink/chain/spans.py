@@ -14,7 +14,7 @@ from flexlink.common.types import Array
 class Branch(NamedTuple):
     """Consecutive bodies, indexed from 0, each the parent of the next, and the parent of the first one."""
 
-    parent: int  # number from 0, −1: the base
+    parent: int  # number of the first body's parent, from 0; −1 is the base
     first: int
     stop: int
 

@@ -69,7 +69,7 @@ def _compile(cpu: str | None, out: Path | None, jobs: int) -> None:
     with tempfile.TemporaryDirectory() as cache:
         own = {} if out is None else {"NUMBA_CACHE_DIR": cache}
         target = {"NUMBA_CPU_NAME": cpu, "NUMBA_CPU_FEATURES": ""} if cpu else {}
-        waiting = 2  # more processes than cores, because some wait for a function that another process compiles
+        waiting = 2  # added processes, because some wait for a function that another process compiles
         with concurrent.futures.ThreadPoolExecutor(max(1, jobs) + waiting) as pool:
             progress, calls = Progress(f"compiling for {cpu or 'this CPU'}"), rehearsal.count()
             done = iter(range(1, calls + 1))

@@ -62,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     finally:
         finish()
         if alone:
-            gc.freeze()  # avoids the last garbage collection, 0.1 s
+            gc.freeze()  # avoids the last garbage collection, which takes 0.1 s
 
 
 def _in_lines(error: Exception) -> str:

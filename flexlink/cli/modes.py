@@ -90,7 +90,7 @@ def rates_of(chain: Chain, texts: Iterable[str]) -> dict[str, float]:
     ArgumentError
         A string does not have this form, or its unit is wrong for the kind of joint.
     """
-    # units of `--rate` in rad/s or m/s
+    # conversion factors from the units of `--rate` to rad/s or m/s
     units = {"rpm": 2 * np.pi / 60, "deg/s": np.pi / 180, "rad/s": 1.0, "m/s": 1.0}
     rates = {}
     for text in texts:
@@ -112,7 +112,7 @@ def rates_of(chain: Chain, texts: Iterable[str]) -> dict[str, float]:
 
 
 def first_in_motion(found: Modes, texts: Iterable[str]) -> str:
-    """Text on the lowest frequency about a steady motion, which springs or loads (centrifugal, …) may restore."""
+    """Text on the lowest frequency about a steady motion, and what restores it: springs or loads (centrifugal, …)."""
     hertz, motion = found.first_elastic_hertz, f"with {', '.join(texts)}"
     elastic = f"{hertz:.6g} Hz" if np.isfinite(hertz) else "none among these modes"
     swings = np.flatnonzero(found.hertz > 0)

@@ -25,7 +25,7 @@ def scene_of(name: str) -> fl.Scene:
 
 
 def count() -> int:
-    """Number of calls for all scenes together."""
+    """Number of calls that the rehearsal makes for all its scenes together."""
     return sum(len([*calls(scene_of(name))]) for name in KINDS)
 
 
@@ -77,7 +77,7 @@ def _of_states(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
 
 
 def _each(*calls: Callable[[], object]) -> Callable[[], None]:
-    """Combine calls into one; each may raise an error."""
+    """Combine calls into one, which ignores their flexlink errors."""
 
     def call() -> None:
         for each in calls:
@@ -88,7 +88,7 @@ def _each(*calls: Callable[[], object]) -> Callable[[], None]:
 
 
 def _of_many_joints(scene: fl.Scene) -> None:
-    """Call functions that use O(n) algorithms if there are a hundred joints or more."""
+    """Call, with more than a hundred joints, the functions that then use O(n) algorithms."""
     fine = scene.varied({f"link.{link.name}.segments": 121 for link in scene.arm.links if link.segments > 1})
     chain = fl.lump(fine)
     fl.stable_step(chain, np.zeros(chain.n))

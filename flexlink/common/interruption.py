@@ -16,7 +16,7 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 
-SIGNALS = {int(signal.SIGINT): signal.default_int_handler, int(signal.SIGTERM): signal.SIG_DFL}  # default handlers
+SIGNALS = {int(signal.SIGINT): signal.default_int_handler, int(signal.SIGTERM): signal.SIG_DFL}  # Python's handlers
 LAST = 3  # the third signal of one kind quits at once
 
 
@@ -55,7 +55,7 @@ class StoppedError(KeyboardInterrupt):
         self.signal = number
 
 
-_active: Stop | None = None  # of the outermost `deferred()`
+_active: Stop | None = None  # the `Stop` of the outermost `deferred()`
 _finished = False  # whether the command line has saved all results
 
 
@@ -102,7 +102,7 @@ def finish() -> None:
     _finished = True
     for number in SIGNALS:
         if signal.getsignal(number) is _quit:
-            signal.signal(number, signal.SIG_IGN)  # while exiting, Python restores the default handler, which kills
+            signal.signal(number, signal.SIG_IGN)  # while exiting, Python restores the default, which ends the process
 
 
 def word(number: int) -> str:

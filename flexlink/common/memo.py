@@ -87,7 +87,7 @@ class Kept:
     Attributes
     ----------
     types
-        Types of all arguments that the owner receives, if it owns its arrays; empty if its arrays may be shared.
+        Types of all arguments of a call, if only the owner can change its arrays; empty if its arrays may be shared.
     """
 
     def __init__(self) -> None:

@@ -32,7 +32,7 @@ def _cells(tag: str, texts: Sequence[str]) -> str:
 
 
 def drawing_module(name: str) -> ModuleType:
-    """Import a plotting module of flexlink when something is drawn; it may be in a higher layer than the caller.
+    """Import a plotting module of flexlink when something is drawn; its layer may be above the caller's layer.
 
     Raises
     ------

@@ -34,7 +34,7 @@ def write_whole(path: Path, write: Callable[[Path], object]) -> None:
 
 @contextlib.contextmanager
 def _temporary(path: Path) -> Iterator[tuple[Path, Path]]:
-    """Yield a new file in the folder of the target of `path`, and this target; raises the errors of `write_whole`."""
+    """Yield a temporary file, and the file that it will replace (`path` without links); errors as in `write_whole`."""
     target = Path(os.path.realpath(path))
     temporary = target.with_name(f".{target.stem}-{secrets.token_hex(4)}{target.suffix}")
     try:

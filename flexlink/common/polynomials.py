@@ -57,7 +57,7 @@ def lagrange(nodes: Sequence[Fraction]) -> list[Polynomial]:
 
 
 def dot(x: Iterable[Fraction], y: Iterable[Fraction]) -> Fraction:
-    """Σ x_i y_i over a common denominator, because a plain sum of Fractions slowly reduces the sum after every term."""
+    """Σ x_i y_i over a common denominator, because a plain sum reduces the fraction after every term, which is slow."""
     products = [(a.numerator * b.numerator, a.denominator * b.denominator) for a, b in zip(x, y, strict=True) if a]
     common = math.lcm(*(below for _, below in products))
     return Fraction(sum(above * (common // below) for above, below in products), common)

@@ -12,7 +12,7 @@ class Line:
 
     def __init__(self) -> None:
         self.shown = sys.stderr.isatty()
-        self._drawn = 0  # characters shown
+        self._drawn = 0  # number of characters on the line
 
     @property
     def width(self) -> int:
@@ -49,7 +49,7 @@ class Progress(Line):
         super().__init__()
         self._name, self._done, self._started, self._next = name, done, time.perf_counter(), 0.0
         self._parts, self._what = parts, what
-        self._redraw_after = redraw_after  # s
+        self._redraw_after = redraw_after  # shortest time between redraws [s]
 
     def report(self, line: str) -> None:
         """Print a line on stderr in place of the bar."""

@@ -13,7 +13,7 @@ from xml.etree import ElementTree as ET
 from flexlink.common.errors import DataFileError
 
 LARGEST = 5_000_000  # bytes; a robot with a thousand links has half a megabyte
-MOST_ELEMENTS = 200_000  # including attributes; together about 100 MB
+MOST_ELEMENTS = 200_000  # and attributes; together they take about 100 MB of memory
 DEEPEST = 1000  # levels of nested elements; MuJoCo reads 500
 
 
@@ -58,7 +58,7 @@ def numbers_of(text: str) -> list[float] | None:
     Python's `float` also accepts `1_0`, `nan` and digits of any script, which other programs refuse.
     """
     words = text.split()
-    number = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # unambiguous, hence linear time
+    number = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # matches in one way, so in linear time
     return [float(word) for word in words] if all(map(number.fullmatch, words)) else None
 
 

@@ -11,7 +11,7 @@ __version__ = "0.1.0"
 
 def versions(packages: Iterable[str]) -> dict[str, str]:
     """Installed versions of packages; "" for a missing one."""
-    import importlib.metadata  # noqa: PLC0415  as slow as the rest of `import flexlink`
+    import importlib.metadata  # noqa: PLC0415  takes as long as the rest of `import flexlink`
 
     versions = {}
     for name in packages:

@@ -192,7 +192,7 @@ def _numbers(path: Path, number: int, line: list[str], heads: list[str]) -> list
     found = []
     for cell, head in zip(line, heads, strict=True):
         try:
-            if "_" in cell or not cell.isascii():  # Python's float accepts these
+            if "_" in cell or not cell.isascii():  # Python's float would accept such cells
                 raise ValueError
             found.append(float(cell) if cell.strip() else math.nan)
         except ValueError:

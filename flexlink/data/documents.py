@@ -61,7 +61,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 @contextlib.contextmanager
 def errors_of(path: Path) -> Iterator[None]:
-    """Prefix errors about a file's content with its path."""
+    """Prefix errors about a file's content with the file's path."""
     try:
         yield
     except (SceneError, DataFileError) as error:

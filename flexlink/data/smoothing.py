@@ -38,7 +38,7 @@ def smoothed(t: Array, y: Array, cutoff: float) -> tuple[Array, Array, Array]:
             "half the sampling rate",
             id="cutoff-too-high",
         )
-    from scipy.interpolate import BSpline  # noqa: PLC0415  takes 0.1 s, and few scenes need it
+    from scipy.interpolate import BSpline  # noqa: PLC0415  slow to import: 0.1 s
     from scipy.linalg import solveh_banded  # noqa: PLC0415
 
     unit, degree, penalty = 1 / (2 * math.pi * cutoff), 5, 3
@@ -68,7 +68,7 @@ def _sites(t: Array, near: float) -> Array:
 
 
 def _penalty(knots: Array, sites: Array, highest: int, penalty: int):  # type: ignore[no-untyped-def]  # SciPy sparse
-    """∫ B_i‴ B_j‴ dt, exact with three Gauss points per interval, where third derivatives are parabolas."""
+    """∫ B_i‴ B_j‴ dt of B-splines B_i, exact with three Gauss points per interval, where each B_i‴ is a parabola."""
     from scipy.interpolate import BSpline  # noqa: PLC0415
     from scipy.sparse import diags_array  # noqa: PLC0415
 

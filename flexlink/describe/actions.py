@@ -208,7 +208,7 @@ class PrescribedMotion(Spec, frozen=True):
 class Wrench(Spec, frozen=True):
     """Force [N] and moment [N m] on the tip, acting at the origin of the tip frame.
 
-    Components are in the axes of frame 0 (frame = "world") or of the tip frame ("tip"), with which they turn. They are
+    Components are in the axes of frame 0 (frame = "world") or of the moving tip frame (frame = "tip"). They are
     either constant (`force` and `moment`) or a table (`forces`, `moments` or both, one row per time [s]), interpolated
     like the torque table of a drive. The table may be in a CSV `file`.
 

@@ -22,7 +22,7 @@ BETWEEN = (
     "a branch or a prismatic joint lies between the links with this law; set it for one link only, or use law = "
     "'proportional'"
 )
-"""Reason in messages why damping with a constant ratio, which needs dampers between hinges, is not available."""
+"""Text for messages: why damping with a constant ratio, which needs dampers between hinges, is not available."""
 BASE = "base"
 """Name that denotes the base as a parent, unless a link has this name."""
 
@@ -154,7 +154,7 @@ class Arm(Spec, frozen=True):
         path = f"{self.path(k)}.rigidity = {link.rigidity!r}"
         for column in table.lacks(link.flex):
             yield Diagnostic(f"{path}: has no {column}; flex = {link.flex!r} needs it", "rigidity-table")
-        # relative tolerance for the end of the table: rounding of written numbers
+        # relative tolerance for the end of the table, because the numbers in files are rounded
         if abs(table.x[-1] - link.beam.length) > 1e-6 * link.beam.length:
             yield Diagnostic(
                 f"{path}: ends at x = {table.x[-1]!r} m; the beam ends at {link.beam.length!r} m; both must be equal",
@@ -211,7 +211,7 @@ class Arm(Spec, frozen=True):
         return f"<Arm: {short_list([f'{link.name!r} ({link.flex})' for link in self.links])}>"
 
     def loss_time(self, link: Link) -> float:
-        """Kelvin-Voigt loss time η [s] of a link's hinges: from its `damping`, or from its material or table."""
+        """Kelvin-Voigt loss time η [s] of a link's hinges, from its `damping` or else from its material or table."""
         if link.flex == "rigid":
             return 0.0
         if link.damping is None and link.rigidity is not None:

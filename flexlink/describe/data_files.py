@@ -68,7 +68,7 @@ def _of_ours(folder: str, name: str, kind: Any) -> Any:
 
 
 def _of_user(name: str, kind: Any) -> Any:
-    """Read a user's file again if it has changed."""
+    """Load a description from a user's file, which is read again only if it has changed."""
     path = Path(absolute(name))
     return _decoded(path, _version(path), kind)
 
@@ -82,7 +82,7 @@ def _version(path: Path) -> tuple[int, ...]:
 
 @functools.lru_cache(maxsize=64)
 def _decoded(path: Path, _version: tuple[int, ...], kind: Any) -> Any:
-    """Decode a file once for each version of it."""
+    """Decode a file, and decode it again only after it has changed."""
     raw = read_toml(path)
     try:
         return decode(raw, kind)

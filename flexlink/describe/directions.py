@@ -15,7 +15,7 @@ from flexlink.describe.spec import Vector3
 
 
 def unit(key: str, vector: Vector3 | Array) -> Array:
-    """Return the unit vector along a vector, shape (3,); it is exact along a coordinate axis.
+    """Return the unit vector along a vector, shape (3,), without rounding errors along a coordinate axis.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def line_of(ends: tuple[Vector3, Vector3], up: Vector3 | None, axis: Array) -> L
         The line has zero length or overflows float64, or `up` is parallel to it.
     """
     start, stop = np.array(ends)
-    with np.errstate(over="ignore"):  # checked below
+    with np.errstate(over="ignore"):  # overflow is checked below
         along = stop - start
     length = math.hypot(*along)
     if not 0 < length < math.inf:
@@ -71,16 +71,16 @@ def line_of(ends: tuple[Vector3, Vector3], up: Vector3 | None, axis: Array) -> L
         )
     if z is None:
         z = _across(x, np.eye(3)[2 if x[2] ** 2 < 0.5 else 1])
-        assert z is not None  # x and this axis are at least 45° apart
+        assert z is not None  # x is at least 45° from this axis, so z exists
     return Line(start, length, np.stack([x, np.cross(z, x), z], axis=1))
 
 
 def _across(x: Array, direction: Array) -> Array | None:
     """Unit vector along the component of `direction` perpendicular to x; None if `direction` is parallel to x.
 
-    It is projected twice: if both are nearly parallel, the first projection leaves an error of eps / angle along x.
+    `direction` is projected twice: if it is nearly parallel to x, an error of eps / angle along x remains at first.
     """
-    if math.hypot(*np.cross(x, direction)) < 1e-6:  # parallel: robot files give angles to about ten digits
+    if math.hypot(*np.cross(x, direction)) < 1e-6:  # counts as parallel; robot files round angles to ten digits
         return None
     for _ in range(2):
         across = direction - dot(direction, x) * x

@@ -30,7 +30,7 @@ def _allowed(kind: Any, value: object) -> str:
 
 
 def _three_numbers(where: str, kind: Any, value: object) -> str:
-    """Expected three numbers, with an example (the axis that `value` names, if it does); empty for other keys."""
+    """Text for keys that expect three numbers, with an example (the axis named by `value`, if any), else empty."""
     directions = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
     known = _words()["three_numbers"].get(where.rpartition(".")[2])
     if kind != tuple[float, float, float] or known is None:

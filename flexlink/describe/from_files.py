@@ -1,4 +1,4 @@
-"""Read tables of motions, drives, references and wrenches from CSV files: once, when a scene is built."""
+"""Read tables of motions, drives, references and wrenches from CSV files, once, when a scene is built."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def _number(arm: Arm, motion: PrescribedMotion) -> int:
 
 
 def _started_with(initial: InitialState, arm: Arm, number: int, motion: PrescribedMotion) -> InitialState:
-    """Start a joint at the first angle and rate of its motion; an angle given in the scene must nearly equal it.
+    """Start a joint at the first angle and rate of its motion; an angle given in the scene must nearly equal the first.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def _started_with(initial: InitialState, arm: Arm, number: int, motion: Prescrib
             return initial
         given = row[number - 1]
         if given and abs(given - first) > allowed:
-            converted = key.endswith("_deg") and abs(given - np.radians(first)) <= allowed  # degrees, converted again
+            converted = key.endswith("_deg") and abs(given - np.radians(first)) <= allowed  # degrees, read as rad
             remedy = (
                 "its angles in rad are probably degrees: write [deg] in the name of the column"
                 if converted
@@ -155,9 +155,9 @@ def _torques(table: CsvTable, link: Link, moved: bool) -> Array:
 def reference_from_file(reference: Reference, arm: Arm, moved: set[int], starts: Sequence[float]) -> Reference:
     """Return the reference with the angles of its file, which has one column "q NAME [deg]" for each moving joint.
 
-    Locked joints, and joints with prescribed motion (`moved`), need no column; without one, the reference of a moved
-    joint is its initial position. With profile "smooth", rates and accelerations come from the file if present, or from
-    `smoothed` if a `cutoff` is given.
+    Locked joints, and joints with prescribed motion (`moved`), need no column; without a column, the reference of a
+    moved joint is its initial position. With profile "smooth", rates and accelerations come from `smoothed` if a
+    `cutoff` is given, else from the file if it has them.
 
     Raises
     ------
@@ -193,7 +193,7 @@ def reference_from_file(reference: Reference, arm: Arm, moved: set[int], starts:
 
 
 def _angles(table: CsvTable, link: Link, cutoff: float | None, rates: Collection[str]) -> list[Array]:
-    """Positions of a joint in its unit; with a cutoff, also filtered rates and accelerations, else columns `rates`."""
+    """Positions of a joint, then filtered rates and accelerations if there is a cutoff, else the columns `rates`."""
     unit = OF_JOINT[link.joint.slides].unit
     positions = table.column(f"q {link.name}", unit)
     if cutoff is not None:

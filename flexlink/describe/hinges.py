@@ -27,7 +27,7 @@ def hinges_of(arm: Arm) -> list[tuple[Array, Array]]:
     DataFileError
         A user's rule file is invalid.
     """
-    if any(is_user_file(link.lumping) for link in arm.links):  # the file may change
+    if any(is_user_file(link.lumping) for link in arm.links):  # not cached: the file may change
         return _of_all(arm)
     return HINGES(arm.links, None, lambda: _of_all(arm))
 
@@ -70,7 +70,7 @@ def _hinges_of(link: Link) -> tuple[Array, Array]:
 
 
 def _check_root(link: Link) -> None:
-    """Refuse root springs about the axis of a free joint at the same place, with no inertia between them."""
+    """Refuse root springs that turn about the same line as a free joint, with no inertia in between."""
     if not link.root_springs:
         return
     axis, lever = link.joint.direction, link.beam.start
@@ -94,7 +94,7 @@ def _bare(link: Link) -> str:
 
 
 def _stands_alone(link: Link) -> bool:
-    """Whether a hinge at the beam's root has a fixed support or inertia on its other side, or the joint slides."""
+    """Whether a hinge at the beam's root has a fixed support or inertia on its other side; also if the joint slides."""
     joint = link.joint
     if joint.slides and not joint.locked:
         return True
@@ -103,7 +103,7 @@ def _stands_alone(link: Link) -> bool:
 
 
 def _hinges(rule: LumpingRule, link: Link) -> tuple[Array, Array]:
-    # default rule
+    # name of the default rule, which the message marks as the default
     default = Link(name="any").lumping
     count = link.segments - 1
     try:

@@ -102,7 +102,7 @@ class Joint(Spec, frozen=True):
 
     @property
     def lags(self) -> bool:
-        """Whether the joint is free and has lagging viscous friction."""
+        """Whether the joint is free, and its viscous friction lags behind the rate by `viscous_lag`."""
         return self.viscous_lag > 0 and not self.locked
 
     @property

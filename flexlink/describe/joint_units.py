@@ -17,7 +17,7 @@ from flexlink.common.types import Array
 
 Row = tuple[float, ...]
 Slides = tuple[bool, ...]
-"""Whether each joint is prismatic, one per link."""
+"""For each link, whether its joint is prismatic."""
 
 IN_METRES = {
     "joint_deg": "joint_m",

@@ -32,14 +32,14 @@ class Quintic(NamedTuple):
 
 
 class Ramps(NamedTuple):
-    """Move from 0 to 1 with two speed ramps, each made of phases t_j, t_a and t_j, and a cruise of t_v between them.
+    """Move from 0 to 1 with two speed ramps, each made of phases t_j, t_a and t_j, and a cruise t_v between the ramps.
 
     Jerk is constant in each phase t_j, acceleration in t_a and speed in t_v.
     """
 
-    jerk: float  # s
-    acceleration: float  # s
-    cruise: float  # s
+    jerk: float  # t_j, duration of a phase of constant jerk [s]
+    acceleration: float  # t_a, duration of a phase of constant acceleration [s]
+    cruise: float  # t_v, duration of constant speed [s]
 
     @property
     def duration(self) -> float:

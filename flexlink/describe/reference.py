@@ -139,7 +139,7 @@ class Reference(Spec, frozen=True):
             self._check_table(self.times)
 
     def _check_file(self) -> None:
-        """Check that a table profile has a file and no rows."""
+        """Check that a reference with a file has a table profile, and that no rows are also given."""
         if self.profile not in TABLED:
             raise SceneError(
                 f"file = {self.file!r}: profile {self.profile!r} takes {_taken(*TAKES[self.profile])}; a file needs "
@@ -169,7 +169,7 @@ class Reference(Spec, frozen=True):
 
     @property
     def _deciding(self) -> tuple[str, ...]:
-        """Limits of which a move without `duration` needs at least one; a trapezoid needs that of acceleration."""
+        """Limits, at least one of which a move without `duration` needs; a trapezoid needs the acceleration limit."""
         return {"quintic": LIMITS, "trapezoidal": LIMITS[1:2], "s_curve": LIMITS[2:]}[self.profile]
 
     def _is_given(self, name: str) -> bool:
@@ -264,7 +264,7 @@ class Reference(Spec, frozen=True):
                     raise SceneError(f"{key}: missing; there are {OF_JOINT[slides].name} joints", id="missing-key")
 
     def _own(self, name: str, slides: Slides) -> Row:
-        """A list in the joints' own units."""
+        """The list `name` and its twin, merged in the joints' own units, deg or m."""
         return together(slides, getattr(self, name), getattr(self, IN_METRES[name]))
 
     def _move(self, initial: Array, links: list[int], slides: Slides) -> ReferenceTrajectory:
@@ -314,7 +314,7 @@ class Reference(Spec, frozen=True):
         if len(t) == 1:
             return still(angles[0])
         if self.profile == "hold":
-            on_time = 8 * np.finfo(float).eps  # exceeds the rounding of a sample's time, so it gets the new row
+            on_time = 8 * np.finfo(float).eps  # a sample at a row's time, up to rounding, gets this row
             return ReferenceTrajectory(t * (1 - on_time), angles[:, None])
         if self.profile == "linear":
             return from_rest_to_rest(
@@ -335,13 +335,13 @@ def _in_both(*keys: str) -> list[str]:
 
 
 def _taken(needs: Sequence[str], may: Sequence[str]) -> str:
-    """Keys of a profile, as text."""
+    """Text that lists the keys that a profile needs, and the keys that it may have."""
     return ", ".join(needs) + (f", and may have {', '.join(may)}" if may else "")
 
 
 def _smooth(t: Array, known: list[Array]) -> Array:
-    """Cubic spline through angles, or Hermite polynomials if rates (and accelerations) are known (m, ·, d)."""
-    from scipy.interpolate import BPoly, CubicSpline, PPoly  # noqa: PLC0415  takes 0.1 s, and few scenes need it
+    """Cubic spline through angles, or Hermite polynomials if rates are known; coefficients (m, ·, d)."""
+    from scipy.interpolate import BPoly, CubicSpline, PPoly  # noqa: PLC0415  slow to import: 0.1 s
 
     if len(known) == 1:
         pieces = CubicSpline(t, known[0], bc_type="clamped")

@@ -117,7 +117,7 @@ class ReferenceTrajectory:
                 f"times, weights: shapes {t.shape}, {a.shape}; expected finite numbers of equal shape (k,), k > 0",
                 id="wrong-shape",
             )
-        most = 100_000  # more would take minutes and gigabytes
+        most = 100_000  # largest number of pieces; more would take minutes and gigabytes
         if len(t) * len(self.knots) > most:
             raise ArgumentError(
                 f"{len(t)} impulses on {len(self.knots)} pieces give {len(t) * len(self.knots)}; at most {most}",
@@ -142,7 +142,7 @@ class ReferenceTrajectory:
         )
         at_knots = np.concatenate([self.coefficients[:, 0], c.sum(axis=1)])  # values at both ends of each piece
         low, high = at_knots.min(axis=0), at_knots.max(axis=0)
-        hull = np.einsum("ij,kjd->kid", _to_bernstein(c.shape[1] - 1), c)  # bounds all values of a piece
+        hull = np.einsum("ij,kjd->kid", _to_bernstein(c.shape[1] - 1), c)  # these numbers bound all values of a piece
         rounded = 2.0**-48 * np.abs(c).sum(axis=1)
         beyond = (hull.min(axis=1) < low - rounded) | (hull.max(axis=1) > high + rounded)
         for piece, d in zip(*np.nonzero(beyond), strict=True):
@@ -187,7 +187,7 @@ def still(angles: ArrayLike) -> ReferenceTrajectory:
 
 
 def from_rest_to_rest(knots: Array, moving: Array, end: Array) -> ReferenceTrajectory:
-    """A trajectory of pieces (m, degree + 1, d) between knots (m + 1,); at rest before, and at `end` (d,) after."""
+    """A trajectory at rest, then on pieces (m, degree + 1, d) between knots (m + 1,), then at rest at `end` (d,)."""
     rest = np.zeros((2, *moving.shape[1:]))
     rest[0, 0], rest[1, 0] = moving[0, 0], end
     before = knots[0] - max(1.0, abs(knots[0]))
@@ -195,7 +195,7 @@ def from_rest_to_rest(knots: Array, moving: Array, end: Array) -> ReferenceTraje
 
 
 def side_by_side(courses: Sequence[ReferenceTrajectory]) -> ReferenceTrajectory:
-    """Combine trajectories into one that has the angles of all, on common knots."""
+    """Combine trajectories into one that has all their angles, on common knots."""
     if not courses:
         return still([])
     knots = common_knots(courses)
@@ -207,14 +207,14 @@ def side_by_side(courses: Sequence[ReferenceTrajectory]) -> ReferenceTrajectory:
 
 
 def common_knots(courses: Sequence[ReferenceTrajectory]) -> Array:
-    """Merge the knots of trajectories: the earliest first knot, and all later knots, of equal ones only the last."""
+    """Merge the knots of trajectories: return the earliest first knot, then the later knots, each once."""
     later = np.unique(np.concatenate([course.knots[1:] for course in courses]))
     first = min(course.knots[0] for course in courses)
     return np.concatenate([[first], later[distinct(later)]])
 
 
 def distinct(knots: Array) -> NDArray[np.bool_]:
-    """Whether each knot differs from the next by more than rounding, which depends on the order of summed delays."""
+    """Whether each knot differs from the next by more than the rounding errors of summed delays."""
     rounding = 16 * np.finfo(float).eps
     return np.asarray(np.diff(knots, append=np.inf) > rounding * np.abs(knots).max(initial=0.0))
 

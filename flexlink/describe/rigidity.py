@@ -107,7 +107,7 @@ class Rigidity(Spec, frozen=True):
             yield "rho_i_y or rho_i_z"
 
     def jump_at(self, x: float, flex: str) -> float | None:
-        """Position of a jump within rounding of x [m], in a rigidity that a link with this flex needs; None if none."""
+        """Position [m] of a jump of a needed rigidity (see `lacks`) at x [m], up to rounding; None if there is none."""
         for k in range(1, len(self.x)):
             columns = (getattr(self, name) or () for name in HELD[flex])
             # relative distance below which two positions count as equal
@@ -117,7 +117,7 @@ class Rigidity(Spec, frozen=True):
 
     @property
     def rows(self) -> Rows:
-        """The table as arrays, including its factors."""
+        """The table as arrays, multiplied by its scale factors."""
         return _rows(self)
 
 

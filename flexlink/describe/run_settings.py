@@ -70,7 +70,7 @@ class RunSettings(Spec, frozen=True, dict=True):  # the dict is for cached prope
     unstable: Unstable = "refuse"
     """Treatment of a step above the stability limit, and of a run whose energy does not balance."""
     tolerance: Annotated[Positive | None, measured_in("m")] = None
-    """Largest error of any body's position at the end of the run [m], which determines the steps."""
+    """Largest error of any body's position at the end of the run [m], due to the steps alone; it determines them."""
     relative_tolerance: Positive | None = None
     """Tolerance relative to the reach or to the deflection, by `accuracy` [1]. Default: 1e-3 if no method, step or
     tolerance is given."""
@@ -162,7 +162,7 @@ class RunSettings(Spec, frozen=True, dict=True):  # the dict is for cached prope
 
     @functools.cached_property
     def spacing(self) -> float:
-        """Time between stored samples [s]."""
+        """Time between stored samples [s], as given or by default."""
         if self.sample is not None:
             return self.sample
         return default_sample(self.duration, None if self.controlled else self.fixed_step)

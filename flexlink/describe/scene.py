@@ -190,7 +190,7 @@ class Scene(Spec, frozen=True):
         Raises
         ------
         SceneError
-            They are not constant in frame 0; use `Trajectory.tip_wrench` of a run instead.
+            Force or moment vary over time in frame 0; use `Trajectory.tip_wrench` of a run instead.
         """
         return self.wrench.constant
 
@@ -276,7 +276,7 @@ class Scene(Spec, frozen=True):
         document |= document.pop("arm")
         initial = document.get("initial", {})
         turns_only = not (any(self.arm.slides) or self.arm.base.free)
-        if not (turns_only or self.initial.q or any(self.initial.joint_deg)):  # zero angles are trivial for other arms
+        if not (turns_only or self.initial.q or any(self.initial.joint_deg)):  # all angles are 0, the default
             initial.pop("joint_deg", None)
         order = (
             "name", "about", "gravity", "air_density", "base", "material", "section", "rigidity", "link", "tip",

@@ -61,7 +61,7 @@ def _arm_of(values: Mapping[str, Any]) -> Arm:
 def _mistakes(
     raw: Mapping[str, Any], kinds: Mapping[str, Any], kept: Mapping[str, Any], required: Sequence[str]
 ) -> Iterator[Diagnostic]:
-    """All mistakes in a parsed file, key by key; if the arm's parts are valid, also mistakes between these parts."""
+    """All mistakes in a parsed file, key by key; if the arm's parts are valid, also contradictions between them."""
     yield from key_mistakes(raw, list(kinds), required)
     known = {key: value for key, value in raw.items() if key in kinds}
     wrong = {key: mistakes(value, kinds[key], key) for key, value in known.items()}

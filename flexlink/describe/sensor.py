@@ -156,8 +156,8 @@ class Sensor(Spec, frozen=True):
             )
 
     def _check_unit(self) -> None:
-        """Require a gain if the column's unit, such as deg, converts to the signal's unit, unlike V, for example."""
-        # factors of instrument units, in addition to those of angles, lengths, forces and torques
+        """Require a gain if the column's unit converts to the signal's unit, as deg does to rad, but V does not."""
+        # conversion factors of instrument units, in addition to units of angle, length, force and torque
         instruments = {
             ("µm/m", "1"): 1e-6, ("um/m", "1"): 1e-6, ("µε", "1"): 1e-6, ("ppm", "1"): 1e-6, ("%", "1"): 1e-2,
             ("g", "m/s²"): 9.80665, ("mA", "A"): 1e-3,
@@ -208,7 +208,7 @@ def sensor_mistakes(sensors: Sequence[Sensor], arm: Arm) -> Iterator[Diagnostic]
 
 
 def _misfits(sensor: Sensor, arm: Arm) -> Iterator[Diagnostic]:
-    """Mistakes of one sensor on an arm, without its path."""
+    """Mistakes of one sensor on an arm, in messages without the sensor's path."""
     kind, on = sensor.kind, f"link = {truncated(sensor.link)}"
     if is_on_base(sensor, arm):
         if not arm.base.free:

@@ -28,11 +28,11 @@ from flexlink.describe.spec import NonNegative, Positive, Spec, measured_in
 Ratio = Annotated[float, msgspec.Meta(ge=0, lt=1)]
 
 MOST_IMPULSES = 1024
-"""Largest number of impulses; six vibrations with ZVD need 729, and lengthen the move by six periods."""
+"""Largest number of impulses; ZVD for six vibrations needs 3⁶ = 729 impulses, and lengthens the move by six periods."""
 
 
 class ShaperRule(Spec, frozen=True):
-    """A shaper of one vibration: impulses after `half_periods` h, with weights w K^h before normalization to sum 1.
+    """A shaper of one vibration: impulses at times h T, h from `half_periods`, with weights w K^h scaled to sum 1.
 
     `zeros` is the number of derivatives of Σ w_i exp(iπ h_i) with respect to frequency, from the 0th on, that vanish.
     """
@@ -64,7 +64,7 @@ class ShaperRule(Spec, frozen=True):
             )
         for k in range(self.zeros):
             remainder = abs(np.sum(w * h**k * np.exp(1j * np.pi * h)))
-            if remainder > 1e-12 * np.sum(np.abs(w) * h**k):  # rounding of numbers written with 13 digits or more
+            if remainder > 1e-12 * np.sum(np.abs(w) * h**k):  # more than the rounding of numbers written with 13 digits
                 raise SceneError(
                     f"zeros = {self.zeros}: derivative {k} of the vibration is {remainder:.3g}, not 0",
                     id="shaper-zeros",

@@ -32,17 +32,17 @@ class Variants:
     """Variants of a scene by values at fixed paths, most of them numbers."""
 
     def __init__(self, scene: Scene, paths: Sequence[str]) -> None:
-        # tables whose paths do not depend on the links
+        # tables with paths that mean the same for all links
         independent = {"tip", "material", "section", "rigidity", "gravity", "run"}
         self.scene = scene
-        elsewhere = {"run.tolerance", "run.relative_tolerance"}  # these replace other settings
+        elsewhere = {"run.tolerance", "run.relative_tolerance"}  # setting these also removes other settings
         numbers = [path for path in paths if path not in elsewhere and _is_number(scene, path)]
         tops = {parts_of(path)[:1] for path in paths if path not in numbers}
         if ("link",) in tops or ("motion",) in tops:
             numbers = [path for path in numbers if parts_of(path)[0] in independent]
             tops = {parts_of(path)[:1] for path in paths if path not in numbers}
         self.numbers = tuple(path for path in numbers if parts_of(path)[:1] not in tops)
-        self._base: tuple[list[object], Base | None] | None = None  # for the last values that are not numbers
+        self._base: tuple[list[object], Base | None] | None = None  # scene for the last values that are not numbers
 
     def varied(self, changes: Mapping[str, object]) -> Scene:
         """Return the same scene, and raise the same errors, as `Scene.varied`; `changes` has a value for every path."""
@@ -109,7 +109,7 @@ def _reads_back(scene: Scene, paths: Sequence[str]) -> bool:
 
 
 def _plant(tree: Tree, part: Any, keys: Keys, path: str) -> bool:
-    """Insert a path into the tree at its keys; return False if a key is missing or another path is above or below."""
+    """Insert a path into the tree at its keys; return False if that fails, or if another path begins with it."""
     for k, given in enumerate(keys):
         key = given
         if isinstance(part, Spec):

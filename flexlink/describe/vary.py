@@ -194,7 +194,7 @@ class _Change:
 
     def _keys(self, node: Any, kind: Any, depth: int) -> Sequence[Any]:
         """Keys of the table, or indices of list items, selected by this part of the path."""
-        # components of a vector
+        # names of the components of a vector
         axes = ("x", "y", "z")
         # lists of tables other than links, with the key that names their items
         named = {"motion": "link", "sensor": "name"}
@@ -215,6 +215,9 @@ class _Change:
             )
         if isinstance(node, list) and kind == Vector3 and len(node) == len(axes):
             return [axes.index(self._one_of(part, axes))]
+        kind_of = above.rpartition(".")[2]
+        if isinstance(node, str) and kind_of in {"material", "section"}:
+            raise self.error(f"{above} is the name {node!r}; write {kind_of}.{node}.{part}")
         raise self.error(f"{above} is one value; set it as a whole")
 
     def _one_of(self, part: str, names: Mapping[str, Any] | Sequence[str], *, keys: bool = False) -> str:

@@ -254,7 +254,7 @@ def _within_limits(ours: ReadBack, effort: Array) -> Array:
 
 
 def _values(read: ReadBack, field: str, ours: ReadBack) -> Array:
-    """Numbers of a field, one row per joint; for lines, the axis with our sign, and its point nearest to ours."""
+    """Numbers of a field, one row per joint; for joint axes, direction with our sign, and point nearest to ours."""
     if field == "lines":
         sense = np.sign(np.einsum("ij,ij->i", ours.axes, read.axes))[:, None]
         along = np.einsum("ij,ij->i", ours.axes, read.points - ours.points)[:, None]
@@ -319,7 +319,7 @@ def _subject(field: str, where: str) -> str:
 
 
 def _instead(field: str, diff: Discrepancy) -> str:
-    """First number in the file, the expected number and their ratio; the relative error if both print alike."""
+    """Text with the file's first number, the expected one and their ratio, or the relative error if they look alike."""
     if field == "slides":
         return "revolute instead of prismatic" if diff.ours[0] else "prismatic instead of revolute"
     unit = _of_joints(field, diff).unit

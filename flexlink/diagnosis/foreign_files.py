@@ -59,7 +59,7 @@ def _format(path: Path, n: int) -> str:
             id="unknown-root-element",
         )
     hinges, most = sum(1 for joint in root.iter("joint") if joint.get("type") != "fixed"), max(n, 300)
-    if hinges > most:  # Pinocchio needs 35 n³ bytes
+    if hinges > most:  # for n joints Pinocchio needs 35 n³ bytes
         raise DataFileError(
             f"{path}: {hinges} joints, but the scene's arm has {n}; at most {most} are allowed", id="too-many-joints"
         )

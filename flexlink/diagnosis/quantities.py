@@ -118,5 +118,5 @@ def compare_engines(
 
 
 def _rank(difference: Difference) -> float:
-    """The error; nan ranks highest."""
+    """The error of a difference, as a key for sorting in which nan ranks highest."""
     return math.inf if math.isnan(difference.error) else difference.error

@@ -77,7 +77,7 @@ def _random(chain: Chain, random: np.random.Generator) -> State:
 def _balanced(chain: Chain, random: np.random.Generator) -> State:
     k = chain.stiffness
     soft = k.min(where=k > 0, initial=np.inf)
-    reach = np.divide(soft, k, out=np.ones(chain.n), where=k > 0)  # springs have similar torques
+    reach = np.divide(soft, k, out=np.ones(chain.n), where=k > 0)  # deflections with similar spring torques
     q = _regular(chain, (chain.rest + reach * deflection for deflection in _uniform(chain, random)))
     static = gravity_torque(chain, q) + elastic_torque(chain, q)
     return State(q, np.zeros(chain.n), static * (1 + IMBALANCE * random.uniform(-1, 1, chain.n)), np.zeros(6))

@@ -45,11 +45,11 @@ class RunDifference(NamedTuple):
     """Largest differences between the runs of an engine and of flexlink at any sample."""
 
     engine: str
-    q: float  # [rad]
-    qd: float  # [rad/s]
-    tip: float  # [m]
-    time: float  # of the largest |Δq| [s]
-    joint: str  # of the largest |Δq|
+    q: float  # largest |Δq| [rad]
+    qd: float  # largest |Δq̇| [rad/s]
+    tip: float  # largest distance between the tips [m]
+    time: float  # time of the largest |Δq| [s]
+    joint: str  # joint with the largest |Δq|
     explained: float  # largest |Δq| that counts as agreement [rad]
     diverged: str = ""  # message of the engine if its run ended early; only the samples before that are compared
 

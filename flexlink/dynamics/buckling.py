@@ -69,9 +69,9 @@ def buckling_loads(
 
 
 def _per_stiffness(load: Array, K: Array, *, diagonal: bool) -> Array:
-    """Return L⁻¹ load L⁻ᵀ with K = L Lᵀ, which has the eigenvalues of K⁻¹ load; `diagonal`: whether K is diagonal.
+    """Return L⁻¹ A L⁻ᵀ for A = `load` and K = L Lᵀ; it has the eigenvalues of K⁻¹ A. `diagonal`: if K is diagonal.
 
-    If K is not positive definite, which can occur for rotation-vector springs at large angles, return K⁻¹ load.
+    If K is not positive definite, which can occur for rotation-vector springs at large angles, return K⁻¹ A.
     """
     if diagonal:
         k = K.diagonal()

@@ -122,7 +122,7 @@ def forward_dynamics_derivatives(
 
     ∂q̈/∂(q, q̇) = −M⁻¹ ∂(M q̈ + T_GC + T_FL + T_FR + T_DRAG)/∂(q, q̇) at constant q̈. The articulated-body algorithm
     takes O(n) per column, so O(n²) for all. Friction enters with its derivative d + c/w sech²(q̇/w) at the given rate.
-    The error is below 1e-12 times each matrix's largest element (3e-13 times, for random arms of 2 to 14 joints). Like
+    The error is below 1e-12 times each matrix's largest element (3e-13 measured, random arms of 2 to 14 joints). Like
     the error of q̈, it is larger if M is almost singular.
 
     Joints with prescribed motion have constant rates, as in `forward_dynamics`. Their input is an acceleration, not a

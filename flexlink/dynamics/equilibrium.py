@@ -157,7 +157,7 @@ def at_rest(equations: Equations, tolerance: float = 1e-9) -> tuple[Array, list[
 
 
 def _as_known(chain: Chain, q: Array, free: NDArray[np.intp], qd: Array, wrench: Array) -> Array:
-    """Round every spring's deflection to its significant decimals, given by the rounding error of its load ΔL.
+    """Round every spring's deflection to its significant decimals, which the rounding error ΔL of its load determines.
 
     Decimals below ΔL / Σ_j |K_ij| are meaningless and differ between CPUs. No torque changes by more than its rounding
     error, and an angle that is 0 by symmetry becomes 0.

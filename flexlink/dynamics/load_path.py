@@ -171,7 +171,10 @@ def follow(equations: Equations, tolerance: float) -> list[Array]:
 
 
 def _arcs(equations: Equations, tolerance: float, part: float, off: float) -> list[Array]:
-    """Return points of the path by a tangent predictor and an orthogonal corrector; `part` scales the arcs."""
+    """Return points of the path by a tangent predictor and an orthogonal corrector; `part` scales the arcs.
+
+    `off` is the largest distance between corrected and predicted point, relative to the step.
+    """
     point, arc = equations.start, part * FIRST_ARC
     path, direction = [point], np.append(1.0, np.zeros(len(point) - 1))
     while point[0] < 1:
@@ -186,7 +189,7 @@ def _arcs(equations: Equations, tolerance: float, part: float, off: float) -> li
                 raise LostError(path)
         point = new
         path.append(point)
-        if len(path) > STEPS or point[0] < -1:  # the load is fully reversed
+        if len(path) > STEPS or point[0] < -1:  # too many steps, or the load is fully reversed
             raise LostError(path)
         if corrections < WANTED:
             arc = min(2 * arc, part * LARGEST_ARC)
@@ -203,7 +206,7 @@ def _corrected(
         target = point + (new - point) * ((1 - point[0]) / (new[0] - point[0]))
         target[0] = 1.0
         new, _ = _correct(equations, target, np.append(1.0, np.zeros(len(point) - 1)), tolerance)
-    if new is None or np.linalg.norm((new - target) / scales) > off * step:  # possibly on another path
+    if new is None or np.linalg.norm((new - target) / scales) > off * step:  # possibly another path
         return None, corrections
     return new, corrections
 

@@ -2,12 +2,13 @@
 
 Hinge j has the axis e_j through p_j. The part inboard of it moves with ω, α; the part outboard turns about it rigidly:
 
-    ∂p = e × r        ∂v = ω × (e × r) + e × u        ∂ω_P = e × (ω_P − ω)                  by q_j, r = p − p_j
+    ∂p = e × r        ∂v = ω × (e × r) + e × u        ∂ω_P = e × (ω_P − ω)                  by q_j, with r = p − p_j
     ∂a = α × (e × r) + ω × (ω × (e × r)) + 2 ω × (e × u) + e × w
     ∂v = e × r        ∂ω_P = e        ∂a = 2 ω × (e × r) + 2 e × u                          by q̇_j
     ∂a = e × r                                                                              by q̈_j
 
-u and w are velocity and acceleration of the point relative to the inboard part. For a sliding joint, which shifts the
+ω_P is the angular velocity of the point's body; u and w are velocity and acceleration of the point relative to the
+inboard part. For a sliding joint, which shifts the
 outboard part, replace e × r by e, and e × u, e × w and ∂ω_P by 0.
 """
 

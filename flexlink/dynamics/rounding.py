@@ -110,7 +110,7 @@ def of_residual(
 def of_acceleration(
     chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tau: ArrayLike, *, tip_wrench: ArrayLike | None = None
 ) -> float:
-    """Rounding error of each joint's q̈ [rad/s²]: ‖M⁻¹‖₂ times `of_residual`; comparing M Δq̈ with that is sharper."""
+    """Rounding error of each joint's q̈ [rad/s²]: ‖M⁻¹‖₂ times `of_residual`; a test of M Δq̈ is sharper."""
     inverse = 1 / np.linalg.norm(mass_matrix(chain, q), -2)  # −2: the smallest singular value
     return float(inverse * of_residual(chain, q, qd, qdd, tau, tip_wrench=tip_wrench))
 
@@ -162,7 +162,7 @@ def _friction_size(chain: Chain, qd: ArrayLike) -> Array:
 
 
 def _along(chain: Chain) -> float:
-    """ε: accumulated rounding error along a chain of n hinges."""
+    """ε = 10 √n eps, the relative rounding error accumulated along a chain of n hinges."""
     return ROUNDINGS * EPS * float(np.sqrt(chain.n))
 
 
@@ -173,7 +173,7 @@ def _inertial(chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tip_wre
     rates, slides = vector("qd", qd, chain.n), chain.slides
     squares = (_spins(chain, rates[:, None] * axes) ** 2).sum(axis=1)
     turning = np.abs(vector("qdd", qdd, chain.n)).sum() + squares.max()
-    if slides.any():  # 2 ω × v
+    if slides.any():  # Coriolis acceleration 2 ω × v of sliding joints
         turning += 2 * np.sqrt(squares.max()) * np.abs(rates[slides]).sum()
     return float(inertia * turning + weight + force[0] * lever + force[1])
 
@@ -198,11 +198,11 @@ def _sizes_at(chain: Chain, q: bytes) -> tuple[float, float, float, Array]:
     rotations, points, axes = forward_kinematics(chain.arrays, np.frombuffer(q).copy())
     centers = points + np.einsum("bij,bj->bi", rotations, bodies["center"])
     away = np.linalg.norm(points, axis=1)
-    r = np.linalg.norm(centers - points[:, None], axis=2)  # hinge k, body i
+    r = np.linalg.norm(centers - points[:, None], axis=2)  # r_ik, with hinge points in rows k and bodies in columns i
     levers = r + away[:, None]
     own = np.linalg.norm(bodies["inertia"], axis=(1, 2))
     inertia, moment = (np.triu(part).sum(axis=1).max() for part in (mass * r * levers + own, mass * levers))
-    if chain.slides.any():  # forces as well
+    if chain.slides.any():  # sliding joints add rows for forces
         inertia, moment = max(inertia, moment, mass.sum()), max(moment, mass.sum())
     rotor = np.abs(chain.hinges["armature"]).max()
     tip = (np.linalg.norm(points[chain.loaded] - points, axis=1) + away).max()

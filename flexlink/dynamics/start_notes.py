@@ -80,7 +80,7 @@ def weak_drives(scene: Scene) -> Iterator[Diagnostic]:
     for joint in chain.active:
         k, unit = chain.coordinates[int(joint)].link, "N" if chain.slides[joint] else "N m"
         limit, needed = effort[k - 1], float(pulled[joint])
-        # an effort below a twentieth of the torque holds nothing
+        # a limit below a twentieth of the holding torque suggests a wrong unit
         if 20 * limit < needed <= 1000 * limit:
             path = scene.arm.path(k, "drive.effort")
             yield Diagnostic(

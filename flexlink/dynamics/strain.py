@@ -5,7 +5,7 @@ of the curvature over this length, so κ = θ/(w L) and EI κ = k θ. At rest, k
 the beam's curvature there, for every lumping rule. If the springs of a cell are coupled, its angles determine the
 curvature at the cell's Gauss points instead:
 
-    κ(x_q) = 1/h Σ_j C_qj θ_j        ε = z κ_y − y κ_z
+    κ(x_q) = 1/h Σ_j C_qj θ_j        strain ε = z κ_y − y κ_z
 
 If EI is given by a table, κ = M/EI at these points, where M is the moment in the springs.
 

@@ -33,7 +33,7 @@ from flexlink.engines.base import Engine, FileEngine, ForeignFile, Samples
 CALL_TIMEOUT = 300.0
 """Time limit of a call [s]. A call takes milliseconds, but a first run may have to compile flexlink's kernels."""
 TIMEOUT_PER_STEP = 0.01  # extra time per step of a run [s]
-HEAD = 8  # bytes of the length prefix of a call
+HEAD = 8  # number of bytes that encode the length of a call
 
 
 class ChildProcess:
@@ -56,7 +56,7 @@ class ChildProcess:
         assert self.process.stdin is not None
         assert self.process.stdout is not None
         self._calls, self._results = self.process.stdin, self.process.stdout
-        self._seen = 0  # bytes of output from earlier calls
+        self._seen = 0  # number of bytes that earlier calls have printed
         self._late = False  # whether the child was killed because a call took too long
         self._kill = weakref.finalize(self, _kill, self.process, self._output)
 

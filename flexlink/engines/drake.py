@@ -204,7 +204,7 @@ class DrakeEngine:
         if self.coordinates.reference is not None or scene.arm.has_drag:
             return run_in_steps(self.name, problem, self._accelerations, self.coordinates)
         base.refuse_sampled_inputs("Drake", scene)
-        methods = {"RK3": "runge_kutta3", "DOPRI5": "runge_kutta5"}  # flexlink's name: Drake's name
+        methods = {"RK3": "runge_kutta3", "DOPRI5": "runge_kutta5"}  # flexlink's names → Drake's names
         base.refuse_method("Drake", run.method, methods)
         samples = t, q, qd = base.allocate_samples(problem)
         simulator, plant = self._simulator(problem)

@@ -104,7 +104,7 @@ class MujocoEngine:
             )
             record = dataclasses.replace(record, unspecified=unspecified, integrator="", step=None)
         engine._use(model, record, reference=file.base)
-        # only torques and accelerations at given states are computed; actuators and steps are compared in the record
+        # of a foreign file only torques and accelerations are computed; actuators and steps are compared in the record
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
         model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
         return engine

@@ -67,7 +67,7 @@ def read(
     data = pin.Data(model)
     pin.computeJointJacobians(model, data, theirs.position(np.zeros(model.nv)))
     n, moving = model.nv, list(model.joints)[1:]
-    joints = np.repeat(np.arange(1, model.njoints), [joint.nv for joint in moving])  # joint of each degree of freedom
+    joints = np.repeat(np.arange(1, model.njoints), [joint.nv for joint in moving])  # joint number per coordinate
     last = np.array([-1, *(joint.idx_v + joint.nv - 1 for joint in moving)])
     first = np.array([joint.idx_v for joint in moving])
     parents = np.arange(n) - 1

@@ -53,7 +53,7 @@ def capsules(chain: Chain) -> Iterator[Capsule | None]:
     lengths = np.linalg.norm(ends, axis=1)
     shortest, thinnest, thickest = (share * float(lengths.sum()) for share in (1e-9, *THICKNESS))
     for body, end, length in zip(chain.bodies[hanging["parent"] - 1], ends, lengths, strict=True):
-        if length <= shortest:  # a rounding error; MuJoCo refuses such capsules
+        if length <= shortest:  # the length is only a rounding error; MuJoCo refuses such capsules
             yield None
             continue
         along = dot(end, product(body["inertia"], end)) / length**2

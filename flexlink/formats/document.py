@@ -1,4 +1,4 @@
-"""Common functions of the writers, for single joints, valid unique names, and numbers that read back exactly."""
+"""Functions that all writers use: single joints, valid unique names, and numbers that read back exactly."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def joint_places(chain: Chain) -> Iterator[Place]:
 class Tip(NamedTuple):
     """A tip frame."""
 
-    name: str  # in files
+    name: str  # name of the tip in files
     link: int  # number, from 1, of the link that ends here
     parent: int  # parent hinge; −1: the base
     translation: Array

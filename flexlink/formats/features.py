@@ -18,7 +18,7 @@ from flexlink.describe.initial import BaseState
 from flexlink.describe.scene import Scene
 
 Feature = tuple[Callable[[Scene, Chain], bool], dict[str, str]]
-"""A test for the feature in a scene, and, for each format without it, what happens instead."""
+"""A test for the feature in a scene, and, for each format that cannot represent it, what happens instead."""
 
 
 def _starts_elsewhere(scene: Scene, chain: Chain) -> bool:

@@ -311,7 +311,7 @@ class _Hinge:
         placed = {"axis": decimals(self.axis), "pos": decimals(self.pos)}
         numbers = {key: decimals([hinge[field]]) for key, field in JOINT_ATTRIBUTES.items()}
         own = {"user": decimals([*(hinge[field] for field in USER_FIELDS), *coordinate])}
-        if ends := limits(hinge):  # written, but not enforced
+        if ends := limits(hinge):  # MuJoCo does not enforce them
             own |= {"range": " ".join((WIDE | ends).values()), "limited": "false"}
         kind = "slide" if hinge["axis"] >= SLIDES else "hinge"
         ET.SubElement(body, "joint", {"name": name, "type": kind} | placed | numbers | own)

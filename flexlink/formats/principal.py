@@ -48,7 +48,7 @@ def _rotate(I: Array, R: Array, j: int, k: int) -> None:
     c = 1 / math.hypot(1.0, t)
     s, change = t * c, t * I[j, k]
     ends = I[j, j] - change, I[k, k] + change
-    for matrix in (I, I.T, R):  # columns, rows, columns
+    for matrix in (I, I.T, R):  # columns of I, rows of I, columns of R
         matrix[:, j], matrix[:, k] = c * matrix[:, j] - s * matrix[:, k], s * matrix[:, j] + c * matrix[:, k]
     (I[j, j], I[k, k]), I[j, k], I[k, j] = ends, 0.0, 0.0
 
@@ -65,7 +65,7 @@ def _principal(body: np.void) -> tuple[Array, Array]:
     I, center = body["inertia"], np.abs(body["center"]).max()
     moments, axes = (np.diag(I), np.eye(3)) if np.array_equal(I, np.diag(np.diag(I))) else principal_axes(I)
     away = np.abs(axes - np.eye(3)).max()
-    near = 4e-6  # of rotations and centres [m]; larger than what MuJoCo neglects
+    near = 4e-6  # rotations [rad] and offsets [m] below this are "in these cases"; MuJoCo's limit is 1e-6
     if away < near and (away or 0 < center < near):
         return moments[[1, 2, 0]], axes[:, [1, 2, 0]]
     return moments, axes
@@ -89,7 +89,7 @@ def _require_loadable(chain: Chain, body: np.void, moments: Array) -> None:
 
 
 def _largest_possible(moments: Array) -> float:
-    """Return the sum of the two smaller moments, added in MuJoCo's order."""
+    """Return the sum of the two smaller moments, which bounds the largest; it is added in MuJoCo's order."""
     low, middle, _ = np.sort(moments)
     return float(low + middle)
 

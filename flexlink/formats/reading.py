@@ -33,13 +33,13 @@ class Hinge(NamedTuple):
     parent: str  # name of the parent joint; "": the base
     translation: Array
     rotation: Array
-    numbers: dict[str, float]  # the fields of HINGE
+    numbers: dict[str, float]  # values of fields of `HINGE`, by name
     coordinate: Coordinate
     body: Mass | None  # None: no body
 
     def follows(self, before: Hinge) -> bool:
         """Whether the hinge moves the same body as the previous hinge."""
-        here, there = self.coordinate, before.coordinate  # springs at a root move a separate body
+        here, there = self.coordinate, before.coordinate  # root springs and the beam's hinges move different bodies
         return before.body is None and here[:2] == there[:2] and here.of_root == there.of_root
 
 
@@ -128,7 +128,7 @@ def chain_of(
         raise root.error("the tip frame of the arm is missing: not a file written by flexlink")
     records = recorded(bodies)
     if floats:
-        records["turned"][1] = 1  # for any attitude
+        records["turned"][1] = 1  # because the base may have any attitude
     records["loaded"][tips.get(loaded, -1)] = 1
     numbers = [tuple(hinge.numbers[field] for field in HINGE.names or ()) for hinge in hinges]
     if own.element.get(key := f"{prefix}{ROTATION_SPRINGS}"):

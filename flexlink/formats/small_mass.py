@@ -82,7 +82,7 @@ def added_inertia(chain: Chain, q: ArrayLike, *, mass: float) -> float:
 
 
 def _filled(chain: Chain, mass: float, *, keep: bool) -> Chain:
-    """Return the chain with a body at every hinge and small masses in massless bodies; without `keep`, no others.
+    """Return the chain with a body at every hinge and small masses in massless bodies; `keep` keeps all other masses.
 
     The two bodies of a floating base are unchanged, because they are one joint in files.
     """

@@ -32,11 +32,11 @@ class Node:
     path: tuple[str, ...] = ()
 
     def error(self, message: str) -> DataFileError:
-        """Return an error with the location."""
+        """Return an error whose message names this element's location."""
         return DataFileError(f"{': '.join([self.what, *self.path])}: {message}", id="file-content")
 
     def into(self, element: ET.Element) -> Node:
-        """Return a child of this element."""
+        """Return the node of a child element."""
         return Node(element, self.what, (*self.path, _label(element))[-2:])
 
     def all(self, path: str) -> list[Node]:
@@ -116,7 +116,7 @@ def read(
         again = parse(write(chain, shapes=False), what)
     except DataFileError:
         raise
-    except FlexlinkError as error:  # the writer refuses the chain
+    except FlexlinkError as error:  # `to_chain` or `write` refuses the chain
         raise root.error(str(error)) from None
     _require_same(root, again, ignored)
     return chain

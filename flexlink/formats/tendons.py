@@ -23,7 +23,7 @@ from flexlink.common.types import Array
 from flexlink.formats.document import decimals
 
 SHARED = {"stiffness": ("springs", "N m/rad"), "damping": ("dampers", "N m s/rad")}
-"""Maps fields of the hinge that tendons share to their name in messages and their unit."""
+"""Fields of a hinge to which tendons contribute, each with its name in messages and its unit."""
 
 
 def add_tendons(root: ET.Element, chain: Chain, joints: Sequence[str]) -> None:

@@ -80,7 +80,7 @@ class Colour(NamedTuple):
 
 def colour_of(e: Array) -> Colour:
     """Return the AR model of residuals, shape (n,)."""
-    highest = 40  # largest order
+    highest = 40  # largest order p to try
     n = len(e)
     if n < 3 * SHARE or not e.any():
         return Colour(np.ones(1), e)
@@ -105,7 +105,7 @@ def _price(order: int, samples: int) -> float:
 
 
 def whiteness(e: Array) -> float:
-    """P-value of the Ljung-Box test: probability that white noise is at least as autocorrelated, up to 20 lags."""
+    """P-value of the Ljung-Box test: probability that white noise is at least as autocorrelated as e, to 20 lags."""
     n, lags = len(e), min(20, len(e) // 5)
     power = float(e @ e)
     if lags < 1 or not power:

@@ -55,11 +55,11 @@ class Coordinate:
 
     @property
     def name(self) -> str:
-        """Name in messages."""
+        """Name of the parameter in messages."""
         return f"{self.path} of run {self.run!r}" if self.run else self.path
 
     def x(self, value: float) -> float:
-        """Coordinate of a value."""
+        """Search coordinate x of a value of the parameter."""
         if self.log:
             return math.log(value) if value > 0 else -math.inf
         return value / self.unit
@@ -159,10 +159,10 @@ def hints_on_bounds(problem: FitProblem) -> tuple[Diagnostic, ...]:
 
 
 def _hint_at(scene: Scene, path: str, value: float) -> str:
-    """Hint on a parameter with this value, or empty."""
+    """Hint on a parameter with this value; empty if there is none."""
     try:
         varied = scene.varied({path: value})
-    except FlexlinkError:  # reported where the parameter is set
+    except FlexlinkError:  # the error is reported where the parameter is set
         return ""
     new, key = [hint for hint in hints(varied) if hint not in hints(scene)], path.rpartition(".")[2]
     return next((hint for hint in new if hint.partition(" = ")[0].endswith(f".{key}")), "")

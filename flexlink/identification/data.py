@@ -176,7 +176,7 @@ def _block(
 
 def _with_noise(blocks: Sequence[Block]) -> tuple[Block, ...]:
     """The blocks, with an assumed standard deviation where the noise is not stated."""
-    assumed = 0.01  # part of the range of all columns of the same unit
+    assumed = 0.01  # assumed deviation, as a fraction of the range of all columns with the same unit
     range_of: dict[str, float] = {}
     for block in blocks:
         range_of[block.unit] = max(range_of.get(block.unit, 0.0), float(np.ptp(block.y)))

@@ -69,7 +69,7 @@ class Estimate:
 
     @property
     def half(self) -> float:
-        """Half the width of the interval."""
+        """Half the width of the 95 % interval."""
         return (self.high - self.low) / 2
 
     @property
@@ -79,7 +79,7 @@ class Estimate:
         The 95 % interval reaches a bound, or spans more than a factor of 10 for a positive parameter; or the prior
         determines the estimate more than the data do, that is, the variance is more than half the prior's variance.
         """
-        widest = 10.0  # ratio of the ends
+        widest = 10.0  # largest ratio of the interval's ends
         if not math.isfinite(self.half):
             return Diagnostic("the interval is unbounded", "unbounded-interval")
         if self.at_bound:
@@ -153,7 +153,7 @@ class FittedColumn:
 
     def residual(self, model: Array) -> float:
         """RMS residual, but at least the accuracy of the search, so that two fits of exact data are equally good."""
-        share = 1e-7  # relative to the measurements; parameters converge to 1e-8 of their values
+        share = 1e-7  # accuracy relative to the measurements, as parameters converge to 1e-8 of their values
         return max(self.off(model), share * float(abs(self.measured).max()))
 
     def fit(self, model: Array | None) -> float:

@@ -25,7 +25,7 @@ EQUAL = 1e-6
 
 
 class Direction(NamedTuple):
-    """A combination of parameters that is not, or poorly, identifiable.
+    """A combination of parameters that is poorly identifiable, or not identifiable at all.
 
     Attributes
     ----------
@@ -112,7 +112,7 @@ def checked(J: Array, error: float, names: Sequence[str], notes: Sequence[Diagno
     others contain as few parameters as possible. If several directions have equal effects, rounding errors decide
     their basis, order and signs in the decomposition; the result does not depend on these.
     """
-    nothing_from = 100.0  # half-width of an interval that counts as no effect; searches cover ± 6.9, rounding gives 1e5
+    nothing_from = 100.0  # half-width of an interval that counts as no effect; rounding alone gives 1e5, a search ± 6.9
     weak_from = 0.1  # expected standard deviation of a direction above which it is poorly identifiable
     free = 1.0  # expected standard deviation of a direction above which it is not identifiable
     unknown = 10 * error

@@ -1,6 +1,6 @@
 """Estimates with intervals that account for the autocorrelation of the residuals.
 
-    C = B⁻¹ M B⁻¹,  B = Σ JᵀJ,  M = Σ Jᵀ Γ J,  Γ the covariance of the noise
+    C = B⁻¹ M B⁻¹,  B = Σ JᵀJ,  M = Σ Jᵀ Γ J,  J the Jacobians of the residuals,  Γ the covariance of the noise
 
 For the columns of a run, Γ follows from an AR model of the residuals; columns are correlated like their innovations
 (Morelli and Klein, Accuracy of aerodynamic model parameters estimated from flight test data, 1997). The noise of single
@@ -54,7 +54,7 @@ def spread_of(parts: Sequence[Part], priors: Array, coefficients: int = 0) -> Sp
     samples as the parameters, so the mean square of future noise is (n + k)/(n − k) times the mean square of the
     residuals (Akaike's final prediction error).
     """
-    level = 0.95  # confidence level
+    level = 0.95  # confidence level of the intervals
     bread = meat = priors.T @ priors
     independent, samples, colours = 0.0, 0, []
     worse = _worse(parts, bread.shape[0] - len(priors))
@@ -79,7 +79,7 @@ def spread_of(parts: Sequence[Part], priors: Array, coefficients: int = 0) -> Sp
 
 
 def _worse(parts: Sequence[Part], unknowns: int) -> float:
-    """Mean square of the normalized residuals of single measurements, or 1 if it is less."""
+    """Mean square of the normalized residuals of single measurements, but at least 1."""
     single = [e for residuals, _, is_run in parts if not is_run for e in residuals]
     count = sum(map(len, single)) - (0 if any(is_run for _, _, is_run in parts) else unknowns)
     return max(1.0, sum(float(e @ e) for e in single) / max(count, 1))
@@ -98,10 +98,10 @@ def _meat(residuals: Sequence[Array], slopes: Sequence[Array], colours: Sequence
 
 
 def _absorbed(slopes: Sequence[Array], covariance: Array) -> Array:
-    """First-order correction: the fit absorbs part of the noise, so residuals underestimate its covariance.
+    """First-order correction of M: the fit absorbs part of the noise, so residuals underestimate its covariance.
 
-    Σ J_tᵀ g(t − s) J_s with g(k) = 1/n Σ J_t C J_{t+k}ᵀ, the autocovariance of J δ; δ is the error of the parameters,
-    with covariance C. Noise that is slow, or near the model's frequencies, is absorbed for any number of samples.
+    It is Σ J_tᵀ g(t − s) J_s with the autocovariance g(k) = 1/n Σ J_t C J_{t+k}ᵀ of J δ; δ is the error of the
+    parameters, with covariance C. Even many samples do not help if noise is slow, or near the model's frequencies.
     Without the correction, one in twelve true values lies outside the interval. With the correction, the interval of
     a constant is up to √(5/3) times too wide.
     """

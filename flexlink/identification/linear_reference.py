@@ -71,7 +71,7 @@ def _held(scene: Scene) -> bool:
 def _modes(scene: Scene, rate: float) -> Array:
     """Slowest oscillatory eigenvalues at rest, one of each conjugate pair."""
     shown = 0.35  # highest natural frequency that a record resolves, relative to its sampling rate
-    most = 6  # largest number of modes
+    most = 6  # largest number of modes in the linear model
     chain = lump(scene)
     found = modes_at_rest(chain, rest_of(chain, initial_state(scene, chain)[0]))
     λ = found.eigenvalues

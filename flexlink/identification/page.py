@@ -62,7 +62,7 @@ def build(fitted: Fitted, folder: Path, command: str) -> Report:
 
 def _with_interval(one: Estimate) -> str:
     """Estimate ± half-width of its interval, or both ends if the interval is asymmetric; with the unit."""
-    level = 0.2  # largest asymmetry of a ± interval, relative to its half-width
+    level = 0.2  # largest asymmetry of an interval that is written with ±, relative to its half-width
     unit = f" {one.unit}" if one.unit else ""
     if not math.isfinite(one.half):
         return f"{number(one.value, 4)}{unit}"
@@ -117,12 +117,12 @@ def _verdicts(fitted: Fitted) -> list[Verdict]:
 
 def _beside_linear(ours: float, theirs: float) -> Verdict:
     """Compare the scene with a free linear model by the percentage of the signal that each explains."""
-    fails = 50.0  # part of the signal [%] below which a free linear model is not a reference
+    fails = 50.0  # a free linear model that explains less of the signal than this [%] is not a reference
     both = f"The fitted scene explains {number(ours)} % of the signal, a free linear model of the same order "
     both += f"{number(theirs)} %: "
     if theirs < fails:
         return Verdict("Model", "info", "not compared", f"{both}the linear model does not apply here.")
-    if ours >= theirs - 1.0:  # %
+    if ours >= theirs - 1.0:  # at most one percentage point less
         return Verdict("Model", "pass", "complete", f"{both}the scene is as good as a linear model.")
     return Verdict("Model", "doubt", "incomplete", f"{both}the scene lacks an effect that no parameter can replace.")
 

@@ -1,6 +1,6 @@
 """Profile intervals: one parameter is fixed at values near its estimate, and all others are refitted.
 
-    √(2 (cost(x) − cost)) = half of the interval / standard deviation with white noise
+    √(2 (cost(x) − least cost)) = half of the interval / standard deviation with white noise
 
 defines the ends of the interval; for a quadratic cost, they equal the ends of the linear estimate's interval.
 """
@@ -56,7 +56,7 @@ def widened(search: Search, best: Found, numbers: Sequence[Estimate]) -> list[Es
 
 
 class _Floor:
-    """The increase of the cost around its minimum."""
+    """Increase of the cost around its minimum, and the points at which it reaches the ends of intervals."""
 
     def __init__(self, search: Search, best: Found) -> None:
         self.search, self.best = search, best
@@ -145,7 +145,7 @@ def _end_of(one: Estimate, side: int) -> float:
 
 def _end(search: Search, best: Found, k: int, one: Estimate, side: int, least: float, white: float) -> float:
     """One end of a profile interval."""
-    at = 0.5, 1.0, 1.6  # points of the profile, in half-widths of the interval
+    at = 0.5, 1.0, 1.6  # distances of the profile's points from the estimate, in half-widths of the interval
     coordinate, x = search.coordinates[k], best.x
     half = abs(coordinate.x(_end_of(one, side)) - float(x[k]))
     low, high = coordinate.bounds

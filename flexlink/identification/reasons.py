@@ -39,7 +39,7 @@ def _moves(signals: Signals, x: Array, k: int) -> str:
     # errors, 1e-11 rad/s in the stages of a long explicit step.
     rounded = 1e-6
     moves = 1e-3  # smallest change that counts, relative to the range of all columns of the same unit
-    by = 0.05  # step in the coordinate
+    by = 0.05  # change of the coordinate x_k, whose effect on the columns is computed
     runs = [n for n, one in enumerate(signals.sources)
             if one.is_run and signals.coordinates[k].run in ("", one.name)]  # fmt: skip
     if not runs:

@@ -45,8 +45,8 @@ def _doubts(source: Source) -> list[Diagnostic]:
 
 def ranges_apart(sources: Sequence[Source], model: Model) -> list[Diagnostic]:
     """Warnings about columns whose range differs from the prediction by a large factor, so the unit may be wrong."""
-    rounded = 1e-9  # a smaller predicted range, relative to the values, is rounding error
-    apart = 100.0  # factor between the ranges
+    rounded = 1e-9  # a predicted range is rounding error if, relative to the values, it is smaller than this
+    apart = 100.0  # factor between measured and predicted range above which the unit may be wrong
     found = []
     for source, several in zip(sources, model, strict=True):
         for block, y in zip(source.blocks, several, strict=True):
@@ -118,7 +118,7 @@ def hertz_in_rad_per_s(sources: Sequence[Source], model: Model) -> list[Diagnost
 
 def _leaves_prior(one: Estimate, known: Coordinate) -> bool:
     """Whether the data move a parameter far from its prior."""
-    far = 3.0  # standard deviations of the prior
+    far = 3.0  # distance from the prior's mean that counts as far, in standard deviations of the prior
     return known.prior is not None and abs(one.value - known.prior[0]) > far * known.prior[1]
 
 
@@ -146,9 +146,9 @@ def warnings(
 ) -> tuple[Diagnostic, ...]:
     """Warnings about the estimates of a fit and its model."""
     wider = "its interval is wider than the linear estimate: it ends where the likelihood ratio rejects a value"
-    away = 10.0  # factor between the estimate and the initial guess of a positive parameter
-    far = 2.0  # residual over the stated noise, or over the residual of the fitted runs
-    stated = {"estimate-at-bound", "unbounded-interval"}  # reasons that another warning states
+    away = 10.0  # factor between estimate and initial guess of a positive parameter above which to warn
+    far = 2.0  # ratio of residual to stated noise, or to the residual of the fitted runs, above which to warn
+    stated = {"estimate-at-bound", "unbounded-interval"}  # ids of doubts that other warnings already report
     pairs = list(zip(numbers, coordinates, strict=False))
     found_warnings = [
         Diagnostic(f"{one.name} ended at its bound, {one.value:.6g}", "estimate-at-bound")

@@ -113,7 +113,7 @@ class Signals:
         return point
 
     def around(self, x: Array, places: Places, step: float = STEP) -> list[Array]:
-        """The point and its neighbours for finite differences."""
+        """The point, followed by the neighbouring points for finite differences."""
         every = range(len(x))
         return [x, *(moved(x, k, step * at) for k in every for at in self._places(k, x, places, step))]
 

@@ -174,7 +174,7 @@ class Search:
         If the cost becomes clearly larger than with white noise, the residuals are a model error, not noise; the
         solution with white noise is then returned.
         """
-        more = 1.1  # allowed cost, relative to the cost with white noise
+        more = 1.1  # largest cost with autocorrelated noise, relative to the cost with white noise
         x, blocks = plain.x, plain.blocks
         for _ in range(ROUNDS):
             blocks = self.weighed(x, blocks, coloured=True)

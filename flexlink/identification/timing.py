@@ -53,7 +53,7 @@ def doubts_of_times(scene: Scene, blocks: Sequence[Block], t: Array, hertz: floa
     DataFileError
         Samples are too far apart for a mode that is visible in the simulation.
     """
-    shown = 0.1  # smallest length of a record, in periods
+    shown = 0.1  # smallest length of a record that shows the slowest mode, in periods of this mode
     length, between = float(t[-1] - t[0]), float(np.median(np.diff(t)))
     if length * hertz < shown:
         text = (
@@ -95,8 +95,8 @@ def _swings(scene: Scene, blocks: Sequence[Block], hertz: float, between: float)
     a straight line replaces the spline.
     """
     periods, most, per_period = 20, 400, 20  # smallest and largest number of periods; samples per period
-    few = 8  # smallest number of samples of the record
-    part = 0.1  # smallest deviation that counts, relative to the measured range
+    few = 8  # smallest number of the record's samples that the simulation covers
+    part = 0.1  # smallest deviation from the spline that counts, relative to the measured range
     every = max(round(between * hertz * per_period), 1)
     count = min(max(periods * per_period, few * every), most * per_period)
     t = np.asarray(scene.initial.time + between / every * np.arange(count), np.float64)

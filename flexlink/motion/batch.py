@@ -157,7 +157,7 @@ def _simulated(members: Sequence[Member], kept: Kept, stop: Stop) -> Sequence[Ru
         return [_alone(member, stop) for member in members]
     if block.integrate(stop):
         return block.ends(stop)
-    if len(members) == 1:  # it diverges; the single run reports how
+    if len(members) == 1:  # the run diverges; repeated alone, it reports how
         return [_alone(members[0], stop)]
     return [end for member in members for end in _simulated([member], Kept(), stop)]
 

@@ -23,7 +23,7 @@ At this step a run would need 1e10 steps, 10,000 times the default budget.
 class Spent(NamedTuple):
     """Time reached, and numbers of steps and evaluations so far."""
 
-    time: float  # [s]
+    time: float  # time reached [s]
     steps: int
     evaluations: int
 

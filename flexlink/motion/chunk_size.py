@@ -15,7 +15,7 @@ class ChunkSize:
     """Adaptive chunk size, such that `size` steps take about `BREATH`; it starts small, and grows at most 8-fold."""
 
     def __init__(self, n: int) -> None:
-        evaluations = 2000  # for one joint in the first chunk; with any method they take at most 20 ms
+        evaluations = 2000  # evaluations for one joint in the first chunk; they take at most 20 ms by any method
         self.size, self._started = max(1, evaluations // n), time.perf_counter()
         self._looked = self._started
 

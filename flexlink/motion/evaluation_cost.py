@@ -81,7 +81,7 @@ def listed(place: str, has: str, kind: str) -> list[list[float]]:
 
 
 def bodies_of(chain: Chain) -> Bodies:
-    """Number of bodies of a chain with 0, 1, 2, 3 hinges, without the tip frame."""
+    """Numbers of bodies of a chain with 0, 1, 2 and 3 hinges; the tip frame is not counted."""
     hinges = (chain.bodies["stop"] - chain.bodies["first"])[:-1]
     return np.bincount(np.minimum(hinges, 3), minlength=4)
 

@@ -65,7 +65,7 @@ def stuck(record: Record, q: Array, t: float, h: float, *, unsolved: int | None,
 
 
 def loop_is_unstable(record: Record) -> bool:
-    """Whether motion grows from sample to sample with a sampled drive, but not without it."""
+    """Whether small motion grows from sampling instant to instant with a sampled drive, but not without the drive."""
     # minimum relative excess over the growth without the drive, since motion of a toppling arm grows anyway
     faster_growth = 1e-3
     growth, without = sampled_growth(record)
@@ -121,7 +121,7 @@ def _sampled_growth(record: Record) -> tuple[float, float]:
     both[np.arange(n), n + np.arange(n)] = unit
     both[n : 2 * n] = np.hstack([slopes.dq / unit, slopes.dqd, slopes.dtau[:, moving]])
     both = scipy.linalg.expm(both / drive.rate)
-    if not np.isfinite(both).all():  # the arm alone overflows within a period
+    if not np.isfinite(both).all():  # without the drive, the motion of the arm exceeds float64 within a period
         return np.inf, np.inf
     Φ, Γ = both[: 2 * n, : 2 * n], both[: 2 * n, 2 * n :]
     growth = _spectral_radius(Φ - Γ @ (K / np.concatenate([unit, np.ones(n)])))

@@ -162,7 +162,7 @@ class MethodSteps:
         self.count[COUNT.knot], self.work.stepper[STEPPER.time] = 0, start
         self._choose_branches()
         begun, self._begun = self._begun, None
-        if begun is None or start != begun[0] or self.inputs is not begun[1]:  # else done at the start of the run
+        if begun is None or start != begun[0] or self.inputs is not begun[1]:  # else begun when the run started
             self._begin(start, self.inputs, self.state, self.tau, self.forward)
 
     def take(self, most: int) -> int:
@@ -187,7 +187,7 @@ class MethodSteps:
         at_knot = start + adaptive.NEARLY * step >= knots[0][k]
         end = float(knots[0][k]) if at_knot else start + step
         try:
-            # with half the step Newton's iteration converges 4 times as fast
+            # halving the step makes Newton's iteration converge 4 times as fast
             solved = any(self._solved_in((end - start) / parts, end, fixed) for parts in (2, 4, 8, 16, 32, 64))
         finally:
             self.settings, self.knots, count[COUNT.knot] = (*fixed, step, step), knots, k
@@ -238,7 +238,7 @@ class MethodSteps:
         stops = lambda: StopTimes(rule, record, self.by_drive, halved=self.halved, passes=self.passes)  # noqa: E731
         self.prices = prices(record, explicit=rule.explicit)
         self.stop_times = record.kept(("stops", self.name), (rule, start, record.q[0].tobytes()), stops)
-        place = "settings", self.name, now == start  # at the start, and after a switch
+        place = "settings", self.name, now == start  # settings differ between the start and a switch
         self.settings = record.kept(place, (now, *about), lambda: self._settings(now))
         self.end, self.knots = now, only(now)
         self._compile()

@@ -111,7 +111,7 @@ def is_worth_a_trial(steps: MethodSteps, name: str, rate: float) -> bool:
     if steps.rates.get(name, 0.0) == math.inf:
         return False
     last, price, since = steps.tried.get(name, 0.0), trial(steps, name), steps.spent + steps.cost
-    # stability gives a lower bound for the cost of DOP853; estimates of implicit methods are rarely 3 times too high
+    # a lower bound of the cost; for DOP853 it follows from stability; other estimates are rarely 3 times too high
     least = steps.guesses[name] / (1.0 if name == "DOP853" else 3.0)
     often, gain = max(last, 10.0 * price), (rate - least) * rest_of(steps)  # trials cost up to a tenth of the run
     return since - last > often and gain > 4.0 * price
@@ -123,7 +123,7 @@ def trial(steps: MethodSteps, name: str) -> float:
 
 
 def updated(steps: MethodSteps, rate: float) -> dict[str, float]:
-    """Updated cost of each method per second of motion [s/s]; other costs fall in proportion to the present one."""
+    """Updated cost of each method per second of motion [s/s]; all fall in proportion if the present one falls."""
     before = steps.rates.get(steps.name, math.inf)
     easier = min(1.0, rate / before) if before < math.inf else 1.0
     return {**{name: easier * cost for name, cost in steps.rates.items()}, steps.name: rate}

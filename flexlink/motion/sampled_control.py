@@ -244,5 +244,5 @@ def takes_sensors(law: Law) -> bool:
     """Whether a law has a parameter `sensors`."""
     try:
         return SENSORS in inspect.signature(law).parameters
-    except (TypeError, ValueError):  # callables that are not written in Python
+    except (TypeError, ValueError):  # a callable that is not written in Python has no signature
         return False

@@ -44,7 +44,7 @@ class Member(NamedTuple):
 
     problem: InitialValueProblem
     warnings: tuple[Diagnostic, ...]
-    along: bool  # may run side by side with others
+    along: bool  # whether it may run side by side with others
     compared: bool = True  # whether a verification run follows if the steps require one
 
 
@@ -58,7 +58,7 @@ def fits_lanes(problem: InitialValueProblem) -> bool:
 
 def alike(one: InitialValueProblem, other: InitialValueProblem) -> bool:
     """Whether two problems that fit lanes can run side by side."""
-    if one.start != other.start:  # all members share the time
+    if one.start != other.start:  # all members share the times of their steps
         return False
     a, b = one.scene, other.scene
     if not all(x is y or x == y for x, y in ((a.run, b.run), (a.motion, b.motion), (a.wrench, b.wrench))):

@@ -6,7 +6,7 @@ derivative
     f' ≈ Σ w_i (f(x + a_i h) − f(x)) / h        w_i = L_i'(0), L_i: Lagrange polynomials
 
 With m neighbours the truncation error is a constant times h^m f^(m+1), and the rounding error is Σ |w_i| ε / h. The
-error estimate is the difference from a derivative of the next lower order, from the same runs, as in embedded
+error estimate is the difference from a derivative of the next lower order, computed from the same runs, as in embedded
 Runge-Kutta methods.
 """
 
@@ -46,7 +46,7 @@ FORWARD: Places = (1, 2)
 
 @functools.cache
 def weights(at: Places) -> tuple[float, ...]:
-    """Weights of the differences at these multiples; the weighted sum, divided by the step, is the derivative.
+    """Weights w_i of the differences f(x + a_i h) − f(x) for multiples a_i = `at` of the step h.
 
     >>> print(weights((-1, 1)))
     (-0.5, 0.5)
@@ -145,7 +145,7 @@ def moved(x: Array, k: int, by: float) -> Array:
 
 
 def mirrored(at: Places) -> Places:
-    """The same multiples of the step with opposite signs."""
+    """Return these multiples of the step with opposite signs."""
     return tuple(-place for place in at)
 
 
@@ -212,9 +212,9 @@ def slopes_of_runs(scene: Scene, paths: Sequence[str]) -> RunSlopes:
     x = np.array([_number(scene, path) for path in paths])
     runs = _Runs(scene, paths, x)
     size = np.where(x == 0, 1.0, np.abs(x))
-    third, fifth = (1, -1, 2), (1, -1, 2, -2, 3)  # neighbours, by error order; without the last, one order less
-    first, part = (fifth, 1e-2) if scene.run.controlled else (third, 1e-5)  # step over the parameter
-    rounding = 1e-8 if scene.run.controlled else 1e-13  # upper bound for runs whose motion is not sensitive
+    third, fifth = (1, -1, 2), (1, -1, 2, -2, 3)  # neighbours for errors of third and fifth order
+    first, part = (fifth, 1e-2) if scene.run.controlled else (third, 1e-5)  # `part`: step / parameter
+    rounding = 1e-8 if scene.run.controlled else 1e-13  # largest relative error of runs that are not sensitive
     enough = 3e-6  # estimated error below which no other step is tried; the estimate mostly far exceeds the error
     steps, best = part * size, dict[int, _Candidate]()
     for at in (first, fifth, fifth):
@@ -266,7 +266,8 @@ def _other(candidate: _Candidate) -> float:
     """Step with which the fifth-order differences likely have a smaller error.
 
     For a function that changes by its own size over a length L, the second-order error is (h/L)²/6; the estimate is
-    three times this error. The new step is a hundredth of L.
+    three times this error. The new step is a hundredth of L or, if the differences were of fifth order already, a fifth
+    of the step. If rounding explains the error, the step is increased instead, at least 5-fold.
     """
     step = candidate.beside.step
     if candidate.error <= candidate.rounding:

@@ -45,9 +45,9 @@ def settings(run: RunSettings, rule: Method, record: Record, largest: float) -> 
     long_stages = 5  # implicit methods with this number of stages or more take few, long steps
     exact = 1e-13  # residual of a fixed step, relative to the arm's size; a larger one makes the energy drift
     if record.chain.has_free_base:
-        exact = 1e-16  # one more iteration, since momentum errors of all steps add up and nothing damps them
+        exact = 1e-16  # free base: one more iteration, since momentum errors of all steps add up and nothing damps them
     of_the_iteration = 0.05  # residual of the Newton iteration, relative to the allowed error of a step
-    of_a_deflection = 0.1  # stricter for a tolerance on deflection, since errors of all steps persist as vibration
+    of_a_deflection = 0.1  # factor on a tolerance for deflection, since errors of all steps persist as vibration
     size = record.chain.size
     if not run.controlled:
         return np.inf, 0.0, run.fixed_step, exact * size, 0.0, 1.0, run.duration, run.fixed_step, run.fixed_step
@@ -58,7 +58,7 @@ def settings(run: RunSettings, rule: Method, record: Record, largest: float) -> 
             id="nothing-bends",
         )
     least = record.least_tolerance
-    absolute, part = least, run.relative_tolerance or 0.0  # the deflection may be zero: rounding error as a floor
+    absolute, part = least, run.relative_tolerance or 0.0  # `least`, due to rounding, if the deflection is zero
     if run.accuracy == "tip":
         absolute, part = run.tolerance_within(size), 0.0
         if absolute < least:

@@ -92,8 +92,8 @@ def multiplies(monitor: Monitor) -> str:
     notable_growth = 10.0
     if monitor.travelled > Thresholds.far_turned:
         return ": this motion amplifies errors"
-    # rejected steps show that a motor keeps switching between its limits: among 120 other arms with saturating motors,
-    # rejected steps were at most 0.7 times the steps taken
+    # Many rejected steps show that a motor keeps switching between its limits. Among 120 arms with motors that saturate
+    # but do not keep switching, rejected steps were at most 0.7 times the steps taken.
     if monitor.steps.rejected > 0.8 * max(monitor.steps.taken, 50):
         return ": the drive switches repeatedly, and each switch adds an error"
     growth, without = sampled_growth(monitor.record)

@@ -61,7 +61,7 @@ def stacked_axes(rows: int, height: float, share: bool = True) -> tuple[Figure, 
 
 
 def _steps(low: float, high: float) -> tuple[float, ...]:
-    """Ticks per decade: 1, 2 and 5 on a short axis, 1 and 3 if it contains only one power of ten, otherwise 1."""
+    """Ticks in a decade: 1, 2 and 5 on a short axis, 1 and 3 if it contains only one power of ten, otherwise 1."""
     if high < 40.0 * low:
         return (1.0, 2.0, 5.0)
     powers = math.floor(math.log10(high)) - math.ceil(math.log10(low)) + 1 if low > 0.0 else 2
@@ -69,7 +69,7 @@ def _steps(low: float, high: float) -> tuple[float, ...]:
 
 
 def tidy_linear(axes: Axes) -> None:
-    """Label the ticks of linear axes with their own power of ten if the numbers are very small or large."""
+    """Write a power of ten at each tick of linear axes if the numbers are very small or large."""
     for axis in (axes.xaxis, axes.yaxis):
         if axis.get_scale() == "linear" and not 1e-3 <= max(map(abs, axis.get_view_interval())) < 1e4:
             axis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
@@ -98,7 +98,7 @@ def legend_over(axes: Axes, *, figure: Figure | None = None) -> None:
     handles, labels = axes.get_legend_handles_labels()
     if not labels:
         return
-    letters = 67 if figure is not None else 55  # width of a figure, and of a panel without its axis labels
+    letters = 67 if figure is not None else 55  # letters across a figure, or across a panel
     handle = 5  # width of the line sample, in letters
     columns = max(1, min(int(letters / (max(map(len, labels)) + handle)), len(labels)))
     look: dict[str, Any] = {

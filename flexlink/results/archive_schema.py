@@ -24,7 +24,7 @@ def check_samples(arrays: Mapping[str, NDArray[Any]], n: int) -> None:
     ValueError
         An array has the wrong type or shape, or is not finite; or times do not increase.
     """
-    shapes: dict[str, tuple[int, ...]] = {  # shape of one sample
+    shapes: dict[str, tuple[int, ...]] = {  # shape of each array at one sample
         "t": (), "q": (n,), "qd": (n,), "tau": (n,), "tip": (3,), "tip_wrench": (6,), "kinetic": (), "gravity": (),
         "elastic": (), "work": (), "attitude": (4,), "spin": (3,), "momentum_linear": (3,), "momentum_angular": (3,),
         "momentum_center": (3,),

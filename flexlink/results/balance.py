@@ -32,7 +32,7 @@ def imbalance(energy: Array, work: Array, start: Array) -> Array:
 
 
 def turned_over(energy: Array, work: Array, start: Array) -> Array:
-    """T + |ΔV_g| + |ΔV_e| + |W| [J], shape (…, samples), whose running maximum is the energy exchanged."""
+    """T + |ΔV_g| + |ΔV_e| + |W| [J], shape (…, samples); its running maximum is the energy exchanged."""
     moved = np.abs(energy[..., 1:, :] - start[..., 1:, None]).sum(axis=-2)
     return np.asarray(energy[..., 0, :] + moved + np.abs(work))
 

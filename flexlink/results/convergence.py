@@ -1,6 +1,6 @@
 """Richardson extrapolation of the tip's path to the limit of infinitely many hinges.
 
-x* ≈ x_b + (x_b − x_a) / ((N_b/N_a)^p − 1)          two levels, N_a < N_b hinges; p is the order of convergence
+x* ≈ x_b + (x_b − x_a) / ((N_b/N_a)^p − 1)          paths x_a, x_b with N_a < N_b hinges; p: order of convergence
 p = log(|x_b − x_a| / |x_c − x_b|) / log(N_b/N_a)   order observed with three levels, N_c/N_b = N_b/N_a
 
 With a known order and three levels, the error of x* is estimated by the change of x* when the last level is added.

@@ -33,7 +33,7 @@ def _in_phase(shape: NDArray[np.inexact]) -> Array:
 
 
 def _resolves(shape: Array, chain: Chain) -> bool:
-    moments = chain.times("stiffness", shape)  # same sign as the curvature
+    moments = chain.times("stiffness", shape)  # spring moments, which have the sign of the curvature
     energy = moments * shape
     for hinges in _lines(chain):
         waves = _half_waves(moments[hinges])

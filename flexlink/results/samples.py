@@ -49,9 +49,9 @@ class Steps(NamedTuple):
 class State(NamedTuple):
     """State of an arm, from which a run can be continued."""
 
-    t: float  # [s]
-    q: Array  # (n,) [rad]
-    qd: Array  # (n,) [rad/s]
+    t: float  # time [s]
+    q: Array  # (n,) joint angles [rad]
+    qd: Array  # (n,) joint rates [rad/s]
 
 
 class BaseMotion(NamedTuple):

@@ -58,7 +58,7 @@ class Failure(NamedTuple):
     text: str
     advice: str = ""  # remedy if the cause is known; empty: the general remedy
     kind: type[DivergenceError] = DivergenceError
-    id: str = ""  # empty: the id of `kind`
+    id: str = ""  # id of the error; empty: the id of `kind`
 
 
 def ended_early(reached: float, end: float) -> Failure | None:

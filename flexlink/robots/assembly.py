@@ -162,7 +162,7 @@ def _mount(origin: Pose, before: Array) -> Mount:
 def _tidy(degrees: float) -> float:
     """Round an angle to 9 decimals if that only removes a rounding error, as in 89.99999999999999."""
     near = round(degrees, 9)
-    rounding = 1e-13  # a few eps of 180°
+    rounding = 1e-13  # a few eps times 180°
     return (near if abs(degrees - near) < rounding else degrees) + 0.0
 
 

@@ -64,7 +64,7 @@ class TreeJoint:
 
 
 def _turn(axis: Array, angle: float) -> Array:
-    """Return Rodrigues' rotation about a unit vector."""
+    """Return the rotation matrix for an angle about a unit vector, by Rodrigues' formula."""
     x, y, z = axis
     K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     R: Array = np.eye(3) + math.sin(angle) * K + (1 - math.cos(angle)) * (K @ K)
@@ -148,7 +148,7 @@ class Robot:
     def outward(self, base: str, stop: Collection[str] = ()) -> list[str]:
         """Return `base` and all links beyond it, parents first, except links beyond the joints in `stop`."""
         links = [base]
-        for link in links:  # grows during the loop
+        for link in links:  # the loop appends to the list
             links += [joint.child for joint in self.below[link] if joint.name not in stop]
         return links
 

@@ -53,7 +53,7 @@ def living_paths(
 
 def _lifeless(way: Paths, rotors: Collection[str]) -> list[Part]:
     """Return the parts that have no inertia about their joint, and whose children have no inertia."""
-    alive = [False] * (len(way.parts) + 1)  # also True if a child has inertia, which may move about another axis
+    alive = [False] * (len(way.parts) + 1)  # also True for the parent of a body with inertia, whatever its axis
     found = []
     for number in range(len(way.parts), 0, -1):
         part = way.parts[number - 1]
@@ -66,7 +66,7 @@ def _lifeless(way: Paths, rotors: Collection[str]) -> list[Part]:
 
 
 def _moved(part: Part) -> float:
-    """Return the mass [kg] that a sliding joint moves, or the inertia [kg m²] about a hinge."""
+    """Return the mass [kg] of a part with a sliding joint, or the inertia [kg m²] of a part about its hinge."""
     try:
         body = payload(part.body)
     except SceneError:  # reported when the part becomes a link

@@ -191,7 +191,7 @@ def _way(robot: Robot, base: str, tips: Sequence[str] | None) -> list[TreeJoint]
 
 
 def _check_fit(joint: TreeJoint, span: str) -> None:
-    """Check that a joint can be a free joint of an arm."""
+    """Check that a joint of a path can be a free joint of an arm."""
     if joint.kind in {"floating", "planar"}:
         base = f"--base {joint.child}{' --free-base' * (joint.kind == 'floating')}"
         raise ArgumentError(

@@ -69,9 +69,9 @@ def _robot(root: ET.Element) -> Robot:
         raise DataFileError(
             "<flexlink>: this file was exported by flexlink; load its scene instead", id="exported-by-flexlink"
         )
-    longest, most_links = 10_000, 5_000  # characters of an attribute; links (a humanoid has 130)
+    longest, most_links = 10_000, 5_000  # most characters of an attribute; most links (a humanoid has 130)
     for element in root.iter():
-        if "xacro" in element.tag.partition("}")[0]:  # the namespace
+        if "xacro" in element.tag.partition("}")[0]:  # in the namespace of the element
             raise DataFileError(f"<xacro:{truncated(element.tag.partition('}')[2])[1:-1]}>: a macro", id="xacro")
         if any(len(value) > longest for value in element.attrib.values()):
             raise DataFileError(

@@ -2,7 +2,7 @@
 
     min over x of Σ r(x)²        r = (run − measured) / scale of the column, at all times
 
-Each fit is fast and has one parameter; scales replace the noise. Standard deviations allow for autocorrelation.
+Each fit is fast and has one parameter; scales replace the unknown noise. Standard deviations allow for autocorrelation.
 """
 
 from __future__ import annotations

@@ -60,7 +60,7 @@ class Refinement:
     @cached_property
     def strict(self) -> Stepping:
         """Adaptive steps whose errors are small compared with discretisation errors."""
-        off = 1e-5  # fraction of the tip's travel
+        off = 1e-5  # tolerance, as a fraction of the tip's travel
         return Stepping("auto", tolerance=off * self.study.travel)
 
     @property

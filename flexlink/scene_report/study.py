@@ -66,7 +66,7 @@ class Study:
 
     @cached_property
     def bends(self) -> bool:
-        """Whether any joint is a spring."""
+        """Whether any joint has a spring."""
         return bool(self.chain.stiffness.any())
 
     @cached_property

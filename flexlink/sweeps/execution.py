@@ -22,7 +22,7 @@ TASK_SECONDS = 0.5
 
 
 MAX_WORKER_DEATHS = 3
-"""Number of times that a member alone may crash its worker; after that, its row gives the crash as the reason."""
+"""Number of crashes of a worker that runs only one member, after which the member's row reports the crash."""
 
 Numbers = list[int]
 Task = Future[tuple[list[Row], float]]
@@ -115,11 +115,11 @@ class Execution:
             raise EngineError(
                 "the cluster is gone; existing rows remain: repeat the command to continue", id="cluster-gone"
             ) from None
-        except Exception as error:  # any error of one member
+        except Exception as error:  # an error that a member causes
             return self._after_failure(numbers, f"{type(error).__name__}: {error}")
         size = len(numbers) * TASK_SECONDS / max(seconds, 1e-6)
         # number of members per task, so that it takes half a second
-        self.size = int(min(size, 4 * len(numbers), 4096))  # limit growth, since the first task includes compilation
+        self.size = int(min(size, 4 * len(numbers), 4096))  # grow slowly: the first task includes compilation
         if len(rows) < len(numbers) and not self.stop.requested:  # only the worker received a signal
             self.suspects.append(sorted({*numbers} - {row.number for row in rows}))
         return rows

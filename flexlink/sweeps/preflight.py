@@ -27,10 +27,10 @@ def preflight(plan: Plan) -> None:
     plan.check_paths()
     columns: list[str] = []
     for number in {0, plan.members - 1}:
-        with contextlib.suppress(FlexlinkError):  # this member gets a row with its reason
+        with contextlib.suppress(FlexlinkError):  # the sweep reports the error in this member's row
             columns += _columns(plan, number)
     if columns:
-        of_runs = ("work [J]", "imbalance [J]")  # columns that a single state does not have
+        of_runs = ("work [J]", "imbalance [J]")  # columns that a run has, but a single state lacks
         known = list(dict.fromkeys([*columns, *of_runs, DEFLECTION, *MEASURES]))
         for name, quantity in plan.sweep.quantity.items():
             if quantity.of not in known:
@@ -41,7 +41,7 @@ def preflight(plan: Plan) -> None:
                 )
     chain = lump(plan.sweep.scene)
     for engine in plan.engines:
-        with contextlib.suppress(ArgumentError):  # the engine is unknown or does not support this chain
+        with contextlib.suppress(ArgumentError):  # an unknown engine, or one that does not support this chain
             load(engine, chain)
 
 

@@ -29,7 +29,7 @@ MAX_MEMBERS = 1_000_000_000
 class Range(Spec, frozen=True):
     """Numbers between two ends, which are included: `count` numbers, or one every `step` from the first end.
 
-    With spacing = "log", neighbours differ by a factor. `whole` rounds to integers, for example for `segments`.
+    With spacing = "log", neighbours have a constant ratio. `whole` rounds to integers, for example for `segments`.
     """
 
     between: tuple[float, float]

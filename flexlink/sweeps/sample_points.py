@@ -1,7 +1,7 @@
 """Points of the unit cube for the members of a sample, computed from their number and the seed without a stored list.
 
-For "random", the generator is advanced to the point. For "sobol", point n is the bitwise sum of direction numbers, one
-for each digit 1 of n's binary Gray code. Direction numbers are the differences of SciPy's points 1, 3, 7, 15, … from 0.
+For "random", the generator is advanced to the point. For "sobol", point n is the exclusive or of direction numbers, one
+for each digit 1 of n's binary Gray code. Direction numbers are computed from SciPy's points 0, 1, 3, 7, 15, ….
 For "halton", each point is computed from its number. For "latin", all points are computed together, because points of a
 Latin hypercube depend on each other.
 """
@@ -55,7 +55,7 @@ def _block(method: str, dimensions: int, count: int, seed: int, number: int) -> 
 
 @functools.lru_cache(maxsize=2)
 def _latin(dimensions: int, count: int, seed: int) -> Array:
-    """All points, equal to the points of SciPy's engine, which takes half a second to import."""
+    """All points, equal to the points from SciPy's engine, whose import would take half a second."""
     (rng,) = np.random.default_rng(seed).spawn(1)
     inside = rng.uniform(size=(count, dimensions))
     cells = np.tile(np.arange(1, count + 1), (dimensions, 1))

@@ -85,7 +85,7 @@ def handshake(text: bytes, theirs: str) -> None:
 
 @functools.lru_cache(maxsize=4)
 def plan_of(text: bytes) -> Plan:
-    """Plan of an encoded sweep."""
+    """Decode a sweep, and return its plan."""
     return Plan(msgspec.json.decode(text, type=Sweep))
 
 
@@ -95,7 +95,7 @@ def failed_row(plan: Plan, number: int, reason: str) -> Row:
 
 
 def goes_side_by_side(plan: Plan, number: int) -> bool:
-    """Whether a member runs side by side with others, since eight members cost little more than one."""
+    """Whether a member runs side by side with others: eight such members together cost little more than one."""
     try:
         scene, engine = plan.member(number)
     except FlexlinkError:

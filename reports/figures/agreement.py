@@ -39,7 +39,7 @@ def _picture(case: str, scene: str, rows: Sequence[JudgedRow], limits: tuple[flo
     figure, (axes,) = stacked_axes(1, 1.4 + LINE * lines / 1.3)
     for number, engine in enumerate(engines):
         found = [row for row in rows if row.engine == engine]
-        values = [max(row.value or 0.0, limits[0] * 1.3) for row in found]  # a log axis has no 0; drawn at its edge
+        values = [max(row.value or 0.0, limits[0] * 1.3) for row in found]  # draws 0 at the edge of the log axis
         offset = 0.16 * (number - 0.5 * (len(engines) - 1))
         places = [terms.index(row.quantity) + offset for row in found]
         look = ENGINES[engine]

@@ -1,4 +1,4 @@
-"""Tip distance from exact beams, drawn as points, because the tip vibrates too fast between samples for a line."""
+"""Distance of a chain's tip from the exact beam's; as points, because the tip vibrates too fast for a line."""
 
 from __future__ import annotations
 

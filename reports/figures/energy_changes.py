@@ -1,4 +1,4 @@
-"""Energy balance: change of each energy since the start; spring energy has a separate scale."""
+"""Energy balance: change of each kind of energy since the start; the energy of the springs has a separate scale."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figure for the first screen: every verification check as a dot at the share of its limit that it uses."""
+"""Figure for the first screen: a dot for every verification check, at its value as a share of its limit."""
 
 from __future__ import annotations
 

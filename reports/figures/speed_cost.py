@@ -16,7 +16,7 @@ from validation.store import Series
 
 SECTION = "speed"
 TAKES = ("cost",)
-LOOKS = {  # curve → engine, line style, colour of the marker's face, remark after the engine's name
+LOOKS = {  # curve → engine, line style, fill colour of the marker, remark after the engine's name
     "native": ("native", "-", None, ", compiled loop"),
     "public": ("native", "--", "none", ", Python call"),
     "pinocchio": ("pinocchio", "-", None, ", one joint per hinge"),

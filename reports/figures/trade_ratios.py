@@ -1,4 +1,4 @@
-"""CPU time of other programs relative to flexlink's at equal error, by scene; flexlink is faster right of the line."""
+"""CPU time of other programs relative to flexlink's at equal error, by scene; right of the line flexlink is faster."""
 
 from __future__ import annotations
 

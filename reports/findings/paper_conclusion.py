@@ -1,4 +1,4 @@
-"""Whether the paper's conclusion, "RK4 suffices, RK10 is not justified", is confirmed for its own arm."""
+"""Verdict on the paper's conclusion, "RK4 suffices, RK10 is not justified", for the paper's arm."""
 
 from __future__ import annotations
 

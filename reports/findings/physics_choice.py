@@ -16,7 +16,7 @@ NEAR = 2.0  # a rule is sufficient if it needs at most this multiple of the fewe
 
 
 class Need(NamedTuple):
-    """Rule → hinges needed, and rule → largest number of hinges that was insufficient."""
+    """Hinges needed to meet a requirement, by rule; or, in `missed`, the largest number tried that was insufficient."""
 
     needed: dict[str, float]
     missed: dict[str, float]
@@ -84,7 +84,7 @@ def _paper(needs: Mapping[str, Need]) -> Iterator[str]:
 
 
 def _orders(results: Results) -> Iterator[str]:
-    """Orders of the paper's layout with free and with clamped ends."""
+    """Sentence on the order of the paper's layout, with ends free of torque and with clamped ends."""
     orders = {
         row.case: number(row.value, 2)
         for row in results.rows

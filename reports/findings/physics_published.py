@@ -10,7 +10,7 @@ from flexlink.pages.tables import Table
 from reports.results import Results
 
 SECTION = "physics"
-SHOWN = 4  # lines per case; the notes of its table list all values
+SHOWN = 4  # most lines per case here; the notes in the case's table list all values
 DIGITS = 7
 
 

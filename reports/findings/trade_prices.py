@@ -10,7 +10,7 @@ from reports.prices import AIMS, LOOKS, OURS, Price, errors, prices, works
 from reports.results import Results
 
 SECTION = "trade"
-MOST = 8  # losses listed in a sentence
+MOST = 8  # largest number of cases with a faster program that a sentence lists
 FAVOUR = (
     "Times of other programs without a run are extrapolated by the order of the method, or taken from a run at the "
     "stability limit that is assumed to be accurate. Both are in their favour."

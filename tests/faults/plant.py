@@ -32,7 +32,7 @@ KILLED, SURVIVED, STALE, BROKEN = "killed", "SURVIVED", "does not apply any more
 class Fault(NamedTuple):
     """One fault: `file` with `find` replaced by `replace`. At least one of `tests` must then fail."""
 
-    name: str  # source/fault
+    name: str  # "source file/name of the fault"
     file: str
     find: str
     replace: str
@@ -103,7 +103,7 @@ class Verdict(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """Result of a pytest run; the exit code is None if it did not end."""
+    """Result of a pytest run; the exit code is None if the run did not end."""
 
     code: int | None
     output: str

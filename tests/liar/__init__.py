@@ -1,4 +1,4 @@
 """Fault injection for the study: library functions with slightly wrong results, and shortened cases that use them.
 
-`lies.toml` lists for every kind the case, how it is shortened, and which result is wrong by how much.
+For every kind of case, `lies.toml` names one case, how it is shortened, which result is wrong, and by how much.
 """

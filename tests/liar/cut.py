@@ -1,4 +1,4 @@
-"""Shortened cases of the study, and the number of wrong results in each: `lies.toml`."""
+"""Shortened cases of the study, each with the wrong results that are injected into it, as listed in `lies.toml`."""
 
 from __future__ import annotations
 
@@ -132,6 +132,6 @@ def load() -> list[Cut]:
 
 
 def not_lied_to() -> dict[str, str]:
-    """Kinds without an injected fault, and why."""
+    """Kinds of cases without an injected fault, each with the reason."""
     found: dict[str, str] = documents.read_toml(FILE)["not_lied_to"]
     return found

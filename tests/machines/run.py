@@ -32,7 +32,7 @@ class Machine(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     best: bool = False  # OpenBLAS chooses these kernels by default on a CPU with these flags
     python: str = ""  # command; "": the current one
     cores: int = 0  # 0: all
-    plugin: str = ""  # pytest plugin for what environment variables cannot do
+    plugin: str = ""  # pytest plugin for what environment variables cannot emulate
     files: tuple[str, ...] = ()  # tests that run on the machine; if empty, all
     without: tuple[str, ...] = ()  # tests that are left out
     fast: bool = False  # without slow tests

@@ -85,7 +85,7 @@ class Case:
         return self.scene.varied({self.mass: self.scene.arm.links[-1].end.mass + mass})
 
     def damped(self, loss_time: float) -> dict[str, Any]:
-        """Changes that make all dampers of springs proportional to the springs."""
+        """Changes that make the damping of all springs proportional to their stiffness."""
         arm = self.scene.arm
         found: dict[str, Any] = {f"material.{name}.loss_time": loss_time for name in arm.materials}
         found |= {f"rigidity.{name}.loss_time": loss_time for name in arm.rigidities}

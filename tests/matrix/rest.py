@@ -44,7 +44,7 @@ def modes(case: Case) -> None:
 
 
 def _matrices(chain: fl.Chain, q: np.ndarray, qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """M, and derivatives of torques with respect to angles and rates; friction has its slope at rest."""
+    """M, and derivatives of torques with respect to angles and rates; the slope of friction is taken at rest."""
 
     def torques(q: np.ndarray, qd: np.ndarray) -> np.ndarray:
         return fl.bias_torque(chain, q, qd) + fl.elastic_torque(chain, q) + force_torque(chain, q, qd)
@@ -62,7 +62,7 @@ def _matrices(chain: fl.Chain, q: np.ndarray, qd: np.ndarray) -> tuple[np.ndarra
 
 
 def _paired(found: np.ndarray, dense: np.ndarray) -> None:
-    """Check that each eigenvalue is close to one of the dense matrix; double ones have the square root of the error."""
+    """Check that each eigenvalue is close to one of the dense matrix; double ones may have its square root as error."""
     size = np.abs(dense).max()
     for value in found:
         assert np.abs(dense - value).min() <= 1e-6 * abs(value) + 1e-4 * size**0.5, (value, dense)

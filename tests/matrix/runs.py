@@ -50,7 +50,7 @@ def rounded(run: fl.Trajectory) -> float:
 
 
 def near(found: fl.Trajectory, case: Case, tolerance: float) -> None:
-    """Check that the tips of all samples meet the tolerance; for a chain without reach, check the angles."""
+    """Check that the tips of all samples meet the tolerance; for a chain whose reach is zero, check the angles."""
     runs = (found, case.half, case.truth)
     requested, half, truth = (run.tip if case.chain.reach else run.q for run in runs)
     assert np.abs(requested - truth).max() <= tolerance + 2 * np.abs(half - truth).max()
@@ -161,7 +161,7 @@ def accelerations(case: Case) -> None:
 
 
 def sensitivity(case: Case) -> None:
-    """Sensitivities of the final state to a mass and all stiffnesses match two fourth-order differences of runs."""
+    """Sensitivities of the final state to a mass and all stiffnesses match fourth-order differences of runs."""
     young = {f"material.{name}.young": material.young for name, material in case.scene.arm.materials.items()}
     start = {case.mass: case.scene.arm.links[-1].end.mass + 0.2, **young}
     units = np.array([1.0, *young.values()])

@@ -38,7 +38,7 @@ def inverse_of_forward(case: Case) -> None:
 
 
 def mass_matrices(case: Case) -> None:
-    """M of every algorithm is symmetric, positive definite, and the derivative of inverse dynamics by q̈."""
+    """M from every algorithm is symmetric, positive definite and equal to ∂τ/∂q̈ of inverse dynamics."""
     q, qd, _, _ = case.state()
     bias, I = fl.bias_torque(case.chain, q, qd), np.eye(case.chain.n)
     columns = np.array([fl.inverse_dynamics(case.chain, q, qd, row) - bias for row in I])

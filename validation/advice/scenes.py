@@ -157,7 +157,7 @@ def _mass(links: tuple[fl.Link, ...], sections: dict[str, fl.Section], material:
 
 
 def _inertias(arm: fl.Arm, material: fl.Material) -> list[float]:
-    """Inertia of all outboard links about each joint, with the arm straight and links as rods [kg m²]."""
+    """For each joint, the moment of inertia of all outboard links about it, as the rods of a straight arm [kg m²]."""
     found, outer_mass, reach = [], arm.tip.mass, 0.0
     for link in reversed(arm.links):
         beam = arm.sections[link.section or ""].properties.area * material.density * link.length
@@ -168,7 +168,7 @@ def _inertias(arm: fl.Arm, material: fl.Material) -> list[float]:
 
 
 def _put_in(scene: fl.Scene, situation: str, dice: Dice, inertias: list[float]) -> fl.Scene:
-    """Add the situation: torques that cause accelerations of a few rad/s², or moves that end before the run ends."""
+    """Add the `situation`: drive torques for accelerations of a few rad/s², or moves that end before the run does."""
     end = scene.run.duration
     torques = [dice.linear(-8.0, 8.0) * inertia for inertia in inertias]
     if situation == "pulse":

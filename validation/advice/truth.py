@@ -36,7 +36,7 @@ METHODS = ("Radau5", "DOP853")
 
 
 class Truth(NamedTuple):
-    """Tip path (samples, 3), its extent, and its error estimate up to each sample (samples,) [m]."""
+    """Tip path (samples, 3), its travel, and its estimated error up to each sample (samples,) [m]."""
 
     tip: Array
     motion: float
@@ -44,7 +44,7 @@ class Truth(NamedTuple):
 
     @property
     def error(self) -> float:
-        """Error estimate up to the end [m]."""
+        """Estimate of the path's largest error over the whole run [m]."""
         return float(self.errors[-1])
 
 

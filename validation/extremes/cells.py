@@ -130,7 +130,7 @@ def recipe(case: Case, number: int) -> str:
 
 
 def _times(value: float, weight: Any) -> Any:
-    """Multiply a weight, which is a number or a list, by a value; round the product if the weight is an integer."""
+    """Multiply `weight`, a number or a list, by the axis' value; round the product if the weight is an integer."""
     product = np.multiply(value, weight)
     return round(float(product)) if isinstance(weight, int) else product.tolist()
 

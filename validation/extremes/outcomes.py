@@ -1,4 +1,4 @@
-"""Classify a run, by a reference on which two methods agree, as right, warned, ended by an error, or silently wrong.
+"""Classify a run by its error, measured from a reference on which two methods agree: right, warned, refused or wrong.
 
 The error of a run is compared with its tolerance, or, for fixed steps, with the error above which flexlink calls a run
 doubtful. ε is the tip's largest distance from the reference at any sample, in units of that tolerance:
@@ -164,7 +164,7 @@ def judged(scene: Scene, tip: Array, known: Truth, words: str, seconds: float) -
         return RunOutcome("unknown", np.nan, words, seconds)
     tolerance = allowed(scene, known)
     error = largest_distance(tip, known.tip)
-    doubted = "doubtful" in words  # other warnings concern the model, such as large hinge angles
+    doubted = "doubtful" in words  # other warnings concern the model, not the accuracy of the run
     return RunOutcome(_judged(error, known.apart, tolerance, doubted), error / tolerance, words, seconds)
 
 

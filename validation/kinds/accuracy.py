@@ -32,7 +32,7 @@ class Arms(Family, frozen=True):
     from_lock
         Distances from gimbal lock [rad], applied to every second hinge group of three axes.
     times
-        Factor on the case's number of states, for short chains, for which the worst of a few states is random.
+        Factor on the case's number of states; above 1 for short chains, whose worst error of few states is random.
     """
 
     loads: tuple[float, ...] = ()
@@ -111,5 +111,5 @@ def _errors(got: list[Array], truth: list[Array]) -> Array:
 
 
 def _mean(error: Array) -> float:
-    """Geometric mean of errors; zero counts as half a unit in the last place."""
+    """Geometric mean of errors; an error of zero counts as half a unit in the last place."""
     return float(np.exp(np.log(np.maximum(error, EPS / 2)).mean()))

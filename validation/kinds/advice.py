@@ -194,7 +194,7 @@ def _summary(cells: list[Cell], optimum: list[float]) -> Iterator[Measured]:
         if ratios:
             yield Measured(f"naive over advised cost at {tolerance:g}, median", float(np.median(ratios)))
     short = [cell for cell in cells if not cell.advice.met]
-    third = 1 / 3  # estimates may be three times too large; a third of the tolerance may then be estimated as all of it
+    third = 1 / 3  # stated errors may be three times too large, so a third of the tolerance may be stated as all
     horizons = [(cell.advice.horizon, _true_horizon(cell, 1.0), _true_horizon(cell, third)) for cell in short]
     yield from _spread("horizon over true horizon", [stated_end / true for stated_end, true, _ in horizons if true])
     thirds = [stated_end / earlier for stated_end, _, earlier in horizons if earlier]
@@ -204,7 +204,7 @@ def _summary(cells: list[Cell], optimum: list[float]) -> Iterator[Measured]:
 
 
 def _true_horizon(cell: Cell, part: float) -> float | None:
-    """Time [s] until the advised model's error exceeds a part of the tolerance; None if it does not or is unknown."""
+    """Last time [s] before the advised model's error exceeds `part` of the tolerance; None if never or unknown."""
     run, allowed = simulate(cell.advice.scene), part * cell.advice.tolerance
     beyond = np.flatnonzero(np.linalg.norm(run.tip - cell.true.tip, axis=1) > allowed)
     if not beyond.size or cell.true.errors[beyond[0]] > TRUTH_KNOWN_TO * allowed:

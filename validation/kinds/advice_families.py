@@ -21,7 +21,7 @@ TIMED = True
 
 
 class Requested(Spec, frozen=True):
-    """A scene and its allowed tip error [m]; `axial` if cells of coupled springs should be cheapest."""
+    """A scene and its allowed tip error [m]; `axial` marks scenes for which coupled springs should be cheapest."""
 
     name: str
     scene: Varied
@@ -75,7 +75,7 @@ def _family(settings: Settings, case: Case, scene: fl.Scene) -> str:
 
 
 def _over_cheapest(settings: Settings, family: str, met: Sequence[Tried], costs: Sequence[float]) -> tuple[float, str]:
-    """Least cost of a family relative to the least cost of all families, and a description of both runs."""
+    """Cost of a family's cheapest run relative to the cheapest run of all families, and a description of both runs."""
     order = sorted(range(len(met)), key=lambda k: costs[k])
     own = next(k for k in order if met[k].at.rule in settings.families[family])
     return costs[own] / costs[order[0]], f"{met[own]}; cheapest {met[order[0]]}."

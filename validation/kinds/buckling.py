@@ -25,7 +25,7 @@ from validation.store import Series
 class Load(Spec, frozen=True):
     """A load and its critical value: a tip force of unit size, gravity set by the variant, or a follower force.
 
-    `bracket` contains loads below and above the onset of flutter. A `guided` tip stays on the line of the force.
+    `bracket` is a load below the onset of flutter and a load above it. A `guided` tip stays on the line of the force.
     """
 
     name: str
@@ -102,7 +102,7 @@ def _critical(chain: fl.Chain, load: Load) -> float:
 def _guided(K: Array, pushed: Array, torque: Callable[[Array], Array]) -> float:
     """The least load P at which K + P `pushed` is singular for motions that leave the tip's y coordinate unchanged.
 
-    `torque` is a function of the tip wrench w, from which Jᵀ follows: w reduces T_G by Jᵀ w.
+    `torque` maps a tip wrench w to T_G − Jᵀ w, so differences of its values give Jᵀ.
     """
     across = torque(np.zeros(6)) - torque(np.eye(6)[1])
     Z = linalg.null_space(across[None, :])
@@ -111,9 +111,9 @@ def _guided(K: Array, pushed: Array, torque: Callable[[Array], Array]) -> float:
 
 
 def bisect(stable: Callable[[float], bool], bracket: tuple[float, float]) -> float:
-    """Largest stable load."""
+    """Largest load for which `stable` is true, found by bisection from a stable and an unstable load."""
     low, high = bracket
-    for _ in range(40):  # to rounding error
+    for _ in range(40):  # the bracket shrinks to rounding error
         middle = (low + high) / 2
         low, high = (middle, high) if stable(middle) else (low, middle)
     return low

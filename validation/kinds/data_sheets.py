@@ -45,7 +45,7 @@ def _sheet(case: Case) -> Iterator[Measured | Series]:
         for at in _settings(settings):
             try:
                 error, seconds = _timed(measure, case, settings, at)
-            except FlexlinkError:  # unsupported by this engine
+            except FlexlinkError:  # the engine does not support this benchmark
                 break
             facts: Facts = {"job": case.name, **at.facts}
             yield Measured("error", error, case.scenes[0], engine, facts)
@@ -60,7 +60,7 @@ def _sheet(case: Case) -> Iterator[Measured | Series]:
 
 
 def _settings(settings: Any) -> list[Rule]:
-    """The case's rule with three hinge counts: the smallest with all modes, the case's or a middle one, the largest."""
+    """The case's rule with three hinge counts: the least with all modes, the case's own or a middle one, the most."""
     rule, own = str(settings.best.rule), int(settings.best.hinges)
     counts = [n for n in sorted(settings.rules.get(rule, (own,))) if n >= getattr(settings, "modes", 1)]
     between = own if own in counts[1:-1] else counts[len(counts) // 2]

@@ -4,9 +4,9 @@ The error of a quantity is the largest over its elements and over several states
 each state; it is capped at 1, which means no correct digit. For M, the error relative to √(M_jj M_kk) is also given, as
 "M, scaled".
 
-The ratio of a cell is flexlink's error divided by the error of the better engine, which is taken to be at least √n eps.
-Rounding explains ratios up to ten (`dynamics.rounding`), because an engine may be better by chance. Cells with cond(M)
-above 10¹⁶ are listed separately: there the rounded M is singular, and correct digits are accidental.
+The ratio of a cell is flexlink's error divided by the smallest error of the other engines, or by √n eps if that is
+larger. Rounding explains ratios up to ten (`dynamics.rounding`), because an engine may be better by chance. Cells with
+cond(M) above 10¹⁶ are listed separately: there the rounded M is singular, and correct digits are accidental.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class Settings(Map, frozen=True):
 
 
 class CellErrors(NamedTuple):
-    """Results of a cell: joints, cond(M), errors by engine and measure (none if refused), and reasons for refusals."""
+    """Results of a cell: number of joints, cond(M), errors by engine and measure, and why engines refused the cell."""
 
     n: int
     condition: float
@@ -93,7 +93,7 @@ class CellErrors(NamedTuple):
     refusals: str
 
     def ratio(self, measure: str) -> float:
-        """Flexlink's error relative to the error of the better engine; nan if one is missing."""
+        """Flexlink's error over the smallest error of other engines (at least √n eps); nan if one is missing."""
         others = [e for (engine, of), e in self.errors.items() if of == measure and engine != NATIVE]
         own = self.errors.get((NATIVE, measure), np.nan)
         return own / max(min(others), np.sqrt(self.n) * EPS) if others else np.nan
@@ -144,7 +144,7 @@ def look(settings: Settings, cell: Cell) -> CellErrors:
 
 
 def _measured(name: str, chain: Chain, states: list[tuple[State, Numbers]]) -> Iterator[tuple[str, float | str]]:
-    """Yield every measure of an engine with its largest error over the states, or the reason for its absence."""
+    """Yield every measure of an engine with its largest error over the states, or why the engine refused the cell."""
     try:
         engine = engines.load(name, chain)
     except FlexlinkError as refused:

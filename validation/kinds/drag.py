@@ -82,7 +82,7 @@ def _in_mujoco(scene: Scene) -> Measured:
 
 
 def _ringing(strip: Scene, rule: Rule, amplitude: float) -> Scene:
-    """The strip at rest in its chain's first mode shape, with this tip deflection [m]."""
+    """The strip, released from rest in the first mode shape of its chain; `amplitude` is the tip deflection [m]."""
     scene = strip.varied({"link.strip.lumping": rule.rule, "link.strip.segments": rule.hinges + 1})
     chain = fl.lump(scene)
     shape = fl.modes(chain, count=1).shapes[0].real
@@ -91,7 +91,7 @@ def _ringing(strip: Scene, rule: Rule, amplitude: float) -> Scene:
 
 
 def _peaks(run: fl.Trajectory) -> tuple[Array, Array]:
-    """Times and heights of the tip's maxima, by parabolas through three samples."""
+    """Times and heights of the maxima of the tip deflection, by parabolas through three samples."""
     y = run.tip[:, 1]
     i = np.flatnonzero((y[1:-1] > y[:-2]) & (y[1:-1] >= y[2:])) + 1
     before, here, after = y[i - 1], y[i], y[i + 1]

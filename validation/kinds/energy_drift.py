@@ -1,8 +1,9 @@
-"""Energy drift of runs without friction, against the prediction from the method's damping of the excited modes.
+"""Energy drift of runs without friction, compared with a prediction from the method's damping of the excited modes.
 
 A straight arm released under gravity starts away from its static equilibrium: each elastic mode m receives the energy
-E_m = ½ (φ_m·T_G)² / ω_m². A Runge-Kutta method multiplies the mode's amplitude by |R(iω_m h)| in every step;
-N steps lose Σ_m E_m (1 − |R(iω_m h)|^2N). Rounding adds at most eps · kinetic energy per step.
+E_m = ½ (φ_m·T_G)² / ω_m², with φ_m its shape and φ_mᵀ M φ_m = 1. A Runge-Kutta method with the stability function R
+multiplies the mode's amplitude by |R(iω_m h)| in each step; N steps lose Σ_m E_m (1 − |R(iω_m h)|^2N). Rounding adds
+at most eps · kinetic energy per step.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ def run(case: Case, steps: dict[str, tuple[float, ...]]) -> Iterator[Measured | 
 
 
 def released_modes(scene: Scene) -> tuple[Array, Array]:
-    """Frequencies ω [rad/s] of the elastic modes at the initial state, and the energy E [J] of each after release."""
+    """Frequencies ω [rad/s] of the elastic modes at the initial state, and the energy E [J] of each when released."""
     chain = lump(scene)
     q, _ = initial_state(scene, chain)
     squares, Φ = linalg.eigh(chain.matrix("stiffness"), mass_matrix(chain, q))  # Φᵀ M Φ = 1

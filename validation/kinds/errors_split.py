@@ -27,7 +27,7 @@ class Errors(Spec, frozen=True):
     true
         Type of links of the reference.
     fine, in_time
-        Settings that converge in space and time, and settings without time-stepping error for a run's own chain.
+        Settings whose result is converged in space and time; settings that integrate a run's own chain exactly in time.
     """
 
     true: Type

@@ -1,10 +1,10 @@
-"""Motions of chains against geometrically exact beams in Exudyn, and those beams against other references.
+"""Motions of chains against geometrically exact beams in Exudyn, and Exudyn's beams against other references.
 
 The chain is lumped with two resolutions. The distance between the two tips bounds the error of the coarser chain and,
 generously, of the finer one, which is compared with the reference. The error of the reference (own error) is estimated
 from its mesh, step, stiffnesses and residual:
 
-    apart / (own error + |coarse − fine|) ≤ 1
+    distance to the reference / (own error + |coarse − fine|) ≤ 1
 """
 
 from __future__ import annotations

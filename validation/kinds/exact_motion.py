@@ -36,7 +36,7 @@ def run(case: Case, run: tuple[Trial, ...], chain: Rule) -> Iterator[Measured | 
         name = trial.variant.name or scene.name
         times, exact = _exact(trial)
         ours, half = fl.simulate(scene), fl.simulate(scene, step=scene.run.fixed_step / 2)
-        rows = np.searchsorted(ours.t, times - 1e-9)  # samples at the reference times, allowing for rounding of k·step
+        rows = np.searchsorted(ours.t, times - 1e-9)  # rows at the reference times; k·step is rounded
         error = np.linalg.norm(ours.tip[rows, :2] - exact, axis=1)
         yield Measured("tip error", float(error.max()), name, varied=run_facts(scene.run))
         change = float(np.abs(half.tip - ours.tip).max())

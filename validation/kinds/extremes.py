@@ -148,7 +148,7 @@ def cell_in_words(_: Case, settings: Settings, number: int) -> Iterator[str]:
 
 
 def _outcomes(settings: Settings, corner: Corner, runs: Iterable[HowTo]) -> Iterator[Cell]:
-    """Yield the runs of one corner of the map, which share the scene and, if they last equally long, the reference."""
+    """Yield the runs of one cell of the map; those of equal duration share the reference."""
     truths: dict[tuple[float, float], Truth] = {}
 
     def truth(scene: Scene) -> Truth:
@@ -174,7 +174,7 @@ def _outcomes(settings: Settings, corner: Corner, runs: Iterable[HowTo]) -> Iter
 
 
 def _counts(engine: str, facts: Facts, members: list[Cell]) -> Iterator[Measured]:
-    """Yield the number of runs by outcome, for other engines only as information."""
+    """Yield the number of runs with each outcome; numbers of other engines are only information."""
     counts = collections.Counter(cell.found.outcome for cell in members)
     for outcome in OUTCOMES:
         note = _worst(members) if outcome == "silent wrong" else ""
@@ -188,7 +188,7 @@ def _counts(engine: str, facts: Facts, members: list[Cell]) -> Iterator[Measured
 
 
 def _groups(found: list[Cell]) -> dict[tuple[str, Fact], list[Cell]]:
-    """Group cells by common properties: all, one scene, one method, one step or tolerance, one value of an axis."""
+    """Group cells that share a scene, a method, a step or tolerance, or a value of an axis; one group has all cells."""
     groups: dict[tuple[str, Fact], list[Cell]] = collections.defaultdict(list)
     for cell in found:
         groups["", ""].append(cell)

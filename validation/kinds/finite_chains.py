@@ -31,7 +31,7 @@ ELASTICA_RULES = {"paper": "paper", "midpoint": "midpoint", "hencky": "nodal2k"}
 
 
 class Settings(Spec, frozen=True):
-    """Numbers of cells n of the chains; loads of the elastica α = PL²/EI; hinges of chains with 40-digit references.
+    """Numbers of cells n of the chains; loads α = PL²/EI of the elastica; hinges of chains with 40-digit references.
 
     `coupled` are rules with coupled springs, each with a number of hinges.
     """

@@ -38,7 +38,7 @@ class Settings(Sweep, frozen=True, kw_only=True):
     The error of a mode in the sweep is the largest over the variants; with `apart`, each variant has separate measures.
     `best` is the chain compared with the published numbers. The reference file contains ω if `power` is 1 and √ω if it
     is 2, in rad/s or Hz. `axes` are the hinge axes that move: 1 twists, 2 and 3 bend. If `kinds` are named, only modes
-    of these kinds of `fl.modes` count. `price` adds stable steps.
+    of these kinds of `fl.modes` count. `price` adds the largest stable step of each chain.
     """
 
     reference: str
@@ -156,7 +156,7 @@ def _frequencies(scene: Scene, variant: Variant, settings: Settings) -> Array:
     found = state.modes
     counts = np.isin(found.kinds, settings.kinds) if settings.kinds else np.arange(len(found.kinds)) >= state.rigid
     ω = found.frequencies[counts][: settings.modes]
-    ω = np.append(ω, np.full(settings.modes - len(ω), np.inf))  # modes for which the chain has too few hinges
+    ω = np.append(ω, np.full(settings.modes - len(ω), np.inf))  # ω of modes that the chain does not have
     return ω / (2 * np.pi) if settings.unit == "Hz" else ω
 
 

@@ -38,7 +38,7 @@ def run(case: Case, engines: dict[str, str], samples: int, seed: int = 0) -> Ite
 
 
 def _errors(chain: Chain, native: Engine, engine: Engine, state: State) -> dict[str, float]:
-    """Errors at one state: M and T_GC relative to the largest element, count of wrong T_FL, q̈ in units of rounding."""
+    """Errors at one state: M, T_GC relative to the largest element; number of wrong T_FL; q̈ in units of rounding."""
     (q, qd, tau, wrench), pair = state, (native, engine)
     M, other_M = (one.mass_matrix(q) for one in pair)
     bias, other_bias = (one.bias_torque(q, qd, tip_wrench=wrench) for one in pair)

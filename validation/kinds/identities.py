@@ -7,7 +7,7 @@ are trigonometric polynomials of degree at most 2, so five equidistant points ov
 
 As functions of one rate (or of one angle, for elastic energy) energies are quadratic, and f'(0) = (f(1) − f(−1))/2.
 
-Every error is relative to the sum of the magnitudes of all added terms, so rounding alone causes errors of about eps.
+Every error is relative to the sum of the magnitudes of all added terms; rounding alone causes errors of about eps.
 """
 
 from __future__ import annotations

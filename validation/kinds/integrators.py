@@ -39,8 +39,8 @@ def run(
 ) -> Iterator[Measured | Series]:
     """Yield error, drift and cost of every run, then stability limits; the report compares the methods.
 
-    `reference` are two steps of RK10 [s]; the run with the finer one is taken as exact. `steps` are the steps of the
-    methods [s]. The stability limit is measured for the methods in `stability`.
+    `reference` are two steps of RK10 [s]; the run with the finer step is taken as exact. `steps` are the steps of each
+    method [s]. The stability limit is measured for the methods in `stability`.
     """
     for full in case.load_scenes():
         scene = full.varied({"run.duration": duration, "run.sample": sample})
@@ -97,7 +97,7 @@ def _stability(scene: Scene, method: str, exact: Trajectory) -> Measured:
 
 
 def _stable(scene: Scene, method: str, step: float) -> bool:
-    """Whether the total energy changes by less than 1 % of the range of the gravity energy."""
+    """Whether a run is stable: the total energy changes by less than 1 % of the range of the gravity energy."""
     steps = round(scene.run.duration / step)
     try:
         run = simulate(scene, method=method, step=step, sample=step, duration=steps * step, unstable="allow")

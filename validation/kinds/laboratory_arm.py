@@ -23,12 +23,12 @@ from validation.measured.two_link import FITTED, HELD_OUT, STRAINS, Window, fit_
 from validation.store import Series, table
 
 LINEAR = "the linear model", "the linear model with zeros"
-ALIKE = 0.1  # deg; equal noise of both strains, so that both have equal weight, as in the linear model
+ALIKE = 0.1  # assumed noise of both strains [deg]; it is equal, so both have equal weight, as in the linear model
 NAMES = [strain.partition(" [")[0] for strain in STRAINS]
 
 
 class Run(NamedTuple):
-    """A recording, and the run of the scene with the recorded angles."""
+    """A recording, and the run of the scene in which the joints follow the recorded angles."""
 
     t: Array
     h: float
@@ -72,7 +72,7 @@ def run(
 
 
 def _changed_by_a_finer_grid(scene: Scene, first: Run) -> Iterator[Measured]:
-    """Yield how much the fits change if both links have twice the hinges and the step is halved."""
+    """Yield how much the fits change if the number of hinges of both links is doubled and the step is halved."""
     hinges = {f"link.{link.name}.segments": 2 * link.segments - 1 for link in scene.arm.links}
     finer = _run(scene.varied({**hinges, "run.step": scene.run.fixed_step / 2}), FITTED.run)
     for window in (each for each in (FITTED, *HELD_OUT) if each.run == FITTED.run):

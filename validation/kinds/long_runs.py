@@ -1,7 +1,7 @@
 """Drift of energy, angular momentum and time over millions of steps of a conservative arm.
 
 Without gravity and friction the energy E is constant, and so is the momentum (M q̇)₁ of the first joint, about which no
-torque acts. Every step adds the method's error and a rounding error of at most eps times E or the momentum. The drift
+torque acts. Each step adds the method's error and a rounding error of at most eps times E or (M q̇)₁. The drift
 thus grows at most in proportion to the number of steps, and is compared with the drift in the first hundredth of the
 run.
 """

@@ -35,7 +35,7 @@ BETWEEN = 0.37  # fraction of a piece at which its torque is checked, away from 
 
 
 class Settings(Spec, frozen=True, kw_only=True):
-    """The motion, the pieces of its torque, two numbers of steps for each method, and `finest` numbers of steps.
+    """The motion, the number of pieces of its torque, two numbers of steps per method, and a `finest` one for some.
 
     `driven` and `held` are the largest amplitudes of driven joints and of joints with springs [rad, m]; `rates` are the
     slowest and the fastest frequency [rad/s].

@@ -22,7 +22,7 @@ GRIDS = (1, 2, 4)  # multiples of the number of hinges of a link
 
 
 class Input(Spec, frozen=True, kw_only=True):
-    """A stated value with its tolerance, ± `relative` × value or ± `by`; `path` is its location in the scene."""
+    """An input of the model with its tolerance, ± `relative` × value or ± `by`; `path` is its key in the scene."""
 
     path: str
     relative: float = 0.0
@@ -117,7 +117,7 @@ def _compared(
 
 
 def _measured(name: str, reading: Reading, compared: Comparison, inputs: Mapping[str, float]) -> Iterator[Measured]:
-    """Yield the error of a quantity, relative to D; errors relative to an uncertain D are a separate quantity."""
+    """Yield the error of a quantity relative to the measured value D, as a separate quantity if D is uncertain."""
     parts = ", ".join(f"{which} {u:.2g}" for which, u in sorted(inputs.items(), key=lambda item: -item[1])) or "nothing"
     precise = COVERAGE * compared.u_measured <= compared.wanted
     quantity = f"|E| / |D|, {reading.group}" + ("" if precise else ", read too coarsely")

@@ -110,7 +110,7 @@ def _errors(settings: Settings, run: Trajectory, exact: Array) -> dict[str, floa
 
 
 def _lag(tip: Array, θ: Array) -> Array:
-    """Tip displacement normal to the arm [m], shape (samples,)."""
+    """Tip displacement normal to the undeformed arm at angle θ [m], shape (samples,)."""
     return np.asarray(-np.sin(θ) * tip[:, 0] + np.cos(θ) * tip[:, 1])
 
 

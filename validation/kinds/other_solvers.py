@@ -4,7 +4,7 @@ The independent solver runs twice. The distance between the tips of both runs bo
 generously, of the finer one, which is compared. A run of flexlink may have an error of ten times its tolerance, the
 project's limit for the final error, and the other solver may have an error equal to that distance:
 
-    apart / (10 tolerance + |coarse − fine|) ≤ 1
+    distance of flexlink's tip / (10 tolerance + |coarse − fine|) ≤ 1
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ NEGLIGIBLE_TORQUE = 1e-9  # fraction of the springs' torques: far above rounding
 
 
 class Settings(Spec, frozen=True):
-    """The statement to check on the case's scenes, with the numbers of links and segments of the arms, or of states.
+    """The statement to check on the case's scenes, and the numbers of links, segments or states to check it on.
 
     Random angles are within ± `bend` [deg].
     """
@@ -99,7 +99,7 @@ def _springs(case: Case, settings: Settings) -> Iterator[Measured]:
 
 
 def _of_springs(without: float, apart: float) -> str:
-    """Verdict on the claim, from T_GC (no springs) and the error of T_IN (with springs), both relative to T_FL."""
+    """Verdict on the claim, from T_GC, which omits the springs, and the error of T_IN, both relative to T_FL."""
     if apart > NEGLIGIBLE_TORQUE:
         return "does not hold"
     if without > NEGLIGIBLE_TORQUE:

@@ -15,7 +15,7 @@ from validation.speed.families import timed_states
 
 
 def run(case: Case, samples: int) -> Iterator[Measured]:
-    """Yield the residual M q̈ + T_IN − T_EX by solver, how LU differs from articulated bodies, and the verdict."""
+    """Yield each solver's residual M q̈ + T_IN − T_EX, the difference of LU from articulated bodies, the verdict."""
     residuals: dict[str, list[float]] = {}
     apart = []
     for scene in case.load_scenes():

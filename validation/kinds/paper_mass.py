@@ -75,8 +75,8 @@ def _exponents(found: Sequence[Race]) -> Iterator[Measured]:
 
 
 def _verdict(found: Sequence[Race], longest: Race) -> str:
-    """Verdict on whether each method is faster than the one before on every chain; gain by composite bodies."""
-    tie = 0.9  # time ratio: closer times may be reversed on another machine
+    """Verdict on whether each method is faster than the one before on every chain; notes composite bodies' gain."""
+    tie = 0.9  # ratio of two times above which their order may be reversed on another machine
     pairs = ((SECOND, FIRST), (THIRD, SECOND))
     dear = [f"{m} on {t.chain} with n = {t.n}" for t in found for m, before in pairs if t.times_less(m, before) < tie]
     less = number(longest.times_less(LATER, THIRD), 2)

@@ -82,7 +82,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
 
 
 def _ladders(scene: Scene, cut: Setup, settings: Settings) -> tuple[dict[str, list[Point]], float]:
-    """Runs by method, with relative errors and with evaluations in place of seconds; also the reference's error."""
+    """Runs by method, as points of relative error and evaluations (in place of seconds); also the reference's error."""
     truth = settings.exact.in_time(scene, cut)
     return {m: list(_ladder(scene, cut, m, k, truth)) for m, k in settings.halvings.items()}, truth.own / tip_travel(
         truth.tip
@@ -92,24 +92,24 @@ def _ladders(scene: Scene, cut: Setup, settings: Settings) -> tuple[dict[str, li
 def _ladder(scene: Scene, cut: Setup, method: str, halvings: int, truth: Path) -> Iterator[Point]:
     longest = stable_steps(cut.scene(scene), method, OF_STABLE)
     for halving in range(halvings + 1):
-        steps = 2**halving * longest  # between two samples
+        steps = 2**halving * longest  # number of steps between two samples
         setup = replace(cut, method=method, step=scene.run.spacing / steps)
         evaluations = methods.method(method).stages * steps * (scene.run.samples - 1)
         try:
             error = largest_distance(setup.tip(scene), truth.tip) / tip_travel(truth.tip)
-        except fl.FlexlinkError:  # a later configuration has a shorter stable step
+        except fl.FlexlinkError:  # the step is unstable in a later configuration
             error = math.inf
         yield Point(scene.run.spacing / steps, error, evaluations)
 
 
 def _costs(ladders: Mapping[str, list[Point]], error: float) -> dict[str, float]:
-    """Evaluations by method; beyond the smallest measured error they are extrapolated by the method's order."""
+    """Evaluations for an error, by method; extrapolated by the method's order below the smallest measured error."""
     found = {method: cost(points, error, methods.method(method).order) for method, points in ladders.items()}
     return {method: each.seconds if each else math.inf for method, each in found.items()}
 
 
 def _of_tenth(needs: Sequence[Need], arms: int) -> str:
-    """Verdict, with the smallest target error down to which RK4 is the cheaper method on every arm."""
+    """Verdict on RK4 against RK10, with the smallest error down to which RK4 is cheaper on every arm."""
     if any(math.isinf(need.evaluations[OF_ORDER_4]) for need in needs):
         return "does not hold: RK4 fails on an arm with every step tried"
     held = ""
@@ -125,7 +125,7 @@ def _of_tenth(needs: Sequence[Need], arms: int) -> str:
 
 
 def _of_second(needs: Sequence[Need], method: str) -> str:
-    """Verdict, with the situations in which RK2 takes fewer evaluations than the method, and how often it does."""
+    """Verdict on `method` against RK2, with the situations in which RK2 takes fewer evaluations, and how often."""
     exceptions, valid = [], []
     for situation in dict.fromkeys(need.situation for need in needs):
         gains = [need.gain(OF_ORDER_2, method) for need in needs if need.situation == situation]

@@ -27,7 +27,7 @@ BIAS, MASS = "T_GC", "M by method 1"
 
 
 def run(case: Case, settings: Races) -> Iterator[Measured]:
-    """Yield times of both forms of T_GC and of M, the differences of their results, and the smallest gain of each."""
+    """For T_GC and M, yield the times of both forms, the difference of their results, and the smallest gain."""
     gains: dict[str, list[float]] = {BIAS: [], MASS: []}
     for name, family, segments in settings.sizes():
         chain = lump(family.scene(case, segments))

@@ -67,7 +67,7 @@ def _errors(scene: Scene, setups: Sequence[Setup], exact: Fine) -> Iterator[Erro
 
 
 def _meeting(errors: Sequence[Errors], order: int) -> float:
-    """The step at which both errors are equal, extrapolated by order from the finest step with negligible rounding."""
+    """The step at which truncation equals rounding, extrapolated by order from the finest step with little rounding."""
     floor = max(e.rounding for e in errors)
     least = 10.0 * floor  # smallest error that is hardly affected by rounding
     clear = min((e for e in errors if e.steps >= least), key=lambda e: e.step, default=errors[0])

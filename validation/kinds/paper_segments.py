@@ -40,8 +40,8 @@ class Price(NamedTuple):
 
     scene: str
     segments: int
-    error: float  # m, of the tip, with exact time integration
-    cost: float  # s of CPU per second of motion
+    error: float  # error of the tip with exact time integration [m]
+    cost: float  # CPU seconds per second of motion
 
 
 def run(case: Case, scene: dict[str, Arm]) -> Iterator[Measured]:
@@ -65,7 +65,7 @@ def run(case: Case, scene: dict[str, Arm]) -> Iterator[Measured]:
 def _cost(scene: Scene) -> float:
     """CPU seconds per second of motion, by RK4 near its largest stable step, without the set-up of a run."""
     stable = stable_step_at_start(scene, "RK4")
-    timed = 0.01 * stable  # stable in every configuration of the run
+    timed = 0.01 * stable  # step of the timed runs, stable in every configuration
     numbers = 500, 3500
     runs = [functools.partial(fl.simulate, of_steps(scene, n, timed)) for n in numbers]
     few, many = (min(processor_time(run) for _ in range(5)) for run in runs)

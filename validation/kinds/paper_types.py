@@ -1,4 +1,4 @@
-"""Is the precision of T1, T2 and T3 low, medium and high? Only the type causes errors; hinges and steps converged."""
+"""Is the precision of T1, T2 and T3 low, medium and high? Only the type causes errors, since runs are converged."""
 
 from __future__ import annotations
 

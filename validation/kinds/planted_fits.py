@@ -64,7 +64,7 @@ def held(first: int, count: int, sought: Sequence[str]) -> Held:
 
 
 def _half(found: Estimate, true: float) -> float:
-    """Half width of the interval on the side of the true value."""
+    """Distance of the estimate from the end of its interval on the side of the true value."""
     return found.high - found.value if true > found.value else found.value - found.low
 
 
@@ -113,7 +113,7 @@ def arm(rng: np.random.Generator) -> fl.Scene:
 
 
 def noise(rng: np.random.Generator, n: int) -> Array:
-    """Noise of size 1 from one of four filters: first order, a resonance, a low-pass with a floor, or white."""
+    """Noise of size 1, coloured by a first-order filter, a resonance, or a low-pass filter with a floor; or white."""
     w = rng.standard_normal(n + LONG)
     kind = rng.integers(4)
     if kind == 0:

@@ -89,7 +89,7 @@ def _against_rigid(scene: fl.Scene, samples: int) -> Iterator[Measured]:
 
 
 def _frequencies(scene: fl.Scene, hertz: Sequence[float]) -> Iterator[Measured]:
-    """Yield the first frequency of each flexible link, all other joints and hinges locked, without gravity."""
+    """Yield the error of each flexible link's first frequency, with other joints and hinges locked, without gravity."""
     for wanted in hertz:
         for link in [link.name for link in scene.arm.links if link.flex != "rigid"]:
             adapted = tuned(scene, link, wanted).varied({"gravity": (0.0, 0.0, 0.0)})

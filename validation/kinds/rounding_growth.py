@@ -41,7 +41,7 @@ def run(
         end = int(np.argmax(apart)) if apart.any() else len(own)
         within = slice(1, end)
         rate = float(np.polyfit(ours.t[within], np.log(own[within]), 1)[0])
-        ulps = 0.5 * math.sqrt(1 / (rate * step))  # random sum of half an ulp in each step of one e-folding time
+        ulps = 0.5 * math.sqrt(1 / (rate * step))  # random sum of half an ulp per step over one e-folding time
         facts: dict[str, Fact] = {"method": scene.run.method, "step": scene.run.fixed_step}
         yield Measured("growth rate", rate, scene.name, varied=facts)
         yield Measured("horizon", float(ours.t[end - 1]), scene.name, varied=facts)

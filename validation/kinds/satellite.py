@@ -32,7 +32,7 @@ def _errors(scene: fl.Scene, run: fl.Trajectory) -> dict[str, float]:
     center = np.array(start.xyz) + R0 @ body.center + np.multiply.outer(run.t, velocity)
     turning = R0 @ body.inertia @ ω0
     momentum = fl.momentum(run.chain, run.q, run.qd)
-    sides = np.sign(np.sum(run.base.attitude * attitude, axis=1))[:, None]  # q and −q are one attitude
+    sides = np.sign(np.sum(run.base.attitude * attitude, axis=1))[:, None]  # ±1: q and −q are the same attitude
     pairs = {
         "attitude": (run.base.attitude * sides, attitude),
         "spin of the base": (run.base.spin, spin),

@@ -13,7 +13,7 @@ from validation.speed.families import Family, timed_states
 from validation.speed.races import Jobs, Race, Races
 from validation.store import Series
 
-OURS = ("native", "public")  # in a compiled loop; by a checked call from Python
+OURS = ("native", "public")  # kernels in a compiled loop; checked functions called from Python
 PLAIN = "revolute joints, local"  # default of `pin.aba` with a chain read from a file
 PINOCCHIO, FASTEST = "pinocchio", "pinocchio, fastest"
 

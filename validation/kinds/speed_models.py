@@ -117,7 +117,7 @@ def run(
 
 
 def _made(scene: Scene, setup: Setup, truth: Any, motion: float, longest: float) -> Run | None:
-    """The run; None if it fails or exceeds the limit."""
+    """The timed run of a setup; None if it fails or takes longer than `longest` [s of CPU]."""
     changes = {"run.method": setup.method, "run.step": setup.step, "run.tolerance": setup.tolerance}
     cut = setup.scene(scene).varied({key: value for key, value in changes.items() if value is not None})
     try:

@@ -1,6 +1,6 @@
 """Work-precision study: time for a given error with flexlink, MuJoCo, Pinocchio, SciPy, CVODE, Drake and Exudyn.
 
-Times are CPU times of the thread for the runs only, after set-up and compilation. Other programs' times are
+Times are CPU times of the thread during the runs, without set-up and compilation. Other programs' times are
 interpolated between their runs and extrapolated by order; a run that would take too long at the stability limit counts
 as free of error. For flexlink only runs that met the error count. Pinocchio's time is that of its evaluations only
 (`pinocchio_ladder`).
@@ -74,7 +74,7 @@ class Aim(NamedTuple):
         return {"method": method, self.what: self.error}
 
     def point(self, point: Point) -> Point:
-        """The point with the relevant error."""
+        """The point with the error of this aim as its error."""
         return point if self.what == "error" or point.time_only else point._replace(error=point.bend)
 
 
@@ -164,7 +164,7 @@ HARD_SCENE = ", damped or spatial"
 
 
 def _is_damped_or_spatial(name: str) -> bool:
-    """Whether springs have dampers, or hinge axes are not parallel."""
+    """Whether the springs of a scene have dampers, or its hinge axes are not all parallel."""
     chain = lump(trade_scene(name))
     dampers = [chain.hinges["damping"][k] for k, c in enumerate(chain.coordinates) if c.segment > 0]
     return max(dampers, default=0.0) > 0.0 or not chain.is_planar

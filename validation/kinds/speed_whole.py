@@ -1,7 +1,7 @@
 """Time for a given error in complete calls by a user: flexlink against MuJoCo and Pinocchio.
 
-prepared      flexlink repeats the run of a problem, including tips, energies and checks of the run; for the others only
-              the steps of a loaded model are timed
+prepared      flexlink repeats a run, which includes its tips, energies and checks; of other programs only the steps of
+              a loaded model are timed
 description   from the text of the description (a scene file, an MJCF, a URDF) to the result
 
 Times are CPU times of the thread with everything compiled, the fastest of several rounds. Other programs' times are

@@ -1,6 +1,6 @@
 """Predicted and observed largest stable step of every explicit method on every scene.
 
-Each arm is in equilibrium under gravity and wrench, with constant torques at its joints. Two runs of a few steps h
+Each arm is in equilibrium under gravity and wrench, with constant torques at its joints. Two runs of N (a few) steps h
 start slightly displaced along all modes, in opposite directions. They show the factor μ by which a step multiplies each
 mode: with w its left eigenvector (by `linearize`, which `stable_step` does not use) and δ half the runs' difference,
 
@@ -49,13 +49,13 @@ SEARCHED, HALVINGS = (0.8, 1.25), 9
 
 
 class Rest(NamedTuple):
-    """A scene at rest at q; λ [1/s] and left eigenvectors of the modes that count; a displacement along all of them."""
+    """A scene at rest at q; λ [1/s] and left eigenvectors of the counted modes; a displacement along these modes."""
 
     scene: Scene
     q: Array
     λ: Complex
     left: Complex  # (modes, 2 n)
-    aside: Array  # (2 n,)
+    aside: Array  # displacement of (q, q̇), (2 n,)
 
 
 def run(case: Case, methods: tuple[str, ...]) -> Iterator[Measured | Series]:
@@ -92,13 +92,13 @@ def at_rest(scene: Scene) -> Rest:
         "initial.q": None,
         "drive": {"kind": "none"},
     }
-    free = scene.arm.base.free  # at rest in any position without gravity, but falls with it
+    free = scene.arm.base.free  # a free base rests in any position without gravity, but falls with it
     still |= {"initial.base": None, "gravity": (0.0, 0.0, 0.0)} if free else {"initial.passive": "static"}
     scene = scene.varied(still | {"initial.time": None})
     chain = lump(scene)
     try:
         q, zero = initial_state(scene, chain)
-    except ConvergenceError:  # too soft for its weight
+    except ConvergenceError:  # the arm is too soft for its weight: it rests without gravity instead
         scene = scene.varied({"gravity": (0.0, 0.0, 0.0)})
         chain = lump(scene)
         q, zero = initial_state(scene, chain)
@@ -120,7 +120,7 @@ def at_rest(scene: Scene) -> Rest:
 
 
 def observed(rest: Rest, name: str, predicted: float) -> float:
-    """The largest stable step relative to the predicted one; a limit of the search if it is outside."""
+    """The largest stable step relative to the predicted one, or the nearer limit of the search if it is beyond."""
     low, high = SEARCHED
     if growth(rest, name, low * predicted) > GROWTH:
         return low

@@ -29,8 +29,8 @@ def run(
 ) -> Iterator[Measured]:
     """Plan a sweep of each size, run a slice of the largest on processes and on Dask, and extrapolate by a model.
 
-    Members per second = min(workers / time of a member, 1 / the parent's time per row). The sweep is one of
-    validation/sweeps, with Sobol points.
+    The model is: members per second = min(workers / time of a member, 1 / the parent's time per row). The sweep is one
+    of validation/sweeps, with Sobol points.
     """
     with tempfile.TemporaryDirectory() as name:
         files = {}

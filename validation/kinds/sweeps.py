@@ -1,4 +1,4 @@
-"""Sweeps that are killed or lose a worker must have each member once, and the same rows as an undisturbed sweep."""
+"""A sweep that is killed or loses a worker must end with one row per member, and the rows of an undisturbed sweep."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def run(
         if cluster:
             killed = _with_a_worker_lost(file, out, cluster, members)
         else:
-            last = int(LAST_KILL * members)  # beyond, the remaining tasks may all end at once
+            last = int(LAST_KILL * members)  # last row count to kill at; later, all remaining tasks may end at once
             counts = sorted(np.random.default_rng(seed).integers(last, size=kills).tolist())
             killed = sweep_processes.killed_at(counts, file, out, "--workers", str(workers))
         rows = sweep_processes.rows(out)

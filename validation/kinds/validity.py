@@ -81,7 +81,7 @@ def _by_shear(scene: Scene, ratio: float, count: int) -> Array:
 
 
 def _under_push(scene: Scene, ratio: float, part: float, hinges: int) -> float:
-    """|error| of the first frequency under a fraction of Euler's load."""
+    """|error| of a chain's first frequency under the axial force `part` × Euler's load."""
     thin, beam = _beam(scene, ratio)
     push = part * math.pi**2 / 4 * beam.EI / beam.length**2
     chain = lump(thin.varied({"link.beam.segments": hinges + 1}))

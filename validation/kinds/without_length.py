@@ -1,4 +1,4 @@
-"""Scenes without any length, a cart on a spring and a wheel, against closed forms.
+"""Two scenes in which nothing has a length, a cart on a spring and a driven wheel, against closed forms.
 
 m ẍ = −k x − d ẋ        x = x₀ e^(−σt) (cos ωt + σ/ω sin ωt)
 I ω̇ = τ − d ω          θ = τ/d (t − I/d (1 − e^(−dt/I)))

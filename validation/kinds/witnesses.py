@@ -33,9 +33,9 @@ def run(
     samples: int,
     seed: int = 0,
 ) -> Iterator[Measured]:
-    """Yield the largest differences by engine, scene and method, and the number of missing engines.
+    """Yield the largest difference for each engine, scene and method, and the number of engines not installed.
 
-    `methods` are those that an engine shares with flexlink; `motions` are the scenes to run, for `duration` [s].
+    `methods` lists the methods that each engine shares with flexlink; `motions` are scenes to run for `duration` [s].
     """
     scenes, missing = case.load_scenes(), []
     for name, shared in methods.items():

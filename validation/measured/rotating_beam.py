@@ -13,14 +13,14 @@ from validation.measured.uncertainty import standard
 from validation.reference_values import look_up
 
 DATA = "measured/rotating_beam"
-READ_WITHIN = 0.02  # reading error, fraction of a figure's full scale, here the largest value of a mode
+READ_WITHIN = 0.02  # reading error as a fraction of a figure's full scale, taken as the largest value of a mode
 FLAP_MODES = 3
 SLOWEST = "flap 1", "0 rpm"
 OUT_OF_PLANE = 0.5  # least share of a flap mode's motion along the axis of rotation
 
 
 def readings() -> dict[str, Reading]:
-    """The 36 frequencies [Hz]."""
+    """The 36 measured frequencies [Hz] with their reading errors."""
     found = {}
     for mode, speeds in look_up(DATA, "frequency_hz").items():
         u = standard(READ_WITHIN * max(max(values) for values in speeds.values()))

@@ -29,7 +29,7 @@ STRAINS = ("strain angle 1 [deg]", "strain angle 2 [deg]")
 LINKS = ("one", "two")
 CUTOFF = 15.0  # Hz, of the low-pass filter for the recorded angles, whose motion is below 3 Hz
 LOW_PASS, ORDER = 2.0, 2  # cutoff [Hz] and order of the recorder's filter of strains
-SETTLED = 1.2  # s; strain 1 of the first run starts here
+SETTLED = 1.2  # start of the windows [s], where the first run's record of strain 1 starts
 
 
 class Window(NamedTuple):
@@ -94,10 +94,10 @@ def fit_percent(measured: Array, model: Array) -> float:
 
 
 class LinearModel(NamedTuple):
-    """Two modes from rest, driven by the joints' accelerations u, through the recorder's low-pass filter.
+    """Two modes, driven from rest by the joints' accelerations u; the recorder's low-pass filter is applied to both.
 
-    z̈_j + 2 ζ_j ω_j ż_j + ω_j² z_j = u,  y_c = Σ_ju b_cju z_ju + d_c. The 12 parameters are ω and ζ of the two modes,
-    and b; with the offsets d of the strains there are 14.
+    z̈_ju + 2 ζ_j ω_j ż_ju + ω_j² z_ju = u for mode j and each input u; strain c is y_c = Σ_ju b_cju z_ju + d_c. The 12
+    parameters are ω and ζ of the two modes, and b; with the offsets d of the strains there are 14.
     """
 
     poles: Array  # log ω, ζ of each mode

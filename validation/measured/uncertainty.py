@@ -2,7 +2,8 @@
 
     E = S − D,        u_val² = u_num² + u_input² + u_D²
 
-S is the simulated value, D the measured one. All u are standard uncertainties, in the unit of S.
+S is the simulated value, D the measured one. All u are standard uncertainties in the unit of S: of E (u_val), due to
+discretization (u_num), due to the inputs' tolerances (u_input), and of D (u_D).
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ def standard(half_width: float) -> float:
 
 
 class Convergence(NamedTuple):
-    """Discretization error of the finest of three grids, each twice as fine as the one before.
+    """Discretization error of S₄ on the finest of three grids; S₁, S₂, S₄ are computed with N, 2 N and 4 N hinges.
 
     Attributes
     ----------

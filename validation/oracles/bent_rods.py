@@ -5,8 +5,9 @@ angle of the rod relative to its angle at the tip,
 
     ψ'' = −P cos ψ        ψ(0) = ψ'(0) = 0        θ_tip = −ψ(1)
 
-A dead force F on a rod in space (Kirchhoff, Love § 255): r' = R e_x, R' = R κ̂, κ = (m_x/GJ, m_y/EI_y, m_z/EI_z),
-m = Rᵀ (r(1) − r) × F. Newton's method finds the end r(1) while the force grows in steps.
+A dead force F on a rod in space, with r its axis and R the rotation of its sections (Kirchhoff, Love § 255):
+r' = R e_x, R' = R κ̂, κ = (m_x/GJ, m_y/EI_y, m_z/EI_z), m = Rᵀ (r(1) − r) × F. Newton's method finds the end r(1)
+while the force grows in steps.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ def in_space(force: Array, rigidity: Array, **precision: Any) -> Array:
 
 
 def _end(tip: Array, force: Array, rigidity: Array, precision: dict[str, Any]) -> Array:
-    """End of a rod that is integrated with the moments of a force acting at `tip`."""
+    """End of the rod, integrated from its root with the moments that the force causes if it acts at `tip`."""
 
     def slopes(_: float, y: Array) -> Array:
         R = y[3:].reshape(3, 3)

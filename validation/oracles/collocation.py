@@ -5,7 +5,8 @@ its recurrence, with off-diagonal β_k = k / √(4k² − 1) and zero diagonal. 
 
     1 − β_s−1² p_s−2(1) / p_s−1(1)          p_k the polynomials with leading coefficient 1
 
-one eigenvalue is 1, and all are Radau's nodes. Then Σ_j a_ij c_j^(k−1) = c_i^k / k and Σ_j b_j c_j^(k−1) = 1 / k.
+one eigenvalue is 1, and the eigenvalues are Radau's nodes c_i on [−1, 1]. On [0, 1], A and b follow from the conditions
+Σ_j a_ij c_j^(k−1) = c_i^k / k and Σ_j b_j c_j^(k−1) = 1 / k.
 """
 
 from __future__ import annotations

@@ -8,6 +8,9 @@ For hinge k with axis e through p, s = (e, p × e); Ī is the 6 × 6 inertia of 
     F_k = Ī_k (Γ_k − g) + V_k ×* Ī_k V_k + F_k+1,  Γ_k = Γ_k−1 + ṡ_k q̇_k       T_GC,k = s_k · F_k
     U = I^A s,  D = s · U + A,  u = T − s · p^A,  I^A ← Ī + I^A − U Uᵀ/D       q̈ = (u − U · (Γ + ṡ q̇))/D  (Featherstone)
 
+Here A is the rotor inertia, Γ the acceleration of a body at q̈ = 0, g gravity, T a hinge's torque, and I^A, p^A are
+Featherstone's articulated inertia and bias force.
+
 Using one fixed point loses some of the 100 digits; the results are rounded once, to float64.
 """
 

@@ -7,8 +7,9 @@ the derivative of the interpolating polynomial at the p Gauss points with weight
     K = Cᵀ diag(w) C / h        C_qj = Σ_k≥j L_k'(x_q)
 
 The mass of a segment is its length; its centre is at a distance S_i − s_i from its hinge, with S_i its end and s_i its
-node. Its inertia is such that a rigidly rotating beam has the exact kinetic energy: for the angles of the segments,
-Σ_j A_ij = l_i ∫ min(1 − s_i, 1 − x) dx. The last segment takes an inertia `tip` m l²/3 from the previous one.
+node. Its inertia is such that a rigidly rotating beam has the exact kinetic energy: the mass matrix A for the angles of
+the segments, of lengths l_i, has Σ_j A_ij = l_i ∫ min(1 − s_i, 1 − x) dx. The inertia `tip` m l²/3 is then moved from
+the second last segment to the last.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ def frequencies(p: int, hinges: int, tip: float) -> Array:
     with mp.workdps(DIGITS):
         lower = mp.matrix(hinges + 1, hinges)
         for i, j in itertools.product(range(hinges + 1), range(hinges)):
-            lower[i, j] = mpf(i > j)  # gives the angles of segments from the angles of hinges
+            lower[i, j] = mpf(i > j)  # maps the angles of hinges to the angles of segments
         M = lower.T * _mass(p, hinges, tip) * lower
         inverse = mp.inverse(mp.cholesky(_stiffness(p, hinges)))
         S = inverse * M * inverse.T
@@ -57,7 +58,7 @@ def _mass(p: int, hinges: int, tip: float) -> Any:
         s[e * p + k] = (e + nodes[k]) / cells
         l[e * p + k] += _weight(nodes, k) / cells
     ends = list(itertools.accumulate(l))
-    beyond = [1 - end for end in ends]  # mass outboard of each segment
+    beyond = [1 - end for end in ends]  # mass outboard of each segment, with ρA = 1
     centre = [end - place for end, place in zip(ends, s, strict=True)]
     A = mp.zeros(hinges + 1)
     for i in range(hinges + 1):

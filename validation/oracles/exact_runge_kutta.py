@@ -55,7 +55,7 @@ def integrate(
 
 
 def _solve(A: list[Vector], slopes: list[Vector], slope: Callable[[Vector, list[Vector]], Vector]) -> None:
-    """Iterate the derivatives of all stages in place, from any initial guess."""
+    """Solve for the derivatives of all stages by fixed-point iteration, in place and from any initial guess."""
     for _pass in range(MOST_PASSES):
         moved = mpf(0)
         for i, row in enumerate(A):

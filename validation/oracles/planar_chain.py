@@ -6,7 +6,8 @@ W_jk = Σ_i m_i conj(d_ij) d_ik and E_jk = exp(i(φ_k − φ_j)) W_jk, Lagrange'
 
     Σ_k Re(E_jk) φ̈_k + I_j φ̈_j − Σ_k Im(E_jk) φ̇_k² − Σ_i m_i Re(conj(i d_ij exp(iφ_j)) g) = generalised torque
 
-and φ = α + L q, with L the lower triangle of ones, transforms it to joint angles: M = Lᵀ H L, T_GC = Lᵀ (…).
+and φ = α + L q, with L the lower triangle of ones, transforms it to joint angles: M = Lᵀ H L with
+H_jk = Re(E_jk) + I_j δ_jk, plus the rotors, and T_GC is Lᵀ times the terms without φ̈.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ class PlanarChain:
         return mp.fsum(self.masses[i] * mp.conj(self.d[i][j]) * self.d[i][k] for i in range(max(j, k), self.n))
 
     def _turned(self, q: Sequence[Any]) -> tuple[Vector, list[Vector]]:
-        """exp(iφ_j) of every body, and E_jk."""
+        """exp(iφ_j) of every body, and the matrix E_jk, as defined above."""
         φ = _running_sum([a + x for a, x in zip(self.mounts, q, strict=True)])
         e = [mp.expj(x) for x in φ]
         return e, [[mp.conj(e[j]) * e[k] * self.W[j][k] for k in range(self.n)] for j in range(self.n)]

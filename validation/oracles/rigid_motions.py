@@ -84,7 +84,7 @@ class Motor(NamedTuple):
         return float(-self.kp * y[0] - self.kd * y[2])
 
     def _branch(self, y: np.ndarray, left: int | None = None) -> int:
-        """−1, 0 or 1 if the torque is below, within or above its limits; at a switch, the branch other than `left`."""
+        """−1, 0 or 1: the torque is below, within or above its limits; at a switch, the branch after leaving `left`."""
         if left is not None:
             return int(np.sign(self._wanted(y))) if left == 0 else 0
         return int(np.sign(self._wanted(y))) if abs(self._wanted(y)) > self.effort else 0

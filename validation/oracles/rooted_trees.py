@@ -96,7 +96,7 @@ def coefficients(method: Method) -> Coefficients:
 
 
 def embedded(method: Method, row: int) -> Coefficients:
-    """Embedded method of an explicit one, b̂ = b − e, with e a row of error weights; the step's end is a stage."""
+    """Embedded method of an explicit method, b̂ = b − e, with e a row of error weights; its end is a stage."""
     with mp.workdps(DIGITS):
         A, b = coefficients(method)
         given = [as_mpf(Fraction(x)) for x in method.error_rows[row]]

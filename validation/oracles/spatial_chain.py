@@ -5,7 +5,7 @@ In frame 0 every body i has a centre c_i, a rotation R_i and the Jacobians of it
     v_ik = e_k × (c_i − p_k)        w_ik = e_k        for the hinges k between it and the base, 0 for the others,
 
 with e_k the axis of hinge k and p_k a point on it; a sliding hinge has v_ik = e_k and w_ik = 0. With a_i, α_i the
-accelerations at q̈ = 0 and J_i = R_i I_i R_iᵀ, the principle of virtual power (Kane) reads, with rotors A_k,
+accelerations at q̈ = 0, J_i = R_i I_i R_iᵀ and A_k the rotor inertia, the principle of virtual power (Kane) reads
 
     M_jk = Σ_i m_i v_ij·v_ik + w_ij·J_i w_ik + A_k δ_jk
     T_GC_j = Σ_i v_ij·m_i (a_i − g) + w_ij·(J_i α_i + ω_i × J_i ω_i)
@@ -71,7 +71,7 @@ class Hinges(NamedTuple):
 
 
 class Row(NamedTuple):
-    """Exact properties of a body."""
+    """A body of the chain, with its floats converted to exact numbers."""
 
     parent: int
     hinges: range

@@ -50,7 +50,7 @@ def _linear(x: np.ndarray, column: np.ndarray, at: float) -> float:
 
 def _determinant(columns: Columns, ω: float) -> float:
     x, EI, ρA = (np.asarray(column) for column in columns)
-    state = np.eye(4)[:, 2:]  # clamped: unit moment, unit shear force
+    state = np.eye(4)[:, 2:]  # two solutions from a clamped root: unit moment, unit shear force
     for k in range(len(x) - 1):
         if x[k + 1] > x[k]:
             state = _integrated(state, x[k : k + 2], EI[k : k + 2], ρA[k : k + 2], ω)

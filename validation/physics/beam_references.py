@@ -32,7 +32,7 @@ class Beam(NamedTuple):
 
     length: float  # m
     angle: float  # at its start, from the x axis of the plane [rad]
-    mass: float  # per length [kg/m]
+    mass: float  # mass per length [kg/m]
     inertia: float  # rotary inertia of the section, per length [kg m]
     bending: float  # EI [N m²]
     axial: float  # EA [N]

@@ -2,8 +2,8 @@
 
 Elements have three nodes, so the error has order 4 in the number of elements. The generalized-α method has order 2;
 a released beam also vibrates in unresolved modes, so order 1 is assumed. A chain does not shear or stretch;
-therefore the beam's shear and axial stiffness are both s EI/L²; their effect is proportional to 1/s. Newton's method
-stops at a residual relative to this stiffness; below the rounding error of axial forces it would not converge.
+so the beam's shear and axial stiffness are both set to a large s EI/L², whose effect is proportional to 1/s. Newton's
+method stops at a residual relative to this stiffness, which must exceed the rounding error of axial forces.
 
 Each of the four parameters is coarsened separately. The error estimate of the finest run is the sum of the changes,
 each divided by its ratio to the remaining error. Needs exudyn; takes a minute.
@@ -42,15 +42,15 @@ from validation.physics.formulas import pulse
 from validation.reference_values import store_reference
 
 TORQUES_OF_SCENES = {"torque_pulse": pulse}
-SPECTRAL_RADIUS = 0.9  # of the generalized-α method at infinite frequency
+SPECTRAL_RADIUS = 0.9  # spectral radius of the generalized-α method at infinite frequency
 INTERVALS = 2  # number of intervals between the nodes of an element
 
 
 class Numerics(NamedTuple):
     """Resolution of a run; `stiffness` is s, or None for the section's own stiffnesses."""
 
-    elements: int  # per link
-    step: float  # s
+    elements: int  # number of elements per link
+    step: float  # time step [s]
     stiffness: float | None
     residual: float
 

@@ -27,19 +27,19 @@ def slope(torque: Callable[[Array], Array], q: Array) -> Array:
 
 
 def springs(engine: Engine) -> Array:
-    """Derivative of the engine's T_FL, which is linear."""
+    """Stiffness matrix ∂T_FL/∂q of the engine, exact since T_FL is linear in q."""
     zero = engine.elastic_torque(np.zeros(engine.n))
     return np.asarray([engine.elastic_torque(e) - zero for e in np.eye(engine.n)]).T
 
 
 def load_stiffness(engine: Engine, q: Array, wrench: Array | None = None, qd: Array | None = None) -> Array:
-    """Derivative of the engine's T_GC at constant rates, minus the torques of a dead tip wrench."""
+    """∂(T_GC − Jᵀ w)/∂q of the engine at constant rates, with w a dead tip wrench."""
     rates = np.zeros(engine.n) if qd is None else qd
     return slope(lambda x: engine.bias_torque(x, rates, tip_wrench=wrench), q)
 
 
 def follower_stiffness(engine: MujocoEngine, q: Array, force: Array) -> Array:
-    """Derivative of T_GC as in `load_stiffness`, for a tip force [N] that rotates with the tip, in tip axes."""
+    """∂(T_GC − Jᵀ w)/∂q as in `load_stiffness`, for a force [N] in tip axes that rotates with the tip."""
 
     def torque(x: Array) -> Array:
         engine.gravity_torque(x)  # updates the poses of the bodies

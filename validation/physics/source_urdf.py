@@ -51,7 +51,7 @@ class Original:
         return np.asarray(full[np.ix_(self.order, self.order)])
 
     def sizes(self, q: Array) -> Array:
-        """√ of the inertia that each joint moves: the largest moment of inertia about its origin, or mass if it slides.
+        """√ of the inertia that each joint moves: the largest moment about its origin, or the mass for a sliding joint.
 
         |M_ij| ≤ s_i s_j. Unlike √(M_ii M_jj), this bound is not reduced by cancellation about some axis.
         """

@@ -18,7 +18,7 @@ PRINCETON_ANGLES = [0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0]  # deg
 class TipLoad(NamedTuple):
     """A load on the tip and the resulting displacement."""
 
-    facts: Facts  # size and direction
+    facts: Facts  # size and direction of the load
     wrench: Array  # (6,) [N, N m]
     displacement: Array  # (3,) [m]
     note: str = ""  # published value

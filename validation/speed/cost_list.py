@@ -31,16 +31,16 @@ from flexlink.motion.single_run import SingleRun
 from validation.random_arms import Dice, random_arm, random_tree
 
 METHODS = ("Radau5", "Radau9", "DOP853")
-TOLERANCES = (1e-2, 1e-4, 1e-6)  # fractions of the arm's reach
+TOLERANCES = (1e-2, 1e-4, 1e-6)  # tolerances of the runs, as fractions of the arm's reach
 TURNS = 5
 AFFORDABLE = 3e4  # largest number of evaluations of a run
-FIRST_SEED = 71_000  # differs from the seeds that test `auto`
+FIRST_SEED = 71_000  # the seeds from here on differ from those that test `auto`
 BESIDE = 2  # number of fitted costs that are not listed: samples and calls
 PARTS = ("start", "body", "body", "body", "body", "coupling", "dry", "driven", "model")
 
 
 class Timed(NamedTuple):
-    """A run: its kind, how often each part of each operation, a sample and a call occurred, and its time [µs]."""
+    """A run: its kind; counts of each part of each operation, of samples and of calls; its time [µs]."""
 
     kind: tuple[str, str, str]
     counts: Array
@@ -160,7 +160,7 @@ def clocked(function: Callable[..., Any], times: list[float]) -> Callable[..., A
 
 
 def design(work_done: Sequence[float], parts: Array, drive: Any) -> Array:
-    """How often each part of each operation occurs, flattened, in the form that `operation_costs` uses."""
+    """Counts of each part of each operation in a run, flattened, in the form that `operation_costs` uses."""
     counted = np.ones((len(OPERATIONS), len(PARTS)))
     limited = bool(np.min(drive.effort, initial=np.inf) < np.inf) and not drive.rate
     counted[:, 7:] = np.array([not drive.rate, limited, drive.rate > 0, *[0] * 6])[:, None]

@@ -14,14 +14,14 @@ SHORTEST_LOAD = 0.2  # s; the system counts in ticks of 0.01 s, so loads over sh
 
 
 class LoadMonitor:
-    """Measures the load of the machine from construction to `conditions`."""
+    """Measures the load of the machine from the monitor's construction to a call of `conditions`."""
 
     def __init__(self) -> None:
         self._laps = _laps()
         self._start = _read()
 
     def conditions(self) -> Conditions:
-        """Load and spread since construction."""
+        """Load since the monitor's construction, and spread of the calibration times at both ends."""
         start, end = self._start, _read()
         load = None
         passed = end.wall - start.wall

@@ -1,4 +1,4 @@
-"""Run members of a sweep in one process with MuJoCo, optionally compile each model, and optionally write its text.
+"""Run members of a sweep in one process with MuJoCo; optionally, each run also compiles its model, or writes its text.
 
 No results are read from the runs, which favours MuJoCo.
 """

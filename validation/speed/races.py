@@ -81,7 +81,7 @@ class Race(NamedTuple):
 
     @property
     def facts(self) -> dict[str, Fact]:
-        """Facts of the timed job."""
+        """Varied conditions of the timed job, as facts of a measurement."""
         return {"chain": self.chain, "job": self.job, "n": self.n}
 
     def times_less(self, one: str, other: str) -> float:

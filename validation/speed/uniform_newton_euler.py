@@ -2,8 +2,8 @@
 
 It has the body frames and terms of `flexlink/kernels/bodies/rne.py`, but every hinge is a separate joint with a body
 (possibly massless), a rotation matrix of nine numbers, and an axis and an offset of three numbers each. So products
-with 0 and 1 and sums with 0 are computed like all others. Each column of M takes one complete inverse dynamics with
-gravity, rates and tip wrench set to zero.
+with 0 and 1 and sums with 0 are computed like all others. Each column of M takes one complete inverse dynamics, in
+which gravity, rates and tip wrench are zero.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from flexlink.kernels.tools.vec3 import ZERO, add, apply, apply_transposed, cos_
 class Rows(NamedTuple):
     """A row for each hinge, and for each body without a hinge (its axis is 0)."""
 
-    hinge: NDArray[np.int64]  # number of the hinge; 0 for a body without hinges
+    hinge: NDArray[np.int64]  # index of the hinge; 0 (unused) for a body without hinges
     axis: Array  # (m, 3)
     placement: Array  # (m, 3, 3)
     offset: Array  # (m, 3)

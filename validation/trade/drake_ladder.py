@@ -31,7 +31,7 @@ def points(name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
 
 def _ladder(runs: DrakeRuns, scheme: str, budget: float, smallest: float) -> list[Point]:
     found: list[Point] = []
-    for digits in range(1, 13):  # digits of accuracy; Drake requires at least one
+    for digits in range(1, 13):  # required digits of accuracy, at least one in Drake
         point = runs.run(scheme, 10.0**-digits, 2.0 * budget)  # longer runs are aborted
         if point is None:
             break

@@ -1,4 +1,4 @@
-"""Split the error of a run into model, space, time and rounding errors, by runs that are converged in each part.
+"""Split the error of a run into model, space, time and rounding errors, by comparing it with ever better runs.
 
     run → the same chain, exact in time → the same type, infinitely many hinges → the true type, infinitely many hinges
        time                            space                                   model
@@ -28,7 +28,7 @@ from flexlink.results.tip_motion import largest_distance
 Type = Literal["rigid", "z", "yz", "xyz"]
 TYPES: Mapping[str, Type] = {"T1": "z", "T2": "yz", "T3": "xyz"}  # the paper's names
 
-SMALL_CHANGE = 1e-10  # rad, rad/s; its square is below rounding error, its effect on h q̇ and h q̈ is far above
+SMALL_CHANGE = 1e-10  # [rad, rad/s]; its square is below rounding error, and its effect on h q̇ and h q̈ far above
 
 
 class Setup(Spec, frozen=True):

@@ -1,7 +1,7 @@
 """Time for a given error with Exudyn's integrators at fixed steps on the exported URDF.
 
-Scenes with a drive, dry friction or load are excluded, since Exudyn would call Python for them. A run is one call, and
-Exudyn stores the outputs; the time of a call of one step, including set-up, is subtracted.
+Scenes with a drive, dry friction or load are excluded, since Exudyn would call Python for them. A run is one call, in
+which Exudyn stores the outputs. The time of a call with a single step is subtracted from it, as set-up.
 """
 
 from __future__ import annotations
@@ -54,13 +54,13 @@ class ExudynRuns:
         rows = [int(np.abs(stored[:, 0] - t).argmin()) for t in run.times]
         if not good or np.abs(stored[rows, 0] - run.times).max() > 1e-9 * run.duration:
             return Point(run.spacing / steps, math.inf, 0.0)
-        of_a_step = 4 if solver == "RK44" else 1  # Exudyn does not report the iterations of implicit methods
+        of_a_step = 4 if solver == "RK44" else 1  # 1: Exudyn does not report implicit methods' iterations
         evaluations = of_a_step * steps * OUTPUTS
         return point(self.name, seen(self.chain, stored[rows, 1:]), run.spacing / steps, seconds, evaluations)
 
     def seconds_a_step(self, solver: str, steps_per_sample: int) -> float:
         """CPU seconds per step, from the first steps of a run."""
-        steps = 200  # enough for the clock
+        steps = 200  # long enough for the clock's resolution
         return self._seconds(solver, self.scene.run.spacing / steps_per_sample, steps)[0] / steps
 
     def _seconds(self, solver: str, step: float, steps: int) -> tuple[float, bool]:

@@ -38,7 +38,7 @@ INTEGRATORS = {
     "discrete": mujoco.mjtIntegrator.mjINT_DISCRETE,
     "RK4": mujoco.mjtIntegrator.mjINT_RK4,
 }
-EVALUATIONS_OF_A_STEP = {"RK4": 4}  # all others: one
+EVALUATIONS_OF_A_STEP = {"RK4": 4}  # all other integrators take one
 ORDER = {"Euler": 1.0, "implicit": 1.0, "implicitfast": 1.0, "discrete": 1.0, "RK4": 4.0}
 TIME_WITHIN, TIME_BLOCK = 1 << 19, 512  # bytes of mjData that are searched for its time, and bytes per block
 
@@ -109,7 +109,7 @@ class MujocoRuns:
 
     def seconds_a_step(self, integrator: str, steps_per_sample: int) -> float:
         """CPU seconds per step, from the first steps of a run."""
-        steps = min(steps_per_sample, 5000)  # enough for the clock
+        steps = min(steps_per_sample, 5000)  # long enough for the resolution of the clock
         with self._prepared(integrator, self.scene.run.spacing / steps_per_sample):
             return _seconds_of(self.model, self.data, steps) / steps
 
@@ -142,7 +142,7 @@ def _passive(callback: Any) -> Iterator[None]:
 
 
 def _callback(model: Any, data: Any, coulomb: Array, width: Array, table: Drive | None) -> Any:
-    """Compile qfrc_passive += table(t) − c tanh(q̇/w), with addresses and numbers as constants in the code."""
+    """Compile the callback qfrc_passive += table(t) − c tanh(q̇/w), with friction torque c and width w as constants."""
     forces, rates = data.qfrc_passive.ctypes.data, data.qvel.ctypes.data
     n, offset = len(coulomb), _offset_of_time(model, data)
     rubbing = np.flatnonzero(coulomb)

@@ -79,7 +79,7 @@ def by_tolerance(name: str, method: str, budget: float, smallest: float, clock: 
 
 
 def _bound_by_stability(points: Sequence[Point]) -> bool:
-    """Whether stability limits the steps, so the last two runs took nearly equal numbers of evaluations."""
+    """Whether stability limits the steps: the last two runs took nearly the same number of evaluations."""
     last, before = points[-1].evaluations, points[-2].evaluations if len(points) > 1 else 0
     return abs(last - before) < 0.02 * before
 

@@ -79,7 +79,7 @@ def compute(name: str) -> float:
 
 
 def _run(scene: Scene, method: str, divided: int) -> tuple[Seen, float]:
-    """Outputs of a run, and its step: the largest stable one that divides the sample time, divided by `divided`."""
+    """Outputs of a run and its step: the largest stable step that divides the sample time, divided by `divided`."""
     step = scene.run.spacing / (divided * stable_steps(scene, method, OF_STABLE))
     return seen(fl.lump(scene), fl.simulate(scene, method=method, step=step).q), step
 

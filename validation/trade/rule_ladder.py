@@ -1,4 +1,4 @@
-"""Time for a given error of the beam by lumping rule, over a grid of hinge counts and tolerances.
+"""Time for a given tip error against the continuous beam, by lumping rule, hinge count, method and tolerance.
 
 The reference is a finer chain with a separate method and tolerance; its distance to a coarser chain of the same rule
 bounds its error. The error of a run is the largest distance of its tip from the reference at the samples [m], including
@@ -44,7 +44,7 @@ class Exact(NamedTuple):
 
 
 class Tried(NamedTuple):
-    """A run: chain, method and tolerance; its measured time and its cost by the cost list [s], and its error [m]."""
+    """A run: its chain, method, tolerance, measured time and error [m]; `listed` is its cost by the cost list [s]."""
 
     at: Rule
     method: str

@@ -98,7 +98,7 @@ def reference_name(name: str) -> str:
 class Seen(NamedTuple):
     """Outputs of a run in frame 0 [m], including the initial state; nan after a failure.
 
-    `bend` is the tip minus the tip of the same arm with its springs at rest.
+    `bend` is the deflection: the tip minus the tip of the same arm with its springs at rest.
     """
 
     tip: Array  # (OUTPUTS + 1, 3)
@@ -120,7 +120,7 @@ def reference(name: str) -> Seen:
 
 
 def errors(name: str, found: Seen) -> tuple[float, float]:
-    """Error of the tip relative to its motion, and of the deflection relative to the largest; inf if a run failed.
+    """Error of the tip relative to its motion, and of the deflection relative to the largest one; inf if a run fails.
 
     For a rigid arm the deflection and its error are zero.
     """

@@ -36,7 +36,7 @@ class Point(NamedTuple):
 
 
 class Cost(NamedTuple):
-    """CPU seconds for an error.
+    """CPU seconds that an integrator needs for a target error.
 
     `kind` is "measured"; "order", extrapolated beyond the smallest measured error by the method's order; or "limit",
     the time for the smallest stable number of steps, extrapolated from part of a run, whatever its error.
@@ -74,7 +74,7 @@ def ladder(run: Callable[[int], Point], first: int, budget: float, smallest: flo
     return points
 
 
-MOST_STEPS = 1 << 20  # between two outputs
+MOST_STEPS = 1 << 20  # largest number of steps between two outputs
 
 
 def ladders(
@@ -105,7 +105,7 @@ def ladders(
 def cost(points: Sequence[Point], target: float, order: float) -> Cost | None:
     """Least CPU time for an error, interpolated between runs with finer and finer settings; None if no run was useful.
 
-    A run that is too long at its stability limit counts with its time, whatever its error.
+    If a run at the stability limit would take too long, its estimated time counts, whatever its error would be.
 
     Interpolation is linear in logarithms, which favours methods with few points. Beyond the last point the error falls
     with the method's order, or with the order of the last two points if it is higher.
@@ -127,7 +127,7 @@ def cost(points: Sequence[Point], target: float, order: float) -> Cost | None:
 
 
 def _measured_order(good: Sequence[Point]) -> float:
-    """Order from the last two points, if the number of steps doubles; 0 if it cannot be computed."""
+    """Order from the last two points, if the second has twice the steps of the first; 0 if it cannot be computed."""
     if len(good) < 2 or not 0 < good[-1].error < good[-2].error:
         return 0.0
     return math.log2(good[-2].error / good[-1].error)

@@ -1,4 +1,4 @@
-"""Rough dimensions and masses of an arm, to check loads, positions and rotors against."""
+"""Rough dimensions and masses of an arm, relative to which loads, positions and rotors are checked."""
 
 from __future__ import annotations
 

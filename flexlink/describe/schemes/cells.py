@@ -1,14 +1,14 @@
 """Cells of hinges with coupled springs, which have order 4 under axial load and in large bending.
 
-With one spring per hinge, a chain under a tension T is too stiff by T L² / (12 N²), for any rule, because the angle of
-the chain is a step function instead of a continuous one. Here the segments have the beam's angle θ at the p + 1
-Gauss-Lobatto nodes t_k of every cell [0, 1], and their lengths are the weights b_k, so the steps integrate θ to order
-2p. Between nodes θ is the interpolating polynomial. The springs act on its derivative, the curvature, at
+With one spring per hinge, by any rule, a chain under a tension T acts as if EI were larger by T L² / (12 N²), because
+the angle of the chain is a step function instead of a continuous one. Here the segments have the beam's angle θ at the
+p + 1 Gauss-Lobatto nodes t_k of every cell [0, 1], and their lengths are the weights b_k, so the steps integrate θ to
+order 2p. Between nodes θ is the interpolating polynomial. The springs act on its derivative, the curvature, at
 the p Gauss points x_q with weights w_q. With hinge angles φ_j, cell length h and Lagrange polynomials L_k of the nodes,
 
     κ(x_q) = 1/h Σ_j C_qj φ_j        C_qj = Σ_k≥j L_k'(x_q)        K = 1/h Cᵀ diag(w_q EI(x_q)) C
 
-Two segments at a cell boundary have the same angle and form one segment. Statics have order 2p; motion has order 4,
+Two segments at a cell boundary have the same angle and form one segment. Statics converge with order 2p, motion with 4,
 limited by the kink of the mass kernel (see `lumping_rules`).
 """
 
@@ -108,12 +108,12 @@ def cell_of(p: int) -> Cell:
     b = 2 / (p * (p + 1) * Legendre.basis(p)(t) ** 2)
     lagrange = np.linalg.inv(legendre.legvander(t, p))  # column k: coefficients of L_k in Legendre polynomials
     slopes = 2 * legendre.legval(x, legendre.legder(lagrange)).T  # L_k'(x_q), on [0, 1]
-    beyond = np.cumsum(slopes[:, ::-1], axis=1)[:, ::-1]  # Σ_k≥j
+    beyond = np.cumsum(slopes[:, ::-1], axis=1)[:, ::-1]  # Σ_k≥j L_k'(x_q)
     return Cell((1 + t) / 2, np.asarray(b / 2), (1 + x) / 2, w / 2, np.asarray(beyond[:, 1:], dtype=np.float64))
 
 
 def _lobatto_nodes(p: int) -> Array:
-    """±1 and the roots of P_p', ascending."""
+    """Gauss-Lobatto nodes on [−1, 1], ascending: ±1 and the roots of P_p'."""
     P = Legendre.basis(p)
     inner = np.sort(P.deriv().roots().real)
     for _ in range(3):  # Newton iterations remove the rounding error of the roots

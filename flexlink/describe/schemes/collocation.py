@@ -52,7 +52,7 @@ def _zeros(p: Polynomial) -> list[Fraction]:
     """Simple zeros on [0, 1], ascending, from float64 values refined by Newton's method."""
     slope = derivative(p)
     zeros = [Fraction(float(x)) for x in np.sort(np.roots([float(x) for x in reversed(p)]).real)]
-    for _doubling_of_digits in range(6):  # 8 → 512 bits
+    for _doubling_of_digits in range(6):  # from 8 correct bits to 512
         zeros = [_rounded(x - evaluate(p, x) / evaluate(slope, x)) for x in zeros]
     return zeros
 

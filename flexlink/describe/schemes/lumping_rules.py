@@ -57,7 +57,7 @@ class Element(Spec, frozen=True):
             )
         if self.nodes[-1] > 1 or np.any(np.diff(self.nodes) <= 0):
             raise SceneError(f"nodes = {truncated(self.nodes)}: must increase within [0, 1]", id="rule-nodes")
-        if abs(sum(self.weights) - 1) > 1e-12:  # rounding of weights written with 13 digits or more
+        if abs(sum(self.weights) - 1) > 1e-12:  # more than the rounding of weights written with 13 digits
             raise SceneError(
                 f"weights = {truncated(self.weights)}: must sum to 1",
                 id="rule-weights",
@@ -198,7 +198,7 @@ def _jacobi_hinges(jacobi: Jacobi, count: int) -> tuple[Array, Array]:
 
     if count > 1000:  # the eigenvalue problem costs O(N²)
         raise ArgumentError("takes at most 1001 segments; rules such as gauss take any number", id="segments-of-rule")
-    t, w = special.roots_jacobi(count, jacobi.tip, jacobi.root)  # on [−1, 1], for the weighted integrand
+    t, w = special.roots_jacobi(count, jacobi.tip, jacobi.root)  # nodes on [−1, 1]; w includes the weight function
     x: Array = np.array((1 + t) / 2)
     weighted: Array = np.array(w / 2 ** (1 + jacobi.tip + jacobi.root))
     return x, np.asarray(weighted / ((1 - x) ** jacobi.tip * x**jacobi.root), dtype=np.float64)

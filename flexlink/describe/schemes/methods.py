@@ -23,11 +23,11 @@ CLOSE = Fraction(1, 10**15)
 """Tolerance for sums of coefficients, which may be rounded decimals."""
 
 MOST_STAGES = 9
-"""Most stages of implicit methods; with more, eigenvectors of A are too parallel (condition number 3e4 at 9, Gauss)."""
+"""Largest number of stages of implicit methods; eigenvectors of A become too parallel (Gauss 9: condition 3e4)."""
 
 
 class Modes(NamedTuple):
-    """Eigendecomposition A = T_real diag(real) Tinv_real + 2 Re(T_complex diag(complex) Tinv_complex), and products."""
+    """Eigendecomposition A = T_real diag(real) Tinv_real + 2 Re(T_complex diag(complex) Tinv_complex), A A and b A."""
 
     real: Array  # (r,) real eigenvalues of A
     complex: Complex  # (p,) one of each complex pair, Im > 0
@@ -181,7 +181,7 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
             )
         wrong = λ[(λ.real < 0) | ((λ.real == 0) & (λ.imag != 0))]
         if wrong.size:
-            first = wrong[0] if wrong[0].imag else wrong[0].real  # complex even if real, since NumPy 2.5
+            first = wrong[0] if wrong[0].imag else wrong[0].real  # NumPy 2.5 returns real values as complex
             raise SceneError(
                 f"A: eigenvalue {first:.3g}: its real part must be positive, or some steps are singular",
                 id="method-coefficients",

@@ -42,7 +42,7 @@ def interpolation(nodes: Array, x: float) -> tuple[NDArray[np.intp], Array]:
     >>> print(nearest, weights)
     [0 1 2 3] [0. 1. 0. 0.]
     """
-    most = 4  # between hinges at a distance h the error of the strain is about h⁴ ε⁗/24
+    most = 4  # with hinges at a spacing h the error of the strain ε is about h⁴ ε⁗/24
     nearest = np.sort(np.argsort(np.abs(nodes - x), kind="stable")[:most])
     known = nodes[nearest]
     apart = known[:, None] - known

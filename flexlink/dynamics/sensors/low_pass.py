@@ -1,9 +1,9 @@
 """Butterworth low-pass filter in modal form, exact for a signal that is linear between samples.
 
     H(s) = Π ω/(s − p_k) · … = Σ_k r_k/(s − p_k)        p_k = ω exp(iπ (2k + n + 1)/(2n)), k = 0 … n − 1
-    ż_k = p_k z_k + u        y = Σ_k r_k z_k; one pole of each conjugate pair is stored
+    ż_k = p_k z_k + u        y = Σ_k r_k z_k        n is the order; one pole of each conjugate pair is stored
 
-With u(τ) = u + g τ: z(τ) = e^{pτ} z + τ φ₁(pτ) u + τ² φ₂(pτ) g, φ₁(x) = (eˣ − 1)/x, φ₂(x) = (eˣ − 1 − x)/x².
+For a signal u(τ) = u + g τ, z(τ) = e^{pτ} z + τ φ₁(pτ) u + τ² φ₂(pτ) g, φ₁(x) = (eˣ − 1)/x, φ₂(x) = (eˣ − 1 − x)/x².
 """
 
 from __future__ import annotations

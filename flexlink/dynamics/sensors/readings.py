@@ -9,14 +9,14 @@ from flexlink.dynamics.sensors.signals import Samples, signal_of
 
 
 class Readings:
-    """Instruments of a scene's sensors with the signals so far."""
+    """Instruments of a scene's sensors, with their signals up to the present time."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene, self.names = scene, column_names(scene.sensor, scene.arm)
         self._instruments = [Instrument(sensor, scene.run.spacing) for sensor in scene.sensor]
 
     def after(self, seen: Samples) -> dict[str, float]:
-        """Add one sample, and return the readings by column name; samples at later times are discarded.
+        """Add one sample, return the readings by column name; samples previously added at later times are discarded.
 
         Raises
         ------

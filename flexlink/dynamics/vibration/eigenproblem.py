@@ -4,7 +4,7 @@
     zero eigenvalues of K̂ are the numbers of unstable and neutral modes, for any M. Small eigenvalues are compared with
     the rounding error here, where all rows have the same magnitude.
 2.  With K = Y Yᵀ and M = L Lᵀ, the ω are the singular values of Yᵀ L⁻ᵀ. Nothing is squared: the relative error of ω is
-    eps · ω_max/ω, but eps · (ω_max/ω)² for eigenvalues of M⁻¹ K. An indefinite K is shifted: K + σ M.
+    eps · ω_max/ω; it would be eps · (ω_max/ω)² from eigenvalues of M⁻¹ K. An indefinite K is shifted: K + σ M.
 3.  With damping, rotation or a load without a potential, the λ follow from the first-order system in these modes,
     fastest first. The rows of its matrix decrease in size, so the QR algorithm is accurate row by row.
 """

@@ -164,7 +164,7 @@ def linearize(
     driven = chain.active
     given_motion = chain.hinges["prescribed"][driven] != 0
     size = 2 * n + sum(len(output.names) * len(output.low_pass[1]) for output in found if output.low_pass)
-    A, B = np.zeros((size, size)), np.zeros((size, len(driven)))  # further blocks would each take half a gigabyte
+    A, B = np.zeros((size, size)), np.zeros((size, len(driven)))  # filled in place: a block can have 0.5 GB
     np.fill_diagonal(A[:n, n : 2 * n], 1.0)
     A[n : 2 * n, :n], A[n : 2 * n, n : 2 * n], B[n : 2 * n] = slopes.dq, slopes.dqd, slopes.dtau[:, driven]
     C, D, z, states = _put_outputs(found, A, B, driven, n)

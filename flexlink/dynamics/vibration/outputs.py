@@ -22,9 +22,9 @@ class Output(NamedTuple):
     names: tuple[str, ...]
     signal: Array  # (p,) s
     q: Array  # (p, n) ∂s/∂q
-    qd: Array  # (p, n)
-    qdd: Array | None = None  # (p, n); None: zero
-    tau: Array | None = None  # (p, n)
+    qd: Array  # (p, n) ∂s/∂q̇
+    qdd: Array | None = None  # (p, n) ∂s/∂q̈; None: zero
+    tau: Array | None = None  # (p, n) ∂s/∂T_EX; None: zero
     gain: float = 1.0
     bias: float = 0.0
     low_pass: Filter | None = None

@@ -90,7 +90,7 @@ def effort_of(scene: Scene, chain: Chain) -> Array:
 
 
 def acts_on_many(drive: Drive) -> bool:
-    """Whether a drive can act on eight chains side by side, which requires a law without model and sampling."""
+    """Whether a drive can act on eight chains side by side, which excludes laws with a rigid model and sampled laws."""
     return drive.law in {TABLE, PD} and not drive.rate
 
 

@@ -41,7 +41,7 @@ def check_start(scene: Scene, chain: Chain) -> None:
     """
     close = 1e-9  # largest difference [deg, m] that rounding of the same number explains
     initial, reference = scene.initial, scene.drive.reference
-    if initial.q is None or initial.time or reference is None:
+    if initial.q is None or initial.time or reference is None or len(initial.q) != chain.n:  # refused later
         return
     for k in chain.active.tolist():
         link = chain.coordinates[k].link - 1

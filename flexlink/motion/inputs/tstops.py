@@ -52,7 +52,7 @@ def merged_breakpoints(table: PiecewisePolynomial | Loads, part: float) -> Array
     knots, given = table.knots, table.coefficients
     if len(knots) < 3:  # nothing to merge
         return knots
-    c = np.concatenate([given, np.zeros_like(given[:, :1])], axis=1)  # gives held torques a slope of zero
+    c = np.concatenate([given, np.zeros_like(given[:, :1])], axis=1)  # zero slopes for tables of held torques
     x = np.diff(knots)[:, None]
     powers = np.arange(c.shape[1])[:, None, None]
     middles = (c[:-1].transpose(1, 0, 2) * (0.5 * x) ** powers).sum(axis=0)

@@ -31,7 +31,7 @@ UNKNOWN = "#8a8f94"
 class Colouring(NamedTuple):
     """Values along the arm (≥ 0, or nan where a link has none), the largest value, and a label with the unit."""
 
-    values: Array  # (frames, s)
+    values: Array  # (frames, s), value at every station of the outline
     largest: float  # 0 if there is nothing to colour
     label: str
 
@@ -86,7 +86,7 @@ def _bending(outline: Outline, placed: tuple[Array, Array], loads: InternalLoads
         start = piece.place.p
         stop = start + piece.length * piece.place.R[:, 0]
         ends[k] = of(before, piece.body, start), of(beyond, piece.body, stop)
-    between = np.moveaxis(ends[outline.piece], 2, 0)  # (frames, s, 2, 3)
+    between = np.moveaxis(ends[outline.piece], 2, 0)  # loads at both ends of each station's piece, (frames, s, 2, 3)
     u = outline.part[:, None]
     vectors = (1 - u) * between[:, :, 0] + u * between[:, :, 1]
     axes = np.einsum("fsij,saj->fsai", R[:, outline.body], outline.axes)

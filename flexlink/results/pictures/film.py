@@ -16,7 +16,7 @@ from flexlink.results.pictures.outline import Outline, outline_of
 from flexlink.results.pictures.view import View, view_of
 from flexlink.results.samples import RunSamples, picked
 
-MOST_FRAMES = 3000  # two minutes; a GIF with more frames would not fit into memory
+MOST_FRAMES = 3000  # about two minutes of film; a GIF with more frames would not fit into memory
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from flexlink.results.pictures.projection import Window
 from flexlink.results.pictures.view import View
 
 GREY, BASE, TRACE = "#595d61", "#73777b", BLUE
-HEAD, FOOT = 54, 80  # pixels for the texts above the scene and the legend below it
+HEAD, FOOT = 54, 80  # heights of the texts above the scene and of the legend below it [pixels]
 SIDE = 14  # margin at both sides [pixels]
 
 COLOURS = LinearSegmentedColormap.from_list("load", STOPS).with_extremes(bad=UNKNOWN)

@@ -36,20 +36,20 @@ class Outline(NamedTuple):
     `across` is half the height and half the width of the section [m], both equal to the radius of a round section.
     """
 
-    link: Whole  # (s,), number of the link, from 1
-    body: Whole  # (s,)
+    link: Whole  # (s,), number of each station's link, from 1
+    body: Whole  # (s,), number of the body to which it belongs
     place: Array  # (s, 3), position in the body's frame [m]
     axes: Array  # (s, 2, 3), axes y and z of the section in the body's frame
-    across: Array  # (s, 2) [m]; 0 for links without a section
-    round: NDArray[np.bool_]  # (s,)
+    across: Array  # (s, 2), half height and half width [m]; 0 for links without a section
+    round: NDArray[np.bool_]  # (s,), whether the section is round
     piece: Whole  # (s,), index into `pieces`
     part: Array  # (s,), fraction of the piece's length
     bodies: int  # number of bodies, including the base and the tip frame
     joints: Whole  # bodies attached to driven joints
     ball: float  # radius of the payload [m], or 0
-    center: Array  # (3,), its centre in the tip frame [m]
+    center: Array  # (3,), the payload's centre in the tip frame [m]
     pieces: list[Piece]
-    cuts: list[Cuts]  # for every piece
+    cuts: list[Cuts]  # cuts of every piece, see `_cuts`
     base: int  # the body that is the base: 0, or a floating body
     rails: tuple[Whole, Array]  # zero positions of sliding joints: parent bodies (r,), positions (r, 3)
     order: Whole  # order of points along the arm, as indices of bodies, stations and rails; −1 between two branches
@@ -115,7 +115,7 @@ def _cuts(arm: Arm, chain: Chain, found: list[Piece]) -> list[Cuts]:
 
 def _stations(arm: Arm, found: list[Piece], k: int, piece: Piece) -> list[tuple[object, ...]]:
     link = arm.links[piece.link - 1]
-    stations = 24  # minimum number along a link, to resolve its colour
+    stations = 24  # minimum number of stations along a link, to resolve its colour
     steps = max(1, math.ceil((piece.part[1] - piece.part[0]) * stations))
     ends_here = k + 1 == len(found) or found[k + 1].link != piece.link
     rows: list[tuple[object, ...]] = []

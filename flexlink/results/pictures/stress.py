@@ -20,7 +20,7 @@ class PeakStress(NamedTuple):
     pascals: float
     link: str
     along: float  # distance from the root of the link's beam [m]
-    time: float  # [s]
+    time: float  # time at which it occurs [s]
     rectangle: bool  # whether a general section, of unknown surface, is replaced by a rectangle of equal inertia
 
 

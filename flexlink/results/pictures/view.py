@@ -45,7 +45,7 @@ def view_of(chain: Chain) -> View:
         return View(_across(chain.axes[0], vertical, bool(gravity)), False, vertical)
     first = _level(vertical)
     second = np.cross(vertical, first)
-    elevation, azimuth = math.radians(22.0), math.radians(-62.0)  # of the eye, above the horizon and about the vertical
+    elevation, azimuth = math.radians(22.0), math.radians(-62.0)  # direction of the eye
     sideways = math.cos(azimuth) * first + math.sin(azimuth) * second
     towards = math.cos(elevation) * sideways + math.sin(elevation) * vertical
     right = np.cross(vertical, sideways)

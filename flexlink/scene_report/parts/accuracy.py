@@ -82,7 +82,7 @@ def _costs(about: Refinement, choices: Sequence[Choice]) -> str:
     known = [one for one in choices[1:] if math.isfinite(one.error) and one.outcome.completed]
     cheaper = [one for one in known if one.seconds < own.seconds]
     if math.isfinite(own.error) and known:
-        better = [one for one in known if one.error < 0.9 * own.error]  # an equal error is not better
+        better = [one for one in known if one.error < 0.9 * own.error]  # clearly smaller errors, not nearly equal ones
         if cheaper:
             best = min(cheaper, key=lambda one: one.error)
             sentences.append(
@@ -147,7 +147,7 @@ def _in_time(about: Refinement) -> Picture | None:
         axes.plot(about.run.t[seen], off[seen], color=INK if place == 0 else CYCLE[place - 1], label=label)
     axes.axhline(about.limit.error, color=GREY, linestyle="--", linewidth=1.0, label="uncertainty")
     errors = np.concatenate([column for name, column in columns.items() if name != "t [s]"])
-    top, low = float(errors.max()), float(np.quantile(errors, 0.1))  # cut off the start, where all runs agree
+    top, low = float(errors.max()), float(np.quantile(errors, 0.1))  # leave out the start, where all runs agree
     axes.set(
         yscale="log",
         ylim=(max(0.3 * low, 1e-6 * top), 2 * max(top, about.limit.error)),

@@ -26,7 +26,7 @@ def made(study: Study) -> Part | None:
     worst = int(np.argmax(imbalance))
     share = float(imbalance[worst]) / exchanged if exchanged > 0 else 0.0
     once, steps = _rounding(run), run.steps.taken if run.steps is not None else 0
-    nothing = 1e6  # multiple of the rounding error; if less energy is exchanged, the arm is at rest (`Study.moves`)
+    nothing = 1e6  # the arm counts as at rest if it exchanges less energy than this multiple of the rounding error
     still = exchanged <= nothing * float(once[-1])
     of = (
         "; the arm is at rest and exchanges no energy"

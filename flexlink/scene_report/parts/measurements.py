@@ -48,7 +48,7 @@ def made(study: Study) -> Part | None:
 
 
 def _explains(fit: Fit) -> bool:
-    """Whether a parameter removes most of the mean square difference, by a change of more than two deviations."""
+    """Whether a parameter removes most of the mean square difference, by a change of over two standard deviations."""
     return fit.explained > 0.5 and abs(fit.value - fit.number.value) > 2 * fit.spread
 
 
@@ -104,7 +104,7 @@ def _change(fit: Fit) -> str:
 
 
 def _worst(study: Study, comparison: Comparison) -> tuple[float, str]:
-    """Return the column with the largest difference relative to its spread."""
+    """Return the RMS difference and the name of the column with the largest difference relative to its spread."""
     off = comparison.off(study.run)
     name = max(off, key=lambda name: off[name] / (float(np.nanstd(comparison.measured[name])) or 1.0))
     return off[name], name

@@ -54,7 +54,7 @@ def made(study: Study) -> Part:
 
 def _held(chain: Chain, tau: Array) -> tuple[Fact, ...]:
     """Return the largest holding torques, for the first screen of the page."""
-    torques, shown = _without_rounding(tau), 2  # number of values that fit on one line
+    torques, shown = _without_rounding(tau), 2  # as many values as fit on one line
     largest = sorted(chain.active.tolist(), key=lambda k: -abs(torques[k]))[:shown]
     if not largest:
         return ()

@@ -11,7 +11,7 @@ from tests.faults.machine.judge import MOST, Judged, cost
 from tests.faults.machine.recording import Function, Ran, tests_of
 from tests.faults.plant import KILLED, SURVIVED, Copy, verdict
 
-LONGEST = 300.0  # s of wall-clock time
+LONGEST = 300.0  # s of wall-clock time for the tests of one mutant
 
 
 def judge_apart(copy: Copy, mutant: Mutant, by_function: dict[Function, list[Ran]]) -> Judged:

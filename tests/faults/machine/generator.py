@@ -43,7 +43,7 @@ class Mutant(NamedTuple):
     becomes: str
     start: int
     end: int
-    again: int  # number of identical mutants before it in the same function
+    again: int  # number of identical mutants before this one in the same function
 
     @property
     def key(self) -> str:

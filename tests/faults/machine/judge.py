@@ -29,7 +29,7 @@ from tests.faults.plant import KILLED, ROOT, SURVIVED
 MOST = 20.0  # s of processor time for the tests of a mutant; the remaining tests are skipped
 DEAR = 8.0  # s of processor time; slower tests are stopped while recording and not used
 LONGEST = 30.0  # s of processor time by which the last test of a mutant or a file may exceed the limit
-ASLEEP = 600.0  # s of wall-clock time for a fork, in case it waits forever
+ASLEEP = 600.0  # s of wall-clock time after which a fork is ended, in case it waits forever
 UNREACHED, APART = "no test runs it", "cannot be swapped"
 OPTIONS = ("-qq", "--no-header", "--no-summary", "-p", "no:cacheprovider", "-o", "addopts=--strict-markers")
 
@@ -85,7 +85,7 @@ class Session:
         return self.failed
 
     def record(self, file: str) -> list[Ran]:
-        """Run the tests of a file; return the tests that pass in time, up to a test that kills the process."""
+        """Run the tests of a file; return those that pass in time, or all before a test that kills the process."""
         items = [item for name, item in self.items.items() if name.partition("::")[0] == file]
         recorded = forked(lambda: self._recorded(items), (DEAR + 1.0) * len(items) + LONGEST)
         return [Ran(test, seconds, frozenset((a, b) for a, b in names)) for test, seconds, names in recorded]
@@ -170,7 +170,7 @@ def forked(work: Callable[[], Iterator[Any]], seconds: float) -> Iterator[Any]:
 
 @contextlib.contextmanager
 def _stopped_after(seconds: float) -> Iterator[None]:
-    """Make a test fail if it takes more processor time than this (`conftest` does so if kernels run as Python)."""
+    """Make a test fail if it takes more than this processor time (`conftest` does so if kernels run as Python)."""
 
     def ring(*_: object) -> None:
         raise _TooDearError

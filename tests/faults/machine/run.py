@@ -35,7 +35,7 @@ class Plan(msgspec.Struct, forbid_unknown_fields=True):
     quota: float  # minimum fraction of mutants that the tests must detect
     python: tuple[str, ...]  # tests of kernels, run as Python
     slow: tuple[str, ...]  # files whose slow tests are also used
-    more: dict[str, int] = {}  # folders with more mutants than `most`
+    more: dict[str, int] = {}  # number of mutants for folders that need more than `most`
     same: tuple[Same, ...] = ()
 
 

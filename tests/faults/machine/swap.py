@@ -108,5 +108,5 @@ def forget() -> None:
 
 
 def living(kind: type) -> list[Any]:
-    """All objects of a type. (`isinstance` would access the object of a weak proxy, which may be gone.)"""
+    """All objects of a type. (`type` is compared, as `isinstance` fails for a weak proxy whose object is gone.)"""
     return [each for each in gc.get_objects() if type(each) is kind]

@@ -33,7 +33,7 @@ def main(file: str) -> None:
         print(text, file=output, flush=True)
 
     def work(session: Session) -> None:
-        if not as_python:  # forks need not load machine code again
+        if not as_python:  # load machine code here once instead of in every fork
             for scene in WARM:
                 simulate(load_scene(ROOT / "models" / scene))
             forget()
