@@ -235,7 +235,7 @@ def _chapters(
 
 def _ran(section: Section, here: int, results: Results, whole: stored_full.Stored | None) -> str:
     """Sentences: how many cases of the chapter ran for this page, and which cases only the full study has."""
-    ran = f"Ran for this page: {plural(here, 'case')}."
+    ran = f"{plural(here, 'case')} {'was' if here == 1 else 'were'} run for this page."
     if not (here and whole):
         return ran if here else ""
     known = whole.study.chapter(section.id).cases

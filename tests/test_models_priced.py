@@ -53,7 +53,7 @@ def test_the_cheapest_run_that_meets_an_error_is_listed_with_its_model(found):
         assert each.timed
     bending, rigid = (speed_models.Run(next(cut_of(flex)), 0.1, 1.0).in_words for flex in ("z", "rigid"))
     reviewed("models: setup", f"{bending}\n{rigid}")
-    assert [part for part in re.split(r"[ ,]+", bending) if part in {"T1", "1", "paper", "RK4", "0.001"}] == [
+    assert [part for part in re.split(r"[ ,()]+", bending) if part in {"T1", "1", "paper", "RK4", "0.001"}] == [
         "T1", "1", "paper", "RK4", "0.001",
     ]  # fmt: skip
     assert "hinge" not in rigid

@@ -103,6 +103,13 @@ BAD = {  # text of the good scene, its replacement, the id of the error, and par
         'name     = "fore"', 'name = "fore"\nyoung = 2e11', "unknown-key", ["link.fore.young", "[material.NAME]"],
     ),
     "payload below another table": ("[run]", "[run]\ntip.mass = 2.0", "unknown-key", ["run.tip", "top of the file"]),
+    "a flexible link without its section": (
+        'section  = "square"', "", "missing-key", ["link.upper.section", "material", "flexible"],
+    ),
+    "forces without directions": (
+        "[initial]", "[wrench]\ntimes = [0.0, 1.0]\nforces = [0, -50]\n[initial]",
+        "wrong-value", ["wrench.forces[0]", "[N]"],
+    ),
     "wall of a tube": ("width  = 0.04", "thickness = 0.04", "unknown-key", ["section.square.thickness", "outer"]),
     "integral term": (
         "[initial]", "[drive]\nkind = 'pid'\n[initial]", "wrong-value", ["drive.kind", "'pd'", "control=law"],
@@ -157,6 +164,7 @@ def test_a_bad_scene_is_refused_in_one_line_that_helps(what: str, tmp_path: Path
         (b"x = { young = 2.1e11 density = 7850 }", "not-toml"),
         (b"tip.mass = 1\ntip.mass = 2\nname = 1", "not-toml"),
         (b"[link]\nname = 1\n[link]\nname = 2", "not-toml"),
+        (b"[link]\nname = 1\n[[link]]\nname = 2", "not-toml"),
         (b"locked = True", "not-toml"),
         (b"length 5", "not-toml"),
         (b"scene = 'arm.toml'\ngrid.x = [1, 2]", "is-no-scene"),

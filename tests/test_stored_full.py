@@ -78,13 +78,13 @@ def test_tables_of_the_full_study_are_on_the_page_and_next_to_it(tmp_path: Path,
 def test_a_chapter_lists_local_cases_and_those_only_in_the_full_study(tmp_path: Path, folder: Path) -> None:
     text = page(tmp_path, folder, row("paper_short", **CLAIM), row("speed_trade-crane", **PRICE))
     claims, trade = (notes(chapter(text, name))[0] for name in ("claims", "trade"))
-    assert "1 case." in claims and claims.endswith("paper_long.")
+    assert "1 case " in claims and claims.endswith("paper_long.")
     assert trade.endswith("speed_trade.")
     reviewed("stored full: cases", claims)
     reviewed("stored full: cases", trade)
     whole = page(tmp_path / "again", folder, row("paper_short", **CLAIM), row("paper_long", **CLAIM))
     claims = notes(chapter(whole, "claims"))[0]
-    assert "2 cases." in claims and "paper_" not in claims
+    assert "2 cases " in claims and "paper_" not in claims
     reviewed("stored full: cases", claims)
 
 

@@ -532,7 +532,7 @@ def test_only_cases_timed_on_a_busy_machine_are_timed_again(timed):
     assert timed(BUSY)[1].finished()["small"] == second
 
 
-def test_a_full_study_times_no_stored_case_again(timed):
+def test_a_full_study_does_not_time_stored_cases_again(timed):
     first = timed(BUSY)[1].finished()["small"]
     assert timed(QUIET, "--full")[1].finished()["small"] == first
 

@@ -83,7 +83,7 @@ class Case(Spec, frozen=True):
     title: str
     about: str
     quantity: dict[str, Quantity]
-    scenes: tuple[str, ...] = ()  # names of files in models/, also globs, or validation/scenes/
+    scenes: tuple[str, ...] = ()  # file names or globs, in models/ or validation/scenes/
     settings: dict[str, Any] = msgspec.field(default_factory=dict)  # decoded by the kind
     by_name: bool = False  # runs only if named: it takes long
     needs: str = (

@@ -89,7 +89,8 @@ class _Parser(argparse.ArgumentParser):
             known, where = [name.strip("' ") for name in wrong[2].split(",")], message.partition(": invalid")[0]
             what = "unknown command" if where == "argument command" else f"{where}: unknown"
             message = f"{what} {wrong[1]!r}{did_you_mean(wrong[1], known) or '; allowed are ' + ', '.join(known)}"
-        message = re.sub(r"invalid float value: (.*)", r"\1 is not a number; give it in SI units (s, m, Hz)", message)
+        number = r"\1: expected a number in SI units (s, m, Hz), such as 0.5"
+        message = re.sub(r"invalid float value: (.*)", number, message)
         if re.match("unrecognized arguments: [^-]", message):
             message += "; write a value in one piece, such as --set tip.mass=3 or --tip 2mm"
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")

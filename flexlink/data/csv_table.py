@@ -56,9 +56,10 @@ class CsvTable(NamedTuple):
         found = [k for k, head in enumerate(self.heads) if head_of(head)[0] == quantity]
         wanted = f"{quantity} [{unit}]"
         if not found:
+            near = did_you_mean(wanted, [head for head in self.heads if head != TIME])
+            near = near.replace("did you mean", "if").replace("?", " is meant, rename it")
             raise DataFileError(
-                f"{self.path}: no column {wanted!r}; columns: {short_list(self.heads)}"
-                f"{did_you_mean(wanted, [head for head in self.heads if head != TIME])}",
+                f"{self.path}: no column {wanted!r}; columns: {short_list(self.heads)}{near}",
                 id="no-such-column",
             )
         if len(found) > 1:

@@ -12,6 +12,7 @@ def explained(text: str, error: Exception) -> str:
     # patterns of the reason and of the beginning of the line, and the remedy; the first match is used
     remedies = (
         (r"Cannot declare", r"\[(.+)\]", r"merge both, or write [[\1]] in double brackets before each item of a list"),
+        (r"Cannot overwrite", r"\[\[(.+)\]\]", r"write [[\1]] in double brackets each time: there is an earlier [\1]"),
         (r"Cannot", r"([\w.\"-]+)\s*=", r"\1 is given twice; delete one"),
         (r"", r".*[“”‘’„]", r"write straight quotes"),
         (r"", r".*=\s*[-+]?\d+,\d[\d.eE+-]*\s*(?:[,}\]#].*)?$", r"write a decimal point, not a comma"),

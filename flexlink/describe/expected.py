@@ -32,7 +32,7 @@ def _allowed(kind: Any, value: object) -> str:
 def _three_numbers(where: str, kind: Any, value: object) -> str:
     """Text for keys that expect three numbers, with an example (the axis named by `value`, if any), else empty."""
     directions = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-    known = _words()["three_numbers"].get(where.rpartition(".")[2])
+    known = _words()["three_numbers"].get(where.rpartition(".")[2].partition("[")[0])
     if kind != tuple[float, float, float] or known is None:
         return ""
     unit, example = known["unit"], known["example"]
@@ -43,7 +43,8 @@ def _three_numbers(where: str, kind: Any, value: object) -> str:
 
 def _as_written(where: str, value: object) -> str:
     """Example of a key's list or table, if a single value was given; empty for other keys."""
-    row = _words()["written"].get(where.rpartition(".")[2], {})
+    above, _, key = where.rpartition(".")
+    row = _words()["written"].get("flexible" if above == "flexible" else key, {})
     given = float if isinstance(value, int | float) else type(value)
     wanted: str = row["expected"] if row.get("type") == given.__name__ else ""
     return wanted

@@ -92,9 +92,8 @@ class Link(Spec, frozen=True):
         if (self.material is None) != (self.section is None):
             missing, given = ("section", "material") if self.section is None else ("material", "section")
             other = f"{given} = {getattr(self, given)!r}"
-            raise SceneError(
-                f"{missing}: missing; {other} is given: give both, or neither for a massless link", id="missing-key"
-            )
+            both = "give both, or neither for a massless link" if self.flex == "rigid" else "a flexible link needs both"
+            raise SceneError(f"{missing}: missing; {other} is given: {both}", id="missing-key")
         if self.rigidity is not None and self.material is not None:
             raise SceneError(
                 f"rigidity = {self.rigidity!r}: material = {self.material!r} is also given; specify only one",

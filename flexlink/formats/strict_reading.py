@@ -145,7 +145,7 @@ def _require_equal(node: Node, key: str, actual: str | None, expected: str | Non
     if one.shape == other.shape and (abs(one - other) <= ROUNDING * (1 + abs(other))).all():
         return
     here, written = ("nothing" if text is None else repr(text[:60]) for text in (actual, expected))
-    raise node.error(f"{key}{here}, but flexlink would write {written}: not supported, or contradicts another number")
+    raise node.error(f"{key}{here}, but a file by flexlink has {written}: not supported, or contradicts another number")
 
 
 def plain(name: str) -> str:

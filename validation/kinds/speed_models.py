@@ -13,6 +13,7 @@ import msgspec
 from msgspec.structs import replace
 
 from flexlink.common.errors import FlexlinkError
+from flexlink.common.wording import plural
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from flexlink.results.tip_motion import largest_distance, tip_travel
@@ -79,7 +80,7 @@ class Run(NamedTuple):
     def in_words(self) -> str:
         """The setup in words."""
         flex, rule, hinges, method, setting, *_ = self.row
-        cut = flex if flex == "rigid" else f"{flex}, {hinges} hinges by {rule}"
+        cut = flex if flex == "rigid" else f"{flex}, {plural(hinges, 'hinge')} (rule {rule})"
         return f"{cut}, {method}, {'step' if self.setup.step else 'tolerance'} {setting:.2g}"
 
     @property

@@ -36,13 +36,13 @@ def of_materials(arm: Arm) -> Iterator[Diagnostic]:
 
 
 def _is_made_up(arm: Arm, material: str) -> bool:
-    """Whether a material is used only with unreal general sections, as when EI and ρA are entered directly."""
+    """Whether a material is used only with placeholder sections, as when EI and ρA are entered directly."""
     sections = [arm.sections[link.section] for link in arm.links if link.material == material and link.section]
     return bool(sections) and all(map(_is_no_section, sections))
 
 
 def _is_no_section(section: Section) -> bool:
-    """Whether a general section is unreal: an area of 1, or two or more implausible properties."""
+    """Whether a general section is only a placeholder: an area of 1, or two or more implausible properties."""
     if section.shape != "general":
         return False
     known = ranges()
