@@ -137,6 +137,14 @@ def test_a_path_with_a_wrong_key_names_the_remedy() -> None:
     assert "material.aluminium.young" in str(caught.value)
 
 
+def test_a_fit_of_a_key_that_is_not_a_number_is_refused() -> None:
+    flex, tapped = fl.fits.FitParameter(path="link.upper.flex"), fl.fits.FitModes(hertz=(5.5,), deviation=(0.02,))
+    problem = fl.fits.FitProblem(scene=scene_from(T3), parameter=(flex,), modes=(tapped,))
+    with words.refused(fl.errors.SceneError, "parameter-start") as caught:
+        fl.fit(problem)
+    assert "young" in str(caught.value)
+
+
 def test_initial_angles_of_links_instead_of_joints_are_refused_by_their_number() -> None:
     move = fl.load_scene(ROOT / "models" / "ptp_move.toml")
     with words.refused(fl.errors.SceneError, "one-per-joint") as caught:

@@ -50,7 +50,8 @@ def measured_from(
     absent = [name for name in only if name not in heads]
     if absent:
         raise DataFileError(
-            f"{where}: no column {absent[0]!r}; columns: {short_list(list(heads))}", id="no-such-column"
+            f"{where}: no column {absent[0]!r}{did_you_mean(absent[0], heads)}; columns: {short_list(list(heads))}",
+            id="no-such-column",
         )
     counted = [k for k, head in enumerate(heads) if not only or head in only or (in_si(head) or ("",))[0] == TIME]
     names, sizes = zip(*(named(where, heads[k], known) for k in counted), strict=True)

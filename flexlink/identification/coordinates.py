@@ -175,7 +175,10 @@ def _value(scene: Scene, parameter: FitParameter) -> float:
     try:
         return number_in(values)
     except SceneError as error:
-        raise SceneError(f"parameter {parameter.path} = {error}, or set start", id="parameter-start") from None
+        reason = f"{error}, or set start"
+        if isinstance(values[0], str | bool):
+            reason = f"{values[0]!r}: not a number; fit a number, such as material.NAME.young"
+        raise SceneError(f"parameter {parameter.path} = {reason}", id="parameter-start") from None
 
 
 def prior_rows(coordinates: Sequence[Coordinate], x: Array) -> tuple[Array, Array]:
