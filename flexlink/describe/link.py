@@ -139,7 +139,7 @@ class Link(Spec, frozen=True):
     def _check_flexible(self, length: float) -> None:
         if self.segments < 2:
             raise SceneError(
-                f"segments = {self.segments}: a flexible link needs at least 2, by most rules 3; usual are 5 (default: 1)",
+                f"segments = {self.segments}: a flexible link needs at least 2, most rules 3, such as 5 (default: 1)",
                 id="too-few-segments",
             )
         if length == 0:
