@@ -22,6 +22,7 @@ from flexlink.common.files import shown_path
 from flexlink.common.output import make_folder, or_keep
 from flexlink.common.progress import Progress
 from flexlink.common.wording import Diagnostic
+from flexlink.describe.plausibility.hints import hints
 from flexlink.identification.checked_page import document
 from flexlink.identification.coordinates import hints_on_bounds
 from flexlink.identification.fit import check_fit, fit
@@ -56,9 +57,7 @@ def run_command(options: argparse.Namespace) -> int:
     """Check, fit and write results; exit with 1 if a parameter is not identifiable, or residuals increase."""
     problem = load_fit(options.problem)
     problem = replace(problem, scene=varied(options.problem, problem.scene, options.set))
-    print_hints(problem.scene, options)
-    if not options.quiet_hints:
-        print_lines("warning", hints_on_bounds(problem))
+    print_hints([*hints(problem.scene), *hints_on_bounds(problem)], options)
     if options.out is not None:
         building()  # reports a missing package before the fit
         make_folder(options.out)

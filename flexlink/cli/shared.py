@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.files import shown_path
 from flexlink.common.output import check_writable, write_or_keep
-from flexlink.common.wording import coloured, id_of
+from flexlink.common.wording import Diagnostic, coloured, id_of
 from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.scene import Scene
 from flexlink.describe.scene_file import load_scene
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 def varied_scene(path: Path, options: argparse.Namespace, own: Mapping[str, object] | None = None) -> Scene:
     """Load a scene, apply `--set PATH=VALUE`, then the changes `own` by options, and print hints on wrong units."""
     scene = varied(path, load_scene(path), options.set, own)
-    print_hints(scene, options)
+    print_hints(hints(scene), options)
     return scene
 
 
@@ -77,10 +77,10 @@ def print_path(what: str, path: Path) -> None:
     print(f"{what}: {shown_path(path)}")
 
 
-def print_hints(scene: Scene, options: argparse.Namespace) -> None:
+def print_hints(found: Iterable[Diagnostic], options: argparse.Namespace) -> None:
     """Warn of numbers that are likely given in another unit, except with `--quiet-hints`."""
     if not options.quiet_hints:
-        print_lines("warning", hints(scene))
+        print_lines("warning", found)
 
 
 def print_notes(scene: Scene) -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from flexlink.chain.arguments import integer
-from flexlink.cli.shared import assignments, prefix_errors, print_lines, print_path, require_writable
+from flexlink.cli.shared import assignments, prefix_errors, print_hints, print_lines, print_path, require_writable
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.progress import Progress, clock
 from flexlink.common.wording import Diagnostic
@@ -77,18 +77,17 @@ def _planned(options: argparse.Namespace) -> Plan:
     with prefix_errors(options.sweep):
         plan = Plan(replace(sweep, set={**sweep.set, **changes}))
         preflight(plan)
-    _print_hints(plan, options)
+    _print_hints_of_members(plan, options)
     return plan
 
 
-def _print_hints(plan: Plan, options: argparse.Namespace) -> None:
+def _print_hints_of_members(plan: Plan, options: argparse.Namespace) -> None:
     """Warn of numbers of the first and the last member that are likely given in another unit, once for each path."""
     found: dict[str, Diagnostic] = {}
     for number in (0, plan.members - 1):
         with contextlib.suppress(FlexlinkError):  # the error is stored later, in this member's row
             found = {hint.partition(" = ")[0]: hint for hint in hints(plan.member(number)[0])} | found
-    if not options.quiet_hints:
-        print_lines("warning", found.values())
+    print_hints(found.values(), options)
 
 
 def _summary(store: Store, before: int, seconds: float) -> None:

@@ -48,13 +48,19 @@ def coloured(word: str) -> str:
 
 
 def did_you_mean(value: object, allowed: Iterable[str]) -> str:
-    """End of a message that suggests a name in `allowed`: `value` with a unit appended, or else the closest name."""
+    """End of a message that suggests the `closest` name in `allowed`."""
+    near = closest(value, allowed)
+    return "" if near is None else f"; did you mean {near!r}?"
+
+
+def closest(value: object, allowed: Iterable[str]) -> str | None:
+    """The name in `allowed` that is `value` with a unit appended, or else the one closest to it; None without any."""
     if not isinstance(value, str):
-        return ""
+        return None
     by_case = {name.casefold(): name for name in reversed(list(allowed))}
     with_unit = [name for unit in ("deg", "hz", "m") if (name := f"{value.casefold()}_{unit}") in by_case]
     close = with_unit or difflib.get_close_matches(value.casefold(), by_case, n=1)
-    return f"; did you mean {by_case[close[0]]!r}?" if close else ""
+    return by_case[close[0]] if close else None
 
 
 def truncated(value: object) -> str:

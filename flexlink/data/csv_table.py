@@ -14,7 +14,7 @@ import numpy as np
 from flexlink.common.errors import DataFileError
 from flexlink.common.files import read_regular
 from flexlink.common.types import Array
-from flexlink.common.wording import did_you_mean, plural, short_list, truncated
+from flexlink.common.wording import closest, plural, short_list, truncated
 
 TIME = "t [s]"
 UNITS = {
@@ -56,10 +56,10 @@ class CsvTable(NamedTuple):
         found = [k for k, head in enumerate(self.heads) if head_of(head)[0] == quantity]
         wanted = f"{quantity} [{unit}]"
         if not found:
-            near = did_you_mean(wanted, [head for head in self.heads if head != TIME])
-            near = near.replace("did you mean", "if").replace("?", " is meant, rename it")
+            near = closest(wanted, [head for head in self.heads if head != TIME])
+            remedy = "" if near is None else f"; if {near!r} is meant, rename it"
             raise DataFileError(
-                f"{self.path}: no column {wanted!r}; columns: {short_list(self.heads)}{near}",
+                f"{self.path}: no column {wanted!r}; columns: {short_list(self.heads)}{remedy}",
                 id="no-such-column",
             )
         if len(found) > 1:

@@ -28,10 +28,7 @@ def explained(text: str, error: Exception) -> str:
     reason, lines = str(error), text.rstrip().splitlines()
     found = re.search(r"at line (\d+)", reason)
     line = lines[int(found[1]) - 1].strip() if found else lines[-1].strip()
-    matches = (
-        re.match(begin, line).expand(remedy)  # type: ignore[union-attr]
-        for why, begin, remedy in remedies
-        if re.match(why, reason) and re.match(begin, line)
-    )
-    remedy = next(matches, "")
-    return f"{reason}: {truncated(line)}{'; ' if remedy else ''}{remedy}"
+    for why, begin, remedy in remedies:
+        if re.match(why, reason) and (match := re.match(begin, line)):
+            return f"{reason}: {truncated(line)}; {match.expand(remedy)}"
+    return f"{reason}: {truncated(line)}"

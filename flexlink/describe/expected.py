@@ -24,9 +24,10 @@ def expected(where: str, kind: Any, value: object, reason: str, units: Sequence[
 
 
 def _allowed(kind: Any, value: object) -> str:
-    """Values allowed by a `Literal` annotation, with a suggestion; empty for other annotations."""
+    """Values allowed by a `Literal` annotation, with a suggestion unless `why_not` has one; empty for others."""
     allowed = get_args(kind) if get_origin(kind) is Literal else ()
-    return "allowed are " + ", ".join(map(repr, allowed)) + did_you_mean(value, allowed) if allowed else ""
+    suggestion = "" if why_not("", value) else did_you_mean(value, allowed)
+    return "allowed are " + ", ".join(map(repr, allowed)) + suggestion if allowed else ""
 
 
 def _three_numbers(where: str, kind: Any, value: object) -> str:

@@ -182,9 +182,8 @@ def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) 
     missing = re.search(r"missing required field `(.*)`", reason)
     if missing:
         return _missing(f"{where}.{missing[1]}".lstrip("."))
-    wanted, instead = expected(str(where), kind, value, reason, units), why_not("", value)
-    wanted = wanted.partition("; did you mean")[0] if instead else wanted
-    text = f"{where} = {truncated(value)}: {wanted}{instead}".removeprefix(" = ")
+    wanted = expected(str(where), kind, value, reason, units)
+    text = f"{where} = {truncated(value)}: {wanted}{why_not('', value)}".removeprefix(" = ")
     return Diagnostic(text, "wrong-value")
 
 

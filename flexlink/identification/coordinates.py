@@ -164,7 +164,8 @@ def _hint_at(scene: Scene, path: str, value: float) -> str:
         varied = scene.varied({path: value})
     except FlexlinkError:  # the error is reported where the parameter is set
         return ""
-    new, key = [hint for hint in hints(varied) if hint not in hints(scene)], path.rpartition(".")[2]
+    before, key = hints(scene), path.rpartition(".")[2]
+    new = (hint for hint in hints(varied) if hint not in before)
     return next((hint for hint in new if hint.partition(" = ")[0].endswith(f".{key}")), "")
 
 
