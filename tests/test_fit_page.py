@@ -45,7 +45,7 @@ NUMBERS = (
 
 
 def fitted_with(*columns: FittedColumn, check: Check = HELD, numbers: tuple[Estimate, ...] = NUMBERS) -> Fitted:
-    return Fitted(PROBLEM, SCENE, numbers, np.eye(2), check, columns, (), 1, ("mind this",))
+    return Fitted(PROBLEM, SCENE, numbers, np.eye(2), check, columns, (), 1, ("mind this",), np.eye(2))
 
 
 def lines(tables: Sequence[Table], name: str) -> list[dict[str, Any]]:

@@ -2,6 +2,7 @@
 
 flexlink fit problem.toml --check
 flexlink fit problem.toml --out fitted
+flexlink fit problem.toml --grid auto
 flexlink fit problem.toml --starts 5 --profile --set material.steel.young=2e11
 """
 
@@ -11,6 +12,7 @@ import argparse
 import shlex
 import sys
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from msgspec.structs import replace
@@ -27,6 +29,7 @@ from flexlink.identification.checked_page import document
 from flexlink.identification.coordinates import hints_on_bounds
 from flexlink.identification.fit import check_fit, fit
 from flexlink.identification.fitted import Fitted, building
+from flexlink.identification.grid import Grid
 from flexlink.identification.identifiability import WIDE, Check
 from flexlink.identification.loading import load_fit
 from flexlink.identification.problem import FitProblem
@@ -36,7 +39,9 @@ def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `fit`."""
     command.add_argument("problem", type=Path, help="problem file (.toml)")
     command.add_argument(
-        "--check", action="store_true", help="only check identifiability, without fitting; exit with 1 if it fails"
+        "--check",
+        action="store_true",
+        help="only check identifiability and segments, without fitting; exit with 1 if it fails",
     )
     command.add_argument(
         "--out",
@@ -50,11 +55,18 @@ def add_options(command: argparse.ArgumentParser) -> None:
         action="store_true",
         help="compute intervals by profile likelihood, with all other parameters refitted",
     )
+    command.add_argument(
+        "--grid",
+        choices=get_args(Grid),
+        default="check",
+        help="errors due to the number of segments: check (estimate them; default), auto (take enough segments), "
+        "ignore (for data simulated with the same segments)",
+    )
     add_json(command)
 
 
 def run_command(options: argparse.Namespace) -> int:
-    """Check, fit and write results; exit with 1 if a parameter is not identifiable, or residuals increase."""
+    """Check, fit and write results; exit with 1 if a parameter is not identifiable or inaccurate, or the fit worse."""
     problem = load_fit(options.problem)
     problem = replace(problem, scene=varied(options.problem, problem.scene, options.set))
     print_hints([*hints(problem.scene), *hints_on_bounds(problem)], options)
@@ -68,7 +80,10 @@ def run_command(options: argparse.Namespace) -> int:
             found = check_fit(problem)
         else:
             try:
-                found = fit(problem, starts=options.starts, profile=options.profile, progress=bar.report, bar=bar)
+                found = fit(
+                    problem, starts=options.starts, profile=options.profile, grid=options.grid, progress=bar.report,
+                    bar=bar,
+                )  # fmt: skip
             except IdentifiabilityError as error:
                 assert isinstance(error.check, Check)
                 found = error.check
@@ -94,7 +109,7 @@ def _report(found: Check | Fitted, problem: FitProblem, options: argparse.Namesp
         page = None if out is None else building("checked_page").build_check(problem, found, out, command)
     if page is not None:
         print(f"page: {shown_path(page.page)}", file=sys.stderr if options.json else None)
-    return 0 if found.passed else 1
+    return 0 if found.passed and not (isinstance(found, Check) and found.coarse) else 1
 
 
 def _print_check(check: Check) -> None:
@@ -102,9 +117,11 @@ def _print_check(check: Check) -> None:
     for note in check.notes:
         print(note)
     width = max(map(len, check.names))
-    for name, expected in zip(check.names, check.expected.tolist(), strict=True):
+    rest = len(check.names) - len(check.grid)
+    errors = [*(f", grid error {100 * u:.2g} %" for u in check.grid.tolist()), *[""] * rest]
+    for name, expected, of_grid in zip(check.names, check.expected.tolist(), errors, strict=True):
         known = f"expected ± {100 * WIDE * expected:.2g} % (95 %)" if np.isfinite(expected) else "not identifiable"
-        print(f"{name:<{width}}  {known}")
+        print(f"{name:<{width}}  {known}{of_grid}")
     values = ", ".join(f"{s:.3g}" for s in check.singular_values)
     print(f"singular values of the scaled Jacobian: {values}")
     for direction in check.directions:
@@ -116,6 +133,7 @@ def _print_fit(found: Fitted) -> None:
     for one in found.numbers:
         unit = f" {one.unit}" if one.unit else ""
         wider = ", wider than the linear estimate" if one.widened else ""
+        wider += f", grid error {one.u_num:.2g} included" if one.u_num else ""
         verdict = "" if one.doubt is None else f"; {one.verdict}"
         ends = f"95 %: {one.low:.6g} … {one.high:.6g}{wider}{verdict}" if np.isfinite(one.half) else "not identifiable"
         print(f"{one.name:<{width}}  {one.value:.6g}{unit}  ({ends}), before {one.start:.6g}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -62,6 +63,7 @@ def document(check: Check) -> dict[str, object]:
             name: float(WIDE * part) if np.isfinite(part) else None
             for name, part in zip(check.names, check.expected, strict=True)
         },
+        "grid_errors": dict(zip(check.names, check.grid.tolist(), strict=False)),
         "singular_values": check.singular_values.tolist(),
         "directions": [{"id": one.text.id, "text": one.text, "lost": one.lost} for one in check.directions],
         "notes": [{"id": note.id, "text": note} for note in check.notes],
@@ -70,16 +72,16 @@ def document(check: Check) -> dict[str, object]:
 
 def identifiability(check: Check) -> Part:
     """Result of an identifiability check."""
-    head = "± of 95 % [% of value or unit]"
+    heads = ("parameter", "± of 95 % [% of value or unit]", "grid error [% of value or unit]")
     lines = tuple(
-        (name, 100 * WIDE * float(part) if np.isfinite(part) else None)
-        for name, part in zip(check.names, check.expected, strict=True)
+        (name, 100 * WIDE * float(part) if np.isfinite(part) else None, None if u is None else 100 * float(u))
+        for name, part, u in itertools.zip_longest(check.names, check.expected, check.grid)
     )
     sentences = tuple(f"{one.text}." for one in check.directions)
     sentences = sentences or ("Every parameter, and every combination of parameters, is identifiable.",)
     values = tuple((k, float(s)) for k, s in enumerate(check.singular_values, 1))
     return Part((*sentences, *(f"{note}." for note in check.notes)), tables=(
-        Table("expected", "Expected 95 % intervals, linear estimate with white noise", ("parameter", head), lines),
+        Table("expected", "Expected 95 % intervals, linear estimate with white noise", heads, lines),
         Table("singular_values", "Singular values of the Jacobian over the noise", ("number", "value"), values,
               to_look_up=True),
     ))  # fmt: skip

@@ -3,18 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import get_args
 
 import numpy as np
+from msgspec.structs import replace
 
-from flexlink.chain.arguments import integer, require_callable, require_type
+from flexlink.chain.arguments import integer, require_callable, require_one_of, require_type
 from flexlink.common.errors import FlexlinkError, IdentifiabilityError
 from flexlink.common.types import Array
 from flexlink.common.wording import Diagnostic
+from flexlink.describe.refined import refined, segments_in_words
 from flexlink.identification.block import Block
 from flexlink.identification.columns import columns_of
 from flexlink.identification.coordinates import Coordinate, coordinates_of, prior_rows
 from flexlink.identification.data import sources_of
 from flexlink.identification.fitted import Estimate, Fitted
+from flexlink.identification.grid import (
+    Grid,
+    GridError,
+    bends,
+    covariance_of,
+    factor_needed,
+    grid_ahead,
+    grid_error,
+    warnings_of_grid,
+    with_grid,
+    within_bounds,
+)
 from flexlink.identification.identifiability import Check, checked
 from flexlink.identification.interval import estimates, linear_estimates, parts_of, spread_of, without_ends
 from flexlink.identification.likelihood import large_changes, linear_names, priors_of, row_of, stacked
@@ -33,7 +48,7 @@ def check_fit(problem: FitProblem) -> Check:
 
     The check takes the Jacobian of all data at the initial guess, divided by the noise that the problem states
     (default: 1 % of the range of all columns of the same unit). It finds parameters without effect, combinations that
-    are not identifiable, and the expected 95 % intervals.
+    are not identifiable, the expected 95 % intervals, and the expected errors due to the number of segments.
 
     Parameters
     ----------
@@ -65,7 +80,8 @@ def check_fit(problem: FitProblem) -> Check:
     coordinates, sources = coordinates_of(problem), sources_of(problem, "fit")
     data_notes = notes([*sources, *sources_of(problem, "check")])
     x = np.array([one.x(one.start) for one in coordinates])
-    return _check(Signals(sources, coordinates), x, [list(source.blocks) for source in sources], data_notes)
+    blocks = [list(source.blocks) for source in sources]
+    return _check(Signals(sources, coordinates), x, blocks, data_notes, problem.tolerance)
 
 
 def fit(
@@ -73,6 +89,7 @@ def fit(
     *,
     starts: int = 1,
     profile: bool = False,
+    grid: Grid = "check",
     progress: Callable[[str], None] | None = None,
     bar: Bar | None = None,
 ) -> Fitted:
@@ -80,7 +97,8 @@ def fit(
 
     The identifiability check comes first (`check_fit`). Single measurements are fitted first, then runs in growing
     windows, by `scipy.optimize.least_squares` on the logarithms of positive parameters. Gains and biases are eliminated
-    (variable projection). Intervals account for the autocorrelation of the residuals.
+    (variable projection). Intervals account for the autocorrelation of the residuals, and for the grid error: the
+    change of every parameter if the fit is repeated with twice the hinges.
 
     Parameters
     ----------
@@ -90,6 +108,9 @@ def fit(
         Number of initial guesses: first the problem's own values, then points spread around them within the bounds.
     profile
         Whether to compute profile intervals as well, with each parameter in turn fixed and all others refitted.
+    grid
+        "check": estimate the grid error. "auto": take as many segments as make it small against the intervals.
+        "ignore": leave it out, for data that were simulated with the same segments.
     progress
         Called with a line of text after each step.
     bar
@@ -112,28 +133,43 @@ def fit(
     >>> recorded = fl.simulate(scene.varied({"tip.mass": 4.5, "run.duration": 0.5}))
     >>> data = {"t [s]": recorded.t, "tip y [m]": recorded.tip[:, 1]}
     >>> sought, fall = fl.fits.FitParameter(path="tip.mass"), fl.fits.FitRun(name="fall", columns=data)
-    >>> found = fl.fit(fl.fits.FitProblem(scene=scene, parameter=(sought,), run=(fall,)))
+    >>> found = fl.fit(fl.fits.FitProblem(scene=scene, parameter=(sought,), run=(fall,)), grid="ignore")
     >>> print(f"{found['tip.mass'].value:.4f} kg")
     4.5000 kg
     """
     problem = require_type("problem", problem, FitProblem)
     require_callable("progress", progress)
     require_callable("bar", bar)
-    count, report = integer("starts", starts, 1), progress or (lambda _: None)
+    require_one_of("grid", grid, dict.fromkeys(get_args(Grid)))
+    count, report, most = integer("starts", starts, 1), progress or (lambda _: None), 4  # most: largest number of fits
+    found = _fit(problem, count, profile=profile, grid=grid, report=report, bar=bar)
+    for _ in range(most - 1 if grid == "auto" else 0):
+        factor = factor_needed(*np.array([(one.u_num, one.statistical) for one in found.numbers]).T)
+        if factor <= 1:
+            break
+        problem = replace(problem, scene=refined(problem.scene, factor))
+        report(f"grid error too large: fitted again with {segments_in_words(problem.scene)}")
+        found = _fit(problem, count, profile=profile, grid=grid, report=report, bar=bar)
+    return found
+
+
+def _fit(
+    problem: FitProblem, starts: int, *, profile: bool, grid: Grid, report: Callable[[str], None], bar: Bar | None
+) -> Fitted:
     coordinates, sources, checks = (
         coordinates_of(problem),
         sources_of(problem, "fit"),
         sources_of(problem, "check"),
     )
     signals = Signals(sources, coordinates)
-    watch = watch_with(bar, count + 2 * len(coordinates) * profile)
+    watch = watch_with(bar, starts + 2 * len(coordinates) * profile)
     search = Search(signals, problem.loss, coloured=problem.noise == "coloured", watch=watch)
     start = np.array([one.x(one.start) for one in coordinates])
     check = _check(signals, start, [list(source.blocks) for source in sources], notes([*sources, *checks]))
     if not check.passed:
         raise IdentifiabilityError("; also ".join(one.text for one in check.lost), check)
     report("identifiability at the initial guess: passed")
-    found = _searched(search, start_points(coordinates, count), report)
+    found = _searched(search, start_points(coordinates, starts), report)
     best = found[0]
     rows = search.rows(best.x, best.blocks)
     colours = [block.colour for part in best.blocks for block in part if block.colour is not None]
@@ -141,18 +177,26 @@ def fit(
     spread = spread_of(parts_of(sources, rows), priors_of(coordinates, best.x, rows), coefficients)
     after = _check_after(signals, best, check)
     numbers = (*estimates(coordinates, best.x, spread), *linear_estimates(sources, rows, spread, len(coordinates)))
+    coarse = GridError(np.empty(0))
     if not after.passed:
         numbers = tuple(map(without_ends, numbers))
     else:
         of_scene, others = numbers[: len(coordinates)], numbers[len(coordinates) :]
         numbers = (*widened(search, best, profiled(search, best, of_scene, report) if profile else of_scene), *others)
+        if grid != "ignore" and bends(problem.scene):
+            report("grid error: fitting a model with twice the hinges")
+            coarse = grid_error(search, best, rows, problem.tolerance)
+            numbers = with_grid(numbers, coordinates, best.x, coarse, spread.wide)
+    numbers = tuple(map(within_bounds, numbers))
     columns = columns_of(problem, signals, best, start, checks, report)
     changes = {one.path: one.value for one in numbers if one.path and not _of_run(one, coordinates)}
     in_other_units = tuple(note for note in check.notes if note.id == "likely-unit")
     found_warnings = in_other_units + warnings(numbers, coordinates, after, found, columns, [*sources, *checks])
+    found_warnings += tuple(warnings_of_grid(problem.scene, numbers, coarse))
+    covariance = covariance_of(coordinates, best.x, spread.covariance, coarse)
     return Fitted(
         problem, problem.scene.varied(changes), numbers, spread.correlation, after, columns,
-        tuple((_values(coordinates, end.x), end.cost) for end in found), signals.runs, found_warnings,
+        tuple((_values(coordinates, end.x), end.cost) for end in found), signals.runs, found_warnings, covariance,
     )  # fmt: skip
 
 
@@ -200,8 +244,14 @@ def _searched(search: Search, points: Sequence[Array], report: Callable[[str], N
     return sorted(found, key=lambda end: end.cost)
 
 
-def _check(signals: Signals, x: Array, blocks: Sequence[Sequence[Block]], data_notes: Sequence[Diagnostic]) -> Check:
-    """Check identifiability; the Jacobian's error is estimated from the results of two finite-difference step sizes."""
+def _check(
+    signals: Signals, x: Array, blocks: Sequence[Sequence[Block]], data_notes: Sequence[Diagnostic],
+    tolerance: float | None = None,
+) -> Check:  # fmt: skip
+    """Check identifiability; the Jacobian's error is estimated from the results of two finite-difference step sizes.
+
+    With the `tolerance` of simulations, the grid error is estimated as well.
+    """
     signals.ahead([*signals.around(x, CENTRAL_4), *signals.around(x, CENTRAL_4, STEP / 2)])
     slopes, finer = signals.slopes(x, CENTRAL_4), signals.slopes(x, CENTRAL_4, STEP / 2)
     J = _of_all(signals, x, blocks, slopes)
@@ -209,7 +259,11 @@ def _check(signals: Signals, x: Array, blocks: Sequence[Sequence[Block]], data_n
     sources, model = signals.sources, signals.model(x)
     doubts = [*data_notes, *ranges_apart(sources, model), *hertz_in_rad_per_s(sources, model)]
     check = checked(J, error, _names(signals), doubts)
-    return check._replace(directions=with_reasons(signals, x, check.directions))
+    check = check._replace(directions=with_reasons(signals, x, check.directions))
+    if check.lost or tolerance is None or not bends(sources[0].scene):
+        return check
+    errors, more = grid_ahead(signals, x, blocks, J, check, tolerance)
+    return check._replace(grid=errors, notes=(*check.notes, *more))
 
 
 def _check_after(signals: Signals, best: Found, before: Check) -> Check:

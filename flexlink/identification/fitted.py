@@ -50,6 +50,10 @@ class Estimate:
         Lower and upper bound of the search.
     prior
         Mean and standard deviation of the prior, if there is one.
+    u_num
+        Error due to the number of segments, which the interval and the deviation contain.
+    statistical
+        Half the width of the interval without the error due to the number of segments.
     """
 
     name: str
@@ -66,6 +70,8 @@ class Estimate:
     log: bool = False
     between: tuple[float, float] = (-math.inf, math.inf)
     prior: tuple[float, float] | None = None
+    u_num: float = 0.0
+    statistical: float = math.nan
 
     @property
     def half(self) -> float:
@@ -76,26 +82,35 @@ class Estimate:
     def doubt(self) -> Diagnostic | None:
         """Why the parameter is not identifiable from the data; None if it is identifiable.
 
-        The 95 % interval reaches a bound, or spans more than a factor of 10 for a positive parameter; or the prior
-        determines the estimate more than the data do, that is, the variance is more than half the prior's variance.
+        The 95 % interval reaches a bound, or spans more than a factor of 10 for a positive parameter; or the error due
+        to the number of segments exceeds half the interval; or the prior determines the estimate more than the data do,
+        that is, the variance is more than half the prior's variance.
         """
         widest = 10.0  # largest ratio of the interval's ends
-        if not math.isfinite(self.half):
-            return Diagnostic("the interval is unbounded", "unbounded-interval")
-        if self.at_bound:
-            return Diagnostic("the estimate is at a bound", "estimate-at-bound")
-        if self.low <= self.between[0] or self.high >= self.between[1]:
-            return Diagnostic("the interval reaches a bound", "interval-at-bound")
-        if self.log and self.high > widest * self.low:
-            return Diagnostic(f"the interval spans more than a factor of {widest:g}", "wide-interval")
-        if self.prior is not None and self.deviation**2 > self.prior[1] ** 2 / 2:
-            return Diagnostic("its prior determines the estimate more than the data do", "prior-dominated")
-        return None
+        low, high = self.between
+        by_prior = self.prior is not None and self.deviation**2 > self.prior[1] ** 2 / 2
+        doubts = (
+            (not math.isfinite(self.half), Diagnostic("the interval is unbounded", "unbounded-interval")),
+            (self.at_bound, Diagnostic("the estimate is at a bound", "estimate-at-bound")),
+            (self.low <= low or self.high >= high, Diagnostic("the interval reaches a bound", "interval-at-bound")),
+            (
+                self.log and self.high > widest * self.low,
+                Diagnostic(f"the interval spans more than a factor of {widest:g}", "wide-interval"),
+            ),
+            (
+                self.u_num > self.statistical,
+                Diagnostic("its grid error exceeds half its 95 % interval", "grid-error"),
+            ),
+            (by_prior, Diagnostic("its prior determines the estimate more than the data do", "prior-dominated")),
+        )
+        return next((doubt for applies, doubt in doubts if applies), None)
 
     @property
     def verdict(self) -> str:
-        """Result of the identifiability check: "identifiable", or "not identifiable" with the reason."""
-        return "identifiable" if self.doubt is None else f"not identifiable: {self.doubt}"
+        """Result of the check: "identifiable", or "not identifiable" or "inaccurate" with the reason."""
+        if self.doubt is None:
+            return "identifiable"
+        return f"{'inaccurate' if self.doubt.id == 'grid-error' else 'not identifiable'}: {self.doubt}"
 
     @property
     def determined(self) -> bool:
@@ -188,6 +203,8 @@ class Fitted:
         Number of simulated runs.
     warnings
         Warnings about the estimates and the scene.
+    covariance
+        Covariance matrix of the estimates, in their units, with the error due to the number of segments.
 
     Examples
     --------
@@ -207,6 +224,7 @@ class Fitted:
     starts: tuple[tuple[tuple[float, ...], float], ...]
     runs: int
     warnings: tuple[Diagnostic, ...]
+    covariance: Array
 
     def __repr__(self) -> str:
         values = ", ".join(f"{one.name} = {one.value:.4g} ± {one.half:.2g} {one.unit}".rstrip() for one in self.numbers)

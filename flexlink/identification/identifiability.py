@@ -85,6 +85,8 @@ class Check(NamedTuple):
         Notes on columns, sampling rates and noise.
     error
         Norm of the error of the Jacobian.
+    grid
+        Expected error of each parameter due to the number of segments, relative to its value or unit; empty if unknown.
     """
 
     names: tuple[str, ...]
@@ -93,6 +95,7 @@ class Check(NamedTuple):
     expected: Array
     notes: tuple[Diagnostic, ...] = ()
     error: float = 0.0
+    grid: Array = np.empty(0)
 
     @property
     def lost(self) -> tuple[Direction, ...]:
@@ -103,6 +106,11 @@ class Check(NamedTuple):
     def passed(self) -> bool:
         """Whether every parameter is identifiable."""
         return not self.lost
+
+    @property
+    def coarse(self) -> bool:
+        """Whether the expected grid error of a parameter exceeds half its expected 95 % interval."""
+        return bool(len(self.grid)) and bool((self.grid > WIDE * self.expected[: len(self.grid)]).any())
 
 
 def checked(J: Array, error: float, names: Sequence[str], notes: Sequence[Diagnostic] = ()) -> Check:

@@ -128,18 +128,20 @@ def _beside_linear(ours: float, theirs: float) -> Verdict:
 
 
 def _numbers(fitted: Fitted) -> Part:
-    heads = ["parameter", "unit", "before", "fitted", "from", "to", "± of 95 % [%]", "standard deviation", "verdict"]
+    heads = ["parameter", "unit", "before", "fitted", "from", "to", "± of 95 % [%]", "standard deviation"]
+    heads += ["grid error", "verdict"]
     profile = any(one.profile for one in fitted.numbers)
     lines: list[tuple[Cell, ...]] = [
         (one.name, one.unit or "1", one.start, one.value, one.low, one.high,
-         100 * one.half / abs(one.value) if one.value else None, one.deviation, one.verdict,
+         100 * one.half / abs(one.value) if one.value else None, one.deviation, one.u_num, one.verdict,
          *(_ends(one) if profile else ()))
         for one in fitted.numbers
     ]  # fmt: skip
     heads += ["profile from", "profile to"] if profile else []
     sentences = (
         "Columns “from” and “to” are the ends of the 95 % interval. It covers the true value in 95 % of cases if the "
-        "model is complete, and accounts for the autocorrelation of the residuals.",
+        "model is complete, and accounts for the autocorrelation of the residuals and for the grid error: the error "
+        "due to the number of segments, estimated by a fit with twice the hinges.",
         *priors_in_words(fitted.problem),
         *(f"Note: {warning}." for warning in fitted.warnings),
     )
