@@ -1,17 +1,24 @@
-"""Problems and results of parameter identification, for the functions `flexlink.fit` and `check_fit`."""
+"""Problems and results of parameter identification, for the functions `flexlink.fit`, `check_fit` and `propose`."""
 
+from flexlink.identification.experiments import Experiments, load_experiments
 from flexlink.identification.fit import check_fit
 from flexlink.identification.fitted import Fitted
 from flexlink.identification.loading import load_fit
 from flexlink.identification.problem import FitModes, FitParameter, FitProblem, FitRun, FitStatic
+from flexlink.identification.proposals import Proposals
+from flexlink.identification.propose import propose
 
 __all__ = [
+    "Experiments",
     "FitModes",
     "FitParameter",
     "FitProblem",
     "FitRun",
     "FitStatic",
     "Fitted",
+    "Proposals",
     "check_fit",
+    "load_experiments",
     "load_fit",
+    "propose",
 ]

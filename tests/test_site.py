@@ -22,6 +22,14 @@ from flexlink.describe.schemes.lumping_rules import LumpingRule
 from flexlink.describe.schemes.methods import Method
 from flexlink.describe.shaping import ShaperRule
 from flexlink.describe.spec import Spec, units_of
+from flexlink.identification.experiments import (
+    ColumnExperiment,
+    Experiments,
+    ModesExperiment,
+    MotionExperiment,
+    PriorExperiment,
+    StaticExperiment,
+)
 from flexlink.identification.problem import FitModes, FitParameter, FitProblem, FitRun, FitStatic
 from flexlink.robots.collection import KnownArm
 from flexlink.robots.flexible import FlexibleLink
@@ -33,10 +41,25 @@ KINDS_IN_A_SCENE = [kind for _, kind in keys.records(Scene, "", set()) if kind i
 KEY_PAGES = {
     "scene.rst": [Scene],
     "sweep.rst": [Sweep, Range, Spread],
-    "fit.rst": [FitProblem, FitParameter, FitRun, FitModes, FitStatic],
+    "fit.rst": [
+        FitProblem,
+        FitParameter,
+        FitRun,
+        FitModes,
+        FitStatic,
+        Experiments,
+        ColumnExperiment,
+        StaticExperiment,
+        ModesExperiment,
+        MotionExperiment,
+        PriorExperiment,
+    ],
     "data_files.rst": [LumpingRule, Method, ShaperRule, KnownArm, FlexibleLink],
 }
-WITHOUT_UNIT = {"FitParameter", "FitRun.noise", "Range", "Spread", "Element", "Jacobi", "RunSettings.max_evaluations"}
+WITHOUT_UNIT = {
+    "FitParameter", "FitRun.noise", "Range", "Spread", "Element", "Jacobi", "RunSettings.max_evaluations",
+    "ColumnExperiment.noise", "MotionExperiment.add", "PriorExperiment.deviation",
+}  # fmt: skip
 """Values that vary have the unit of their key; positions on an element, exponents and counts have none."""
 
 

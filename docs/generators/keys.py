@@ -22,6 +22,7 @@ from flexlink.describe.schemes.methods import Method
 from flexlink.describe.shaping import ShaperRule
 from flexlink.describe.spec import ONE_PER_LINK, default_of, fields_of
 from flexlink.describe.writing import toml_of
+from flexlink.identification.experiments import Experiments
 from flexlink.identification.problem import FitProblem
 from flexlink.robots.collection import KnownArm
 from flexlink.robots.flexible import FlexibleLink
@@ -80,7 +81,11 @@ def fit_page(_: Path) -> str:
 All keys of a fit problem's file, and of :class:`flexlink.fits.FitProblem` in Python; the prefix ``fit.`` denotes the
 file. Keys under ``set`` and ``before`` are paths of the scene, see :doc:`scene`.
 """
-    return _page("Keys of a fit", intro, [("fit", FitProblem)])
+    intro += """
+A file of experiments for ``flexlink fit --propose --experiments`` has the keys of :class:`flexlink.fits.Experiments`;
+the prefix ``experiments.`` denotes the file.
+"""
+    return _page("Keys of a fit", intro, [("fit", FitProblem), ("experiments", Experiments)])
 
 
 def data_files_page(_: Path) -> str:

@@ -1,6 +1,7 @@
 """`flexlink fit`: Identify parameters of a scene from measurements, with 95 % confidence intervals.
 
 flexlink fit problem.toml --check
+flexlink fit problem.toml --check --propose
 flexlink fit problem.toml --out fitted
 flexlink fit problem.toml --grid auto
 flexlink fit problem.toml --starts 5 --profile --set material.steel.young=2e11
@@ -19,7 +20,7 @@ from msgspec.structs import replace
 
 from flexlink.cli.json_output import add_json, print_json
 from flexlink.cli.shared import prefix_errors, print_hints, print_lines, varied
-from flexlink.common.errors import IdentifiabilityError
+from flexlink.common.errors import ArgumentError, IdentifiabilityError
 from flexlink.common.files import shown_path
 from flexlink.common.output import make_folder, or_keep
 from flexlink.common.progress import Progress
@@ -27,12 +28,15 @@ from flexlink.common.wording import Diagnostic
 from flexlink.describe.plausibility.hints import hints
 from flexlink.identification.checked_page import document
 from flexlink.identification.coordinates import hints_on_bounds
+from flexlink.identification.experiments import load_experiments
 from flexlink.identification.fit import check_fit, fit
 from flexlink.identification.fitted import Fitted, building
 from flexlink.identification.grid import Grid
 from flexlink.identification.identifiability import WIDE, Check
 from flexlink.identification.loading import load_fit
 from flexlink.identification.problem import FitProblem
+from flexlink.identification.proposals import Proposals
+from flexlink.identification.propose import propose
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -42,6 +46,18 @@ def add_options(command: argparse.ArgumentParser) -> None:
         "--check",
         action="store_true",
         help="only check identifiability and segments, without fitting; exit with 1 if it fails",
+    )
+    command.add_argument(
+        "--propose",
+        action="store_true",
+        help="rank experiments by how much they would narrow the widest interval, at the solution, or with --check at "
+        "the initial guess",
+    )
+    command.add_argument(
+        "--experiments",
+        type=Path,
+        metavar="FILE",
+        help="TOML file of experiments for --propose, in addition to the built-in ones",
     )
     command.add_argument(
         "--out",
@@ -68,6 +84,10 @@ def add_options(command: argparse.ArgumentParser) -> None:
 def run_command(options: argparse.Namespace) -> int:
     """Check, fit and write results; exit with 1 if a parameter is not identifiable or inaccurate, or the fit worse."""
     problem = load_fit(options.problem)
+    if options.experiments is not None:
+        if not options.propose:
+            raise ArgumentError("--experiments: has no effect without --propose", id="needs-another-argument")
+        load_experiments(options.experiments)  # reports mistakes before the fit
     problem = replace(problem, scene=varied(options.problem, problem.scene, options.set))
     print_hints([*hints(problem.scene), *hints_on_bounds(problem)], options)
     if options.out is not None:
@@ -89,24 +109,30 @@ def run_command(options: argparse.Namespace) -> int:
                 found = error.check
             finally:
                 bar.clear()
-        return _report(found, problem, options)
+        of = found if isinstance(found, Fitted) else problem
+        return _report(found, problem, propose(of, options.experiments) if options.propose else None, options)
 
 
-def _report(found: Check | Fitted, problem: FitProblem, options: argparse.Namespace) -> int:
-    """Print the result, and write its page on request."""
+def _report(
+    found: Check | Fitted, problem: FitProblem, proposals: Proposals | None, options: argparse.Namespace
+) -> int:
+    """Print the result and the proposals, and write its page on request."""
     command, out = shlex.join(["flexlink", *sys.argv[1:]]), options.out
+    more = {} if proposals is None else {"proposals": proposals.document()}
     if isinstance(found, Fitted):
         if options.json:
-            print_json(found.document())
+            print_json(found.document() | more)
         else:
             _print_fit(found)
-        page = None if out is None else or_keep(out, lambda folder: found.report(folder, command=command))
+        page = None if out is None else or_keep(out, lambda folder: building().build(found, folder, command, proposals))
     else:
         if options.json:
-            print_json(document(found))
+            print_json(document(found) | more)
         else:
             _print_check(found)
-        page = None if out is None else building("checked_page").build_check(problem, found, out, command)
+        page = None if out is None else building("checked_page").build_check(problem, found, out, command, proposals)
+    if proposals is not None and not options.json:
+        print("", *proposals.lines(), sep="\n")
     if page is not None:
         print(f"page: {shown_path(page.page)}", file=sys.stderr if options.json else None)
     return 0 if found.passed and not (isinstance(found, Check) and found.coarse) else 1

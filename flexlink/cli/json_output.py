@@ -26,9 +26,11 @@ def with_ids(texts: tuple[str, ...]) -> list[dict[str, str]]:
 
 
 def _plain(value: object) -> object:
-    """Convert types unknown to msgspec: arrays, NumPy numbers, complex numbers."""
+    """Convert types unknown to msgspec: arrays, NumPy numbers, complex numbers, texts with an id."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
+    if isinstance(value, Diagnostic):
+        return str(value)
     if isinstance(value, complex):
         return value.real, value.imag
     raise NotImplementedError(type(value).__name__)

@@ -16,6 +16,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.writing import toml_of, without_defaults
 from flexlink.identification.identifiability import WIDE, Check
 from flexlink.identification.problem import FitProblem
+from flexlink.identification.proposals import Proposals
 from flexlink.pages.chapter import Chapter
 from flexlink.pages.page import write_page
 from flexlink.pages.part import Part, written
@@ -26,8 +27,10 @@ START, PROBLEM = "start.toml", "problem.toml"
 """Files next to the page: the scene before the fit, and the problem, which refers to this scene."""
 
 
-def build_check(problem: FitProblem, check: Check, folder: Path, command: str) -> Report:
-    """Write the page and the files of a check, or of a fit that the check refused.
+def build_check(
+    problem: FitProblem, check: Check, folder: Path, command: str, proposals: Proposals | None = None
+) -> Report:
+    """Write the page and the files of a check, or of a fit that the check refused; with `proposals` of experiments.
 
     Raises
     ------
@@ -38,6 +41,7 @@ def build_check(problem: FitProblem, check: Check, folder: Path, command: str) -
     write_text(folder / "check.json", json.dumps(document(check), indent=1, ensure_ascii=False) + "\n")
     parts = {
         "identifiability": ("Identifiability", "Identifiability", identifiability(check)),
+        **measure_next(proposals),
         "problem": (
             "Problem",
             "Problem",
@@ -85,6 +89,11 @@ def identifiability(check: Check) -> Part:
         Table("singular_values", "Singular values of the Jacobian over the noise", ("number", "value"), values,
               to_look_up=True),
     ))  # fmt: skip
+
+
+def measure_next(proposals: Proposals | None) -> dict[str, tuple[str, str, Part]]:
+    """Chapter with proposals of experiments, if there are any."""
+    return {} if proposals is None else {"next": ("What to measure next", "Next", proposals.part())}
 
 
 def problem_part(problem: FitProblem, sentences: Sequence[str] = ()) -> Part:

@@ -14,11 +14,13 @@ from flexlink.common.wording import plural
 from flexlink.identification.checked_page import (
     differences_of_runs,
     identifiability,
+    measure_next,
     priors_in_words,
     problem_part,
     reproduction,
 )
 from flexlink.identification.fitted import Estimate, Fitted, FittedColumn
+from flexlink.identification.proposals import Proposals
 from flexlink.pages.chapter import Chapter
 from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
 from flexlink.pages.numbers import JOIN, amount, number
@@ -30,7 +32,7 @@ from flexlink.pages.tables import Cell, Table, columns_csv
 from flexlink.pages.verdict import Fact, Report, Verdict
 
 
-def build(fitted: Fitted, folder: Path, command: str) -> Report:
+def build(fitted: Fitted, folder: Path, command: str, proposals: Proposals | None = None) -> Report:
     """Write the page and its files: fitted scene, JSON, tables, pictures.
 
     Raises
@@ -45,6 +47,7 @@ def build(fitted: Fitted, folder: Path, command: str) -> Report:
         "data": ("Measured and predicted", "Data", _data(fitted)),
         "residuals": ("Residuals", "Residuals", _residuals(fitted)),
         "identifiability": ("Identifiability", "Identifiability", identifiability(fitted.check)),
+        **measure_next(proposals),
         "problem": ("Problem", "Problem", problem_part(fitted.problem)),
         "reproduce": ("How to reproduce this page", "Reproduce", reproduction(fitted.scene, "fitted.toml", command)),
     }

@@ -1,0 +1,320 @@
+"""Candidates for additional data: experiments applied to the scene and the runs of a problem.
+
+Each candidate is a part of a problem file (a run, modes, a static deflection or a prior) whose data are the predictions
+of the scene at given values of the parameters.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy
+from msgspec.structs import replace
+
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import ArgumentError, FlexlinkError
+from flexlink.common.types import Array
+from flexlink.common.wording import Diagnostic
+from flexlink.describe.sensor import Sensor, column_names
+from flexlink.describe.vary import parts_of
+from flexlink.identification.applied import changes_of, rounded, sensors_on
+from flexlink.identification.coordinates import Coordinate
+from flexlink.identification.data import Source, at_times, exact, sagged, tapped
+from flexlink.identification.experiments import (
+    ColumnExperiment,
+    Experiments,
+    ModesExperiment,
+    MotionExperiment,
+    PriorExperiment,
+    StaticExperiment,
+)
+from flexlink.identification.problem import FitModes, FitParameter, FitProblem, FitRun, FitStatic
+from flexlink.identification.timing import as_long
+from flexlink.motion.simulate import simulate
+
+Addition = FitRun | FitModes | FitStatic | FitParameter
+"""Part of a problem that a candidate adds; a parameter replaces the one with its path."""
+
+
+class Candidate(NamedTuple):
+    """An experiment on this arm.
+
+    Attributes
+    ----------
+    experiment
+        Name of the experiment.
+    title
+        What to measure, with its assumed deviation.
+    reason
+        Reason for the deviation or the motion.
+    addition
+        What it adds to the problem.
+    beside
+        Run that it repeats with other columns; all candidates that repeat a run are simulated together.
+    """
+
+    experiment: str
+    title: str
+    reason: str
+    addition: Addition
+    beside: str = ""
+
+
+class Bench:
+    """A problem at given values of its parameters, on which experiments are tried.
+
+    Attributes
+    ----------
+    problem
+        The problem.
+    scene
+        Its scene with the values of the parameters of all runs.
+    skipped
+        Experiments that do not apply or cannot be simulated, with the reason.
+    """
+
+    def __init__(
+        self, problem: FitProblem, sources: Sequence[Source], coordinates: Sequence[Coordinate], x: Array
+    ) -> None:
+        self.problem = problem
+        self.values = {(one.run, one.path): one.value(float(at)) for one, at in zip(coordinates, x, strict=True)}
+        self.scene = problem.scene.varied({path: value for (run, path), value in self.values.items() if not run})
+        self.skipped: list[Diagnostic] = []
+        known = {source.name: source for source in sources if source.is_run}
+        self.runs: list[tuple[FitRun, Source | None]] = [
+            (run, known[run.name]) for run in problem.run if run.name in known
+        ]
+        if not self.runs:
+            self.runs = [(FitRun(name="scene", columns={"t [s]": (0.0,)}), None)]
+
+    def candidates(self, experiments: Experiments) -> Iterator[Candidate]:
+        """All candidates, those without simulated runs first."""
+        for prior in experiments.prior:
+            yield from self._priors(prior)
+        for static in experiments.static:
+            for axis in range(3):
+                yield from self._tried(static.name, partial(self._static, static, axis))
+        for modes in experiments.modes:
+            yield from self._tried(modes.name, partial(self._modes, modes))
+        for run, source in self.runs:
+            yield from self._tried(
+                f"columns of {run.name!r}", partial(self._of_columns, experiments.column, run, source)
+            )
+            for motion in experiments.motion if source is not None else ():
+                for link in self._links(motion):
+                    yield from self._tried(motion.name, partial(self._motion, motion, run, source, link))
+
+    def _tried(self, name: str, make: Callable[[], list[Candidate]]) -> list[Candidate]:
+        try:
+            return make()
+        except FlexlinkError as error:
+            self.skip(name, error)
+            return []
+
+    def skip(self, name: str, reason: object) -> None:
+        """Note an experiment that is left out."""
+        self.skipped.append(Diagnostic(f"{name}: {reason}", "experiment-left-out"))
+
+    def _priors(self, experiment: PriorExperiment) -> list[Candidate]:
+        found = []
+        for one in self.problem.parameter:
+            if one.prior is not None or not re.fullmatch(experiment.paths, one.path):
+                continue
+            value = self.values["", one.path]
+            deviation = experiment.deviation or abs(value) * (experiment.share or 0.0)
+            if not deviation or (value <= 0 and one.scale == "log"):
+                continue
+            title = f"{experiment.name}: {one.path} ± {deviation:.2g} (standard deviation)"
+            addition = replace(one, prior=(rounded(value), rounded(deviation)))
+            found.append(Candidate(experiment.name, title, experiment.reason, addition))
+        return found
+
+    def _static(self, experiment: StaticExperiment, axis: int) -> list[Candidate]:
+        """The heaviest weight that moves the tip by no more than allowed."""
+        before = self.scene.wrench.force
+        if self.scene.wrench.varies:
+            raise ArgumentError("the wrench of the scene is not constant in frame 0", id="no-effect")
+        largest = experiment.largest * lump(self.scene).reach
+        down = self.scene.gravity[axis] < 0 and abs(self.scene.gravity[axis]) > 0.5 * math.hypot(*self.scene.gravity)
+        reason = "no weight moves the tip along this axis within the allowed range"
+        for mass in sorted(experiment.kilograms, reverse=True):
+            force = [*before]
+            force[axis] += (-1 if down else 1) * scipy.constants.g * mass
+            addition = FitStatic(
+                axis="xyz"[axis], value=0.0, deviation=experiment.deviation,  # type: ignore[arg-type]
+                set={"wrench.force": tuple(map(rounded, force))}, before={"wrench.force": before},
+            )  # fmt: skip
+            self._refuse_sought(addition.set)
+            try:
+                value = self._predicted(sagged(self.problem, addition, 0))[0][0]
+            except FlexlinkError as error:  # the arm buckles or sags too far for a static solution
+                reason = str(error)
+                continue
+            if experiment.deviation < abs(value) <= largest:
+                title = f"static: tip {addition.axis} [m] under {mass:g} kg along {addition.axis} (noise "
+                title += f"{experiment.deviation:g} m)"
+                return [Candidate(experiment.name, title, experiment.reason, replace(addition, value=rounded(value)))]
+        raise ArgumentError(f"tip {'xyz'[axis]}: {reason}", id="no-effect")
+
+    def _modes(self, experiment: ModesExperiment) -> list[Candidate]:
+        added, on = self._mass(experiment.kilograms, {})
+        for count in range(experiment.count, 0, -1):
+            addition = FitModes(
+                hertz=tuple(float(k + 1) for k in range(count)), deviation=(1.0,), set=added,
+                ratios=(0.0,) * count if experiment.ratio_share else (), locked=() if experiment.free else None,
+            )  # fmt: skip
+            try:
+                hertz, *ratios = self._predicted(tapped(self.problem, addition, 0))
+            except ArgumentError as error:
+                if error.id != "unknown-mode" or count == 1:
+                    raise
+                continue
+            break
+        deviations = tuple(rounded(experiment.share * f) for f in hertz)
+        addition = replace(addition, hertz=tuple(map(rounded, hertz)), deviation=deviations)
+        if ratios and experiment.ratio_share:
+            if not all(float(ζ) > 0 for ζ in ratios[0]):
+                raise ArgumentError("no mode is damped", id="no-effect")
+            deviation = rounded(experiment.ratio_share * float(min(ratios[0])))
+            addition = replace(addition, ratios=tuple(map(rounded, ratios[0])), ratio_deviation=deviation)
+        listed = ", ".join(f"{f:.3g}" for f in hertz)
+        title = f"{experiment.name}{on}: {listed} Hz ± {100 * experiment.share:.2g} %"
+        if addition.ratios:
+            title += f", damping ratio ± {100 * (experiment.ratio_share or 0.0):.2g} %"
+        return [Candidate(experiment.name, title, experiment.reason, addition)]
+
+    def _of_columns(
+        self, experiments: Sequence[ColumnExperiment], run: FitRun, source: Source | None
+    ) -> list[Candidate]:
+        """One candidate for each column or sensor, recorded in a repeat of a run; one simulation predicts all."""
+        scene = self.problem.scene.varied(run.set) if run.set else self.problem.scene
+        sensors: list[Sensor] = []
+        own = {one.name: sensors_on(one, scene, sensors) for one in experiments if one.sensor}
+        t = self._times(source, 1.0)
+        columns = self._recorded(run, {"sensor": (*scene.sensor, *sensors)} if sensors else {}, t)
+        measured = {block.name for block in source.blocks} if source is not None else set()
+        new = {name for one in sensors for name in column_names((one,), scene.arm)}
+        found = []
+        for one in experiments:
+            if one.sensor and not own[one.name]:
+                self.skip(one.name, f"no link of {run.name!r} takes this sensor")
+            of_sensors = [(sensor, column_names((sensor,), scene.arm)) for sensor in own.get(one.name, ())]
+            others = [name for name in columns if name not in new and self._measurable(name, one.columns)]
+            for sensor, names in [*of_sensors, *((None, (name,)) for name in others)]:
+                if not measured & {*names}:
+                    changes = {} if sensor is None else {"sensor": (*scene.sensor, sensor)}
+                    found += self._column(one, run, sensor, changes, t, {name: columns[name] for name in names})
+        return found
+
+    def _column(
+        self, experiment: ColumnExperiment, run: FitRun, sensor: Sensor | None, changes: Mapping[str, Any], t: Array,
+        columns: Mapping[str, Array],
+    ) -> list[Candidate]:  # fmt: skip
+        largest = max(float(np.abs(column).max()) for column in columns.values())
+        noise, names = rounded(experiment.noise or (experiment.share or 0.0) * largest), tuple(columns)
+        if not noise:
+            return []
+        unit = names[0].rpartition("[")[2].rstrip("]")
+        what = names[0] if sensor is None else sensor.name
+        again = f"a repeat of run {run.name!r}" if run in self.problem.run else "a run of the scene"
+        addition = replace(
+            self._run(run, f"{run.name}, {what.partition(' [')[0]}", changes, t, columns, dict.fromkeys(names, noise)),
+            gain=names if experiment.gain else (), bias=names if experiment.bias else (),
+        )  # fmt: skip
+        title = f"add {what} in {again} (noise {noise:.2g}{f' {unit}' if unit != '1' else ''})"
+        return [Candidate(experiment.name, title, experiment.reason, addition, run.name)]
+
+    def _measurable(self, name: str, pattern: str) -> bool:
+        """Whether a column matches, and is not the angle of a hinge that only stands for bending."""
+        if not pattern or not re.fullmatch(pattern, name):
+            return False
+        if not name.startswith(("q ", "qd ", "tau ")):
+            return True
+        links = self.problem.scene.arm.links
+        return name.partition(" ")[2].rpartition(" [")[0] in {link.name for link in links}
+
+    def _links(self, experiment: MotionExperiment) -> list[str]:
+        """Names of the driven links, on each of which a motion is tried; "" if its paths name no link."""
+        if not any("{link}" in path for path in (*experiment.scale, *experiment.add, *experiment.set)):
+            return [""]
+        return [link.name for link in self.scene.arm.links if not link.joint.locked]
+
+    def _motion(self, experiment: MotionExperiment, run: FitRun, source: Source | None, link: str) -> list[Candidate]:
+        assert source is not None
+        added, on = self._mass(experiment.kilograms, run.set)
+        changes = changes_of(experiment, self.problem.scene.varied(run.set), link) | added
+        self._refuse_sought(changes)
+        t = self._times(source, experiment.longer)
+        columns = self._recorded(run, changes, t)
+        noise = {block.name: rounded(float(np.median(block.σ))) for block in source.blocks}
+        where = f", joint {link}" if link else ""
+        addition = replace(
+            self._run(run, f"{run.name}, {experiment.name}{where}", changes, t, columns, noise),
+            gain=tuple(b.name for b in source.blocks if b.gain), bias=tuple(b.name for b in source.blocks if b.bias),
+        )  # fmt: skip
+        title = f"run {run.name!r} again, {experiment.name}{on}{where} (noise as in that run)"
+        return [Candidate(experiment.name, title, experiment.reason, addition)]
+
+    def _run(
+        self, run: FitRun, name: str, changes: Mapping[str, Any], t: Array, columns: Mapping[str, Array],
+        noise: Mapping[str, float],
+    ) -> FitRun:  # fmt: skip
+        """A run to be recorded, with the columns that `noise` names."""
+        data = {"t [s]": tuple(t.tolist())} | {one: tuple(columns[one].tolist()) for one in noise}
+        parameters = tuple(
+            replace(one, start=self.values.get((run.name, one.path), one.start)) for one in run.parameter
+        )
+        window = None if run.window is None else (float(t[0]), float(t[-1]))
+        return FitRun(
+            name=name, columns=data, set={**run.set, **changes}, noise=dict(noise), parameter=parameters, window=window
+        )
+
+    def _recorded(self, run: FitRun, changes: Mapping[str, Any], t: Array) -> Mapping[str, Array]:
+        """Columns of the changed run at times t, predicted by the scene."""
+        scene = self.problem.scene.varied({**run.set, **changes})
+        own = {path: value for (name, path), value in self.values.items() if name in ("", run.name)}
+        scene = as_long(exact(scene.varied(own), self.problem.tolerance), t)
+        found = simulate(scene)
+        return {name: at_times(found.t, column, t) for name, column in found.columns.items() if name != "t [s]"}
+
+    def _times(self, source: Source | None, longer: float) -> Array:
+        """Times of the samples of a run, or of the scene's run."""
+        if source is None:
+            start, run = self.problem.scene.initial.time, self.problem.scene.run
+            t = np.asarray(start + run.spacing * np.arange(round(run.duration / run.spacing) + 1), np.float64)
+        else:
+            t = np.asarray(max((block.t for block in source.blocks if block.t is not None), key=len))
+        if longer == 1:
+            return t
+        between, start = float(np.median(np.diff(t))), float(t[0])
+        return np.asarray(start + between * np.arange(round(longer * (float(t[-1]) - start) / between) + 1), np.float64)
+
+    def _predicted(self, source: Source) -> list[Array]:
+        assert source.at_rest is not None
+        at = {path: value for (run, path), value in self.values.items() if not run}
+        return source.at_rest(source.scene.varied(at))
+
+    def _mass(self, kilograms: Sequence[float], already: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
+        """Change that clamps a known mass to the end of the last link, and its text."""
+        if not kilograms:
+            return {}, ""
+        links = self.scene.arm.links
+        allowed = [mass for mass in kilograms if mass <= lump(self.scene).mass / 2] or [min(kilograms)]
+        mass = max(allowed)
+        path = f"{self.scene.arm.path(len(links))}.end.mass"
+        now = float(self.problem.scene.varied(dict(already)).values_at(path)[0] or 0.0)
+        self._refuse_sought({path: mass})
+        return {path: rounded(now + mass)}, f" ({mass:g} kg)"
+
+    def _refuse_sought(self, changes: Mapping[str, Any]) -> None:
+        """Refuse an experiment that sets a sought parameter, or a part of one."""
+        for path in changes:
+            for _, sought in self.values:
+                one, other = parts_of(path), parts_of(sought)
+                if one[: len(other)] == other or other[: len(one)] == one:
+                    raise ArgumentError(f"it sets {path}, but {sought} is sought", id="parameter-set")
