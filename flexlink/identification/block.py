@@ -13,6 +13,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 import scipy
 
 from flexlink.common.types import Array
@@ -104,6 +105,16 @@ def _price(order: int, samples: int) -> float:
     return order * math.log(samples)
 
 
+FAR = 6.0
+"""Distance of an outlier from the median, in standard deviations estimated by the median absolute deviation."""
+
+
+def outlying(e: Array) -> npt.NDArray[np.bool_]:
+    """Whether each residual is an outlier; none is if most residuals are equal."""
+    off = np.abs(e - np.median(e))
+    return np.asarray((off > FAR * 1.4826 * np.median(off)) & (np.median(off) > 0))
+
+
 def whiteness(e: Array) -> float:
     """P-value of the Ljung-Box test: probability that white noise is at least as autocorrelated as e, to 20 lags."""
     n, lags = len(e), min(20, len(e) // 5)
@@ -132,8 +143,10 @@ class Block:
         Times of a run's samples [s], shape (n,); None for single measurements, whose noise is independent.
     colour
         AR model of the noise, None for white noise. With a model, σ is the standard deviation of the innovations.
-    gain, bias
-        Whether scale and offset are unknown.
+    gain, bias, drift
+        Whether scale, offset, and a linear drift of the offset are unknown.
+    left_out
+        Outliers, whose residual counts as zero, shape (n,); None if all samples are used.
     """
 
     name: str
@@ -144,6 +157,13 @@ class Block:
     colour: Colour | None = None
     gain: bool = False
     bias: bool = False
+    drift: bool = False
+    left_out: npt.NDArray[np.bool_] | None = None
+
+    @property
+    def used(self) -> Array:
+        """1 for samples that are used, 0 for outliers that are left out, shape (n,)."""
+        return np.ones(len(self.y)) if self.left_out is None else np.where(self.left_out, 0.0, 1.0)
 
     @property
     def unit(self) -> str:

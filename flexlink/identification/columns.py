@@ -13,7 +13,7 @@ from flexlink.identification.block import Block, whiteness
 from flexlink.identification.coordinates import run_coordinates
 from flexlink.identification.data import Source
 from flexlink.identification.fitted import FittedColumn
-from flexlink.identification.likelihood import Row, row_of, white
+from flexlink.identification.likelihood import Row, read, row_of, white
 from flexlink.identification.linear_reference import linear_models
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.signals import Signals
@@ -91,7 +91,7 @@ def _beside(
     for source, part, old, new in zip(sources, blocks, before, after, strict=True):
         for block, earlier, later in zip(part, old, new, strict=True):
             was, now = row_of(white(block), earlier), row_of(block, later)
-            given, σ = now.gain * later + now.bias, float(np.sqrt(np.mean(white(block).σ ** 2)))
+            given, σ = read(block, now, later), float(np.sqrt(np.mean(white(block).σ ** 2)))
             residual = given - block.y
             found.append(
                 FittedColumn(
@@ -100,7 +100,7 @@ def _beside(
                     use=source.use,
                     t=block.t,
                     measured=block.y,
-                    before=was.gain * earlier + was.bias,
+                    before=read(block, was, earlier),
                     after=given,
                     linear=None,
                     gain=now.gain,

@@ -6,18 +6,27 @@ import dataclasses
 import math
 import sys
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
 from flexlink.common.errors import FlexlinkError, SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import Diagnostic
+from flexlink.data.csv_table import head_of
 from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.plausibility.ranges import shown
 from flexlink.describe.scene import Scene
 from flexlink.describe.units import unit_of
 from flexlink.describe.vary import number_in
 from flexlink.identification.problem import FitParameter, FitProblem, FitRun
+
+Timing = Literal["delay", "clock", "start"]
+"""Unknowns of the times of a run's data."""
+OF_TIMING: dict[Timing, tuple[float, float, str]] = {
+    "delay": (0.01, 0.1, "s"), "clock": (0.02, 0.05, ""), "start": (0.01, 0.2, "s")
+}  # fmt: skip
+"""Typical large change of each of these unknowns, its bounds ±, and its unit."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,6 +51,10 @@ class Coordinate:
         Mean and standard deviation of the prior, if there is one.
     measured_in
         Unit of the value; "" for a dimensionless number.
+    timing
+        For the time of a run's data: "delay", "clock" or "start"; "" for a number of the scene.
+    column
+        Column with the delay.
     """
 
     path: str
@@ -52,10 +65,15 @@ class Coordinate:
     between: tuple[float, float]
     prior: tuple[float, float] | None
     measured_in: str = ""
+    timing: Timing | Literal[""] = ""
+    column: str = ""
 
     @property
     def name(self) -> str:
         """Name of the parameter in messages."""
+        if self.timing:
+            what = {"delay": f"delay of {self.column}", "clock": "clock rate error", "start": "start"}[self.timing]
+            return f"{what} of {self.run!r}"
         return f"{self.path} of run {self.run!r}" if self.run else self.path
 
     def x(self, value: float) -> float:
@@ -96,8 +114,13 @@ def coordinates_of(problem: FitProblem) -> tuple[Coordinate, ...]:
     return tuple(found)
 
 
+def sought_in(problem: FitProblem) -> set[str]:
+    """Paths of all parameters of a problem."""
+    return {one.path for one in (*problem.parameter, *(one for run in problem.run for one in run.parameter))}
+
+
 def run_coordinates(problem: FitProblem, run: FitRun) -> list[Coordinate]:
-    """Coordinates of the parameters of one run.
+    """Coordinates of the parameters of one run; those of its times come last.
 
     Raises
     ------
@@ -105,7 +128,31 @@ def run_coordinates(problem: FitProblem, run: FitRun) -> list[Coordinate]:
         As in `coordinates_of`.
     """
     scene = problem.scene.varied(run.set) if run.set else problem.scene
-    return [coordinate_of(scene, parameter, run.name) for parameter in run.parameter]
+    return [*(coordinate_of(scene, parameter, run.name) for parameter in run.parameter), *timings(run)]
+
+
+def timings(run: FitRun) -> list[Coordinate]:
+    """Coordinates of the unknown delays, clock rate error and start of a run."""
+    unknown: list[tuple[Timing, str]] = [("delay", head) for head in run.delay]
+    unknown += [("clock", "")] if run.clock else []
+    unknown += [("start", "")] if run.start == "unknown" else []
+    return [timing_of(kind, run.name, column) for kind, column in unknown]
+
+
+def timing_of(kind: Timing, run: str, column: str = "") -> Coordinate:
+    """Coordinate of an unknown delay of a column, clock rate error or start of a run."""
+    change, far, unit = OF_TIMING[kind]
+    return Coordinate("", run, 0.0, False, change, (-far, far), None, unit, kind, column)
+
+
+def shifted(t: Array, begin: float, column: str, timing: Sequence[tuple[Coordinate, float]]) -> Array:
+    """Times of the scene at which a column shows the values recorded at t, shape (n,) [s].
+
+    t' = begin + (t − begin − start) / (1 + clock) − delay
+    """
+    of_column = {"", head_of(column)[0]}
+    by = {one.timing: one.value(x) for one, x in timing if head_of(one.column)[0] in of_column}
+    return begin + (t - begin - by.get("start", 0.0)) / (1 + by.get("clock", 0.0)) - by.get("delay", 0.0)
 
 
 def coordinate_of(scene: Scene, parameter: FitParameter, run: str = "") -> Coordinate:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic, did_you_mean
+from flexlink.common.wording import Diagnostic, did_you_mean, plural
 from flexlink.data.measured import Measured, measured_from, named, read_measured
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
@@ -25,6 +25,7 @@ from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.vibration.at_rest import rest_of
 from flexlink.dynamics.vibration.modal import modes
 from flexlink.identification.block import Block
+from flexlink.identification.coordinates import Coordinate, shifted, sought_in, timings
 from flexlink.identification.problem import FitModes, FitProblem, FitRun, FitStatic, Use
 from flexlink.identification.timing import as_long, doubts_of_times, in_periods, slowest_mode
 from flexlink.motion.inputs.initial_state import initial_state
@@ -52,6 +53,8 @@ class Source:
         Text with the length of a run and the number of periods of the slowest mode that it contains.
     doubts
         Warnings about a run's times.
+    margin
+        Time that the simulation of a run continues beyond the data, for unknown delays, clock and start [s].
     at_rest
         Function that predicts single measurements from a scene; None for a run.
     """
@@ -63,6 +66,7 @@ class Source:
     rate: float = 0.0
     shows: str = ""
     doubts: tuple[Diagnostic, ...] = ()
+    margin: float = 0.0
     at_rest: Callable[[Scene], list[Array]] | None = None
 
     @property
@@ -73,17 +77,27 @@ class Source:
     def first(self, part: float) -> Source:
         """Return the first part of a run, the fraction `part` of its samples and at least ten samples."""
         blocks = tuple(_first(block, part) for block in self.blocks)
-        end = max(float(np.asarray(block.t)[-1]) for block in blocks)
+        end = max(float(np.asarray(block.t)[-1]) for block in blocks) + self.margin
         run = self.scene.run
         duration = math.ceil((end - self.scene.initial.time) / run.spacing - 1e-6) * run.spacing
         shorter = {"run.duration": float(f"{duration:.12g}"), "run.sample": run.spacing}
         scene = self.scene.varied(shorter) if duration < run.duration else self.scene
         return dataclasses.replace(self, scene=scene, blocks=blocks)
 
-    def model(self, run: Trajectory) -> list[Array]:
-        """Predictions for all blocks, interpolated by cubic splines through the samples of a simulated run."""
-        columns = run.columns
-        return [at_times(run.t, columns[block.name], np.asarray(block.t)) for block in self.blocks]
+    def model(self, run: Trajectory, timing: Sequence[tuple[Coordinate, float]] = ()) -> list[Array]:
+        """Predictions for all blocks, interpolated by cubic splines through the samples of a simulated run.
+
+        `timing` are unknowns of the times with their coordinates. Before its start, a run has its initial values.
+        """
+        columns, begin = run.columns, self.scene.initial.time
+        return [
+            at_times(
+                run.t,
+                columns[block.name],
+                shifted(np.asarray(block.t), begin, block.name, timing) if timing else np.asarray(block.t),
+            )
+            for block in self.blocks
+        ]
 
 
 def recorded(problem: FitProblem, run: FitRun) -> Source:
@@ -96,7 +110,7 @@ def recorded(problem: FitProblem, run: FitRun) -> Source:
     """
     scene = problem.scene.varied(run.set) if run.set else problem.scene
     known = dict.fromkeys((*columns_of(lump(scene)), *column_names(scene.sensor, scene.arm)))
-    measured = _measured(run, known)
+    measured, offset = _from_start(run, scene, _measured(run, known))
     first, last = run.window or (-math.inf, math.inf)
     first = max(first, scene.initial.time)
     inside = (measured.t >= first) & (measured.t <= last)
@@ -116,8 +130,43 @@ def recorded(problem: FitProblem, run: FitRun) -> Source:
         raise DataFileError(f"run {run.name!r}: no measured values inside its window", id="no-measured-values")
     _check_reach(run, scene, blocks)
     rate, smooth, hertz = float((len(t) - 1) / (t[-1] - t[0])), exact(scene, problem.tolerance), slowest_mode(scene)
-    doubts = doubts_of_times(smooth, blocks, t, hertz)
-    return Source(run.name, run.use, as_long(smooth, t), _with_noise(blocks), rate, in_periods(t, hertz), doubts)
+    if not any(path.startswith("sensor") for path in sought_in(problem)):
+        smooth = _with_sensors(smooth, {block.name for block in blocks})
+    doubts = (*offset, *doubts_of_times(smooth, blocks, t, hertz))
+    margin = sum(abs(one.between[1]) * (1.0 if one.timing != "clock" else t[-1] - t[0]) for one in timings(run))
+    long = as_long(smooth, t, float(margin)) if margin else as_long(smooth, t)
+    blocks = _with_noise(blocks)
+    return Source(run.name, run.use, long, blocks, rate, in_periods(t, hertz), doubts, float(margin))
+
+
+def _from_start(run: FitRun, scene: Scene, measured: Measured) -> tuple[Measured, tuple[Diagnostic, ...]]:
+    """Measurements with times from the scene's start on, and a note if the record and the scene do not start together.
+
+    Raises
+    ------
+    DataFileError
+        The record starts so late that nearly all of the simulation would precede it.
+    """
+    furthest = 10.0  # largest time between the start of the scene and of the record, in lengths of the record
+    begin, t = scene.initial.time, measured.t
+    if run.start is not None and run.start != "unknown":
+        zero = float(t[0]) if isinstance(run.start, str) else run.start
+        measured = measured._replace(t=begin + (t - zero))
+        t = measured.t
+    between, late = float(np.median(np.diff(t))), float(t[0]) - begin
+    before = int((t < begin - 1e-9).sum())
+    if before:
+        text = f"{plural(before, 'sample')} before the scene's start at {begin:g} s not used"
+        return measured, (Diagnostic(text, "samples-before-start"),)
+    if late <= 1.5 * between or run.window is not None:
+        return measured, ()
+    text = f"record starts at {t[0]:g} s, the scene at {begin:g} s"
+    remedy = "if the scene starts with the record, set start = 'first sample'"
+    if late > furthest * (t[-1] - t[0]):
+        raise DataFileError(
+            f"run {run.name!r}: {text}: {late:g} s to simulate before it; {remedy}", id="record-starts-late"
+        )
+    return measured, (Diagnostic(f"{text}; {remedy}", "record-starts-late"),)
 
 
 def _check_reach(run: FitRun, scene: Scene, blocks: Sequence[Block]) -> None:
@@ -150,7 +199,7 @@ def _measured(run: FitRun, known: Mapping[str, object]) -> Measured:
 def _by_name(run: FitRun, known: Mapping[str, object], compared: Mapping[str, object]) -> dict[str, dict[str, str]]:
     """Map simulated columns to the file's column heads that a run uses in `noise`, `gain` and `bias`."""
     where, found = f"run {run.name!r}", {}
-    for key in ("noise", "gain", "bias"):
+    for key in ("noise", "gain", "bias", "drift", "delay"):
         found[key] = {named(where, head, known)[0]: head for head in getattr(run, key)}
         for name, head in found[key].items():
             if name not in compared:
@@ -170,7 +219,7 @@ def _block(
     σ = run.noise[head] * named(run.name, head, known)[1] if head is not None else of_sensor
     return Block(
         name, y[measured], np.full(int(measured.sum()), σ), σ > 0, t[measured], None,
-        name in heads["gain"], name in heads["bias"],
+        name in heads["gain"], name in heads["bias"], name in heads["drift"],
     )  # fmt: skip
 
 
@@ -194,6 +243,11 @@ def exact(scene: Scene, tolerance: float) -> Scene:
     return smooth(replace(scene, sensor=sensors) if sensors else scene, tolerance)
 
 
+def _with_sensors(scene: Scene, columns: Set[str]) -> Scene:
+    """The scene with only those sensors that have one of these columns; the others would cost time in every run."""
+    return replace(scene, sensor=tuple(one for one in scene.sensor if columns & {*column_names((one,), scene.arm)}))
+
+
 def _noise_of_sensors(scene: Scene) -> dict[str, float]:
     """Standard deviation of each sensor column, from the noise and the resolution of the scene's sensors."""
     return {
@@ -209,10 +263,13 @@ def _first(block: Block, part: float) -> Block:
 
 
 def at_times(t: Array, samples: Array, times: Array) -> Array:
-    """Samples (n, …) at times t, interpolated to `times` by cubic splines; unchanged if `times` equals t."""
+    """Samples (n, …) at times t, interpolated to `times` by cubic splines; unchanged if `times` equals t.
+
+    Before and after the samples, the first and last values hold.
+    """
     if len(times) <= len(t) and np.allclose(t[: len(times)], times, rtol=0, atol=1e-9 * max(float(times[-1]), 1e-3)):
         return np.asarray(samples[: len(times)])
-    return np.asarray(scipy.interpolate.CubicSpline(t, samples)(times))
+    return np.asarray(scipy.interpolate.CubicSpline(t, samples)(np.clip(times, t[0], t[-1])))
 
 
 def tapped(problem: FitProblem, part: FitModes, number: int) -> Source:

@@ -17,6 +17,7 @@ from flexlink.identification.block import Block
 from flexlink.identification.columns import columns_of
 from flexlink.identification.coordinates import Coordinate, coordinates_of, prior_rows
 from flexlink.identification.data import sources_of
+from flexlink.identification.faults import mixups, warnings_of_faults
 from flexlink.identification.fitted import Estimate, Fitted
 from flexlink.identification.grid import (
     Grid,
@@ -174,7 +175,7 @@ def _fit(
     rows = search.rows(best.x, best.blocks)
     colours = [block.colour for part in best.blocks for block in part if block.colour is not None]
     coefficients = sum(len(one.a) - 1 for one in colours)
-    spread = spread_of(parts_of(sources, rows), priors_of(coordinates, best.x, rows), coefficients)
+    spread = spread_of(parts_of(sources, rows, problem.loss), priors_of(coordinates, best.x, rows), coefficients)
     after = _check_after(signals, best, check)
     numbers = (*estimates(coordinates, best.x, spread), *linear_estimates(sources, rows, spread, len(coordinates)))
     coarse = GridError(np.empty(0))
@@ -190,9 +191,10 @@ def _fit(
     numbers = tuple(map(within_bounds, numbers))
     columns = columns_of(problem, signals, best, start, checks, report)
     changes = {one.path: one.value for one in numbers if one.path and not _of_run(one, coordinates)}
-    in_other_units = tuple(note for note in check.notes if note.id == "likely-unit")
-    found_warnings = in_other_units + warnings(numbers, coordinates, after, found, columns, [*sources, *checks])
+    at_start = tuple(note for note in check.notes if note.id.startswith("likely-"))
+    found_warnings = at_start + warnings(numbers, coordinates, after, found, columns, [*sources, *checks])
     found_warnings += tuple(warnings_of_grid(problem.scene, numbers, coarse))
+    found_warnings += warnings_of_faults(*(coarse.refined or (search, best)))
     covariance = covariance_of(coordinates, best.x, spread.covariance, coarse)
     return Fitted(
         problem, problem.scene.varied(changes), numbers, spread.correlation, after, columns,
@@ -257,7 +259,7 @@ def _check(
     J = _of_all(signals, x, blocks, slopes)
     error = float(np.linalg.norm(J - _of_all(signals, x, blocks, finer), 2))
     sources, model = signals.sources, signals.model(x)
-    doubts = [*data_notes, *ranges_apart(sources, model), *hertz_in_rad_per_s(sources, model)]
+    doubts = [*data_notes, *ranges_apart(sources, model), *hertz_in_rad_per_s(sources, model), *mixups(sources, model)]
     check = checked(J, error, _names(signals), doubts)
     check = check._replace(directions=with_reasons(signals, x, check.directions))
     if check.lost or tolerance is None or not bends(sources[0].scene):

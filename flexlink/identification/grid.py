@@ -26,7 +26,7 @@ from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.data import Source
 from flexlink.identification.fitted import Estimate
 from flexlink.identification.identifiability import WIDE, Check
-from flexlink.identification.likelihood import Row
+from flexlink.identification.likelihood import LINEAR, Row
 from flexlink.identification.signals import Signals
 from flexlink.identification.solve import Found, Search
 
@@ -93,7 +93,7 @@ def grid_error(search: Search, best: Found, rows: Sequence[Sequence[Row]], toler
         getattr(new, what) - getattr(old, what)
         for part, of_part, new_part in zip(best.blocks, rows, after, strict=True)
         for block, old, new in zip(part, of_part, new_part, strict=True)
-        for what in ("gain", "bias") if getattr(block, what)
+        for what in LINEAR if getattr(block, what)
     ]  # fmt: skip
     return GridError(np.append(x - best.x, linear), None, (finer, Found(x, best.cost, best.blocks)))
 

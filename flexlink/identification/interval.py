@@ -22,7 +22,9 @@ from flexlink.identification.block import Colour, colour_of
 from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.data import Source
 from flexlink.identification.fitted import Estimate
-from flexlink.identification.likelihood import Row, linear_names, stacked
+from flexlink.identification.likelihood import LINEAR, Row, linear_names, stacked
+from flexlink.identification.losses import LOSSES
+from flexlink.identification.problem import Loss
 
 Part = tuple[Sequence[Array], Sequence[Array], bool]
 """Blocks with correlated noise: residuals (n,), Jacobians (n, parameters), and whether they are columns of a run."""
@@ -125,8 +127,12 @@ def _inverse(bread: Array) -> Array:
     return np.asarray(np.linalg.pinv(bread / size[:, None] / size, rcond=1e-14, hermitian=True) / size[:, None] / size)
 
 
-def parts_of(sources: Sequence[Source], rows: Sequence[Sequence[Row]]) -> list[Part]:
-    """Residuals and Jacobian of every source, with respect to all parameters."""
+def parts_of(sources: Sequence[Source], rows: Sequence[Sequence[Row]], loss: Loss = "linear") -> list[Part]:
+    """Residuals and Jacobian of every source, with respect to all parameters.
+
+    Residuals e are replaced by ψ(e) / mean(ψ'(e)), so that the covariance of least squares is that of the M-estimator.
+    """
+    psi = LOSSES[loss].psi
     count = rows[0][0].slopes.shape[1]
     whole = stacked(rows, count, np.zeros((0, count)))
     parts, at = list[Part](), 0
@@ -135,7 +141,7 @@ def parts_of(sources: Sequence[Source], rows: Sequence[Sequence[Row]]) -> list[P
         for row in part:
             slopes.append(whole[at : at + len(row.residual)])
             at += len(row.residual)
-        parts.append(([row.residual for row in part], slopes, source.is_run))
+        parts.append(([psi(row.residual) for row in part], slopes, source.is_run))
     return parts
 
 
@@ -174,13 +180,17 @@ def estimates(coordinates: Sequence[Coordinate], x: Array, spread: Spread) -> li
 def linear_estimates(
     sources: Sequence[Source], rows: Sequence[Sequence[Row]], spread: Spread, count: int
 ) -> list[Estimate]:
-    """Estimates of gains and biases; their columns follow the `count` parameters of the scene."""
+    """Estimates of gains, biases and drifts; their columns follow the `count` parameters of the scene."""
     found = []
     values = [
-        (row.gain, 1.0, "") if what == "gain" else (row.bias, 0.0, block.unit)
+        (
+            getattr(row, what),
+            1.0 if what == "gain" else 0.0,
+            {"gain": "", "bias": block.unit}.get(what, f"{block.unit}/s"),
+        )
         for source, part in zip(sources, rows, strict=True)
         for block, row in zip(source.blocks, part, strict=True)
-        for what in ("gain", "bias")
+        for what in LINEAR
         if getattr(block, what)
     ]
     for k, (name, (value, start, unit)) in enumerate(zip(linear_names(sources), values, strict=True), count):

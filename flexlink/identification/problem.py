@@ -15,8 +15,9 @@ from flexlink.describe.spec import Deviation, Positive, Spec
 
 Use = Literal["fit", "check"]
 """Use of data: to fit the parameters, or to check the fit with data that were not fitted."""
-Loss = Literal["linear", "soft_l1", "huber"]
-"""Loss function of the residuals: "linear" is least squares; the others reduce the weight of outliers."""
+Loss = Literal["linear", "soft_l1", "huber", "trimmed"]
+"""Loss function of the residuals: "linear" is least squares; "soft_l1" and "huber" reduce the weight of outliers;
+"trimmed" leaves them out."""
 
 
 class FitParameter(Spec, frozen=True):
@@ -84,8 +85,17 @@ class FitRun(Spec, frozen=True):
     """Heads of columns whose scale is unknown and estimated."""
     bias: tuple[str, ...] = ()
     """Heads of columns whose offset is unknown and estimated."""
+    drift: tuple[str, ...] = ()
+    """Heads of columns whose offset changes linearly with time, at an unknown rate that is estimated."""
+    delay: tuple[str, ...] = ()
+    """Heads of columns whose delay is unknown and estimated: the column shows y(t − delay)."""
+    clock: bool = False
+    """Whether the rate error c of the record's clock is unknown and estimated: times are (1 + c) times true times."""
+    start: float | Literal["first sample", "unknown"] | None = None
+    """Time in the record at which the scene starts [s]; "first sample": the record's first time; "unknown": about the
+    time of the scene's start, and estimated. Default: the scene's start, `initial.time`."""
     window: tuple[float, float] | None = None
-    """First and last time to use [s]. Default: all."""
+    """First and last time to use, from the scene's start on [s]. Default: all."""
     parameter: tuple[FitParameter, ...] = ()
     """Parameters of this run alone, for example its initial angle."""
 
@@ -194,7 +204,8 @@ class FitProblem(Spec, frozen=True):
     about: str = ""
     """A sentence on the purpose of the fit."""
     loss: Loss = "linear"
-    """Loss function of the residuals; soft_l1 and huber reduce the weight of outliers."""
+    """Loss function of the residuals. soft_l1 and huber reduce the weight of outliers; trimmed is least squares without
+    the samples that are more than six robust standard deviations off the model."""
     noise: Literal["coloured", "white"] = "coloured"
     """Noise model. "coloured": residuals are whitened by an autoregressive model, which gives the narrowest intervals
     if the residuals are noise. "white": residuals are independent, which gives the smallest simulation error. Intervals

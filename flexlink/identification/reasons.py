@@ -28,6 +28,8 @@ def with_reasons(signals: Signals, x: Array, directions: Sequence[Direction]) ->
 
 
 def _why(signals: Signals, x: Array, k: int) -> str:
+    if signals.coordinates[k].timing:
+        return ""
     reasons = [_moves(signals, x, k), _axis(signals.sources[0].scene, signals.coordinates[k].path)]
     return "".join(f"; {reason}" for reason in reasons if reason)
 

@@ -46,10 +46,14 @@ class Signals:
     def __init__(self, sources: Sequence[Source], coordinates: Sequence[Coordinate]) -> None:
         self.sources, self.coordinates = sources, coordinates
         self.runs = 0
-        self._own = [[k for k, one in enumerate(coordinates) if one.run in ("", source.name)] for source in sources]
+        own = [[k for k, one in enumerate(coordinates) if one.run in ("", source.name)] for source in sources]
+        self._own = [[k for k in indices if not coordinates[k].timing] for indices in own]
+        self._timing = [[k for k in indices if coordinates[k].timing] for indices in own]
         self._points: dict[bytes, tuple[Model, Slopes]] = {}
         self._most = KEPT
-        self._beside = 2 * len(coordinates) < LANES and not any(source.scene.run.controlled for source in sources)
+        self._beside = 2 * max(map(len, self._own)) < LANES and not any(
+            source.scene.run.controlled for source in sources
+        )
         self._variants = [
             Variants(source.scene, [coordinates[k].path for k in indices])
             for source, indices in zip(sources, self._own, strict=True)
@@ -125,7 +129,7 @@ class Signals:
         FlexlinkError
             The simulation fails at a neighbouring parameter value.
         """
-        indices = self._own[number] if places is not None else []
+        indices = [*self._own[number], *self._timing[number]] if places is not None else []
         steps = np.zeros(len(x))
         steps[indices] = step
         at = [self._places(k, x, places or CENTRAL, step) for k in range(len(x))]
@@ -154,20 +158,34 @@ class Signals:
                 next(computed) if point is None else point[0][number]
                 for (number, _), point in zip(points, cached, strict=True)
             ]
-        source = self.sources[points[0][0]]
-        scenes: list[Scene | FlexlinkError] = []
-        for number, x in points:
-            try:
-                scenes.append(self.scene(number, x))
-            except FlexlinkError as error:
-                scenes.append(error)
+        number = points[0][0]
+        source, own = self.sources[number], self._own[number]
+        scenes: dict[bytes, Scene | FlexlinkError] = {}  # points that differ in times only have one scene
+        for _, x in points:
+            key = x[own].tobytes()
+            if key not in scenes:
+                try:
+                    scenes[key] = self.scene(number, x)
+                except FlexlinkError as error:
+                    scenes[key] = error
         if source.at_rest is not None:
-            return [_single(source.at_rest, scene) for scene in scenes]
-        good = [scene for scene in scenes if isinstance(scene, Scene)]
+            single = {key: _single(source.at_rest, scene) for key, scene in scenes.items()}
+            return [single[x[own].tobytes()] for _, x in points]
+        good = [scene for scene in scenes.values() if isinstance(scene, Scene)]
         self.runs += len(good)
         with deferred() as stop:
             ends = iter(outcomes(good, stop, compared=0))  # warnings of single runs are not shown
-        return [scene if isinstance(scene, FlexlinkError) else _of_run(source, next(ends)) for scene in scenes]
+        runs = {key: scene if isinstance(scene, FlexlinkError) else next(ends) for key, scene in scenes.items()}
+        return [self._of_run(number, runs[x[own].tobytes()], x) for _, x in points]
+
+    def _of_run(self, number: int, end: object, x: Array) -> list[Array] | FlexlinkError:
+        if isinstance(end, InterruptedRunError):
+            raise end
+        if isinstance(end, Trajectory):
+            timing = [(self.coordinates[k], float(x[k])) for k in self._timing[number]]
+            return self.sources[number].model(end, timing)
+        assert isinstance(end, FlexlinkError)
+        return end
 
 
 def _single(at_rest: Callable[[Scene], list[Array]], scene: Scene | FlexlinkError) -> list[Array] | FlexlinkError:
@@ -177,12 +195,3 @@ def _single(at_rest: Callable[[Scene], list[Array]], scene: Scene | FlexlinkErro
         return at_rest(scene)
     except FlexlinkError as error:
         return error
-
-
-def _of_run(source: Source, end: object) -> list[Array] | FlexlinkError:
-    if isinstance(end, InterruptedRunError):
-        raise end
-    if isinstance(end, Trajectory):
-        return source.model(end)
-    assert isinstance(end, FlexlinkError)
-    return end

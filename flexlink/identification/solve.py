@@ -11,9 +11,11 @@ import scipy
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
-from flexlink.identification.block import Block, colour_of
+from flexlink.identification.block import Block, colour_of, outlying
 from flexlink.identification.coordinates import Coordinate, prior_rows
 from flexlink.identification.likelihood import Row, row_of, white
+from flexlink.identification.losses import LOSSES
+from flexlink.identification.problem import Loss
 from flexlink.identification.signals import Signals
 from flexlink.identification.watch import watch_with
 
@@ -55,7 +57,7 @@ class Search:
     """
 
     def __init__(
-        self, signals: Signals, loss: str, *, coloured: bool = False, watch: Callable[[str], None] | None = None
+        self, signals: Signals, loss: Loss, *, coloured: bool = False, watch: Callable[[str], None] | None = None
     ) -> None:
         self.signals, self.loss, self.coloured = signals, loss, coloured
         self.watch = watch or watch_with(None, 1)
@@ -76,9 +78,8 @@ class Search:
         return [[row_of(*one) for one in zip(*part, strict=True)] for part in zip(blocks, y, J, strict=True)]
 
     def cost(self, x: Array, blocks: Sequence[Sequence[Block]]) -> float:
-        """Half the sum of squares."""
-        residual = self._residual(x, blocks)
-        return 0.5 * float(residual @ residual)
+        """Half the sum of the losses of all residuals; half the sum of squares for least squares."""
+        return 0.5 * float(np.sum(LOSSES[self.loss].rho(self._residual(x, blocks))))
 
     def unlikelihood(self, x: Array, blocks: Sequence[Sequence[Block]]) -> float:
         """−2 ln of the posterior at a point, up to a constant; the noise of runs is estimated from the residuals there.
@@ -92,17 +93,18 @@ class Search:
                 if block.t is None:
                     total += float(row.residual @ row.residual)
                 else:
-                    colour = colour_of(row.residual)
-                    w = colour.whitened(row.residual[:, None])
+                    e = LOSSES[self.loss].psi(row.residual)
+                    colour = colour_of(e)
+                    w = colour.whitened(e[:, None])
                     total += len(w) * float(np.log(np.mean(w**2))) + colour.price
         return total
 
     def weighed(self, x: Array, blocks: Sequence[Sequence[Block]], *, coloured: bool = False) -> list[list[Block]]:
         """The blocks, with the AR model and any unstated deviation of the noise estimated from residuals at a point."""
-        plain = [[white(block) for block in part] for part in blocks]
+        plain = [[dataclasses.replace(white(block), left_out=None) for block in part] for part in blocks]
         rows = self.rows(x, plain, slopes=False)
         return [
-            [_with(block, row, coloured=coloured) for block, row in zip(*part, strict=True)]
+            [_with(block, row, self.loss, coloured=coloured) for block, row in zip(*part, strict=True)]
             for part in zip(plain, rows, strict=True)
         ]
 
@@ -114,6 +116,8 @@ class Search:
         if not free.any():
             return x
         bounds = np.array([one.bounds for one in self.coordinates]).T[:, free]
+        trimmed = any(block.left_out is not None for part in blocks for block in part)
+        loss = self.loss if self.loss != "trimmed" else "linear" if trimmed else "soft_l1"
         change = 1e-4 if rough else 1e-12  # tolerance of an intermediate, and of the final search
         smallest = 1e-8  # step of x: the cost of runs is accurate to 1e-11, which makes smaller steps meaningless
         end: dict[str, Any] = {"ftol": change, "xtol": max(smallest, change), "gtol": change}
@@ -125,7 +129,7 @@ class Search:
 
         found = scipy.optimize.least_squares(
             lambda part: self._residual(whole(part), blocks), np.clip(x[free], *bounds),
-            lambda part: self._jacobian(whole(part), blocks)[:, free], bounds=bounds, loss=self.loss, x_scale=1.0,
+            lambda part: self._jacobian(whole(part), blocks)[:, free], bounds=bounds, loss=loss, x_scale=1.0,
             max_nfev=30 if rough else 100, **end,
         )  # fmt: skip
         return whole(np.asarray(found.x))
@@ -153,12 +157,13 @@ class Search:
             cut = [source.first(part) for source in sources if source.is_run] if part else []
             if part or single:
                 x = Search(Signals([*cut, *single], self.coordinates), self.loss, watch=self.watch).near(x)
-        last = not (self.coloured or self._weighs(blocks)) or not runs
+        weighs = self._weighs(blocks) or self.loss == "trimmed"
+        last = not (self.coloured or weighs) or not runs
         x = self.least(x, blocks, rough=not last)
         cost = self.cost(x, blocks)
         if not runs:
             return Found(x, cost, blocks)
-        for _ in range(ROUNDS - self.coloured if self._weighs(blocks) else 0):
+        for _ in range(ROUNDS - self.coloured if weighs else 0):
             blocks = self.weighed(x, blocks)
             x = self.least(x, blocks)
         blocks = self.weighed(x, blocks)
@@ -222,11 +227,16 @@ def _around(one: Coordinate) -> tuple[float, float]:
     return max(low, x - far), min(high, x + far)
 
 
-def _with(block: Block, row: Row, *, coloured: bool) -> Block:
+def _with(block: Block, row: Row, loss: Loss, *, coloured: bool) -> Block:
     e = row.residual * block.σ
     if not e.any():
         return block
-    σ = block.σ if block.stated else np.full(len(e), float(np.sqrt(np.mean(e**2))))
+    size = float(np.sqrt(np.mean(e**2)))
+    if loss != "linear" and block.t is not None:
+        far = outlying(e)
+        e, size = np.where(far, 0.0, e), float(np.sqrt(np.mean(e[~far] ** 2)))
+        block = dataclasses.replace(block, left_out=far) if loss == "trimmed" else block
+    σ = block.σ if block.stated else np.full(len(e), size)
     if not coloured or block.t is None:
         return dataclasses.replace(block, σ=σ)
     colour = colour_of(e)

@@ -75,10 +75,14 @@ def doubts_of_times(scene: Scene, blocks: Sequence[Block], t: Array, hertz: floa
     )
 
 
-def as_long(scene: Scene, t: Array) -> Scene:
-    """The scene with a run as long as the record, sampled at the same times if possible."""
-    between = float(np.median(np.diff(t)))
-    length = float(t[-1]) - scene.initial.time
+def as_long(scene: Scene, t: Array, margin: float = 0.0) -> Scene:
+    """The scene with a run as long as the record, sampled at the same times if possible.
+
+    With a margin [s], the run is longer by the margin, and sampled more finely, for values between the samples.
+    """
+    finer = 4  # samples of the run per sample of the record, for times that are shifted
+    between = float(np.median(np.diff(t))) / (finer if margin else 1)
+    length = float(t[-1]) - scene.initial.time + margin
     for sample in (float(f"{between:.9g}"), scene.run.spacing):
         duration = max(math.ceil(length / sample - 1e-6), 1) * sample
         try:

@@ -1,0 +1,290 @@
+"""Score tests at the solution: faults of the instruments that explain what the model leaves.
+
+    e = J θ + S δ + w        w = noise, whitened by AR models of the columns
+
+e are the residuals (model − measured)/σ, J their Jacobian with respect to all fitted parameters, and each column of S
+the effect of one fault: a delay −ẏ, a clock rate error −ẏ t, a late start, a bias 1, a gain y, a drift t. Faults enter
+one by one, the most significant first (forward selection), each by a t-test with Bonferroni's level. The AR models are
+those of the residuals that remain with all faults, so that a fault does not pass for noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+
+from flexlink.common.types import Array
+from flexlink.common.wording import Diagnostic
+from flexlink.data.csv_table import head_of
+from flexlink.identification.block import FAR, Block, Colour, colour_of, outlying
+from flexlink.identification.coordinates import Timing, timing_of
+from flexlink.identification.data import Source
+from flexlink.identification.likelihood import Row, stacked, white
+from flexlink.identification.signals import Model, Signals
+from flexlink.identification.solve import Found, Search
+
+LEVEL = 0.01
+"""Probability of a false alarm per fit, by Bonferroni's inequality over all faults tried."""
+
+
+class Fault(NamedTuple):
+    """A fault of one column, or of the times of a run.
+
+    Attributes
+    ----------
+    kind
+        delay, clock, start, bias, gain or drift.
+    run, column, unit
+        The run; its column, and unit of the column; "" for all columns.
+    effect
+        Derivative of all residuals with respect to the size of the fault, shape (samples of all blocks,).
+    size, deviation
+        Estimated size, and its standard deviation.
+    """
+
+    kind: str
+    run: str
+    column: str
+    unit: str
+    effect: Array
+    size: float = 0.0
+    deviation: float = 0.0
+
+    @property
+    def text(self) -> Diagnostic:
+        """What the data suggest, and the key of the run that estimates it."""
+        better = f"{self.run}{f': {self.column}' * bool(self.column)} is better explained"
+        return self._of_times(better) if self.kind in ("delay", "start", "clock") else self._of_values(better)
+
+    def _of_times(self, better: str) -> Diagnostic:
+        ms = f"{1e3 * abs(self.size):.2g} ± {1.96e3 * self.deviation:.1g} ms"
+        if self.kind == "delay":
+            when = "late" if self.size > 0 else "early"
+            return Diagnostic(f"{better} {ms} {when}: delay = [{self.column!r}]", "likely-delay")
+        if self.kind == "start":
+            when = "later" if self.size > 0 else "earlier"
+            return Diagnostic(f"{better} if the scene starts {ms} {when}: start = 'unknown'", "likely-start")
+        rate = f"{100 * abs(self.size):.2g} ± {196 * self.deviation:.1g} % {'fast' if self.size > 0 else 'slow'}"
+        return Diagnostic(f"{better} by a clock that runs {rate}: clock = true", "likely-clock")
+
+    def _of_values(self, better: str) -> Diagnostic:
+        wide, unit = f"{1.96 * self.deviation:.1g}", f" {self.unit}" if self.unit != "1" else ""
+        if self.kind == "bias":
+            return Diagnostic(
+                f"{better} with a bias of {self.size:.2g} ± {wide}{unit}: bias = [{self.column!r}]", "likely-bias"
+            )
+        if self.kind == "drift":
+            rate = f"{self.size:.2g} ± {wide}{unit}/s"
+            return Diagnostic(f"{better} with a drift of {rate}: drift = [{self.column!r}]", "likely-drift")
+        if self.size < -1:
+            return Diagnostic(f"{better} with the opposite sign: reverse it", "likely-sign")
+        gain = f"{1 + self.size:.3g} ± {wide}"
+        return Diagnostic(f"{better} with a gain of {gain}: gain = [{self.column!r}]", "likely-gain")
+
+
+def faults(search: Search, found: Found) -> list[Fault]:
+    """Faults that the residuals show at a solution, the most significant first, with their estimated sizes."""
+    most = 4  # largest number of faults that are named
+    plain = [[white(block) for block in part] for part in found.blocks]
+    rows = search.rows(found.x, plain)
+    tried = [*_candidates(search, plain, rows, search.signals.model(found.x))]
+    runs = [row for source, part in zip(search.signals.sources, rows, strict=True) if source.is_run for row in part]
+    if not runs:
+        return []
+    e = np.concatenate([np.where(outlying(row.residual), 0.0, row.residual) for row in runs])
+    J = _jacobian(runs, len(found.x))
+    tried = _best_sizes(tried, e, J)
+    S = np.column_stack([one.effect for one in tried])
+    e, J, S = _whitened(e, J, S, [len(row.residual) for row in runs])
+    chosen = _selected(e, J, S, most)
+    X = np.hstack([S[:, chosen], J])
+    sizes, covariance = np.linalg.lstsq(X, e, rcond=None)[0], np.linalg.pinv(X.T @ X)
+    return [
+        tried[k]._replace(size=-float(sizes[at]), deviation=float(np.sqrt(covariance[at, at])))
+        for at, k in enumerate(chosen)
+    ]
+
+
+def warnings_of_faults(search: Search, found: Found) -> tuple[Diagnostic, ...]:
+    """Warnings about faults of the instruments and clocks that the residuals show, and about outliers."""
+    named = faults(search, found)
+    far = outliers(search, found)
+    if not named and not far:
+        return ()
+    refitted = [with_timing(search, found, source.name) for source in search.signals.sources if source.is_run]
+    of_times = [one for one in refitted if one is not None]
+    if of_times:
+        fault, search, found = min(of_times, key=lambda one: one[2].cost)
+        named, far = [fault, *faults(search, found)], outliers(search, found)
+    return (*far, *(one.text for one in named))
+
+
+def with_timing(search: Search, found: Found, run: str) -> tuple[Fault, Search, Found] | None:
+    """Fit again with an unknown start or clock of a run, if that explains the data far better; from both guesses.
+
+    A late start moves the estimates so far that tests at the solution no longer recognise it.
+    """
+    better = 0.7  # largest cost with one more unknown, relative to the cost without it
+    plain = [[white(block) for block in part] for part in found.blocks]
+    best, least = None, better * search.cost(found.x, plain)
+    guess = np.array([one.x(one.start) for one in search.coordinates])
+    kinds: tuple[Timing, ...] = ("start", "clock")
+    for kind in kinds:
+        unknown = timing_of(kind, run)
+        if any((one.timing, one.run) == (kind, run) for one in search.coordinates):
+            continue
+        longer = Search(Signals(search.signals.sources, [*search.coordinates, unknown]), search.loss)
+        for start in (guess, found.x):
+            x = longer.least(np.append(start, 0.0), plain, rough=True)
+            cost = longer.cost(x, plain)
+            if cost < least:
+                least, wide = cost, float(np.sqrt(longer.covariance(x, plain)[-1, -1]))
+                fault = Fault(kind, run, "", "", np.empty(0), unknown.value(float(x[-1])), unknown.value(wide))
+                best = fault, longer, Found(x, cost, plain)
+    return best
+
+
+def mixups(sources: Sequence[Source], model: Model) -> list[Diagnostic]:
+    """Notes on columns that resemble the negative of their prediction, or the prediction of another column."""
+    alike, better = 0.7, 0.3  # smallest correlation that counts as alike; smallest advantage over a column's own
+    found = []
+    for source, y in zip(sources, model, strict=True):
+        r = {
+            (a, b): _correlation(one.y, values)
+            for a, one in enumerate(source.blocks)
+            for b, (other, values) in enumerate(zip(source.blocks, y, strict=True))
+            if one.t is not None and one.unit == other.unit and len(one.y) == len(values)
+        }  # fmt: skip
+        names = [block.name for block in source.blocks]
+        for (a, b), here in r.items():
+            if a == b and here < -alike:
+                text = f"{source.name}: {names[a]} resembles the negative of its prediction (correlation {here:.2f}); "
+                found.append(Diagnostic(f"{text}reverse its sign", "likely-sign"))
+            swapped = a < b and min(here, r.get((b, a), 0.0)) > alike
+            if swapped and here > r[a, a] + better and r[b, a] > r.get((b, b), 0.0) + better:
+                text = f"{source.name}: {names[a]} and {names[b]} each resemble the other's prediction; swap them"
+                found.append(Diagnostic(text, "likely-swapped"))
+    return found
+
+
+def _correlation(a: Array, b: Array) -> float:
+    a, b = a - a.mean(), b - b.mean()
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(a @ b) / size if size > 0 else 0.0
+
+
+def outliers(search: Search, found: Found) -> list[Diagnostic]:
+    """Warnings about columns with samples far off the model, compared with the spread of most samples."""
+    names = [source.name for source in search.signals.sources]
+    warnings = []
+    for name, part, rows in zip(names, found.blocks, search.rows(found.x, found.blocks, slopes=False), strict=True):
+        for block, row in zip(part, rows, strict=True):
+            count = int(np.count_nonzero(outlying(row.residual))) if block.t is not None else 0
+            if count:
+                text = f"{name}: {count} of {len(block.y)} samples of {block.name} are outliers, more than {FAR:g} "
+                text += "robust standard deviations off the model: loss = 'trimmed' leaves them out"
+                warnings.append(Diagnostic(text, "likely-outliers"))
+    return warnings
+
+
+def _candidates(
+    search: Search, blocks: Sequence[Sequence[Block]], rows: Sequence[Sequence[Row]], y: Sequence[Sequence[Array]]
+) -> Iterator[Fault]:
+    """All faults that the problem does not estimate already, of every run; those of times with several sizes."""
+    known = {(one.timing, one.run, head_of(one.column)[0]) for one in search.coordinates if one.timing}
+    count, at = sum(len(b.y) for part in blocks for b in part if b.t is not None), 0
+    for source, part, of_part, several in zip(search.signals.sources, blocks, rows, y, strict=True):
+        if not source.is_run:
+            continue
+        begin, late, rate = source.scene.initial.time, np.zeros((len(LATE), count)), np.zeros((len(FAST), count))
+        for block, row, values in zip(part, of_part, several, strict=True):
+            t, here = np.asarray(block.t), slice(at, at + len(block.y))
+            at += len(block.y)
+            late[:, here] = _secants(t, values, [(d, t - d) for d in LATE]) * row.gain / block.σ
+            rate[:, here] = _secants(t, values, [(c, begin + (t - begin) / (1 + c)) for c in FAST]) * row.gain / block.σ
+            of_value = {"bias": np.ones(len(t)), "gain": row.gain * values, "drift": t - t.mean()}
+            for kind, effect in of_value.items():
+                if not getattr(block, kind):
+                    yield Fault(kind, source.name, block.name, block.unit, _placed(effect / block.σ, here, count))
+            if ("delay", source.name, head_of(block.name)[0]) not in known:
+                for effect in late:
+                    yield Fault("delay", source.name, block.name, block.unit, _placed(effect[here], here, count))
+        for kind, effects in (("start", late if len(part) > 1 else ()), ("clock", rate)):
+            for effect in effects if (kind, source.name, "") not in known else ():
+                yield Fault(kind, source.name, "", "", effect.copy())
+
+
+LATE = (1e-5, 0.005, -0.005, 0.01, -0.01, 0.02, -0.02)
+"""Delays of a column or a run whose effect is tried [s]."""
+FAST = (1e-5, 0.01, -0.01, 0.03, -0.03)
+"""Rate errors of a clock whose effect is tried."""
+
+
+def _secants(t: Array, values: Array, moved: Sequence[tuple[float, Array]]) -> Array:
+    """Effects (y(t') − y(t)) / size of faults of times with these sizes and times t', shape (sizes, samples)."""
+    y = scipy.interpolate.CubicSpline(t, values)
+    return np.array([(y(np.clip(times, t[0], t[-1])) - values) / size for size, times in moved])
+
+
+def _best_sizes(tried: Sequence[Fault], e: Array, J: Array) -> list[Fault]:
+    """Of the faults that differ in size only, those whose effect explains the residuals best."""
+    basis = np.linalg.qr(J)[0]
+    best: dict[tuple[str, str, str], tuple[float, Fault]] = {}
+    for one in tried:
+        own = one.effect - basis @ (basis.T @ one.effect)
+        score = abs(float(own @ e)) / (float(np.linalg.norm(own)) or 1.0)
+        key = one.kind, one.run, one.column
+        if key not in best or score > best[key][0]:
+            best[key] = score, one
+    return [one for _, one in best.values()]
+
+
+def _placed(values: Array, here: slice, count: int) -> Array:
+    whole = np.zeros(count)
+    whole[here] = values
+    return whole
+
+
+def _jacobian(rows: Sequence[Row], count: int) -> Array:
+    """Jacobian of all residuals of runs with respect to the coordinates, and to the gains, biases and drifts."""
+    return stacked([rows], count, np.zeros((0, count)))
+
+
+def _whitened(e: Array, J: Array, S: Array, lengths: Sequence[int]) -> tuple[Array, Array, Array]:
+    """Residuals, Jacobian and effects of faults, whitened by AR models of the residuals that all of them leave."""
+    rounds = 2  # the first models are those of residuals that were not whitened
+    X, cuts = np.column_stack([J, S]), np.cumsum(lengths)[:-1]
+    white_e, white_X = e, X
+    for _ in range(rounds):
+        left = e - X @ np.linalg.lstsq(white_X, white_e, rcond=None)[0]
+        colours = [_scaled(colour_of(part)) for part in np.split(left, cuts)]
+        white_e = np.concatenate([by(part[:, None])[:, 0] for by, part in zip(colours, np.split(e, cuts), strict=True)])
+        white_X = np.vstack([by(part) for by, part in zip(colours, np.split(X, cuts), strict=True)])
+    return white_e, white_X[:, : J.shape[1]], white_X[:, J.shape[1] :]
+
+
+def _scaled(colour: Colour) -> Callable[[Array], Array]:
+    """Function that whitens columns and divides them by the standard deviation of the innovations."""
+    size = float(np.sqrt(np.mean(colour.innovations**2))) or 1.0
+    return lambda X: colour.whitened(X) / size
+
+
+def _selected(e: Array, J: Array, S: Array, most: int) -> list[int]:
+    """Numbers of the significant faults, by forward selection."""
+    basis, chosen = np.linalg.qr(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300))[0], list[int]()
+    size = np.linalg.norm(S, axis=0)
+    limit = scipy.special.stdtrit(max(len(e) - J.shape[1] - S.shape[1], 1), 1 - LEVEL / (2 * S.shape[1]))
+    for _ in range(most):
+        left = S - basis @ (basis.T @ S)
+        length = np.linalg.norm(left, axis=0)
+        own = length > 1e-6 * size  # an effect that the parameters explain cannot be tested
+        score = np.where(own, np.abs(left.T @ (e - basis @ (basis.T @ e))) / np.where(own, length, 1.0), 0.0)
+        best = int(score.argmax())
+        if score[best] < limit:
+            break
+        chosen.append(best)
+        basis = np.column_stack([basis, left[:, best] / length[best]])
+    return chosen

@@ -1,0 +1,142 @@
+"""Faults of instruments and clocks: a fit names them, estimates them on request, and is not fooled by outliers."""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+from scipy.interpolate import CubicSpline
+
+import flexlink as fl
+from flexlink.common.errors import DataFileError
+
+YOUNG, MASS = "material.steel.young", "tip.mass"
+TRUE = {YOUNG: 2.05e11, MASS: 0.52}
+GYRO, TIP, MOTOR = "gyro [rad/s]", "tip y [m]", "motor [N m]"
+SENSORS = (
+    fl.Sensor(name="gyro", kind="gyroscope", link="boom", axis=(0.0, 0.0, 1.0)),
+    fl.Sensor(name="motor", kind="torque", link="boom"),
+)
+
+
+def boom(**true: float) -> fl.Scene:
+    """A strip that a PD controller turns by 8°."""
+    strip = fl.Link(name="boom", length=1.0, flex="z", segments=9, material="steel", section="strip",
+                    joint=fl.Joint(armature=0.05))  # fmt: skip
+    arm = fl.Arm(links=(strip,), materials={"steel": fl.Material(young=2.1e11, density=7850.0, loss_time=2e-4)},
+                 sections={"strip": fl.Section(shape="rectangle", height=0.004, width=0.03)},
+                 tip=fl.RigidBody(mass=0.5))  # fmt: skip
+    drive = fl.Drive(kind="pd", kp=(40.0,), kd=(4.0,), target_deg=(8.0,))
+    run = fl.RunSettings(duration=1.0, sample=0.005)
+    return fl.Scene(name="boom", arm=arm, gravity=(0.0, 0.0, 0.0), drive=drive, run=run, sensor=SENSORS).varied(true)
+
+
+@functools.cache
+def exact() -> fl.Trajectory:
+    long = {"run.relative_tolerance": 1e-8, "run.duration": 1.5, "run.sample": 0.001}
+    return fl.simulate(boom(**TRUE).varied(long))
+
+
+def problem(**faults: Any) -> fl.fits.FitProblem:
+    """Data with 1 % noise; `faults` by kind: delay of the gyro, clock, start, bias, gain, drift, spikes, and keys."""
+    t, rng, run = np.arange(201) * 0.005, np.random.default_rng(5), exact()
+    at = (t - faults.pop("start_s", 0.0)) / (1 + faults.pop("clock_error", 0.0))
+    late, spikes, gyro = faults.pop("delay_s", 0.0), faults.pop("spikes", 0), {
+        key: faults.pop(key, known) for key, known in (("gyro_gain", 1.0), ("gyro_bias", 0.0), ("gyro_drift", 0.0))
+    }  # fmt: skip
+    columns = {"t [s]": t + faults.pop("origin", 0.0)}
+    for name in (GYRO, TIP, MOTOR):
+        times = np.clip(at - late * (name == GYRO), 0.0, None)
+        y = CubicSpline(run.t, run.columns[name])(times)
+        noise = 0.01 * np.ptp(y) * rng.standard_normal(len(y))
+        if name == GYRO:
+            y = gyro["gyro_gain"] * y + gyro["gyro_bias"] + gyro["gyro_drift"] * (t - t.mean())
+            noise[rng.choice(len(t), spikes, replace=False)] += 3 * np.ptp(y)
+        columns[name] = y + noise
+    keys = {key: faults.pop(key) for key in ("loss",) if key in faults}
+    if faults.pop("swapped", False):
+        columns[GYRO], columns[MOTOR] = columns[MOTOR], columns[GYRO]
+    data = {name: tuple(column.tolist()) for name, column in columns.items()}
+    sought = tuple(fl.fits.FitParameter(path=path) for path in TRUE)
+    run_ = fl.fits.FitRun(name="step", columns=data, **faults)
+    return fl.fits.FitProblem(scene=boom(), parameter=sought, run=(run_,), **keys)
+
+
+def ids(found: fl.fits.Fitted) -> list[str]:
+    return [one.id for one in found.warnings if one.id.startswith("likely-")]
+
+
+def inside(found: fl.fits.Fitted) -> bool:
+    return all(found[path].low < true < found[path].high for path, true in TRUE.items())
+
+
+def fitted(**faults: Any) -> fl.fits.Fitted:
+    return fl.fit(problem(**faults), grid="ignore")
+
+
+class TestScoreTests:
+    def test_clean_data_raise_no_alarm(self) -> None:
+        found = fitted()
+        assert ids(found) == []
+        assert inside(found)
+
+    @pytest.mark.parametrize(("fault", "id", "key"), [
+        ({"delay_s": 0.004}, "likely-delay", {"delay": (GYRO,)}),
+        ({"start_s": 0.012}, "likely-start", {"start": "unknown"}),
+        ({"start_s": -0.012}, "likely-start", {"start": "unknown"}),
+        ({"clock_error": 0.01}, "likely-clock", {"clock": True}),
+        ({"gyro_bias": 0.05}, "likely-bias", {"bias": (GYRO,)}),
+        ({"gyro_gain": 0.9}, "likely-gain", {"gain": (GYRO,)}),
+        ({"gyro_drift": 0.1}, "likely-drift", {"drift": (GYRO,)}),
+    ])  # fmt: skip
+    def test_a_fault_is_named_and_its_key_puts_the_true_values_inside_their_intervals(
+        self, fault: dict[str, float], id: str, key: dict[str, Any]
+    ) -> None:
+        assert id in ids(fitted(**fault))
+        repaired = fitted(**fault, **key)
+        assert ids(repaired) == []
+        assert inside(repaired)
+        size = fault.get("gyro_gain", next(iter(fault.values())))
+        estimate = repaired.numbers[-1]
+        assert estimate.low < size < estimate.high
+
+    def test_a_reversed_column_is_named_before_the_fit(self) -> None:
+        notes = fl.fits.check_fit(problem(gyro_gain=-1.0)).notes
+        assert [one.id for one in notes if one.id.startswith("likely-")] == ["likely-sign"]
+
+    def test_outliers_are_named_and_trimming_recovers_the_interval_of_clean_data(self) -> None:
+        clean, spiked = fitted(), fitted(spikes=3)
+        assert "likely-outliers" in ids(spiked)
+        trimmed = fitted(spikes=3, loss="trimmed")
+        assert inside(trimmed) and "likely-outliers" not in ids(trimmed)
+        assert trimmed[YOUNG].half == pytest.approx(clean[YOUNG].half, rel=0.15)
+        assert spiked[YOUNG].half > 1.3 * trimmed[YOUNG].half
+
+    @pytest.mark.parametrize("loss", ["huber", "soft_l1"])
+    def test_robust_losses_narrow_the_interval_of_data_with_outliers(self, loss: str) -> None:
+        robust = fitted(spikes=3, loss=loss)
+        assert inside(robust)
+        assert robust[YOUNG].half < fitted(spikes=3)[YOUNG].half
+
+
+class TestOrigin:
+    def test_a_record_with_another_origin_of_time_is_refused_before_it_is_simulated(self) -> None:
+        with pytest.raises(DataFileError) as refused:
+            fl.fits.check_fit(problem(origin=36_000.0))
+        assert refused.value.id == "record-starts-late"
+
+    @pytest.mark.parametrize("start", ["first sample", 36_000.0])
+    def test_a_start_in_the_record_shifts_its_times(self, start: str | float) -> None:
+        shifted, plain = fitted(origin=36_000.0, start=start), fitted()
+        assert shifted[YOUNG].value == pytest.approx(plain[YOUNG].value, rel=1e-6)
+
+    def test_a_record_that_starts_a_little_late_is_noted(self) -> None:
+        notes = fl.fits.check_fit(problem(origin=0.5)).notes
+        assert "record-starts-late" in [one.id for one in notes]
+
+    def test_samples_before_the_start_of_the_scene_are_counted(self) -> None:
+        notes = fl.fits.check_fit(problem(origin=-0.1)).notes
+        assert "samples-before-start" in [one.id for one in notes]
