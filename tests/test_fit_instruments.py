@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from msgspec.structs import replace
 from scipy.interpolate import CubicSpline
 
 import flexlink as fl

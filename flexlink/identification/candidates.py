@@ -230,7 +230,7 @@ class Bench:
         return [Candidate(experiment.name, title, experiment.reason, addition, run.name)]
 
     def _measurable(self, name: str, pattern: str) -> bool:
-        """Whether a column matches, and is not the angle of a hinge that only stands for bending."""
+        """Whether a column matches, and is not the angle of a hinge of a beam."""
         if not pattern or not re.fullmatch(pattern, name):
             return False
         if not name.startswith(("q ", "qd ", "tau ")):

@@ -230,7 +230,7 @@ def _secants(t: Array, values: Array, moved: Sequence[tuple[float, Array]]) -> A
 
 
 def _best_sizes(tried: Sequence[Fault], e: Array, J: Array) -> list[Fault]:
-    """Of the faults that differ in size only, those whose effect explains the residuals best."""
+    """Faults with one size each: the size whose effect explains the residuals best."""
     basis = np.linalg.qr(J)[0]
     best: dict[tuple[str, str, str], tuple[float, Fault]] = {}
     for one in tried:

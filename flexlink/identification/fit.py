@@ -110,7 +110,7 @@ def fit(
     profile
         Whether to compute profile intervals as well, with each parameter in turn fixed and all others refitted.
     grid
-        "check": estimate the grid error. "auto": take as many segments as make it small against the intervals.
+        "check": estimate the grid error. "auto": take enough segments to make it small against the intervals.
         "ignore": leave it out, for data that were simulated with the same segments.
     progress
         Called with a line of text after each step.

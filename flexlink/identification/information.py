@@ -17,7 +17,7 @@ from flexlink.motion.slopes_of_runs import CENTRAL_4
 
 
 class Information(NamedTuple):
-    """A Jacobian over the noise, compressed to as many rows as columns, with the names of its columns.
+    """A Jacobian over the noise, compressed to one row per column, with the names of its columns.
 
     Attributes
     ----------
