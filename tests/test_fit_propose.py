@@ -168,6 +168,22 @@ def test_an_unknown_of_a_run_is_unknown_in_its_repeat() -> None:
     assert len(again.columns["t [s]"]) == 2 * len(run.columns["t [s]"]) - 1
 
 
+@pytest.mark.slow
+def test_a_column_that_the_file_already_contains_is_offered_without_a_new_record(tmp_path: Path) -> None:
+    run = fl.simulate(SERVO)
+    table = np.column_stack([run.t, run.columns["q l [rad]"], 1e3 * run.columns["tau l [N m]"]])
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="t [s],q l [rad],tau l [N mm]", comments="")
+    swing = FitRun(name="swing", file=str(tmp_path / "a.csv"), compare=tuple(Q), noise=Q)
+    problem = FitProblem(scene=SERVO, parameter=(FitParameter(path=KD), FitParameter(path=VISCOUS)), run=(swing,))
+    first = propose(problem).first
+    assert first is not None and "already recorded" in first.title and first.lost == 0
+    SERVO.save(tmp_path / "servo.toml")
+    text = f'scene = "servo.toml"\n[[parameter]]\npath = "{KD}"\n[[parameter]]\npath = "{VISCOUS}"\n'
+    text += '[[run]]\nname = "swing"\nfile = "a.csv"\ncompare = ["q l [rad]"]\nnoise = {"q l [rad]" = 1e-4}\n'
+    (tmp_path / "problem.toml").write_text(text + first.toml, encoding="utf-8")
+    assert fl.fits.check_fit(fl.fits.load_fit(tmp_path / "problem.toml")).passed
+
+
 def test_what_cannot_be_done_is_left_out_with_its_reason(rng: np.random.Generator) -> None:
     found = propose(FitProblem(
         scene=ROD, parameter=(FitParameter(path=M), FitParameter(path="link.l.end.mass", start=0.1)),

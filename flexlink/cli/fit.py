@@ -35,7 +35,6 @@ from flexlink.identification.grid import Grid
 from flexlink.identification.identifiability import WIDE, Check
 from flexlink.identification.loading import load_fit
 from flexlink.identification.problem import FitProblem
-from flexlink.identification.proposals import Proposals
 from flexlink.identification.propose import propose
 
 
@@ -109,33 +108,35 @@ def run_command(options: argparse.Namespace) -> int:
                 found = error.check
             finally:
                 bar.clear()
-        of = found if isinstance(found, Fitted) else problem
-        return _report(found, problem, propose(of, options.experiments) if options.propose else None, options)
+        return _report(found, problem, options)
 
 
-def _report(
-    found: Check | Fitted, problem: FitProblem, proposals: Proposals | None, options: argparse.Namespace
-) -> int:
-    """Print the result and the proposals, and write its page on request."""
-    command, out = shlex.join(["flexlink", *sys.argv[1:]]), options.out
-    more = {} if proposals is None else {"proposals": proposals.document()}
+def _report(found: Check | Fitted, problem: FitProblem, options: argparse.Namespace) -> int:
+    """Print the result, then the proposals, and write its page on request."""
+    command, out, proposals = shlex.join(["flexlink", *sys.argv[1:]]), options.out, None
+    if not options.json:
+        _print(found)
+    if options.propose:
+        proposals = propose(found if isinstance(found, Fitted) else problem, options.experiments)
+    if options.json:
+        more = {} if proposals is None else {"proposals": proposals.document()}
+        print_json((found.document() if isinstance(found, Fitted) else document(found)) | more)
+    elif proposals is not None:
+        print("", *proposals.lines(), sep="\n")
     if isinstance(found, Fitted):
-        if options.json:
-            print_json(found.document() | more)
-        else:
-            _print_fit(found)
         page = None if out is None else or_keep(out, lambda folder: building().build(found, folder, command, proposals))
     else:
-        if options.json:
-            print_json(document(found) | more)
-        else:
-            _print_check(found)
         page = None if out is None else building("checked_page").build_check(problem, found, out, command, proposals)
-    if proposals is not None and not options.json:
-        print("", *proposals.lines(), sep="\n")
     if page is not None:
         print(f"page: {shown_path(page.page)}", file=sys.stderr if options.json else None)
     return 0 if found.passed and not (isinstance(found, Check) and found.coarse) else 1
+
+
+def _print(found: Check | Fitted) -> None:
+    if isinstance(found, Fitted):
+        _print_fit(found)
+    else:
+        _print_check(found)
 
 
 def _print_check(check: Check) -> None:

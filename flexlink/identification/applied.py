@@ -1,18 +1,22 @@
-"""Apply experiments to a scene: sensors on its links, and changed values for another motion."""
+"""Apply experiments to a scene: sensors on its links, and changed values for another motion; columns of its files."""
 
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any
 
 import scipy
 
 from flexlink.common.errors import ArgumentError, FlexlinkError
+from flexlink.data.csv_table import in_si, read_csv
 from flexlink.describe.link import Link
 from flexlink.describe.scene import Scene
 from flexlink.describe.sections import BREADTHS
 from flexlink.describe.sensor import Sensor
+from flexlink.dynamics.sensors.placement import check_placements
 from flexlink.identification.experiments import ColumnExperiment, MotionExperiment
+from flexlink.identification.problem import FitRun
 
 
 def sensors_on(experiment: ColumnExperiment, scene: Scene, others: list[Sensor]) -> list[Sensor]:
@@ -30,7 +34,7 @@ def sensors_on(experiment: ColumnExperiment, scene: Scene, others: list[Sensor])
                         name=re.sub(r"[\[\]\n\r\t]", " ", label), link=link.name,
                         **{**experiment.sensor, **at, **fibre},
                     )  # fmt: skip
-                    scene.varied({"sensor": (*scene.sensor, *others, sensor)})
+                    check_placements(scene.varied({"sensor": (*scene.sensor, *others, sensor)}))
                 except FlexlinkError:
                     continue
                 found.append(sensor)
@@ -78,3 +82,11 @@ def _scaled(scene: Scene, path: str, factor: Any) -> Any:
 def rounded(value: float) -> float:
     """A value with five digits, for the problem file."""
     return float(f"{float(value):.5g}")
+
+
+def heads_of(run: FitRun) -> dict[str, str]:
+    """Column heads in the file of a run, by the names of columns in SI units."""
+    if not run.file:
+        return {}
+    heads = read_csv(Path(run.file)).heads
+    return {found[0]: head for head in heads if (found := in_si(head)) is not None}

@@ -22,7 +22,7 @@ from flexlink.common.types import Array
 from flexlink.common.wording import Diagnostic
 from flexlink.describe.sensor import Sensor, column_names
 from flexlink.describe.vary import parts_of
-from flexlink.identification.applied import changes_of, rounded, sensors_on
+from flexlink.identification.applied import changes_of, heads_of, rounded, sensors_on
 from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.data import Source, at_times, exact, sagged, tapped
 from flexlink.identification.experiments import (
@@ -56,6 +56,8 @@ class Candidate(NamedTuple):
         What it adds to the problem.
     beside
         Run that it repeats with other columns; all candidates that repeat a run are simulated together.
+    file, head
+        File of the problem that already contains the column, and the column's head; otherwise "".
     """
 
     experiment: str
@@ -63,6 +65,8 @@ class Candidate(NamedTuple):
     reason: str
     addition: Addition
     beside: str = ""
+    file: str = ""
+    head: str = ""
 
 
 class Bench:
@@ -137,12 +141,14 @@ class Bench:
     def _static(self, experiment: StaticExperiment, axis: int) -> list[Candidate]:
         """The heaviest weight that moves the tip by no more than allowed."""
         before = self.scene.wrench.force
-        if self.scene.wrench.varies:
-            raise ArgumentError("the wrench of the scene is not constant in frame 0", id="no-effect")
+        if self.scene.wrench.varies or self.scene.arm.base.free:
+            cause = "the base is free" if self.scene.arm.base.free else "the wrench is not constant in frame 0"
+            raise ArgumentError(cause, id="no-effect")
         largest = experiment.largest * lump(self.scene).reach
         down = self.scene.gravity[axis] < 0 and abs(self.scene.gravity[axis]) > 0.5 * math.hypot(*self.scene.gravity)
-        reason = "no weight moves the tip along this axis within the allowed range"
-        for mass in sorted(experiment.kilograms, reverse=True):
+        found: list[Candidate] = []
+        what = f"tip {'xyz'[axis]} [m]"
+        for mass in sorted(experiment.kilograms):
             force = [*before]
             force[axis] += (-1 if down else 1) * scipy.constants.g * mass
             addition = FitStatic(
@@ -152,14 +158,19 @@ class Bench:
             self._refuse_sought(addition.set)
             try:
                 value = self._predicted(sagged(self.problem, addition, 0))[0][0]
-            except FlexlinkError as error:  # the arm buckles or sags too far for a static solution
-                reason = str(error)
-                continue
-            if experiment.deviation < abs(value) <= largest:
-                title = f"static: tip {addition.axis} [m] under {mass:g} kg along {addition.axis} (noise "
-                title += f"{experiment.deviation:g} m)"
-                return [Candidate(experiment.name, title, experiment.reason, replace(addition, value=rounded(value)))]
-        raise ArgumentError(f"tip {'xyz'[axis]}: {reason}", id="no-effect")
+            except FlexlinkError:  # the arm buckles or sags too far for a static solution
+                if not found:
+                    raise
+                break
+            if abs(value) > largest:
+                break
+            if abs(value) > experiment.deviation:
+                title = f"static: {what} under {mass:g} kg along {addition.axis} (noise {experiment.deviation:g} m)"
+                addition = replace(addition, value=rounded(value))
+                found = [Candidate(experiment.name, title, experiment.reason, addition)]
+        if not found:
+            raise ArgumentError(f"{what}: no weight moves the tip within the allowed range", id="no-effect")
+        return found
 
     def _modes(self, experiment: ModesExperiment) -> list[Candidate]:
         added, on = self._mass(experiment.kilograms, {})
@@ -216,18 +227,24 @@ class Bench:
         columns: Mapping[str, Array],
     ) -> list[Candidate]:  # fmt: skip
         largest = max(float(np.abs(column).max()) for column in columns.values())
-        noise, names = rounded(experiment.noise or (experiment.share or 0.0) * largest), tuple(columns)
-        if not noise:
+        noise = rounded(experiment.noise or (experiment.share or 0.0) * largest)
+        names = tuple(name for name, column in columns.items() if np.ptp(column) > noise > 0)  # others show noise only
+        what = sensor.name if sensor is not None else next(iter(columns))
+        if not names:
+            self.skip(f"{what} in {run.name!r}", "it does not change by more than its noise")
             return []
         unit = names[0].rpartition("[")[2].rstrip("]")
-        what = names[0] if sensor is None else sensor.name
-        again = f"a repeat of run {run.name!r}" if run in self.problem.run else "a run of the scene"
+        head = "" if sensor is not None else heads_of(run).get(names[0], "")
+        again = "a run of the scene"
+        if run in self.problem.run:
+            again = f"run {run.name!r}, where it is already recorded" if head else f"a repeat of run {run.name!r}"
         addition = replace(
             self._run(run, f"{run.name}, {what.partition(' [')[0]}", changes, t, columns, dict.fromkeys(names, noise)),
             gain=names if experiment.gain else (), bias=names if experiment.bias else (),
         )  # fmt: skip
         title = f"add {what} in {again} (noise {noise:.2g}{f' {unit}' if unit != '1' else ''})"
-        return [Candidate(experiment.name, title, experiment.reason, addition, run.name)]
+        file = run.file if head else ""
+        return [Candidate(experiment.name, title, experiment.reason, addition, run.name, file, head)]
 
     def _measurable(self, name: str, pattern: str) -> bool:
         """Whether a column matches, and is not the angle of a hinge of a beam."""
@@ -251,11 +268,17 @@ class Bench:
         self._refuse_sought(changes)
         t = self._times(source, experiment.longer)
         columns = self._recorded(run, changes, t)
-        noise = {block.name: rounded(float(np.median(block.σ))) for block in source.blocks}
-        where = f", joint {link}" if link else ""
+        where, size = (
+            f", joint {link}" if link else "",
+            {block.name: float(np.median(block.σ)) for block in source.blocks},
+        )
+        noise = {name: rounded(σ) for name, σ in size.items() if np.ptp(columns[name]) > σ}
+        if not noise:
+            raise ArgumentError("no column changes by more than its noise", id="no-effect")
         addition = replace(
             self._run(run, f"{run.name}, {experiment.name}{where}", changes, t, columns, noise),
-            gain=tuple(b.name for b in source.blocks if b.gain), bias=tuple(b.name for b in source.blocks if b.bias),
+            gain=tuple(b.name for b in source.blocks if b.gain and b.name in noise),
+            bias=tuple(b.name for b in source.blocks if b.bias and b.name in noise),
         )  # fmt: skip
         title = f"run {run.name!r} again, {experiment.name}{on}{where} (noise as in that run)"
         return [Candidate(experiment.name, title, experiment.reason, addition)]

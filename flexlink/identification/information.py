@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.identification.coordinates import Coordinate, prior_rows
 from flexlink.identification.data import Source
@@ -63,7 +64,13 @@ class Sensitivities:
     def of(
         self, blocks: Sequence[Iterable[int]], linear: Sequence[str], with_priors: Sequence[Coordinate]
     ) -> Information:
-        """Information of some blocks of every source, and of the priors of some coordinates."""
+        """Information of some blocks of every source, and of the priors of some coordinates.
+
+        Raises
+        ------
+        ArgumentError
+            A derivative is not finite.
+        """
         kept = [[source.blocks[k] for k in of] for source, of in zip(self.sources, blocks, strict=True)]
         residuals, known = prior_rows(self.coordinates, self.x)
         having = [one for one in self.coordinates if one.prior is not None]
@@ -76,6 +83,8 @@ class Sensitivities:
             ], len(self.x), known)
             for slopes in self.both
         )  # fmt: skip
+        if not (np.isfinite(J).all() and np.isfinite(finer).all()):
+            raise ArgumentError("its derivatives are not finite", id="not-finite")
         names = (*(one.name for one in self.coordinates), *linear)
         return Information(_compressed(J), names, float(np.linalg.norm(J - finer, 2)))
 

@@ -118,6 +118,8 @@ class Proposals:
         Experiments that do not apply to this scene, or cannot be simulated, with the reason.
     compared
         Number of compared experiments.
+    notes
+        Notes on the present intervals.
 
     Examples
     --------
@@ -137,6 +139,7 @@ class Proposals:
     separating: tuple[tuple[Direction, Candidate | None], ...]
     skipped: tuple[Diagnostic, ...]
     compared: int
+    notes: tuple[Diagnostic, ...] = ()
 
     def __repr__(self) -> str:
         best = f"; first: {self.first.text}" if self.first is not None else ""
@@ -168,6 +171,7 @@ class Proposals:
         """The result as lines of text: ranked experiments, sets, and the tables of the first."""
         most = 10  # largest number of experiments to list
         yield f"What to measure next ({self.basis})"
+        yield from self.notes
         for number, one in enumerate(self.best[:most], 1):
             yield f"{number:2}. {one.text}"
         if not self.best:
@@ -176,7 +180,8 @@ class Proposals:
             yield f"together: {one.text}"
         for direction, candidate in self.separating:
             what = candidate.title if candidate is not None else "no compared experiment"
-            yield f"to separate {' and '.join(direction.names)}: {what}"
+            verb = "separate" if len(direction.names) > 1 else "determine"
+            yield f"to {verb} {' and '.join(direction.names)}: {what}"
         yield (
             f"{plural(self.compared, 'experiment')} compared; {len(self.skipped)} left out, which do not apply here or "
             "cannot be simulated (--json lists them)"
@@ -192,13 +197,14 @@ class Proposals:
             "at": "solution" if self.of_fit else "initial guess",
             "values": dict(self.values),
             "linear": True,
+            "notes": [{"id": one.id, "text": str(one)} for one in self.notes],
             "ranked": [_document(one) for one in self.ranked],
             "sets": [_document(one) for one in self.sets],
             "separating": [
                 {"names": direction.names, "experiment": None if one is None else one.title}
                 for direction, one in self.separating
             ],
-            "skipped": [str(one) for one in self.skipped],
+            "skipped": [{"id": one.id, "text": str(one)} for one in self.skipped],
             "compared": self.compared,
         }
 
@@ -225,6 +231,7 @@ class Proposals:
             f"Expected 95 % intervals after each experiment, {self.basis}.",
             f"Now: {', '.join(present)}.",
             left,
+            *(f"Note: {note}." for note in self.notes),
         )
         texts = "\n".join(f"# {one.text}\n{one.toml}" for one in (*self.best, *self.sets))
         heads = ("rank", "experiment", "reason", *names, "not identifiable")
@@ -271,6 +278,9 @@ def _toml(candidate: Candidate) -> str:
         text = toml_of({"parameter": [without_defaults(addition)]}).lstrip()
         return f"# Replace this parameter's table; prior: measured value and its standard deviation\n{text}"
     if isinstance(addition, FitRun):
+        if candidate.file:
+            run = replace(addition, columns={}, file=candidate.file, compare=(candidate.head,))
+            return f"# The file already contains this column\n{toml_of({'run': [without_defaults(run)]}).lstrip()}"
         heads = ", ".join(addition.columns)
         name = "".join(c if c.isalnum() or c in "-_." else "_" for c in addition.name)
         run = replace(addition, columns={}, file=f"{name}.csv")

@@ -30,6 +30,7 @@ from flexlink.identification.information import Information, Sensitivities
 from flexlink.identification.likelihood import linear_names
 from flexlink.identification.problem import FitModes, FitParameter, FitProblem, FitRun
 from flexlink.identification.proposals import Change, Proposal, Proposals
+from flexlink.identification.remarks import notes
 
 
 def propose(problem: FitProblem | Fitted, experiments: str | Path | Experiments | None = None) -> Proposals:
@@ -73,6 +74,7 @@ def propose(problem: FitProblem | Fitted, experiments: str | Path | Experiments 
     if fitted is not None:
         x, sources = _at_solution(fitted, coordinates, sources)
     known = _present(fitted, coordinates, sources, x)
+    assumed = () if fitted is not None else tuple(one for one in notes(sources) if one.id == "assumed-noise")
     bench = Bench(of, sources, coordinates, x)
     given = _given(experiments)
     before = known.check
@@ -82,7 +84,7 @@ def propose(problem: FitProblem | Fitted, experiments: str | Path | Experiments 
     separating = tuple(_separating(direction, found) for direction in before.lost)
     return Proposals(
         before, tuple(zip((one.name for one in coordinates), _values(coordinates, x), strict=True)), fitted is not None,
-        tuple(ranked), tuple(sets), separating, tuple(bench.skipped), len(found),
+        tuple(ranked), tuple(sets), separating, tuple(bench.skipped), len(found), assumed,
     )  # fmt: skip
 
 
@@ -151,7 +153,11 @@ def _accurate(
     """Candidates whose derivatives are accurate enough that adding them does not hide effects of the present data."""
     now = len(known.check.lost)
     for one, information in found:
-        if len(known.with_([information]).check.lost) > now:
+        lost = known.with_([information]).check.lost
+        own = {name for direction in lost for name in direction.names} - {*known.names}
+        if own:
+            bench.skip(one.title, f"{' and '.join(sorted(own))} would not be identifiable")
+        elif len(lost) > now:
             bench.skip(one.title, "its derivatives are too inaccurate; the motion is too long or too sensitive")
         else:
             yield one, information
@@ -261,7 +267,7 @@ def _sets(
         best, k = min(several, key=lambda pair: _rank(pair[0]))
         chosen.append(left[k])
         sets.append(best)
-    return sets[1:]
+    return sets[1:] if sets and sets[-1].lost < sets[0].lost else []
 
 
 def _separating(
