@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from conftest import ROOT
 from experiments_made import Laboratory, followed, recorded, sagged, tapped, together
+from msgspec.structs import replace
 
 import flexlink as fl
 from flexlink.cli.main import main
@@ -166,6 +167,24 @@ def test_an_unknown_of_a_run_is_unknown_in_its_repeat() -> None:
     (again,) = motion.additions
     assert again.parameter[0].path == "initial.joint_deg.l" and again.bias == ("q l [rad]",)
     assert len(again.columns["t [s]"]) == 2 * len(run.columns["t [s]"]) - 1
+
+
+@pytest.mark.slow
+def test_unknown_times_drifts_and_starts_of_a_run_are_unknown_in_its_repeats(rng: np.random.Generator) -> None:
+    (swing,) = recorded(Q)(SERVO, rng)["run"]
+    head = ("q l [rad]",)
+    run = replace(swing, delay=head, drift=head, bias=head, clock=True)
+    problem = FitProblem(scene=SERVO, parameter=(FitParameter(path=M),), run=(run,))
+    found = propose(problem)
+    assert [name for name, _ in found.values] == [M]
+    assert [change.name for change in found.ranked[0].changes] == [M]
+    motion = next(one for one in found.ranked if one.candidates[0].experiment == "recorded twice as long")
+    (again,) = motion.additions
+    assert isinstance(again, FitRun)
+    assert again.delay == again.drift == again.bias == head and again.clock
+    extended = replace(problem, run=(*problem.run, again))
+    expected = dict(zip((check := fl.fits.check_fit(extended)).names, check.expected, strict=True))[M]
+    assert motion.changes[0].after == pytest.approx(expected, rel=1e-3)
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import scipy
@@ -20,6 +20,7 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.types import Array
 from flexlink.common.wording import Diagnostic
+from flexlink.data.csv_table import head_of
 from flexlink.describe.sensor import Sensor, column_names
 from flexlink.describe.vary import parts_of
 from flexlink.identification.applied import changes_of, heads_of, rounded, sensors_on
@@ -56,8 +57,8 @@ class Candidate(NamedTuple):
         What it adds to the problem.
     beside
         Run that it repeats with other columns; all candidates that repeat a run are simulated together.
-    file, head
-        File of the problem that already contains the column, and the column's head; otherwise "".
+    recorded
+        The addition as read from a file of the problem that already contains its column; None if there is none.
     """
 
     experiment: str
@@ -65,8 +66,7 @@ class Candidate(NamedTuple):
     reason: str
     addition: Addition
     beside: str = ""
-    file: str = ""
-    head: str = ""
+    recorded: FitRun | None = None
 
 
 class Bench:
@@ -86,7 +86,9 @@ class Bench:
         self, problem: FitProblem, sources: Sequence[Source], coordinates: Sequence[Coordinate], x: Array
     ) -> None:
         self.problem = problem
-        self.values = {(one.run, one.path): one.value(float(at)) for one, at in zip(coordinates, x, strict=True)}
+        self.values = {
+            (one.run, one.path): one.value(float(at)) for one, at in zip(coordinates, x, strict=True) if not one.timing
+        }
         self.scene = problem.scene.varied({path: value for (run, path), value in self.values.items() if not run})
         self.skipped: list[Diagnostic] = []
         known = {source.name: source for source in sources if source.is_run}
@@ -235,16 +237,16 @@ class Bench:
             return []
         unit = names[0].rpartition("[")[2].rstrip("]")
         head = "" if sensor is not None else heads_of(run).get(names[0], "")
-        again = "a run of the scene"
+        where = "a run of the scene"
         if run in self.problem.run:
-            again = f"run {run.name!r}, where it is already recorded" if head else f"a repeat of run {run.name!r}"
+            where = f"run {run.name!r}, where it is already recorded" if head else f"a repeat of run {run.name!r}"
         addition = replace(
             self._run(run, f"{run.name}, {what.partition(' [')[0]}", changes, t, columns, dict.fromkeys(names, noise)),
             gain=names if experiment.gain else (), bias=names if experiment.bias else (),
         )  # fmt: skip
-        title = f"add {what} in {again} (noise {noise:.2g}{f' {unit}' if unit != '1' else ''})"
-        file = run.file if head else ""
-        return [Candidate(experiment.name, title, experiment.reason, addition, run.name, file, head)]
+        title = f"add {what} in {where} (noise {noise:.2g}{f' {unit}' if unit != '1' else ''})"
+        again = replace(addition, columns={}, file=run.file, compare=(head,), start=run.start) if head else None
+        return [Candidate(experiment.name, title, experiment.reason, addition, run.name, again)]
 
     def _measurable(self, name: str, pattern: str) -> bool:
         """Whether a column matches, and is not the angle of a hinge of a beam."""
@@ -279,6 +281,8 @@ class Bench:
             self._run(run, f"{run.name}, {experiment.name}{where}", changes, t, columns, noise),
             gain=tuple(b.name for b in source.blocks if b.gain and b.name in noise),
             bias=tuple(b.name for b in source.blocks if b.bias and b.name in noise),
+            drift=tuple(b.name for b in source.blocks if b.drift and b.name in noise),
+            delay=tuple(head for head in run.delay if head_of(head)[0] in {head_of(name)[0] for name in noise}),
         )  # fmt: skip
         title = f"run {run.name!r} again, {experiment.name}{on}{where} (noise as in that run)"
         return [Candidate(experiment.name, title, experiment.reason, addition)]
@@ -292,10 +296,12 @@ class Bench:
         parameters = tuple(
             replace(one, start=self.values.get((run.name, one.path), one.start)) for one in run.parameter
         )
+        start: Literal["unknown"] | None = "unknown" if run.start == "unknown" else None
         window = None if run.window is None else (float(t[0]), float(t[-1]))
         return FitRun(
-            name=name, columns=data, set={**run.set, **changes}, noise=dict(noise), parameter=parameters, window=window
-        )
+            name=name, columns=data, set={**run.set, **changes}, noise=dict(noise), parameter=parameters, window=window,
+            clock=run.clock, start=start,
+        )  # fmt: skip
 
     def _recorded(self, run: FitRun, changes: Mapping[str, Any], t: Array) -> Mapping[str, Array]:
         """Columns of the changed run at times t, predicted by the scene."""

@@ -88,7 +88,7 @@ class MotionExperiment(Spec, frozen=True):
     reason: str
     """Reason for this motion."""
     scale: dict[str, Any] = msgspec.field(default_factory=dict)
-    """Factors of numbers or of lists of numbers, by path. In paths, "{link}" is replaced by each driven link in turn."""
+    """Factors of numbers or of lists of numbers, by path. "{link}" in a path is each driven link in turn."""
     add: dict[str, float] = msgspec.field(default_factory=dict)
     """Numbers to be added, by path."""
     set: dict[str, Any] = msgspec.field(default_factory=dict)

@@ -278,13 +278,15 @@ def _toml(candidate: Candidate) -> str:
         text = toml_of({"parameter": [without_defaults(addition)]}).lstrip()
         return f"# Replace this parameter's table; prior: measured value and its standard deviation\n{text}"
     if isinstance(addition, FitRun):
-        if candidate.file:
-            run = replace(addition, columns={}, file=candidate.file, compare=(candidate.head,))
-            return f"# The file already contains this column\n{toml_of({'run': [without_defaults(run)]}).lstrip()}"
-        heads = ", ".join(addition.columns)
+        if candidate.recorded is not None:
+            text = toml_of({"run": [without_defaults(candidate.recorded)]}).lstrip()
+            return f"# The file already contains this column\n{text}"
+        heads, t = ", ".join(addition.columns), addition.columns["t [s]"]
+        span = f"{plural(len(t), 'sample')} from {t[0]:.4g} to {t[-1]:.4g} s"
         name = "".join(c if c.isalnum() or c in "-_." else "_" for c in addition.name)
         run = replace(addition, columns={}, file=f"{name}.csv")
-        return f"# {run.file}: record with the columns {heads}\n{toml_of({'run': [without_defaults(run)]}).lstrip()}"
+        text = toml_of({"run": [without_defaults(run)]}).lstrip()
+        return f"# {run.file}: record with the columns {heads}, {span}\n{text}"
     key = "modes" if isinstance(addition, FitModes) else "static"
     values = "hertz" if key == "modes" else "value"
     return f"# Replace {values} by the measurement\n{toml_of({key: [without_defaults(addition)]}).lstrip()}"

@@ -83,7 +83,7 @@ def propose(problem: FitProblem | Fitted, experiments: str | Path | Experiments 
     sets = [] if any(not one.lost for one in ranked) else _sets(before, coordinates, x, known, found)
     separating = tuple(_separating(direction, found) for direction in before.lost)
     return Proposals(
-        before, tuple(zip((one.name for one in coordinates), _values(coordinates, x), strict=True)), fitted is not None,
+        before, _values(coordinates, x), fitted is not None,
         tuple(ranked), tuple(sets), separating, tuple(bench.skipped), len(found), assumed,
     )  # fmt: skip
 
@@ -229,8 +229,10 @@ def _merged(runs: Sequence[FitRun]) -> FitRun:
     )  # fmt: skip
 
 
-def _values(coordinates: Sequence[Coordinate], x: Array) -> list[float]:
-    return [one.value(float(at)) for one, at in zip(coordinates, x, strict=True)]
+def _values(coordinates: Sequence[Coordinate], x: Array) -> tuple[tuple[str, float], ...]:
+    """Names and values of the parameters; unknown times of runs are left out, as gains and biases are."""
+    pairs = zip(coordinates, x, strict=True)
+    return tuple((one.name, one.value(float(at))) for one, at in pairs if not one.timing)
 
 
 def _proposal(
@@ -243,6 +245,7 @@ def _proposal(
     changes = tuple(
         Change(one.name, one.measured_in, one.log, size, float(before.expected[k]), float(after.expected[k]))
         for k, (size, one) in enumerate(sizes)
+        if not one.timing
     )
     return Proposal(tuple(one for one, _ in several), changes, len(after.lost))
 
