@@ -1,12 +1,14 @@
 """Comparison with measurements: error of every quantity, its validation uncertainty (ASME V&V 20), and a verdict.
 
-No parameters are fitted; the scene contains the values that the source of the measurement states.
+No parameters are fitted for the verdicts; the scene contains the values that the source of the measurement states.
+Beside them, one number of the specimen may be fitted to some quantities to predict the others (`OneNumber`), and the
+parts of the uncertainty may be derived a second way (`draws`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
 from flexlink.chain.arguments import require_one_of
@@ -14,7 +16,9 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from validation.case import Case, Measured
 from validation.measured.measurements import MEASUREMENTS, Measurement
+from validation.measured.one_number import Candidate, Fitted, OneNumber, Study, fit_one_number
 from validation.measured.readings import Reading
+from validation.measured.second_way import close_grids, disagreement, random_points, scatter_of, spread_of_derived
 from validation.measured.uncertainty import COVERAGE, VERDICTS, Comparison, grid_convergence, standard
 from validation.store import Series, table
 
@@ -35,6 +39,7 @@ class Settings(Spec, frozen=True, kw_only=True):
 
     `wanted` is the required accuracy |E| / |D| for each group of quantities, which a measurement must be able to
     resolve. `order` is the order of the lumping rule. `rounding` is the smallest relative error assumed for S.
+    `draws` is the number of random inputs for the second way to the uncertainties; 0 leaves it out.
     """
 
     measurement: str
@@ -43,17 +48,29 @@ class Settings(Spec, frozen=True, kw_only=True):
     wanted: dict[str, Positive]
     input: dict[str, Input]
     rounding: Positive = 1e-9
+    draws: int = 0
+    one_number: OneNumber | None = None
 
 
 class _Simulated(NamedTuple):
-    """Simulated values by name, on each grid, and with each input at both limits of its tolerance."""
+    """Simulated values by name, on each grid, and with each input at both limits of its tolerance; `predict` them."""
 
     grids: list[dict[str, float]]
     inputs: dict[str, tuple[dict[str, float], dict[str, float]]]
+    predict: Callable[[float, Mapping[str, float]], dict[str, float]]  # multiple of the hinges, values by path
 
     def u_input(self, name: str) -> dict[str, float]:
         """Standard uncertainty of a simulated value due to each input."""
-        return {which: standard(abs(high[name] - low[name]) / 2) for which, (low, high) in self.inputs.items()}
+        return {which: abs(effects[name]) for which, effects in self.effects().items()}
+
+    def effects(self) -> dict[str, dict[str, float]]:
+        """Input → standard uncertainty of every simulated value, with the sign of its derivative."""
+        return {
+            which: {
+                name: math.copysign(standard(abs(high[name] - low[name]) / 2), high[name] - low[name]) for name in low
+            }
+            for which, (low, high) in self.inputs.items()
+        }
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
@@ -61,12 +78,13 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     measurement = require_one_of(f"{case.path}: settings.measurement", settings.measurement, MEASUREMENTS)
     readings = measurement.all_readings()
     simulated = _simulate(case, settings, measurement)
-    rows = []
+    rows, every = [], {}
     groups: dict[str, list[Comparison]] = {}
     for name, reading in readings.items():
         require_one_of(f"{case.path}: settings.wanted", reading.group, settings.wanted)
         compared, inputs = _compared(name, reading, simulated, settings)
         groups.setdefault(reading.group, []).append(compared)
+        every[name] = compared
         yield from _measured(name, reading, compared, inputs)
         rows.append((name, reading.group, reading.unit, *_numbers(compared), compared.verdict))
     for group, found in groups.items():
@@ -88,22 +106,33 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         "verdict",
     )
     yield Series("measured", case.title, table(heads, rows), "quantity", "", "E", group="group")
+    if settings.draws:
+        yield from _second_way(case, settings, measurement, simulated, every)
+    if settings.one_number:
+        yield from _one_number(case, settings.one_number, readings, simulated, every)
 
 
 def _simulate(case: Case, settings: Settings, measurement: Measurement) -> _Simulated:
     (scene,) = case.load_scenes()
-    first = scene.varied({f"link.{link}.segments": n + 1 for link, n in settings.hinges.items()})
-    finer = [{f"link.{link}.segments": times * n + 1 for link, n in settings.hinges.items()} for times in GRIDS[1:]]
-    grids = [measurement.predict(each) for each in (first, *map(scene.varied, finer))]
-    inputs = {name: _at_both_ends(first, each, measurement) for name, each in settings.input.items()}
-    return _Simulated(grids, inputs)
+
+    def predict(times: float, values: Mapping[str, float]) -> dict[str, float]:
+        grid = {f"link.{link}.segments": round(times * n) + 1 for link, n in settings.hinges.items()}
+        return measurement.predict(scene.varied({**grid, **values}))
+
+    grids = [predict(times, {}) for times in GRIDS]
+    inputs = {
+        name: (predict(1, {each.path: low}), predict(1, {each.path: high}))
+        for name, each in settings.input.items()
+        for low, high in [_range(scene, each)]
+    }
+    return _Simulated(grids, inputs, predict)
 
 
-def _at_both_ends(scene: Scene, varied: Input, measurement: Measurement) -> tuple[dict[str, float], dict[str, float]]:
+def _range(scene: Scene, varied: Input) -> tuple[float, float]:
+    """Smallest and largest value of an input."""
     (value,) = scene.values_at(varied.path)
     off = varied.by + varied.relative * abs(value)
-    low, high = (measurement.predict(scene.varied({varied.path: value + sign * off})) for sign in (-1, 1))
-    return low, high
+    return value - off, value + off
 
 
 def _compared(
@@ -146,4 +175,96 @@ def _numbers(c: Comparison) -> tuple[float, ...]:
         c.u_measured,
         c.u_val,
         c.wanted,
+    )
+
+
+def _second_way(
+    case: Case, settings: Settings, measurement: Measurement, simulated: _Simulated, every: Mapping[str, Comparison]
+) -> Iterator[Measured]:
+    """Yield, for each part of u_val, the largest disagreement of the two ways that lead to it."""
+    (scene,) = case.load_scenes()
+    ranges = {each.path: _range(scene, each) for each in settings.input.values()}
+    points = random_points(settings.draws, len(ranges))
+    values = [
+        {path: low + (1 + x) / 2 * (high - low) for x, (path, (low, high)) in zip(point, ranges.items(), strict=True)}
+        for point in points
+    ]
+    inputs = scatter_of([simulated.predict(1, each) for each in values])
+    _, two, four = simulated.grids
+    three = simulated.predict(3, {})
+    grids = {name: close_grids(two[name], three[name], four[name], settings.order).u_num for name in every}
+    yield _agreement(
+        "u_input", f"{settings.draws} random inputs", {n: c.u_input for n, c in every.items()}, inputs, every
+    )
+    numeric = {name: c.convergence.u_num for name, c in every.items()}
+    yield _agreement("u_num", "grids of 2N, 3N and 4N hinges", numeric, grids, every)
+    if measurement.u_again:
+        again = measurement.u_again(four) | spread_of_derived(measurement.derived(), measurement.readings())
+        yield _agreement("u_D", "scatter or random readings", {n: c.u_measured for n, c in every.items()}, again, every)
+
+
+def _agreement(
+    part: str, how: str, first: Mapping[str, float], second: Mapping[str, float], every: Mapping[str, Comparison]
+) -> Measured:
+    off = {name: disagreement(first[name], second[name], each.u_val) for name, each in every.items()}
+    worst = max(off, key=lambda name: off[name])
+    note = f"{part} of “{worst}” = {first[worst]:.3g}, a second way ({how}) {second[worst]:.3g}: most of {len(off)}."
+    return Measured("second way", off[worst], varied={"part": part}, note=note)
+
+
+def _one_number(
+    case: Case,
+    wanted: OneNumber,
+    readings: Mapping[str, Reading],
+    simulated: _Simulated,
+    every: Mapping[str, Comparison],
+) -> Iterator[Measured | Series]:
+    """Yield, for every choice of fitted quantities and every candidate, how many of the others are validated."""
+    (scene,) = case.load_scenes()
+    chosen = {name: reading for name, reading in readings.items() if reading.group == wanted.group}
+    lines = []
+    for fitted_to, patterns in wanted.fitted_to.items():
+        for name, each in wanted.candidate.items():
+            start = each.start or scene.values_at(each.path)[0]
+
+            def predict(value: float | None, path: str = each.path) -> dict[str, float]:
+                return simulated.grids[0] if value is None else simulated.predict(1, {path: value})
+
+            found = fit_one_number(each, start, chosen, patterns, Study(every, simulated.effects(), predict))
+            without = sum(every[other].verdict == VERDICTS[0] for other in found.others)
+            varied = {"situation": name, "part": fitted_to}
+            note = _told(name, each, start, found, without, len(chosen), fitted_to)
+            yield Measured("others validated with one number fitted", found.count(), varied=varied, note=note)
+            known = each.tolerance or math.nan
+            errors = [abs(c.error / c.measured) for c in found.others.values()]
+            lines.append(
+                (fitted_to, name, each.unit, start, found.value, found.u_relative, known, found.before,
+                 found.after, len(errors), without, found.count(), max(errors))
+            )  # fmt: skip
+    heads = (
+        "fitted to", "number", "unit", "start", "fitted", "u", "tolerance", "misfit before", "misfit after",
+        "others", "validated before", "validated after", "largest error of the others",
+    )  # fmt: skip
+    yield Series("one number", case.title, table(heads, lines), "number", "", "validated after", group="fitted to")
+
+
+def _told(name: str, each: Candidate, start: float, found: Fitted, without: int, of: int, fitted_to: str) -> str:
+    """The fit in one sentence or two."""
+    others = len(found.others)
+    if math.isinf(found.u_relative) and not found.at_limit:
+        return f"{name} has no effect on the {of - others} quantities {fitted_to}; it cannot be fitted to them."
+    known = f", known to ± {100 * each.tolerance:g} %" if each.tolerance else ""
+    change = f"{100 * (found.value / start - 1):+.1f} %" if not each.start else "fitted"
+    where = (
+        f"runs to {each.limit}, so the others are compared without a fit"
+        if found.at_limit
+        else f"{found.value:.4g} {each.unit} ({change}{known}), standard uncertainty {100 * found.u_relative:.2g} %"
+    )
+    left = sorted(found.others.items(), key=lambda item: -abs(item[1].error / item[1].measured))[:3]
+    worst = ", ".join(f"{which} {100 * c.error / c.measured:+.1f} %" for which, c in left)
+    return (
+        f"{name}, fitted to the {of - others} quantities {fitted_to}: {where}; their misfit in units of u_D: "
+        f"{found.before:.2g} → {found.after:.2g}. Of the {others} others, {found.count()} are validated ({without} "
+        f"without the fit), {found.count(VERDICTS[1])} are not, {found.count(VERDICTS[2])} cannot be told. "
+        f"Largest errors left: {worst}."
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
 from flexlink.describe.scene import Scene
@@ -11,11 +11,15 @@ from validation.measured.readings import Derived, Reading
 
 
 class Measurement(NamedTuple):
-    """Measured values, quantities derived from them, and a chain's prediction of the same quantities."""
+    """Measured values, quantities derived from them, and a chain's prediction of the same quantities.
+
+    `u_again` derives the uncertainties of the measured values a second way, for the prediction of the finest grid.
+    """
 
     readings: Callable[[], dict[str, Reading]]
     derived: Callable[[], Iterable[Derived]]
     predicted: Callable[[Scene], dict[str, float]]
+    u_again: Callable[[Mapping[str, float]], dict[str, float]] | None
 
     def all_readings(self) -> dict[str, Reading]:
         """Measured values by name, derived ones last."""
@@ -29,6 +33,8 @@ class Measurement(NamedTuple):
 
 
 MEASUREMENTS = {
-    module.__name__.rpartition(".")[2]: Measurement(module.readings, module.derived, module.predicted)
+    module.__name__.rpartition(".")[2]: Measurement(
+        module.readings, module.derived, module.predicted, getattr(module, "u_again", None)
+    )
     for module in (rotating_beam, strip_on_flange, two_link_ringing, wing_spar)
 }

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 import flexlink as fl
 from flexlink.describe.scene import Scene
 from validation.measured.readings import Derived, Reading
+from validation.measured.second_way import deviation, roughness
 from validation.measured.uncertainty import standard
 from validation.reference_values import look_up
 
@@ -28,6 +29,20 @@ def readings() -> dict[str, Reading]:
             for sweep, value in zip(look_up(DATA, "sweep_deg"), values, strict=True):
                 found[_name(mode, speed, sweep)] = Reading(value, u, "Hz", "frequency")
     return found
+
+
+def u_again(predicted: Mapping[str, float]) -> dict[str, float]:
+    """u_D a second way: scatter of D − S over the sweeps about its mean, of all modes and speeds, in units of u_D.
+
+    The error of the model is taken as the same at all sweeps. What it is not adds to the scatter.
+    """
+    found, rough = readings(), []
+    for mode, speeds in look_up(DATA, "frequency_hz").items():
+        for speed in speeds:
+            names = [_name(mode, speed, sweep) for sweep in look_up(DATA, "sweep_deg")]
+            off = [found[name].value - predicted[name] for name in names]
+            rough.append(roughness(off, [found[name].u for name in names], range(len(names)), degree=0))
+    return {name: each.u * deviation(rough, degree=0) for name, each in found.items()}
 
 
 def derived() -> Iterator[Derived]:
