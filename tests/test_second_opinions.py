@@ -178,7 +178,8 @@ def test_patterns_choose_the_fitted_quantities() -> None:
 
 @pytest.mark.parametrize("order", [1.0, 1.7, 2.0])
 def test_close_grids_find_the_order_and_125_percent_of_the_error(order: float) -> None:
-    found = close_grids(*(3.0 + 0.4 / n**order for n in (2, 3, 4)), formal=2.0)
+    two, three, four = (3.0 + 0.4 / n**order for n in (2, 3, 4))
+    found = close_grids(two, three, four, formal=2.0)
     assert found.order == pytest.approx(order, rel=1e-9)
     assert found.grid_index == pytest.approx(1.25 * 0.4 / 4**order, rel=1e-9)
     assert math.isnan(close_grids(1.0, 1.1, 1.05, formal=2.0).order)
@@ -229,7 +230,7 @@ def test_a_spar_whose_root_yields_predicts_the_larger_deflections() -> None:
     assert stiffness.value < 5
 
 
-def test_a_validated_quantity_tells_the_accuracy_that_was_shown() -> None:
+def test_a_validated_quantity_is_printed_with_the_accuracy_that_was_shown() -> None:
     note = next(
         each.note for each in rows("measured_strip_on_flange", draws=0)
         if each.varied.get("situation") == "down, at amplitude zero"

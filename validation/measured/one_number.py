@@ -33,7 +33,7 @@ NEAR_LIMIT = 0.01  # distance to a limit of x at which the fit counts as having 
 class Candidate(Spec, frozen=True, kw_only=True):
     """A number of the scene at `path`, sought between `low` and `high` times `start` (its value in the scene, if 0).
 
-    `limit` says what it means if the best value is a limit of this range. `tolerance` is the relative tolerance with
+    `limit` states the meaning if the best value is a limit of this range. `tolerance` is the relative tolerance with
     which the number is known, for comparison; 0 if it is unknown.
     """
 

@@ -68,7 +68,9 @@ def spread_of_derived(derived: Iterable[Derived], readings: Mapping[str, Reading
     return found
 
 
-def roughness(values: Sequence[float], uncertainties: Sequence[float], x: Sequence[float], *, degree: int) -> Array:
+def roughness(
+    values: Sequence[float] | Array, uncertainties: Sequence[float], x: Sequence[float] | Array, *, degree: int
+) -> Array:
     """Residuals (value − polynomial of this degree in x) / u of a fit weighted by the uncertainties u."""
     u = np.asarray(uncertainties)
     design = np.vander(np.asarray(x, dtype=float), degree + 1) / u[:, None]

@@ -35,7 +35,7 @@ HEADS = (
 JOINTS = 7
 WINDOW = 2.0  # s, six periods
 WINDOWS = 4  # from the end of the recording backwards; window 0 is the last
-FIRST_HZ = {"Xdown": 3.05, "Xup": 2.8, "Z": 2.96}  # by the part of the name that says the orientation
+FIRST_HZ = {"Xdown": 3.05, "Xup": 2.8, "Z": 2.96}  # by the part of the name that states the orientation
 
 
 class Decay(NamedTuple):
