@@ -14,6 +14,7 @@ from flexlink.common.output import make_folder, write_text
 from flexlink.common.wording import plural, truncated
 from flexlink.describe.scene import Scene
 from flexlink.describe.writing import toml_of, without_defaults
+from flexlink.identification.fitted import building
 from flexlink.identification.identifiability import WIDE, Check
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.proposals import Proposals
@@ -32,6 +33,8 @@ def build_check(
 ) -> Report:
     """Write the page and the files of a check, or of a fit that the check refused; with `proposals` of experiments.
 
+    The page shows the data first: columns beside their prediction at the initial guess, residuals, and spectra.
+
     Raises
     ------
     FlexlinkError
@@ -40,6 +43,7 @@ def build_check(
     make_folder(folder)
     write_text(folder / "check.json", json.dumps(document(check), indent=1, ensure_ascii=False) + "\n")
     parts = {
+        **building("data_page").chapters_of_data(problem),
         "identifiability": ("Identifiability", "Identifiability", identifiability(check)),
         **measure_next(proposals),
         "problem": (

@@ -7,13 +7,11 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence, Set
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import scipy
 from msgspec.structs import replace
 
-from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.common.types import Array
@@ -22,14 +20,12 @@ from flexlink.data.measured import Measured, measured_from, named, read_measured
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
 from flexlink.dynamics.placement import tip_position
-from flexlink.dynamics.vibration.at_rest import rest_of
 from flexlink.dynamics.vibration.modal import modes
 from flexlink.identification.block import Block
 from flexlink.identification.coordinates import Coordinate, shifted, sought_in, timings
+from flexlink.identification.operating_point import at_rest
 from flexlink.identification.problem import FitModes, FitProblem, FitRun, FitStatic, Use
 from flexlink.identification.timing import as_long, doubts_of_times, in_periods, slowest_mode
-from flexlink.motion.inputs.initial_state import initial_state
-from flexlink.motion.inputs.tip_wrench import initial_wrench
 from flexlink.motion.slopes_of_runs import smooth
 from flexlink.results.columns import sources_of as columns_of
 from flexlink.results.trajectory import Trajectory
@@ -283,9 +279,9 @@ def tapped(problem: FitProblem, part: FitModes, number: int) -> Source:
         blocks.append(Block("damping ratio [1]", ratios, np.full(len(ratios), part.ratio_deviation), True))
 
     def of(scene: Scene) -> list[Array]:
-        chain, q, load = _at_rest(scene)
+        chain, rest, load = at_rest(scene)
         held = chain.active.tolist() if part.locked is None else list(part.locked)
-        found = modes(chain, q, **load, locked=held)
+        found = modes(chain, rest.q, **load, locked=held)
         elastic = np.flatnonzero(np.array(found.kinds) == "elastic")
         if len(elastic) <= indices.max():
             raise ArgumentError(
@@ -303,8 +299,8 @@ def sagged(problem: FitProblem, part: FitStatic, number: int) -> Source:
     """Source of one measured coordinate of the tip at rest, or of the change of this coordinate between two states."""
 
     def tip(scene: Scene) -> float:
-        chain, q, _ = _at_rest(scene)
-        return float(tip_position(chain, q)["xyz".index(part.axis)])
+        chain, rest, _ = at_rest(scene)
+        return float(tip_position(chain, rest.q)["xyz".index(part.axis)])
 
     def of(scene: Scene) -> list[Array]:
         before = 0.0 if part.before is None else tip(scene.varied(part.before))
@@ -313,14 +309,6 @@ def sagged(problem: FitProblem, part: FitStatic, number: int) -> Source:
     scene = problem.scene.varied(part.set) if part.set else problem.scene
     block = Block(f"tip {part.axis} [m]", np.array([part.value]), np.array([part.deviation]), True)
     return Source(f"static {number}", part.use, scene, (block,), at_rest=of)
-
-
-def _at_rest(scene: Scene) -> tuple[Chain, Array, dict[str, Any]]:
-    """Chain of a scene, and its static equilibrium and load."""
-    chain = lump(scene)
-    wrench, frame = initial_wrench(scene, chain)
-    load: dict[str, Any] = {"tip_wrench": wrench, "frame": frame}
-    return chain, rest_of(chain, initial_state(scene, chain)[0], **load).q, load
 
 
 def sources_of(problem: FitProblem, use: Use) -> list[Source]:

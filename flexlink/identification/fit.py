@@ -34,6 +34,7 @@ from flexlink.identification.grid import (
 from flexlink.identification.identifiability import Check, checked
 from flexlink.identification.interval import estimates, linear_estimates, parts_of, spread_of, without_ends
 from flexlink.identification.likelihood import large_changes, linear_names, priors_of, row_of, stacked
+from flexlink.identification.noise import with_noise_of_data
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.profile import profiled, widened
 from flexlink.identification.reasons import with_reasons
@@ -47,9 +48,11 @@ from flexlink.motion.slopes_of_runs import CENTRAL_4
 def check_fit(problem: FitProblem) -> Check:
     """Check which parameters are identifiable from the data, before any are fitted.
 
-    The check takes the Jacobian of all data at the initial guess, divided by the noise that the problem states
-    (default: 1 % of the range of all columns of the same unit). It finds parameters without effect, combinations that
-    are not identifiable, the expected 95 % intervals, and the expected errors due to the number of segments.
+    The check takes the Jacobian of all data at the initial guess, divided by the noise that the problem states. Noise
+    that is not stated is estimated from the data at high frequencies, where it is white and the motion is small;
+    elsewhere 1 % of the range of all columns of the same unit is assumed. It finds parameters without effect,
+    combinations that are not identifiable, the expected 95 % intervals, and the expected errors due to the number of
+    segments.
 
     Parameters
     ----------
@@ -81,7 +84,7 @@ def check_fit(problem: FitProblem) -> Check:
     coordinates, sources = coordinates_of(problem), sources_of(problem, "fit")
     data_notes = notes([*sources, *sources_of(problem, "check")])
     x = np.array([one.x(one.start) for one in coordinates])
-    blocks = [list(source.blocks) for source in sources]
+    blocks = [with_noise_of_data(source.blocks) for source in sources]
     return _check(Signals(sources, coordinates), x, blocks, data_notes, problem.tolerance)
 
 
@@ -166,7 +169,9 @@ def _fit(
     watch = watch_with(bar, starts + 2 * len(coordinates) * profile)
     search = Search(signals, problem.loss, coloured=problem.noise == "coloured", watch=watch)
     start = np.array([one.x(one.start) for one in coordinates])
-    check = _check(signals, start, [list(source.blocks) for source in sources], notes([*sources, *checks]))
+    check = _check(
+        signals, start, [with_noise_of_data(source.blocks) for source in sources], notes([*sources, *checks])
+    )
     if not check.passed:
         raise IdentifiabilityError("; also ".join(one.text for one in check.lost), check)
     report("identifiability at the initial guess: passed")

@@ -28,6 +28,7 @@ from flexlink.identification.fitted import Fitted
 from flexlink.identification.identifiability import Check, Direction
 from flexlink.identification.information import Information, Sensitivities
 from flexlink.identification.likelihood import linear_names
+from flexlink.identification.noise import with_noise_of_data
 from flexlink.identification.problem import FitModes, FitParameter, FitProblem, FitRun
 from flexlink.identification.proposals import Change, Proposal, Proposals
 from flexlink.identification.remarks import notes
@@ -73,8 +74,12 @@ def propose(problem: FitProblem | Fitted, experiments: str | Path | Experiments 
     x = np.array([one.x(one.start) for one in coordinates])
     if fitted is not None:
         x, sources = _at_solution(fitted, coordinates, sources)
+    else:
+        for source in sources:
+            source.blocks = tuple(with_noise_of_data(source.blocks))
     known = _present(fitted, coordinates, sources, x)
-    assumed = () if fitted is not None else tuple(one for one in notes(sources) if one.id == "assumed-noise")
+    of_noise = {"assumed-noise", "estimated-noise"}
+    assumed = () if fitted is not None else tuple(one for one in notes(sources) if one.id in of_noise)
     bench = Bench(of, sources, coordinates, x)
     given = _given(experiments)
     before = known.check

@@ -12,6 +12,7 @@ from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.data import Source
 from flexlink.identification.fitted import Estimate, FittedColumn
 from flexlink.identification.identifiability import Check
+from flexlink.identification.noise import noise_in
 from flexlink.identification.signals import Model
 from flexlink.identification.solve import Found
 
@@ -32,11 +33,22 @@ def notes(sources: Sequence[Source]) -> list[Diagnostic]:
         if uneven:
             text = f"{source.name}: samples of {', '.join(uneven)} are unevenly spaced; intervals assume even spacing"
             found.append(Diagnostic(text, "uneven-samples"))
-        unknown = [block.name for block in source.blocks if not block.stated]
-        if unknown and source.use == "fit":
-            text = f"{source.name}: noise of {', '.join(unknown)} is not stated; 1 % of the range is assumed"
-            found.append(Diagnostic(text, "assumed-noise"))
+        found += _of_noise(source) if source.use == "fit" else []
     return found
+
+
+def _of_noise(source: Source) -> list[Diagnostic]:
+    """Notes on noise that is not stated: its estimate from the data, or that it is assumed."""
+    unknown = [(block, noise_in(block)) for block in source.blocks if not block.stated]
+    found = [
+        Diagnostic(
+            f"{source.name}: noise of {block.name} is not stated; estimated from the data: {σ:.2g}", "estimated-noise"
+        )
+        for block, σ in unknown if σ is not None
+    ]  # fmt: skip
+    assumed = ", ".join(block.name for block, σ in unknown if σ is None)
+    text = f"{source.name}: noise of {assumed} is not stated; 1 % of the range is assumed"
+    return [*found, *([Diagnostic(text, "assumed-noise")] if assumed else [])]
 
 
 def _doubts(source: Source) -> list[Diagnostic]:

@@ -1,0 +1,315 @@
+"""Chapters of a check's page that show the data: columns beside their prediction, residuals, spectra."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+
+from flexlink.common.errors import FlexlinkError
+from flexlink.common.types import Array
+from flexlink.common.wording import plural
+from flexlink.describe.scene import Scene
+from flexlink.dynamics.vibration.at_rest import modes_at_rest
+from flexlink.identification.block import Block
+from flexlink.identification.coordinates import coordinates_of, run_coordinates
+from flexlink.identification.data import Source, sources_of
+from flexlink.identification.likelihood import read, row_of
+from flexlink.identification.noise import GAP, UNEVEN, noise_in, outliers_in
+from flexlink.identification.operating_point import at_rest
+from flexlink.identification.problem import FitProblem
+from flexlink.identification.signals import Signals
+from flexlink.pages.colours import BLUE, GREY, INK, ORANGE, PALE, VERMILION
+from flexlink.pages.part import Part
+from flexlink.pages.picture import Picture
+from flexlink.pages.style import RC, legend_over, stacked_axes
+from flexlink.pages.tables import Table, columns_csv
+
+PANELS = 4
+"""Largest number of panels of a picture; further columns are in another picture."""
+Chapters = dict[str, tuple[str, str, Part]]
+"""Parts of a page by name, with their titles and short titles."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Shown:
+    """A measured column of a run with its prediction at the initial guess.
+
+    Attributes
+    ----------
+    source, block
+        The run and the column.
+    predicted
+        Prediction at the times of the samples, with optimal gain and bias if these are unknown, shape (n,).
+    gaps
+        First and last times of the gaps in the samples, shape (gaps, 2).
+    uneven
+        Times of samples that follow the one before at another interval than usual, without gaps.
+    outliers
+        Whether each sample is an outlier, shape (n,).
+    """
+
+    source: Source
+    block: Block
+    predicted: Array
+    gaps: Array
+    uneven: Array
+    outliers: np.ndarray
+
+    @property
+    def t(self) -> Array:
+        """Times of the samples [s]."""
+        return np.asarray(self.block.t)
+
+    @property
+    def title(self) -> str:
+        """Run and column."""
+        return f"{self.source.name}: {self.block.name}"
+
+
+def chapters_of_data(problem: FitProblem) -> Chapters:
+    """Chapters "Data" and "Spectra" for the data of a problem, with predictions at the initial guess.
+
+    Raises
+    ------
+    FlexlinkError
+        As in `check_fit`.
+    """
+    shown = [*_columns(problem)]
+    with mpl.rc_context(RC):
+        found = {"data": ("Measured and predicted at the initial guess", "Data", _data(problem, shown))}
+        if shown:
+            found["spectra"] = ("Spectra", "Spectra", _spectra(problem, shown))
+    return found
+
+
+def _columns(problem: FitProblem) -> Iterator[Shown]:
+    """The columns of all runs, first of the fitted ones."""
+    sources = [*sources_of(problem, "fit"), *sources_of(problem, "check")]
+    common = [one for one in coordinates_of(problem) if not one.run]
+    for source in sources:
+        if not source.is_run:
+            continue
+        own = [one for run in problem.run if run.name == source.name for one in run_coordinates(problem, run)]
+        coordinates = [*common, *own]
+        y = Signals([source], coordinates).model(np.array([one.x(one.start) for one in coordinates]))
+        for block, one in zip(source.blocks, y[0], strict=True):
+            yield _shown(source, block, read(block, row_of(block, one), one))
+
+
+def _shown(source: Source, block: Block, predicted: Array) -> Shown:
+    t = np.asarray(block.t)
+    between = np.diff(t)
+    usual = float(np.median(between))
+    wide = between > (1 + GAP) * usual
+    other = ~wide & (np.abs(between - usual) > UNEVEN * usual)
+    gaps = np.column_stack([t[:-1][wide], t[1:][wide]])
+    return Shown(source, block, predicted, gaps, t[1:][other], outliers_in(t, block.y, predicted))
+
+
+def _data(problem: FitProblem, shown: Sequence[Shown]) -> Part:
+    heads = ("run", "column", "use", "samples", "rate [Hz]", "gaps", "uneven intervals", "outliers", "noise",
+             "noise from", "RMS residual at the initial guess")  # fmt: skip
+    lines = tuple(
+        (one.source.name, one.block.name, one.source.use, len(one.t), 1 / float(np.median(np.diff(one.t))),
+         len(one.gaps), len(one.uneven), int(one.outliers.sum()), *_noise(one.block),
+         float(np.sqrt(np.mean((one.predicted - one.block.y) ** 2))))
+        for one in shown
+    )  # fmt: skip
+    tables = [Table("columns", "Columns of the runs", heads, lines)] if shown else []
+    single = _single(problem)
+    if single:
+        units = ("measurement", "measured", "standard deviation", "predicted", "residual in standard deviations")
+        tables.append(Table("single", "Single measurements", units, single))
+    return Part(_in_words(shown), pictures=tuple(_pictures(shown)), tables=tuple(tables))
+
+
+def _in_words(shown: Sequence[Shown]) -> tuple[str, ...]:
+    """Sentences on gaps, uneven intervals and outliers."""
+    if not shown:
+        return ("Predictions are those of the scene at the initial guess. Nothing was fitted.",)
+    kinds = {"gap": "gaps", "uneven interval": "uneven", "outlier": "outliers"}
+    found = []
+    for kind, name in kinds.items():
+        counts = [(one.title, int(np.count_nonzero(getattr(one, name)) if name == "outliers" else
+                                  len(getattr(one, name)))) for one in shown]  # fmt: skip
+        several = [f"{title} ({count})" for title, count in counts if count]
+        found.append(f"{kind.capitalize()}s: {', '.join(several)}." if several else f"No {kind}s.")
+    marks = (
+        "Pale areas are gaps, orange ticks below are samples at uneven intervals, and circles are outliers: they are "
+        "more than 5 robust standard deviations off a cubic through their four neighbours, in the data and in the "
+        "residual. Outliers are not removed; loss = 'trimmed' or 'huber' reduces their effect on the fit."
+    )
+    return (" ".join(found), marks)
+
+
+def _noise(block: Block) -> tuple[float | None, str]:
+    if block.stated:
+        return float(np.sqrt(np.mean(block.σ**2))), "problem or sensor"
+    found = noise_in(block)
+    return (float(np.mean(block.σ)), "1 % of range") if found is None else (found, "data")
+
+
+def _single(problem: FitProblem) -> tuple[tuple[str | float, ...], ...]:
+    """Rows of single measurements."""
+    sources = [one for use in ("fit", "check") for one in sources_of(problem, use) if not one.is_run]
+    common = [one for one in coordinates_of(problem) if not one.run]
+    model = Signals(sources, common).model(np.array([one.x(one.start) for one in common])) if sources else []
+    return tuple(
+        (f"{source.name}, {block.name}", float(m), float(σ), float(y), float((y - m) / σ))
+        for source, of_source in zip(sources, model, strict=True)
+        for block, values in zip(source.blocks, of_source, strict=True)
+        for m, σ, y in zip(block.y, block.σ, values, strict=True)
+    )  # fmt: skip
+
+
+def _pictures(shown: Sequence[Shown]) -> Iterator[Picture]:
+    """Pictures of the data beside their prediction, and of the residuals, of every run."""
+    for number, several in enumerate(_groups(shown), 1):
+        caption = "Measured, and predicted at the initial guess."
+        yield _picture(f"data_{number}", "Measured and predicted", caption, several, residual=False)
+        caption = "Predicted at the initial guess − measured."
+        yield _picture(f"start_{number}", "Residuals at the initial guess", caption, several, residual=True)
+
+
+def _groups(shown: Sequence[Shown]) -> Iterator[Sequence[Shown]]:
+    """Columns of one picture each: of the same run, at most four."""
+    for name in dict.fromkeys(one.source.name for one in shown):
+        of_run = [one for one in shown if one.source.name == name]
+        for k in range(0, len(of_run), PANELS):
+            yield of_run[k : k + PANELS]
+
+
+def _picture(name: str, title: str, caption: str, shown: Sequence[Shown], *, residual: bool) -> Picture:
+    figure, axes = stacked_axes(len(shown), 2.2, share=True)
+    columns: dict[str, Array] = {}
+    for panel, one in zip(axes, shown, strict=True):
+        values = {"residual": one.predicted - one.block.y} if residual else {
+            "measured": one.block.y, "predicted": one.predicted
+        }  # fmt: skip
+        for label, y in values.items():
+            panel.plot(*_with_breaks(one, y), label=label, **_look(label, len(y)))
+        first = next(iter(values.values()))
+        _mark(panel, one, first)
+        panel.set_ylabel(one.block.name)
+        panel.set_title(f"{one.source.name} ({one.source.use})", loc="left")
+        columns[f"t [s] of {one.block.name}"] = one.t
+        columns |= {f"{label} {one.block.name}": y for label, y in values.items()}
+        columns[f"outlier in {one.block.name}"] = one.outliers.astype(float)
+    axes[-1].set_xlabel("time [s]")
+    legend_over(axes[0], figure=figure)
+    return Picture(name, f"{title}, {shown[0].source.name}", figure, caption, padded(columns))
+
+
+def _look(label: str, samples: int) -> dict[str, Any]:
+    most = 1500  # largest number of samples drawn as dots; more are drawn as a line
+    dots = {"linestyle": "", "marker": ".", "markersize": 3} if samples <= most else {"linewidth": 0.9}
+    return {
+        "measured": {"color": GREY, **dots}, "predicted": {"color": BLUE, "linewidth": 1.0},
+        "residual": {"color": INK, "linewidth": 0.8},
+    }[label]  # fmt: skip
+
+
+def _with_breaks(one: Shown, y: Array) -> tuple[Array, Array]:
+    """Times and values with nan inside the gaps, where a line would suggest data."""
+    at = np.searchsorted(one.t, one.gaps[:, 1])
+    return np.insert(one.t, at, one.gaps.mean(axis=1)), np.insert(y, at, np.nan)
+
+
+def _mark(panel: Axes, one: Shown, y: Array) -> None:
+    """Mark gaps, uneven intervals and outliers."""
+    for first, last in one.gaps:
+        panel.axvspan(first, last, color=PALE, linewidth=0)
+    if len(one.uneven):
+        low = np.zeros(len(one.uneven))
+        panel.plot(one.uneven, low, "|", color=ORANGE, markersize=7, transform=panel.get_xaxis_transform())
+    if one.outliers.any():
+        panel.plot(one.t[one.outliers], y[one.outliers], "o", color=VERMILION, markerfacecolor="none", label="outlier")
+
+
+def _spectra(problem: FitProblem, shown: Sequence[Shown]) -> Part:
+    highest = max(0.5 / float(np.median(np.diff(one.t))) for one in shown)
+    modes = _modes(problem.scene)
+    inside = [(k, hertz, ratio) for k, (hertz, ratio) in enumerate(modes, 1) if hertz < highest]
+    marked = ", ".join(f"{hertz:.3g} Hz" for _, hertz, _ in inside)
+    sentences = (
+        f"Dashed lines are the elastic modes of the scene at the initial guess, at rest with its driven joints locked: "
+        f"{marked}." if inside else "The scene has no elastic mode below half the sampling rate.",
+        "A peak of the data beside a line is a mode with another frequency, or a motion that the scene lacks. Levels "
+        "that stay equal at high frequencies are noise.",
+        *_resampled(shown),
+    )  # fmt: skip
+    table = Table("modes", "Modes at the initial guess", ("mode", "frequency [Hz]", "damping ratio"), tuple(inside))
+    pictures = tuple(
+        _spectrum_picture(number, several, [hertz for _, hertz, _ in inside])
+        for number, several in enumerate(_groups(shown), 1)
+    )
+    return Part(sentences, pictures=pictures, tables=(table,) if inside else ())
+
+
+def _resampled(shown: Sequence[Shown]) -> tuple[str, ...]:
+    several = [one.title for one in shown if len(one.gaps) or len(one.uneven)]
+    if not several:
+        return ()
+    return (f"{plural(len(several), 'column')} with gaps or uneven intervals interpolated: {', '.join(several)}.",)
+
+
+def _spectrum_picture(number: int, shown: Sequence[Shown], hertz: Sequence[float]) -> Picture:
+    figure, axes = stacked_axes(len(shown), 2.2, share=True)
+    columns: dict[str, Array] = {}
+    for panel, one in zip(axes, shown, strict=True):
+        columns[f"f of {one.block.name} [Hz]"] = amplitudes(one.t, one.block.y)[0]
+        for label, y in (("measured", one.block.y), ("predicted", one.predicted)):
+            f, size = amplitudes(one.t, y)
+            panel.loglog(f, np.where(size > 0, size, np.nan), label=label, color=GREY if label == "measured" else BLUE,
+                         linewidth=0.9)  # fmt: skip
+            columns[f"{label} {one.block.name}"] = size
+        top = amplitudes(one.t, one.block.y)[1].max()
+        panel.set_ylim(bottom=max(panel.get_ylim()[0], 1e-6 * top if top > 0 else 0))
+        for mode in hertz:
+            panel.axvline(mode, color=VERMILION, linewidth=0.9, linestyle="--")
+        panel.set_ylabel(one.block.name)
+        panel.set_title(f"{one.source.name} ({one.source.use})", loc="left")
+    axes[-1].set_xlabel("frequency [Hz]")
+    legend_over(axes[0], figure=figure)
+    caption = "Amplitudes of measured and predicted columns, Hann window; dashed: modes at the initial guess."
+    title = f"Spectra, {shown[0].source.name}"
+    return Picture(f"spectra_{number}", title, figure, caption, padded(columns))
+
+
+def amplitudes(t: Array, y: Array) -> tuple[Array, Array]:
+    """Frequencies [Hz] and amplitudes of the sines in samples y at times t, by a Hann window; without the mean.
+
+    Samples at uneven times are interpolated to even ones.
+    """
+    n = len(t)
+    even = np.linspace(t[0], t[-1], n)
+    y = np.interp(even, t, y)
+    window = np.hanning(n)
+    size = 2 * np.abs(np.fft.rfft(window * (y - y.mean()))) / (window.sum() or 1.0)
+    return np.fft.rfftfreq(n, (t[-1] - t[0]) / (n - 1))[1:], size[1:]
+
+
+def _modes(scene: Scene) -> list[tuple[float, float]]:
+    """Frequencies [Hz] and damping ratios of the first elastic modes at rest; empty without an equilibrium."""
+    most = 8  # largest number of modes that are marked
+    try:
+        chain, rest, load = at_rest(scene)
+        found = modes_at_rest(chain, rest, **load)
+    except FlexlinkError:
+        return []
+    elastic = np.flatnonzero(np.array(found.kinds) == "elastic")[:most]
+    return [(float(found.hertz[k]), float(found.damping_ratios[k])) for k in elastic]
+
+
+def padded(columns: dict[str, Array]) -> str:
+    """CSV of columns of different lengths; missing values are nan."""
+    longest = max(len(column) for column in columns.values())
+    return columns_csv({
+        name: np.pad(column.astype(float), (0, longest - len(column)), constant_values=np.nan)
+        for name, column in columns.items()
+    })  # fmt: skip
