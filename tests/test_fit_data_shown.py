@@ -146,7 +146,7 @@ class TestCheckPage:
         (one,) = table(folder / "page", "single")
         assert float(one["residual in standard deviations"]) == pytest.approx((float(one["predicted"]) - 2.0) / 0.1)
 
-    def test_the_check_takes_the_noise_of_the_data_and_says_so(self, folder: Path) -> None:
+    def test_the_check_takes_the_noise_of_the_data_and_reports_it(self, folder: Path) -> None:
         problem = fl.fits.load_fit(folder / "problem.toml")
         found = fl.fits.check_fit(problem)
         (note,) = [one for one in found.notes if one.id == "estimated-noise"]

@@ -61,7 +61,7 @@ def even_parts(t: Array, apart: float) -> list[slice]:
 def white_noise(y: Array) -> float | None:
     """Standard deviation of the white noise in evenly spaced samples, shape (n,); None if it is not well determined."""
     edges = (0.4, 0.6, 0.8, 0.995)  # of the bands, relative to the Nyquist frequency
-    fewest = 60  # powers in a band: the mean of fewer does not tell white from coloured noise
+    fewest = 60  # powers in a band: fewer do not distinguish white from coloured noise
     equal = 1.4  # largest ratio of the powers of two bands that count as equal
     least = 1e-5  # smallest noise, relative to the range: less is rounding
     n = len(y)
