@@ -161,6 +161,7 @@ def _print_fit(found: Fitted) -> None:
         unit = f" {one.unit}" if one.unit else ""
         wider = ", wider than the linear estimate" if one.widened else ""
         wider += f", grid error {one.u_num:.2g} included" if one.u_num else ""
+        wider += f", input error {one.u_input:.2g} included" if one.u_input else ""
         verdict = "" if one.doubt is None else f"; {one.verdict}"
         ends = f"95 %: {one.low:.6g} … {one.high:.6g}{wider}{verdict}" if np.isfinite(one.half) else "not identifiable"
         print(f"{one.name:<{width}}  {one.value:.6g}{unit}  ({ends}), before {one.start:.6g}")

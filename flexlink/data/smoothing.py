@@ -5,6 +5,12 @@ is the time interval of a sample; λ = (2π cutoff)⁻⁶. The gain at frequency
 for a third-order Butterworth filter run forward and backward. The gain is 50 % at the cutoff, 98 % at half of it and
 99.9 % at a third of it. Parabolas are unchanged, even at both ends of the record.
 (Schoenberg 1964; Eilers & Marx 1996 for the B-spline basis)
+
+The cutoff "auto" minimizes the generalized cross-validation, which estimates the error in predicting left-out samples,
+
+    GCV = (1/n) Σ (y_k − f(t_k))² / (1 − p/n)²,    p = 3 + 2 T cutoff (π/6)/sin(π/6)
+
+p is the number of free parameters of f, the integral of the gain over all frequencies. (Woltring 1986)
 """
 
 from __future__ import annotations
@@ -16,9 +22,38 @@ import numpy as np
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 
+AUTO = "auto"
+"""Instead of a cutoff: the cutoff with the least generalized cross-validation."""
 
-def smoothed(t: Array, y: Array, cutoff: float) -> tuple[Array, Array, Array]:
+
+def best_cutoff(t: Array, y: Array) -> float:
+    """Cutoff [Hz] with the least generalized cross-validation of y (samples,) at times t [s], within 5 %.
+
+    It is at most 0.45 of the sampling rate, which exact samples of a smooth motion reach.
+
+    Raises
+    ------
+    SceneError
+        There are fewer than five samples.
+    """
+    length, spacing = float(t[-1] - t[0]), float(np.diff(t).max())
+    highest = 0.45 / spacing
+    tried = np.geomspace(min(2 / length, highest), highest, max(int(np.log(length * highest) / np.log(1.05)), 2))
+    free = 3 + 2 * length * tried * (math.pi / 6) / math.sin(math.pi / 6)
+    errors = np.array([float(np.mean((y - smoothed(t, y, float(cutoff))[0]) ** 2)) for cutoff in tried])
+    share = np.maximum(1 - free / len(t), 1e-3)
+    return float(f"{tried[np.argmin(errors / share**2)]:.3g}")
+
+
+def noise_of(y: Array) -> float:
+    """Standard deviation of white noise in y (samples,), from third differences, which are small in smooth motion."""
+    return float(np.sqrt(np.mean(np.diff(y, 3) ** 2) / 20)) if len(y) > 3 else 0.0
+
+
+def smoothed(t: Array, y: Array, cutoff: float | str) -> tuple[Array, Array, Array]:
     """Low-pass filtered values, rates and accelerations (samples,) of y (samples,) at times t [s]; `cutoff` in Hz.
+
+    The cutoff "auto" is `best_cutoff`.
 
     Raises
     ------
@@ -31,7 +66,7 @@ def smoothed(t: Array, y: Array, cutoff: float) -> tuple[Array, Array, Array]:
         raise SceneError(
             f"cutoff = {cutoff!r}: {len(t)} samples are too few; expected {fewest} or more", id="too-few-samples"
         )
-    spacing = float(np.diff(t).max())
+    spacing, cutoff = float(np.diff(t).max()), best_cutoff(t, y) if isinstance(cutoff, str) else cutoff
     if 2 * spacing * cutoff >= 1:
         raise SceneError(
             f"cutoff = {cutoff!r}: samples are up to {spacing:.6g} s apart; expected less than {0.5 / spacing:.6g} Hz, "

@@ -147,10 +147,11 @@ class PrescribedMotion(Spec, frozen=True):
     file: str | None = None
     """A CSV file instead of the rows, with headers "t [s]" and "q NAME [deg]", in any unit of angle (or of length, for
     a prismatic joint). The path is relative to the scene's folder; the file is read once, with the scene."""
-    cutoff: Positive | None = None
+    cutoff: Positive | Literal["auto"] | None = None
     """For a file: cutoff frequency (50 % amplitude) of a zero-phase low-pass filter of its angles [Hz]; rates and
-    accelerations come from the filtered angles. Default: the file is not filtered, and rates and accelerations are its
-    columns "qd NAME [deg/s]" and "qdd NAME [deg/s²]"."""
+    accelerations come from the filtered angles. "auto": the cutoff with the least generalized cross-validation.
+    Default: the file is not filtered, and rates and accelerations are its columns "qd NAME [deg/s]" and "qdd NAME
+    [deg/s²]"."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -192,7 +192,7 @@ def reference_from_file(reference: Reference, arm: Arm, moved: set[int], starts:
     return _read("drive.reference", reference.file or "", filled)
 
 
-def _angles(table: CsvTable, link: Link, cutoff: float | None, rates: Collection[str]) -> list[Array]:
+def _angles(table: CsvTable, link: Link, cutoff: float | str | None, rates: Collection[str]) -> list[Array]:
     """Positions of a joint, then filtered rates and accelerations if there is a cutoff, else the columns `rates`."""
     unit = OF_JOINT[link.joint.slides].unit
     positions = table.column(f"q {link.name}", unit)
@@ -241,6 +241,11 @@ def wrench_from_file(wrench: Wrench) -> Wrench:
     return _read("wrench", wrench.file or "", filled)
 
 
+def keys_of_motion(link: Link) -> tuple[str, ...]:
+    """Keys of position, rate and acceleration of a prescribed motion of a link's joint."""
+    return tuple(IN_METRES[key] for key in OF_MOTION) if link.joint.slides else tuple(OF_MOTION)
+
+
 def motion_from_file(motion: PrescribedMotion, link: Link) -> PrescribedMotion:
     """Return the motion with the angles of its file, "q NAME [deg]", and their rates and accelerations.
 
@@ -256,7 +261,7 @@ def motion_from_file(motion: PrescribedMotion, link: Link) -> PrescribedMotion:
     """
 
     def filled(table: CsvTable) -> PrescribedMotion:
-        slides, times = link.joint.slides, table.times
+        times = table.times
         if len(times) and times[0] != 0:
             raise DataFileError(
                 f"{table.path}: t starts at {float(times[0])!r} s; a motion starts at 0, so shift it", id="first-time"
@@ -266,13 +271,14 @@ def motion_from_file(motion: PrescribedMotion, link: Link) -> PrescribedMotion:
             for name in RATES:
                 if f"{name} {link.name}" not in table.quantities:
                     raise SceneError(
-                        f"cutoff: missing; {table.path} has no column '{name} {link.name}'. Give a cutoff [Hz] to "
-                        "compute rates and accelerations, or a file that contains them",
+                        f"cutoff: missing; {table.path} has no column '{name} {link.name}'. Give a cutoff [Hz], or "
+                        "'auto', to compute rates and accelerations, or a file that contains them",
                         id="missing-key",
                     )
             columns = _angles(table, link, None, RATES)
-        keys = [IN_METRES[key] for key in OF_MOTION] if slides else OF_MOTION
-        rows: dict[str, Row] = {key: tuple(part.tolist()) for key, part in zip(keys, columns, strict=True)}
+        rows: dict[str, Row] = {
+            key: tuple(part.tolist()) for key, part in zip(keys_of_motion(link), columns, strict=True)
+        }
         return replace(motion, file=None, cutoff=None, times=tuple(times.tolist()), **rows)
 
     return _read(f"motion.{motion.link}", motion.file or "", filled)

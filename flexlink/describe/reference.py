@@ -104,9 +104,10 @@ class Reference(Spec, frozen=True):
     """For a table: a CSV file instead of its rows, with headers "t [s]" and "q NAME [deg]" for every driven joint, in
     any unit of angle or length; for a smooth table optionally "qd NAME [deg/s]" and "qdd NAME [deg/s²]". The path is
     relative to the scene's folder; the file is read once, with the scene."""
-    cutoff: Annotated[Positive | None, measured_in("Hz")] = None
+    cutoff: Annotated[Positive | Literal["auto"] | None, measured_in("Hz")] = None
     """For a smooth table's file: cutoff frequency (50 % amplitude) of a zero-phase low-pass filter of its angles [Hz],
-    from which rates and accelerations are computed. Default: these come from the file's columns, or from a spline."""
+    from which rates and accelerations are computed; "auto": by generalized cross-validation. Default: these come from
+    the file's columns, or from a spline."""
     shaper: InputShaper | None = None
     """Input shaper, which sums delayed copies of the reference that leave no vibration."""
 

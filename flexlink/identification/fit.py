@@ -20,6 +20,7 @@ from flexlink.identification.data import sources_of
 from flexlink.identification.faults import mixups, warnings_of_faults
 from flexlink.identification.fitted import Estimate, Fitted
 from flexlink.identification.grid import (
+    RICHARDSON,
     Grid,
     GridError,
     bends,
@@ -28,10 +29,11 @@ from flexlink.identification.grid import (
     grid_ahead,
     grid_error,
     warnings_of_grid,
-    with_grid,
+    with_error,
     within_bounds,
 )
 from flexlink.identification.identifiability import Check, checked
+from flexlink.identification.inputs import input_error, warnings_of_inputs
 from flexlink.identification.interval import estimates, linear_estimates, parts_of, spread_of, without_ends
 from flexlink.identification.likelihood import large_changes, linear_names, priors_of, row_of, stacked
 from flexlink.identification.noise import with_noise_of_data
@@ -183,7 +185,7 @@ def _fit(
     spread = spread_of(parts_of(sources, rows, problem.loss), priors_of(coordinates, best.x, rows), coefficients)
     after = _check_after(signals, best, check)
     numbers = (*estimates(coordinates, best.x, spread), *linear_estimates(sources, rows, spread, len(coordinates)))
-    coarse = GridError(np.empty(0))
+    coarse, of_inputs = GridError(np.empty(0)), None
     if not after.passed:
         numbers = tuple(map(without_ends, numbers))
     else:
@@ -192,15 +194,21 @@ def _fit(
         if grid != "ignore" and bends(problem.scene):
             report("grid error: fitting a model with twice the hinges")
             coarse = grid_error(search, best, rows, problem.tolerance)
-            numbers = with_grid(numbers, coordinates, best.x, coarse, spread.wide)
+            numbers = with_error(numbers, coordinates, best.x, coarse.errors, spread.wide, "u_num")
+        of_inputs = input_error(search, best, problem)
+        if of_inputs is not None:
+            numbers = with_error(numbers, coordinates, best.x, of_inputs.errors, spread.wide, "u_input")
     numbers = tuple(map(within_bounds, numbers))
     columns = columns_of(problem, signals, best, start, checks, report)
     changes = {one.path: one.value for one in numbers if one.path and not _of_run(one, coordinates)}
     at_start = tuple(note for note in check.notes if note.id.startswith("likely-"))
     found_warnings = at_start + warnings(numbers, coordinates, after, found, columns, [*sources, *checks])
-    found_warnings += tuple(warnings_of_grid(problem.scene, numbers, coarse))
-    found_warnings += warnings_of_faults(*(coarse.refined or (search, best)))
-    covariance = covariance_of(coordinates, best.x, spread.covariance, coarse)
+    doubtful_inputs = warnings_of_inputs(numbers, of_inputs)
+    found_warnings += (*warnings_of_grid(problem.scene, numbers, coarse), *doubtful_inputs)
+    if not doubtful_inputs:  # an error of the input resembles faults of the instruments
+        found_warnings += warnings_of_faults(*(coarse.refined or (search, best)))
+    shifts = [RICHARDSON * coarse.change, *(of_inputs.changes if of_inputs is not None else ())]
+    covariance = covariance_of(coordinates, best.x, spread.covariance, shifts)
     return Fitted(
         problem, problem.scene.varied(changes), numbers, spread.correlation, after, columns,
         tuple((_values(coordinates, end.x), end.cost) for end in found), signals.runs, found_warnings, covariance,

@@ -52,8 +52,10 @@ class Estimate:
         Mean and standard deviation of the prior, if there is one.
     u_num
         Error due to the number of segments, which the interval and the deviation contain.
+    u_input
+        Error due to noise and filter of recorded motions that are prescribed, also contained.
     statistical
-        Half the width of the interval without the error due to the number of segments.
+        Half the width of the interval without these two errors.
     """
 
     name: str
@@ -71,6 +73,7 @@ class Estimate:
     between: tuple[float, float] = (-math.inf, math.inf)
     prior: tuple[float, float] | None = None
     u_num: float = 0.0
+    u_input: float = 0.0
     statistical: float = math.nan
 
     @property
@@ -83,8 +86,8 @@ class Estimate:
         """Why the parameter is not identifiable from the data; None if it is identifiable.
 
         The 95 % interval reaches a bound, or spans more than a factor of 10 for a positive parameter; or the error due
-        to the number of segments exceeds half the interval; or the prior determines the estimate more than the data do,
-        that is, the variance is more than half the prior's variance.
+        to the number of segments or to a recorded motion exceeds half the interval; or the prior determines the
+        estimate more than the data do, that is, the variance is more than half the prior's variance.
         """
         widest = 10.0  # largest ratio of the interval's ends
         low, high = self.between
@@ -101,6 +104,10 @@ class Estimate:
                 self.u_num > self.statistical,
                 Diagnostic("its grid error exceeds half its 95 % interval", "grid-error"),
             ),
+            (
+                self.u_input > self.statistical,
+                Diagnostic("its input error exceeds half its 95 % interval", "input-error"),
+            ),
             (by_prior, Diagnostic("its prior determines the estimate more than the data do", "prior-dominated")),
         )
         return next((doubt for applies, doubt in doubts if applies), None)
@@ -110,7 +117,8 @@ class Estimate:
         """Result of the check: "identifiable", or "not identifiable" or "inaccurate" with the reason."""
         if self.doubt is None:
             return "identifiable"
-        return f"{'inaccurate' if self.doubt.id == 'grid-error' else 'not identifiable'}: {self.doubt}"
+        inaccurate = self.doubt.id in ("grid-error", "input-error")
+        return f"{'inaccurate' if inaccurate else 'not identifiable'}: {self.doubt}"
 
     @property
     def determined(self) -> bool:

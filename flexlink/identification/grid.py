@@ -98,26 +98,26 @@ def grid_error(search: Search, best: Found, rows: Sequence[Sequence[Row]], toler
     return GridError(np.append(x - best.x, linear), None, (finer, Found(x, best.cost, best.blocks)))
 
 
-def with_grid(
-    numbers: Sequence[Estimate], coordinates: Sequence[Coordinate], x: Array, grid: GridError, wide: float
+def with_error(
+    numbers: Sequence[Estimate], coordinates: Sequence[Coordinate], x: Array, errors: Array, wide: float, name: str
 ) -> tuple[Estimate, ...]:
-    """The estimates, with the grid error in their intervals; `wide` is the interval's half-width over its deviation."""
-    if not len(grid.change):
-        return tuple(numbers)
-    found = []
-    for k, (one, u) in enumerate(zip(numbers, grid.errors.tolist(), strict=True)):
+    """The estimates with a further error in their intervals, "u_num" or "u_input", in search coordinates.
+
+    `errors` may be shorter than `numbers`; `wide` is the half-width of an interval over its deviation.
+    """
+    found = list(numbers)
+    for k, (one, u) in enumerate(zip(numbers, errors.tolist(), strict=False)):
         by = coordinates[k] if k < len(coordinates) else None
         at = float(x[k]) if by is not None else one.value
         low, high = (end if by is None else by.x(end) for end in (one.low, one.high))
         low, high = at - math.hypot(at - low, wide * u), at + math.hypot(high - at, wide * u)
         size = 1.0 if by is None else by.size(one.value)
         ends = (low, high) if by is None else (by.value(low), by.value(high))
-        found.append(
-            dataclasses.replace(
-                one, low=ends[0], high=ends[1], deviation=math.hypot(one.deviation, size * u), u_num=size * u,
-                statistical=one.half,
-            )
-        )  # fmt: skip
+        statistical = one.half if math.isnan(one.statistical) else one.statistical
+        deviation, of_kind = math.hypot(one.deviation, size * u), {name: size * u}
+        found[k] = dataclasses.replace(
+            one, low=ends[0], high=ends[1], deviation=deviation, statistical=statistical, **of_kind
+        )
     return tuple(found)
 
 
@@ -132,12 +132,12 @@ def within_bounds(one: Estimate) -> Estimate:
     return dataclasses.replace(one, low=max(one.low, low), high=min(one.high, high)) if np.isfinite(one.half) else one
 
 
-def covariance_of(coordinates: Sequence[Coordinate], x: Array, covariance: Array, grid: GridError) -> Array:
-    """Covariance of the estimates in their units, with the grid error as a common shift: C + u uᵀ."""
+def covariance_of(coordinates: Sequence[Coordinate], x: Array, covariance: Array, shifts: Sequence[Array]) -> Array:
+    """Covariance of the estimates in their units, with common shifts u of the coordinates: C + Σ u uᵀ."""
     sizes = [one.size(one.value(float(at))) for one, at in zip(coordinates, x, strict=True)]
     scale = np.append(sizes, np.ones(len(covariance) - len(sizes)))
-    u = RICHARDSON * grid.change if len(grid.change) else np.zeros(len(scale))
-    return np.asarray(scale[:, None] * (covariance + np.outer(u, u)) * scale)
+    several = [np.pad(u, (0, len(scale) - len(u))) for u in shifts]
+    return np.asarray(scale[:, None] * (covariance + sum(np.outer(u, u) for u in several)) * scale)
 
 
 def factor_needed(errors: Array, halves: Array) -> float:

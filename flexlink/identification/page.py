@@ -132,11 +132,11 @@ def _beside_linear(ours: float, theirs: float) -> Verdict:
 
 def _numbers(fitted: Fitted) -> Part:
     heads = ["parameter", "unit", "before", "fitted", "from", "to", "± of 95 % [%]", "standard deviation"]
-    heads += ["grid error", "verdict"]
+    heads += ["grid error", "input error", "verdict"]
     profile = any(one.profile for one in fitted.numbers)
     lines: list[tuple[Cell, ...]] = [
         (one.name, one.unit or "1", one.start, one.value, one.low, one.high,
-         100 * one.half / abs(one.value) if one.value else None, one.deviation, one.u_num, one.verdict,
+         100 * one.half / abs(one.value) if one.value else None, one.deviation, one.u_num, one.u_input, one.verdict,
          *(_ends(one) if profile else ()))
         for one in fitted.numbers
     ]  # fmt: skip

@@ -160,11 +160,8 @@ def warnings(
     wider = "its interval is wider than the linear estimate: it ends where the likelihood ratio rejects a value"
     away = 10.0  # factor between estimate and initial guess of a positive parameter above which to warn
     far = 2.0  # ratio of residual to stated noise, or to the residual of the fitted runs, above which to warn
-    stated = {
-        "estimate-at-bound",
-        "unbounded-interval",
-        "grid-error",
-    }  # ids of doubts that other warnings already report
+    # ids of doubts that other warnings already report
+    stated = {"estimate-at-bound", "unbounded-interval", "grid-error", "input-error"}
     pairs = list(zip(numbers, coordinates, strict=False))
     found_warnings = [
         Diagnostic(f"{one.name} ended at its bound, {one.value:.6g}", "estimate-at-bound")
