@@ -18,7 +18,7 @@ from flexlink.data.measured import measured_from
 from flexlink.describe.units import unit_of
 from flexlink.identification.block import Block, Colour
 from flexlink.identification.coordinates import Coordinate, hints_on_bounds
-from flexlink.identification.fitted import Estimate
+from flexlink.identification.estimate import Estimate
 from flexlink.identification.profile import HALVINGS, _Floor
 from flexlink.identification.remarks import ranges_apart
 from flexlink.pages.page import sentence_case

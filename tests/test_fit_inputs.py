@@ -31,7 +31,7 @@ def boom() -> fl.Scene:
                  sections={"strip": fl.Section(shape="rectangle", height=0.004, width=0.03)})  # fmt: skip
     rows = dict(zip(("angle_deg", "rate_deg", "acceleration_deg"), (tuple(part.tolist()) for part in swing()),
                     strict=True))  # fmt: skip
-    motion = fl.PrescribedMotion(link="boom", times=tuple(T.tolist()), **rows)
+    motion = fl.PrescribedMotion(link="boom", times=tuple(T.tolist()), **rows)  # type: ignore[arg-type]
     run = fl.RunSettings(duration=1.2, sample=0.005)
     return fl.Scene(name="boom", arm=arm, gravity=(0.0, 0.0, 0.0), motion=(motion,), run=run)
 

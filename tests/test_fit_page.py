@@ -15,7 +15,8 @@ from test_fit_numbers import FILM, MASS, PROBLEM, SCENE, YOUNG, film
 
 from flexlink.identification import page, remarks, solve
 from flexlink.identification.coordinates import Coordinate
-from flexlink.identification.fitted import Estimate, Fitted, FittedColumn
+from flexlink.identification.estimate import Estimate
+from flexlink.identification.fitted import Fitted, FittedColumn
 from flexlink.identification.identifiability import Check, Direction
 from flexlink.pages.tables import Table
 from tests.words import reviewed

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from conftest import ROOT
 
-from flexlink.identification.fitted import Estimate
+from flexlink.identification.estimate import Estimate
 
 MASS = Estimate("tip.mass", "tip.mass", 1.0, 1.1, 0.9, 1.3, 0.1, unit="kg", log=True, between=(0.001, 1000.0))
 

@@ -246,6 +246,12 @@ def keys_of_motion(link: Link) -> tuple[str, ...]:
     return tuple(IN_METRES[key] for key in OF_MOTION) if link.joint.slides else tuple(OF_MOTION)
 
 
+def recorded_positions(motion: PrescribedMotion, link: Link) -> tuple[Array, Array]:
+    """Times [s] and positions [deg or m] in the file of a motion, not filtered."""
+    table = read_csv(Path(motion.file or ""))
+    return table.times, table.column(f"q {link.name}", OF_JOINT[link.joint.slides].unit)
+
+
 def motion_from_file(motion: PrescribedMotion, link: Link) -> PrescribedMotion:
     """Return the motion with the angles of its file, "q NAME [deg]", and their rates and accelerations.
 

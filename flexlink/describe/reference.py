@@ -105,9 +105,8 @@ class Reference(Spec, frozen=True):
     any unit of angle or length; for a smooth table optionally "qd NAME [deg/s]" and "qdd NAME [deg/s²]". The path is
     relative to the scene's folder; the file is read once, with the scene."""
     cutoff: Annotated[Positive | Literal["auto"] | None, measured_in("Hz")] = None
-    """For a smooth table's file: cutoff frequency (50 % amplitude) of a zero-phase low-pass filter of its angles [Hz],
-    from which rates and accelerations are computed; "auto": by generalized cross-validation. Default: these come from
-    the file's columns, or from a spline."""
+    """For a smooth table's file: cutoff frequency (50 % amplitude) of a zero-phase low-pass filter of its angles [Hz];
+    "auto": by cross-validation. Default: rates and accelerations come from the file's columns, or from a spline."""
     shaper: InputShaper | None = None
     """Input shaper, which sums delayed copies of the reference that leave no vibration."""
 

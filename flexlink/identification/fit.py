@@ -17,8 +17,9 @@ from flexlink.identification.block import Block
 from flexlink.identification.columns import columns_of
 from flexlink.identification.coordinates import Coordinate, coordinates_of, prior_rows
 from flexlink.identification.data import sources_of
+from flexlink.identification.estimate import Estimate
 from flexlink.identification.faults import mixups, warnings_of_faults
-from flexlink.identification.fitted import Estimate, Fitted
+from flexlink.identification.fitted import Fitted
 from flexlink.identification.grid import (
     RICHARDSON,
     Grid,

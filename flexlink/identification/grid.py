@@ -24,7 +24,7 @@ from flexlink.describe.scene import Scene
 from flexlink.identification.block import Block
 from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.data import Source
-from flexlink.identification.fitted import Estimate
+from flexlink.identification.estimate import Estimate
 from flexlink.identification.identifiability import WIDE, Check
 from flexlink.identification.likelihood import LINEAR, Row
 from flexlink.identification.signals import Signals

@@ -11,7 +11,6 @@ gives the change d of every parameter:
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -20,16 +19,14 @@ from msgspec.structs import replace
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.common.wording import Diagnostic
-from flexlink.data.csv_table import read_csv
 from flexlink.data.smoothing import best_cutoff, noise_of, smoothed
 from flexlink.describe.actions import PrescribedMotion
-from flexlink.describe.from_files import keys_of_motion
-from flexlink.describe.joint_units import OF_JOINT
+from flexlink.describe.from_files import keys_of_motion, recorded_positions
 from flexlink.describe.link import Link
 from flexlink.describe.scene import Scene
 from flexlink.identification.coordinates import prior_rows
 from flexlink.identification.data import Source, recorded
-from flexlink.identification.fitted import Estimate
+from flexlink.identification.estimate import Estimate
 from flexlink.identification.problem import FitProblem, FitRun
 from flexlink.identification.signals import Signals
 from flexlink.identification.solve import Found, Search
@@ -101,7 +98,7 @@ def _too_high(scene: Scene, motion: PrescribedMotion) -> list[Diagnostic]:
     above = 2.5  # ratio of the cutoffs from which to warn; accelerations are then about ten times less accurate
     if isinstance(motion.cutoff, str) or motion.cutoff is None:
         return []
-    best = best_cutoff(*_recorded(_link(scene, motion), motion))
+    best = best_cutoff(*recorded_positions(motion, _link(scene, motion)))
     if motion.cutoff <= above * best:
         return []
     text = f"{_in_words(scene, motion)}: the filter lets noise pass; set cutoff = 'auto'"
@@ -139,7 +136,7 @@ def _version(scene: Scene, motion: PrescribedMotion, by: float, rng: np.random.G
     if motion.file is None or motion.cutoff is None:
         return motion
     link = _link(scene, motion)
-    t, y = _recorded(link, motion)
+    t, y = recorded_positions(motion, link)
     cutoff = by * (best_cutoff(t, y) if isinstance(motion.cutoff, str) else motion.cutoff)
     cutoff = min(cutoff, 0.45 / float(np.diff(t).max()))
     if rng is not None:
@@ -152,7 +149,7 @@ def _start_of(scene: Scene, motion: PrescribedMotion) -> dict[str, float]:
     """Initial position and rate of the joint of a motion, by path."""
     if motion.file is not None:
         return {}
-    name, unit = _link(scene, motion).name, "m" if motion.slides else "deg"
+    name, unit = _link(scene, motion).name, motion.keys[0].rpartition("_")[2]
     position, rate, _ = motion.columns
     return {f"initial.joint_{unit}.{name}": position[0], f"initial.rate_{unit}.{name}": rate[0]}
 
@@ -161,15 +158,10 @@ def _link(scene: Scene, motion: PrescribedMotion) -> Link:
     return scene.arm.links[scene.arm.number(motion.link) - 1]
 
 
-def _recorded(link: Link, motion: PrescribedMotion) -> tuple[Array, Array]:
-    table = read_csv(Path(motion.file or ""))
-    return table.times, table.column(f"q {link.name}", OF_JOINT[link.joint.slides].unit)
-
-
 def _in_words(scene: Scene, motion: PrescribedMotion) -> str:
     """The motion and its cutoff, with the one that cross-validation would choose."""
     link = _link(scene, motion)
-    best = best_cutoff(*_recorded(link, motion))
+    best = best_cutoff(*recorded_positions(motion, link))
     given = f"cutoff = {motion.cutoff!r}" if isinstance(motion.cutoff, str) else f"cutoff {motion.cutoff:g} Hz"
     return f"the recorded motion of {link.name} ({given}; by cross-validation {best:g} Hz)"
 

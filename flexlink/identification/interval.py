@@ -21,7 +21,7 @@ from flexlink.common.types import Array
 from flexlink.identification.block import Colour, colour_of
 from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.data import Source
-from flexlink.identification.fitted import Estimate
+from flexlink.identification.estimate import Estimate
 from flexlink.identification.likelihood import LINEAR, Row, linear_names, stacked
 from flexlink.identification.losses import LOSSES
 from flexlink.identification.problem import Loss

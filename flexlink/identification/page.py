@@ -19,7 +19,8 @@ from flexlink.identification.checked_page import (
     problem_part,
     reproduction,
 )
-from flexlink.identification.fitted import Estimate, Fitted, FittedColumn
+from flexlink.identification.estimate import Estimate
+from flexlink.identification.fitted import Fitted, FittedColumn
 from flexlink.identification.proposals import Proposals
 from flexlink.pages.chapter import Chapter
 from flexlink.pages.colours import BLUE, GREY, INK, VERMILION

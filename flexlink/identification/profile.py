@@ -17,7 +17,7 @@ import scipy
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
-from flexlink.identification.fitted import Estimate
+from flexlink.identification.estimate import Estimate
 from flexlink.identification.solve import Found, Search
 
 

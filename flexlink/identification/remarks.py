@@ -10,7 +10,8 @@ from flexlink.common.types import Array
 from flexlink.common.wording import Diagnostic, plural
 from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.data import Source
-from flexlink.identification.fitted import Estimate, FittedColumn
+from flexlink.identification.estimate import Estimate
+from flexlink.identification.fitted import FittedColumn
 from flexlink.identification.identifiability import Check
 from flexlink.identification.noise import noise_in
 from flexlink.identification.signals import Model

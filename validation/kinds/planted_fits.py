@@ -10,7 +10,7 @@ from scipy.signal import butter, lfilter
 
 import flexlink as fl
 from flexlink.common.types import Array
-from flexlink.identification.fitted import Estimate
+from flexlink.identification.estimate import Estimate
 from validation.case import Case, Measured
 
 LONG = 400  # samples before the record, after which the initial state of the filters no longer matters
