@@ -382,7 +382,7 @@ class Actor:
         }  # fmt: skip
         kept = {key: value for key, value in keys.items() if m.chance(0.3)}
         if "low_pass" in kept and m.chance(0.6):
-            kept["order"] = m.pick(1, 2, 3, 4)
+            kept |= {"order": m.pick(1, 2, 3, 4)} if m.chance(0.7) else {"damping": m.pick(0.3, 0.9, 2.0)}
         if "noise" in kept and m.chance(0.6):
             kept["seed"] = int(m.rng.integers(100))
         if kind in {"strain", "accelerometer"} and m.chance(0.3):

@@ -496,7 +496,10 @@ def instrument(sensor: Any, t: Array, u: Array) -> Array:
     fine = t[0] + 1e-3 * np.arange(round((t[-1] - t[0]) / 1e-3) + 1)
     y = np.interp(fine - sensor.delay, t, u)
     if sensor.low_pass:
-        b, a = filters.butter(sensor.order or 1, 2 * math.pi * sensor.low_pass, analog=True)
+        ω = 2 * math.pi * sensor.low_pass
+        b, a = filters.butter(sensor.order or 1, ω, analog=True)
+        if sensor.damping:
+            b, a = [ω**2], [1.0, 2 * sensor.damping * ω, ω**2]
         y = y[0] + filters.lsim((b, a), y - y[0], fine - fine[0], interp=True)[1]
     y = sensor.gain * y + sensor.bias
     sampled = t if not sensor.rate else np.floor(t * sensor.rate + 1e-6) / sensor.rate

@@ -14,9 +14,10 @@ from scipy import signal
 import flexlink as fl
 from flexlink.data.measured import read_measured
 from flexlink.describe.sensor import Sensor
+from flexlink.dynamics.filters import linear_filter
 from flexlink.dynamics.notes import notes
-from flexlink.dynamics.sensors.instrument import Instrument, noise
-from flexlink.dynamics.sensors.low_pass import butterworth
+from flexlink.dynamics.sensors.instrument import Instrument
+from flexlink.dynamics.sensors.noise import noise
 from flexlink.dynamics.sensors.signals import signal_of, slopes_of
 from tests.words import refused
 
@@ -236,7 +237,8 @@ def test_sensors_on_a_free_base_measure_its_motion(models: Path) -> None:
 INSTRUMENTS = (
     Sensor(name="gauge", kind="strain", link="upper", x=0.3, fibre=(0.01, 0.02), low_pass=30.0, order=3, gain=1e6,
            unit="µm/m", bias=5.0),
-    Sensor(name="imu", kind="accelerometer", link="fore", point=(0.4, 0.0, 0.1)),
+    Sensor(name="imu", kind="accelerometer", link="fore", point=(0.4, 0.0, 0.1), axis=(0, 1, 1),
+           filter=({"notch": 50.0, "damping": 0.2}, {"numerator": (1.0, 3.0), "denominator": (0.01, 1.0)})),
     Sensor(name="gyro", kind="gyroscope", link="fore", axis=(0, 0, 1), low_pass=10.0, delay=0.01, order=2),
     Sensor(name="motor", kind="current", link="upper", torque_constant=0.5, low_pass=100.0),
     Sensor(name="encoder", kind="joint", link="fore"), Sensor(name="marker", kind="position", link="fore"),
@@ -269,16 +271,16 @@ def test_a_linear_model_has_sensors_as_outputs_next_to_a_moving_state(rng: np.ra
     expected = np.concatenate([model.C @ np.concatenate([δx, settled]) + model.D @ δu, settled])
     np.testing.assert_allclose(slope, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
     assert model.delays.tolist() == [0.01 if "gyro" in name else 0.0 for name in model.outputs]
-    assert len(model.eigenvalues) == len(model.states) == 2 * n + 3 + 2 + 1
-    assert len(model.y) == len(model.outputs) == len(outputs[0].sensors) + 2 + 2 + 3
+    assert len(model.eigenvalues) == len(model.states) == 2 * n + 3 + 3 + 2 + 1
+    assert len(model.y) == len(model.outputs) == len(outputs[0].sensors) + 2 + 3
 
 
-def test_low_pass_filters_of_a_linear_model_agree_with_the_instruments() -> None:
+def test_filters_of_a_linear_model_agree_with_the_instruments() -> None:
     """Response to a unit step of the signal, by SciPy and by the instrument."""
     t = np.linspace(0, 0.3, 61)
     for order in (1, 2, 5):
-        A, B, C = butterworth(20.0, order).matrices
-        _, y = signal.step(signal.StateSpace(A, B[:, None], C[None], [[0.0]]), T=t)
+        A, B, C, D = linear_filter(Sensor(name="s", kind="joint", link=1, low_pass=20.0, order=order).filters)
+        _, y = signal.step(signal.StateSpace(A, B[:, None], C[None], [[D]]), T=t)
         steep = np.concatenate([[-1e-12], t])
         own = shown(steep, np.where(steep < 0, 0.0, 1.0), t, low_pass=20.0, order=order)
         np.testing.assert_allclose(y, own, rtol=0, atol=1e-9)

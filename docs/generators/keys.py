@@ -167,6 +167,8 @@ def _default(field: msgspec.structs.FieldInfo) -> str:
 
 def _join(path: str, key: str, kind: Any = None) -> str:
     named = ".NAME" if kind is not None and get_origin(_plain(kind)) in {dict, tuple} else ""
+    if named and key == "filter":  # filters have no name
+        named = ".NUMBER"
     return f"{path}.{key}{named}" if path else f"{key}{named}"
 
 

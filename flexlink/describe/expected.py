@@ -19,7 +19,9 @@ def _words() -> dict[str, Any]:
 
 def expected(where: str, kind: Any, value: object, reason: str, units: Sequence[str] = ()) -> str:
     """Describe what a key accepts, using its annotation, its name, or msgspec's reason and the key's units."""
-    known = _allowed(kind, value) or _three_numbers(where, kind, value) or _as_written(where, value)
+    known = (
+        _allowed(kind, value) or _three_numbers(where, kind, value) or (kind is not float and _as_written(where, value))
+    )
     return known or _in_words(reason, value, " or ".join(units))
 
 

@@ -13,6 +13,7 @@ from flexlink.common.wording import Diagnostic, truncated
 from flexlink.data.csv_table import conversion
 from flexlink.describe.arm import BASE, Arm
 from flexlink.describe.directions import unit
+from flexlink.describe.filters import MOST, Filter, Frequency
 from flexlink.describe.joint_units import OF_JOINT
 from flexlink.describe.link import Link
 from flexlink.describe.rigidity import Rigidity
@@ -50,8 +51,8 @@ class Sensor(Spec, frozen=True):
     joint: angle or position of the link's joint; with an elastic gear, of the motor.  torque: T_EX of its drive, or the
     torque required by its prescribed motion.  current: T_EX / `torque_constant`.
 
-    The signal u is processed in this order: gain · u(t − delay) + bias, Butterworth `low_pass`, sampling at times
-    k / `rate` with hold, added noise, rounding to multiples of `resolution`.
+    The signal u is processed in this order: u(t − delay), `filter` or `low_pass`, times `gain`, plus `bias` and its
+    random walk, sampling at times k / `rate` with hold, added noise, rounding to multiples of `resolution`.
 
     Examples
     --------
@@ -88,13 +89,19 @@ class Sensor(Spec, frozen=True):
     """Unit of the column, after the gain. Default: unit of the signal (1, m/s², rad/s, rad or m, N m or N, or A)."""
     bias: Annotated[float, msgspec.Meta(ge=-LARGE, le=LARGE)] = 0.0
     """Reading for a zero signal [unit of the column]."""
+    bias_walk: Annotated[float, msgspec.Meta(ge=0, le=LARGE)] = 0.0
+    """Random walk of the bias from t = 0: standard deviation `bias_walk` √t after a time t [unit of the column/√s]; it
+    depends only on the seed, the sensor's name and the time."""
     delay: Annotated[NonNegative, measured_in("s")] = 0.0
     """Delay of the signal [s]; before the start of the run, the signal has its initial value."""
-    low_pass: Annotated[Positive | None, measured_in("Hz")] = None
-    """Cutoff frequency (71 % amplitude) of a Butterworth low-pass filter [Hz], which starts in steady state. Default:
-    no filter."""
-    order: Annotated[int, msgspec.Meta(ge=1, le=8)] | None = None
-    """Order of the low-pass filter. Default: 1."""
+    filter: tuple[Filter, ...] = ()
+    """Linear filters in series, which start in steady state. Default: no filter."""
+    low_pass: Annotated[Frequency | None, measured_in("Hz")] = None
+    """Frequency of a low-pass filter [Hz], short for a `filter` with this one, with `order` and `damping`."""
+    order: Annotated[int, msgspec.Meta(ge=1, le=MOST)] | None = None
+    """Order of the low-pass filter. Default: 2 with `damping`, otherwise 1."""
+    damping: Deviation | None = None
+    """Damping ratio of the low-pass filter, which is then of order 2 [1]. Default: a Butterworth filter."""
     rate: Annotated[Positive | None, measured_in("Hz")] = None
     """Sampling rate [Hz], at t = k / rate; readings stay constant in between. Default: every sample of the run."""
     resolution: Deviation | None = None
@@ -103,7 +110,7 @@ class Sensor(Spec, frozen=True):
     """Standard deviation of white Gaussian noise on the readings [unit of the column]; without a rate, each stored
     sample of the run has an independent value."""
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] | None = None
-    """Seed of the noise, which depends only on the seed and the sensor's name. Default: 0."""
+    """Seed of the noise and of the bias walk, which depend only on the seed and the sensor's name. Default: 0."""
 
     def __post_init__(self) -> None:
         of_kinds = ("x", "point", "fibre", "axis", "torque_constant")
@@ -127,15 +134,22 @@ class Sensor(Spec, frozen=True):
             unit("axis", self.axis)
         if self.gain == 0:
             raise SceneError("gain = 0.0: must not be 0, which measures nothing", id="zero-gain")
-        if 0 < self.noise < SMALL:
-            raise SceneError(f"noise = {self.noise!r}: must be 0, or at least {SMALL:g}", id="noise-too-small")
-        self._check_unit()
-        for key, of in (("order", "low_pass"), ("seed", "noise")):
-            if getattr(self, key) is not None and not getattr(self, of):
+        for key in ("noise", "bias_walk"):
+            if 0 < getattr(self, key) < SMALL:
                 raise SceneError(
-                    f"{key} = {getattr(self, key)!r}: has no effect without {of}; leave {key} out",
+                    f"{key} = {getattr(self, key)!r}: must be 0, or at least {SMALL:g}", id="noise-too-small"
+                )
+        self._check_unit()
+        for key, of in (("order", ("low_pass",)), ("damping", ("low_pass",)), ("seed", ("noise", "bias_walk"))):
+            if getattr(self, key) is not None and not any(getattr(self, each) for each in of):
+                raise SceneError(
+                    f"{key} = {getattr(self, key)!r}: has no effect without {' or '.join(of)}; leave {key} out",
                     id="needs-another-key",
                 )
+        if self.filter and self.low_pass is not None:
+            raise SceneError(f"low_pass = {self.low_pass!r}: filter is also given; specify only one", id="both-given")
+        if self.low_pass is not None:
+            Filter(low_pass=self.low_pass, order=self.order, damping=self.damping)  # checks order and damping
 
     def _check_name(self) -> None:
         """Check that the name, which identifies columns, is valid and not used for another column of runs."""
@@ -170,6 +184,18 @@ class Sensor(Spec, frozen=True):
                     f"per {unit_}), or leave unit out",
                     id="unit-missing",
                 )
+
+    @property
+    def filters(self) -> tuple[Filter, ...]:
+        """Filters in series, whether given by `filter` or by `low_pass`."""
+        if self.low_pass is None:
+            return self.filter
+        return (Filter(low_pass=self.low_pass, order=self.order, damping=self.damping),)
+
+    @property
+    def ideal(self) -> Sensor:
+        """The sensor without noise, random walk and rounding: its readings depend smoothly on the run."""
+        return msgspec.structs.replace(self, noise=0.0, bias_walk=0.0, seed=None, resolution=None)
 
     @property
     def sees_points(self) -> bool:

@@ -207,8 +207,9 @@ class _Change:
         if isinstance(node, dict) and get_origin(kind) is dict:
             new = depth == len(self.parts) - 1  # a complete material or section
             return list(node) if part == "*" else [part if new else self._one_of(part, node)]
-        if isinstance(node, list) and above in named:
-            return self._numbers(part, [str(get_in(item, named[above])) for item in node], [True] * len(node))
+        if isinstance(node, list) and (above in named or (above != "link" and any(isinstance(i, dict) for i in node))):
+            names = [str(get_in(item, named[above]) if above in named else k) for k, item in enumerate(node, 1)]
+            return self._numbers(part, names, [True] * len(node))
         if isinstance(node, list) and (above == "link" or per_link):
             return self._numbers(
                 part, [str(get_in(link, "name")) for link in self.links], self._concerned(above, depth)

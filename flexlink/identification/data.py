@@ -116,6 +116,7 @@ def recorded(problem: FitProblem, run: FitRun) -> Source:
             f"{measured.t[0]:g} to {measured.t[-1]:g} s",
             id="too-few-samples",
         )
+    _check_drift(run, scene, measured.columns)
     t, heads, of_sensors = measured.t[inside], _by_name(run, known, measured.columns), _noise_of_sensors(scene)
     blocks = tuple(
         _block(run, name, column[inside], t, heads, known, of_sensors.get(name, 0.0))
@@ -179,6 +180,17 @@ def _check_reach(run: FitRun, scene: Scene, blocks: Sequence[Block]) -> None:
                 f"run {run.name!r}: {block.name} ranges over {far:.4g} m, but the arm reaches {reach:.2g} m; if the "
                 f"column is in mm, name it {block.name.replace('[m]', '[mm]')!r}",
                 id="likely-unit",
+            )
+
+
+def _check_drift(run: FitRun, scene: Scene, compared: Mapping[str, object]) -> None:
+    """Refuse sensors with a random walk of the bias, which the noise of a fit does not contain."""
+    for one in scene.sensor:
+        if one.bias_walk and any(name in compared for name in column_names((one,), scene.arm)):
+            raise SceneError(
+                f"run {run.name!r}: sensor.{one.name}.bias_walk = {one.bias_walk!r}: a fit has no random walk of a "
+                f"bias; leave it out: set = {{ 'sensor.{one.name}.bias_walk' = 0.0 }}",
+                id="fit-bias-walk",
             )
 
 

@@ -151,7 +151,7 @@ def mirrored(at: Places) -> Places:
 
 def smooth(scene: Scene, tolerance: float) -> Scene:
     """The scene with differentiable runs: sensors without noise and resolution, and this relative tolerance."""
-    sensors = [replace(one, noise=0.0, seed=None, resolution=None) for one in scene.sensor]
+    sensors = [one.ideal for one in scene.sensor]
     plain = replace(scene, sensor=tuple(sensors)) if sensors else scene
     return plain.varied({"run.relative_tolerance": tolerance}) if scene.run.controlled else plain
 

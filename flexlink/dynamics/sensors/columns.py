@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from msgspec.structs import replace
 
 from flexlink.common.types import Array
 from flexlink.common.wording import Diagnostic
@@ -43,7 +42,7 @@ def coarse_samples(scene: Scene, run: Samples) -> Iterator[Diagnostic]:
     for sensor in scene.sensor if len(run.t) > 8 else ():
         if Instrument(sensor, scene.run.spacing).known_at_samples:
             continue
-        plain = replace(sensor, noise=0.0, seed=None, resolution=None)
+        plain = sensor.ideal
         signal = signal_of(sensor, scene, run).T
         fine, coarse = _shown(plain, scene, run.t, signal), _shown(plain, scene, run.t[::2], signal[::2])
         off, size = np.abs(fine[:, ::2] - coarse).max(), np.ptp(fine)

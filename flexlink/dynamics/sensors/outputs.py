@@ -13,7 +13,7 @@ from flexlink.common.types import Array
 from flexlink.common.wording import did_you_mean, truncated
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import Sensor, column_names
-from flexlink.dynamics.sensors.low_pass import butterworth
+from flexlink.dynamics.filters import linear_filter
 from flexlink.dynamics.sensors.signals import joint_of, signal_of, slopes_of
 from flexlink.dynamics.vibration.outputs import Output
 
@@ -21,8 +21,8 @@ from flexlink.dynamics.vibration.outputs import Output
 class SensorOutputs:
     """All or some sensors of a scene as outputs of `linearize`.
 
-    Gains and biases are included, low-pass filters become states of the model, and delays are listed separately.
-    Sampling, resolution and noise, which are not linear, are left out.
+    Gains and biases are included, filters become states of the model, and delays are listed separately.
+    Sampling, resolution, noise and the random walk of a bias, which are not linear, are left out.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class SensorOutputs:
     >>> model
     <LinearModel: 13 states, 2 inputs, 1 output>
     >>> print(model.outputs, model.states[-1])
-    ('gauge [1]',) low-pass 1 gauge [1]
+    ('gauge [1]',) filter 1 gauge [1]
     """
 
     def __init__(self, scene: Scene, *names: str) -> None:
@@ -93,6 +93,6 @@ class SensorOutputs:
             tau=slopes.tau if slopes.tau.any() else None,
             gain=sensor.gain,
             bias=sensor.bias,
-            low_pass=None if sensor.low_pass is None else butterworth(sensor.low_pass, sensor.order or 1).matrices,
+            filter=linear_filter(sensor.filters),
             delay=sensor.delay,
         )

@@ -5,7 +5,7 @@
     A = | 0          1          |        B = | 0          |
         | ∂q̈/∂q      ∂q̈/∂q̇      |            | ∂q̈/∂u      |
 
-u are the drive torques or, for prescribed joints, the accelerations. Low-pass filters of sensors append states z to x.
+u are the drive torques or, for prescribed joints, the accelerations. Filters of sensors append states z to x.
 An internal coordinate, such as that of lagging friction, contributes only its rate to x, since its angle has no effect.
 """
 
@@ -29,8 +29,8 @@ from flexlink.dynamics.derivatives import forward_dynamics_derivatives
 from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.vibration.outputs import OUTPUTS, Output, OutputSource, joints_as
 
-LOW_PASS = "low-pass "
-"""Prefix in the names of low-pass filter states."""
+FILTER = "filter "
+"""Prefix in the names of filter states."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -43,7 +43,7 @@ class LinearModel(SavedResult):
     ----------
     A, B, C, D
         Shapes (2n + f, 2n + f), (2n + f, m), (p, 2n + f), (p, m), in SI units and radians. f is the number of states
-        of the sensors' low-pass filters, 0 without sensors.
+        of the sensors' filters, 0 without sensors.
     x, u, y
         State (q, q̇, z), inputs and outputs about which the model is linearized, shapes (2n + f,), (m,), (p,).
     rate
@@ -73,7 +73,7 @@ class LinearModel(SavedResult):
     @property
     def eigenvalues(self) -> Complex:
         """λ of A [1/s], (2n + f,), slowest first: of the arm from the `graded` matrix, of the filters separately."""
-        n2 = len([name for name in self.states if not name.startswith(LOW_PASS)])
+        n2 = len([name for name in self.states if not name.startswith(FILTER)])
         own = self.A[:n2, :n2]
         angles = sum(name.startswith("q ") for name in self.states)  # internal coordinates have only a rate
         λ = np.diag(scipy.linalg.schur(graded(own) if 2 * angles == n2 else own, output="complex")[0])
@@ -130,7 +130,7 @@ def linearize(
     outputs
         Any of "tip" and "tip_rate", position [m] and velocity [m/s] of the tip in frame 0; "joints" and "joint_rates",
         angles [rad] and rates [rad/s] of the driven joints; "state", (q, q̇); and `SensorOutputs(scene)`, readings of
-        sensors. Outputs are stacked in the given order. Low-pass filters of sensors append states; see also `delays`.
+        sensors. Outputs are stacked in the given order. Filters of sensors append states; see also `delays`.
 
     Returns
     -------
@@ -163,7 +163,7 @@ def linearize(
     found = [output for each in wanted for output in _outputs(each, chain, q, qd, qdd, tau)]
     driven = chain.active
     given_motion = chain.hinges["prescribed"][driven] != 0
-    size = 2 * n + sum(len(output.names) * len(output.low_pass[1]) for output in found if output.low_pass)
+    size = 2 * n + sum(len(output.names) * len(output.filter.B) for output in found)
     A, B = np.zeros((size, size)), np.zeros((size, len(driven)))  # filled in place: a block can have 0.5 GB
     np.fill_diagonal(A[:n, n : 2 * n], 1.0)
     A[n : 2 * n, :n], A[n : 2 * n, n : 2 * n], B[n : 2 * n] = slopes.dq, slopes.dqd, slopes.dtau[:, driven]
@@ -211,17 +211,13 @@ def _put_outputs(
                 by_state, by_input = by_state + output.qdd[k] @ A[n : 2 * n, : 2 * n], output.qdd[k] @ B[n : 2 * n]
             if output.tau is not None:
                 by_input = by_input + output.tau[k, driven]
-            if output.low_pass is None:
-                C[row, : 2 * n], D[row] = output.gain * by_state, output.gain * by_input
-            else:
-                own, b, c = output.low_pass
-                block = slice(at, at := at + len(b))
-                A[block, : 2 * n], A[block, block], B[block] = np.outer(b, by_state), own, np.outer(b, by_input)
-                C[row, block], z[block.start - 2 * n : at - 2 * n] = (
-                    output.gain * c,
-                    -np.linalg.solve(own, b) * output.signal[k],
-                )
-                states += [f"{LOW_PASS}{i} {name}" for i in range(1, len(b) + 1)]
+            block = slice(at, at := at + len(output.filter.B))
+            own, b, c, direct = output.filter
+            A[block, : 2 * n], A[block, block], B[block] = np.outer(b, by_state), own, np.outer(b, by_input)
+            C[row, : 2 * n], C[row, block] = output.gain * direct * by_state, output.gain * c
+            D[row] = output.gain * direct * by_input
+            z[block.start - 2 * n : at - 2 * n] = output.filter.settled * output.signal[k]
+            states += [f"{FILTER}{i} {name}" for i in range(1, len(b) + 1)]
             row += 1
     return C, D, z, tuple(states)
 

@@ -10,14 +10,12 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
+from flexlink.dynamics.filters import LinearFilter, linear_filter
 from flexlink.dynamics.placement import jacobian, tip_position
-
-Filter = tuple[Array, Array, Array]
-"""A (f, f), B (f,), C (f,) of a filter ż = A z + B u, y = C z with unit gain for constant signals, −C A⁻¹ B = 1."""
 
 
 class Output(NamedTuple):
-    """Outputs y = gain · s + bias of signals s, with their derivatives; a low-pass filter and a delay may follow."""
+    """Outputs y = gain · s + bias of signals s, with their derivatives; filters and a delay may follow."""
 
     names: tuple[str, ...]
     signal: Array  # (p,) s
@@ -27,13 +25,13 @@ class Output(NamedTuple):
     tau: Array | None = None  # (p, n) ∂s/∂T_EX; None: zero
     gain: float = 1.0
     bias: float = 0.0
-    low_pass: Filter | None = None
+    filter: LinearFilter = linear_filter(())
     delay: float = 0.0  # [s]
 
     @property
     def values(self) -> Array:
         """Outputs y (p,) for constant signals."""
-        return self.gain * self.signal + self.bias
+        return self.gain * self.filter.gain * self.signal + self.bias
 
 
 class OutputSource(Protocol):
