@@ -238,3 +238,17 @@ def test_a_sampled_sensor_holds_its_walk() -> None:
     t = np.arange(0.0, 2.0, 0.01)
     found = shown(t, 0 * t, bias_walk=2.0, rate=10.0)
     np.testing.assert_array_equal(found, 2.0 * walk("0 s", np.floor(t * 10 + 1e-9) / 10))
+
+
+def test_a_fit_finds_the_damping_of_a_filter_and_refuses_a_bias_walk() -> None:
+    scene = scene_of(filter=(RECORDER,), noise=1e-3)
+    run = fl.simulate(scene.varied({"sensor.s.filter.1.damping": 0.7}))
+    recorded = fl.fits.FitRun(name="fall", columns={"t [s]": run.t, "s [rad]": run.columns["s [rad]"]})
+    sought = (fl.fits.FitParameter(path="sensor.s.filter.1.damping"),)
+    found = fl.fit(fl.fits.FitProblem(scene=scene, parameter=sought, run=(recorded,)))
+    damping = found["sensor.s.filter.1.damping"]
+    assert damping.low < 0.7 < damping.high
+    assert damping.half < 0.05
+    drifting = scene.varied({"sensor.s.bias_walk": 1e-3})
+    with refused(fl.errors.SceneError, "fit-bias-walk"):
+        fl.fit(fl.fits.FitProblem(scene=drifting, parameter=sought, run=(recorded,)))

@@ -116,8 +116,8 @@ def recorded(problem: FitProblem, run: FitRun) -> Source:
             f"{measured.t[0]:g} to {measured.t[-1]:g} s",
             id="too-few-samples",
         )
-    _check_drift(run, scene, measured.columns)
-    t, heads, of_sensors = measured.t[inside], _by_name(run, known, measured.columns), _noise_of_sensors(scene)
+    t, heads = measured.t[inside], _by_name(run, known, measured.columns)
+    of_sensors = _noise_of_sensors(scene, measured.columns)
     blocks = tuple(
         _block(run, name, column[inside], t, heads, known, of_sensors.get(name, 0.0))
         for name, column in measured.columns.items()
@@ -183,17 +183,6 @@ def _check_reach(run: FitRun, scene: Scene, blocks: Sequence[Block]) -> None:
             )
 
 
-def _check_drift(run: FitRun, scene: Scene, compared: Mapping[str, object]) -> None:
-    """Refuse sensors with a random walk of the bias, which the noise of a fit does not contain."""
-    for one in scene.sensor:
-        if one.bias_walk and any(name in compared for name in column_names((one,), scene.arm)):
-            raise SceneError(
-                f"run {run.name!r}: sensor.{one.name}.bias_walk = {one.bias_walk!r}: a fit has no random walk of a "
-                f"bias; leave it out: set = {{ 'sensor.{one.name}.bias_walk' = 0.0 }}",
-                id="fit-bias-walk",
-            )
-
-
 def _measured(run: FitRun, known: Mapping[str, object]) -> Measured:
     if run.file:
         return read_measured(Path(run.file), known, run.compare)
@@ -256,13 +245,18 @@ def _with_sensors(scene: Scene, columns: Set[str]) -> Scene:
     return replace(scene, sensor=tuple(one for one in scene.sensor if columns & {*column_names((one,), scene.arm)}))
 
 
-def _noise_of_sensors(scene: Scene) -> dict[str, float]:
-    """Standard deviation of each sensor column, from the noise and the resolution of the scene's sensors."""
-    return {
-        name: math.hypot(one.noise, (one.resolution or 0.0) / math.sqrt(12))
-        for one in scene.sensor
-        for name in column_names((one,), scene.arm)
-    }
+def _noise_of_sensors(scene: Scene, compared: Mapping[str, object]) -> dict[str, float]:
+    """Standard deviation of each sensor column, from noise and resolution; refuses compared columns that drift."""
+    found = {}
+    for one in scene.sensor:
+        for name in column_names((one,), scene.arm):
+            if one.bias_walk and name in compared:
+                raise SceneError(
+                    f"sensor.{one.name}.bias_walk = {one.bias_walk!r}: a fit has no random walk of a bias; set it to 0",
+                    id="fit-bias-walk",
+                )
+            found[name] = math.hypot(one.noise, (one.resolution or 0.0) / math.sqrt(12))
+    return found
 
 
 def _first(block: Block, part: float) -> Block:
