@@ -139,3 +139,15 @@ class TestOrigin:
     def test_samples_before_the_start_of_the_scene_are_counted(self) -> None:
         notes = fl.fits.check_fit(problem(origin=-0.1)).notes
         assert "samples-before-start" in [one.id for one in notes]
+
+
+def test_swapped_columns_are_named_before_the_fit() -> None:
+    run = fl.simulate(boom(**TRUE).varied({"initial.joint_deg": [30.0], "drive.target_deg": [38.0]}))
+    columns = {"t [s]": run.t, "tip x [m]": run.tip[:, 1], TIP: run.tip[:, 0]}
+    swing = fl.fits.FitRun(
+        name="step", columns={name: tuple(column.tolist()) for name, column in columns.items()},
+        set={"initial.joint_deg": [30.0], "drive.target_deg": [38.0]},
+    )  # fmt: skip
+    sought = tuple(fl.fits.FitParameter(path=path) for path in TRUE)
+    notes = fl.fits.check_fit(fl.fits.FitProblem(scene=boom(), parameter=sought, run=(swing,))).notes
+    assert "likely-swapped" in [one.id for one in notes]

@@ -62,8 +62,11 @@ def measured_from(
     columns = dict(zip(names, (values[:, counted] * sizes).T, strict=True))
     t = columns.pop(TIME)
     if len(t) < 2 or not (np.diff(t) > 0).all():
+        late = np.flatnonzero(np.diff(t) <= 0)
+        first = f"; {float(t[late[0] + 1])!r} comes after {float(t[late[0]])!r}" if len(late) else ""
         raise DataFileError(
-            f"{where}: {TIME}: expected two or more times, each later than the one before", id="times-not-increasing"
+            f"{where}: {TIME}: expected two or more times, each later than the one before{first}",
+            id="times-not-increasing",
         )
     if not any(np.isfinite(column).any() for column in columns.values()):
         raise DataFileError(f"{where}: no measured values; expected columns such as 'tip x [m]'", id="no-such-column")

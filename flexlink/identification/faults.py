@@ -10,6 +10,7 @@ those of the residuals that remain with all faults, so that a fault does not pas
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
@@ -87,7 +88,7 @@ class Fault(NamedTuple):
 
 def faults(search: Search, found: Found) -> list[Fault]:
     """Faults that the residuals show at a solution, the most significant first, with their estimated sizes."""
-    most = 4  # largest number of faults that are named
+    most = 3  # largest number of faults that are named
     plain = [[white(block) for block in part] for part in found.blocks]
     rows = search.rows(found.x, plain)
     tried = [*_candidates(search, plain, rows, search.signals.model(found.x))]
@@ -149,25 +150,26 @@ def with_timing(search: Search, found: Found, run: str) -> tuple[Fault, Search, 
 
 def mixups(sources: Sequence[Source], model: Model) -> list[Diagnostic]:
     """Notes on columns that resemble the negative of their prediction, or the prediction of another column."""
-    alike, better = 0.7, 0.3  # smallest correlation that counts as alike; smallest advantage over a column's own
+    alike, closer = 0.7, 0.5  # smallest correlation that counts as alike; residual of a swap over that without it
     found = []
     for source, y in zip(sources, model, strict=True):
-        r = {
-            (a, b): _correlation(one.y, values)
-            for a, one in enumerate(source.blocks)
-            for b, (other, values) in enumerate(zip(source.blocks, y, strict=True))
-            if one.t is not None and one.unit == other.unit and len(one.y) == len(values)
-        }  # fmt: skip
-        names = [block.name for block in source.blocks]
-        for (a, b), here in r.items():
-            if a == b and here < -alike:
-                text = f"{source.name}: {names[a]} resembles the negative of its prediction (correlation {here:.2f}); "
+        columns = [(block, values) for block, values in zip(source.blocks, y, strict=True) if block.t is not None]
+        for block, values in columns:
+            r = _correlation(block.y, values)
+            if r < -alike:
+                text = f"{source.name}: {block.name} resembles the negative of its prediction (correlation {r:.2f}); "
                 found.append(Diagnostic(f"{text}reverse its sign", "likely-sign"))
-            swapped = a < b and min(here, r.get((b, a), 0.0)) > alike
-            if swapped and here > r[a, a] + better and r[b, a] > r.get((b, b), 0.0) + better:
-                text = f"{source.name}: {names[a]} and {names[b]} each resemble the other's prediction; swap them"
+        for (a, ya), (b, yb) in itertools.combinations(columns, 2):
+            if a.unit == b.unit and len(a.y) == len(b.y) and all(
+                _off(own.y, other) < closer * _off(own.y, mine) for own, mine, other in ((a, ya, yb), (b, yb, ya))
+            ):  # fmt: skip
+                text = f"{source.name}: {a.name} and {b.name} each resemble the other's prediction; swap them"
                 found.append(Diagnostic(text, "likely-swapped"))
     return found
+
+
+def _off(a: Array, b: Array) -> float:
+    return float(np.linalg.norm(a - b))
 
 
 def _correlation(a: Array, b: Array) -> float:
