@@ -480,7 +480,7 @@ class TestTimes:
     def test_sensor_noise_includes_the_quantization_error(self) -> None:
         gauge = fl.Sensor(name="root", kind="strain", link="bar", x=0.1, fibre=(0.005, 0.0), gain=1e6, unit="µm/m",
                           noise=0.3, resolution=2.0, rate=100.0)  # fmt: skip
-        (size,) = _noise_of_sensors(SCENE.varied({"sensor": (gauge,)})).values()
+        (size,) = _noise_of_sensors(SCENE.varied({"sensor": (gauge,)}), {}).values()
         rng = np.random.default_rng(12)
         read = 100 * rng.random(100_000)
         off = 2.0 * np.round((read + 0.3 * rng.standard_normal(len(read))) / 2.0) - read

@@ -20,21 +20,9 @@ from flexlink.identification.data import sources_of
 from flexlink.identification.estimate import Estimate
 from flexlink.identification.faults import mixups, warnings_of_faults
 from flexlink.identification.fitted import Fitted
-from flexlink.identification.grid import (
-    RICHARDSON,
-    Grid,
-    GridError,
-    bends,
-    covariance_of,
-    factor_needed,
-    grid_ahead,
-    grid_error,
-    warnings_of_grid,
-    with_error,
-    within_bounds,
-)
+from flexlink.identification.grid import Grid, bends, factor_needed, grid_ahead
 from flexlink.identification.identifiability import Check, checked
-from flexlink.identification.inputs import input_error, warnings_of_inputs
+from flexlink.identification.inputs import warnings_of_inputs
 from flexlink.identification.interval import estimates, linear_estimates, parts_of, spread_of, without_ends
 from flexlink.identification.likelihood import large_changes, linear_names, priors_of, row_of, stacked
 from flexlink.identification.noise import with_noise_of_data
@@ -44,6 +32,7 @@ from flexlink.identification.reasons import with_reasons
 from flexlink.identification.remarks import hertz_in_rad_per_s, notes, ranges_apart, warnings
 from flexlink.identification.signals import STEP, Signals
 from flexlink.identification.solve import Found, Search, start_points
+from flexlink.identification.systematic import Systematic, covariance_of, systematic_errors, within_bounds
 from flexlink.identification.watch import Bar, watch_with
 from flexlink.motion.slopes_of_runs import CENTRAL_4
 
@@ -186,30 +175,23 @@ def _fit(
     spread = spread_of(parts_of(sources, rows, problem.loss), priors_of(coordinates, best.x, rows), coefficients)
     after = _check_after(signals, best, check)
     numbers = (*estimates(coordinates, best.x, spread), *linear_estimates(sources, rows, spread, len(coordinates)))
-    coarse, of_inputs = GridError(np.empty(0)), None
+    errors = Systematic()
     if not after.passed:
         numbers = tuple(map(without_ends, numbers))
     else:
         of_scene, others = numbers[: len(coordinates)], numbers[len(coordinates) :]
         numbers = (*widened(search, best, profiled(search, best, of_scene, report) if profile else of_scene), *others)
-        if grid != "ignore" and bends(problem.scene):
-            report("grid error: fitting a model with twice the hinges")
-            coarse = grid_error(search, best, rows, problem.tolerance)
-            numbers = with_error(numbers, coordinates, best.x, coarse.errors, spread.wide, "u_num")
-        of_inputs = input_error(search, best, problem)
-        if of_inputs is not None:
-            numbers = with_error(numbers, coordinates, best.x, of_inputs.errors, spread.wide, "u_input")
+        errors = systematic_errors(search, best, rows, problem, grid, report)
+        numbers = errors.added(numbers, coordinates, best.x, spread.wide)
     numbers = tuple(map(within_bounds, numbers))
     columns = columns_of(problem, signals, best, start, checks, report)
     changes = {one.path: one.value for one in numbers if one.path and not _of_run(one, coordinates)}
     at_start = tuple(note for note in check.notes if note.id.startswith("likely-"))
     found_warnings = at_start + warnings(numbers, coordinates, after, found, columns, [*sources, *checks])
-    doubtful_inputs = warnings_of_inputs(numbers, of_inputs)
-    found_warnings += (*warnings_of_grid(problem.scene, numbers, coarse), *doubtful_inputs)
-    if not doubtful_inputs:  # an error of the input resembles faults of the instruments
-        found_warnings += warnings_of_faults(*(coarse.refined or (search, best)))
-    shifts = [RICHARDSON * coarse.change, *(of_inputs.changes if of_inputs is not None else ())]
-    covariance = covariance_of(coordinates, best.x, spread.covariance, shifts)
+    found_warnings += errors.warnings(problem.scene, numbers)
+    if not warnings_of_inputs(numbers, errors.inputs):  # an error of the input resembles faults of the instruments
+        found_warnings += warnings_of_faults(*(errors.grid.refined or (search, best)))
+    covariance = covariance_of(coordinates, best.x, spread.covariance, errors.shifts)
     return Fitted(
         problem, problem.scene.varied(changes), numbers, spread.correlation, after, columns,
         tuple((_values(coordinates, end.x), end.cost) for end in found), signals.runs, found_warnings, covariance,

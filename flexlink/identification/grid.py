@@ -4,13 +4,11 @@
 
 The factor is that of an error of order 2 (Richardson): the limit of infinitely many hinges differs from x by
 (x' − x) / (1 − 2⁻²). Steps of the refined model are controlled by a tolerance, so u contains the error of fixed steps.
-It enters the 95 % interval as in ASME V&V 20: half-width = k √(σ² + u²).
 """
 
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
@@ -22,7 +20,6 @@ from flexlink.common.wording import Diagnostic
 from flexlink.describe.refined import refined, segments_in_words
 from flexlink.describe.scene import Scene
 from flexlink.identification.block import Block
-from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.data import Source
 from flexlink.identification.estimate import Estimate
 from flexlink.identification.identifiability import WIDE, Check
@@ -98,46 +95,9 @@ def grid_error(search: Search, best: Found, rows: Sequence[Sequence[Row]], toler
     return GridError(np.append(x - best.x, linear), None, (finer, Found(x, best.cost, best.blocks)))
 
 
-def with_error(
-    numbers: Sequence[Estimate], coordinates: Sequence[Coordinate], x: Array, errors: Array, wide: float, name: str
-) -> tuple[Estimate, ...]:
-    """The estimates with a further error in their intervals, "u_num" or "u_input", in search coordinates.
-
-    `errors` may be shorter than `numbers`; `wide` is the half-width of an interval over its deviation.
-    """
-    found = list(numbers)
-    for k, (one, u) in enumerate(zip(numbers, errors.tolist(), strict=False)):
-        by = coordinates[k] if k < len(coordinates) else None
-        at = float(x[k]) if by is not None else one.value
-        low, high = (end if by is None else by.x(end) for end in (one.low, one.high))
-        low, high = at - math.hypot(at - low, wide * u), at + math.hypot(high - at, wide * u)
-        size = 1.0 if by is None else by.size(one.value)
-        ends = (low, high) if by is None else (by.value(low), by.value(high))
-        statistical = one.half if math.isnan(one.statistical) else one.statistical
-        deviation, of_kind = math.hypot(one.deviation, size * u), {name: size * u}
-        found[k] = dataclasses.replace(
-            one, low=ends[0], high=ends[1], deviation=deviation, statistical=statistical, **of_kind
-        )
-    return tuple(found)
-
-
 def bends(scene: Scene) -> bool:
     """Whether a link of the scene bends, so that there is a grid error."""
     return any(link.flex != "rigid" for link in scene.arm.links)
-
-
-def within_bounds(one: Estimate) -> Estimate:
-    """The estimate, with a finite interval clipped to the bounds of the search."""
-    low, high = one.between
-    return dataclasses.replace(one, low=max(one.low, low), high=min(one.high, high)) if np.isfinite(one.half) else one
-
-
-def covariance_of(coordinates: Sequence[Coordinate], x: Array, covariance: Array, shifts: Sequence[Array]) -> Array:
-    """Covariance of the estimates in their units, with common shifts u of the coordinates: C + Σ u uᵀ."""
-    sizes = [one.size(one.value(float(at))) for one, at in zip(coordinates, x, strict=True)]
-    scale = np.append(sizes, np.ones(len(covariance) - len(sizes)))
-    several = [np.pad(u, (0, len(scale) - len(u))) for u in shifts]
-    return np.asarray(scale[:, None] * (covariance + sum(np.outer(u, u) for u in several)) * scale)
 
 
 def factor_needed(errors: Array, halves: Array) -> float:
