@@ -23,7 +23,7 @@ from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.vibration.modal import modes
 from flexlink.identification.block import Block
 from flexlink.identification.coordinates import Coordinate, shifted, sought_in, timings
-from flexlink.identification.operating_point import at_rest
+from flexlink.identification.frequency_response import Response
 from flexlink.identification.problem import FitModes, FitProblem, FitRun, FitStatic, Use
 from flexlink.identification.timing import as_long, doubts_of_times, in_periods, slowest_mode
 from flexlink.motion.slopes_of_runs import smooth
@@ -53,6 +53,10 @@ class Source:
         Time that the simulation of a run continues beyond the data, for unknown delays, clock and start [s].
     at_rest
         Function that predicts single measurements from a scene; None for a run.
+    response
+        The measured frequency response, if the blocks are its real and imaginary part.
+    rough
+        The same data in a form whose cost has fewer minima, for the first search; None if there is none.
     """
 
     name: str
@@ -64,6 +68,8 @@ class Source:
     doubts: tuple[Diagnostic, ...] = ()
     margin: float = 0.0
     at_rest: Callable[[Scene], list[Array]] | None = None
+    response: Response | None = None
+    rough: Source | None = None
 
     @property
     def is_run(self) -> bool:
@@ -272,67 +278,3 @@ def at_times(t: Array, samples: Array, times: Array) -> Array:
     if len(times) <= len(t) and np.allclose(t[: len(times)], times, rtol=0, atol=1e-9 * max(float(times[-1]), 1e-3)):
         return np.asarray(samples[: len(times)])
     return np.asarray(scipy.interpolate.CubicSpline(t, samples)(np.clip(times, t[0], t[-1])))
-
-
-def tapped(problem: FitProblem, part: FitModes, number: int) -> Source:
-    """Source of measured natural frequencies and damping ratios."""
-    name = f"modes {number}"
-    indices = np.array(part.numbers or range(1, len(part.hertz) + 1)) - 1
-    σ = np.broadcast_to(np.array(part.deviation), len(part.hertz)).astype(float)
-    blocks = [Block("frequency [Hz]", np.array(part.hertz), σ, True)]
-    if part.ratios:
-        ratios = np.array(part.ratios)
-        blocks.append(Block("damping ratio [1]", ratios, np.full(len(ratios), part.ratio_deviation), True))
-
-    def of(scene: Scene) -> list[Array]:
-        chain, rest, load = at_rest(scene)
-        held = chain.active.tolist() if part.locked is None else list(part.locked)
-        found = modes(chain, rest.q, **load, locked=held)
-        elastic = np.flatnonzero(np.array(found.kinds) == "elastic")
-        if len(elastic) <= indices.max():
-            raise ArgumentError(
-                f"{name}: mode {indices.max() + 1} was measured; the model has only {len(elastic)} elastic modes",
-                id="unknown-mode",
-            )
-        which = elastic[indices]
-        return [found.hertz[which], found.damping_ratios[which]][: len(blocks)]
-
-    scene = problem.scene.varied(part.set) if part.set else problem.scene
-    return Source(name, part.use, scene, tuple(blocks), at_rest=of)
-
-
-def sagged(problem: FitProblem, part: FitStatic, number: int) -> Source:
-    """Source of one measured coordinate of the tip at rest, or of the change of this coordinate between two states."""
-
-    def tip(scene: Scene) -> float:
-        chain, rest, _ = at_rest(scene)
-        return float(tip_position(chain, rest.q)["xyz".index(part.axis)])
-
-    def of(scene: Scene) -> list[Array]:
-        before = 0.0 if part.before is None else tip(scene.varied(part.before))
-        return [np.array([tip(scene) - before])]
-
-    scene = problem.scene.varied(part.set) if part.set else problem.scene
-    block = Block(f"tip {part.axis} [m]", np.array([part.value]), np.array([part.deviation]), True)
-    return Source(f"static {number}", part.use, scene, (block,), at_rest=of)
-
-
-def sources_of(problem: FitProblem, use: Use) -> list[Source]:
-    """All sources with one use, "fit" or "check".
-
-    Raises
-    ------
-    DataFileError, SceneError
-        A file, its columns, or the `set` of a run are wrong; the message names the run.
-    """
-    found: list[Source] = []
-    for run in problem.run:
-        if run.use == use:
-            try:
-                found.append(recorded(problem, run))
-            except (DataFileError, SceneError) as error:
-                text = str(error)
-                raise type(error)(text if text.startswith("run ") else f"run {run.name!r}: {text}") from None
-    found += [tapped(problem, one, k) for k, one in enumerate(problem.modes, 1) if one.use == use]
-    found += [sagged(problem, one, k) for k, one in enumerate(problem.static, 1) if one.use == use]
-    return found

@@ -20,7 +20,7 @@ def load_fit(path: str | Path) -> FitProblem:
     ----------
     path
         A TOML file: `scene`, a path relative to the file, then `[[parameter]]`, and the measurements in `[[run]]`,
-        `[[modes]]` and `[[static]]`.
+        `[[modes]]`, `[[static]]` and `[[frf]]`.
 
     Returns
     -------
@@ -49,7 +49,7 @@ def load_fit(path: str | Path) -> FitProblem:
         refuse_scene(raw, path, "a fit")
         check_keys(raw, fields, required=("scene", "parameter"))
         scene = scene_named(raw, path.parent)
-        for part in ("run", "modes", "static"):
+        for part in ("run", "modes", "static", "frf"):
             if isinstance(raw.get(part), list):
                 raw[part] = documents.with_absolute_paths(path.parent, [_as_paths(table) for table in raw[part]])
         raise_together(wrong for key, value in raw.items() for wrong in mistakes(value, fields[key].type, key))

@@ -177,6 +177,55 @@ class FitStatic(Spec, frozen=True):
     """Whether to fit this position, or to keep it to check the fit."""
 
 
+class FitFrf(Spec, frozen=True):
+    """A measured frequency response of the arm at rest: an output over an input, with its coherence.
+
+    The prediction is the linear model at the scene's static equilibrium, with the driven joints held at their initial
+    angles by constant torques. A drive torque is the torque that was measured, so controllers have no effect.
+
+    Examples
+    --------
+    >>> tapped = fl.fits.FitFrf(input="tip force z [N]", output="gyro [rad/s]", file="tapped.csv", averages=10)
+    """
+
+    input: str
+    """Torque of a driven joint, "tau NAME [N m]", acceleration of a prescribed joint, "qdd NAME [rad/s²]", or force on
+    the tip along an axis of frame 0, "tip force z [N]"."""
+    output: str
+    """Name of a sensor's column, or "tip z [m]", "tip rate z [m/s]", "q NAME [rad]", "qd NAME [rad/s]"; lengths may be
+    in mm and angles in deg."""
+    file: str = ""
+    """CSV file with a column "f [Hz]", "magnitude" (also in dB) and "phase [deg]" or "real" and "imaginary", in the
+    units of output over input, and "coherence". The path is relative to the problem's file."""
+    columns: dict[str, tuple[float, ...]] = msgspec.field(default_factory=dict)
+    """Columns that replace a file: lists of values by column head."""
+    averages: Annotated[float, msgspec.Meta(gt=1)] | None = None
+    """Number of independent averages n, from which the coherence γ² gives the variance, (1 − γ²)/(2 n γ²) of the square
+    of the response."""
+    deviation: Deviation | None = None
+    """Standard deviation relative to the response, if there is no coherence [1]."""
+    band: tuple[float, float] | None = None
+    """Lowest and highest frequency to use [Hz]. Default: all."""
+    set: dict[str, Any] = msgspec.field(default_factory=dict)
+    """Differences from the scene, values by path."""
+    use: Use = "fit"
+    """Whether to fit this response, or to keep it to check the fit."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if bool(self.file) == bool(self.columns):
+            raise SceneError(f"file = {self.file!r}: specify either a file or columns", id="both-given")
+        if (self.averages is None) == (self.deviation is None):
+            raise SceneError(
+                f"averages = {self.averages!r}: specify either averages, with a coherence, or deviation",
+                id="both-given",
+            )
+        if self.band is not None and not self.band[0] < self.band[1]:
+            raise SceneError(
+                f"band = {list(self.band)}: the first frequency must be less than the second", id="range-order"
+            )
+
+
 class FitProblem(Spec, frozen=True):
     """A scene, its unknown parameters, and measurements.
 
@@ -201,6 +250,8 @@ class FitProblem(Spec, frozen=True):
     """Measured natural frequencies, `[[modes]]` in a file."""
     static: tuple[FitStatic, ...] = ()
     """Measured static positions of the tip, `[[static]]` in a file."""
+    frf: tuple[FitFrf, ...] = ()
+    """Measured frequency responses, `[[frf]]` in a file."""
     about: str = ""
     """A sentence on the purpose of the fit."""
     loss: Loss = "linear"
@@ -226,15 +277,15 @@ class FitProblem(Spec, frozen=True):
             if twice:
                 raise SceneError(f"parameter.path = {twice[0]!r}: given twice; remove one", id="parameter-twice")
         self._check_set(paths)
-        data: Sequence[FitRun | FitModes | FitStatic] = (*self.run, *self.modes, *self.static)
+        data: Sequence[FitRun | FitModes | FitStatic | FitFrf] = (*self.run, *self.modes, *self.static, *self.frf)
         if not any(part.use == "fit" for part in data):
             raise SceneError(
-                "run, modes, static: nothing to fit; give at least one with use = 'fit'", id="nothing-to-fit"
+                "run, modes, static, frf: nothing to fit; give at least one with use = 'fit'", id="nothing-to-fit"
             )
 
     def _check_set(self, paths: Sequence[str]) -> None:
         """Refuse `set` on a parameter that is estimated for all runs."""
-        for key in ("run", "modes", "static"):
+        for key in ("run", "modes", "static", "frf"):
             for part in getattr(self, key):
                 for path in (*part.set, *(getattr(part, "before", None) or ())):
                     if path in paths:

@@ -153,6 +153,8 @@ class Search:
         blocks = [list(source.blocks) for source in sources]
         single = [source for source in sources if not source.is_run]
         runs = len(single) < len(sources)
+        rough = [source.rough for source in sources if source.rough is not None]
+        x = Search(Signals(rough, self.coordinates), self.loss, watch=self.watch).near(x) if rough else x
         for part in windows if runs else ():
             cut = [source.first(part) for source in sources if source.is_run] if part else []
             if part or single:

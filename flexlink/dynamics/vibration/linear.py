@@ -22,10 +22,11 @@ from flexlink.chain.arguments import require_one_of, require_type, sequence, vec
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array, Complex
-from flexlink.common.wording import plural
+from flexlink.common.wording import plural, truncated
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.derivatives import forward_dynamics_derivatives
+from flexlink.dynamics.placement import jacobian
 from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.vibration.outputs import OUTPUTS, Output, OutputSource, joints_as
 
@@ -81,6 +82,49 @@ class LinearModel(SavedResult):
             λ = np.concatenate([λ, scipy.linalg.eigvals(self.A[n2:, n2:])])
         return np.asarray(λ[np.argsort(np.abs(λ), kind="stable")])
 
+    def frequency_response(self, hertz: ArrayLike) -> Complex:
+        """H(f) = (C (iω − A)⁻¹ B + D) e^{−iω delays}, ω = 2πf: response of every output to every input.
+
+        Parameters
+        ----------
+        hertz
+            Frequencies f, shape (k,) [Hz].
+
+        Returns
+        -------
+        ndarray
+            Amplitude and phase of the outputs for inputs e^{iωt} of unit amplitude, shape (k, p, m).
+
+        Raises
+        ------
+        ArgumentError
+            A frequency is negative or not finite, or a pole of the undamped model.
+
+        Examples
+        --------
+        >>> rest = fl.solve_static(chain, q, locked=chain.active)
+        >>> model = fl.linearize(chain, rest.q, tau=rest.tau, outputs=("joint_rates",))
+        >>> H = model.frequency_response([2.0, 5.0, 10.0])
+        >>> print(H.shape)
+        (3, 2, 2)
+        """
+        f = np.atleast_1d(np.asarray(hertz, np.float64))
+        if f.ndim != 1 or not (np.isfinite(f).all() and (f >= 0).all()):
+            raise ArgumentError(
+                f"hertz = {truncated(hertz)}: expected finite frequencies >= 0, shape (k,)", id="wrong-value"
+            )
+        one, found = np.eye(len(self.A)), np.empty((len(f), *self.D.shape), complex)
+        for k, s in enumerate(2j * np.pi * f):
+            left = s * one - self.A
+            size = np.abs(left).max(axis=1, keepdims=True)  # equal rows: a stiff joint does not hide slow motions
+            try:
+                found[k] = self.C @ np.linalg.solve(left / size, self.B / size) + self.D
+            except np.linalg.LinAlgError:
+                raise ArgumentError(
+                    f"hertz = {f[k]:g}: the response is infinite, since the model has a pole there", id="infinite-response"
+                ) from None
+        return np.asarray(found * np.exp(-2j * np.pi * f[:, None] * self.delays)[:, :, None])
+
     def __repr__(self) -> str:
         late = f", delayed by up to {self.delays.max():g} s" if self.delays.any() else ""
         parts = ((self.x, "state"), (self.u, "input"), (self.y, "output"))
@@ -111,6 +155,7 @@ def linearize(
     tip_wrench: ArrayLike | None = None,
     frame: Frame = "world",
     outputs: Sequence[str | OutputSource] = ("tip",),
+    tip_force: bool = False,
 ) -> LinearModel:
     """Linear model about any state, exact up to rounding, with springs, friction, gravity, rates and loads.
 
@@ -131,12 +176,14 @@ def linearize(
         Any of "tip" and "tip_rate", position [m] and velocity [m/s] of the tip in frame 0; "joints" and "joint_rates",
         angles [rad] and rates [rad/s] of the driven joints; "state", (q, q̇); and `SensorOutputs(scene)`, readings of
         sensors. Outputs are stacked in the given order. Filters of sensors append states; see also `delays`.
+    tip_force
+        Whether a force on the tip along x, y and z of frame 0, in addition to `tip_wrench`, is an input as well [N].
 
     Returns
     -------
     LinearModel
         A, B, C, D. Inputs are the torques of the driven joints, `chain.active`, or the accelerations of joints with
-        prescribed motion, whose nominal value is 0, as in `forward_dynamics`.
+        prescribed motion, whose nominal value is 0, as in `forward_dynamics`; then the force on the tip.
 
     Raises
     ------
@@ -162,11 +209,14 @@ def linearize(
     qdd = forward_dynamics(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame)
     found = [output for each in wanted for output in _outputs(each, chain, q, qd, qdd, tau)]
     driven = chain.active
-    given_motion = chain.hinges["prescribed"][driven] != 0
+    by_input = slopes.dtau[:, driven]
+    if tip_force:
+        free = chain.hinges["prescribed"] == 0
+        by_input = np.hstack([by_input, slopes.dtau[:, free] @ jacobian(chain, q).linear.T[free]])
     size = 2 * n + sum(len(output.names) * len(output.filter.B) for output in found)
-    A, B = np.zeros((size, size)), np.zeros((size, len(driven)))  # filled in place: a block can have 0.5 GB
+    A, B = np.zeros((size, size)), np.zeros((size, by_input.shape[1]))  # filled in place: a block can have 0.5 GB
     np.fill_diagonal(A[:n, n : 2 * n], 1.0)
-    A[n : 2 * n, :n], A[n : 2 * n, n : 2 * n], B[n : 2 * n] = slopes.dq, slopes.dqd, slopes.dtau[:, driven]
+    A[n : 2 * n, :n], A[n : 2 * n, n : 2 * n], B[n : 2 * n] = slopes.dq, slopes.dqd, by_input
     C, D, z, states = _put_outputs(found, A, B, driven, n)
     model = LinearModel(
         A=A,
@@ -174,19 +224,28 @@ def linearize(
         C=C,
         D=D,
         x=np.concatenate([q, qd, z]),
-        u=np.where(given_motion, 0.0, tau[driven]),
+        u=np.append(np.where(chain.hinges["prescribed"][driven] != 0, 0.0, tau[driven]), np.zeros(3 * tip_force)),
         y=np.concatenate([output.values for output in found]),
         rate=np.concatenate([qd, qdd, np.zeros_like(z)]),
         states=joints_as(chain, range(n), "q {} [{}]") + joints_as(chain, range(n), "qd {} [{}/s]") + states,
-        inputs=tuple(
-            f"{'qdd' if motion else 'tau'} {chain.joint_name(int(k))} "
-            f"[{f'{chain.joint_units[k]}/s²' if motion else chain.torque_units[k]}]"
-            for k, motion in zip(driven, given_motion, strict=True)
-        ),
+        inputs=_inputs(chain) + TIP_FORCE * tip_force,
         outputs=tuple(name for output in found for name in output.names),
         delays=np.concatenate([np.full(len(output.names), output.delay) for output in found]),
     )
     return _without(model, chain.internal) if len(chain.internal) else model
+
+
+TIP_FORCE = tuple(f"tip force {axis} [N]" for axis in "xyz")
+"""Names of the inputs for a force on the tip."""
+
+
+def _inputs(chain: Chain) -> tuple[str, ...]:
+    """Names of the torques of driven joints, or of their accelerations if their motion is prescribed."""
+    return tuple(
+        f"{'qdd' if motion else 'tau'} {chain.joint_name(int(k))} "
+        f"[{f'{chain.joint_units[k]}/s²' if motion else chain.torque_units[k]}]"
+        for k, motion in zip(chain.active, chain.hinges["prescribed"][chain.active] != 0, strict=True)
+    )
 
 
 def _without(model: LinearModel, angles: NDArray[np.intp]) -> LinearModel:
@@ -210,7 +269,7 @@ def _put_outputs(
             if output.qdd is not None:
                 by_state, by_input = by_state + output.qdd[k] @ A[n : 2 * n, : 2 * n], output.qdd[k] @ B[n : 2 * n]
             if output.tau is not None:
-                by_input = by_input + output.tau[k, driven]
+                by_input = by_input + np.pad(output.tau[k, driven], (0, B.shape[1] - len(driven)))
             block = slice(at, at := at + len(output.filter.B))
             own, b, c, direct = output.filter
             A[block, : 2 * n], A[block, block], B[block] = np.outer(b, by_state), own, np.outer(b, by_input)
