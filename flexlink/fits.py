@@ -1,23 +1,27 @@
 """Problems and results of parameter identification, for the functions `flexlink.fit`, `check_fit` and `propose`."""
 
+from flexlink.identification.estimated_response import FrequencyResponse, frequency_response
 from flexlink.identification.experiments import Experiments, load_experiments
 from flexlink.identification.fit import check_fit
 from flexlink.identification.fitted import Fitted
 from flexlink.identification.loading import load_fit
-from flexlink.identification.problem import FitModes, FitParameter, FitProblem, FitRun, FitStatic
+from flexlink.identification.problem import FitFrf, FitModes, FitParameter, FitProblem, FitRun, FitStatic
 from flexlink.identification.proposals import Proposals
 from flexlink.identification.propose import propose
 
 __all__ = [
     "Experiments",
+    "FitFrf",
     "FitModes",
     "FitParameter",
     "FitProblem",
     "FitRun",
     "FitStatic",
     "Fitted",
+    "FrequencyResponse",
     "Proposals",
     "check_fit",
+    "frequency_response",
     "load_experiments",
     "load_fit",
     "propose",

@@ -17,9 +17,9 @@ import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.identification.block import Colour, colour_of
 from flexlink.identification.coordinates import coordinate_of, coordinates_of
-from flexlink.identification.data import sources_of
 from flexlink.identification.interval import spread_of
 from flexlink.identification.signals import STEP, Signals
+from flexlink.identification.sources import sources_of
 from flexlink.motion.slopes_of_runs import CENTRAL_4
 from tests.words import line, refused, refused_line, reviewed
 from validation.case import CASES, load_case

@@ -30,7 +30,7 @@ from flexlink.identification.experiments import (
     PriorExperiment,
     StaticExperiment,
 )
-from flexlink.identification.problem import FitModes, FitParameter, FitProblem, FitRun, FitStatic
+from flexlink.identification.problem import FitFrf, FitModes, FitParameter, FitProblem, FitRun, FitStatic
 from flexlink.robots.collection import KnownArm
 from flexlink.robots.flexible import FlexibleLink
 from flexlink.sweeps.plan import Sweep
@@ -47,6 +47,7 @@ KEY_PAGES = {
         FitRun,
         FitModes,
         FitStatic,
+        FitFrf,
         Experiments,
         ColumnExperiment,
         StaticExperiment,

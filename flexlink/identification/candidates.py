@@ -25,7 +25,7 @@ from flexlink.describe.sensor import Sensor, column_names
 from flexlink.describe.vary import parts_of
 from flexlink.identification.applied import changes_of, heads_of, rounded, sensors_on
 from flexlink.identification.coordinates import Coordinate
-from flexlink.identification.data import Source, at_times, exact, sagged, tapped
+from flexlink.identification.data import Source, at_times, exact
 from flexlink.identification.experiments import (
     ColumnExperiment,
     Experiments,
@@ -35,6 +35,7 @@ from flexlink.identification.experiments import (
     StaticExperiment,
 )
 from flexlink.identification.problem import FitModes, FitParameter, FitProblem, FitRun, FitStatic
+from flexlink.identification.sources import sagged, tapped
 from flexlink.identification.timing import as_long
 from flexlink.motion.simulate import simulate
 

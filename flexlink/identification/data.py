@@ -13,18 +13,16 @@ import scipy
 from msgspec.structs import replace
 
 from flexlink.chain.lumping import lump
-from flexlink.common.errors import ArgumentError, DataFileError, SceneError
+from flexlink.common.errors import DataFileError, SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import Diagnostic, did_you_mean, plural
 from flexlink.data.measured import Measured, measured_from, named, read_measured
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
-from flexlink.dynamics.placement import tip_position
-from flexlink.dynamics.vibration.modal import modes
 from flexlink.identification.block import Block
 from flexlink.identification.coordinates import Coordinate, shifted, sought_in, timings
 from flexlink.identification.frequency_response import Response
-from flexlink.identification.problem import FitModes, FitProblem, FitRun, FitStatic, Use
+from flexlink.identification.problem import FitProblem, FitRun, Use
 from flexlink.identification.timing import as_long, doubts_of_times, in_periods, slowest_mode
 from flexlink.motion.slopes_of_runs import smooth
 from flexlink.results.columns import sources_of as columns_of

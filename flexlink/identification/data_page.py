@@ -17,12 +17,15 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.vibration.at_rest import modes_at_rest
 from flexlink.identification.block import Block
 from flexlink.identification.coordinates import coordinates_of, run_coordinates
-from flexlink.identification.data import Source, sources_of
+from flexlink.identification.data import Source
 from flexlink.identification.likelihood import read, row_of
 from flexlink.identification.noise import GAP, UNEVEN, noise_in, outliers_in
 from flexlink.identification.operating_point import at_rest
 from flexlink.identification.problem import FitProblem
+from flexlink.identification.response_page import Compared, pictures
+from flexlink.identification.response_page import table as response_table
 from flexlink.identification.signals import Signals
+from flexlink.identification.sources import sources_of
 from flexlink.pages.colours import BLUE, GREY, INK, ORANGE, PALE, VERMILION
 from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture
@@ -79,9 +82,16 @@ def chapters_of_data(problem: FitProblem) -> Chapters:
     FlexlinkError
         As in `check_fit`.
     """
-    shown = [*_columns(problem)]
+    shown, single = [*_columns(problem)], [*_single(problem)]
+    responses = [
+        Compared(source.name, source.use, source.response, {"before": y[0] + 1j * y[1]})
+        for source, y in single if source.response is not None
+    ]  # fmt: skip
     with mpl.rc_context(RC):
-        found = {"data": ("Measured and predicted at the initial guess", "Data", _data(problem, shown))}
+        found = {"data": ("Measured and predicted at the initial guess", "Data", _data(shown, single))}
+        if responses:
+            part = Part(pictures=pictures(responses), tables=(response_table(responses),))
+            found["responses"] = ("Frequency responses", "Responses", part)
         if shown:
             found["spectra"] = ("Spectra", "Spectra", _spectra(problem, shown))
     return found
@@ -111,7 +121,7 @@ def _shown(source: Source, block: Block, predicted: Array) -> Shown:
     return Shown(source, block, predicted, gaps, t[1:][other], outliers_in(t, block.y, predicted))
 
 
-def _data(problem: FitProblem, shown: Sequence[Shown]) -> Part:
+def _data(shown: Sequence[Shown], single: Sequence[tuple[Source, list[Array]]]) -> Part:
     heads = ("run", "column", "use", "samples", "rate [Hz]", "gaps", "uneven intervals", "outliers", "noise",
              "noise from", "RMS residual at the initial guess")  # fmt: skip
     lines = tuple(
@@ -121,10 +131,10 @@ def _data(problem: FitProblem, shown: Sequence[Shown]) -> Part:
         for one in shown
     )  # fmt: skip
     tables = [Table("columns", "Columns of the runs", heads, lines)] if shown else []
-    single = _single(problem)
-    if single:
+    rows = _rows(single)
+    if rows:
         units = ("measurement", "measured", "standard deviation", "predicted", "residual in standard deviations")
-        tables.append(Table("single", "Single measurements", units, single))
+        tables.append(Table("single", "Single measurements", units, rows))
     return Part(_in_words(shown), pictures=tuple(_pictures(shown)), tables=tuple(tables))
 
 
@@ -154,14 +164,20 @@ def _noise(block: Block) -> tuple[float | None, str]:
     return (float(np.mean(block.σ)), "1 % of range") if found is None else (found, "data")
 
 
-def _single(problem: FitProblem) -> tuple[tuple[str | float, ...], ...]:
-    """Rows of single measurements."""
+def _single(problem: FitProblem) -> Iterator[tuple[Source, list[Array]]]:
+    """Single measurements and frequency responses, with their predictions."""
     sources = [one for use in ("fit", "check") for one in sources_of(problem, use) if not one.is_run]
     common = [one for one in coordinates_of(problem) if not one.run]
-    model = Signals(sources, common).model(np.array([one.x(one.start) for one in common])) if sources else []
+    if sources:
+        model = Signals(sources, common).model(np.array([one.x(one.start) for one in common]))
+        yield from zip(sources, model, strict=True)
+
+
+def _rows(single: Sequence[tuple[Source, list[Array]]]) -> tuple[tuple[str | float, ...], ...]:
+    """Rows of the table of single measurements."""
     return tuple(
         (f"{source.name}, {block.name}", float(m), float(σ), float(y), float((y - m) / σ))
-        for source, of_source in zip(sources, model, strict=True)
+        for source, of_source in single if source.response is None
         for block, values in zip(source.blocks, of_source, strict=True)
         for m, σ, y in zip(block.y, block.σ, values, strict=True)
     )  # fmt: skip

@@ -16,7 +16,6 @@ from flexlink.describe.refined import refined, segments_in_words
 from flexlink.identification.block import Block
 from flexlink.identification.columns import columns_of
 from flexlink.identification.coordinates import Coordinate, coordinates_of, prior_rows
-from flexlink.identification.data import sources_of
 from flexlink.identification.estimate import Estimate
 from flexlink.identification.faults import mixups, warnings_of_faults
 from flexlink.identification.fitted import Fitted
@@ -32,6 +31,7 @@ from flexlink.identification.reasons import with_reasons
 from flexlink.identification.remarks import hertz_in_rad_per_s, notes, ranges_apart, warnings
 from flexlink.identification.signals import STEP, Signals
 from flexlink.identification.solve import Found, Search, start_points
+from flexlink.identification.sources import sources_of
 from flexlink.identification.systematic import Systematic, covariance_of, systematic_errors, within_bounds
 from flexlink.identification.watch import Bar, watch_with
 from flexlink.motion.slopes_of_runs import CENTRAL_4

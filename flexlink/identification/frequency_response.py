@@ -27,8 +27,9 @@ from flexlink.dynamics.vibration.outputs import OutputSource
 from flexlink.identification.operating_point import at_rest
 from flexlink.identification.problem import FitFrf
 
-LEAST = 1e-3
-"""Smallest standard deviation relative to the response: at coherence 1 the calibration of the instruments limits it."""
+LEAST, SMALLEST = 1e-3, 1e-9
+"""Smallest standard deviation relative to the response, which the calibration of the instruments limits at coherence 1,
+and relative to the largest response, for the zeros."""
 
 
 class Response(NamedTuple):
@@ -109,9 +110,12 @@ def measured_response(scene: Scene, part: FitFrf, where: str) -> Response:
     if not kept.any():
         raise DataFileError(f"{where}: no values from {low:g} to {high:g} Hz", id="no-measured-values")
     columns = {name: column[kept] for name, column in columns.items()}
-    H = _complex(where, columns) * (of_output / of_input)
+    H = _complex(columns) * (of_output / of_input)
     γ2 = columns.get("coherence", np.full(len(H), np.nan))
-    return Response(columns["f"], H, _deviation(where, part, γ2) * np.abs(H), γ2, input, output)
+    if not H.any():
+        raise DataFileError(f"{where}: the response is zero at all frequencies", id="no-measured-values")
+    size = np.maximum(np.abs(H), SMALLEST / LEAST * np.abs(H).max())
+    return Response(columns["f"], H, _deviation(where, part, γ2) * size, γ2, input, output)
 
 
 def _table(where: str, columns: Mapping[str, tuple[float, ...]]) -> Array:
@@ -127,7 +131,7 @@ def _columns(where: str, heads: tuple[str, ...], values: Array, unit: str) -> di
     Raises
     ------
     DataFileError
-        A header is unknown, or has another unit.
+        A header is unknown, or has another unit; frequencies do not increase.
     """
     allowed = {
         "f": ("Hz",), "magnitude": ("", unit, "dB"), "phase": ("deg", "rad"), "real": ("", unit),
@@ -142,18 +146,18 @@ def _columns(where: str, heads: tuple[str, ...], values: Array, unit: str) -> di
             raise DataFileError(f"{where}: column {head!r}: {text}; expected {shown}", id="no-such-column")
         value = column if given != "dB" else 10 ** (column / 20)
         found[quantity] = np.deg2rad(value) if given == "deg" else value
-    if "f" not in found or not {"magnitude", "phase"} <= found.keys() and not {"real", "imaginary"} <= found.keys():
+    if "f" not in found or (not {"magnitude", "phase"} <= found.keys() and not {"real", "imaginary"} <= found.keys()):
         raise DataFileError(
             f"{where}: columns {short_list(list(heads))}; expected 'f [Hz]', and magnitude and phase, or real and "
             "imaginary", id="no-such-column",
         )  # fmt: skip
+    f = found["f"][np.isfinite(found["f"])]
+    if (f < 0).any() or (np.diff(f) <= 0).any():
+        raise DataFileError(f"{where}: f [Hz]: expected increasing frequencies >= 0", id="frequencies-not-increasing")
     return found
 
 
-def _complex(where: str, columns: Mapping[str, Array]) -> Complex:
-    f = columns["f"]
-    if (f < 0).any() or (np.diff(f) <= 0).any():
-        raise DataFileError(f"{where}: f [Hz]: expected increasing frequencies >= 0", id="frequencies-not-increasing")
+def _complex(columns: Mapping[str, Array]) -> Complex:
     if "real" in columns:
         return np.asarray(columns["real"] + 1j * columns["imaginary"])
     return np.asarray(columns["magnitude"] * np.exp(1j * columns["phase"]))

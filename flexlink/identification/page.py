@@ -22,6 +22,8 @@ from flexlink.identification.checked_page import (
 from flexlink.identification.estimate import Estimate
 from flexlink.identification.fitted import Fitted, FittedColumn
 from flexlink.identification.proposals import Proposals
+from flexlink.identification.response_page import compared, pictures
+from flexlink.identification.response_page import table as response_table
 from flexlink.pages.chapter import Chapter
 from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
 from flexlink.pages.numbers import JOIN, amount, number
@@ -43,15 +45,20 @@ def build(fitted: Fitted, folder: Path, command: str, proposals: Proposals | Non
     """
     make_folder(folder)
     fitted.save(folder / "fit.json")
-    parts = {
-        "numbers": ("Estimated parameters", "Estimates", _numbers(fitted)),
-        "data": ("Measured and predicted", "Data", _data(fitted)),
-        "residuals": ("Residuals", "Residuals", _residuals(fitted)),
-        "identifiability": ("Identifiability", "Identifiability", identifiability(fitted.check)),
-        **measure_next(proposals),
-        "problem": ("Problem", "Problem", problem_part(fitted.problem)),
-        "reproduce": ("How to reproduce this page", "Reproduce", reproduction(fitted.scene, "fitted.toml", command)),
-    }
+    with mpl.rc_context(RC):
+        parts = {
+            "numbers": ("Estimated parameters", "Estimates", _numbers(fitted)),
+            "data": ("Measured and predicted", "Data", _data(fitted)),
+            "residuals": ("Residuals", "Residuals", _residuals(fitted)),
+            "identifiability": ("Identifiability", "Identifiability", identifiability(fitted.check)),
+            **measure_next(proposals),
+            "problem": ("Problem", "Problem", problem_part(fitted.problem)),
+            "reproduce": (
+                "How to reproduce this page",
+                "Reproduce",
+                reproduction(fitted.scene, "fitted.toml", command),
+            ),
+        }
     definitions: dict[str, str] = {}
     with mpl.rc_context(RC):
         chapters = [
@@ -183,14 +190,17 @@ def _data(fitted: Fitted) -> Part:
         sentences += ("There is no free linear model for comparison: joints swing freely, or there is no run.",)
     single = tuple(
         (f"{one.source}, {one.name}", float(m), float(b), float(a))
-        for one in fitted.columns if one.t is None
+        for one in fitted.columns if one.t is None and not one.source.startswith("frf ")
         for m, b, a in zip(one.measured, one.before, one.after, strict=True)
     )  # fmt: skip
     tables = [Table("columns", "Measured columns", heads, lines)]
     if single:
         tables.append(Table("single", "Single measurements", ("measurement", "measured", "before", "fitted"), single))
+    responses = compared(fitted)
+    tables += [response_table(responses)] if responses else []
     drawn = _drawn(fitted)
-    return Part(sentences, pictures=(_overlay(drawn), _difference(drawn)) if drawn else (), tables=tuple(tables))
+    shown = (*((_overlay(drawn), _difference(drawn)) if drawn else ()), *pictures(responses))
+    return Part(sentences, pictures=shown, tables=tuple(tables))
 
 
 def _drawn(fitted: Fitted) -> list[FittedColumn]:

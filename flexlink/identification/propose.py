@@ -22,7 +22,7 @@ from flexlink.common.types import Array
 from flexlink.identification.block import Block
 from flexlink.identification.candidates import Bench, Candidate
 from flexlink.identification.coordinates import Coordinate, coordinates_of, prior_rows, run_coordinates
-from flexlink.identification.data import Source, recorded, sagged, sources_of, tapped
+from flexlink.identification.data import Source, recorded
 from flexlink.identification.experiments import Experiments, built_in, load_experiments
 from flexlink.identification.fitted import Fitted
 from flexlink.identification.identifiability import Check, Direction
@@ -32,6 +32,7 @@ from flexlink.identification.noise import with_noise_of_data
 from flexlink.identification.problem import FitModes, FitParameter, FitProblem, FitRun
 from flexlink.identification.proposals import Change, Proposal, Proposals
 from flexlink.identification.remarks import notes
+from flexlink.identification.sources import sagged, sources_of, tapped
 
 
 def propose(problem: FitProblem | Fitted, experiments: str | Path | Experiments | None = None) -> Proposals:

@@ -26,6 +26,8 @@ Slopes = list[list[Array]]
 """Jacobians of these predictions with respect to all coordinates; empty if not requested."""
 STEP = 1e-3
 """Finite-difference step of x, relative to the parameter or its unit."""
+FINER = 0.01
+"""Step for frequency responses relative to the step for runs: they are exact, and change quickly at a resonance."""
 KEPT = 4
 """Size of the cache of points; a search evaluates predictions, Jacobian and noise at the same points."""
 
@@ -130,6 +132,7 @@ class Signals:
             The simulation fails at a neighbouring parameter value.
         """
         indices = [*self._own[number], *self._timing[number]] if places is not None else []
+        step *= FINER if self.sources[number].response is not None else 1.0
         steps = np.zeros(len(x))
         steps[indices] = step
         at = [self._places(k, x, places or CENTRAL, step) for k in range(len(x))]

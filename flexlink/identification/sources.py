@@ -77,8 +77,8 @@ def responded(problem: FitProblem, part: FitFrf, number: int) -> Source:
         Block(f"{which} {found.name}", y, found.σ, True)
         for which, y in (("Re", found.H.real.copy()), ("Im", found.H.imag.copy()))
     )
-    least = np.maximum(found.σ / np.abs(found.H), ROUGH)
-    size = Block(f"ln {found.name}", np.log(np.abs(found.H)), least, True)
+    magnitude = _not_zero(np.abs(found.H))
+    size = Block(f"ln {found.name}", np.log(magnitude), np.maximum(found.σ / magnitude, ROUGH), True)
     rough = dataclasses.replace(whole, blocks=(size,), at_rest=functools.partial(_log_size, found=found))
     return dataclasses.replace(
         whole, blocks=(real, imaginary), at_rest=functools.partial(_parts, found=found), rough=rough
@@ -95,9 +95,13 @@ def _parts(scene: Scene, found: Response) -> list[Array]:
 
 
 def _log_size(scene: Scene, found: Response) -> list[Array]:
-    least = 1e-12  # smallest response, relative to the largest: its logarithm stays finite
-    size = np.abs(predicted(scene, found.input, found.output, found.f))
-    return [np.log(np.maximum(size, least * (size.max() or 1.0)))]
+    return [np.log(_not_zero(np.abs(predicted(scene, found.input, found.output, found.f))))]
+
+
+def _not_zero(size: Array) -> Array:
+    """Magnitudes with zeros, whose logarithm is infinite, replaced by a small part of the largest one."""
+    least = 1e-12
+    return np.asarray(np.maximum(size, least * (size.max() or 1.0)))
 
 
 def sources_of(problem: FitProblem, use: Use) -> list[Source]:

@@ -121,7 +121,8 @@ class LinearModel(SavedResult):
                 found[k] = self.C @ np.linalg.solve(left / size, self.B / size) + self.D
             except np.linalg.LinAlgError:
                 raise ArgumentError(
-                    f"hertz = {f[k]:g}: the response is infinite, since the model has a pole there", id="infinite-response"
+                    f"hertz = {f[k]:g}: the response is infinite, since the model has a pole there",
+                    id="infinite-response",
                 ) from None
         return np.asarray(found * np.exp(-2j * np.pi * f[:, None] * self.delays)[:, :, None])
 
