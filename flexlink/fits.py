@@ -1,6 +1,6 @@
 """Problems and results of parameter identification, for the functions `flexlink.fit`, `check_fit` and `propose`."""
 
-from flexlink.identification.estimated_response import FrequencyResponse, frequency_response
+from flexlink.identification.estimated_response import frequency_response
 from flexlink.identification.experiments import Experiments, load_experiments
 from flexlink.identification.fit import check_fit
 from flexlink.identification.fitted import Fitted
@@ -18,7 +18,6 @@ __all__ = [
     "FitRun",
     "FitStatic",
     "Fitted",
-    "FrequencyResponse",
     "Proposals",
     "check_fit",
     "frequency_response",

@@ -32,8 +32,6 @@ from flexlink.pages.picture import Picture
 from flexlink.pages.style import RC, legend_over, stacked_axes
 from flexlink.pages.tables import Table, columns_csv
 
-PANELS = 4
-"""Largest number of panels of a picture; further columns are in another picture."""
 Chapters = dict[str, tuple[str, str, Part]]
 """Parts of a page by name, with their titles and short titles."""
 
@@ -194,10 +192,11 @@ def _pictures(shown: Sequence[Shown]) -> Iterator[Picture]:
 
 def _groups(shown: Sequence[Shown]) -> Iterator[Sequence[Shown]]:
     """Columns of one picture each: of the same run, at most four."""
+    most = 4
     for name in dict.fromkeys(one.source.name for one in shown):
         of_run = [one for one in shown if one.source.name == name]
-        for k in range(0, len(of_run), PANELS):
-            yield of_run[k : k + PANELS]
+        for k in range(0, len(of_run), most):
+            yield of_run[k : k + most]
 
 
 def _picture(name: str, title: str, caption: str, shown: Sequence[Shown], *, residual: bool) -> Picture:

@@ -76,7 +76,7 @@ def frequency_response(t: ArrayLike, u: ArrayLike, y: ArrayLike, *, segment: flo
     >>> u = np.random.default_rng(0).standard_normal(len(t))
     >>> found = fl.fits.frequency_response(t, u, 3.0 * u, segment=2.0)
     >>> print(np.round(abs(found.H[:3]), 6), round(found.averages))
-    [3. 3. 3.] 95
+    [3. 3. 3.] 94
     """
     times = vector("t", t, len(np.atleast_1d(np.asarray(t))))
     n, length = len(times), positive("segment", segment)

@@ -27,9 +27,8 @@ from flexlink.dynamics.vibration.outputs import OutputSource
 from flexlink.identification.operating_point import at_rest
 from flexlink.identification.problem import FitFrf
 
-LEAST, SMALLEST = 1e-3, 1e-9
-"""Smallest standard deviation relative to the response, which the calibration of the instruments limits at coherence 1,
-and relative to the largest response, for the zeros."""
+LEAST = 1e-3
+"""Smallest standard deviation relative to the response: at coherence 1 the calibration of the instruments limits it."""
 
 
 class Response(NamedTuple):
@@ -114,7 +113,8 @@ def measured_response(scene: Scene, part: FitFrf, where: str) -> Response:
     γ2 = columns.get("coherence", np.full(len(H), np.nan))
     if not H.any():
         raise DataFileError(f"{where}: the response is zero at all frequencies", id="no-measured-values")
-    size = np.maximum(np.abs(H), SMALLEST / LEAST * np.abs(H).max())
+    smallest = 1e-6  # relative to the largest response, for the deviation of zeros
+    size = np.maximum(np.abs(H), smallest * np.abs(H).max())
     return Response(columns["f"], H, _deviation(where, part, γ2) * size, γ2, input, output)
 
 

@@ -22,9 +22,6 @@ import scipy
 from flexlink.common.types import Array
 from flexlink.identification.block import Block
 
-FAR = 5.0
-"""Distance of an outlier from its neighbours, in standard deviations estimated by the median absolute deviation."""
-
 
 def with_noise_of_data(blocks: Sequence[Block]) -> list[Block]:
     """The blocks of a run; where the noise is neither stated nor coloured, it is estimated from the data."""
@@ -101,6 +98,7 @@ def _spikes(y: Array) -> npt.NDArray[np.bool_]:
 
     Distances are compared with the median distance nearby, and in the whole column.
     """
+    far_from = 5.0  # distance of an outlier, in standard deviations
     rounds, near, even = 100, 101, 1.4826  # even: standard deviation of noise over its median distance
     found, y = np.zeros(len(y), bool), y.copy()
     if len(y) < 2 * len(OF_FOUR):
@@ -109,7 +107,7 @@ def _spikes(y: Array) -> npt.NDArray[np.bool_]:
     resolution = 0.3 * float(steps[steps > 0].min(initial=np.inf))
     off = np.abs(_off(y))
     usual = np.maximum(scipy.ndimage.median_filter(off, min(near, len(y)), mode="nearest"), np.median(off))
-    limit = FAR * np.maximum(even * usual, resolution)
+    limit = far_from * np.maximum(even * usual, resolution)
     for _ in range(rounds):
         far = (off > limit) & (off >= scipy.ndimage.maximum_filter(off, len(OF_FOUR)))
         if not far.any():

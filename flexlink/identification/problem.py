@@ -198,10 +198,10 @@ class FitFrf(Spec, frozen=True):
     """CSV file with a column "f [Hz]", "magnitude" (also in dB) and "phase [deg]" or "real" and "imaginary", in the
     units of output over input, and "coherence". The path is relative to the problem's file."""
     columns: dict[str, tuple[float, ...]] = msgspec.field(default_factory=dict)
-    """Columns that replace a file: lists of values by column head."""
+    """Columns that replace a file: lists of values by column head, including "f [Hz]"."""
     averages: Annotated[float, msgspec.Meta(gt=1)] | None = None
-    """Number of independent averages n, from which the coherence γ² gives the variance, (1 − γ²)/(2 n γ²) of the square
-    of the response."""
+    """Number n of independent averages, from which the coherence γ² gives the variance (1 − γ²)/(2 n γ²), relative to
+    the square of the response [1]."""
     deviation: Deviation | None = None
     """Standard deviation relative to the response, if there is no coherence [1]."""
     band: tuple[float, float] | None = None

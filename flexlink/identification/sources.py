@@ -70,6 +70,7 @@ def responded(problem: FitProblem, part: FitFrf, number: int) -> Source:
     DataFileError
         As in `measured_response`.
     """
+    coarse = 0.1  # standard deviation of a logarithm in the first search, which the whole curve then determines
     scene = problem.scene.varied(part.set) if part.set else problem.scene
     found = measured_response(scene, part, f"frf {number}")
     whole = Source(f"frf {number}", part.use, scene, (), response=found)
@@ -78,15 +79,11 @@ def responded(problem: FitProblem, part: FitFrf, number: int) -> Source:
         for which, y in (("Re", found.H.real.copy()), ("Im", found.H.imag.copy()))
     )
     magnitude = _not_zero(np.abs(found.H))
-    size = Block(f"ln {found.name}", np.log(magnitude), np.maximum(found.σ / magnitude, ROUGH), True)
+    size = Block(f"ln {found.name}", np.log(magnitude), np.maximum(found.σ / magnitude, coarse), True)
     rough = dataclasses.replace(whole, blocks=(size,), at_rest=functools.partial(_log_size, found=found))
     return dataclasses.replace(
         whole, blocks=(real, imaginary), at_rest=functools.partial(_parts, found=found), rough=rough
     )
-
-
-ROUGH = 0.1
-"""Standard deviation of the logarithm of a response in the first search, which the whole curve then determines."""
 
 
 def _parts(scene: Scene, found: Response) -> list[Array]:
