@@ -43,16 +43,52 @@ def read_measured(path: Path, known: Mapping[str, object], only: Sequence[str] =
     return measured_from(str(path), heads, values, known, only)
 
 
-def measured_from(
-    where: str, heads: Sequence[str], values: Array, known: Mapping[str, object], only: Sequence[str] = ()
-) -> Measured:
-    """Return measured data from columns, shape (samples, heads), and their headers; see `read_measured`."""
-    absent = [name for name in only if name not in heads]
+def read_together(paths: Sequence[Path], known: Mapping[str, object], only: Sequence[str] = ()) -> Measured:
+    """Read several files of one record, each with its own times; columns are nan at the times of other files.
+
+    Raises
+    ------
+    DataFileError
+        As in `read_measured`; or two files contain the same column.
+    """
+    tables = [read_csv(path) for path in paths]
+    every = [head for table in tables for head in table.heads]
+    _require(", ".join(map(str, paths)), only, every)
+    parts: dict[Path, Measured] = {}
+    for path, heads, values in tables:
+        own = [head for head in only if head in heads]
+        if own or not only:
+            parts[path] = measured_from(str(path), heads, values, known, own)
+    t = np.unique(np.concatenate([part.t for part in parts.values()]))
+    columns: dict[str, Array] = {}
+    for path, part in parts.items():
+        at = np.searchsorted(t, part.t)
+        for name, column in part.columns.items():
+            if name in columns:
+                other = next(one for one, before in parts.items() if name in before.columns)
+                raise DataFileError(
+                    f"{path}: column {name!r} is also in {other}; remove it from one file", id="column-twice"
+                )
+            columns[name] = np.full(len(t), np.nan)
+            columns[name][at] = column
+    return Measured(t, columns)
+
+
+def _require(where: str, wanted: Sequence[str], heads: Sequence[str]) -> None:
+    """Refuse a wanted column that does not exist."""
+    absent = [name for name in wanted if name not in heads]
     if absent:
         raise DataFileError(
             f"{where}: no column {absent[0]!r}{did_you_mean(absent[0], heads)}; columns: {short_list(list(heads))}",
             id="no-such-column",
         )
+
+
+def measured_from(
+    where: str, heads: Sequence[str], values: Array, known: Mapping[str, object], only: Sequence[str] = ()
+) -> Measured:
+    """Return measured data from columns, shape (samples, heads), and their headers; see `read_measured`."""
+    _require(where, only, heads)
     counted = [k for k, head in enumerate(heads) if not only or head in only or (in_si(head) or ("",))[0] == TIME]
     names, sizes = zip(*(named(where, heads[k], known) for k in counted), strict=True)
     twice = [name for name in names if names.count(name) > 1]

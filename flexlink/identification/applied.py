@@ -16,7 +16,7 @@ from flexlink.describe.sections import BREADTHS
 from flexlink.describe.sensor import Sensor
 from flexlink.dynamics.sensors.placement import check_placements
 from flexlink.identification.experiments import ColumnExperiment, MotionExperiment
-from flexlink.identification.problem import FitRun
+from flexlink.identification.problem import FitRun, files_of
 
 
 def sensors_on(experiment: ColumnExperiment, scene: Scene, others: list[Sensor]) -> list[Sensor]:
@@ -86,7 +86,5 @@ def rounded(value: float) -> float:
 
 def heads_of(run: FitRun) -> dict[str, str]:
     """Column heads in the file of a run, by the names of columns in SI units."""
-    if not run.file:
-        return {}
-    heads = read_csv(Path(run.file)).heads
+    heads = [head for file in files_of(run) for head in read_csv(Path(file)).heads]
     return {found[0]: head for head in heads if (found := in_si(head)) is not None}

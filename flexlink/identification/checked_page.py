@@ -105,10 +105,10 @@ def problem_part(problem: FitProblem, sentences: Sequence[str] = ()) -> Part:
     files = {START: problem.scene.to_toml()}
     runs = []
     for k, run in enumerate(problem.run, 1):
-        name = run.file or f"run_{k}.csv"
+        name = f"run_{k}.csv"
         if run.columns:
             files[name] = columns_csv({head: np.array(column) for head, column in run.columns.items()})
-        runs.append(replace(run, columns={}, file=name))
+        runs.append(replace(run, columns={}, file=run.file or name))
     written_problem = without_defaults(replace(problem, run=tuple(runs))) | {"scene": START}
     text = toml_of({"scene": START, **written_problem})
     about = (f"{problem.about.rstrip('.')}.",) if problem.about else ()

@@ -16,13 +16,13 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import Diagnostic, did_you_mean, plural
-from flexlink.data.measured import Measured, measured_from, named, read_measured
+from flexlink.data.measured import Measured, measured_from, named, read_together
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
 from flexlink.identification.block import Block
 from flexlink.identification.coordinates import Coordinate, shifted, sought_in, timings
 from flexlink.identification.frequency_response import Response
-from flexlink.identification.problem import FitProblem, FitRun, Use
+from flexlink.identification.problem import FitProblem, FitRun, Use, files_of
 from flexlink.identification.timing import as_long, doubts_of_times, in_periods, slowest_mode
 from flexlink.motion.slopes_of_runs import smooth
 from flexlink.results.columns import sources_of as columns_of
@@ -130,6 +130,7 @@ def recorded(problem: FitProblem, run: FitRun) -> Source:
     if not blocks:
         raise DataFileError(f"run {run.name!r}: no measured values inside its window", id="no-measured-values")
     _check_reach(run, scene, blocks)
+    t = t if isinstance(run.file, str) else _of_fastest(blocks, t)
     rate, smooth, hertz = float((len(t) - 1) / (t[-1] - t[0])), exact(scene, problem.tolerance), slowest_mode(scene)
     if not any(path.startswith("sensor") for path in sought_in(problem)):
         smooth = _with_sensors(smooth, {block.name for block in blocks})
@@ -189,12 +190,19 @@ def _check_reach(run: FitRun, scene: Scene, blocks: Sequence[Block]) -> None:
 
 def _measured(run: FitRun, known: Mapping[str, object]) -> Measured:
     if run.file:
-        return read_measured(Path(run.file), known, run.compare)
+        return read_together([Path(file) for file in files_of(run)], known, run.compare)
     lengths = {head: len(column) for head, column in run.columns.items()}
     if len(set(lengths.values())) != 1:
         raise DataFileError(f"run {run.name!r}: columns of different lengths: {lengths}", id="one-per-row")
     values = np.array(list(run.columns.values())).T
     return measured_from(f"run {run.name!r}", list(run.columns), values, known, run.compare)
+
+
+def _of_fastest(blocks: Sequence[Block], t: Array) -> Array:
+    """Times of the column with the highest sampling rate, and the first and last times of all columns."""
+    every = [np.asarray(block.t) for block in blocks if len(block.y) > 1]
+    of_fastest = min(every, key=lambda times: float(np.median(np.diff(times))), default=t)
+    return np.unique(np.concatenate([t[:1], of_fastest, t[-1:]]))
 
 
 def _by_name(run: FitRun, known: Mapping[str, object], compared: Mapping[str, object]) -> dict[str, dict[str, str]]:

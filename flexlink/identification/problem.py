@@ -67,9 +67,10 @@ class FitRun(Spec, frozen=True):
 
     name: str
     """Unique name of the run."""
-    file: str = ""
+    file: str | tuple[str, ...] = ""
     """CSV file with a column "t [s]" and columns named like those of a simulated run; angles may be in deg, lengths in
-    mm. The path is relative to the problem's file."""
+    mm. The path is relative to the problem's file. A list of files, each with its own times on one clock, is for
+    instruments with different sampling rates."""
     columns: dict[str, tuple[float, ...]] = msgspec.field(default_factory=dict)
     """Columns that replace a file: lists of values by column head, including "t [s]"."""
     use: Use = "fit"
@@ -107,6 +108,11 @@ class FitRun(Spec, frozen=True):
             raise SceneError(
                 f"window = {list(self.window)}: the first time must be earlier than the second", id="range-order"
             )
+
+
+def files_of(run: FitRun) -> tuple[str, ...]:
+    """Files of a run; empty if it has columns instead."""
+    return ((run.file,) if run.file else ()) if isinstance(run.file, str) else run.file
 
 
 class FitModes(Spec, frozen=True):

@@ -22,8 +22,9 @@ def notes(sources: Sequence[Source]) -> list[Diagnostic]:
     """Notes on the data that were read, and on assumed noise."""
     found = []
     for source in sources:
-        names = ", ".join(block.name for block in source.blocks)
-        use, count = f" ({source.use})" if source.use != "fit" else "", len(source.blocks[0].y)
+        several = len({len(block.y) for block in source.blocks}) > 1 and source.is_run
+        names = ", ".join(f"{block.name} ({len(block.y)})" if several else block.name for block in source.blocks)
+        use, count = f" ({source.use})" if source.use != "fit" else "", max(len(block.y) for block in source.blocks)
         if source.is_run:
             text = f"{source.name}{use}: {names}; {count} samples at {source.rate:.4g} Hz, {source.shows}"
             found.append(Diagnostic(text, "data-read"))
