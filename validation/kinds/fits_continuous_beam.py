@@ -82,8 +82,11 @@ def run(case: Case, fits: int, seed: int) -> Iterator[Measured]:
     share = (inside + flagged) / (len(off) + flagged)
     yield Measured("inside or named", share, "continuous beams", varied=facts, note=note)
     yield Measured("inside", inside / len(off) if off else math.nan, "continuous beams", varied=facts)
-    far = [f"{path} of seed {one.seed}" for one in passed for path, each in one.off.items() if abs(each) > 3 / MARGIN]
-    yield Measured("beyond 3 deviations", len(far), "continuous beams", varied=facts, note="; ".join(far))
+    far = [(one, path) for one in passed for path, each in one.off.items() if abs(each) > 3 / MARGIN]
+    note = "; ".join(f"{path} of seed {one.seed}: {', '.join(one.words) or 'no warning'}" for one, path in far)
+    yield Measured("beyond 3 deviations", len(far), "continuous beams", varied=facts, note=note)
+    silent = sum(not one.words for one, _ in far)
+    yield Measured("beyond 3 deviations, no warning", silent, "continuous beams", varied=facts)
     yield Measured("passed", len(passed) / fits, "continuous beams", varied=facts)
 
 
