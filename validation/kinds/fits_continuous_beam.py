@@ -14,7 +14,8 @@ from scipy.interpolate import BPoly, PPoly
 
 import flexlink as fl
 from flexlink.common.types import Array
-from flexlink.identification.fitted import Estimate, Fitted
+from flexlink.identification.estimate import Estimate
+from flexlink.identification.fitted import Fitted
 from validation.case import Case, Measured
 from validation.kinds.planted_fits import noise
 from validation.oracles.hub_beam import Beam, Drive, Motion, simulate
