@@ -125,7 +125,7 @@ def test_a_chain_of_17_segments_agrees_in_all_sensors(beam: Beam, drive: Drive) 
     assert max(off.values()) < 3e-5, off
 
 
-def test_two_fits_of_coarse_chains_contain_the_true_values_or_say_why_not() -> None:
+def test_two_fits_of_coarse_chains_contain_the_true_values_or_state_why_not() -> None:
     """More fits: python -m validation 'fits_continuous_beam*'."""
     outcomes = list(kind.held(load_case(CASES / "fits_continuous_beam.toml").settings["seed"], 2))
     assert [(path, off) for one in outcomes if one.passed for path, off in one.off.items() if abs(off) > 1] == []

@@ -62,7 +62,7 @@ class Rig(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """Result of one fit: for every number the distance of its true value in half intervals; what the fit says."""
+    """Result of one fit: for every number the distance of its true value in half intervals; warnings of the fit."""
 
     seed: int
     refused: bool
