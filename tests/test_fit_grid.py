@@ -10,6 +10,7 @@ import pytest
 import flexlink as fl
 from flexlink.describe.refined import refined, segments_in_words
 
+pytestmark = pytest.mark.slow
 YOUNG, MASS = "material.steel.young", "tip.mass"
 TRUE = {YOUNG: 2.05e11, MASS: 0.52}
 IMU = fl.Sensor(name="imu", kind="accelerometer", link="boom", axis=(0.0, 1.0, 0.0))

@@ -11,6 +11,7 @@ import flexlink as fl
 from flexlink.common.types import Array
 from flexlink.data.smoothing import best_cutoff, noise_of, smoothed
 
+pytestmark = pytest.mark.slow
 YOUNG = "material.steel.young"
 TRUE = 2.05e11
 T: Array = np.linspace(0.0, 1.2, 241)

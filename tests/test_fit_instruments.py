@@ -12,6 +12,7 @@ from scipy.interpolate import CubicSpline
 import flexlink as fl
 from flexlink.common.errors import DataFileError
 
+pytestmark = pytest.mark.slow
 YOUNG, MASS = "material.steel.young", "tip.mass"
 TRUE = {YOUNG: 2.05e11, MASS: 0.52}
 GYRO, TIP, MOTOR = "gyro [rad/s]", "tip y [m]", "motor [N m]"
