@@ -22,10 +22,10 @@ WORDS = (
     "E = S − D is the error of the simulation S against the measurement D. The validation uncertainty is "
     "u_val² = u_num² + u_input² + u_D²: discretization (grid convergence index), tolerances of the specimen, and the "
     "measurement. Nothing was fitted for these verdicts, except for the laboratory arm: two root stiffnesses, a "
-    "damping ratio, the tilt of its axes, the position of the second axis, and gains and offsets of the strain gauges. "
-    "Validated: |E| ≤ 2 u_val. This shows an accuracy of ± 2 u_val, however small E is. Not validated: |E| > 2 u_val, "
-    "so the error of the model or of the specimen data exceeds the uncertainty. Cannot be decided: 2 u_val is larger "
-    "than the required accuracy."
+    "damping ratio, the tilt of its axes, the position of the second axis, and gains and offsets of the strain gauges; "
+    "its u_input is the covariance of that fit. Validated: |E| ≤ 2 u_val. This shows an accuracy of ± 2 u_val, however "
+    "small E is. Not validated: |E| > 2 u_val, so the error of the model or of the specimen data exceeds the "
+    "uncertainty. Cannot be decided: 2 u_val is larger than the required accuracy."
 )
 
 

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from flexlink.common.errors import ArgumentError
+from flexlink.common.errors import ArgumentError, DataFileError
 from flexlink.describe.scene_file import load_scene
 from reports.measurements import groups_of
 from reports.measurements import table as table_of
@@ -19,7 +19,7 @@ from validation.kinds import measured as kind
 from validation.kinds import measurements
 from validation.measured import rotating_beam, strip_on_flange, two_link, wing_spar
 from validation.measured.measurements import MEASUREMENTS
-from validation.measured.readings import Derived, Reading
+from validation.measured.readings import Derived, FittedInputs, Reading
 from validation.measured.uncertainty import Comparison, Convergence, grid_convergence, standard
 from validation.oracles import tensioned_beam
 from validation.runner import kind_of
@@ -181,22 +181,113 @@ def test_the_first_screen_shows_the_results_of_the_cases():
 
 # --- a laboratory's arm ----------------------------------------------------------------------------------------------
 
+RECORDER = two_link.Recorder(2.0, 0.9, 0.01)
+
+
+def test_the_recorder_filters_like_the_scenes_sensors():
+    t = np.arange(400) * RECORDER.h
+    wave, ω, ζ = 2 * np.pi * 1.8, 2 * np.pi * RECORDER.hertz, RECORDER.ratio
+    gain = ω**2 / (ω**2 - wave**2 + 2j * ζ * ω * wave)
+    found = RECORDER.filtered(np.sin(wave * t))
+    assert np.allclose(found[200:], np.imag(gain * np.exp(1j * wave * t))[200:], atol=2e-3)
+    (scene,) = CASES["measured_two_link"].load_scenes()
+    assert two_link.Recorder.of(scene, RECORDER.h) == RECORDER
+
 
 def test_the_linear_model_recovers_modes_and_weights_from_its_own_strains():
-    h, t = 0.01, np.arange(1500) * 0.01
+    t = np.arange(1500) * RECORDER.h
     u = np.column_stack([np.sin(t + 0.3 * t**2 / 8), np.cos(2 * t) * (t > 3)])
     true = two_link.LinearModel(
         np.array([math.log(11.0), 0.02, math.log(33.0), 0.01]), np.arange(8.0).reshape(4, 2) - 3
     )
-    seen = true.strains(u, h)
-    found = two_link.linear_model(u, list(seen.T), h, t > 1.0, (1.8, 5.4))
+    seen = true.strains(u, RECORDER)
+    found = two_link.linear_model(u, list(seen.T), RECORDER, t > 1.0, (1.8, 5.4))
     assert np.allclose(found.poles, true.poles, atol=1e-6)
-    assert np.allclose(found.strains(u, h), seen, atol=1e-6 * np.abs(seen).max())
+    assert np.allclose(found.strains(u, RECORDER), seen, atol=1e-6 * np.abs(seen).max())
+
+
+def test_no_window_of_a_fit_is_held_out_and_every_recording_covers_its_windows():
+    for split in laboratory().split:
+        for window in split.windows:
+            t = two_link.recorded(window.recording)["t [s]"]
+            assert np.allclose(np.diff(t), 0.01) and window.of(t).sum() > 800
+            others = [one for one in split.held_out if one.recording == split.fitted.recording]
+            assert all(one.start >= split.fitted.end for one in others)
+
+
+def test_both_recordings_are_identified_on_and_held_out():
+    fitted = [split.fitted.recording for split in laboratory().split]
+    assert len(set(fitted)) == len(fitted) == 2
+    for split in laboratory().split:
+        assert {window.recording for window in split.held_out} == set(fitted)
+
+
+def test_the_recorder_sets_strains_to_zero_in_the_first_second():
+    for recording in {window.recording for split in laboratory().split for window in split.windows}:
+        columns = two_link.recorded(recording)
+        first = columns["t [s]"] < 1.0
+        assert not columns[two_link.STRAINS[0]][first].any() and columns[two_link.STRAINS[0]].any()
+    assert all(window.start > 1.0 for split in laboratory().split for window in split.windows)
+
+
+def laboratory():
+    """Settings of the case with recordings in the project."""
+    return kind_of(CASES["measured_two_link"])[1]
+
+
+def test_a_missing_recording_is_named():
+    with refused(DataFileError, "test-measured-cases"):
+        two_link.recorded("validation/measured/data/two_link_none.csv")
+
+
+def fitted_inputs(scale: float = 1.0) -> FittedInputs:
+    half = scale * np.array([[0.3, 0.0], [0.29, 0.02]])
+    return FittedInputs(("a", "b"), np.array([2.0, 3.0]), half @ half.T)
+
+
+def test_effects_of_correlated_inputs_combine_to_the_uncertainty_of_a_linear_quantity():
+    inputs = fitted_inputs()
+    found = inputs.effects(lambda v: {"difference": v["a"] - v["b"], "sum": v["a"] + v["b"]})
+    for name, J in (("difference", [1.0, -1.0]), ("sum", [1.0, 1.0])):
+        u = math.hypot(*(effect[name] for effect in found.values()))
+        assert u == pytest.approx(math.sqrt(np.array(J) @ inputs.covariance @ J), rel=1e-6)
+    assert math.hypot(*(effect["difference"] for effect in found.values())) < 0.03  # 0.42 without the correlation
+
+
+def test_random_fitted_inputs_have_the_covariance():
+    inputs = fitted_inputs()
+    drawn = np.array([list(each.values()) for each in inputs.drawn(40_000, 0.5, seed=1)])
+    assert np.allclose(np.cov(drawn.T), 0.25 * inputs.covariance, rtol=0.03)
+    assert np.allclose(drawn.mean(axis=0), inputs.values, atol=3e-3)
+
+
+@pytest.mark.slow
+def test_the_covariance_at_the_solution_is_that_of_the_fit():
+    scene, path = load_scene(scene_file("two_link_laboratory")), "link.one.root_stiffness.z"
+    split = msgspec.structs.replace(
+        laboratory().split[0],
+        fitted=two_link.Window(
+            name="short", recording="validation/measured/data/two_link_psf.csv", start=1.2, end=4.0
+        ),
+    )  # fmt: skip
+    sought = [one for one in laboratory().sought if one.path == path]
+    found = split.identified(scene, sought)
+    inputs = split.uncertain(two_link.with_sensors(scene, found), sought)
+    assert inputs.values[0] == pytest.approx(found[path].value, rel=1e-9)
+    assert inputs.covariance[0, 0] == pytest.approx(found.covariance[0, 0], rel=1e-3)
+
+
+@pytest.mark.slow
+def test_the_covariance_of_the_fit_is_an_uncertainty_of_the_ringing():
+    found, series = results("measured_laboratory_ringing")
+    assert (series.columns["u_input"] > 0).all()
+    assert [found[verdict, "ringing"].value for verdict in kind.VERDICTS] == [0, 0, 2]
+    assert max(each.value for (quantity, _), each in found.items() if quantity == "second way") < 0.2
 
 
 def test_a_case_without_its_data_is_omitted_and_named_on_request(tmp_path, monkeypatch):
     monkeypatch.setattr("validation.case.HERE", tmp_path / "project" / "validation")
-    absent, present = "measured_two_link", "measured_wing_spar"
+    absent, present = "measured_two_link_unseen", "measured_wing_spar"
     assert absent not in {case.name for case in load_cases()}
     assert present in {case.name for case in load_cases("measured*")}
     with refused(ArgumentError, "test-measured-cases"):

@@ -24,8 +24,9 @@ def sources() -> Iterator[Path]:
 
 
 def _study_data(folder: Path) -> Iterator[Path]:
-    """Reference values, and files that define several scenes by their differences."""
+    """Reference values, recordings, and files that define several scenes by their differences."""
     yield from folder.glob("reference/**/*.json")
+    yield from folder.glob("measured/data/*.csv")
     yield from folder.glob("scenes/*/*.toml")
 
 

@@ -73,6 +73,21 @@ def sensors(run: Trajectory, size: float) -> Trajectory:
     return WrongColumns(run, size)  # type: ignore[return-value]
 
 
+def columns(run: Trajectory, size: float) -> Trajectory:
+    """Run whose columns are all scaled; everything else is right."""
+    return ScaledColumns(run, size)  # type: ignore[return-value]
+
+
+class ScaledColumns:
+    """Run with all columns scaled by 1 + size."""
+
+    def __init__(self, run: Trajectory, size: float) -> None:
+        self.run, self.columns = run, {name: column * (1 + size) for name, column in run.columns.items()}
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.run, name)
+
+
 class WrongColumns:
     """Run with one wrong sample in every column."""
 
@@ -138,6 +153,7 @@ LIES = {
     "energy of motion": Function(RUN, total_energy),
     "decay of motion": Function(RUN, decaying),
     "sensors": Function(RUN, sensors),
+    "columns": Function(RUN, columns),
     "floating base": Function(RUN, floating),
     "run": Function("flexlink.motion.simulate:SingleRun.finish", one_sample),
     "weights": Function("flexlink.describe.schemes.methods:method", weights),

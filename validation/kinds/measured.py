@@ -1,8 +1,9 @@
 """Comparison with measurements: error of every quantity, its validation uncertainty (ASME V&V 20), and a verdict.
 
-No parameters are fitted for the verdicts; the scene contains the values that the source of the measurement states.
-Beside them, one number of the specimen may be fitted to some quantities to predict the others (`OneNumber`), and the
-parts of the uncertainty may be derived a second way (`draws`).
+No parameters are fitted for the verdicts; the scene contains the values that the source of the measurement states, with
+tolerances, or values that were fitted to other quantities, with their covariance. Beside the verdicts, one number of
+the specimen may be fitted to some quantities to predict the others (`OneNumber`), and the parts of the uncertainty may
+be derived a second way (`draws`).
 """
 
 from __future__ import annotations
@@ -18,11 +19,12 @@ from validation.case import Case, Measured
 from validation.measured.measurements import MEASUREMENTS, Measurement
 from validation.measured.one_number import Candidate, Fitted, OneNumber, Study, fit_one_number
 from validation.measured.readings import Reading
-from validation.measured.second_way import close_grids, disagreement, random_points, scatter_of, spread_of_derived
+from validation.measured.second_way import SEED, close_grids, disagreement, random_points, scatter_of, spread_of_derived
 from validation.measured.uncertainty import COVERAGE, VERDICTS, Comparison, grid_convergence, standard
 from validation.store import Series, table
 
 GRIDS = (1, 2, 4)  # multiples of the number of hinges of a link
+CLOSE = 0.003  # random errors of fitted inputs, relative to their deviations, which may exceed the values
 
 
 class Input(Spec, frozen=True, kw_only=True):
@@ -53,11 +55,15 @@ class Settings(Spec, frozen=True, kw_only=True):
 
 
 class _Simulated(NamedTuple):
-    """Simulated values by name, on each grid, and with each input at both limits of its tolerance; `predict` them."""
+    """Simulated values by name, on each grid, and with each input at both limits of its tolerance; `predict` them.
+
+    `fitted` are the effects of independent parts of the errors of fitted inputs.
+    """
 
     grids: list[dict[str, float]]
     inputs: dict[str, tuple[dict[str, float], dict[str, float]]]
     predict: Callable[[float, Mapping[str, float]], dict[str, float]]  # multiple of the hinges, values by path
+    fitted: dict[str, dict[str, float]]
 
     def u_input(self, name: str) -> dict[str, float]:
         """Standard uncertainty of a simulated value due to each input."""
@@ -70,7 +76,7 @@ class _Simulated(NamedTuple):
                 name: math.copysign(standard(abs(high[name] - low[name]) / 2), high[name] - low[name]) for name in low
             }
             for which, (low, high) in self.inputs.items()
-        }
+        } | self.fitted
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
@@ -125,7 +131,8 @@ def _simulate(case: Case, settings: Settings, measurement: Measurement) -> _Simu
         for name, each in settings.input.items()
         for low, high in [_range(scene, each)]
     }
-    return _Simulated(grids, inputs, predict)
+    fitted = {} if measurement.fitted is None else measurement.fitted(scene).effects(lambda values: predict(1, values))
+    return _Simulated(grids, inputs, predict, fitted)
 
 
 def _range(scene: Scene, varied: Input) -> tuple[float, float]:
@@ -183,13 +190,7 @@ def _second_way(
 ) -> Iterator[Measured]:
     """Yield, for each part of u_val, the largest disagreement of the two ways that lead to it."""
     (scene,) = case.load_scenes()
-    ranges = {each.path: _range(scene, each) for each in settings.input.values()}
-    points = random_points(settings.draws, len(ranges))
-    values = [
-        {path: low + (1 + x) / 2 * (high - low) for x, (path, (low, high)) in zip(point, ranges.items(), strict=True)}
-        for point in points
-    ]
-    inputs = scatter_of([simulated.predict(1, each) for each in values])
+    inputs = _random_inputs(scene, settings, measurement, simulated)
     _, two, four = simulated.grids
     three = simulated.predict(3, {})
     grids = {name: close_grids(two[name], three[name], four[name], settings.order).u_num for name in every}
@@ -201,6 +202,28 @@ def _second_way(
     if measurement.u_again:
         again = measurement.u_again(four) | spread_of_derived(measurement.derived(), measurement.readings())
         yield _agreement("u_D", "scatter or random readings", {n: c.u_measured for n, c in every.items()}, again, every)
+
+
+def _random_inputs(
+    scene: Scene, settings: Settings, measurement: Measurement, simulated: _Simulated
+) -> dict[str, float]:
+    """Standard deviation of each quantity over random inputs; fitted inputs vary apart from those with tolerances."""
+    found = dict.fromkeys(simulated.grids[0], 0.0)
+    ranges = {each.path: _range(scene, each) for each in settings.input.values()}
+    if ranges:
+        values = [
+            {
+                path: low + (1 + x) / 2 * (high - low)
+                for x, (path, (low, high)) in zip(point, ranges.items(), strict=True)
+            }
+            for point in random_points(settings.draws, len(ranges))
+        ]
+        found = scatter_of([simulated.predict(1, each) for each in values])
+    if measurement.fitted is not None:
+        close = measurement.fitted(scene).drawn(settings.draws, CLOSE, SEED)
+        scatter = scatter_of([simulated.predict(1, each) for each in close])
+        found = {name: math.hypot(u, scatter[name] / CLOSE) for name, u in found.items()}
+    return found
 
 
 def _agreement(

@@ -7,19 +7,21 @@ from typing import NamedTuple
 
 from flexlink.describe.scene import Scene
 from validation.measured import rotating_beam, strip_on_flange, two_link_ringing, wing_spar
-from validation.measured.readings import Derived, Reading
+from validation.measured.readings import Derived, FittedInputs, Reading
 
 
 class Measurement(NamedTuple):
     """Measured values, quantities derived from them, and a chain's prediction of the same quantities.
 
     `u_again` derives the uncertainties of the measured values a second way, for the prediction of the finest grid.
+    `fitted` gives the inputs of the scene that were fitted to measurements, if there are any.
     """
 
     readings: Callable[[], dict[str, Reading]]
     derived: Callable[[], Iterable[Derived]]
     predicted: Callable[[Scene], dict[str, float]]
     u_again: Callable[[Mapping[str, float]], dict[str, float]] | None
+    fitted: Callable[[Scene], FittedInputs] | None
 
     def all_readings(self) -> dict[str, Reading]:
         """Measured values by name, derived ones last."""
@@ -34,7 +36,8 @@ class Measurement(NamedTuple):
 
 MEASUREMENTS = {
     module.__name__.rpartition(".")[2]: Measurement(
-        module.readings, module.derived, module.predicted, getattr(module, "u_again", None)
+        module.readings, module.derived, module.predicted, getattr(module, "u_again", None),
+        getattr(module, "fitted", None),
     )
     for module in (rotating_beam, strip_on_flange, two_link_ringing, wing_spar)
-}
+}  # fmt: skip

@@ -3,6 +3,7 @@
 | part | first way | second way |
 |---|---|---|
 | u_input | each input at both ends of its tolerance, root sum of squares | random inputs, all at once: deviation of S |
+| u_input, fitted | √(J C Jᵀ) by finite differences | random inputs of the covariance C, scaled down |
 | u_num | grids of N, 2N and 4N hinges | grids of 2N, 3N and 4N hinges |
 | u_D | stated reading error, or t-factor times standard error | scatter of the readings, or random draws |
 
