@@ -95,3 +95,21 @@ def test_refining_rounds_the_hinges_up_to_a_number_that_the_rule_takes(
 ) -> None:
     scene = boom(5).varied({"link.boom.lumping": rule, "link.boom.segments": segments})
     assert segments_in_words(refined(scene, factor)) == f"{after} segments"
+
+
+@pytest.mark.parametrize("x", [0.55, 0.62])
+def test_the_error_of_a_gyroscope_on_a_rigid_segment_is_part_of_the_grid_error(x: float) -> None:
+    """Refinement from 5 to 9 segments hardly changes the segment's rotation at x, but the beam's rotation differs."""
+    gyro = fl.Sensor(name="gyro", kind="gyroscope", link="boom", x=x, axis=(0.0, 0.0, 1.0))
+    fine = boom(201, **TRUE).varied({"sensor": (gyro,), "run.relative_tolerance": 1e-6})
+    run, rng = fl.simulate(fine), np.random.default_rng(1)
+    y = run.columns["gyro [rad/s]"]
+    seen = y + 0.003 * np.ptp(y) * rng.standard_normal(len(y))
+    columns = {"t [s]": tuple(run.t.tolist()), "gyro [rad/s]": tuple(seen.tolist())}
+    found = fl.fit(
+        fl.fits.FitProblem(
+            scene=boom(5).varied({"sensor": (gyro,)}), parameter=problem(5).parameter,
+            run=(fl.fits.FitRun(name="step", columns=columns),),
+        )
+    )  # fmt: skip
+    assert all(found[path].low < true < found[path].high for path, true in TRUE.items())

@@ -90,7 +90,7 @@ def test_bending_about_both_axes_strains_a_beam_with_a_rigidity_table() -> None:
 
 
 def test_a_second_sample_at_the_same_time_replaces_the_first() -> None:
-    signal = Signal(1, None)
+    signal = Signal(1, ())
     signal.add(np.array([0.0, 1.0, 2.0]), np.array([[0.0], [1.0], [2.0]]))
     signal.add(np.array([2.0]), np.array([[5.0]]))
     assert signal.count == 3

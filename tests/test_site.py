@@ -59,7 +59,8 @@ KEY_PAGES = {
 }
 WITHOUT_UNIT = {
     "FitParameter", "FitRun.noise", "Range", "Spread", "Element", "Jacobi", "RunSettings.max_evaluations",
-    "ColumnExperiment.noise", "MotionExperiment.add", "PriorExperiment.deviation",
+    "Filter.numerator", "Filter.denominator", "ColumnExperiment.noise", "MotionExperiment.add",
+    "PriorExperiment.deviation",
 }  # fmt: skip
 """Values that vary have the unit of their key; positions on an element, exponents and counts have none."""
 

@@ -201,7 +201,5 @@ def _numbers(path: Path, number: int, line: list[str], heads: list[str]) -> list
                 f"{path}: line {number}, {head}: {truncated(cell)} is not a number", id="csv-cell"
             ) from None
         if not math.isfinite(found[-1]) and cell.strip():
-            raise DataFileError(
-                f"{path}: line {number}, {head}: {truncated(cell)} is not finite; leave it empty", id="csv-cell"
-            )
+            raise DataFileError(f"{path}: line {number}, {head}: {truncated(cell)} is not finite", id="csv-cell")
     return found

@@ -41,7 +41,7 @@ class Estimate:
     u_input
         Error due to noise and filter of recorded motions that are prescribed, also contained.
     statistical
-        Half the width of the interval without these two errors.
+        Half the width of the interval without these two errors; infinite if none was estimated.
     """
 
     name: str
@@ -60,7 +60,7 @@ class Estimate:
     prior: tuple[float, float] | None = None
     u_num: float = 0.0
     u_input: float = 0.0
-    statistical: float = math.nan
+    statistical: float = math.inf
 
     @property
     def half(self) -> float:

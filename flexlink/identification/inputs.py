@@ -67,10 +67,12 @@ def input_error(search: Search, best: Found, problem: FitProblem) -> InputError 
     words = tuple(_in_words(problem.scene, motion) for motion in motions)
     doubts = tuple(doubt for motion in motions for doubt in _too_high(problem.scene, motion))
     try:
-        before = _step(search, best, search.signals.sources)
+        before = gauss_newton(search, best, search.signals.sources)
         rng = np.random.default_rng(0)
-        noisy = [_step(search, best, _sources(search, problem, runs, 1.0, rng)) - before for _ in range(VERSIONS)]
-        others = [_step(search, best, _sources(search, problem, runs, by, None)) - before for by in (0.5, 2.0)]
+        noisy = [
+            gauss_newton(search, best, _sources(search, problem, runs, 1.0, rng)) - before for _ in range(VERSIONS)
+        ]
+        others = [gauss_newton(search, best, _sources(search, problem, runs, by, None)) - before for by in (0.5, 2.0)]
     except FlexlinkError as error:
         text = f"input error not estimated: with other versions of {words[0]}, {error}"
         return InputError(np.zeros((0, len(best.x))), words, (*doubts, Diagnostic(text, "input-error-unknown")))
@@ -166,7 +168,7 @@ def _in_words(scene: Scene, motion: PrescribedMotion) -> str:
     return f"the recorded motion of {link.name} ({given}; by cross-validation {best:g} Hz)"
 
 
-def _step(search: Search, best: Found, sources: Sequence[Source]) -> Array:
+def gauss_newton(search: Search, best: Found, sources: Sequence[Source]) -> Array:
     """Gauss-Newton step from the solution with these sources, shape (coordinates,)."""
     rows = Search(Signals(sources, search.coordinates), search.loss).rows(best.x, best.blocks)
     known, slopes = prior_rows(search.coordinates, best.x)

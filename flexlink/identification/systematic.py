@@ -18,6 +18,7 @@ from flexlink.describe.scene import Scene
 from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.estimate import Estimate
 from flexlink.identification.grid import RICHARDSON, Grid, GridError, bends, grid_error, warnings_of_grid
+from flexlink.identification.inner_gyroscopes import errors_of_inner_gyroscopes
 from flexlink.identification.inputs import InputError, input_error, warnings_of_inputs
 from flexlink.identification.likelihood import Row
 from flexlink.identification.problem import FitProblem
@@ -25,24 +26,38 @@ from flexlink.identification.solve import Found, Search
 
 
 class Systematic(NamedTuple):
-    """Grid error, and error of recorded motions; None if there is none."""
+    """Grid error, and error of recorded motions; None if there is none.
+
+    The grid error has a second part: changes of the coordinates by inner gyroscopes.
+    """
 
     grid: GridError = GridError(np.empty(0))
     inputs: InputError | None = None
+    gyroscopes: tuple[Array, ...] = ()
 
     def added(
         self, numbers: Sequence[Estimate], coordinates: Sequence[Coordinate], x: Array, wide: float
     ) -> tuple[Estimate, ...]:
         """The estimates, with these errors in their intervals; `wide` is the half-width of one over its deviation."""
-        found = with_error(numbers, coordinates, x, self.grid.errors, wide, "u_num")
+        found = with_error(numbers, coordinates, x, self.u_num, wide, "u_num")
         if self.inputs is not None:
             found = with_error(found, coordinates, x, self.inputs.errors, wide, "u_input")
         return found
 
     @property
+    def u_num(self) -> Array:
+        """Error of the coordinates, gains, biases and drifts by the number of segments."""
+        errors = self.grid.errors
+        return np.sqrt(errors**2 + sum(np.pad(one, (0, len(errors) - len(one))) ** 2 for one in self.gyroscopes))
+
+    @property
     def shifts(self) -> list[Array]:
         """Changes of the search coordinates, whose outer products add to their covariance."""
-        return [RICHARDSON * self.grid.change, *(self.inputs.changes if self.inputs is not None else ())]
+        return [
+            RICHARDSON * self.grid.change,
+            *self.gyroscopes,
+            *(self.inputs.changes if self.inputs is not None else ()),
+        ]
 
     def warnings(self, scene: Scene, numbers: Sequence[Estimate]) -> tuple[Diagnostic, ...]:
         """Warnings about errors that exceed half of an interval, or that are unknown."""
@@ -54,11 +69,12 @@ def systematic_errors(
     report: Callable[[str], None],
 ) -> Systematic:  # fmt: skip
     """Errors at a solution with these residuals and Jacobians."""
-    coarse = GridError(np.empty(0))
+    coarse, gyroscopes = GridError(np.empty(0)), list[Array]()
     if grid != "ignore" and bends(problem.scene):
         report("grid error: fitting a model with twice the hinges")
         coarse = grid_error(search, best, rows, problem.tolerance)
-    return Systematic(coarse, input_error(search, best, problem))
+        gyroscopes = errors_of_inner_gyroscopes(search, best) if coarse.doubt is None else []
+    return Systematic(coarse, input_error(search, best, problem), tuple(gyroscopes))
 
 
 def with_error(
@@ -76,7 +92,7 @@ def with_error(
         low, high = at - math.hypot(at - low, wide * u), at + math.hypot(high - at, wide * u)
         size = 1.0 if by is None else by.size(one.value)
         ends = (low, high) if by is None else (by.value(low), by.value(high))
-        statistical = one.half if math.isnan(one.statistical) else one.statistical
+        statistical = min(one.half, one.statistical)
         deviation, of_kind = math.hypot(one.deviation, size * u), {name: size * u}
         found[k] = dataclasses.replace(
             one, low=ends[0], high=ends[1], deviation=deviation, statistical=statistical, **of_kind
