@@ -5,6 +5,7 @@ flexlink fit problem.toml --check --propose
 flexlink fit problem.toml --out fitted
 flexlink fit problem.toml --grid auto
 flexlink fit problem.toml --starts 5 --profile --set material.steel.young=2e11
+flexlink fit viscous.toml stribeck.toml --folds
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from typing import get_args
 import numpy as np
 from msgspec.structs import replace
 
+from flexlink.cli.fit_comparison import run_comparison
 from flexlink.cli.json_output import add_json, print_json
 from flexlink.cli.shared import prefix_errors, print_hints, print_lines, varied
 from flexlink.common.errors import ArgumentError, IdentifiabilityError
@@ -40,7 +42,9 @@ from flexlink.identification.propose import propose
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `fit`."""
-    command.add_argument("problem", type=Path, help="problem file (.toml)")
+    command.add_argument(
+        "problem", type=Path, nargs="+", help="problem file (.toml); several with the same data are compared"
+    )
     command.add_argument(
         "--check",
         action="store_true",
@@ -77,11 +81,19 @@ def add_options(command: argparse.ArgumentParser) -> None:
         help="errors due to the number of segments: check (estimate them; default), auto (take enough segments), "
         "ignore (for data simulated with the same segments)",
     )
+    command.add_argument(
+        "--folds",
+        action="store_true",
+        help="leave out each run in turn, and predict it by a fit of the others",
+    )
     add_json(command)
 
 
 def run_command(options: argparse.Namespace) -> int:
     """Check, fit and write results; exit with 1 if a parameter is not identifiable or inaccurate, or the fit worse."""
+    if len(options.problem) > 1 or options.folds:
+        return run_comparison(options)
+    (options.problem,) = options.problem
     problem = load_fit(options.problem)
     if options.experiments is not None:
         if not options.propose:
