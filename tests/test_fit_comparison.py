@@ -21,7 +21,7 @@ from tests.words import refused, reviewed
 
 Array = NDArray[np.float64]
 MASS, YOUNG, SOFT = "tip.mass", "material.steel.young", "link.strip.root_stiffness.y"
-TIMES = {"run.duration": 1.5, "run.sample": 0.01}
+TIMES = {"run.duration": 1.2, "run.sample": 0.01}
 
 
 def clamped() -> fl.Scene:
@@ -32,7 +32,7 @@ def soft() -> fl.Scene:
     return strip(y=300.0).varied(TIMES)
 
 
-def runs(true: fl.Scene, rng: np.random.Generator, masses: tuple[float, ...] = (0.0, 0.2, 0.4)) -> Any:
+def runs(true: fl.Scene, rng: np.random.Generator, masses: tuple[float, ...] = (0.0, 0.4)) -> Any:
     """Films of the strip with a known mass at its end each, with autocorrelated noise of 0.3 mm."""
     found = []
     for k, mass in enumerate(masses):
@@ -48,28 +48,16 @@ def problem(scene: fl.Scene, data: Any, *paths: str) -> fl.fits.FitProblem:
 
 
 class TestChoice:
-    def test_a_root_spring_is_found_where_there_is_one_and_not_where_there_is_none(self) -> None:
-        rng = np.random.default_rng(4)
-        for true, wanted in ((soft().varied({MASS: 0.43}), "soft"), (clamped().varied({MASS: 0.43}), "clamped")):
-            data = runs(true, rng)
-            both = [problem(clamped(), data, MASS), problem(strip(y=3000.0).varied(TIMES), data, MASS, SOFT)]
-            try:
-                found = fl.fits.compare_fits(both, ["clamped", "soft"], grid="ignore")
-            except fl.errors.IdentifiabilityError:  # a stiff spring has no effect on films of a clamped strip
-                assert wanted == "clamped"
-                continue
-            assert found.preferred == wanted
-            assert (found.bic.max() - found.bic.min() > 10) == (wanted == "soft")
-            reviewed("preferred-model", found.findings[0], values=False)
-
-    def test_runs_left_out_agree(self) -> None:
+    def test_a_root_spring_is_found_and_runs_left_out_agree(self) -> None:
         data = runs(soft().varied({MASS: 0.43}), np.random.default_rng(5))
         both = [problem(clamped(), data, MASS), problem(soft(), data, MASS, SOFT)]
-        found = fl.fits.compare_fits(both, by_folds=True, grid="ignore")
-        assert found.preferred == "model 2"
+        found = fl.fits.compare_fits(both, ["clamped", "soft"], by_folds=True, grid="ignore")
+        assert found.preferred == "soft"
+        assert found.bic[0] - found.bic[1] > 10
+        reviewed("preferred-model", found.findings[0], values=False)
         assert found.held_out[1] < 1.1 < found.held_out[0]
         assert found.fitted[1] == pytest.approx(1.0, abs=0.05)
-        assert [len(one.fits) for one in found.folds] == [3, 3]
+        assert [len(one.fits) for one in found.folds] == [2, 2]
         for name, wanted in ((MASS, 0.43), (SOFT, 300.0)):
             one = found.fits[1][name]
             assert abs(one.value - wanted) < 1.5 * one.half
@@ -104,6 +92,12 @@ class TestNumbers:
                   for k, s in ((2, 1.0), (3, 0.9))]  # fmt: skip
         assert found.bic == pytest.approx(wanted)
         assert found.preferred == "b"
+
+    def test_of_two_models_with_the_same_residuals_the_one_with_fewer_unknowns_is_preferred_weakly(self) -> None:
+        e = np.random.default_rng(1).standard_normal(500)
+        found = of(*(Fake(k, column("x [m]", "fit", e)) for k in (3, 2)))
+        assert found.bic[0] - found.bic[1] == pytest.approx(math.log(500))
+        reviewed("preferred-model", found.findings[0])
 
     def test_an_extra_unknown_that_explains_only_noise_is_not_preferred(self) -> None:
         rng, wrong = np.random.default_rng(2), 0
@@ -140,8 +134,9 @@ class TestRefusals:
     def test_a_model_that_is_not_identifiable_is_named(self) -> None:
         data = runs(clamped(), np.random.default_rng(7), (0.0,))
         weak = problem(clamped(), data, YOUNG, "section.strip.width", "material.steel.density", MASS)
-        with pytest.raises(fl.errors.IdentifiabilityError, match=r"^weak: "):
+        with pytest.raises(fl.errors.IdentifiabilityError) as caught:
             fl.fits.compare_fits([problem(clamped(), data, MASS), weak], ["good", "weak"], grid="ignore")
+        assert str(caught.value).startswith("weak: ")
 
 
 class TestCommand:
@@ -160,7 +155,7 @@ class TestCommand:
             text = f'scene = "{name}_arm.toml"\n' + "".join(f'[[parameter]]\npath = "{p}"\n' for p in (MASS, *more))
             text += "".join(
                 f'[[run]]\nname = "{run.name}"\nfile = "{run.name}.csv"\nset.link.strip.end.mass = {mass}\n'
-                for run, mass in zip(data, (0.0, 0.2, 0.4), strict=True)
+                for run, mass in zip(data, (0.0, 0.4), strict=True)
             )
             (folder / f"{name}.toml").write_text(text, "utf-8")
         return folder
@@ -169,18 +164,16 @@ class TestCommand:
         self, folder: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         files = [str(folder / f"{name}.toml") for name in ("clamped", "soft")]
-        assert main(["fit", *files, "--folds", "--grid", "ignore", "--out", str(folder / "out")]) == 0
+        assert main(["fit", *files, "--grid", "ignore", "--out", str(folder / "out")]) == 0
         text = capsys.readouterr().out
-        assert "soft is preferred to clamped" in text
+        assert text.strip().splitlines()[-1].startswith("soft ")
         assert {path.name for path in (folder / "out").iterdir()} == {"models.csv", "numbers.csv", "columns.csv"}
-        assert main(["fit", *files, "--grid", "ignore", "--json"]) == 0
+        assert main(["fit", files[1], "--folds", "--grid", "ignore", "--json"]) == 0
         found = json.loads(capsys.readouterr().out)
         assert found["preferred"] == "soft"
-        assert [one["unknowns"] for one in found["models"]] == [1, 2]
+        assert found["numbers"][1]["from folds"] > 0
 
-    def test_folds_of_one_problem(self, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-        assert main(["fit", str(folder / "soft.toml"), "--folds", "--grid", "ignore"]) == 0
-        assert "from folds" in capsys.readouterr().out
+    def test_options_without_effect_are_refused(self, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
         for option in ("--check", "--propose", "--profile"):
             assert main(["fit", str(folder / "soft.toml"), "--folds", option]) != 0
             reviewed("no-effect", capsys.readouterr().err.strip())

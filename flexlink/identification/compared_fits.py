@@ -97,7 +97,7 @@ class FitComparison:
         best, second = np.argsort(bic, kind="stable")[:2].tolist()
         difference = float(bic[second] - bic[best])
         text = f"{self.names[best]} is preferred to {self.names[second]}: its BIC is {difference:.3g} smaller"
-        text += "" if difference > strong else ", which is no very strong evidence (10)"
+        text += "" if difference > strong else ", not very strong evidence, which is above 10"
         found = [Diagnostic(text, "preferred-model")]
         if np.isfinite(held_out).all():
             least = int(np.argmin(held_out))
@@ -190,7 +190,7 @@ def compare_fits(
     Raises
     ------
     ArgumentError
-        The data differ, there are fewer than two fits, or as many names are not given.
+        The data differ, there are fewer than two fits, or not one name for each.
     IdentifiabilityError
         Parameters of a model are not identifiable; the message names the model.
     DataFileError, SceneError
