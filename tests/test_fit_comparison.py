@@ -49,15 +49,16 @@ def problem(scene: fl.Scene, data: Any, *paths: str) -> fl.fits.FitProblem:
 
 class TestChoice:
     def test_a_root_spring_is_found_and_runs_left_out_agree(self) -> None:
-        data = runs(soft().varied({MASS: 0.43}), np.random.default_rng(5))
+        data = runs(soft().varied({MASS: 0.43}), np.random.default_rng(5), (0.0, 0.2, 0.4))
         both = [problem(clamped(), data, MASS), problem(soft(), data, MASS, SOFT)]
         found = fl.fits.compare_fits(both, ["clamped", "soft"], by_folds=True, grid="ignore")
         assert found.preferred == "soft"
         assert found.bic[0] - found.bic[1] > 10
         reviewed("preferred-model", found.findings[0], values=False)
-        assert found.held_out[1] < 1.1 < found.held_out[0]
+        assert found.held_out[1] < 1.25  # noise, and the errors of parameters from two short films
+        assert found.held_out[0] > 1.5 * found.held_out[1]
         assert found.fitted[1] == pytest.approx(1.0, abs=0.05)
-        assert [len(one.fits) for one in found.folds] == [2, 2]
+        assert [len(one.fits) for one in found.folds] == [3, 3]
         for name, wanted in ((MASS, 0.43), (SOFT, 300.0)):
             one = found.fits[1][name]
             assert abs(one.value - wanted) < 1.5 * one.half

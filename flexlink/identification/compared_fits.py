@@ -97,7 +97,7 @@ class FitComparison:
         best, second = np.argsort(bic, kind="stable")[:2].tolist()
         difference = float(bic[second] - bic[best])
         text = f"{self.names[best]} is preferred to {self.names[second]}: its BIC is {difference:.3g} smaller"
-        text += "" if difference > strong else ", not very strong evidence, which is above 10"
+        text += "" if difference > strong else "; differences above 10 are very strong evidence"
         found = [Diagnostic(text, "preferred-model")]
         if np.isfinite(held_out).all():
             least = int(np.argmin(held_out))
