@@ -130,7 +130,7 @@ def fit_of(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Fitted]:
         monkeypatch.setattr(Toy, "Φ", Φ)
         monkeypatch.setattr(Toy, "law", staticmethod(law))
         monkeypatch.setattr(fitting, "sources_of", lambda _, use: [one for one in films if one.use == use])
-        return fl.fit(problem, **how)
+        return fl.fit(problem, grid="ignore", **how)
 
     return fitted
 
