@@ -10,7 +10,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import flexlink as fl
-from flexlink.common.errors import DataFileError
+from flexlink.common.errors import DataFileError, SceneError
 
 pytestmark = pytest.mark.slow
 YOUNG, MASS = "material.steel.young", "tip.mass"
@@ -153,3 +153,13 @@ def test_swapped_columns_are_named_before_the_fit() -> None:
     sought = tuple(fl.fits.FitParameter(path=path) for path in TRUE)
     notes = fl.fits.check_fit(fl.fits.FitProblem(scene=boom(), parameter=sought, run=(swing,))).notes
     assert "likely-swapped" in [one.id for one in notes]
+
+
+def test_score_tests_that_fail_do_not_lose_the_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object) -> None:
+        raise SceneError("no such posture", id="no-effect")
+
+    monkeypatch.setattr("flexlink.identification.faults.faults", refused)
+    found = fitted()
+    assert inside(found)
+    assert "faults-not-tested" in [one.id for one in found.warnings]

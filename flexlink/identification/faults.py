@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
+from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.common.wording import Diagnostic
 from flexlink.data.csv_table import head_of
@@ -113,7 +114,14 @@ def faults(search: Search, found: Found) -> list[Fault]:
 
 
 def warnings_of_faults(search: Search, found: Found) -> tuple[Diagnostic, ...]:
-    """Warnings about faults of the instruments and clocks that the residuals show, and about outliers."""
+    """Warnings about faults of the instruments and clocks, and about outliers; or about tests that could not be run."""
+    try:
+        return _warnings(search, found)
+    except FlexlinkError as error:
+        return (Diagnostic(f"instruments and clocks not tested: {error}", "faults-not-tested"),)
+
+
+def _warnings(search: Search, found: Found) -> tuple[Diagnostic, ...]:
     named = faults(search, found)
     far = outliers(search, found)
     if not named and not far:

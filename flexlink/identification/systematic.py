@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.common.wording import Diagnostic
 from flexlink.describe.scene import Scene
@@ -73,7 +74,11 @@ def systematic_errors(
     if grid != "ignore" and bends(problem.scene):
         report("grid error: fitting a model with twice the hinges")
         coarse = grid_error(search, best, rows, problem.tolerance)
-        gyroscopes = errors_of_inner_gyroscopes(search, best) if coarse.doubt is None else []
+        try:
+            gyroscopes = errors_of_inner_gyroscopes(search, best) if coarse.doubt is None else []
+        except FlexlinkError as error:
+            unknown = Diagnostic(f"grid error of gyroscopes not estimated: {error}", "grid-error-unknown")
+            coarse = coarse._replace(doubt=unknown)
     return Systematic(coarse, input_error(search, best, problem), tuple(gyroscopes))
 
 
