@@ -162,4 +162,4 @@ def test_score_tests_that_fail_do_not_lose_the_fit(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("flexlink.identification.faults.faults", refused)
     found = fitted()
     assert inside(found)
-    assert "faults-not-tested" in [one.id for one in found.warnings]
+    assert "faults-untested" in [one.id for one in found.warnings]

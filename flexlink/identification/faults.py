@@ -118,7 +118,7 @@ def warnings_of_faults(search: Search, found: Found) -> tuple[Diagnostic, ...]:
     try:
         return _warnings(search, found)
     except FlexlinkError as error:
-        return (Diagnostic(f"instruments and clocks not tested: {error}", "faults-not-tested"),)
+        return (Diagnostic(f"instruments and clocks not tested: {error}", "faults-untested"),)
 
 
 def _warnings(search: Search, found: Found) -> tuple[Diagnostic, ...]:
