@@ -142,11 +142,11 @@ LATEST = Path(__file__).parent.parent / "reports" / "latest" / "index.html"
 
 @pytest.mark.skipif(not LATEST.is_file(), reason="needs a report: python -m validation")
 def test_the_full_report_is_short_and_small_and_cuts_no_word(window: Browser) -> None:
-    """The page of all cases has a screen for every 4.5 cases with folded chapters, and 2 MB without the drawings."""
+    """The page of all cases has a screen for every 3.5 cases with folded chapters, and 2 MB without the drawings."""
     window.open(LATEST, *DESK)
     window.run(FOLD)
     cases = window.run("""return document.querySelectorAll("[id^='case-']").length""")
-    assert window.run(SCREENS) <= cases / 4.5
+    assert window.run(SCREENS) <= cases / 3.5
     window.run(UNFOLD)
     assert window.run(CUT_WORDS) == []
     drawn = window.run(
