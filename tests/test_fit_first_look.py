@@ -213,7 +213,8 @@ class TestEndsOfIntervals:
 
         search = SimpleNamespace(
             coordinates=[Coordinate("x", "", start, False, 1.0, (-100.0, 100.0), None)], coloured=False,
-            cost=lambda x, _: twice(x) / 2, least=lambda x, *_, **__: x, covariance=lambda *_: np.eye(1),
+            cost=lambda x, _: twice(x) / 2, least=lambda x, *_, **__: x,
+            at=lambda *_: SimpleNamespace(covariance=np.eye(1)),
         )  # fmt: skip
         best = SimpleNamespace(x=np.zeros(1), blocks=[])
         return _Floor(search, best), Estimate("x", "x", start, 0.0, -1.96, 1.96, 1.0)  # type: ignore[arg-type]

@@ -21,15 +21,15 @@ from scipy.stats import t as student
 import flexlink as fl
 from flexlink.identification import columns as kept_columns
 from flexlink.identification import fit as fitting
-from flexlink.identification import page, solve
+from flexlink.identification import interval, page, solve
 from flexlink.identification.block import SHARE, Block, Colour, colour_of, whiteness
 from flexlink.identification.checked_page import identifiability
 from flexlink.identification.coordinates import Coordinate, coordinate_of, coordinates_of, prior_rows
 from flexlink.identification.data import Source, _noise_of_sensors, _with_noise, at_times, recorded
 from flexlink.identification.fitted import Fitted
 from flexlink.identification.identifiability import checked
-from flexlink.identification.interval import Spread, estimates, linear_estimates, spread_of
-from flexlink.identification.likelihood import row_of
+from flexlink.identification.interval import Spread, estimates, spread_of
+from flexlink.identification.likelihood import Likelihood, row_of
 from flexlink.identification.linear_reference import _given, _modes, _poles, _shapes
 from flexlink.identification.signals import Signals
 from flexlink.identification.sources import sagged
@@ -175,7 +175,7 @@ class TestCoverage:
 
     def test_whitening_coefficients_count_as_fitted_noise_coefficients(self, fit_of: Any, monkeypatch: Any) -> None:
         rng, coefficients = np.random.default_rng(19), []
-        monkeypatch.setattr(fitting, "spread_of", lambda *args: coefficients.append(args[2]) or spread_of(*args))
+        monkeypatch.setattr(interval, "spread_of", lambda *args: coefficients.append(args[2]) or spread_of(*args))
         Φ = rng.standard_normal((200, 2))
         fit_of(Φ, film(clean(Φ) + 0.1 * noise(rng, 200, (1.0, -1.6, 0.9)), 0.1))
         assert coefficients[0] >= 2
@@ -345,9 +345,9 @@ class TestKept:
         assert ours.whiteness == pytest.approx(whiteness(ours.after - first), rel=1e-6)
         assert (theirs.noise, theirs.stated) == (pytest.approx(ours.noise), False)
         assert theirs.times_noise == pytest.approx(theirs.off(theirs.after) / ours.noise)
-        runs = [[film(first, 0.1, gain=True).blocks[0]] for _ in range(2)]
-        gains = [[cast("Any", SimpleNamespace(gain=gain))] for gain in (1.2, 1.4)]
-        assert kept_columns._gains(runs, gains) == {FILM: pytest.approx(1.3)}  # the mean of several runs
+        row = row_of(film(first, 0.1, gain=True).blocks[0], first)
+        rows = [row._replace(gain=gain) for gain in (1.2, 1.4)]
+        assert kept_columns._gains(rows) == {FILM: pytest.approx(1.3)}  # the mean of several runs
         stated = kept_columns._known(film(second, 7.0, stated=True, gain=True).blocks[0], {}, {FILM: 0.02})
         assert (stated.σ[0], stated.gain) == (7.0, True)
 
@@ -359,7 +359,7 @@ class TestEstimates:
             Coordinate("angle", "", 0.0, False, 5.0, (-20.0, 10.0), None, "deg"),
         ]
         spread = Spread(np.diag([0.01**2, 0.02**2]), 2.0, [])
-        young, angle = estimates(sought, np.array([math.log(1.9e11), 2.0]), spread)
+        young, angle = estimates(Likelihood(sought, np.array([math.log(1.9e11), 2.0]), [], []), spread)
         assert young.value == pytest.approx(1.9e11)
         assert young.deviation == pytest.approx(1.9e9)
         assert (young.low, young.high) == pytest.approx((1.9e11 / math.exp(0.02), 1.9e11 * math.exp(0.02)))
@@ -370,7 +370,9 @@ class TestEstimates:
         one = film(np.array([1.0, 3.0, 5.2]), 1.0, gain=True)
         one.blocks = (dataclasses.replace(one.blocks[0], bias=True),)
         row = row_of(one.blocks[0], np.array([0.0, 1.0, 2.0]))
-        found = linear_estimates([one], [[row]], Spread(np.diag([9.0, 0.04, 0.01]), 2.0, []), 1)
+        mass = coordinate_of(SCENE, fl.fits.FitParameter(path=MASS))
+        at = Likelihood([mass], np.zeros(1), [one], [[row]])
+        _, *found = estimates(at, Spread(np.diag([9.0, 0.04, 0.01]), 2.0, []))
         slope, zero = np.polyfit([0.0, 1.0, 2.0], one.blocks[0].y, 1)
         expected = [(1.0, slope, slope - 0.4, slope + 0.4, 0.2), (0.0, zero, zero - 0.2, zero + 0.2, 0.1)]
         for each, values in zip(found, expected, strict=True):

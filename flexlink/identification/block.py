@@ -166,6 +166,11 @@ class Block:
         return np.ones(len(self.y)) if self.left_out is None else np.where(self.left_out, 0.0, 1.0)
 
     @property
+    def linear(self) -> list[str]:
+        """Unknowns of the instrument that enter linearly, in the order of the columns of a Jacobian."""
+        return [what for what in ("gain", "bias", "drift") if getattr(self, what)]
+
+    @property
     def unit(self) -> str:
         """Unit of the values."""
         return unit_in(self.name)

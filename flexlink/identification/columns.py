@@ -13,7 +13,7 @@ from flexlink.identification.block import Block, whiteness
 from flexlink.identification.coordinates import run_coordinates
 from flexlink.identification.data import Source
 from flexlink.identification.fitted import FittedColumn
-from flexlink.identification.likelihood import Row, read, row_of, white
+from flexlink.identification.likelihood import Row, likelihood, row_of, white
 from flexlink.identification.linear_reference import linear_models
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.signals import Signals
@@ -31,8 +31,7 @@ def columns_of(
     """All columns: first the fitted ones, then the columns of the sources `kept` to check the fit."""
     before, after = signals.model(start), signals.model(best.x)
     found = _beside(signals.sources, best.blocks, before, after)
-    rows = [[row_of(b, y) for b, y in zip(*part, strict=True)] for part in zip(best.blocks, after, strict=True)]
-    gains = _gains(best.blocks, rows)
+    gains = _gains(likelihood(signals, best.x, best.blocks).every)
     noises = {block.name: float(np.sqrt(np.mean(white(block).σ ** 2))) for part in best.blocks for block in part}
     values = {one.path: one.value(float(x)) for one, x in zip(signals.coordinates, best.x, strict=True) if not one.run}
     fitted = [(one, signals.scene(k, best.x)) for k, one in enumerate(signals.sources) if one.is_run]
@@ -91,7 +90,7 @@ def _beside(
     for source, part, old, new in zip(sources, blocks, before, after, strict=True):
         for block, earlier, later in zip(part, old, new, strict=True):
             was, now = row_of(white(block), earlier), row_of(block, later)
-            given, σ = read(block, now, later), float(np.sqrt(np.mean(white(block).σ ** 2)))
+            given, σ = now.read(later), float(np.sqrt(np.mean(white(block).σ ** 2)))
             residual = given - block.y
             found.append(
                 FittedColumn(
@@ -100,7 +99,7 @@ def _beside(
                     use=source.use,
                     t=block.t,
                     measured=block.y,
-                    before=read(block, was, earlier),
+                    before=was.read(earlier),
                     after=given,
                     linear=None,
                     gain=now.gain,
@@ -114,13 +113,12 @@ def _beside(
     return found
 
 
-def _gains(blocks: Sequence[Sequence[Block]], rows: Sequence[Sequence[Row]]) -> dict[str, float]:
+def _gains(rows: Sequence[Row]) -> dict[str, float]:
     """Estimated gain of each column, averaged over the runs that contain the column."""
     found: dict[str, list[float]] = {}
-    for part, of_part in zip(blocks, rows, strict=True):
-        for block, row in zip(part, of_part, strict=True):
-            if block.gain:
-                found.setdefault(block.name, []).append(row.gain)
+    for row in rows:
+        if row.block.gain:
+            found.setdefault(row.block.name, []).append(row.gain)
     return {name: float(np.mean(several)) for name, several in found.items()}
 
 

@@ -18,7 +18,7 @@ from flexlink.dynamics.vibration.at_rest import modes_at_rest
 from flexlink.identification.block import Block
 from flexlink.identification.coordinates import coordinates_of, run_coordinates
 from flexlink.identification.data import Source
-from flexlink.identification.likelihood import read, row_of
+from flexlink.identification.likelihood import row_of
 from flexlink.identification.noise import GAP, UNEVEN, noise_in, outliers_in
 from flexlink.identification.operating_point import at_rest
 from flexlink.identification.problem import FitProblem
@@ -106,7 +106,7 @@ def _columns(problem: FitProblem) -> Iterator[Shown]:
         coordinates = [*common, *own]
         y = Signals([source], coordinates).model(np.array([one.x(one.start) for one in coordinates]))
         for block, one in zip(source.blocks, y[0], strict=True):
-            yield _shown(source, block, read(block, row_of(block, one), one))
+            yield _shown(source, block, row_of(block, one).read(one))
 
 
 def _shown(source: Source, block: Block, predicted: Array) -> Shown:

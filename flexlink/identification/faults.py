@@ -21,10 +21,10 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.common.wording import Diagnostic
 from flexlink.data.csv_table import head_of
-from flexlink.identification.block import FAR, Block, Colour, colour_of, outlying
+from flexlink.identification.block import FAR, Colour, colour_of, outlying
 from flexlink.identification.coordinates import Timing, timing_of
 from flexlink.identification.data import Source
-from flexlink.identification.likelihood import Row, stacked, white
+from flexlink.identification.likelihood import Likelihood, likelihood, white
 from flexlink.identification.signals import Model, Signals
 from flexlink.identification.solve import Found, Search
 
@@ -94,16 +94,16 @@ def faults(search: Search, found: Found) -> list[Fault]:
     """Faults that the residuals show at a solution, the most significant first, with their estimated sizes."""
     most = 3  # largest number of faults that are named
     plain = [[white(block) for block in part] for part in found.blocks]
-    rows = search.rows(found.x, plain)
-    tried = [*_candidates(search, plain, rows, search.signals.model(found.x))]
-    runs = [row for source, part in zip(search.signals.sources, rows, strict=True) if source.is_run for row in part]
+    whole = search.at(found.x, plain)
+    parts = zip(whole.sources, whole.rows, whole.jacobians, strict=True)
+    runs = [pair for source, *of_source in parts if source.is_run for pair in zip(*of_source, strict=True)]
     if not runs:
         return []
-    e = np.concatenate([np.where(outlying(row.residual), 0.0, row.residual) for row in runs])
-    J = _jacobian(runs, len(found.x))
-    tried = _best_sizes(tried, e, J)
+    e = np.concatenate([np.where(outlying(row.residual), 0.0, row.residual) for row, _ in runs])
+    J = np.vstack([slopes for _, slopes in runs])
+    tried = _best_sizes([*_candidates(whole, search.signals.model(found.x))], e, J)
     S = np.column_stack([one.effect for one in tried])
-    e, J, S = _whitened(e, J, S, [len(row.residual) for row in runs])
+    e, J, S = _whitened(e, J, S, [len(row.residual) for row, _ in runs])
     chosen = _selected(e, J, S, most)
     X = np.hstack([S[:, chosen], J])
     sizes, covariance = np.linalg.lstsq(X, e, rcond=None)[0], np.linalg.pinv(X.T @ X)
@@ -153,7 +153,7 @@ def with_timing(search: Search, found: Found, run: str) -> tuple[Fault, Search, 
             x = longer.least(np.append(start, 0.0), plain, rough=True)
             cost = longer.cost(x, plain)
             if cost < least:
-                least, wide = cost, float(np.sqrt(longer.covariance(x, plain)[-1, -1]))
+                least, wide = cost, float(np.sqrt(longer.at(x, plain).covariance[-1, -1]))
                 fault = Fault(kind, run, "", "", np.empty(0), unknown.value(float(x[-1])), unknown.value(wide))
                 best = fault, longer, Found(x, cost, plain)
     return best
@@ -191,31 +191,29 @@ def _correlation(a: Array, b: Array) -> float:
 
 def outliers(search: Search, found: Found) -> list[Diagnostic]:
     """Warnings about columns with samples far off the model, compared with the spread of most samples."""
-    names = [source.name for source in search.signals.sources]
-    warnings = []
-    for name, part, rows in zip(names, found.blocks, search.rows(found.x, found.blocks, slopes=False), strict=True):
-        for block, row in zip(part, rows, strict=True):
-            count = int(np.count_nonzero(outlying(row.residual))) if block.t is not None else 0
+    warnings, at = [], likelihood(search.signals, found.x, found.blocks)
+    for source, part in zip(at.sources, at.rows, strict=True):
+        for block, residual, *_ in part:
+            count = int(np.count_nonzero(outlying(residual))) if block.t is not None else 0
             if count:
-                text = f"{name}: {count} of {len(block.y)} samples of {block.name} are outliers, more than {FAR:g} "
-                text += "robust standard deviations off the model: loss = 'trimmed' leaves them out"
+                text = f"{source.name}: {count} of {len(block.y)} samples of {block.name} are outliers, more than "
+                text += f"{FAR:g} robust standard deviations off the model: loss = 'trimmed' leaves them out"
                 warnings.append(Diagnostic(text, "likely-outliers"))
     return warnings
 
 
-def _candidates(
-    search: Search, blocks: Sequence[Sequence[Block]], rows: Sequence[Sequence[Row]], y: Sequence[Sequence[Array]]
-) -> Iterator[Fault]:
+def _candidates(at: Likelihood, model: Model) -> Iterator[Fault]:
     """All faults that the problem does not estimate already, of every run; those of times with several sizes."""
-    known = {(one.timing, one.run, head_of(one.column)[0]) for one in search.coordinates if one.timing}
-    count, at = sum(len(b.y) for part in blocks for b in part if b.t is not None), 0
-    for source, part, of_part, several in zip(search.signals.sources, blocks, rows, y, strict=True):
+    known = {(one.timing, one.run, head_of(one.column)[0]) for one in at.coordinates if one.timing}
+    count, begun = sum(len(row.residual) for row in at.every if row.block.t is not None), 0
+    for source, part, several in zip(at.sources, at.rows, model, strict=True):
         if not source.is_run:
             continue
         begin, late, rate = source.scene.initial.time, np.zeros((len(LATE), count)), np.zeros((len(FAST), count))
-        for block, row, values in zip(part, of_part, several, strict=True):
-            t, here = np.asarray(block.t), slice(at, at + len(block.y))
-            at += len(block.y)
+        for row, values in zip(part, several, strict=True):
+            block = row.block
+            t, here = np.asarray(block.t), slice(begun, begun + len(block.y))
+            begun += len(block.y)
             late[:, here] = _secants(t, values, [(d, t - d) for d in LATE]) * row.gain / block.σ
             rate[:, here] = _secants(t, values, [(c, begin + (t - begin) / (1 + c)) for c in FAST]) * row.gain / block.σ
             of_value = {"bias": np.ones(len(t)), "gain": row.gain * values, "drift": t - t.mean()}
@@ -259,11 +257,6 @@ def _placed(values: Array, here: slice, count: int) -> Array:
     whole = np.zeros(count)
     whole[here] = values
     return whole
-
-
-def _jacobian(rows: Sequence[Row], count: int) -> Array:
-    """Jacobian of all residuals of runs with respect to the coordinates, and to the gains, biases and drifts."""
-    return stacked([rows], count, np.zeros((0, count)))
 
 
 def _whitened(e: Array, J: Array, S: Array, lengths: Sequence[int]) -> tuple[Array, Array, Array]:

@@ -15,26 +15,25 @@ from flexlink.common.wording import Diagnostic
 from flexlink.describe.refined import refined, segments_in_words
 from flexlink.identification.block import Block
 from flexlink.identification.columns import columns_of
-from flexlink.identification.coordinates import Coordinate, coordinates_of, prior_rows
+from flexlink.identification.coordinates import Coordinate, coordinates_of
 from flexlink.identification.estimate import Estimate
 from flexlink.identification.faults import mixups, warnings_of_faults
 from flexlink.identification.fitted import Fitted
 from flexlink.identification.grid import Grid, bends, factor_needed, grid_ahead
 from flexlink.identification.identifiability import Check, checked
+from flexlink.identification.information import in_two_steps, information_of
 from flexlink.identification.inputs import warnings_of_inputs
-from flexlink.identification.interval import estimates, linear_estimates, parts_of, spread_of, without_ends
-from flexlink.identification.likelihood import large_changes, linear_names, priors_of, row_of, stacked
+from flexlink.identification.interval import estimates, spread_at, without_ends
 from flexlink.identification.noise import with_noise_of_data
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.profile import profiled, widened
 from flexlink.identification.reasons import with_reasons
 from flexlink.identification.remarks import hertz_in_rad_per_s, notes, ranges_apart, warnings
-from flexlink.identification.signals import STEP, Signals
+from flexlink.identification.signals import Signals
 from flexlink.identification.solve import Found, Search, start_points
 from flexlink.identification.sources import sources_of
 from flexlink.identification.systematic import Systematic, covariance_of, systematic_errors, within_bounds
 from flexlink.identification.watch import Bar, watch_with
-from flexlink.motion.slopes_of_runs import CENTRAL_4
 
 
 def check_fit(problem: FitProblem) -> Check:
@@ -169,19 +168,17 @@ def _fit(
     report("identifiability at the initial guess: passed")
     found = _searched(search, start_points(coordinates, starts), report)
     best = found[0]
-    rows = search.rows(best.x, best.blocks)
-    colours = [block.colour for part in best.blocks for block in part if block.colour is not None]
-    coefficients = sum(len(one.a) - 1 for one in colours)
-    spread = spread_of(parts_of(sources, rows, problem.loss), priors_of(coordinates, best.x, rows), coefficients)
-    after = _check_after(signals, best, check)
-    numbers = (*estimates(coordinates, best.x, spread), *linear_estimates(sources, rows, spread, len(coordinates)))
+    at = search.at(best.x, best.blocks)
+    spread = spread_at(at, problem.loss)
+    after = checked(at.scaled, check.error, check.names, check.notes)
+    numbers = tuple(estimates(at, spread))
     errors = Systematic()
     if not after.passed:
         numbers = tuple(map(without_ends, numbers))
     else:
         of_scene, others = numbers[: len(coordinates)], numbers[len(coordinates) :]
         numbers = (*widened(search, best, profiled(search, best, of_scene, report) if profile else of_scene), *others)
-        errors = systematic_errors(search, best, rows, problem, grid, report)
+        errors = systematic_errors(search, best, at, problem, grid, report)
         numbers = errors.added(numbers, coordinates, best.x, spread.wide)
     numbers = tuple(map(within_bounds, numbers))
     columns = columns_of(problem, signals, best, start, checks, report)
@@ -212,14 +209,12 @@ def quick_estimates(problem: FitProblem, worth: float) -> tuple[Estimate, ...]:
     coordinates, sources = coordinates_of(problem), sources_of(problem, "fit")
     search, x = Search(Signals(sources, coordinates), problem.loss), np.array([one.x(one.start) for one in coordinates])
     blocks = [list(source.blocks) for source in sources]
-    rows = [row for part in search.rows(x, blocks) for row in part]
-    r, J = np.concatenate([row.residual for row in rows]), np.vstack([row.slopes for row in rows])
-    explained = J @ np.linalg.lstsq(J, r, rcond=None)[0]
-    if not explained @ explained > worth * (r @ r):
+    at = search.at(x, blocks)
+    explained = at.slopes @ np.linalg.lstsq(at.slopes, at.residual, rcond=None)[0]
+    if not explained @ explained > worth * (at.residual @ at.residual):
         return ()
-    x = search.near(x)
-    found = search.rows(x, blocks)
-    return tuple(estimates(coordinates, x, spread_of(parts_of(sources, found), priors_of(coordinates, x, found))))
+    at = search.at(search.near(x), blocks)
+    return tuple(estimates(at, spread_at(at)))
 
 
 def _values(coordinates: Sequence[Coordinate], x: Array) -> tuple[float, ...]:
@@ -250,37 +245,15 @@ def _check(
 
     With the `tolerance` of simulations, the grid error is estimated as well.
     """
-    signals.ahead([*signals.around(x, CENTRAL_4), *signals.around(x, CENTRAL_4, STEP / 2)])
-    slopes, finer = signals.slopes(x, CENTRAL_4), signals.slopes(x, CENTRAL_4, STEP / 2)
-    J = _of_all(signals, x, blocks, slopes)
-    error = float(np.linalg.norm(J - _of_all(signals, x, blocks, finer), 2))
+    at, finer = in_two_steps(signals, x, blocks)
     sources, model = signals.sources, signals.model(x)
     doubts = [*data_notes, *ranges_apart(sources, model), *hertz_in_rad_per_s(sources, model), *mixups(sources, model)]
-    check = checked(J, error, _names(signals), doubts)
-    check = check._replace(directions=with_reasons(signals, x, check.directions))
+    check = information_of(at, finer).check
+    check = check._replace(directions=with_reasons(signals, x, check.directions), notes=tuple(doubts))
     if check.lost or tolerance is None or not bends(sources[0].scene):
         return check
-    errors, more = grid_ahead(signals, x, blocks, J, check, tolerance)
+    errors, more = grid_ahead(signals, at, check, tolerance)
     return check._replace(grid=errors, notes=(*check.notes, *more))
-
-
-def _check_after(signals: Signals, best: Found, before: Check) -> Check:
-    """Check identifiability at the solution, with the Jacobian computed by the search."""
-    J = _of_all(signals, best.x, best.blocks, signals.slopes(best.x))
-    return checked(J, before.error, before.names, before.notes)
-
-
-def _of_all(signals: Signals, x: Array, blocks: Sequence[Sequence[Block]], slopes: list[list[Array]]) -> Array:
-    """Jacobian of all residuals with respect to typical large changes of all parameters."""
-    parts = zip(blocks, signals.model(x), slopes, strict=True)
-    rows = [[row_of(b, y, J) for b, y, J in zip(*part, strict=True)] for part in parts]
-    _, known = prior_rows(signals.coordinates, x)
-    whole = stacked(rows, len(x), known)
-    return np.asarray(whole * np.array([1.0] * len(x) + large_changes(blocks)))
-
-
-def _names(signals: Signals) -> list[str]:
-    return [*(one.name for one in signals.coordinates), *linear_names(signals.sources)]
 
 
 def _of_run(one: Estimate, coordinates: Sequence[Coordinate]) -> bool:

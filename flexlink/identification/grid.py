@@ -19,11 +19,10 @@ from flexlink.common.types import Array
 from flexlink.common.wording import Diagnostic
 from flexlink.describe.refined import refined, segments_in_words
 from flexlink.describe.scene import Scene
-from flexlink.identification.block import Block
 from flexlink.identification.data import Source
 from flexlink.identification.estimate import Estimate
 from flexlink.identification.identifiability import WIDE, Check
-from flexlink.identification.likelihood import LINEAR, Row
+from flexlink.identification.likelihood import Likelihood, likelihood
 from flexlink.identification.signals import Signals
 from flexlink.identification.solve import Found, Search
 
@@ -76,23 +75,18 @@ def _refined(scene: Scene, tolerance: float) -> Scene:
     return finer if finer.run.controlled else finer.varied({"run.relative_tolerance": tolerance})
 
 
-def grid_error(search: Search, best: Found, rows: Sequence[Sequence[Row]], tolerance: float) -> GridError:
-    """Fit the refined model, from the solution of the model and with its noise."""
+def grid_error(search: Search, best: Found, at: Likelihood, tolerance: float) -> GridError:
+    """Fit the refined model, from the solution of the model, with its likelihood and noise."""
     try:
         signals = Signals(refined_sources(search.signals.sources, tolerance), search.coordinates)
         finer = Search(signals, search.loss, coloured=search.coloured, watch=search.watch)
         signals.model(best.x)
         x = finer.least(best.x, best.blocks, rough=True)
-        after = finer.rows(x, best.blocks)
+        after = likelihood(signals, x, best.blocks)
     except FlexlinkError as error:
         return GridError(np.empty(0), _unknown(error))
-    linear = [
-        getattr(new, what) - getattr(old, what)
-        for part, of_part, new_part in zip(best.blocks, rows, after, strict=True)
-        for block, old, new in zip(part, of_part, new_part, strict=True)
-        for what in LINEAR if getattr(block, what)
-    ]  # fmt: skip
-    return GridError(np.append(x - best.x, linear), None, (finer, Found(x, best.cost, best.blocks)))
+    change = np.append(x - best.x, after.linear - at.linear)
+    return GridError(change, None, (finer, Found(x, best.cost, best.blocks)))
 
 
 def bends(scene: Scene) -> bool:
@@ -126,23 +120,23 @@ def warnings_of_grid(scene: Scene, numbers: Sequence[Estimate], grid: GridError)
 
 
 def grid_ahead(
-    signals: Signals, x: Array, blocks: Sequence[Sequence[Block]], J: Array, check: Check, tolerance: float
+    signals: Signals, at: Likelihood, check: Check, tolerance: float
 ) -> tuple[Array, tuple[Diagnostic, ...]]:
     """Expected grid error of every parameter at a point, and notes: one Gauss-Newton step on the refined model.
 
     x' − x = −J⁺ (y' − y) / σ, with the predictions y of the model and y' of the refined model.
     """
     try:
-        finer = Signals(refined_sources(signals.sources, tolerance), signals.coordinates).model(x)
+        finer = Signals(refined_sources(signals.sources, tolerance), signals.coordinates).model(at.x)
     except FlexlinkError as error:
         return np.empty(0), (_unknown(error),)
     apart = [
-        (new - old) / block.σ
-        for part, of_part, of_finer in zip(blocks, signals.model(x), finer, strict=True)
-        for block, old, new in zip(part, of_part, of_finer, strict=True)
-    ]  # fmt: skip
-    priors = np.zeros(len(J) - sum(map(len, apart)))
-    u = RICHARDSON * np.abs(np.linalg.lstsq(J, np.concatenate([priors, *apart]), rcond=None)[0])[: len(x)]
+        (new - old) / row.block.σ
+        for part, of_model, of_finer in zip(at.rows, signals.model(at.x), finer, strict=True)
+        for row, old, new in zip(part, of_model, of_finer, strict=True)
+    ]
+    changes = np.linalg.lstsq(at.scaled, np.concatenate([0 * at.of_priors, *apart]), rcond=None)[0]
+    u = RICHARDSON * np.abs(changes[: len(at.x)])
     halves = WIDE * check.expected[: len(u)]
     large = np.flatnonzero(u > ENOUGH * halves)
     if not len(large):

@@ -9,10 +9,9 @@ import numpy as np
 
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
-from flexlink.identification.coordinates import Coordinate, prior_rows
-from flexlink.identification.data import Source
+from flexlink.identification.block import Block
 from flexlink.identification.identifiability import Check, checked
-from flexlink.identification.likelihood import large_changes, row_of, stacked
+from flexlink.identification.likelihood import Likelihood, likelihood
 from flexlink.identification.signals import STEP, Signals
 from flexlink.motion.slopes_of_runs import CENTRAL_4
 
@@ -51,42 +50,31 @@ class Information(NamedTuple):
         return checked(self.R, self.error, self.names)
 
 
-class Sensitivities:
-    """Jacobians of all blocks of sources at one point, with two step sizes of the finite differences."""
+def in_two_steps(signals: Signals, x: Array, blocks: Sequence[Sequence[Block]]) -> tuple[Likelihood, Likelihood]:
+    """Likelihood at a point, with finite differences of two step sizes.
 
-    def __init__(self, sources: Sequence[Source], coordinates: Sequence[Coordinate], x: Array) -> None:
-        signals = Signals(sources, coordinates)
-        signals.ahead([*signals.around(x, CENTRAL_4), *signals.around(x, CENTRAL_4, STEP / 2)])
-        self.sources, self.coordinates, self.x = sources, coordinates, x
-        self.model = signals.model(x)
-        self.both = signals.slopes(x, CENTRAL_4), signals.slopes(x, CENTRAL_4, STEP / 2)
+    Raises
+    ------
+    FlexlinkError
+        The simulation fails.
+    """
+    signals.ahead([*signals.around(x, CENTRAL_4), *signals.around(x, CENTRAL_4, STEP / 2)])
+    slopes, finer = signals.slopes(x, CENTRAL_4), signals.slopes(x, CENTRAL_4, STEP / 2)
+    return likelihood(signals, x, blocks, slopes), likelihood(signals, x, blocks, finer)
 
-    def of(
-        self, blocks: Sequence[Iterable[int]], linear: Sequence[str], with_priors: Sequence[Coordinate]
-    ) -> Information:
-        """Information of some blocks of every source, and of the priors of some coordinates.
 
-        Raises
-        ------
-        ArgumentError
-            A derivative is not finite.
-        """
-        kept = [[source.blocks[k] for k in of] for source, of in zip(self.sources, blocks, strict=True)]
-        residuals, known = prior_rows(self.coordinates, self.x)
-        having = [one for one in self.coordinates if one.prior is not None]
-        known = known[[k for k in range(len(residuals)) if having[k] in with_priors]]
-        scale = np.array([1.0] * len(self.x) + large_changes(kept))
-        J, finer = (
-            scale * stacked([
-                [row_of(source.blocks[k], self.model[n][k], slopes[n][k]) for k in of]
-                for n, (source, of) in enumerate(zip(self.sources, blocks, strict=True))
-            ], len(self.x), known)
-            for slopes in self.both
-        )  # fmt: skip
-        if not (np.isfinite(J).all() and np.isfinite(finer).all()):
-            raise ArgumentError("its derivatives are not finite", id="not-finite")
-        names = (*(one.name for one in self.coordinates), *linear)
-        return Information(_compressed(J), names, float(np.linalg.norm(J - finer, 2)))
+def information_of(at: Likelihood, finer: Likelihood) -> Information:
+    """Information of data and priors; `finer` has derivatives with another step size.
+
+    Raises
+    ------
+    ArgumentError
+        A derivative is not finite.
+    """
+    J, other = at.scaled, finer.scaled
+    if not (np.isfinite(J).all() and np.isfinite(other).all()):
+        raise ArgumentError("the derivatives of the predictions are not finite", id="not-finite")
+    return Information(_compressed(J), at.names, float(np.linalg.norm(J - other, 2)))
 
 
 def _compressed(J: Array) -> Array:

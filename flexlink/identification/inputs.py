@@ -24,7 +24,6 @@ from flexlink.describe.actions import PrescribedMotion
 from flexlink.describe.from_files import keys_of_motion, recorded_positions
 from flexlink.describe.link import Link
 from flexlink.describe.scene import Scene
-from flexlink.identification.coordinates import prior_rows
 from flexlink.identification.data import Source, recorded
 from flexlink.identification.estimate import Estimate
 from flexlink.identification.problem import FitProblem, FitRun
@@ -170,8 +169,5 @@ def _in_words(scene: Scene, motion: PrescribedMotion) -> str:
 
 def gauss_newton(search: Search, best: Found, sources: Sequence[Source]) -> Array:
     """Gauss-Newton step from the solution with these sources, shape (coordinates,)."""
-    rows = Search(Signals(sources, search.coordinates), search.loss).rows(best.x, best.blocks)
-    known, slopes = prior_rows(search.coordinates, best.x)
-    r = np.concatenate([known, *(row.residual for part in rows for row in part)])
-    J = np.vstack([slopes, *(row.slopes for part in rows for row in part)])
-    return np.asarray(-np.linalg.lstsq(J, r, rcond=None)[0])
+    at = Search(Signals(sources, search.coordinates), search.loss).at(best.x, best.blocks)
+    return np.asarray(-np.linalg.lstsq(at.slopes, at.residual, rcond=None)[0])

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,10 +19,8 @@ import scipy
 
 from flexlink.common.types import Array
 from flexlink.identification.block import Colour, colour_of
-from flexlink.identification.coordinates import Coordinate
-from flexlink.identification.data import Source
 from flexlink.identification.estimate import Estimate
-from flexlink.identification.likelihood import LINEAR, Row, linear_names, stacked
+from flexlink.identification.likelihood import Likelihood
 from flexlink.identification.losses import LOSSES
 from flexlink.identification.problem import Loss
 
@@ -127,22 +125,18 @@ def _inverse(bread: Array) -> Array:
     return np.asarray(np.linalg.pinv(bread / size[:, None] / size, rcond=1e-14, hermitian=True) / size[:, None] / size)
 
 
-def parts_of(sources: Sequence[Source], rows: Sequence[Sequence[Row]], loss: Loss = "linear") -> list[Part]:
-    """Residuals and Jacobian of every source, with respect to all parameters.
+def spread_at(at: Likelihood, loss: Loss = "linear") -> Spread:
+    """Covariance of all parameters at a solution, whose noise may be whitened by AR models.
 
     Residuals e are replaced by ψ(e) / mean(ψ'(e)), so that the covariance of least squares is that of the M-estimator.
     """
     psi = LOSSES[loss].psi
-    count = rows[0][0].slopes.shape[1]
-    whole = stacked(rows, count, np.zeros((0, count)))
-    parts, at = list[Part](), 0
-    for source, part in zip(sources, rows, strict=True):
-        slopes = []
-        for row in part:
-            slopes.append(whole[at : at + len(row.residual)])
-            at += len(row.residual)
-        parts.append(([psi(row.residual) for row in part], slopes, source.is_run))
-    return parts
+    parts = [
+        ([psi(row.residual) for row in part], slopes, source.is_run)
+        for source, part, slopes in zip(at.sources, at.rows, at.jacobians, strict=True)
+    ]
+    colours = [row.block.colour for row in at.every if row.block.colour is not None]
+    return spread_of(parts, at.priors, sum(len(one.a) - 1 for one in colours))
 
 
 def without_ends(one: Estimate) -> Estimate:
@@ -150,51 +144,26 @@ def without_ends(one: Estimate) -> Estimate:
     return dataclasses.replace(one, low=-math.inf, high=math.inf, deviation=math.inf)
 
 
-def estimates(coordinates: Sequence[Coordinate], x: Array, spread: Spread) -> list[Estimate]:
-    """Estimates of the scene's parameters."""
-    found = []
-    for k, one in enumerate(coordinates):
-        at, σ = float(x[k]), float(spread.deviations[k])
-        low, high = (one.value(at + far * spread.wide * σ) for far in (-1, 1))
-        edge = 1e-6 * max(1.0, abs(at))
-        bound = any(math.isfinite(end) and abs(at - end) < edge for end in one.bounds)
-        found.append(
-            Estimate(
-                one.name,
-                one.path,
-                one.start,
-                one.value(at),
-                low,
-                high,
-                one.size(one.value(at)) * σ,
-                bound,
-                unit=one.measured_in,
-                log=one.log,
-                between=one.between,
-                prior=one.prior,
-            )
-        )
-    return found
+def estimates(at: Likelihood, spread: Spread) -> list[Estimate]:
+    """Estimates of all parameters: those of the scenes, then gains, biases and drifts."""
+    return [*_of_coordinates(at, spread), *_of_instruments(at, spread)]
 
 
-def linear_estimates(
-    sources: Sequence[Source], rows: Sequence[Sequence[Row]], spread: Spread, count: int
-) -> list[Estimate]:
-    """Estimates of gains, biases and drifts; their columns follow the `count` parameters of the scene."""
-    found = []
-    values = [
-        (
-            getattr(row, what),
-            1.0 if what == "gain" else 0.0,
-            {"gain": "", "bias": block.unit}.get(what, f"{block.unit}/s"),
-        )
-        for source, part in zip(sources, rows, strict=True)
-        for block, row in zip(source.blocks, part, strict=True)
-        for what in LINEAR
-        if getattr(block, what)
-    ]
-    for k, (name, (value, start, unit)) in enumerate(zip(linear_names(sources), values, strict=True), count):
-        σ = float(spread.deviations[k])
-        ends = value - spread.wide * σ, value + spread.wide * σ
-        found.append(Estimate(name, "", start, value, *ends, σ, unit=unit))
-    return found
+def _of_coordinates(at: Likelihood, spread: Spread) -> Iterator[Estimate]:
+    for one, x, σ in zip(at.coordinates, at.x.tolist(), spread.deviations.tolist(), strict=False):
+        low, high = (one.value(x + far * spread.wide * σ) for far in (-1, 1))
+        edge = 1e-6 * max(1.0, abs(x))
+        bound = any(math.isfinite(end) and abs(x - end) < edge for end in one.bounds)
+        value = one.value(x)
+        yield Estimate(
+            one.name, one.path, one.start, value, low, high, one.size(value) * σ, bound,
+            unit=one.measured_in, log=one.log, between=one.between, prior=one.prior,
+        )  # fmt: skip
+
+
+def _of_instruments(at: Likelihood, spread: Spread) -> Iterator[Estimate]:
+    count, kinds = len(at.x), [(row.block, what) for row in at.every for what in row.block.linear]
+    found = zip(kinds, at.names[count:], at.linear.tolist(), spread.deviations[count:].tolist(), strict=True)
+    for (block, what), name, value, σ in found:
+        start, unit = {"gain": (1.0, ""), "bias": (0.0, block.unit), "drift": (0.0, f"{block.unit}/s")}[what]
+        yield Estimate(name, "", start, value, value - spread.wide * σ, value + spread.wide * σ, σ, unit=unit)

@@ -19,6 +19,7 @@ from flexlink.common.types import Array
 from flexlink.identification.block import Block
 from flexlink.identification.coordinates import Coordinate, prior_rows
 from flexlink.identification.data import Source
+from flexlink.identification.signals import Signals, Slopes
 
 
 class Row(NamedTuple):
@@ -26,6 +27,8 @@ class Row(NamedTuple):
 
     Attributes
     ----------
+    block
+        The measurements.
     residual
         Residual over the noise, shape (n,).
     gain, bias, drift
@@ -36,16 +39,18 @@ class Row(NamedTuple):
         ∂residual/∂(x, gain, bias, drift) with these as parameters, shape (n, coordinates + 0 to 3).
     """
 
+    block: Block
     residual: Array
     gain: float
     bias: float
+    drift: float
     slopes: Array
     whole: Array
-    drift: float = 0.0
 
-
-LINEAR = ("gain", "bias", "drift")
-"""Unknowns of an instrument that enter linearly, in the order of the Jacobian's columns."""
+    def read(self, y: Array) -> Array:
+        """What the instrument shows for a prediction y, with this gain, bias and drift."""
+        shown = self.gain * y + self.bias
+        return shown + self.drift * _centred(self.block) if self.drift else shown
 
 
 def row_of(block: Block, y: Array, slopes: Array | None = None) -> Row:
@@ -55,29 +60,22 @@ def row_of(block: Block, y: Array, slopes: Array | None = None) -> Row:
     def by(columns: Array) -> Array:
         return np.asarray(whiten(used * columns))
 
-    names = [what for what in LINEAR if getattr(block, what)]
-    unknown = [{"gain": y, "bias": np.ones(len(y)), "drift": centred(block)}[what] for what in names]
+    unknown = [{"gain": y, "bias": np.ones(len(y)), "drift": _centred(block)}[what] for what in block.linear]
     Φ = by(np.array(unknown).T.reshape(len(y), len(unknown)) / block.σ[:, None])
     target = by(((block.y - (0.0 if block.gain else y)) / block.σ)[:, None])[:, 0]
     best = _solved(Φ, target)
     residual = Φ @ best - target
-    found = dict(zip(names, best.tolist(), strict=True))
+    found = dict(zip(block.linear, best.tolist(), strict=True))
     gain, bias, drift = found.get("gain", 1.0), found.get("bias", 0.0), found.get("drift", 0.0)
     if slopes is None:
-        return Row(residual, gain, bias, np.empty((len(y), 0)), Φ, drift)
+        return Row(block, residual, gain, bias, drift, np.empty((len(y), 0)), Φ)
     fixed = by(gain * slopes / block.σ[:, None])
-    return Row(residual, gain, bias, fixed - Φ @ _solved(Φ, fixed), np.hstack([fixed, Φ]), drift)
+    return Row(block, residual, gain, bias, drift, fixed - Φ @ _solved(Φ, fixed), np.hstack([fixed, Φ]))
 
 
-def centred(block: Block) -> Array:
+def _centred(block: Block) -> Array:
     """Times of a block, relative to their mean, shape (n,) [s]; zeros for single measurements."""
     return np.zeros(len(block.y)) if block.t is None else np.asarray(block.t - block.t.mean())
-
-
-def read(block: Block, row: Row, y: Array) -> Array:
-    """What the instrument of a block shows for a prediction y, with the gain, bias and drift of a row."""
-    shown = row.gain * y + row.bias
-    return shown + row.drift * centred(block) if row.drift else shown
 
 
 def _solved(Φ: Array, target: Array) -> Array:
@@ -93,50 +91,109 @@ def white(block: Block) -> Block:
     return dataclasses.replace(block, σ=block.σ / block.colour.share, colour=None)
 
 
-def stacked(rows: Sequence[Sequence[Row]], count: int, known: Array) -> Array:
-    """Jacobian of the priors, then of all residuals, with respect to all parameters; gains and biases come last."""
-    flat = [row for part in rows for row in part]
-    linear = sum(row.whole.shape[1] - count for row in flat)
-    found, at = [np.hstack([known, np.zeros((len(known), linear))])], count
-    for row in flat:
-        J = np.zeros((len(row.residual), count + linear))
-        width = row.whole.shape[1] - count
-        J[:, :count], J[:, at : at + width] = row.whole[:, :count], row.whole[:, count:]
-        at += width
-        found.append(J)
-    return np.vstack(found)
+class Likelihood(NamedTuple):
+    """Residuals of priors and data at one point, and their Jacobians; those of the priors come first.
+
+    All parameters are the coordinates, then the unknown gains, biases and drifts of every block.
+
+    Attributes
+    ----------
+    coordinates, x
+        Parameters of the scenes, and the point, shape (coordinates,).
+    sources
+        The measurements.
+    rows
+        Residuals and Jacobians of the blocks of every source.
+    """
+
+    coordinates: Sequence[Coordinate]
+    x: Array
+    sources: Sequence[Source]
+    rows: Sequence[Sequence[Row]]
+
+    @property
+    def every(self) -> list[Row]:
+        """The rows of all sources."""
+        return [row for part in self.rows for row in part]
+
+    @property
+    def of_priors(self) -> Array:
+        """Residuals of the priors, shape (priors,)."""
+        return prior_rows(self.coordinates, self.x)[0]
+
+    @property
+    def residual(self) -> Array:
+        """All residuals, shape (priors + samples,)."""
+        return np.concatenate([self.of_priors, *(row.residual for row in self.every)])
+
+    @property
+    def slopes(self) -> Array:
+        """∂residual/∂x with optimal gains, biases and drifts, shape (priors + samples, coordinates)."""
+        return np.vstack([prior_rows(self.coordinates, self.x)[1], *(row.slopes for row in self.every)])
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of x for white noise of the assumed size, with optimal gains, biases and drifts."""
+        J = self.slopes
+        return np.asarray(np.linalg.pinv(J.T @ J))
+
+    @property
+    def priors(self) -> Array:
+        """∂residual/∂(all parameters) of the priors, shape (priors, parameters)."""
+        _, known = prior_rows(self.coordinates, self.x)
+        return np.hstack([known, np.zeros((len(known), len(self.linear)))])
+
+    @property
+    def jacobians(self) -> list[list[Array]]:
+        """∂residual/∂(all parameters) of the blocks of every source, shape (n, parameters) each."""
+        count = len(self.x)
+        found, at, width = list[list[Array]](), count, count + len(self.linear)
+        for part in self.rows:
+            found.append([])
+            for row in part:
+                J, end = np.zeros((len(row.residual), width)), at + len(row.block.linear)
+                J[:, :count], J[:, at:end] = row.whole[:, :count], row.whole[:, count:]
+                found[-1].append(J)
+                at = end
+        return found
+
+    @property
+    def scaled(self) -> Array:
+        """Jacobian of all residuals with respect to typical large changes of all parameters."""
+        large = [1.0] * len(self.x) + [_large(row.block, what) for row in self.every for what in row.block.linear]
+        return np.asarray(np.vstack([self.priors, *(J for part in self.jacobians for J in part)]) * np.array(large))
+
+    @property
+    def linear(self) -> Array:
+        """Optimal values of the unknown gains, biases and drifts."""
+        return np.array([getattr(row, what) for row in self.every for what in row.block.linear])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all parameters."""
+        return (*(one.name for one in self.coordinates), *(
+            f"{what} of {row.block.name} of {source.name!r}"
+            for source, part in zip(self.sources, self.rows, strict=True) for row in part for what in row.block.linear
+        ))  # fmt: skip
 
 
-def priors_of(coordinates: Sequence[Coordinate], x: Array, rows: Sequence[Sequence[Row]]) -> Array:
-    """Jacobian of the priors with respect to all parameters."""
-    _, known = prior_rows(coordinates, x)
-    linear = sum(row.whole.shape[1] - len(coordinates) for part in rows for row in part)
-    return np.hstack([known, np.zeros((len(known), linear))])
+def likelihood(
+    signals: Signals, x: Array, blocks: Sequence[Sequence[Block]], slopes: Slopes | None = None
+) -> Likelihood:
+    """Likelihood at a point, of blocks with a noise; `slopes` are the Jacobians of the predictions, None without them.
+
+    Raises
+    ------
+    FlexlinkError
+        The simulation fails.
+    """
+    y = signals.model(x)
+    J: Sequence[Sequence[Array | None]] = slopes or [[None] * len(part) for part in y]
+    rows = [[row_of(*one) for one in zip(*part, strict=True)] for part in zip(blocks, y, J, strict=True)]
+    return Likelihood(signals.coordinates, x, signals.sources, rows)
 
 
-def linear_names(sources: Sequence[Source]) -> list[str]:
-    """Names of unknown gains, biases and drifts, in the order of the Jacobian's columns."""
-    return [
-        f"{what} of {block.name} of {source.name!r}"
-        for source in sources
-        for block in source.blocks
-        for what in LINEAR
-        if getattr(block, what)
-    ]
-
-
-def range_of(block: Block) -> float:
-    """Range of the measured values; 1 if they are all equal."""
-    return float(np.ptp(block.y)) or 1.0
-
-
-def large_changes(blocks: Sequence[Sequence[Block]]) -> list[float]:
-    """Typical large changes of gains, biases and drifts."""
-    return [
-        (1.0 if what == "gain" else float(np.ptp(block.y)) or 1.0)
-        / (float(np.ptp(centred(block))) if what == "drift" else 1.0)
-        for part in blocks
-        for block in part
-        for what in LINEAR
-        if getattr(block, what)
-    ]
+def _large(block: Block, what: str) -> float:
+    """Typical large change of a gain, a bias or a drift."""
+    size = 1.0 if what == "gain" else float(np.ptp(block.y)) or 1.0
+    return size / float(np.ptp(_centred(block))) if what == "drift" else size

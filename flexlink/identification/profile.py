@@ -23,7 +23,7 @@ from flexlink.identification.solve import Found, Search
 
 def profiled(search: Search, best: Found, numbers: Sequence[Estimate], report: Callable[[str], None]) -> list[Estimate]:
     """Estimates of the scene's parameters with profile intervals; an end beyond the range of the profile is nan."""
-    least, white = search.cost(best.x, best.blocks), np.sqrt(np.diag(search.covariance(best.x, best.blocks)))
+    least, white = search.cost(best.x, best.blocks), np.sqrt(np.diag(search.at(best.x, best.blocks).covariance))
     found = []
     for k, one in enumerate(numbers):
         ends = list[float]()
@@ -63,7 +63,7 @@ class _Floor:
         self.least, self.unlikely = search.cost(best.x, best.blocks), 0.0
         if search.coloured:
             self.unlikely = search.unlikelihood(best.x, best.blocks)
-        self.C = search.covariance(best.x, best.blocks)
+        self.C = search.at(best.x, best.blocks).covariance
 
     def rise(self, x: Array) -> float:
         """Increase of twice the cost from its minimum or, if smaller, the likelihood ratio with the noise refitted."""

@@ -20,18 +20,19 @@ from flexlink.chain.arguments import require_type
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.identification.block import Block
-from flexlink.identification.candidates import Bench, Candidate
-from flexlink.identification.coordinates import Coordinate, coordinates_of, prior_rows, run_coordinates
+from flexlink.identification.candidates import Addition, Bench, Candidate
+from flexlink.identification.coordinates import Coordinate, coordinates_of, run_coordinates
 from flexlink.identification.data import Source, recorded
 from flexlink.identification.experiments import Experiments, built_in, load_experiments
 from flexlink.identification.fitted import Fitted
 from flexlink.identification.identifiability import Check, Direction
-from flexlink.identification.information import Information, Sensitivities
-from flexlink.identification.likelihood import linear_names
+from flexlink.identification.information import Information, in_two_steps, information_of
+from flexlink.identification.likelihood import Likelihood
 from flexlink.identification.noise import with_noise_of_data
 from flexlink.identification.problem import FitModes, FitParameter, FitProblem, FitRun
 from flexlink.identification.proposals import Change, Proposal, Proposals
 from flexlink.identification.remarks import notes
+from flexlink.identification.signals import Signals
 from flexlink.identification.sources import sagged, sources_of, tapped
 
 
@@ -135,8 +136,7 @@ def _present(
         if np.isfinite(C).all() and (σ > 0).all():
             s, V = np.linalg.eigh(C)
             return Information((V / np.sqrt(np.maximum(s, np.finfo(float).tiny))).T, names, fitted.check.error)
-    slopes = Sensitivities(sources, coordinates, x)
-    return slopes.of([range(len(source.blocks)) for source in sources], linear_names(sources), coordinates)
+    return information_of(*in_two_steps(Signals(sources, coordinates), x, [source.blocks for source in sources]))
 
 
 def _informed(
@@ -202,26 +202,28 @@ def _of_several(
         source, own = recorded(whole, merged), run_coordinates(whole, merged)
     else:
         source = tapped(problem, first, 0) if isinstance(first, FitModes) else sagged(problem, first, 0)
-    slopes = Sensitivities([source], [*common, *own], np.array([*at, *(one.x(one.start) for one in own)]))
-    number = {block.name: k for k, block in enumerate(source.blocks)}
-    found = []
-    for one in several:
-        run = one.addition
-        wanted = [number[name] for name in run.noise] if isinstance(run, FitRun) else range(len(source.blocks))
-        part = dataclasses.replace(
-            source, name=getattr(run, "name", ""), blocks=tuple(source.blocks[k] for k in wanted)
-        )
-        of_part = slopes.of([wanted], linear_names([part]), own)
-        names = [*(c.name for c in common), *(dataclasses.replace(c, run=part.name).name for c in own)]
-        found.append((one, of_part._replace(names=(*names, *of_part.names[len(names) :]))))
-    return found
+    x = np.array([*at, *(one.x(one.start) for one in own)])
+    both = in_two_steps(Signals([source], [*common, *own]), x, [source.blocks])
+    return [(one, information_of(*(_part(whole, one.addition) for whole in both))) for one in several]
+
+
+def _part(whole: Likelihood, addition: Addition) -> Likelihood:
+    """The part of one candidate, named as its run; priors of common parameters are part of the present data."""
+    name, rows = getattr(addition, "name", ""), whole.every
+    if isinstance(addition, FitRun):
+        by_name = {row.block.name: row for row in rows}
+        rows = [by_name[column] for column in addition.noise]
+    coordinates = [
+        dataclasses.replace(one, run=name) if one.run else dataclasses.replace(one, prior=None)
+        for one in whole.coordinates
+    ]
+    return Likelihood(coordinates, whole.x, [dataclasses.replace(whole.sources[0], name=name)], [rows])
 
 
 def _of_prior(parameter: FitParameter, common: Sequence[Coordinate], at: Sequence[float]) -> Information:
-    k = next(k for k, one in enumerate(common) if one.path == parameter.path)
-    known = dataclasses.replace(common[k], prior=parameter.prior)
-    _, row = prior_rows([*common[:k], known], np.array(at[: k + 1]))
-    return Information(row[-1:, k:], (known.name,), 0.0)
+    x, one = next((x, one) for x, one in zip(at, common, strict=True) if one.path == parameter.path)
+    alone = Likelihood([dataclasses.replace(one, prior=parameter.prior)], np.array([x]), [], [])
+    return Information(alone.priors, alone.names, 0.0)
 
 
 def _merged(runs: Sequence[FitRun]) -> FitRun:

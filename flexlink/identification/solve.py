@@ -12,8 +12,8 @@ import scipy
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.identification.block import Block, colour_of, outlying
-from flexlink.identification.coordinates import Coordinate, prior_rows
-from flexlink.identification.likelihood import Row, row_of, white
+from flexlink.identification.coordinates import Coordinate
+from flexlink.identification.likelihood import Likelihood, Row, likelihood, white
 from flexlink.identification.losses import LOSSES
 from flexlink.identification.problem import Loss
 from flexlink.identification.signals import Signals
@@ -63,19 +63,15 @@ class Search:
         self.watch = watch or watch_with(None, 1)
         self.coordinates: Sequence[Coordinate] = signals.coordinates
 
-    def rows(self, x: Array, blocks: Sequence[Sequence[Block]], *, slopes: bool = True) -> list[list[Row]]:
-        """Residuals and Jacobians of all blocks at a point.
+    def at(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Likelihood:
+        """Likelihood at a point, with Jacobians.
 
         Raises
         ------
         FlexlinkError
             The simulation fails.
         """
-        y = self.signals.model(x)
-        if not slopes:
-            return [[row_of(*one) for one in zip(*part, strict=True)] for part in zip(blocks, y, strict=True)]
-        J = self.signals.slopes(x)
-        return [[row_of(*one) for one in zip(*part, strict=True)] for part in zip(blocks, y, J, strict=True)]
+        return likelihood(self.signals, x, blocks, self.signals.slopes(x))
 
     def cost(self, x: Array, blocks: Sequence[Sequence[Block]]) -> float:
         """Half the sum of the losses of all residuals; half the sum of squares for least squares."""
@@ -86,27 +82,23 @@ class Search:
 
         The AR coefficients are penalized, so that a higher order alone does not make a point more likely.
         """
-        known, _ = prior_rows(self.coordinates, x)
-        plain, total = [[white(block) for block in part] for part in blocks], float(known @ known)
-        for part, of_part in zip(plain, self.rows(x, plain, slopes=False), strict=True):
-            for block, row in zip(part, of_part, strict=True):
-                if block.t is None:
-                    total += float(row.residual @ row.residual)
-                else:
-                    e = LOSSES[self.loss].psi(row.residual)
-                    colour = colour_of(e)
-                    w = colour.whitened(e[:, None])
-                    total += len(w) * float(np.log(np.mean(w**2))) + colour.price
+        at = likelihood(self.signals, x, [[white(block) for block in part] for part in blocks])
+        total = float(at.of_priors @ at.of_priors)
+        for row in at.every:
+            if row.block.t is None:
+                total += float(row.residual @ row.residual)
+            else:
+                e = LOSSES[self.loss].psi(row.residual)
+                colour = colour_of(e)
+                w = colour.whitened(e[:, None])
+                total += len(w) * float(np.log(np.mean(w**2))) + colour.price
         return total
 
     def weighed(self, x: Array, blocks: Sequence[Sequence[Block]], *, coloured: bool = False) -> list[list[Block]]:
         """The blocks, with the AR model and any unstated deviation of the noise estimated from residuals at a point."""
         plain = [[dataclasses.replace(white(block), left_out=None) for block in part] for part in blocks]
-        rows = self.rows(x, plain, slopes=False)
-        return [
-            [_with(block, row, self.loss, coloured=coloured) for block, row in zip(*part, strict=True)]
-            for part in zip(plain, rows, strict=True)
-        ]
+        rows = likelihood(self.signals, x, plain).rows
+        return [[_with(row, self.loss, coloured=coloured) for row in part] for part in rows]
 
     def least(
         self, x: Array, blocks: Sequence[Sequence[Block]], *, rough: bool = False, held: int | None = None
@@ -133,11 +125,6 @@ class Search:
             max_nfev=30 if rough else 100, **end,
         )  # fmt: skip
         return whole(np.asarray(found.x))
-
-    def covariance(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
-        """Covariance of the parameters for white noise of the assumed size, with optimal gains and biases."""
-        J = self._jacobian(x, blocks)
-        return np.asarray(np.linalg.pinv(J.T @ J))
 
     def from_start(self, x: Array) -> Found:
         """Search from an initial guess.
@@ -198,17 +185,15 @@ class Search:
 
     def _residual(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
         nowhere = 1e8  # residual at points where the simulation fails, from which the search turns back
-        known, _ = prior_rows(self.coordinates, x)
         try:
-            rows = self.rows(x, blocks, slopes=False)
+            return likelihood(self.signals, x, blocks).residual
         except FlexlinkError:
-            return np.full(sum(len(b.y) for part in blocks for b in part) + len(known), nowhere)
-        return np.concatenate([known, *(row.residual for part in rows for row in part)])
+            priors = sum(one.prior is not None for one in self.coordinates)
+            return np.full(sum(len(b.y) for part in blocks for b in part) + priors, nowhere)
 
     def _jacobian(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
         self.watch("")
-        _, known = prior_rows(self.coordinates, x)
-        return np.vstack([known, *(row.slopes for part in self.rows(x, blocks) for row in part)])
+        return self.at(x, blocks).slopes
 
 
 def start_points(coordinates: Sequence[Coordinate], count: int) -> list[Array]:
@@ -229,8 +214,8 @@ def _around(one: Coordinate) -> tuple[float, float]:
     return max(low, x - far), min(high, x + far)
 
 
-def _with(block: Block, row: Row, loss: Loss, *, coloured: bool) -> Block:
-    e = row.residual * block.σ
+def _with(row: Row, loss: Loss, *, coloured: bool) -> Block:
+    block, e = row.block, row.residual * row.block.σ
     if not e.any():
         return block
     size = float(np.sqrt(np.mean(e**2)))

@@ -21,7 +21,7 @@ from flexlink.identification.estimate import Estimate
 from flexlink.identification.grid import RICHARDSON, Grid, GridError, bends, grid_error, warnings_of_grid
 from flexlink.identification.inner_gyroscopes import errors_of_inner_gyroscopes
 from flexlink.identification.inputs import InputError, input_error, warnings_of_inputs
-from flexlink.identification.likelihood import Row
+from flexlink.identification.likelihood import Likelihood
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.solve import Found, Search
 
@@ -66,14 +66,13 @@ class Systematic(NamedTuple):
 
 
 def systematic_errors(
-    search: Search, best: Found, rows: Sequence[Sequence[Row]], problem: FitProblem, grid: Grid,
-    report: Callable[[str], None],
-) -> Systematic:  # fmt: skip
-    """Errors at a solution with these residuals and Jacobians."""
+    search: Search, best: Found, at: Likelihood, problem: FitProblem, grid: Grid, report: Callable[[str], None]
+) -> Systematic:
+    """Errors at a solution with this likelihood."""
     coarse, gyroscopes = GridError(np.empty(0)), list[Array]()
     if grid != "ignore" and bends(problem.scene):
         report("grid error: fitting a model with twice the hinges")
-        coarse = grid_error(search, best, rows, problem.tolerance)
+        coarse = grid_error(search, best, at, problem.tolerance)
         try:
             gyroscopes = errors_of_inner_gyroscopes(search, best) if coarse.doubt is None else []
         except FlexlinkError as error:

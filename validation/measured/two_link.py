@@ -20,8 +20,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
 from flexlink.identification.coordinates import coordinates_of
 from flexlink.identification.fitted import Fitted
-from flexlink.identification.interval import parts_of, spread_of
-from flexlink.identification.likelihood import priors_of
+from flexlink.identification.interval import spread_at
 from flexlink.identification.problem import FitParameter, FitProblem
 from flexlink.identification.signals import Signals
 from flexlink.identification.solve import Search
@@ -82,8 +81,8 @@ class Split(Spec, frozen=True):
         problem = self._problem(scene, there)
         coordinates, sources = coordinates_of(problem), sources_of(problem, "fit")
         x = np.array([one.x(one.start) for one in coordinates])
-        rows = Search(Signals(sources, coordinates), problem.loss).rows(x, [list(one.blocks) for one in sources])
-        spread = spread_of(parts_of(sources, rows), priors_of(coordinates, x, rows))
+        at = Search(Signals(sources, coordinates), problem.loss).at(x, [one.blocks for one in sources])
+        spread = spread_at(at)
         n = len(values)
         covariance = covariance_of(coordinates, x, spread.covariance, ())[:n, :n]
         return FittedInputs([one.path for one in sought], values, covariance)
