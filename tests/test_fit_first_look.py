@@ -19,7 +19,7 @@ from flexlink.describe.units import unit_of
 from flexlink.identification.block import Block, Colour
 from flexlink.identification.coordinates import Coordinate, hints_on_bounds
 from flexlink.identification.estimate import Estimate
-from flexlink.identification.profile import HALVINGS, _Floor
+from flexlink.identification.profile import HALVINGS, Rise
 from flexlink.identification.remarks import ranges_apart
 from flexlink.pages.page import sentence_case
 from tests.words import refused, reviewed, sentence
@@ -207,27 +207,27 @@ class TestUnits:
 class TestEndsOfIntervals:
     """Twice the cost is min(x², 2), plus (x − 8)² beyond x = 8; the 95 % interval ends where it is 3.84."""
 
-    def floor(self, start: float) -> tuple[_Floor, Estimate]:
+    def rise(self, start: float) -> tuple[Rise, Estimate]:
         def twice(x: np.ndarray) -> float:
             return float(min(x[0] ** 2, 2.0) + max(x[0] - 8.0, 0.0) ** 2)
 
         search = SimpleNamespace(
             coordinates=[Coordinate("x", "", start, False, 1.0, (-100.0, 100.0), None)], coloured=False,
             cost=lambda x, _: twice(x) / 2, least=lambda x, *_, **__: x,
-            at=lambda *_: SimpleNamespace(covariance=np.eye(1)),
         )  # fmt: skip
-        best = SimpleNamespace(x=np.zeros(1), blocks=[])
-        return _Floor(search, best), Estimate("x", "x", start, 0.0, -1.96, 1.96, 1.0)  # type: ignore[arg-type]
+        best, at = SimpleNamespace(x=np.zeros(1), blocks=[]), SimpleNamespace(covariance=np.eye(1))
+        return Rise(search, best, at), Estimate("x", "x", start, 0.0, -1.96, 1.96, 1.0)  # type: ignore[arg-type]
 
     def test_an_interval_extends_beyond_a_start_value_that_is_not_rejected(self) -> None:
         true = 8.0 + np.sqrt(1.96**2 - 2.0)
-        end = self.floor(start=5.0)[0].beyond_start(0, self.floor(start=5.0)[1])
+        rise, one = self.rise(start=5.0)
+        end = rise.beyond_start(0, one)
         assert end is not None
         assert true <= end <= true + (11.25 - 7.5) / 2**HALVINGS
 
     def test_a_rejected_start_value_does_not_extend_the_interval(self) -> None:
-        floor, one = self.floor(start=12.0)
-        assert floor.beyond_start(0, one) is None
+        rise, one = self.rise(start=12.0)
+        assert rise.beyond_start(0, one) is None
 
     def test_noise_coefficients_are_penalised_as_in_the_information_criterion(self) -> None:
         assert Colour(np.array([1.0, -0.5, 0.1, 0.2]), np.zeros(101)).price == pytest.approx(3 * math.log(101))

@@ -26,7 +26,7 @@ from flexlink.identification.inputs import warnings_of_inputs
 from flexlink.identification.interval import estimates, spread_at, without_ends
 from flexlink.identification.noise import with_noise_of_data
 from flexlink.identification.problem import FitProblem
-from flexlink.identification.profile import profiled, widened
+from flexlink.identification.profile import Rise, profiled, widened
 from flexlink.identification.reasons import with_reasons
 from flexlink.identification.remarks import hertz_in_rad_per_s, notes, ranges_apart, warnings
 from flexlink.identification.signals import Signals
@@ -177,7 +177,8 @@ def _fit(
         numbers = tuple(map(without_ends, numbers))
     else:
         of_scene, others = numbers[: len(coordinates)], numbers[len(coordinates) :]
-        numbers = (*widened(search, best, profiled(search, best, of_scene, report) if profile else of_scene), *others)
+        rise = Rise(search, best, at)
+        numbers = (*widened(rise, profiled(rise, of_scene, report) if profile else of_scene), *others)
         errors = systematic_errors(search, best, at, problem, grid, report)
         numbers = errors.added(numbers, coordinates, best.x, spread.wide)
     numbers = tuple(map(within_bounds, numbers))
