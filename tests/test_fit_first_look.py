@@ -19,6 +19,7 @@ from flexlink.describe.units import unit_of
 from flexlink.identification.block import Block, Colour
 from flexlink.identification.coordinates import Coordinate, hints_on_bounds
 from flexlink.identification.estimate import Estimate
+from flexlink.identification.likelihood import Likelihood, row_of
 from flexlink.identification.profile import HALVINGS, Rise
 from flexlink.identification.remarks import ranges_apart
 from flexlink.pages.page import sentence_case
@@ -152,8 +153,8 @@ class TestReasons:
     def test_a_column_that_changes_only_by_rounding_is_not_reported_for_its_unit(self, still: float) -> None:
         blocks = (Block("tip y [m]", np.sin(T), np.ones(len(T)), True, T),)
         model = [[0.3 + still * np.arange(len(T))], [1e-3 * np.sin(T)]]
-        source = SimpleNamespace(name="film", blocks=blocks)
-        (note,) = ranges_apart([source, source], model)
+        rows = [[row_of(blocks[0], y)] for (y,) in model]
+        (note,) = ranges_apart(Likelihood([], np.zeros(0), [SimpleNamespace(name="film")] * 2, rows))
         assert "0.000841 m" in note
         reviewed("likely-unit", note)
 

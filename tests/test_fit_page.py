@@ -18,6 +18,7 @@ from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.estimate import Estimate
 from flexlink.identification.fitted import Fitted, FittedColumn
 from flexlink.identification.identifiability import Check, Direction
+from flexlink.identification.likelihood import Likelihood, row_of
 from flexlink.pages.tables import Table
 from tests.words import reviewed
 
@@ -224,4 +225,6 @@ class TestRemarks:
     def test_measured_and_simulated_ranges_a_hundred_times_apart_have_a_warning(self) -> None:
         y = np.sin(np.arange(40.0))
         for factor, warned in ((50.0, False), (200.0, True), (1 / 200, True)):
-            assert len(remarks.ranges_apart([film(factor * y, 1.0)], [[y]])) == warned
+            measured = film(factor * y, 1.0)
+            at = Likelihood([], np.zeros(0), [measured], [[row_of(measured.blocks[0], y)]])
+            assert len(remarks.ranges_apart(at)) == warned

@@ -13,7 +13,7 @@ from flexlink.identification.block import Block, whiteness
 from flexlink.identification.coordinates import run_coordinates
 from flexlink.identification.data import Source
 from flexlink.identification.fitted import FittedColumn
-from flexlink.identification.likelihood import Row, likelihood, row_of, white
+from flexlink.identification.likelihood import Likelihood, Row, likelihood, row_of, white
 from flexlink.identification.linear_reference import linear_models
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.signals import Signals
@@ -29,10 +29,10 @@ def columns_of(
     report: Callable[[str], None],
 ) -> tuple[FittedColumn, ...]:
     """All columns: first the fitted ones, then the columns of the sources `kept` to check the fit."""
-    before, after = signals.model(start), signals.model(best.x)
-    found = _beside(signals.sources, best.blocks, before, after)
-    gains = _gains(likelihood(signals, best.x, best.blocks).every)
-    noises = {block.name: float(np.sqrt(np.mean(white(block).σ ** 2))) for part in best.blocks for block in part}
+    before = likelihood(signals, start, [[white(block) for block in part] for part in best.blocks])
+    after = likelihood(signals, best.x, best.blocks)
+    found, gains = _beside(before, after), _gains(after.every)
+    noises = {row.block.name: _noise(row.block) for row in after.every}
     values = {one.path: one.value(float(x)) for one, x in zip(signals.coordinates, best.x, strict=True) if not one.run}
     fitted = [(one, signals.scene(k, best.x)) for k, one in enumerate(signals.sources) if one.is_run]
     checks: list[tuple[Source, Scene]] = []
@@ -68,13 +68,12 @@ def _kept(
     this_run = next((run for run in problem.run if run.name == source.name), None)
     coordinates = run_coordinates(problem, this_run) if this_run is not None else []
     signals, x = Signals([source], coordinates), np.array([one.x(one.start) for one in coordinates])
-    before = signals.model(_best(signals, problem, x))
+    before = likelihood(signals, _best(signals, problem, x), [source.blocks])
     source.scene = source.scene.varied(values)
     signals = Signals([source], coordinates)
     x = _best(signals, problem, x)
-    after = signals.model(x)
-    after = [[gains.get(b.name, 1.0) * y for b, y in zip(source.blocks, after[0], strict=True)]]
-    columns = _beside([source], [source.blocks], before, after)
+    rows = [row_of(b, gains.get(b.name, 1.0) * y) for b, y in zip(source.blocks, signals.model(x)[0], strict=True)]
+    columns = _beside(before, before._replace(rows=[rows]))
     columns = [dataclasses.replace(one, gain=gains.get(one.name, one.gain)) for one in columns]
     return columns, signals.scene(0, x)
 
@@ -83,34 +82,25 @@ def _best(signals: Signals, problem: FitProblem, x: Array) -> Array:
     return Search(signals, problem.loss).from_start(x).x if len(x) else x
 
 
-def _beside(
-    sources: Sequence[Source], blocks: Sequence[Sequence[Block]], before: list[list[Array]], after: list[list[Array]]
-) -> list[FittedColumn]:
+def _beside(before: Likelihood, after: Likelihood) -> list[FittedColumn]:
     found = []
-    for source, part, old, new in zip(sources, blocks, before, after, strict=True):
-        for block, earlier, later in zip(part, old, new, strict=True):
-            was, now = row_of(white(block), earlier), row_of(block, later)
-            given, σ = now.read(later), float(np.sqrt(np.mean(white(block).σ ** 2)))
-            residual = given - block.y
+    for source, old, new in zip(after.sources, before.rows, after.rows, strict=True):
+        for was, now in zip(old, new, strict=True):
+            block, residual = now.block, now.shown - now.block.y
             found.append(
                 FittedColumn(
-                    source=source.name,
-                    name=block.name,
-                    use=source.use,
-                    t=block.t,
-                    measured=block.y,
-                    before=was.read(earlier),
-                    after=given,
-                    linear=None,
-                    gain=now.gain,
-                    bias=now.bias,
-                    noise=σ,
-                    stated=block.stated,
-                    times_noise=float(np.sqrt(np.mean((residual / white(block).σ) ** 2))),
+                    source=source.name, name=block.name, use=source.use, t=block.t, measured=block.y, before=was.shown,
+                    after=now.shown, linear=None, gain=now.gain, bias=now.bias, noise=_noise(block),
+                    stated=block.stated, times_noise=float(np.sqrt(np.mean((residual / white(block).σ) ** 2))),
                     whiteness=whiteness(residual) if block.t is not None else float("nan"),
                 )
-            )
+            )  # fmt: skip
     return found
+
+
+def _noise(block: Block) -> float:
+    """Root mean square of the standard deviation of a block's noise."""
+    return float(np.sqrt(np.mean(white(block).σ ** 2)))
 
 
 def _gains(rows: Sequence[Row]) -> dict[str, float]:

@@ -106,7 +106,7 @@ def _columns(problem: FitProblem) -> Iterator[Shown]:
         coordinates = [*common, *own]
         y = Signals([source], coordinates).model(np.array([one.x(one.start) for one in coordinates]))
         for block, one in zip(source.blocks, y[0], strict=True):
-            yield _shown(source, block, row_of(block, one).read(one))
+            yield _shown(source, block, row_of(block, one).shown)
 
 
 def _shown(source: Source, block: Block, predicted: Array) -> Shown:

@@ -23,9 +23,8 @@ from flexlink.common.wording import Diagnostic
 from flexlink.data.csv_table import head_of
 from flexlink.identification.block import FAR, Colour, colour_of, outlying
 from flexlink.identification.coordinates import Timing, timing_of
-from flexlink.identification.data import Source
 from flexlink.identification.likelihood import Likelihood, likelihood, white
-from flexlink.identification.signals import Model, Signals
+from flexlink.identification.signals import Signals
 from flexlink.identification.solve import Found, Search
 
 LEVEL = 0.001
@@ -101,7 +100,7 @@ def faults(search: Search, found: Found) -> list[Fault]:
         return []
     e = np.concatenate([np.where(outlying(row.residual), 0.0, row.residual) for row, _ in runs])
     J = np.vstack([slopes for _, slopes in runs])
-    tried = _best_sizes([*_candidates(whole, search.signals.model(found.x))], e, J)
+    tried = _best_sizes([*_candidates(whole)], e, J)
     S = np.column_stack([one.effect for one in tried])
     e, J, S = _whitened(e, J, S, [len(row.residual) for row, _ in runs])
     chosen = _selected(e, J, S, most)
@@ -159,12 +158,12 @@ def with_timing(search: Search, found: Found, run: str) -> tuple[Fault, Search, 
     return best
 
 
-def mixups(sources: Sequence[Source], model: Model) -> list[Diagnostic]:
+def mixups(at: Likelihood) -> list[Diagnostic]:
     """Notes on columns that resemble the negative of their prediction, or the prediction of another column."""
     alike, closer = 0.7, 0.5  # smallest correlation that counts as alike; residual of a swap over that without it
     found = []
-    for source, y in zip(sources, model, strict=True):
-        columns = [(block, values) for block, values in zip(source.blocks, y, strict=True) if block.t is not None]
+    for source, part in zip(at.sources, at.rows, strict=True):
+        columns = [(row.block, row.y) for row in part if row.block.t is not None]
         for block, values in columns:
             r = _correlation(block.y, values)
             if r < -alike:
@@ -193,7 +192,7 @@ def outliers(search: Search, found: Found) -> list[Diagnostic]:
     """Warnings about columns with samples far off the model, compared with the spread of most samples."""
     warnings, at = [], likelihood(search.signals, found.x, found.blocks)
     for source, part in zip(at.sources, at.rows, strict=True):
-        for block, residual, *_ in part:
+        for block, _, residual, *_ in part:
             count = int(np.count_nonzero(outlying(residual))) if block.t is not None else 0
             if count:
                 text = f"{source.name}: {count} of {len(block.y)} samples of {block.name} are outliers, more than "
@@ -202,16 +201,16 @@ def outliers(search: Search, found: Found) -> list[Diagnostic]:
     return warnings
 
 
-def _candidates(at: Likelihood, model: Model) -> Iterator[Fault]:
+def _candidates(at: Likelihood) -> Iterator[Fault]:
     """All faults that the problem does not estimate already, of every run; those of times with several sizes."""
     known = {(one.timing, one.run, head_of(one.column)[0]) for one in at.coordinates if one.timing}
     count, begun = sum(len(row.residual) for row in at.every if row.block.t is not None), 0
-    for source, part, several in zip(at.sources, at.rows, model, strict=True):
+    for source, part in zip(at.sources, at.rows, strict=True):
         if not source.is_run:
             continue
         begin, late, rate = source.scene.initial.time, np.zeros((len(LATE), count)), np.zeros((len(FAST), count))
-        for row, values in zip(part, several, strict=True):
-            block = row.block
+        for row in part:
+            block, values = row.block, row.y
             t, here = np.asarray(block.t), slice(begun, begun + len(block.y))
             begun += len(block.y)
             late[:, here] = _secants(t, values, [(d, t - d) for d in LATE]) * row.gain / block.σ

@@ -247,13 +247,12 @@ def _check(
     With the `tolerance` of simulations, the grid error is estimated as well.
     """
     at, finer = in_two_steps(signals, x, blocks)
-    sources, model = signals.sources, signals.model(x)
-    doubts = [*data_notes, *ranges_apart(sources, model), *hertz_in_rad_per_s(sources, model), *mixups(sources, model)]
+    doubts = [*data_notes, *ranges_apart(at), *hertz_in_rad_per_s(at), *mixups(at)]
     check = information_of(at, finer).check
     check = check._replace(directions=with_reasons(signals, x, check.directions), notes=tuple(doubts))
-    if check.lost or tolerance is None or not bends(sources[0].scene):
+    if check.lost or tolerance is None or not bends(at.sources[0].scene):
         return check
-    errors, more = grid_ahead(signals, at, check, tolerance)
+    errors, more = grid_ahead(at, check, tolerance)
     return check._replace(grid=errors, notes=(*check.notes, *more))
 
 

@@ -119,22 +119,17 @@ def warnings_of_grid(scene: Scene, numbers: Sequence[Estimate], grid: GridError)
     return [_warning(scene, shifts, factor)]
 
 
-def grid_ahead(
-    signals: Signals, at: Likelihood, check: Check, tolerance: float
-) -> tuple[Array, tuple[Diagnostic, ...]]:
+def grid_ahead(at: Likelihood, check: Check, tolerance: float) -> tuple[Array, tuple[Diagnostic, ...]]:
     """Expected grid error of every parameter at a point, and notes: one Gauss-Newton step on the refined model.
 
     x' − x = −J⁺ (y' − y) / σ, with the predictions y of the model and y' of the refined model.
     """
     try:
-        finer = Signals(refined_sources(signals.sources, tolerance), signals.coordinates).model(at.x)
+        finer = Signals(refined_sources(at.sources, tolerance), at.coordinates).model(at.x)
     except FlexlinkError as error:
         return np.empty(0), (_unknown(error),)
-    apart = [
-        (new - old) / row.block.σ
-        for part, of_model, of_finer in zip(at.rows, signals.model(at.x), finer, strict=True)
-        for row, old, new in zip(part, of_model, of_finer, strict=True)
-    ]
+    predicted = [y for part in finer for y in part]
+    apart = [(new - row.y) / row.block.σ for row, new in zip(at.every, predicted, strict=True)]
     changes = np.linalg.lstsq(at.scaled, np.concatenate([0 * at.of_priors, *apart]), rcond=None)[0]
     u = RICHARDSON * np.abs(changes[: len(at.x)])
     halves = WIDE * check.expected[: len(u)]
@@ -142,7 +137,7 @@ def grid_ahead(
     if not len(large):
         return u, ()
     shifts = [f"{check.names[k]} by {100 * u[k]:.2g} %" for k in large.tolist()]
-    return u, (_warning(signals.sources[0].scene, shifts, factor_needed(u, halves)),)
+    return u, (_warning(at.sources[0].scene, shifts, factor_needed(u, halves)),)
 
 
 def _warning(scene: Scene, shifts: Sequence[str], factor: float) -> Diagnostic:

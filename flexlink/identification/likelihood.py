@@ -29,6 +29,8 @@ class Row(NamedTuple):
     ----------
     block
         The measurements.
+    y
+        Prediction, shape (n,).
     residual
         Residual over the noise, shape (n,).
     gain, bias, drift
@@ -40,6 +42,7 @@ class Row(NamedTuple):
     """
 
     block: Block
+    y: Array
     residual: Array
     gain: float
     bias: float
@@ -47,9 +50,10 @@ class Row(NamedTuple):
     slopes: Array
     whole: Array
 
-    def read(self, y: Array) -> Array:
-        """What the instrument shows for a prediction y, with this gain, bias and drift."""
-        shown = self.gain * y + self.bias
+    @property
+    def shown(self) -> Array:
+        """What the instrument shows for the prediction, with the optimal gain, bias and drift, shape (n,)."""
+        shown = self.gain * self.y + self.bias
         return shown + self.drift * _centred(self.block) if self.drift else shown
 
 
@@ -68,9 +72,9 @@ def row_of(block: Block, y: Array, slopes: Array | None = None) -> Row:
     found = dict(zip(block.linear, best.tolist(), strict=True))
     gain, bias, drift = found.get("gain", 1.0), found.get("bias", 0.0), found.get("drift", 0.0)
     if slopes is None:
-        return Row(block, residual, gain, bias, drift, np.empty((len(y), 0)), Φ)
+        return Row(block, y, residual, gain, bias, drift, np.empty((len(y), 0)), Φ)
     fixed = by(gain * slopes / block.σ[:, None])
-    return Row(block, residual, gain, bias, drift, fixed - Φ @ _solved(Φ, fixed), np.hstack([fixed, Φ]))
+    return Row(block, y, residual, gain, bias, drift, fixed - Φ @ _solved(Φ, fixed), np.hstack([fixed, Φ]))
 
 
 def _centred(block: Block) -> Array:

@@ -13,8 +13,8 @@ from flexlink.identification.data import Source
 from flexlink.identification.estimate import Estimate
 from flexlink.identification.fitted import FittedColumn
 from flexlink.identification.identifiability import Check
+from flexlink.identification.likelihood import Likelihood
 from flexlink.identification.noise import noise_in
-from flexlink.identification.signals import Model
 from flexlink.identification.solve import Found
 
 
@@ -57,13 +57,13 @@ def _doubts(source: Source) -> list[Diagnostic]:
     return [Diagnostic(f"{source.name}: {doubt}", doubt.id) for doubt in source.doubts]
 
 
-def ranges_apart(sources: Sequence[Source], model: Model) -> list[Diagnostic]:
+def ranges_apart(at: Likelihood) -> list[Diagnostic]:
     """Warnings about columns whose range differs from the prediction by a large factor, so the unit may be wrong."""
     rounded = 1e-9  # a predicted range is rounding error if, relative to the values, it is smaller than this
     apart = 100.0  # factor between measured and predicted range above which the unit may be wrong
     found = []
-    for source, several in zip(sources, model, strict=True):
-        for block, y in zip(source.blocks, several, strict=True):
+    for source, part in zip(at.sources, at.rows, strict=True):
+        for block, y, *_ in part:
             measured, ours = float(np.ptp(block.y)), float(np.ptp(y))
             moves = ours > rounded * max(measured, float(np.abs(y).max()))
             if block.t is not None and not block.gain and moves and not 1 / apart < measured / ours < apart:
@@ -118,11 +118,11 @@ def _agreeing(found: Sequence[Found]) -> int:
     return sum(bool(np.allclose(end.x, found[0].x, rtol=0, atol=1e-4)) for end in found)
 
 
-def hertz_in_rad_per_s(sources: Sequence[Source], model: Model) -> list[Diagnostic]:
+def hertz_in_rad_per_s(at: Likelihood) -> list[Diagnostic]:
     """Warnings about measured frequencies that are 2π times the predictions at the initial guess."""
     found = []
-    for source, several in zip(sources, model, strict=True):
-        for block, y in zip(source.blocks, several, strict=True):
+    for source, part in zip(at.sources, at.rows, strict=True):
+        for block, y, *_ in part:
             if block.t is None and block.unit == "Hz" and np.allclose(block.y, 2 * np.pi * y, rtol=0.05, atol=0):
                 given, true = (", ".join(f"{f:.4g}" for f in row) for row in (block.y, block.y / (2 * np.pi)))
                 text = f"{source.name}: hertz = [{given}]: 2π times the predictions at the initial guess; likely "
