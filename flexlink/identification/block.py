@@ -101,6 +101,16 @@ def colour_of(e: Array) -> Colour:
     return Colour(best, np.asarray(scipy.signal.lfilter(best, [1.0], e)))
 
 
+def unlikelihood(e: Array, times: float = 1.0) -> float:
+    """−2 ln likelihood of residuals, up to a constant: n ln(mean w²) + p ln n, w whitened by an AR model of order p.
+
+    `times` is a factor of mean w².
+    """
+    colour = colour_of(e)
+    w = colour.whitened(e[:, None])
+    return len(w) * math.log(max(float(np.mean(w**2)) * times, 1e-300)) + colour.price
+
+
 def _price(order: int, samples: int) -> float:
     return order * math.log(samples)
 

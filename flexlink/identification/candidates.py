@@ -24,6 +24,7 @@ from flexlink.data.csv_table import head_of
 from flexlink.describe.sensor import Sensor, column_names
 from flexlink.describe.vary import parts_of
 from flexlink.identification.applied import changes_of, heads_of, rounded, sensors_on
+from flexlink.identification.block import unit_in
 from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.data import Source, at_times, exact
 from flexlink.identification.experiments import (
@@ -236,7 +237,7 @@ class Bench:
         if not names:
             self.skip(f"{what} in {run.name!r}", "it does not change by more than its noise")
             return []
-        unit = names[0].rpartition("[")[2].rstrip("]")
+        unit = unit_in(names[0])
         head = "" if sensor is not None else heads_of(run).get(names[0], "")
         where = "a run of the scene"
         if run in self.problem.run:
@@ -271,10 +272,8 @@ class Bench:
         self._refuse_sought(changes)
         t = self._times(source, experiment.longer)
         columns = self._recorded(run, changes, t)
-        where, size = (
-            f", joint {link}" if link else "",
-            {block.name: float(np.median(block.σ)) for block in source.blocks},
-        )
+        where = f", joint {link}" if link else ""
+        size = {block.name: float(np.median(block.σ)) for block in source.blocks}
         noise = {name: rounded(σ) for name, σ in size.items() if np.ptp(columns[name]) > σ}
         if not noise:
             raise ArgumentError("no column changes by more than its noise", id="no-effect")

@@ -11,6 +11,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from flexlink.common.output import make_folder, write_text
+from flexlink.common.types import Array
 from flexlink.common.wording import plural, truncated
 from flexlink.describe.scene import Scene
 from flexlink.describe.writing import toml_of, without_defaults
@@ -137,3 +138,12 @@ def reproduction(scene: Scene, name: str, command: str) -> Part:
     sentences = (f"Made by: {command}",) if command else ()
     again = f"To repeat it with the files next to this page: flexlink fit {PROBLEM}"
     return Part((*sentences, again), literal=scene.to_toml(), files={name: scene.to_toml()})
+
+
+def padded(columns: dict[str, Array]) -> str:
+    """CSV of columns of different lengths; missing values are nan."""
+    longest = max(len(column) for column in columns.values())
+    return columns_csv({
+        name: np.pad(column.astype(float), (0, longest - len(column)), constant_values=np.nan)
+        for name, column in columns.items()
+    })  # fmt: skip

@@ -10,7 +10,7 @@ import numpy as np
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.identification.block import Block, whiteness
-from flexlink.identification.coordinates import run_coordinates
+from flexlink.identification.coordinates import guess_of, run_coordinates
 from flexlink.identification.data import Source
 from flexlink.identification.fitted import FittedColumn
 from flexlink.identification.likelihood import Likelihood, Row, likelihood, row_of, white
@@ -67,7 +67,7 @@ def _kept(
     """Columns and scene of a source that was not fitted, after estimating only the parameters specific to this run."""
     this_run = next((run for run in problem.run if run.name == source.name), None)
     coordinates = run_coordinates(problem, this_run) if this_run is not None else []
-    signals, x = Signals([source], coordinates), np.array([one.x(one.start) for one in coordinates])
+    signals, x = Signals([source], coordinates), guess_of(coordinates)
     before = likelihood(signals, _best(signals, problem, x), [source.blocks])
     source.scene = source.scene.varied(values)
     signals = Signals([source], coordinates)

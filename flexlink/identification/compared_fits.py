@@ -21,7 +21,7 @@ from flexlink.common.errors import ArgumentError, IdentifiabilityError
 from flexlink.common.notebook import html_table
 from flexlink.common.types import Array
 from flexlink.common.wording import Diagnostic
-from flexlink.identification.block import colour_of
+from flexlink.identification.block import unlikelihood
 from flexlink.identification.fit import fit
 from flexlink.identification.fitted import Fitted, FittedColumn
 from flexlink.identification.folds import Folds, folds
@@ -257,8 +257,6 @@ def _bic(fitted: Fitted) -> float:
         if one.t is None:
             total += len(one.measured) * one.times_noise**2
         else:
-            colour = colour_of(one.after - one.measured)
-            w = colour.whitened((one.after - one.measured)[:, None])
             least = (one.residual(one.after) / max(one.off(one.after), 1e-300)) ** 2  # 1, but for exact data
-            total += len(w) * math.log(max(float(np.mean(w**2)) * least, 1e-300)) + colour.price
+            total += unlikelihood(one.after - one.measured, least)
     return total + len(fitted.numbers) * math.log(count)

@@ -114,6 +114,11 @@ def coordinates_of(problem: FitProblem) -> tuple[Coordinate, ...]:
     return tuple(found)
 
 
+def guess_of(coordinates: Sequence[Coordinate]) -> Array:
+    """Initial guess, shape (coordinates,)."""
+    return np.array([one.x(one.start) for one in coordinates])
+
+
 def sought_in(problem: FitProblem) -> set[str]:
     """Paths of all parameters of a problem."""
     return {one.path for one in (*problem.parameter, *(one for run in problem.run for one in run.parameter))}

@@ -21,7 +21,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
 from flexlink.identification.block import Block
 from flexlink.identification.coordinates import Coordinate, shifted, sought_in, timings
-from flexlink.identification.frequency_response import Response
+from flexlink.identification.frequency_response import Response, table_of
 from flexlink.identification.problem import FitProblem, FitRun, Use, files_of
 from flexlink.identification.timing import as_long, doubts_of_times, in_periods, slowest_mode
 from flexlink.motion.slopes_of_runs import smooth
@@ -191,11 +191,8 @@ def _check_reach(run: FitRun, scene: Scene, blocks: Sequence[Block]) -> None:
 def _measured(run: FitRun, known: Mapping[str, object]) -> Measured:
     if run.file:
         return read_together([Path(file) for file in files_of(run)], known, run.compare)
-    lengths = {head: len(column) for head, column in run.columns.items()}
-    if len(set(lengths.values())) != 1:
-        raise DataFileError(f"run {run.name!r}: columns of different lengths: {lengths}", id="one-per-row")
-    values = np.array(list(run.columns.values())).T
-    return measured_from(f"run {run.name!r}", list(run.columns), values, known, run.compare)
+    where = f"run {run.name!r}"
+    return measured_from(where, list(run.columns), table_of(where, run.columns), known, run.compare)
 
 
 def _of_fastest(blocks: Sequence[Block], t: Array) -> Array:

@@ -16,9 +16,10 @@ from flexlink.common.wording import plural
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.vibration.at_rest import modes_at_rest
 from flexlink.identification.block import Block
-from flexlink.identification.coordinates import coordinates_of, run_coordinates
+from flexlink.identification.checked_page import padded
+from flexlink.identification.coordinates import coordinates_of, guess_of, run_coordinates
 from flexlink.identification.data import Source
-from flexlink.identification.likelihood import row_of
+from flexlink.identification.likelihood import Row, likelihood
 from flexlink.identification.noise import GAP, UNEVEN, noise_in, outliers_in
 from flexlink.identification.operating_point import at_rest
 from flexlink.identification.problem import FitProblem
@@ -30,7 +31,7 @@ from flexlink.pages.colours import BLUE, GREY, INK, ORANGE, PALE, VERMILION
 from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import RC, legend_over, stacked_axes
-from flexlink.pages.tables import Table, columns_csv
+from flexlink.pages.tables import Table
 
 Chapters = dict[str, tuple[str, str, Part]]
 """Parts of a page by name, with their titles and short titles."""
@@ -80,10 +81,12 @@ def chapters_of_data(problem: FitProblem) -> Chapters:
     FlexlinkError
         As in `check_fit`.
     """
-    shown, single = [*_columns(problem)], [*_single(problem)]
+    predicted = [*_predicted(problem)]
+    shown = [_shown(source, row) for source, rows in predicted if source.is_run for row in rows]
+    single = [(source, rows) for source, rows in predicted if not source.is_run]
     responses = [
-        Compared(source.name, source.use, source.response, {"before": y[0] + 1j * y[1]})
-        for source, y in single if source.response is not None
+        Compared(source.name, source.use, source.response, {"before": rows[0].y + 1j * rows[1].y})
+        for source, rows in single if source.response is not None
     ]  # fmt: skip
     with mpl.rc_context(RC):
         found = {"data": ("Measured and predicted at the initial guess", "Data", _data(shown, single))}
@@ -95,21 +98,17 @@ def chapters_of_data(problem: FitProblem) -> Chapters:
     return found
 
 
-def _columns(problem: FitProblem) -> Iterator[Shown]:
-    """The columns of all runs, first of the fitted ones."""
-    sources = [*sources_of(problem, "fit"), *sources_of(problem, "check")]
+def _predicted(problem: FitProblem) -> Iterator[tuple[Source, list[Row]]]:
+    """All sources with their predictions at the initial guess, first the fitted ones."""
     common = [one for one in coordinates_of(problem) if not one.run]
-    for source in sources:
-        if not source.is_run:
-            continue
+    for source in (*sources_of(problem, "fit"), *sources_of(problem, "check")):
         own = [one for run in problem.run if run.name == source.name for one in run_coordinates(problem, run)]
         coordinates = [*common, *own]
-        y = Signals([source], coordinates).model(np.array([one.x(one.start) for one in coordinates]))
-        for block, one in zip(source.blocks, y[0], strict=True):
-            yield _shown(source, block, row_of(block, one).shown)
+        yield source, likelihood(Signals([source], coordinates), guess_of(coordinates), [source.blocks]).every
 
 
-def _shown(source: Source, block: Block, predicted: Array) -> Shown:
+def _shown(source: Source, row: Row) -> Shown:
+    block, predicted = row.block, row.shown
     t = np.asarray(block.t)
     between = np.diff(t)
     usual = float(np.median(between))
@@ -119,7 +118,7 @@ def _shown(source: Source, block: Block, predicted: Array) -> Shown:
     return Shown(source, block, predicted, gaps, t[1:][other], outliers_in(t, block.y, predicted))
 
 
-def _data(shown: Sequence[Shown], single: Sequence[tuple[Source, list[Array]]]) -> Part:
+def _data(shown: Sequence[Shown], single: Sequence[tuple[Source, list[Row]]]) -> Part:
     heads = ("run", "column", "use", "samples", "rate [Hz]", "gaps", "uneven intervals", "outliers", "noise",
              "noise from", "RMS residual at the initial guess")  # fmt: skip
     lines = tuple(
@@ -162,21 +161,12 @@ def _noise(block: Block) -> tuple[float | None, str]:
     return (float(np.mean(block.σ)), "1 % of range") if found is None else (found, "data")
 
 
-def _single(problem: FitProblem) -> Iterator[tuple[Source, list[Array]]]:
-    """Single measurements and frequency responses, with their predictions."""
-    sources = [one for use in ("fit", "check") for one in sources_of(problem, use) if not one.is_run]
-    common = [one for one in coordinates_of(problem) if not one.run]
-    if sources:
-        model = Signals(sources, common).model(np.array([one.x(one.start) for one in common]))
-        yield from zip(sources, model, strict=True)
-
-
-def _rows(single: Sequence[tuple[Source, list[Array]]]) -> tuple[tuple[str | float, ...], ...]:
+def _rows(single: Sequence[tuple[Source, list[Row]]]) -> tuple[tuple[str | float, ...], ...]:
     """Rows of the table of single measurements."""
     return tuple(
         (f"{source.name}, {block.name}", float(m), float(σ), float(y), float((y - m) / σ))
-        for source, of_source in single if source.response is None
-        for block, values in zip(source.blocks, of_source, strict=True)
+        for source, rows in single if source.response is None
+        for block, values, *_ in rows
         for m, σ, y in zip(block.y, block.σ, values, strict=True)
     )  # fmt: skip
 
@@ -319,12 +309,3 @@ def _modes(scene: Scene) -> list[tuple[float, float]]:
         return []
     elastic = np.flatnonzero(np.array(found.kinds) == "elastic")[:most]
     return [(float(found.hertz[k]), float(found.damping_ratios[k])) for k in elastic]
-
-
-def padded(columns: dict[str, Array]) -> str:
-    """CSV of columns of different lengths; missing values are nan."""
-    longest = max(len(column) for column in columns.values())
-    return columns_csv({
-        name: np.pad(column.astype(float), (0, longest - len(column)), constant_values=np.nan)
-        for name, column in columns.items()
-    })  # fmt: skip

@@ -62,6 +62,10 @@ class Estimate:
     u_input: float = 0.0
     statistical: float = math.inf
 
+    def shifted(self, error: float) -> str:
+        """An error in words, relative to the value if it is not zero."""
+        return f"{self.name} by " + (f"{100 * error / abs(self.value):.2g} %" if self.value else f"{error:.2g}")
+
     @property
     def half(self) -> float:
         """Half the width of the 95 % interval."""

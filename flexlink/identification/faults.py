@@ -22,7 +22,7 @@ from flexlink.common.types import Array
 from flexlink.common.wording import Diagnostic
 from flexlink.data.csv_table import head_of
 from flexlink.identification.block import FAR, Colour, colour_of, outlying
-from flexlink.identification.coordinates import Timing, timing_of
+from flexlink.identification.coordinates import Timing, guess_of, timing_of
 from flexlink.identification.likelihood import Likelihood, likelihood, white
 from flexlink.identification.signals import Signals
 from flexlink.identification.solve import Found, Search
@@ -141,7 +141,7 @@ def with_timing(search: Search, found: Found, run: str) -> tuple[Fault, Search, 
     better = 0.7  # largest cost with one more unknown, relative to the cost without it
     plain = [[white(block) for block in part] for part in found.blocks]
     best, least = None, better * search.cost(found.x, plain)
-    guess = np.array([one.x(one.start) for one in search.coordinates])
+    guess = guess_of(search.coordinates)
     kinds: tuple[Timing, ...] = ("start", "clock")
     for kind in kinds:
         unknown = timing_of(kind, run)

@@ -15,7 +15,7 @@ from flexlink.common.wording import Diagnostic
 from flexlink.describe.refined import refined, segments_in_words
 from flexlink.identification.block import Block
 from flexlink.identification.columns import columns_of
-from flexlink.identification.coordinates import Coordinate, coordinates_of
+from flexlink.identification.coordinates import Coordinate, coordinates_of, guess_of
 from flexlink.identification.estimate import Estimate
 from flexlink.identification.faults import mixups, warnings_of_faults
 from flexlink.identification.fitted import Fitted
@@ -74,7 +74,7 @@ def check_fit(problem: FitProblem) -> Check:
     problem = require_type("problem", problem, FitProblem)
     coordinates, sources = coordinates_of(problem), sources_of(problem, "fit")
     data_notes = notes([*sources, *sources_of(problem, "check")])
-    x = np.array([one.x(one.start) for one in coordinates])
+    x = guess_of(coordinates)
     blocks = [with_noise_of_data(source.blocks) for source in sources]
     return _check(Signals(sources, coordinates), x, blocks, data_notes, problem.tolerance)
 
@@ -159,7 +159,7 @@ def _fit(
     signals = Signals(sources, coordinates)
     watch = watch_with(bar, starts + 2 * len(coordinates) * profile)
     search = Search(signals, problem.loss, coloured=problem.noise == "coloured", watch=watch)
-    start = np.array([one.x(one.start) for one in coordinates])
+    start = guess_of(coordinates)
     check = _check(
         signals, start, [with_noise_of_data(source.blocks) for source in sources], notes([*sources, *checks])
     )
@@ -183,7 +183,7 @@ def _fit(
         numbers = errors.added(numbers, coordinates, best.x, spread.wide)
     numbers = tuple(map(within_bounds, numbers))
     columns = columns_of(problem, signals, best, start, checks, report)
-    changes = {one.path: one.value for one in numbers if one.path and not _of_run(one, coordinates)}
+    changes = {by.path: one.value for one, by in zip(numbers, coordinates, strict=False) if not by.run}
     at_start = tuple(note for note in check.notes if note.id.startswith("likely-"))
     found_warnings = at_start + warnings(numbers, coordinates, after, found, columns, [*sources, *checks])
     found_warnings += errors.warnings(problem.scene, numbers)
@@ -208,7 +208,7 @@ def quick_estimates(problem: FitProblem, worth: float) -> tuple[Estimate, ...]:
         As in `check_fit`.
     """
     coordinates, sources = coordinates_of(problem), sources_of(problem, "fit")
-    search, x = Search(Signals(sources, coordinates), problem.loss), np.array([one.x(one.start) for one in coordinates])
+    search, x = Search(Signals(sources, coordinates), problem.loss), guess_of(coordinates)
     blocks = [list(source.blocks) for source in sources]
     at = search.at(x, blocks)
     explained = at.slopes @ np.linalg.lstsq(at.slopes, at.residual, rcond=None)[0]
@@ -254,7 +254,3 @@ def _check(
         return check
     errors, more = grid_ahead(at, check, tolerance)
     return check._replace(grid=errors, notes=(*check.notes, *more))
-
-
-def _of_run(one: Estimate, coordinates: Sequence[Coordinate]) -> bool:
-    return any(other.run and other.name == one.name for other in coordinates)

@@ -152,11 +152,9 @@ class Fitted:
     @property
     def better(self) -> bool:
         """Whether the residuals of the `verdict_columns` are no larger than before the fit."""
-        before = sum(
-            (one.residual(one.before) / (one.noise or 1.0)) ** 2 * len(one.measured) for one in self.verdict_columns
-        )
-        after = sum(
-            (one.residual(one.after) / (one.noise or 1.0)) ** 2 * len(one.measured) for one in self.verdict_columns
+        before, after = (
+            sum((c.residual(getattr(c, when)) / (c.noise or 1.0)) ** 2 * len(c.measured) for c in self.verdict_columns)
+            for when in ("before", "after")
         )
         return after <= before * (1 + 1e-9)
 

@@ -97,7 +97,7 @@ def measured_response(scene: Scene, part: FitFrf, where: str) -> Response:
     if part.file:
         _, heads, values = read_csv(Path(part.file))
     else:
-        heads, values = tuple(part.columns), _table(where, part.columns)
+        heads, values = tuple(part.columns), table_of(where, part.columns)
     known = [*column_names(scene.sensor, scene.arm)]
     known += [name for kind in ("tip ", "tip rate ", "") for name in _model(scene, kind).outputs]
     input, of_input = named(f"{where}: input", part.input, dict.fromkeys(_model(scene, "").inputs))
@@ -118,7 +118,14 @@ def measured_response(scene: Scene, part: FitFrf, where: str) -> Response:
     return Response(columns["f"], H, _deviation(where, part, γ2) * size, γ2, input, output)
 
 
-def _table(where: str, columns: Mapping[str, tuple[float, ...]]) -> Array:
+def table_of(where: str, columns: Mapping[str, tuple[float, ...]]) -> Array:
+    """Values of columns, shape (rows, columns).
+
+    Raises
+    ------
+    DataFileError
+        The columns have different lengths.
+    """
     lengths = {head: len(column) for head, column in columns.items()}
     if len(set(lengths.values())) != 1:
         raise DataFileError(f"{where}: columns of different lengths: {lengths}", id="one-per-row")

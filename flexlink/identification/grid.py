@@ -112,11 +112,7 @@ def warnings_of_grid(scene: Scene, numbers: Sequence[Estimate], grid: GridError)
     if not large:
         return []
     factor = factor_needed(*np.array([(one.u_num, one.statistical) for one in numbers]).T)
-    shifts = [
-        f"{one.name} by {100 * one.u_num / abs(one.value):.2g} %" if one.value else f"{one.name} by {one.u_num:.2g}"
-        for one in large
-    ]
-    return [_warning(scene, shifts, factor)]
+    return [_warning(scene, [one.shifted(one.u_num) for one in large], factor)]
 
 
 def grid_ahead(at: Likelihood, check: Check, tolerance: float) -> tuple[Array, tuple[Diagnostic, ...]]:

@@ -83,10 +83,7 @@ def warnings_of_inputs(numbers: Sequence[Estimate], found: InputError | None) ->
     """Warnings about recorded motions whose error exceeds half of an interval, or is unknown."""
     if found is None:
         return []
-    shifts = [
-        f"{one.name} by {100 * one.u_input / abs(one.value or 1.0):.2g} %"
-        for one in numbers if one.u_input > one.statistical
-    ]  # fmt: skip
+    shifts = [one.shifted(one.u_input) for one in numbers if one.u_input > one.statistical]
     if not shifts:
         return list(found.doubts)
     text = f"input error: noise or filter of {' and '.join(found.motions)} shift {' and '.join(shifts)}"
@@ -108,9 +105,7 @@ def _too_high(scene: Scene, motion: PrescribedMotion) -> list[Diagnostic]:
 
 def _filtered(run: FitRun) -> list[PrescribedMotion]:
     """Recorded motions of a run that are filtered."""
-    given = run.set.get("motion", ())
-    motions = [PrescribedMotion(**one) if isinstance(one, Mapping) else one for one in given]
-    return [one for one in motions if one.file is not None and one.cutoff is not None]
+    return [one for one in _motions(run) if one.file is not None and one.cutoff is not None]
 
 
 def _sources(
@@ -129,7 +124,8 @@ def _sources(
 
 
 def _motions(run: FitRun) -> list[PrescribedMotion]:
-    return [PrescribedMotion(**one) if isinstance(one, Mapping) else one for one in run.set["motion"]]
+    given = run.set.get("motion", ())
+    return [PrescribedMotion(**one) if isinstance(one, Mapping) else one for one in given]
 
 
 def _version(scene: Scene, motion: PrescribedMotion, by: float, rng: np.random.Generator | None) -> PrescribedMotion:

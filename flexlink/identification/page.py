@@ -15,6 +15,7 @@ from flexlink.identification.checked_page import (
     differences_of_runs,
     identifiability,
     measure_next,
+    padded,
     priors_in_words,
     problem_part,
     reproduction,
@@ -31,7 +32,7 @@ from flexlink.pages.page import write_page
 from flexlink.pages.part import Part, written
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import RC, legend_over, stacked_axes
-from flexlink.pages.tables import Cell, Table, columns_csv
+from flexlink.pages.tables import Cell, Table
 from flexlink.pages.verdict import Fact, Report, Verdict
 
 
@@ -245,7 +246,7 @@ def _panels(
         panel.set_title(f"{one.source} ({one.use})", loc="left")
     axes[-1].set_xlabel("time [s]")
     legend_over(axes[0], figure=figure)
-    return Picture(name, title, figure, caption, _padded(columns))
+    return Picture(name, title, figure, caption, padded(columns))
 
 
 def _residuals(fitted: Fitted) -> Part:
@@ -272,7 +273,7 @@ def _residuals(fitted: Fitted) -> Part:
         columns |= {f"{one.source}: f of {one.name} [Hz]": f, f"{one.source}: {one.name}": root}
     axes[-1].set_xlabel("frequency [Hz]")
     caption = "Square root of the power spectral density of the residuals."
-    picture = Picture("spectrum", "Spectrum of the residuals", figure, caption, _padded(columns))
+    picture = Picture("spectrum", "Spectrum of the residuals", figure, caption, padded(columns))
     return Part((sentence,), pictures=(picture,), tables=(Table("left", "RMS residuals and whiteness", heads, lines),))
 
 
@@ -280,13 +281,6 @@ def _spectrum(t: np.ndarray, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     rate, window = (len(t) - 1) / (t[-1] - t[0]), np.hanning(len(e))
     power = np.abs(np.fft.rfft(window * (e - e.mean()))) ** 2 * 2 / (rate * (window @ window))
     return np.fft.rfftfreq(len(e), 1 / rate)[1:], np.sqrt(power[1:])
-
-
-def _padded(columns: dict[str, np.ndarray]) -> str:
-    longest = max(len(column) for column in columns.values())
-    return columns_csv({
-        name: np.pad(column, (0, longest - len(column)), constant_values=np.nan) for name, column in columns.items()
-    })  # fmt: skip
 
 
 def _none(value: float) -> float | None:

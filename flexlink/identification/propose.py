@@ -21,7 +21,7 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.identification.block import Block
 from flexlink.identification.candidates import Addition, Bench, Candidate
-from flexlink.identification.coordinates import Coordinate, coordinates_of, run_coordinates
+from flexlink.identification.coordinates import Coordinate, coordinates_of, guess_of, run_coordinates
 from flexlink.identification.data import Source, recorded
 from flexlink.identification.experiments import Experiments, built_in, load_experiments
 from flexlink.identification.fitted import Fitted
@@ -73,7 +73,7 @@ def propose(problem: FitProblem | Fitted, experiments: str | Path | Experiments 
     fitted = problem if isinstance(problem, Fitted) else None
     of = problem.problem if isinstance(problem, Fitted) else require_type("problem", problem, FitProblem)
     coordinates, sources = coordinates_of(of), sources_of(of, "fit")
-    x = np.array([one.x(one.start) for one in coordinates])
+    x = guess_of(coordinates)
     if fitted is not None:
         x, sources = _at_solution(fitted, coordinates, sources)
     else:
@@ -202,7 +202,7 @@ def _of_several(
         source, own = recorded(whole, merged), run_coordinates(whole, merged)
     else:
         source = tapped(problem, first, 0) if isinstance(first, FitModes) else sagged(problem, first, 0)
-    x = np.array([*at, *(one.x(one.start) for one in own)])
+    x = np.array([*at, *guess_of(own)])
     both = in_two_steps(Signals([source], [*common, *own]), x, [source.blocks])
     return [(one, information_of(*(_part(whole, one.addition) for whole in both))) for one in several]
 

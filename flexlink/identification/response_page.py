@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.common.types import Array, Complex
+from flexlink.identification.block import unit_in
 from flexlink.identification.fitted import Fitted
 from flexlink.identification.frequency_response import Response, measured_response
 from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
@@ -54,7 +55,7 @@ def _picture(one: Compared) -> Picture:
         axes[0].loglog(f, np.where(size > 0, size, np.nan), label=label, **looks[label])
         axes[1].semilogx(f, _with_breaks(phase) if label != "measured" else phase, **looks[label])
         columns |= {f"{label} {one.measured.name}": size, f"{label} phase [deg]": phase}
-    axes[0].set_ylabel(one.measured.name.rpartition(" [")[2].rstrip("]"))
+    axes[0].set_ylabel(unit_in(one.measured.name))
     axes[0].set_title(f"{one.name} ({one.use}): {one.measured.name.rpartition(' [')[0]}", loc="left")
     axes[1].set_ylabel("phase [deg]")
     axes[1].set_yticks([-180, -90, 0, 90, 180])

@@ -11,8 +11,8 @@ import scipy
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
-from flexlink.identification.block import Block, colour_of, outlying
-from flexlink.identification.coordinates import Coordinate
+from flexlink.identification.block import Block, colour_of, outlying, unlikelihood
+from flexlink.identification.coordinates import Coordinate, guess_of
 from flexlink.identification.likelihood import Likelihood, Row, likelihood, white
 from flexlink.identification.losses import LOSSES
 from flexlink.identification.problem import Loss
@@ -88,10 +88,7 @@ class Search:
             if row.block.t is None:
                 total += float(row.residual @ row.residual)
             else:
-                e = LOSSES[self.loss].psi(row.residual)
-                colour = colour_of(e)
-                w = colour.whitened(e[:, None])
-                total += len(w) * float(np.log(np.mean(w**2))) + colour.price
+                total += unlikelihood(LOSSES[self.loss].psi(row.residual))
         return total
 
     def weighed(self, x: Array, blocks: Sequence[Sequence[Block]], *, coloured: bool = False) -> list[list[Block]]:
@@ -198,7 +195,7 @@ class Search:
 
 def start_points(coordinates: Sequence[Coordinate], count: int) -> list[Array]:
     """The problem's initial guess, then points spread evenly within the bounds, at most a factor of 2 away."""
-    guess = np.array([one.x(one.start) for one in coordinates])
+    guess = guess_of(coordinates)
     low, high = np.array([_around(one) for one in coordinates]).T
     if count < 2:
         return [guess]
