@@ -208,13 +208,18 @@ class TestUnits:
 class TestEndsOfIntervals:
     """Twice the cost is min(x², 2), plus (x − 8)² beyond x = 8; the 95 % interval ends where it is 3.84."""
 
-    def rise(self, start: float) -> tuple[Rise, Estimate]:
+    def rise(self, start: float, high: float = 100.0, fails_from: float = math.inf) -> tuple[Rise, Estimate]:
         def twice(x: np.ndarray) -> float:
             return float(min(x[0] ** 2, 2.0) + max(x[0] - 8.0, 0.0) ** 2)
 
+        def least(x: np.ndarray, *_: object, **__: object) -> np.ndarray:
+            if x[0] > fails_from:
+                raise fl.errors.SceneError("no equilibrium", id="wrong-value")
+            return x
+
         search = SimpleNamespace(
-            coordinates=[Coordinate("x", "", start, False, 1.0, (-100.0, 100.0), None)], coloured=False,
-            cost=lambda x, _: twice(x) / 2, least=lambda x, *_, **__: x,
+            coordinates=[Coordinate("x", "", start, False, 1.0, (-100.0, high), None)], coloured=False,
+            cost=lambda x, _: twice(x) / 2, least=least,
         )  # fmt: skip
         best, at = SimpleNamespace(x=np.zeros(1), blocks=[]), SimpleNamespace(covariance=np.eye(1))
         return Rise(search, best, at), Estimate("x", "x", start, 0.0, -1.96, 1.96, 1.0)  # type: ignore[arg-type]
@@ -229,6 +234,17 @@ class TestEndsOfIntervals:
     def test_a_rejected_start_value_does_not_extend_the_interval(self) -> None:
         rise, one = self.rise(start=12.0)
         assert rise.beyond_start(0, one) is None
+
+    @pytest.mark.parametrize("start", [5.0, 6.0])
+    def test_an_interval_whose_bound_is_not_rejected_ends_at_the_bound(self, start: float) -> None:
+        rise, one = self.rise(start, high=6.0)
+        assert rise.beyond_start(0, one) == 6.0
+
+    def test_values_at_which_the_simulation_fails_are_rejected(self) -> None:
+        rise, one = self.rise(start=5.0, fails_from=7.0)
+        end = rise.beyond_start(0, one)
+        assert end is not None
+        assert 7.0 <= end <= 7.0 + (7.5 - 5.0) / 2**HALVINGS
 
     def test_noise_coefficients_are_penalised_as_in_the_information_criterion(self) -> None:
         assert Colour(np.array([1.0, -0.5, 0.1, 0.2]), np.zeros(101)).price == pytest.approx(3 * math.log(101))

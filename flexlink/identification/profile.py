@@ -8,7 +8,6 @@ defines the ends of the interval; for a quadratic cost, they equal the ends of t
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import math
 from collections.abc import Callable, Sequence
 
@@ -85,9 +84,8 @@ class Rise:
         def rejected(times: float) -> bool:
             return not self.rise(self.beside(k, half * times)) < wanted
 
-        if rejected(1.0):
-            return end
-        return self.search.coordinates[k].value(float(self.beside(k, half * _rejected(rejected, OUTWARDS))[k]))
+        times = first_rejected(rejected, OUTWARDS)
+        return end if times is None else self.search.coordinates[k].value(float(self.beside(k, half * times)[k]))
 
     def beyond_start(self, k: int, one: Estimate) -> float | None:
         """First value beyond the initial guess that the data reject; None if they reject the initial guess."""
@@ -97,12 +95,16 @@ class Rise:
 
         def rejected(at: float) -> bool:
             """Whether the cost is too large with one parameter fixed and all others refitted."""
-            return not self.rise(self.refitted(k, at, self.best.x, rough=True)) < wanted
+            try:
+                return not self.rise(self.refitted(k, at, self.best.x, rough=True)) < wanted
+            except FlexlinkError:  # the simulation fails at the first point of the refit
+                return True
 
-        if self.wanted(k, one.start) > furthest**2 * wanted or rejected(start):
+        if self.wanted(k, one.start) > furthest**2 * wanted:
             return None
         values = np.clip(x + np.array(OUTWARDS) * (start - x), *coordinate.bounds).tolist()
-        return coordinate.value(_rejected(lambda at: at in coordinate.bounds or rejected(at), values, HALVINGS))
+        end = first_rejected(rejected, list(dict.fromkeys(values)), HALVINGS)
+        return None if end is None else coordinate.value(end)
 
     def profile(self, k: int, end: float) -> float:
         """End of a profile interval beside an end of the linear estimate's; nan if it is out of range."""
@@ -122,16 +124,15 @@ class Rise:
         return coordinate.value(x + half * distance)
 
 
-def _rejected(rejected: Callable[[float], bool], values: Sequence[float], halvings: int = 0) -> float:
+def first_rejected(rejected: Callable[[float], bool], values: Sequence[float], halvings: int = 0) -> float | None:
     """First rejected value of a sequence moving outwards, refined by bisection; the last value if none is rejected.
 
-    The first value is assumed not to be rejected.
+    None if the first value is rejected, so that nothing needs to move.
     """
-    for inside, value in itertools.pairwise(values):  # noqa: B007  used after the loop
-        if rejected(value):
-            break
-    else:
-        inside = value
+    at = next((k for k, value in enumerate(values) if rejected(value)), None)
+    if not at:
+        return None if at == 0 else values[-1]
+    inside, value = values[at - 1], values[at]
     for _ in range(halvings):
         middle = (inside + value) / 2
         inside, value = (inside, middle) if rejected(middle) else (middle, value)
