@@ -41,7 +41,9 @@ class Drive(Spec, frozen=True):
     computed_torque: T_EX = M (r̈ + kd (ṙ − q̇) + kp (r − q)) + T_GC, with kp [1/s²] and kd [1/s]. The mass matrix
     M and the gravity and Coriolis torques T_GC are computed for the rigid arm, at q and q̇ of the driven joints.
     `effort` limits the torque of each drive [N m], including torques computed by a controller written in Python.
-    With `rate` [Hz] the controller is sampled at times t = k / rate, and its output stays constant between them.
+    With `rate` [Hz] the controller is sampled at times t = k / rate, and its output stays constant between them. With
+    `delay` [s] each output acts that much later; until the first one does, the torque is that of the first instant, as
+    if the arm had been in its first state before.
 
     Examples
     --------
@@ -82,6 +84,9 @@ class Drive(Spec, frozen=True):
     rate: Annotated[Positive | None, measured_in("Hz")] = None
     """Sampling rate of the controller [Hz]; its torques stay constant between samples. Default: the controller is
     evaluated at every stage of a step."""
+    delay: Annotated[NonNegative, measured_in("s")] = 0.0
+    """For a sampled controller: time from a sampling instant until its torques act (computation and transmission) [s];
+    any time, also parts of a sampling period or several periods."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -107,6 +112,11 @@ class Drive(Spec, frozen=True):
         if self.rate is not None and self.kind == "none":
             raise SceneError(
                 f"rate = {self.rate!r}: has no effect with drive kind 'none'; leave rate out", id="no-effect"
+            )
+        if self.delay and self.rate is None:
+            raise SceneError(
+                f"delay = {self.delay!r}: needs rate, the sampling rate of the controller [Hz], such as rate = 1000",
+                id="needs-another-key",
             )
 
 

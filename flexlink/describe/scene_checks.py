@@ -288,6 +288,8 @@ def check_rate(initial: InitialState, drive: Drive, run: RunSettings) -> None:
         fitting = max(1, round(run.spacing * rate)) / rate
         hint = "" if run.sample is not None else f"; give run.sample, such as {fitting:.6g}"
         raise SceneError(f"drive.rate = {rate!r}: {error}{hint}") from None
+    if drive.delay and not run.controlled:
+        whole("drive.delay", drive.delay, run.label("step", "run."), run.fixed_step)
 
 
 def check_grid(initial: InitialState, drive: Drive, wrench: Wrench, run: RunSettings) -> None:

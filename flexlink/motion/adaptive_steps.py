@@ -128,7 +128,7 @@ class AdaptiveSteps(MethodSteps):
             others = [name for name in ("Radau5", "DOP853") if self.rates.get(name, 0.0) < np.inf]
             if others:
                 self.go_on_with(others[0])
-                how, self.judged, self.tried_for = int(OUTCOME.goes_on), None, None
+                how, self.rated_since, self.tried_for = int(OUTCOME.goes_on), None, None
         if how == OUTCOME.stuck:
             # shortest step tried; a fixed step is divided into at most 64 parts
             h = self.work.stepper[STEPPER.step] if self.run.controlled else self.run.fixed_step / 64

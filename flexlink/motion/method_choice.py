@@ -10,6 +10,7 @@ from flexlink.dynamics.springs import damping_slope
 from flexlink.dynamics.vibration.extremes import fastest_of
 from flexlink.motion.evaluation_cost import cost_of_a_step, operation_costs
 from flexlink.motion.inputs.drives import gains_at_zero
+from flexlink.motion.inputs.tstops import acts_between_instants
 from flexlink.results.record import Record
 
 STIFF = 600.0
@@ -57,7 +58,8 @@ def guessed_costs(record: Record, tolerance: float) -> dict[str, float]:
     tries["DOP853"] = fastest * run.duration / 6.0 + 8.0 * strict**0.125
     if record.chain.hinges["coulomb"].any():
         tries["Radau9"] = max(tries["Radau9"], tries["Radau5"])
-    fewest = record.inputs.drive.rate * run.duration  # steps end at the instants of a sampled law
+    drive = record.inputs.drive  # steps end at the instants of a sampled law, and where its torques begin to act
+    fewest = drive.rate * run.duration * (2.0 if acts_between_instants(drive) else 1.0)
     return {name: price_of_a_step(record, name) * max(fewest, tries[name]) for name in tries}
 
 

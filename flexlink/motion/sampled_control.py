@@ -57,10 +57,15 @@ class Control:
         Time between two instants [s].
     drive
         Drive with the law's held torques at all instants so far, and 0 at later ones.
+
+    `before` are torques on their way when an earlier run ended, as from `Drive.delayed`.
     """
 
-    def __init__(self, law: Law, rate: float | None, problem: InitialValueProblem) -> None:
+    def __init__(
+        self, law: Law, rate: float | None, delay: float, problem: InitialValueProblem, before: Array | None = None
+    ) -> None:
         run, start, chain, self.law, self.chain = problem.run, problem.start, problem.chain, law, problem.chain
+        self._problem, self._sensing = problem, Readings(problem.scene) if takes_sensors(law) else None
         self.base = problem.base
         self.effort, self.joints = effort_of(problem.scene, chain), len(chain.active)
         self.limited = bool(np.isfinite(self.effort).any())
@@ -74,8 +79,24 @@ class Control:
             self.apart = whole(f"rate = {rate!r}: 1 / rate", between, "run.step", run.fixed_step, ArgumentError)
             last = (run.samples - 1) * run.steps_per_sample
             self.times = np.asarray((self.origin + np.arange(0, last + 1, self.apart)) * run.fixed_step)
-        self.drive = drive_for(chain, held_torques(chain, self.times, np.zeros((len(self.times), self.joints))))
-        self._problem, self._sensing = problem, Readings(problem.scene) if takes_sensors(law) else None
+        late, before = self._late(delay), np.empty((0, 1 + self.joints)) if before is None else before
+        self._earlier = len(before)
+        acting = np.concatenate([before[:, 0], self.times + late])
+        torques = np.concatenate([before[:, 1:], np.zeros((len(self.times), self.joints))])
+        self.drive = drive_for(chain, held_torques(chain, acting, torques)._replace(delay=late))
+
+    def _late(self, delay: float) -> float:
+        """Delay [s] after which torques act; a multiple of a fixed step."""
+        if not delay:
+            return 0.0
+        if not self.sampled:
+            raise ArgumentError(f"delay = {delay!r}: needs rate, the sampling rate of the law [Hz]", id="no-effect")
+        run, delay = self._problem.run, positive("delay", delay)
+        return (
+            delay
+            if run.controlled
+            else run.fixed_step * whole("delay", delay, run.label("step", "run."), run.fixed_step, ArgumentError)
+        )
 
     def torque(self, t: float, q: Array, qd: Array, sensors: dict[str, dict[str, float]] | None = None) -> Array:
         """Torques of the law, limited to the drive's `effort`, shape (d,); `sensors`: readings for the law.
@@ -106,7 +127,7 @@ class Control:
 
     def note(self, k: int, q: Array, qd: Array) -> None:
         """Evaluate the law at instant `k`, and hold its torques from then on; sensors still see the previous ones."""
-        t, held = float(self.times[k]), self.drive.feedforward.coefficients
+        t, held, k = float(self.times[k]), self.drive.feedforward.coefficients, k + self._earlier
         sensors = None
         if self._sensing is not None:
             held[k, 0] = held[k - 1, 0] if k else 0.0
@@ -187,7 +208,13 @@ def held_torques_advice(between: float) -> str:
     )
 
 
-def control_of(problem: InitialValueProblem, law: Law | None, rate: float | None) -> Control | None:
+def control_of(
+    problem: InitialValueProblem,
+    law: Law | None,
+    rate: float | None,
+    delay: float = 0.0,
+    before: Array | None = None,
+) -> Control | None:
     """The checked control law of a run, or None.
 
     Raises
@@ -198,10 +225,12 @@ def control_of(problem: InitialValueProblem, law: Law | None, rate: float | None
     """
     require_callable("control", law)
     if law is None:
-        if rate is not None:
-            raise ArgumentError(
-                f"rate = {rate!r}: has no effect without control; specify control, or omit rate", id="no-effect"
-            )
+        for name, given in (("rate", rate), ("delay", delay or None)):
+            if given is not None:
+                raise ArgumentError(
+                    f"{name} = {given!r}: has no effect without control; specify control, or omit {name}",
+                    id="no-effect",
+                )
         return None
     run, scene = problem.run, problem.scene
     if scene.drive.kind != "none":
@@ -232,7 +261,7 @@ def control_of(problem: InitialValueProblem, law: Law | None, rate: float | None
             raise ArgumentError(
                 "control: a law with the parameter sensors needs a rate; specify rate [Hz]", id="controller-needs-rate"
             )
-    controlled = Control(law, rate, problem)
+    controlled = Control(law, rate, delay, problem, before)
     if rate is not None and 1 / rate > run.duration > 0:
         ends = f", and the run ends after {run.duration:g} s, before the second sample"
         for hint in hint_if_outside("rate", rate, "rate", rate, detail=ends):

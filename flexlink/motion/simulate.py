@@ -10,8 +10,10 @@ from msgspec.structs import replace
 from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import require_callable, require_type
+from flexlink.common.errors import ArgumentError
 from flexlink.common.interruption import deferred
 from flexlink.common.memo import Kept, Memo
+from flexlink.common.types import Array
 from flexlink.data.documents import is_user_file
 from flexlink.describe.run_settings import Accuracy, ForwardSolver, Unstable
 from flexlink.describe.scene import Scene
@@ -23,6 +25,7 @@ from flexlink.motion.inputs.drives import remembered
 from flexlink.motion.inputs.problem import problem_of, started
 from flexlink.motion.sampled_control import Law
 from flexlink.motion.single_run import SingleRun
+from flexlink.results.samples import State
 from flexlink.results.trajectory import Trajectory
 
 
@@ -45,6 +48,8 @@ def simulate(
     t0: float | None = None,
     control: Law | None = None,
     rate: float | None = None,
+    delay: float = 0.0,
+    after: Trajectory | None = None,
 ) -> Trajectory:
     """Integrate the equation of motion M q̈ + T_GC + T_FL + T_FR = T_EX from the scene's initial state.
 
@@ -73,6 +78,12 @@ def simulate(
     rate
         Sampling rate of the law [Hz]; torques are held between samples, as by a digital controller. None: the law is
         evaluated at every stage of every step, which requires fixed steps of an explicit method.
+    delay
+        Time from a sampling instant of the law until its torques act [s], also parts of 1 / rate or several; with fixed
+        steps a multiple of the step. Until the first torques act, they are those of the first instant.
+    after
+        A run whose last sample this run starts from, in place of `q0`, `qd0` and `t0`. Torques of a delayed law that
+        were on their way then act in this run.
 
     Returns
     -------
@@ -109,7 +120,7 @@ def simulate(
     >>> exact = fl.simulate(scene, tolerance=1e-5)  # m; automatic method, adaptive steps
     >>> print(abs(run.tip - exact.tip).max() < 1e-4)  # m
     True
-    >>> later = fl.simulate(scene, q0=run.q[-1], qd0=run.qd[-1], t0=1.0, duration=0.1)  # continues
+    >>> later = fl.simulate(scene, after=run, duration=0.1)  # continues
     >>> def damp(t, q, qd):  # replaces the scene's drive [N m]
     ...     return fl.gravity_torque(chain, q)[chain.active] - 50.0 * qd[chain.active]
     >>> undriven = scene.varied({"drive": fl.Drive()})
@@ -123,9 +134,13 @@ def simulate(
         "max_evaluations": max_evaluations,
     }  # fmt: skip
     changes: dict[str, object] = {f"run.{name}": value for name, value in settings.items() if value is not None}
-    scene, starts = require_type("scene", scene, Scene), not (q0 is None and qd0 is None and t0 is None)
+    scene = require_type("scene", scene, Scene)
+    if after is not None:
+        t0, q0, qd0 = _end_of(after, q0, qd0, t0)
+    starts = not (q0 is None and qd0 is None and t0 is None)
     problem = Problem(started_from(scene, q0, qd0, t0, **changes)) if starts else problem_with(scene, changes)
-    return problem.simulate(progress=progress, control=control, rate=rate)
+    before = None if after is None else after.delayed
+    return problem._simulate(control, rate, delay, before, progress)
 
 
 class Problem:
@@ -182,6 +197,8 @@ class Problem:
         duration: float | None = None,
         control: Law | None = None,
         rate: float | None = None,
+        delay: float = 0.0,
+        after: Trajectory | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> Trajectory:
         """Integrate the equation of motion; arguments, result and errors as in the function `simulate`.
@@ -193,8 +210,11 @@ class Problem:
             `scene.initial`.
         duration
             Duration [s]; None: as in `scene.run`.
-        control, rate
-            Control law tau(t, q, qd) that replaces the scene's drive, and its sampling rate [Hz].
+        control, rate, delay
+            Control law tau(t, q, qd) that replaces the scene's drive, its sampling rate [Hz], and the delay of its
+            torques [s].
+        after
+            A run whose last sample this run starts from.
         progress
             Function called with the completed fraction from time to time.
 
@@ -212,7 +232,29 @@ class Problem:
         require_callable("progress", progress)
         if duration is not None:
             longer = problem_with(self.scene, {"run.duration": duration})
-            return longer.simulate(q0=q0, qd0=qd0, t0=t0, control=control, rate=rate, progress=progress)
+            return longer.simulate(
+                q0=q0, qd0=qd0, t0=t0, control=control, rate=rate, delay=delay, after=after, progress=progress
+            )
+        if after is not None:
+            t0, q0, qd0 = _end_of(after, q0, qd0, t0)
+        before = None if after is None else after.delayed
+        return self._simulate(control, rate, delay, before, progress, (q0, qd0, t0))
+
+    def _simulate(
+        self,
+        control: Law | None,
+        rate: float | None,
+        delay: float,
+        before: Array | None,
+        progress: Callable[[float], None] | None,
+        start: tuple[ArrayLike | None, ArrayLike | None, float | None] = (None, None, None),
+    ) -> Trajectory:
+        """Do `simulate`, with the state to start from, and with torques that were on their way `before`."""
+        driven = len(self.chain.active)
+        if before is not None and len(before) and before.shape[1] != 1 + driven:
+            raise ArgumentError(
+                f"after: a run with {before.shape[1] - 1} driven joints; the scene has {driven}", id="wrong-shape"
+            )
         try:
             problem, kept = self._idle.pop()
         except IndexError:  # in use by another thread
@@ -220,13 +262,27 @@ class Problem:
         try:
             for array in remembered(problem.inputs.drive):
                 array[...] = 0
-            scene = started_from(self.scene, q0, qd0, t0)
+            scene = started_from(self.scene, *start)
             begun = problem if scene is self.scene else started(problem, scene)
-            run = SingleRun(begun, control, rate, kept=kept if control is None else None)
+            run = SingleRun(begun, control, rate, delay, before, kept=kept if control is None else None)
             with deferred() as stop:
                 return run.finish(stop, progress, warn=warn)
         finally:
             self._idle.append((problem, kept))
+
+
+def _end_of(after: Trajectory, q0: ArrayLike | None, qd0: ArrayLike | None, t0: float | None) -> State:
+    """The last state of a run that is continued.
+
+    Raises
+    ------
+    ArgumentError
+        `after` is not a Trajectory, or the state is also given.
+    """
+    for name, given in (("q0", q0), ("qd0", qd0), ("t0", t0)):
+        if given is not None:
+            raise ArgumentError(f"{name}: after is also given; specify only one", id="both-given")
+    return require_type("after", after, Trajectory).state(-1)
 
 
 PROBLEMS = Memo(16)

@@ -12,6 +12,7 @@ from msgspec.structs import replace
 from flexlink.common.errors import FlexlinkError, SceneError
 from flexlink.common.interruption import Stop
 from flexlink.common.memo import Kept, keep_last
+from flexlink.common.types import Array
 from flexlink.common.wording import Diagnostic
 from flexlink.describe.run_settings import check_method
 from flexlink.describe.whole_steps import multiples
@@ -20,6 +21,7 @@ from flexlink.kernels.inputs.record import Drive
 from flexlink.kernels.tools.machine_code import types_of
 from flexlink.motion.adaptive_steps import AdaptiveSteps
 from flexlink.motion.fixed_steps import FixedSteps
+from flexlink.motion.inputs.drives import recall
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.inputs.step_check import check_step
 from flexlink.motion.monitor import Monitor
@@ -49,8 +51,10 @@ class SingleRun:
     ----------
     problem
         Problem to integrate.
-    law, rate
-        Control law that replaces the scene's drive, and its sampling rate [Hz].
+    law, rate, delay
+        Control law that replaces the scene's drive, its sampling rate [Hz], and the delay of its torques [s].
+    before
+        Torques on their way when an earlier run ended, as in `Trajectory.delayed`; None: none.
     rows
         Number of samples to allocate; None: all samples of the run.
     kept
@@ -75,6 +79,8 @@ class SingleRun:
         problem: InitialValueProblem,
         law: Law | None = None,
         rate: float | None = None,
+        delay: float = 0.0,
+        before: Array | None = None,
         *,
         rows: int | None = None,
         kept: Kept | None = None,
@@ -83,9 +89,11 @@ class SingleRun:
         passes: bool = True,
     ) -> None:
         check_method(problem.run)
-        control = control_of(problem, law, rate)
+        control = control_of(problem, law, rate, delay, before)
         if control is not None:
             problem = dataclasses.replace(problem, inputs=problem.inputs._replace(drive=control.drive))
+        elif before is not None:
+            recall(problem.inputs.drive, before)
         record = _recorded(problem, rows, kept)
         about = problem.q.tobytes(), problem.qd.tobytes(), problem.start
         if warnings is None:

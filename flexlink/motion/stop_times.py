@@ -53,6 +53,7 @@ class StopTimes:
         on_the_grid = 1e-6  # fraction of a fixed step within which a time counts as on the grid
         run, (drive, motion, _, wrench) = record.run, record.inputs
         tables = [table for table in (drive if by_drive else None, wrench) if table is not None]
+        delayed = np.empty(0) if by_drive or not drive.delay else drive.feedforward.knots  # torques of a law in Python
         self.drive = drive if by_drive and drive.rate else None
         self.run, self.start, self.origin, self.halved = run, float(record.t[0]), record.origin, halved
         self.at_samples = method.explicit or not run.controlled
@@ -62,7 +63,7 @@ class StopTimes:
         if run.controlled:
             size = record.chain.size
             smooth = [breakpoints(table, part * run.tolerance_within(size) / size) for table in tables]
-            fixed = np.concatenate([*smooth, motion.knots])
+            fixed = np.concatenate([*smooth, motion.knots, delayed])
         else:
             number = np.concatenate([*map(corners, tables), motion.knots]) / run.fixed_step
             number = number[np.abs(number - np.round(number)) > on_the_grid]

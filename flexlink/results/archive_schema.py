@@ -40,6 +40,22 @@ def check_samples(arrays: Mapping[str, NDArray[Any]], n: int) -> None:
             raise ValueError(f"{name} has numbers that are not finite")
     if (np.diff(arrays["t"]) <= 0).any():
         raise ValueError("t does not increase")
+    if "delayed" in arrays:
+        check_delayed(arrays["delayed"])
+
+
+def check_delayed(delayed: NDArray[Any]) -> None:
+    """Check the torques on their way at the end of a run.
+
+    Raises
+    ------
+    ValueError
+        The array is not a table of finite numbers, or its times do not increase.
+    """
+    if delayed.dtype != np.float64 or delayed.ndim != 2 or not delayed.shape[1]:
+        raise ValueError(f"delayed has shape {delayed.shape} and type {delayed.dtype}; expected a table of float64")
+    if not np.isfinite(delayed).all() or (np.diff(delayed[:, 0]) <= 0).any():
+        raise ValueError("delayed has numbers that are not finite, or times that do not increase")
 
 
 def check_chain(chain: Chain) -> None:

@@ -34,7 +34,7 @@ def _arrays(run: RunSamples) -> dict[str, Any]:
         **vars(run.energy), **({"work": run.work, "imbalance": run.imbalance} if balanced else {}),
         "tip_wrench": run.tip_wrench, "warnings": np.array(run.warnings, str),
         "warning_ids": np.array([getattr(warning, "id", "") for warning in run.warnings], str),
-        "steps": json.dumps(run.steps),
+        "steps": json.dumps(run.steps), "delayed": run.delayed,
         "scene": run.scene.to_toml() if run.scene else "",
         "chain_name": chain.name, "chain_bodies": chain.bodies, "chain_hinges": chain.hinges,
         "chain_gravity": chain.gravity, "chain_coordinates": np.array(chain.coordinates),

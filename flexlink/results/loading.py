@@ -78,6 +78,7 @@ def _trajectory(arrays: Mapping[str, Any]) -> Trajectory:
         steps=convert(steps, Steps | None),
         scene=scene_from(scene) if scene else None,
         base=_base(arrays) if "attitude" in arrays else None,
+        **({"delayed": arrays["delayed"]} if "delayed" in arrays else {}),
     )
 
 

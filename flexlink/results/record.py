@@ -157,7 +157,8 @@ class Record:
             array.setflags(write=False)
         t, q, qd, tau, tip = (_kept(a, stop) for a in (self.t, q, qd, self.tau, self.tip))
         energy, scene = Energy(*self.energy[:, :stop]), self.problem.scene
-        return Trajectory(chain, t, q, qd, tau, tip, energy, work, warnings, steps, wrench, scene, motion)
+        delayed = self.inputs.drive.delayed(float(t[-1])) if stop else np.zeros((0, 1))
+        return Trajectory(chain, t, q, qd, tau, tip, energy, work, warnings, steps, wrench, scene, motion, delayed)
 
     def _wrenches(self, rows: slice) -> Array:
         return self.inputs.tip_wrenches(self.t[rows], self.q[rows], self.qd[rows])

@@ -99,6 +99,10 @@ class RunSamples(Result):
         Attitude and angular velocity of a free base; None if it is fixed. The base's coordinates in q are its position
         in frame 0 [m] and angles [rad] about X, Y, Z relative to its initial attitude. Near 90° about Y the rates of
         these angles grow without bound, but `base` remains exact.
+    delayed
+        Torques that a sampled law with a delay computed before the last sample and that act at it or later, shape
+        (m, 1 + d): time from which each acts [s], then the torques of the driven joints [N m]. A run that is continued
+        by `simulate(…, after=run)` begins with them.
     """
 
     chain: Chain
@@ -114,6 +118,7 @@ class RunSamples(Result):
     tip_wrench: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 6)))  # empty: not from a run
     scene: Scene | None = None
     base: BaseMotion | None = None
+    delayed: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 1)))
 
     def __repr__(self) -> str:
         samples, (start, end) = len(self.t), self.t[[0, -1]] if len(self.t) else (0.0, 0.0)

@@ -1,4 +1,10 @@
-"""Inputs of joints: torques of the drives by their control law, and prescribed motions."""
+"""Inputs of joints: torques of the drives by their control law, and prescribed motions.
+
+A sampled law with rate 1/T and delay τ applies, from t_k + τ to t_k+1 + τ, the torque of its instant t_k = k T. Before
+its first torque acts, the arm is taken to have been in its first state, so that torque acts from the beginning.
+"""
+
+import math
 
 from flexlink.kernels.inputs.laws import law_torque
 from flexlink.kernels.inputs.references import locate
@@ -12,11 +18,11 @@ LATE = 1.0 + 8.0 * 2.0**-52  # factor that allows for rounding of time · rate, 
 def stage_torque(drive, t, middle, q, qd, tau):
     """Write T_EX of the drive's law at the driven joints, within ± effort; the rest of `tau` (n,) is not changed.
 
-    `middle` is the midpoint of the step that contains t. A sampled law applies the torque of its last instant
-    (`sample_law`).
+    `middle` is the midpoint of the step that contains t. A sampled law applies the torque of its last instant that is
+    at least its delay ago (`sample_law`).
     """
     if drive.rate > 0.0:
-        last = int(middle * drive.rate * LATE) % len(drive.held)
+        last = math.floor(middle * drive.rate * LATE - drive.delay * drive.rate) % len(drive.held)
         for d in range(len(drive.joints)):
             tau[drive.joints[d]] = drive.held[last, d]
     elif len(drive.joints) > 0:
@@ -58,14 +64,17 @@ def sample_at_step(drive, t, middle, q, qd, tau):
 def sample_law(drive, t, middle, q, qd, tau):
     """Evaluate a sampled law at one of its instants t = k / rate, the start of a step, and store its torques.
 
-    Other laws store nothing. `middle` is the midpoint of the step that begins at t; `tau` (n,) is scratch.
+    Other laws store nothing. `middle` is the midpoint of the step that begins at t; `tau` (n,) is scratch. The first
+    torques are also those of all earlier instants.
     """
     now = int(middle * drive.rate * LATE)
     if q.ndim == 1:  # noqa: SIM102  decided by the compiler: arms side by side have no sampled law
         if drive.rate > 0.0 and now >= drive.next_instant[0]:
             law_torque(drive, t, middle, q, qd, tau)
-            for d in range(len(drive.joints)):
-                drive.held[now % len(drive.held), d] = tau[drive.joints[d]]
+            earliest = now if drive.next_instant[0] > 0 else now - len(drive.held) + 1
+            for k in range(earliest, now + 1):
+                for d in range(len(drive.joints)):
+                    drive.held[k % len(drive.held), d] = tau[drive.joints[d]]
             drive.next_instant[0] = now + 1
 
 

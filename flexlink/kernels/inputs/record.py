@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +32,7 @@ class Drive(NamedTuple):
 
     law: int  # number of the law in `laws`
     rate: float  # sampling rate; torques are constant between samples [Hz]; 0: evaluated at every stage
+    delay: float  # from a sampling instant until its torques act [s]
     joints: Indices  # (d,)
     effort: Array  # (d,) largest torque [N m]
     limits: Array  # (2, d) smallest and largest torque [N m]: ± effort, or as assumed in a step (`saturation`)
@@ -41,6 +43,24 @@ class Drive(NamedTuple):
     model: RigidModel | None  # for laws that need one; None in loops for plain chains
     held: Array  # (m, d) torques of a sampled law at its last m instants [N m]
     next_instant: Indices  # (1,) number of the next instant of a sampled law
+
+    def delayed(self, t: float) -> Array:
+        """Torques of instants before t [s] that act at t or later, (m, 1 + d): time from which they act [s], torques.
+
+        The drive is a sampled law, or torques held by a table (of a law in Python).
+        """
+        if not self.delay:
+            return np.empty((0, 1 + len(self.joints)))
+        near = 1e-9 * self.delay
+        if self.rate:
+            first = math.floor((t - self.delay) * self.rate - 1.0)
+            numbers = np.arange(first, math.ceil(t * self.rate) + 1)
+            acting, torques = numbers / self.rate + self.delay, self.held[numbers % len(self.held)]
+        else:
+            acting, torques = self.feedforward.knots, self.feedforward.coefficients[:, 0]
+        stop = int(np.searchsorted(acting, t + self.delay - near))
+        start = max(0, int(np.searchsorted(acting, t + near)) - 1)
+        return np.column_stack([acting, torques])[start:stop]
 
 
 class MotionTable(NamedTuple):

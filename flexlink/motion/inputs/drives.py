@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -64,7 +65,7 @@ def drive_of(joints: Indices, **parts: Any) -> Drive:
     d = len(joints)
     nothing = PiecewisePolynomial(np.zeros(1), np.zeros((1, 2, d)))
     blank = Drive(
-        TABLE, 0.0, joints, np.full(d, np.inf), np.empty((2, d)), nothing, nothing, np.zeros(d), np.zeros(d),
+        TABLE, 0.0, 0.0, joints, np.full(d, np.inf), np.empty((2, d)), nothing, nothing, np.zeros(d), np.zeros(d),
         None, np.zeros((0, d)), np.zeros(1, np.int64),
     )  # fmt: skip
     return limited(blank._replace(**parts))
@@ -177,12 +178,21 @@ def _feedback(scene: Scene, chain: Chain) -> Drive:
 
 
 def _sampled(scene: Scene, law: Drive) -> Drive:
-    """The law sampled at instants t = k / rate, with memory for all instants of the run."""
+    """The law sampled at instants t = k / rate, with memory for all instants of the run and its delay before."""
     run, rate = scene.run, float(scene.drive.rate or 0.0)
     if not run.controlled:
         rate = 1.0 / (round(1.0 / (rate * run.fixed_step)) * run.fixed_step)  # same rounding as multiples of the step
-    rows = round(run.duration * rate) + 2
-    return law._replace(rate=rate, held=np.zeros((rows, len(law.joints))))
+    delay = scene.drive.delay
+    rows = round(run.duration * rate) + 3 + math.ceil(delay * rate)
+    return law._replace(rate=rate, delay=delay, held=np.zeros((rows, len(law.joints))))
+
+
+def recall(drive: Drive, delayed: Array) -> None:
+    """Give a sampled law the torques on their way when an earlier run ended, as from `Drive.delayed`."""
+    for acts, *torques in delayed.tolist() if drive.rate else []:
+        number = round((acts - drive.delay) * drive.rate)
+        drive.held[number % len(drive.held)] = torques
+        drive.next_instant[0] = number + 1
 
 
 def rigid_model(chain: Chain) -> RigidModel:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexlink.common.types import Array
+from flexlink.describe.whole_steps import is_whole
 from flexlink.kernels.inputs.laws import PD, TABLE
 from flexlink.kernels.inputs.record import Drive, Loads, PiecewisePolynomial
 
@@ -34,11 +35,20 @@ def corners(given: Drive | Loads) -> Array:
 
 
 def instants(drive: Drive | None, start: float, end: float) -> Array:
-    """Sampling instants [s] of a law from the first time to the last; none if it is continuous."""
+    """Times [s] at which a law is sampled, or its torques begin to act, from the first to the last of these times."""
     if drive is None or not drive.rate:
         return np.empty(0)
     first, last = (round(t * drive.rate) for t in (start, end))
-    return np.asarray(np.arange(first, last + 1) / drive.rate)
+    sampled = np.arange(first, last + 1)
+    if not acts_between_instants(drive):
+        return np.asarray(sampled / drive.rate)
+    acting = sampled + drive.delay * drive.rate % 1.0
+    return np.asarray(np.sort(np.concatenate([sampled, acting])) / drive.rate)
+
+
+def acts_between_instants(drive: Drive) -> bool:
+    """Whether the delay of a sampled law is not a whole number of sampling periods."""
+    return not is_whole(drive.delay * drive.rate)
 
 
 def merged_breakpoints(table: PiecewisePolynomial | Loads, part: float) -> Array:

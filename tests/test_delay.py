@@ -1,0 +1,166 @@
+"""Sampled control laws whose torques act later than their sampling instants: drives of a scene, and laws in Python."""
+
+from __future__ import annotations
+
+import collections
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import ALUMINIUM, flexible, make_scene
+
+import flexlink as fl
+from tests.words import refused
+
+RATE, KP, KD, TARGET = 100.0, 400.0, 30.0, 0.3
+DELAYS = [0.0, 0.01, 0.02, 0.004, 0.017, 0.0333]  # none, whole samples, parts of a sample [s]
+STEPS: dict[str, dict[str, Any]] = {
+    "RK4": {"method": "RK4", "step": 1e-4},
+    "Radau5": {"method": "Radau5", "step": 1e-4},
+    "tolerance": {"tolerance": 1e-9},
+}
+
+
+def rod(delay: float, **changes: object) -> fl.Scene:
+    """A rigid rod of 1 m that turns about a vertical axis under a sampled PD drive."""
+    link = fl.Link(name="rod", length=1.0, material="aluminium", section="square", joint=fl.Joint(armature=0.5))
+    drive = fl.Drive(kind="pd", kp=(KP,), kd=(KD,), target_deg=(np.degrees(TARGET),), rate=RATE, delay=delay)
+    run = fl.RunSettings(step=1e-4, duration=0.3, sample=0.01)
+    return make_scene(link, gravity=(0.0, 0.0, 0.0), drive=drive, run=run).varied(changes)
+
+
+def exact_rod(delay: float, times: np.ndarray) -> np.ndarray:
+    """Angle and rate of the rod at these times: parabolas between the instants at which the torque changes."""
+    side = 0.04  # of the section [m]
+    inertia = 0.5 + ALUMINIUM.density * side**2 * (1 / 3 + side**2 / 12)
+    instants = np.arange(31) / RATE
+    events = sorted({*instants, *(instants + delay), *times})
+    torques, acting, state, found, t = collections.deque[tuple[float, float]](), 0.0, np.zeros(2), [], 0.0
+    for k, event in enumerate(events):
+        h, a = event - t, acting / inertia
+        state, t = np.array([state[0] + state[1] * h + a * h**2 / 2, state[1] + a * h]), event
+        if event in instants:
+            torque = KP * (TARGET - state[0]) - KD * state[1]
+            torques.append((event + delay, torque))
+            acting = torque if k == 0 else acting
+        while torques and torques[0][0] <= event + 1e-12:
+            acting = torques.popleft()[1]
+        if event in times:
+            found.append(state)
+    return np.array(found)
+
+
+@pytest.mark.parametrize("steps", STEPS)
+@pytest.mark.parametrize("delay", DELAYS)
+def test_a_rod_moves_as_by_parabolas_between_the_changes_of_torque(delay: float, steps: str) -> None:
+    run = fl.simulate(rod(delay), **STEPS[steps])
+    wanted = exact_rod(delay, run.t)
+    np.testing.assert_allclose(np.hstack([run.q, run.qd]), wanted, rtol=0, atol=1e-8 if steps == "tolerance" else 1e-11)
+
+
+def arm(delay: float, **changes: object) -> fl.Scene:
+    links = flexible("upper", segments=3, joint=fl.Joint(armature=0.1)), flexible("fore", segments=3)
+    drive = fl.Drive(
+        kind="pd", kp=(40.0, 20.0), kd=(1.0, 0.5), target_deg=(-80.0, -10.0), gravity="static", rate=500.0, delay=delay
+    )
+    start = fl.InitialState(joint_deg=(-75.0, -10.0))
+    run = fl.RunSettings(step=1e-4, duration=0.08, sample=0.01)
+    return make_scene(*links, tip=fl.RigidBody(mass=0.5), initial=start, drive=drive, run=run).varied(changes)
+
+
+def law(t: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+    """A law in Python; the driven joints of `arm` are 0 and 3."""
+    return np.array([40.0 * np.sin(50.0 * t) - 20.0 * q[0] - qd[0], -10.0 * q[3] - 0.5 * qd[3]])
+
+
+GIVEN: dict[str, tuple[dict[str, object], dict[str, Any]]] = {
+    "drive": ({}, {}),
+    "law": ({"drive": None}, {"control": law, "rate": 500.0}),
+}
+
+
+def given(name: str, delay: float) -> tuple[fl.Scene, dict[str, Any]]:
+    changes, options = GIVEN[name]
+    return arm(0.0 if options else delay, **changes), {**options, "delay": delay} if options else {}
+
+
+@pytest.mark.parametrize("name", GIVEN)
+@pytest.mark.parametrize("method", ["RK4", "Radau5"])
+@pytest.mark.parametrize("delay", [0.0007, 0.002, 0.0051])
+def test_a_run_after_another_equals_the_uninterrupted_run_to_the_bit(
+    delay: float, method: str, name: str, tmp_path: Path
+) -> None:
+    scene, options = given(name, delay)
+    whole, first = (fl.simulate(scene, method=method, duration=duration, **options) for duration in (0.08, 0.03))
+    read = fl.load_trajectory(first.save(tmp_path / "first.npz"))
+    problem = fl.Problem(scene.varied({"run.method": method}))
+    rests = [
+        fl.simulate(scene, method=method, after=read, duration=0.05, **options),
+        problem.simulate(after=first, duration=0.05, **options),
+    ]
+    for rest in rests:
+        for part in ("t", "q", "qd", "tau", "tip"):
+            np.testing.assert_array_equal(getattr(rest, part), getattr(whole, part)[3:], err_msg=part)
+
+
+def test_a_law_in_python_with_a_delay_equals_a_law_with_a_queue() -> None:
+    scene, options = given("law", 0.004)
+    first = law(0.0, *fl.initial_state(scene, fl.lump(scene)))
+    queue = collections.deque([first, first])
+
+    def late(t: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+        queue.append(law(t, q, qd))
+        return queue.popleft()
+
+    for steps in ({}, {"tolerance": 1e-6}):
+        queue = collections.deque([first, first])
+        wanted = fl.simulate(scene, control=late, rate=500.0, **steps)
+        np.testing.assert_allclose(fl.simulate(scene, **options, **steps).q, wanted.q, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.0007, 0.0051])
+def test_a_simulator_gives_the_samples_of_the_run(delay: float) -> None:
+    scene = arm(delay)
+    run, stepped = fl.simulate(scene), fl.Simulator(scene)
+    for _ in range(2):  # also after a reset
+        assert stepped.reset().t == 0.0
+        np.testing.assert_array_equal([stepped.step().q for _ in run.t[1:]], run.q[1:])
+
+
+def test_an_arm_at_rest_stays_at_rest_until_and_after_the_first_torque_acts() -> None:
+    rest = fl.simulate(arm(0.0051, **{"initial.joint_deg": (-80.0, -10.0), "initial.passive": "static"}))
+    assert np.abs(rest.qd).max() < 1e-9
+
+
+def test_more_delay_than_the_delay_margin_makes_a_loop_unstable() -> None:
+    """The rod is stable under its sampled PD drive, and grows with 100 ms of delay, as the parabolas do."""
+    sizes = [np.abs(fl.simulate(rod(delay, **{"run.duration": 1.0})).q[-20:, 0] - TARGET).max() for delay in (0, 0.1)]
+    assert sizes[0] < 0.1
+    assert sizes[1] > 1.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "id"),
+    [
+        ({"drive.rate": None}, "needs-another-key"),
+        ({"drive.delay": -0.001}, "wrong-value"),
+        ({"drive.delay": 0.00105}, "not-a-multiple"),
+    ],
+)
+def test_a_delay_that_cannot_act_is_refused(changes: dict[str, object], id: str) -> None:
+    with refused(fl.errors.SceneError, id):
+        fl.simulate(arm(0.001).varied(changes))
+
+
+def test_a_delay_without_a_sampled_law_is_refused() -> None:
+    scene, _ = given("law", 0.0)
+    with refused(fl.errors.ArgumentError, "no-effect"):
+        fl.simulate(scene, delay=0.001)
+    with refused(fl.errors.ArgumentError, "no-effect"):
+        fl.simulate(scene, control=law, delay=0.001)
+    with refused(fl.errors.ArgumentError, "both-given"):
+        fl.simulate(scene, after=fl.simulate(scene), t0=0.0)
+    with refused(fl.errors.ArgumentError, "wrong-shape"):
+        fl.simulate(scene, after=dataclasses.replace(fl.simulate(scene), delayed=np.ones((1, 4))))
