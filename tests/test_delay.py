@@ -12,6 +12,9 @@ import pytest
 from conftest import ALUMINIUM, flexible, make_scene
 
 import flexlink as fl
+from flexlink.motion.hindrance import sampled_growth
+from flexlink.motion.inputs.problem import problem_of
+from flexlink.motion.single_run import SingleRun
 from tests.words import refused
 
 RATE, KP, KD, TARGET = 100.0, 400.0, 30.0, 0.3
@@ -139,6 +142,42 @@ def test_more_delay_than_the_delay_margin_makes_a_loop_unstable() -> None:
     sizes = [np.abs(fl.simulate(rod(delay, **{"run.duration": 1.0})).q[-20:, 0] - TARGET).max() for delay in (0, 0.1)]
     assert sizes[0] < 0.1
     assert sizes[1] > 1.0
+
+
+def crane(delay: float) -> fl.Scene:
+    """A crane of two steel tubes with 200 kg at its tip, its PD drive sampled at 1 kHz."""
+    tube = {"pipe": fl.Section(shape="tube", outer=0.16, inner=0.15)}
+    steel = {"steel": fl.Material(young=210e9, density=7850.0)}
+    links = tuple(
+        fl.Link(
+            name=name, length=length, flex="z", segments=5, material="steel", section="pipe",
+            joint=fl.Joint(axis=(0, -1, 0), armature=armature), damping=fl.Damping(ratio=0.01, at_hz=5.0),
+        )
+        for name, length, armature in (("boom", 4.0, 20.0), ("jib", 3.0, 10.0))
+    )  # fmt: skip
+    drive = fl.Drive(
+        kind="pd", kp=(4e5, 2e5), kd=(4e4, 1e4), target_deg=(20, -40), gravity="static", rate=1000.0, delay=delay
+    )
+    return fl.Scene(
+        name="crane", arm=fl.Arm(links=links, materials=steel, sections=tube, tip=fl.RigidBody(mass=200.0)),
+        gravity=(0, 0, -9.81), initial=fl.InitialState(joint_deg=(20, -40), passive="static"), drive=drive,
+        run=fl.RunSettings(duration=0.06, sample=1e-3, tolerance=1e-10),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("delay", "growth"), [(0.0, 0.99938), (0.001, 1.33631), (0.002, 1.35187), (0.0017, None)])
+def test_small_motion_grows_from_sample_to_sample_as_the_linear_loop(delay: float, growth: float | None) -> None:
+    """The growth with 0, 1 and 2 samples of delay is that of a discrete-time model made with python-control."""
+    scene = crane(delay)
+    record = SingleRun(problem_of(scene)).monitor.record
+    found, _ = sampled_growth(record)
+    if growth is not None:
+        assert abs(found - growth) < 1e-5
+    if found > 1:
+        rest = record.q[0]
+        run = fl.simulate(scene, q0=rest + 1e-12 * np.cos(np.arange(len(rest))))
+        size = np.linalg.norm(run.q - rest, axis=1)
+        assert abs((size[-1] / size[-31]) ** (1 / 30) - found) < 0.02  # the mode oscillates, and so does its size
 
 
 @pytest.mark.parametrize(
