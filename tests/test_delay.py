@@ -70,7 +70,9 @@ def arm(delay: float, **changes: object) -> fl.Scene:
     )
     start = fl.InitialState(joint_deg=(-75.0, -10.0))
     run = fl.RunSettings(step=1e-4, duration=0.08, sample=0.01)
-    return make_scene(*links, tip=fl.RigidBody(mass=0.5), initial=start, drive=drive, run=run).varied(changes)
+    gravity = (0.0, -9.81, 0.0)
+    tip = fl.RigidBody(mass=0.5)
+    return make_scene(*links, tip=tip, gravity=gravity, initial=start, drive=drive, run=run).varied(changes)
 
 
 def law(t: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:

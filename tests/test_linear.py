@@ -11,7 +11,7 @@ from scipy.linalg import solve_continuous_are
 import flexlink as fl
 from flexlink import Chain, Damping, Joint, PrescribedMotion
 from flexlink.dynamics.equilibrium import Equilibrium
-from flexlink.dynamics.vibration.linear import graded
+from flexlink.dynamics.vibration.linear_model import graded
 from flexlink.errors import ArgumentError
 from tests.words import refused
 

@@ -11,7 +11,7 @@ from conftest import nasty_scene
 
 import flexlink as fl
 from flexlink.dynamics.equilibrium import Equilibrium
-from flexlink.dynamics.vibration.linear import LinearModel
+from flexlink.dynamics.vibration.linear_model import LinearModel
 from flexlink.dynamics.vibration.modal import Modes
 from flexlink.errors import ArgumentError, DataFileError
 from tests.words import refused

@@ -64,7 +64,9 @@ class SavedResult(Result):
             The file is missing, or contains something else.
         """
         arrays = read_archive(path)
-        if arrays.keys() != {field.name for field in dataclasses.fields(cls)}:  # type: ignore[arg-type]
+        fields = dataclasses.fields(cls)  # type: ignore[arg-type]
+        needed = {field.name for field in fields if field.default is dataclasses.MISSING}
+        if not needed <= arrays.keys() <= {field.name for field in fields}:
             raise DataFileError(
                 f"{path}: contains no {cls.__name__}; expected a file written by {cls.__name__}.save", id="not-a-result"
             )

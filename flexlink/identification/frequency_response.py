@@ -22,7 +22,8 @@ from flexlink.data.measured import named
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
 from flexlink.dynamics.sensors.outputs import SensorOutputs
-from flexlink.dynamics.vibration.linear import LinearModel, linearize
+from flexlink.dynamics.vibration.linear import linearize
+from flexlink.dynamics.vibration.linear_model import LinearModel
 from flexlink.dynamics.vibration.outputs import OutputSource
 from flexlink.identification.operating_point import at_rest
 from flexlink.identification.problem import FitFrf

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Sequence
 
 import numpy as np
-import scipy
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.describe.joint_units import in_words
 from flexlink.describe.run_settings import AUTO, DEFAULT_TOLERANCE
-from flexlink.describe.whole_steps import is_whole
 from flexlink.dynamics.derivatives import forward_dynamics_derivatives
 from flexlink.dynamics.tangent import load_torque
 from flexlink.dynamics.terms import elastic_torque
+from flexlink.dynamics.vibration.sampled import delay_in, with_queue
 from flexlink.motion.inputs.drives import gains_of
 from flexlink.motion.inputs.tip_wrench import wrench_at
 from flexlink.results.record import Record
@@ -96,9 +94,9 @@ def _locked_gimbal(record: Record, q: Array) -> tuple[str, str] | None:
 def sampled_growth(record: Record) -> tuple[float, float]:
     """Growth factor of the fastest growing motion per sampling period of a drive, with and without the drive.
 
-    With the drive it is the largest |λ| of the `sampled_loop` of the arm linearized about its start, where it is held
-    at rest. If the drive is not sampled, both factors are 0. The factor without the drive is computed only if the first
-    one exceeds 1, else it is 1.
+    With the drive it is the largest |λ| of the arm linearized about its start, where it is held at rest, and sampled
+    (`with_queue`), under torques −K x. If the drive is not sampled, both factors are 0. The factor without the drive is
+    computed only if the first one exceeds 1, else it is 1.
     """
     if not record.inputs.drive.rate:
         return 0.0, 0.0
@@ -120,50 +118,18 @@ def _sampled_growth(record: Record) -> tuple[float, float]:
         return 0.0, 0.0
     ω = np.sqrt(np.abs(np.diag(slopes.dq)))
     unit = np.where(ω > 0, ω, 1.0)  # angles in units of 1/ω, which balances A
-    size = 2 * n + len(moving)
-    A = np.zeros((size, size))
+    A = np.zeros((2 * n, 2 * n))
     A[np.arange(n), n + np.arange(n)] = unit
-    A[n : 2 * n] = np.hstack([slopes.dq / unit, slopes.dqd, slopes.dtau[:, moving]])
-    Φ, loop = sampled_loop(A, K / np.concatenate([unit, np.ones(n)]), 1.0 / drive.rate, drive.delay)
-    if not np.isfinite(loop).all():  # without the drive, the motion of the arm exceeds float64 within a period
+    A[n:] = np.hstack([slopes.dq / unit, slopes.dqd])
+    B = np.vstack([np.zeros((n, len(moving))), slopes.dtau[:, moving]])
+    period = 1.0 / drive.rate
+    Φ, Γ = with_queue(A, B, period, delay_in(period, drive.delay))
+    if not (np.isfinite(Φ).all() and np.isfinite(Γ).all()):  # without the drive, motion exceeds float64 in a period
         return np.inf, np.inf
+    loop = Φ.copy()
+    loop[:, : 2 * n] -= Γ @ (K / np.concatenate([unit, np.ones(n)]))
     growth = _spectral_radius(loop)
-    return growth, _spectral_radius(Φ) if growth > 1.0 else 1.0
-
-
-def sampled_loop(A: Array, K: Array, T: float, delay: float) -> tuple[Array, Array]:
-    """Φ of a linear system over a sampling period T [s], and the matrix of its loop with torques −K x after a `delay`.
-
-        x_k+1 = Φ x_k + Γ_f u_k-m-1 + Γ_r u_k-m,   u_k = −K x_k,   delay = (m + f) T,   0 ≤ f < 1
-
-    u_k-m-1 acts during the first part f T of a period, u_k-m during the rest (Franklin, Powell and Workman, Digital
-    Control of Dynamic Systems, 1998, section 4.3). The loop's state is x_k, u_k-1, …, u_k-m-1.
-
-    Parameters
-    ----------
-    A
-        Slopes of ẋ with respect to x and u in the first rows, zeros below, shape (x + u, x + u).
-    K
-        Gains of the law, shape (u, x).
-    T, delay
-        Sampling period and delay [s].
-    """
-    d, n = K.shape
-    periods = delay / T
-    m = round(periods) if is_whole(periods) else math.floor(periods)
-    f = max(0.0, periods - m) if not is_whole(periods) else 0.0
-    first, rest = scipy.linalg.expm(A * (f * T)), scipy.linalg.expm(A * ((1.0 - f) * T))
-    Φ = rest[:n, :n] @ first[:n, :n]
-    Γ = [rest[:n, n:], rest[:n, :n] @ first[:n, n:]]  # of u_k-m and u_k-m-1
-    queue = m + (f > 0.0)
-    loop = np.zeros((n + d * queue, n + d * queue))
-    loop[:n, :n] = Φ
-    outputs = np.hstack([-K, np.zeros((d, d * queue))])  # u_k
-    before = np.vstack([outputs, np.eye(n + d * queue)[n:]])  # u_k, u_k-1, …
-    for late, part in enumerate(Γ[: 1 + (f > 0.0)], m):
-        loop[:n] += part @ before[d * late : d * (late + 1)]
-    loop[n:] = before[: d * queue]
-    return Φ, loop
+    return growth, _spectral_radius(Φ[: 2 * n, : 2 * n]) if growth > 1.0 else 1.0
 
 
 def _spectral_radius(A: Array) -> float:

@@ -15,136 +15,18 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import require_one_of, require_type, sequence, vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
-from flexlink.common.types import Array, Complex
-from flexlink.common.wording import plural, truncated
+from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.derivatives import forward_dynamics_derivatives
 from flexlink.dynamics.placement import jacobian
-from flexlink.dynamics.result import SavedResult
+from flexlink.dynamics.vibration.linear_model import FILTER, LinearModel
 from flexlink.dynamics.vibration.outputs import OUTPUTS, Output, OutputSource, joints_as
-
-FILTER = "filter "
-"""Prefix in the names of filter states."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class LinearModel(SavedResult):
-    """δẋ = A δx + B δu, δy = C δx + D δu about a state, at which ẋ = `rate` and y = `y`.
-
-    SciPy and python-control accept the matrices: `scipy.linalg.solve_continuous_are(m.A, m.B, Q, R)`.
-
-    Attributes
-    ----------
-    A, B, C, D
-        Shapes (2n + f, 2n + f), (2n + f, m), (p, 2n + f), (p, m), in SI units and radians. f is the number of states
-        of the sensors' filters, 0 without sensors.
-    x, u, y
-        State (q, q̇, z), inputs and outputs about which the model is linearized, shapes (2n + f,), (m,), (p,).
-    rate
-        ẋ = (q̇, q̈, ż) at x, shape (2n + f,); zero at an equilibrium.
-    states, inputs, outputs
-        Names with units: "q upper [rad]", "tau upper [N m]", "tip x [m]".
-    delays
-        Delay of each output relative to C δx + D δu [s], shape (p,); zero except for sensors with a delay.
-    eigenvalues
-        Eigenvalues of A [1/s], shape (2n + f,), slowest first. A very stiff joint does not reduce the accuracy of slow
-        eigenvalues.
-    """
-
-    A: Array
-    B: Array
-    C: Array
-    D: Array
-    x: Array
-    u: Array
-    y: Array
-    rate: Array
-    states: tuple[str, ...]
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    delays: Array
-
-    @property
-    def eigenvalues(self) -> Complex:
-        """λ of A [1/s], (2n + f,), slowest first: of the arm from the `graded` matrix, of the filters separately."""
-        n2 = len([name for name in self.states if not name.startswith(FILTER)])
-        own = self.A[:n2, :n2]
-        angles = sum(name.startswith("q ") for name in self.states)  # internal coordinates have only a rate
-        λ = np.diag(scipy.linalg.schur(graded(own) if 2 * angles == n2 else own, output="complex")[0])
-        if n2 < len(self.A):
-            λ = np.concatenate([λ, scipy.linalg.eigvals(self.A[n2:, n2:])])
-        return np.asarray(λ[np.argsort(np.abs(λ), kind="stable")])
-
-    def frequency_response(self, hertz: ArrayLike) -> Complex:
-        """H(f) = (C (iω − A)⁻¹ B + D) e^{−iω delays}, ω = 2πf: response of every output to every input.
-
-        Parameters
-        ----------
-        hertz
-            Frequencies f, shape (k,) [Hz].
-
-        Returns
-        -------
-        ndarray
-            Amplitude and phase of the outputs for inputs e^{iωt} of unit amplitude, shape (k, p, m).
-
-        Raises
-        ------
-        ArgumentError
-            A frequency is negative or not finite, or a pole of the undamped model.
-
-        Examples
-        --------
-        >>> rest = fl.solve_static(chain, q, locked=chain.active)
-        >>> model = fl.linearize(chain, rest.q, tau=rest.tau, outputs=("joint_rates",))
-        >>> H = model.frequency_response([2.0, 5.0, 10.0])
-        >>> print(H.shape)
-        (3, 2, 2)
-        """
-        f = np.atleast_1d(np.asarray(hertz, np.float64))
-        if f.ndim != 1 or not (np.isfinite(f).all() and (f >= 0).all()):
-            raise ArgumentError(
-                f"hertz = {truncated(hertz)}: expected finite frequencies >= 0, shape (k,)", id="wrong-value"
-            )
-        one, found = np.eye(len(self.A)), np.empty((len(f), *self.D.shape), complex)
-        for k, s in enumerate(2j * np.pi * f):
-            left = s * one - self.A
-            size = np.abs(left).max(axis=1, keepdims=True)  # equal rows: a stiff joint does not hide slow motions
-            try:
-                found[k] = self.C @ np.linalg.solve(left / size, self.B / size) + self.D
-            except np.linalg.LinAlgError:
-                raise ArgumentError(
-                    f"hertz = {f[k]:g}: the response is infinite, since the model has a pole there",
-                    id="infinite-response",
-                ) from None
-        return np.asarray(found * np.exp(-2j * np.pi * f[:, None] * self.delays)[:, :, None])
-
-    def __repr__(self) -> str:
-        late = f", delayed by up to {self.delays.max():g} s" if self.delays.any() else ""
-        parts = ((self.x, "state"), (self.u, "input"), (self.y, "output"))
-        return f"<LinearModel: {', '.join(plural(len(names), noun) for names, noun in parts)}{late}>"
-
-
-def graded(A: Array) -> Array:
-    """Return a similar matrix whose rows decrease in size, for which eigenvalue solvers find slow λ accurately.
-
-    The λ of stiff arms range from 0.01 to 1e5 1/s, and rounding may change each by 2n eps ‖A‖. If the rows decrease in
-    size, the slow λ change only by 2n eps times the last rows. Joints are sorted by ω² = |∂q̈_k/∂q_k|, with each angle
-    next to its rate. Angles are multiplied by ω, so each diagonal block of A is | 0 ω | −ω 0 |.
-    """
-    n = len(A) // 2
-    ω = np.sqrt(np.abs(np.diag(A[n:, :n])))
-    ω[ω == 0] = ω[ω > 0].min(initial=1.0)
-    scale, fast = np.concatenate([ω, np.ones(n)]), np.argsort(-ω, kind="stable")
-    order = np.column_stack([fast, n + fast]).ravel()
-    return np.asarray((A * scale[:, None] / scale)[np.ix_(order, order)])
 
 
 def linearize(
