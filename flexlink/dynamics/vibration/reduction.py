@@ -83,7 +83,7 @@ def between(λ: Array, count: int) -> float:
 
 
 def krylov(solve: Solve, start: Array, size: int) -> Array:
-    """Orthonormal basis of S start, S² start, …, and of as many fixed other directions, (n, size)."""
+    """Orthonormal basis of S start, S² start, …, and of two fixed further directions with their images, (n, size)."""
     others = np.random.default_rng(0).standard_normal((len(start), 2))
     block = np.linalg.qr(solve(np.hstack([start, others])))[0]
     Q = block
