@@ -11,6 +11,7 @@ from conftest import flexible, make_scene
 import flexlink as fl
 from flexlink.dynamics.sensors.outputs import SensorOutputs
 from flexlink.dynamics.vibration.linear_model import LinearModel
+from flexlink.dynamics.vibration.reduction import slow_part
 from tests.words import refused
 
 ONE_PERCENT = fl.Damping(ratio=0.01, at_hz=20.0)
@@ -63,7 +64,17 @@ def test_rigid_motions_with_a_double_eigenvalue_of_zero_are_kept() -> None:
     assert off(model, small, [0.01, 0.1, 1.0]) < 1e-3
     assert off(model, model.reduced(len(model.A)), [0.01, 1.0, 100.0]) < 1e-6
     rigid = model.reduced(1)  # the rigid states cannot be parted
+    assert len(rigid.A) == 4  # two joints, each with its angle and its speed
     np.testing.assert_allclose(np.abs(rigid.eigenvalues), 0.0, atol=1e-4)
+
+
+def test_rigid_motions_are_kept_whatever_rounding_makes_of_their_eigenvalues() -> None:
+    chain = fl.lump(make_scene(flexible("a", "yz", 4), flexible("b", "z", 4), gravity=(0.0, 0.0, 0.0)))
+    model = fl.linearize(chain, np.zeros(chain.n), outputs=("tip", "joints"))
+    rng = np.random.default_rng(0)
+    for _ in range(30):
+        noisy = model.A * (1.0 + 4e-16 * rng.standard_normal(model.A.shape))
+        assert slow_part(noisy, model.B, model.C, 1).A.shape == (4, 4)
 
 
 def discrete_response(fine: LinearModel, inputs: np.ndarray, per: int) -> np.ndarray:

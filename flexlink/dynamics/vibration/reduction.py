@@ -67,7 +67,8 @@ def invariant(solve: Solve, start: Array, σ: float, count: int) -> tuple[Array,
 
 def _slowest(Q: Array, H: Array, σ: float, count: int) -> tuple[Array, Array, float]:
     """Schur vectors of the slowest states in the space of Q, where S is H; and the |λ| of the last of `count`."""
-    λ = np.sort(np.abs(σ + 1.0 / np.linalg.eigvals(H)))
+    rigid = 1e-3 * σ  # rounding leaves a double eigenvalue of 0 at 1e-8 … 1e-6 σ: below this |λ|, all are rigid motions
+    λ = np.maximum(np.sort(np.abs(σ + 1.0 / np.linalg.eigvals(H))), rigid)
     radius = between(λ, count)
     T, U, kept = scipy.linalg.schur(H, sort=lambda re, im=0.0: abs(σ + 1.0 / complex(re, im)) <= radius)
     return Q @ U[:, :kept], T[:kept, :kept], float(λ[min(count, len(λ)) - 1])
