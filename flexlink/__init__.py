@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from flexlink.motion.sensitivity import sensitivities
     from flexlink.motion.simulate import Problem, simulate
     from flexlink.motion.simulator import Simulator
+    from flexlink.motion.tip_inversion.inversion import invert
     from flexlink.results.loading import load_trajectory
     from flexlink.results.trajectory import Trajectory
     from flexlink.robots.flexible import FlexibleLink
@@ -120,6 +121,7 @@ __all__ = [
     "initial_state",
     "inverse_dynamics",
     "inverse_dynamics_derivatives",
+    "invert",
     "jacobian",
     "linearize",
     "load_scene",
@@ -200,6 +202,7 @@ def __getattr__(name: str) -> object:
         "motion.sensitivity": ["sensitivities"],
         "motion.simulate": ["Problem", "simulate"],
         "motion.simulator": ["Simulator"],
+        "motion.tip_inversion.inversion": ["invert"],
         "results.loading": ["load_trajectory"],
         "results.trajectory": ["Trajectory"],
         "robots.flexible": ["FlexibleLink"],

@@ -37,7 +37,7 @@ class Drive(Spec, frozen=True):
     order), or constant until the next time with `hold`. The rows may be in a CSV `file`.
     pd: T_EX = kp (r − q) + kd (ṙ − q̇) + g [N m/rad, N m s/rad], where r is `target_deg` or the time-varying
     `reference`. g depends on `gravity`: zero ("none"), or the torque that keeps the joints at r against gravity, for
-    the rigid arm ("rigid") or the arm bent by gravity ("static").
+    the rigid arm ("rigid") or the arm bent by gravity ("static"); or g is a table of `torques` at `times`.
     computed_torque: T_EX = M (r̈ + kd (ṙ − q̇) + kp (r − q)) + T_GC, with kp [1/s²] and kd [1/s]. The mass matrix
     M and the gravity and Coriolis torques T_GC are computed for the rigid arm, at q and q̇ of the driven joints.
     `effort` limits the torque of each drive [N m], including torques computed by a controller written in Python.
@@ -57,12 +57,13 @@ class Drive(Spec, frozen=True):
     torque: PerLink | None = None
     """For constant: torque on each joint, one per link [N m]; for a prismatic joint, the force [N]."""
     times: Annotated[tuple[float, ...] | None, measured_in("s")] = None
-    """For a table: times of its rows [s]."""
+    """For a table, or a feedforward table of pd: times of its rows [s]."""
     torques: tuple[PerLink, ...] | None = None
-    """For a table: one row per time, with one torque per link [N m]; for a prismatic joint, the force [N]."""
+    """For a table, or a feedforward table of pd: one row per time, with one torque per link [N m], or force [N]."""
     file: str | None = None
-    """For a table: a CSV file instead of `times` and `torques`, with headers "t [s]" and "tau NAME [N m]" for every
-    driven joint. The path is relative to the scene's folder; the file is read once, with the scene."""
+    """For a table, or a feedforward table of pd: a CSV file instead of `times` and `torques`, with headers "t [s]" and
+    "tau NAME [N m]" for every driven joint. The path is relative to the scene's folder; the file is read once, with the
+    scene."""
     kp: Annotated[tuple[NonNegative, ...], ONE_PER_LINK] | None = None
     """For a controller: position gains, one per link [N m/rad; N/m]; for computed_torque [1/s²]."""
     kd: Annotated[tuple[NonNegative, ...], ONE_PER_LINK] | None = None
@@ -96,7 +97,8 @@ class Drive(Spec, frozen=True):
             "none": (), "constant": ("torque",), "table": ("times", "torques") if self.file is None else ("file",),
             "pd": ("kp", "kd", towards), "computed_torque": ("kp", "kd", towards),
         }[self.kind]  # fmt: skip
-        may = ("target_m",) if towards == "target_deg" in wanted else ()
+        may: tuple[str, ...] = ("target_m",) if towards == "target_deg" in wanted else ()
+        may += ("times", "torques", "file") if self.kind == "pd" else ()
         for name in ("torque", "times", "torques", "file", "kp", "kd", "target_deg", "target_m", "reference"):
             if (getattr(self, name) is not None) != (name in wanted) and name not in may:
                 takes, value = ", ".join(wanted) or "nothing else", getattr(self, name)
@@ -109,6 +111,8 @@ class Drive(Spec, frozen=True):
             check_table(self.times, {"torques": self.torques}, smooth=self.smooth, hold=self.hold)
         if self.gravity != "none" and self.kind != "pd":
             raise SceneError(f"gravity = {self.gravity!r}: needs drive kind 'pd'", id="needs-pd")
+        if self.kind == "pd":
+            self._check_feedforward()
         if self.rate is not None and self.kind == "none":
             raise SceneError(
                 f"rate = {self.rate!r}: has no effect with drive kind 'none'; leave rate out", id="no-effect"
@@ -118,6 +122,19 @@ class Drive(Spec, frozen=True):
                 f"delay = {self.delay!r}: needs rate, the sampling rate of the controller [Hz], such as rate = 1000",
                 id="needs-another-key",
             )
+
+    def _check_feedforward(self) -> None:
+        """Check the feedforward table of a pd drive."""
+        given = [name for name in ("times", "torques", "file") if getattr(self, name) is not None]
+        if self.file is None and len(given) == 1:
+            missing = "torques" if self.times is not None else "times"
+            raise SceneError(f"{missing}: missing; a feedforward table has times and torques", id="missing-key")
+        if self.file is not None and len(given) > 1:
+            raise SceneError(f"file = {self.file!r}: {given[0]} is also given; specify only one", id="both-given")
+        if given and self.gravity != "none":
+            raise SceneError(f"gravity = {self.gravity!r}: {given[0]} is also given; specify only one", id="both-given")
+        if self.hold:
+            raise SceneError("hold = True: needs drive kind 'table'", id="key-of-another-kind")
 
 
 class PrescribedMotion(Spec, frozen=True):

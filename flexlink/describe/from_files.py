@@ -48,7 +48,8 @@ def filled_from_files(
         filled["drive"] = drive_from_file(drive, arm, moved)
     if drive.reference is not None and drive.reference.file is not None:
         starts = filled.get("initial", initial).own("joint", arm.slides)
-        filled["drive"] = replace(drive, reference=reference_from_file(drive.reference, arm, moved, starts))
+        reference = reference_from_file(drive.reference, arm, moved, starts)
+        filled["drive"] = replace(filled.get("drive", drive), reference=reference)
     if wrench.file is not None:
         filled["wrench"] = wrench_from_file(wrench)
     return filled

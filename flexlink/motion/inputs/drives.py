@@ -145,12 +145,21 @@ def gains_at_zero(drive: Drive, chain: Chain, continuous: bool = False) -> Gains
 
 def _table(scene: Scene, chain: Chain) -> Drive:
     drive, effort = scene.drive, effort_of(scene, chain)
-    times = np.array(drive.times or (0.0,))
-    torques = np.array([of_joints(chain, row) for row in drive.torques or (drive.torque,)])
+    times, torques = _rows(scene, chain)
     if drive.hold:
         return held_torques(chain, times, torques, effort)
-    table = PiecewisePolynomial(times, pieces_of("drive.torques", times, torques, smooth=drive.smooth))
-    return drive_of(chain.active.copy(), effort=effort, feedforward=table)
+    return drive_of(chain.active.copy(), effort=effort, feedforward=_interpolated(scene, times, torques))
+
+
+def _rows(scene: Scene, chain: Chain) -> tuple[Array, Array]:
+    """Times (m,) and torques (m, d) of a drive's table."""
+    drive = scene.drive
+    rows = drive.torques or (drive.torque,)
+    return np.array(drive.times or (0.0,)), np.array([of_joints(chain, row) for row in rows])
+
+
+def _interpolated(scene: Scene, times: Array, torques: Array) -> PiecewisePolynomial:
+    return PiecewisePolynomial(times, pieces_of("drive.torques", times, torques, smooth=scene.drive.smooth))
 
 
 def _pd(scene: Scene, chain: Chain) -> Drive:
@@ -158,6 +167,8 @@ def _pd(scene: Scene, chain: Chain) -> Drive:
     # how to compute the feed-forward of a constant reference, for each value of the drive's `gravity`
     gravity = {"none": _no_gravity, "rigid": _rigid_gravity, "static": _static_gravity}
     feedback = _feedback(scene, chain)
+    if scene.drive.torques is not None:
+        return feedback._replace(law=PD, feedforward=_interpolated(scene, *_rows(scene, chain)))
     target = feedback.reference
     still = len(target.knots) == 1 and not target.coefficients[:, 1:].any()
     if scene.drive.gravity == "rigid" and not still:

@@ -11,7 +11,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
-from flexlink.describe.joint_units import row_in_si
+from flexlink.describe.joint_units import IN_METRES, row_in_si
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.static_postures import static_posture
 from flexlink.kernels.inputs.drive_torque import follow
@@ -19,6 +19,9 @@ from flexlink.kernels.inputs.record import Inputs, MotionTable
 from flexlink.motion.inputs.actuation import inputs_with
 from flexlink.motion.inputs.drives import no_drive
 from flexlink.motion.inputs.tip_wrench import wrench_at
+
+Rows = tuple[tuple[float, ...], ...]
+"""Rows of one number per link."""
 
 
 def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
@@ -90,6 +93,22 @@ def spread(chain: Chain, per_link: Sequence[float]) -> Array:
     for k in chain.active.tolist():
         out[k] = per_link[chain.coordinates[k].link - 1]
     return out
+
+
+def by_unit(scene: Scene, chain: Chain, key: str, values: Array) -> dict[str, Rows]:
+    """Values (m, d) of the driven joints in SI units, as lists under `key` [deg] and its twin [m] where needed."""
+    slides, found = chain.slides[chain.active], dict[str, Rows]()
+    for kind in {bool(each) for each in slides}:
+        own = np.where(slides == kind, values if kind else np.degrees(values), 0.0)
+        found[IN_METRES[key] if kind else key] = per_link(scene, chain, own)
+    return found
+
+
+def per_link(scene: Scene, chain: Chain, values: Array) -> Rows:
+    """Rows of one number per link from values (m, d) of the driven joints."""
+    rows = np.zeros((len(values), len(scene.arm.links)))
+    rows[:, [chain.coordinate(int(k)).link - 1 for k in chain.active]] = values
+    return tuple(map(tuple, rows.tolist()))
 
 
 def _given(name: str, numbers: tuple[float, ...] | None, otherwise: Array) -> Array:

@@ -29,7 +29,8 @@ def corners(given: Drive | Loads) -> Array:
     if isinstance(given, Drive) and given.rate:
         return np.empty(0)
     if isinstance(given, Drive) and given.law != TABLE:
-        return given.reference.knots
+        tabled = given.law == PD and given.feedforward.coefficients.shape[1] in {LINEAR, LINEAR + 2}  # or cubic
+        return np.concatenate([given.reference.knots, given.feedforward.knots if tabled else []])
     table = given.feedforward if isinstance(given, Drive) else given
     return np.empty(0) if table.coefficients.shape[1] > LINEAR else table.knots
 

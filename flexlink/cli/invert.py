@@ -1,0 +1,103 @@
+"""`flexlink invert`: Compute torques with which the tip, not the joints, follows a move; write the driven scene.
+
+flexlink invert models/ptp_move.toml --out moved.toml
+flexlink invert arm.toml --tip 1.2 0 0.8 --duration 0.6 --out moved.toml --plot moved.png
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from flexlink.cli.json_output import add_json, print_json
+from flexlink.cli.shared import (
+    prefix_errors,
+    print_lines,
+    print_path,
+    require_picture,
+    require_writable,
+    save_plot,
+    varied_scene,
+)
+from flexlink.common.types import Array
+from flexlink.motion.tip_inversion.inversion import Inversion, ShapedMove, invert
+
+
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Options of `invert`."""
+    command.add_argument("scene", type=Path, help="scene file (.toml) with drive kind pd; its reference is the move")
+    command.add_argument(
+        "--tip", type=float, nargs=3, metavar=("X", "Y", "Z"),
+        help="instead of the reference: point to which the tip moves along a straight line [m], frame 0",
+    )  # fmt: skip
+    command.add_argument("--duration", type=float, help="duration of the move to a point [s]")
+    command.add_argument("--tolerance", type=float, default=1e-3, help="allowed error of the tip [m]; default: 0.001")
+    command.add_argument("--shaper", default="ZVD", help="input shaper to compare with; default: ZVD")
+    command.add_argument("-o", "--out", type=Path, help="write the driven scene to this file (.toml)")
+    command.add_argument("--plot", type=Path, help="plot its run to this file (.png, .svg or .pdf)")
+    add_json(command)
+
+
+def run_command(options: argparse.Namespace) -> int:
+    """Print pre-actuation, torques and errors beside those of a shaped move; 1 if the tip misses the tolerance."""
+    scene = varied_scene(options.scene, options)
+    if options.out is not None:
+        require_writable(options.out)
+    require_picture(options.plot)
+    with prefix_errors(options.scene):
+        found = invert(scene, options.tip, duration=options.duration, tolerance=options.tolerance)
+        beside = found.shaped(options.shaper)
+    print_lines("warning", found.warnings)
+    largest = np.abs(found.torques).max(axis=0)
+    if options.json:
+        print_json(_document(found, beside, options.shaper, largest))
+    else:
+        _print(found, beside, options.shaper, largest)
+    if options.out is not None:
+        found.scene.save(options.out)
+        print_path("scene", options.out)
+    if options.plot is not None:
+        save_plot(found.run.plot(), options.plot)
+    return 0 if found.met else 1
+
+
+def _names(found: Inversion) -> list[str]:
+    """Names and units of the driven joints' torques."""
+    chain = found.run.chain
+    return [f"{chain.joint_name(int(k))} [{chain.torque_units[k]}]" for k in chain.active]
+
+
+def _document(found: Inversion, beside: ShapedMove, shaper: str, largest: Array) -> dict[str, object]:
+    return {
+        "scene": found.scene.name, "starts_s": found.starts, "ends_s": found.ends,
+        "starts_before_s": found.starts_before, "ends_after_s": found.ends_after,
+        "largest_torques": dict(zip(_names(found), largest.tolist(), strict=True)), "tip_error_m": found.error,
+        "residual_m": found.residual, "distance_m": found.distance, "settles_s": found.settles, "met": found.met,
+        "shaped": {"kind": shaper, "lag_m": beside.lag, "settles_s": beside.settles},
+    }  # fmt: skip
+
+
+def _print(found: Inversion, beside: ShapedMove, shaper: str, largest: Array) -> None:
+    torques = ", ".join(
+        f"{name.split(' [')[0]} {torque:.4g} {name.split('[')[1][:-1]}"
+        for name, torque in zip(_names(found), largest, strict=True)
+    )
+    print(f"{found.scene.name}: the tip moves from {found.starts:.4g} to {found.ends:.4g} s")
+    print(f"torques: begin {found.starts_before:.3g} s before the move, end {found.ends_after:.3g} s after it")
+    print(f"largest torques: {torques}")
+    print(
+        f"tip error of the nonlinear run: {1e3 * found.error:.3g} mm, after the move {1e3 * found.residual:.3g} mm; "
+        f"in all directions {1e3 * found.distance:.3g} mm"
+    )
+    within = f"within {1e3 * found.tolerance:g} mm"
+    print(f"{within}: {_settles(found.settles)}")
+    print(
+        f"beside it, joint PD with shaper {shaper}: lags by {1e3 * beside.lag:.3g} mm, "
+        f"{within} {_settles(beside.settles)}"
+    )
+
+
+def _settles(seconds: float) -> str:
+    return f"{seconds:.3g} s after the move" if np.isfinite(seconds) else "not by the end of the run"

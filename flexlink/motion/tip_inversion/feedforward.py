@@ -1,0 +1,131 @@
+"""Torques and joint motion with which a scene's tip follows a move, or the reason why there are none."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import ConvergenceError, SceneError
+from flexlink.common.types import Array, Complex
+from flexlink.common.wording import plural
+from flexlink.describe.scene import Scene
+from flexlink.dynamics.placement import jacobian, tip_position
+from flexlink.dynamics.tip_inversion.boundary_value import InverseMotion, TipPath, inverse_motion
+from flexlink.dynamics.tip_inversion.zeros import required_torque, transmission_zeros
+from flexlink.motion.tip_inversion.grid import Grid, grid_of
+from flexlink.motion.tip_inversion.moves import TipMove, postures_at
+
+
+class Feedforward(NamedTuple):
+    """The inverse at equally spaced times (m,), in the time of the original scene, which may begin before 0."""
+
+    times: Array
+    path: TipPath
+    motion: InverseMotion
+    grid: Grid
+    move: TipMove
+    zeros: list[tuple[Complex, Complex]]
+
+
+def refuse(scene: Scene, chain: Chain) -> None:
+    """Refuse scenes whose tip cannot be moved by torques computed in advance.
+
+    Raises
+    ------
+    SceneError
+        The message names the key and what to change.
+    """
+    drive = scene.drive
+    initial = scene.initial
+    reasons = {
+        "base.kind = 'free': joints of a floating arm do not place its tip; fix the base": scene.arm.base.free,
+        f"drive.kind = {drive.kind!r}: needs kind = 'pd', whose kp and kd hold the joints on the computed motion":
+            drive.kind != "pd",
+        "motion: joints with prescribed motion; drive them, or lock them": bool(scene.motion),
+        "wrench: changes over time, turns with the tip, or acts elsewhere; make it constant in frame 0":
+            scene.wrench.varies or (scene.wrench.acts and scene.wrench.on not in {"", scene.arm.links[-1].name}),
+        "initial: the arm must start at rest, in equilibrium; leave out q, qd, rate_deg, rate_m and time":
+            bool(initial.q or initial.qd or initial.time or scene.joint_rates.any()),
+        "link.damping, joint: friction that lags behind the motion; leave it out, or give damping with at_hz":
+            len(chain.internal) > 0,
+        "link.flex: no link or gear bends; the torques of a rigid arm are those of kind 'computed_torque'":
+            len(chain.active) == chain.n,
+    }  # fmt: skip
+    for reason, applies in reasons.items():
+        if applies:
+            raise SceneError(reason, id="inversion-not-possible")
+
+
+def feedforward_of(scene: Scene, chain: Chain, move: TipMove, wrench: Array) -> Feedforward:
+    """Compute the inverse of a move; errors as in `invert`."""
+    coarse = postures_at(chain, move.joints(move.start + move.duration * np.linspace(0.0, 1.0, 41)), wrench)
+    _require_control(chain, coarse)
+    zeros = [transmission_zeros(chain, posture, wrench) for posture in coarse[[0, 20, 40]]]
+    grid = grid_of(zeros, move.duration, chain.n)
+    ends = grid.before, grid.after
+    times = np.asarray(move.start + grid.spacing * np.arange(grid.points + 1), np.float64)
+    within = postures_at(chain, move.joints(times), wrench)
+    tips = tip_position(chain, within) if move.tips is None else move.tips(times)
+    postures, tips = (np.pad(part, (ends, (0, 0)), mode="edge") for part in (within, tips))
+    path = TipPath(grid.spacing, postures, tips, wrench)
+    motion = inverse_motion(chain, path)
+    if motion.correction > 1e-6:
+        raise ConvergenceError(
+            f"tip: no bounded motion of the joints was found whose tip makes this move in {move.duration:g} s; take a "
+            "longer move or a smoother profile",
+            coarse[0], 0.0, id="inversion-diverged",
+        )  # fmt: skip
+    found = Feedforward(
+        np.asarray(move.start + grid.spacing * (np.arange(grid.rows) - grid.before), np.float64),
+        path,
+        motion,
+        grid,
+        move,
+        zeros,
+    )
+    _require_effort(scene, chain, found)
+    return found
+
+
+def _require_control(chain: Chain, postures: Array) -> None:
+    """Refuse arms with more driven joints than independent directions in which these move the tip."""
+    driven = len(chain.active)
+    J = jacobian(chain, postures).linear[:, :, chain.active]
+    sizes = np.linalg.svd(J, compute_uv=False)
+    moved = int((sizes > 1e-3 * sizes.max()).sum(axis=1).min())
+    if moved == driven and (np.linalg.det(J[:-1].transpose(0, 2, 1) @ J[1:]) <= 0).any():  # stretched in between
+        moved -= 1
+    if moved < driven:
+        raise SceneError(
+            f"tip: {driven} driven joints move it in only {plural(moved, 'direction')} somewhere along the move; "
+            "lock joints that it does not need (link.NAME.joint.locked = true), or keep away from a stretched arm",
+            id="tip-not-controlled",
+        )
+
+
+def _require_effort(scene: Scene, chain: Chain, found: Feedforward) -> None:
+    """Refuse moves whose torques exceed `drive.effort`; torques of motion fall with the square of the duration."""
+    if scene.drive.effort is None:
+        return
+    links = [chain.coordinate(int(k)).link - 1 for k in chain.active]
+    effort, rest = np.array(scene.drive.effort)[links], np.zeros_like(found.path.postures)
+    held = required_torque(chain, found.path.postures, rest, rest, found.path.wrench)[:, chain.active]
+    most, moving = np.abs(found.motion.torques).max(axis=0), np.abs(found.motion.torques - held).max(axis=0)
+    if (most <= effort).all():
+        return
+    k = int(np.argmax(most / effort))
+    spare = float(((effort - np.abs(held).max(axis=0)) / np.maximum(moving, 1e-300)).min())
+    remedy = f"take a move of {1.005 * found.move.duration / np.sqrt(spare):.3g} s" if spare > 0 else "raise the limit"
+    joint = f"joint {chain.link_names[links[k]]!r} needs {most[k]:.4g} {chain.torque_units[chain.active[k]]}"
+    raise SceneError(
+        f"drive.effort = {effort[k]:g}: {joint} for this move in {found.move.duration:g} s; {remedy}",
+        id="move-beyond-effort",
+    )
+
+
+def directions_of(chain: Chain, postures: Array) -> Array:
+    """Orthonormal directions in which the driven joints move the tip, shape (m, 3, d)."""
+    J = jacobian(chain, postures).linear[:, :, chain.active]
+    return np.asarray(np.linalg.svd(J, full_matrices=False)[0])

@@ -1,0 +1,257 @@
+"""`invert`: torques and joint motion with which the tip of a flexible arm follows a move, checked by a run."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexlink.chain.arguments import positive, require_type
+from flexlink.chain.lumping import lump
+from flexlink.common.types import Array, Complex
+from flexlink.common.wording import Diagnostic
+from flexlink.describe.scene import Scene
+from flexlink.describe.shaping import InputShaper
+from flexlink.dynamics.result import Result
+from flexlink.dynamics.vibration.poles import pd_poles
+from flexlink.motion.inputs.drives import of_joints
+from flexlink.motion.simulate import simulate
+from flexlink.motion.tip_inversion.driven import driven_scene, joint_scene
+from flexlink.motion.tip_inversion.feedforward import directions_of, feedforward_of, refuse
+from flexlink.motion.tip_inversion.moves import move_of
+from flexlink.results.settling import settling_time
+from flexlink.results.trajectory import Trajectory
+
+
+class ShapedMove(NamedTuple):
+    """The move of an `Inversion` by joint PD with an input shaper, for comparison."""
+
+    run: Trajectory
+    """Its run, in the time of the original scene."""
+    lag: float
+    """Largest distance of the tip from the path of the inversion [m]."""
+    settles: float
+    """Time from the end of the path until the tip stays within the tolerance of its goal [s]; inf if it does not."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Inversion(Result):
+    """Torques and joint motion with which the tip follows a move, and the nonlinear run that they drive.
+
+    Attributes
+    ----------
+    scene
+        The scene, ready to run and to save: PD about the joint motion, with the torques as feedforward table. Its time
+        is later than that of the given scene by `starts` − `given_start` if torques would have to begin before 0.
+    run
+        The run of this scene.
+    times
+        Times in this scene [s], shape (m,), equally spaced.
+    torques, joints
+        Torques and positions of the driven joints at these times, shape (m, d) [N m, rad; N, m].
+    path
+        Positions of the tip at these times, shape (m, 3) [m].
+    directions
+        Orthonormal directions in which the driven joints move the tip, at these times, shape (m, 3, d).
+    zeros
+        Transmission zeros at the start of the move, slowest first [1/s].
+    starts, ends
+        Start and end of the tip's move in this scene [s].
+    given_start
+        Start of the tip's move in the given scene [s].
+    tolerance
+        Largest allowed `error` [m].
+    by_joints
+        The given scene, with the same move of its joints, without input shaper.
+    goal
+        The arm at rest after the move, shape (n,) [rad].
+    """
+
+    scene: Scene
+    run: Trajectory
+    times: Array
+    torques: Array
+    joints: Array
+    path: Array
+    directions: Array
+    zeros: Complex
+    starts: float
+    ends: float
+    given_start: float
+    tolerance: float
+    by_joints: Scene
+    goal: Array
+
+    @property
+    def starts_before(self) -> float:
+        """Pre-actuation: time from the first torque to the start of the tip's move [s]."""
+        return self.starts - float(self.times[0])
+
+    @property
+    def ends_after(self) -> float:
+        """Time from the end of the tip's move to the last change of torque [s]."""
+        return float(self.times[-1]) - self.ends
+
+    @property
+    def error(self) -> float:
+        """Largest error of the tip in the run, in the directions in which its joints can move it [m]."""
+        return float(np.linalg.norm(self._along, axis=1).max())
+
+    @property
+    def residual(self) -> float:
+        """The same from the end of the move on [m]."""
+        return float(np.linalg.norm(self._along[self.run.t >= self.ends - 1e-9], axis=1).max(initial=0.0))
+
+    @property
+    def distance(self) -> float:
+        """Largest distance of the tip from its path in the run, in all directions [m].
+
+        A single link that bends is shorter; no torque of its joint can change that.
+        """
+        return float(np.linalg.norm(self._off, axis=1).max())
+
+    @property
+    def settles(self) -> float:
+        """Time from the end of the move until the tip stays within the tolerance of its goal [s]; inf if never."""
+        return settling_time(self.run, target=self.path[-1], tolerance=self.tolerance, after=self.ends)
+
+    @property
+    def met(self) -> bool:
+        """Whether the error is within the tolerance."""
+        return self.error <= self.tolerance
+
+    @property
+    def warnings(self) -> tuple[Diagnostic, ...]:
+        """Warnings of the run, and one if the tip misses its path by more than the tolerance."""
+        if self.met:
+            return self.run.warnings
+        missed = (
+            f"tip: misses its path by {1e3 * self.error:.3g} mm, more than {1e3 * self.tolerance:.3g} mm; use larger "
+            "gains, a higher drive.rate, a smaller run.tolerance or run.step, or a longer move"
+        )
+        return *self.run.warnings, Diagnostic(missed, "tip-off-path")
+
+    def shaped(self, kind: str = "ZVD") -> ShapedMove:
+        """Run the same move by joint PD alone, with an input shaper for the two slowest poles at its end.
+
+        Parameters
+        ----------
+        kind
+            The shaper.
+
+        Returns
+        -------
+        ShapedMove
+            The run, how far its tip is from the path of this inversion, and when it settles.
+
+        Raises
+        ------
+        SceneError
+            There is no such shaper, or the arm has no vibration under PD.
+
+        Examples
+        --------
+        >>> beside = fl.invert(scene).shaped("ZV")
+        >>> print(beside.lag > 0.01)  # m
+        True
+        """
+        scene, chain = self.by_joints, lump(self.by_joints)
+        kp, kd = (of_joints(chain, gains) for gains in (scene.drive.kp, scene.drive.kd))
+        slow = pd_poles(chain, self.goal, kp=kp, kd=kd, tip_wrench=scene.tip_wrench)[:2]
+        run = simulate(scene.varied({"drive.reference.shaper": InputShaper.at(slow, kind)}))
+        off = run.tip - self._path_at(run.t + self.starts - self.given_start)
+        end = self.given_start + self.ends - self.starts
+        settles = settling_time(run, target=self.path[-1], tolerance=self.tolerance, after=end)
+        return ShapedMove(run, float(np.linalg.norm(off, axis=1).max()), settles)
+
+    @functools.cached_property
+    def _off(self) -> Array:
+        """Tip minus path at all samples of the run, shape (samples, 3)."""
+        return np.asarray(self.run.tip - self._path_at(self.run.t))
+
+    @property
+    def _along(self) -> Array:
+        """The same in the `directions`, shape (samples, d)."""
+        spacing = self.times[1] - self.times[0]
+        near = np.clip(np.rint((self.run.t - self.times[0]) / spacing), 0, len(self.times) - 1).astype(int)
+        return np.asarray(np.einsum("kij,ki->kj", self.directions[near], self._off))
+
+    def _path_at(self, t: Array) -> Array:
+        from scipy.interpolate import CubicSpline  # noqa: PLC0415  slow to import: 0.1 s
+
+        return np.asarray(CubicSpline(self.times, self.path)(np.clip(t, self.times[0], self.times[-1])))
+
+    def __repr__(self) -> str:
+        return (
+            f"<Inversion of {self.scene.name!r}: torques begin {self.starts_before:.3g} s before the move; "
+            f"tip error {1e3 * self.error:.2g} mm>"
+        )
+
+
+def invert(
+    scene: Scene, to: ArrayLike | None = None, *, duration: float | None = None, tolerance: float = 1e-3
+) -> Inversion:
+    """Torques with which the tip, not the joints, follows a move from rest to rest: stable inversion.
+
+    With joint control, the tip of a flexible arm lags behind the move and vibrates after it. This function computes the
+    bounded motion of all joints and springs whose tip is on the path at all times, with the complete nonlinear
+    equations, gravity and friction. Its torques begin before the tip moves, and end after it (Bayo 1987; Devasia, Chen
+    & Paden 1996). For small moves, they are the inverse G(iω)⁻¹ of the linear model's frequency response. The result is
+    checked by a run of the scene with these torques as feedforward of its PD drive.
+
+    Parameters
+    ----------
+    scene
+        The scene, with drive kind "pd". Its reference is the move: the tip is to be, at any time, where it would be
+        with the arm at rest at the reference's angles. Acceleration must not jump, and an input shaper is left out. The
+        arm starts at rest. A sampled drive holds its torques and delays them; the torques allow for both.
+    to
+        Instead of the reference: a point to which the tip moves along a straight line [m], shape (3,), in frame 0, with
+        a quintic profile; from t = 0.
+    duration
+        Duration of the move to a point [s].
+    tolerance
+        Largest allowed error of the tip in the run [m]; if it is exceeded, `warnings` contains a remedy.
+
+    Returns
+    -------
+    Inversion
+        Torques, joint motion, the scene that they drive, and its run.
+
+    Raises
+    ------
+    ArgumentError
+        An argument is invalid, or the tip cannot reach the point.
+    SceneError
+        Nothing moves, or the reference is not smooth; the arm has a free base, a prescribed motion, another drive, a
+        wrench that varies or friction that lags, or does not bend; it has
+        more driven joints than directions in which they move the tip; a transmission zero is on the imaginary axis, or too slow; or the torques exceed `drive.effort`.
+    ConvergenceError
+        There is no such motion, or no equilibrium on the path.
+    DivergenceError
+        The run diverges, such as with an unstable sampled drive.
+
+    Examples
+    --------
+    >>> found = fl.invert(scene)
+    >>> print(found.met, found.starts_before < 0.1)  # s
+    True True
+    >>> path = found.scene.save("moved.toml")  # run it with flexlink simulate
+    """
+    scene, tolerance = require_type("scene", scene, Scene), positive("tolerance", tolerance)
+    chain = lump(scene)
+    refuse(scene, chain)
+    wrench = scene.tip_wrench
+    move = move_of(scene, chain, to, duration, wrench)
+    found = feedforward_of(scene, chain, move, wrench)
+    driven, shift = driven_scene(scene, chain, found)
+    return Inversion(
+        scene=driven, run=simulate(driven), times=found.times + shift, torques=found.motion.torques,
+        joints=found.motion.q[:, chain.active], path=found.path.tips,
+        directions=directions_of(chain, found.path.postures), zeros=found.zeros[0][0], starts=move.start + shift,
+        ends=move.start + shift + move.duration, given_start=move.start, tolerance=tolerance,
+        by_joints=joint_scene(scene, chain, found, straight=to is not None), goal=found.path.postures[-1],
+    )  # fmt: skip
