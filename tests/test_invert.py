@@ -246,6 +246,45 @@ def test_the_command_writes_a_scene_and_prints_the_gain(tmp_path: Path, capsys: 
     assert len(said["largest_torques"]) == 3
 
 
+FOLLOWING = {"drive.reference.follows": "tip", "drive.reference.start": 0.1, "initial.passive": "static"}
+
+
+def test_a_reference_that_the_tip_follows_is_inverted_when_a_run_is_prepared(tmp_path: Path) -> None:
+    scene = two_links(**FOLLOWING)
+    found = fl.invert(two_links(**{"drive.reference.start": 0.1}))
+    scene = fl.load_scene(scene.varied({"run.duration": found.run.t[-1]}).save(tmp_path / "following.toml"))
+    run = fl.simulate(scene)
+    assert run.tip == pytest.approx(found.run.tip, abs=1e-9)
+    half = fl.simulate(scene, duration=0.5)
+    rest = fl.simulate(scene, after=half, duration=float(run.t[-1]) - 0.5)
+    assert rest.tip[-1] == pytest.approx(run.tip[-1], abs=1e-9)
+    again = fl.invert(scene)
+    assert again.error < 1e-6
+    assert again.scene.drive.reference.follows == "joints"
+
+
+@pytest.mark.parametrize(
+    ("id", "changes"),
+    [
+        ("move-too-early", {"drive.reference.start": 0.0}),
+        ("springs-start-slack", {"initial.passive": "zero"}),
+        ("start-differs-from-motion", {"drive.reference.from_deg": (0.0, -79.0, -10.0)}),
+        ("both-given", {"drive.gravity": "static"}),
+        ("both-given", {"drive.times": (0.0,), "drive.torques": ((0.0, 1.0, 1.0),)}),
+        ("both-given", {"drive.reference.shaper": fl.InputShaper(kind="ZV", frequency_hz=(2.0,))}),
+        ("needs-pd", {"drive.kind": "computed_torque"}),
+        ("wrench-out-of-reach", {"link.fore.joint.limits_deg": (-60.001, 0.0)}),
+    ],
+)
+def test_references_that_the_tip_cannot_follow_are_refused(id: str, changes: dict[str, Any]) -> None:
+    with refused(fl.errors.SceneError, id):
+        fl.Problem(
+            two_links(**FOLLOWING, **{key: value for key, value in changes.items() if key not in FOLLOWING}).varied(
+                changes
+            )
+        )
+
+
 def test_a_pd_drive_adds_its_table_of_torques() -> None:
     rows: dict[str, Any] = {"times": (0.0, 1.0), "torques": ((0.0, 2.0, 0.0), (0.0, 4.0, 1.0))}
     drive = fl.Drive(kind="pd", kp=(0.0, 4e3, 4e3), kd=(0.0, 40.0, 40.0), target_deg=(0.0, -80.0, -10.0), **rows)

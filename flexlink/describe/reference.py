@@ -109,6 +109,8 @@ class Reference(Spec, frozen=True):
     "auto": by cross-validation. Default: rates and accelerations come from the file's columns, or from a spline."""
     shaper: InputShaper | None = None
     """Input shaper, which sums delayed copies of the reference that leave no vibration."""
+    follows: Literal["joints", "tip"] = "joints"
+    """With drive kind pd: what follows the reference: the joints, or the tip, by torques computed before a run."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -248,10 +250,8 @@ class Reference(Spec, frozen=True):
                 )
         except ArgumentError as error:
             raise SceneError(str(error)) from None
-        if self.shaper is None:
-            return course
         try:
-            return course.shaped(*self.shaper.impulses)
+            return course if self.shaper is None else course.shaped(*self.shaper.impulses)
         except (ArgumentError, DataFileError) as error:
             kind = DataFileError if isinstance(error, DataFileError) else SceneError
             raise kind(f"shaper.{error}") from None
@@ -320,12 +320,11 @@ class Reference(Spec, frozen=True):
             return from_rest_to_rest(
                 t, np.stack([angles[:-1], np.diff(angles, axis=0) / np.diff(t)[:, None]], 1), angles[-1]
             )
-        return from_rest_to_rest(t, _smooth(t, known), angles[-1])
+        return from_rest_to_rest(t, smooth_pieces(t, known), angles[-1])
 
     def _rows(self, name: str, slides: Slides) -> Array:
         """A table of angles, rates or accelerations in SI units, shape (rows, links)."""
-        both = getattr(self, name), getattr(self, IN_METRES[name])
-        deg, m = (rows or (None,) * len(self.times or ()) for rows in both)
+        deg, m = (getattr(self, key) or (None,) * len(self.times or ()) for key in (name, IN_METRES[name]))
         return in_si(slides, [together(slides, *row) for row in zip(deg, m, strict=True)])
 
 
@@ -339,7 +338,7 @@ def _taken(needs: Sequence[str], may: Sequence[str]) -> str:
     return ", ".join(needs) + (f", and may have {', '.join(may)}" if may else "")
 
 
-def _smooth(t: Array, known: list[Array]) -> Array:
+def smooth_pieces(t: Array, known: list[Array]) -> Array:
     """Cubic spline through angles, or Hermite polynomials if rates are known; coefficients (m, ·, d)."""
     from scipy.interpolate import BPoly, CubicSpline, PPoly  # noqa: PLC0415  slow to import: 0.1 s
 

@@ -254,8 +254,20 @@ def check_reference(arm: Arm, drive: Drive, course: ReferenceTrajectory | None, 
     SceneError
         The reference leaves the limits, or jumps within a step.
     """
-    if course is None:
+    if course is None or drive.reference is None:
         return
+    if drive.reference.follows == "tip":
+        shaped = drive.reference.shaper is not None
+        for wrong, why in (
+            (drive.kind != "pd", f"needs drive.kind = 'pd', not {drive.kind!r}"),
+            (drive.torques is not None, "drive.torques are also given; leave them out"),
+            (drive.gravity != "none", f"drive.gravity = {drive.gravity!r} is also given; leave it out"),
+            (shaped, "drive.reference.shaper is also given; leave it out"),
+        ):
+            if wrong:
+                raise SceneError(
+                    f"drive.reference.follows = 'tip': {why}", id="both-given" if drive.kind == "pd" else "needs-pd"
+                )
     try:
         refuse_beyond(course, [(link.name, link.joint) for link in arm.links if not link.joint.locked])
         for time in [] if run.controlled or drive.rate else course.jumps:

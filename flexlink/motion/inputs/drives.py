@@ -27,6 +27,7 @@ from flexlink.kernels.layout import BODY, HINGE
 from flexlink.motion.inputs.interpolation import held_knots, pieces_of
 from flexlink.motion.inputs.references import constant, reference_arrays
 from flexlink.motion.inputs.static_feedforward import holding_torque
+from flexlink.motion.inputs.tip_reference import tip_arrays
 
 
 def drive_arrays(scene: Scene, chain: Chain) -> Drive:
@@ -167,6 +168,9 @@ def _pd(scene: Scene, chain: Chain) -> Drive:
     # how to compute the feed-forward of a constant reference, for each value of the drive's `gravity`
     gravity = {"none": _no_gravity, "rigid": _rigid_gravity, "static": _static_gravity}
     feedback = _feedback(scene, chain)
+    if scene.drive.reference is not None and scene.drive.reference.follows == "tip":
+        reference, torques = tip_arrays(scene, chain)
+        return feedback._replace(law=PD, reference=reference, feedforward=torques)
     if scene.drive.torques is not None:
         return feedback._replace(law=PD, feedforward=_interpolated(scene, *_rows(scene, chain)))
     target = feedback.reference

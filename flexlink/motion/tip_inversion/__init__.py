@@ -1,1 +1,1 @@
-"""Feedforward with which the tip of a scene follows a move: path, refusals, driven scene, and its run."""
+"""Moves of the tip: the scene driven by computed torques, and its run."""

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.describe.actions import Drive
 from flexlink.describe.initial import InitialState
 from flexlink.describe.reference import OF_MOTION, Reference
 from flexlink.describe.scene import Scene
+from flexlink.dynamics.tip_inversion.feedforward import Feedforward
+from flexlink.dynamics.tip_inversion.moves import unshaped
 from flexlink.motion.inputs.initial_state import Rows, by_unit, per_link
-from flexlink.motion.tip_inversion.feedforward import Feedforward
-from flexlink.motion.tip_inversion.moves import unshaped
+from flexlink.motion.inputs.tip_reference import acting_torques, from_rest_to_rest
 
 
 def driven_scene(scene: Scene, chain: Chain, found: Feedforward) -> tuple[Scene, float]:
@@ -23,9 +22,9 @@ def driven_scene(scene: Scene, chain: Chain, found: Feedforward) -> tuple[Scene,
     shift = max(0.0, -float(found.times[0]))
     times = found.times + shift
     rows: dict[str, Rows] = {}
-    for key, part in zip(OF_MOTION, _from_rest_to_rest(found), strict=True):
+    for key, part in zip(OF_MOTION, from_rest_to_rest(found), strict=True):
         rows |= by_unit(scene, chain, key, part[:, chain.active])
-    torques = _acting(times, found.motion.torques, drive.delay, 1.0 / drive.rate if drive.rate else 0.0)
+    torques = acting_torques(scene, found)
     table = tuple(times.tolist())
     driven = Drive(
         kind="pd", kp=drive.kp, kd=drive.kd, reference=Reference(profile="smooth", times=table, **rows),  # type: ignore[arg-type]
@@ -59,6 +58,8 @@ def joint_scene(scene: Scene, chain: Chain, found: Feedforward, *, straight: boo
         changes |= {"drive.target_deg": None, "drive.target_m": None}
     if any(scene.gravity) and scene.drive.gravity == "none":
         changes |= {"drive.times": None, "drive.torques": None, "drive.gravity": "static"}
+    if scene.drive.reference is not None and not straight:
+        changes["drive.reference.follows"] = "joints"
     return unshaped(scene).varied({**changes, "initial": _at_rest(scene, chain, q[0])})
 
 
@@ -71,23 +72,3 @@ def _at_rest(scene: Scene, chain: Chain, posture: Array) -> InitialState:
         own = zip(before or (0.0,) * len(row), row, scene.arm.links, strict=True)
         rows.append(tuple(old if link.joint.locked else new for old, new, link in own))
     return InitialState(joint_deg=rows[0], joint_m=rows[1] if any(rows[1]) else None, passive="static")
-
-
-def _from_rest_to_rest(found: Feedforward) -> tuple[Array, Array, Array]:
-    """Motion whose first and last state are exactly at rest, from which it differs by the decay of torques."""
-    q, qd, qdd = (part.copy() for part in (found.motion.q, found.motion.qd, found.motion.qdd))
-    q[[0, -1]] = found.path.postures[[0, -1]]
-    qd[[0, -1]] = qdd[[0, -1]] = 0.0
-    return q, qd, qdd
-
-
-def _acting(times: Array, torques: Array, delay: float, period: float) -> Array:
-    """Torques to command at sampling instants, such that those that act are right on average until the next ones."""
-    if not period:
-        return torques
-    from scipy.interpolate import CubicSpline  # noqa: PLC0415  slow to import: 0.1 s
-
-    late = delay + period
-    padded = np.concatenate([times[:1] - late, times, times[-1:] + late])
-    total = CubicSpline(padded, np.concatenate([torques[:1], torques, torques[-1:]])).antiderivative()
-    return np.asarray((total(times + late) - total(times + delay)) / period)

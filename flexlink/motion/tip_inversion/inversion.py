@@ -11,17 +11,18 @@ from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import positive, require_type
 from flexlink.chain.lumping import lump
+from flexlink.common.errors import SceneError
 from flexlink.common.types import Array, Complex
 from flexlink.common.wording import Diagnostic
 from flexlink.describe.scene import Scene
 from flexlink.describe.shaping import InputShaper
 from flexlink.dynamics.result import Result
+from flexlink.dynamics.tip_inversion.feedforward import directions_of, feedforward_of, refuse
+from flexlink.dynamics.tip_inversion.moves import move_of
 from flexlink.dynamics.vibration.poles import pd_poles
 from flexlink.motion.inputs.drives import of_joints
 from flexlink.motion.simulate import simulate
 from flexlink.motion.tip_inversion.driven import driven_scene, joint_scene
-from flexlink.motion.tip_inversion.feedforward import directions_of, feedforward_of, refuse
-from flexlink.motion.tip_inversion.moves import move_of
 from flexlink.results.settling import settling_time
 from flexlink.results.trajectory import Trajectory
 
@@ -228,7 +229,8 @@ def invert(
     SceneError
         Nothing moves, or the reference is not smooth; the arm has a free base, a prescribed motion, another drive, a
         wrench that varies or friction that lags, or does not bend; it has
-        more driven joints than directions in which they move the tip; a transmission zero is on the imaginary axis, or too slow; or the torques exceed `drive.effort`.
+        more driven joints than directions in which they move the tip; a transmission zero is on the imaginary axis,
+        or too slow; or the torques exceed `drive.effort`.
     ConvergenceError
         There is no such motion, or no equilibrium on the path.
     DivergenceError
@@ -244,6 +246,12 @@ def invert(
     scene, tolerance = require_type("scene", scene, Scene), positive("tolerance", tolerance)
     chain = lump(scene)
     refuse(scene, chain)
+    initial = scene.initial
+    if initial.q or initial.qd or initial.time or scene.joint_rates.any():
+        raise SceneError(
+            "initial: the arm must start at rest, in equilibrium; leave out q, qd, rate_deg, rate_m and time",
+            id="inversion-not-possible",
+        )
     wrench = scene.tip_wrench
     move = move_of(scene, chain, to, duration, wrench)
     found = feedforward_of(scene, chain, move, wrench)

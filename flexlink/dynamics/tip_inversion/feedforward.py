@@ -13,9 +13,9 @@ from flexlink.common.wording import plural
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import jacobian, tip_position
 from flexlink.dynamics.tip_inversion.boundary_value import InverseMotion, TipPath, inverse_motion
+from flexlink.dynamics.tip_inversion.grid import Grid, grid_of
+from flexlink.dynamics.tip_inversion.moves import TipMove, postures_at
 from flexlink.dynamics.tip_inversion.zeros import required_torque, transmission_zeros
-from flexlink.motion.tip_inversion.grid import Grid, grid_of
-from flexlink.motion.tip_inversion.moves import TipMove, postures_at
 
 
 class Feedforward(NamedTuple):
@@ -38,7 +38,6 @@ def refuse(scene: Scene, chain: Chain) -> None:
         The message names the key and what to change.
     """
     drive = scene.drive
-    initial = scene.initial
     reasons = {
         "base.kind = 'free': joints of a floating arm do not place its tip; fix the base": scene.arm.base.free,
         f"drive.kind = {drive.kind!r}: needs kind = 'pd', whose kp and kd hold the joints on the computed motion":
@@ -46,8 +45,6 @@ def refuse(scene: Scene, chain: Chain) -> None:
         "motion: joints with prescribed motion; drive them, or lock them": bool(scene.motion),
         "wrench: changes over time, turns with the tip, or acts elsewhere; make it constant in frame 0":
             scene.wrench.varies or (scene.wrench.acts and scene.wrench.on not in {"", scene.arm.links[-1].name}),
-        "initial: the arm must start at rest, in equilibrium; leave out q, qd, rate_deg, rate_m and time":
-            bool(initial.q or initial.qd or initial.time or scene.joint_rates.any()),
         "link.damping, joint: friction that lags behind the motion; leave it out, or give damping with at_hz":
             len(chain.internal) > 0,
         "link.flex: no link or gear bends; the torques of a rigid arm are those of kind 'computed_torque'":

@@ -1,0 +1,102 @@
+"""References that the tip follows: torques and joint motion, computed when a run is prepared (`follows = "tip"`)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import SceneError
+from flexlink.common.memo import Memo
+from flexlink.common.types import Array
+from flexlink.describe.joint import refuse_beyond
+from flexlink.describe.reference import smooth_pieces
+from flexlink.describe.reference_trajectory import ReferenceTrajectory
+from flexlink.describe.reference_trajectory import from_rest_to_rest as resting
+from flexlink.describe.scene import Scene
+from flexlink.dynamics.tip_inversion.feedforward import Feedforward, feedforward_of, refuse
+from flexlink.dynamics.tip_inversion.moves import move_of
+from flexlink.kernels.inputs.record import PiecewisePolynomial
+from flexlink.motion.inputs.interpolation import pieces_of
+
+
+def tip_arrays(scene: Scene, chain: Chain) -> tuple[PiecewisePolynomial, PiecewisePolynomial]:
+    """Reference and feedforward torques of the driven joints with which the tip follows the drive's reference.
+
+    Raises
+    ------
+    SceneError, ConvergenceError
+        As in `invert`; or the torques would begin before t = 0, or the arm does not start at rest on the path.
+    """
+    joints, times, torques = TIPS(scene, (), lambda: _tip_arrays(scene, chain))
+    return (
+        PiecewisePolynomial(joints.knots.copy(), joints.coefficients.copy()),
+        PiecewisePolynomial(times.copy(), pieces_of("drive.reference", times, torques, smooth=True)),
+    )
+
+
+TIPS = Memo(16)
+"""Cache of computed tip motions by scene."""
+
+
+def _tip_arrays(scene: Scene, chain: Chain) -> tuple[ReferenceTrajectory, Array, Array]:
+    refuse(scene, chain)
+    wrench = scene.tip_wrench
+    found = feedforward_of(scene, chain, move_of(scene, chain, None, None, wrench), wrench)
+    _require_start(scene, chain, found)
+    parts = [part[:, chain.active] for part in from_rest_to_rest(found)]
+    joints = resting(found.times, smooth_pieces(found.times, parts), parts[0][-1])
+    driven = [scene.arm.links[chain.coordinate(int(k)).link - 1] for k in chain.active]
+    try:
+        refuse_beyond(joints, [(link.name, link.joint) for link in driven])
+    except SceneError as error:
+        raise SceneError(f"drive.reference: with follows = 'tip', {error}") from None
+    return joints, found.times, acting_torques(scene, found)
+
+
+def _require_start(scene: Scene, chain: Chain, found: Feedforward) -> None:
+    """Refuse a start after the first torque, or elsewhere than at rest at the start of the path."""
+    initial, move = scene.initial, found.move
+    if found.times[0] < -1e-9:  # more than rounding
+        needed = math.ceil(1e4 * (move.start - float(found.times[0])) - 1e-6) / 1e4
+        raise SceneError(
+            f"drive.reference.start = {move.start:g}: the torques begin {needed:g} s before the tip moves; start at "
+            f"{needed:g} s or later",
+            id="move-too-early",
+        )
+    if initial.q is not None or initial.time:  # continues another run
+        return
+    links = [chain.coordinate(int(k)).link - 1 for k in chain.active]
+    first = found.path.postures[0, chain.active]
+    if not np.allclose(scene.joint_positions[links], first, rtol=0.0, atol=1e-9):
+        raise SceneError(
+            "drive.reference: starts elsewhere than initial; with follows = 'tip' the arm starts on the path",
+            id="start-differs-from-motion",
+        )
+    if initial.passive == "zero" and (any(scene.gravity) or found.path.wrench.any()):
+        raise SceneError(
+            "initial.passive = 'zero': with follows = 'tip' the arm starts at rest; set passive = 'static'",
+            id="springs-start-slack",
+        )
+
+
+def from_rest_to_rest(found: Feedforward) -> tuple[Array, Array, Array]:
+    """Motion whose first and last state are exactly at rest, from which it differs by the decay of torques."""
+    q, qd, qdd = (part.copy() for part in (found.motion.q, found.motion.qd, found.motion.qdd))
+    q[[0, -1]] = found.path.postures[[0, -1]]
+    qd[[0, -1]] = qdd[[0, -1]] = 0.0
+    return q, qd, qdd
+
+
+def acting_torques(scene: Scene, found: Feedforward) -> Array:
+    """Torques to command, shape (m, d): for sampled drives such that they are right on average while they act."""
+    times, torques, rate = found.times, found.motion.torques, scene.drive.rate
+    if rate is None:
+        return torques
+    from scipy.interpolate import CubicSpline  # noqa: PLC0415  slow to import: 0.1 s
+
+    begins, late = scene.drive.delay, scene.drive.delay + 1.0 / rate
+    padded = np.concatenate([times[:1] - late, times, times[-1:] + late])
+    total = CubicSpline(padded, np.concatenate([torques[:1], torques, torques[-1:]])).antiderivative()
+    return np.asarray((total(times + late) - total(times + begins)) * rate)
