@@ -129,9 +129,11 @@ class Inversion(Result):
         """Warnings of the run, and one if the tip misses its path by more than the tolerance."""
         if self.met:
             return self.run.warnings
+        sampled = "check that the sampled loop is stable, or use a higher drive.rate"
+        remedy = "use larger gains" if self.scene.drive.rate is None else sampled
         missed = (
-            f"tip: misses its path by {1e3 * self.error:.3g} mm, more than {1e3 * self.tolerance:.3g} mm; use larger "
-            "gains, a higher drive.rate, a smaller run.tolerance or run.step, or a longer move"
+            f"tip: misses its path by {1e3 * self.error:.3g} mm, more than {1e3 * self.tolerance:.3g} mm; {remedy}, a "
+            "smaller run.tolerance or run.step, or a longer move"
         )
         return *self.run.warnings, Diagnostic(missed, "tip-off-path")
 
