@@ -261,7 +261,7 @@ def test_a_reference_that_the_tip_follows_is_inverted_when_a_run_is_prepared(tmp
     assert rest.tip[-1] == pytest.approx(run.tip[-1], abs=1e-9)
     again = fl.invert(scene)
     assert again.error < 1e-6
-    assert again.scene.values_at("drive.reference.follows") == ["joints"]
+    assert again.scene.document()["drive"]["reference"]["follows"] == "joints"
 
 
 @pytest.mark.parametrize(
