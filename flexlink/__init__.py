@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from flexlink.identification.fit import fit
     from flexlink.motion.batch import simulate_many
     from flexlink.motion.inputs.initial_state import initial_state
+    from flexlink.motion.loop.loop import loop
     from flexlink.motion.sensitivity import sensitivities
     from flexlink.motion.simulate import Problem, simulate
     from flexlink.motion.simulator import Simulator
@@ -127,6 +128,7 @@ __all__ = [
     "load_scene",
     "load_sweep",
     "load_trajectory",
+    "loop",
     "lump",
     "mass_matrix",
     "measures",
@@ -199,6 +201,7 @@ def __getattr__(name: str) -> object:
         "identification.fit": ["fit"],
         "motion.batch": ["simulate_many"],
         "motion.inputs.initial_state": ["initial_state"],
+        "motion.loop.loop": ["loop"],
         "motion.sensitivity": ["sensitivities"],
         "motion.simulate": ["Problem", "simulate"],
         "motion.simulator": ["Simulator"],

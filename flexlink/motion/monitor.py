@@ -15,7 +15,7 @@ from flexlink.dynamics.terms import mass_matrix
 from flexlink.kernels.stepping.judgement import SEEN, WRONG, Allowance
 from flexlink.kernels.stepping.samples import tips_and_energies
 from flexlink.kernels.stepping.step_state import SO_FAR
-from flexlink.motion.hindrance import hindrance
+from flexlink.motion.hindrance import hindrance, loop_warning
 from flexlink.motion.sampled_control import Control, held_torques_advice
 from flexlink.motion.step_errors import rounded_away, step_errors, summed
 from flexlink.motion.tolerable import Thresholds, allowed_imbalance, probed, tolerance_of
@@ -54,7 +54,7 @@ class Monitor:
         self.negative_rotors = record.kept("negative rotors", None, lambda: bool((chain.hinges["armature"] < 0).any()))
         self.n_valid = 0
         self.failure: str = ""
-        self.warnings = list(warnings)
+        self.warnings = [*warnings, *loop_warning(record)]
         self.confirmed = False
         self.explicit = record.problem.explicit
         self.steps, self.deflection, self.angle_travelled = Steps(run.method, 0, 0), 0.0, 0.0
@@ -324,8 +324,8 @@ class Monitor:
 
     @property
     def _diverges(self) -> bool:
-        """Whether the run continues (unstable = "allow") although its energy balance failed, which explains bends."""
-        return "balance" in self._warned
+        """Whether an unstable loop, or a failed energy balance in spite of which the run goes on, explains bends."""
+        return "balance" in self._warned or any(each.id == "unstable-loop" for each in self.warnings)
 
     @property
     def suspicious(self) -> bool:

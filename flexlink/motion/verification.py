@@ -15,13 +15,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-import numpy as np
 from msgspec.structs import replace
 
 from flexlink.common.types import Array
 from flexlink.common.wording import Diagnostic
 from flexlink.describe.run_settings import AUTO, RunSettings
-from flexlink.motion.hindrance import sampled_growth
+from flexlink.motion.hindrance import loop_grows
 from flexlink.motion.monitor import Monitor
 from flexlink.motion.tolerable import Thresholds
 from flexlink.results.tip_motion import apart, motion_in_words
@@ -87,18 +86,14 @@ def doubt(monitor: Monitor, second: Second, path: Array) -> Diagnostic:
 
 def multiplies(monitor: Monitor) -> str:
     """Why a run may amplify its errors, phrased as the end of a sentence; empty if no reason is known."""
-    # Growth of motion due to a sampled loop within a run, relative to the growth without the drive, above which a
-    # verification run is made. In 44 random loops, this growth was at most 2.1 if stable, else at least 4e3.
-    notable_growth = 10.0
     if monitor.travelled > Thresholds.far_turned:
         return ": this motion amplifies errors"
     # Many rejected steps show that a motor keeps switching between its limits. Among 120 arms with motors that saturate
     # but do not keep switching, rejected steps were at most 0.7 times the steps taken.
     if monitor.steps.rejected > 0.8 * max(monitor.steps.taken, 50):
         return ": the drive switches repeatedly, and each switch adds an error"
-    growth, without = sampled_growth(monitor.record)
-    more, rate = growth / max(1.0, without), monitor.record.problem.scene.drive.rate or 0.0
-    if more > 1.0 and np.log(more) * rate * monitor.run.duration > np.log(notable_growth):
+    if loop_grows(monitor.record):
+        rate = monitor.record.problem.scene.drive.rate or 0.0
         return f": the control loop, unstable at drive.rate = {rate:g} Hz, amplifies errors"
     return ""
 

@@ -155,9 +155,9 @@ class LinearModel(SavedResult):
         (A, B, C, D), queues = discrete((self.A, self.B, self.C, self.D), period, late, self.delays)
         ago = delay_in(period, late).samples
         names = zip(self.outputs, queues, strict=True)
-        states = [f"{name}, {k} ago" for k in range(1, ago + 1) for name in self.inputs]
+        states = [f"{name}, {k} ago" for name in self.inputs for k in range(1, ago + 1)]
         states += [f"{name}, {k} ago" for name, count in names for k in range(1, count + 1)]
-        x = np.concatenate([self.x, np.tile(self.u, ago), np.repeat(self.y, queues)])
+        x = np.concatenate([self.x, np.repeat(self.u, ago), np.repeat(self.y, queues)])
         return dataclasses.replace(
             self, A=A, B=B, C=C, D=D, x=x, rate=np.zeros(len(x)), states=(*self.states, *states),
             delays=np.zeros(len(self.y)), dt=period,

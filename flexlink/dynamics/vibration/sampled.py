@@ -10,10 +10,12 @@ last values of delayed outputs. All of it is exact: Φ and Γ follow from matrix
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 import scipy
+from numpy.typing import ArrayLike
 
 from flexlink.common.types import Array
 from flexlink.describe.whole_steps import is_whole
@@ -39,67 +41,86 @@ def delay_in(period: float, delay: float) -> Delay:
     return Delay(math.floor(periods), periods - math.floor(periods))
 
 
-def held(A: Array, B: Array, period: float, late: Delay, time: float) -> tuple[Array, Array]:
-    """Φ and Γ of the state Φ x_k + Γ (u_k, u_k-1, …, u_k-late.samples) after a `time` ≤ `period` [s] from t_k on."""
+def held(A: Array, B: Array, period: float, late: Sequence[Delay], time: float) -> tuple[Array, list[Array]]:
+    """Φ and Γ_i of the state Φ x_k + Σ_i Γ_i (u_k, u_k-1, …, u_k-samples)_i after a `time` ≤ `period` [s] from t_k on.
+
+    `late` contains the delay of each input i; Γ_i has shape (n, samples_i + 1).
+    """
     n, m = B.shape
-    switch = late.part * period  # from here on u_k-m acts, until then u_k-m-1
     both = np.zeros((n + m, n + m))
     both[:n] = np.hstack([A, B])
-    first, rest = (scipy.linalg.expm(both * t) for t in (min(time, switch), max(0.0, time - switch)))
-    Γ = np.zeros((n, m * (late.samples + 1)))
-    Γ[:, m * late.whole :][:, :m] = rest[:n, n:]
-    if late.part:
-        Γ[:, m * (late.whole + 1) :] = rest[:n, :n] @ first[:n, n:]
-    return rest[:n, :n] @ first[:n, :n], Γ
+    Φ, Γ = np.eye(n), [np.zeros((n, each.samples + 1)) for each in late]
+    for part in sorted({each.part for each in late} or {0.0}):
+        switch = min(part * period, time)  # from here on u_k-whole acts, until then u_k-whole-1
+        first, rest = (scipy.linalg.expm(both * t) if t else np.eye(n + m) for t in (switch, time - switch))
+        Φ = rest[:n, :n] @ first[:n, :n]
+        for i, each in enumerate(late):
+            if each.part == part:
+                Γ[i][:, each.whole] = rest[:n, n + i]
+                if part:
+                    Γ[i][:, each.whole + 1] = rest[:n, :n] @ first[:n, n + i]
+    return Φ, Γ
 
 
-def with_queue(A: Array, B: Array, period: float, late: Delay) -> tuple[Array, Array]:
-    """Matrices of the state (x_k, u_k-1, …, u_k-late.samples) from instant to instant."""
+def with_queue(A: Array, B: Array, period: float, late: Sequence[Delay]) -> tuple[Array, Array]:
+    """Matrices of the state (x_k, queue of input 1, queue of input 2, …) from instant to instant.
+
+    The queue of an input contains u_k-1, …, u_k-samples.
+    """
     n, m = B.shape
     Φ, Γ = held(A, B, period, late, period)
-    size = n + m * late.samples
+    size = n + sum(each.samples for each in late)
     found, by_input = np.zeros((size, size)), np.zeros((size, m))
-    found[:n, :n], found[:n, n:], by_input[:n] = Φ, Γ[:, m:], Γ[:, :m]
-    if late.samples:
-        by_input[n : n + m] = np.eye(m)
-        found[n + m :, n:-m] = np.eye(size - n - m)
+    found[:n, :n], at = Φ, n
+    for i, each in enumerate(late):
+        by_input[:n, i], queue = Γ[i][:, 0], slice(at, at := at + each.samples)
+        if each.samples:
+            found[:n, queue], by_input[queue.start, i] = Γ[i][:, 1:], 1.0
+            found[queue, queue] = np.eye(each.samples, k=-1)
     return found, by_input
 
 
-def discrete(
-    matrices: tuple[Array, Array, Array, Array], period: float, delay: float, delays: Array
-) -> tuple[tuple[Array, Array, Array, Array], list[int]]:
+Matrices = tuple[Array, Array, Array, Array]
+"""A, B, C, D of a linear system."""
+
+
+def discrete(matrices: Matrices, period: float, delay: ArrayLike, delays: Array) -> tuple[Matrices, list[int]]:
     """Sampled system A, B, C, D with a `period` [s], its inputs late by `delay` and each output by `delays` (p,) [s].
 
-    Returns also the number of states of each output's queue, shape (p,). The states are x, then inputs on their way,
-    the newest first, then the queue of each output, the newest first.
+    `delay` is one number or one per input. Returns also the number of states of each output's queue, shape (p,). The
+    states are x, then the queue of each input (`with_queue`), then the queue of each output, the newest value first.
     """
     A, B, C, D = matrices
-    n, m = B.shape
-    late, outputs = delay_in(period, delay), [delay_in(period, each) for each in delays.tolist()]
+    late = [delay_in(period, each) for each in np.broadcast_to(delay, B.shape[1]).tolist()]
+    outputs = [delay_in(period, each) for each in delays.tolist()]
     inner, by_input = with_queue(A, B, period, late)
     queues = [each.samples for each in outputs]
-    size = len(inner) + sum(queues)
+    size, m = len(inner) + sum(queues), B.shape[1]
     Φ, Γ, H, J = (np.zeros(shape) for shape in ((size, size), (size, m), (len(C), size), (len(C), m)))
     Φ[: len(inner), : len(inner)], Γ[: len(inner)] = inner, by_input
+    values = {
+        time: _values((A, B, C, D), period, late, time)
+        for time in {(1.0 - each.part) * period if each.part else 0.0 for each in outputs}
+    }
     at = len(inner)
     for j, each in enumerate(outputs):
-        row = _value(A, B, C[j], D[j], period, late, (1.0 - each.part) * period if each.part else 0.0)
+        by_state, by_new = values[(1.0 - each.part) * period if each.part else 0.0]
         if not each.samples:
-            J[j], H[j, : len(inner)] = row[n : n + m], np.delete(row, slice(n, n + m))
+            J[j], H[j, : len(inner)] = by_new[j], by_state[j]
             continue
-        Γ[at], Φ[at, : len(inner)] = row[n : n + m], np.delete(row, slice(n, n + m))
+        Γ[at], Φ[at, : len(inner)] = by_new[j], by_state[j]
         Φ[at + 1 : at + each.samples, at : at + each.samples - 1] = np.eye(each.samples - 1)
         at += each.samples
         H[j, at - 1] = 1.0
     return (Φ, Γ, H, J), queues
 
 
-def _value(A: Array, B: Array, c: Array, d: Array, period: float, late: Delay, time: float) -> Array:
-    """Coefficients of c x + d u at t_k + `time`, for (x_k, u_k, u_k-1, …, u_k-late.samples)."""
-    m = B.shape[1]
+def _values(matrices: Matrices, period: float, late: Sequence[Delay], time: float) -> tuple[Array, Array]:
+    """Coefficients of y = C x + D u at t_k + `time`, for the state of `with_queue`, and for the newest inputs u_k."""
+    A, B, C, D = matrices
     Φ, Γ = held(A, B, period, late, time)
-    row = np.concatenate([c @ Φ, c @ Γ])
-    acting = late.whole + (time < late.part * period)
-    row[len(A) + m * acting :][:m] += d
-    return row
+    columns = [C @ each for each in Γ]
+    for i, each in enumerate(late):
+        columns[i][:, each.whole + (time < each.part * period)] += D[:, i]
+    newest = np.column_stack([each[:, 0] for each in columns]) if columns else np.zeros((len(C), 0))
+    return np.hstack([C @ Φ, *(each[:, 1:] for each in columns)]), newest

@@ -1,0 +1,112 @@
+"""`flexlink loop`: Find whether the control loop of a scene is stable: poles, growth, margins, largest stable delay.
+
+flexlink loop models/ptp_move.toml --set drive.rate=1000 --set drive.delay=0.001
+flexlink loop models/ptp_move.toml --kind nyquist --plot nyquist.png
+flexlink loop models/ptp_move.toml --set drive.rate=1000 --over drive.delay --values 0 0.001 0.002 --plot locus.png
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from flexlink.cli.json_output import add_json, print_json
+from flexlink.cli.shared import prefix_errors, require_picture, save_plot, varied_scene
+from flexlink.common.errors import ArgumentError
+from flexlink.common.notebook import drawing_module
+from flexlink.motion.loop.instability import instability
+from flexlink.motion.loop.loop import Loop, loop
+
+
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Options of `loop`."""
+    command.add_argument("scene", type=Path, help="scene file (.toml) with a drive")
+    command.add_argument(
+        "--count", type=int, default=6, help="number of poles to print, fastest growing first; default: 6"
+    )
+    command.add_argument("--input", default="", metavar="NAME", help="joint at which --plot breaks the loop")
+    command.add_argument("--kind", choices=("bode", "nyquist", "poles"), default="bode", help="kind of --plot")
+    command.add_argument("--over", metavar="PATH", help="number of the scene to change, such as drive.kd.boom")
+    command.add_argument("--values", type=float, nargs="+", default=[], help="values of --over")
+    command.add_argument("--plot", type=Path, help="plot to this file (.png, .svg or .pdf)")
+    add_json(command)
+
+
+def run_command(options: argparse.Namespace) -> int:
+    """Print poles, margins and limits of the loop; return 1 if it is unstable."""
+    scene = varied_scene(options.scene, options)
+    if bool(options.over) != bool(options.values):
+        raise ArgumentError("--over: needs --values, and --values needs --over", id="needs-another-key")
+    require_picture(options.plot)
+    with prefix_errors(options.scene):
+        found = loop(scene)
+        along = found.over(options.over, options.values) if options.over else []
+        document = as_document(found, options.count)
+        if along:
+            rows = [
+                {options.over: value, "growth": each.growth} for value, each in zip(options.values, along, strict=True)
+            ]
+            document["over"] = rows
+        if options.json:
+            print_json(document)
+        else:
+            _show(found, options.count)
+            print(
+                *(
+                    f"{options.over} = {v:g}: growth {each.growth:.6g}"
+                    for v, each in zip(options.values, along, strict=True)
+                ),
+                sep="\n",
+            )
+        if options.plot:
+            _plot(found, along, options)
+    return 0 if found.stable else 1
+
+
+def as_document(found: Loop, count: int) -> dict[str, object]:
+    """The loop as numbers with units, for JSON."""
+    return {
+        "stable": found.stable,
+        "growth": found.growth,
+        "rate_hz": found.rate,
+        "delay_s": found.delay,
+        "poles": [
+            {"z": [p.z.real, p.z.imag], "frequency_hz": p.hertz, "motion": p.motion} for p in found.poles[:count]
+        ],
+        "margins": [each._asdict() for each in found.margins],
+        "largest_delay_s": found.largest("drive.delay") if found.rate else None,
+        "largest_gain": found.largest("gain"),
+    }
+
+
+def _show(found: Loop, count: int) -> None:
+    per = "a sample" if found.rate else "a second"
+    print(f"{'stable' if found.stable else 'UNSTABLE'}: small motion changes by a factor of {found.growth:.6g} {per}")
+    print("   |z|        frequency [Hz]  motion" if found.rate else "   Re s [1/s]  frequency [Hz]  motion")
+    for pole in found.poles[:count]:
+        print(f"   {abs(pole.z) if found.rate else pole.s.real:<10.6g}  {pole.hertz:>13.5g}  {pole.motion}")
+    if not found.stable and found.rate:
+        print("; ".join(instability(found)))
+        return
+    for each in found.margins:
+        low, high = each.gain
+        print(
+            f"{each.input}: stable with {low:.3g} … {high:.3g} times the torque, phase margin {each.phase:.3g}°, delay "
+            f"margin {1e3 * each.delay:.3g} ms, disk margin {each.disk:.3g}, bandwidth {each.bandwidth:.3g} Hz, "
+            f"sensitivity peak {each.sensitivity:.3g}"
+        )
+    if found.rate:
+        print(
+            f"all torques together: stable up to {1e3 * found.largest('drive.delay'):.3g} ms of delay, "
+            f"{found.largest('gain'):.3g} times the torque, and down to {found.largest('drive.rate'):.4g} Hz"
+        )
+
+
+def _plot(found: Loop, along: list[Loop], options: argparse.Namespace) -> None:
+    if along:
+        drawing = drawing_module("results.pictures.loop")
+        poles = [[pole.z for pole in each.poles] for each in along]
+        figure = drawing.plot_poles(poles, sampled=bool(found.rate), title=options.over, values=options.values)
+    else:
+        figure = found.plot(options.kind, options.input or 0)
+    save_plot(figure, options.plot)

@@ -1,0 +1,74 @@
+"""What to say of an unstable sampled loop: the motion that grows, its growth, and one change that makes it stable."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from flexlink.motion.loop.loop import Loop
+from flexlink.motion.loop.stable_range import STABLE
+
+LEAST_FACTOR = 0.01
+"""Smallest factor of the gains that is worth saying."""
+
+
+def instability(loop: Loop) -> tuple[str, str]:
+    """What is unstable, in one line, and remedies, each of which makes the linear loop stable."""
+    pole = loop.poles[0]
+    late = f" with {1e3 * loop.delay:.3g} ms of delay" if loop.delay else ""
+    frequency = f", {pole.hertz:.3g} Hz," if pole.hertz else ""
+    grows = f"{pole.motion}{frequency} grows {loop.growth:.3g}-fold a sample"
+    text = f"control loop unstable at {loop.rate:g} Hz{late}: {grows}"
+    found = list(filter(None, (_of_delay(loop), _of_rate(loop), *(_of_gain(loop, names) for names in GAINS))))
+    if not found:
+        return text, "no delay, rate or smaller gain alone makes it stable; add armature or friction to the joints"
+    return text, f"stable with {' or with '.join(found)}"
+
+
+GAINS = (("kd",), ("kp", "kd"))
+"""Gains that are scaled together."""
+
+
+def _of_delay(loop: Loop) -> str:
+    if not loop.delay:
+        return ""
+    largest = _rounded(loop.largest("drive.delay"))
+    good = largest > 0 and math.isfinite(largest) and loop.growth_with(delay=largest) <= STABLE
+    return f"drive.delay ≤ {1e3 * largest:.3g} ms" if good else ""
+
+
+def _of_rate(loop: Loop) -> str:
+    """A multiple of the rate, so that samples and steps that fit the rate remain so."""
+    least = loop.largest("drive.rate")
+    if not math.isfinite(least):
+        return ""
+    rate = math.ceil(least / loop.rate) * loop.rate
+    return f"drive.rate = {rate:.6g} Hz" if loop.growth_with(rate=rate) <= STABLE else ""
+
+
+def _of_gain(loop: Loop, names: tuple[str, ...]) -> str:
+    growth = _scaled(loop, names)
+    factor, step = 1.0, 1.3
+    while factor > LEAST_FACTOR and growth(factor) > STABLE:
+        factor /= step
+    factor = _rounded(factor)
+    good = factor > LEAST_FACTOR and growth(factor) <= STABLE
+    return f"{' and '.join(names)} times {factor:.2g}" if good else ""
+
+
+def _scaled(loop: Loop, names: tuple[str, ...]) -> Callable[[float], float]:
+    gains = {f"drive.{name}": getattr(loop.scene.drive, name) for name in names}
+
+    def growth(factor: float) -> float:
+        changes = {path: tuple(factor * gain for gain in gains) for path, gains in gains.items()}
+        return loop.with_scene(loop.scene.varied(changes)).growth
+
+    return growth
+
+
+def _rounded(value: float) -> float:
+    """The value rounded down to two digits, away from the boundary of stability."""
+    if not math.isfinite(value) or value <= 0:
+        return value
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return float(f"{math.floor(value / unit * (1 - 1e-9)) * unit:.2g}")

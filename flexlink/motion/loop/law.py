@@ -1,0 +1,109 @@
+"""Linear control laws: slopes of the drive of a scene, or of a law in Python.
+
+    z_k+1 = F z_k + G δy_k        δu_k = H z_k + K δy_k        y = (q, q̇, sensor readings)
+
+z is the memory of the law, such as its integrators; K has the sign of the law, so K < 0 for PD control.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
+from flexlink.common.wording import truncated
+from flexlink.kernels.inputs.record import Drive
+from flexlink.motion.inputs.drives import gains_of
+from flexlink.motion.loop.plant import Plant
+from flexlink.motion.sampled_control import SENSORS, Law, takes_sensors
+
+STEP = 1e-3
+"""Step of the differences of fourth order, relative to 1 rad, 1 rad/s or the size of a reading; their error is
+STEP⁴ times the fifth derivative, and 1e-13 of the torque by rounding."""
+
+
+class LinearLaw(NamedTuple):
+    """F, G, H, K of a law."""
+
+    F: Array  # (z, z)
+    G: Array  # (z, p)
+    H: Array  # (m, z)
+    K: Array  # (m, p)
+
+
+def proportional(K: Array) -> LinearLaw:
+    """A law without memory, δu = K δy."""
+    m, p = K.shape
+    return LinearLaw(np.zeros((0, 0)), np.zeros((0, p)), np.zeros((m, 0)), K)
+
+
+def law_of_drive(drive: Drive, plant: Plant) -> LinearLaw:
+    """Slopes of a drive, with torque limits left out."""
+    chain, zero = plant.chain, np.zeros(plant.chain.n)
+    gains = gains_of(chain, drive._replace(rate=0.0), plant.t, plant.q, zero).matrices()
+    rows = chain.active[plant.moving]
+    K = np.zeros((len(rows), len(plant.C)))
+    K[:, : 2 * chain.n] = -np.hstack([gain[rows] for gain in gains])
+    return proportional(K)
+
+
+def law_in_python(law: Law, plant: Plant) -> LinearLaw:
+    """Slopes of a law at rest in the state of the plant, by central differences of fourth order.
+
+    Raises
+    ------
+    ArgumentError
+        The law raises an exception, does not return one finite number per driven joint, or has a memory: it returns
+        another torque when it is called a second time.
+    """
+    n, d = plant.chain.n, len(plant.chain.active)
+    y = np.concatenate([plant.q, np.zeros(n), plant.seen])
+    steps = STEP * np.concatenate([np.ones(2 * n), np.abs(plant.C[2 * n :]).max(axis=1, initial=0.0)])
+    steps[steps == 0.0] = STEP
+    call = _caller(law, plant, d)
+    before, slopes = call(y), np.zeros((d, len(y)))
+    for k, h in enumerate(steps.tolist()):
+        for factor, weight in ((1.0, 8.0), (2.0, -1.0)):
+            moved = [call(y + sign * factor * h * _unit(k, len(y))) for sign in (1.0, -1.0)]
+            slopes[:, k] += weight * (moved[0] - moved[1]) / (12.0 * h)
+    if not np.array_equal(call(y), before):
+        raise ArgumentError(
+            f"control: law {_name(law)} returns another torque when it is called again at the same t, q and q̇, so it "
+            "has a memory, whose slopes are unknown; close fl.linearize(…).sampled(rate, delay) with its own matrices",
+            id="law-with-memory",
+        )
+    return proportional(slopes[plant.moving])
+
+
+def _caller(law: Law, plant: Plant, d: int) -> Callable[[Array], Array]:
+    n, reads = plant.chain.n, takes_sensors(law)
+
+    def call(y: Array) -> Array:
+        keywords = {SENSORS: dict(zip(plant.readings, y[2 * n :].tolist(), strict=True))} if reads else {}
+        try:
+            given = np.asarray(law(plant.t, y[:n].copy(), y[n : 2 * n].copy(), **keywords), np.float64)
+        except Exception as error:
+            text = f"control: law {_name(law)} raised {type(error).__name__}: {error}"
+            raise ArgumentError(text, id="law-failed") from error
+        if given.shape != (d,) or not np.isfinite(given).all():
+            raise ArgumentError(
+                f"control: law {_name(law)} returned {truncated(given.tolist())}; expected one finite number per "
+                f"driven joint, shape ({d},)",
+                id="law-failed",
+            )
+        return given
+
+    return call
+
+
+def _unit(k: int, size: int) -> Array:
+    found = np.zeros(size)
+    found[k] = 1.0
+    return found
+
+
+def _name(law: Law) -> str:
+    return str(getattr(law, "__qualname__", type(law).__name__))

@@ -1,0 +1,360 @@
+"""loop(scene): the closed loop of an arm and its controller about a state, as the processor sees it."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexlink.chain.arguments import positive, require_callable, require_type, vector
+from flexlink.common.errors import ArgumentError
+from flexlink.common.notebook import drawing_module
+from flexlink.common.types import Array, Complex
+from flexlink.common.wording import short_list, truncated
+from flexlink.describe.scene import Scene
+from flexlink.dynamics.initial_value_problem import InitialValueProblem
+from flexlink.motion.inputs.problem import problem_of
+from flexlink.motion.loop.closed import OpenLoop, growth_of, open_loop
+from flexlink.motion.loop.law import LinearLaw, law_in_python, law_of_drive
+from flexlink.motion.loop.naming import motions
+from flexlink.motion.loop.plant import Plant, plant_of
+from flexlink.motion.loop.response import Margins, Response, classical_margins
+from flexlink.motion.loop.stable_range import STABLE, boundary
+from flexlink.motion.sampled_control import Law, takes_sensors
+
+
+class Pole(NamedTuple):
+    """A pole of the closed loop."""
+
+    z: complex
+    """Factor per sampling period; for a continuous law, the eigenvalue s [1/s]."""
+    s: complex
+    """Eigenvalue [1/s], ln(z)/T; frequencies above half the rate appear below it."""
+    motion: str
+    """What moves: "bending of 'boom'", "joint 'boom'", or "controller"."""
+
+    @property
+    def hertz(self) -> float:
+        """Frequency [Hz]; 0 if the motion does not oscillate."""
+        return abs(self.s.imag) / (2 * np.pi)
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Loop:
+    """Small motion of an arm under its controller about a state.
+
+    Attributes
+    ----------
+    scene
+        The scene.
+    rate, delay
+        Sampling rate [Hz], 0 for a continuous law, and delay of the torques [s].
+    plant, law
+        Linear arm, held at rest, and linear law.
+    control
+        The law in Python; None: the drive of the scene.
+    about
+        Angles (n,) [rad] and time [s] about which the loop is linearized; None: those at the start of the scene.
+    """
+
+    scene: Scene
+    rate: float
+    delay: float
+    plant: Plant
+    law: LinearLaw
+    control: Law | None = None
+    about: tuple[Array | None, float | None] = (None, None)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs at which the loop can be broken, such as "tau upper [N m]"."""
+        return self.plant.inputs
+
+    @functools.cached_property
+    def poles(self) -> tuple[Pole, ...]:
+        """Poles, fastest growing first; one of each conjugate pair."""
+        λ, shapes = np.linalg.eig(self._open.closed(self.law))
+        order = np.argsort(-(np.abs(λ) if self.rate else λ.real), kind="stable")
+        order = order[λ[order].imag >= 0]
+        with np.errstate(divide="ignore"):
+            s = np.log(λ.astype(complex)) * self.rate if self.rate else λ.astype(complex)
+        s = np.where(np.isfinite(s), s, -np.inf)
+        moving = [self.plant.shape(shapes[:, k]) * (abs(λ[k]) > 1e-9 or not self.rate) for k in order]
+        names = motions(self.plant.chain, self.plant.q, moving, s[order])
+        return tuple(Pole(complex(λ[k]), complex(s[k]), name) for k, name in zip(order, names, strict=True))
+
+    @functools.cached_property
+    def growth(self) -> float:
+        """Growth factor of small motion per sampling period, |z|max; per second for a continuous law."""
+        return growth_of(self._open.closed(self.law), self._open.period)
+
+    @property
+    def stable(self) -> bool:
+        """Whether small motion does not grow, up to rounding."""
+        return self.growth <= STABLE
+
+    @functools.cached_property
+    def margins(self) -> tuple[Margins, ...]:
+        """Margins of the loop broken at each input, the others closed; nan if the loop is unstable."""
+        if not self.stable:
+            nan = float("nan")
+            return tuple(Margins(name, (nan, nan), *[nan] * 5) for name in self.inputs)
+        found = [classical_margins(Response(self._open, self.law, i), name) for i, name in enumerate(self.inputs)]
+        return tuple(each._replace(delay=self._delay_margin(i, each.delay)) for i, each in enumerate(found))
+
+    def response(self, hertz: ArrayLike, input: int | str = 0) -> Complex:
+        """Frequency response L of the loop broken at an input, shape (k,); the closed loop is stable about 1 + L ≠ 0.
+
+        Parameters
+        ----------
+        hertz
+            Frequencies, shape (k,) [Hz], up to half the sampling rate.
+        input
+            Number or name of the input.
+
+        Raises
+        ------
+        ArgumentError
+            A frequency is not in the range, or there is no such input.
+        """
+        f = np.atleast_1d(np.asarray(hertz, np.float64))
+        top = self.rate / 2 if self.rate else np.inf
+        if f.ndim != 1 or not (np.isfinite(f).all() and (f >= 0).all() and (f <= top).all()):
+            raise ArgumentError(f"hertz = {truncated(hertz)}: expected frequencies in 0 … {top:g} Hz", id="wrong-value")
+        return Response(self._open, self.law, self._number(input))(2 * np.pi * f)
+
+    def largest(self, path: str = "drive.delay") -> float:
+        """Largest value of a number of the scene with which the loop is stable, at the first boundary from its value.
+
+        Parameters
+        ----------
+        path
+            "drive.delay" [s], "drive.rate" [Hz] (the smallest stable rate), "gain", a factor of all torques of the law,
+            or any number of the scene, such as "drive.kd" or "tip.mass"; lists of numbers are scaled together, and the
+            result is the factor.
+
+        Returns
+        -------
+        float
+            The value, right to 1e-6 of it; inf if the loop remains stable, 0 if no value is stable.
+
+        Raises
+        ------
+        ArgumentError, SceneError
+            The scene has no such number, or the number is zero.
+
+        Examples
+        --------
+        >>> drive = fl.Drive(
+        ...     kind="pd", kp=(2e4, 1e4), kd=(600.0, 250.0), gravity="static", target_deg=(40.0, -60.0), rate=1000.0
+        ... )
+        >>> loop = fl.loop(scene.varied({"drive": drive}))
+        >>> print(loop.stable, f"{1e3 * loop.largest('drive.delay'):.2f} ms")
+        True 0.00 ms
+        """
+        changed, start, up = self._along(path)
+        if start is None:
+            return self._largest_delay()
+        return boundary(changed, start, up=up if self.stable else not up)
+
+    def over(self, path: str, values: Sequence[float]) -> list[Loop]:
+        """Loops of the scene with other values of a number, for a root locus; errors as in `Scene.varied`."""
+        return [self.varied(path, value) for value in values]
+
+    def varied(self, path: str, value: object) -> Loop:
+        """The loop of the scene with another value, with the same law in Python; errors as in `Scene.varied`."""
+        return self.with_scene(self.scene.varied({path: value}))
+
+    def with_scene(self, scene: Scene) -> Loop:
+        """The loop of another scene with the same law in Python; errors as in `loop`."""
+        q, t = self.about
+        if self.control is None:
+            return loop(scene, q=q, t=t)
+        return loop(scene, control=self.control, rate=self.rate or None, delay=self.delay, q=q, t=t)
+
+    def plot(self, kind: str = "bode", input: int | str = 0) -> Any:
+        """Draw the loop broken at an input, "bode" or "nyquist", or its "poles"; return a matplotlib Figure.
+
+        Raises
+        ------
+        ArgumentError
+            There is no such kind or input.
+        MissingDependencyError
+            matplotlib is not installed.
+        """
+        allowed = ("bode", "nyquist", "poles")
+        if kind not in allowed:
+            raise ArgumentError(f"kind = {kind!r}: allowed are {', '.join(allowed)}", id="not-one-of")
+        drawing = drawing_module("results.pictures.loop")
+        if kind == "poles":
+            return drawing.plot_poles([[pole.z for pole in self.poles]], sampled=bool(self.rate), title=repr(self))
+        L = Response(self._open, self.law, self._number(input))
+        ω = L.grid()
+        return getattr(drawing, f"plot_{kind}")(ω / (2 * np.pi), L(ω), title=self.inputs[self._number(input)])
+
+    def __repr__(self) -> str:
+        how = f"{self.rate:g} Hz, {1e3 * self.delay:g} ms" if self.rate else "continuous"
+        verdict = "stable" if self.stable else "unstable"
+        growth = f"growth {self.growth:.6g} {'a sample' if self.rate else 'a second'}"
+        return f"<Loop {self.plant.chain.name!r}: {how}, {verdict}, {growth}, {short_list(self.inputs)}>"
+
+    @functools.cached_property
+    def _open(self) -> OpenLoop:
+        return open_loop(self.plant, self.rate, self.delay)
+
+    @functools.cached_property
+    def growth_without(self) -> float:
+        """Growth factor without the controller, per sampling period or per second."""
+        size = len(self.plant.A)
+        return growth_of(self._open.A[:size, :size], self._open.period)
+
+    def growth_with(self, *, rate: float | None = None, delay: ArrayLike | None = None, gain: float = 1.0) -> float:
+        """Growth factor with another rate [Hz], delay [s] (one or per input), or torques times a gain."""
+        open_ = open_loop(self.plant, self.rate if rate is None else rate, self.delay if delay is None else delay)
+        law = self.law._replace(H=gain * self.law.H, K=gain * self.law.K)
+        return growth_of(open_.closed(law), open_.period)
+
+    def _along(self, path: str) -> tuple[Callable[[float], float], float | None, bool]:
+        """Growth as a function of a value, the value to start from (None: a delay from zero on), and the direction."""
+        if path == "drive.delay":
+            return lambda value: self.growth_with(delay=value), None, True
+        if path == "gain":
+            return lambda value: self.growth_with(gain=value), 1.0, True
+        if path == "drive.rate":
+            if not self.rate:
+                raise ArgumentError(f"path = {path!r}: the law is not sampled; specify drive.rate", id="no-effect")
+            # each sampling period of delay adds states; a loop so late is not looked at
+            periods = 100
+            most = np.inf if not self.delay else periods / self.delay
+            return lambda value: self.growth_with(rate=value) if value < most else np.inf, self.rate, False
+        values = self.scene.values_at(path)
+        now = np.asarray(values[0] if len(values) == 1 else values, dtype=object)
+        if any(isinstance(each, str | bool) or each is None for each in now.ravel()) or not now.any():
+            raise ArgumentError(
+                f"path = {path!r}: is {truncated(now.tolist())} in the scene; expected a number other than 0",
+                id="wrong-value",
+            )
+        if now.ndim:
+            if len(values) > 1:
+                return lambda factor: self.varied(path, factor * float(now[0])).growth, 1.0, True
+            return lambda factor: self.varied(path, tuple((factor * now).tolist())).growth, 1.0, True
+        return lambda value: self.varied(path, value).growth, float(now[()]), True
+
+    def _largest_delay(self) -> float:
+        if not self.rate:
+            raise ArgumentError("path = 'drive.delay': the law is not sampled; specify drive.rate", id="no-effect")
+        if self.growth_with(delay=0.0) > STABLE:
+            return 0.0
+        start = self.delay if self.delay and self.stable else 0.01 / self.rate
+        if self.growth_with(delay=start) > STABLE:
+            return 0.0
+        return boundary(lambda value: self.growth_with(delay=value), start, up=True, factor=1.15, most=70)
+
+    def _delay_margin(self, i: int, estimate: float) -> float:
+        """Largest additional delay of input i [s], with its exact effect within a sampling period."""
+        if not self.rate or not np.isfinite(estimate):
+            return estimate
+        unit = np.eye(len(self.inputs))[i]
+        return boundary(
+            lambda extra: self.growth_with(delay=self.delay + extra * unit), estimate / 20, up=True, factor=1.1
+        )
+
+    def _number(self, name: int | str) -> int:
+        if isinstance(name, str):
+            names = [each.split(" ")[1] for each in self.inputs]
+            found = [k for k, each in enumerate(self.inputs) if name in {each, names[k]}]
+            if found:
+                return found[0]
+        elif 0 <= name < len(self.inputs):
+            return int(name)
+        raise ArgumentError(f"input = {name!r}: allowed are {', '.join(map(repr, self.inputs))}", id="not-one-of")
+
+
+def loop(
+    scene: Scene,
+    *,
+    control: Law | None = None,
+    rate: float | None = None,
+    delay: float = 0.0,
+    q: ArrayLike | None = None,
+    t: float | None = None,
+) -> Loop:
+    """The closed loop of an arm and its controller, linearized about a state in which the arm is held at rest.
+
+    The controller is the drive of the scene, or a law in Python by its slopes. A sampled controller sees the state at
+    t_k = k / rate, and its torques act from t_k + delay until t_k+1 + delay. All of it is exact for small motion,
+    except for low-pass filters and notches of sensors, which filter the continuous signal. Torque limits are left out.
+
+    Parameters
+    ----------
+    scene
+        Arm, drive and initial state.
+    control, rate, delay
+        Law tau(t, q, qd) or tau(t, q, qd, sensors) in place of the scene's drive, its sampling rate [Hz] (None: it is
+        continuous), and the delay of its torques [s]. A law with a memory is refused.
+    q, t
+        Angles (n,) [rad] and time [s] about which the loop is linearized; default: the start of the scene.
+
+    Returns
+    -------
+    Loop
+        `poles`, `growth`, `stable`, `margins`, `response`, `largest`, `over` and `plot`.
+
+    Raises
+    ------
+    ArgumentError
+        The scene has no controller, or the law cannot be linearized.
+    SceneError, ConvergenceError, SingularMassError
+        As in `simulate` and `linearize`.
+
+    Examples
+    --------
+    >>> drive = fl.Drive(
+    ...     kind="pd", kp=(2e4, 1e4), kd=(60.0, 25.0), gravity="static", target_deg=(40.0, -60.0), rate=1000.0
+    ... )
+    >>> controlled = scene.varied({"drive": drive})
+    >>> found = fl.loop(controlled)
+    >>> print(found.stable, found.margins[0].input)
+    True tau upper [N m]
+    """
+    require_type("scene", scene, Scene)
+    require_callable("control", control)
+    if control is not None and scene.drive.kind != "none":
+        raise ArgumentError(
+            f"control: the scene also has a drive, {scene.drive.kind!r}; "
+            "specify only one: scene.varied({'drive': None}) removes the drive",
+            id="both-given",
+        )
+    if control is None and scene.drive.kind in {"none", "constant", "table"}:
+        raise ArgumentError(
+            f"scene: drive kind {scene.drive.kind!r} has no feedback, so there is no loop; use a drive such as 'pd', "
+            "or specify control",
+            id="no-feedback",
+        )
+    problem = problem_of(scene)
+    q = None if q is None else vector("q", q, problem.chain.n)
+    return loop_of(problem, (q, t), control, rate, delay)
+
+
+def loop_of(
+    problem: InitialValueProblem,
+    about: tuple[Array | None, float | None] = (None, None),
+    control: Law | None = None,
+    rate: float | None = None,
+    delay: float = 0.0,
+) -> Loop:
+    """The loop of a problem about angles q (n,) and a time t [s]; None: at its start."""
+    q, t = problem.q if about[0] is None else about[0], problem.start if about[1] is None else float(about[1])
+    plant = plant_of(problem, q, t, sensors=control is not None and takes_sensors(control))
+    if control is None:
+        drive = problem.inputs.drive
+        return Loop(problem.scene, drive.rate, drive.delay, plant, law_of_drive(drive, plant), None, about)
+    hertz = 0.0 if rate is None else positive("rate", rate)
+    late = positive("delay", delay) if delay else 0.0
+    if late and not hertz:
+        raise ArgumentError(f"delay = {delay!r}: needs rate, the sampling rate of the law [Hz]", id="no-effect")
+    return Loop(problem.scene, hertz, late, plant, law_in_python(control, plant), control, about)

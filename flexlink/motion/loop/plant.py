@@ -1,0 +1,107 @@
+"""The linear arm that a controller drives: states, torques of the moving driven joints, and what the controller sees.
+
+The arm is held at rest in its state, by torques that balance gravity, springs and the tip wrench.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.chain import Chain
+from flexlink.common.types import Array, Complex
+from flexlink.dynamics.initial_value_problem import InitialValueProblem
+from flexlink.dynamics.sensors.outputs import SensorOutputs
+from flexlink.dynamics.tangent import load_torque
+from flexlink.dynamics.terms import elastic_torque
+from flexlink.dynamics.vibration.linear import linearize
+from flexlink.dynamics.vibration.sampled import Matrices
+from flexlink.motion.inputs.tip_wrench import wrench_at
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Plant:
+    """δẋ = A δx + B δu, δy = C δx + D δu, with angles in units of 1/ω, which balances A.
+
+    Attributes
+    ----------
+    A, B, C, D
+        Shapes (s, s), (s, m), (p, s), (p, m). u are the torques of the m driven joints that move; y is (q, q̇), and
+        then the readings of sensors.
+    delays
+        Delay of each output [s], shape (p,).
+    chain, t, q
+        Chain, time [s] and angles (n,) about which the model is linearized.
+    angles
+        Coordinate of each of the first states, which are angles.
+    unit
+        Factor of these angles, ω (1/s).
+    moving
+        Numbers of the inputs among `chain.active`.
+    inputs
+        Names of the inputs with their units.
+    readings
+        Names of the sensor columns.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    delays: Array
+    chain: Chain
+    t: float
+    q: Array
+    angles: NDArray[np.intp]
+    unit: Array
+    moving: NDArray[np.intp]
+    inputs: tuple[str, ...]
+    readings: tuple[str, ...]
+    seen: Array
+    """Values of the sensor columns about which they are linearized."""
+
+    @property
+    def matrices(self) -> Matrices:
+        """A, B, C, D."""
+        return self.A, self.B, self.C, self.D
+
+    def shape(self, state: Complex) -> Complex:
+        """Displacements of the coordinates (n,) in a state (s, …)."""
+        found = np.zeros(self.chain.n, complex)
+        found[self.angles] = state[: len(self.angles)] / self.unit
+        return found
+
+
+def plant_of(problem: InitialValueProblem, q: Array, t: float, *, sensors: bool) -> Plant:
+    """The arm of a problem at rest with angles q (n,) at time t [s]; errors as in `linearize`."""
+    chain, zero = problem.chain, np.zeros(problem.chain.n)
+    wrench, frame = wrench_at(problem.inputs, t)
+    hold = load_torque(chain, q, zero, wrench) + elastic_torque(chain, q)
+    readings = SensorOutputs(problem.scene) if sensors else None
+    outputs = ("state",) if readings is None else ("state", readings)
+    model = linearize(chain, q, zero, hold, tip_wrench=wrench, frame=frame, outputs=outputs)
+    prescribed = chain.hinges["prescribed"] != 0
+    of_angles, of_rates = np.delete(np.arange(chain.n), chain.internal), np.arange(chain.n)
+    free = np.concatenate([~prescribed[of_angles], ~prescribed[of_rates]])
+    kept = np.concatenate([np.flatnonzero(free), np.arange(len(free), len(model.x))])
+    angles, moving = of_angles[~prescribed[of_angles]], np.flatnonzero(~prescribed[chain.active])
+    A, B, C = model.A[np.ix_(kept, kept)], model.B[np.ix_(kept, moving)], model.C[:, kept]
+    unit, size = _unit(A, angles, of_rates[~prescribed]), len(angles)
+    A[:size] *= unit[:, None]
+    A[:, :size] /= unit
+    B[:size] *= unit[:, None]
+    C[:, :size] /= unit
+    names = model.outputs[2 * chain.n :]
+    return Plant(
+        A, B, C, model.D[:, moving], model.delays, chain, t, q, angles, unit, moving,
+        tuple(model.inputs[k] for k in moving), names, model.y[2 * chain.n :],
+    )  # fmt: skip
+
+
+def _unit(A: Array, angles: NDArray[np.intp], rates: NDArray[np.intp]) -> Array:
+    """ω of every angle [1/s], with ω² = |∂q̈/∂q| of the same coordinate; 1 where it is zero."""
+    size, row = len(angles), {int(k): len(angles) + i for i, k in enumerate(rates)}
+    ω = np.sqrt(np.abs([A[row[int(k)], i] for i, k in enumerate(angles)])) if size else np.zeros(0)
+    return np.asarray(np.where(ω > 0, ω, 1.0))
