@@ -55,22 +55,23 @@ class _Entry(msgspec.Struct, forbid_unknown_fields=True):
     find: str
     replace: str
     why: str
+    file: str = ""
     tests: tuple[str, ...] = ()
 
 
 class _File(msgspec.Struct, forbid_unknown_fields=True):
-    file: str
     tests: tuple[str, ...]
     fault: tuple[_Entry, ...]
+    file: str = ""
 
 
 def load(folder: Path = HERE) -> list[Fault]:
-    """All faults. Faults without `tests` use those of their file."""
+    """All faults. Faults without `file` or `tests` use those of the TOML file."""
     faults = []
     for path in sorted(folder.glob("*.toml")):
         source = msgspec.toml.decode(path.read_bytes(), type=_File)
         faults += [
-            Fault(f"{path.stem}/{f.name}", source.file, f.find, f.replace, f.tests or source.tests, f.why)
+            Fault(f"{path.stem}/{f.name}", f.file or source.file, f.find, f.replace, f.tests or source.tests, f.why)
             for f in source.fault
         ]
     return faults

@@ -81,6 +81,30 @@ def _of_state(function: Callable[..., Any], count: int, **options: Any) -> Call:
     return lambda case, _: function(case.chain, *case.state()[:count], **options)
 
 
+def _servo(case: Case, rate: float = 0.0) -> fl.Scene:
+    """The scene with a PD drive that moves every joint by 2° or 10 mm from equilibrium."""
+    scene, initial = case.scene, case.scene.initial
+    prescribed = {each.link for each in scene.motion}
+    kinds = ["" if link.joint.locked or link.name in prescribed else link.joint.kind for link in scene.arm.links]
+    driven = [float(kind in {"revolute", "prismatic"}) for kind in kinds]
+    starts = {"revolute": initial.joint_deg, "prismatic": initial.joint_m or ()}
+    to = {
+        kind: tuple(x + by * (k == kind) for x, k in zip(starts[kind] or [0.0] * len(kinds), kinds, strict=True))
+        for kind, by in {"revolute": 2.0, "prismatic": 0.01}.items()
+    }
+    move = fl.Reference(profile="quintic", to_deg=to["revolute"], to_m=to["prismatic"], duration=0.3)
+    kp, kd = (tuple(gain * one for one in driven) for gain in (20.0, 1.0))
+    gravity, passive = ("none", "zero") if case.chain.has_free_base else ("static", "static")
+    drive = fl.Drive(kind="pd", kp=kp, kd=kd, reference=move, gravity=gravity, rate=rate or None)
+    start = fl.InitialState(joint_deg=initial.joint_deg, joint_m=initial.joint_m, base=initial.base, passive=passive)
+    return scene.varied({"drive": drive, "initial": start})
+
+
+def _margins(case: Case, _: Path) -> Any:
+    loop = fl.loop(_servo(case, rate=1000.0))
+    return loop.growth, [pole.z for pole in loop.poles], [each.sensitivity for each in loop.margins if loop.stable]
+
+
 PUSHED = {"tip_wrench": (0.1, 0.2, 0.3, 0.01, 0.02, 0.03)}
 TABLE: dict[str, Call] = {
     "advise": lambda c, _: fl.advise(c.scene, 0.01, budget=0.01),
@@ -107,12 +131,14 @@ TABLE: dict[str, Call] = {
     "internal_loads": _of_state(fl.strength.internal_loads, 3, **PUSHED),
     "inverse_dynamics": _of_state(fl.inverse_dynamics, 3, **PUSHED),
     "inverse_dynamics_derivatives": _of_state(fl.inverse_dynamics_derivatives, 3, **PUSHED),
+    "invert": lambda c, _: fl.invert(_servo(c)).torques,
     "jacobian": _of_state(fl.jacobian, 1),
     "linearize": _of_state(fl.linearize, 3),
     "load_fit": _stored_fit,
     "load_scene": lambda c, folder: fl.load_scene(c.scene.save(folder / "arm.toml")),
     "load_sweep": _stored_sweep,
     "load_trajectory": lambda c, folder: fl.load_trajectory(c.run.save(folder / "run.npz")),
+    "loop": _margins,
     "lump": lambda c, _: fl.lump(c.scene),
     "mass_matrix": _of_state(fl.mass_matrix, 1),
     "modes": _of_state(fl.modes, 2, **PUSHED),

@@ -98,13 +98,11 @@ def discrete(matrices: Matrices, period: float, delay: ArrayLike, delays: Array)
     size, m = len(inner) + sum(queues), B.shape[1]
     Φ, Γ, H, J = (np.zeros(shape) for shape in ((size, size), (size, m), (len(C), size), (len(C), m)))
     Φ[: len(inner), : len(inner)], Γ[: len(inner)] = inner, by_input
-    values = {
-        time: _values((A, B, C, D), period, late, time)
-        for time in {(1.0 - each.part) * period if each.part else 0.0 for each in outputs}
-    }
+    times = [(1.0 - each.part) * period if each.part else 0.0 for each in outputs]
+    values = {time: _values((A, B, C, D), period, late, time) for time in set(times)}
     at = len(inner)
-    for j, each in enumerate(outputs):
-        by_state, by_new = values[(1.0 - each.part) * period if each.part else 0.0]
+    for j, (each, time) in enumerate(zip(outputs, times, strict=True)):
+        by_state, by_new = values[time]
         if not each.samples:
             J[j], H[j, : len(inner)] = by_new[j], by_state[j]
             continue

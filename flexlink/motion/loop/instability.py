@@ -8,9 +8,6 @@ from collections.abc import Callable
 from flexlink.motion.loop.loop import Loop
 from flexlink.motion.loop.stable_range import STABLE
 
-LEAST_FACTOR = 0.01
-"""Smallest factor of the gains that is worth saying."""
-
 
 def instability(loop: Loop) -> tuple[str, str]:
     """What is unstable, in one line, and remedies, each of which makes the linear loop stable."""
@@ -19,14 +16,10 @@ def instability(loop: Loop) -> tuple[str, str]:
     frequency = f", {pole.hertz:.3g} Hz," if pole.hertz else ""
     grows = f"{pole.motion}{frequency} grows {loop.growth:.3g}-fold a sample"
     text = f"control loop unstable at {loop.rate:g} Hz{late}: {grows}"
-    found = list(filter(None, (_of_delay(loop), _of_rate(loop), *(_of_gain(loop, names) for names in GAINS))))
+    found = list(filter(None, (_of_delay(loop), _of_rate(loop), _of_gain(loop, "kd"), _of_gain(loop, "kp", "kd"))))
     if not found:
         return text, "no delay, rate or smaller gain alone makes it stable; add armature or friction to the joints"
     return text, f"stable with {' or with '.join(found)}"
-
-
-GAINS = (("kd",), ("kp", "kd"))
-"""Gains that are scaled together."""
 
 
 def _of_delay(loop: Loop) -> str:
@@ -46,13 +39,13 @@ def _of_rate(loop: Loop) -> str:
     return f"drive.rate = {rate:.6g} Hz" if loop.growth_with(rate=rate) <= STABLE else ""
 
 
-def _of_gain(loop: Loop, names: tuple[str, ...]) -> str:
+def _of_gain(loop: Loop, *names: str) -> str:
     growth = _scaled(loop, names)
-    factor, step = 1.0, 1.3
-    while factor > LEAST_FACTOR and growth(factor) > STABLE:
+    factor, step, least = 1.0, 1.3, 0.01
+    while factor > least and growth(factor) > STABLE:
         factor /= step
     factor = _rounded(factor)
-    good = factor > LEAST_FACTOR and growth(factor) <= STABLE
+    good = factor > least and growth(factor) <= STABLE
     return f"{' and '.join(names)} times {factor:.2g}" if good else ""
 
 

@@ -20,10 +20,6 @@ from flexlink.motion.inputs.drives import gains_of
 from flexlink.motion.loop.plant import Plant
 from flexlink.motion.sampled_control import SENSORS, Law, takes_sensors
 
-STEP = 1e-3
-"""Step of the differences of fourth order, relative to 1 rad, 1 rad/s or the size of a reading; their error is
-STEP⁴ times the fifth derivative, and 1e-13 of the torque by rounding."""
-
 
 class LinearLaw(NamedTuple):
     """F, G, H, K of a law."""
@@ -61,8 +57,11 @@ def law_in_python(law: Law, plant: Plant) -> LinearLaw:
     """
     n, d = plant.chain.n, len(plant.chain.active)
     y = np.concatenate([plant.q, np.zeros(n), plant.seen])
-    steps = STEP * np.concatenate([np.ones(2 * n), np.abs(plant.C[2 * n :]).max(axis=1, initial=0.0)])
-    steps[steps == 0.0] = STEP
+    # relative to 1 rad, 1 rad/s or the size of a reading: the error is step⁴ times the fifth derivative, and 1e-13 of
+    # the torque by rounding
+    step = 1e-3
+    steps = step * np.concatenate([np.ones(2 * n), np.abs(plant.C[2 * n :]).max(axis=1, initial=0.0)])
+    steps[steps == 0.0] = step
     call = _caller(law, plant, d)
     before, slopes = call(y), np.zeros((d, len(y)))
     for k, h in enumerate(steps.tolist()):

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlink.chain.arguments import positive, require_callable, require_type, vector
+from flexlink.chain.arguments import positive, require_callable, require_one_of, require_type, vector
 from flexlink.common.errors import ArgumentError
 from flexlink.common.notebook import drawing_module
 from flexlink.common.types import Array, Complex
@@ -23,7 +23,7 @@ from flexlink.motion.loop.law import LinearLaw, law_in_python, law_of_drive
 from flexlink.motion.loop.naming import motions
 from flexlink.motion.loop.plant import Plant, plant_of
 from flexlink.motion.loop.response import Margins, Response, classical_margins
-from flexlink.motion.loop.stable_range import STABLE, boundary
+from flexlink.motion.loop.stable_range import STABLE, boundary, number_at
 from flexlink.motion.sampled_control import Law, takes_sensors
 
 
@@ -80,7 +80,7 @@ class Loop:
         λ, shapes = np.linalg.eig(self._open.closed(self.law))
         order = np.argsort(-(np.abs(λ) if self.rate else λ.real), kind="stable")
         order = order[λ[order].imag >= 0]
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore"):
             s = np.log(λ.astype(complex)) * self.rate if self.rate else λ.astype(complex)
         s = np.where(np.isfinite(s), s, -np.inf)
         moving = [self.plant.shape(shapes[:, k]) * (abs(λ[k]) > 1e-9 or not self.rate) for k in order]
@@ -156,10 +156,16 @@ class Loop:
         >>> print(loop.stable, f"{1e3 * loop.largest('drive.delay'):.2f} ms")
         True 0.00 ms
         """
-        changed, start, up = self._along(path)
-        if start is None:
+        if path in {"drive.delay", "drive.rate"} and not self.rate:
+            raise ArgumentError(f"path = {path!r}: the law is not sampled; specify drive.rate", id="no-effect")
+        if path == "drive.delay":
             return self._largest_delay()
-        return boundary(changed, start, up=up if self.stable else not up)
+        if path == "drive.rate":
+            return self._smallest_rate()
+        if path == "gain":
+            return boundary(lambda gain: self.growth_with(gain=gain), 1.0, up=self.stable)
+        changes, start = number_at(self.scene, path)
+        return boundary(lambda x: self.with_scene(self.scene.varied(changes(x))).growth, start, up=self.stable)
 
     def over(self, path: str, values: Sequence[float]) -> list[Loop]:
         """Loops of the scene with other values of a number, for a root locus; errors as in `Scene.varied`."""
@@ -186,9 +192,7 @@ class Loop:
         MissingDependencyError
             matplotlib is not installed.
         """
-        allowed = ("bode", "nyquist", "poles")
-        if kind not in allowed:
-            raise ArgumentError(f"kind = {kind!r}: allowed are {', '.join(allowed)}", id="not-one-of")
+        require_one_of("kind", kind, dict.fromkeys(("bode", "nyquist", "poles")))
         drawing = drawing_module("results.pictures.loop")
         if kind == "poles":
             return drawing.plot_poles([[pole.z for pole in self.poles]], sampled=bool(self.rate), title=repr(self))
@@ -218,45 +222,22 @@ class Loop:
         law = self.law._replace(H=gain * self.law.H, K=gain * self.law.K)
         return growth_of(open_.closed(law), open_.period)
 
-    def _along(self, path: str) -> tuple[Callable[[float], float], float | None, bool]:
-        """Growth as a function of a value, the value to start from (None: a delay from zero on), and the direction."""
-        if path == "drive.delay":
-            return lambda value: self.growth_with(delay=value), None, True
-        if path == "gain":
-            return lambda value: self.growth_with(gain=value), 1.0, True
-        if path == "drive.rate":
-            if not self.rate:
-                raise ArgumentError(f"path = {path!r}: the law is not sampled; specify drive.rate", id="no-effect")
-            # each sampling period of delay adds states; a loop so late is not looked at
-            periods = 100
-            most = np.inf if not self.delay else periods / self.delay
-            return lambda value: self.growth_with(rate=value) if value < most else np.inf, self.rate, False
-        values = self.scene.values_at(path)
-        now = np.asarray(values[0] if len(values) == 1 else values, dtype=object)
-        if any(isinstance(each, str | bool) or each is None for each in now.ravel()) or not now.any():
-            raise ArgumentError(
-                f"path = {path!r}: is {truncated(now.tolist())} in the scene; expected a number other than 0",
-                id="wrong-value",
-            )
-        if now.ndim:
-            if len(values) > 1:
-                return lambda factor: self.varied(path, factor * float(now[0])).growth, 1.0, True
-            return lambda factor: self.varied(path, tuple((factor * now).tolist())).growth, 1.0, True
-        return lambda value: self.varied(path, value).growth, float(now[()]), True
+    def _smallest_rate(self) -> float:
+        # each sampling period of delay adds states; a loop so late is not looked at
+        most = 100 / self.delay if self.delay else np.inf
+        changed = lambda rate: self.growth_with(rate=rate) if rate < most else np.inf  # noqa: E731
+        return boundary(changed, self.rate, up=not self.stable)
 
     def _largest_delay(self) -> float:
-        if not self.rate:
-            raise ArgumentError("path = 'drive.delay': the law is not sampled; specify drive.rate", id="no-effect")
-        if self.growth_with(delay=0.0) > STABLE:
-            return 0.0
         start = self.delay if self.delay and self.stable else 0.01 / self.rate
-        if self.growth_with(delay=start) > STABLE:
+        if self.growth_with(delay=0.0) > STABLE or self.growth_with(delay=start) > STABLE:
             return 0.0
         return boundary(lambda value: self.growth_with(delay=value), start, up=True, factor=1.15, most=70)
 
     def _delay_margin(self, i: int, estimate: float) -> float:
         """Largest additional delay of input i [s], with its exact effect within a sampling period."""
-        if not self.rate or not np.isfinite(estimate):
+        # after many periods, that effect is small, and the loop has many states
+        if not self.rate or not estimate * self.rate < 50:
             return estimate
         unit = np.eye(len(self.inputs))[i]
         return boundary(
@@ -264,14 +245,14 @@ class Loop:
         )
 
     def _number(self, name: int | str) -> int:
+        """Number of an input, given by its number, its name, or the name of its joint."""
+        numbers = {name: k for k, name in enumerate(self.inputs)}
         if isinstance(name, str):
-            names = [each.split(" ")[1] for each in self.inputs]
-            found = [k for k, each in enumerate(self.inputs) if name in {each, names[k]}]
-            if found:
-                return found[0]
-        elif 0 <= name < len(self.inputs):
+            joints = {each.split(" ")[1]: k for each, k in numbers.items()}
+            return require_one_of("input", name, joints | numbers)
+        if 0 <= name < len(self.inputs):
             return int(name)
-        raise ArgumentError(f"input = {name!r}: allowed are {', '.join(map(repr, self.inputs))}", id="not-one-of")
+        raise ArgumentError(f"input = {name!r}: allowed are 0 … {len(self.inputs) - 1}", id="wrong-value")
 
 
 def loop(

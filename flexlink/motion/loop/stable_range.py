@@ -3,6 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from flexlink.common.errors import ArgumentError
+from flexlink.common.wording import truncated
+from flexlink.describe.scene import Scene
 
 STABLE = 1.0 + 1e-6
 """Growth factor up to which a loop counts as stable; rigid motion, with poles at 1, is computed to about 1e-8."""
@@ -28,3 +35,18 @@ def _between(growth: Callable[[float], float], stable: float, unstable: float) -
         middle = (stable + unstable) / 2
         stable, unstable = (middle, unstable) if growth(middle) <= STABLE else (stable, middle)
     return stable
+
+
+def number_at(scene: Scene, path: str) -> tuple[Callable[[float], dict[str, Any]], float]:
+    """Changes of a scene that set the number at a path, and its value; a list is scaled, so that its value is 1."""
+    values = scene.values_at(path)
+    now = np.asarray(values[0], dtype=object)
+    kinds = {type(each) for each in now.ravel().tolist()}
+    if any(each != values[0] for each in values) or not kinds <= {int, float} or not now.any():
+        given = truncated(values[0] if len(values) == 1 else values)
+        raise ArgumentError(
+            f"path = {path!r}: is {given} in the scene; expected a number other than 0", id="wrong-value"
+        )
+    if now.ndim:
+        return lambda factor: {path: tuple((factor * now).tolist())}, 1.0
+    return lambda value: {path: value}, float(now[()])
