@@ -238,7 +238,7 @@ def applied(scene: fl.Scene, remedy: str) -> dict[str, object]:
     }
 
 
-def test_a_run_whose_loop_is_unstable_says_so_and_never_asks_for_more_segments() -> None:
+def test_a_run_warns_of_an_unstable_loop_and_never_asks_for_more_segments() -> None:
     run = fl.simulate(crane(0.001).varied({"run.duration": 0.4, "run.tolerance": 1e-4, "run.sample": 0.01}))
     unstable = [warning for warning in run.warnings if warning.id == "unstable-loop"]
     assert len(unstable) == 1

@@ -1,4 +1,4 @@
-"""What to say of an unstable sampled loop: the motion that grows, its growth, and one change that makes it stable."""
+"""The message about an unstable sampled loop: what grows, how fast, and one change that makes it stable."""
 
 from __future__ import annotations
 
