@@ -76,7 +76,7 @@ def test_divergence_of_an_unstable_sampled_law_names_its_rate() -> None:
     scene = arm(STIFF, initial=fl.InitialState(joint_deg=(5.0, 0.0)), run=fl.RunSettings(step=2e-5, duration=1.0))
     with refused(fl.errors.DivergenceError, "diverged") as caught:
         fl.simulate(scene)
-    assert "unstable at 200 Hz" in str(caught.value)
+    assert "200 Hz" in str(caught.value)
     assert "smaller step" not in str(caught.value)
 
 

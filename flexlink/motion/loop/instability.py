@@ -8,6 +8,9 @@ from collections.abc import Callable
 from flexlink.motion.loop.loop import Loop
 from flexlink.motion.loop.stable_range import STABLE
 
+FASTEST = 1e4
+"""Highest sampling rate that is proposed [Hz]."""
+
 
 def instability(loop: Loop) -> tuple[str, str]:
     """What is unstable, in one line, and remedies, each of which makes the linear loop stable."""
@@ -18,7 +21,7 @@ def instability(loop: Loop) -> tuple[str, str]:
     text = f"control loop unstable at {loop.rate:g} Hz{late}: {grows}"
     found = list(filter(None, (_of_delay(loop), _of_rate(loop), _of_gain(loop, "kd"), _of_gain(loop, "kp", "kd"))))
     if not found:
-        tried = "no shorter delay, no rate up to 20 times as high and no smaller gains"
+        tried = f"no shorter delay, no rate up to {FASTEST:g} Hz and no smaller gains"
         return text, f"{tried} make it stable; add armature or friction to the joints"
     return text, f"stable with {' or with '.join(found)}"
 
@@ -33,9 +36,11 @@ def _of_delay(loop: Loop) -> str:
 
 def _of_rate(loop: Loop) -> str:
     """A multiple of the rate, so that samples and steps that fit the rate remain so."""
-    rates = (k * loop.rate for k in range(2, 21))
-    stable = next((rate for rate in rates if loop.growth_with(rate=rate) <= STABLE), None)
-    return f"drive.rate = {stable:.6g} Hz" if stable else ""
+    least = loop.largest("drive.rate")
+    if not least <= FASTEST:
+        return ""
+    rate = math.ceil(least / loop.rate) * loop.rate
+    return f"drive.rate = {rate:.6g} Hz" if loop.growth_with(rate=rate) <= STABLE else ""
 
 
 def _of_gain(loop: Loop, *names: str) -> str:

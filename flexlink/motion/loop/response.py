@@ -104,7 +104,14 @@ def classical_margins(L: Response, name: str) -> Margins:
 def _roots(f: Callable[[float], float], ω: Array, values: Array) -> list[float]:
     """Frequencies between neighbours of opposite sign at which f is zero."""
     places = np.flatnonzero(values[:-1] * values[1:] < 0)
-    return [float(scipy.optimize.brentq(f, ω[k], ω[k + 1], xtol=1e-14 * ω[k], rtol=1e-14)) for k in places.tolist()]
+    return [_root(f, float(ω[k]), float(ω[k + 1])) for k in places.tolist()]
+
+
+def _root(f: Callable[[float], float], a: float, b: float) -> float:
+    """A zero of f between a and b; the nearest of both if rounding decides on the sign at one of them."""
+    if f(a) * f(b) >= 0:
+        return min(a, b, key=lambda x: abs(f(x)))
+    return float(scipy.optimize.brentq(f, a, b, xtol=1e-14 * a, rtol=1e-14))
 
 
 def _peak(f: Callable[[float], float], ω: Array, values: Array) -> float:
