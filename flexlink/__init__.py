@@ -16,9 +16,10 @@ if TYPE_CHECKING:
     from flexlink.advice.advise import advise
     from flexlink.chain.chain import Chain
     from flexlink.chain.lumping import lump
-    from flexlink.describe.actions import Drive, PrescribedMotion, Wrench
+    from flexlink.describe.actions import PrescribedMotion, Wrench
     from flexlink.describe.arm import Arm, Base
     from flexlink.describe.drag import Drag
+    from flexlink.describe.drive import Drive
     from flexlink.describe.initial import InitialState
     from flexlink.describe.joint import Joint, Mount
     from flexlink.describe.link import Link
@@ -159,7 +160,8 @@ def __getattr__(name: str) -> object:
         "advice.advise": ["advise"],
         "chain.chain": ["Chain"],
         "chain.lumping": ["lump"],
-        "describe.actions": ["Drive", "PrescribedMotion", "Wrench"],
+        "describe.actions": ["PrescribedMotion", "Wrench"],
+        "describe.drive": ["Drive"],
         "describe.arm": ["Arm", "Base"],
         "describe.drag": ["Drag"],
         "describe.initial": ["InitialState"],

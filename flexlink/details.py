@@ -1,5 +1,6 @@
 """Details of a description that few scenes need: Denavit-Hartenberg parameters, root springs, a free base, filters."""
 
+from flexlink.describe.drive import DriveFilter
 from flexlink.describe.filters import Filter
 from flexlink.describe.initial import BaseState
 from flexlink.describe.joint import DenavitHartenberg
@@ -8,6 +9,7 @@ from flexlink.describe.root import RootDamping, RootStiffness
 __all__ = [
     "BaseState",
     "DenavitHartenberg",
+    "DriveFilter",
     "Filter",
     "RootDamping",
     "RootStiffness",

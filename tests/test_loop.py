@@ -231,6 +231,8 @@ def applied(scene: fl.Scene, remedy: str) -> dict[str, object]:
         return {"drive.delay": 1e-3 * float(remedy.split()[2])}
     if remedy.startswith("drive.rate ="):
         return {"drive.rate": float(remedy.split()[2])}
+    if remedy.startswith("link."):
+        return {"link.*.joint.armature": float(remedy.split()[2])}
     names, _, factor = remedy.partition(" times ")
     return {
         f"drive.{name}": tuple(float(factor) * gain for gain in getattr(scene.drive, name))

@@ -59,7 +59,7 @@ KEY_PAGES = {
 }
 WITHOUT_UNIT = {
     "FitParameter", "FitRun.noise", "Range", "Spread", "Element", "Jacobi", "RunSettings.max_evaluations",
-    "Filter.numerator", "Filter.denominator", "ColumnExperiment.noise", "MotionExperiment.add",
+    "Filter.numerator", "Filter.denominator", "DriveFilter", "ColumnExperiment.noise", "MotionExperiment.add",
     "PriorExperiment.deviation",
 }  # fmt: skip
 """Values that vary have the unit of their key; positions on an element, exponents and counts have none."""

@@ -105,6 +105,9 @@ def _of_runs(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
         members = [_by(scene, method).varied({mass: 0.01 * k}) for k in range(9)]
         yield f"many by {method}", functools.partial(fl.simulate_many, members)
     yield "sampled law", lambda: fl.simulate(fixed.varied(sampled))
+    cascade: dict[str, object] = {"drive.kind": "cascade", "drive.gravity": "none"}
+    yield "loop", lambda: fl.loop(fixed.varied(sampled)).growth
+    yield "loop of a cascade", lambda: fl.loop(fixed.varied(sampled | cascade)).growth
     for method in ("RK4", "DOP853", "Radau5"):
         moved = _by(scene.varied({"drive": None, "motion": _constant_motion(scene)}), method)
         yield f"prescribed motion by {method}", functools.partial(fl.simulate, moved)

@@ -14,8 +14,9 @@ from flexlink.common.types import Array, T
 from flexlink.common.wording import short_list
 from flexlink.data.csv_table import CsvTable, head_of, read_csv
 from flexlink.data.smoothing import smoothed
-from flexlink.describe.actions import Drive, PrescribedMotion, Wrench
+from flexlink.describe.actions import PrescribedMotion, Wrench
 from flexlink.describe.arm import Arm
+from flexlink.describe.drive import Drive
 from flexlink.describe.initial import InitialState
 from flexlink.describe.joint_units import IN_METRES, OF_JOINT, Row
 from flexlink.describe.link import Link

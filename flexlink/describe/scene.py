@@ -16,8 +16,9 @@ from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.output import write_text
 from flexlink.common.types import Array
 from flexlink.data import documents
-from flexlink.describe.actions import Drive, PrescribedMotion, Wrench
+from flexlink.describe.actions import PrescribedMotion, Wrench
 from flexlink.describe.arm import Arm
+from flexlink.describe.drive import Drive
 from flexlink.describe.from_files import filled_from_files, without_starts
 from flexlink.describe.initial import InitialState
 from flexlink.describe.joint_units import OF_JOINT, Row, in_si, together

@@ -10,8 +10,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.wording import Diagnostic, did_you_mean, truncated
-from flexlink.describe.actions import Drive, PrescribedMotion, Wrench
+from flexlink.describe.actions import PrescribedMotion, Wrench
 from flexlink.describe.arm import BASE, Arm
+from flexlink.describe.drive import Drive
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.initial import BaseState, InitialState
 from flexlink.describe.joint import refuse_beyond
@@ -82,6 +83,10 @@ def wrong_lists(arm: Arm, initial: InitialState, drive: Drive) -> Iterator[Diagn
         "drive.torque": drive.torque,
         "drive.kp": drive.kp,
         "drive.kd": drive.kd,
+        "drive.ki": drive.ki,
+        "drive.inertia": drive.inertia,
+        "drive.max_rate_deg": drive.max_rate_deg,
+        "drive.max_rate_m": drive.max_rate_m,
         "drive.target_deg": drive.target_deg,
         "drive.target_m": drive.target_m,
         "drive.effort": drive.effort,
@@ -90,6 +95,7 @@ def wrong_lists(arm: Arm, initial: InitialState, drive: Drive) -> Iterator[Diagn
     }
     allowed_for_locked = {
         "initial.joint_deg", "initial.joint_m", "drive.target_deg", "drive.target_m", "drive.effort",
+        "drive.max_rate_deg", "drive.max_rate_m",
     }  # fmt: skip
     fitting = {}
     for key, values in per_link.items():
@@ -107,8 +113,9 @@ def wrong_lists(arm: Arm, initial: InitialState, drive: Drive) -> Iterator[Diagn
         if key.startswith("initial.") or not links[k].joint.locked:
             path = f"{arm.path(k + 1, key)} = {fitting[key][k]!r}"
             yield Diagnostic(f"{path}: {wrong}", "unit-of-joint")
-    if drive.kind in {"pd", "computed_torque"} and not reference:
+    if drive.controls and not reference:
         yield from _missing_targets(arm, drive)
+    yield from drive.unknown_links([link.name for link in links])
 
 
 def _missing_targets(arm: Arm, drive: Drive) -> Iterator[Diagnostic]:
@@ -148,7 +155,7 @@ def check_motions(arm: Arm, initial: InitialState, drive: Drive, motions: Sequen
         if number in moved:
             raise SceneError(f"motion.{motion.link}: the second motion of this link; give only one", id="motion-twice")
         moved.add(number)
-        for name in ("kp", "kd"):
+        for name in ("kp", "kd", "ki", "inertia"):
             gains = getattr(drive, name)
             if gains is not None and gains[number - 1]:
                 gain = f"{arm.path(number, f'drive.{name}')} = {gains[number - 1]!r}"

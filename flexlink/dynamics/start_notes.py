@@ -34,7 +34,7 @@ def is_free_fall(scene: Scene) -> bool:
 def slack_springs(scene: Scene) -> Iterator[Diagnostic]:
     """Warn if joints are held against gravity while the springs of links and gears start slack."""
     drive, initial = scene.drive, scene.initial
-    fed = f"drive.gravity = {drive.gravity!r}" if drive.kind == "pd" else f"drive.kind = {drive.kind!r}"
+    fed = f"drive.gravity = {drive.gravity!r}" if drive.kind in {"pd", "cascade"} else f"drive.kind = {drive.kind!r}"
     holds = drive.kind == "computed_torque" or drive.gravity != "none"
     if not holds or initial.passive != "zero" or initial.q is not None or not any(scene.gravity):
         return

@@ -35,7 +35,7 @@ def _drive_range(scene: Scene, chain: Chain) -> Array:
     """Smallest and largest commanded torque of every driven joint; unbounded for controllers and smooth tables."""
     drive = scene.drive
     rows = drive.torques or ((drive.torque,) if drive.torque else ())
-    if not rows or drive.smooth or drive.kind == "pd":
+    if not rows or drive.smooth or drive.controls:
         return np.tile([-np.inf, np.inf], (len(chain.active), 1))
     torques = np.array([of_joints(chain, row) for row in rows])
     return np.stack([np.minimum(torques.min(axis=0), 0), np.maximum(torques.max(axis=0), 0)], axis=1)

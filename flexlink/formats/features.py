@@ -74,7 +74,7 @@ def _features() -> dict[str, Feature]:
         "prescribed motion": feature(lambda scene, _: bool(scene.motion), "the joint moves freely"),
         "drive torques": feature(lambda scene, _: scene.drive.kind != "none", "motors are exported without commands"),
         "control law": feature(
-            lambda scene, _: scene.drive.kind in {"pd", "computed_torque"} or scene.drive.rate is not None,
+            lambda scene, _: scene.drive.controls or scene.drive.rate is not None,
             "motors are exported without gains or reference",
         ),
         "torque limits": feature(lambda scene, _: scene.drive.effort is not None, "torques are unlimited"),

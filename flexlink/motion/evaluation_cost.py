@@ -24,7 +24,7 @@ from flexlink.data.documents import read_toml
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.spec import NonNegative, Spec, decode
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
-from flexlink.kernels.inputs.laws import PD_GRAVITY, TABLE
+from flexlink.kernels.inputs.laws import CASCADE_GRAVITY, COMPUTED_TORQUE, PD_GRAVITY, TABLE
 from flexlink.kernels.inputs.record import Drive
 from flexlink.kernels.stepping.runge_kutta import NEVER, integrate
 
@@ -92,7 +92,7 @@ def parts_of(chain: Chain, drive: Drive | None) -> Array:
     Evaluating a torque table, such as held torques set by a caller, costs almost nothing.
     """
     driven = 0 if drive is None or drive.law == TABLE else len(drive.joints)
-    model = driven if drive is not None and drive.law >= PD_GRAVITY else 0
+    model = driven if drive is not None and drive.law in {PD_GRAVITY, COMPUTED_TORQUE, CASCADE_GRAVITY} else 0
     dry = np.count_nonzero(chain.hinges["coulomb"])
     return np.array([1.0, *bodies_of(chain), len(chain.couplings), dry, driven, model])
 

@@ -250,18 +250,21 @@ class Problem:
         start: tuple[ArrayLike | None, ArrayLike | None, float | None] = (None, None, None),
     ) -> Trajectory:
         """Do `simulate`, with the state to start from, and with torques that were on their way `before`."""
-        driven = len(self.chain.active)
-        if before is not None and len(before) and before.shape[1] != 1 + driven:
-            raise ArgumentError(
-                f"after: a run with {before.shape[1] - 1} driven joints; the scene has {driven}", id="wrong-shape"
-            )
         try:
             problem, kept = self._idle.pop()
         except IndexError:  # in use by another thread
             problem, kept = problem_of(self.scene, self.chain), Kept()
         try:
-            for array in remembered(problem.inputs.drive):
+            drive = problem.inputs.drive
+            for array in remembered(drive):
                 array[...] = 0
+            stored = drive.held.shape[1] if drive.rate else len(self.chain.active)
+            if before is not None and len(before) and before.shape[1] != 1 + stored:
+                raise ArgumentError(
+                    f"after: the drive of that run stores {before.shape[1] - 1} numbers at each instant (torques, then "
+                    f"its memory), this one {stored}; start from its state: q0, qd0 and t0",
+                    id="wrong-shape",
+                )
             scene = started_from(self.scene, *start)
             begun = problem if scene is self.scene else started(problem, scene)
             run = SingleRun(begun, control, rate, delay, before, kept=kept if control is None else None)

@@ -102,7 +102,8 @@ class RunSamples(Result):
     delayed
         Torques that a sampled law with a delay computed before the last sample and that act at it or later, shape
         (m, 1 + d): time from which each acts [s], then the torques of the driven joints [N m]. A run that is continued
-        by `simulate(…, after=run)` begins with them.
+        by `simulate(…, after=run)` begins with them. Rows of a cascade drive continue with its memory: the integral,
+        the torque before the filters and the states of the filters of each joint.
     """
 
     chain: Chain

@@ -79,7 +79,11 @@ def _scaled(scene: fl.Scene, node: Any, path: list[str]) -> Any:
     if isinstance(node, dict):
         return {key: _scaled(scene, value, [*path, key]) for key, value in node.items()}
     if isinstance(node, list | tuple) and node and isinstance(node[0], dict):
-        return [_scaled(scene, each, [*path, each.get("name", each.get("link", ""))]) for each in node]
+        names = [
+            each.get("name", each.get("link", "")) if path[-1] != "filter" else str(k + 1)
+            for k, each in enumerate(node)
+        ]
+        return [_scaled(scene, each, [*path, name]) for each, name in zip(node, names, strict=True)]
     if isinstance(node, bool | str) or node is None or path[-1] == "segments":
         return node
     return (np.array(node) * _size(scene, path)).tolist()
@@ -89,10 +93,10 @@ def _size(scene: fl.Scene, path: list[str]) -> Any:
     slides = np.array(scene.arm.slides)
     turning = np.where(slides, 1.0, LENGTH) * SIZES["N"]  # N for a sliding joint, N m for a turning one
     rows = {"torque": turning, "torques": turning, "effort": turning, "kp": turning * np.where(slides, 1 / LENGTH, 1.0)}
-    rows["kd"] = rows["kp"] * TIME
+    rows["kd"], rows["ki"] = rows["kp"] * TIME, rows["kp"]
     if path[0] == "drive" and path[-1] in rows:
-        computed = {"kp": TIME**-2, "kd": 1 / TIME}
-        return computed.get(path[-1], rows[path[-1]]) if scene.drive.kind == "computed_torque" else rows[path[-1]]
+        others = {"computed_torque": {"kp": TIME**-2, "kd": 1 / TIME}, "cascade": {"kp": 1 / TIME}}
+        return others.get(scene.drive.kind, {}).get(path[-1], rows[path[-1]])
     if path[:2] in (["initial", "q"], ["initial", "qd"]):
         return TIME ** -(path[1] == "qd")  # for chains without sliding joints
     return size(unit_of(scene, ".".join(path)))

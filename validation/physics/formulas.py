@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.types import Array
-from flexlink.describe.actions import Drive, PrescribedMotion
+from flexlink.describe.actions import PrescribedMotion
+from flexlink.describe.drive import Drive
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.kernels.inputs.drive_torque import follow

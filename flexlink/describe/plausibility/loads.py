@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator, Sequence
 
 from flexlink.common.wording import Diagnostic
-from flexlink.describe.actions import Drive
 from flexlink.describe.arm import Arm
+from flexlink.describe.drive import Drive
 from flexlink.describe.link import Link
 from flexlink.describe.material import Section
 from flexlink.describe.plausibility.ranges import Range, hint_if_outside, ranges
@@ -86,11 +86,11 @@ def of_joints(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
 
 
 def _of_controller(drive: Drive) -> Iterator[Diagnostic]:
-    """Hints on an implausible sampling rate of a controller, and on computed-torque gains as large as PD gains."""
+    """Hints on an implausible sampling rate of a controller, and on gains of a bandwidth as large as PD gains."""
     if drive.rate is not None:
         yield from hint_if_outside("drive.rate", drive.rate, "rate", drive.rate)
-    if drive.kind == "computed_torque" and drive.kp:
-        bandwidth = math.sqrt(max(drive.kp))
+    if drive.kind in {"computed_torque", "cascade"} and drive.kp:
+        bandwidth = max(drive.kp) if drive.kind == "cascade" else math.sqrt(max(drive.kp))
         yield from hint_if_outside("drive.kp", drive.kp, "bandwidth", bandwidth, detail=f" {bandwidth:.3g} rad/s")
 
 

@@ -213,7 +213,8 @@ class LinearModel(SavedResult):
     def control(self) -> Any:
         """The model as a `StateSpace` of python-control, with the names of states, inputs and outputs.
 
-        Its attribute `operating_point` is a dict of x, u and y, about which the model is linearized.
+        In names, "_" replaces ".", which python-control does not allow. Its attribute `operating_point` is a dict of x,
+        u and y, about which the model is linearized.
 
         Raises
         ------
@@ -230,7 +231,8 @@ class LinearModel(SavedResult):
                 "control() needs python-control; install it with: python -m pip install 'flexlink[control]'",
                 id="package-missing",
             ) from None
-        names = {"states": list(self.states), "inputs": list(self.inputs), "outputs": list(self.outputs)}
+        lists = {"states": self.states, "inputs": self.inputs, "outputs": self.outputs}
+        names = {kind: [name.replace(".", "_") for name in each] for kind, each in lists.items()}
         system = ss(self.A, self.B, self.C, self.D, self.dt, **names)
         system.operating_point = {"x": self.x, "u": self.u, "y": self.y}
         return system

@@ -6,7 +6,8 @@ its first torque acts, the arm is taken to have been in its first state, so that
 
 import math
 
-from flexlink.kernels.inputs.laws import law_torque
+from flexlink.kernels.inputs.cascade import cascade
+from flexlink.kernels.inputs.laws import CASCADE, law_torque
 from flexlink.kernels.inputs.references import locate
 from flexlink.kernels.tools.compiler import entry, inlined
 from flexlink.kernels.tools.lanes import put_at, zero_of
@@ -70,11 +71,18 @@ def sample_law(drive, t, middle, q, qd, tau):
     now = int(middle * drive.rate * LATE)
     if q.ndim == 1:  # noqa: SIM102  decided by the compiler: arms side by side have no sampled law
         if drive.rate > 0.0 and now >= drive.next_instant[0]:
-            law_torque(drive, t, middle, q, qd, tau)
-            earliest = now if drive.next_instant[0] > 0 else now - len(drive.held) + 1
-            for k in range(earliest, now + 1):
+            first, row = drive.next_instant[0] == 0, now % len(drive.held)
+            if drive.law >= CASCADE:
+                before = drive.held[(now - 1) % len(drive.held)]
+                cascade(drive, t, middle, q, qd, first, before, drive.held[row])
+            else:
+                law_torque(drive, t, middle, q, qd, tau)
                 for d in range(len(drive.joints)):
-                    drive.held[k % len(drive.held), d] = tau[drive.joints[d]]
+                    drive.held[row, d] = tau[drive.joints[d]]
+            earliest = now - len(drive.held) + 1 if first else now
+            for k in range(earliest, now):
+                for d in range(len(drive.joints)):
+                    drive.held[k % len(drive.held), d] = drive.held[row, d]
             drive.next_instant[0] = now + 1
 
 

@@ -4,6 +4,7 @@
     PD                  T_EX = k_p (r − q) + k_d (ṙ − q̇) + g(t)
     PD_GRAVITY          T_EX = k_p (r − q) + k_d (ṙ − q̇) + T_G(r)
     COMPUTED_TORQUE     T_EX = M(q) (r̈ + k_d (ṙ − q̇) + k_p (r − q)) + T_GC(q, q̇), q of the driven joints
+    CASCADE, …_GRAVITY  has a memory, and is evaluated at sampling instants only (`cascade`)
 
 If the arm is as rigid as its model, computed torque gives the error dynamics ë + k_d ė + k_p e = 0 with e = r − q
 (Siciliano et al. 2009, section 8.5.2).
@@ -17,7 +18,7 @@ from flexlink.kernels.inputs.references import locate, reference
 from flexlink.kernels.tools.compiler import inlined, subroutine
 from flexlink.kernels.tools.lanes import at, clipped, put_at, zero_of
 
-TABLE, PD, PD_GRAVITY, COMPUTED_TORQUE = range(4)
+TABLE, PD, PD_GRAVITY, COMPUTED_TORQUE, CASCADE, CASCADE_GRAVITY = range(6)
 
 
 @inlined

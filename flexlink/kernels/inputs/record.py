@@ -40,18 +40,22 @@ class Drive(NamedTuple):
     feedforward: PiecewisePolynomial  # g [N m / s^j]
     kp: Array  # (d,) [N m/rad]; computed torque: [1/s²]
     kd: Array  # (d,) [N m s/rad]; computed torque: [1/s]
+    servo: Array  # (d, 4) of a cascade: integral gain, rate limit, rate feedforward, inertia (`cascade`)
+    filters: Array  # (d, f + 1, f + 3) of a cascade: filters of the torques (`cascade`)
     model: RigidModel | None  # for laws that need one; None in loops for plain chains
-    held: Array  # (m, d) torques of a sampled law at its last m instants [N m]
+    held: Array  # (m, d + …) torques of a sampled law at its last m instants [N m], and then its memory (`cascade`)
     next_instant: Indices  # (1,) number of the next instant of a sampled law
 
     def delayed(self, t: float) -> Array:
         """Torques of instants before t [s] that act at t or later, (m, 1 + d): time from which they act [s], torques.
 
-        The drive is a sampled law, or torques held by a table (of a law in Python).
+        The drive is a sampled law, or torques held by a table (of a law in Python). Rows of a law with memory continue
+        with this memory, and include the last instant.
         """
-        if not self.delay:
+        memory = self.rate > 0 and self.held.shape[1] > len(self.joints)
+        if not self.delay and not memory:
             return np.empty((0, 1 + len(self.joints)))
-        near = 1e-9 * self.delay
+        near = 1e-9 * (self.delay or 1.0 / self.rate)
         if self.rate:
             first = math.floor((t - self.delay) * self.rate - 1.0)
             numbers = np.arange(first, math.ceil(t * self.rate) + 1)
@@ -60,6 +64,8 @@ class Drive(NamedTuple):
             acting, torques = self.feedforward.knots, self.feedforward.coefficients[:, 0]
         stop = int(np.searchsorted(acting, t + self.delay - near))
         start = max(0, int(np.searchsorted(acting, t + near)) - 1)
+        if memory:
+            start = min(start, stop - 1)
         return np.column_stack([acting, torques])[start:stop]
 
 

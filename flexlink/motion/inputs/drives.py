@@ -21,9 +21,10 @@ from flexlink.dynamics.vibration.stability import Gains
 from flexlink.kernels.bodies.rigid_model import RigidModel
 from flexlink.kernels.bodies.rne import rne_workspace
 from flexlink.kernels.inputs.drive_torque import drive_slopes
-from flexlink.kernels.inputs.laws import COMPUTED_TORQUE, PD, PD_GRAVITY, TABLE
+from flexlink.kernels.inputs.laws import CASCADE, CASCADE_GRAVITY, COMPUTED_TORQUE, PD, PD_GRAVITY, TABLE
 from flexlink.kernels.inputs.record import Drive, PiecewisePolynomial
 from flexlink.kernels.layout import BODY, HINGE
+from flexlink.motion.inputs.cascade import filters_of, servo_of
 from flexlink.motion.inputs.interpolation import held_knots, pieces_of
 from flexlink.motion.inputs.references import constant, reference_arrays
 from flexlink.motion.inputs.static_feedforward import holding_torque
@@ -46,6 +47,7 @@ def drive_arrays(scene: Scene, chain: Chain) -> Drive:
         "table": _table,
         "pd": _pd,
         "computed_torque": _computed_torque,
+        "cascade": _cascade,
     }
     kind = scene.drive.kind if len(chain.active) else "none"
     if kind == "none":
@@ -67,7 +69,7 @@ def drive_of(joints: Indices, **parts: Any) -> Drive:
     nothing = PiecewisePolynomial(np.zeros(1), np.zeros((1, 2, d)))
     blank = Drive(
         TABLE, 0.0, 0.0, joints, np.full(d, np.inf), np.empty((2, d)), nothing, nothing, np.zeros(d), np.zeros(d),
-        None, np.zeros((0, d)), np.zeros(1, np.int64),
+        np.zeros((0, 4)), np.zeros((0, 1, 3)), None, np.zeros((0, d)), np.zeros(1, np.int64),
     )  # fmt: skip
     return limited(blank._replace(**parts))
 
@@ -141,7 +143,14 @@ def gains_at_zero(drive: Drive, chain: Chain, continuous: bool = False) -> Gains
     `continuous`: treat a sampled law as if it were continuous.
     """
     zero = np.zeros(chain.n)
-    return gains_of(chain, drive._replace(rate=0.0) if continuous else drive, 0.0, zero, zero)
+    return gains_of(chain, _continuous(drive) if continuous else drive, 0.0, zero, zero)
+
+
+def _continuous(drive: Drive) -> Drive:
+    """A sampled law as if it were continuous, and without its memory."""
+    law = PD if drive.law >= CASCADE else drive.law
+    kp = drive.kd * drive.kp if drive.law >= CASCADE else drive.kp
+    return drive._replace(rate=0.0, law=law, kp=kp)
 
 
 def _table(scene: Scene, chain: Chain) -> Drive:
@@ -164,20 +173,30 @@ def _interpolated(scene: Scene, times: Array, torques: Array) -> PiecewisePolyno
 
 
 def _pd(scene: Scene, chain: Chain) -> Drive:
-    """PD drive; its feed-forward is computed once for a constant reference, else at every stage by the rigid model."""
-    # how to compute the feed-forward of a constant reference, for each value of the drive's `gravity`
-    gravity = {"none": _no_gravity, "rigid": _rigid_gravity, "static": _static_gravity}
     feedback = _feedback(scene, chain)
     if scene.drive.reference is not None and scene.drive.reference.follows == "tip":
         reference, torques = tip_arrays(scene, chain)
         return feedback._replace(law=PD, reference=reference, feedforward=torques)
+    return _fed(scene, chain, feedback, PD, PD_GRAVITY)
+
+
+def _cascade(scene: Scene, chain: Chain) -> Drive:
+    filters = filters_of(scene, chain, float(scene.drive.rate or 0.0))
+    feedback = _feedback(scene, chain)._replace(servo=servo_of(scene, chain), filters=filters)
+    return _fed(scene, chain, feedback, CASCADE, CASCADE_GRAVITY)
+
+
+def _fed(scene: Scene, chain: Chain, feedback: Drive, law: int, by_model: int) -> Drive:
+    """Add feed-forward, computed once for a constant reference, else by law `by_model` with the rigid model."""
+    # how to compute the feed-forward of a constant reference, for each value of the drive's `gravity`
+    gravity = {"none": _no_gravity, "rigid": _rigid_gravity, "static": _static_gravity}
     if scene.drive.torques is not None:
-        return feedback._replace(law=PD, feedforward=_interpolated(scene, *_rows(scene, chain)))
+        return feedback._replace(law=law, feedforward=_interpolated(scene, *_rows(scene, chain)))
     target = feedback.reference
     still = len(target.knots) == 1 and not target.coefficients[:, 1:].any()
     if scene.drive.gravity == "rigid" and not still:
-        return feedback._replace(law=PD_GRAVITY, model=rigid_model(lump(rigidified(scene))))
-    return feedback._replace(law=PD, feedforward=gravity[scene.drive.gravity](scene, chain, target))
+        return feedback._replace(law=by_model, model=rigid_model(lump(rigidified(scene))))
+    return feedback._replace(law=law, feedforward=gravity[scene.drive.gravity](scene, chain, target))
 
 
 def _computed_torque(scene: Scene, chain: Chain) -> Drive:
@@ -199,14 +218,22 @@ def _sampled(scene: Scene, law: Drive) -> Drive:
         rate = 1.0 / (round(1.0 / (rate * run.fixed_step)) * run.fixed_step)  # same rounding as multiples of the step
     delay = scene.drive.delay
     rows = round(run.duration * rate) + 3 + math.ceil(delay * rate)
-    return law._replace(rate=rate, delay=delay, held=np.zeros((rows, len(law.joints))))
+    memory = law.servo.shape[0] * (1 + law.filters.shape[1])
+    return law._replace(rate=rate, delay=delay, held=np.zeros((rows, len(law.joints) + memory)))
+
+
+def resampled(drive: Drive, scene: Scene, chain: Chain, rate: float) -> Drive:
+    """The law at another sampling rate [Hz]; 0: as if it were continuous, without memory."""
+    if drive.law < CASCADE or not rate:
+        return drive._replace(rate=rate)
+    return drive._replace(rate=rate, filters=filters_of(scene, chain, rate))
 
 
 def recall(drive: Drive, delayed: Array) -> None:
-    """Give a sampled law the torques on their way when an earlier run ended, as from `Drive.delayed`."""
+    """Give a sampled law its memory and the torques on their way when an earlier run ended (`Drive.delayed`)."""
     for acts, *torques in delayed.tolist() if drive.rate else []:
         number = round((acts - drive.delay) * drive.rate)
-        drive.held[number % len(drive.held)] = torques
+        drive.held[number % len(drive.held)] = torques  # and the memory
         drive.next_instant[0] = number + 1
 
 

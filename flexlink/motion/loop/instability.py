@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+import numpy as np
+
 from flexlink.motion.loop.loop import Loop
 from flexlink.motion.loop.stable_range import STABLE
 
@@ -19,11 +21,12 @@ def instability(loop: Loop) -> tuple[str, str]:
     frequency = f", {pole.hertz:.3g} Hz," if pole.hertz else ""
     grows = f"{pole.motion}{frequency} grows {loop.growth:.3g}-fold a sample"
     text = f"control loop unstable at {loop.rate:g} Hz{late}: {grows}"
-    found = list(filter(None, (_of_delay(loop), _of_rate(loop), _of_gain(loop, "kd"), _of_gain(loop, "kp", "kd"))))
-    if not found:
-        tried = f"no shorter delay, no rate up to {FASTEST:g} Hz and no smaller gains"
-        return text, f"{tried} make it stable; add armature or friction to the joints"
-    return text, f"stable with {' or with '.join(found)}"
+    gains = (("kp",), ("kd", "ki")) if loop.scene.drive.kind == "cascade" else (("kd",), ("kp", "kd"))
+    changes = [_of_delay(loop), _of_rate(loop), *(_of_gain(loop, *names) for names in gains), _of_armature(loop)]
+    if any(changes):
+        return text, f"stable with {' or with '.join(filter(None, changes))}"
+    tried = f"no delay, rate up to {FASTEST:g} Hz, hundredth of the gains or armature alone makes it stable"
+    return text, f"{tried}; change several, and give the links their damping"
 
 
 def _of_delay(loop: Loop) -> str:
@@ -53,11 +56,30 @@ def _of_gain(loop: Loop, *names: str) -> str:
     return f"{' and '.join(names)} times {factor:.2g}" if good else ""
 
 
+def _of_armature(loop: Loop) -> str:
+    """Motor inertia of all driven joints, without which a light segment of a link is all that a sampled rate turns."""
+    links = loop.scene.arm.links
+    driven = [links[loop.plant.chain.coordinates[k].link - 1].joint for k in loop.plant.chain.active[loop.plant.moving]]
+    units = {name.partition("[")[2].removesuffix("]") for name in loop.inputs}
+    if len(units) > 1:
+        return ""
+    unit = {"N": "kg", "N m": "kg m²"}[units.pop()]
+    rates = loop.law.K[:, loop.plant.chain.n + loop.plant.chain.active[loop.plant.moving]]
+    least = -float(np.diag(rates).min()) * (1.0 / loop.rate + loop.delay)
+    for factor in (0.5, 1.0, 2.0, 4.0, 8.0):
+        value = _rounded(factor * least)
+        if value > max(joint.armature for joint in driven):
+            changed = loop.scene.varied({"link.*.joint.armature": value})
+            if loop.with_scene(changed).growth <= STABLE:
+                return f"link.*.joint.armature = {value:.2g} {unit}"
+    return ""
+
+
 def _scaled(loop: Loop, names: tuple[str, ...]) -> Callable[[float], float]:
-    gains = {f"drive.{name}": getattr(loop.scene.drive, name) for name in names}
+    gains = {f"drive.{name}": getattr(loop.scene.drive, name) or () for name in names}
 
     def growth(factor: float) -> float:
-        changes = {path: tuple(factor * gain for gain in gains) for path, gains in gains.items()}
+        changes = {path: tuple(factor * gain for gain in row) for path, row in gains.items() if row}
         return loop.with_scene(loop.scene.varied(changes)).growth
 
     return growth

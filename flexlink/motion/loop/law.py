@@ -15,8 +15,10 @@ import numpy as np
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
+from flexlink.kernels.inputs.cascade import cascade
+from flexlink.kernels.inputs.laws import CASCADE
 from flexlink.kernels.inputs.record import Drive
-from flexlink.motion.inputs.drives import gains_of
+from flexlink.motion.inputs.drives import gains_of, limited
 from flexlink.motion.loop.plant import Plant
 from flexlink.motion.sampled_control import SENSORS, Law, takes_sensors
 
@@ -37,13 +39,34 @@ def proportional(K: Array) -> LinearLaw:
 
 
 def law_of_drive(drive: Drive, plant: Plant) -> LinearLaw:
-    """Slopes of a drive, with torque limits left out."""
+    """Slopes of a drive, with limits left out."""
     chain, zero = plant.chain, np.zeros(plant.chain.n)
+    if drive.law >= CASCADE:
+        return _cascade(drive, plant)
     gains = gains_of(chain, drive._replace(rate=0.0), plant.t, plant.q, zero).matrices()
     rows = chain.active[plant.moving]
     K = np.zeros((len(rows), len(plant.C)))
     K[:, : 2 * chain.n] = -np.hstack([gain[rows] for gain in gains])
     return proportional(K)
+
+
+def _cascade(drive: Drive, plant: Plant) -> LinearLaw:
+    """One instant of a cascade by differences, which are exact except for rounding since it is linear."""
+    chain, d, servo = plant.chain, len(drive.joints), drive.servo.copy()
+    servo[:, 1] = np.inf
+    free = limited(drive._replace(servo=servo), np.full(d, np.inf))
+    memory, n = drive.held.shape[1] - d, chain.n
+
+    def instant(state: Array) -> Array:
+        before, after = np.concatenate([np.zeros(d), state[:memory]]), np.zeros(d + memory)
+        cascade(free, plant.t, plant.t, state[memory : memory + n], state[memory + n :], False, before, after)
+        return after
+
+    about = np.concatenate([np.zeros(memory), plant.q, np.zeros(n)])
+    slopes = np.column_stack([instant(about + one) - instant(about - one) for one in np.eye(len(about))]) / 2
+    by_outputs = np.hstack([slopes[:, memory:], np.zeros((d + memory, len(plant.C) - 2 * n))])
+    rows = plant.moving
+    return LinearLaw(slopes[d:, :memory], by_outputs[d:], slopes[rows, :memory], by_outputs[rows])
 
 
 def law_in_python(law: Law, plant: Plant) -> LinearLaw:

@@ -17,6 +17,8 @@ from flexlink.common.types import Array, Complex
 from flexlink.common.wording import short_list, truncated
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
+from flexlink.kernels.inputs.record import Drive
+from flexlink.motion.inputs.drives import resampled
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.loop.closed import OpenLoop, growth_of, open_loop
 from flexlink.motion.loop.law import LinearLaw, law_in_python, law_of_drive
@@ -55,8 +57,8 @@ class Loop:
         Sampling rate [Hz], 0 for a continuous law, and delay of the torques [s].
     plant, law
         Linear arm, held at rest, and linear law.
-    control
-        The law in Python; None: the drive of the scene.
+    drive, control
+        The drive of the scene, and the law in Python that replaces it, or None.
     about
         Angles (n,) [rad] and time [s] about which the loop is linearized; None: those at the start of the scene.
     """
@@ -66,6 +68,7 @@ class Loop:
     delay: float
     plant: Plant
     law: LinearLaw
+    drive: Drive
     control: Law | None = None
     about: tuple[Array | None, float | None] = (None, None)
 
@@ -218,8 +221,11 @@ class Loop:
 
     def growth_with(self, *, rate: float | None = None, delay: ArrayLike | None = None, gain: float = 1.0) -> float:
         """Growth factor with another rate [Hz], delay [s] (one or per input), or torques times a gain."""
-        open_ = open_loop(self.plant, self.rate if rate is None else rate, self.delay if delay is None else delay)
-        law = self.law._replace(H=gain * self.law.H, K=gain * self.law.K)
+        law = self.law
+        if rate is not None and len(law.F):
+            law = law_of_drive(resampled(self.drive, self.scene, self.plant.chain, rate), self.plant)
+        rate, delay = self.rate if rate is None else rate, self.delay if delay is None else delay
+        open_, law = open_loop(self.plant, rate, delay), law._replace(H=gain * law.H, K=gain * law.K)
         return growth_of(open_.closed(law), open_.period)
 
     def _smallest_rate(self) -> float:
@@ -310,7 +316,7 @@ def loop(
             "specify only one: scene.varied({'drive': None}) removes the drive",
             id="both-given",
         )
-    if control is None and scene.drive.kind in {"none", "constant", "table"}:
+    if control is None and not scene.drive.controls:
         raise ArgumentError(
             f"scene: drive kind {scene.drive.kind!r} has no feedback, so there is no loop; use a drive such as 'pd', "
             "or specify control",
@@ -331,11 +337,11 @@ def loop_of(
     """The loop of a problem about angles q (n,) and a time t [s]; None: at its start."""
     q, t = problem.q if about[0] is None else about[0], problem.start if about[1] is None else float(about[1])
     plant = plant_of(problem, q, t, sensors=control is not None and takes_sensors(control))
+    drive = problem.inputs.drive
     if control is None:
-        drive = problem.inputs.drive
-        return Loop(problem.scene, drive.rate, drive.delay, plant, law_of_drive(drive, plant), None, about)
+        return Loop(problem.scene, drive.rate, drive.delay, plant, law_of_drive(drive, plant), drive, None, about)
     hertz = 0.0 if rate is None else positive("rate", rate)
     late = positive("delay", delay) if delay else 0.0
     if late and not hertz:
         raise ArgumentError(f"delay = {delay!r}: needs rate, the sampling rate of the law [Hz]", id="no-effect")
-    return Loop(problem.scene, hertz, late, plant, law_in_python(control, plant), control, about)
+    return Loop(problem.scene, hertz, late, plant, law_in_python(control, plant), drive, control, about)

@@ -6,7 +6,7 @@ import math
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
-from flexlink.describe.actions import Drive
+from flexlink.describe.drive import Drive
 from flexlink.describe.initial import InitialState
 from flexlink.describe.reference import OF_MOTION, Reference
 from flexlink.describe.scene import Scene

@@ -58,7 +58,7 @@ def made(study: Study) -> Part | None:
 def _goal(study: Study) -> tuple[Array, float] | None:
     """Return the final angles of the driven joints [rad], and the time [s] when the reference reaches them; or None."""
     scene, chain = study.scene, study.chain
-    if scene.drive.kind not in ("pd", "computed_torque") or scene.motion:
+    if not scene.drive.controls or scene.motion:
         return None
     course = scene.course
     if course is not None:
