@@ -83,7 +83,7 @@ def in_python(scene: fl.Scene, g: tuple[float, ...], fastest: float = np.inf) ->
         {},
         {"ki": (0.0, 0.0), "filter": FILTERS},
         {"filter": FILTERS, "reference": MOVE, "target_deg": None, "inertia": (2.0, 0.5)},
-        {"reference": MOVE, "target_deg": None, "effort": (5.0, 1.5), "filter": FILTERS},
+        {"reference": MOVE, "target_deg": None, "effort": (700.0, 200.0), "filter": FILTERS},
         {"reference": MOVE, "target_deg": None, "max_rate_deg": (100.0, 100.0)},
         {"delay": 0.003, "filter": FILTERS, "reference": MOVE, "target_deg": None},
     ],
@@ -97,6 +97,9 @@ def test_a_run_is_that_of_the_same_law_in_plain_python(changes: dict[str, Any]) 
     ours = fl.simulate(scene)
     other = fl.simulate(bare, control=law, rate=RATE, delay=scene.drive.delay)
     assert np.abs(ours.q).max() > 0.01
+    if scene.drive.effort:
+        limited = np.abs(ours.tau[:, ours.chain.active]) == scene.drive.effort
+        assert (limited.sum(axis=0) > 5).all() and not limited[-1].all()
     np.testing.assert_allclose(ours.q, other.q, atol=1e-12)
     np.testing.assert_allclose(ours.tau, other.tau, atol=1e-9)
 
@@ -259,3 +262,13 @@ def test_prismatic_joints_have_limits_in_metres() -> None:
     scene = make_scene(slide, gravity=(0.0, 0.0, 0.0)).varied({"drive": drive, "run": run})
     rates = fl.simulate(scene).qd[:, fl.lump(scene).active]
     assert rates[40:80].mean() == pytest.approx(0.3, rel=0.01)
+
+
+def test_the_loop_at_another_rate_has_the_law_of_that_rate() -> None:
+    loop = fl.loop(cascaded(arm("z", "z"), filter=FILTERS))
+    assert loop.growth_with(rate=250.0) == pytest.approx(fl.loop(loop.scene.varied({"drive.rate": 250.0})).growth)
+
+
+def test_a_rate_limit_does_not_change_the_loop() -> None:
+    limited, free = (fl.loop(cascaded(arm("z", "z"), max_rate_deg=most)) for most in ((1.0, 1.0), None))
+    assert limited.growth == pytest.approx(free.growth, rel=1e-12)
