@@ -16,7 +16,9 @@ import flexlink as fl
 from flexlink.common.interruption import Stop
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.kernels.tools.lanes import LANES
+from flexlink.motion.inputs.drives import side_by_side
 from flexlink.motion.inputs.problem import problem_of
+from flexlink.motion.side_by_side import alike, fits_lanes
 from flexlink.motion.single_run import SingleRun
 from flexlink.motion.step_errors import step_errors, step_errors_side_by_side
 from tests.words import refused
@@ -102,7 +104,9 @@ def test_step_errors_in_a_batch_equal_step_errors_of_single_runs() -> None:
     q, qd = (np.stack([getattr(w.record, name)[:1] for w in monitors], axis=-1) for name in ("q", "qd"))
     chains, probed = [w.record.chain for w in monitors], np.array([0])
     scratch = lanes_workspace(solver_for(chains[0], "articulated"), chains)
-    errors = step_errors_side_by_side([w.record for w in monitors], scratch, (q, qd), probed)
+    records = [w.record for w in monitors]
+    inputs = records[0].inputs._replace(drive=side_by_side([record.inputs.drive for record in records]))
+    errors = step_errors_side_by_side(records, scratch, inputs, (q, qd), probed)
     np.testing.assert_allclose(errors, [step_errors(w.record, probed) for w in monitors], rtol=1e-9)
     assert errors.min() > 1e-9
     assert len(np.unique(errors)) == LANES
@@ -172,6 +176,41 @@ def test_scenes_that_differ_in_one_setting_move_as_in_single_runs(change: dict) 
         assert many.chain.name == one.chain.name
     if "run" not in change and "name" not in change:
         assert np.abs(singles[0].tip - singles[1].tip).max() > 1e-8  # far above the allowed difference
+
+
+MOVE = fl.Reference(profile="quintic", to_deg=(20.0, -10.0), duration=0.05)
+LAWS = {
+    "sampled": {"kind": "pd", "kp": (60.0, 30.0), "kd": (6.0, 2.0), "target_deg": (20.0, -10.0)},
+    "rigid gravity": {"kind": "pd", "kp": (60.0, 30.0), "kd": (6.0, 2.0), "reference": MOVE, "gravity": "rigid"},
+    "computed torque": {"kind": "computed_torque", "kp": (90.0, 90.0), "kd": (9.0, 9.0), "reference": MOVE},
+    "cascade": {"kind": "cascade", "kp": (9.0, 9.0), "kd": (6.0, 2.0), "ki": (9.0, 9.0), "reference": MOVE,
+                "gravity": "rigid", "filter": (fl.details.DriveFilter(low_pass=80.0),)},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("delay", [0.0, 0.003])
+def test_laws_with_models_and_memories_run_side_by_side(law: str, delay: float) -> None:
+    drive = fl.Drive(rate=500.0, delay=delay, **LAWS[law])
+    arm = make_scene(flexible("a", segments=2, joint=fl.Joint(armature=0.2)), flexible("b", segments=2))
+    run = fl.RunSettings(step=2e-4, duration=0.06, sample=0.002)
+    one = arm.varied({"drive": drive, "run": run})
+    scenes = [one.varied({"tip.mass": 1.0 + k, "initial.rate_deg": (k / 9.0, 0.0)}) for k in range(9)]
+    problems = [problem_of(scene) for scene in scenes]
+    assert all(fits_lanes(problem) and alike(problems[0], problem) for problem in problems)
+    for found, scene in zip(fl.simulate_many(scenes), scenes, strict=True):
+        single = fl.simulate(scene)
+        for name in ("q", "qd", "tau", "delayed"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(single, name), err_msg=name)
+
+
+def test_drives_that_differ_do_not_act_side_by_side() -> None:
+    arm = make_scene(flexible("a", segments=2)).varied({"run": fl.RunSettings(step=2e-4, duration=0.06, sample=0.002)})
+    drive = fl.Drive(kind="cascade", rate=500.0, kp=(9.0,), kd=(6.0,), ki=(1.0,), target_deg=(20.0,))
+    one = problem_of(arm.varied({"drive": drive}))
+    changes = {"ki": (2.0,), "rate": 250.0, "delay": 0.002, "filter": (fl.details.DriveFilter(low_pass=80.0),)}
+    for name, value in changes.items():
+        assert not alike(one, problem_of(arm.varied({"drive": drive, f"drive.{name}": value}))), name
 
 
 def test_scenes_with_free_and_prescribed_joints_can_be_mixed_in_a_batch() -> None:

@@ -33,8 +33,8 @@ def simulate_many(scenes: Sequence[Scene], *, threads: int = 1) -> list[Trajecto
     """Simulate many scenes; similar scenes that are adjacent in the list run eight at a time, side by side.
 
     Similar scenes differ only in initial state, dimensions, materials and gravity. They have the same layout of bodies
-    and hinges, the same drive, motion, wrench (constant in frame 0) and run settings, dynamics "articulated", and a
-    drive that is not sampled and uses no rigid model. All other scenes run one by one. Results and checks are the same
+    and hinges, the same drive, also sampled or with a model of each arm, the same motion, wrench (constant in frame 0)
+    and run settings, and dynamics "articulated". All other scenes run one by one. Results and checks are the same
     as for single runs.
 
     Parameters

@@ -19,8 +19,8 @@ from flexlink.results.record import Record
 from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import Failure
 
-Lanes = tuple[Any, Arrays, Arrays]
-"""Workspace, state (n, 8) and samples (rows, n, 8) of eight runs that are integrated side by side."""
+Lanes = tuple[Any, Inputs, Arrays, Arrays]
+"""Workspace, inputs, state (n, 8) and samples (rows, n, 8) of eight runs that are integrated side by side."""
 
 
 class FixedSteps:
@@ -37,10 +37,10 @@ class FixedSteps:
         record.begin()
         if lanes is None:
             start = record.q[0].copy(), record.qd[0].copy(), np.zeros(1)
-            lanes = record.scratch, start, (record.q, record.qd, record.works)
-        self.scratch, self.state, samples = lanes
+            lanes = record.scratch, record.inputs, start, (record.q, record.qd, record.works)
+        self.scratch, inputs, self.state, samples = lanes
         if control is None:
-            self._pieces = pieces(self.run, record, self.scratch, self.state, samples)
+            self._pieces = pieces(record, self.scratch, inputs, self.state, samples)
         else:
             self._pieces = control.pieces(record, self.run, self.state)
         self._done = next(self._pieces)  # compiles while signals are not deferred
@@ -111,14 +111,15 @@ def steps_up_to(run: RunSettings, number: int) -> Steps:
     return Steps(run.method, number, number * method(run.method).stages)
 
 
-def pieces(run: RunSettings, record: Record, scratch: Any, state: Arrays, samples: Arrays) -> Iterator[int]:
+def pieces(record: Record, scratch: Any, inputs: Inputs, state: Arrays, samples: Arrays) -> Iterator[int]:
     """Integrate in chunks of about `BREATH`; yield the number of the last step with a finite state, starting with 0.
 
     The state and the samples are filled in place, for one chain or, with the workspace of lanes, for eight side by
     side. See `integrate`.
     """
+    run = record.run
     first, last, every = 0, (run.samples - 1) * run.steps_per_sample, run.steps_per_sample
-    fixed = scratch, method(run.method).arrays, record.inputs, run.fixed_step, record.origin
+    fixed = scratch, method(run.method).arrays, inputs, run.fixed_step, record.origin
     go = record.kept(
         "fixed steps", state[0].ndim, lambda: direct(integrate, *fixed, 0, 0, np.inf, every, state, samples)
     )

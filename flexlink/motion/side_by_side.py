@@ -25,7 +25,7 @@ from flexlink.dynamics.placement import unbent
 from flexlink.kernels.geometry.kinematics import tip_points
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.fixed_steps import FixedSteps, steps_up_to
-from flexlink.motion.inputs.drives import acts_on_many, same_law
+from flexlink.motion.inputs.drives import same_law, side_by_side
 from flexlink.motion.monitor import Monitor
 from flexlink.motion.single_run import verify
 from flexlink.motion.step_errors import rounded_away, step_errors_side_by_side, summed
@@ -51,7 +51,7 @@ class Member(NamedTuple):
 def fits_lanes(problem: InitialValueProblem) -> bool:
     """Whether the compiled loop can run a problem in lanes, with others or alone."""
     solver = solver_for(problem.chain, problem.run.solver)
-    acts = problem.inputs.changing is not None or bool(problem.chain.forces) or not acts_on_many(problem.inputs.drive)
+    acts = problem.inputs.changing is not None or bool(problem.chain.forces)
     alone = not problem.explicit or acts
     return solver.lanes_workspace is not None and not alone and problem.base is None and problem.chain.has_levers
 
@@ -120,14 +120,20 @@ class Block:
             q[0, :, lane], qd[0, :, lane] = (part[min(lane, b - 1), 0] for part in (self.q, self.qd))
         state = q[0].copy(), qd[0].copy(), np.zeros((1, LANES))
         work = lanes_workspace(solver_for(self.chain, run.solver), [record.chain for record in self.records])
-        steps = FixedSteps(self.records[0], lanes=(work, state, samples))
+        drive = side_by_side([record.inputs.drive for record in self.records])
+        inputs = self.records[0].inputs._replace(drive=drive)
+        steps = FixedSteps(self.records[0], lanes=(work, inputs, state, samples))
         for self.rows, _ in steps:
             if stop.requested:
                 break
         self.steps = steps.steps
         if not stop.requested and ended_early(float(self.t[self.rows - 1]), float(self.t[-1])):
             return False
-        self.errors = step_errors_side_by_side(self.records, work, samples[:2], probed(run, slice(0, self.rows)))
+        for k, record in enumerate(self.records):
+            record.inputs.drive.held[...] = drive.held[..., k]
+            record.inputs.drive.next_instant[:] = drive.next_instant
+        rows = probed(run, slice(0, self.rows))
+        self.errors = step_errors_side_by_side(self.records, work, inputs, samples[:2], rows)
         for own, of_all in ((self.q, q), (self.qd, qd), (self.works, samples[2])):
             own[:, : self.rows] = np.moveaxis(of_all[: self.rows, ..., :b], -1, 0)
         return True

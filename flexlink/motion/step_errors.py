@@ -15,6 +15,7 @@ from flexlink.common.types import Array
 from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics import rounding
+from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.runge_kutta import NEVER, probe
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.motion import tolerable
@@ -27,15 +28,18 @@ def step_errors(record: Record, probed: NDArray[np.intp]) -> Array:
     samples, found = (record.q, record.qd), [np.empty(0)]
     for part in record.parts(int(probed[0]), int(probed[-1]) + 1) if len(probed) else ():
         rows = probed[(probed >= part.start) & (probed < part.stop)]
-        found.append(_tips(*_ends(record, record.scratch, samples, rows), [record])[0])
+        found.append(_tips(*_ends(record, record.scratch, record.inputs, samples, rows), [record])[0])
     return np.concatenate(found)
 
 
 def step_errors_side_by_side(
-    records: Sequence[Record], scratch: Any, samples: tuple[Array, Array], probed: NDArray[np.intp]
+    records: Sequence[Record], scratch: Any, inputs: Inputs, samples: tuple[Array, Array], probed: NDArray[np.intp]
 ) -> Array:
-    """`step_errors` of up to eight runs from their samples (rows, n, 8), with their workspace; shape (runs, probed)."""
-    one, two = _ends(records[0], scratch, samples, probed)
+    """`step_errors` of up to eight runs from their samples (rows, n, 8); shape (runs, probed).
+
+    `scratch` and `inputs` are those of the runs side by side.
+    """
+    one, two = _ends(records[0], scratch, inputs, samples, probed)
     return _tips(one, two, records)
 
 
@@ -61,12 +65,14 @@ def rounded_away(run: RunSettings, q: Array, qd: Array, size: Array) -> Array:
     return np.where(lost > rounding.of_reach(1.0) * size, lost * steps, 0.0)
 
 
-def _ends(record: Record, scratch: Any, samples: tuple[Array, Array], probed: NDArray[np.intp]) -> tuple[Array, Array]:
+def _ends(
+    record: Record, scratch: Any, inputs: Inputs, samples: tuple[Array, Array], probed: NDArray[np.intp]
+) -> tuple[Array, Array]:
     """Angles (probed, n), or (probed, n, 8), after one step h and after two steps h/2."""
     run = record.run
     ends = np.empty((2, len(probed), *samples[0].shape[1:]))
-    drive = record.inputs.drive._replace(next_instant=np.array([NEVER]))  # these steps do not evaluate a sampled law
-    inputs, origins = record.inputs._replace(drive=drive), record.origin + probed * run.steps_per_sample
+    drive = inputs.drive._replace(next_instant=np.array([NEVER]))  # these steps do not evaluate a sampled law
+    inputs, origins = inputs._replace(drive=drive), record.origin + probed * run.steps_per_sample
     arguments = scratch, method(run.method).arrays, inputs, run.fixed_step, origins, probed, samples, ends
     record.kept("probed steps", ends.ndim, lambda: direct(probe, *arguments))(*arguments)
     return ends[0], ends[1]

@@ -143,24 +143,25 @@ def _put_outputs(
     found: Sequence[Output], A: Array, B: Array, driven: NDArray[np.intp], n: int
 ) -> tuple[Array, Array, Array, tuple[str, ...]]:
     """Return C, D, and the filter states z with their names; write the equations of z into A and B."""
-    rows = sum(len(output.names) for output in found)
-    C, D, z, states = np.zeros((rows, len(A))), np.zeros((rows, B.shape[1])), np.zeros(len(A) - 2 * n), list[str]()
+    count = sum(len(output.names) for output in found)
+    C, D, z, states = np.zeros((count, len(A))), np.zeros((count, B.shape[1])), np.zeros(len(A) - 2 * n), list[str]()
     row, at = 0, 2 * n
     for output in found:
-        for k, name in enumerate(output.names):
-            by_state, by_input = np.concatenate([output.q[k], output.qd[k]]), np.zeros(B.shape[1])
-            if output.qdd is not None:
-                by_state, by_input = by_state + output.qdd[k] @ A[n : 2 * n, : 2 * n], output.qdd[k] @ B[n : 2 * n]
-            if output.tau is not None:
-                by_input = by_input + np.pad(output.tau[k, driven], (0, B.shape[1] - len(driven)))
-            block = slice(at, at := at + len(output.filter.B))
-            own, b, c, direct = output.filter
-            A[block, : 2 * n], A[block, block], B[block] = np.outer(b, by_state), own, np.outer(b, by_input)
-            C[row, : 2 * n], C[row, block] = output.gain * direct * by_state, output.gain * c
-            D[row] = output.gain * direct * by_input
-            z[block.start - 2 * n : at - 2 * n] = output.filter.settled * output.signal[k]
+        by_state, by_input = np.hstack([output.q, output.qd]), np.zeros((len(output.names), B.shape[1]))
+        if output.qdd is not None:
+            by_state, by_input = by_state + output.qdd @ A[n : 2 * n, : 2 * n], output.qdd @ B[n : 2 * n]
+        if output.tau is not None:
+            by_input = by_input + np.pad(output.tau[:, driven], ((0, 0), (0, B.shape[1] - len(driven))))
+        own, b, c, direct = output.filter
+        rows = slice(row, row := row + len(output.names))
+        C[rows, : 2 * n], D[rows] = output.gain * direct * by_state, output.gain * direct * by_input
+        settled = output.filter.settled if len(b) else b
+        for k, name in enumerate(output.names if len(b) else ()):
+            block = slice(at, at := at + len(b))
+            A[block, : 2 * n], A[block, block], B[block] = np.outer(b, by_state[k]), own, np.outer(b, by_input[k])
+            C[rows.start + k, block] = output.gain * c
+            z[block.start - 2 * n : at - 2 * n] = settled * output.signal[k]
             states += [f"{FILTER}{i} {name}" for i in range(1, len(b) + 1)]
-            row += 1
     return C, D, z, tuple(states)
 
 

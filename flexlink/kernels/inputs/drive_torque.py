@@ -10,7 +10,7 @@ from flexlink.kernels.inputs.cascade import cascade
 from flexlink.kernels.inputs.laws import CASCADE, law_torque
 from flexlink.kernels.inputs.references import locate
 from flexlink.kernels.tools.compiler import entry, inlined
-from flexlink.kernels.tools.lanes import put_at, zero_of
+from flexlink.kernels.tools.lanes import at, put_at, zero_of
 
 LATE = 1.0 + 8.0 * 2.0**-52  # factor that allows for rounding of time · rate, a sampling instant's number
 
@@ -25,7 +25,7 @@ def stage_torque(drive, t, middle, q, qd, tau):
     if drive.rate > 0.0:
         last = math.floor(middle * drive.rate * LATE - drive.delay * drive.rate) % len(drive.held)
         for d in range(len(drive.joints)):
-            tau[drive.joints[d]] = drive.held[last, d]
+            put_at(tau, at(drive.held, last, d), drive.joints[d])
     elif len(drive.joints) > 0:
         law_torque(drive, t, middle, q, qd, tau)
 
@@ -69,21 +69,19 @@ def sample_law(drive, t, middle, q, qd, tau):
     torques are also those of all earlier instants.
     """
     now = int(middle * drive.rate * LATE)
-    if q.ndim == 1:  # noqa: SIM102  decided by the compiler: arms side by side have no sampled law
-        if drive.rate > 0.0 and now >= drive.next_instant[0]:
-            first, row = drive.next_instant[0] == 0, now % len(drive.held)
-            if drive.law >= CASCADE:
-                before = drive.held[(now - 1) % len(drive.held)]
-                cascade(drive, t, middle, q, qd, first, before, drive.held[row])
-            else:
-                law_torque(drive, t, middle, q, qd, tau)
-                for d in range(len(drive.joints)):
-                    drive.held[row, d] = tau[drive.joints[d]]
-            earliest = now - len(drive.held) + 1 if first else now
-            for k in range(earliest, now):
-                for d in range(len(drive.joints)):
-                    drive.held[k % len(drive.held), d] = drive.held[row, d]
-            drive.next_instant[0] = now + 1
+    if drive.rate > 0.0 and now >= drive.next_instant[0]:
+        first, row = drive.next_instant[0] == 0, now % len(drive.held)
+        if drive.law >= CASCADE:
+            cascade(drive, t, middle, q, qd, first, drive.held[(now - 1) % len(drive.held)], drive.held[row])
+        else:
+            law_torque(drive, t, middle, q, qd, tau)
+            for d in range(len(drive.joints)):
+                put_at(drive.held, at(tau, drive.joints[d]), row, d)
+        earliest = now - len(drive.held) + 1 if first else now
+        for k in range(earliest, now):
+            for d in range(len(drive.joints)):
+                put_at(drive.held, at(drive.held, row, d), k % len(drive.held), d)
+        drive.next_instant[0] = now + 1
 
 
 @entry

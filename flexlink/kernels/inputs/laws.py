@@ -15,8 +15,8 @@ is not affected by a jump there.
 
 from flexlink.kernels.bodies.rigid_model import model_torque
 from flexlink.kernels.inputs.references import locate, reference
-from flexlink.kernels.tools.compiler import inlined, subroutine
-from flexlink.kernels.tools.lanes import at, clipped, put_at, zero_of
+from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
+from flexlink.kernels.tools.lanes import LANES, at, clipped, put_at, zero_of
 
 TABLE, PD, PD_GRAVITY, COMPUTED_TORQUE, CASCADE, CASCADE_GRAVITY = range(6)
 
@@ -53,14 +53,24 @@ def unlimited_torque(drive, t, middle, q, qd, tau):
             r, rate, _ = reference(drive.reference, t, middle, d)
             torque, _, _ = reference(g, t, middle, d)
             put_at(tau, drive.kp[d] * (r - at(q, k)) + drive.kd[d] * (rate - at(qd, k)) + torque, k)
-    elif drive.model is not None and q.ndim == 1:  # arms side by side have no model
+    elif drive.model is not None:
         torques_by_model(drive, t, middle, q, qd, tau)
 
 
 @subroutine
 def torques_by_model(drive, t, middle, q, qd, tau):
-    """Write T_EX of a law that uses the rigid model."""
-    model, computed = drive.model, drive.law == COMPUTED_TORQUE
+    """Write T_EX of a law that uses the rigid model; arms side by side have a tuple of models."""
+    if q.ndim == 1:
+        torques_of_one(drive, drive.model, t, middle, q, qd, tau)
+    else:
+        for lane in range(LANES):
+            torques_of_one(drive, drive.model[lane], t, middle, q[:, lane], qd[:, lane], tau[:, lane])
+
+
+@recursion
+def torques_of_one(drive, model, t, middle, q, qd, tau):
+    """`torques_by_model` of one arm."""
+    computed = drive.law == COMPUTED_TORQUE
     for d in range(len(drive.joints)):
         k = drive.joints[d]
         r, rate, acceleration = reference(drive.reference, t, middle, d)

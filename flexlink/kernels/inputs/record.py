@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from flexlink.common.types import Array, Indices
-from flexlink.kernels.bodies.rigid_model import RigidModel
 from flexlink.kernels.inputs.tip_wrench import put_given, wrenches
 from flexlink.kernels.layout import ChainArrays
 
@@ -42,7 +41,7 @@ class Drive(NamedTuple):
     kd: Array  # (d,) [N m s/rad]; computed torque: [1/s]
     servo: Array  # (d, 4) of a cascade: integral gain, rate limit, rate feedforward, inertia (`cascade`)
     filters: Array  # (d, f + 1, f + 3) of a cascade: filters of the torques (`cascade`)
-    model: RigidModel | None  # for laws that need one; None in loops for plain chains
+    model: Any  # `RigidModel` for laws that need one, side by side a tuple of eight; None in loops for plain chains
     held: Array  # (m, d + …) torques of a sampled law at its last m instants [N m], and then its memory (`cascade`)
     next_instant: Indices  # (1,) number of the next instant of a sampled law
 

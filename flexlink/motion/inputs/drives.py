@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from flexlink.kernels.inputs.drive_torque import drive_slopes
 from flexlink.kernels.inputs.laws import CASCADE, CASCADE_GRAVITY, COMPUTED_TORQUE, PD, PD_GRAVITY, TABLE
 from flexlink.kernels.inputs.record import Drive, PiecewisePolynomial
 from flexlink.kernels.layout import BODY, HINGE
+from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.inputs.cascade import filters_of, servo_of
 from flexlink.motion.inputs.interpolation import held_knots, pieces_of
 from flexlink.motion.inputs.references import constant, reference_arrays
@@ -93,18 +94,29 @@ def effort_of(scene: Scene, chain: Chain) -> Array:
     return np.full(len(chain.active), np.inf) if effort is None else of_joints(chain, effort)
 
 
-def acts_on_many(drive: Drive) -> bool:
-    """Whether a drive can act on eight chains side by side, which excludes laws with a rigid model and sampled laws."""
-    return drive.law in {TABLE, PD} and not drive.rate
-
-
 def same_law(a: Drive, b: Drive) -> bool:
-    """Whether two drives are equal, and can act on eight chains side by side."""
-    return acts_on_many(a) and acts_on_many(b) and all(map(np.array_equal, _numbers(a), _numbers(b)))
+    """Whether two drives are equal except for their rigid models, so that they can act side by side."""
+    return all(map(np.array_equal, _numbers(a), _numbers(b)))
 
 
 def _numbers(drive: Drive) -> tuple[Any, ...]:
-    return (drive.law, drive.joints, drive.effort, *drive.reference, *drive.feedforward, drive.kp, drive.kd)
+    sampling = drive.law, drive.rate, drive.delay, drive.held.shape
+    gains = drive.kp, drive.kd, drive.servo, drive.filters
+    return *sampling, drive.joints, drive.effort, *drive.reference, *drive.feedforward, *gains
+
+
+def side_by_side(drives: Sequence[Drive]) -> Drive:
+    """The drive of eight chains side by side, with an empty memory; the last one is repeated to fill all lanes."""
+    one = drives[0]
+    eight = [drives[min(lane, len(drives) - 1)].model for lane in range(LANES)]
+    model = None if one.model is None else tuple(map(_own_motion, eight))
+    held = np.zeros((*one.held.shape, LANES))
+    return one._replace(model=model, held=held, next_instant=np.zeros(1, np.int64))
+
+
+def _own_motion(model: RigidModel) -> RigidModel:
+    """A copy of a model with its own motion and scratch."""
+    return RigidModel(model.chain, rne_workspace(model.chain), model.wrench, *np.zeros((4, len(model.q))))
 
 
 def remembered(drive: Drive) -> tuple[NDArray[Any], ...]:
