@@ -192,7 +192,9 @@ LAWS = {
 @pytest.mark.parametrize("delay", [0.0, 0.003])
 def test_laws_with_models_and_memories_run_side_by_side(law: str, delay: float) -> None:
     drive = fl.Drive(rate=500.0, delay=delay, **LAWS[law])
-    arm = make_scene(flexible("a", segments=2, joint=fl.Joint(armature=0.2)), flexible("b", segments=2))
+    arm = make_scene(
+        flexible("a", segments=2, joint=fl.Joint(armature=2.0)), flexible("b", segments=2, joint=fl.Joint(armature=1.0))
+    )
     run = fl.RunSettings(step=2e-4, duration=0.06, sample=0.002)
     one = arm.varied({"drive": drive, "run": run})
     scenes = [one.varied({"tip.mass": 1.0 + k, "initial.rate_deg": (k / 9.0, 0.0)}) for k in range(9)]

@@ -20,62 +20,69 @@ is I, u, z; in each row of `held`, the memories of all joints follow the d torqu
 from flexlink.kernels.bodies.rigid_model import model_torque
 from flexlink.kernels.inputs.laws import CASCADE_GRAVITY
 from flexlink.kernels.inputs.references import reference
-from flexlink.kernels.tools.compiler import entry, recursion
-from flexlink.kernels.tools.lanes import LANES, at, clipped, if_positive, put_at, zero_of
+from flexlink.kernels.tools.compiler import entry, inlined, recursion
+from flexlink.kernels.tools.lanes import LANES, clip
+
+
+@inlined
+def cascades(drive, t, middle, q, qd, first, before, after):
+    """`cascade` of one arm, or of each of eight arms side by side."""
+    if q.ndim == 1:
+        cascade(drive, drive.model, t, middle, q, qd, first, before, after)
+    else:
+        for lane in range(LANES):
+            model = model_of(drive.model, lane)
+            cascade(drive, model, t, middle, q[:, lane], qd[:, lane], first, before[:, lane], after[:, lane])
+
+
+@inlined
+def model_of(models, lane):
+    """The model of one of eight arms; None if they have none."""
+    return None if models is None else models[lane]
 
 
 @entry
-def cascade(drive, t, middle, q, qd, first, before, after):
+def cascade(drive, model, t, middle, q, qd, first, before, after):
     """Write the torques and the memory of an instant to `after` (d + …,), from those of the instant `before`.
 
     `first`: whether it is the first instant.
     """
     d, f = len(drive.joints), drive.filters.shape[1] - 1
-    _feedforward(drive, t, middle, q, after)
+    _feedforward(drive, model, t, middle, after)
     for i in range(d):
         k, own, F = drive.joints[i], d + i * (2 + f), drive.filters[i]
         gain, fastest, part, inertia = drive.servo[i, 0], drive.servo[i, 1], drive.servo[i, 2], drive.servo[i, 3]
         r, rate, acceleration = reference(drive.reference, t, middle, i)
-        v = clipped(drive.kp[i] * (r - at(q, k)) + part * rate, -fastest, fastest)
-        e = v - at(qd, k)
-        integral = at(before, own) + gain * e / drive.rate
-        u = drive.kd[i] * e + integral + inertia * acceleration + at(after, i)
-        u_before = u if first else at(before, own + 1)
+        v = clip(drive.kp[i] * (r - q[k]) + part * rate, -fastest, fastest)
+        e = v - qd[k]
+        integral = before[own] + gain * e / drive.rate
+        u = drive.kd[i] * e + integral + inertia * acceleration + after[i]
+        u_before = u if first else before[own + 1]
         y = F[f, f] * u
         for row in range(f):
             z = F[row, f] * u_before + F[row, f + 1] * (u - u_before)
             for column in range(f):
-                z += F[row, column] * at(before, own + 2 + column)
+                z += F[row, column] * before[own + 2 + column]
             if first:
                 z = F[row, f + 2] * u
-            put_at(after, z, own + 2 + row)
+            after[own + 2 + row] = z
             y += F[f, row] * z
-        torque = clipped(y, drive.limits[0, i], drive.limits[1, i])
-        put_at(after, torque, i)
-        put_at(after, if_positive((y - torque) * e, at(before, own), integral), own)
-        put_at(after, u, own + 1)
-
-
-@entry
-def _feedforward(drive, t, middle, q, torque):
-    """Write g to `torque` (d,): the gravity torque of the rigid model at the reference, or a table."""
-    if drive.model is not None:  # noqa: SIM102  decided by the compiler: loops for plain chains have no model
-        if drive.law == CASCADE_GRAVITY:
-            if q.ndim == 1:
-                _held_by_model(drive, drive.model, t, middle, torque)
-            else:
-                for lane in range(LANES):
-                    _held_by_model(drive, drive.model[lane], t, middle, torque[:, lane])
-            return
-    for i in range(len(drive.joints)):
-        g, _, _ = reference(drive.feedforward, t, middle, i)
-        put_at(torque, zero_of(q) + g, i)
+        after[i] = clip(y, drive.limits[0, i], drive.limits[1, i])
+        beyond = (y - after[i]) * e > 0.0
+        after[own] = before[own] if beyond else integral
+        after[own + 1] = u
 
 
 @recursion
-def _held_by_model(drive, model, t, middle, torque):
+def _feedforward(drive, model, t, middle, torque):
+    """Write g to `torque` (d,): the gravity torque of the rigid model at the reference, or a table."""
+    if model is not None:  # noqa: SIM102  decided by the compiler: loops for plain chains have no model
+        if drive.law == CASCADE_GRAVITY:
+            for i in range(len(drive.joints)):
+                model.q[i], _, _ = reference(drive.reference, t, middle, i)
+            model_torque(model)
+            for i in range(len(drive.joints)):
+                torque[i] = model.tau[i]
+            return
     for i in range(len(drive.joints)):
-        model.q[i], _, _ = reference(drive.reference, t, middle, i)
-    model_torque(model)
-    for i in range(len(drive.joints)):
-        torque[i] = model.tau[i]
+        torque[i], _, _ = reference(drive.feedforward, t, middle, i)

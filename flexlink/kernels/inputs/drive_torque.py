@@ -6,7 +6,7 @@ its first torque acts, the arm is taken to have been in its first state, so that
 
 import math
 
-from flexlink.kernels.inputs.cascade import cascade
+from flexlink.kernels.inputs.cascade import cascades
 from flexlink.kernels.inputs.laws import CASCADE, law_torque
 from flexlink.kernels.inputs.references import locate
 from flexlink.kernels.tools.compiler import entry, inlined
@@ -72,7 +72,7 @@ def sample_law(drive, t, middle, q, qd, tau):
     if drive.rate > 0.0 and now >= drive.next_instant[0]:
         first, row = drive.next_instant[0] == 0, now % len(drive.held)
         if drive.law >= CASCADE:
-            cascade(drive, t, middle, q, qd, first, drive.held[(now - 1) % len(drive.held)], drive.held[row])
+            cascades(drive, t, middle, q, qd, first, drive.held[(now - 1) % len(drive.held)], drive.held[row])
         else:
             law_torque(drive, t, middle, q, qd, tau)
             for d in range(len(drive.joints)):

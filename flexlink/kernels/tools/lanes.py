@@ -290,22 +290,6 @@ def _clipped(x, least, most):
     return each if x == lanes else (lambda x, least, most: clip(x, least, most))  # noqa: PLW0108
 
 
-def if_positive(x, a, b):
-    """A where x > 0, else b: floats, or lanes."""
-    found = np.where(x > 0.0, a, b)
-    return found.view(Eight) if np.ndim(x) else float(found)
-
-
-@overload(if_positive, jit_options=INLINED)
-def _if_positive(x, a, b):
-    def each(x, a, b):
-        for lane in range(LANES):
-            b = _with_lane(b, _lane(a, lane) if _lane(x, lane) > 0.0 else _lane(b, lane), lane)
-        return b
-
-    return each if x == lanes else (lambda x, a, b: a if x > 0.0 else b)
-
-
 class Turns(NamedTuple):
     """Angles side by side with their cosines and sines, which one loop computes for all of them."""
 
