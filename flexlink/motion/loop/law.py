@@ -59,9 +59,8 @@ def _cascade(drive: Drive, plant: Plant) -> LinearLaw:
 
     def instant(state: Array) -> Array:
         before, after = np.concatenate([np.zeros(d), state[:memory]]), np.zeros(d + memory)
-        cascade(
-            free, free.model, plant.t, plant.t, state[memory : memory + n], state[memory + n :], False, before, after
-        )
+        q, qd = state[memory : memory + n], state[memory + n :]
+        cascade(free, free.model, plant.t, plant.t, q, qd, False, before, after)
         return after
 
     about = np.concatenate([np.zeros(memory), plant.q, np.zeros(n)])
