@@ -178,7 +178,7 @@ def test_scenes_that_differ_in_one_setting_move_as_in_single_runs(change: dict) 
         assert np.abs(singles[0].tip - singles[1].tip).max() > 1e-8  # far above the allowed difference
 
 
-MOVE = fl.Reference(profile="quintic", to_deg=(20.0, -10.0), duration=0.05)
+MOVE = fl.Reference(profile="quintic", to_deg=(20.0, -10.0), duration=0.5)
 LAWS = {
     "sampled": {"kind": "pd", "kp": (60.0, 30.0), "kd": (6.0, 2.0), "target_deg": (20.0, -10.0)},
     "rigid gravity": {"kind": "pd", "kp": (60.0, 30.0), "kd": (6.0, 2.0), "reference": MOVE, "gravity": "rigid"},
