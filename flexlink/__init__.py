@@ -63,6 +63,7 @@ if TYPE_CHECKING:
     from flexlink.motion.sensitivity import sensitivities
     from flexlink.motion.simulate import Problem, simulate
     from flexlink.motion.simulator import Simulator
+    from flexlink.motion.simulator_batch import SimulatorBatch
     from flexlink.motion.tip_inversion.inversion import invert
     from flexlink.results.loading import load_trajectory
     from flexlink.results.trajectory import Trajectory
@@ -100,6 +101,7 @@ __all__ = [
     "Section",
     "Sensor",
     "Simulator",
+    "SimulatorBatch",
     "Sweep",
     "Trajectory",
     "Wrench",
@@ -207,6 +209,7 @@ def __getattr__(name: str) -> object:
         "motion.sensitivity": ["sensitivities"],
         "motion.simulate": ["Problem", "simulate"],
         "motion.simulator": ["Simulator"],
+        "motion.simulator_batch": ["SimulatorBatch"],
         "motion.tip_inversion.inversion": ["invert"],
         "results.loading": ["load_trajectory"],
         "results.trajectory": ["Trajectory"],

@@ -190,6 +190,26 @@ def test_the_gymnasium_environment_example_works(figures: Figures) -> None:
 
 
 @pytest.mark.slow
+def test_the_batch_of_gymnasium_environments_restarts_its_arms(figures: Figures) -> None:
+    pytest.importorskip("gymnasium")
+    found = figures("gym_vector_environment")
+    env, rewards = found["env"], np.array(found["rewards"])
+    assert rewards.shape == (300, 64)
+    assert (rewards[-1] > 0.1 * rewards[0]).all(), "every arm reaches its target except for its sag"
+    assert env.over.all()
+    seen, reward, lost, late, _ = env.step(env.action_space.sample())
+    assert not reward.any() and not lost.any() and not late.any() and env.observation_space.contains(seen)
+    single = fl.Simulator(found["SCENE"].varied({"tip.mass": 2.0}))
+    np.testing.assert_allclose(seen[0, : single.chain.n], single.step(np.zeros(3), duration=found["PERIOD"]).q)
+    action = np.zeros((64, 3))
+    before = env.arms.state.q
+    action[5] = np.nan
+    with pytest.raises(fl.errors.ArgumentError):
+        env.step(action)
+    np.testing.assert_array_equal(env.arms.state.q, before)
+
+
+@pytest.mark.slow
 def test_state_feedback_with_an_observer_works_nearly_as_well_as_with_the_true_state(figures: Figures) -> None:
     found = figures("lqr_observer")
     A, B, C, K, L = (found[name] for name in ("A", "B", "C", "K", "L"))

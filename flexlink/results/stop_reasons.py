@@ -18,7 +18,8 @@ class DivergenceError(FlexlinkError, ArithmeticError):
     """The state of a run is no longer finite, or its energy does not balance; `trajectory` contains every good sample.
 
     The `id` distinguishes "diverged", "energy-imbalance", "newton-failed", "tolerance-not-met" and
-    "mass-not-positive-definite". From `simulate_many`, `runs` contains all runs, including this one.
+    "mass-not-positive-definite". From `simulate_many`, `runs` contains all runs, including this one; from
+    `SimulatorBatch`, `arms` contains the numbers of the arms that failed.
 
     Examples
     --------
@@ -35,6 +36,7 @@ class DivergenceError(FlexlinkError, ArithmeticError):
     def __init__(self, message: str, trajectory: Trajectory, runs: Sequence[Trajectory] = (), *, id: str = "") -> None:
         super().__init__(message, id=id)
         self.trajectory, self.runs = trajectory, runs
+        self.arms: tuple[int, ...] = ()
 
 
 class EvaluationLimitError(DivergenceError):

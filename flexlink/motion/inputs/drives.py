@@ -105,13 +105,19 @@ def _numbers(drive: Drive) -> tuple[Any, ...]:
     return *sampling, drive.joints, drive.effort, *drive.reference, *drive.feedforward, *gains
 
 
+def pushed(chain: Chain) -> Drive:
+    """A drive whose torques are whatever is in `held`, (1, d): a sampled law without instants."""
+    never = np.array([np.iinfo(np.int64).max])
+    return drive_of(chain.active.copy(), rate=1.0, held=np.zeros((1, len(chain.active))), next_instant=never)
+
+
 def side_by_side(drives: Sequence[Drive]) -> Drive:
-    """The drive of eight chains side by side, with an empty memory; the last one is repeated to fill all lanes."""
+    """The drive of eight chains side by side; the last one is repeated to fill all lanes."""
     one = drives[0]
     eight = [drives[min(lane, len(drives) - 1)].model for lane in range(LANES)]
     model = None if one.model is None else tuple(map(_own_motion, eight))
     held = np.zeros((*one.held.shape, LANES))
-    return one._replace(model=model, held=held, next_instant=np.zeros(1, np.int64))
+    return one._replace(model=model, held=held, next_instant=one.next_instant.copy())
 
 
 def _own_motion(model: RigidModel) -> RigidModel:
