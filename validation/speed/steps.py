@@ -24,6 +24,7 @@ from flexlink.engines.mujoco import MujocoEngine, quiet
 from flexlink.engines.pinocchio import PinocchioEngine
 from flexlink.kernels.stepping.runge_kutta import integrate
 from flexlink.kernels.tools.lanes import LANES
+from flexlink.motion.inputs.drives import side_by_side
 from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.inputs.problem import problem_of
 from validation.speed.races import Work
@@ -46,8 +47,10 @@ def native_batch(members: Sequence[Scene]) -> Work:
 
 def _loop(problem: InitialValueProblem, work: Any, starts: Array) -> Work:
     """Integrate from each of the initial states (runs, 2, n), or from eight in parallel (blocks, 2, n, 8)."""
-    fixed = work, method("RK4").arrays, problem.inputs, problem.run.fixed_step, 0
-    lanes = starts.shape[3:]
+    lanes, inputs = starts.shape[3:], problem.inputs
+    if lanes:
+        inputs = inputs._replace(drive=side_by_side([inputs.drive]))
+    fixed = work, method("RK4").arrays, inputs, problem.run.fixed_step, 0
     samples = *np.zeros((2, 2, problem.chain.n, *lanes)), np.zeros((2, *lanes))
 
     def take(steps: int) -> None:
