@@ -52,7 +52,7 @@ if TYPE_CHECKING:
         inverse_dynamics,
         mass_matrix,
     )
-    from flexlink.dynamics.vibration.linear import linearize
+    from flexlink.dynamics.vibration.linear import linearize, linearize_many
     from flexlink.dynamics.vibration.modal import modes, natural_frequencies
     from flexlink.dynamics.vibration.stability import stable_step
     from flexlink.formats import to_mjcf, to_sdf, to_urdf
@@ -128,6 +128,7 @@ __all__ = [
     "invert",
     "jacobian",
     "linearize",
+    "linearize_many",
     "load_scene",
     "load_sweep",
     "load_trajectory",
@@ -198,7 +199,7 @@ def __getattr__(name: str) -> object:
             "inverse_dynamics",
             "mass_matrix",
         ],
-        "dynamics.vibration.linear": ["linearize"],
+        "dynamics.vibration.linear": ["linearize", "linearize_many"],
         "dynamics.vibration.modal": ["modes", "natural_frequencies"],
         "dynamics.vibration.stability": ["stable_step"],
         "formats": ["to_mjcf", "to_sdf", "to_urdf"],

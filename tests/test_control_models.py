@@ -171,3 +171,17 @@ def test_what_a_model_cannot_do_is_refused(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setitem(sys.modules, "control", None)
     with refused(fl.errors.MissingDependencyError, "package-missing"):
         model.control()
+
+
+def test_many_postures_give_the_models_of_single_ones(chain: fl.Chain, rng: np.random.Generator) -> None:
+    q, qd, tau = rng.normal(size=(3, 5, chain.n)) * 0.3
+    models = fl.linearize_many(chain, q, qd, tau, outputs=("tip", "joints"), tip_force=True)
+    for model, *state in zip(models, q, qd, tau, strict=True):
+        single = fl.linearize(chain, *state, outputs=("tip", "joints"), tip_force=True)
+        for part in ("A", "B", "C", "D", "x", "u", "y", "rate"):
+            np.testing.assert_allclose(getattr(model, part), getattr(single, part), rtol=1e-12, atol=1e-12)
+        assert (model.states, model.inputs, model.outputs) == (single.states, single.inputs, single.outputs)
+    still = fl.linearize_many(chain, q)
+    np.testing.assert_allclose(still[1].A, fl.linearize(chain, q[1]).A, rtol=1e-12, atol=1e-9)
+    with refused(fl.errors.ArgumentError, "wrong-shape"):
+        fl.linearize_many(chain, q[0])

@@ -134,6 +134,7 @@ TABLE: dict[str, Call] = {
     "invert": lambda c, _: fl.invert(_servo(c)).torques,
     "jacobian": _of_state(fl.jacobian, 1),
     "linearize": _of_state(fl.linearize, 3),
+    "linearize_many": lambda c, _: [each.A for each in fl.linearize_many(c.chain, np.array([c.state()[0]] * 2))],
     "load_fit": _stored_fit,
     "load_scene": lambda c, folder: fl.load_scene(c.scene.save(folder / "arm.toml")),
     "load_sweep": _stored_sweep,

@@ -23,7 +23,8 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.accelerations import forward_dynamics
-from flexlink.dynamics.derivatives import forward_dynamics_derivatives
+from flexlink.dynamics.batches import is_batch, rows
+from flexlink.dynamics.derivatives import ForwardDerivatives, forward_dynamics_derivatives
 from flexlink.dynamics.placement import jacobian
 from flexlink.dynamics.vibration.linear_model import FILTER, LinearModel
 from flexlink.dynamics.vibration.outputs import OUTPUTS, Output, OutputSource, joints_as
@@ -90,6 +91,68 @@ def linearize(
     wanted = _checked(outputs)
     slopes = forward_dynamics_derivatives(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame)
     qdd = forward_dynamics(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame)
+    return _model(chain, (q, qd, qdd, tau), slopes, wanted, tip_force)
+
+
+def linearize_many(
+    chain: Chain,
+    q: ArrayLike,
+    qd: ArrayLike | None = None,
+    tau: ArrayLike | None = None,
+    *,
+    tip_wrench: ArrayLike | None = None,
+    frame: Frame = "world",
+    outputs: Sequence[str | OutputSource] = ("tip",),
+    tip_force: bool = False,
+) -> list[LinearModel]:
+    """`linearize` about many states in one call, such as the postures of a schedule of gains.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    q, qd, tau
+        Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (b, n); default rates and torques: zero.
+    tip_wrench, frame, outputs, tip_force
+        As in `linearize`.
+
+    Returns
+    -------
+    list of LinearModel
+        In the order of the states; all have the same states, inputs and outputs.
+
+    Raises
+    ------
+    ArgumentError, SingularMassError
+        As in `linearize`.
+
+    Examples
+    --------
+    >>> postures = [fl.solve_static(chain, [0.3, 0, 0, elbow, 0, 0], locked=chain.active) for elbow in (-1.0, -0.5)]
+    >>> models = fl.linearize_many(chain, [rest.q for rest in postures], tau=[rest.tau for rest in postures])
+    >>> print(len(models), models[0].A.shape)
+    2 (12, 12)
+    """
+    n, wanted = require_type("chain", chain, Chain).n, _checked(outputs)
+    if not is_batch(q):
+        raise ArgumentError(f"q: expected many states, shape (b, {n}); for one state, use linearize", id="wrong-shape")
+    still = np.zeros(n)
+    q, qd, tau = rows(n, {"q": q, "qd": still if qd is None else qd, "tau": still if tau is None else tau})
+    slopes = forward_dynamics_derivatives(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame)
+    states = zip(q, qd, forward_dynamics(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame), tau, strict=True)
+    each = map(ForwardDerivatives, slopes.dq, slopes.dqd, slopes.dtau)
+    return [_model(chain, state, own, wanted, tip_force) for state, own in zip(states, each, strict=True)]
+
+
+def _model(
+    chain: Chain,
+    state: tuple[Array, Array, Array, Array],
+    slopes: ForwardDerivatives,
+    wanted: Sequence[str | OutputSource],
+    tip_force: bool,
+) -> LinearModel:
+    """The model about a state q, q̇, q̈, T_EX."""
+    (q, qd, qdd, tau), n = state, chain.n
     found = [output for each in wanted for output in _outputs(each, chain, q, qd, qdd, tau)]
     driven = chain.active
     by_input = slopes.dtau[:, driven]
