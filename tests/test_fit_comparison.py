@@ -48,6 +48,7 @@ def problem(scene: fl.Scene, data: Any, *paths: str) -> fl.fits.FitProblem:
 
 
 class TestChoice:
+    @pytest.mark.slow
     def test_a_root_spring_is_found_and_runs_left_out_agree(self) -> None:
         data = runs(soft().varied({MASS: 0.43}), np.random.default_rng(5), (0.0, 0.2, 0.4))
         both = [problem(clamped(), data, MASS), problem(soft(), data, MASS, SOFT)]
@@ -161,6 +162,7 @@ class TestCommand:
             (folder / f"{name}.toml").write_text(text, "utf-8")
         return folder
 
+    @pytest.mark.slow
     def test_several_files_print_and_write_one_comparison(
         self, folder: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:

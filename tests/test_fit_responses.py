@@ -154,6 +154,7 @@ def problem(scene: fl.Scene, *parts: fl.fits.FitFrf) -> fl.fits.FitProblem:
 
 class TestFit:
     @pytest.mark.parametrize(("young", "loss"), [(150e9, 2e-3), (270e9, 5e-5)])
+    @pytest.mark.slow
     def test_a_beam_is_identified_although_the_peaks_do_not_overlap(self, young: float, loss: float) -> None:
         start = arm(**{PATHS[0]: young, PATHS[1]: loss, "tip.mass": 0.35})
         found = fl.fit(problem(start, part(measured(np.random.default_rng(1)))))
@@ -164,6 +165,7 @@ class TestFit:
             assert one.half < 0.01 * true
         assert all(0.7 < one.times_noise < 1.3 for one in found.columns)
 
+    @pytest.mark.slow
     def test_the_interval_is_that_of_the_scatter(self) -> None:
         rng, z = np.random.default_rng(2), list[float]()
         for _ in range(12):

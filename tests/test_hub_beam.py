@@ -86,6 +86,7 @@ def test_readings_converge_with_the_number_of_modes() -> None:
     assert max(off["accelerometer [m/s²]"], off["strain [1]"]) < 1e-4, off
 
 
+@pytest.mark.slow
 def test_exponentials_and_iteration_agree_with_a_stiff_solver() -> None:
     """Four modes and a root spring, on a tilted base, by SciPy's Radau on the coupled equations."""
     beam = BEAM._replace(gravity=(0.4, 0.5), root=150.0)
@@ -125,6 +126,7 @@ def test_a_chain_of_17_segments_agrees_in_all_sensors(beam: Beam, drive: Drive) 
     assert max(off.values()) < 3e-5, off
 
 
+@pytest.mark.slow
 def test_two_fits_of_coarse_chains_contain_the_true_values_or_state_why_not() -> None:
     """More fits: python -m validation 'fits_continuous_beam*'."""
     outcomes = list(kind.held(load_case(CASES / "fits_continuous_beam.toml").settings["seed"], 2))

@@ -240,6 +240,7 @@ def applied(scene: fl.Scene, remedy: str) -> dict[str, object]:
     }
 
 
+@pytest.mark.slow
 def test_a_run_warns_of_an_unstable_loop_and_never_asks_for_more_segments() -> None:
     run = fl.simulate(crane(0.001).varied({"run.duration": 0.4, "run.tolerance": 1e-4, "run.sample": 0.01}))
     unstable = [warning for warning in run.warnings if warning.id == "unstable-loop"]
@@ -314,6 +315,7 @@ def test_what_has_no_loop_is_refused_by_name() -> None:
         fl.loop(driven(scene, 1.0, 1.0, rate=100.0)).response([60.0])
 
 
+@pytest.mark.slow
 def test_the_command_prints_poles_and_margins_and_returns_1_if_unstable(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -144,6 +144,7 @@ def results(name: str, **changes):
     return found, tables[0]
 
 
+@pytest.mark.slow
 def test_the_error_e_is_printed_next_to_u_val_and_its_components():
     found, series = results("measured_strip_on_flange")
     note = found["|E| / |D|, frequency", "level, mean of the runs"].note
@@ -162,6 +163,7 @@ def test_a_missing_measurement_is_named():
         list(kind.run(case, msgspec.structs.replace(settings, measurement="wing")))
 
 
+@pytest.mark.slow
 def test_the_first_screen_shows_the_results_of_the_cases():
     _, series = results("measured_wing_spar")
     (group,) = groups_of("measured_wing_spar", "Spar: bent", series)

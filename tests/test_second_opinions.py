@@ -232,6 +232,7 @@ def test_a_wrong_tolerance_of_the_readings_fails_the_second_way(monkeypatch: pyt
     assert part() > 0.2
 
 
+@pytest.mark.slow
 def test_a_spar_whose_root_yields_predicts_the_larger_deflections() -> None:
     found = [each for each in rows("measured_wing_spar", draws=0) if "one number" in each.quantity]
     root = next(each for each in found if each.varied == {"situation": "root stiffness", "part": "up to 1 kg"})
