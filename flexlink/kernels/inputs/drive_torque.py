@@ -9,7 +9,7 @@ import math
 from flexlink.kernels.inputs.cascade import cascades
 from flexlink.kernels.inputs.laws import CASCADE, law_torque
 from flexlink.kernels.inputs.references import locate
-from flexlink.kernels.tools.compiler import entry, inlined
+from flexlink.kernels.tools.compiler import entry, inlined, shared
 from flexlink.kernels.tools.lanes import at, put_at, zero_of
 
 LATE = 1.0 + 8.0 * 2.0**-52  # factor that allows for rounding of time · rate, a sampling instant's number
@@ -61,6 +61,7 @@ def sample_at_step(drive, t, middle, q, qd, tau):
         sample_law(drive, t, middle, q, qd, tau)
 
 
+@shared
 @entry
 def sample_law(drive, t, middle, q, qd, tau):
     """Evaluate a sampled law at one of its instants t = k / rate, the start of a step, and store its torques.
