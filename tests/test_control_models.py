@@ -185,3 +185,51 @@ def test_many_postures_give_the_models_of_single_ones(chain: fl.Chain, rng: np.r
     np.testing.assert_allclose(still[1].A, fl.linearize(chain, q[1]).A, rtol=1e-12, atol=1e-9)
     with refused(fl.errors.ArgumentError, "wrong-shape"):
         fl.linearize_many(chain, q[0])
+
+
+def damped_arm() -> fl.Scene:
+    """An arm in a horizontal plane whose links and joints, on springs, are damped."""
+    joint = fl.Joint(armature=0.5, viscous=2.0, gear_stiffness=2e3, gear_damping=1.0)
+    links = (flexible(name, "z", 6, joint=joint) for name in "ab")
+    scene = make_scene(*links, gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_deg=(-90.0, 0.0)))
+    return scene.varied({"link.*.damping": fl.Damping(ratio=0.02, at_hz=5.0)})
+
+
+@pytest.mark.parametrize("states", [2, 4, 6, 9])
+def test_the_error_of_a_balanced_model_is_between_its_bounds(states: int) -> None:
+    """It is at least the largest Hankel singular value left out, and at most twice the sum (Glover 1984)."""
+    scene = damped_arm()
+    chain = fl.lump(scene)
+    q = fl.initial_state(scene, chain)[0]
+    full = fl.linearize(chain, q, outputs=("joints", "tip_rate")).reduced(20)
+    small, bound = full.balanced(states)
+    hertz = np.concatenate([[0.0], np.geomspace(1e-3, 1e4, 4000)])
+    error = np.linalg.norm(full.frequency_response(hertz) - small.frequency_response(hertz), ord=2, axis=(1, 2))
+    _, next_bound = full.balanced(states + 1)
+    σ = (bound - next_bound) / 2  # the largest one left out
+    assert len(small.A) == states and small.states[0] == "balanced 1"
+    assert 0.99 * σ < error.max() < 1.0001 * bound
+    assert error[0] < 1e-9 * np.abs(full.frequency_response([0.0])).max(), "the static gain is kept"
+    assert np.linalg.eigvals(small.A).real.max() < 0
+
+
+def test_balancing_leaves_out_what_no_output_shows() -> None:
+    """The joint of a link in the vertical plane moves the tip across the plane at no frequency."""
+    scene = damped_arm()
+    chain = fl.lump(scene)
+    model = fl.linearize(chain, fl.initial_state(scene, chain)[0], outputs=("joints",))
+    small, bound = model.balanced(8)
+    hertz = np.geomspace(0.01, 20.0, 200)
+    expected = model.frequency_response(hertz)
+    error = np.linalg.norm(expected - small.frequency_response(hertz), ord=2, axis=(1, 2))
+    assert error.max() < bound + 1e-3 * np.abs(expected).max()
+
+
+def test_an_unstable_or_undamped_model_is_not_balanced() -> None:
+    scene = damped_arm()
+    chain = fl.lump(scene)
+    standing = fl.linearize(chain, np.radians([90.0, *np.zeros(chain.n - 1)]), outputs=("joints",))
+    with refused(fl.errors.ArgumentError, "not-stable"):
+        standing.balanced(4)
+    with refused(fl.errors.ArgumentError, "out-of-range"):
+        standing.balanced(0)
