@@ -41,23 +41,13 @@ def run_command(options: argparse.Namespace) -> int:
     with prefix_errors(options.scene):
         found = loop(scene)
         along = found.over(options.over, options.values) if options.over else []
-        document = as_document(found, options.count)
-        if along:
-            rows = [
-                {options.over: value, "growth": each.growth} for value, each in zip(options.values, along, strict=True)
-            ]
-            document["over"] = rows
+        rows = [{options.over: x, "growth": each.growth} for x, each in zip(options.values, along, strict=True)]
         if options.json:
-            print_json(document)
+            print_json(as_document(found, options.count) | ({"over": rows} if rows else {}))
         else:
             _show(found, options.count)
-            print(
-                *(
-                    f"{options.over} = {v:g}: growth {each.growth:.6g}"
-                    for v, each in zip(options.values, along, strict=True)
-                ),
-                sep="\n",
-            )
+            for row in rows:
+                print(f"{options.over} = {row[options.over]:g}: growth {row['growth']:.6g}")
         if options.plot:
             _plot(found, along, options)
     return 0 if found.stable else 1

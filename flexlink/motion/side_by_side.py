@@ -67,6 +67,11 @@ def alike(one: InitialValueProblem, other: InitialValueProblem) -> bool:
     return one.chain.same_layout(other.chain) and (drives[0] is drives[1] or same_law(*drives))
 
 
+def in_lanes(rows: Array) -> Array:
+    """Rows (b, p) of up to eight arms side by side, (p, 8); the last row is repeated to fill all lanes."""
+    return np.ascontiguousarray(rows[np.minimum(np.arange(LANES), len(rows) - 1)].T)
+
+
 class Samples(NamedTuple):
     """The fields of `RunSamples` for several runs, which are the last axis of each array."""
 
@@ -116,8 +121,7 @@ class Block:
             self.q[k, 0], self.qd[k, 0] = member.problem.q, member.problem.qd
         q, qd = np.zeros((2, run.samples, n, LANES))
         samples = q, qd, np.zeros((run.samples, LANES))
-        for lane in range(LANES):
-            q[0, :, lane], qd[0, :, lane] = (part[min(lane, b - 1), 0] for part in (self.q, self.qd))
+        q[0], qd[0] = in_lanes(self.q[:, 0]), in_lanes(self.qd[:, 0])
         state = q[0].copy(), qd[0].copy(), np.zeros((1, LANES))
         work = lanes_workspace(solver_for(self.chain, run.solver), [record.chain for record in self.records])
         drive = side_by_side([record.inputs.drive for record in self.records])

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlink.chain.arguments import integer, positive, require_each
+from flexlink.chain.arguments import integer, positive, real_array, require_each
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.memo import Kept
 from flexlink.common.types import Array
@@ -29,7 +29,7 @@ from flexlink.motion.inputs.drives import effort_of, pushed, remembered, side_by
 from flexlink.motion.inputs.problem import started
 from flexlink.motion.inputs.step_check import check_steps
 from flexlink.motion.monitor import Monitor
-from flexlink.motion.side_by_side import Block, Member, alike
+from flexlink.motion.side_by_side import Block, Member, alike, in_lanes
 from flexlink.motion.simulate import started_from
 from flexlink.motion.simulator import OFTEN
 from flexlink.results.record import trajectory_from_states
@@ -242,10 +242,8 @@ class _Eight:
         self.members, block = members, Block(members, Kept())
         self.records, self.monitors = block.records, block.monitors
         self.run, n = block.run, block.chain.n
-        self.state = *np.zeros((2, n, LANES)), np.zeros((1, LANES))
-        for lane in range(LANES):
-            problem = members[min(lane, len(members) - 1)].problem
-            self.state[0][:, lane], self.state[1][:, lane] = problem.q, problem.qd
+        q, qd = (np.array(each) for each in zip(*((m.problem.q, m.problem.qd) for m in members), strict=True))
+        self.state: tuple[Array, Array, Array] = in_lanes(q), in_lanes(qd), np.zeros((1, LANES))
         for monitor, member in zip(self.monitors, members, strict=True):
             monitor.record.q[0], monitor.record.qd[0] = member.problem.q, member.problem.qd
             monitor.begin()
@@ -268,12 +266,11 @@ class _Eight:
         inputs: Inputs = self.driven
         if torques is not None:
             inputs = self.pushed
-            for lane in range(LANES):
-                inputs.drive.held[0, :, lane] = torques[min(lane, len(torques) - 1)]
+            inputs.drive.held[0] = in_lanes(torques)
         done = self.call(*self.fixed, inputs, self.run.fixed_step, 0, first, last, *self.rest)
         q, qd, work = self.state
         if done < last:
-            good = np.isfinite(q).all(axis=0) & np.isfinite(qd).all(axis=0)
+            good: list[bool] = np.logical_and.reduce(np.isfinite(np.concatenate([q, qd]))).tolist()
             return {lane: "the state is no longer finite" for lane in range(len(self.members)) if not good[lane]}
         if not balanced:
             return {}
@@ -328,11 +325,9 @@ def _similar(k: int, member: Member | FlexlinkError) -> Member:
 
 def _rows(name: str, given: ArrayLike, shape: tuple[int, int]) -> Array:
     """Finite numbers of this shape; one row (n,) is repeated."""
-    try:
-        found = np.asarray(given, np.float64)
-        found = np.array(np.broadcast_to(found, shape)) if found.ndim == 1 and name != "tau" else found
-    except ValueError:
-        found = np.empty(0)
+    found = real_array(name, given, shape)
+    if found.shape == shape[1:] and name != "tau":
+        found = np.array(np.broadcast_to(found, shape))
     if found.shape != shape or not np.isfinite(found).all():
         raise ArgumentError(f"{name}: expected finite numbers of shape {shape}", id="wrong-shape")
     return found
