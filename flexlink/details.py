@@ -5,6 +5,7 @@ from flexlink.describe.filters import Filter
 from flexlink.describe.initial import BaseState
 from flexlink.describe.joint import DenavitHartenberg
 from flexlink.describe.root import RootDamping, RootStiffness
+from flexlink.describe.strain_modes import StrainModes
 
 __all__ = [
     "BaseState",
@@ -13,4 +14,5 @@ __all__ = [
     "Filter",
     "RootDamping",
     "RootStiffness",
+    "StrainModes",
 ]

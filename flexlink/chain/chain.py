@@ -26,6 +26,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.types import Array, Indices
 from flexlink.common.wording import short_list
+from flexlink.kernels.bodies.shaped_mass import Shapes
 from flexlink.kernels.geometry.kinematics import KinematicsWork, forward_kinematics
 from flexlink.kernels.layout import COUPLING, FORCES, ChainArrays, Rare
 
@@ -54,6 +55,8 @@ class Chain(Layout):
     tips
         Index in `bodies` of the tip frame of every link without child links, by the link's name. The last one is the
         arm's tip; by default it is the last body and the only tip.
+    shapes
+        Shapes by which the hinges move together, q̇ = Φ ż, of links with `modes`; None: every hinge moves on its own.
 
     Examples
     --------
@@ -75,6 +78,7 @@ class Chain(Layout):
     couplings: NDArray[np.void] = dataclasses.field(default_factory=lambda: np.zeros(0, COUPLING))
     tips: dict[str, int] = dataclasses.field(default_factory=dict)
     forces: dict[str, NDArray[np.void]] = dataclasses.field(default_factory=dict)
+    shapes: Shapes | None = None
 
     def __post_init__(self) -> None:
         if not self.tips and self.link_names:
@@ -181,6 +185,11 @@ class Chain(Layout):
         placed = forward_kinematics(self.arrays, vector("q", q, self.n))
         centers = placed.points + np.einsum("ijk,ik->ij", placed.rotations, self.bodies["center"])
         return np.asarray(self.bodies["mass"] @ centers / self.mass)
+
+    @property
+    def freedoms(self) -> int:
+        """Number of degrees of freedom: `n`, or the number of shapes by which the hinges move."""
+        return self.n if self.shapes is None else self.shapes.matrix.shape[1]
 
     @property
     def stiffness(self) -> Array:

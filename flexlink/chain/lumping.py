@@ -21,6 +21,7 @@ from flexlink.chain.free_base import reference_rotation
 from flexlink.chain.rigid import HERE
 from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
 from flexlink.chain.section_beam import SectionBeam
+from flexlink.chain.shapes import with_shapes
 from flexlink.chain.table_beam import TableBeam
 from flexlink.common.errors import SceneError
 from flexlink.common.memo import Memo
@@ -109,7 +110,8 @@ def _lumped(scene: Scene) -> Chain:
     chain = frame.chain = frame.chain.with_numbers(
         name=scene.name, bodies=bodies, hinges=hinges, gravity=np.array(scene.gravity), couplings=couplings
     )
-    return with_forces(with_constant_ratios(chain, scene), scene, frame.builder.pieces)
+    chain = with_shapes(with_constant_ratios(chain, scene), scene)
+    return with_forces(chain, scene, frame.builder.pieces)
 
 
 def pieces(scene: Scene) -> list[Piece]:

@@ -18,6 +18,7 @@ from flexlink.describe.material import Damping, Friction
 from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.root import ROOT_AXES, RootDamping, RootStiffness
 from flexlink.describe.spec import NonNegative, Spec, Vector3, measured_in
+from flexlink.describe.strain_modes import StrainModes, of_number
 
 AXES = {"rigid": (), "z": (3,), "yz": (2, 3), "xyz": (1, 2, 3)}
 """Passive axes of a hinge by flex type: 1 twists about X, 2 bends about Y, 3 bends about Z (paper: T1, T2, T3)."""
@@ -67,6 +68,8 @@ class Link(Spec, frozen=True):
     """Number of rigid segments of a flexible link, which has segments − 1 hinges."""
     lumping: str = "gauss"
     """Rule that places the hinges: a name, or the path of a rule file."""
+    modes: StrainModes | Annotated[int, msgspec.Meta(ge=1, le=1000)] | None = None
+    """Strain modes: the link's hinges move only by this number of shapes in each direction. Default: one by one."""
     material: str | None = None
     """Name of the beam's material; a link without material and section has a massless beam."""
     section: str | None = None
@@ -116,6 +119,12 @@ class Link(Spec, frozen=True):
                 raise SceneError(
                     f"root_damping.{axis} = {damping!r}: needs a root_stiffness.{axis}", id="needs-another-key"
                 )
+        msgspec.structs.force_setattr(self, "modes", of_number(self.modes))
+        if self.modes is not None and self.flex == "rigid":
+            raise SceneError(
+                "modes: a rigid link does not bend; set flex = 'z', 'yz' or 'xyz' and segments, or omit modes",
+                id="rigid-modes",
+            )
         length = self.beam.length
         if self.flex != "rigid":
             self._check_flexible(length)

@@ -19,8 +19,11 @@ from flexlink.dynamics.batches import about_state, is_batch, rows
 from flexlink.dynamics.forces import force_torque, names_of
 from flexlink.dynamics.singularity import base_without_rates, no_acceleration
 from flexlink.dynamics.wrench import world_wrench, world_wrenches
+from flexlink.kernels.bodies.plane import planar_workspace
+from flexlink.kernels.bodies.rne import rne_workspace
 from flexlink.kernels.forward import solvers
-from flexlink.kernels.layout import Rare
+from flexlink.kernels.forward.shaped import shaped_accelerations, shaped_workspace
+from flexlink.kernels.layout import ChainArrays, Rare
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import LANES
 
@@ -182,4 +185,22 @@ def solver_for(chain: Chain, solver: str) -> solvers.Solver:
         The solver is unknown.
     """
     kernel = require_one_of("solver", solver, SOLVERS)
+    if chain.shapes is not None:
+        return _shaped_solver(chain)
     return solvers.PLANAR if kernel is solvers.ARTICULATED and chain.is_planar else kernel
+
+
+def _shaped_solver(chain: Chain) -> solvers.Solver:
+    """The solver of a chain whose hinges move by shapes; it ignores the name of the solver, as Φᵀ M Φ is small."""
+    shapes = chain.shapes
+
+    def inverse(arrays: ChainArrays) -> Any:
+        return planar_workspace(*arrays) if chain.is_planar else rne_workspace(arrays)
+
+    def workspace(arrays: ChainArrays) -> Any:
+        return shaped_workspace(arrays, shapes, inverse(arrays))
+
+    def accelerations(arrays: ChainArrays, wrench: Array, q: Array, qd: Array, tau: Array) -> Any:
+        return shaped_accelerations(arrays, shapes, inverse(arrays), wrench, q, qd, tau)
+
+    return solvers.Solver(workspace, accelerations)

@@ -222,7 +222,7 @@ def _recorded(problem: InitialValueProblem, rows: int | None, kept: Kept | None)
         ) from None
     record.q[0], record.qd[0] = problem.q, problem.qd
     if not record.kept.types:  # all other arguments of kernels here always have the same types
-        solver = f"{run.solver} {chain.is_planar}".encode()
+        solver = f"{run.solver} {chain.is_planar} {chain.shapes is not None}".encode()
         drive, *others = problem.inputs
         record.kept.types = types_of(chain.arrays, *others) + _types_of_drive(drive) + solver
     return record

@@ -12,13 +12,14 @@ from flexlink.common.types import Array, Indices
 from flexlink.describe.schemes.methods import Method
 from flexlink.dynamics import rounding
 from flexlink.dynamics.floating_base import FAR
-from flexlink.dynamics.vibration.extremes import scratch
+from flexlink.dynamics.vibration.extremes import Posture, scratch
 from flexlink.kernels.bodies.plane import planar_workspace
 from flexlink.kernels.bodies.rne import rne_workspace
 from flexlink.kernels.forces.elements import forces_of
-from flexlink.kernels.forward.mass_plus_cells import columns
-from flexlink.kernels.forward.mass_plus_plane import PlanePosture, plane_postures
-from flexlink.kernels.forward.mass_plus_space import SpacePosture, space_postures
+from flexlink.kernels.forward.mass_plus import factor_columns
+from flexlink.kernels.forward.mass_plus_plane import plane_postures
+from flexlink.kernels.forward.mass_plus_shapes import ShapedPosture, shaped_postures
+from flexlink.kernels.forward.mass_plus_space import space_postures
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.embedded import EmbeddedMethod, EmbeddedWork
 from flexlink.kernels.stepping.error_norm import Springs
@@ -37,7 +38,7 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     of_fixed_step = 50  # Newton iterations, more than for an adaptive step, since a fixed step cannot be shortened
     chain, arrays, n, s = record.chain, record.chain.arrays, record.chain.n, method.stages
     posture = posture_of(chain)
-    numbers, new, width = np.zeros(STEPPER.size), np.zeros((3, n)), columns(posture.first)
+    numbers, new, width = np.zeros(STEPPER.size), np.zeros((3, n)), factor_columns(posture)
     numbers[STEPPER.inverse_ω1], numbers[STEPPER.rounding] = 1.0 / slowest, rounding.of_position(chain)
     numbers[STEPPER.max_iterations] = FEW_PASSES if record.run.controlled else of_fixed_step
     numbers[STEPPER.far] = FAR if chain.has_free_base else 0.0
@@ -63,7 +64,7 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     # error of the joint's rate persists. Measured on stick-slip motion with widths from 1e-1 to 1e-6 rad/s, errors at
     # the end are at most 2.5 tolerances; with a factor of 1 they are up to 14
     numbers[STEPPER.turning] = 4.0 if with_error and len(turning.joints) == len(turning.dry) else 0.0
-    postures = (plane_postures if chain.is_planar else space_postures)(s, posture)
+    postures = stage_postures(chain, s, posture)
     return ImplicitWork(
         coefficients_of(method), arrays, planar_workspace(*arrays) if chain.is_planar else rne_workspace(arrays),
         forces, posture, numbers, new,
@@ -73,7 +74,14 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     )  # fmt: skip
 
 
-def posture_of(chain: Chain) -> PlanePosture | SpacePosture:
+def stage_postures(chain: Chain, s: int, posture: Posture) -> Posture:
+    """Workspace for the configurations of s stages."""
+    if isinstance(posture, ShapedPosture):
+        return shaped_postures(s, posture, stage_postures(chain, s, posture.hinges))
+    return (plane_postures if chain.is_planar else space_postures)(s, posture)
+
+
+def posture_of(chain: Chain) -> Posture:
     """Workspace for configurations of the chain, with the radii that convert rotations into lengths."""
     return scratch(chain)._replace(radius=chain.turning_radii)
 

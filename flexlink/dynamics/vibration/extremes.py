@@ -12,6 +12,7 @@ from flexlink.common.memo import Memo
 from flexlink.common.types import Array
 from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.kernels.forward.mass_plus_plane import PlanePosture, plane_posture
+from flexlink.kernels.forward.mass_plus_shapes import ShapedPosture, shaped_posture
 from flexlink.kernels.forward.mass_plus_space import SpacePosture, space_posture
 from flexlink.kernels.forward.power_iteration import largest_eigenvalue, smallest_square
 
@@ -82,14 +83,18 @@ def _found(chain: Chain, name: str, q: Array, weights: Array) -> float:
     return FOUND.calling(_largest_eigenvalue, chain, name, q, weights) if weights.any() else 0.0
 
 
-def scratch(chain: Chain) -> PlanePosture | SpacePosture:
+Posture = PlanePosture | SpacePosture | ShapedPosture
+"""Workspace for configurations of a chain, as `mass_plus` takes it."""
+
+
+def scratch(chain: Chain) -> Posture:
     """Workspace for configurations of a chain."""
     posture: PlanePosture | SpacePosture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
-    return posture
+    return posture if chain.shapes is None else shaped_posture(chain.arrays, chain.shapes, posture)
 
 
 def _largest_eigenvalue(
-    chain: Chain, name: str, q: Array, weights: Array, posture: PlanePosture | SpacePosture | None = None
+    chain: Chain, name: str, q: Array, weights: Array, posture: Posture | None = None
 ) -> float:
     """Largest λ of W φ = λ M φ by the power iteration φ ← M⁻¹ W φ; prescribed joints are at rest.
 

@@ -4,6 +4,7 @@ The type of the posture selects the recursion for a plane or for space, as in `f
 springs are coupled: if `first` is None, no code for cells is compiled. All numbers except the posture's may be complex.
 """
 
+from flexlink.kernels.forward.mass_plus_cells import columns
 from flexlink.kernels.forward.mass_plus_plane import (
     PlanePosture,
     displacement_in_plane,
@@ -12,6 +13,16 @@ from flexlink.kernels.forward.mass_plus_plane import (
     plane_posture_of,
     plane_without_cells,
     solve_in_plane,
+)
+from flexlink.kernels.forward.mass_plus_shapes import (
+    ShapedPosture,
+    displacement_of_hinges,
+    factor_shapes,
+    place_shapes,
+    shaped_columns,
+    shaped_posture_of,
+    shaped_without_cells,
+    solve_shapes,
 )
 from flexlink.kernels.forward.mass_plus_space import (
     SpacePosture,
@@ -22,29 +33,36 @@ from flexlink.kernels.forward.mass_plus_space import (
     space_posture_of,
     space_without_cells,
 )
-from flexlink.kernels.tools.compiler import by_type, inlined, recursion, subroutine
-from flexlink.kernels.tools.numbered import numbered
+from flexlink.kernels.tools.compiler import by_type, inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.rare import rarely
 
-FACTORS = numbered("A inverse others:6")  # of a hinge: A, 1 / D, and factors that differ between plane and space
+@kernel
+def hinge_columns(posture):
+    """`factor_columns` of a chain whose hinges move one by one."""
+    return columns(posture.first)
 
 
-@by_type({PlanePosture: plane_posture_of, SpacePosture: space_posture_of})
+@by_type({PlanePosture: hinge_columns, SpacePosture: hinge_columns, ShapedPosture: shaped_columns})
+def factor_columns(posture):
+    """Number of columns of `factors` (n, columns)."""
+
+
+@by_type({PlanePosture: plane_posture_of, SpacePosture: space_posture_of, ShapedPosture: shaped_posture_of})
 def posture_of_stage(i, postures):
     """Posture `i` of s postures, whose arrays have a leading dimension (s,)."""
 
 
-@by_type({PlanePosture: place_in_plane, SpacePosture: place_in_space})
+@by_type({PlanePosture: place_in_plane, SpacePosture: place_in_space, ShapedPosture: place_shapes})
 def place_bodies(q, posture):
     """Set the posture to the angles q (n,)."""
 
 
-@by_type({PlanePosture: plane_without_cells, SpacePosture: space_without_cells})
+@by_type({PlanePosture: plane_without_cells, SpacePosture: space_without_cells, ShapedPosture: shaped_without_cells})
 def without_cells(posture):
     """The same posture, with the type that belongs to a chain without coupled springs."""
 
 
-@by_type({PlanePosture: factor_in_plane, SpacePosture: factor_in_space})
+@by_type({PlanePosture: factor_in_plane, SpacePosture: factor_in_space, ShapedPosture: factor_shapes})
 def factor_by_type(factors, posture):
     """`factor` for a chain with or without cells, selected by type."""
 
@@ -64,7 +82,7 @@ def factor(factors, posture):
         factor_by_type(factors, without_cells(posture))
 
 
-@by_type({PlanePosture: solve_in_plane, SpacePosture: solve_in_space})
+@by_type({PlanePosture: solve_in_plane, SpacePosture: solve_in_space, ShapedPosture: solve_shapes})
 def solve_by_type(factors, r, x, posture):
     """`solve` for a chain with or without cells, selected by type."""
 
@@ -84,7 +102,7 @@ def solve(factors, r, x, posture):
         solve_by_type(factors, r, x, without_cells(posture))
 
 
-@by_type({PlanePosture: displacement_in_plane, SpacePosture: displacement_in_space})
+@by_type({PlanePosture: displacement_in_plane, SpacePosture: displacement_in_space, ShapedPosture: displacement_of_hinges})
 def displacement_of_places(δ, posture):
     """Largest displacement [m] of the outboard end of any segment for small changes δ (n,) of the angles."""
 

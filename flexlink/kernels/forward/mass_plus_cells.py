@@ -5,6 +5,7 @@ import numpy as np
 from flexlink.kernels.tools.compiler import kernel, subroutine
 from flexlink.kernels.tools.numbered import numbered
 
+FACTORS = numbered("A inverse others:6")  # of a hinge: A, 1 / D, and factors that differ between plane and space
 COUPLED = numbered("inertia L", start=8)
 """Columns of hinge k after its factors: the inertia that it moves, without rotors; then A_kj for every hinge j before
 it in its cell, which becomes L_kj."""

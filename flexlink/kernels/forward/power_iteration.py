@@ -14,8 +14,8 @@ import numpy as np
 
 from flexlink.kernels.bodies.rne import rne, rne_workspace
 from flexlink.kernels.forces.couplings import factor_springs, solve_springs
-from flexlink.kernels.forward.mass_plus import FACTORS, factor, place_bodies, solve
-from flexlink.kernels.forward.mass_plus_cells import columns
+from flexlink.kernels.forward.mass_plus import factor, factor_columns, place_bodies, solve
+from flexlink.kernels.forward.mass_plus_cells import FACTORS
 from flexlink.kernels.tools.compiler import kernel, recursion
 from flexlink.kernels.tools.vec3 import ZERO
 
@@ -30,7 +30,7 @@ def largest_eigenvalue(chain, q, weights, coupled, passes, close, posture):
     not finite if M is singular.
     """
     n, last = len(q), 0.0
-    φ, r, factors = np.zeros(n), np.zeros(n), np.zeros((n, columns(posture.first)))
+    φ, r, factors = np.zeros(n), np.zeros(n), np.zeros((n, factor_columns(posture)))
     for k in range(n):
         φ[k], factors[k, FACTORS.A] = 2 * (k % 2) - 1, chain.hinges[k].armature
     place_bodies(q, posture)

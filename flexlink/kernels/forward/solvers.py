@@ -19,13 +19,14 @@ from flexlink.kernels.forward.articulated_rows import (
     articulated_lanes_workspace,
     articulated_workspace,
 )
+from flexlink.kernels.forward.known_motion import power_of, take_torques
 from flexlink.kernels.forward.planar import planar
+from flexlink.kernels.forward.shaped import ShapedWork, shaped
 from flexlink.kernels.inputs.tip_wrench import put_wrench
-from flexlink.kernels.layout import SLIDES
-from flexlink.kernels.tools.compiler import by_type, inlined, kernel, recursion, subroutine
+from flexlink.kernels.tools.compiler import by_type, inlined, kernel, subroutine
 from flexlink.kernels.tools.lanes import LANES, empty_lanes, keep_lanes, put_lanes
 from flexlink.kernels.tools.solve import solve_cholesky, solve_lu
-from flexlink.kernels.tools.vec3 import ZERO, add_scaled, dot, vector
+from flexlink.kernels.tools.vec3 import vector
 
 
 class DenseWork(NamedTuple):
@@ -81,47 +82,11 @@ def dense(wrench, q, qd, tau, qdd, work):
         solve_lu(M, qdd, work.probe)
     else:
         solve_cholesky(M, qdd, work.probe)
-    take_torques(chain, wrench, q, qd, qdd, tau, bias, work)
-    turning_of_tip(chain, qd, known)
-    ω, power = ZERO, 0.0
-    for k in range(len(qd)):
-        ω = add_scaled(ω, known[k], vector(work.composite.placed.axes[k]))
-        power += qd[k] * (tau[k] - friction(chain.hinges[k], qd[k]))
-    return power - lost + dot(ω, (wrench[3], wrench[4], wrench[5]))
+    take_torques(chain, wrench, q, qd, qdd, tau, bias, work.rne, work.forces)
+    return power_of(chain, wrench, qd, tau, known, work.composite.placed.axes) - lost
 
 
-@recursion
-def turning_of_tip(chain, qd, rates):
-    """Write q̇ of the revolute hinges on the path to the loaded body, zero for all others."""
-    i = 0
-    for k in range(len(qd)):
-        rates[k] = 0.0
-    for j in range(len(chain.bodies)):
-        if chain.bodies[j].loaded:
-            i = j + 1
-    while i > 0:
-        b = chain.bodies[i - 1]
-        for k in range(b.first, b.stop):
-            if chain.rare is None or chain.hinges[k].axis < SLIDES:
-                rates[k] = qd[k]
-        i = b.parent if b.begins else i - 1
-
-
-@recursion
-def take_torques(chain, wrench, q, qd, qdd, tau, torque, work):
-    """Write the torques of prescribed motions, if there are any."""
-    for k in range(len(qdd)):
-        if chain.hinges[k].prescribed:
-            rne(chain, vector(chain.gravity), wrench, q, qd, qdd, torque, work.rne)
-            if work.forces is not None:
-                add_torques(work.forces.elements, q, qd, torque)
-            break
-    for k in range(len(qdd)):
-        if chain.hinges[k].prescribed:
-            tau[k] = torque[k] + elastic(chain.hinges[k], q[k]) + friction(chain.hinges[k], qd[k])
-
-
-@by_type({PlanarWork: planar, ArticulatedWork: articulated, DenseWork: dense})
+@by_type({PlanarWork: planar, ArticulatedWork: articulated, DenseWork: dense, ShapedWork: shaped})
 def forward_dynamics(wrench, q, qd, tau, qdd, work):
     """Write q̈ for drive torques `tau`, all (n,), and the tip wrench (6,); return a power [W].
 

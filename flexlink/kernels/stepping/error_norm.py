@@ -19,8 +19,8 @@ would otherwise vanish then becomes an impulse T k_d e_v, which displaces bodies
 import math
 from typing import Any, NamedTuple
 
-from flexlink.kernels.forward.mass_plus import FACTORS, displacement, factor, solve
-from flexlink.kernels.forward.mass_plus_cells import add_products, put_couplings
+from flexlink.kernels.forward.mass_plus import displacement, factor, solve
+from flexlink.kernels.forward.mass_plus_cells import FACTORS, add_products, put_couplings
 from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 

@@ -24,8 +24,8 @@ import math
 from flexlink.kernels.bodies.inverse import inverse_dynamics_into
 from flexlink.kernels.forces.elements import add_torques, find_brakes
 from flexlink.kernels.forces.joint_torques import elastic, friction
-from flexlink.kernels.forward.mass_plus import FACTORS, displacement, factor, place_bodies, solve
-from flexlink.kernels.forward.mass_plus_cells import add_products
+from flexlink.kernels.forward.mass_plus import displacement, factor, place_bodies, solve
+from flexlink.kernels.forward.mass_plus_cells import FACTORS, add_products
 from flexlink.kernels.inputs.drive_torque import follow, stage_torque
 from flexlink.kernels.inputs.tip_wrench import put_wrench
 from flexlink.kernels.stepping.dry_friction import (

@@ -25,14 +25,13 @@ so x_γ = T⁻¹ w. Without dampers the remaining effect of δM is (1 − λ²/�
 import math
 
 from flexlink.kernels.forward.mass_plus import (
-    FACTORS,
     displacement,
     factor,
     place_bodies,
     posture_of_stage,
     solve,
 )
-from flexlink.kernels.forward.mass_plus_cells import COUPLED, add_products, put_couplings
+from flexlink.kernels.forward.mass_plus_cells import COUPLED, FACTORS, add_products, put_couplings
 from flexlink.kernels.stepping.implicit_layout import STAGE, VECTOR, WEIGHT
 from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine

@@ -1,0 +1,166 @@
+"""Shapes of links with `modes`: their hinges move together, q̇ = Φ ż, by a few strain modes for each direction.
+
+A shape is a curvature along the link, the angles of its hinges: bending about y or z of the section, or twist. Nothing is
+linearised; the curvature, not the displacement, is a sum of shapes. All other joints are coordinates of their own.
+
+eigenmodes      K φ = ω² M φ for the link's hinges in one direction, with all distal bodies, all other joints locked, at zero
+                angles; the slowest first
+polynomials     the bending or twisting moment k φ is a Legendre polynomial of the position of the hinge along the link
+
+Each shape is divided by its largest entry, so its coordinate is the angle of the hinge that moves most [rad].
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from flexlink.chain.chain import Chain
+from flexlink.chain.coordinates import Coordinate
+from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.common.types import Array
+from flexlink.describe.link import AXES
+from flexlink.describe.scene import Scene
+from flexlink.describe.strain_modes import StrainModes
+from flexlink.kernels.bodies.mass import mass_upper
+from flexlink.kernels.bodies.shaped_mass import Shapes
+
+Hinges = NDArray[np.intp]
+
+
+def with_shapes(chain: Chain, scene: Scene) -> Chain:
+    """Return the chain with the shapes of all links with `modes`; the same chain if no link has any.
+
+    Raises
+    ------
+    SceneError
+        A link has fewer hinges in a direction than modes, or a hinge moves no inertia.
+    """
+    links = {k: link for k, link in enumerate(scene.arm.links, 1) if link.modes is not None}
+    if not links:
+        return chain
+    parts: list[tuple[Hinges, Array]] = []
+    for number, link in links.items():
+        assert link.modes is not None
+        for axis in AXES[link.flex]:
+            hinges = hinges_of(chain, number, axis)
+            count = link.modes.of_axis(axis)
+            if count > len(hinges):
+                raise SceneError(
+                    f"link {link.name!r}: modes.{'xyz'[axis - 1]} = {count}: the link has {len(hinges)} hinges in this "
+                    f"direction; use at most {len(hinges)} modes, or more segments",
+                    id="too-many-modes",
+                )
+            parts.append((hinges, scaled(SHAPES[link.modes.shapes](chain, hinges, count))))
+    return dataclasses.replace(chain, shapes=joined(chain, parts))
+
+
+def hinges_of(chain: Chain, link: int, axis: int) -> Hinges:
+    """Indices of the hinges of a link in one direction: axis 1 twists, 2 and 3 bend about y and z."""
+    return np.array([k for k, c in enumerate(chain.coordinates) if is_bent(c, link, axis)], dtype=np.intp)
+
+
+def is_bent(coordinate: Coordinate, link: int, axis: int) -> bool:
+    """Whether a coordinate is a hinge of the beam of this link in this direction."""
+    return coordinate.link == link and coordinate.segment > 0 and coordinate.axis == axis
+
+
+def eigenmodes(chain: Chain, hinges: Hinges, count: int) -> Array:
+    """Angles of the `count` slowest modes of these hinges (h, count), all other joints locked at zero."""
+    M, block = np.zeros((chain.n, chain.n)), np.ix_(hinges, hinges)
+    mass_upper(chain.arrays, np.zeros(chain.n), M)
+    try:
+        return np.asarray(scipy.linalg.eigh(chain.matrix("stiffness")[block], M[block])[1][:, :count])
+    except np.linalg.LinAlgError:
+        raise SceneError(
+            f"link {chain.link_names[chain.coordinates[hinges[0]].link - 1]!r}: modes: a hinge moves no inertia; use "
+            "modes.shapes = 'polynomials'",
+            id="hinge-without-inertia",
+        ) from None
+
+
+def polynomials(chain: Chain, hinges: Hinges, count: int) -> Array:
+    """Angles due to moments that are Legendre polynomials along the link, of degree 0 … count − 1, (h, count)."""
+    x = np.cumsum(chain.lengths)[np.searchsorted(chain.bodies["stop"], hinges, side="right")]
+    span = x[-1] - x[0] or 1.0
+    moments = np.polynomial.legendre.legvander(2 * (x - x[0]) / span - 1, count - 1)
+    return np.asarray(np.linalg.solve(chain.matrix("stiffness")[np.ix_(hinges, hinges)], moments))
+
+
+SHAPES: dict[str, Callable[[Chain, Hinges, int], Array]] = {"eigenmodes": eigenmodes, "polynomials": polynomials}
+"""Families of shapes by name: functions of a chain, the hinges of a link in one direction, and the number of shapes."""
+
+
+def scaled(shapes: Array) -> Array:
+    """Divide each column by its largest entry, so that neither sign nor size depends on the eigenvalue solver."""
+    largest = np.argmax(np.abs(shapes) * (1 + 1e-9 * np.arange(len(shapes), 0, -1)[:, None]), axis=0)
+    return np.asarray(shapes / shapes[largest, np.arange(shapes.shape[1])])
+
+
+def joined(chain: Chain, parts: list[tuple[Hinges, Array]]) -> Shapes:
+    """Φ of the whole chain, columns in the order of their first hinges; other joints have columns of their own."""
+    shaped = {int(k) for hinges, _ in parts for k in hinges}
+    alone = [(np.array([k], dtype=np.intp), np.ones((1, 1))) for k in range(chain.n) if k not in shaped]
+    parts = sorted([*parts, *alone], key=lambda part: int(part[0][0]))
+    first, stop, columns = np.zeros(chain.n, np.intp), np.zeros(chain.n, np.intp), 0
+    Φ = np.zeros((chain.n, sum(shapes.shape[1] for _, shapes in parts)))
+    for hinges, shapes in parts:
+        first[hinges], stop[hinges] = columns, columns + shapes.shape[1]
+        Φ[hinges, columns : columns + shapes.shape[1]] = shapes
+        columns += shapes.shape[1]
+    found = Shapes(Φ, first, stop, moved_by(chain, Φ))
+    for array in found:
+        array.flags.writeable = False
+    return found
+
+
+def moved_by(chain: Chain, Φ: Array) -> NDArray[np.bool_]:
+    """Whether each shape moves a hinge of a body or of a body outboard, (bodies, m)."""
+    moves = np.zeros((len(chain.bodies), Φ.shape[1]), dtype=bool)
+    for i in range(len(chain.bodies) - 1, -1, -1):
+        body = chain.bodies[i]
+        moves[i] |= (Φ[body["first"] : body["stop"]] != 0).any(axis=0)
+        if body["parent"] > 0:
+            moves[body["parent"] - 1] |= moves[i]
+    return moves
+
+
+def refuse_shapes(chain: Chain, what: str) -> None:
+    """Refuse a chain with shapes in a function that does not support them; `what` begins the message.
+
+    Raises
+    ------
+    ArgumentError
+        The chain has links with `modes`.
+    """
+    if chain.shapes is not None:
+        raise ArgumentError(
+            f"{chain.name}: {what} does not support links with modes; use the chain that they stand on, "
+            'scene.varied({"link.*.modes": None})',
+            id="modes-not-supported",
+        )
+
+
+def on_shapes(chain: Chain, name: str, change: Array) -> None:
+    """Check that a change of the angles or rates (n,) is a sum of the chain's shapes.
+
+    Raises
+    ------
+    ArgumentError
+        It is not, up to rounding.
+    """
+    if chain.shapes is None:
+        return
+    Φ, size = chain.shapes.matrix, np.abs(change).max(initial=0.0)
+    beside = change - Φ @ np.linalg.lstsq(Φ, change)[0]
+    k = int(np.argmax(np.abs(beside)))
+    if not abs(beside[k]) <= 1e-9 * size:
+        raise ArgumentError(
+            f"{name}: joint {chain.joint_name(k)!r} is {abs(beside[k]):.3g} away from the closest sum of the shapes of "
+            f"{chain.name!r}; give a state of this chain, such as rest or the end of one of its runs",
+            id="not-a-shape",
+        )

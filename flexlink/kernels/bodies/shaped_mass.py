@@ -1,0 +1,128 @@
+"""Mass matrix Φᵀ M Φ of a chain whose hinges move by shapes, q̇ = Φ ż, in O(hinges · shapes).
+
+All vectors are in frame 0, all moments about one point O, so nothing is transferred from body to body. Let the bodies
+outboard of hinge k, with axis e through p, have mass m, first moment h and inertia J. A unit acceleration of the hinge
+requires the force and moment (about O)
+
+    v = (p − O) × e        f = m v + e × h        n = J e + h × v               prismatic: f = m e        n = h × e
+
+F_l and N_l add these up, times Φ_kl, over the hinges of shape l from the tip to hinge k. With them hinge k contributes
+
+    M_jl += Φ_kj (e · N_l + v · F_l)             prismatic: Φ_kj e · F_l
+
+for all shapes l that move it or bodies outboard. Each pair of hinges is counted once, half of each hinge with itself; the
+matrix is then the sum of M and its transpose. This is the composite-body algorithm (Featherstone 2008, section 6.2),
+with shapes in place of hinges.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexlink.kernels.geometry.kinematics import KinematicsWork, kinematics, kinematics_workspace
+from flexlink.kernels.layout import SLIDES
+from flexlink.kernels.tools.compiler import kernel, subroutine
+from flexlink.kernels.tools.lanes import put_vec_of, vec_of
+from flexlink.kernels.tools.records import added, keep
+from flexlink.kernels.tools.sym3 import point_inertia, sym_add, sym_apply, sym_rotate, symmetric
+from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, apply, cross, dot, scale, sub, vector
+
+
+class Shapes(NamedTuple):
+    """Shapes of a chain: hinge rates are q̇ = Φ ż."""
+
+    matrix: Any  # Φ, (n, m): hinge k moves by Φ_kj per unit of shape j
+    first: Any  # (n,) the shapes of hinge k are first … stop − 1
+    stop: Any
+    moves: Any  # (bodies, m) whether a shape moves a hinge of the body or of a body outboard
+
+
+class ShapedMass(NamedTuple):
+    """Scratch of `shaped_mass`."""
+
+    placed: KinematicsWork
+    outboard: Any  # (bodies, 10) m, h and J of a body and all bodies outboard
+    loads: Any  # (m, 6) F and N of every shape
+
+
+@kernel
+def shaped_mass_workspace(chain, shapes):
+    """Scratch of `shaped_mass`."""
+    m = shapes.matrix.shape[1]
+    return ShapedMass(kinematics_workspace(chain), np.empty((len(chain.bodies), 10)), np.empty((m, 6)))
+
+
+@kernel
+def mass_of_shapes(chain, shapes, q):
+    """Return Φᵀ M Φ (m, m) at the angles q (n,), with rotors."""
+    M, work = np.empty((shapes.matrix.shape[1], shapes.matrix.shape[1])), shaped_mass_workspace(chain, shapes)
+    kinematics(chain, q, work.placed)
+    shaped_mass(chain, shapes, M, work)
+    add_rotors(chain, shapes, M)
+    return M
+
+
+@subroutine
+def shaped_mass(chain, shapes, M, work):
+    """Write Φᵀ M Φ (m, m) without rotors, at the places `work.placed` of the bodies."""
+    bodies, hinges, Φ, moves, loads = chain.bodies, chain.hinges, shapes.matrix, shapes.moves, work.loads
+    points, axes = work.placed.points, work.placed.axes
+    origin = vector(points[len(bodies) - 1])
+    gather_bodies(bodies, origin, work)
+    M[:] = 0.0
+    loads[:] = 0.0
+    for i in range(len(bodies) - 1, -1, -1):
+        m, h, J = added(work.outboard, i, (0.0, ZERO, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
+        lever = sub(vector(points[i]), origin)
+        for k in range(bodies[i].stop - 1, bodies[i].first - 1, -1):
+            e = vec_of(axes, k, 0)
+            slides = hinges[k].axis >= SLIDES
+            ω, v = (ZERO, e) if slides else (e, cross(lever, e))
+            f = add(scale(m, v), cross(ω, h))
+            n = add(sym_apply(J, ω), cross(h, v))
+            add_half(loads, Φ, k, shapes.first[k], shapes.stop[k], f, n)
+            for l in range(len(loads)):
+                if moves[i, l]:
+                    pull = dot(v, vec_of(loads, l, 0)) + dot(ω, vec_of(loads, l, 3))
+                    for j in range(shapes.first[k], shapes.stop[k]):
+                        M[j, l] += Φ[k, j] * pull
+            add_half(loads, Φ, k, shapes.first[k], shapes.stop[k], f, n)
+    for j in range(len(M)):
+        for l in range(j + 1):
+            M[j, l] = M[l, j] = M[j, l] + M[l, j]
+
+
+@subroutine
+def gather_bodies(bodies, origin, work):
+    """Write mass, first moment and inertia about `origin` of each body with all bodies outboard."""
+    outboard, rotations, points = work.outboard, work.placed.rotations, work.placed.points
+    for i in range(len(bodies)):
+        b = bodies[i]
+        c = add(sub(vector(points[i]), origin), apply(rotations[i], vector(b.center)))
+        J = sym_add(sym_rotate(rotations[i], symmetric(b.inertia)), point_inertia(b.mass, c))
+        keep(outboard, i, (b.mass, scale(b.mass, c), J))
+    for i in range(len(bodies) - 1, -1, -1):
+        if bodies[i].parent > 0:
+            parent = bodies[i].parent - 1
+            for column in range(outboard.shape[1]):
+                outboard[parent, column] += outboard[i, column]
+
+
+@subroutine
+def add_half(loads, Φ, k, first, stop, f, n):
+    """Add half of the force and moment of hinge k to those of its shapes."""
+    for j in range(first, stop):
+        half = 0.5 * Φ[k, j]
+        put_vec_of(loads, add_scaled(vec_of(loads, j, 0), half, f), j, 0)
+        put_vec_of(loads, add_scaled(vec_of(loads, j, 3), half, n), j, 3)
+
+
+@subroutine
+def add_rotors(chain, shapes, M):
+    """M += Φᵀ A Φ for the rotor inertias A of the hinges."""
+    Φ = shapes.matrix
+    for k in range(len(Φ)):
+        if chain.hinges[k].armature != 0.0:
+            for j in range(shapes.first[k], shapes.stop[k]):
+                for l in range(shapes.first[k], shapes.stop[k]):
+                    M[j, l] += Φ[k, j] * chain.hinges[k].armature * Φ[k, l]

@@ -1,0 +1,101 @@
+"""Forward dynamics of a chain whose hinges move by shapes, q̇ = Φ ż: the equations of motion in the range of Φ.
+
+    Φᵀ M Φ z̈ = Φᵀ (T_EX − T_GC − T_FL − T_FR − T_DRAG)        q̈ = Φ z̈
+
+Nothing is linearised: M and T_GC are those of the bent chain. T_GC follows by recursive Newton-Euler, Φᵀ M Φ by
+`shaped_mass`, so an evaluation takes O(hinges · shapes) and one dense solution of the size of z.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexlink.kernels.bodies.inverse import inverse_dynamics_into
+from flexlink.kernels.bodies.shaped_mass import (
+    ShapedMass,
+    Shapes,
+    add_rotors,
+    shaped_mass,
+    shaped_mass_workspace,
+)
+from flexlink.kernels.forces.elements import add_torques, forces_of
+from flexlink.kernels.forces.joint_torques import elastic, friction
+from flexlink.kernels.forward.known_motion import power_of, take_torques
+from flexlink.kernels.geometry.kinematics import kinematics
+from flexlink.kernels.tools.compiler import kernel, subroutine
+from flexlink.kernels.tools.solve import solve_cholesky
+
+
+class ShapedWork(NamedTuple):
+    """Scratch of `shaped`, with its chain and shapes."""
+
+    chain: Any
+    shapes: Shapes
+    inverse: Any  # scratch of inverse dynamics, which selects the recursion for a plane or for space
+    forces: Any  # force elements; None for a plain chain
+    mass: ShapedMass
+    M: Any  # (m, m)
+    z: Any  # (m,)
+    probe: Any  # (3, m)
+    known: Any  # (n,)
+    bias: Any  # (n,)
+
+
+@kernel
+def shaped_workspace(chain, shapes, inverse):
+    """Scratch of `shaped`; `inverse` is that of inverse dynamics."""
+    n, m = shapes.matrix.shape
+    return ShapedWork(
+        chain, shapes, inverse, forces_of(chain), shaped_mass_workspace(chain, shapes), np.empty((m, m)), np.empty(m),
+        np.empty((3, m)), np.empty(n), np.empty(n),
+    )  # fmt: skip
+
+
+@subroutine
+def shaped(wrench, q, qd, tau, qdd, work):
+    """Write q̈ for drive torques `tau`, all (n,), and the tip wrench (6,); see `forward_dynamics`."""
+    chain, Φ, first, stop = work.chain, work.shapes.matrix, work.shapes.first, work.shapes.stop
+    M, z, known, bias = work.M, work.z, work.known, work.bias
+    for k in range(len(q)):
+        known[k] = qdd[k] if chain.hinges[k].prescribed else 0.0
+    inverse_dynamics_into(chain, wrench, q, qd, known, bias, work.inverse)
+    lost = 0.0
+    if work.forces is not None:
+        lost += add_torques(work.forces.elements, q, qd, bias)
+    kinematics(chain, q, work.mass.placed)
+    shaped_mass(chain, work.shapes, M, work.mass)
+    add_rotors(chain, work.shapes, M)
+    for j in range(len(z)):
+        z[j] = 0.0
+    for k in range(len(q)):
+        torque = tau[k] - bias[k] - elastic(chain.hinges[k], q[k]) - friction(chain.hinges[k], qd[k])
+        for j in range(first[k], stop[k]):
+            z[j] += Φ[k, j] * torque
+    for k in range(len(q)):
+        if chain.hinges[k].prescribed:
+            set_known(M, z, first[k])
+    solve_cholesky(M, z, work.probe)
+    for k in range(len(q)):
+        if not chain.hinges[k].prescribed:
+            qdd[k] = 0.0
+            for j in range(first[k], stop[k]):
+                qdd[k] += Φ[k, j] * z[j]
+    take_torques(chain, wrench, q, qd, qdd, tau, bias, work.inverse, work.forces)
+    return power_of(chain, wrench, qd, tau, known, work.mass.placed.axes) - lost
+
+
+@subroutine
+def set_known(M, z, j):
+    """Replace the equation of shape j, which moves one prescribed joint, by z̈_j = 0: the torques contain its motion."""
+    z[j] = 0.0
+    for l in range(len(z)):
+        M[j, l] = M[l, j] = 0.0
+    M[j, j] = 1.0
+
+
+@kernel
+def shaped_accelerations(chain, shapes, inverse, wrench, q, qd, tau):
+    """Return q̈ (n,) in a new array."""
+    qdd = np.zeros(len(q))
+    shaped(wrench, q, qd, tau.copy(), qdd, shaped_workspace(chain, shapes, inverse))
+    return qdd
