@@ -41,7 +41,7 @@ def advise(
     Parameters
     ----------
     scene
-        The scene; its flex, segments, lumping, method and step have no effect.
+        The scene; its flex, segments, modes, lumping, method and step have no effect.
     tip
         Allowed error of the tip at the samples, as a fraction of its travel, or as a length, such as "2 mm".
     deflection

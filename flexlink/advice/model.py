@@ -14,6 +14,7 @@ from flexlink.common.wording import truncated
 from flexlink.describe.arm import Arm
 from flexlink.describe.link import Link
 from flexlink.describe.scene import Scene
+from flexlink.describe.strain_modes import StrainModes
 
 FLEX = ("rigid", "z", "yz", "xyz")
 """Choices of the bending axes of a link; each choice includes the axes of the previous one."""
@@ -25,6 +26,7 @@ class Bend(NamedTuple):
     flex: str  # z, yz or xyz
     rule: str  # lumping rule
     hinges: int
+    modes: StrainModes | None = None
 
     def __str__(self) -> str:
         return f"flex {self.flex}, {self.hinges} hinge{'s' * (self.hinges > 1)}, {self.rule}"
@@ -105,8 +107,8 @@ def with_model(scene: Scene, model: Model) -> Scene:
 
 def _divided(link: Link, bend: Bend | None) -> Link:
     if bend is None:
-        return replace(link, flex="rigid", segments=1, lumping="gauss") if link.flex != "rigid" else link
-    return replace(link, flex=bend.flex, segments=bend.hinges + 1, lumping=bend.rule)
+        return replace(link, flex="rigid", segments=1, modes=None, lumping="gauss") if link.flex != "rigid" else link
+    return replace(link, flex=bend.flex, segments=bend.hinges + 1, modes=bend.modes, lumping=bend.rule)
 
 
 @functools.cache

@@ -191,6 +191,21 @@ class Chain(Layout):
         """Number of degrees of freedom: `n`, or the number of shapes by which the hinges move."""
         return self.n if self.shapes is None else self.shapes.matrix.shape[1]
 
+    @functools.cached_property
+    def freedom_names(self) -> tuple[str, ...]:
+        """Names of the degrees of freedom: those of the joints, and "boom.mode1.z" for the first shape of a link."""
+        if self.shapes is None:
+            return self.joint_names
+        names, counts = list[str](), dict[tuple[int, int], int]()
+        for hinges in (np.flatnonzero(column) for column in self.shapes.matrix.T):
+            c = self.coordinates[hinges[0]]
+            if len(hinges) > 1 or self.shapes.stop[hinges[0]] - self.shapes.first[hinges[0]] > 1:
+                number = counts[c.link, c.axis] = counts.get((c.link, c.axis), 0) + 1
+                names.append(f"{self.link_names[c.link - 1]}.mode{number}.{' xyz'[c.axis]}")
+            else:
+                names.append(self.joint_names[hinges[0]])
+        return tuple(names)
+
     @property
     def stiffness(self) -> Array:
         """Spring constants k [N m/rad], shape (n,); K_ii of coupled springs; 0 for active joints."""

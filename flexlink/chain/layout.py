@@ -18,6 +18,7 @@ from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.describe.joint_units import OF_JOINT, in_words
 from flexlink.describe.links import link_number
+from flexlink.kernels.bodies.shaped_mass import Shapes
 from flexlink.kernels.geometry.kinematics import forward_kinematics
 from flexlink.kernels.layout import SLIDES, ChainArrays
 
@@ -34,6 +35,7 @@ class Layout:
     coordinates: tuple[Coordinate, ...]
     link_names: tuple[str, ...]
     tips: dict[str, int]
+    shapes: Shapes | None
 
     @property
     def arrays(self) -> ChainArrays:
@@ -168,7 +170,8 @@ class Layout:
             self.hinges["prescribed"], rotors,
             self.couplings["inner"], self.couplings["outer"],
         )  # fmt: skip
-        return self.is_planar, *(part.tobytes() for part in whole)
+        shared = () if self.shapes is None else (self.shapes.first, self.shapes.stop)
+        return self.is_planar, *(part.tobytes() for part in (*whole, *shared))
 
     def same_layout(self, other: Layout) -> bool:
         """Whether two chains differ only in numerical values, so they can be evaluated together."""

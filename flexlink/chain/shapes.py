@@ -1,10 +1,10 @@
 """Shapes of links with `modes`: their hinges move together, q̇ = Φ ż, by a few strain modes for each direction.
 
-A shape is a curvature along the link, the angles of its hinges: bending about y or z of the section, or twist. Nothing is
-linearised; the curvature, not the displacement, is a sum of shapes. All other joints are coordinates of their own.
+A shape is a curvature along the link, the angles of its hinges: bending about y or z of the section, or twist. The
+curvature, not the displacement, is a sum of shapes, so nothing is linearised. All other joints move on their own.
 
-eigenmodes      K φ = ω² M φ for the link's hinges in one direction, with all distal bodies, all other joints locked, at zero
-                angles; the slowest first
+eigenmodes      K φ = ω² M φ for the link's hinges in one direction, with all distal bodies, at zero angles, all other
+                joints locked; the slowest first
 polynomials     the bending or twisting moment k φ is a Legendre polynomial of the position of the hinge along the link
 
 Each shape is divided by its largest entry, so its coordinate is the angle of the hinge that moves most [rad].
@@ -25,7 +25,6 @@ from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.types import Array
 from flexlink.describe.link import AXES
 from flexlink.describe.scene import Scene
-from flexlink.describe.strain_modes import StrainModes
 from flexlink.kernels.bodies.mass import mass_upper
 from flexlink.kernels.bodies.shaped_mass import Shapes
 
@@ -40,22 +39,21 @@ def with_shapes(chain: Chain, scene: Scene) -> Chain:
     SceneError
         A link has fewer hinges in a direction than modes, or a hinge moves no inertia.
     """
-    links = {k: link for k, link in enumerate(scene.arm.links, 1) if link.modes is not None}
-    if not links:
+    shaped = [(k, link, modes) for k, link in enumerate(scene.arm.links, 1) if (modes := link.strain_modes) is not None]
+    if not shaped:
         return chain
     parts: list[tuple[Hinges, Array]] = []
-    for number, link in links.items():
-        assert link.modes is not None
+    for number, link, modes in shaped:
         for axis in AXES[link.flex]:
             hinges = hinges_of(chain, number, axis)
-            count = link.modes.of_axis(axis)
+            count = modes.of_axis(axis)
             if count > len(hinges):
                 raise SceneError(
                     f"link {link.name!r}: modes.{'xyz'[axis - 1]} = {count}: the link has {len(hinges)} hinges in this "
                     f"direction; use at most {len(hinges)} modes, or more segments",
                     id="too-many-modes",
                 )
-            parts.append((hinges, scaled(SHAPES[link.modes.shapes](chain, hinges, count))))
+            parts.append((hinges, scaled(SHAPES[modes.shapes](chain, hinges, count))))
     return dataclasses.replace(chain, shapes=joined(chain, parts))
 
 
@@ -112,10 +110,26 @@ def joined(chain: Chain, parts: list[tuple[Hinges, Array]]) -> Shapes:
         first[hinges], stop[hinges] = columns, columns + shapes.shape[1]
         Φ[hinges, columns : columns + shapes.shape[1]] = shapes
         columns += shapes.shape[1]
-    found = Shapes(Φ, first, stop, moved_by(chain, Φ))
+    return shapes_of(chain, Φ, first, stop)
+
+
+def shapes_of(chain: Chain, Φ: Array, first: Hinges, stop: Hinges) -> Shapes:
+    """The shapes Φ (n, m) of a chain; those of hinge k are first … stop − 1."""
+    inverse = np.ascontiguousarray(np.linalg.pinv(Φ).T)
+    for j in range(Φ.shape[1]):  # other links have no share: their entries are rounding errors
+        inverse[(first > j) | (stop <= j), j] = 0.0
+    found = Shapes(Φ, first, stop, inverse, moved_by(chain, Φ))
     for array in found:
         array.flags.writeable = False
     return found
+
+
+def shaped_hinges(chain: Chain) -> Hinges:
+    """Indices of the hinges that move by shapes, not on their own."""
+    if chain.shapes is None:
+        return np.zeros(0, dtype=np.intp)
+    shared = (chain.shapes.matrix != 0).sum(axis=0) > 1
+    return np.flatnonzero((chain.shapes.matrix[:, shared] != 0).any(axis=1))
 
 
 def moved_by(chain: Chain, Φ: Array) -> NDArray[np.bool_]:
@@ -156,7 +170,7 @@ def on_shapes(chain: Chain, name: str, change: Array) -> None:
     if chain.shapes is None:
         return
     Φ, size = chain.shapes.matrix, np.abs(change).max(initial=0.0)
-    beside = change - Φ @ np.linalg.lstsq(Φ, change)[0]
+    beside = change - Φ @ (chain.shapes.inverse.T @ change)
     k = int(np.argmax(np.abs(beside)))
     if not abs(beside[k]) <= 1e-9 * size:
         raise ArgumentError(

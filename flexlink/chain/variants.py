@@ -52,7 +52,8 @@ def _same_frame(before: Scene, scene: Scene) -> bool:
 
 def _frame(scene: Scene) -> Frame | None:
     try:
-        return None if has_user_rules(scene) or posture_of(scene) else frame_of(scene)
+        alone = has_user_rules(scene) or posture_of(scene) or any(link.modes for link in scene.arm.links)
+        return None if alone else frame_of(scene)
     except FlexlinkError:
         return None
 

@@ -119,7 +119,6 @@ class Link(Spec, frozen=True):
                 raise SceneError(
                     f"root_damping.{axis} = {damping!r}: needs a root_stiffness.{axis}", id="needs-another-key"
                 )
-        msgspec.structs.force_setattr(self, "modes", of_number(self.modes))
         if self.modes is not None and self.flex == "rigid":
             raise SceneError(
                 "modes: a rigid link does not bend; set flex = 'z', 'yz' or 'xyz' and segments, or omit modes",
@@ -166,6 +165,11 @@ class Link(Spec, frozen=True):
     def elastic(self) -> bool:
         """Whether the link bends, or has an elastic gear or root springs."""
         return self.flex != "rigid" or self.turns_rigidly
+
+    @property
+    def strain_modes(self) -> StrainModes | None:
+        """Strain modes by direction; None if the hinges move one by one."""
+        return of_number(self.modes)
 
     @property
     def turns_rigidly(self) -> bool:

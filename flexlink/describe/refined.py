@@ -17,6 +17,8 @@ from flexlink.describe.schemes.lumping_rules import lumping_rule
 def refined(scene: Scene, factor: float) -> Scene:
     """Return the scene with `factor` times the hinges in every link that bends, rounded up as the link's rule allows.
 
+    They move one by one: a link with strain modes loses them, so the difference includes what its shapes leave out.
+
     Raises
     ------
     SceneError
@@ -38,7 +40,7 @@ def _refined(link: Link, factor: float) -> Link:
     if link.flex == "rigid":
         return link
     rule, least = lumping_rule(link.lumping), max(math.ceil(factor * (link.segments - 1) - 1e-9), 1)
-    return replace(link, segments=1 + next(filter(rule.takes, itertools.count(least))))
+    return replace(link, modes=None, segments=1 + next(filter(rule.takes, itertools.count(least))))
 
 
 def segments_in_words(scene: Scene) -> str:

@@ -63,5 +63,6 @@ def _rigidified(scene: Scene) -> Scene:
 def _rigid(link: Link) -> Link:
     joint = replace(link.joint, gear_stiffness=None, gear_damping=0.0, viscous_lag=0.0)
     return replace(
-        link, joint=joint, flex="rigid", segments=1, damping=None, friction=None, root_stiffness=None, root_damping=None
-    )
+        link, joint=joint, flex="rigid", segments=1, modes=None, damping=None, friction=None, root_stiffness=None,
+        root_damping=None,
+    )  # fmt: skip

@@ -14,8 +14,8 @@ Count = Annotated[int, msgspec.Meta(ge=1, le=1000)]
 class StrainModes(Spec, frozen=True):
     """Numbers of strain modes of a flexible link, by direction; its hinges then move only by these shapes.
 
-    The link's curvature is a sum of shapes, so large deflections are not linearised. The chain keeps all its hinges: they
-    are the stations at which the shapes are evaluated. Fewer coordinates have lower frequencies, so explicit methods take
+    The link's curvature is a sum of shapes, so large deflections are not linearised. The chain keeps all its hinges, as
+    stations at which the shapes are evaluated. Fewer coordinates have lower frequencies, so explicit methods can take
     longer steps.
 
     Examples

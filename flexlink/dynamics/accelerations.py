@@ -145,8 +145,9 @@ def _forward_dynamics_of_many(
 def _side_by_side(chains: Sequence[Chain], solver: solvers.Solver, states: Sequence[Array]) -> Array:
     """Return q̈, shape (b, n), for b wrenches (b, 6), and angles, rates and torques (b, n)."""
     if solver.lanes_workspace is None:
-        singles = zip(itertools.cycle(chains), zip(*states, strict=True), strict=False)
-        return np.array([solver.accelerations(chain.arrays, *state) for chain, state in singles])
+        own = [(chain, solver if chain.shapes is None else _shaped_solver(chain)) for chain in chains]
+        singles = zip(itertools.cycle(own), zip(*states, strict=True), strict=False)
+        return np.array([kernel.accelerations(chain.arrays, *state) for (chain, kernel), state in singles])
     b = len(states[0])
     size = b if len(chains) == 1 else LANES  # number of states per workspace
     parts = [slice(start, start + size) for start in range(0, b, size)]

@@ -10,6 +10,7 @@ from flexlink.chain.arguments import require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.chain.layout import Joints
 from flexlink.common.types import Array
+from flexlink.dynamics.free_motion import restricted
 from flexlink.dynamics.springs import about
 from flexlink.dynamics.tangent import stiffness_matrix, unlocked
 
@@ -58,10 +59,11 @@ def buckling_loads(
     q = chain.rest.copy() if q is None else vector("q", q, n)
     wrench = wrench_vector(tip_wrench)
     free = unlocked(chain, locked)
-    block = np.ix_(*2 * (free[chain.stiffness[free] > 0],))
-    K = about(chain, q).matrix("stiffness")[block]
-    load = stiffness_matrix(chain, q, np.zeros(chain.n), wrench)[block] - K
-    inverse = scipy.linalg.eigvals(-_per_stiffness(load, K, diagonal=not chain.springs_join_hinges))  # 1/s
+    sprung = free[chain.stiffness[free] > 0]
+    K = restricted(about(chain, q).matrix("stiffness"), chain, sprung)
+    load = restricted(stiffness_matrix(chain, q, np.zeros(chain.n), wrench), chain, sprung) - K
+    diagonal = not chain.springs_join_hinges and chain.shapes is None
+    inverse = scipy.linalg.eigvals(-_per_stiffness(load, K, diagonal=diagonal))  # 1/s
     rounding = len(K) * np.finfo(float).eps * np.abs(inverse).max(initial=0.0)
     softening = inverse.real > rounding
     real = np.abs(inverse.imag) <= np.sqrt(np.finfo(float).eps) * np.abs(inverse)  # double eigenvalues are less exact

@@ -15,7 +15,10 @@ from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.accelerations import forward_dynamics, lanes_workspace, solver_for
 from flexlink.dynamics.batches import each, is_batch, rows, wrench_rows
+from flexlink.dynamics.forces import force_slopes
+from flexlink.dynamics.free_motion import basis
 from flexlink.dynamics.result import Result
+from flexlink.dynamics.springs import about
 from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.dynamics.wrench import turns_with_tip, world_wrench
 from flexlink.kernels.derivatives.forward_derivatives import forward_derivatives
@@ -159,7 +162,7 @@ def forward_dynamics_derivatives(
     """
     if is_batch(q, qd, tau):
         state = {"q": q, "qd": qd, "tau": tau}
-        if require_type("chain", chain, Chain).forces:
+        if require_type("chain", chain, Chain).forces or chain.shapes is not None:
             return each(forward_dynamics_derivatives, chain, state, tip_wrench=tip_wrench, frame=frame)
         write = functools.partial(forward_derivatives_of_many, require_type("chain", chain, Chain).arrays)
         if chain.is_planar:
@@ -173,8 +176,13 @@ def forward_dynamics_derivatives(
     q, qd = vector("q", q, n, many=True, finite=False), vector("qd", qd, n, many=True, finite=False)
     tau = vector("tau", tau, n, many=True, finite=False)
     wrench = world_wrench(chain, q, tip_wrench, frame)
-    found, write = np.empty((3, n, n)), planar_derivatives if chain.is_planar else forward_derivatives
-    if not write(*chain.arrays, wrench, q, qd, tau, found):
+    found = np.empty((3, n, n))
+    if chain.shapes is not None:
+        written = _shaped_derivatives(chain, wrench, q, qd, tau, found)
+    else:
+        write = planar_derivatives if chain.is_planar else forward_derivatives
+        written = write(*chain.arrays, wrench, q, qd, tau, found)
+    if not written:
         forward_dynamics(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame)  # raises an error if q̈ does not exist
         raise beyond_float64(_of("accelerations", chain), q=q, qd=qd, tau=tau, tip_wrench=wrench, gravity=chain.gravity)
     if frame == "tip":
@@ -182,6 +190,29 @@ def forward_dynamics_derivatives(
         found[0] -= found[2][:, free] @ _of_turning(chain, q, qd, wrench, tip_wrench)[free]
     found.setflags(write=False)  # also makes its parts read-only
     return ForwardDerivatives(found[0], found[1], found[2])  # twice as fast as `*found`
+
+
+def _shaped_derivatives(chain: Chain, wrench: Array, q: Array, qd: Array, tau: Array, found: Array) -> bool:
+    """Write the derivatives of q̈ = B z̈ with Bᵀ M B z̈ = Bᵀ (…), (3, n, n); returns whether they are finite.
+
+    At constant q̈, −B (Bᵀ M B)⁻¹ Bᵀ times the derivatives of M q̈ + T_GC + T_FL + T_FR + T_DRAG.
+    """
+    free, given = (np.flatnonzero((chain.hinges["prescribed"] != 0) == moves) for moves in (False, True))
+    qdd = forward_dynamics(chain, q, qd, tau, tip_wrench=wrench)
+    if not all_inverse_derivatives(*chain.arrays, wrench, q, qd, qdd, found):
+        return False
+    by_q, by_qd, M = found.copy()
+    slope = chain.hinges["coulomb"] / chain.hinges["coulomb_width"] / np.cosh(qd / chain.hinges["coulomb_width"]) ** 2
+    by_q += about(chain, q).matrix("stiffness")
+    by_qd += chain.matrix("damping") + np.diag(slope)
+    if chain.forces:
+        of_angle, of_rate = force_slopes(chain, q, qd)
+        by_q, by_qd = by_q + of_angle, by_qd + of_rate
+    B = basis(chain, free)
+    P = B @ np.linalg.solve(B.T @ M @ B, B.T)
+    found[0], found[1], found[2] = -P @ by_q, -P @ by_qd, P
+    found[2][:, given] = np.eye(chain.n)[:, given] - P @ M[:, given]
+    return bool(np.isfinite(found).all())
 
 
 def _of_many(

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import positive, require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.chain.layout import Joints
+from flexlink.chain.shapes import on_shapes
 from flexlink.common.errors import ConvergenceError
 from flexlink.common.types import Array
 from flexlink.common.wording import plural
@@ -18,6 +19,7 @@ from flexlink.describe.actions import Frame
 from flexlink.dynamics import rounding
 from flexlink.dynamics.load_path import Equations, LostError, follow
 from flexlink.dynamics.result import SavedResult
+from flexlink.dynamics.shaped_load_path import equations_of
 from flexlink.dynamics.tangent import LoadedState, load_torque, unlocked
 from flexlink.dynamics.terms import elastic_torque
 from flexlink.dynamics.wrench import turns_with_tip
@@ -123,16 +125,18 @@ def solve_static(
     drive = np.zeros(n) if tau is None else vector("tau", tau, n)
     rates = np.zeros(n) if qd is None else vector("qd", qd, n)
     free = unlocked(chain, locked)
-    equations = Equations(chain, LoadedState(start, rates, wrench, follower, free), drive)
+    on_shapes(chain, "q", start - chain.rest)
+    equations = equations_of(chain, LoadedState(start, rates, wrench, follower, free), drive)
     posture, path = at_rest(equations, tolerance)
+    end = np.append(1.0, posture) if chain.shapes is None else path[-1]
     holding = load_torque(chain, posture, rates, wrench, follower) + elastic_torque(chain, posture)
     holding[free] = drive[free]
     return Equilibrium(
         posture,
         holding,
-        float(np.abs(equations.value(np.concatenate([[1.0], posture]))).max()),
-        not equations.falls(posture),
-        np.array(path),
+        float(np.abs(equations.value(end)).max()),
+        not equations.falls(end),
+        np.array([np.append(x[0], equations.posture(x)) for x in path]),
         chain.slides,
     )
 
@@ -145,14 +149,16 @@ def at_rest(equations: Equations, tolerance: float = 1e-9) -> tuple[Array, list[
     except LostError as lost:
         loose = np.intersect1d(chain.active, free)
         hint = "; to hold free joints set locked=chain.active" if len(loose) else ""
-        left = np.abs(equations.value(np.concatenate([[1.0], lost.q]))).max()
+        left = np.abs(equations.value(np.append(1.0, lost.point[1:]))).max()
         raise ConvergenceError(
             f"solve_static: no equilibrium found; {lost.steps} steps from q reached {lost.part:.6g} of the load; "
             f"under the full load {left:.3g} N m remain unbalanced{hint}",
-            q=lost.q,
+            q=equations.posture(lost.point),
             load=lost.part,
             id="no-equilibrium",
         ) from None
+    if chain.shapes is not None:  # rounded angles are no sum of the shapes
+        return equations.posture(path[-1]), path
     return _as_known(chain, path[-1][1:], free, rates, wrench), path
 
 

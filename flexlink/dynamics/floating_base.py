@@ -22,6 +22,7 @@ from flexlink.chain.free_base import (
 from flexlink.chain.rotation import matrices_from_quaternions, matrix_from_quaternion, quaternion_from_matrix
 from flexlink.common.types import Array
 from flexlink.kernels.forward.articulated_rows import BODY_ROW
+from flexlink.kernels.forward.mass_plus_shapes import ShapedPosture
 
 FAR = 0.5
 """Angle of a base [rad] at which its reference attitude is changed."""
@@ -137,4 +138,5 @@ class FloatingBase:
 def rows_of(scratch: Any) -> Any:
     """Body data of a workspace for forward dynamics or for steps; None if the workspace reads the chain's data."""
     rows = getattr(scratch, "posture", scratch)
+    rows = rows.hinges if isinstance(rows, ShapedPosture) else rows
     return getattr(rows, "rows", getattr(rows, "bodies", None))

@@ -46,7 +46,7 @@ class LostError(Exception):
 
     def __init__(self, path: list[Array]) -> None:
         furthest = max(path, key=lambda point: point[0])
-        self.part, self.q, self.steps = float(furthest[0]), furthest[1:], len(path)
+        self.part, self.point, self.steps = float(furthest[0]), furthest, len(path)
 
 
 class Equations:
@@ -66,10 +66,14 @@ class Equations:
         self.scales = np.concatenate([[1.0], rounding.scales(chain)])  # units of x in the arc length
         self.held = np.where(self.sprung, spring_torque(chain, start), self.load(start))
 
-    def falls(self, q: Array) -> bool:
+    def posture(self, x: Array) -> Array:
+        """Angles q (n,) of a point of the path."""
+        return x[1:]
+
+    def falls(self, x: Array) -> bool:
         """Whether an equilibrium is unstable under the full load."""
         _, rates, wrench, follower, free = self.acting
-        return falls(self.chain, q, rates, wrench, free, follower, self.motion)
+        return falls(self.chain, self.posture(x), rates, wrench, free, follower, self.motion)
 
     def load(self, q: Array) -> Array:
         """L(q)."""
@@ -127,14 +131,14 @@ class Equations:
             if held:
                 small[:-1, 1:] += np.diag(np.sqrt(self.motion.rounding) * sizes[:-1])
             right_sides = np.append(residual[skipped] - of_skipped[1], right)
-            found = _shortest(small, right_sides, sizes, self.motion.rounding)
+            found = shortest(small, right_sides, sizes, self.motion.rounding)
         else:
             with np.errstate(divide="ignore", invalid="ignore"):
                 found = right / along
         return np.concatenate([found[:1], x[1] + found @ columns])
 
 
-def _shortest(A: Array, b: Array, sizes: Array, rounding: float) -> Array:
+def shortest(A: Array, b: Array, sizes: Array, rounding: float) -> Array:
     """Shortest solution of A x = b; nan if there is none. `sizes` are the magnitudes of the terms in each row.
 
     A row whose entries are below its rounding error is treated as 0.
@@ -163,7 +167,7 @@ def follow(equations: Equations, tolerance: float) -> list[Array]:
         except LostError as error:
             lost.append(error)
             continue
-        if not equations.falls(path[-1][1:]):
+        if not equations.falls(path[-1]):
             break
     if not path:
         raise max(lost, key=lambda error: error.part)

@@ -129,9 +129,13 @@ def acceleration_error(
     if not (np.isfinite(one).all() and np.isfinite(other).all()):
         return np.full(chain.n, np.nan)
     larger = np.maximum(np.abs(one), np.abs(other))
-    return in_units(
-        mass_matrix(chain, q) @ (one - other), of_residual(chain, q, qd, larger, tau, tip_wrench=tip_wrench)
-    )
+    error = mass_matrix(chain, q) @ (one - other)
+    explained: Array | float = of_residual(chain, q, qd, larger, tau, tip_wrench=tip_wrench)
+    if chain.shapes is None:
+        return in_units(error, explained)
+    Φ, first, stop, *_ = chain.shapes
+    units = in_units(Φ.T @ error, explained * np.abs(Φ).sum(axis=0))
+    return np.array([units[begin:end].max() for begin, end in zip(first, stop, strict=True)])
 
 
 def in_units(error: Array, explained: Array | float) -> Array:

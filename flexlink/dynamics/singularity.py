@@ -10,6 +10,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.free_base import AXES
 from flexlink.common.errors import ArgumentError, FlexlinkError, SingularMassError
 from flexlink.common.types import Array
+from flexlink.dynamics.free_motion import first_joints, restricted
 from flexlink.dynamics.rounding import EPS
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.kernels.bodies.mass import mass_composite
@@ -99,12 +100,12 @@ def factored_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> tuple[Array
         A coordinate has no inertia attached, or M is beyond float64.
     """
     whole = mass_matrix(chain, q, algorithm="upper")  # in body axes, accurate even for the twist of a straight thin arm
-    M = whole if len(free) == chain.n else np.ascontiguousarray(whole[np.ix_(free, free)])
+    M = restricted(whole, chain, free)
     L, stopped = scipy.linalg.lapack.dpotrf(M, lower=1)
     with np.errstate(invalid="ignore"):
         good = L.diagonal() > np.sqrt(len(M) * EPS * M.diagonal())  # False for nan
     if stopped or not good.all():
-        k = free[stopped - 1 if stopped else int(np.argmin(good))]
+        k = first_joints(chain, free)[stopped - 1 if stopped else int(np.argmin(good))]
         raise idle_error(chain, int(k))
     return M, np.asarray(L)
 

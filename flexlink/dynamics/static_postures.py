@@ -9,7 +9,7 @@ from flexlink.common.memo import Memo
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.equilibrium import at_rest, known_decimals
-from flexlink.dynamics.load_path import Equations
+from flexlink.dynamics.shaped_load_path import equations_of
 from flexlink.dynamics.tangent import LoadedState, unlocked
 from flexlink.dynamics.wrench import turns_with_tip
 from flexlink.kernels.derivatives.static_continuation import follow_equilibria
@@ -30,7 +30,7 @@ def static_posture(chain: Chain, q: Array, wrench: Array, frame: Frame) -> Array
 def _static_posture(chain: Chain, q: Array, wrench: Array, frame: Frame) -> Array:
     free = unlocked(chain, chain.active.tolist())
     state = LoadedState(q.copy(), np.zeros(chain.n), wrench, turns_with_tip(frame), free)
-    posture, _ = at_rest(Equations(chain, state, np.zeros(chain.n)))
+    posture, _ = at_rest(equations_of(chain, state, np.zeros(chain.n)))
     return posture
 
 
@@ -50,11 +50,11 @@ def static_postures(chain: Chain, angles: Array) -> Array:
         q[held] = angles[found]
         q = postures[found] = static_posture(chain, q, np.zeros(6), "world")
         found += 1
-        if chain.n <= DENSE:
+        if chain.n <= DENSE and chain.shapes is None:
             rest = angles[found:], q.copy(), postures[found:]
             found += follow_equilibria(chain.arrays, held, free, *rest)
             q = postures[found - 1].copy()
-    if known := known_decimals(chain, free, np.zeros(chain.n), np.zeros(6)):
+    if chain.shapes is None and (known := known_decimals(chain, free, np.zeros(chain.n), np.zeros(6))):
         i, decimals = (list(part) for part in zip(*known, strict=True))
         postures[:, i] = chain.rest[i] + _rounded(postures[:, i] - chain.rest[i], decimals)
     return postures

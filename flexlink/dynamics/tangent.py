@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.layout import Joints
+from flexlink.chain.shapes import shaped_hinges
 from flexlink.chain.spans import spans_of
 from flexlink.common.errors import ArgumentError
 from flexlink.common.products import cross
@@ -16,6 +17,7 @@ from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.dynamics import rounding
 from flexlink.dynamics.forces import force_slopes, force_torque
+from flexlink.dynamics.free_motion import first_joints, restricted, sums_of_squares
 from flexlink.dynamics.placement import hinge_bodies
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.springs import about
@@ -80,8 +82,14 @@ def unlocked(chain: Chain, locked: Joints) -> NDArray[np.intp]:
     ArgumentError
         `locked` contains something that is not a joint, or leaves no free coordinate.
     """
-    moves = chain.hinges["prescribed"] == 0
-    moves[chain.joint_indices("locked", locked)] = moves[chain.internal] = False
+    moves, held = chain.hinges["prescribed"] == 0, chain.joint_indices("locked", locked)
+    if chain.shapes is not None and len(together := np.intersect1d(held, shaped_hinges(chain))):
+        raise ArgumentError(
+            f"locked: hinge {chain.joint_name(int(together[0]))!r} moves by the shapes of its link, not on its own; "
+            "lock joints, or set the link rigid",
+            id="locked-shape",
+        )
+    moves[held] = moves[chain.internal] = False
     free = np.flatnonzero(moves)
     if not len(free):
         raise ArgumentError(
@@ -126,12 +134,12 @@ def tangent(
     chain: Chain, q: Array, qd: Array, wrench: Array, free: NDArray[np.intp], follower: bool = False
 ) -> Stiffness:
     """`stiffness_matrix` of the coordinates `free`, with the magnitudes that bound its rounding error."""
-    K = stiffness_matrix(chain, q, qd, wrench, follower)[np.ix_(free, free)]
-    load, entry = rounding.largest_load_stiffness(chain, qd, wrench)[free], rounding.of_load_stiffness(chain)
-    S = np.sqrt(chain.stiffness[free] + load)
+    K = restricted(stiffness_matrix(chain, q, qd, wrench, follower), chain, free)
+    load, entry = rounding.largest_load_stiffness(chain, qd, wrench), rounding.of_load_stiffness(chain)
+    S = np.sqrt(sums_of_squares(chain.stiffness + load, chain, free))
     S[S == 0] = 1.0  # zero rows
-    scale = rounding.scales(chain)[free]
-    left, moment = np.abs(K - K.T) * np.outer(scale, scale), load * scale**2
+    scale = rounding.scales(chain)[first_joints(chain, free)]
+    left, moment = np.abs(K - K.T) * np.outer(scale, scale), sums_of_squares(load, chain, free) * scale**2
     conservative = bool((left <= entry * np.add.outer(moment, moment)).all())
     return Stiffness(K, S, conservative, len(free) * entry)
 
@@ -151,7 +159,7 @@ def falls(
     `motion` is the small motion of this chain under these loads; its configuration is changed to q.
     """
     potential = has_potential(chain, wrench, follower) and not qd.any()
-    if not potential and len(free) <= DENSE:
+    if chain.shapes is not None or (not potential and len(free) <= DENSE):
         return tangent(chain, q, qd, wrench, free, follower).falls
     if motion is None:
         locked = np.ones(chain.n, dtype=bool)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from flexlink.chain.arguments import require_one_of, require_type
 from flexlink.chain.chain import Chain
 from flexlink.chain.forces import refuse_states
+from flexlink.chain.shapes import refuse_shapes
 from flexlink.common.errors import MissingDependencyError
 from flexlink.engines.base import Engine, ForeignFile
 from flexlink.engines.child_process import IsolatedEngine
@@ -60,6 +61,7 @@ def load(name: str, chain: Chain) -> Engine:
     require_type("chain", chain, Chain)
     if name != "native":
         refuse_states(chain, "other engines do not support it")
+        refuse_shapes(chain, f"engine {name!r}")
     if isolated:
         return IsolatedEngine(name, chain)
     return load_here(name, chain)

@@ -14,6 +14,7 @@ from flexlink.chain import free_base
 from flexlink.chain.arguments import require_type
 from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import unique
+from flexlink.chain.shapes import refuse_shapes
 from flexlink.common.types import Array
 from flexlink.describe.arm import BASE
 
@@ -143,7 +144,7 @@ def valid(name: str) -> str:
 
 def xml_joint_names(chain: Chain) -> list[str]:
     """Return one name per coordinate, in sequential order; Pinocchio reserves "universe"."""
-    require_type("chain", chain, Chain)
+    refuse_shapes(require_type("chain", chain, Chain), "an export")
     return unique(["universe", *map(valid, chain.joint_names)])[1:]
 
 

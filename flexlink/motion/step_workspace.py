@@ -77,8 +77,10 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
 def stage_postures(chain: Chain, s: int, posture: Posture) -> Posture:
     """Workspace for the configurations of s stages."""
     if isinstance(posture, ShapedPosture):
-        return shaped_postures(s, posture, stage_postures(chain, s, posture.hinges))
-    return (plane_postures if chain.is_planar else space_postures)(s, posture)
+        found: Posture = shaped_postures(s, posture, stage_postures(chain, s, posture.hinges))
+        return found
+    found = (plane_postures if chain.is_planar else space_postures)(s, posture)
+    return found
 
 
 def posture_of(chain: Chain) -> Posture:

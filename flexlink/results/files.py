@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.dynamics.result import write_archive
 from flexlink.results.columns import Columns
@@ -41,8 +42,15 @@ def _arrays(run: RunSamples) -> dict[str, Any]:
         **{f"chain_{name}": rows for name, rows in chain.forces.items()},
         "chain_links": np.array(chain.link_names), "chain_couplings": chain.couplings,
         "chain_tips": np.array([[chain.link_names.index(link), body] for link, body in chain.tips.items()]),
-        **_of_base(run), **_of_sensors(run),
+        **_of_shapes(chain), **_of_base(run), **_of_sensors(run),
     }  # fmt: skip
+
+
+def _of_shapes(chain: Chain) -> dict[str, Any]:
+    if chain.shapes is None:
+        return {}
+    matrix, first, stop, *_ = chain.shapes
+    return {"chain_shapes": matrix, "chain_shape_ranges": np.array([first, stop])}
 
 
 def _of_base(run: RunSamples) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -14,12 +15,14 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import Coordinate
+from flexlink.chain.shapes import shapes_of
 from flexlink.common.errors import DataFileError, FlexlinkError
 from flexlink.common.wording import Diagnostic
 from flexlink.describe.scene import scene_from
 from flexlink.dynamics.energy import Energy
 from flexlink.dynamics.momentum import Momentum
 from flexlink.dynamics.result import read_archive
+from flexlink.kernels.bodies.shaped_mass import Shapes
 from flexlink.kernels.layout import BODY, COUPLING, FORCES, HINGE
 from flexlink.results.archive_schema import check_chain, check_samples
 from flexlink.results.samples import BaseMotion, Steps
@@ -100,7 +103,7 @@ def _chain(arrays: Mapping[str, Any]) -> Chain:
         bodies["parent"] = np.arange(len(bodies))
         bodies["loaded"][-1] = 1
     tips = arrays.get("chain_tips", np.array([[len(links) - 1, len(bodies) - 1]]))
-    return Chain(
+    chain = Chain(
         name=str(arrays["chain_name"]),
         bodies=bodies,
         hinges=_records(arrays["chain_hinges"], HINGE),
@@ -111,6 +114,16 @@ def _chain(arrays: Mapping[str, Any]) -> Chain:
         tips={links[link]: body for link, body in tips.tolist()},
         forces=dict(_forces(arrays)),
     )
+    return chain if "chain_shapes" not in arrays else dataclasses.replace(chain, shapes=_shapes(chain, arrays))
+
+
+def _shapes(chain: Chain, arrays: Mapping[str, Any]) -> Shapes:
+    """Shapes of the chain, checked to be finite and of its size."""
+    Φ, (first, stop) = np.ascontiguousarray(arrays["chain_shapes"], float), arrays["chain_shape_ranges"]
+    within = Φ.shape[:1] == first.shape == (chain.n,) and (first >= 0).all() and (first < stop).all()
+    if not (within and (stop <= Φ.shape[1]).all() and np.isfinite(Φ).all()):
+        raise ValueError("its chain's shapes do not match its hinges")
+    return shapes_of(chain, Φ, first.copy(), stop.copy())
 
 
 def _forces(arrays: Mapping[str, Any]) -> Iterator[tuple[str, NDArray[np.void]]]:

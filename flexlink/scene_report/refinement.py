@@ -53,7 +53,7 @@ class Refinement:
     def model(self) -> Model:
         """The scene's discretisation, that is, how every link bends."""
         return tuple(
-            Bend(link.flex, link.lumping, link.segments - 1) if link.flex != "rigid" else None
+            Bend(link.flex, link.lumping, link.segments - 1, link.strain_modes) if link.flex != "rigid" else None
             for link in self.scene.arm.links
         )
 
@@ -192,12 +192,15 @@ class Refinement:
 
 
 def scaled(bend: Bend, factor: float) -> Bend:
-    """Return a link with this multiple of the hinges; if < 1, with the nearest number that its rule accepts."""
+    """Return a link with this multiple of the hinges, which move one by one.
+
+    If the multiple is < 1, the number of hinges is the nearest that the link's rule accepts.
+    """
     wanted = round(factor * bend.hinges)
     if factor < 1:
         nearest = sorted(range(bend.hinges, 0, -1), key=lambda count: abs(count - wanted))
         wanted = next(filter(lumping_rule(bend.rule).takes, nearest))
-    return bend._replace(hinges=wanted)
+    return bend._replace(hinges=wanted, modes=None)
 
 
 def _times(factor: float) -> str:

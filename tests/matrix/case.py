@@ -60,6 +60,13 @@ class Case:
         """Coordinates without prescribed motion."""
         return np.flatnonzero(self.chain.hinges["prescribed"] == 0)
 
+    def motions(self, joints: NDArray[np.intp]) -> Array:
+        """Possible motions of these joints with all others at rest, in columns: each on its own, or their shapes."""
+        if self.chain.shapes is None:
+            return np.eye(self.chain.n)[:, joints]
+        Φ = self.chain.shapes.matrix
+        return Φ[:, [set(np.flatnonzero(column)) <= set(joints.tolist()) for column in Φ.T]]
+
     @functools.cached_property
     def passive(self) -> NDArray[np.intp]:
         """Hinges of links, gears and roots, and the coordinates of a floating base."""
@@ -78,7 +85,15 @@ class Case:
         rng, n = np.random.default_rng(seed), self.chain.n
         bend = np.full(n, 0.1)
         bend[self.chain.active] = 1.0
-        return self.start()[0] + bend * rng.normal(size=n), rng.normal(size=n), rng.normal(size=n), rng.normal(size=6)
+        bent, rates = self.moved(bend * rng.normal(size=n)), self.moved(rng.normal(size=n))
+        return self.start()[0] + bent, rates, rng.normal(size=n), rng.normal(size=6)
+
+    def moved(self, change: Array) -> Array:
+        """The possible motion that is closest to these changes of all joints: a sum of the chain's shapes."""
+        if self.chain.shapes is None:
+            return change
+        Φ = self.chain.shapes.matrix
+        return Φ @ np.linalg.lstsq(Φ, change)[0]
 
     def heavier(self, mass: float) -> fl.Scene:
         """Return the scene with this mass added at the end of its last link."""

@@ -84,7 +84,7 @@ def _scaled(scene: fl.Scene, node: Any, path: list[str]) -> Any:
             for k, each in enumerate(node)
         ]
         return [_scaled(scene, each, [*path, name]) for each, name in zip(node, names, strict=True)]
-    if isinstance(node, bool | str) or node is None or path[-1] == "segments":
+    if isinstance(node, bool | str) or node is None or path[-1] == "segments" or "modes" in path:
         return node
     return (np.array(node) * _size(scene, path)).tolist()
 

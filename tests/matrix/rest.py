@@ -17,7 +17,8 @@ def statics(case: Case) -> None:
     J = fl.jacobian(case.chain, found.q, tip=case.tip)
     left = fl.gravity_torque(case.chain, found.q) + fl.elastic_torque(case.chain, found.q)
     left -= np.concatenate([J.linear, J.angular]).T @ wrench
-    close(left[case.passive], np.zeros(len(case.passive)), 0.0, 1e-8)
+    bent = case.motions(case.passive).T @ left
+    close(bent, np.zeros(len(bent)), 0.0, 1e-8)
     close(found.tau[case.chain.active], left[case.chain.active], 1e-8, 1e-10)
     close(found.q[case.chain.active], q[case.chain.active], 0.0)
 
@@ -36,9 +37,10 @@ def slow_run(case: Case) -> None:
 def modes(case: Case) -> None:
     """At rest and in motion, λ are eigenvalues of λ² M + λ (D + G) + K, with matrices from torque differences."""
     q, qd, _, _ = case.state()
-    rows, n = np.ix_(case.free, case.free), len(case.free)
+    B = case.motions(case.free)
+    n = B.shape[1]
     for rates in (0.0 * qd, 0.3 * qd):
-        M, K, D = (part[rows] for part in _matrices(case.chain, q, rates))
+        M, K, D = (B.T @ part @ B for part in _matrices(case.chain, q, rates))
         A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]])
         _paired(fl.modes(case.chain, q, rates).eigenvalues, np.linalg.eigvals(A))
 
@@ -72,7 +74,8 @@ def frequencies(case: Case) -> None:
     """Modes solve K φ = ω² M φ about an equilibrium, for held joints and springs without dampers."""
     chain = fl.lump(case.scene.varied(case.damped(0.0)))
     q, _, _, _ = case.state()
-    M, K, _ = (part[np.ix_(case.passive, case.passive)] for part in _matrices(chain, q, np.zeros(chain.n)))
+    B = case.motions(case.passive)
+    M, K, _ = (B.T @ part @ B for part in _matrices(chain, q, np.zeros(chain.n)))
     squares = scipy.linalg.eigh(K, M, eigvals_only=True)
     found = fl.natural_frequencies(chain, q, locked=case.held)
     close(np.sort(found[~np.isnan(found)]) ** 2, np.sort(squares[squares > 0]), 1e-7)

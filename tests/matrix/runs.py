@@ -155,7 +155,8 @@ def accelerations(case: Case) -> None:
     q, qd, qdd = run.q[k], run.qd[k], run.qdd[k]
     left = fl.inverse_dynamics(run.chain, q, qd, qdd, tip_wrench=run.tip_wrench[k]) + fl.elastic_torque(run.chain, q)
     left += fl.friction_torque(run.chain, qd) + fl.drag_torque(run.chain, q, qd) - run.tau[k]
-    close(left, np.zeros(run.chain.n), 0.0, 1e-10 * (1 + np.abs(run.tau[k]).max() + np.abs(qdd).max()))
+    left = case.motions(np.arange(run.chain.n)).T @ left
+    close(left, np.zeros(len(left)), 0.0, 1e-10 * (1 + np.abs(run.tau[k]).max() + np.abs(qdd).max()))
     loads = fl.strength.internal_loads(run.chain, q, qd, qdd, tip_wrench=run.tip_wrench[k])
     close(run.loads.hinge_moment[k], loads.hinge_moment, 1e-9, 1e-12)
 

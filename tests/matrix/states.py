@@ -34,7 +34,7 @@ def inverse_of_forward(case: Case) -> None:
             assert not np.delete(qdd, case.free).any(), "prescribed joints do not accelerate"
             own = np.abs(tau) + np.abs(fl.drag_torque(case.chain, q, qd))
             allowed = rounding.of_residual(case.chain, q, qd, qdd, own, tip_wrench=wrench)
-            assert np.abs(left[case.free]).max() <= allowed, (frame, solver)
+            assert np.abs(case.motions(case.free).T @ left).max() <= allowed, (frame, solver)
 
 
 def mass_matrices(case: Case) -> None:
@@ -73,8 +73,8 @@ def slopes_forward(case: Case) -> None:
             return fl.forward_dynamics(case.chain, q, qd, tau, tip_wrench=wrench, frame=frame)
 
         as_differences((found.dq, found.dqd), f, (q, qd), 1e-7)
-        M = fl.mass_matrix(case.chain, q)[np.ix_(case.free, case.free)]
-        close(found.dtau[np.ix_(case.free, case.free)] @ M, np.eye(len(M)), 1e-9)
+        B = case.motions(case.free)
+        close(found.dtau @ fl.mass_matrix(case.chain, q) @ B, B, 1e-9)
 
 
 def slopes_inverse(case: Case) -> None:
@@ -111,13 +111,15 @@ def linear_model(case: Case) -> None:
     q, qd, tau, _ = case.state()
     found, n = fl.linearize(case.chain, q, qd, tau), case.chain.n
     slopes = fl.forward_dynamics_derivatives(case.chain, q, qd, tau)
-    kept = np.delete(np.arange(2 * n), case.chain.internal)
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [slopes.dq, slopes.dqd]])
+    Φ = np.eye(n) if case.chain.shapes is None else case.chain.shapes.matrix
+    back, m = np.linalg.pinv(Φ), Φ.shape[1]
+    kept = np.delete(np.arange(2 * m), case.chain.internal)
+    A = np.block([[np.zeros((m, m)), np.eye(m)], [back @ slopes.dq @ Φ, back @ slopes.dqd @ Φ]])
     close(found.A, A[np.ix_(kept, kept)], 1e-12)
-    assert not A[n:, case.chain.internal].any()
-    close(found.B[-n:], slopes.dtau[:, case.chain.active], 1e-12)
-    angles = kept[kept < n]
-    tips = [difference(lambda h, e=e: fl.tip_position(case.chain, q + h * e)) for e in np.eye(n)[angles]]
+    assert not A[m:, case.chain.internal].any()
+    close(found.B[-m:], back @ slopes.dtau[:, case.chain.active], 1e-12)
+    angles = kept[kept < m]
+    tips = [difference(lambda h, e=e: fl.tip_position(case.chain, q + h * e)) for e in Φ.T[angles]]
     close(found.C[:3, : len(angles)], np.array(tips).T, 1e-8, 1e-12)
 
 
@@ -157,7 +159,8 @@ def loads(case: Case) -> None:
     spring = fl.elastic_torque(case.chain, q) + fl.friction_torque(case.chain, qd)
     wanted = spring + case.chain.hinges["armature"] * qdd - tau
     allowed = 10 * rounding.of_residual(case.chain, q, qd, qdd, tau, tip_wrench=wrench)
-    close(found.hinge_moment[case.free], wanted[case.free], 0.0, allowed)
+    B = case.motions(case.free).T
+    close(B @ found.hinge_moment, B @ wanted, 0.0, allowed)
 
 
 def points(case: Case) -> None:

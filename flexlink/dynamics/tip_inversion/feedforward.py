@@ -47,6 +47,8 @@ def refuse(scene: Scene, chain: Chain) -> None:
             scene.wrench.varies or (scene.wrench.acts and scene.wrench.on not in {"", scene.arm.links[-1].name}),
         "link.damping, joint: friction that lags behind the motion; leave it out, or give damping with at_hz":
             len(chain.internal) > 0,
+        "link.modes: the hinges must move one by one; omit modes":
+            chain.shapes is not None,
         "link.flex: no link or gear bends; the torques of a rigid arm are those of kind 'computed_torque'":
             len(chain.active) == chain.n,
     }  # fmt: skip

@@ -93,9 +93,7 @@ def scratch(chain: Chain) -> Posture:
     return posture if chain.shapes is None else shaped_posture(chain.arrays, chain.shapes, posture)
 
 
-def _largest_eigenvalue(
-    chain: Chain, name: str, q: Array, weights: Array, posture: Posture | None = None
-) -> float:
+def _largest_eigenvalue(chain: Chain, name: str, q: Array, weights: Array, posture: Posture | None = None) -> float:
     """Largest λ of W φ = λ M φ by the power iteration φ ← M⁻¹ W φ; prescribed joints are at rest.
 
     W is the stiffness or damping matrix, according to `name`, with `weights` on its diagonal and the chain's couplings.

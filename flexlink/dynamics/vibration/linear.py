@@ -15,6 +15,7 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import require_one_of, require_type, sequence, vector
@@ -178,7 +179,29 @@ def _model(
         outputs=tuple(name for output in found for name in output.names),
         delays=np.concatenate([np.full(len(output.names), output.delay) for output in found]),
     )
-    return _without(model, chain.internal) if len(chain.internal) else model
+    unused = chain.internal
+    if chain.shapes is not None:
+        model, unused = _by_shapes(model, chain, q), chain.shapes.first[unused]
+    return _without(model, unused) if len(unused) else model
+
+
+def _by_shapes(model: LinearModel, chain: Chain, q: Array) -> LinearModel:
+    """The model with coordinates z of the shapes, q = θ₀ + Φ z, in place of all angles and rates."""
+    assert chain.shapes is not None
+    n, Φ, back = chain.n, chain.shapes.matrix, chain.shapes.inverse.T
+    units = [chain.joint_units[k] for k in np.argmax(Φ != 0, axis=0)]
+    names = [
+        f"{kind} {name} [{unit}{per}]"
+        for kind, per in (("q", ""), ("qd", "/s"))
+        for name, unit in zip(chain.freedom_names, units, strict=True)
+    ]
+    filters = np.eye(len(model.x) - 2 * n)
+    into, back = scipy.linalg.block_diag(Φ, Φ, filters), scipy.linalg.block_diag(back, back, filters)
+    x = model.x - np.concatenate([chain.rest, np.zeros(len(model.x) - n)])
+    return dataclasses.replace(
+        model, A=back @ model.A @ into, B=back @ model.B, C=model.C @ into, x=back @ x, rate=back @ model.rate,
+        states=(*names, *model.states[2 * n :]),
+    )  # fmt: skip
 
 
 TIP_FORCE = tuple(f"tip force {axis} [N]" for axis in "xyz")

@@ -23,13 +23,14 @@ from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.types import Array, Complex
 from flexlink.common.wording import short_list
 from flexlink.describe.actions import Frame
+from flexlink.dynamics.free_motion import expanded, restricted
 from flexlink.dynamics.placement import frames
 from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.rounding import largest_load_stiffness
 from flexlink.dynamics.singularity import factored_mass, idle_error
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.springs import about, damping_matrix, damping_slope
-from flexlink.dynamics.tangent import LoadedState, displacements, gyroscopic_matrix, tangent, unlocked
+from flexlink.dynamics.tangent import LoadedState, displacements, gyroscopic_matrix, stiffness_matrix, tangent, unlocked
 from flexlink.dynamics.vibration import eigenproblem
 from flexlink.dynamics.vibration.lowest import lowest
 from flexlink.dynamics.vibration.mode_kinds import Loads, mode_kinds
@@ -183,12 +184,13 @@ def modes(
     few = None if count is None else integer("count", count, 1)
     state = LoadedState(q, rates, wrench, follower, free)
     found = None
-    if few is not None and len(free) > DENSE and 3 * few < len(free):
+    if few is not None and len(free) > DENSE and 3 * few < len(free) and chain.shapes is None:
         found = _lowest(chain, state, few)
     (λ, vectors, rounding), loads = _all(chain, state) if found is None else found
     λ, vectors, rounding = λ[:few], vectors[:, :few], rounding[:few]
-    shapes = np.zeros((len(λ), n), dtype=vectors.dtype)
-    shapes[:, free] = scaled(vectors).T
+    shapes = expanded(scaled(vectors), chain, free)
+    if chain.shapes is not None:
+        shapes = scaled(shapes.T).T
     points = frames(chain, q).points
     friction = damping_slope(chain)[free]
     coupled = _coupled_energy(chain, λ, shapes)
@@ -217,13 +219,15 @@ Found = tuple[eigenproblem.Solution, Callable[[NDArray[np.inexact]], Loads]]
 
 def _all(chain: Chain, state: LoadedState) -> Found:
     q, qd, wrench, follower, free = state
-    C = (gyroscopic_matrix(chain, q, qd) + damping_matrix(chain))[np.ix_(free, free)]
+    C = restricted(gyroscopic_matrix(chain, q, qd) + damping_matrix(chain), chain, free)
     M, L = factored_mass(chain, q, free)
     K = tangent(chain, q, qd, wrench, free, follower)
 
     def loads(shapes: NDArray[np.inexact]) -> Loads:
-        springs = about(chain, q).matrix("stiffness")[np.ix_(free, free)]
-        return Loads(shapes[:, free] @ (K.K - springs).T, K.S**2, K.rounding)
+        springs = about(chain, q).matrix("stiffness")
+        load = (stiffness_matrix(chain, q, qd, wrench, follower) - springs)[np.ix_(free, free)]
+        square = chain.stiffness[free] + largest_load_stiffness(chain, qd, wrench)[free]
+        return Loads(shapes[:, free] @ load.T, np.where(square > 0, square, 1.0), K.rounding)
 
     return eigenproblem.solve(M, L, C, K), loads
 

@@ -56,11 +56,11 @@ def pd_poles(
     driven = chain.active
     q, wrench = vector("q", q, n), wrench_vector(tip_wrench)
     balance = load_torque(chain, q, np.zeros(n), wrench) + elastic_torque(chain, q)
-    model = linearize(chain, q, tau=balance, tip_wrench=wrench)
+    model = linearize(chain, q, tau=balance, tip_wrench=wrench, outputs=("state",))
     moving = ~chain.hinges["prescribed"][driven].astype(bool)
     B, picked = model.B[:, moving], np.eye(n)[driven[moving]]
     gains = [_gains(name, value, len(driven))[moving, None] * picked for name, value in (("kp", kp), ("kd", kd))]
-    poles = np.linalg.eigvals(model.A - B @ np.delete(np.hstack(gains), chain.internal, axis=1))
+    poles = np.linalg.eigvals(model.A - B @ (np.hstack(gains) @ model.C))
     vibrations = poles[poles.imag > 0]
     return np.asarray(vibrations[np.argsort(np.abs(vibrations), kind="stable")], dtype=np.complex128)
 

@@ -22,6 +22,7 @@ from flexlink.describe.actions import Frame
 from flexlink.describe.schemes import methods
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.forces import force_slopes
+from flexlink.dynamics.free_motion import restricted
 from flexlink.dynamics.rounding import scales
 from flexlink.dynamics.singularity import regular_mass
 from flexlink.dynamics.springs import about, damping_along, damping_matrix
@@ -115,7 +116,7 @@ def fastest_eigenvalues(
     dynamics multiply by M and M⁻¹. `bounding_eigenvalues` combines ω and δ. Arguments and errors as in `eigenvalues`.
     """
     state, gains = _about(chain, q, qd, tip_wrench, frame, gains)
-    if chain.n <= DENSE:
+    if chain.n <= DENSE or chain.shapes is not None:
         return _all_eigenvalues(chain, state, gains)
     kp, kd = gains
     square = max(0.0, _largest_ratio(chain, state, lambda φ: _stiffness_along(chain, state, kp, φ)))
@@ -132,10 +133,10 @@ def eigenvalue_bounds(abouts: Sequence[tuple[Chain, Array, Array]], acting: Sequ
 
     in the Frobenius norm, which exceeds the largest ω² of an undamped chain by at most a factor √n. `abouts` contains
     chains and states q, q̇; `acting` the other arguments of `eigenvalues`. The bound is inf if unknown, that is, with
-    more than 100 joints or a singular mass matrix.
+    more than 100 joints, shapes or a singular mass matrix.
     """
     n, count = abouts[0][0].n if abouts else 0, len(abouts)
-    if n > DENSE or not n:
+    if n > DENSE or not n or any(chain.shapes is not None for chain, _, _ in abouts):
         return [np.inf] * count
     C, K, M = np.zeros((3, count, n, n))
     held, each = np.zeros((count, n), dtype=bool), np.arange(n)
@@ -207,13 +208,12 @@ def _squares(K: Array, M: Array) -> Array:
 
 def _damping_and_stiffness(chain: Chain, state: LoadedState, gains: Gains) -> tuple[Array, Array]:
     """D + G and K of the joints that are not prescribed, including drive gains."""
-    block = (slice(None), slice(None)) if len(state.free) == chain.n else np.ix_(state.free, state.free)
-    K = stiffness_matrix(chain, state.q, state.qd, state.wrench, state.follower)[block]
-    C = (gyroscopic_matrix(chain, state.q, state.qd) + damping_matrix(chain))[block]
+    K = stiffness_matrix(chain, state.q, state.qd, state.wrench, state.follower)
+    C = gyroscopic_matrix(chain, state.q, state.qd) + damping_matrix(chain)
     if gains.kp.any() or gains.kd.any():
         kp, kd = gains.matrices()
-        K, C = K + kp[block], C + kd[block]
-    return C, K
+        K, C = K + kp, C + kd
+    return restricted(C, chain, state.free), restricted(K, chain, state.free)
 
 
 def _stiffness_along(chain: Chain, state: LoadedState, kp: Array, φ: Array) -> Array:

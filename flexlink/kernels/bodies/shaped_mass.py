@@ -34,6 +34,9 @@ class Shapes(NamedTuple):
     matrix: Any  # Φ, (n, m): hinge k moves by Φ_kj per unit of shape j
     first: Any  # (n,) the shapes of hinge k are first … stop − 1
     stop: Any
+    inverse: (
+        Any  # (n, m) transposed pseudo-inverse: the amplitudes of the shapes closest to rates q̇ are its columns · q̇
+    )
     moves: Any  # (bodies, m) whether a shape moves a hinge of the body or of a body outboard
 
 

@@ -16,6 +16,8 @@ from flexlink.kernels.forward.mass_plus_plane import (
 )
 from flexlink.kernels.forward.mass_plus_shapes import (
     ShapedPosture,
+    as_given,
+    closest_sum,
     displacement_of_hinges,
     factor_shapes,
     place_shapes,
@@ -35,6 +37,7 @@ from flexlink.kernels.forward.mass_plus_space import (
 )
 from flexlink.kernels.tools.compiler import by_type, inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.rare import rarely
+
 
 @kernel
 def hinge_columns(posture):
@@ -102,9 +105,16 @@ def solve(factors, r, x, posture):
         solve_by_type(factors, r, x, without_cells(posture))
 
 
-@by_type({PlanePosture: displacement_in_plane, SpacePosture: displacement_in_space, ShapedPosture: displacement_of_hinges})
+@by_type(
+    {PlanePosture: displacement_in_plane, SpacePosture: displacement_in_space, ShapedPosture: displacement_of_hinges}
+)
 def displacement_of_places(δ, posture):
     """Largest displacement [m] of the outboard end of any segment for small changes δ (n,) of the angles."""
+
+
+@by_type({PlanePosture: as_given, SpacePosture: as_given, ShapedPosture: closest_sum})
+def make_possible(x, posture):
+    """Replace accelerations x (n,) by the closest possible ones; without shapes all are possible."""
 
 
 @inlined

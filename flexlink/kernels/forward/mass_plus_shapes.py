@@ -33,6 +33,7 @@ class ShapedPosture(NamedTuple):
     shapes: Shapes
     mass: ShapedMass
     M: Any  # (m, m) Φᵀ M Φ without rotors
+    y: Any  # (m,) scratch
     hinges: Any  # the chain's own posture
     first: Any  # as in `hinges`
     coupled: Any  # as in `hinges`
@@ -44,7 +45,7 @@ def shaped_posture(chain, shapes, hinges):
     """Allocate the posture; `hinges` is the chain's own posture."""
     m = shapes.matrix.shape[1]
     mass, M = shaped_mass_workspace(chain, shapes), np.zeros((m, m))
-    return ShapedPosture(chain, shapes, mass, M, hinges, hinges.first, hinges.coupled, hinges.radius)
+    return ShapedPosture(chain, shapes, mass, M, np.zeros(m), hinges, hinges.first, hinges.coupled, hinges.radius)
 
 
 @kernel
@@ -52,7 +53,7 @@ def shaped_postures(s, posture, hinges):
     """Allocate `s` postures of the same chain, with its own postures `hinges`, whose arrays begin with (s,)."""
     m = len(posture.M)
     return ShapedPosture(
-        posture.chain, posture.shapes, posture.mass, np.zeros((s, m, m)), hinges,
+        posture.chain, posture.shapes, posture.mass, np.zeros((s, m, m)), posture.y, hinges,
         posture.first, posture.coupled, posture.radius,
     )  # fmt: skip
 
@@ -66,8 +67,8 @@ def stage_of_hinges(i, postures):
 def shaped_posture_of(i, postures):
     """Posture `i` of several postures, whose arrays have a leading dimension."""
     return ShapedPosture(
-        postures.chain, postures.shapes, postures.mass, postures.M[i], stage_of_hinges(i, postures.hinges),
-        postures.first, postures.coupled, postures.radius,
+        postures.chain, postures.shapes, postures.mass, postures.M[i], postures.y,
+        stage_of_hinges(i, postures.hinges), postures.first, postures.coupled, postures.radius,
     )  # fmt: skip
 
 
@@ -88,6 +89,30 @@ def place_shapes(q, posture):
     place_hinges(q, posture.hinges)
     kinematics(posture.chain, q, posture.mass.placed)
     shaped_mass(posture.chain, posture.shapes, posture.M, posture.mass)
+
+
+@subroutine
+def closest_sum(x, posture):
+    """Replace accelerations x (n,) by the closest sum of shapes.
+
+    Rounding errors leave the range of the shapes; extrapolation from step to step would magnify them.
+    """
+    Φ, inverse, first, stop = posture.shapes.matrix, posture.shapes.inverse, posture.shapes.first, posture.shapes.stop
+    y = posture.y
+    for j in range(len(y)):
+        y[j] = 0.0
+    for k in range(len(x)):
+        for j in range(first[k], stop[k]):
+            y[j] += inverse[k, j] * x[k]
+    for k in range(len(x)):
+        x[k] = 0.0
+        for j in range(first[k], stop[k]):
+            x[k] += Φ[k, j] * y[j]
+
+
+@inlined
+def as_given(x, posture):
+    """Leave x unchanged: hinges that move one by one."""
 
 
 @by_type({PlanePosture: displacement_in_plane, SpacePosture: displacement_in_space})

@@ -24,7 +24,7 @@ import math
 from flexlink.kernels.bodies.inverse import inverse_dynamics_into
 from flexlink.kernels.forces.elements import add_torques, find_brakes
 from flexlink.kernels.forces.joint_torques import elastic, friction
-from flexlink.kernels.forward.mass_plus import displacement, factor, place_bodies, solve
+from flexlink.kernels.forward.mass_plus import displacement, factor, make_possible, place_bodies, solve
 from flexlink.kernels.forward.mass_plus_cells import FACTORS, add_products
 from flexlink.kernels.inputs.drive_torque import follow, stage_torque
 from flexlink.kernels.inputs.tip_wrench import put_wrench
@@ -180,6 +180,7 @@ def predict(h, work):
                         weight *= (1.0 + c[i] * h / last - c[m]) / (c[j] - c[m])
                 for k in range(n):
                     qdd[i, k] += weight * before[j, k]
+            make_possible(qdd[i], work.posture)
 
 
 @inlined

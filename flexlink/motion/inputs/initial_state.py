@@ -8,6 +8,7 @@ import numpy as np
 
 from flexlink.chain.arguments import require_type
 from flexlink.chain.chain import Chain
+from flexlink.chain.shapes import on_shapes
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
@@ -67,6 +68,8 @@ def state_under(inputs: Inputs, scene: Scene, chain: Chain) -> tuple[Array, Arra
     initial = scene.initial
     q, qd = stated(scene, chain)
     q, qd = _given("q", initial.q, q), _given("qd", initial.qd, qd)
+    on_shapes(chain, "initial.q", q - chain.rest)
+    on_shapes(chain, "initial.qd", qd)
     if initial.passive == "static" and len(chain.active) < chain.n:
         wrench, frame = wrench_at(inputs, initial.time)
         q = static_posture(chain, q, wrench, frame)

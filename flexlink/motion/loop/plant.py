@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array, Complex
+from flexlink.dynamics.free_motion import coordinates_of
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.dynamics.sensors.outputs import SensorOutputs
 from flexlink.dynamics.tangent import load_torque
@@ -69,9 +70,9 @@ class Plant:
 
     def shape(self, state: Complex) -> Complex:
         """Displacements of the coordinates (n,) in a state (s, …)."""
-        found = np.zeros(self.chain.n, complex)
+        found = np.zeros(self.chain.freedoms, complex)
         found[self.angles] = state[: len(self.angles)] / self.unit
-        return found
+        return found if self.chain.shapes is None else np.asarray(self.chain.shapes.matrix @ found)
 
 
 def plant_of(problem: InitialValueProblem, q: Array, t: float, *, sensors: bool) -> Plant:
@@ -82,11 +83,13 @@ def plant_of(problem: InitialValueProblem, q: Array, t: float, *, sensors: bool)
     readings = SensorOutputs(problem.scene) if sensors else None
     outputs = ("state",) if readings is None else ("state", readings)
     model = linearize(chain, q, zero, hold, tip_wrench=wrench, frame=frame, outputs=outputs)
-    prescribed = chain.hinges["prescribed"] != 0
-    of_angles, of_rates = np.delete(np.arange(chain.n), chain.internal), np.arange(chain.n)
+    fixed = chain.hinges["prescribed"] != 0
+    prescribed = coordinates_of(chain, fixed)
+    internal = coordinates_of(chain, np.isin(np.arange(chain.n), chain.internal))
+    of_angles, of_rates = np.flatnonzero(~internal), np.arange(chain.freedoms)
     free = np.concatenate([~prescribed[of_angles], ~prescribed[of_rates]])
     kept = np.concatenate([np.flatnonzero(free), np.arange(len(free), len(model.x))])
-    angles, moving = of_angles[~prescribed[of_angles]], np.flatnonzero(~prescribed[chain.active])
+    angles, moving = of_angles[~prescribed[of_angles]], np.flatnonzero(~fixed[chain.active])
     A, B, C = model.A[np.ix_(kept, kept)], model.B[np.ix_(kept, moving)], model.C[:, kept]
     unit, size = _unit(A, angles, of_rates[~prescribed]), len(angles)
     A[:size] *= unit[:, None]
