@@ -159,8 +159,8 @@ def refuse_shapes(chain: Chain, what: str) -> None:
         )
 
 
-def on_shapes(chain: Chain, name: str, change: Array) -> None:
-    """Check that a change of the angles or rates (n,) is a sum of the chain's shapes.
+def on_shapes(chain: Chain, name: str, change: Array, per: str = "") -> None:
+    """Check that a change of the angles or, with `per` = "/s", rates (n,) is a sum of the chain's shapes.
 
     Raises
     ------
@@ -174,7 +174,7 @@ def on_shapes(chain: Chain, name: str, change: Array) -> None:
     k = int(np.argmax(np.abs(beside)))
     if not abs(beside[k]) <= 1e-9 * size:
         raise ArgumentError(
-            f"{name}: joint {chain.joint_name(k)!r} is {abs(beside[k]):.3g} away from the closest sum of the shapes of "
-            f"{chain.name!r}; give a state of this chain, such as rest or the end of one of its runs",
+            f"{name}: joint {chain.joint_name(k)!r} is {abs(beside[k]):.3g} {chain.joint_units[k]}{per} away from the "
+            f"closest sum of the shapes of {chain.name!r}; give a state of this chain, such as rest or the end of one of its runs",
             id="not-a-shape",
         )

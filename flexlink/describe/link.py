@@ -119,19 +119,13 @@ class Link(Spec, frozen=True):
                 raise SceneError(
                     f"root_damping.{axis} = {damping!r}: needs a root_stiffness.{axis}", id="needs-another-key"
                 )
-        if self.modes is not None and self.flex == "rigid":
-            raise SceneError(
-                "modes: a rigid link does not bend; set flex = 'z', 'yz' or 'xyz' and segments, or omit modes",
-                id="rigid-modes",
-            )
         length = self.beam.length
         if self.flex != "rigid":
             self._check_flexible(length)
-        elif self.segments != 1:
-            raise SceneError(
-                f"segments = {self.segments}: a rigid link has 1; to make it bend, set flex = 'z', 'yz' or 'xyz'",
-                id="rigid-segments",
-            )
+        elif self.segments != 1 or self.modes is not None:
+            segments = f"segments = {self.segments}: a rigid link has 1"
+            given = segments if self.segments != 1 else "modes: a rigid link has none"
+            raise SceneError(f"{given}; to make it bend, set flex = 'z', 'yz' or 'xyz'", id="rigid-segments")
         elif self.rigidity is not None and length == 0:
             raise SceneError(
                 f"length = {self.length!r}: a link with a rigidity needs a length > 0 or a line (default: 0)",

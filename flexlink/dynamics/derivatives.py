@@ -202,7 +202,8 @@ def _shaped_derivatives(chain: Chain, wrench: Array, q: Array, qd: Array, tau: A
     if not all_inverse_derivatives(*chain.arrays, wrench, q, qd, qdd, found):
         return False
     by_q, by_qd, M = found.copy()
-    slope = chain.hinges["coulomb"] / chain.hinges["coulomb_width"] / np.cosh(qd / chain.hinges["coulomb_width"]) ** 2
+    width = chain.hinges["coulomb_width"]
+    slope = chain.hinges["coulomb"] / width * (1.0 - np.tanh(qd / width) ** 2)
     by_q += about(chain, q).matrix("stiffness")
     by_qd += chain.matrix("damping") + np.diag(slope)
     if chain.forces:

@@ -26,8 +26,8 @@ from flexlink.dynamics.wrench import turns_with_tip
 def rate_bound(chain: Chain, q: Array, qd: Array, *, tip_wrench: Array, frame: Frame, gains: Gains) -> float:
     """Return an upper bound on |λ| [1/s] of all eigenvalues; the arguments are as in `eigenvalues`.
 
-    The bound is inf if it is unknown: with more than 100 joints, shapes, prescribed joints, or a mass matrix that may be
-    singular.
+    The bound is inf if it is unknown: with more than 100 joints, shapes, prescribed joints, or a mass matrix that may
+    be singular.
     """
     n = chain.n
     if n > DENSE or chain.shapes is not None or np.count_nonzero(chain.hinges["prescribed"]):

@@ -10,9 +10,9 @@ F_l and N_l add these up, times Φ_kl, over the hinges of shape l from the tip t
 
     M_jl += Φ_kj (e · N_l + v · F_l)             prismatic: Φ_kj e · F_l
 
-for all shapes l that move it or bodies outboard. Each pair of hinges is counted once, half of each hinge with itself; the
-matrix is then the sum of M and its transpose. This is the composite-body algorithm (Featherstone 2008, section 6.2),
-with shapes in place of hinges.
+for all shapes l that move it or bodies outboard. Each pair of hinges is counted once, and half of each hinge with
+itself, so the matrix is the sum of M and its transpose. This is the composite-body algorithm (Featherstone 2008,
+section 6.2), with shapes in place of hinges.
 """
 
 from typing import Any, NamedTuple
@@ -34,9 +34,7 @@ class Shapes(NamedTuple):
     matrix: Any  # Φ, (n, m): hinge k moves by Φ_kj per unit of shape j
     first: Any  # (n,) the shapes of hinge k are first … stop − 1
     stop: Any
-    inverse: (
-        Any  # (n, m) transposed pseudo-inverse: the amplitudes of the shapes closest to rates q̇ are its columns · q̇
-    )
+    inverse: Any  # (n, m) transposed pseudo-inverse: the sum of shapes closest to q̇ has amplitudes Φ⁺ q̇
     moves: Any  # (bodies, m) whether a shape moves a hinge of the body or of a body outboard
 
 

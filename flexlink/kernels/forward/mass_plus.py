@@ -105,9 +105,9 @@ def solve(factors, r, x, posture):
         solve_by_type(factors, r, x, without_cells(posture))
 
 
-@by_type(
-    {PlanePosture: displacement_in_plane, SpacePosture: displacement_in_space, ShapedPosture: displacement_of_hinges}
-)
+@by_type({
+    PlanePosture: displacement_in_plane, SpacePosture: displacement_in_space, ShapedPosture: displacement_of_hinges,
+})  # fmt: skip
 def displacement_of_places(δ, posture):
     """Largest displacement [m] of the outboard end of any segment for small changes δ (n,) of the angles."""
 

@@ -69,7 +69,7 @@ def state_under(inputs: Inputs, scene: Scene, chain: Chain) -> tuple[Array, Arra
     q, qd = stated(scene, chain)
     q, qd = _given("q", initial.q, q), _given("qd", initial.qd, qd)
     on_shapes(chain, "initial.q", q - chain.rest)
-    on_shapes(chain, "initial.qd", qd)
+    on_shapes(chain, "initial.qd", qd, "/s")
     if initial.passive == "static" and len(chain.active) < chain.n:
         wrench, frame = wrench_at(inputs, initial.time)
         q = static_posture(chain, q, wrench, frame)
