@@ -20,8 +20,7 @@ from flexlink.describe.schemes.cells import Cells, cell_of
 from flexlink.describe.schemes.lumping_rules import Element, LumpingRule, lumping_rule
 from flexlink.errors import SceneError
 from flexlink.kernels.forces.couplings import cells_of
-from flexlink.kernels.forward.mass_plus import FACTORS
-from flexlink.kernels.forward.mass_plus_cells import COUPLED, columns
+from flexlink.kernels.forward.mass_plus_cells import COUPLED, FACTORS, columns
 from flexlink.kernels.layout import COUPLING, FORCES, Rare
 from tests.words import refused
 

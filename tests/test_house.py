@@ -20,11 +20,11 @@ ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 CONTRACTS = PROJECT["tool"]["importlinter"]["contracts"]
 BARS = {
-    "layers of imports": 10, "classes": 393, "constants": 420, "public names": 79, "files of more than 350 lines": 6,
+    "layers of imports": 10, "classes": 399, "constants": 421, "public names": 79, "files of more than 350 lines": 6,
     "functions of more than 60 lines of code": 1, "lines of contracts": 56,
 }  # fmt: skip
 FEATURES = {
-    "slides": ("slides|prismatic", 95), "couplings": ("coupl", 65), "branches": ("branch", 50),
+    "slides": ("slides|prismatic", 96), "couplings": ("coupl", 66), "branches": ("branch", 50),
     "free base": ("free.base", 54), "rotation springs": ("rotation.spring", 20), "drag": ("drag", 23),
 }  # fmt: skip
 

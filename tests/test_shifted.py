@@ -7,7 +7,8 @@ import pytest
 from conftest import compiled, flexible, make_scene, nasty_scene
 
 import flexlink as fl
-from flexlink.kernels.forward.mass_plus import FACTORS, displacement, factor, place_bodies, solve
+from flexlink.kernels.forward.mass_plus import displacement, factor, place_bodies, solve
+from flexlink.kernels.forward.mass_plus_cells import FACTORS
 from flexlink.kernels.forward.mass_plus_plane import plane_posture
 from flexlink.kernels.forward.mass_plus_space import space_posture
 from flexlink.kernels.tools.compiler import kernel

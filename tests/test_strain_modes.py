@@ -12,6 +12,7 @@ from conftest import flexible, make_scene
 
 import flexlink as fl
 from flexlink.chain.shapes import shaped_hinges
+from flexlink.describe.refined import refined
 from flexlink.dynamics import rounding
 from flexlink.errors import ArgumentError, SceneError
 from flexlink.kernels.bodies.shaped_mass import mass_of_shapes
@@ -194,3 +195,10 @@ def test_modes_that_make_no_sense_are_refused() -> None:
     with refused(ArgumentError, "modes-not-supported"):
         fl.to_urdf(chain)
     assert shaped_hinges(chain).tolist() == chain.bending.tolist()
+
+
+def test_finer_chains_have_no_shapes() -> None:
+    """So a comparison with them includes what the shapes leave out."""
+    scene = with_modes(make_scene(flexible("a", "z", 5)), 2)
+    finer = fl.lump(refined(scene, 2.0))
+    assert finer.n == 9 and finer.freedoms == finer.n

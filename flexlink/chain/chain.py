@@ -56,7 +56,7 @@ class Chain(Layout):
         Index in `bodies` of the tip frame of every link without child links, by the link's name. The last one is the
         arm's tip; by default it is the last body and the only tip.
     shapes
-        Shapes by which the hinges move together, q̇ = Φ ż, of links with `modes`; None: every hinge moves on its own.
+        Shapes by which the hinges move together, q̇ = Φ ż, of links with `modes`; None: the hinges move one by one.
 
     Examples
     --------

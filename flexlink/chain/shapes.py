@@ -1,7 +1,7 @@
 """Shapes of links with `modes`: their hinges move together, q̇ = Φ ż, by a few strain modes for each direction.
 
 A shape is a curvature along the link, the angles of its hinges: bending about y or z of the section, or twist. The
-curvature, not the displacement, is a sum of shapes, so nothing is linearised. All other joints move on their own.
+curvature, not the displacement, is a sum of shapes, so nothing is linearised. All other joints move one by one.
 
 eigenmodes      K φ = ω² M φ for the link's hinges in one direction, with all distal bodies, at zero angles, all other
                 joints locked; the slowest first
@@ -100,7 +100,7 @@ def scaled(shapes: Array) -> Array:
 
 
 def joined(chain: Chain, parts: list[tuple[Hinges, Array]]) -> Shapes:
-    """Φ of the whole chain, columns in the order of their first hinges; other joints have columns of their own."""
+    """Φ of the whole chain, columns in the order of their first hinges; every other joint has one column."""
     shaped = {int(k) for hinges, _ in parts for k in hinges}
     alone = [(np.array([k], dtype=np.intp), np.ones((1, 1))) for k in range(chain.n) if k not in shaped]
     parts = sorted([*parts, *alone], key=lambda part: int(part[0][0]))
@@ -125,7 +125,7 @@ def shapes_of(chain: Chain, Φ: Array, first: Hinges, stop: Hinges) -> Shapes:
 
 
 def shaped_hinges(chain: Chain) -> Hinges:
-    """Indices of the hinges that move by shapes, not on their own."""
+    """Indices of the hinges that move by shapes."""
     if chain.shapes is None:
         return np.zeros(0, dtype=np.intp)
     shared = (chain.shapes.matrix != 0).sum(axis=0) > 1
@@ -153,7 +153,7 @@ def refuse_shapes(chain: Chain, what: str) -> None:
     """
     if chain.shapes is not None:
         raise ArgumentError(
-            f"{chain.name}: {what} does not support links with modes; use the chain that they stand on, "
+            f"{chain.name}: {what} does not support links with modes; use the chain of their hinges, "
             'scene.varied({"link.*.modes": None})',
             id="modes-not-supported",
         )
@@ -175,6 +175,7 @@ def on_shapes(chain: Chain, name: str, change: Array, per: str = "") -> None:
     if not abs(beside[k]) <= 1e-9 * size:
         raise ArgumentError(
             f"{name}: joint {chain.joint_name(k)!r} is {abs(beside[k]):.3g} {chain.joint_units[k]}{per} away from the "
-            f"closest sum of the shapes of {chain.name!r}; give a state of this chain, such as rest or the end of one of its runs",
+            f"closest sum of the shapes of {chain.name!r}; give a state of this chain, such as rest or the end of one "
+            "of its runs",
             id="not-a-shape",
         )

@@ -85,8 +85,8 @@ def unlocked(chain: Chain, locked: Joints) -> NDArray[np.intp]:
     moves, held = chain.hinges["prescribed"] == 0, chain.joint_indices("locked", locked)
     if chain.shapes is not None and len(together := np.intersect1d(held, shaped_hinges(chain))):
         raise ArgumentError(
-            f"locked: hinge {chain.joint_name(int(together[0]))!r} moves by the shapes of its link, not on its own; "
-            "lock joints, or set the link rigid",
+            f"locked: hinge {chain.joint_name(int(together[0]))!r} moves by the shapes of its link; lock "
+            "joints, or set the link rigid",
             id="locked-shape",
         )
     moves[held] = moves[chain.internal] = False

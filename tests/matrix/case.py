@@ -61,7 +61,7 @@ class Case:
         return np.flatnonzero(self.chain.hinges["prescribed"] == 0)
 
     def motions(self, joints: NDArray[np.intp]) -> Array:
-        """Possible motions of these joints with all others at rest, in columns: each on its own, or their shapes."""
+        """Possible motions of these joints with all others at rest, in columns: one by one, or their shapes."""
         if self.chain.shapes is None:
             return np.eye(self.chain.n)[:, joints]
         Φ = self.chain.shapes.matrix

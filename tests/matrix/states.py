@@ -74,7 +74,7 @@ def slopes_forward(case: Case) -> None:
 
         as_differences((found.dq, found.dqd), f, (q, qd), 1e-7)
         B = case.motions(case.free)
-        close(found.dtau @ fl.mass_matrix(case.chain, q) @ B, B, 1e-9)
+        close(found.dtau[:, case.free] @ fl.mass_matrix(case.chain, q)[case.free] @ B, B, 1e-9)
 
 
 def slopes_inverse(case: Case) -> None:

@@ -13,15 +13,20 @@ F_l and N_l add these up, times Φ_kl, over the hinges of shape l from the tip t
 for all shapes l that move it or bodies outboard. Each pair of hinges is counted once, and half of each hinge with
 itself, so the matrix is the sum of M and its transpose. This is the composite-body algorithm (Featherstone 2008,
 section 6.2), with shapes in place of hinges.
+
+In a plane, O is the tip and all moments are scalars: σ is the sense of hinge k, and with lever P = p − O
+
+    v = σ (P_y, −P_x)      f = m v + σ (−h_y, h_x)      n = J σ + h_x v_y − h_y v_x
 """
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexlink.kernels.bodies.plane import LINK
 from flexlink.kernels.geometry.kinematics import KinematicsWork, kinematics, kinematics_workspace
 from flexlink.kernels.layout import SLIDES
-from flexlink.kernels.tools.compiler import kernel, subroutine
+from flexlink.kernels.tools.compiler import inlined, kernel, subroutine
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
 from flexlink.kernels.tools.records import added, keep
 from flexlink.kernels.tools.sym3 import point_inertia, sym_add, sym_apply, sym_rotate, symmetric
@@ -39,7 +44,7 @@ class Shapes(NamedTuple):
 
 
 class ShapedMass(NamedTuple):
-    """Scratch of `shaped_mass`."""
+    """Scratch of `mass_in_space`."""
 
     placed: KinematicsWork
     outboard: Any  # (bodies, 10) m, h and J of a body and all bodies outboard
@@ -48,7 +53,7 @@ class ShapedMass(NamedTuple):
 
 @kernel
 def shaped_mass_workspace(chain, shapes):
-    """Scratch of `shaped_mass`."""
+    """Scratch of `mass_in_space`."""
     m = shapes.matrix.shape[1]
     return ShapedMass(kinematics_workspace(chain), np.empty((len(chain.bodies), 10)), np.empty((m, 6)))
 
@@ -57,15 +62,60 @@ def shaped_mass_workspace(chain, shapes):
 def mass_of_shapes(chain, shapes, q):
     """Return Φᵀ M Φ (m, m) at the angles q (n,), with rotors."""
     M, work = np.empty((shapes.matrix.shape[1], shapes.matrix.shape[1])), shaped_mass_workspace(chain, shapes)
-    kinematics(chain, q, work.placed)
-    shaped_mass(chain, shapes, M, work)
+    mass_in_space(chain, q, shapes, M, work)
     add_rotors(chain, shapes, M)
     return M
 
 
 @subroutine
-def shaped_mass(chain, shapes, M, work):
-    """Write Φᵀ M Φ (m, m) without rotors, at the places `work.placed` of the bodies."""
+def mass_in_plane(links, trig, shapes, M, loads):
+    """Write Φᵀ M Φ (m, m) of a planar chain without rotors; `trig` are its absolute angles, cosines and sines."""
+    Φ, first, stop = shapes.matrix, shapes.first, shapes.stop
+    M[:] = 0.0
+    loads[:] = 0.0
+    mass = hx = hy = J = px = py = 0.0
+    for k in range(len(Φ) - 1, -1, -1):
+        σ, m, c, s = links[k, LINK.sign], links[k, LINK.mass], trig[1, k], trig[2, k]
+        px -= c * links[k, LINK.rx] - s * links[k, LINK.ry]
+        py -= s * links[k, LINK.rx] + c * links[k, LINK.ry]
+        sx = c * links[k, LINK.sx] - s * links[k, LINK.sy]
+        sy = s * links[k, LINK.sx] + c * links[k, LINK.sy]
+        J += links[k, LINK.inertia] + 2.0 * (px * sx + py * sy) + m * (px * px + py * py)
+        mass, hx, hy = mass + m, hx + m * px + sx, hy + m * py + sy
+        vx, vy = σ * py, -σ * px
+        fx, fy = mass * vx - σ * hy, mass * vy + σ * hx
+        n = σ * J + hx * vy - hy * vx
+        for j in range(first[k], stop[k]):
+            add_half_in_plane(loads, 0.5 * Φ[k, j], j, fx, fy, n)
+        for l in range(len(loads)):  # shapes inboard have no loads yet
+            pull = vx * loads[l, 0] + vy * loads[l, 1] + σ * loads[l, 2]
+            for j in range(first[k], stop[k]):
+                M[j, l] += Φ[k, j] * pull
+        for j in range(first[k], stop[k]):
+            add_half_in_plane(loads, 0.5 * Φ[k, j], j, fx, fy, n)
+    add_transpose(M)
+
+
+@inlined
+def add_half_in_plane(loads, half, j, fx, fy, n):
+    """Add half of the force and moment of a hinge to those of its shape j."""
+    loads[j, 0] += half * fx
+    loads[j, 1] += half * fy
+    loads[j, 2] += half * n
+
+
+@inlined
+def add_transpose(M):
+    """M ← M + Mᵀ."""
+    for j in range(len(M)):
+        for l in range(j + 1):
+            M[j, l] = M[l, j] = M[j, l] + M[l, j]
+
+
+@subroutine
+def mass_in_space(chain, q, shapes, M, work):
+    """Write Φᵀ M Φ (m, m) without rotors, at the angles q (n,)."""
+    kinematics(chain, q, work.placed)
     bodies, hinges, Φ, moves, loads = chain.bodies, chain.hinges, shapes.matrix, shapes.moves, work.loads
     points, axes = work.placed.points, work.placed.axes
     origin = vector(points[len(bodies) - 1])
@@ -88,9 +138,7 @@ def shaped_mass(chain, shapes, M, work):
                     for j in range(shapes.first[k], shapes.stop[k]):
                         M[j, l] += Φ[k, j] * pull
             add_half(loads, Φ, k, shapes.first[k], shapes.stop[k], f, n)
-    for j in range(len(M)):
-        for l in range(j + 1):
-            M[j, l] = M[l, j] = M[j, l] + M[l, j]
+    add_transpose(M)
 
 
 @subroutine

@@ -1,14 +1,20 @@
 """Solve (M + A) x = r for hinges that move by shapes, x = Φ y: Φᵀ (M + A) Φ y = Φᵀ r, real or complex.
 
-A contains rotors, springs and dampers, and is diagonal except for coupled springs. Φᵀ M Φ is computed once per posture,
-by `shaped_mass`. Displacements of bodies are those of the chain's own posture in a plane or in space.
+A contains rotors, springs and dampers, and is diagonal except for coupled springs. Φᵀ M Φ is computed once per posture.
+Displacements of bodies are those of the chain's own posture in a plane or in space.
 """
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.bodies.shaped_mass import ShapedMass, Shapes, shaped_mass, shaped_mass_workspace
+from flexlink.kernels.bodies.shaped_mass import (
+    ShapedMass,
+    Shapes,
+    mass_in_plane,
+    mass_in_space,
+    shaped_mass_workspace,
+)
 from flexlink.kernels.forward.mass_plus_cells import COUPLED, FACTORS, columns
 from flexlink.kernels.forward.mass_plus_plane import (
     PlanePosture,
@@ -22,7 +28,6 @@ from flexlink.kernels.forward.mass_plus_space import (
     place_in_space,
     space_posture_of,
 )
-from flexlink.kernels.geometry.kinematics import kinematics
 from flexlink.kernels.tools.compiler import by_type, inlined, kernel, recursion, subroutine
 
 
@@ -83,12 +88,28 @@ def place_hinges(q, posture):
     """Set the chain's own posture to the angles q (n,)."""
 
 
+@inlined
+def weigh_in_plane(q, posture, hinges):
+    """`weigh_hinges` in a plane."""
+    mass_in_plane(hinges.links, hinges.trig, posture.shapes, posture.M, posture.mass.loads)
+
+
+@inlined
+def weigh_in_space(q, posture, hinges):
+    """`weigh_hinges` in space."""
+    mass_in_space(posture.chain, q, posture.shapes, posture.M, posture.mass)
+
+
+@by_type({PlanePosture: weigh_in_plane, SpacePosture: weigh_in_space})
+def weigh_hinges(q, posture, hinges):
+    """Write Φᵀ M Φ to `posture.M`, after `place_hinges` at the same angles."""
+
+
 @subroutine
 def place_shapes(q, posture):
     """Set the posture to the angles q (n,), and compute Φᵀ M Φ."""
     place_hinges(q, posture.hinges)
-    kinematics(posture.chain, q, posture.mass.placed)
-    shaped_mass(posture.chain, posture.shapes, posture.M, posture.mass)
+    weigh_hinges(q, posture, posture.hinges)
 
 
 @subroutine

@@ -1,9 +1,9 @@
 """Forward dynamics of a chain whose hinges move by shapes, q̇ = Φ ż: the equations of motion in the range of Φ.
 
-    Φᵀ M Φ z̈ = Φᵀ (T_EX − T_GC − T_FL − T_FR − T_DRAG)        q̈ = Φ z̈
+    Φᵀ M Φ z̈ = Φᵀ (T_EX − T_GC − T_FL − T_FR)        q̈ = Φ z̈
 
 Nothing is linearised: M and T_GC are those of the bent chain. T_GC follows by recursive Newton-Euler, Φᵀ M Φ by
-`shaped_mass`, so an evaluation takes O(hinges · shapes) and one dense solution of the size of z.
+`weigh`, so an evaluation takes O(hinges · shapes) and one dense solution of the size of z.
 """
 
 from typing import Any, NamedTuple
@@ -11,18 +11,20 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.kernels.bodies.inverse import inverse_dynamics_into
+from flexlink.kernels.bodies.plane import PlanarWork
+from flexlink.kernels.bodies.rne import RneWork
 from flexlink.kernels.bodies.shaped_mass import (
     ShapedMass,
     Shapes,
     add_rotors,
-    shaped_mass,
+    mass_in_plane,
+    mass_in_space,
     shaped_mass_workspace,
 )
 from flexlink.kernels.forces.elements import add_torques, forces_of
 from flexlink.kernels.forces.joint_torques import elastic, friction
-from flexlink.kernels.forward.known_motion import power_of, take_torques
-from flexlink.kernels.geometry.kinematics import kinematics
-from flexlink.kernels.tools.compiler import kernel, subroutine
+from flexlink.kernels.forward.known_motion import take_torques
+from flexlink.kernels.tools.compiler import by_type, inlined, kernel, subroutine
 from flexlink.kernels.tools.solve import solve_cholesky
 
 
@@ -51,6 +53,23 @@ def shaped_workspace(chain, shapes, inverse):
     )  # fmt: skip
 
 
+@inlined
+def weigh_in_plane(q, work, inverse):
+    """`weigh` with the angles of inverse dynamics in a plane."""
+    mass_in_plane(inverse.links, inverse.trig, work.shapes, work.M, work.mass.loads)
+
+
+@inlined
+def weigh_in_space(q, work, inverse):
+    """`weigh` in space."""
+    mass_in_space(work.chain, q, work.shapes, work.M, work.mass)
+
+
+@by_type({PlanarWork: weigh_in_plane, RneWork: weigh_in_space})
+def weigh(q, work, inverse):
+    """Write Φᵀ M Φ without rotors to `work.M`, after inverse dynamics at the same angles."""
+
+
 @subroutine
 def shaped(wrench, q, qd, tau, qdd, work):
     """Write q̈ for drive torques `tau`, all (n,), and the tip wrench (6,); see `forward_dynamics`."""
@@ -58,12 +77,10 @@ def shaped(wrench, q, qd, tau, qdd, work):
     M, z, known, bias = work.M, work.z, work.known, work.bias
     for k in range(len(q)):
         known[k] = qdd[k] if chain.hinges[k].prescribed else 0.0
-    inverse_dynamics_into(chain, wrench, q, qd, known, bias, work.inverse)
-    lost = 0.0
+    power = inverse_dynamics_into(chain, wrench, q, qd, known, bias, work.inverse)
     if work.forces is not None:
-        lost += add_torques(work.forces.elements, q, qd, bias)
-    kinematics(chain, q, work.mass.placed)
-    shaped_mass(chain, work.shapes, M, work.mass)
+        power -= add_torques(work.forces.elements, q, qd, bias)
+    weigh(q, work, work.inverse)
     add_rotors(chain, work.shapes, M)
     for j in range(len(z)):
         z[j] = 0.0
@@ -81,7 +98,9 @@ def shaped(wrench, q, qd, tau, qdd, work):
             for j in range(first[k], stop[k]):
                 qdd[k] += Φ[k, j] * z[j]
     take_torques(chain, wrench, q, qd, qdd, tau, bias, work.inverse, work.forces)
-    return power_of(chain, wrench, qd, tau, known, work.mass.placed.axes) - lost
+    for k in range(len(q)):
+        power += qd[k] * (tau[k] - friction(chain.hinges[k], qd[k]))
+    return power
 
 
 @subroutine
