@@ -12,11 +12,13 @@ from conftest import flexible, make_scene
 
 import flexlink as fl
 from flexlink.chain.shapes import shaped_hinges
+from flexlink.cli.main import main
 from flexlink.describe.refined import refined
 from flexlink.dynamics import rounding
 from flexlink.errors import ArgumentError, SceneError
 from flexlink.kernels.bodies.shaped_mass import mass_of_shapes
-from tests.words import refused
+from flexlink.motion.evaluation_cost import evaluation_cost
+from tests.words import line, refused
 from validation.oracles.common_origin import CommonOrigin
 from validation.physics.formulas import INPUTS
 from validation.random_arms import random_arm, random_tree
@@ -202,3 +204,36 @@ def test_finer_chains_have_no_shapes() -> None:
     scene = with_modes(make_scene(flexible("a", "z", 5)), 2)
     finer = fl.lump(refined(scene, 2.0))
     assert finer.n == 9 and finer.freedoms == finer.n
+
+
+@pytest.mark.slow
+def test_advice_for_control_finds_fewer_coordinates_at_the_same_error() -> None:
+    soft = fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied(
+        {"material.aluminium.young": 70e7, "run.duration": 0.5, "run.sample": 0.02, "run.step": None}
+    )
+    advice = fl.advise(soft, "0.3 mm", measure="control")
+    fine = {"link.upper.segments": 33, "link.fore.segments": 33, "run.method": "auto", "run.tolerance": 1e-6}
+    truth = fl.simulate(soft.varied(fine)).tip
+    assert advice.met
+    assert np.linalg.norm(fl.simulate(advice.scene).tip - truth, axis=1).max() <= advice.error <= 0.3e-3
+    assert fl.lump(advice.scene).freedoms <= 0.7 * fl.lump(fl.advise(soft, "0.3 mm").scene).n
+
+
+@pytest.mark.slow
+def test_advice_for_explicit_methods_minimises_the_cost_of_their_steps() -> None:
+    arm = fl.load_scene(ROOT / "models" / "t3_spatial.toml").varied({"run.duration": 0.3})
+    chains = [fl.lump(fl.advise(arm, "1 mm", measure=measure).scene) for measure in ("simulation", "explicit")]
+    costs = [evaluation_cost(chain, explicit=True) / fl.stable_step(chain) for chain in chains]
+    assert costs[1] <= 1.1 * costs[0]
+
+
+@pytest.mark.slow
+def test_the_reduce_command_writes_a_scene_with_modes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, out = tmp_path / "arm.toml", tmp_path / "small.toml"
+    make_scene(flexible("a", "z", 5), gravity=(0.0, -9.81, 0.0), run=fl.RunSettings(duration=0.2, sample=0.01)).save(
+        path
+    )
+    assert main(["reduce", str(path), "--tip", "1e-6", "-o", str(out)]) == 0
+    assert line(capsys.readouterr().out, "strain modes:")
+    chain = fl.lump(fl.load_scene(out))
+    assert chain.freedoms < chain.n

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from time import thread_time
+from typing import Literal
 
 import numpy as np
 
@@ -16,9 +17,10 @@ from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.advice.refinement import RefinementStudy
 from flexlink.advice.run_time import own_time, run_time
 from flexlink.advice.search import Search
+from flexlink.advice.shape_search import ShapeSearch
 from flexlink.advice.thresholds import Thresholds
 from flexlink.advice.verdict import Advice, length, line, payback, time
-from flexlink.chain.arguments import positive, require_bool, require_type
+from flexlink.chain.arguments import positive, require_bool, require_one_of, require_type
 from flexlink.common.errors import AdviceError
 from flexlink.common.types import Array
 from flexlink.common.wording import plural
@@ -30,8 +32,9 @@ from flexlink.results.tip_motion import tip_travel
 
 
 def advise(
-    scene: Scene, tip: float | str = 1e-3, *, deflection: bool = False, band: float | None = None, budget: float = 1.0
-) -> Advice:
+    scene: Scene, tip: float | str = 1e-3, *, deflection: bool = False, band: float | None = None, budget: float = 1.0,
+    measure: Measure = "simulation",
+) -> Advice:  # fmt: skip
     """Find the cheapest model of a scene with an allowed error at the tip.
 
     For the motion of this scene, the function chooses the links that bend, their axes, the positions and the number of
@@ -50,6 +53,10 @@ def advise(
         Vibrations above this frequency are ignored [Hz]; None: all vibrations that the samples resolve are included.
     budget
         Largest CPU time of the steps of any one run [s], including runs of finer models; computed from listed costs.
+    measure
+        What the model should have least of: "simulation", CPU time of the run; "control", coordinates, for controllers,
+        observers and stored models; "explicit", CPU time of explicit steps of RK4, as in real time. For the latter two,
+        links may move by strain modes.
 
     Returns
     -------
@@ -77,14 +84,24 @@ def advise(
     """
     scene = checked_scene(require_type("scene", scene, Scene))
     goal = goal_of(tip, deflection=require_bool("deflection", deflection), band=band, run=scene.run)
-    return Advisor(scene, goal, positive("budget", budget)).advice()
+    return Advisor(scene, goal, positive("budget", budget), require_measure(measure)).advice()
+
+
+Measure = Literal["simulation", "explicit", "control"]
+"""What advice minimises."""
+
+
+def require_measure(value: str) -> Measure:
+    """Return the measure; errors as in `require_one_of`."""
+    measures: dict[Measure, Measure] = {"simulation": "simulation", "explicit": "explicit", "control": "control"}
+    return require_one_of("measure", value, measures)
 
 
 class Advisor:
     """Search for the cheapest model of one scene, and for the reasons."""
 
-    def __init__(self, scene: Scene, goal: Goal, budget: float) -> None:
-        self.scene, self.goal, self._started = scene, goal, thread_time()
+    def __init__(self, scene: Scene, goal: Goal, budget: float, measure: Measure = "simulation") -> None:
+        self.scene, self.goal, self.measure, self._started = scene, goal, measure, thread_time()
         self.runner, self.norm = ModelRunner(scene, budget), TipErrorNorm(goal, scene.run.spacing)
         self.axes, self.lines = all_axes(scene), list[str]()
         self.rigid: Outcome | None = None
@@ -191,7 +208,17 @@ class Advisor:
             outcome = rigid.cheapest_run(self.runner, self.rigid, tolerance, total)
             model = rigid.rigid_model(self.runner)
             return self._done(model, outcome, total(outcome.tip), tolerance, refinement.travel, limit)
-        search = Search(self.runner, LinkErrors(self.runner, self.norm, refinement), tolerance - known_to)
+        link_errors = LinkErrors(self.runner, self.norm, refinement)
+        if self.measure != "simulation":
+            explicit = self.measure == "explicit"
+            shapes = ShapeSearch(self.runner, link_errors, tolerance - known_to, explicit=explicit)
+            smallest = shapes.best()
+            if smallest is None:
+                return self._cannot(refinement, known)
+            self.lines += [line("tried", text) for text in shapes.lines]
+            found = smallest.model, smallest.outcome, smallest.error + known_to
+            return self._done(*found, tolerance, refinement.travel, limit)
+        search = Search(self.runner, link_errors, tolerance - known_to)
         best = search.best()
         if best is None:
             for level, outcome in refinement.models().items():
@@ -256,7 +283,8 @@ class Advisor:
         links = zip(self.scene.arm.links, model, strict=True)
         lines = [line("link", f"{link.name}: {bend or 'rigid'}") for link, bend in links]
         chain = self.runner.chain(model)
-        lines.append(line("moves in", f"{'a plane' if chain.is_planar else 'space'}, {chain.n} degrees of freedom"))
+        freedoms = f"{chain.freedoms} degrees of freedom"
+        lines.append(line("moves in", f"{'a plane' if chain.is_planar else 'space'}, {freedoms}"))
         return [*lines, line("step", self._steps(model, outcome))]
 
     def _steps(self, model: Model, outcome: Outcome) -> str:

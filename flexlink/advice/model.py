@@ -12,7 +12,7 @@ from flexlink.advice.families import GAUSS, rule_of
 from flexlink.common.errors import SceneError
 from flexlink.common.wording import truncated
 from flexlink.describe.arm import Arm
-from flexlink.describe.link import Link
+from flexlink.describe.link import AXES, Link
 from flexlink.describe.scene import Scene
 from flexlink.describe.strain_modes import StrainModes
 
@@ -29,7 +29,11 @@ class Bend(NamedTuple):
     modes: StrainModes | None = None
 
     def __str__(self) -> str:
-        return f"flex {self.flex}, {self.hinges} hinge{'s' * (self.hinges > 1)}, {self.rule}"
+        text = f"flex {self.flex}, {self.hinges} hinge{'s' * (self.hinges > 1)}, {self.rule}"
+        if self.modes is None:
+            return text
+        counts = ", ".join(f"{'xyz'[axis - 1]} {self.modes.of_axis(axis)}" for axis in AXES[self.flex])
+        return f"{text}; strain modes {counts}"
 
 
 Model = tuple[Bend | None, ...]

@@ -118,7 +118,8 @@ def shapes_of(chain: Chain, Φ: Array, first: Hinges, stop: Hinges) -> Shapes:
     inverse = np.ascontiguousarray(np.linalg.pinv(Φ).T)
     for j in range(Φ.shape[1]):  # other links have no share: their entries are rounding errors
         inverse[(first > j) | (stop <= j), j] = 0.0
-    found = Shapes(Φ, first, stop, inverse, moved_by(chain, Φ))
+    moves = moved_by(chain, Φ)
+    found = Shapes(Φ, first, stop, inverse, np.argmax(moves, axis=1), moves.astype(np.float64))
     for array in found:
         array.flags.writeable = False
     return found

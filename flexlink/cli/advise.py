@@ -2,6 +2,7 @@
 
 flexlink advise models/t3_spatial.toml --tip 1e-3 -o small.toml
 flexlink advise models/t3_spatial.toml --tip 2mm --band 20
+flexlink advise models/paper_fig5.toml --tip 1mm --for control
 """
 
 from __future__ import annotations
@@ -28,6 +29,10 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--budget", type=float, default=1.0, metavar="S", help="CPU time of one run's steps [s]; default: 1"
     )
+    command.add_argument(
+        "--for", dest="measure", choices=("simulation", "explicit", "control"), default="simulation",
+        help="least CPU time of the run (default of advise), or of explicit steps, or fewest coordinates (of reduce)",
+    )  # fmt: skip
     add_json(command)
     command.add_argument("-o", "--out", type=Path, help="write the scene with this model, ready to run (.toml)")
 
@@ -39,7 +44,8 @@ def run_command(options: argparse.Namespace) -> int:
         require_writable(options.out)
     tip = float(options.tip) if _is_number(options.tip) else options.tip
     with prefix_errors(options.scene):
-        advice = advise(scene, tip, deflection=options.deflection, band=options.band, budget=options.budget)
+        limits = {"deflection": options.deflection, "band": options.band, "budget": options.budget}
+        advice = advise(scene, tip, **limits, measure=options.measure)
     if options.json:
         print_json(_document(advice))
     else:

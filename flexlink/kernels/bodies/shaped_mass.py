@@ -27,10 +27,14 @@ from flexlink.kernels.bodies.plane import LINK
 from flexlink.kernels.geometry.kinematics import KinematicsWork, kinematics, kinematics_workspace
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import inlined, kernel, subroutine
-from flexlink.kernels.tools.lanes import put_vec_of, vec_of
+from flexlink.kernels.tools.lanes import vec_of
+from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.records import added, keep
 from flexlink.kernels.tools.sym3 import point_inertia, sym_add, sym_apply, sym_rotate, symmetric
-from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, apply, cross, dot, scale, sub, vector
+from flexlink.kernels.tools.vec3 import ZERO, add, apply, cross, scale, sub, vector
+
+LOAD = numbered("F:3 N:3 power")
+"""Rows of a force and moment of every shape; `power` is that of the hinge's motion."""
 
 
 class Shapes(NamedTuple):
@@ -40,7 +44,8 @@ class Shapes(NamedTuple):
     first: Any  # (n,) the shapes of hinge k are first … stop − 1
     stop: Any
     inverse: Any  # (n, m) transposed pseudo-inverse: the sum of shapes closest to q̇ has amplitudes Φ⁺ q̇
-    moves: Any  # (bodies, m) whether a shape moves a hinge of the body or of a body outboard
+    least: Any  # (bodies,) the first of these shapes:
+    moves: Any  # (bodies, m) 1.0 if a shape moves a hinge of the body or of a body outboard, else 0.0
 
 
 class ShapedMass(NamedTuple):
@@ -48,14 +53,14 @@ class ShapedMass(NamedTuple):
 
     placed: KinematicsWork
     outboard: Any  # (bodies, 10) m, h and J of a body and all bodies outboard
-    loads: Any  # (m, 6) F and N of every shape
+    loads: Any  # (7, m) F and N of every shape, rows `LOAD`
 
 
 @kernel
 def shaped_mass_workspace(chain, shapes):
     """Scratch of `mass_in_space`."""
     m = shapes.matrix.shape[1]
-    return ShapedMass(kinematics_workspace(chain), np.empty((len(chain.bodies), 10)), np.empty((m, 6)))
+    return ShapedMass(kinematics_workspace(chain), np.empty((len(chain.bodies), 10)), np.empty((LOAD.size, m)))
 
 
 @kernel
@@ -85,23 +90,30 @@ def mass_in_plane(links, trig, shapes, M, loads):
         vx, vy = σ * py, -σ * px
         fx, fy = mass * vx - σ * hy, mass * vy + σ * hx
         n = σ * J + hx * vy - hy * vx
-        for j in range(first[k], stop[k]):
-            add_half_in_plane(loads, 0.5 * Φ[k, j], j, fx, fy, n)
-        for l in range(len(loads)):  # shapes inboard have no loads yet
-            pull = vx * loads[l, 0] + vy * loads[l, 1] + σ * loads[l, 2]
-            for j in range(first[k], stop[k]):
-                M[j, l] += Φ[k, j] * pull
-        for j in range(first[k], stop[k]):
-            add_half_in_plane(loads, 0.5 * Φ[k, j], j, fx, fy, n)
+        add_half_in_plane(loads, Φ, k, first[k], stop[k], fx, fy, n)
+        for l in range(first[k], len(M)):
+            loads[LOAD.power, l] = vx * loads[0, l] + vy * loads[1, l] + σ * loads[5, l]
+        add_products(M, Φ, k, first[k], stop[k], loads[LOAD.power], first[k])
+        add_half_in_plane(loads, Φ, k, first[k], stop[k], fx, fy, n)
     add_transpose(M)
 
 
 @inlined
-def add_half_in_plane(loads, half, j, fx, fy, n):
-    """Add half of the force and moment of a hinge to those of its shape j."""
-    loads[j, 0] += half * fx
-    loads[j, 1] += half * fy
-    loads[j, 2] += half * n
+def add_half_in_plane(loads, Φ, k, first, stop, fx, fy, n):
+    """Add half of the force and moment of hinge k to those of its shapes."""
+    for j in range(first, stop):
+        half = 0.5 * Φ[k, j]
+        loads[0, j] += half * fx
+        loads[1, j] += half * fy
+        loads[5, j] += half * n
+
+
+@inlined
+def add_products(M, Φ, k, first, stop, power, least):
+    """M_jl += Φ_kj power_l for the shapes j of hinge k, and l from `least` on."""
+    for j in range(first, stop):
+        for l in range(least, len(power)):
+            M[j, l] += Φ[k, j] * power[l]
 
 
 @inlined
@@ -132,11 +144,11 @@ def mass_in_space(chain, q, shapes, M, work):
             f = add(scale(m, v), cross(ω, h))
             n = add(sym_apply(J, ω), cross(h, v))
             add_half(loads, Φ, k, shapes.first[k], shapes.stop[k], f, n)
-            for l in range(len(loads)):
-                if moves[i, l]:
-                    pull = dot(v, vec_of(loads, l, 0)) + dot(ω, vec_of(loads, l, 3))
-                    for j in range(shapes.first[k], shapes.stop[k]):
-                        M[j, l] += Φ[k, j] * pull
+            for l in range(shapes.least[i], len(M)):
+                power = v[0] * loads[0, l] + v[1] * loads[1, l] + v[2] * loads[2, l]
+                power += ω[0] * loads[3, l] + ω[1] * loads[4, l] + ω[2] * loads[5, l]
+                loads[LOAD.power, l] = moves[i, l] * power
+            add_products(M, Φ, k, shapes.first[k], shapes.stop[k], loads[LOAD.power], shapes.least[i])
             add_half(loads, Φ, k, shapes.first[k], shapes.stop[k], f, n)
     add_transpose(M)
 
@@ -157,13 +169,14 @@ def gather_bodies(bodies, origin, work):
                 outboard[parent, column] += outboard[i, column]
 
 
-@subroutine
+@inlined
 def add_half(loads, Φ, k, first, stop, f, n):
     """Add half of the force and moment of hinge k to those of its shapes."""
     for j in range(first, stop):
         half = 0.5 * Φ[k, j]
-        put_vec_of(loads, add_scaled(vec_of(loads, j, 0), half, f), j, 0)
-        put_vec_of(loads, add_scaled(vec_of(loads, j, 3), half, n), j, 3)
+        for x in range(3):
+            loads[x, j] += half * f[x]
+            loads[3 + x, j] += half * n[x]
 
 
 @subroutine
