@@ -209,21 +209,17 @@ class Advisor:
             model = rigid.rigid_model(self.runner)
             return self._done(model, outcome, total(outcome.tip), tolerance, refinement.travel, limit)
         link_errors = LinkErrors(self.runner, self.norm, refinement)
-        if self.measure != "simulation":
-            explicit = self.measure == "explicit"
-            shapes = ShapeSearch(self.runner, link_errors, tolerance - known_to, explicit=explicit)
-            smallest = shapes.best()
-            if smallest is None:
-                return self._cannot(refinement, known)
-            self.lines += [line("tried", text) for text in shapes.lines]
-            found = smallest.model, smallest.outcome, smallest.error + known_to
-            return self._done(*found, tolerance, refinement.travel, limit)
         search = Search(self.runner, link_errors, tolerance - known_to)
         best = search.best()
         if best is None:
             for level, outcome in refinement.models().items():
                 search.accept(level, outcome)
             best = search.solution
+        if self.measure != "simulation":
+            explicit = self.measure == "explicit"
+            shapes = ShapeSearch(self.runner, link_errors, tolerance - known_to, explicit=explicit)
+            best = shapes.best(best)
+            self.lines += [line("tried", text) for text in shapes.lines]
         if best is None:
             return self._cannot(refinement, known)
         return self._done(best.model, best.outcome, best.error + known_to, tolerance, refinement.travel, limit)

@@ -33,18 +33,22 @@ class ShapeSearch:
         self.stepping = Stepping("auto", tolerance=OF_STEPS * allowed)
         self.lines: list[str] = []
 
-    def best(self) -> Solution | None:
-        """The smallest solution; None if the error of no model is allowed."""
-        hinges = self._coarsest(1.0)
+    def best(self, cheapest: Solution | None) -> Solution | None:
+        """The smallest solution; None if the error of no model is allowed.
+
+        `cheapest` is the solution of `Search`, whose hinges move one by one.
+        """
+        hinges = [each for each in (self._coarsest(1.0), cheapest) if each is not None]
         shaped = self._shaped()
-        found = [each for each in (hinges, shaped) if each is not None]
-        if not found:
+        best: list[Solution] = []
+        for name, found in (("one by one", hinges), ("strain modes", [shaped] if shaped else [])):
+            if found:
+                best.append(min(found, key=lambda each: self.size(each.model)))
+                self.lines.append(f"{name}: {self._in_words(best[-1].model)}")
+        if not best:
             return None
-        for name, each in (("one by one", hinges), ("strain modes", shaped)):
-            if each is not None:
-                self.lines.append(f"{name}: {self._in_words(each.model)}")
-        best = min(found, key=lambda each: self.size(each.model))
-        return self._by_fixed_steps(best) if self.explicit else best
+        smallest = min(best, key=lambda each: self.size(each.model))
+        return self._by_fixed_steps(smallest) if self.explicit else smallest
 
     def size(self, model: Model) -> float:
         """The measure to minimise: coordinates or, for explicit methods, CPU time per simulated second [s]."""
