@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from flexlink.dynamics.vibration.modal import modes, natural_frequencies
     from flexlink.dynamics.vibration.stability import stable_step
     from flexlink.formats import to_mjcf, to_sdf, to_urdf
+    from flexlink.formats.code import to_c, to_casadi
     from flexlink.identification.fit import fit
     from flexlink.motion.batch import simulate_many
     from flexlink.motion.inputs.initial_state import initial_state
@@ -151,6 +152,8 @@ __all__ = [
     "strength",
     "sweep",
     "tip_position",
+    "to_c",
+    "to_casadi",
     "to_mjcf",
     "to_sdf",
     "to_urdf",
@@ -203,6 +206,7 @@ def __getattr__(name: str) -> object:
         "dynamics.vibration.modal": ["modes", "natural_frequencies"],
         "dynamics.vibration.stability": ["stable_step"],
         "formats": ["to_mjcf", "to_sdf", "to_urdf"],
+        "formats.code": ["to_c", "to_casadi"],
         "identification.fit": ["fit"],
         "motion.batch": ["simulate_many"],
         "motion.inputs.initial_state": ["initial_state"],

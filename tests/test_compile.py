@@ -18,7 +18,8 @@ from flexlink.kernels.tools.machine_code import PARTS, families_here, here
 
 NOT_KERNELS = {
     "check_fit", "compare", "compare_trajectories", "fit", "import_urdf", "initial_state", "invert", "load_fit",
-    "linearize_many", "load_scene", "load_sweep", "loop", "lump", "report", "rigidified", "sweep", "to_mjcf", "to_sdf",
+    "linearize_many", "load_scene", "load_sweep", "loop", "lump", "report", "rigidified", "sweep", "to_c", "to_casadi",
+    "to_mjcf", "to_sdf",
     "to_urdf",
 }  # fmt: skip
 """Functions that run only kernels which are precompiled for other functions."""

@@ -1,12 +1,14 @@
-"""`flexlink export`: Write scenes as MJCF, URDF or SDF, which other engines load exactly.
+"""`flexlink export`: Write scenes as MJCF, URDF or SDF, which other engines load exactly, or as C or CasADi code.
 
 flexlink export models/paper_fig5.toml --format urdf --out .
 flexlink export models/t3_spatial.toml --format sdf --small-mass 1e-9
+flexlink export models/paper_fig5.toml --c arm.c --casadi arm.py
 """
 
 from __future__ import annotations
 
 import argparse
+import functools
 import math
 from pathlib import Path
 
@@ -20,6 +22,7 @@ from flexlink.common.output import make_folder, write_text
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.formats import FORMATS
+from flexlink.formats.code import to_c, to_casadi
 from flexlink.formats.features import storage_note, unsupported
 from flexlink.formats.small_mass import added_inertia, with_small_mass
 from flexlink.motion.inputs.initial_state import initial_state
@@ -32,6 +35,9 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--out", type=Path, default=Path(), help="output folder, created if missing; default: the current one"
     )
+    command.add_argument("--c", type=Path, metavar="FILE", help="write the equations of motion as C code (.c)")
+    command.add_argument("--slopes", action="store_true", help="with --c: also write the derivatives of the rates")
+    command.add_argument("--casadi", type=Path, metavar="FILE", help="write them as Python code for CasADi (.py)")
     command.add_argument(
         "--strict", action="store_true", help="write nothing if a format cannot represent every feature of the scene"
     )
@@ -45,7 +51,7 @@ def run_command(options: argparse.Namespace) -> int:
     """Write files for all scenes, or none if there is an error, and print what the formats cannot represent."""
     if options.small_mass is not None:
         positive("--small-mass", options.small_mass)
-    texts: dict[Path, str] = {}
+    texts = _code(options)
     notes: list[str] = []
     for path in options.scenes:
         scene = varied_scene(path, options)
@@ -71,8 +77,21 @@ def run_command(options: argparse.Namespace) -> int:
 
 
 def _formats(options: argparse.Namespace) -> list[str]:
-    """Names of the requested formats."""
-    return list(dict.fromkeys(options.format or FORMATS))
+    """Names of the requested formats; by default all, or none if code is requested."""
+    return list(dict.fromkeys(options.format or ([] if options.c or options.casadi else FORMATS)))
+
+
+def _code(options: argparse.Namespace) -> dict[Path, str]:
+    """Texts of the requested code files, by path."""
+    c = functools.partial(to_c, slopes=options.slopes)
+    writers = {path: write for path, write in ((options.c, c), (options.casadi, to_casadi)) if path is not None}
+    if writers and len(options.scenes) > 1:
+        raise ArgumentError("--c, --casadi: one scene per file; export one at a time", id="would-overwrite")
+    texts = {}
+    for path, write in writers.items():
+        with prefix_errors(options.scenes[0]):
+            texts[path] = write(lump(varied_scene(options.scenes[0], options)))
+    return texts
 
 
 def _chain_and_state(

@@ -163,6 +163,8 @@ TABLE: dict[str, Call] = {
     "sweep": _sweep,
     "tip_position": _of_state(fl.tip_position, 1),
     "to_mjcf": lambda c, _: fl.to_mjcf(c.chain),
+    "to_c": lambda c, _: fl.to_c(c.chain, slopes=False),
+    "to_casadi": lambda c, _: fl.to_casadi(c.chain),
     "to_sdf": lambda c, _: fl.to_sdf(c.chain),
     "to_urdf": lambda c, _: fl.to_urdf(c.chain),
 }
