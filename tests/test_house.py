@@ -24,7 +24,7 @@ BARS = {
     "functions of more than 60 lines of code": 1, "lines of contracts": 56,
 }  # fmt: skip
 FEATURES = {
-    "slides": ("slides|prismatic", 97), "couplings": ("coupl", 67), "branches": ("branch", 50),
+    "slides": ("slides|prismatic", 98), "couplings": ("coupl", 67), "branches": ("branch", 50),
     "free base": ("free.base", 54), "rotation springs": ("rotation.spring", 21), "drag": ("drag", 25),
 }  # fmt: skip
 
