@@ -196,6 +196,8 @@ def test_modes_that_make_no_sense_are_refused() -> None:
         fl.modes(chain, locked=["a.2.z"])
     with refused(ArgumentError, "modes-not-supported"):
         fl.to_urdf(chain)
+    with refused(ArgumentError, "not-similar"):
+        fl.SimulatorBatch([with_modes(make_scene(flexible("a", "z", 5)), 2)] * 2)
     assert shaped_hinges(chain).tolist() == chain.bending.tolist()
 
 

@@ -91,7 +91,8 @@ class Chain(Layout):
         return Chain, tuple(getattr(self, field.name) for field in dataclasses.fields(self))
 
     def __repr__(self) -> str:
-        return f"<Chain {self.name!r}: {self.n} joints, {len(self.active)} of them driven; {self.mass:.6g} kg>"
+        shapes = "" if self.shapes is None else f" that move by {self.freedoms} shapes"
+        return f"<Chain {self.name!r}: {self.n} joints{shapes}, {len(self.active)} of them driven; {self.mass:.6g} kg>"
 
     def _repr_html_(self) -> str:
         hinges = self.hinges

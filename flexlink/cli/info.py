@@ -75,7 +75,7 @@ def _examined(scene: Scene) -> tuple[dict[str, Any], Modes | None]:
     bare = _without_structural_damping(chain)
     undamped = λ if bare is chain else fastest_eigenvalues(bare, q)
     return {
-        "scene": scene.name, "about": scene.about, "degrees_of_freedom": chain.n, "driven": len(chain.active),
+        "scene": scene.name, "about": scene.about, "degrees_of_freedom": chain.freedoms, "driven": len(chain.active),
         "mass_kg": float(chain.bodies["mass"].sum()),
         "joints": [{"name": chain.joint_name(k), "description": _kind(chain, k)} for k in range(chain.n)],
         "sensors": list(column_names(scene.sensor, scene.arm)) if scene.sensor else [],
@@ -91,7 +91,11 @@ def _show(about: Mapping[str, Any]) -> None:
     """Print the model: joints, sensors, frequencies, stable steps."""
     joints = about["joints"]
     print(f"{about['scene']}: {about['about']}" if about["about"] else about["scene"])
-    print(f"{plural(len(joints), 'degree')} of freedom, {about['driven']} driven; mass {about['mass_kg']:.6g} kg")
+    freedoms = about["degrees_of_freedom"]
+    stations = f" ({plural(len(joints), 'hinge')} move by strain modes)" if freedoms < len(joints) else ""
+    print(
+        f"{plural(freedoms, 'degree')} of freedom{stations}, {about['driven']} driven; mass {about['mass_kg']:.6g} kg"
+    )
     listed = 100
     for k, joint in enumerate(joints[:listed]):
         print(f"  {k:4d}  {joint['name']:<16} {joint['description']}")

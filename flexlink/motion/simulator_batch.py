@@ -317,7 +317,7 @@ def _similar(k: int, member: Member | FlexlinkError) -> Member:
     if not member.along:
         raise ArgumentError(
             f"scenes[{k}]: cannot be advanced side by side; expected fixed steps of an explicit method (run.step), "
-            "dynamics 'articulated', a fixed base, a constant wrench in frame 0, and no force elements",
+            "dynamics 'articulated', a fixed base, a constant wrench in frame 0, no force elements and no strain modes",
             id="not-similar",
         )
     return member

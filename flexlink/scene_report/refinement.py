@@ -153,7 +153,9 @@ class Refinement:
         steps = self.run.steps
         seconds = self.scale * run_cost(self.chain, steps.method, steps.evaluations) if steps else math.nan
         outcome = Outcome(self.run.tip, seconds, self.run, self.stepping(1.0))
-        return Choice("this scene", self.chain.n, self._steps_text(outcome), outcome, self.error(self.run.tip), seconds)
+        return Choice(
+            "this scene", self.chain.freedoms, self._steps_text(outcome), outcome, self.error(self.run.tip), seconds
+        )
 
     def choices(self) -> list[Choice]:
         """Return the scene's run, followed by the alternatives."""
@@ -180,7 +182,7 @@ class Refinement:
 
     def _choice(self, label: str, model: Model, stepping: Stepping) -> Choice:
         outcome = self.runner.run(model, stepping)
-        n = outcome.run.chain.n if outcome.run is not None else 0
+        n = outcome.run.chain.freedoms if outcome.run is not None else 0
         error = self.error(outcome.tip) if outcome.completed else math.nan
         return Choice(label, n, self._steps_text(outcome), outcome, error, self.scale * outcome.seconds)
 

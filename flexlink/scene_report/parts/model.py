@@ -30,7 +30,7 @@ def made(study: Study) -> Part:
     moves = "planar" if chain.is_planar else "spatial"
     size = (
         f"{plural(len(scene.arm.links), 'link')}, {number(length)} m from joint to joint, {number(mass)} kg. "
-        f"Model: {plural(chain.n, 'degree')} of freedom ({plural(len(chain.active), 'driven joint')}, "
+        f"Model: {plural(chain.freedoms, 'degree')} of freedom ({plural(len(chain.active), 'driven joint')}, "
         f"{plural(springs, 'spring')}), {moves} motion."
     )
     gravity = f"Gravity: ({', '.join(map(number, scene.gravity))}) m/s² in frame 0."
