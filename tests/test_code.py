@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.integrate
 from conftest import flexible, make_scene
 from test_strain_modes import random_shaped, with_modes
 
@@ -92,6 +93,26 @@ def test_slopes_on_the_tape_are_those_of_the_linear_model(modes: int | None) -> 
     linear = fl.linearize(chain, *state)
     wanted = np.hstack([linear.A, linear.B])
     assert np.abs(found - wanted).max() <= 1e-10 * np.abs(wanted).max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["Radau5", "DOP853"])
+def test_runs_with_strain_modes_equal_those_of_scipy_on_the_generated_equations(method: str) -> None:
+    """The tape shares no code with the kernels, and SciPy none with the steps."""
+    links = flexible("a", "yz", 5, joint=fl.Joint(armature=0.1)), flexible("b", "z", 3)
+    start = fl.InitialState(joint_deg=(10.0, -40.0), rate_deg=(20.0, 30.0))
+    scene = with_modes(make_scene(*links, gravity=(0.0, -9.81, 1.0), initial=start), 1)
+    scene = scene.varied({"run": fl.RunSettings(method=method, tolerance=1e-7, duration=0.2, sample=0.05)})
+    run = fl.simulate(scene)
+    model, back = model_of(run.chain), run.chain.shapes.inverse.T
+
+    def rate(_: float, x: np.ndarray) -> np.ndarray:
+        return computed(model.tape, np.append(x, [0.0, 0.0]), model.rate)
+
+    begin = np.append(back @ run.q[0], back @ run.qd[0])
+    found = scipy.integrate.solve_ivp(rate, (0.0, 0.2), begin, "LSODA", t_eval=run.t, rtol=1e-9, atol=1e-10)
+    tips = [computed(model.tape, np.append(x, [0.0, 0.0]), model.tip) for x in found.y.T]
+    assert np.abs(run.tip - tips).max() <= 2e-6
 
 
 @pytest.mark.slow
