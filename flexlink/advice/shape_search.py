@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from flexlink.advice.link_errors import LinkErrors
 from flexlink.advice.model import FLEX, Bend, Model, can_move
-from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
+from flexlink.advice.model_runner import ModelRunner, Stepping
 from flexlink.advice.search import Solution
 from flexlink.advice.thresholds import Thresholds
 from flexlink.describe.link import AXES
@@ -71,27 +71,23 @@ class ShapeSearch:
             return None
         most = min(bend.hinges for bend in stations.model if bend)
         for count in range(1, most + 1):
-            if solution := self._tried(
-                tuple(bend and bend._replace(modes=of_number(count)) for bend in stations.model)
-            ):
+            model = tuple(bend and bend._replace(modes=of_number(count)) for bend in stations.model)
+            if solution := self._tried(model, self.stepping):
                 return self._with_fewer(solution)
         return None
 
     def _with_fewer(self, solution: Solution) -> Solution:
         """Remove modes one by one as long as the error is allowed."""
-        again = True
-        while again:
-            again = False
-            for model in _fewer(solution.model):
-                if found := self._tried(model):
-                    solution, again = found, True
-                    break
+        for model in _fewer(solution.model):
+            if found := self._tried(model, self.stepping):
+                return self._with_fewer(found)
         return solution
 
-    def _tried(self, model: Model) -> Solution | None:
+    def _tried(self, model: Model, stepping: Stepping) -> Solution | None:
+        """The solution of a run; None if it fails or its error is not allowed."""
         if not can_move(self.runner.scene, model):
             return None
-        outcome = self.runner.run(model, self.stepping)
+        outcome = self.runner.run(model, stepping)
         error = self.link_errors.from_limit(outcome.tip)
         return Solution(model, outcome, error) if outcome.completed and error <= self.allowed else None
 
@@ -102,10 +98,8 @@ class ShapeSearch:
             stepping = self.runner.fixed_steps(part * longest)
             if stepping is None:
                 break
-            outcome: Outcome = self.runner.run(solution.model, stepping)
-            error = self.link_errors.from_limit(outcome.tip)
-            if outcome.completed and error <= self.allowed:
-                return Solution(solution.model, outcome, error)
+            if found := self._tried(solution.model, stepping):
+                return found
         return solution
 
     def _in_words(self, model: Model) -> str:

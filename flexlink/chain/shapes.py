@@ -42,6 +42,9 @@ def with_shapes(chain: Chain, scene: Scene) -> Chain:
     shaped = [(k, link, modes) for k, link in enumerate(scene.arm.links, 1) if (modes := link.strain_modes) is not None]
     if not shaped:
         return chain
+    M, K = np.zeros((chain.n, chain.n)), chain.matrix("stiffness")
+    mass_upper(chain.arrays, np.zeros(chain.n), M)
+    places = np.cumsum(chain.lengths)[np.searchsorted(chain.bodies["stop"], np.arange(chain.n), side="right")]
     parts: list[tuple[Hinges, Array]] = []
     for number, link, modes in shaped:
         for axis in AXES[link.flex]:
@@ -53,7 +56,15 @@ def with_shapes(chain: Chain, scene: Scene) -> Chain:
                     f"direction; use at most {len(hinges)} modes, or more segments",
                     id="too-many-modes",
                 )
-            parts.append((hinges, scaled(SHAPES[modes.shapes](chain, hinges, count))))
+            block = np.ix_(hinges, hinges)
+            try:
+                shapes = SHAPES[modes.shapes](places[hinges], K[block], M[block], count)
+            except np.linalg.LinAlgError:
+                raise SceneError(
+                    f"link {link.name!r}: modes: a hinge moves no inertia; use modes.shapes = 'polynomials'",
+                    id="hinge-without-inertia",
+                ) from None
+            parts.append((hinges, scaled(shapes)))
     return dataclasses.replace(chain, shapes=joined(chain, parts))
 
 
@@ -67,30 +78,21 @@ def is_bent(coordinate: Coordinate, link: int, axis: int) -> bool:
     return coordinate.link == link and coordinate.segment > 0 and coordinate.axis == axis
 
 
-def eigenmodes(chain: Chain, hinges: Hinges, count: int) -> Array:
-    """Angles of the `count` slowest modes of these hinges (h, count), all other joints locked at zero."""
-    M, block = np.zeros((chain.n, chain.n)), np.ix_(hinges, hinges)
-    mass_upper(chain.arrays, np.zeros(chain.n), M)
-    try:
-        return np.asarray(scipy.linalg.eigh(chain.matrix("stiffness")[block], M[block])[1][:, :count])
-    except np.linalg.LinAlgError:
-        raise SceneError(
-            f"link {chain.link_names[chain.coordinates[hinges[0]].link - 1]!r}: modes: a hinge moves no inertia; use "
-            "modes.shapes = 'polynomials'",
-            id="hinge-without-inertia",
-        ) from None
+def eigenmodes(x: Array, K: Array, M: Array, count: int) -> Array:
+    """Angles of the `count` slowest modes K φ = ω² M φ of a link's hinges, all other joints locked, (h, count)."""
+    return np.asarray(scipy.linalg.eigh(K, M)[1][:, :count])
 
 
-def polynomials(chain: Chain, hinges: Hinges, count: int) -> Array:
+def polynomials(x: Array, K: Array, M: Array, count: int) -> Array:
     """Angles due to moments that are Legendre polynomials along the link, of degree 0 … count − 1, (h, count)."""
-    x = np.cumsum(chain.lengths)[np.searchsorted(chain.bodies["stop"], hinges, side="right")]
     span = x[-1] - x[0] or 1.0
     moments = np.polynomial.legendre.legvander(2 * (x - x[0]) / span - 1, count - 1)
-    return np.asarray(np.linalg.solve(chain.matrix("stiffness")[np.ix_(hinges, hinges)], moments))
+    return np.asarray(np.linalg.solve(K, moments))
 
 
-SHAPES: dict[str, Callable[[Chain, Hinges, int], Array]] = {"eigenmodes": eigenmodes, "polynomials": polynomials}
-"""Families of shapes by name: functions of a chain, the hinges of a link in one direction, and the number of shapes."""
+SHAPES: dict[str, Callable[[Array, Array, Array, int], Array]] = {"eigenmodes": eigenmodes, "polynomials": polynomials}
+"""Families of shapes by name: functions of the places of a link's hinges along it [m], their stiffness and inertia, and
+the number of shapes."""
 
 
 def scaled(shapes: Array) -> Array:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import functools
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 from flexlink.chain.arguments import positive
@@ -51,12 +52,14 @@ def run_command(options: argparse.Namespace) -> int:
     """Write files for all scenes, or none if there is an error, and print what the formats cannot represent."""
     if options.small_mass is not None:
         positive("--small-mass", options.small_mass)
-    texts = _code(options)
+    code = _code_writers(options)
+    texts: dict[Path, str] = {}
     notes: list[str] = []
     for path in options.scenes:
         scene = varied_scene(path, options)
         with prefix_errors(path):
             chain, state = _chain_and_state(path, scene, options, notes)
+            texts |= {target: write(chain) for target, write in code.items()}
         for name in _formats(options):
             target = options.out / (path.stem + FORMATS[name].ending)
             if target in texts:
@@ -81,17 +84,13 @@ def _formats(options: argparse.Namespace) -> list[str]:
     return list(dict.fromkeys(options.format or ([] if options.c or options.casadi else FORMATS)))
 
 
-def _code(options: argparse.Namespace) -> dict[Path, str]:
-    """Texts of the requested code files, by path."""
-    c = functools.partial(to_c, slopes=options.slopes)
-    writers = {path: write for path, write in ((options.c, c), (options.casadi, to_casadi)) if path is not None}
+def _code_writers(options: argparse.Namespace) -> dict[Path, Callable[[Chain], str]]:
+    """Writers of the requested code files, by path."""
+    both = (options.c, functools.partial(to_c, slopes=options.slopes)), (options.casadi, to_casadi)
+    writers: dict[Path, Callable[[Chain], str]] = {path: write for path, write in both if path is not None}
     if writers and len(options.scenes) > 1:
         raise ArgumentError("--c, --casadi: one scene per file; export one at a time", id="would-overwrite")
-    texts = {}
-    for path, write in writers.items():
-        with prefix_errors(options.scenes[0]):
-            texts[path] = write(lump(varied_scene(options.scenes[0], options)))
-    return texts
+    return writers
 
 
 def _chain_and_state(

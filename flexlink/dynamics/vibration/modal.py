@@ -188,9 +188,7 @@ def modes(
         found = _lowest(chain, state, few)
     (λ, vectors, rounding), loads = _all(chain, state) if found is None else found
     λ, vectors, rounding = λ[:few], vectors[:, :few], rounding[:few]
-    shapes = expanded(scaled(vectors), chain, free)
-    if chain.shapes is not None:
-        shapes = scaled(shapes.T).T
+    shapes = scaled(expanded(vectors, chain, free).T).T
     points = frames(chain, q).points
     friction = damping_slope(chain)[free]
     coupled = _coupled_energy(chain, λ, shapes)

@@ -93,9 +93,13 @@ def _function(model: Model, head: str, results: Mapping[str, Sequence[Number | f
     check_length(model.tape, model.chain)
     names = inputs_of(model)
     lines = [f"    {line}" for line in statements(model.tape, results.values(), names, "const double t{} = {};")]
-    for array, values in results.items():
-        lines += [f"    {array}[{k}] = {operand(value, names)};" for k, value in enumerate(values)]
-    return head + "\n{\n" + "\n".join(lines) + "\n}"
+    return head + "\n{\n" + "\n".join([*lines, *_written(results, names)]) + "\n}"
+
+
+def _written(results: Mapping[str, Sequence[Number | float]], names: dict[int, str]) -> list[str]:
+    """Assignments of the results to their arrays."""
+    every = ((array, k, value) for array, values in results.items() for k, value in enumerate(values))
+    return [f"    {array}[{k}] = {operand(value, names)};" for array, k, value in every]
 
 
 BLOCK = 1000
@@ -104,6 +108,7 @@ BLOCK = 1000
 
 def _in_blocks(model: Model, head: str, name: str, results: Mapping[str, Sequence[Number | float]]) -> str:
     """A function that writes arrays, divided into short functions that share an array of intermediate results."""
+    check_length(model.tape, model.chain)
     names = inputs_of(model)
     lines = statements(model.tape, results.values(), names, "t[{}] = {};", place="t[{}]")
     blocks = [lines[first : first + BLOCK] for first in range(0, len(lines), BLOCK)]
@@ -113,12 +118,7 @@ def _in_blocks(model: Model, head: str, name: str, results: Mapping[str, Sequenc
         for k, block in enumerate(blocks)
     ]
     calls = [f"    {name}_{k}(x, u, t);" for k in range(len(blocks))]
-    written = [
-        f"    {array}[{k}] = {operand(value, names)};"
-        for array, values in results.items()
-        for k, value in enumerate(values)
-    ]
-    body = "\n".join([f"    double t[{max(len(lines), 1)}];", *calls, *written])
+    body = "\n".join([f"    double t[{max(len(lines), 1)}];", *calls, *_written(results, names)])
     return "\n\n".join([*parts, f"{head}\n{{\n{body}\n}}"])
 
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
+from flexlink.dynamics.free_motion import all_motions
 from flexlink.formats.code.placed import Placed
 from flexlink.formats.code.tape import Number, Tape, function
 from flexlink.formats.code.vectors import (
@@ -196,14 +197,9 @@ def _accelerate(arm: Placed, hinges: list[tuple[Vector, Vector, Real, Real]]) ->
     return found
 
 
-def _motions(chain: Chain) -> Any:
-    """Φ (n, m); the identity for hinges that move one by one."""
-    return np.eye(chain.n) if chain.shapes is None else chain.shapes.matrix
-
-
 def _mass(arm: Placed) -> list[list[Real]]:
     """Lower triangle of Φᵀ M Φ, with rotors."""
-    chain, Φ = arm.chain, _motions(arm.chain)
+    chain, Φ = arm.chain, all_motions(arm.chain)
     rotors, M = Φ.T @ (chain.hinges["armature"][:, None] * Φ), list[list[Real]]()
     columns = [_newton_euler(arm, column, moves=False) for column in Φ.T.tolist()]
     for j in range(Φ.shape[1]):
@@ -224,7 +220,7 @@ def _projected(arm: Placed, T: list[Real]) -> list[Real]:
     """z̈ of the shapes."""
     still = _newton_euler(arm, [0.0] * arm.chain.n, moves=True)
     left = [own - bias for own, bias in zip(T, still, strict=True)]
-    return _solved(_mass(arm), [_along(shape, left) for shape in _motions(arm.chain).T])
+    return _solved(_mass(arm), [_along(shape, left) for shape in all_motions(arm.chain).T])
 
 
 def slopes_of(model: Model) -> tuple[list[list[Real]], list[list[Real]]]:
@@ -232,7 +228,7 @@ def slopes_of(model: Model) -> tuple[list[list[Real]], list[list[Real]]]:
     chain, m, tape = model.chain, model.chain.freedoms, model.tape
     z, zd, zdd = model.x[:m], model.x[m:], model.rate[m:]
     q, qd = _joints(chain, z, chain.rest.tolist()), _joints(chain, zd, [0.0] * chain.n)
-    arm, Φ = Placed(chain, q, qd), _motions(chain)
+    arm, Φ = Placed(chain, q, qd), all_motions(chain)
     qdd = [_along(row, zdd) for row in Φ]
     T, torque = _torques(chain, q, qd, model.u), _newton_euler(arm, qdd, moves=True)  # rotors have constant torques
     left = [_along(shape, [own - asked for own, asked in zip(T, torque, strict=True)]) for shape in Φ.T]

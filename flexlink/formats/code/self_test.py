@@ -10,6 +10,7 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.dynamics.accelerations import forward_dynamics
+from flexlink.dynamics.free_motion import all_motions
 from flexlink.dynamics.placement import tip_position
 
 COUNT = 3
@@ -30,11 +31,9 @@ class Case(NamedTuple):
 def cases(chain: Chain) -> list[Case]:
     """Random states of small deflections, with ẋ and tip from the solver of `simulate`."""
     rng, found = np.random.default_rng(0), list[Case]()
-    shapes = None if chain.shapes is None else chain.shapes.matrix
-    Φ = np.eye(chain.n) if shapes is None else shapes
-    back = np.eye(chain.n) if chain.shapes is None else chain.shapes.inverse.T
+    Φ = all_motions(chain)
+    rest, back = (0.0, Φ) if chain.shapes is None else (chain.rest, chain.shapes.inverse.T)
     bend = 0.1 / np.maximum(1.0, np.abs(Φ).sum(axis=0))
-    rest = np.zeros(chain.n) if shapes is None else chain.rest
     for _ in range(COUNT):
         z, zd, u = (
             bend * rng.normal(size=chain.freedoms),
