@@ -12,7 +12,7 @@ from flexlink.advice.families import GAUSS, rule_of
 from flexlink.common.errors import SceneError
 from flexlink.common.wording import truncated
 from flexlink.describe.arm import Arm
-from flexlink.describe.link import AXES, Link
+from flexlink.describe.link import AXES, RIGID, Link
 from flexlink.describe.scene import Scene
 from flexlink.describe.strain_modes import StrainModes
 
@@ -111,7 +111,7 @@ def with_model(scene: Scene, model: Model) -> Scene:
 
 def _divided(link: Link, bend: Bend | None) -> Link:
     if bend is None:
-        return replace(link, flex="rigid", segments=1, modes=None, lumping="gauss") if link.flex != "rigid" else link
+        return replace(link, lumping="gauss", **RIGID) if link.flex != "rigid" else link
     return replace(link, flex=bend.flex, segments=bend.hinges + 1, modes=bend.modes, lumping=bend.rule)
 
 

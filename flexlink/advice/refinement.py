@@ -188,6 +188,7 @@ class RefinementStudy:
             return
         if (
             not self.levels["lobatto"]
+            and not any(link.strains for link in self.runner.scene.arm.links)  # cells neither shear nor stretch
             and may_pay(self.runner.scene.arm, last, hinges)
             and self._is_better("lobatto", (4, 8, 12))
         ):

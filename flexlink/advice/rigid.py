@@ -90,7 +90,7 @@ def estimate(runner: ModelRunner, strict: Outcome, axes: Axes, norm: TipErrorNor
     chain = runner.chain(model)
     q, qd, qdd = (_spread(run.chain, chain, values) for values in (run.q, run.qd, run.qdd))
     loads = inverse_dynamics(chain, q, qd, qdd, tip_wrench=run.tip_wrench) + force_torque(chain, q, qd)
-    bent = np.array([c.segment > 0 for c in chain.coordinates])
+    bent = np.array([c.bends for c in chain.coordinates])
     θ = np.zeros_like(q)
     θ[:, bent] = np.clip(deflections(chain, -loads)[:, bent], -1.0, 1.0)  # [rad]; larger values do not matter
     u = tip_position(chain, q + θ) - run.tip

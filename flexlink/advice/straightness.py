@@ -33,7 +33,7 @@ def load_and_bend(arm: Arm, run: Trajectory) -> float:
     force = np.abs(few.loads.force[..., 0])
     found = [0.0]
     for number, link in enumerate(arm.links, 1):
-        hinges = [k for k, c in enumerate(chain.coordinates) if c.link == number and c.segment]
+        hinges = [k for k, c in enumerate(chain.coordinates) if c.link == number and c.bends]
         if hinges:
             γ = force[:, [chain.body(k) for k in hinges]].max(axis=1) * link.beam.length**2 / _least_rigidity(arm, link)
             found.append(float((γ + 2 * _bend(chain, few.q, hinges)).max()))

@@ -1,4 +1,4 @@
-"""Add the segments and hinges of a beam at the running frame of a builder, with the springs of these hinges.
+"""Add the segments, hinges and slides of a beam at the running frame of a builder, with their springs.
 
 Spring constants are computed from the rigidities of sections, or from the integrals of a table.
 """
@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.beam_segments import segments_of
+from flexlink.chain.beam_slides import Slides, Stations, stations_of
 from flexlink.chain.builder import Builder
 from flexlink.chain.compliance import cell_constants, spring_constants
-from flexlink.chain.coordinates import Coordinate
+from flexlink.chain.coordinates import STRETCH, Coordinate
 from flexlink.chain.section_beam import SectionBeam
 from flexlink.chain.table_beam import TableBeam
 from flexlink.common.errors import SceneError
@@ -23,7 +24,7 @@ from flexlink.describe.arm import Arm
 from flexlink.describe.link import AXES, Link
 from flexlink.describe.schemes.cells import Cells
 from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
-from flexlink.kernels.layout import SPRINGS
+from flexlink.kernels.layout import SLIDES, SPRINGS
 
 TWIST = 1  # number of the twist axis in a `Coordinate`
 PAIR = 2  # number of hinges in cells whose springs act on the curvature of the rotation between them
@@ -76,46 +77,85 @@ class Springs(NamedTuple):
 
 def add_beam(
     builder: Builder, link: Link, number: int, beam: SectionBeam | TableBeam, nodes: Array, weights: Array
-) -> list[Springs]:
-    """Add segments and hinges of a beam along the x axis of the running frame; return its springs."""
-    rule, first = lumping_rule(link.lumping), len(builder.hinges)
-    friction = (link.friction.coulomb, link.friction.coulomb_width) if link.friction else ()
-    rotors = _twist_rotors(link, rule, beam, nodes, weights).tolist()
-    places: dict[tuple[int, int], int] = {}  # (axis, hinge along the beam) → index in the chain
-    for segment, (body, part, end) in enumerate(segments_of(link, rule, beam, nodes)):
+) -> list[Springs | Slides]:
+    """Add segments, hinges and slides of a beam along the x axis of the running frame; return its springs."""
+    rule, segments = lumping_rule(link.lumping), segments_of(link, lumping_rule(link.lumping), beam, nodes)
+    rotors, stations = np.zeros((3, len(nodes))), None
+    if link.strains and isinstance(beam, SectionBeam):
+        stations = stations_of(link, beam, nodes, weights, [body for body, _, _ in segments])
+        rotors = stations.inertias
+    rotors[TWIST - 1] += _twist_rotors(link, rule, beam, nodes, weights)
+    hinges: Places = {}
+    slides: Places = {}
+    for segment, (body, part, end) in enumerate(segments):
+        if segment and stations is not None and segment % 2:
+            slides |= _add_slides(builder, number, segment, stations)
         if segment:
-            builder.start_body()
-            backward = rule.alternate_axes and segment % 2 == 0
-            for axis in AXES[link.flex][:: -1 if backward else 1]:
-                places[axis - 1, segment - 1] = len(builder.hinges)
-                rotor = rotors[segment - 1] if axis == TWIST else 0.0
-                coordinate = Coordinate(number, segment, axis)
-                builder.add_hinge(coordinate, axis - 1, 0.0, 0.0, *friction, armature=rotor)
-            if rule.springs == "rotation" and AXES[link.flex] == AXES["xyz"]:
-                builder.body.springs = _springs_of(rule, segment - 1)
+            hinges |= _add_hinges(builder, link, number, segment, rule, rotors[:, segment - 1].tolist())
+        if segment and stations is not None and not segment % 2:
+            slides |= _add_slides(builder, number, segment, stations)
         if body is not None:
             builder.add(body)
         builder.advance(number, part, end)
-    if not places:
+    if not hinges:
         return []
-    rows = np.arange(first, len(builder.hinges))
+    springs = _springs(builder, link, beam, nodes, weights, hinges)
+    return [springs] if stations is None else [springs, stations.springs(link, slides)]
+
+
+Places = dict[tuple[int, int], int]
+"""(axis from 0, station along the beam from 0) → index in the chain."""
+
+
+def _add_hinges(
+    builder: Builder, link: Link, number: int, segment: int, rule: LumpingRule, rotors: list[float]
+) -> Places:
+    """Add a body with the hinges before a segment."""
+    builder.start_body()
+    places, backward = {}, rule.alternate_axes and segment % 2 == 0
+    friction = (link.friction.coulomb, link.friction.coulomb_width) if link.friction else ()
+    for axis in AXES[link.flex][:: -1 if backward else 1]:
+        places[axis - 1, segment - 1] = len(builder.hinges)
+        coordinate = Coordinate(number, segment, axis)
+        builder.add_hinge(coordinate, axis - 1, 0.0, 0.0, *friction, armature=rotors[axis - 1])
+    if rule.springs == "rotation" and AXES[link.flex] == AXES["xyz"]:
+        builder.body.springs = _springs_of(rule, segment - 1)
+    return places
+
+
+def _add_slides(builder: Builder, number: int, segment: int, stations: Stations) -> Places:
+    """Add a body with the slides at the station before a segment."""
+    builder.start_body()
+    places: Places = {}
+    for axis in stations.axes:
+        places[axis, segment - 1] = len(builder.hinges)
+        at, matched = Coordinate(number, segment, STRETCH + axis), float(stations.masses[axis, segment - 1])
+        builder.add_hinge(at, SLIDES + axis, armature=matched)
+    return places
+
+
+def _springs(
+    builder: Builder, link: Link, beam: SectionBeam | TableBeam, nodes: Array, weights: Array, places: Places
+) -> Springs:
+    """Springs of a beam's hinges, and their couplings in cells."""
+    rule, rows = lumping_rule(link.lumping), np.array(list(places.values()), dtype=np.intp)
     among = np.array([axis * len(nodes) + hinge for axis, hinge in places], dtype=np.intp)
     if rule.cells is None:
         none = slice(len(builder.couplings), len(builder.couplings)), np.empty((0, 3), np.intp)
         if isinstance(beam, TableBeam):
             k = spring_constants(beam, rule, nodes, weights).reshape(-1)[among]
-            return [Springs(link, np.empty((4, 0)), np.empty(0), rows, among, None, *none, (k, np.empty(0)))]
-        return [Springs(link, beam.sections(nodes), weights * beam.length, rows, among, None, *none)]
+            return Springs(link, np.empty((4, 0)), np.empty(0), rows, among, None, *none, (k, np.empty(0)))
+        return Springs(link, beam.sections(nodes), weights * beam.length, rows, among, None, *none)
     coupled, pairs = _couple(builder, rule.cells, places)
     if isinstance(beam, TableBeam):
         K, (axis, cell, pair) = cell_constants(beam, rule.cells, len(nodes)), pairs.T
         i, j = np.array(rule.cells.cell.pairs).T
         given = K.diagonal(axis1=2, axis2=3).reshape(-1)[among], K[axis, cell, i[pair], j[pair]]
-        return [Springs(link, np.empty((4, 0)), np.empty(0), rows, among, rule.cells, coupled, pairs, given)]
+        return Springs(link, np.empty((4, 0)), np.empty(0), rows, among, rule.cells, coupled, pairs, given)
     cell, count = rule.cells.cell, len(nodes) // rule.cells.hinges
     sections = beam.sections(rule.cells.gauss_points(len(nodes)))
     lengths = beam.length / count / np.tile(cell.weights, count)
-    return [Springs(link, sections, lengths, rows, among, rule.cells, coupled, pairs)]
+    return Springs(link, sections, lengths, rows, among, rule.cells, coupled, pairs)
 
 
 def _springs_of(rule: LumpingRule, hinge: int) -> int:

@@ -13,6 +13,8 @@ ROOT = 4
 """Axis in a `Coordinate` for the root spring about X; the next two are for the springs about Y and Z."""
 LAG = ROOT + 3
 """Axis in a `Coordinate` for the internal coordinate of a joint's lagging friction."""
+STRETCH = LAG + 1
+"""Axis in a `Coordinate` for the slide of a beam along X; the next two are for slides along Y and Z."""
 
 
 class Coordinate(NamedTuple):
@@ -20,7 +22,8 @@ class Coordinate(NamedTuple):
 
     (link, 0, 3) is the hinge of an elastic gear, about the joint's axis; (link, 0, 4) … (link, 0, 6) are the hinges of
     root springs about X, Y, Z; (link, 0, 7) is an internal coordinate, whose rate is the state of the joint's lagging
-    friction. (0, 0, 1) … (0, 0, 6) are the joints of a free base: three along X, Y, Z and three about them.
+    friction; (link, segment, 8) … (link, segment, 10) are the slides of a beam that stretches along X and shears along
+    Y and Z. (0, 0, 1) … (0, 0, 6) are the joints of a free base: three along X, Y, Z and three about them.
     """
 
     link: int
@@ -36,6 +39,16 @@ class Coordinate(NamedTuple):
     def of_root(self) -> bool:
         """Whether the coordinate is a hinge of a link's root spring."""
         return self.link > 0 and ROOT <= self.axis < LAG
+
+    @property
+    def bends(self) -> bool:
+        """Whether the coordinate is the angle of a hinge within a beam, bending or twist."""
+        return self.segment > 0 and self.axis < STRETCH
+
+    @property
+    def strains(self) -> bool:
+        """Whether the coordinate is a slide within a beam, stretch or shear."""
+        return self.axis >= STRETCH
 
 
 @functools.lru_cache(maxsize=64)
@@ -54,6 +67,8 @@ def _hinge_name(coordinate: Coordinate) -> str:
         return free_base.NAMES[axis - 1]
     if axis == LAG:
         return "lag"
+    if axis >= STRETCH:
+        return f"{segment}.{('stretch', 'shear.y', 'shear.z')[axis - STRETCH]}"
     if axis >= ROOT:
         return f"root.{'xyz'[axis - ROOT]}"
     return "gear" if axis and not segment else f"{segment}.{' xyz'[axis]}"

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.arguments import integer, number_of, require_type
-from flexlink.chain.coordinates import LAG, Coordinate, joint_names
+from flexlink.chain.coordinates import LAG, STRETCH, Coordinate, joint_names
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
@@ -110,10 +110,15 @@ class Layout:
 
     @functools.cached_property
     def bending(self) -> NDArray[np.intp]:
-        """Sequential indices of the hinges within links."""
-        bending = np.array([k for k, c in enumerate(self.coordinates) if c.segment], dtype=np.intp)
+        """Sequential indices of the hinges within links, whose coordinates are angles."""
+        bending = np.array([k for k, c in enumerate(self.coordinates) if c.bends], dtype=np.intp)
         bending.flags.writeable = False
         return bending
+
+    @property
+    def slightly_bent(self) -> Array:
+        """Angles of an arm in which no two axes are parallel [rad], with beams neither stretched nor sheared, (n,)."""
+        return np.where([c.strains for c in self.coordinates], 0.0, np.linspace(0.1, 0.4, self.n))
 
     @functools.cached_property
     def axes(self) -> Array:
@@ -210,7 +215,7 @@ class Layout:
         1 upper.1.z
         """
         number = 0 if number_of(link) == 0 and self.has_free_base else link_number("link", link, self.link_names)
-        wanted = Coordinate(number, integer("segment", segment, 0), integer("axis", axis, 0, LAG))
+        wanted = Coordinate(number, integer("segment", segment, 0), integer("axis", axis, 0, STRETCH + 2))
         if wanted not in self._sequential:
             known = truncated(sorted(tuple(c) for c in self.coordinates if c.link == wanted.link))
             raise ArgumentError(

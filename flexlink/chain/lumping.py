@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from flexlink.chain import free_base
 from flexlink.chain.arguments import require_type
 from flexlink.chain.beam_hinges import Springs, add_beam
+from flexlink.chain.beam_slides import Slides
 from flexlink.chain.builder import Builder, Piece, record_inertia, recorded
 from flexlink.chain.chain import Chain
 from flexlink.chain.constant_ratio import posture_of, with_constant_ratios
@@ -130,7 +131,7 @@ class Frame:
     hinges: NDArray[np.void]
     couplings: NDArray[np.void]
     builder: Builder
-    springs: tuple[Springs, ...]
+    springs: tuple[Springs | Slides, ...]
     chain: Chain  # the latest chain built from the frame; its cached layout data are reused
 
     @property
@@ -156,7 +157,8 @@ def _framed(scene: Scene, beams: Sequence[SectionBeam | TableBeam | None]) -> Fr
     """Build bodies, hinges and pieces, from the base outward to the tip frames."""
     arm, builder, initial = scene.arm, Builder(), scene.initial
     moved = {arm.number(motion.link) for motion in scene.motion}
-    springs, ends, tips = [], {}, {}
+    springs: list[Springs | Slides] = []
+    ends, tips = {}, {}
     placed, ends_of_arm = hinges_of(arm), arm.tips
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # `lump` refuses such values by name
         _add_base(builder, scene)
@@ -279,13 +281,13 @@ def _add_lags(builder: Builder, arm: Arm) -> None:
 
 def _add_line(
     builder: Builder, link: Link, number: int, beam: SectionBeam | TableBeam | None, nodes: Array, weights: Array
-) -> list[Springs]:
+) -> list[Springs | Slides]:
     """Add the part between a link's joint and its end: the beam, and the end body."""
     start, length, frame = link.beam
     builder.move(start)
     _add_root(builder, link, number)
     builder.turn(frame)
-    springs = []
+    springs: list[Springs | Slides] = []
     if beam is None:
         builder.advance(number, (0.0, 1.0), np.array([length, 0, 0]))
     else:

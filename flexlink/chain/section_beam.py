@@ -45,16 +45,28 @@ class SectionBeam:
         return self.density * self.sections(x)[1:3]
 
     def polar_moments(self, nodes: Array) -> tuple[Array, Array]:
-        """∫ p dx and ∫ x p dx, p = ρ (I_y + I_z) L, from each node to the next, and from the last to the end [kg m²].
+        """∫ p dx and ∫ x p dx, p = ρ (I_y + I_z) L, from each node to the next, or from the last to the end [kg m²]."""
+        x, weight, (_, i_y, i_z, _) = self._beyond(nodes)
+        polar = weight * (i_y + i_z)
+        return polar.sum(axis=1), (x * polar).sum(axis=1)
 
-        Integrated with four Gauss points, as in `slices`.
-        """
+    def moments(self, nodes: Array) -> tuple[Array, Array]:
+        """As `polar_moments` for p = ρ L (A, I_y, I_z), (3, N) each [kg, kg m²]."""
+        x, weight, sections = self._beyond(nodes)
+        p = weight * sections[:3]
+        return p.sum(axis=-1), (x * p).sum(axis=-1)
+
+    def _beyond(self, nodes: Array) -> tuple[Array, Array, Array]:
+        """Four Gauss points from each node to the next or to the end, as in `slices`; ρ L dx, and sections there."""
         edges = np.append(nodes, 1.0)
         half = np.diff(edges)[:, None] / 2
         x = edges[:-1, None] + half * (1 + GAUSS_NODES)
-        _, i_y, i_z, _ = self.sections(x)
-        polar = half * GAUSS_WEIGHTS * self.density * self.length * (i_y + i_z)
-        return polar.sum(axis=1), (x * polar).sum(axis=1)
+        return x, half * GAUSS_WEIGHTS * self.density * self.length, self.sections(x)
+
+    def shear_factors(self, x: Array) -> Array:
+        """Shear correction factors κ for forces along y and z at every x, (2, N); nan if the section has no shape."""
+        known = [self.root.shear_factors(self.tip, position) for position in x.tolist()]
+        return np.transpose([(np.nan, np.nan) if factors is None else factors for factors in known])
 
     def masses(self, start: Array, end: Array) -> Array:
         """∫ ρA dx from each start to its end [kg], (N,), negative if the end is before the start."""

@@ -75,7 +75,7 @@ def hinges_of(chain: Chain, link: int, axis: int) -> Hinges:
 
 def is_bent(coordinate: Coordinate, link: int, axis: int) -> bool:
     """Whether a coordinate is a hinge of the beam of this link in this direction."""
-    return coordinate.link == link and coordinate.segment > 0 and coordinate.axis == axis
+    return coordinate.link == link and coordinate.bends and coordinate.axis == axis
 
 
 def eigenmodes(x: Array, K: Array, M: Array, count: int) -> Array:

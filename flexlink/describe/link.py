@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 import numpy as np
@@ -17,11 +17,13 @@ from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
 from flexlink.describe.material import Damping, Friction
 from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.root import ROOT_AXES, RootDamping, RootStiffness
-from flexlink.describe.spec import NonNegative, Spec, Vector3, measured_in
+from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, measured_in
 from flexlink.describe.strain_modes import StrainModes, of_number
 
 AXES = {"rigid": (), "z": (3,), "yz": (2, 3), "xyz": (1, 2, 3)}
 """Passive axes of a hinge by flex type: 1 twists about X, 2 bends about Y, 3 bends about Z (paper: T1, T2, T3)."""
+RIGID: dict[str, Any] = {"flex": "rigid", "segments": 1, "modes": None, "shear": False, "stretch": False}
+"""Keys of a link that does not bend."""
 
 
 class Link(Spec, frozen=True):
@@ -68,6 +70,11 @@ class Link(Spec, frozen=True):
     """Number of rigid segments of a flexible link, which has segments − 1 hinges."""
     lumping: str = "gauss"
     """Rule that places the hinges: a name, or the path of a rule file."""
+    shear: Annotated[bool | Positive, measured_in("1")] = False
+    """Whether the beam shears (Timoshenko), or the shear correction factor κ of its section [1], which is required for
+    a general section. Default: sections remain normal to the axis."""
+    stretch: bool = False
+    """Whether the beam stretches along its axis. Default: the axis keeps its length."""
     modes: StrainModes | Annotated[int, msgspec.Meta(ge=1, le=1000)] | None = None
     """Strain modes: the link's hinges move only by this number of shapes in each direction. Default: one by one."""
     material: str | None = None
@@ -122,16 +129,25 @@ class Link(Spec, frozen=True):
         length = self.beam.length
         if self.flex != "rigid":
             self._check_flexible(length)
-        elif self.segments != 1 or self.modes is not None:
+        else:
+            self._check_rigid(length)
+
+    def _check_rigid(self, length: float) -> None:
+        if self.segments != 1 or self.modes is not None:
             segments = f"segments = {self.segments}: a rigid link has 1"
             given = segments if self.segments != 1 else "modes: a rigid link has none"
             raise SceneError(f"{given}; to make it bend, set flex = 'z', 'yz' or 'xyz'", id="rigid-segments")
-        elif self.rigidity is not None and length == 0:
+        if self.strains:
+            raise SceneError(
+                f"{self._strains}: a rigid link does neither shear nor stretch; set flex = 'z', 'yz' or 'xyz'",
+                id="rigid-strains",
+            )
+        if self.rigidity is not None and length == 0:
             raise SceneError(
                 f"length = {self.length!r}: a link with a rigidity needs a length > 0 or a line (default: 0)",
                 id="needs-a-length",
             )
-        elif self.material is not None and length == 0:
+        if self.material is not None and length == 0:
             raise SceneError(
                 f"length = {self.length!r}: a link of material {self.material!r} needs a length > 0 or a line; a link "
                 "without length has neither material nor section, but may have a hub",
@@ -154,6 +170,23 @@ class Link(Spec, frozen=True):
                 "material, section: missing; a flexible link needs a material and a section, or a rigidity",
                 id="missing-key",
             )
+
+        if self.rigidity is not None and self.strains:
+            raise SceneError(
+                f"{self._strains}: rigidity = {self.rigidity!r} has no stiffness for it; use a material and a section",
+                id="strains-need-a-section",
+            )
+
+    @property
+    def strains(self) -> bool:
+        """Whether the beam shears or stretches, besides bending and twist."""
+        return bool(self.shear) or self.stretch
+
+    @property
+    def _strains(self) -> str:
+        """The keys of the strains that the link has besides bending and twist, for messages."""
+        given = ("shear", self.shear), ("stretch", self.stretch)
+        return ", ".join(f"{key} = {str(value).lower()}" for key, value in given if value)
 
     @property
     def elastic(self) -> bool:

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import msgspec
 
 from flexlink.common.errors import SceneError
-from flexlink.describe.sections import BREADTHS, SHAPES, SectionProperties
+from flexlink.describe.sections import BREADTHS, SHAPES, SHEAR_FACTORS, SectionProperties
 from flexlink.describe.spec import NonNegative, Positive, Spec, measured_in
 
 
@@ -125,6 +125,14 @@ class Section(Spec, frozen=True):
         """Properties at the fraction `x` of the way from this section to `tip`; dimensions vary linearly."""
         formula, names = SHAPES[self.shape]
         return formula(*self._dimensions(names, tip, x))
+
+    def shear_factors(self, tip: Section, x: float) -> tuple[float, float] | None:
+        """Shear correction factors for forces along y and z, at the fraction `x` of the way from this section to `tip`.
+
+        None for a general section, whose shape is unknown.
+        """
+        formula, names = SHEAR_FACTORS.get(self.shape), SHAPES[self.shape][1]
+        return None if formula is None else formula(*self._dimensions(names, tip, x))
 
     def _dimensions(self, names: tuple[str, ...], tip: Section, x: float) -> Iterator[float]:
         return ((1 - x) * getattr(self, name) + x * getattr(tip, name) for name in names)

@@ -6,7 +6,7 @@ from msgspec.structs import replace
 
 from flexlink.common.errors import ArgumentError
 from flexlink.common.wording import truncated
-from flexlink.describe.link import Link
+from flexlink.describe.link import RIGID, Link
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import build_validated
 
@@ -63,6 +63,5 @@ def _rigidified(scene: Scene) -> Scene:
 def _rigid(link: Link) -> Link:
     joint = replace(link.joint, gear_stiffness=None, gear_damping=0.0, viscous_lag=0.0)
     return replace(
-        link, joint=joint, flex="rigid", segments=1, modes=None, damping=None, friction=None, root_stiffness=None,
-        root_damping=None,
+        link, joint=joint, damping=None, friction=None, root_stiffness=None, root_damping=None, **RIGID
     )  # fmt: skip

@@ -67,6 +67,36 @@ def _rectangle_torsion(a: float, b: float) -> float:
     return a * b**3 * (1 / 3 - 64 / math.pi**5 * (b / a) * (31 / 32 * zeta_5 - rest))
 
 
+def _rectangle_factors(height: float, width: float) -> tuple[float, float]:
+    """Shear correction factors of a rectangle, 5/6 in both directions."""
+    return 5 / 6, 5 / 6
+
+
+def _tube_factors(outer: float, inner: float = 0.0) -> tuple[float, float]:
+    """Shear correction factors of a circular tube: 6/7 without a hole, 1/2 with a thin wall."""
+    m = (inner / outer) ** 2
+    factor = 6 * (1 + m) ** 2 / (7 * (1 + m) ** 2 + 20 * m)
+    return factor, factor
+
+
+def _box_factors(height: float, width: float, wall: float) -> tuple[float, float]:
+    """Shear correction factors of a thin-walled box, about the shares of the walls along y and along z in its area."""
+    h, w = height - wall, width - wall
+    return _along(w / h), _along(h / w)
+
+
+def _along(m: float) -> float:
+    """Shear correction factor of a thin-walled box whose walls across the force are m times as wide as those along."""
+    return 10 * (1 + 3 * m) ** 2 / (12 + 72 * m + 150 * m**2 + 90 * m**3 + 30 * m**3 * (1 + m))
+
+
+SHEAR_FACTORS: dict[str, Callable[..., tuple[float, float]]] = {
+    "rectangle": _rectangle_factors,
+    "circle": _tube_factors,
+    "tube": _tube_factors,
+    "box": _box_factors,
+}
+"""Shear correction factors κ for forces along y and z: shear stiffness κ G A (Cowper 1966, for ν = 0)."""
 BREADTHS = {
     "rectangle": ("width", "height"), "box": ("width", "height"), "circle": ("diameter", "diameter"),
     "tube": ("outer", "outer"),

@@ -23,14 +23,10 @@ from flexlink.dynamics.vibration.stability import stable_step
 
 def _modes(chain: Chain) -> tuple[Array, Array]:
     """ω [rad/s] and d = φᵀ D φ [1/s] of the undamped modes φ; for an unstable mode, ω is its growth rate."""
-    q = _bent(chain)
+    q = chain.slightly_bent
     M, K = regular_mass(chain, q, np.arange(chain.n)), stiffness_matrix(chain, q, np.zeros(chain.n), np.zeros(6))
     square, φ = scipy.linalg.eigh((K + K.T) / 2, M)
     return np.sqrt(np.abs(square)), np.einsum("im,im->m", φ, chain.times("damping", φ.T).T)
-
-
-def _bent(chain: Chain) -> Array:
-    return np.linspace(0.1, 0.4, chain.n)
 
 
 def _euler(chain: Chain) -> float:
@@ -46,7 +42,7 @@ def _damped_implicitly(chain: Chain) -> float:
 
 
 LARGEST: dict[str, Callable[[Chain], float]] = {
-    "RK4": lambda chain: stable_step(chain, _bent(chain), method="RK4"),
+    "RK4": lambda chain: stable_step(chain, chain.slightly_bent, method="RK4"),
     "Euler": _damped_implicitly,
     "Euler without eulerdamp": _euler,
     "Implicit": _damped_implicitly,

@@ -288,9 +288,9 @@ def _shape(body: ET.Element, capsule: Capsule) -> None:
 def _safe_step(chain: Chain) -> float:
     """Return half the largest stable RK4 step, rounded down to one digit, at most MuJoCo's default of 2 ms.
 
-    It is computed for a slightly bent arm, in which no two axes are parallel. Most flexible links diverge with 2 ms.
+    It is computed for a slightly bent arm. Most flexible links diverge with 2 ms.
     """
-    step = min(2e-3, stable_step(chain, np.linspace(0.1, 0.4, chain.n), method="RK4") / 2)
+    step = min(2e-3, stable_step(chain, chain.slightly_bent, method="RK4") / 2)
     digit = 10.0 ** math.floor(math.log10(step))
     return float(f"{math.floor(step / digit) * digit:.0e}")
 

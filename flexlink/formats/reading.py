@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from flexlink.chain import free_base
 from flexlink.chain.builder import Body, recorded
 from flexlink.chain.chain import Chain
-from flexlink.chain.coordinates import LAG, Coordinate
+from flexlink.chain.coordinates import LAG, STRETCH, Coordinate
 from flexlink.chain.rigid import HERE, NOTHING, Pose, SpatialInertia
 from flexlink.common.types import Array
 from flexlink.describe.arm import BASE
@@ -39,8 +39,8 @@ class Hinge(NamedTuple):
 
     def follows(self, before: Hinge) -> bool:
         """Whether the hinge moves the same body as the previous hinge."""
-        here, there = self.coordinate, before.coordinate  # root springs and the beam's hinges move different bodies
-        return before.body is None and here[:2] == there[:2] and here.of_root == there.of_root
+        here, there = self.coordinate, before.coordinate
+        return before.body is None and _of_body(here) == _of_body(there)
 
 
 class End(NamedTuple):
@@ -51,6 +51,11 @@ class End(NamedTuple):
     parent: str  # name of the parent joint; "": the base
     translation: Array
     rotation: Array
+
+
+def _of_body(at: Coordinate) -> tuple[int, int, bool, bool]:
+    """Key of the body that a hinge moves: root springs, hinges and slides of a beam move different bodies."""
+    return at.link, at.segment, at.of_root, at.strains
 
 
 def link_of(node: Node, key: str, links: Sequence[str]) -> int:
@@ -66,8 +71,8 @@ def link_of(node: Node, key: str, links: Sequence[str]) -> int:
 def coordinate(node: Node, numbers: Sequence[float], links: Sequence[str]) -> Coordinate:
     """Return the three indices of a hinge: link, segment and axis."""
     link, segment, axis = (int(number) if number == int(number) else -1 for number in numbers)
-    if not (1 <= link <= len(links) and segment >= 0 and 0 <= axis < LAG):
-        raise node.error(f"coordinate {list(numbers)}: expected link 1 … {len(links)}, segment, axis 0 … {LAG - 1}")
+    if not (1 <= link <= len(links) and segment >= 0 and 0 <= axis < STRETCH + 3 and axis != LAG):
+        raise node.error(f"coordinate {list(numbers)}: expected link 1 … {len(links)}, segment, axis 0 … {STRETCH + 2}")
     return Coordinate(link, segment, axis)
 
 

@@ -98,7 +98,7 @@ def _locked_gimbal(record: Record, q: Array) -> tuple[str, str] | None:
     # cosine of the second angle below which the first and third axes nearly coincide, so that the rates of these two
     # angles are ten times the angular rate of the body
     near_gimbal_lock = 0.1
-    chain, places = record.chain, [(c.link, c.segment, c.of_root) for c in record.chain.coordinates]
+    chain, places = record.chain, [(c.link, c.segment, c.of_root, c.strains) for c in record.chain.coordinates]
     for place, group in itertools.groupby(range(chain.n), key=lambda k: places[k]):
         axes = [k for k in group if (place[1] or place[2]) and chain.coordinates[k].axis]
         if len(axes) == 3 and abs(np.cos(q[axes[1]])) < near_gimbal_lock:

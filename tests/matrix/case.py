@@ -81,10 +81,11 @@ class Case:
         return fl.initial_state(self.scene, self.chain)
 
     def state(self, seed: int = 0) -> tuple[Array, Array, Array, Array]:
-        """Angles, rates, torques and a wrench of a random motion; hinges of links bend by about 0.1 rad."""
+        """Angles, rates, torques and a wrench of a random motion; hinges of links bend by about 0.1 rad, and slide by 1 mm."""
         rng, n = np.random.default_rng(seed), self.chain.n
         bend = np.full(n, 0.1)
         bend[self.chain.active] = 1.0
+        bend[[c.strains for c in self.chain.coordinates]] = 1e-3
         bent, rates = self.moved(bend * rng.normal(size=n)), self.moved(rng.normal(size=n))
         return self.start()[0] + bent, rates, rng.normal(size=n), rng.normal(size=6)
 

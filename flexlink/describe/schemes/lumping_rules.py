@@ -176,10 +176,18 @@ class LumpingRule(Spec, frozen=True):
         inertias, moments
             ∫ p dξ and ∫ ξ p dξ from each hinge to the next, or from the last to the end [kg m²], shape (N,).
         """
-        if not self.matched_twist:
-            return np.zeros(len(weights))
-        excess = moments - np.cumsum(weights) * inertias
-        return np.asarray(np.cumsum(excess[::-1])[::-1] / weights)
+        return matched_inertias(weights, inertias, moments) if self.matched_twist else np.zeros(len(weights))
+
+
+def matched_inertias(weights: Array, inertias: Array, moments: Array) -> Array:
+    """Inertias r_i of `LumpingRule.twist_inertias`, (…, N), also [kg] for a mass per length in the place of ρ I_p."""
+    excess = moments - np.cumsum(weights) * inertias
+    return np.asarray(np.cumsum(excess[..., ::-1], axis=-1)[..., ::-1] / weights)
+
+
+def exact_for_quadratics(nodes: Array, weights: Array) -> bool:
+    """Whether a rule integrates polynomials of degree 2 over [0, 1] exactly."""
+    return all(abs(weights @ nodes**k - 1 / (k + 1)) < 1e-9 for k in range(3))  # more than rounding of the rule's data
 
 
 def _grid_hinges(grid: Grid, count: int) -> tuple[Array, Array]:

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexlink.chain.chain import Chain
+from flexlink.chain.coordinates import STRETCH, Coordinate
 from flexlink.common.types import Array, Complex
 from flexlink.dynamics.terms import mass_matrix
 
@@ -39,7 +40,16 @@ def _motion(chain: Chain, M: Array, k: Array, φ: Complex, size: float) -> str:
 def _of_springs(chain: Chain, springs: Array) -> str:
     energy: dict[tuple[int, str], float] = {}
     for place, share in zip(chain.coordinates, springs.tolist(), strict=True):
-        kind = ("torsion" if place.axis == 1 else "bending") if place.segment else "root" if place.of_root else "gear"
+        kind = _kind(place)
         energy[place.link, kind] = energy.get((place.link, kind), 0.0) + share
     (link, kind), _ = max(energy.items(), key=lambda each: each[1])
     return f"{kind} of {chain.link_names[link - 1]!r}"
+
+
+def _kind(at: Coordinate) -> str:
+    """Kind of a spring, in words."""
+    if at.strains:
+        return "stretch" if at.axis == STRETCH else "shear"
+    if at.segment:
+        return "torsion" if at.axis == 1 else "bending"
+    return "root" if at.of_root else "gear"

@@ -1,0 +1,128 @@
+"""Slides of a beam that shears or stretches: springs at the stations of its hinges, along the axes of the section.
+
+A slide represents the same length w L of the beam as the hinges of its station. Its coordinate is the integral of the
+strain over this length [m], and its stiffness is EA/(w L) for stretch ε, κGA/(w L) for shear γ. In a plane, with the
+angle θ of the sections, a prime for d/dx, normal force N and shear force Q (Reissner 1972; Timoshenko 1921):
+
+    X' = (1 + ε) cos θ − γ sin θ      Y' = (1 + ε) sin θ + γ cos θ      ε = N/EA      γ = Q/κGA
+
+A slide is inboard of the hinges at the first, third, … station and outboard at the others: strains have the direction
+of the mean section at the station up to errors of order 2 instead of 1.
+
+The inertial force at x due to strain at y, ∫ ρA dξ from max(x, y) to the tip, has a kink at x = y, as has the inertial
+moment ∫ ρI dξ. Kinks limit frequencies to order 2. `matched_inertias` in slides and, if the beam shears, in its bending
+hinges raise it to 4 if the rule is exact for quadratics. They are negative; where they would make M indefinite, in
+slender beams of few segments, they are left out: there, shear changes less than the error of bending.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.rigid import SpatialInertia
+from flexlink.chain.section_beam import SectionBeam
+from flexlink.common.errors import SceneError
+from flexlink.common.types import Array
+from flexlink.describe.arm import Arm
+from flexlink.describe.link import AXES, Link
+from flexlink.describe.schemes.lumping_rules import exact_for_quadratics, lumping_rule, matched_inertias
+
+SHEARS = {3: 1, 2: 2}
+"""Axis of a bending hinge in a `Coordinate` → axis of the slide for shear in the same plane: along y, along z."""
+
+
+class Slides(NamedTuple):
+    """Springs of a beam's slides."""
+
+    link: Link
+    sections: Array  # (N,) A/(w L) for stretch, κA/(w L) for shear [m]
+    shears: NDArray[np.bool_]  # (N,) whether the slide is for shear
+    rows: NDArray[np.intp]  # index of each slide in the chain
+
+    def write(self, arms: Sequence[Arm], hinges: NDArray[np.void], couplings: NDArray[np.void]) -> NDArray[np.bool_]:
+        """Write spring and damping constants of arms that differ in materials into hinges, as `Springs.write`."""
+        materials = [arm.materials[self.link.material or ""] for arm in arms]
+        moduli = np.array([(material.young, material.shear) for material in materials])
+        k = self.sections * np.where(self.shears, moduli[:, 1:], moduli[:, :1])
+        loss = np.array([arm.loss_time(self.link) for arm in arms])[:, None]
+        hinges["stiffness"][:, self.rows], hinges["damping"][:, self.rows] = k, loss * k
+        return np.asarray(k.all(axis=1))
+
+
+class Stations(NamedTuple):
+    """Slides and matched inertias of a beam, by station, from the root outward."""
+
+    axes: tuple[int, ...]  # of the slides: 0 stretch along X, 1 and 2 shear along Y and Z
+    sections: Array  # (3, N) A/(w L) of stretch, κA/(w L) of shear along y and z [m]
+    masses: Array  # (3, N) matched inertia of the slides along x, y, z [kg]
+    inertias: Array  # (3, N) matched inertia of the hinges about x (none), y, z [kg m²]
+
+    def springs(self, link: Link, places: dict[tuple[int, int], int]) -> Slides:
+        """Springs of the slides; `places` is the index in the chain of the slide of an axis and station."""
+        axes, stations = np.array(list(places)).T
+        return Slides(link, self.sections[axes, stations], axes > 0, np.array(list(places.values()), dtype=np.intp))
+
+
+def stations_of(
+    link: Link, beam: SectionBeam, nodes: Array, weights: Array, segments: Sequence[SpatialInertia | None]
+) -> Stations:
+    """Slides of a link that shears or stretches.
+
+    Raises
+    ------
+    SceneError
+        The rule has cells, or a section that shears has no known shape.
+    """
+    rule, sheared = lumping_rule(link.lumping), [SHEARS[axis] for axis in AXES[link.flex] if axis in SHEARS]
+    axes = (*([0] if link.stretch else []), *(sorted(sheared) if link.shear else []))
+    if rule.cells is not None:
+        raise SceneError(
+            f"link {link.name!r}: lumping = {link.lumping!r}: a rule with cells has neither shear nor stretch; use "
+            "'gauss', which then also has order 4",
+            id="cells-without-strains",
+        )
+    factors = np.full((2, len(nodes)), link.shear) if type(link.shear) is float else beam.shear_factors(nodes)
+    if link.shear and not np.isfinite(factors).all():
+        raise SceneError(
+            f"link {link.name!r}: shear = true: a general section has no known shape; give its shear correction "
+            "factor, such as shear = 0.85",
+            id="shear-factor-unknown",
+        )
+    sections = beam.sections(nodes)[0] / (weights * beam.length) * np.vstack([np.ones(len(nodes)), factors])
+    stations = Stations(axes, sections, *np.zeros((2, 3, len(nodes))))
+    if exact_for_quadratics(nodes, weights):
+        _match(stations, matched_inertias(weights, *beam.moments(nodes)), nodes * beam.length, segments)
+    return stations
+
+
+def _match(stations: Stations, matched: Array, x: Array, segments: Sequence[SpatialInertia | None]) -> None:
+    """Write the matched inertias for A, I_y, I_z, (3, N), with which M is positive definite; `x` are stations [m]."""
+    (mass, I_y, I_z), zero = matched, np.zeros(len(x))
+    for slide, turn, rotors in ((0, 0, zero), (1, 2, I_z), (2, 1, I_y)):
+        if slide in stations.axes and _positive(np.array([mass, rotors]), turn, x, segments):
+            stations.masses[slide], stations.inertias[turn] = mass, rotors
+
+
+def _positive(rotors: Array, turn: int, x: Array, segments: Sequence[SpatialInertia | None]) -> bool:
+    """Whether M of the straight beam, moved by slides and hinges about axis `turn`, remains positive definite.
+
+    From the tip inward, A is the articulated inertia beyond a station, in the coordinates of its slide and hinge.
+    Bodies on the beam, which are left out, could only increase A. The margin is for bent postures.
+    """
+    margin, A = 1.25, np.zeros((2, 2))
+    for k in reversed(range(len(x))):
+        body, step = segments[k + 1], x[k + 1] - x[k] if k + 1 < len(x) else 0.0
+        arm = np.array([[1.0, step], [0.0, 1.0]])
+        A = arm.T @ A @ arm
+        if body is not None:
+            m, c, J = body.mass, float(body.center[0]), float(body.inertia[turn, turn])
+            A += [[m, m * c], [m * c, J + m * c**2]]
+        D = A + margin * np.diag(rotors[:, k])
+        if not (np.diag(D) > 0).all() or np.linalg.det(D) <= 0:
+            return False
+        A = A - A @ np.linalg.solve(D, A)
+    return True
