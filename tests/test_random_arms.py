@@ -30,8 +30,8 @@ def test_random_arms_use_every_key_of_a_link() -> None:
     found = keys_of([without_defaults(link) for scene in draws for link in scene.arm.links])
     wanted = fields(fl.Link) | fields(fl.Joint, "joint.") | fields(fl.Mount, "mount.")
     wanted |= fields(fl.details.DenavitHartenberg, "dh.") | fields(fl.RigidBody, "end.") | {"friction.coulomb"}
-    # quantities that engine files cannot contain have separate cases and tests
-    left_out = {"drag", "modes", "joint.quadratic", "joint.viscous_lag"}
+    # these have separate cases and tests
+    left_out = {"drag", "modes", "shear", "stretch", "joint.quadratic", "joint.viscous_lag"}
     assert wanted - left_out <= found
 
 

@@ -111,15 +111,16 @@ def _positive(rotors: Array, turn: int, x: Array, segments: Sequence[SpatialIner
     """Whether M of the straight beam, moved by slides and hinges about axis `turn`, remains positive definite.
 
     From the tip inward, A is the articulated inertia beyond a station, in the coordinates of its slide and hinge.
-    Bodies on the beam, which are left out, could only increase A. The margin is for bent postures.
+    Without lever, along X, they are independent. Bodies on the beam, which are left out, could only increase A. The
+    margin is for bent postures.
     """
-    margin, A = 1.25, np.zeros((2, 2))
+    margin, lever, A = 1.25, float(turn > 0), np.zeros((2, 2))
     for k in reversed(range(len(x))):
         body, step = segments[k + 1], x[k + 1] - x[k] if k + 1 < len(x) else 0.0
-        arm = np.array([[1.0, step], [0.0, 1.0]])
+        arm = np.array([[1.0, lever * step], [0.0, 1.0]])
         A = arm.T @ A @ arm
         if body is not None:
-            m, c, J = body.mass, float(body.center[0]), float(body.inertia[turn, turn])
+            m, c, J = body.mass, lever * float(body.center[0]), float(body.inertia[turn, turn])
             A += [[m, m * c], [m * c, J + m * c**2]]
         D = A + margin * np.diag(rotors[:, k])
         if not (np.diag(D) > 0).all() or np.linalg.det(D) <= 0:

@@ -171,6 +171,11 @@ class Link(Spec, frozen=True):
                 id="missing-key",
             )
 
+        if self.modes is not None and self.strains:
+            raise SceneError(
+                f"{self._strains}: modes = {self.modes!r}: strain modes have no shear or stretch; leave out modes",
+                id="modes-without-strains",
+            )
         if self.rigidity is not None and self.strains:
             raise SceneError(
                 f"{self._strains}: rigidity = {self.rigidity!r} has no stiffness for it; use a material and a section",

@@ -250,7 +250,7 @@ class _Change:
             every = [True] * len(free) if where == "initial" and key in {"joint_deg", "joint_m"} else free
             slides = [get_in(link, "joint", "kind") == "prismatic" for link in self.links]
             return [e and (key not in TWINS or s != (key in IN_METRES)) for e, s in zip(every, slides, strict=True)]
-        if below and below[0] in {"flex", "segments", "lumping", "modes", "damping", "friction"}:
+        if below and below[0] in {"flex", "segments", "lumping", "modes", "shear", "stretch", "damping", "friction"}:
             return [(get_in(link, "flex") or "rigid") != "rigid" for link in self.links]
         if below and below[0] in {"material", "section", "section_tip", "up"}:
             return [get_in(link, "material") is not None for link in self.links]

@@ -5,7 +5,9 @@ of the curvature over this length, so κ = θ/(w L) and EI κ = k θ. At rest, k
 the beam's curvature there, for every lumping rule. If the springs of a cell are coupled, its angles determine the
 curvature at the cell's Gauss points instead:
 
-    κ(x_q) = 1/h Σ_j C_qj θ_j        strain ε = z κ_y − y κ_z
+    κ(x_q) = 1/h Σ_j C_qj θ_j        strain ε = ε₀ + z κ_y − y κ_z
+
+The axis is strained, ε₀ = u/(w L) from the slide u of a station, if the link stretches; otherwise ε₀ = 0.
 
 If EI is given by a table, κ = M/EI at these points, where M is the moment in the springs.
 
@@ -21,6 +23,7 @@ from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import beyond_float64, require_type, vector
 from flexlink.chain.compliance import curvatures
+from flexlink.chain.coordinates import STRETCH
 from flexlink.chain.lumping import lump
 from flexlink.chain.table_beam import TableBeam
 from flexlink.common.errors import ArgumentError
@@ -51,11 +54,12 @@ class BeamStrain(Result):
 
 
 def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike) -> BeamStrain:
-    """Return the curvature of a link and the bending strain of a fibre at its hinges, or at the Gauss points of cells.
+    """Return the curvature of a link and the strain of a fibre at its hinges, or at the Gauss points of cells.
 
     κ = θ/(w L); in cells of coupled springs (lumping "lobatto2", "lobatto4") it follows from all angles of the cell.
-    The error is of order θ² if a hinge bends and twists at once, unless its springs act on rotation vectors. A chain
-    does not stretch. A real gauge also measures the axial strain N/(EA), where N is `internal_loads(…).force[…, 0]`.
+    The error is of order θ² if a hinge bends and twists at once, unless its springs act on rotation vectors. The
+    strain contains that of the axis, N/(EA), if the link has `stretch`; otherwise add it, with N from
+    `internal_loads(…).force[…, 0]`, as a real gauge measures it too.
     The root of the beam has no hinge; there κ = M/EI.
 
     Parameters
@@ -115,6 +119,9 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
         if chain.bodies["springs"][chain.body(hinges[0])] == SPRINGS.cell:
             curvature -= np.repeat(cross(held[..., ::2, :], held[..., 1::2, :]) / (6 * h), 2, axis=-2)
         strain = z * curvature[..., 1] - y * curvature[..., 2]
+        if bent.stretch:
+            slides = [chain.index(number, segment, STRETCH) for segment in range(1, len(nodes) + 1)]
+            strain += angles[..., slides] / (weights * length)
     if not (is_finite(curvature.reshape(-1)) and is_finite(strain.reshape(-1))):
         raise beyond_float64("a strain", q=angles, fibre=[y, z])
     return BeamStrain(known_at(scene, number) * length, curvature, strain)

@@ -143,6 +143,7 @@ LIES = {
     "settling": Function("flexlink.results.settling:settling_time"),
     "frames": Function("flexlink.dynamics.placement:frames"),
     "statics": Function("flexlink.dynamics.equilibrium:solve_static"),
+    "steady motion": Function("flexlink.dynamics.vibration.in_motion:equilibrium_in_motion"),
     "buckling": Function("flexlink.dynamics.buckling:buckling_loads"),
     "modes": Function(f"{MODAL}:modes"),
     "frequencies": Function(f"{MODAL}:natural_frequencies"),

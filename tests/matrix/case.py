@@ -81,7 +81,7 @@ class Case:
         return fl.initial_state(self.scene, self.chain)
 
     def state(self, seed: int = 0) -> tuple[Array, Array, Array, Array]:
-        """Angles, rates, torques and a wrench of a random motion; hinges of links bend by about 0.1 rad, and slide by 1 mm."""
+        """Angles, rates, torques and a wrench of a random motion; hinges bend by 0.1 rad, slides in links by 1 mm."""
         rng, n = np.random.default_rng(seed), self.chain.n
         bend = np.full(n, 0.1)
         bend[self.chain.active] = 1.0

@@ -1,7 +1,9 @@
 """Domain of validity: the largest relative thickness and the largest axial load at which a chain is accurate.
 
-A chain models an Euler-Bernoulli beam, without shear. The reference is Timoshenko's beam. For a link under an axial
-compressive force the reference is the slender beam under that force, and the error is due to the hinges.
+By default a chain models an Euler-Bernoulli beam, without shear. The reference is Timoshenko's beam, also for a link
+with `shear`. For a link under an axial compressive force the reference is the slender beam under that force, and the
+error is due to the hinges. A turning link with `stretch` has the extension u of a bar, u'' + k² (x + u) = 0, with
+k = ω √(ρ/E).
 """
 
 from __future__ import annotations
@@ -15,8 +17,11 @@ from flexlink.chain.lumping import lump
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
+from flexlink.dynamics.placement import tip_position
+from flexlink.dynamics.vibration.in_motion import equilibrium_in_motion
 from flexlink.dynamics.vibration.modal import modes
 from validation.case import Case, Measured
+from validation.facts import Facts
 from validation.oracles import thick_beam
 from validation.oracles.thick_beam import Beam
 from validation.store import Series, table
@@ -28,7 +33,8 @@ RIGID = 1e30  # N: shear stiffness of a beam without shear
 class Settings(Spec, frozen=True, kw_only=True):
     """Length-to-height ratios, ascending; the number of modes; axial forces relative to Euler's load; hinges.
 
-    `within` is the largest error that counts as valid; `thin` is the slenderness of the compressed link.
+    `within` is the largest error that counts as valid; `thin` is the slenderness of the compressed link, `stubby` that
+    of the link with shear, `stations` its numbers of hinges, and `spin` the rate of the turning bar [rad/s].
     """
 
     slenderness: tuple[Positive, ...]
@@ -37,11 +43,16 @@ class Settings(Spec, frozen=True, kw_only=True):
     push: tuple[float, ...]
     hinges: tuple[int, ...]
     thin: Positive
+    stubby: Positive
+    stations: tuple[int, int]
+    spin: Positive
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """Yield the least slenderness at which each mode is valid, and the largest axial force for the first mode."""
-    (scene,) = case.load_scenes()
+    scene, turning = case.load_scenes()
+    yield from _with_shear(scene, settings)
+    yield _extension(turning, settings)
     errors = np.array([_by_shear(scene, ratio, settings.modes) for ratio in settings.slenderness])
     rows = []
     for k in range(settings.modes):
@@ -78,6 +89,34 @@ def _by_shear(scene: Scene, ratio: float, count: int) -> Array:
     """Relative errors of the first frequencies due to shear."""
     thick, beam = _beam(scene, ratio)
     return np.asarray(modes(lump(thick)).frequencies[:count] / thick_beam.frequencies(beam, count) - 1)
+
+
+def _with_shear(scene: Scene, settings: Settings) -> Iterator[Measured]:
+    """Errors of the frequencies of a thick link with `shear`, and their orders."""
+    thick, beam = _beam(scene, settings.stubby)
+    exact, errors = thick_beam.frequencies(beam, settings.modes), []
+    for count in settings.stations:
+        chain = lump(thick.varied({"link.beam.shear": True, "link.beam.segments": count + 1}))
+        errors.append(np.abs(modes(chain).frequencies[: settings.modes] / exact - 1))
+    refined = math.log(settings.stations[1] / settings.stations[0])
+    for k in range(settings.modes):
+        facts: Facts = {"measure": f"mode {k + 1}", "hinges": settings.stations[0]}
+        yield Measured("frequency error with shear", float(errors[0][k]), scene.name, varied=facts)
+        order = math.log(errors[0][k] / errors[1][k]) / refined
+        yield Measured("order with shear", order, scene.name, varied={"measure": f"mode {k + 1}"})
+
+
+def _extension(scene: Scene, settings: Settings) -> Measured:
+    """Relative error of the extension of a bar that turns at a constant rate."""
+    (link,), (material,) = scene.arm.links, scene.arm.materials.values()
+    count, L = settings.stations[0], link.length
+    changes = {"stretch": True, "lumping": "gauss", "segments": count + 1}
+    chain = lump(scene.varied({f"link.{link.name}.{key}": value for key, value in changes.items()}))
+    found = tip_position(chain, equilibrium_in_motion(chain, {link.name: settings.spin}).q)[0] - L
+    k = settings.spin * math.sqrt(material.density / material.young)
+    exact = math.tan(k * L) / k - L
+    note = f"{1e3 * exact:.3g} mm at {settings.spin:g} rad/s."
+    return Measured("extension error", abs(found / exact - 1), scene.name, varied={"hinges": count}, note=note)
 
 
 def _under_push(scene: Scene, ratio: float, part: float, hinges: int) -> float:
