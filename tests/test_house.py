@@ -20,11 +20,11 @@ ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 CONTRACTS = PROJECT["tool"]["importlinter"]["contracts"]
 BARS = {
-    "layers of imports": 10, "classes": 406, "constants": 431, "public names": 81, "files of more than 350 lines": 6,
+    "layers of imports": 10, "classes": 408, "constants": 435, "public names": 81, "files of more than 350 lines": 6,
     "functions of more than 60 lines of code": 1, "lines of contracts": 56,
 }  # fmt: skip
 FEATURES = {
-    "slides": ("slides|prismatic", 98), "couplings": ("coupl", 67), "branches": ("branch", 50),
+    "slides": ("slides|prismatic", 103), "couplings": ("coupl", 68), "branches": ("branch", 50),
     "free base": ("free.base", 54), "rotation springs": ("rotation.spring", 21), "drag": ("drag", 25),
 }  # fmt: skip
 
