@@ -1,0 +1,1 @@
+"""flexlink as a solver of other people's benchmarks."""
