@@ -1,6 +1,7 @@
 """flexlink: robot arms with flexible links, modelled as rigid segments and springs."""
 
 import importlib
+import importlib.util
 from typing import TYPE_CHECKING
 
 import flexlink.common.entry  # noqa: F401  must come first
@@ -230,9 +231,9 @@ def __getattr__(name: str) -> object:
     for module, names in places.items():
         if name in names:
             return globals().setdefault(name, getattr(importlib.import_module(f"flexlink.{module}"), name))
-    moved = (
-        [] if name.startswith("_") else [m for m in modules if name in importlib.import_module(f"flexlink.{m}").__all__]
-    )
+    moved: list[str] = []
+    if not name.startswith("_") and importlib.util.find_spec(f"flexlink.{name}") is None:  # a module is also asked for
+        moved = [m for m in modules if name in importlib.import_module(f"flexlink.{m}").__all__]
     where = f"; it is flexlink.{moved[0]}.{name}" if moved else ""
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}{where}")
 

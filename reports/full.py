@@ -38,7 +38,7 @@ from reports.stored_full import (
     since,
 )
 from reports.tables import meanings, rows_csv
-from validation.judgement import crowd
+from validation.judgement import crowd, quiet
 
 HERE = Path(__file__).parent
 MOST = 10_000_000  # bytes: limit for generated files in the repository
@@ -127,7 +127,9 @@ def _machine(study: Results) -> Iterator[tuple[str, str]]:
     for case, done in study.finished.items():
         took = f"{sum(row.seconds for row in study.cases.get(case, ())):.1f} s"
         besides = (crowd(done.conditions),) if done.conditions else ()
-        yield case, "; ".join((f"{done.date:%Y-%m-%d %H:%M} UTC", took, done.machine, *besides))
+        stored = study.environment.versions
+        other = (f"{name} {version}" for name, version in done.versions.items() if stored.get(name, version) != version)
+        yield case, "; ".join((f"{done.date:%Y-%m-%d %H:%M} UTC", took, done.machine, *besides, *other))
     for missing in study.missing:
         yield missing.case, missing.why
 
@@ -140,13 +142,21 @@ def _whole(study: Results, report: StudyReport) -> FullStudy:
             chapter.headlines,
             tuple(StoredFinding(one.name, one.title, one.sentences) for one in chapter.tables),
             tuple(StoredFigure(one.name, one.title, one.caption) for one in (*chapter.figures, *chapter.more)),
-            tuple(StoredCase(one.case, one.title, one.verdict.word, one.verdict.text) for one in chapter.cases),
+            tuple(
+                StoredCase(one.case, one.title, one.verdict.word, one.verdict.text, study.finished[one.case].key)
+                for one in chapter.cases
+            ),
         )
         for chapter in report.chapters
     )
     verdicts = tuple(StoredVerdict(one.about, one.word, one.text) for one in report.verdicts)
     return FullStudy(
-        verdict.measured(study), study.environment.commit, report.verdicts[0].word, tuple(chapters), verdicts
+        verdict.measured(study),
+        study.environment.commit,
+        report.verdicts[0].word,
+        tuple(chapters),
+        verdicts,
+        tuple(each.case for each in study.missing),
     )
 
 
@@ -160,6 +170,7 @@ def _readme(study: Results, report: StudyReport, folder: Path) -> str:
         csv=csv,
         measured=verdict.measured(study),
         since=since(study.environment.commit, study.environment.sources),
+        quiet=quiet(study.finished),
         paper=contents().paper,
         compared=verdict.compared(study),
         facts=verdict.numbers_that_matter(study, contents().number),
@@ -167,6 +178,7 @@ def _readme(study: Results, report: StudyReport, folder: Path) -> str:
         given_up=given_up(study),
         failed=[row for row in study.rows if row.state == "FAIL"],
         missing=study.missing,
+        finished=len(study.finished),
         report=report,
     )
 

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from flexlink.common.errors import FlexlinkError
 from validation.judgement import JudgedRow, judged_rows
-from validation.store import Environment, Finished, Planned, Row, Series, Store
+from validation.store import STOPPED, Environment, Finished, Planned, Row, Series, Store
 
 HOW = "make results with: python -m validation"
-NEVER, STOPPED, OLDER = "not measured", "stopped in the middle", "measured with other sources or versions"
+NEVER, OLDER = "not measured", "measured with other sources"
 ERROR = "could not be run"
 
 
@@ -63,7 +63,7 @@ class Results:
         whole = {case: done for case, done in finished.items() if case in plan and done.key == plan[case].key}
         begun = {row.case for row in stored if row.case in plan and row.key == plan[row.case].key}
         older = {row.case for row in stored} - begun
-        errors = {case: f"{ERROR}: {why}" for case, why in store.failed().items()}
+        errors = {case: why if why == STOPPED else f"{ERROR}: {why}" for case, why in store.failed().items()}
         missing = [
             Missing(
                 case,

@@ -24,9 +24,8 @@ from flexlink.common.wording import plural
 from flexlink.pages.numbers import number
 from flexlink.pages.tables import Table
 from reports.results import Results
-from reports.stored_full import COMMAND, read_sources
+from reports.stored_full import COMMAND, read
 from validation.facts import column_head
-from validation.sources import changed
 from validation.store import Row
 
 FILE = "all_checks.csv"
@@ -134,7 +133,7 @@ def compare(results: Results, folder: Path) -> Comparison:
     """
     published = _published(folder)
     known = {key[0] for key in published}
-    edited = _edited(folder, known)
+    edited = _edited(results, folder, known)
     own = {_key(row): row for row in results.rows}
     here = known & {key[0] for key in own}
     both = [(row, published[key]) for key, row in own.items() if key in published]
@@ -151,12 +150,13 @@ def compare(results: Results, folder: Path) -> Comparison:
     return Comparison(pairs, lost, wider, gained, unpublished, len(here), len(known))
 
 
-def _edited(folder: Path, known: set[str]) -> set[str]:
-    """Published cases whose sources changed: cases whose own files changed, or all if any other file changed."""
-    measured = read_sources(folder)
-    files = [Path(file) for file in changed(measured)] if measured else []
-    cases = {file.stem for file in files if file.parent.name == "cases"}
-    return known if len(cases) < len(files) else {name for name in known if name.partition("-")[0] in cases}
+def _edited(results: Results, folder: Path, known: set[str]) -> set[str]:
+    """Published cases of which something that they depend on has changed, or may have."""
+    published = read(folder)
+    keys = published.study.keys if published else {}
+    return {
+        name for name in known if not keys.get(name) or name not in results.plan or results.plan[name].key != keys[name]
+    }
 
 
 def _is_wider(row: Row, there: Published) -> bool:

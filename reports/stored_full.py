@@ -26,7 +26,9 @@ from flexlink.describe.spec import Spec
 from flexlink.pages.chapter import Shown
 from flexlink.pages.tables import Table
 from reports.chapters import Section
-from validation.sources import changed
+from validation import dependencies
+from validation.case import ALL, load_cases
+from validation.sources import differing
 
 FOLDER = Path(__file__).parent / "full"
 COMMAND = "python -m validation --full"
@@ -50,12 +52,13 @@ class StoredFigure(Spec, frozen=True):
 
 
 class StoredCase(Spec, frozen=True):
-    """Name, title, state and verdict of a case in the full study."""
+    """Name, title, state and verdict of a case in the full study, and the hash of what it depended on."""
 
     case: str
     title: str
     state: str
     text: str
+    key: str = ""
 
 
 class StoredChapter(Spec, frozen=True):
@@ -82,13 +85,19 @@ class StoredVerdict(Spec, frozen=True):
 
 
 class FullStudy(Spec, frozen=True):
-    """Date, machine and commit of the full study, its verification verdict, and its chapters."""
+    """Date, machine and commit of the full study, its verification verdict, its chapters, and cases without results."""
 
     measured: str
     commit: str
     state: str
     chapters: tuple[StoredChapter, ...] = ()
     verdicts: tuple[StoredVerdict, ...] = ()
+    missing: tuple[str, ...] = ()
+
+    @property
+    def keys(self) -> dict[str, str]:
+        """Case → hash of what it depended on; "" if it was stored without."""
+        return {case.case: case.key for chapter in self.chapters for case in chapter.cases}
 
     def chapter(self, name: str) -> StoredChapter:
         """The chapter with this id; an empty one if the study has none."""
@@ -123,11 +132,14 @@ class Stored(NamedTuple):
     @property
     def cases(self) -> int:
         """Number of cases of the full study."""
-        return sum(len(chapter.cases) for chapter in self.study.chapters)
+        return len(self.study.keys)
 
     def since(self) -> str:
-        """Sentence on whether the code has changed since the study was measured."""
-        return since(self.study.commit, read_sources(self.folder))
+        """Sentences on whether the code has changed since the study was measured, and on cases that are not in it."""
+        known = [case.name for case in load_cases(*ALL)]
+        missing = [name for name in known if name not in self.study.keys]
+        lacking = f" Cases missing in it: {len(missing)} of {len(known)}." if missing else ""
+        return since(self.study.commit, read_sources(self.folder)) + lacking
 
     def _data(self, name: str) -> bytes:
         plain = self.folder / f"{name}.csv"
@@ -175,6 +187,6 @@ def since(commit: str, measured: Mapping[str, str]) -> str:
     at = f"Measured at commit {commit}" if commit else "Measured outside a repository"
     if not measured:
         return f"{at}; later changes are unknown."
-    if not any(True for _ in changed(measured)):
+    if not differing(dependencies.everything(), measured):
         return f"{at}; the code that affects the results has not changed since."
     return f"{at}; code that may affect the results has changed since. To run it again: {COMMAND}."

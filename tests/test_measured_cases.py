@@ -21,8 +21,8 @@ from validation.measured import rotating_beam, strip_on_flange, two_link, wing_s
 from validation.measured.measurements import MEASUREMENTS
 from validation.measured.readings import Derived, FittedInputs, Reading
 from validation.measured.uncertainty import Comparison, Convergence, grid_convergence, standard
+from validation.measuring import kind_of
 from validation.oracles import tensioned_beam
-from validation.runner import kind_of
 
 CASES = {case.name: case for case in load_cases("measured_*")}
 

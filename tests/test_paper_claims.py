@@ -21,7 +21,7 @@ from validation.kinds import (
     paper_segments,
 )
 from validation.kinds.paper_types import _verdict
-from validation.runner import judged
+from validation.measuring import judged
 from validation.speed.races import Race
 
 

@@ -6,16 +6,18 @@ import csv
 import dataclasses
 from pathlib import Path
 
+import msgspec
 import pytest
+from msgspec.structs import replace
 from studies import row, stored, words_from
 
 from flexlink.common.errors import FlexlinkError
 from reports import full, same
 from reports.build import build
 from reports.results import Results
+from reports.stored_full import FullStudy
 from tests.words import line, refused, reviewed
 from validation import __main__ as command
-from validation import sources
 from validation.store import Row
 
 CHECK = {"value": 0.29, "tolerance": 1.0}
@@ -86,36 +88,40 @@ def test_a_number_missing_on_one_side_is_a_difference_and_a_missing_case_is_not(
     assert not compared(tmp_path / "more", folder, one, two, row(quantity="new")).same
 
 
-def edited_since(folder: Path, file: str) -> None:
-    """Store a published study that was measured with another version of a file."""
-    now = sources.digests() | {file: "older"}
-    text = "file,digest\n" + "".join(f"{path},{digest}\n" for path, digest in now.items())
-    (folder / "sources.csv").write_text(text, encoding="utf-8")
+def edited_since(folder: Path, case: str) -> None:
+    """Store a published study in which something that a case depends on was different."""
+    file = folder / "chapters.json"
+    study = msgspec.json.decode(file.read_bytes(), type=FullStudy)
+    chapters = tuple(
+        replace(one, cases=tuple(replace(each, key="older") if each.case == case else each for each in one.cases))
+        for one in study.chapters
+    )
+    file.write_bytes(msgspec.json.encode(replace(study, chapters=chapters)))
 
 
-EDITED = [("flexlink/__init__.py", True), ("validation/cases/terms.toml", True), ("validation/cases/other.toml", False)]
+EDITED = [("terms", True), ("other", False)]
 
 
-@pytest.mark.parametrize(("file", "concerned"), EDITED)
+@pytest.mark.parametrize(("case", "concerned"), EDITED)
 @pytest.mark.parametrize(("there", "here", "kind"), [
     (INFORMING, {"value": 3.95}, "moved"), (CHECK, {"value": 0.45}, "rounding"), (CHECK, {"value": 1.4}, "different"),
 ])  # fmt: skip
 def test_after_edits_of_sources_checks_agree_within_limits_and_other_numbers_may_change(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, there: dict[str, object], here: dict[str, object], kind: str,
-    file: str, concerned: bool,
+    case: str, concerned: bool,
 ) -> None:  # fmt: skip
     folder = published(tmp_path, row(**there), monkeypatch=monkeypatch)
-    edited_since(folder, file)
+    edited_since(folder, case)
     assert kinds(compared(tmp_path, folder, row(**(there | here)))) == [kind if concerned else "different"]
 
 
-@pytest.mark.parametrize(("file", "concerned"), EDITED)
+@pytest.mark.parametrize(("case", "concerned"), EDITED)
 def test_after_edits_of_sources_new_numbers_are_listed_and_a_missing_check_still_fails(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str, concerned: bool
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, case: str, concerned: bool
 ) -> None:
     one, check, note = row(), row(quantity="T_GC"), row(quantity="horizon", tolerance=None)
     folder = published(tmp_path, one, check, note, monkeypatch=monkeypatch)
-    edited_since(folder, file)
+    edited_since(folder, case)
     more = compared(tmp_path / "more", folder, one, check, note, row(quantity="new"))
     assert (more.same, len(more.moved)) == ((True, 1) if concerned else (False, 0))
     assert compared(tmp_path / "less", folder, one, check).same is concerned

@@ -19,8 +19,8 @@ from validation.measured.one_number import Candidate, Study, chosen, fit_one_num
 from validation.measured.readings import Reading
 from validation.measured.second_way import close_grids, deviation, disagreement, random_points, roughness
 from validation.measured.uncertainty import COVERAGE, Comparison, Convergence, of_mean
+from validation.measuring import kind_of
 from validation.reference_values import look_up
-from validation.runner import kind_of
 
 HERTZ, ZETA, NOISE = 3.0567, 0.006, 0.02
 SIZES = np.array([0.30, 0.02, 0.22, 0.1, 0.15, 0.05, 0.0])  # of the joints' torques at the end of the recording [N m]

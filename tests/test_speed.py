@@ -20,7 +20,7 @@ from reports.findings import speed_times
 from reports.results import Results
 from tests.words import refused
 from validation.case import CASES, Case, load_case
-from validation.runner import judged
+from validation.measuring import judged
 from validation.speed import compiled_loops, evaluations, pinocchio_models, races, steps
 from validation.speed.families import Family, of_steps, timed_states
 from validation.speed.races import Race, exponent, race, series
@@ -153,7 +153,8 @@ REHEARSED = """
 import numba, sys
 from msgspec.structs import replace
 from validation.case import load_cases
-from validation.runner import _rehearse, kind_of
+from validation.measuring import kind_of
+from validation.runner import _rehearse
 [case] = load_cases("speed_calls")
 kind, settings = kind_of(case)
 _rehearse(case)

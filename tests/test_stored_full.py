@@ -6,15 +6,17 @@ import html
 import re
 import subprocess
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from studies import row, stored
 
 from flexlink.common.errors import FlexlinkError
-from reports import full, stored_full
+from reports import full, stale, stored_full
 from reports.build import build
 from tests.words import line, refused, reviewed, sentence
-from validation import sources
+from validation import __main__ as command
+from validation import dependencies
 from validation.store import Store
 
 
@@ -22,6 +24,15 @@ from validation.store import Store
 def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out the figures, which take nearly all of the time."""
     monkeypatch.setattr("reports.drawing.pictures", lambda *_: iter(()))
+
+
+@pytest.fixture(autouse=True)
+def known(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of the cases that the study has now."""
+    names = ["paper_long", "paper_short", "speed_trade-crane", "speed_trade-t3"]
+    for module in (stored_full, stale):
+        monkeypatch.setattr(module, "load_cases", lambda *_: [SimpleNamespace(name=name) for name in names])
+    return names
 
 
 PRICE = {"kind": "speed_trade", "quantity": "MuJoCo / flexlink, error 0.0001", "tolerance": None}
@@ -99,9 +110,58 @@ def test_the_page_names_the_command_of_the_full_study(tmp_path: Path, folder: Pa
         reviewed("stored full: study", note)
 
 
+def test_the_page_counts_the_cases_that_the_full_study_lacks(tmp_path: Path, folder: Path, known: list[str]) -> None:
+    known.append("paper_new")
+    (note,) = (
+        note for note in notes(page(tmp_path, folder, row()).partition('<section class="glance"')[0]) if "PASS" in note
+    )
+    assert note.endswith(" 1 of 5.")
+    reviewed("stored full: study", note)
+
+
+def test_the_study_stores_the_hash_of_each_case_and_the_cases_without_results(tmp_path: Path) -> None:
+    results = stored(tmp_path / "results", row(), planned=("never",))
+    folder = full.save(results, tmp_path / "latest", tmp_path / "full").parent
+    whole = stored_full.read(folder)
+    assert whole is not None
+    assert whole.study.keys == {"terms": "k"}
+    assert whole.study.missing == ("never",)
+    assert "\n\n1 of 2 cases:" in (folder / "README.md").read_text(encoding="utf-8").partition("## Missing cases")[2]
+
+
+@pytest.mark.parametrize("edited", [(), ("flexlink/a.py",), ("flexlink/a.py", "flexlink/b.py")])
+def test_the_release_check_names_each_case_that_is_not_of_the_present_code(
+    tmp_path: Path, folder: Path, known: list[str], monkeypatch: pytest.MonkeyPatch, capsys, edited: tuple[str, ...]
+) -> None:
+    files = {"flexlink/a.py": "1", "flexlink/b.py": "2"}
+    (folder / "sources.csv").write_text("file,digest\nflexlink/a.py,1\nflexlink/b.py,2\n", encoding="utf-8")
+    now = files | dict.fromkeys(edited, "new")
+    monkeypatch.setattr(dependencies, "key", lambda own: "k" if own == files else "other")
+    monkeypatch.setattr(
+        dependencies,
+        "of_cases",
+        lambda cases: {case.name: now if case.name == "paper_long" else files for case in cases},
+    )
+    assert command.main(["--stale", str(folder)]) == bool(edited)
+    shown = capsys.readouterr().out
+    assert ("paper_long: flexlink/a.py" in shown) is bool(edited)
+    assert "paper_short" not in shown and "0123456789ab" in shown
+    known[1:] = ["paper_new"]  # other cases were dropped
+    assert command.main(["--stale", str(folder)]) == 1
+    shown += capsys.readouterr().out
+    assert "paper_new: " in shown and "speed_trade-t3: " in shown
+    for text in shown.splitlines():
+        reviewed("validation: stale", text)
+
+
+def test_a_folder_without_a_study_is_refused(tmp_path: Path, capsys) -> None:
+    assert command.main(["--stale", str(tmp_path / "none")]) == 2
+    reviewed("validation: nothing stored", capsys.readouterr().err)
+
+
 def test_a_study_names_changed_files_without_git(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr(subprocess, "run", None)
-    measured = sources.digests()
+    measured = dependencies.everything()
     files = {
         "flexlink/kernels/bodies/rne.py",
         "validation/runner.py",
@@ -122,7 +182,7 @@ def test_a_study_names_changed_files_without_git(tmp_path: Path, monkeypatch) ->
 def test_the_measured_sources_are_stored_and_the_readme_names_changes(tmp_path: Path) -> None:
     results = stored(tmp_path / "results", row())
     environment = Store(results).environment()
-    now = sources.digests() | {"flexlink/kernels/bodies/rne.py": "older"}
+    now = dependencies.everything() | {"flexlink/kernels/bodies/rne.py": "older"}
     Store(results).note_environment(type(environment)(commit="0123456789ab", sources=now))
     folder = full.save(results, tmp_path / "latest", tmp_path / "full").parent
     assert stored_full.read_sources(folder) == now

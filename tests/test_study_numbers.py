@@ -22,7 +22,7 @@ from reports.results import Results
 from reports.same import allowed
 from validation.case import ALL, load_cases
 from validation.kinds import measurements
-from validation.runner import judged, kind_of
+from validation.measuring import judged, kind_of
 from validation.store import Series, Store
 
 CASES = {case.name: case for case in load_cases(*ALL)}

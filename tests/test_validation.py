@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from concurrent import futures
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 import numpy as np
@@ -15,14 +16,14 @@ from flexlink.describe.spec import decode
 from reports.results import Results
 from tests.words import line, refused, reviewed
 from validation import case as cases
-from validation import runner, sources
+from validation import dependencies, runner, sources
 from validation.__main__ import main
 from validation.case import Measured, load_case, load_cases
 from validation.facts import column_head, in_words
 from validation.kinds import KINDS, SETTINGS
-from validation.runner import judged
+from validation.measuring import judged
 from validation.speed import machine
-from validation.store import Conditions, Environment, Finished, Planned, Row, Series, Store
+from validation.store import STOPPED, Conditions, Environment, Finished, Planned, Row, Series, Store
 
 ROOT = Path(__file__).parent.parent
 
@@ -126,7 +127,8 @@ def test_a_met_limit_gives_exit_code_0_and_a_finished_case(study):
     assert {case: done.key for case, done in store.finished().items()} == {"small": row.key}
     assert {case: planned.key for case, planned in store.plan().items()} == {"small": row.key}
     assert store.environment().versions["numpy"] == np.__version__
-    assert store.environment().sources == sources.digests()
+    assert store.environment().sources == dependencies.everything()
+    assert store.sources("small") == dependencies.of_cases(load_cases())["small"]
     assert store.plan()["small"].about == load_case(study.case_file).about
 
 
@@ -173,16 +175,102 @@ def test_an_edited_case_is_measured_again(study):
     assert [row.title for row in store.rows()] == ["another title"]
 
 
+def test_a_case_is_measured_again_if_what_it_depends_on_changes_and_the_file_is_named(study, monkeypatch, capsys):
+    first = study()[1].finished()["small"]
+    capsys.readouterr()
+    honest = dependencies.digests
+    monkeypatch.setattr(dependencies, "digests", lambda: honest() | {"flexlink/identification/fit.py": "other"})
+    assert study()[1].finished()["small"] == first  # the case does not import it
+    monkeypatch.setattr(dependencies, "digests", lambda: honest() | {"validation/kinds/order_conditions.py": "other"})
+    assert study()[1].finished()["small"].key != first.key
+    again = line(capsys.readouterr().out, "small: ")
+    assert "validation/kinds/order_conditions.py" in again
+    reviewed("validation: again", again)
+
+
+def test_results_with_another_version_are_measured_again_except_in_the_full_study(study, monkeypatch, capsys):
+    honest = runner.versions
+    first = study()[1].finished()["small"]
+    capsys.readouterr()
+    monkeypatch.setattr(runner, "versions", lambda packages: honest(packages) | {"flexlink": "9", "numpy": "9.9"})
+    monkeypatch.setattr(runner, "_date", lambda: first.date + datetime.timedelta(hours=1))
+    assert study("--full")[1].finished()["small"] == first
+    assert study()[1].finished()["small"].versions["numpy"] == "9.9"
+    reviewed("validation: again", line(capsys.readouterr().out, "small: "), values=False)
+
+
+def test_a_case_that_crashes_is_named_with_its_place_and_the_others_run(study, monkeypatch, capsys):
+    study.case_file.with_name("z_last.toml").write_text(CASE, encoding="utf-8")
+    honest = KINDS["order_conditions"].run
+
+    def crashes(case, **settings):
+        if case.name == "small":
+            raise ZeroDivisionError("by nothing,\nat all")
+        yield from honest(case, **settings)
+
+    monkeypatch.setattr(KINDS["order_conditions"], "run", crashes)
+    code, store = study()
+    assert (code, set(store.finished()), set(store.failed())) == (2, {"z_last"}, {"small"})
+    error = capsys.readouterr().err
+    assert "test_validation.py" in error and error.count("\n") == 1
+    reviewed("validation: crash", error, values=False)
+
+
+def test_a_case_during_which_the_study_ended_runs_last(study, monkeypatch):
+    study.case_file.with_name("z_last.toml").write_text(CASE, encoding="utf-8")
+    honest, ran = KINDS["order_conditions"].run, []
+
+    def dies(case, **settings):
+        ran.append(case.name)
+        if case.name == "small":
+            raise KeyboardInterrupt
+        yield from honest(case, **settings)
+
+    monkeypatch.setattr(KINDS["order_conditions"], "run", dies)
+    for _ in range(2):
+        assert study()[0] == 130
+    assert ran == ["small", "z_last", "small"]
+    (missing,) = Results.read(study()[1].path).missing
+    assert (missing.case, missing.why) == ("small", STOPPED)
+
+
+def test_if_a_process_of_the_pool_ends_no_other_case_is_lost(study, monkeypatch, capsys):
+    pools = []
+
+    class Pool(futures.ThreadPoolExecutor):  # processes would not know the cases of this test
+        def __init__(self, processes=2):
+            super().__init__(processes)
+            pools.append(processes)
+
+        def submit(self, function, case, *rest):
+            if len(pools) > 1 and case.name != "small":
+                return super().submit(function, case, *rest)
+            broken = futures.Future()
+            broken.set_exception(BrokenProcessPool())
+            return broken
+
+    monkeypatch.setattr(runner, "_pool", Pool)
+    for name in ("b", "c", "d"):
+        study.case_file.with_name(f"{name}.toml").write_text(CASE, encoding="utf-8")
+    code, store = study()
+    assert (code, set(store.finished()), set(store.failed())) == (2, {"b", "c", "d"}, {"small"})
+    assert pools == [2, 1, 1, 1, 1]
+    reviewed("validation: ended its process", line(capsys.readouterr().err, "small: "))
+
+
 def test_every_module_that_the_study_imports_counts_as_its_source() -> None:
     counted = {path.relative_to(ROOT).as_posix() for path in sources.sources()}
     shown = {path for path in counted if path.startswith(("flexlink/results/pictures/", "flexlink/scene_report/"))}
+    without_effect = {name.removesuffix(".py") for name in sources.WITHOUT_EFFECT}
     imported = {
         module.replace(".", "/")
         for path in (ROOT / "validation").rglob("*.py")
         for module in re.findall(r"(?m)^\s*(?:from|import) (flexlink[\w.]*)", path.read_text(encoding="utf-8"))
     }
     assert len(imported) > 50
-    assert {module for module in imported if not {f"{module}.py", f"{module}/__init__.py"} & counted} == set()
+    assert {
+        module for module in imported - without_effect if not {f"{module}.py", f"{module}/__init__.py"} & counted
+    } == set()
     assert shown <= {f"{module}.py" for module in imported}
     assert Path("flexlink", "cli", "simulate.py").as_posix() in counted  # a case measures the time of this command
 
@@ -532,9 +620,26 @@ def test_only_cases_timed_on_a_busy_machine_are_timed_again(timed):
     assert timed(BUSY)[1].finished()["small"] == second
 
 
-def test_a_full_study_does_not_time_stored_cases_again(timed):
-    first = timed(BUSY)[1].finished()["small"]
-    assert timed(QUIET, "--full")[1].finished()["small"] == first
+def test_a_full_study_times_again_only_what_was_timed_on_a_busy_machine_and_says_so(timed, capsys):
+    timed(BUSY, "--full")
+    reviewed("validation: quiet", line(capsys.readouterr().out, "Cases timed"))
+    first = timed(QUIET, "--full")[1].finished()["small"]
+    shown = capsys.readouterr().out
+    reviewed("validation: again", next(text for text in shown.splitlines() if text.startswith("small: ")))
+    reviewed("validation: passes", line(shown, "untimed"), values=False)
+    reviewed("validation: quiet", line(shown, "Cases timed"))
+    assert not first.busy
+    assert timed(BUSY, "--full")[1].finished()["small"] == first
+
+
+def test_the_first_pass_of_a_full_study_leaves_timed_cases_out(timed, study, monkeypatch):
+    written = []
+    monkeypatch.setattr("validation.__main__._report", lambda path, full: written.append(full))
+    study.case_file.with_name("other.toml").write_text(CASE.replace("order_conditions", "identities"), encoding="utf-8")
+    assert main(["--full", "--untimed", "--results", str(study.case_file.parent / "r"), "--no-report"]) in {0, 2}
+    assert set(Store(study.case_file.parent / "r").failed()) == {"other"}  # which lacks its settings
+    main(["--full", "--untimed", "--results", str(study.case_file.parent / "r")])
+    assert written == [False]
 
 
 @pytest.mark.parametrize(("conditions", "busy"), [

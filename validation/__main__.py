@@ -14,7 +14,7 @@ from flexlink.common.output import write_text
 from flexlink.common.progress import Progress
 from flexlink.pages.numbers import passing
 from validation.case import ALL, CASES, MODELS, Case, cases_without_data, load_cases
-from validation.judgement import correctness, judged_rows, speed
+from validation.judgement import correctness, judged_rows, quiet, speed
 from validation.row_counts import ROWS_OF
 from validation.store import Row, Store
 
@@ -24,6 +24,7 @@ try:
     from rich.table import Table
 
     from validation import theirs
+    from validation.kinds import TIMED
     from validation.runner import run_cases
 except ImportError as missing:
     print(f"validation: {missing}; install with: python -m pip install -e '.[validation]'", file=sys.stderr)
@@ -33,12 +34,14 @@ HERE = Path(__file__).parent
 REPORT = HERE.parent / "reports" / "latest"
 
 EXAMPLES = """examples:
-  python -m validation                      run cases without stored results or timed on a busy machine; report
+  python -m validation                      run cases not stored, touched by a change, or timed on a busy machine
   python -m validation speed                every case whose name or kind is speed or speed_…
   python -m validation pointwise 'traj*'    cases by name, kind or glob
   python -m validation --force --no-report  measure again, keep the old report
   python -m validation other_solvers_long   a case that takes minutes: it runs only if named
   python -m validation --full               all cases, an hour; if stopped, the next call continues
+  python -m validation --full --untimed     only its first pass, while the machine is in use
+  python -m validation --stale reports/full which cases of the stored study are not of the present code
   python -m validation --same reports/full  compare stored and published numbers; measures nothing
   python -m validation --blank mine         write CSV files of benchmarks for another code to fill in
   python -m validation --theirs mine        compare that code with the same references
@@ -54,14 +57,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _demand_checkout()
         if options.full and options.cases:
             raise ArgumentError(f"--full {options.cases[0]}: --full runs all cases; specify only one of the two")
-        if options.same:
-            return _same(console, options.results, options.same)
-        if options.blank or options.theirs:
-            return _theirs(console, options)
+        if options.stale or options.same or options.blank or options.theirs:
+            return _comparison(console, options)
         cases = load_cases(*(options.cases or (ALL if options.list or options.full else ())))
         if options.list:
             _print_cases(console, cases)
             return 0
+        if options.untimed:
+            cases = [case for case in cases if case.kind not in TIMED]
         store = Store(options.results)
         store.prepare({case.name for case in load_cases(*ALL)})
         failed = _run(console, cases, store, options)
@@ -71,7 +74,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             console.print(f"left out: {left.name}: {left.without_data}", highlight=False, soft_wrap=True)
         for case, why in failed.items():
             print(f"validation: {case}: {why}", file=sys.stderr)
-        page = None if options.no_report else _report(store.path, options.full)
+        page = None if options.no_report else _report(store.path, options.full and not options.untimed)
     except FlexlinkError as error:
         print(f"validation: {error}", file=sys.stderr)
         return 2
@@ -81,6 +84,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if page is not None:
         console.print(f"report: {page}", soft_wrap=True)
     return 2 if failed else 1 if correctness(rows).failed else 0
+
+
+def _comparison(console: Console, options: argparse.Namespace) -> int:
+    """Compare a stored study, the published numbers or another code with this one; return the exit code."""
+    if options.stale:
+        return _stale(console, options.stale)
+    if options.same:
+        return _same(console, options.results, options.same)
+    return _theirs(console, options)
 
 
 def _demand_checkout() -> None:
@@ -106,8 +118,10 @@ def _parser() -> argparse.ArgumentParser:
         "--full",
         action="store_true",
         help="run every case, including those that run only if named, and write reports/full, which is under version "
-        "control; cases with stored results are skipped, even if they were timed on a busy machine",
+        "control: first untimed cases on all cores, then timed cases alone; a stored case runs again only if something "
+        "that it depends on has changed, or if its limits were timed on a busy machine",
     )
+    parser.add_argument("--untimed", action="store_true", help="leave out timed cases, and do not write reports/full")
     parser.add_argument("--force", action="store_true", help="measure stored cases again")
     parser.add_argument("--list", action="store_true", help="list all cases and stop")
     parser.add_argument(
@@ -116,6 +130,13 @@ def _parser() -> argparse.ArgumentParser:
         metavar="DIR",
         help="measure nothing; report whether the stored numbers equal those of DIR (for example reports/full): "
         "bit for bit, within rounding, or different (exit code 1)",
+    )
+    parser.add_argument(
+        "--stale",
+        type=Path,
+        metavar="DIR",
+        help="measure nothing; list the cases of the full study in DIR (for example reports/full) that are missing or "
+        "were measured before a change that can have touched them (exit code 1)",
     )
     parser.add_argument(
         "--theirs",
@@ -155,11 +176,16 @@ def _run(
             bar.clear()
             console.print(f"[red]FAILED[/red] {escape(_describe(row))}", highlight=False)
 
+    def tell(sentence: str) -> None:
+        console.print(escape(sentence), highlight=False, soft_wrap=True)
+
     try:
-        failed = run_cases(cases, store, options.force, report, full=options.full)
+        failed = run_cases(cases, store, options.force, report, full=options.full, tell=tell)
     finally:
         bar.clear()
-    console.print(f"{len(cases) - len(failed)} of {len(cases)} cases stored", highlight=False)
+    tell(f"{len(cases) - len(failed)} of {len(cases)} cases stored")
+    if options.full:
+        tell(quiet(store.finished()))
     return failed
 
 
@@ -217,6 +243,15 @@ def _same(console: Console, results: Path, folder: Path) -> int:
     write_text(REPORT / f"{table.name}.csv", table.csv)
     console.print(f"case by case: {REPORT / table.name}.csv", soft_wrap=True)
     return 0 if found.same else 1
+
+
+def _stale(console: Console, folder: Path) -> int:
+    """List the cases of a stored study that are not of the present code; return 0 if there are none, 1 otherwise."""
+    found = importlib.import_module("reports.stale").check(folder)
+    for line in found.lines():
+        console.print(escape(line), highlight=False, soft_wrap=True)
+    console.print(escape(found.sentence()), highlight=False, soft_wrap=True)
+    return 0 if found.current else 1
 
 
 def _print_cases(console: Console, cases: Sequence[Case]) -> None:

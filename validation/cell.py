@@ -7,7 +7,7 @@ import sys
 
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from validation.case import CASES, load_case
-from validation.runner import kind_of
+from validation.measuring import kind_of
 
 
 def main() -> int:

@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple
 
 from validation.store import Conditions, Finished, Row
 
+SHOWN = 5  # most cases named in a sentence
 State = Literal["FAIL", "missed", "not measured", "met", "pass", "info"]
 
 
@@ -70,6 +71,16 @@ def crowd(conditions: Conditions) -> str:
     if conditions.load is None:
         return spread
     return f"other processes used {conditions.load:.2g} of {conditions.cores} cores, {spread}"
+
+
+def quiet(finished: Mapping[str, Finished]) -> str:
+    """Say in how many of the cases timed alone the machine was quiet, and name the others."""
+    timed = [done for done in finished.values() if done.conditions is not None]
+    busy = [case for case, done in finished.items() if done.busy]
+    if not busy:
+        return f"Cases timed alone: {len(timed)}, all on a quiet machine."
+    named = f"{', '.join(busy[:SHOWN])}, …" if len(busy) > SHOWN else ", ".join(busy)
+    return f"Cases timed alone: {len(timed)}, of these {len(busy)} on a busy machine ({named})."
 
 
 def judged_rows(rows: Iterable[Row], finished: Mapping[str, Finished]) -> tuple[JudgedRow, ...]:

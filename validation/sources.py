@@ -1,4 +1,4 @@
-"""Source files that the results depend on, and those that have changed since the measurement."""
+"""Source files and data that results may depend on, and those that have changed since the measurement."""
 
 from __future__ import annotations
 
@@ -7,44 +7,46 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
-SOURCE_FOLDERS = ("flexlink", "validation")
+SOURCE_FOLDERS = ("flexlink", "validation", "models")
+DATA = {".csv", ".json", ".toml", ".urdf"}
+ELSEWHERE = {ROOT / "validation" / "results", ROOT / "validation" / "cases"}
+"""The store, and the cases, of which each depends on its own entry only."""
 DISPLAY_ROOMS = {"pages", "pictures", "scene_report"}
 """Folders of the library that only display results; if they change, nothing is measured again. The command line is
 not among them, since cases run and time it."""
 DISPLAY_FILES_IN_NOTES = {"numbers.py"}
 """Files in these folders that the study does use, for its notes."""
+WITHOUT_EFFECT = {"flexlink/common/versions.py"}
+"""Files that every result would depend on, but that change no number: this one contains the version of a release."""
 
 
 def sources() -> Iterator[Path]:
-    """Files of the library and of the study that every result may depend on."""
+    """Modules and data files that some result may depend on, sorted in each folder."""
     for folder in (ROOT / name for name in SOURCE_FOLDERS):
-        for path in sorted([*folder.rglob("*.py"), *folder.rglob("data/*/*.toml"), *_study_data(folder)]):
-            if DISPLAY_ROOMS.isdisjoint(path.relative_to(ROOT).parts) or path.name in DISPLAY_FILES_IN_NOTES:
+        for path in sorted(folder.rglob("*")):
+            if path.suffix in {".py", *DATA} and ELSEWHERE.isdisjoint(path.parents) and _counts(path):
                 yield path
 
 
-def _study_data(folder: Path) -> Iterator[Path]:
-    """Reference values, recordings, and files that define several scenes by their differences."""
-    yield from folder.glob("reference/**/*.json")
-    yield from folder.glob("measured/data/*.csv")
-    yield from folder.glob("scenes/*/*.toml")
+def _counts(path: Path) -> bool:
+    name = path.relative_to(ROOT)
+    shown = not DISPLAY_ROOMS.isdisjoint(name.parts) and path.name not in DISPLAY_FILES_IN_NOTES
+    return not shown and name.as_posix() not in WITHOUT_EFFECT
 
 
 def digests() -> dict[str, str]:
-    """Path from the root → digest of every source, and of every case and scene that results depend on.
+    """Path from the root → digest of every source.
 
     The digest is git's hash of the contents, so the sources of a study can be compared with any commit.
     """
-    own = [ROOT / "validation" / folder for folder in ("cases", "scenes")]
-    files = {*sources(), *(path for folder in own for path in folder.glob("*.toml"))}
-    return {path.relative_to(ROOT).as_posix(): _digest(path.read_bytes()) for path in sorted(files)}
+    return {path.relative_to(ROOT).as_posix(): digest(path.read_bytes()) for path in sorted(sources())}
 
 
-def changed(measured: Mapping[str, str]) -> list[str]:
-    """Files that have changed, are gone, or are new since these digests were taken."""
-    now = digests()
-    return sorted(path for path in {*now, *measured} if now.get(path) != measured.get(path))
+def differing(now: Mapping[str, str], then: Mapping[str, str]) -> list[str]:
+    """Files whose digests differ, or that are in one of the two only."""
+    return sorted(path for path in {*now, *then} if now.get(path) != then.get(path))
 
 
-def _digest(content: bytes) -> str:
+def digest(content: bytes) -> str:
+    """Git's hash of a file with this content, shortened."""
     return hashlib.sha1(b"blob %d\0" % len(content) + content, usedforsecurity=False).hexdigest()[:16]

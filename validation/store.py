@@ -5,7 +5,8 @@
     series/CASE.NAME.npz    arrays c0, c1, … (columns of equal length) and `meta`, a JSON string: the fields of `Series`
     environment.json        versions, processor, commit, date, hashes of the sources
     finished.json           case → `Finished`: key, date and machine of its last complete run
-    failed.json             case → error of its last run
+    failed.json             case → error of its last run, or `STOPPED`
+    sources/CASE.json       path → digest of every file that the case depends on, at its last run
 
 A row is on disk as soon as it is measured. A case counts as done only if it is in `finished.json`; its results belong
 to the study only if its key is the one in `plan.json`.
@@ -37,6 +38,7 @@ T = TypeVar("T")
 
 OURS = "native"
 """Engine of flexlink's results."""
+STOPPED = "stopped in the middle"
 START_ANEW = "remove the folder to start anew"
 ERRORS_OF_READING = (ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error, msgspec.MsgspecError)
 
@@ -66,7 +68,7 @@ class Row:
     note: str  # computed remark on this value
     given_up: str  # why an earlier limit was abandoned; "" if there was none
     seconds: float
-    key: str  # hash of everything that the row depends on
+    key: str  # hash of everything in the project that the row depends on
     widened: str = ""  # why the limit is wider than the published one
 
     @property
@@ -137,6 +139,7 @@ class Finished:
     date: datetime.datetime  # end of the run
     machine: str
     conditions: Conditions | None  # None: nothing was timed
+    versions: Mapping[str, str] = dataclasses.field(default_factory=dict)  # of Python and packages
 
     @property
     def busy(self) -> bool:
@@ -146,7 +149,7 @@ class Finished:
 
 @dataclasses.dataclass(frozen=True)
 class Planned:
-    """A case of the study; its key is the hash of its current sources, scenes and versions."""
+    """A case of the study; its key is the hash of everything in the project that it depends on now."""
 
     key: str
     kind: str
@@ -209,6 +212,10 @@ class Store:
         """Case → the error of its last run."""
         return self._decoded("failed.json", dict[str, str])
 
+    def sources(self, case: str) -> dict[str, str]:
+        """Path → digest of the files that a case depended on at its last run; empty if unknown."""
+        return self._decoded(f"sources/{case}.json", dict[str, str])
+
     def _decoded(self, name: str, kind: type[T]) -> T:
         """Contents of a JSON file; empty if there is no file.
 
@@ -229,7 +236,8 @@ class Store:
             The folder cannot be written.
         """
         try:
-            (self.path / "series").mkdir(parents=True, exist_ok=True)
+            for folder in ("series", "sources"):
+                (self.path / folder).mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise OutputError(f"{self.path}: cannot be written: {error.strerror or error}") from None
         for case in {row.case for row in self.rows()} - set(known):
@@ -247,13 +255,19 @@ class Store:
         """Mark cases as not finished; their results remain until they are measured again."""
         self._write("finished.json", {name: done for name, done in self.finished().items() if name not in cases})
 
+    def begin(self, case: str, sources: Mapping[str, str]) -> None:
+        """Remove the results of a case, and store that it began, with the files that it depends on."""
+        self.forget(case)
+        self._write(f"sources/{case}.json", sources)
+        self.fail(case, STOPPED)
+
     def forget(self, case: str) -> None:
         """Remove all results of a case."""
         self.reopen({case})
         self._write("failed.json", {name: why for name, why in self.failed().items() if name != case})
         kept = [row for row in self.rows() if row.case != case]
         write_text(self.path / "rows.jsonl", "".join(_line(row) for row in kept))
-        for file in (self.path / "series").glob(f"{case}.*.npz"):
+        for file in (*(self.path / "series").glob(f"{case}.*.npz"), *(self.path / "sources").glob(f"{case}.json")):
             file.unlink()
 
     def append(self, row: Row) -> None:
@@ -286,6 +300,7 @@ class Store:
 
     def finish(self, case: str, finished: Finished) -> None:
         """Mark `case` as finished: its rows and series are complete."""
+        self._write("failed.json", {name: why for name, why in self.failed().items() if name != case})
         self._write("finished.json", self.finished() | {case: finished})
 
     def fail(self, case: str, why: str) -> None:

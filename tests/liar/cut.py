@@ -21,7 +21,7 @@ from flexlink.describe.scene_file import load_scene
 from flexlink.describe.spec import Spec, decode
 from flexlink.engines import Engine
 from validation.case import CASES, Case, load_case
-from validation.runner import measure
+from validation.measuring import measure
 from validation.store import Row
 
 FILE = Path(__file__).parent / "lies.toml"
