@@ -176,16 +176,16 @@ def _run(
             bar.clear()
             console.print(f"[red]FAILED[/red] {escape(_describe(row))}", highlight=False)
 
-    def tell(sentence: str) -> None:
+    def notify(sentence: str) -> None:
         console.print(escape(sentence), highlight=False, soft_wrap=True)
 
     try:
-        failed = run_cases(cases, store, options.force, report, full=options.full, tell=tell)
+        failed = run_cases(cases, store, options.force, report, full=options.full, notify=notify)
     finally:
         bar.clear()
-    tell(f"{len(cases) - len(failed)} of {len(cases)} cases stored")
+    notify(f"{len(cases) - len(failed)} of {len(cases)} cases stored")
     if options.full:
-        tell(quiet(store.finished()))
+        notify(quiet(store.finished()))
     return failed
 
 

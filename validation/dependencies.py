@@ -12,6 +12,7 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from collections.abc import Set as AbstractSet
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 
@@ -77,15 +78,27 @@ def _entry(case: Case) -> dict[str, str]:
 
 
 def _paths(case: Case, known: Collection[str]) -> set[str]:
-    modules = _project().closure(f"validation.kinds.{case.kind}", MEASURING)
-    files = [_project().files[name] for name in modules]
-    found = {_name(path) for path in (*files, *_data_beside(files), *case.scene_files)}
-    own = [name for name in found if name.startswith("validation/") or name.startswith("models/")]
-    words = _words(msgspec.json.encode(case).decode()).union(*map(_words_of, own))
+    code = _of_kind(case.kind)
+    scenes = {_name(path) for path in case.scene_files}
+    found = {*code.files, *scenes}
+    words = code.words.union(_words(msgspec.json.encode(case).decode()), *map(_words_of, scenes))
     while new := set(_named(words, known)) - found:
         found |= new
         words = words.union(*(_words_of(name) for name in new if name.endswith(".toml")))  # a scene may name a file
     return found & set(known)
+
+
+class _Code(NamedTuple):
+    files: frozenset[str]
+    words: frozenset[str]  # words in quotes, in the modules and data of the study
+
+
+@functools.cache
+def _of_kind(kind: str) -> _Code:
+    """The modules of a kind, with the data next to them."""
+    modules = [_project().files[name] for name in _project().closure(f"validation.kinds.{kind}", MEASURING)]
+    files = frozenset(_name(path) for path in (*modules, *_data_beside(modules)))
+    return _Code(files, frozenset().union(*(_words_of(name) for name in files if name.startswith("validation/"))))
 
 
 def _data_beside(modules: Iterable[Path]) -> Iterator[Path]:

@@ -98,7 +98,7 @@ class _Visitor(ast.NodeVisitor):
         self.modules = modules
         self.names = set[str]()
         self.patterns = set[str]()
-        self.aliases: dict[str, str] = {}  # local name → the module or name that it stands for
+        self.aliases: dict[str, str] = {}  # local name → module, or name in a module
 
     def visit_If(self, node: ast.If) -> None:
         """Skip imports for type checkers, which have no effect on results."""

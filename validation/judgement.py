@@ -74,7 +74,7 @@ def crowd(conditions: Conditions) -> str:
 
 
 def quiet(finished: Mapping[str, Finished]) -> str:
-    """Say in how many of the cases timed alone the machine was quiet, and name the others."""
+    """Number of cases timed alone, and those of them during which the machine was busy."""
     timed = [done for done in finished.values() if done.conditions is not None]
     busy = [case for case, done in finished.items() if done.busy]
     if not busy:

@@ -42,12 +42,12 @@ PACKAGES = (
 
 Report = Callable[[str, Row | None], None]
 """Called with the case's name and a row when the row is stored; the row is None when the case starts."""
-Tell = Callable[[str], None]
+Notify = Callable[[str], None]
 NEVER, BUSY = "not stored", "timed on a busy machine"
 
 
 def run_cases(
-    cases: Sequence[Case], store: Store, force: bool, report: Report, *, full: bool, tell: Tell
+    cases: Sequence[Case], store: Store, force: bool, report: Report, *, full: bool, notify: Notify
 ) -> dict[str, FlexlinkError]:
     """Run every case that is not stored: first untimed cases in parallel, then timed cases one at a time.
 
@@ -64,7 +64,7 @@ def run_cases(
     full
         Run each timed case alone, and keep results of other versions of packages. Otherwise, timed cases without limits
         run in parallel, and results of other versions are measured again.
-    tell
+    notify
         Called with a sentence for every stored case that is run again, and about each pass.
 
     Returns
@@ -84,7 +84,7 @@ def run_cases(
     reasons = _reasons(cases, files, store, force, full)
     for name, why in reasons.items():
         if why != NEVER:
-            tell(f"{name}: {why}")
+            notify(f"{name}: {why}")
     named = {case.name for case in cases} | set(store.finished())
     planned = [case for case in known if not case.by_name or case.name in named]
     store.note_plan({case.name: Planned(keys[case.name], case.kind, case.title, case.about) for case in planned})
@@ -95,7 +95,7 @@ def run_cases(
     wanted = _last_what_ended_badly([case for case in cases if case.name in reasons], reasons, store)
     if full:
         timed = sum(case.kind in alone for case in wanted)
-        tell(f"untimed cases: {len(wanted) - timed}, {os.cpu_count()} at once; then timed cases, alone: {timed}")
+        notify(f"untimed cases: {len(wanted) - timed}, {os.cpu_count()} at once; then timed cases, alone: {timed}")
     failed: dict[str, FlexlinkError] = {}
     for case, results in _in_order_of_completion(wanted, keys, report, alone):
         store.begin(case.name, files[case.name])
@@ -179,7 +179,7 @@ def _in_order_of_completion(
 def _in_parallel(
     cases: Sequence[Case], to_rehearse: Sequence[Case], keys: dict[str, str], report: Report
 ) -> Iterator[tuple[Case, Iterable[Row | Series]]]:
-    """Yield cases when they end; if one ends its process, those that are lost run again, each in a pool of its own."""
+    """Yield cases when they end; if one ends its process, those that are lost run again, each in a separate pool."""
     if not cases:
         return
     lost = []
