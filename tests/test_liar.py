@@ -53,12 +53,15 @@ def honest(cut: Cut) -> dict[str, int]:
 @pytest.mark.parametrize("cut", CUTS, ids=str)
 def test_a_check_given_false_values_fails(cut: Cut) -> None:
     with remembering_judges():
-        counts, unnoticed = honest(cut), list[str]()
+        counts, unnoticed, rows = honest(cut), list[str](), dict[tuple[str, float, int | None], list[Row]]()
         for lie in cut.lie:
             calls = counts[LIES[lie.of].path]
             assert calls, f"{cut}: nothing of {lie.of} is measured"
-            with injected(lie.of, lie.size, lie.at(calls)):
-                found = max(limits(row) for row in cut.rows_of() if row.quantity == lie.fails)
+            fault = lie.of, lie.size, lie.at(calls)
+            if fault not in rows:  # several checks may have to report the same fault
+                with injected(*fault):
+                    rows[fault] = cut.rows_of()
+            found = max(limits(row) for row in rows[fault] if row.quantity == lie.fails)
             if not (1.0 < found <= SHARPEST or found == math.inf):
                 unnoticed.append(f"{lie.of} wrong by {lie.size:g}: {lie.fails} is {found:.3g} limits")
         assert unnoticed == []

@@ -95,8 +95,14 @@ class Cut(Spec, frozen=True):
             return [row for row in measure(case, "") if isinstance(row, Row)]
 
 
-JUDGES = ("validation.oracles.manufactured.torque_pieces", "validation.kinds.judge_trees._exact")
-"""High-precision functions that are never wrong."""
+JUDGES = (
+    "validation.oracles.manufactured.torque_pieces",
+    "validation.oracles.bending_chain.frequencies",
+    "validation.oracles.coupled_cells.frequencies",
+    "validation.kinds.judge_trees._exact",
+    "validation.measured.two_link.linear_model",
+)
+"""Functions that compute references, and are never wrong."""
 
 
 @contextlib.contextmanager
@@ -105,10 +111,10 @@ def remembering_judges() -> Iterator[None]:
     found: dict[tuple[str, bytes], Any] = {}
 
     def by(path: str, judge: Callable[..., Any]) -> Callable[..., Any]:
-        def kept(*arguments: Any) -> Any:
-            key = path, pickle.dumps(arguments)
+        def kept(*arguments: Any, **named: Any) -> Any:
+            key = path, pickle.dumps((arguments, named))
             if key not in found:
-                found[key] = judge(*arguments)
+                found[key] = judge(*arguments, **named)
             return copy.deepcopy(found[key])
 
         return kept

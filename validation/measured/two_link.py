@@ -180,7 +180,7 @@ class LinearModel(NamedTuple):
 
     def strains(self, u: Array, recorder: Recorder) -> Array:
         """Both strains (samples, 2)."""
-        shapes = _shapes(self.poles, u, recorder)
+        shapes = _shapes(self.poles, _smooth(u, recorder), recorder)
         return np.asarray(_with_ones(shapes, len(self.weights) > shapes.shape[1]) @ self.weights)
 
 
@@ -195,10 +195,10 @@ def linear_model(
 ) -> LinearModel:
     """Fit the model to the samples where `there` is true; initial frequencies are `start` [Hz]."""
     y = np.column_stack(measured)[there]
-    begin = np.array([[math.log(2 * math.pi * f), 0.015] for f in start]).ravel()
+    begin, smooth = np.array([[math.log(2 * math.pi * f), 0.015] for f in start]).ravel(), _smooth(u, recorder)
 
     def shapes(p: Array) -> Array:
-        return _with_ones(_shapes(p, u, recorder)[there], zeros)
+        return _with_ones(_shapes(p, smooth, recorder)[there], zeros)
 
     def weights(p: Array) -> Array:
         return np.asarray(np.linalg.lstsq(shapes(p), y, rcond=None)[0])
@@ -215,8 +215,12 @@ def _with_ones(shapes: Array, zeros: bool) -> Array:
     return np.column_stack([shapes, np.ones(len(shapes))]) if zeros else shapes
 
 
-def _shapes(p: Array, u: Array, recorder: Recorder) -> Array:
-    """Low-pass filtered response of each mode to each input (samples, inputs × modes)."""
-    smooth = np.array([recorder.filtered(column) for column in u.T])
+def _smooth(u: Array, recorder: Recorder) -> Array:
+    """Low-pass filtered inputs (inputs, samples)."""
+    return np.array([recorder.filtered(column) for column in u.T])
+
+
+def _shapes(p: Array, smooth: Array, recorder: Recorder) -> Array:
+    """Response of each mode to each filtered input (samples, inputs × modes)."""
     modes = [recorder.responded(smooth, (1.0,), math.exp(log_rate), ratio) for log_rate, ratio in p.reshape(-1, 2)]
     return np.vstack(modes).T
