@@ -99,6 +99,7 @@ JUDGES = (
     "validation.oracles.manufactured.torque_pieces",
     "validation.oracles.bending_chain.frequencies",
     "validation.oracles.coupled_cells.frequencies",
+    "validation.oracles.thick_beam.frequencies",
     "validation.kinds.judge_trees._exact",
     "validation.measured.two_link.linear_model",
 )
