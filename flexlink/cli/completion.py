@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 
 from flexlink.common.errors import MissingDependencyError
+from flexlink.common.installing import how_to_install
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -24,7 +25,7 @@ def run_command(options: argparse.Namespace) -> int:
         import shtab  # noqa: PLC0415  optional
     except ImportError:
         raise MissingDependencyError(
-            "shell completion needs shtab; install it with: python -m pip install 'flexlink[completion]'",
+            f"shell completion needs shtab; install it with: {how_to_install('completion')}",
             id="package-missing",
         ) from None
     print(shtab.complete(build_parser(), shell=options.shell))

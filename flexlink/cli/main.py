@@ -100,7 +100,7 @@ def build_parser(words: Container[str] | None = None) -> argparse.ArgumentParser
     """Build the parser; with `words`, only the commands among them get options, and only their modules are loaded."""
     modules = (
         "info", "simulate", "advise", "reduce", "modes", "loop", "show", "export", "compare", "report", "fit",
-        "import_robot", "robots", "sweep", "invert", "compile", "completion",
+        "import_robot", "robots", "examples", "sweep", "invert", "compile", "completion",
     )  # fmt: skip
     texts = {name: (module, text, examples) for module in modules for name, text, examples in [_help_of(module)]}
     parser = _Parser(

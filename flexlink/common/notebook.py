@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from types import ModuleType
 
 from flexlink.common.errors import MissingDependencyError
+from flexlink.common.installing import how_to_install
 
 
 def html_table(caption: str, heads: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
@@ -43,6 +44,6 @@ def drawing_module(name: str) -> ModuleType:
         return importlib.import_module(f"flexlink.{name}")
     except ImportError:
         raise MissingDependencyError(
-            "plotting needs matplotlib; install it with: python -m pip install 'flexlink[report]'",
+            f"plotting needs matplotlib; install it with: {how_to_install('report')}",
             id="package-missing",
         ) from None

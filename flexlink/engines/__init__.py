@@ -10,6 +10,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.forces import refuse_states
 from flexlink.chain.shapes import refuse_shapes
 from flexlink.common.errors import MissingDependencyError
+from flexlink.common.installing import how_to_install
 from flexlink.engines.base import Engine, ForeignFile
 from flexlink.engines.child_process import IsolatedEngine
 
@@ -74,8 +75,7 @@ def load_here(name: str, source: Chain | ForeignFile) -> Engine:
         module = importlib.import_module(adapter.module)
     except ImportError as error:
         raise MissingDependencyError(
-            f"engine {name!r} cannot be imported ({error}); "
-            f"install it with: python -m pip install 'flexlink[{adapter.extra}]'",
+            f"engine {name!r} cannot be imported ({error}); install it with: {how_to_install(adapter.extra)}",
             id="package-missing",
         ) from error
     cls = getattr(module, adapter.class_name)

@@ -6,6 +6,7 @@ import importlib
 from types import ModuleType
 
 from flexlink.common.errors import MissingDependencyError
+from flexlink.common.installing import how_to_install
 
 
 def builder(module: str, page: str) -> ModuleType:
@@ -20,8 +21,7 @@ def builder(module: str, page: str) -> ModuleType:
         return importlib.import_module(module)
     except ImportError as error:
         raise MissingDependencyError(
-            f"a {page} needs matplotlib and jinja2 ({error}); install them with: "
-            "python -m pip install 'flexlink[report]'",
+            f"a {page} needs matplotlib and jinja2 ({error}); install them with: {how_to_install('report')}",
             id="package-missing",
         ) from None
 

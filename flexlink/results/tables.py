@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from flexlink.common.errors import MissingDependencyError
+from flexlink.common.installing import how_to_install
 from flexlink.results.columns import Columns
 from flexlink.results.samples import RunSamples
 
@@ -50,6 +51,6 @@ def _package(name: str) -> Any:
         return importlib.import_module(name)
     except ImportError:
         raise MissingDependencyError(
-            f"a run as a table of {name} needs {name}; install it with: python -m pip install 'flexlink[tables]'",
+            f"a run as a table of {name} needs {name}; install it with: {how_to_install('tables')}",
             id="package-missing",
         ) from None

@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 
 from flexlink.common.errors import ArgumentError, MissingDependencyError
+from flexlink.common.installing import how_to_install
 from flexlink.common.wording import did_you_mean, short_list, truncated
 from flexlink.data.documents import read_toml
 from flexlink.describe.spec import Spec, decode
@@ -65,7 +66,7 @@ def folder() -> Path:
         package = importlib.metadata.distribution(PACKAGE)
     except importlib.metadata.PackageNotFoundError:
         raise MissingDependencyError(
-            f"{PACKAGE} is not installed: python -m pip install 'flexlink[robots]'", id="package-missing"
+            f"{PACKAGE} is not installed: {how_to_install('robots')}", id="package-missing"
         ) from None
     for file in package.files or []:
         before, inside, _ = file.as_posix().partition(f"/{PACKAGE}/robots/")

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from flexlink.common.errors import MissingDependencyError
+from flexlink.common.installing import how_to_install
 from flexlink.common.notebook import html_table
 from flexlink.common.output import write_whole
 from flexlink.common.wording import plural
@@ -108,6 +109,6 @@ def _package(name: str, needed: str) -> Any:
         return importlib.import_module(name)
     except ImportError:
         raise MissingDependencyError(
-            f"this table needs {name}; install it with: python -m pip install {needed}",
+            f"this table needs {name}; install it with: {how_to_install(needed)}",
             id="package-missing",
         ) from None

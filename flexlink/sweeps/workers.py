@@ -13,6 +13,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from flexlink.common.errors import ArgumentError, EngineError, MissingDependencyError
+from flexlink.common.installing import how_to_install
 from flexlink.common.processes import exit_when_closed
 from flexlink.common.wording import truncated
 
@@ -131,7 +132,7 @@ def _on_cluster(address: str) -> Iterator[WorkerPool]:
         distributed = importlib.import_module("distributed")
     except ImportError:
         raise MissingDependencyError(
-            "a Dask cluster needs distributed; install it with: python -m pip install 'flexlink[dask]'",
+            f"a Dask cluster needs distributed; install it with: {how_to_install('dask')}",
             id="package-missing",
         ) from None
     try:

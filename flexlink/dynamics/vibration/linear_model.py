@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import integer, positive
 from flexlink.common.errors import ArgumentError, MissingDependencyError
+from flexlink.common.installing import how_to_install
 from flexlink.common.types import Array, Complex
 from flexlink.common.wording import plural, truncated
 from flexlink.dynamics.result import SavedResult
@@ -280,7 +281,7 @@ class LinearModel(SavedResult):
             from control import ss  # noqa: PLC0415
         except ImportError:
             raise MissingDependencyError(
-                "control() needs python-control; install it with: python -m pip install 'flexlink[control]'",
+                f"control() needs python-control; install it with: {how_to_install('control')}",
                 id="package-missing",
             ) from None
         lists = {"states": self.states, "inputs": self.inputs, "outputs": self.outputs}

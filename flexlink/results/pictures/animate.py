@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.arguments import integer, positive, require_callable, require_one_of
 from flexlink.common.errors import ArgumentError, MissingDependencyError
+from flexlink.common.installing import how_to_install
 from flexlink.common.interruption import StoppedError, deferred, word
 from flexlink.common.output import write_or_keep
 from flexlink.data.documents import require_path
@@ -119,7 +120,7 @@ def _drawing() -> ModuleType:
         return importlib.import_module("flexlink.results.pictures.drawing")
     except ImportError:
         raise MissingDependencyError(
-            "a film needs matplotlib; install it with: python -m pip install 'flexlink[report]'; or use .html",
+            f"a film needs matplotlib; use .html, or install it with: {how_to_install('report')}",
             id="package-missing",
         ) from None
 

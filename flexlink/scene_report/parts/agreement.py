@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from flexlink.common.errors import FlexlinkError, MissingDependencyError
+from flexlink.common.installing import how_to_install
 from flexlink.describe.schemes.methods import method
 from flexlink.diagnosis.comparison import compare
 from flexlink.diagnosis.diagnosis import Diagnosis
@@ -64,9 +65,7 @@ def _diagnoses(study: Study) -> tuple[list[Diagnosis], list[str]]:
         try:
             found += compare(study.scene, engines=[name], samples=STATES).diagnoses
         except MissingDependencyError:
-            missing.append(
-                f"{engine_name(name)} is not installed: python -m pip install 'flexlink[{ENGINES[name].extra}]'."
-            )
+            missing.append(f"{engine_name(name)} is not installed: {how_to_install(ENGINES[name].extra)}.")
         except FlexlinkError as error:
             missing.append(f"{engine_name(name)}: comparison failed: {error}.")
     return found, missing
