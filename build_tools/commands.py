@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from pathlib import Path
-from urllib.parse import urljoin
 
+from description import standalone
 from setuptools.command.build_py import build_py
 from setuptools.command.egg_info import egg_info
 
 ROOT = Path(__file__).parent.parent
-LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\[\]]*\])*)\]\(([^()\s]+)\)")
 
 
 class WithExamples(build_py):
@@ -48,28 +46,3 @@ class WithPlainDescription(egg_info):
         super().finalize_options()
         metadata = self.distribution.metadata
         metadata.long_description = standalone(metadata.long_description, metadata.project_urls.get("Source", ""))
-
-
-def standalone(text: str, source: str = "") -> str:
-    """Return Markdown without pictures, comments and links that exist only in a repository.
-
-    Parameters
-    ----------
-    text
-        Markdown with relative links.
-    source
-        Address of the files in the repository, which makes links absolute. Default: links become their text.
-    """
-    text = re.sub(r"<!--.*?-->\n?", "", text, flags=re.DOTALL)
-
-    def absolute(link: re.Match[str]) -> str:
-        picture, words, target = link.groups()
-        if re.match(r"[a-z]+:", target):
-            return link[0]
-        if picture:
-            return ""
-        if target.startswith("#"):
-            return words
-        return f"[{words}]({urljoin(source.rstrip('/') + '/', target)})" if source else words
-
-    return re.sub(r"\n{3,}", "\n\n", LINK.sub(absolute, text)).strip() + "\n"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import runpy
 import shutil
 import subprocess
 import tomllib
@@ -49,3 +51,14 @@ def test_the_manifest_includes_every_folder_of_the_checkout() -> None:
     included = {name for line in manifest if line.startswith("include ") for name in line.split()[1:]}
     by_itself = {"flexlink", "LICENSE", "README.md", "pyproject.toml", "MANIFEST.in"}  # setuptools takes these
     assert {name.partition("/")[0] for name in listed.splitlines()} - grafted - included - by_itself == set()
+
+
+def test_the_description_has_no_link_that_only_the_repository_has() -> None:
+    standalone = runpy.run_path(str(ROOT / "build_tools" / "description.py"))["standalone"]
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert re.findall(r"\]\((?!https?:)|<!--|\n\n\n", standalone(readme)) == []
+    plain = re.sub(r"!\[[^\]]*\]\([^)]*\)|\]\([^)]*\)|<!--.*?-->", "", readme, flags=re.DOTALL)
+    assert re.findall(r"\w+", standalone(readme)) == re.findall(r"\w+", plain)
+    linked = standalone("![a](b.svg)\n[*c*](docs/d.md#e), [f](#f), [g](https://g.example)", "https://h.example/tree/")
+    targets = ["https://h.example/tree/docs/d.md#e", "https://g.example"]
+    assert re.findall(r"\((.*?)\)", linked) == targets
