@@ -4,6 +4,7 @@ python -m docs            all of it; gallery pages whose example has not changed
 python -m docs --quick    without running any code of pages and gallery
 python -m docs --links    also check every link to other sites (needs a network)
 python -m docs --readme   write the README's figures and badges from the stored study
+python -m docs --extras   write the sizes of all extras, which must be installed, on the page "Install flexlink"
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from pathlib import Path
 from sphinx.cmd.build import main as sphinx
 
 from docs import snippets
-from docs.generators import readme
+from docs.generators import extras, readme
 
 HERE = Path(__file__).parent
 
@@ -31,9 +32,10 @@ def main() -> int:
     parser.add_argument("--links", action="store_true", help="check links to other sites (needs a network)")
     parser.add_argument("--readme", action="store_true", help="only write figures and badges of the README")
     parser.add_argument("--out", type=Path, default=HERE / "_site", help="folder of the pages; default: docs/_site")
+    parser.add_argument("--extras", action="store_true", help="only measure and write the sizes of all extras")
     options = parser.parse_args()
-    if options.readme:
-        readme.write()
+    if options.readme or options.extras:
+        (readme if options.readme else extras).write()
         return 0
     os.environ.setdefault("MPLBACKEND", "agg")
     builder = "linkcheck" if options.links else "html"
