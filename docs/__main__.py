@@ -3,7 +3,7 @@
 python -m docs            all of it; gallery pages whose example has not changed are not run again
 python -m docs --quick    without running any code of pages and gallery
 python -m docs --links    also check every link to other sites (needs a network)
-python -m docs --readme   write the README's figures and badges from the stored study
+python -m docs --readme   write the figures of README and paper, and badges, from the stored study
 python -m docs --extras   write the sizes of all extras, which must be installed, on the page "Install flexlink"
 """
 
@@ -30,7 +30,7 @@ def main() -> int:
     )
     parser.add_argument("--quick", action="store_true", help="do not run code of pages and gallery")
     parser.add_argument("--links", action="store_true", help="check links to other sites (needs a network)")
-    parser.add_argument("--readme", action="store_true", help="only write figures and badges of the README")
+    parser.add_argument("--readme", action="store_true", help="only write figures of README and paper, and badges")
     parser.add_argument("--out", type=Path, default=HERE / "_site", help="folder of the pages; default: docs/_site")
     parser.add_argument("--extras", action="store_true", help="only measure and write the sizes of all extras")
     options = parser.parse_args()

@@ -27,7 +27,7 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "sphinx-mathjax-offline",
 ]
-exclude_patterns = ["_site", "_doctrees", "generators", "inventories", "**sg_execution_times.rst", "**.ipynb"]
+exclude_patterns = ["_site", "_doctrees", "generators", "inventories", "paper", "**sg_execution_times.rst", "**.ipynb"]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "attrs_inline", "substitution"]
 myst_heading_anchors = 3
 myst_substitutions = {"version": __version__}

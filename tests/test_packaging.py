@@ -62,3 +62,27 @@ def test_the_description_has_no_link_that_only_the_repository_has() -> None:
     linked = standalone("![a](b.svg)\n[*c*](docs/d.md#e), [f](#f), [g](https://g.example)", "https://h.example/tree/")
     targets = ["https://h.example/tree/docs/d.md#e", "https://g.example"]
     assert re.findall(r"\((.*?)\)", linked) == targets
+
+
+def test_the_page_on_installation_has_the_size_of_every_extra() -> None:
+    page = (ROOT / "docs" / "start" / "install.md").read_text(encoding="utf-8")
+    measured = page.partition("<!-- extras")[2].partition("<!-- end of extras")[0]
+    sizes = dict(re.findall(r"`(\w+)`\s(\d+|less)", measured))
+    extras = tomllib.loads(TEXT)["project"]["optional-dependencies"]
+    assert list(sizes) == list(extras)
+    assert int(sizes["validation"]) > int(sizes["engines"]) + int(sizes["robots"])
+
+
+def test_every_file_states_the_same_version() -> None:
+    release = runpy.run_path(str(ROOT / "build_tools" / "release.py"))
+    assert set(release["versions"]().values()) == {tomllib.loads(TEXT)["project"]["version"]}
+
+
+def test_the_recipe_for_conda_has_the_requirements_of_the_package() -> None:
+    recipe = (ROOT / "conda" / "recipe.yaml").read_text(encoding="utf-8")
+    project = tomllib.loads(TEXT)["project"]
+    spaced = [re.sub(r"(?=[<>])", " ", one, count=1) for one in project["dependencies"]]
+    built = [re.sub(r"(?=[<>])", " ", one, count=1) for one in tomllib.loads(TEXT)["build-system"]["requires"]]
+    for part, wanted in (("host", built), ("run", spaced)):
+        listed = re.findall(r"^    - (.+)", recipe.partition(f"\n  {part}:\n")[2].partition(":\n")[0], re.MULTILINE)
+        assert set(wanted) <= set(listed), part

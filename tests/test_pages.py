@@ -83,7 +83,25 @@ def test_the_readme_is_short_and_has_the_numbers_of_the_stored_study() -> None:
     assert readme.with_tables(README) == README, "python -m docs --readme"
 
 
-@pytest.mark.parametrize("path", [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "NOTATION.md"], ids=name_of)
+def test_the_paper_has_no_number_that_is_not_of_the_stored_study() -> None:
+    paper = readme.PAPER.read_text(encoding="utf-8")
+    text = re.sub(r"<!-- (proof|speed):.*?<!-- end of \1 -->", "", paper.partition("\n# Summary")[2], flags=re.DOTALL)
+    assert re.findall(r"(?<![\w/-])\d[\d.,]*", text) == []
+    if (ROOT / "reports" / "full").is_dir():
+        assert readme.with_tables(paper) == paper, "python -m docs --readme"
+
+
+def test_the_paper_cites_what_its_list_of_references_has() -> None:
+    cited = set(re.findall(r"@(\w+)", readme.PAPER.read_text(encoding="utf-8")))
+    listed = re.findall(r"^@\w+\{(\w+),", readme.PAPER.with_suffix(".bib").read_text(encoding="utf-8"), re.MULTILINE)
+    assert sorted(listed) == sorted(cited)
+
+
+@pytest.mark.parametrize(
+    "path",
+    [*PAGES, *(ROOT / name for name in ("CONTRIBUTING.md", "NOTATION.md", "docs/limits.md", "docs/versions.md"))],
+    ids=name_of,
+)
 def test_links_lead_to_files(path: Path) -> None:
     text = re.sub(r"```.*?```", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
     links = [link.partition("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", text) if not link.startswith("http")]

@@ -1,4 +1,4 @@
-"""Installed size of each extra, measured in an environment that has all of them; `python -m docs --extras` writes it."""
+"""Installed sizes of all extras, measured in an environment that has them; `python -m docs --extras` writes them."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ def paragraph() -> str:
     base = _closure(needed)
     added = {extra: _closure(packages) - base for extra, packages in optional.items()}
     sizes = ", ".join(f"`{extra}` {_megabytes(packages)}" for extra, packages in added.items())
+    system = f"{platform.system()} {platform.machine()} with Python {platform.python_version()}"
     text = (
-        f"Measured {datetime.date.today().isoformat()} on {platform.system()} {platform.machine()} with Python "
-        f"{platform.python_version()}: flexlink's required packages take {_megabytes(base)} MB. Each extra adds, in MB: "
-        f"{sizes}. Packages that two extras share are counted in both."
+        f"Measured {datetime.date.today().isoformat()} on {system}: flexlink's required packages take "
+        f"{_megabytes(base)} MB. Each extra adds, in MB: {sizes}. Packages that two extras share are counted in both."
     )
     return textwrap.fill(text, 120)
 
@@ -49,29 +49,22 @@ def _declared() -> tuple[list[str], dict[str, list[str]]]:
     return project["dependencies"], project["optional-dependencies"]
 
 
-def _closure(requirements: Iterable[str], extras: frozenset[str] = frozenset()) -> set[str]:
+def _closure(requirements: Iterable[str]) -> set[str]:
     """Names of installed packages that satisfy requirements, with those that these need in turn."""
-    found: set[str] = set()
-    waiting = [(text, extras) for text in requirements]
-    done = set()
+    waiting, done = [(text, frozenset({""})) for text in requirements], set()
     while waiting:
-        text, parents = waiting.pop()
-        requirement = Requirement(text)
-        if (text, parents) in done or not _applies(requirement, parents):
+        one = waiting.pop()
+        requirement, of_extras = Requirement(one[0]), one[1]
+        marker = requirement.marker
+        if one in done or not (marker is None or any(marker.evaluate({"extra": extra}) for extra in of_extras)):
             continue
-        done.add((text, parents))
-        wanted = frozenset(requirement.extras)
+        done.add(one)
         if requirement.name == "flexlink":
-            waiting += [(each, wanted) for extra in wanted for each in _declared()[1][extra]]
-            continue
-        found.add(canonicalize_name(requirement.name))
-        waiting += [(each, wanted) for each in importlib.metadata.distribution(requirement.name).requires or ()]
-    return found
-
-
-def _applies(requirement: Requirement, extras: frozenset[str]) -> bool:
-    """Whether a requirement counts on this system, with these extras of the package that states it."""
-    return requirement.marker is None or any(requirement.marker.evaluate({"extra": extra}) for extra in extras or {""})
+            needed = [text for extra in requirement.extras for text in _declared()[1][extra]]
+        else:
+            needed = importlib.metadata.distribution(requirement.name).requires or []
+        waiting += [(text, frozenset(requirement.extras or {""})) for text in needed]
+    return {canonicalize_name(Requirement(text).name) for text, _ in done} - {"flexlink"}
 
 
 def _megabytes(packages: Iterable[str]) -> str:

@@ -1,4 +1,4 @@
-"""Numbers in the README, taken from the full study; `python -m docs --readme` writes them again."""
+"""Numbers in README and paper, taken from the full study; `python -m docs --readme` writes them again."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 from docs.generators import badges, study
 
 README = Path(__file__).parents[2] / "README.md"
+PAPER = README.parent / "docs" / "paper" / "paper.md"
 
 PROOF = [
     ("At the extremes of stiffness, mass, load and rate, runs that were wrong without a warning: {}.",
@@ -55,7 +56,7 @@ def speed() -> str:
 
 
 def with_tables(text: str) -> str:
-    """The README with both lists as the stored study has them."""
+    """A text with both lists as the stored study has them."""
     for name, found in (("proof", proof()), ("speed", speed())):
         begin, end = f"<!-- {name}: python -m docs --readme writes this list -->\n", f"\n<!-- end of {name} -->"
         before, _, rest = text.partition(begin)
@@ -64,8 +65,9 @@ def with_tables(text: str) -> str:
 
 
 def write() -> None:
-    """Write the lists and the badges."""
-    README.write_text(with_tables(README.read_text(encoding="utf-8")), encoding="utf-8")
+    """Write the lists of README and paper, and the badges."""
+    for file in (README, PAPER):
+        file.write_text(with_tables(file.read_text(encoding="utf-8")), encoding="utf-8")
     badges.write()
 
 
