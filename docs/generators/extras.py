@@ -64,7 +64,8 @@ def _closure(requirements: Iterable[str]) -> set[str]:
         else:
             needed = importlib.metadata.distribution(requirement.name).requires or []
         waiting += [(text, frozenset(requirement.extras or {""})) for text in needed]
-    return {canonicalize_name(Requirement(text).name) for text, _ in done} - {"flexlink"}
+    names: set[str] = {canonicalize_name(Requirement(text).name) for text, _ in done}
+    return names - {"flexlink"}
 
 
 def _megabytes(packages: Iterable[str]) -> str:
