@@ -23,7 +23,8 @@ from validation.sources import DATA, ROOT, digest, digests, sources
 
 MEASURING = "validation.measuring"  # calls every kind, and judges what it yields
 SHEETS = "data_sheets"  # the kind that measures with the kinds, settings and scenes of all cases with a data sheet
-DATA_BY_NAME = ("validation/reference/", "validation/scenes/", "validation/sweeps/", "models/")
+REFERENCES = "validation/bench/flexarm_bench/references/"
+DATA_BY_NAME = ("validation/reference/", REFERENCES, "validation/scenes/", "validation/sweeps/", "models/")
 """Folders whose files a result depends on if the case, its modules or its other data name them."""
 QUOTED = re.compile(r"""(?=["'`]([\w./ -]+)["'`])""")
 FOLDER_OF_ANY = re.compile(r"""["'/]([\w-]+)(?:/\{|["'] / f["'])""")  # f"trade/{name}", "robots" / f"{name}.toml"

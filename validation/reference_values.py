@@ -1,4 +1,7 @@
-"""Published and computed reference values, from `validation/reference`; numbers are strings of all known digits."""
+"""Published and computed reference values; numbers are strings of all known digits.
+
+Values of the benchmark package `validation/bench` are stored there only; all others in `validation/reference`.
+"""
 
 from __future__ import annotations
 
@@ -15,11 +18,19 @@ from flexlink.common.output import write_text
 from flexlink.common.types import Array
 
 REFERENCE_FOLDER = Path(__file__).parent / "reference"
+BENCH_FOLDER = Path(__file__).parent / "bench" / "flexarm_bench" / "references"
+FOLDERS = (REFERENCE_FOLDER, BENCH_FOLDER)
+
+
+def reference_file(name: str) -> Path:
+    """The file of a reference, in the benchmark package if that has it."""
+    shared = BENCH_FOLDER / f"{name}.json"
+    return shared if shared.is_file() else REFERENCE_FOLDER / f"{name}.json"
 
 
 @functools.cache
 def _file(name: str) -> Any:
-    return json.loads((REFERENCE_FOLDER / f"{name}.json").read_text(encoding="utf-8"))["reference"]
+    return json.loads(reference_file(name).read_text(encoding="utf-8"))["reference"]
 
 
 def look_up(name: str, *keys: str) -> Any:
@@ -30,8 +41,8 @@ def look_up(name: str, *keys: str) -> Any:
     DataFileError
         The file or a key does not exist.
     """
-    if not (REFERENCE_FOLDER / f"{name}.json").is_file():
-        known = ", ".join(sorted(path.stem for path in REFERENCE_FOLDER.glob("*.json")))
+    if not reference_file(name).is_file():
+        known = ", ".join(sorted(path.stem for folder in FOLDERS for path in folder.glob("*.json")))
         raise DataFileError(f"reference = {name!r}: no such file; available: {known}")
     found = _file(name)
     for key in keys:
@@ -46,7 +57,7 @@ def store_reference(name: str, about: str, source: str, seconds: float, **rest: 
     document = {
         "about": about, "source": source, "date": datetime.date.today().isoformat(), "cpu_seconds": round(seconds, 1),
     }  # fmt: skip
-    path = REFERENCE_FOLDER / f"{name}.json"
+    path = reference_file(name)
     path.parent.mkdir(exist_ok=True)
     write_text(path, json.dumps(document | rest, indent=1, ensure_ascii=False) + "\n")
 

@@ -1,6 +1,6 @@
 """python -m validation.physics.axial_references: exact values of beams under axial load and of rods in large bending.
 
-Writes `validation/reference/axial_load.json` and `bent_rods.json`; takes two minutes.
+Writes `axial_load.json` and `bent_rods.json` of the benchmark package; takes two minutes.
 """
 
 from __future__ import annotations

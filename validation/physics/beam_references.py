@@ -118,5 +118,5 @@ def beam_reference(name: str) -> tuple[Array, float]:
 
 
 def file_name(name: str) -> str:
-    """Name of the file in `validation/reference/`."""
+    """Name of the file of the reference, for `look_up`."""
     return f"exudyn_beams/{name}"

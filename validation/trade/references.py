@@ -17,7 +17,7 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.results.stop_reasons import DivergenceError
 from flexlink.results.tip_motion import largest_distance, tip_travel
-from validation.reference_values import REFERENCE_FOLDER, look_up, store_reference
+from validation.reference_values import look_up, reference_file, store_reference
 from validation.runs import stable_steps
 from validation.trade.scenes import Seen, is_of, probe, reference_name, scenes, seen, trade_scene
 
@@ -43,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def is_there(name: str) -> bool:
     """Whether a complete reference of exactly this scene is stored."""
-    path = REFERENCE_FOLDER / f"{reference_name(name)}.json"
+    path = reference_file(reference_name(name))
     return path.is_file() and "bend" in look_up(reference_name(name)) and is_of(trade_scene(name), name)
 
 
