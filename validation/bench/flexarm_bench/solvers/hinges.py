@@ -15,10 +15,11 @@ import numpy as np
 
 from flexarm_bench.case import Array, Cannot, Case, Link, Settings
 
-HINGES = {"statics": 24, "buckling": 32, "frequencies": 32, "motion": 16}
-"""Hinges of a link, unless the setting `hinges` says otherwise."""
-FEWEST_ZERO = 1e-6  # a mode counts as one of frequency zero if ω² is less than this part of the largest first ω²
-LOAD_STEPS, ITERATIONS, CHANGE = 8, 30, 1e-6
+HINGES = {"statics": 64, "buckling": 96, "frequencies": 96, "motion": 20}
+"""Hinges of a link, unless the setting `hinges` gives another number; several links share them, and have fewest in motion."""
+LEAST_HINGES = 4
+LOAD_STEPS, ITERATIONS, CHANGE = 8, 60, 1e-6
+SMALL_STEP, SLOW = 1e-10, 0.1  # last step of Newton's method [rad]; ratio of steps above which its matrix is too old
 
 
 @dataclass
@@ -190,12 +191,15 @@ def _statics(case: Case, chain: HingeChain, program: Program) -> Array:
     q = np.zeros(len(chain.joints))
     straight = program.tip(q)
     for share in np.linspace(0, 1, LOAD_STEPS + 1)[1:]:
+        slope, size = np.zeros(0), math.inf
         for _ in range(ITERATIONS):
-            left = _torques(case, chain, program, q, share)
-            step = np.linalg.solve(_slope(lambda x, share=share: _torques(case, chain, program, x, share), q), -left)
-            q = q + step
-            if np.abs(step).max() < 1e-10:
+            if not slope.size:
+                slope = _slope(lambda x, share=share: _torques(case, chain, program, x, share), q)
+            step = np.linalg.solve(slope, -_torques(case, chain, program, q, share))
+            q, before, size = q + step, size, float(np.abs(step).max())
+            if size < SMALL_STEP:
                 break
+            slope = np.zeros(0) if size > SLOW * before or math.isinf(before) else slope
         else:
             raise ArithmeticError(f"no equilibrium under {share:.3g} of the load")
     return program.tip(q) - straight
@@ -228,4 +232,7 @@ def _slope(function, q: Array) -> Array:  # type: ignore[no-untyped-def]
 
 def hinges_of(case: Case, settings: Settings) -> int:
     """Hinges of a link, from the settings."""
-    return int(settings.get("hinges", HINGES[case.ask]))
+    if "hinges" in settings:
+        return int(settings["hinges"])
+    several = len(case.links) > 1 and case.ask == "motion"  # links that fall on free joints hardly bend
+    return LEAST_HINGES if several else HINGES[case.ask] // len(case.links) // 2 * 2
