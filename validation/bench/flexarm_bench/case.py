@@ -129,11 +129,6 @@ class Case:
         """Whether all links move in the x-y plane."""
         return not any(link.bends_in_space for link in self.links)
 
-    @property
-    def label(self) -> str:
-        """Name and part."""
-        return f"{self.name}, {self.part}" if self.part else self.name
-
 
 @dataclass(frozen=True)
 class Answer:
