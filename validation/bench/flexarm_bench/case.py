@@ -73,6 +73,9 @@ class Pulse:
         t = np.asarray(t, dtype=float)
         return np.where(t < self.duration, self.peak * np.sin(2 * np.pi * t / self.duration) ** 3, 0.0)
 
+    def __str__(self) -> str:
+        return f"{self.peak:g} sin³(2πt / {self.duration:g}) N m on the first joint for {self.duration:g} s"
+
 
 @dataclass(frozen=True)
 class SpinUp:
@@ -89,6 +92,11 @@ class SpinUp:
         angle = np.where(rising, a * (t**2 / 2 + (np.cos(w * t) - 1) / w**2), self.rate * (t - T / 2))
         rate = np.where(rising, a * (t - np.sin(w * t) / w), self.rate)
         return angle, rate, np.where(rising, a * (1 - np.cos(w * t)), 0.0)
+
+    def __str__(self) -> str:
+        T, a = self.duration, self.rate / self.duration
+        rising = f"{a:g} [t²/2 + ({T:g}/2π)² (cos(2πt/{T:g}) − 1)] rad for {T:g} s"
+        return f"angle of the first joint: {rising}, then constant rate"
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from flexarm_bench.benchmark import Benchmark, Reference, described
@@ -113,22 +113,17 @@ def _parts(benchmark: Benchmark) -> Iterator[str]:
     yield "\n## Parts and exact values\n"
     first = benchmark.parts[0][0]
     rows = ([case.part, "; ".join(_differences(first, case)), _exact(case, ref)] for case, ref in benchmark.parts)
-    yield from _table(("part", "this part has", "exact"), rows)
+    yield from _table(("part", "differs from the first by", "exact"), rows)
 
 
 def _differences(first: Case, case: Case) -> Iterator[str]:
-    """What a part has that is not in the tables of the first part."""
-    known = dict(described(first, ["name", "part", "links"]))
-    for key, value in described(case, ["name", "part", "links"]):
-        if known.get(key) != value:
-            yield f"{key} = {value}"
-    for before, link in zip(first.links, case.links, strict=True):
-        pairs = zip(_values(before).items(), _values(link).items(), strict=True)
-        yield from (f"{link.name}: {key} = {value}" for (key, old), (_, value) in pairs if old != value)
-
-
-def _values(link: object) -> Mapping[str, object]:
-    return vars(link)
+    """What differs between a part and the first part."""
+    pairs = [("", first, case), *((f"{b.name}: ", a, b) for a, b in zip(first.links, case.links, strict=True))]
+    for name, before, now in pairs:
+        old = vars(before)
+        for key, value in vars(now).items():
+            if key not in ("part", "links") and old[key] != value:
+                yield f"{name}{key} = {value}"
 
 
 def _exact(case: Case, reference: Reference) -> str:
