@@ -23,7 +23,6 @@ try:
     from rich.markup import escape
     from rich.table import Table
 
-    from validation import theirs
     from validation.kinds import TIMED
     from validation.runner import run_cases
 except ImportError as missing:
@@ -43,8 +42,6 @@ EXAMPLES = """examples:
   python -m validation --full --untimed     only its first pass, while the machine is in use
   python -m validation --stale reports/full which cases of the stored study are not of the present code
   python -m validation --same reports/full  compare stored and published numbers; measures nothing
-  python -m validation --blank mine         write CSV files of benchmarks for another code to fill in
-  python -m validation --theirs mine        compare that code with the same references
   python -m validation --list               list all cases
 """
 
@@ -57,8 +54,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _demand_checkout()
         if options.full and options.cases:
             raise ArgumentError(f"--full {options.cases[0]}: --full runs all cases; specify only one of the two")
-        if options.stale or options.same or options.blank or options.theirs:
-            return _comparison(console, options)
+        if options.stale:
+            return _stale(console, options.stale)
+        if options.same:
+            return _same(console, options.results, options.same)
         cases = load_cases(*(options.cases or (ALL if options.list or options.full else ())))
         if options.list:
             _print_cases(console, cases)
@@ -84,15 +83,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if page is not None:
         console.print(f"report: {page}", soft_wrap=True)
     return 2 if failed else 1 if correctness(rows).failed else 0
-
-
-def _comparison(console: Console, options: argparse.Namespace) -> int:
-    """Compare a stored study, the published numbers or another code with this one; return the exit code."""
-    if options.stale:
-        return _stale(console, options.stale)
-    if options.same:
-        return _same(console, options.results, options.same)
-    return _theirs(console, options)
 
 
 def _demand_checkout() -> None:
@@ -137,19 +127,6 @@ def _parser() -> argparse.ArgumentParser:
         metavar="DIR",
         help="measure nothing; list the cases of the full study in DIR (for example reports/full) that are missing or "
         "were measured before a change that can have touched them (exit code 1)",
-    )
-    parser.add_argument(
-        "--theirs",
-        type=Path,
-        metavar="FOLDER",
-        help="compare another code with the references of each case: FOLDER/CASE.csv contains its values by quantity, "
-        "or its motion (exit code 1: a value is not accepted)",
-    )
-    parser.add_argument(
-        "--blank",
-        type=Path,
-        metavar="FOLDER",
-        help="write blank files to fill in, for all benchmarks open to other codes or for the named cases",
     )
     parser.add_argument("--no-report", action="store_true", help="do not write the report")
     parser.add_argument(
@@ -196,36 +173,6 @@ def _report(results: Path, full: bool) -> Path | None:
     module, make = ("reports.full", "save") if full else ("reports.build", "build")
     page: Path = getattr(importlib.import_module(module), make)(results, REPORT)
     return page
-
-
-def _theirs(console: Console, options: argparse.Namespace) -> int:
-    """Check another code's files, or write blank ones; return 0 if all given values are accepted, 1 if not."""
-    if options.blank and options.theirs:
-        raise ArgumentError(f"--blank {options.blank}: not with --theirs; fill in the files first")
-    known = load_cases()
-    if options.theirs:
-        cases = theirs.cases_of(options.theirs, known)
-    else:
-        cases = theirs.open_to_others(load_cases(*options.cases) if options.cases else known)
-    store = Store(options.results)
-    store.prepare({case.name for case in load_cases(*ALL)})
-    for name, error in _run(console, cases, store, options).items():
-        raise FlexlinkError(f"{name}: {error}")
-    if options.blank:
-        for case in cases:
-            console.print(str(theirs.write_blank(options.blank, case, store.series(case.name))), highlight=False)
-        return 0
-    found = [
-        judged
-        for case in cases
-        for judged in theirs.judge(options.theirs / f"{case.name}.csv", case, store.series(case.name))
-    ]
-    table = Table(*theirs.HEADS, box=None)
-    for judged in (each for each in found if each.theirs is not None):
-        table.add_row(*map(escape, judged.cells()), style="red" if judged.passed is False else None)
-    console.print(table)
-    console.print(theirs.sentence(found), soft_wrap=True, highlight=False)
-    return 1 if any(judged.passed is False for judged in found) else 0
 
 
 def _same(console: Console, results: Path, folder: Path) -> int:

@@ -58,14 +58,10 @@ class Quantity(Spec, frozen=True):
 
 
 class Sheet(Spec, frozen=True):
-    """Definition of the error of a code's answer to a benchmark, the accepted error, and the unit of the values.
-
-    The accepted error is relative; for a motion, it is in the unit of that motion.
-    """
+    """Definition of a benchmark's error in the study's data sheets; the accepted error, relative or a distance [m]."""
 
     error: str
     accepted: Positive
-    unit: str
 
 
 class Case(Spec, frozen=True):
@@ -90,7 +86,7 @@ class Case(Spec, frozen=True):
         ""  # path, in the checkout, of data that are not distributed; if missing, the case is skipped and reported
     )
     claim: str = ""
-    sheet: Sheet | None = None  # definition of the error, if other codes can be compared
+    sheet: Sheet | None = None  # definition of the error, if the case has a data sheet
     parts: str = ""
     whole: str = ""  # for a part of a case: name of the case's file
 

@@ -59,11 +59,6 @@ class Convergence(NamedTuple):
     order: float
     grid_index: float
 
-    @classmethod
-    def stated(cls, u_num: float) -> Convergence:
-        """Convergence of a code that states its own numerical standard uncertainty."""
-        return cls(math.nan, ONE_SIDED * u_num)
-
     @property
     def u_num(self) -> float:
         """Standard numerical uncertainty."""

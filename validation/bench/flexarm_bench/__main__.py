@@ -32,7 +32,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     try:
         benchmarks = load_benchmarks(*options.cases)
-        done: int = {"list": _list, "run": _run, "blank": _blank, "sheets": _sheets}[options.command](options, benchmarks)
+        done: int = {"list": _list, "run": _run, "blank": _blank, "sheets": _sheets}[options.command](
+            options, benchmarks
+        )
     except (BenchError, OSError) as error:
         print(f"flexarm-bench: {error}", file=sys.stderr)
         return 2
@@ -57,7 +59,9 @@ def _parser() -> argparse.ArgumentParser:
         help="a registered solver, a Python file with run(case, settings), or a folder of filled in files; repeatable",
     )  # fmt: skip
     run.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="a setting for all solvers")
-    run.add_argument("--seed", type=int, help="seed of the units in which solvers get the cases (default: by the clock)")
+    run.add_argument(
+        "--seed", type=int, help="seed of the units in which solvers get the cases (default: by the clock)"
+    )
     run.add_argument("-o", "--output", type=Path, metavar="DIR", help="write results.md, results.csv and data sheets")
     blank = commands.add_parser("blank", help="write CSV files to fill in, for programs without Python")
     blank.add_argument("folder", type=Path)

@@ -1,4 +1,4 @@
-"""Read benchmarks: `cases/NAME.toml` has the arm, its parts and the places of their reference values in `references/`."""
+"""Read benchmarks: `cases/NAME.toml` has the arm, its parts, and where their exact values are in `references/`."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Reference:
         """The exact answer."""
         found = functools.reduce(lambda entry, key: entry[key], self.at, self.document["reference"])
         if case.ask == "motion":
-            return self._scaled(np.array(found, dtype=float)[:, list(self.take)])
+            return self._scaled(np.array(found, dtype=float)[:, np.array(self.take, dtype=int)])
         if self.take:
             found = [found[key] for key in self.take]
         listed = found if isinstance(found, list) else [found]

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
-Dimension = tuple[int, int, int]
 Ask = Literal["statics", "buckling", "frequencies", "motion"]
 
-DIMENSION = "dimension"  # key of the metadata of a field
+# What a dimension is: exponents of length, mass and time.
+Length = Annotated[float, (1, 0, 0)]
+Mass = Annotated[float, (0, 1, 0)]
+Time = Annotated[float, (0, 0, 1)]
+Stiffness = Annotated[float, (3, 1, -2)]
+MassPerLength = Annotated[float, (-1, 1, 0)]
+InertiaPerLength = Annotated[float, (1, 1, 0)]
+Inertia = Annotated[float, (2, 1, 0)]
+Moment = Annotated[float, (2, 1, -2)]
+Rate = Annotated[float, (0, 0, -1)]
+
+STILL: Vector = (0.0, 0.0, 0.0)
 
 
 class BenchError(Exception):
@@ -25,11 +34,6 @@ class BenchError(Exception):
 
 class Cannot(Exception):  # noqa: N818  it is an answer, not an error
     """Raised by a solver that cannot compute a case; the text is the reason."""
-
-
-def of(dimension: Dimension, default: Any = dataclasses.MISSING) -> Any:
-    """A field of this dimension: exponents of length, mass and time."""
-    return field(default=default, metadata={DIMENSION: dimension})
 
 
 @dataclass(frozen=True)
@@ -41,19 +45,19 @@ class Link:
     """
 
     name: str
-    length: float = of((1, 0, 0))
+    length: Length
     joint: Literal["clamped", "free"] = "free"  # a free joint turns about z without torque, unless the case drives it
-    angle: float = of((0, 0, 0), 0.0)  # at the start, about z, relative to the previous link
-    EI: float = of((3, 1, -2), math.inf)  # bending in the x-y plane [N m²]
-    EI_y: float = of((3, 1, -2), math.inf)  # bending in the x-z plane [N m²]
-    GJ: float = of((3, 1, -2), math.inf)  # twist [N m²]
-    mass_per_length: float = of((-1, 1, 0), 0.0)  # kg/m
-    rotary_inertia: float = of((1, 1, 0), 0.0)  # ρI of the section about z, per length [kg m]
-    polar_inertia: float = of((1, 1, 0), 0.0)  # ρI of the section about x, per length [kg m]
-    loss_time: float = of((0, 0, 1), 0.0)  # η of the material: moment = EI (κ + η dκ/dt) [s]
-    hub_inertia: float = of((2, 1, 0), 0.0)  # rotary inertia about z that turns with the start of the link [kg m²]
-    end_mass: float = of((0, 1, 0), 0.0)  # point mass at the end of the link [kg]
-    end_inertia: float = of((2, 1, 0), 0.0)  # its rotary inertia about each axis [kg m²]
+    angle: float = 0.0  # at the start, about z, relative to the previous link
+    EI: Stiffness = math.inf  # bending in the x-y plane [N m²]
+    EI_y: Stiffness = math.inf  # bending in the x-z plane [N m²]
+    GJ: Stiffness = math.inf  # twist [N m²]
+    mass_per_length: MassPerLength = 0.0  # kg/m
+    rotary_inertia: InertiaPerLength = 0.0  # ρI of the section about z, per length [kg m]
+    polar_inertia: InertiaPerLength = 0.0  # ρI of the section about x, per length [kg m]
+    loss_time: Time = 0.0  # η of the material: moment = EI (κ + η dκ/dt) [s]
+    hub_inertia: Inertia = 0.0  # rotary inertia about z that turns with the start of the link [kg m²]
+    end_mass: Mass = 0.0  # point mass at the end of the link [kg]
+    end_inertia: Inertia = 0.0  # its rotary inertia about each axis [kg m²]
 
     @property
     def bends_in_space(self) -> bool:
@@ -65,8 +69,8 @@ class Link:
 class Pulse:
     """The torque `peak` sin³(2πt / `duration`) on the first joint; 0 after `duration`."""
 
-    peak: float = of((2, 1, -2))  # N m
-    duration: float = of((0, 0, 1))  # s
+    peak: Moment  # N m
+    duration: Time  # s
 
     def torque(self, t: ArrayLike) -> Array:
         """The torque at these times [N m]."""
@@ -81,8 +85,8 @@ class Pulse:
 class SpinUp:
     """The first joint's angle is given: its rate grows smoothly from 0 to `rate` in the time `duration`."""
 
-    rate: float = of((0, 0, -1))  # rad/s
-    duration: float = of((0, 0, 1))  # s
+    rate: Rate  # rad/s
+    duration: Time  # s
 
     def motion(self, t: ArrayLike) -> tuple[Array, Array, Array]:
         """Angle [rad], rate [rad/s] and acceleration [rad/s²] at these times."""
@@ -117,20 +121,22 @@ class Case:
     part: str
     ask: Ask
     links: tuple[Link, ...]
-    gravity: Vector = of((1, 0, -2), (0.0, 0.0, 0.0))  # m/s²
-    force: Vector = of((1, 1, -2), (0.0, 0.0, 0.0))  # on the tip [N]
-    moment: Vector = of((2, 1, -2), (0.0, 0.0, 0.0))  # on the tip [N m]
+    gravity: Annotated[Vector, (1, 0, -2)] = STILL  # m/s²
+    force: Annotated[Vector, (1, 1, -2)] = STILL  # on the tip [N]
+    moment: Annotated[Vector, (2, 1, -2)] = STILL  # on the tip [N m]
     follows: bool = False  # whether force and moment turn with the tip; their directions are those at the start
-    spin: Vector = of((0, 0, -1), (0.0, 0.0, 0.0))  # steady rotation of the base, on which the arm moves [rad/s]
+    spin: Annotated[Vector, (0, 0, -1)] = STILL  # steady rotation of the base, on which the arm moves [rad/s]
     torque: Pulse | None = None
     motion: SpinUp | None = None
-    times: tuple[float, ...] = of((0, 0, 1), ())  # s
+    times: Annotated[tuple[float, ...], (0, 0, 1)] = ()  # s
     modes: int = 0
 
     @property
     def shape(self) -> tuple[int, ...]:
         """Shape of the answer."""
-        return {"statics": (3,), "buckling": (1,), "frequencies": (self.modes,), "motion": (len(self.times), 2)}[self.ask]
+        return {"statics": (3,), "buckling": (1,), "frequencies": (self.modes,), "motion": (len(self.times), 2)}[
+            self.ask
+        ]
 
     @property
     def planar(self) -> bool:

@@ -66,7 +66,7 @@ def _absent(missing: ImportError) -> Run:
     """A solver whose program is not installed."""
     reason = str(missing)
 
-    def run(case: Case, settings: Settings) -> object:
+    def run(case: Case, settings: Settings) -> Any:
         raise Cannot(reason)
 
     return run

@@ -28,7 +28,7 @@ def heads(case: Case) -> list[str]:
 
 def labels(case: Case) -> list[str]:
     """First cells of the lines of a part."""
-    return [f"{t:.12g}" for t in case.times] if case.ask == "motion" else [case.part]
+    return [f"{t:.12g}" for t in case.times] if case.ask == "motion" else [case.part or case.name]
 
 
 def write_blank(folder: Path, benchmark: Benchmark) -> Path:

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from flexarm_bench.benchmark import Benchmark
 from flexarm_bench.case import Answer, Array, Cannot, Case, Settings
 from flexarm_bench.units import Units
 
-Run = Callable[[Case, Settings], object]
+Run = Callable[[Case, Settings], Any]
 
 ACCEPTED, NOT_ACCEPTED, CANNOT, FAILED = "accepted", "not accepted", "cannot", "failed"
 
@@ -67,7 +68,7 @@ def judge(
         try:
             found = run(units.similar(case), settings or {})
             seconds = time.process_time() - start
-            answer = found if isinstance(found, Answer) else Answer(found)  # type: ignore[arg-type]
+            answer = found if isinstance(found, Answer) else Answer(found)
             note, error = answer.note, error_of(case, units.back(case, _checked(case, answer)), reference.values(case))
             verdict = ACCEPTED if error <= benchmark.accepted else NOT_ACCEPTED
         except Cannot as why:

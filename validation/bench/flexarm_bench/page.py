@@ -92,7 +92,9 @@ def _sheet(benchmark: Benchmark, verdicts: Sequence[Verdict]) -> Iterator[str]:
     yield f"- Error: {benchmark.error}\n- Accepted error: {benchmark.accepted:g}. {benchmark.reason}\n"
     yield "## Arm\n\nSI units, angles in rad; what is not listed is zero, and a stiffness without value is infinite.\n"
     for link in first.links:
-        yield from _table((f"link {link.name}", "value"), ([key, str(value)] for key, value in described(link, ["name"])))
+        yield from _table(
+            (f"link {link.name}", "value"), ([key, str(value)] for key, value in described(link, ["name"]))
+        )
         yield ""
     common = described(first, ["name", "part", "links", "times", "ask"])
     if benchmark.ask == "motion":

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 
-from flexarm_bench.case import DIMENSION, Array, Case
+from flexarm_bench.case import Array, Case
 
 LARGEST = 2.0  # factor between the old and the new units, at most
 
@@ -35,7 +35,9 @@ class Units:
         new: Case = self._converted(case)
         if case.ask != "buckling":
             return new
-        loads = {name: tuple(self.load * x for x in getattr(new, name)) for name in ("gravity", "force", "moment")}
+        loads: dict[str, Any] = {
+            name: tuple(self.load * x for x in getattr(new, name)) for name in ("gravity", "force", "moment")
+        }
         return dataclasses.replace(new, **loads)
 
     def back(self, case: Case, values: Array) -> Array:
@@ -49,11 +51,9 @@ class Units:
         if isinstance(value, tuple):
             return tuple(self._converted(each, dimension) for each in value)
         if dataclasses.is_dataclass(value) and not isinstance(value, type):
-            parts = {
-                each.name: self._converted(getattr(value, each.name), each.metadata.get(DIMENSION))
-                for each in dataclasses.fields(value)
-            }
-            return dataclasses.replace(value, **parts)
+            kinds = get_type_hints(type(value), include_extras=True)
+            dimensions = {name: getattr(kind, "__metadata__", (None,))[0] for name, kind in kinds.items()}
+            return type(value)(**{name: self._converted(getattr(value, name), dimensions[name]) for name in kinds})
         if dimension is None:
             return value
         units = np.array([self.length, self.mass, self.time])

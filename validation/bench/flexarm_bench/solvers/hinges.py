@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -16,7 +18,7 @@ import numpy as np
 from flexarm_bench.case import Array, Cannot, Case, Link, Settings
 
 HINGES = {"statics": 64, "buckling": 96, "frequencies": 96, "motion": 20}
-"""Hinges of a link, unless the setting `hinges` gives another number; several links share them, and have fewest in motion."""
+"""Hinges of a link, unless the setting `hinges` gives another number; several links share them."""
 LEAST_HINGES = 4
 LOAD_STEPS, ITERATIONS, CHANGE = 8, 60, 1e-6
 SMALL_STEP, SLOW = 1e-10, 0.1  # last step of Newton's method [rad]; ratio of steps above which its matrix is too old
@@ -178,7 +180,7 @@ def springs(chain: HingeChain) -> Array:
     return np.array([joint.stiffness for joint in chain.joints])
 
 
-def _torques(case: Case, chain: HingeChain, program: Program, q: Array, share: float = 1.0) -> Array:
+def _torques(case: Case, chain: HingeChain, program: Program, share: float, q: Array) -> Array:
     """Torques that the joints lack for equilibrium under a share of the tip's load."""
     load = np.array([*case.force, *case.moment]) * share
     if case.follows:
@@ -191,15 +193,15 @@ def _statics(case: Case, chain: HingeChain, program: Program) -> Array:
     q = np.zeros(len(chain.joints))
     straight = program.tip(q)
     for share in np.linspace(0, 1, LOAD_STEPS + 1)[1:]:
-        slope, size = np.zeros(0), math.inf
+        left = partial(_torques, case, chain, program, share)
+        slope, size = None, math.inf
         for _ in range(ITERATIONS):
-            if not slope.size:
-                slope = _slope(lambda x, share=share: _torques(case, chain, program, x, share), q)
-            step = np.linalg.solve(slope, -_torques(case, chain, program, q, share))
+            slope = _slope(left, q) if slope is None else slope
+            step = np.linalg.solve(slope, -left(q))
             q, before, size = q + step, size, float(np.abs(step).max())
             if size < SMALL_STEP:
                 break
-            slope = np.zeros(0) if size > SLOW * before or math.isinf(before) else slope
+            slope = None if math.isinf(before) or size > SLOW * before else slope
         else:
             raise ArithmeticError(f"no equilibrium under {share:.3g} of the load")
     return program.tip(q) - straight
@@ -208,7 +210,7 @@ def _statics(case: Case, chain: HingeChain, program: Program) -> Array:
 def _buckling(case: Case, chain: HingeChain, program: Program) -> Array:
     rest = np.zeros(len(chain.joints))
     elastic = np.diag(springs(chain))
-    load = _slope(lambda q: _torques(case, chain, program, q), rest) - elastic
+    load = _slope(partial(_torques, case, chain, program, 1.0), rest) - elastic
     inverse = np.linalg.eigvals(np.linalg.solve(elastic, -load))
     return np.array([1 / inverse.real[np.abs(inverse.imag) < 1e-9 * np.abs(inverse).max()].max()])
 
@@ -224,7 +226,7 @@ def _frequencies(case: Case, chain: HingeChain, program: Program) -> Array:
     return np.asarray(np.sqrt(squares[still : still + case.modes]))
 
 
-def _slope(function, q: Array) -> Array:  # type: ignore[no-untyped-def]
+def _slope(function: Callable[[Array], Array], q: Array) -> Array:
     """Derivative by central differences, shape (n, n)."""
     steps = CHANGE * np.eye(len(q))
     return np.array([(function(q + h) - function(q - h)) / (2 * CHANGE) for h in steps]).T

@@ -6,8 +6,8 @@ import math
 from typing import Any
 
 import exudyn as exu
-import exudyn.itemInterface as items
 import numpy as np
+from exudyn import itemInterface as items  # noqa: N813
 
 from flexarm_bench.case import Answer, Array, Cannot, Case, Link, Settings
 

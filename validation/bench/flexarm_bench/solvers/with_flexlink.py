@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-import flexlink as fl
 import numpy as np
 
+import flexlink as fl
 from flexarm_bench.case import Answer, Array, Case, Link, Settings
 
 RULES = {"statics": "lobatto4", "buckling": "lobatto4", "frequencies": "lobatto4", "motion": "gauss"}
@@ -30,8 +30,8 @@ def run(case: Case, settings: Settings) -> Answer:
 
 def _statics(case: Case, scene: fl.Scene) -> Array:
     chain = fl.lump(scene)
-    frame = "tip" if case.follows else "world"
-    q = fl.solve_static(chain, tip_wrench=[*case.force, *case.moment], frame=frame).q
+    load = [*case.force, *case.moment]
+    q = fl.solve_static(chain, tip_wrench=load, frame="tip" if case.follows else "world").q
     return np.asarray(fl.tip_position(chain, q) - fl.tip_position(chain, np.zeros(chain.n)))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import mujoco
 import numpy as np
@@ -70,7 +71,8 @@ def mjcf(case: Case, chain: HingeChain, step: float, method: str) -> str:
         inner = f"<body {_pose(body)}>{_joints(body)}{_inertial(body)}{inner}</body>"
     return (
         f'<mujoco><compiler angle="radian" boundmass="{LEAST}" boundinertia="{LEAST}"/>'
-        f'<option gravity="{_row(case.gravity)}" timestep="{step!r}" integrator="{method}"><flag contact="disable"/></option>'
+        f'<option gravity="{_row(case.gravity)}" timestep="{step!r}" integrator="{method}">'
+        '<flag contact="disable"/></option>'
         f"<worldbody>{inner}</worldbody></mujoco>"
     )
 
@@ -97,7 +99,7 @@ def _inertial(body: Body) -> str:
     return f'<inertial pos="{_row(body.centre)}" mass="{body.mass!r}" fullinertia="{_row(full)}"/>'
 
 
-def _row(values) -> str:  # type: ignore[no-untyped-def]
+def _row(values: Iterable[float]) -> str:
     return " ".join(repr(float(value)) for value in values)
 
 

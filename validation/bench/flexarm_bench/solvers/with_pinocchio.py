@@ -36,7 +36,7 @@ class Model:
     def mass(self, q: Array) -> Array:
         """Mass matrix."""
         upper = np.triu(pin.crba(self.model, self.data, q))
-        return upper + np.triu(upper, 1).T
+        return np.array(upper + np.triu(upper, 1).T)
 
     def bias(self, q: Array, v: Array) -> Array:
         """Torques of gravity and rates."""
