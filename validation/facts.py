@@ -35,6 +35,8 @@ WORDS: dict[str, tuple[str, str]] = {
     "tip error": ("tip error [m]", "tip error {:g} m"),
     "family": ("family of rules", "{}"),
     "relative_tolerance": ("tolerance, of the reach", "tolerance {:g} of the reach"),
+    "formulation": ("formulation", "{}"),
+    "relative error": ("error, of the length", "error {:g}"),
     "error": ("error, of the motion", "error {:g}"),
     "deflection error": ("error, of the deflection", "deflection error {:g}"),
     "to step": ("to step [s]", "to {:.4g} s"),

@@ -38,6 +38,7 @@ PACKAGES = (
     "scikit-sundae",
     "drake",
     "exudyn",
+    "pyelastica",
 )
 
 Report = Callable[[str, Row | None], None]

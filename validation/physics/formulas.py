@@ -32,17 +32,22 @@ def torque_pulse(scene: Scene, knots: int = 241) -> Scene:
     return scene.varied({"drive": drive})
 
 
-def spin_up(scene: Scene, knots: int = 151) -> Scene:
-    """Prescribe θ = (6/15) [t²/2 + (15/2π)² (cos(2πt/15) − 1)] for 15 s, then 6 rad/s (Kane, Ryan & Banerjee 1987).
+def spin_up_angle(t: ArrayLike) -> tuple[Array, Array, Array]:
+    """Angle θ = (6/15) [t²/2 + (15/2π)² (cos(2πt/15) − 1)] for 15 s, then 6 rad/s, with its rate and acceleration.
 
-    Quintic pieces of 0.1 s approximate it to (0.05)⁶/720 · max|θ⁽⁶⁾|, 3e-13 rad.
+    Kane, Ryan & Banerjee (1987).
     """
+    t, ω = np.asarray(t, dtype=float), 2 * np.pi / 15
+    within = np.minimum(t, 15.0)
+    angle = 6 / 15 * (within**2 / 2 + (np.cos(ω * within) - 1) / ω**2) + 6 * (t - within)
+    rate = 6 / 15 * (within - np.sin(ω * within) / ω)
+    return angle, rate, 6 / 15 * (1 - np.cos(ω * within))
+
+
+def spin_up(scene: Scene, knots: int = 151) -> Scene:
+    """Prescribe `spin_up_angle`: quintic pieces of 0.1 s approximate it to (0.05)⁶/720 · max|θ⁽⁶⁾|, 3e-13 rad."""
     t = np.linspace(0, 15, knots)
-    ω = 2 * np.pi / 15
-    angle = 6 / 15 * (t**2 / 2 + (np.cos(ω * t) - 1) / ω**2)
-    rate = 6 / 15 * (t - np.sin(ω * t) / ω)
-    acceleration = 6 / 15 * (1 - np.cos(ω * t))
-    columns = [tuple(np.degrees(column).tolist()) for column in (angle, rate, acceleration)]
+    columns = [tuple(np.degrees(column).tolist()) for column in spin_up_angle(t)]
     motion = PrescribedMotion(
         link=scene.arm.links[0].name, times=tuple(t.tolist()), angle_deg=columns[0], rate_deg=columns[1],
         acceleration_deg=columns[2],

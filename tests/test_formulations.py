@@ -1,0 +1,172 @@
+"""The case `formulations`: the best of each ladder is chosen, missing programs are named, other motions are found."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+from studies import row, stored
+
+from reports.figures import trade_formulations as figure
+from reports.findings import trade_formulations as finding
+from reports.results import Results
+from tests.words import reviewed
+from validation.case import CASES, load_case
+from validation.formulations import flexlink_links, ladder
+from validation.formulations.ladder import FORMULATIONS, Formulation, Rung, cheapest, climb, most_accurate, smallest
+from validation.formulations.outcome import Outcome
+from validation.formulations.stored import galerkin_arm
+from validation.formulations.task import Described, task_of
+from validation.kinds import formulations
+from validation.oracles import inextensible_rods
+from validation.runner import kind_of
+from validation.store import Series, Store, table
+
+SHORT = load_case(CASES / "formulations_short.toml")
+FULL = load_case(CASES / "formulations.toml")
+RUNGS = [
+    Rung({"elements": 2}, 1e-2, 1.0, 10), Rung({"elements": 4}, 1e-4, 9.0, 20), Rung({"elements": 8}, 2e-4, 3.0, 40),
+    Rung({"elements": 9}, math.inf, 0.1, 5), Rung({"elements": 10}, 1e-4, 4.0, 20),
+]  # fmt: skip
+PULSE = Described(scene="torque_pulse", input="torque_pulse", reference="single_link_torque_pulse")
+
+
+def test_the_best_rung_is_the_cheapest_or_smallest_that_reaches_the_error() -> None:
+    assert cheapest(RUNGS, 1e-3) is RUNGS[2]
+    assert cheapest(RUNGS, 1e-4) is RUNGS[4]
+    assert smallest(RUNGS, 1e-3) is RUNGS[4], "the cheaper of two with equal coordinates"
+    assert smallest(RUNGS, 1e-1) is RUNGS[0], "a failed run has no error"
+    assert cheapest(RUNGS, 1e-5) is smallest(RUNGS, 1e-5) is None
+    assert most_accurate(RUNGS) is RUNGS[1]
+    assert most_accurate(RUNGS[3:4]) is None
+
+
+def planted(distance: float, seconds: float):
+    """A program whose tip is off by this fraction of the length."""
+
+    def run(task, _element, setting) -> Outcome:
+        return Outcome([*task.reference.tip, 0.0, distance * task.length * setting["h"], 0.0], seconds, 7)
+
+    return run
+
+
+def plant(monkeypatch: pytest.MonkeyPatch, **runs) -> None:
+    """Replace all formulations by planted ones."""
+    monkeypatch.setattr(ladder.Formulation, "run", property(lambda self: runs[self.module]))
+    made = {name: Formulation("native" if name == "ours" else "exudyn", "", name, "") for name in runs}
+    monkeypatch.setattr(
+        formulations, "FORMULATIONS", made | {"absent": Formulation("exudyn", "no_such_package", "", "")}
+    )
+
+
+def rows_of(names: tuple[str, ...], reaches: dict[str, float], errors=(1e-2, 1e-3)):
+    described = replace(PULSE, ladder={name: {"h": (1.0, 0.5)} for name in names}, reaches=reaches)
+    settings = formulations.Settings(
+        scenes=("torque_pulse",), errors=errors, budget=1.0, task={"torque_pulse": described}
+    )
+    *rows, series = formulations.run(SHORT, settings)
+    return rows, series
+
+
+def test_rows_state_costs_least_errors_and_what_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    plant(monkeypatch, ours=planted(1e-3, 0.1), theirs=planted(1e-2, 0.3))
+    rows, series = rows_of(("ours", "theirs", "absent"), {"ours": 5e-4, "theirs": 4e-3})
+    found = {(each.quantity, each.varied.get("formulation"), each.varied.get("relative error")): each for each in rows}
+    assert found["not run", "absent", None].note == "no_such_package is not installed."
+    assert found["CPU time", "ours", 1e-3].value == pytest.approx(100)
+    assert found["not reached", "theirs", 1e-3].value == pytest.approx(5e-3)
+    assert found["not reached", "theirs", 1e-3].note.startswith("does not reach it: h 0.5")
+    assert found["least error / stated", "ours", None].value == pytest.approx(1.0)
+    assert found["least error / stated", "theirs", None].value == pytest.approx(1.25), "another motion fails"
+    assert found["others / flexlink, error 0.01", None, 1e-2].value == pytest.approx(3.0)
+    assert ("others / flexlink, error 0.001", None, 1e-3) not in found, "no other program reaches it"
+    assert series.columns["coordinates"].tolist() == [7, 7, 7, 7]
+
+
+def test_a_ladder_ends_with_its_budget_and_a_program_that_gives_up_has_no_error(monkeypatch) -> None:
+    plant(monkeypatch, ours=planted(1e-3, 0.4), lost=lambda *_: Outcome(np.empty((0, 3)), 0.2, 3))
+    task = task_of("torque_pulse", PULSE)
+    steps = {"h": [1.0, 0.5, 0.25, 0.1]}
+    assert [rung.setting["h"] for rung in climb(task, formulations.FORMULATIONS["ours"], steps, 0.7)] == [1.0, 0.5]
+    assert {rung.error for rung in climb(task, formulations.FORMULATIONS["lost"], steps, 9.0)} == {math.inf}
+
+
+def test_cases_name_known_formulations_and_state_for_each_what_it_reaches() -> None:
+    for case in (SHORT, FULL):
+        _, settings = kind_of(case)
+        for name in settings.scenes:
+            task = settings.task[name]
+            assert {*task.ladder, *task.cannot} <= set(FORMULATIONS)
+            assert set(task.reaches) == set(task.ladder), f"{case.name}, {name}"
+
+
+@pytest.mark.slow
+def test_galerkin_rods_reproduce_the_independent_reference() -> None:
+    task = task_of("torque_pulse", PULSE)
+    found = inextensible_rods.tips(galerkin_arm(task), task.times[:5], 6, 1e-7)
+    assert found == pytest.approx(task.reference.tip[:5, :2], abs=2e-5)
+
+
+@pytest.mark.slow
+def test_strain_modes_and_chains_run_with_their_numbers_of_coordinates() -> None:
+    task = task_of("torque_pulse", PULSE)
+    chain = flexlink_links.run(task, "gauss", {"hinges": 8, "tolerance": 1e-4})
+    modes = flexlink_links.run(task, "lobatto4 eigenmodes", {"hinges": 12, "modes": 3, "tolerance": 1e-4})
+    assert (chain.coordinates, modes.coordinates) == (9, 4)
+    assert max(task.error(chain.tip), task.error(modes.tip)) < 2e-3
+
+
+FACTS = {"ours": {"formulation": "chain, gauss"}, "theirs": {"formulation": "Exudyn ANCF cable"}}
+RATIO = {"kind": "formulations", "tolerance": None, "scene": "torque_pulse"}
+
+
+def study(tmp_path: Path, ratio: float) -> Results:
+    rows = [
+        row("short", quantity="CPU time", value=1.5, varied=FACTS["ours"] | {"relative error": 1e-3}, **RATIO),
+        row("short", quantity="coordinates", value=9, varied=FACTS["ours"] | {"relative error": 1e-3}, **RATIO),
+        row("short", quantity="not reached", value=2e-3, varied=FACTS["theirs"] | {"relative error": 1e-3}, **RATIO),
+        row("short", quantity="least error", value=2e-3, varied=FACTS["theirs"], note="elements 2", **RATIO),
+        row("short", quantity="others / flexlink, error 0.001", value=ratio, varied={"relative error": 1e-3}, **RATIO),
+        row("short", quantity="not run", value=1, varied={"formulation": "PyElastica"}, note="Not here.", **RATIO),
+    ]
+    results = stored(tmp_path, *rows)
+    runs = (
+        ("chain, gauss", "h 1", 9, 1e-3, 1e-3),
+        ("chain, gauss", "h 2", 9, 1e-2, 2e-3),
+        ("PyElastica", "", 60, 1e-2, 1.0),
+    )
+    columns = table(formulations.COLUMNS, runs)
+    Store(results).add_series(
+        "short", Series("formulations", "pulse", columns, "error", "e", "t", scene="torque_pulse")
+    )
+    return Results.read(results)
+
+
+def test_the_table_has_every_formulation_with_its_cost_or_why_it_has_none(tmp_path: Path) -> None:
+    (made,) = finding.find(study(tmp_path, 30.0))
+    ours, theirs, absent = made.lines
+    assert ours[:4] == ("torque_pulse", "chain, gauss", 1.5, 9)
+    assert theirs[2:] == ("does not reach it", None, 2e-3, "elements 2")
+    assert (absent[2], absent[-1]) == ("", "Not here.")
+    reviewed("formulations: won", made.sentences[0])
+    assert "30 (torque_pulse)" in made.sentences[0]
+
+
+def test_a_loss_is_stated(tmp_path: Path) -> None:
+    (made,) = finding.find(study(tmp_path, 0.5))
+    reviewed("formulations: lost", made.sentences[0])
+    assert "torque_pulse (0.5" in made.sentences[0]
+
+
+def test_the_picture_shows_time_and_coordinates_of_the_best_runs(tmp_path: Path) -> None:
+    (picture,) = figure.draw(study(tmp_path, 30.0))
+    lines = [
+        {line.get_label(): line.get_ydata().tolist() for line in axes.lines if line.get_linestyle() == "-"}
+        for axes in picture.figure.axes
+    ]
+    assert lines[0]["chain, gauss"] == [1e-3], "the run with both a larger error and a longer time is not on the line"
+    assert lines[1]["PyElastica"] == [60]
+    assert len(picture.csv.splitlines()) == 4

@@ -1,0 +1,55 @@
+"""Links as chains of hinges, and as strain modes on their hinges: complete calls of a problem that has run before."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from typing import Any
+
+import numpy as np
+
+import flexlink as fl
+from flexlink.common.types import Array
+from flexlink.describe.scene import Scene
+from validation.formulations.outcome import Outcome, Setting
+from validation.formulations.task import Task
+
+
+def run(task: Task, element: str, setting: Setting) -> Outcome:
+    """Run with a lumping rule, or with strain modes on the stations of that rule, named "RULE SHAPES"."""
+    scene = _scene(task, element, setting)
+    if task.moment:
+        return _statics(task, scene)
+    problem = fl.Problem(scene)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # about doubtful results; here a reference measures the error
+        problem.simulate()
+        begun = time.thread_time()
+        found = problem.simulate()
+        seconds = time.thread_time() - begun
+    return Outcome(found.tip, seconds, found.chain.freedoms - (task.held == "moved"))
+
+
+def _scene(task: Task, element: str, setting: Setting) -> Scene:
+    rule, _, shapes = element.partition(" ")
+    change: dict[str, Any] = {
+        "link.*.lumping": rule, "link.*.segments": round(setting["hinges"]) + 1, "run.method": "auto",
+        "run.step": None, "run.tolerance": setting.get("tolerance", 1e-3) * task.length,
+    }  # fmt: skip
+    if shapes:
+        count = round(setting["modes"])
+        change["link.*.modes"] = {"x": count, "y": count, "z": count, "shapes": shapes}
+    return task.scene.varied(change)
+
+
+def _statics(task: Task, scene: Scene) -> Outcome:
+    """Solve for the equilibrium under the end moment."""
+    chain, wrench = fl.lump(scene), np.array([0.0, 0.0, 0.0, 0.0, 0.0, task.moment])
+
+    def tip() -> Array:
+        return fl.tip_position(chain, fl.solve_static(chain, tip_wrench=wrench).q)
+
+    tip()
+    begun = time.thread_time()
+    found = tip()
+    return Outcome(found[None], time.thread_time() - begun, chain.freedoms)

@@ -1,0 +1,119 @@
+"""Run the ladder of settings of a formulation, and choose its cheapest run for an error."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import importlib.util
+import itertools
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+from flexlink.common.errors import FlexlinkError
+from validation.formulations.outcome import Outcome, Run, Setting
+from validation.formulations.task import Task
+
+REPEATS = 3
+SHORT = 0.05  # s of CPU; a shorter run is timed several times, and the least time counts
+
+
+class Formulation(NamedTuple):
+    """The program, its package ("" if always installed), its module in this folder and the kind of element."""
+
+    program: str
+    package: str
+    module: str
+    element: str
+
+    @property
+    def installed(self) -> bool:
+        """Whether its package is installed."""
+        return not self.package or importlib.util.find_spec(self.package) is not None
+
+    @property
+    def run(self) -> Run:
+        """Its function that computes a task."""
+        found: Run = importlib.import_module(f"validation.formulations.{self.module}").run
+        return found
+
+
+FORMULATIONS: Mapping[str, Formulation] = {
+    "chain, gauss": Formulation("native", "", "flexlink_links", "gauss"),
+    "chain, lobatto4": Formulation("native", "", "flexlink_links", "lobatto4"),
+    "strain modes": Formulation("native", "", "flexlink_links", "lobatto4 eigenmodes"),
+    "strain polynomials": Formulation("native", "", "flexlink_links", "lobatto4 polynomials"),
+    "Exudyn ANCF cable": Formulation("exudyn", "exudyn", "exudyn_elements", "ANCFCable2D"),
+    "Exudyn geometrically exact": Formulation("exudyn", "exudyn", "exudyn_elements", "GeometricallyExact2D"),
+    "Exudyn geometrically exact, 3D": Formulation("exudyn", "exudyn", "exudyn_space", ""),
+    "MuJoCo flex, springs": Formulation("mujoco", "mujoco", "mujoco_flexes", "springs"),
+    "MuJoCo flex, constraints": Formulation("mujoco", "mujoco", "mujoco_flexes", "constraints"),
+    "PyElastica": Formulation("elastica", "elastica", "elastica_rods", ""),
+}
+"""Name in cases and results → formulation."""
+
+
+class Rung(NamedTuple):
+    """A run: its settings, relative error of the tip (inf if it failed), CPU seconds, number of coordinates."""
+
+    setting: Setting
+    error: float
+    seconds: float
+    coordinates: int
+
+    @property
+    def words(self) -> str:
+        """The settings in one line."""
+        return ", ".join(f"{name} {value:.4g}" for name, value in self.setting.items())
+
+
+def climb(task: Task, formulation: Formulation, ladder: Mapping[str, Sequence[float]], budget: float) -> list[Rung]:
+    """Run all combinations of settings, one after the other; the rest is left out once `budget` [s of CPU] is spent."""
+    run, element, rungs, spent = formulation.run, formulation.element, list[Rung](), 0.0
+    for values in itertools.product(*ladder.values()):
+        if spent > budget:
+            break
+        rungs.append(_rung(task, run, element, dict(zip(ladder, values, strict=True))))
+        spent += rungs[-1].seconds
+    return rungs
+
+
+def _rung(task: Task, run: Run, element: str, setting: Setting) -> Rung:
+    first = _outcome(task, run, element, setting)
+    if first is None or not math.isfinite(error := task.error(first.tip)):
+        return Rung(
+            setting, math.inf, 0.0 if first is None else first.seconds, 0 if first is None else first.coordinates
+        )
+    again = (run(task, element, setting).seconds for _ in range(REPEATS - 1 if first.seconds < SHORT else 0))
+    return Rung(setting, error, min((first.seconds, *again)), first.coordinates)
+
+
+def _outcome(
+    task: Task, run: Callable[[Task, str, Setting], Outcome], element: str, setting: Setting
+) -> Outcome | None:
+    """A run; None if the program gives up. Faults in adapters stay errors."""
+    with contextlib.suppress(FlexlinkError, *_refusals()):
+        return run(task, element, setting)
+    return None
+
+
+def _refusals() -> Iterator[type[Exception]]:
+    """Exceptions by which other programs report that a run has failed."""
+    if importlib.util.find_spec("exudyn"):
+        yield importlib.import_module("exudyn").SolverError
+
+
+def cheapest(rungs: Sequence[Rung], error: float) -> Rung | None:
+    """The rung with the least CPU time among those that reach the error."""
+    return min((rung for rung in rungs if rung.error <= error), key=lambda rung: rung.seconds, default=None)
+
+
+def smallest(rungs: Sequence[Rung], error: float) -> Rung | None:
+    """The rung with the fewest coordinates among those that reach the error; the cheaper of equal ones."""
+    good = (rung for rung in rungs if rung.error <= error)
+    return min(good, key=lambda rung: (rung.coordinates, rung.seconds), default=None)
+
+
+def most_accurate(rungs: Sequence[Rung]) -> Rung | None:
+    """The rung with the least error; None if all failed."""
+    return min((rung for rung in rungs if math.isfinite(rung.error)), key=lambda rung: rung.error, default=None)

@@ -1,0 +1,146 @@
+"""Formulations of bending links at equal error: chains, strain modes, finite elements, discrete rods.
+
+Every formulation runs a ladder of settings, listed in the case; its best run counts for each error. The error is the
+largest distance of the tip from a reference at any sample, relative to the length of the arm. References share no code
+with a formulation, or are confirmed by two of them. CPU times are those of the thread: for flexlink a complete call of
+a problem that has run before, for other programs only the call of their solver.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+import msgspec
+
+from flexlink.describe.spec import Positive, Spec
+from validation.case import Case, Measured
+from validation.facts import Facts
+from validation.formulations.ladder import (
+    FORMULATIONS,
+    Rung,
+    cheapest,
+    climb,
+    most_accurate,
+    smallest,
+)
+from validation.formulations.task import Described, Task, task_of
+from validation.store import Series, table
+
+TIMED = True
+
+OURS = "native"
+COLUMNS = "formulation", "settings", "coordinates", "error", "CPU time [s]"
+
+
+class Settings(Spec, frozen=True):
+    """Tasks to run, errors to reach, relative to the length, the CPU time of a ladder [s], and all tasks by name."""
+
+    scenes: tuple[str, ...]
+    errors: tuple[Positive, ...]
+    budget: Positive
+    task: dict[str, Described]
+
+
+class Climbed(NamedTuple):
+    """A formulation with its runs."""
+
+    name: str
+    program: str
+    rungs: list[Rung]
+
+
+def rehearsal(settings: Settings) -> Settings:
+    """The first setting of every ladder, which compiles all kernels."""
+    first = {
+        name: msgspec.structs.replace(
+            each, ladder={key: {k: v[:1] for k, v in ladder.items()} for key, ladder in each.ladder.items()}
+        )
+        for name, each in settings.task.items()
+    }
+    return msgspec.structs.replace(settings, task=first)
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
+    """Yield for each task and formulation the cheapest and smallest runs, the least error, and the series of runs."""
+    for name in settings.scenes:
+        described = settings.task[name]
+        errors = described.errors or settings.errors
+        task, found = task_of(name, described), list[Climbed]()
+        of_reference = task.reference.own_error / task.length / min(errors)
+        yield Measured("reference's own error / least error asked", of_reference, name)
+        for each, why in described.cannot.items():
+            yield Measured("not run", 1, name, FORMULATIONS[each].program, {"formulation": each}, note=why)
+        for each, ladder in described.ladder.items():
+            formulation = FORMULATIONS[each]
+            if not formulation.installed:
+                why = f"{formulation.package} is not installed."
+                yield Measured("not run", 1, name, formulation.program, {"formulation": each}, note=why)
+                continue
+            climbed = Climbed(each, formulation.program, climb(task, formulation, ladder, settings.budget))
+            found.append(climbed)
+            yield from _of_formulation(task, climbed, errors, described.reaches)
+        for error in errors:
+            yield from (row for row in _ratio(task, found, error) if not _has_separate_limit(case, name, row.quantity))
+        yield _series(task, found)
+
+
+def _has_separate_limit(case: Case, name: str, quantity: str) -> bool:
+    """Whether a separate quantity of this scene replaces the limit for all scenes."""
+    own = case.quantity.get(f"{name}, {quantity}")
+    return own is not None and bool(own.given_up)
+
+
+def _of_formulation(
+    task: Task, climbed: Climbed, errors: tuple[float, ...], reaches: Mapping[str, float]
+) -> Iterator[Measured]:
+    facts: Facts = {"formulation": climbed.name}
+    best = most_accurate(climbed.rungs)
+    least = best.error if best else float("nan")
+    note = _words(best) if best else "No run ended."
+    yield Measured("least error", least, task.name, climbed.program, facts, note=note)
+    if climbed.name in reaches:
+        ratio = least / reaches[climbed.name]
+        yield Measured("least error / stated", ratio, task.name, climbed.program, facts, note=note)
+    for error in errors:
+        aim: Facts = {**facts, "relative error": error}
+        cheap, small = cheapest(climbed.rungs, error), smallest(climbed.rungs, error)
+        if cheap is None or small is None:
+            why = f"does not reach it: {note}"
+            yield Measured("not reached", least, task.name, climbed.program, aim, note=why)
+            continue
+        seconds = 1e3 * cheap.seconds
+        yield Measured("CPU time", seconds, task.name, climbed.program, aim, note=_words(cheap), timed=True)
+        yield Measured("coordinates", small.coordinates, task.name, climbed.program, aim, note=_words(small))
+
+
+def _words(rung: Rung) -> str:
+    return f"{rung.words}: {rung.coordinates} coordinates, error {rung.error:.2g}"
+
+
+def _ratio(task: Task, found: list[Climbed], error: float) -> Iterator[Measured]:
+    """Yield the CPU time of the cheapest other program over flexlink's; 0 if flexlink does not reach the error."""
+    costs = [(each, best) for each in found if (best := cheapest(each.rungs, error)) is not None]
+    ours = min((best.seconds for each, best in costs if each.program == OURS), default=None)
+    others = [(best.seconds, each.name) for each, best in costs if each.program != OURS]
+    if not others:
+        return
+    seconds, name = min(others)
+    note = f"{name}: {1e3 * seconds:.3g} ms" + (f"; flexlink: {1e3 * ours:.3g} ms" if ours else "")
+    ratio = seconds / ours if ours else 0.0
+    for quantity in (f"others / flexlink, error {error:g}", f"{task.name}, others / flexlink, error {error:g}"):
+        yield Measured(quantity, ratio, task.name, varied={"relative error": error}, note=note, timed=True)
+
+
+def _series(task: Task, found: list[Climbed]) -> Series:
+    rows = [
+        (each.name, rung.words, rung.coordinates, rung.error, rung.seconds)
+        for each in found
+        for rung in each.rungs
+        if rung.error < float("inf")
+    ]
+    error, cost = COLUMNS[3:]
+    return Series(
+        "formulations", f"{task.name}: {task.scene.about}", table(COLUMNS, rows), error, "error, of the length [1]",
+        cost, "log", "log", group="formulation", scene=task.name,
+    )  # fmt: skip
