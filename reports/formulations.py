@@ -11,7 +11,7 @@ from validation.store import Row, Series
 KIND, WHAT = "formulations", "formulations"
 OURS = "native"
 MARKERS = ("o", "s", "^", "D", "v", "P")
-COST, SIZE, MISSED, LEFT_OUT = "CPU time", "coordinates", "not reached", "not run"
+COST, SIZE, MISSED, RUNS = "CPU time", "coordinates", "not reached", "runs"
 
 
 def by_scene(results: Results) -> dict[str, list[Row]]:

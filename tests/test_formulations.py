@@ -48,7 +48,7 @@ def planted(distance: float, seconds: float):
     """A program whose tip is off by this fraction of the length."""
 
     def run(task, _element, setting) -> Outcome:
-        return Outcome([*task.reference.tip, 0.0, distance * task.length * setting["h"], 0.0], seconds, 7)
+        return Outcome(np.add(task.reference.tip, [0.0, distance * task.length * setting["h"], 0.0]), seconds, 7)
 
     return run
 
@@ -75,7 +75,7 @@ def test_rows_state_costs_least_errors_and_what_is_not_installed(monkeypatch: py
     plant(monkeypatch, ours=planted(1e-3, 0.1), theirs=planted(1e-2, 0.3))
     rows, series = rows_of(("ours", "theirs", "absent"), {"ours": 5e-4, "theirs": 4e-3})
     found = {(each.quantity, each.varied.get("formulation"), each.varied.get("relative error")): each for each in rows}
-    assert found["not run", "absent", None].note == "no_such_package is not installed."
+    assert found["runs", "absent", None].note == "no_such_package is not installed."
     assert found["CPU time", "ours", 1e-3].value == pytest.approx(100)
     assert found["not reached", "theirs", 1e-3].value == pytest.approx(5e-3)
     assert found["not reached", "theirs", 1e-3].note.startswith("does not reach it: h 0.5")
@@ -130,7 +130,7 @@ def study(tmp_path: Path, ratio: float) -> Results:
         row("short", quantity="not reached", value=2e-3, varied=FACTS["theirs"] | {"relative error": 1e-3}, **RATIO),
         row("short", quantity="least error", value=2e-3, varied=FACTS["theirs"], note="elements 2", **RATIO),
         row("short", quantity="others / flexlink, error 0.001", value=ratio, varied={"relative error": 1e-3}, **RATIO),
-        row("short", quantity="not run", value=1, varied={"formulation": "PyElastica"}, note="Not here.", **RATIO),
+        row("short", quantity="runs", value=0, varied={"formulation": "PyElastica"}, note="Not here.", **RATIO),
     ]
     results = stored(tmp_path, *rows)
     runs = (
@@ -158,7 +158,7 @@ def test_the_table_has_every_formulation_with_its_cost_or_why_it_has_none(tmp_pa
 def test_a_loss_is_stated(tmp_path: Path) -> None:
     (made,) = finding.find(study(tmp_path, 0.5))
     reviewed("formulations: lost", made.sentences[0])
-    assert "torque_pulse (0.5" in made.sentences[0]
+    assert "0.5 (torque_pulse)" in made.sentences[0]
 
 
 def test_the_picture_shows_time_and_coordinates_of_the_best_runs(tmp_path: Path) -> None:

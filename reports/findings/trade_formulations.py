@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 from flexlink.pages.numbers import number
 from flexlink.pages.tables import Cell, Table
-from reports.formulations import COST, LEFT_OUT, MISSED, SIZE, by_scene, errors_of, names_of, value
+from reports.formulations import COST, MISSED, RUNS, SIZE, by_scene, errors_of, names_of, value
 from reports.results import Results
 from validation.store import Row
 
 SECTION = "trade"
 AIM = 1e-3  # error of the sentence
+RATIO = "others / flexlink"
 RULES = (
     "flexlink's times are those of complete calls of a prepared problem, others only those of their solver. The best "
     "run of a ladder of settings counts."
@@ -35,7 +37,7 @@ def find(results: Results) -> Iterator[Table]:
 
 def _cells(rows: Sequence[Row], name: str, errors: Sequence[float]) -> Iterator[Cell]:
     own = [row for row in rows if row.varied.get("formulation") == name]
-    if out := next((row for row in own if row.quantity == LEFT_OUT), None):
+    if out := next((row for row in own if row.quantity == RUNS and not row.value), None):
         yield from ("" for _ in range(2 * len(errors) + 1))
         yield out.note
         return
@@ -50,20 +52,20 @@ def _cells(rows: Sequence[Row], name: str, errors: Sequence[float]) -> Iterator[
 
 
 def _sentences(scenes: dict[str, list[Row]]) -> Iterator[str]:
-    """How flexlink's cheapest formulation compares with the cheapest other program."""
-    wanted = f"others / flexlink, error {AIM:g}"
-    ratios = {
-        scene: row.value
-        for scene, rows in scenes.items()
-        for row in rows
-        if row.quantity.removeprefix(f"{scene}, ") == wanted and row.value is not None
-    }
-    won = {scene: ratio for scene, ratio in ratios.items() if ratio >= 1.0}
-    lost = {scene: ratio for scene, ratio in ratios.items() if ratio < 1.0}
-    if won:
-        listed = ", ".join(f"{number(ratio, 2)} ({scene})" for scene, ratio in won.items())
-        yield f"At an error of {number(AIM)}, the cheapest other program takes × flexlink's CPU time: {listed}."
-    if lost:
-        listed = ", ".join(f"{scene} ({number(ratio, 2)} × flexlink's time)" for scene, ratio in lost.items())
-        yield f"Another program is cheaper for {listed}."
+    """How flexlink's cheapest formulation compares with the cheapest other program, at the error next to `AIM`."""
+    found: dict[float, dict[str, float]] = {}
+    for scene, rows in scenes.items():
+        for row in rows:
+            if row.quantity.removeprefix(f"{scene}, ").startswith(RATIO) and row.value is not None:
+                found.setdefault(float(row.varied["relative error"]), {})[scene] = row.value
+    if found:
+        error = min(found, key=lambda each: abs(math.log(each / AIM)))
+        won = ", ".join(f"{number(ratio, 2)} ({scene})" for scene, ratio in found[error].items() if ratio >= 1.0)
+        lost = ", ".join(f"{number(ratio, 2)} ({scene})" for scene, ratio in found[error].items() if ratio < 1.0)
+        cheapest = (
+            f"At an error of {number(error)}, the CPU time of the cheapest other program, relative to flexlink's, is"
+        )
+        yield f"{cheapest} {won or lost}."
+        if won and lost:
+            yield f"It is below 1, so that program is cheaper, for {lost}."
     yield RULES

@@ -1,7 +1,9 @@
 """PyElastica's discrete Cosserat rods with explicit steps; only its steps are timed.
 
 A rod of radius r stretches and shears with EA = 4 EI / r² = s EI / L², so one setting s replaces the section: a large
-one is nearly inextensible, but its waves need short steps. All joints are springs of that stiffness.
+one is nearly inextensible, but its waves need short steps. Joints are springs as stiff as an element. Bending springs
+are between the centres of elements, so the half elements at a support or a rigid joint would not bend: the spring next
+to a support is softened by their share, and that of a rigid joint represents them.
 """
 
 from __future__ import annotations
@@ -53,10 +55,12 @@ def _arm(task: Task, setting: Setting) -> tuple[Any, list[Any]]:
         simulator.append(made)
         simulator.add_forcing_to(made).using(ea.GravityForces, acc_gravity=task.gravity)
         if rods:
-            _join(simulator, rods[-1], made, rod, task.rods[k - 1], stiff * setting["joint"])
+            _join(simulator, rods[-1], made, rod, task.rods[k - 1], (count, stiff))
         rods.append(made)
         place = place + rod.length * rod.turn[:, 0]
     _add_masses(task, rods)
+    if task.held != "hinge" or task.torque is not None:
+        rods[0].bend_matrix[:, :, 0] *= 2 / 3  # over one and a half elements
     simulator.constrain(rods[0]).using(_Root, constrained_position_idx=(0,), constrained_director_idx=(0,), task=task)
     if task.torque is not None:
         simulator.add_forcing_to(rods[0]).using(_Torque, task.torque)
@@ -83,22 +87,18 @@ def _add_masses(task: Task, rods: list[Any]) -> None:
     rods[0].inv_mass_second_moment_of_inertia[0, 0, 0] = 1 / rods[0].mass_second_moment_of_inertia[0, 0, 0]
 
 
-def _join(simulator: Any, one: Any, two: Any, rod: Rod, before: Rod, stiff: float) -> None:
+def _join(simulator: Any, one: Any, two: Any, rod: Rod, before: Rod, size: tuple[int, float]) -> None:
     """Join two rods by springs."""
-    bending = rod.bending[1]
-    k = stiff * bending / rod.length**3
+    count, stiff = size
+    edge = rod.length / count
+    k = stiff * rod.bending[1] / rod.length**2 / edge
     joint = simulator.connect(first_rod=one, second_rod=two, first_connect_idx=-1, second_connect_idx=0)
     if rod.hinged:
         joint.using(ea.FreeJoint, k=k, nu=0.0)
         return
-    directors = [
-        np.array([each.turn[:, 2], np.cross(each.turn[:, 0], each.turn[:, 2]), each.turn[:, 0]])
-        for each in (before, rod)
-    ]
-    joint.using(
-        ea.FixedJoint, k=k, nu=0.0, kt=k * rod.length**2 / 100, nut=0.0,
-        rest_rotation_matrix=directors[0] @ directors[1].T,
-    )  # fmt: skip
+    directors = [np.array([turn[:, 2], -turn[:, 1], turn[:, 0]]) for turn in (before.turn, rod.turn)]
+    rest = directors[0] @ directors[1].T
+    joint.using(ea.FixedJoint, k=k, nu=0.0, kt=rod.bending[1] / edge, nut=0.0, rest_rotation_matrix=rest)
 
 
 class _Root(ea.ConstraintBase):  # type: ignore[misc]

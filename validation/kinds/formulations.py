@@ -30,6 +30,7 @@ from validation.store import Series, table
 TIMED = True
 
 OURS = "native"
+RUNS = "runs"
 COLUMNS = "formulation", "settings", "coordinates", "error", "CPU time [s]"
 
 
@@ -70,12 +71,11 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         of_reference = task.reference.own_error / task.length / min(errors)
         yield Measured("reference's own error / least error asked", of_reference, name)
         for each, why in described.cannot.items():
-            yield Measured("not run", 1, name, FORMULATIONS[each].program, {"formulation": each}, note=why)
+            yield _not_run(name, each, why)
         for each, ladder in described.ladder.items():
             formulation = FORMULATIONS[each]
             if not formulation.installed:
-                why = f"{formulation.package} is not installed."
-                yield Measured("not run", 1, name, formulation.program, {"formulation": each}, note=why)
+                yield _not_run(name, each, f"{formulation.package} is not installed.")
                 continue
             climbed = Climbed(each, formulation.program, climb(task, formulation, ladder, settings.budget))
             found.append(climbed)
@@ -91,11 +91,17 @@ def _has_separate_limit(case: Case, name: str, quantity: str) -> bool:
     return own is not None and bool(own.given_up)
 
 
+def _not_run(scene: str, name: str, why: str) -> Measured:
+    return Measured(RUNS, 0, scene, FORMULATIONS[name].program, {"formulation": name}, note=why)
+
+
 def _of_formulation(
     task: Task, climbed: Climbed, errors: tuple[float, ...], reaches: Mapping[str, float]
 ) -> Iterator[Measured]:
     facts: Facts = {"formulation": climbed.name}
     best = most_accurate(climbed.rungs)
+    ended = sum(rung.error < float("inf") for rung in climbed.rungs)
+    yield Measured(RUNS, ended, task.name, climbed.program, facts)
     least = best.error if best else float("nan")
     note = _words(best) if best else "No run ended."
     yield Measured("least error", least, task.name, climbed.program, facts, note=note)
