@@ -26,7 +26,7 @@ from validation.formulations.task import Described, Task, task_of
 from validation.oracles import inextensible_rods
 from validation.reference_values import store_reference
 
-POLYNOMIALS, FEWER, TOLERANCE = 12, 10, 1e-8
+POLYNOMIALS, FEWER, TOLERANCE = 16, 12, 1e-8
 FINEST, COARSER = {"hinges": 48, "tolerance": 1e-8}, {"hinges": 24, "tolerance": 1e-8}
 WITNESS = {"elements": 32, "stiffness": 1e5, "step": 2.5e-4}
 COARSER_WITNESS = {"elements": 16, "stiffness": 1e5, "step": 2.5e-4}
