@@ -19,7 +19,7 @@ def by_scene(results: Results) -> dict[str, list[Row]]:
     found: dict[str, list[Row]] = {}
     for _, rows in results.of_kind(KIND):
         for scene in dict.fromkeys(row.scene for row in rows):
-            own = [row for row in rows if row.scene == scene]
+            own: list[Row] = [row for row in rows if row.scene == scene]
             if len(own) > len(found.get(scene, [])):
                 found[scene] = own
     return found

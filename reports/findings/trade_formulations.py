@@ -47,7 +47,7 @@ def _cells(rows: Sequence[Row], name: str, errors: Sequence[float]) -> Iterator[
     for error in errors:
         yield value(own, SIZE, name, error)
     least = next((row for row in own if row.quantity == "least error"), None)
-    yield least and least.value
+    yield least.value if least else None
     yield least.note if least else ""
 
 

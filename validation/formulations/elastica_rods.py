@@ -19,9 +19,7 @@ from validation.formulations.outcome import Outcome, Setting
 from validation.formulations.task import Rod, Task
 
 
-class _Simulator(  # type: ignore[misc]  # PyElastica composes its systems in this way
-    ea.BaseSystemCollection, ea.Constraints, ea.Forcing, ea.Connections
-):
+class _Simulator(ea.BaseSystemCollection, ea.Constraints, ea.Forcing, ea.Connections):  # type: ignore[misc]
     """A system of rods."""
 
 
@@ -48,7 +46,7 @@ def _advance(simulator: Any, rods: list[Any], task: Task, step: float, samples: 
 
 
 def _arm(task: Task, setting: Setting) -> tuple[Any, list[Any]]:
-    simulator, rods, place = _Simulator(), [], np.zeros(3)
+    simulator, rods, place = _Simulator(), list[Any](), np.zeros(3)
     count, stiff = round(setting["elements"]), setting["stiffness"]
     for k, rod in enumerate(task.rods):
         made = _rod(rod, place, count, stiff)
