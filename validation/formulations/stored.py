@@ -21,7 +21,7 @@ import numpy as np
 
 from flexlink.common.types import Array
 from flexlink.results.tip_motion import largest_distance
-from validation.formulations import exudyn_space, flexlink_links
+from validation.formulations import flexlink_links
 from validation.formulations.task import Described, Task, task_of
 from validation.oracles import inextensible_rods
 from validation.reference_values import store_reference
@@ -73,6 +73,8 @@ def galerkin_arm(task: Task) -> inextensible_rods.Arm:
 
 
 def _l_arm(task: Task) -> tuple[Array, dict[str, float], dict[str, Any]]:
+    from validation.formulations import exudyn_space  # noqa: PLC0415  only this reference needs exudyn
+
     finest = flexlink_links.run(task, "lobatto4", FINEST).tip
     witness = exudyn_space.run(task, "", WITNESS).tip
     coarser = exudyn_space.run(task, "", COARSER_WITNESS).tip

@@ -67,7 +67,7 @@ class Motion:
         """Position of the tip, shape (2,)."""
         angles = self._angles(y[: self.n])
         ends = [rod.length * (_along(θ) @ self.w) for rod, θ in zip(self.arm.rods, angles, strict=True)]
-        return np.sum(ends, axis=0)
+        return np.asarray(np.sum(ends, axis=0))
 
     def _angles(self, a: Floats) -> list[Floats]:
         return [self.P @ part for part in a.reshape(-1, self.K)]
