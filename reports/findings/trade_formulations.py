@@ -14,6 +14,7 @@ from validation.store import Row
 SECTION = "trade"
 AIM = 1e-3  # error of the sentence
 RATIO = "others / flexlink"
+NOT_REACHED = "does not reach it"
 RULES = (
     "flexlink's times are those of complete calls of a prepared problem, others only those of their solver. The best "
     "run of a ladder of settings counts."
@@ -43,7 +44,7 @@ def _cells(rows: Sequence[Row], name: str, errors: Sequence[float]) -> Iterator[
         return
     for error in errors:
         missed = value(own, MISSED, name, error) is not None
-        yield "does not reach it" if missed else value(own, COST, name, error)
+        yield NOT_REACHED if missed else value(own, COST, name, error)
     for error in errors:
         yield value(own, SIZE, name, error)
     least = next((row for row in own if row.quantity == "least error"), None)
