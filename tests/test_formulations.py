@@ -58,7 +58,7 @@ def plant(monkeypatch: pytest.MonkeyPatch, **runs) -> None:
     monkeypatch.setattr(ladder.Formulation, "run", property(lambda self: runs[self.module]))
     made = {name: Formulation("native" if name == "ours" else "exudyn", "", name, "") for name in runs}
     monkeypatch.setattr(
-        formulations, "FORMULATIONS", made | {"absent": Formulation("exudyn", "no_such_package", "", "")}
+        formulations, "FORMULATIONS", made | {"absent": Formulation("exudyn", "nowhere", "", "")}
     )
 
 
@@ -75,7 +75,7 @@ def test_rows_state_costs_least_errors_and_what_is_not_installed(monkeypatch: py
     plant(monkeypatch, ours=planted(1e-3, 0.1), theirs=planted(1e-2, 0.3))
     rows, series = rows_of(("ours", "theirs", "absent"), {"ours": 5e-4, "theirs": 4e-3})
     found = {(each.quantity, each.varied.get("formulation"), each.varied.get("relative error")): each for each in rows}
-    assert "no_such_package" in found["runs", "absent", None].note
+    assert "nowhere" in found["runs", "absent", None].note
     assert found["CPU time", "ours", 1e-3].value == pytest.approx(100)
     assert found["not reached", "theirs", 1e-3].value == pytest.approx(5e-3)
     assert "h 0.5" in found["not reached", "theirs", 1e-3].note
