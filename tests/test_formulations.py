@@ -57,9 +57,7 @@ def plant(monkeypatch: pytest.MonkeyPatch, **runs) -> None:
     """Replace all formulations by planted ones."""
     monkeypatch.setattr(ladder.Formulation, "run", property(lambda self: runs[self.module]))
     made = {name: Formulation("native" if name == "ours" else "exudyn", "", name, "") for name in runs}
-    monkeypatch.setattr(
-        formulations, "FORMULATIONS", made | {"absent": Formulation("exudyn", "nowhere", "", "")}
-    )
+    monkeypatch.setattr(formulations, "FORMULATIONS", made | {"absent": Formulation("exudyn", "nowhere", "", "")})
 
 
 def rows_of(names: tuple[str, ...], reaches: dict[str, float], errors=(1e-2, 1e-3)):
