@@ -8,11 +8,9 @@ from __future__ import annotations
 
 import ast
 import functools
-import io
 import re
 import subprocess
 import sys
-import tokenize
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -73,9 +71,9 @@ def _of_python(path: Path, source: str) -> Iterator[tuple[int, str]]:
             yield node.lineno, node.value
         if isinstance(node, ast.FunctionDef) and path.name.startswith("test_") and node.name.startswith("test_"):
             yield node.lineno, node.name.replace("_", " ")
-    for token in tokenize.generate_tokens(io.StringIO(source).readline):
-        if token.type == tokenize.COMMENT:
-            yield token.start[0], token.string
+    for number, line in enumerate(source.splitlines(), 1):  # comments, and some strings a second time
+        if "#" in line:
+            yield number, line[line.index("#") :]
 
 
 def files() -> list[Path]:

@@ -43,11 +43,10 @@ SPEED = [
 
 def proof() -> str:
     """What the study found, with its date and commit."""
-    counts = study.counts()
-    return (
-        f"{_when()}: **{counts['passed']:,} of {counts['checks']:,} checks pass** in {counts['cases']} cases.\n\n"
-        f"{_list(PROOF)}"
-    )
+    counts, missing = study.counts(), study.stored().get("missing", ())
+    lacking = f", {len(missing)} cases are missing" if missing else ""
+    checks = f"**{counts['passed']:,} of {counts['checks']:,} checks pass**"
+    return f"{_when()}: {checks} in {counts['cases']} cases{lacking}.\n\n{_list(PROOF)}"
 
 
 def speed() -> str:
