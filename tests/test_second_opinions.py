@@ -234,7 +234,14 @@ def test_a_wrong_tolerance_of_the_readings_fails_the_second_way(monkeypatch: pyt
 
 @pytest.mark.slow
 def test_a_spar_whose_root_yields_predicts_the_larger_deflections() -> None:
-    found = [each for each in rows("measured_wing_spar", draws=0) if "one number" in each.quantity]
+    (case,) = load_cases("measured_wing_spar")
+    study, sought, fitted_to = kind_of(case)[1].one_number, ("root stiffness", "bending stiffness"), "up to 1 kg"
+    fewer = msgspec.structs.replace(
+        study,
+        candidate={name: study.candidate[name] for name in sought},
+        fitted_to={fitted_to: study.fitted_to[fitted_to]},
+    )
+    found = [each for each in rows(case.name, draws=0, one_number=fewer) if "one number" in each.quantity]
     root = next(each for each in found if each.varied == {"situation": "root stiffness", "part": "up to 1 kg"})
     assert root.value == 5
     stiffness = next(each for each in found if each.varied == {"situation": "bending stiffness", "part": "up to 1 kg"})
