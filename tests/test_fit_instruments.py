@@ -74,7 +74,9 @@ def inside(found: fl.fits.Fitted) -> bool:
     return all(abs(found[path].value - true) < 2 * found[path].half for path, true in TRUE.items())
 
 
+@functools.cache
 def fitted(**faults: Any) -> fl.fits.Fitted:
+    """The fit, computed once for each set of faults."""
     return fl.fit(problem(**faults), grid="ignore")
 
 
