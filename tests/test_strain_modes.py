@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ from tests.words import line, refused
 from validation.oracles.common_origin import CommonOrigin
 from validation.physics.formulas import INPUTS
 from validation.random_arms import random_arm, random_tree
+from validation.reference_values import reference_array
 
 ROOT = Path(__file__).parents[1]
 EPS = np.finfo(float).eps
@@ -44,8 +44,7 @@ def published(name: str, segments: int, modes: int | None) -> tuple[fl.Trajector
     changes = {f"link.{link}.lumping": "gauss", f"link.{link}.segments": segments, f"link.{link}.modes": modes}
     run = fl.simulate(scene.varied(changes | {"run.step": None, "run.method": "auto", "run.tolerance": 1e-6}))
     files = {"torque_pulse": "single_link_torque_pulse", "spin_up": "spinup_kane_simo"}
-    stored = json.loads((ROOT / "validation" / "reference" / f"{files[name]}.json").read_text("utf-8"))["reference"]
-    return run, np.array(stored["values"])
+    return run, reference_array(files[name], "values")
 
 
 def farthest(run: fl.Trajectory, tip: np.ndarray) -> float:
