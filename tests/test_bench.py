@@ -364,7 +364,7 @@ def imports(path: Path) -> set[str]:
 def test_the_package_imports_numpy_and_each_solver_its_program(path):
     programs = {
         "with_flexlink": {"flexlink"}, "with_pinocchio": {"pinocchio", "scipy"}, "with_mujoco": {"mujoco"},
-        "with_exudyn": {"exudyn"},
+        "with_exudyn": {"exudyn"}, "with_cosseratbench": {"cosseratbench"},
     }  # fmt: skip
     assert imports(path) <= {"numpy"} | programs.get(path.stem, set())
 

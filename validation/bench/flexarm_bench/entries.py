@@ -20,6 +20,7 @@ OWN = {
     "pinocchio": "flexarm_bench.solvers.with_pinocchio:run",
     "mujoco": "flexarm_bench.solvers.with_mujoco:run",
     "exudyn": "flexarm_bench.solvers.with_exudyn:run",
+    "cosseratbench": "flexarm_bench.solvers.with_cosseratbench:run",
 }
 """Solvers of this package; other packages register theirs as entry points of `GROUP`."""
 

@@ -20,7 +20,7 @@ from flexarm_bench.case import Array, Cannot, Case, Link, Settings
 HINGES = {"statics": 64, "buckling": 96, "frequencies": 96, "motion": 20}
 """Hinges of a link, unless the setting `hinges` gives another number; several links share them."""
 LEAST_HINGES = 4
-LOAD_STEPS, ITERATIONS, CHANGE = 8, 60, 1e-6
+LOAD_STEPS, ITERATIONS, CHANGE = 3, 60, 1e-6
 SMALL_STEP, SLOW = 1e-10, 0.1  # last step of Newton's method [rad]; ratio of steps above which its matrix is too old
 
 
