@@ -131,6 +131,16 @@ def test_a_thousandth_off_is_not_accepted_and_the_exact_answer_is(benchmark: Ben
 
 
 @pytest.mark.parametrize("benchmark", EVERY)
+def test_one_wrong_value_is_enough(benchmark: Benchmark):
+    def last_is_off(case, settings):
+        values = exact_of(case)
+        values.flat[-1] += 2 * benchmark.accepted * max(1.0, np.abs(values).max())
+        return values
+
+    assert set(verdicts(last_is_off, benchmark.name)) == {NOT_ACCEPTED}
+
+
+@pytest.mark.parametrize("benchmark", EVERY)
 def test_a_constant_is_not_accepted(benchmark: Benchmark):
     for value in (0.0, 1.0):
         assert ACCEPTED not in verdicts(lambda case, _, value=value: np.full(case.shape, value), benchmark.name)
