@@ -7,7 +7,18 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from docs.generators import api, command_line, docstrings, keys, messages, notation, plausibility, schemes, study
+from docs.generators import (
+    api,
+    command_line,
+    docstrings,
+    extremes,
+    keys,
+    messages,
+    notation,
+    plausibility,
+    schemes,
+    study,
+)
 
 PAGES: dict[str, Callable[[Path], str]] = {
     "api.rst": api.page,
@@ -25,6 +36,7 @@ PAGES: dict[str, Callable[[Path], str]] = {
     **{f"{messages.page_name(title)}.rst": partial(messages.group_page, title) for title in messages.groups()},
     "notation.md": notation.page,
     "study.rst": study.page,
+    "extremes.txt": extremes.page,  # a part of docs/explanation/extremes.md
 }
 """Text of each page, from the folder for its figures."""
 

@@ -14,6 +14,8 @@ from docs.generators.rest import directive, heading, literal, prose, table
 
 FULL = Path(__file__).parents[2] / "reports" / "full"
 SECTIONS = FULL.parent / "sections.toml"
+PAGES_OF = {"extremes": "/explanation/extremes"}
+"""Chapter → page that shows its results at a glance."""
 
 
 @functools.cache
@@ -91,6 +93,8 @@ def _summary(chapter: dict[str, Any]) -> tuple[str, str, str]:
 def _chapter(chapter: dict[str, Any]) -> list[str]:
     """Headlines of a chapter; findings, figures and cases folded."""
     parts = [f"- {prose(headline)}" for headline in chapter["headlines"]] + [""]
+    if page_of := PAGES_OF.get(chapter["id"]):
+        parts.append(f"On one page: :doc:`{page_of}`.\n")
     findings = [
         f"**{prose(finding['title'])}.** {' '.join(prose(sentence) for sentence in finding['sentences'])}\n"
         for finding in chapter["findings"]
