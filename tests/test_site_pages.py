@@ -18,7 +18,8 @@ pytestmark = [
 DESK, PHONE = (1280, 800), (390, 844)
 PAGES = (
     "index", "start/first_arm", "start/coming_from", "howto/index", "howto/steps", "explanation/chain",
-    "explanation/damping", "explanation/study", "gallery/index", "gallery/crane", "gallery/payload_sweep",
+    "explanation/damping", "explanation/study", "explanation/extremes", "gallery/index", "gallery/crane",
+    "gallery/payload_sweep",
     "reference/generated/api", "reference/generated/api/flexlink.Joint",
     "reference/generated/api/flexlink.simulate", "reference/generated/scene", "reference/generated/command_line",
     "reference/generated/methods", "reference/generated/messages", "reference/generated/notation",

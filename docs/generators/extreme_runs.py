@@ -19,11 +19,12 @@ from validation.facts import WORDS
 
 NATIVE = "native"
 REFUSALS = Path(__file__).with_name("extremes.toml")
-WRONG, RIGHT, NOT_FINITE, REFUSED = "wrong without a warning", "right", "not finite", "refused"
+WRONG, RIGHT, WARNED = "wrong without a warning", "right", "warned"
+NOT_FINITE, REFUSED = "not finite", "refused"
 LOOKS = {
     RIGHT: GREEN,
     "up to ten times": SKY,
-    "warned": BLUE,
+    WARNED: BLUE,
     REFUSED: GREY,
     NOT_FINITE: ORANGE,
     "not judged": PALE,
@@ -31,7 +32,7 @@ LOOKS = {
 }
 """Ends of a run in the order of the figure, with their colours."""
 ENDS = {
-    "within": RIGHT, "near": "up to ten times", "warned": "warned", "false doubt": "warned", "error": REFUSED,
+    "within": RIGHT, "near": "up to ten times", "warned": WARNED, "false doubt": WARNED, "error": REFUSED,
     "dear": "not judged", "unknown": "not judged", "silent wrong": WRONG,
 }  # fmt: skip
 """Outcome in the stored study → end of the run on the page."""

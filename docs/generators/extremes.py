@@ -19,6 +19,7 @@ from docs.generators.extreme_runs import (
     RIGHT,
     SINGULAR,
     STEPS,
+    WARNED,
     WRONG,
     Digits,
     Run,
@@ -36,6 +37,7 @@ from flexlink.pages.style import RC, legend_over, stacked_axes
 
 PICTURE = "extremes.svg"
 METHOD_OF_ALL = "RK4"  # method that flexlink and other programs have in common
+CELL = "python -m validation.cell"
 MOST = 16.0  # decimal digits of float64
 REPEATS = (WRONG, REFUSED, NOT_FINITE)
 """Ends of runs whose command the table gives, the first that occurs."""
@@ -49,7 +51,7 @@ def page(folder: Path) -> str:
     _draw(found, folder / PICTURE)
     caption = (
         "Ends of all runs at extreme parameters, by program and method. RK4, MuJoCo and Pinocchio: same scenes, same "
-        "steps"
+        "steps."
     )
     return "\n".join(
         [
@@ -84,7 +86,7 @@ def _words(end: str) -> str:
     words = {
         RIGHT: "within their stated error",
         "up to ten times": "within ten times their stated error",
-        "warned": "with a warning",
+        WARNED: "with a warning",
         REFUSED: "refused or ended by a message",
         NOT_FINITE: "no longer finite",
     }
@@ -100,13 +102,19 @@ def _table(found: Sequence[Run], cells: Sequence[Digits]) -> tuple[tuple[str, ..
         alone = [cell for cell in cells if set(cell.values) == {name} and cell.condition <= SINGULAR]
         values = [values[name] for values in _varied(found, cells) if name in values]
         shown = [_ends(engine, own) + _fewest(engine, alone, bool(own)) for engine in engines]
-        rows.append((*_named(name, values), *(text or "–" for text in shown), literal(_command(own, alone))))
+        rows.append(
+            (
+                *_named(name, values),
+                *(text or "–" for text in shown),
+                literal(_command(own, alone).removeprefix(f"{CELL} ")),
+            )
+        )
     rows += [
         (prose(name), tried, prose(text), *["–"] * (len(engines) - 1), literal(command))
         for name, tried, text, command in _other_cases()
     ]
-    heads = ("parameter", "tried", *(_head(engine) for engine in engines), "repeat one of them")
-    return heads, rows, " ".join(map(str, (16, 14, 26, *[18] * (len(engines) - 1), 16)))
+    heads = ("parameter", "tried", *(_head(engine) for engine in engines), f"repeat one: {literal(CELL)}")
+    return heads, rows, " ".join(map(str, (18, 16, 20, *[18] * (len(engines) - 1), 20)))
 
 
 def _head(engine: str) -> str:
@@ -133,12 +141,13 @@ def _named(name: str, values: Sequence[float]) -> tuple[str, str]:
 
 
 def _ends(engine: str, own: Sequence[Run]) -> str:
-    """Number of runs of a program with each end; the wrong ones first, even if there are none."""
+    """Number of wrong runs of a program, even if there are none, and of those that it did not complete or doubted."""
     of = counts(run for run in own if run.engine == engine)
     if not of:
         return ""
-    wrong = f"**{of[WRONG]:,} wrong**" if of[WRONG] else "0 wrong"
-    return ", ".join([wrong, *(f"{of[end]:,} {end}" for end in LOOKS if end != WRONG and of[end])])
+    wrong = f"{of[WRONG]:,} wrong".replace(" ", JOIN)
+    rest = (f"{of[end]:,} {end}".replace(" ", JOIN) for end in (WARNED, REFUSED, NOT_FINITE) if of[end])
+    return ", ".join([f"**{wrong}** of {of.total():,}" if of[WRONG] else f"{wrong} of {of.total():,}", *rest])
 
 
 def _fewest(engine: str, alone: Sequence[Digits], after: bool) -> str:
@@ -147,11 +156,11 @@ def _fewest(engine: str, alone: Sequence[Digits], after: bool) -> str:
     if not errors:
         return ""
     fewest = max(0, math.floor(-math.log10(max(*errors, 10.0**-MOST))))
-    return f"{'; ' if after else ''}q̈ to {plural(fewest, 'digit')}"
+    return f"{'; ' if after else ''}q̈:{JOIN}{plural(fewest, 'digit').replace(' ', JOIN)}"
 
 
 def _command(own: Sequence[Run], alone: Sequence[Digits]) -> str:
-    """Command of the most telling run: wrong in a program, else refused by flexlink, else the last."""
+    """Command of one run: the first that is wrong in a program, else refused by flexlink, else the last."""
     for end in REPEATS:
         if matching := [run for run in own if run.end == end and (end != REFUSED or run.engine == NATIVE)]:
             return matching[0].recipe
@@ -196,8 +205,12 @@ def _by_engine(found: Iterable[Run]) -> dict[str, list[Run]]:
 
 def bars(found: Sequence[Run]) -> dict[str, Counter[str]]:
     """Ends of the runs by program and method; flexlink's runs of all methods come first."""
-    beside = {run.case for run in found if run.engine != NATIVE}
-    both = [run for run in found if run.case in beside and (run.engine != NATIVE or run.method == METHOD_OF_ALL)]
+    beside = {(run.case, *run.values.items()) for run in found if run.engine != NATIVE}
+    both = [
+        run
+        for run in found
+        if run.engine != NATIVE or (run.method == METHOD_OF_ALL and (run.case, *run.values.items()) in beside)
+    ]
     groups: dict[str, list[Run]] = {}
     for run in sorted(both, key=lambda run: run.engine != NATIVE):
         groups.setdefault(f"{engine_name(run.engine)}, {run.method}", []).append(run)
@@ -227,5 +240,5 @@ def _finish(figure: Figure, ends: Sequence[str], bars: int) -> None:
     for end in ends:
         axes.barh(0, 0, color=LOOKS[end], label=end)
     axes.set(xlabel="share of the runs [%]", xlim=(0, 100), ylim=(bars - 0.6, -0.75), yticks=[])
-    axes.grid(False, axis="y")
+    axes.grid(False)
     legend_over(axes, figure=figure)
