@@ -14,8 +14,9 @@ from reports.figures import extreme_runs
 from reports.results import Results
 from validation import cell
 from validation.case import CASES, load_case
-from validation.extremes.cells import Map
+from validation.extremes.cells import Cell, Map
 from validation.kinds import digits, extremes
+from validation.measuring import kind_of
 from validation.store import Store
 
 MAP = {
@@ -55,6 +56,25 @@ def test_axes_can_scale_values_set_counts_repeat_links_or_change_the_state() -> 
         ("upper", 2), ("fore1", 2), ("fore2", 2), ("fore3", 2),
     ]  # fmt: skip
     assert state == {"rate": 2e5}
+
+
+@pytest.mark.parametrize("name", ["extremes", "extremes_beside", "extremes_digits", "extremes_pairs", "extremes_short"])
+def test_every_scene_of_every_plan_is_valid_for_some_values(name: str) -> None:
+    settings = kind_of(load_case(CASES / f"{name}.toml"))[1]
+    parts: dict[tuple[int, str], list[Cell]] = {}
+    for each in settings.cells():
+        parts.setdefault((id(each.plan), each.scene), []).append(each)
+    assert {scene for _, scene in parts} == set(settings.scene)
+    for cells in parts.values():
+        assert any(is_valid(settings, each) for each in cells), (cells[0].scene, cells[0].plan.axes)
+
+
+def is_valid(settings: Map, of: Cell) -> bool:
+    try:
+        settings.situation(of)
+    except fl.FlexlinkError:
+        return False
+    return True
 
 
 def test_an_accidentally_exact_engine_does_not_tighten_the_error_limit() -> None:

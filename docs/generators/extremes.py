@@ -1,4 +1,4 @@
-"""The part of the page "Extremes" that the stored study determines: conclusions, figure, table, list of refusals."""
+"""The part of the page "Extremes" that the stored study determines: figure, conclusions, table, list of refusals."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ REPEATS = (WRONG, REFUSED, NOT_FINITE)
 
 
 def page(folder: Path) -> str:
-    """Conclusions, figure and table, to be included in `docs/explanation/extremes.md`."""
+    """Figure, conclusions and table, to be included in `docs/explanation/extremes.md`."""
     found, cells = runs(study.FULL), digits(study.FULL)
     if not found:
         return "The stored study contains no runs at extreme parameters.\n"
@@ -55,8 +55,8 @@ def page(folder: Path) -> str:
     )
     return "\n".join(
         [
-            "\n".join(f"- {text}" for text in sentences(found, cells)) + "\n",
             directive("figure", f"/reference/generated/{PICTURE}", caption, alt=caption),
+            "\n".join(f"- {text}" for text in sentences(found, cells)) + "\n",
             table(*_table(found, cells)),
             directive("dropdown", "Messages of the refused runs of flexlink", _refusals(found)),
         ]
@@ -145,9 +145,10 @@ def _ends(engine: str, own: Sequence[Run]) -> str:
     of = counts(run for run in own if run.engine == engine)
     if not of:
         return ""
-    wrong = f"{of[WRONG]:,} wrong".replace(" ", JOIN)
-    rest = (f"{of[end]:,} {end}".replace(" ", JOIN) for end in (WARNED, REFUSED, NOT_FINITE) if of[end])
-    return ", ".join([f"**{wrong}** of {of.total():,}" if of[WRONG] else f"{wrong} of {of.total():,}", *rest])
+    bold = "**" if of[WRONG] else ""
+    parts = [f"{bold}{of[WRONG]:,} wrong{bold} of {of.total():,}"]
+    parts += [f"{of[end]:,} {end}" for end in (WARNED, REFUSED, NOT_FINITE) if of[end]]
+    return ", ".join(part.replace(" ", JOIN) for part in parts)
 
 
 def _fewest(engine: str, alone: Sequence[Digits], after: bool) -> str:
