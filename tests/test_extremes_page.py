@@ -142,5 +142,5 @@ def test_arms_count_as_regular_as_in_the_study() -> None:
 
 
 def test_a_parameter_has_one_name_in_all_parts_of_a_map() -> None:
-    axes, varied = "segments a link, in a plane and links", "segments a link, in a plane 9.0, links 2.0"
-    assert extreme_runs.values_of(axes, varied) == {"segments a link": 9.0, "links": 2.0}
+    axes, varied = "segments, in a plane and links", "segments, in a plane 9.0, links 2.0"
+    assert extreme_runs.values_of(axes, varied) == {"segments": 9.0, "links": 2.0}

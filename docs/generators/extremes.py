@@ -146,9 +146,10 @@ def _ends(engine: str, own: Sequence[Run]) -> str:
     if not of:
         return ""
     bold = "**" if of[WRONG] else ""
-    parts = [f"{bold}{of[WRONG]:,} wrong{bold} of {of.total():,}"]
-    parts += [f"{of[end]:,} {end}" for end in (WARNED, REFUSED, NOT_FINITE) if of[end]]
-    return ", ".join(part.replace(" ", JOIN) for part in parts)
+    wrong = f"{bold}{of[WRONG]:,}{JOIN}wrong{bold} of{JOIN}{of.total():,}"
+    return ", ".join(
+        [wrong, *(f"{of[end]:,} {end}".replace(" ", JOIN) for end in (WARNED, REFUSED, NOT_FINITE) if of[end])]
+    )
 
 
 def _fewest(engine: str, alone: Sequence[Digits], after: bool) -> str:
