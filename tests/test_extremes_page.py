@@ -102,7 +102,8 @@ def test_an_engine_that_is_wrong_or_not_finite_is_counted_and_its_command_given(
 
 def test_refusals_lead_to_the_pages_of_their_messages(folder: Path) -> None:
     text = extremes.page(folder)
-    assert line(text, ":ref:`newton-failed <message-newton-failed>`")[2:] == ["1", "``r 1``"]
+    link = ":ref:`newton-failed <message-newton-failed>`"
+    assert line(text, link)[2:] == ["1", "``r 1``"]
     assert line(text, "other")[2:] == ["1", "``r 2``"]
 
 
