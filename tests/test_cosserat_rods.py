@@ -25,7 +25,8 @@ def test_the_entry_point_is_the_solver() -> None:
 
 def test_the_cantilever_is_within_a_thousandth_of_beam_theory() -> None:
     """Shear and large bending change the linear theory by 6e-4."""
-    assert run(cantilever, FlexlinkSolver(), n_elements=20).summary()["metrics"]["tip_deflection_error"] <= 1e-3
+    (error, _) = run(cantilever, FlexlinkSolver(), n_elements=20).summary()["metrics"].values()
+    assert error <= 1e-3
 
 
 @pytest.mark.slow

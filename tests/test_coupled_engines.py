@@ -24,7 +24,7 @@ import flexlink as fl
 from flexlink.diagnosis.diagnosis import Diagnosis
 from flexlink.diagnosis.mistakes import table
 from flexlink.diagnosis.quantities import QUANTITIES
-from flexlink.diagnosis.stable_steps import LARGEST, _bent
+from flexlink.diagnosis.stable_steps import LARGEST
 from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.engines import ENGINES, load
 from flexlink.engines.read_back import of_chain, to_chain
@@ -299,7 +299,7 @@ def test_unrelated_tendons_are_reported_and_then_ignored(tmp_path: Path) -> None
 def test_the_largest_stable_step_includes_dampers_between_joints() -> None:
     """Semi-implicit Euler is stable up to 4/(d + √(d² + 4 ω²)) for every mode, with d = φᵀ D φ."""
     chain = fl.lump(make_scene(flexible("a", "z", 5, lumping="lobatto4", damping=fl.Damping(ratio=0.5, at_hz=100.0))))
-    q = _bent(chain)
+    q = chain.slightly_bent
     M, K = fl.mass_matrix(chain, q), stiffness_matrix(chain, q, np.zeros(chain.n), np.zeros(6))
     square, φ = np.linalg.eigh(np.linalg.solve(L := np.linalg.cholesky(M), np.linalg.solve(L, (K + K.T) / 2).T))
     φ = np.linalg.solve(L.T, φ)

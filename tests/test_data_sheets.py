@@ -21,7 +21,6 @@ def settings_of(case: Case):
 def test_a_data_sheet_names_its_error_measure_and_settings_by_hinge_count(case):
     assert case.sheet.error
     assert case.sheet.accepted > 0
-    assert case.sheet.unit in {"rad/s", "Hz", "m", "N"}
     settings = settings_of(case)
     hinges = [at.hinges for at in data_sheets._settings(settings)]
     assert hinges == sorted(set(hinges))

@@ -96,7 +96,7 @@ def files(known: dict[str, Case]) -> dict[str, dict[str, str]]:
     ("validation/measuring.py", {"physics_drag", "order_conditions", "speed_start"}, set()),
     ("validation/reference/trade/crane.json", {"speed_trade-crane"}, {"physics_drag", "pointwise"}),
     ("validation/reference/hencky_closed_forms.json", {"physics_finite_chains"}, {"physics_drag"}),
-    ("validation/reference/spinup_kane_simo.json", {"physics_spin_up", "data_sheets"}, {"physics_drag"}),
+    (f"{dependencies.REFERENCES}spinup_kane_simo.json", {"physics_spin_up", "data_sheets"}, {"physics_drag"}),
     ("validation/scenes/trade/scenes.toml", {"speed_trade-crane"}, {"speed_calls"}),
     ("validation/measured/data/two_link_fsf.csv", {"measured_two_link"}, {"pointwise"}),
     ("validation/cases/physics_drag.toml", {"physics_drag"}, {"pointwise", "speed_trade-crane"}),

@@ -20,7 +20,7 @@ ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 CONTRACTS = PROJECT["tool"]["importlinter"]["contracts"]
 BARS = {
-    "layers of imports": 10, "classes": 408, "constants": 435, "public names": 81, "files of more than 350 lines": 6,
+    "layers of imports": 10, "classes": 409, "constants": 437, "public names": 81, "files of more than 350 lines": 6,
     "functions of more than 60 lines of code": 1, "lines of contracts": 56,
 }  # fmt: skip
 FEATURES = {

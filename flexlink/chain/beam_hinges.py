@@ -112,7 +112,8 @@ def _add_hinges(
 ) -> Places:
     """Add a body with the hinges before a segment."""
     builder.start_body()
-    places, backward = {}, rule.alternate_axes and segment % 2 == 0
+    places: Places = {}
+    backward = rule.alternate_axes and segment % 2 == 0
     friction = (link.friction.coulomb, link.friction.coulomb_width) if link.friction else ()
     for axis in AXES[link.flex][:: -1 if backward else 1]:
         places[axis - 1, segment - 1] = len(builder.hinges)
