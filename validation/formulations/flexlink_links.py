@@ -17,10 +17,12 @@ from validation.formulations.task import Task
 
 def run(task: Task, element: str, setting: Setting) -> Outcome:
     """Run with a lumping rule, or with strain modes on the stations of that rule, named "RULE SHAPES"."""
-    scene = _scene(task, element, setting)
-    if task.moment:
-        return _statics(task, scene)
-    problem = fl.Problem(scene)
+    scene = chain_scene(task, element, setting)
+    return _statics(task, scene) if task.moment else timed(task, fl.Problem(scene))
+
+
+def timed(task: Task, problem: fl.Problem) -> Outcome:
+    """Run a problem, and time it when it runs again."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # about doubtful results; here a reference measures the error
         problem.simulate()
@@ -30,7 +32,8 @@ def run(task: Task, element: str, setting: Setting) -> Outcome:
     return Outcome(found.tip, seconds, found.chain.freedoms - (task.held == "moved"))
 
 
-def _scene(task: Task, element: str, setting: Setting) -> Scene:
+def chain_scene(task: Task, element: str, setting: Setting) -> Scene:
+    """The scene with a lumping rule and its number of hinges per link, with a tolerance, and with strain modes."""
     rule, _, shapes = element.partition(" ")
     change: dict[str, Any] = {
         "link.*.lumping": rule, "link.*.segments": round(setting["hinges"]) + 1, "run.method": "auto",

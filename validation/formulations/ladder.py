@@ -1,4 +1,8 @@
-"""Run the ladder of settings of a formulation, and choose its cheapest run for an error."""
+"""Run the ladder of settings of a formulation, and choose its cheapest run for an error.
+
+Besides formulations of a bending link, other programs compute the chain exported by flexlink, and `advise` picks a
+chain for each error.
+"""
 
 from __future__ import annotations
 
@@ -32,6 +36,11 @@ class Formulation(NamedTuple):
         return not self.package or importlib.util.find_spec(self.package) is not None
 
     @property
+    def is_exported_chain(self) -> bool:
+        """Whether another program computes flexlink's chain."""
+        return self.module.endswith("_chains")
+
+    @property
     def run(self) -> Run:
         """Its function that computes a task."""
         found: Run = importlib.import_module(f"validation.formulations.{self.module}").run
@@ -49,17 +58,28 @@ FORMULATIONS: Mapping[str, Formulation] = {
     "MuJoCo flex, springs": Formulation("mujoco", "mujoco", "mujoco_flexes", "springs"),
     "MuJoCo flex, constraints": Formulation("mujoco", "mujoco", "mujoco_flexes", "constraints"),
     "PyElastica": Formulation("elastica", "elastica", "elastica_rods", ""),
+    "MuJoCo chain, RK4": Formulation("mujoco", "mujoco", "mujoco_chains", "RK4"),
+    "MuJoCo chain, implicit": Formulation("mujoco", "mujoco", "mujoco_chains", "implicit"),
+    "MuJoCo chain, implicitfast": Formulation("mujoco", "mujoco", "mujoco_chains", "implicitfast"),
+    "Pinocchio chain, DOP853": Formulation("pinocchio", "pinocchio", "pinocchio_chains", "DOP853"),
+    "Pinocchio chain, Radau": Formulation("pinocchio", "pinocchio", "pinocchio_chains", "Radau"),
+    "Drake chain, runge_kutta3": Formulation("drake", "pydrake", "drake_chains", "runge_kutta3"),
+    "Drake chain, radau3": Formulation("drake", "pydrake", "drake_chains", "radau3"),
+    "advise": Formulation("native", "", "advised", ""),
 }
 """Name in cases and results → formulation."""
 
+ADVISE = "advise"  # picks a chain and its steps: not a formulation that others are compared with
+
 
 class Rung(NamedTuple):
-    """A run: its settings, relative error of the tip (inf if it failed), CPU seconds, number of coordinates."""
+    """A run: its settings, relative error of the tip (inf if it failed), CPU seconds, number of coordinates, a remark."""
 
     setting: Setting
     error: float
     seconds: float
     coordinates: int
+    note: str = ""
 
     @property
     def words(self) -> str:
@@ -84,8 +104,9 @@ def _rung(task: Task, run: Run, element: str, setting: Setting) -> Rung:
         return Rung(
             setting, math.inf, 0.0 if first is None else first.seconds, 0 if first is None else first.coordinates
         )
-    again = (run(task, element, setting).seconds for _ in range(REPEATS - 1 if first.seconds < SHORT else 0))
-    return Rung(setting, error, min((first.seconds, *again)), first.coordinates)
+    more = REPEATS - 1 if first.seconds < SHORT and not first.counted else 0
+    again = (run(task, element, setting).seconds for _ in range(more))
+    return Rung(setting, error, min((first.seconds, *again)), first.coordinates, first.note)
 
 
 def _outcome(

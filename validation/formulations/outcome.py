@@ -13,11 +13,16 @@ Setting = Mapping[str, float]
 
 
 class Outcome(NamedTuple):
-    """Tip at the samples in frame 0, shape (samples, 3) [m]; CPU seconds of the call; number of coordinates."""
+    """Tip at the samples in frame 0, shape (samples, 3) [m]; CPU seconds of the call; number of coordinates.
+
+    `counted`: the seconds follow from a number of evaluations, so repeating the call is useless. `note`: a remark.
+    """
 
     tip: Array
     seconds: float
     coordinates: int
+    counted: bool = False
+    note: str = ""
 
 
 Run = Callable[[Task, str, Setting], Outcome]

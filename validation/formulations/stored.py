@@ -5,6 +5,10 @@ soft_two_links  inextensible rods by Galerkin's method, which share no code with
 l_arm           no closed form exists: the finest chain of coupled cells; the own error is its distance from a chain
                 with half the hinges. Exudyn's geometrically exact beams, which share no code with it, confirm it: their
                 distance is stored, with the distance between Exudyn's two finest meshes. Needs exudyn.
+others          arms with drives, friction, branches: the finest chain of coupled cells. Chains of gauss, another family
+                of rules, must have the same limit; Pinocchio's accelerations with SciPy's Radau, or MuJoCo's RK4, which
+                share no code with flexlink, must compute the same motion of the finest of these. The own error is the
+                largest of these distances, and of that from a chain with half the hinges.
 
 Each takes some minutes.
 """
@@ -12,17 +16,22 @@ Each takes some minutes.
 from __future__ import annotations
 
 import argparse
+import importlib
 import sys
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 
 from flexlink.common.types import Array
+from flexlink.results.convergence import extrapolated
 from flexlink.results.tip_motion import largest_distance
+from validation.case import CASES, load_case
 from validation.formulations import flexlink_links
 from validation.formulations.task import Described, Task, task_of
+from validation.measuring import kind_of
 from validation.oracles import inextensible_rods
 from validation.reference_values import store_reference
 
@@ -38,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("names", nargs="*", default=list(COMPUTED), help="names (default: all)")
     for name in parser.parse_args(arguments).names:
         began = time.process_time()
-        task = task_of(name, Described(scene=name, reference=""))
+        task = _task(name)
         tip, found, settings = COMPUTED[name](task)
         store_reference(
             name, f"Tip of {name!r} in frame 0. {task.scene.about}", "python -m validation.formulations.stored",
@@ -47,6 +56,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )  # fmt: skip
         print(f"{name}: " + ", ".join(f"{key} {value:.1e}" for key, value in found.items()), flush=True)
     return 0
+
+
+def _task(name: str) -> Task:
+    """The task of the case whose reference has this name, without its reference."""
+    _, settings = kind_of(load_case(CASES / "formulations.toml"))
+    described: Described = next(each for each in settings.task.values() if each.reference == name)
+    return task_of(name, msgspec.structs.replace(described, reference=""))
 
 
 def _two_links(task: Task) -> tuple[Array, dict[str, float], dict[str, Any]]:
@@ -87,10 +103,44 @@ def _l_arm(task: Task) -> tuple[Array, dict[str, float], dict[str, Any]]:
     return finest, found, dict(names)
 
 
-COMPUTED: dict[str, Callable[[Task], tuple[Array, dict[str, float], dict[str, Any]]]] = {
-    "soft_two_links": _two_links, "l_arm": _l_arm,
-}  # fmt: skip
-"""Name of a scene and its reference → its tip, errors and settings."""
+def _chain(task: Task) -> tuple[Array, dict[str, float], dict[str, Any]]:
+    """A finest chain of coupled cells, the limit of chains of another rule, and another program on one of these."""
+    finest = flexlink_links.run(task, "lobatto4", FINE).tip
+    levels = [(each, flexlink_links.run(task, "gauss", SAME_STEPS | {"hinges": each}).tip) for each in GAUSS]
+    witness = WITNESSES.get(task.name, RADAU)
+    there = importlib.import_module(f"validation.formulations.{witness.module}").run(
+        task, witness.element, witness.setting
+    )
+    (here,) = (tip for hinges, tip in levels if hinges == witness.setting["hinges"])
+    limit = extrapolated(levels).tip
+    found = {
+        "coarser_m": largest_distance(finest, flexlink_links.run(task, "lobatto4", COARSE).tip),
+        "other_rule_m": largest_distance(finest, limit),
+        "witness_m": largest_distance(here, there.tip),
+    }
+    settings = {"finest": FINE, "coarser": COARSE, "hinges of gauss": GAUSS, "witness": witness._asdict()}
+    return finest, {"own_error_m": max(found.values()), **found}, settings
+
+
+class Witness(NamedTuple):
+    """Another program with its solver and settings, on a chain of gauss that flexlink also runs."""
+
+    module: str
+    element: str
+    setting: dict[str, float]
+
+
+FINE, COARSE, GAUSS = {"hinges": 24, "tolerance": 1e-8}, {"hinges": 12, "tolerance": 1e-8}, (8, 16)
+SAME_STEPS = {"tolerance": 1e-8}
+RADAU = Witness("pinocchio_chains", "Radau", {"hinges": 16, "tolerance": 1e-7, "most": 1e7})
+WITNESSES = {
+    "paper_arm": Witness("mujoco_chains", "RK4", {"hinges": 16, "step": 1e-5}),  # undamped: explicit steps are cheaper
+}
+Computed = Callable[[Task], tuple[Array, dict[str, float], dict[str, Any]]]
+COMPUTED: dict[str, Computed] = {"soft_two_links": _two_links, "l_arm": _l_arm} | dict.fromkeys(
+    ("crane", "ur5_soft", "spatial_arm", "paper_arm", "dual_arm"), _chain
+)
+"""Name of a reference → its tip, errors and settings."""
 
 
 if __name__ == "__main__":

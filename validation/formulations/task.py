@@ -1,4 +1,7 @@
-"""What a formulation is given: rods in SI units, supports, loads, and the reference motion of the tip."""
+"""What a formulation is given: rods in SI units, supports, loads, and the reference motion of the tip.
+
+Arms with drives, friction, rigid links or branches are not rods: only chains describe them, from the scene.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ import msgspec
 import numpy as np
 
 from flexlink.chain.arguments import require_one_of
+from flexlink.chain.lumping import lump
 from flexlink.chain.rotation import matrix_from_rpy_deg
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
@@ -20,6 +24,8 @@ from flexlink.describe.spec import Positive, Spec
 from validation.case import scene_file
 from validation.formulations.references import Reference, reference
 from validation.physics.formulas import INPUTS, pulse, spin_up_angle
+from validation.trade.scenes import scenes as trade_scenes
+from validation.trade.scenes import varied_scene
 
 Held = Literal["hinge", "moved", "clamped"]
 
@@ -41,7 +47,8 @@ class Task(NamedTuple):
 
     name: str
     scene: Scene  # with its input
-    rods: tuple[Rod, ...]
+    rods: tuple[Rod, ...]  # empty if the arm is not a series of flexible links
+    length: float  # of the arm, the unit of errors [m]
     held: Held  # the start of the first rod: by a free joint, by a joint that is moved, clamped
     gravity: Array  # in frame 0 [m/s²]
     rotor: float  # inertia of the first joint [kg m²]
@@ -50,11 +57,6 @@ class Task(NamedTuple):
     angle: Callable[[float], tuple[float, float, float]] | None  # of the first joint, with its rates [rad]
     moment: float  # of the tip about z, static [N m]; 0: a motion
     reference: Reference
-
-    @property
-    def length(self) -> float:
-        """Length of the arm, the unit of errors [m]."""
-        return sum(rod.length for rod in self.rods)
 
     @property
     def axes(self) -> Array:
@@ -76,6 +78,9 @@ class Task(NamedTuple):
 class Described(Spec, frozen=True):
     """A task in a case file: scene, its changes, input, a static end moment in turns of the tip, reference.
 
+    The scene is a file or one of the trade study. If `rods` is false, only chains run, and the unit of errors is the
+    reach of the arm.
+
     `errors` replace those of the case if the reference is less accurate. `ladder` lists settings by formulation, all
     combinations of which run; `reaches` states the error that a ladder reaches at least, and `cannot` why a formulation
     cannot describe the task.
@@ -86,6 +91,7 @@ class Described(Spec, frozen=True):
     change: dict[str, Any] = msgspec.field(default_factory=dict)
     input: Literal["none", "torque_pulse", "spin_up"] = "none"
     turns: float = 0.0
+    rods: bool = True
     errors: tuple[Positive, ...] = ()
     ladder: dict[str, dict[str, tuple[Positive, ...]]] = msgspec.field(default_factory=dict)
     reaches: dict[str, Positive] = msgspec.field(default_factory=dict)
@@ -94,7 +100,8 @@ class Described(Spec, frozen=True):
 
 @functools.lru_cache(maxsize=8)
 def _scene(name: str, change: bytes) -> Scene:
-    return load_scene(scene_file(name)).varied(msgspec.json.decode(change))
+    scene = varied_scene(trade_scenes()[name], name) if name in trade_scenes() else load_scene(scene_file(name))
+    return scene.varied(msgspec.json.decode(change))
 
 
 def task_of(name: str, described: Described) -> Task:
@@ -107,15 +114,27 @@ def task_of(name: str, described: Described) -> Task:
     """
     plain = _scene(described.scene, msgspec.json.encode(described.change))
     scene = require_one_of("input", described.input, INPUTS)(plain)
+    if not described.rods:
+        return _of_chains(name, plain, described)
     rods, links = rods_of(plain)
     moved = described.input == "spin_up"
     turn = 2 * np.pi * described.turns
     return Task(
-        name=name, scene=scene, rods=rods, held="moved" if moved else "clamped" if links[0].joint.locked else "hinge",
+        name=name, scene=scene, rods=rods, length=sum(rod.length for rod in rods),
+        held="moved" if moved else "clamped" if links[0].joint.locked else "hinge",
         gravity=np.array(scene.gravity), rotor=links[0].joint.armature, payload=scene.arm.tip.mass,
         torque=_pulse if described.input == "torque_pulse" else None, angle=_spin_up if moved else None,
         moment=turn * rods[0].bending[1] / rods[0].length,
         reference=reference(described.reference, rods[0].turn, rods[0].length, described.turns),
+    )  # fmt: skip
+
+
+def _of_chains(name: str, scene: Scene, described: Described) -> Task:
+    """A task that only chains run."""
+    return Task(
+        name=name, scene=scene, rods=(), length=lump(scene).reach, held="hinge", gravity=np.array(scene.gravity),
+        rotor=0.0, payload=0.0, torque=None, angle=None, moment=0.0,
+        reference=reference(described.reference, np.eye(3), 1.0, 0.0),
     )  # fmt: skip
 
 

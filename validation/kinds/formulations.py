@@ -4,6 +4,9 @@ Every formulation runs a ladder of settings, listed in the case; its best run co
 largest distance of the tip from a reference at any sample, relative to the length of the arm. References share no code
 with a formulation, or are confirmed by two of them. CPU times are those of the thread: for flexlink a complete call of
 a problem that has run before, for other programs only the call of their solver.
+
+Other programs also compute the chain that flexlink exports. For `advise`, the picked run counts for the error that was
+asked for, and is compared with the front: the cheapest run of all contestants with this error.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ from flexlink.describe.spec import Positive, Spec
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.formulations.ladder import (
+    ADVISE,
     FORMULATIONS,
     Rung,
     cheapest,
@@ -31,6 +35,7 @@ TIMED = True
 
 OURS = "native"
 RUNS, STATED = "runs", "least error / stated"
+PICK_ERROR, ASKED = "error of advise's pick / asked", "tip"
 COLUMNS = "formulation", "settings", "coordinates", "error", "CPU time [s]"
 
 
@@ -81,7 +86,8 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
             found.append(climbed)
             yield from _of_formulation(task, climbed, errors, described.reaches)
         for error in errors:
-            yield from (row for row in _ratio(task, found, error) if not _has_separate_limit(case, name, row.quantity))
+            rows = (*_ratio(task, found, error), *_of_advice(task, found, error))
+            yield from (row for row in rows if not _has_separate_limit(case, name, row.quantity))
         yield _series(task, found)
 
 
@@ -110,7 +116,8 @@ def _of_formulation(
         yield Measured(STATED, ratio, task.name, climbed.program, facts, note=note)
     for error in errors:
         aim: Facts = {**facts, "relative error": error}
-        cheap, small = cheapest(climbed.rungs, error), smallest(climbed.rungs, error)
+        rungs = [rung for rung in climbed.rungs if rung.setting.get(ASKED, error) == error]
+        cheap, small = cheapest(rungs, error), smallest(rungs, error)
         if cheap is None or small is None:
             why = f"does not reach it: {note}"
             yield Measured("not reached", least, task.name, climbed.program, aim, note=why)
@@ -125,17 +132,49 @@ def _words(rung: Rung) -> str:
 
 
 def _ratio(task: Task, found: list[Climbed], error: float) -> Iterator[Measured]:
-    """Yield the CPU time of the cheapest other program over flexlink's; 0 if flexlink does not reach the error."""
-    costs = [(each, best) for each in found if (best := cheapest(each.rungs, error)) is not None]
-    ours = min((best.seconds for each, best in costs if each.program == OURS), default=None)
-    others = [(best.seconds, each.name) for each, best in costs if each.program != OURS]
-    if not others:
-        return
-    seconds, name = min(others)
-    note = f"{name}: {1e3 * seconds:.3g} ms" + (f"; flexlink: {1e3 * ours:.3g} ms" if ours else "")
-    ratio = seconds / ours if ours else 0.0
-    for quantity in (f"others / flexlink, error {error:g}", f"{task.name}, others / flexlink, error {error:g}"):
+    """Yield the CPU time of the cheapest other program over flexlink's; 0 if flexlink does not reach the error.
+
+    Other programs' own formulations and flexlink's chain in other programs are compared separately.
+    """
+    costs = _costs(found, error)
+    ours = min((cost.seconds for each, cost in costs.items() if FORMULATIONS[each].program == OURS), default=None)
+    for words, exported in (("others / flexlink", False), ("chains elsewhere / flexlink", True)):
+        theirs = {
+            each: cost.seconds
+            for each, cost in costs.items()
+            if FORMULATIONS[each].program != OURS and FORMULATIONS[each].is_exported_chain == exported
+        }
+        if theirs:
+            name = min(theirs, key=lambda each: theirs[each])
+            note = f"{name}: {1e3 * theirs[name]:.3g} ms" + (f"; flexlink: {1e3 * ours:.3g} ms" if ours else "")
+            yield from _rows(task, words, error, theirs[name] / ours if ours else 0.0, note)
+
+
+def _costs(found: list[Climbed], error: float) -> dict[str, Rung]:
+    """Formulation → its cheapest run with this error, without the runs that `advise` picks."""
+    best = {each.name: cheapest(each.rungs, error) for each in found if each.name != ADVISE}
+    return {name: rung for name, rung in best.items() if rung is not None}
+
+
+def _rows(task: Task, words: str, error: float, ratio: float, note: str) -> Iterator[Measured]:
+    """Yield a ratio twice: for the limit of all scenes, and for that of this scene."""
+    for quantity in (f"{words}, error {error:g}", f"{task.name}, {words}, error {error:g}"):
         yield Measured(quantity, ratio, task.name, varied={"relative error": error}, note=note, timed=True)
+
+
+def _of_advice(task: Task, found: list[Climbed], error: float) -> Iterator[Measured]:
+    """Yield the error of the run that `advise` picks for this error, over it, and its cost relative to the front."""
+    picks = [rung for each in found if each.name == ADVISE for rung in each.rungs if rung.setting[ASKED] == error]
+    for pick in picks:
+        aim: Facts = {"formulation": ADVISE, "relative error": error}
+        yield Measured(PICK_ERROR, pick.error / error, task.name, varied=aim, note=_words(pick))
+        costs = _costs(found, error)
+        if costs:
+            name = min(costs, key=lambda each: costs[each].seconds)
+            front = costs[name]
+            note = f"pick: {1e3 * pick.seconds:.3g} ms, {pick.coordinates} coordinates; {pick.note}; "
+            note += f"front: {1e3 * front.seconds:.3g} ms, {name}, {_words(front)}"
+            yield from _rows(task, "advise / front", error, pick.seconds / front.seconds, note)
 
 
 def _series(task: Task, found: list[Climbed]) -> Series:
