@@ -39,6 +39,16 @@ SPEED = [
     ("The paper's figure 5 with RK4 at its own step: {}.", "the paper's figure 5 on one core"),
 ]  # fmt: skip
 """Sentences with {} for each number, and words of the study's headline that begins with this number."""
+PICTURES = (
+    ("trade_overview",
+     "Cost of a tip error of a thousandth of the arm's length in ten scenes, and what `advise` picks "
+     "([all errors](docs/explanation/trade.md)):",
+     "CPU time of every contestant in ten scenes for an error of a thousandth of the length"),
+    ("speed_trade-t3.t3.work",
+     "Time against error for one of these arms, where the ratios are larger:",
+     "CPU time against tip error of flexlink, Pinocchio, MuJoCo, SciPy and CVODE for a three-link arm"),
+)  # fmt: skip
+"""Stored figure, sentence before it and its description; the first that is stored is shown."""
 
 
 def proof() -> str:
@@ -55,11 +65,22 @@ def speed() -> str:
 
 
 def with_tables(text: str) -> str:
-    """A text with both lists as the stored study has them."""
+    """A text with both lists and the picture of the trade as the stored study has them."""
     for name, found in (("proof", proof()), ("speed", speed())):
         begin, end = f"<!-- {name}: python -m docs --readme writes this list -->\n", f"\n<!-- end of {name} -->"
         before, _, rest = text.partition(begin)
         text = before + begin + found + end + rest.partition(end)[2]
+    return with_picture(text)
+
+
+def with_picture(text: str, folder: Path = study.FULL) -> str:
+    """A text in which the picture of the trade, if it has one, is the first of `PICTURES` that is stored."""
+    shown = [f"{sentence}\n\n![{about}](reports/full/{name}.png)" for name, sentence, about in PICTURES]
+    wanted = next(
+        block for block, (name, *_) in zip(shown, PICTURES, strict=True) if (folder / f"{name}.png").is_file()
+    )
+    for block in shown:
+        text = text.replace(block, wanted)
     return text
 
 

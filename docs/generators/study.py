@@ -61,6 +61,19 @@ def verdicts() -> list[tuple[str, str, str]]:
     ]
 
 
+def picture(name: str, alt: str) -> str:
+    """A stored figure as Markdown for a page of a subfolder of docs/, or a sentence that it is not stored yet."""
+    if (FULL / f"{name}.png").is_file():
+        return f"![{alt}](../../reports/full/{name}.png)"
+    return "*The stored study does not contain this figure yet.*"
+
+
+def finding(name: str) -> list[str]:
+    """Sentences of a stored table, or one that it is not stored yet."""
+    found = [one["sentences"] for chapter in stored()["chapters"] for one in chapter["findings"] if one["name"] == name]
+    return found[0] if found else ["The stored study does not contain these numbers yet."]
+
+
 def page(_: Path) -> str:
     """Verdicts and a table of chapters; then every chapter, with findings, figures and cases folded."""
     chapters = [chapter for chapter in stored()["chapters"] if chapter["figures"] or chapter["cases"]]

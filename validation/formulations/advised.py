@@ -1,4 +1,4 @@
-"""The chain and the steps that `advise` picks for an error of the tip: complete calls of a problem that has run before."""
+"""The chain and steps that `advise` picks for an error of the tip: complete calls of a problem that has run before."""
 
 from __future__ import annotations
 

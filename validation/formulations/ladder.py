@@ -73,7 +73,7 @@ ADVISE = "advise"  # picks a chain and its steps: not a formulation that others 
 
 
 class Rung(NamedTuple):
-    """A run: its settings, relative error of the tip (inf if it failed), CPU seconds, number of coordinates, a remark."""
+    """A run: its settings, relative error of the tip (inf if it failed), CPU seconds, coordinates, a remark."""
 
     setting: Setting
     error: float

@@ -6,6 +6,9 @@ with more than `MOST` evaluations are given up: they would take far longer than 
 
 from __future__ import annotations
 
+import numpy as np
+
+from flexlink.common.errors import FlexlinkError
 from flexlink.common.memo import Memo
 from validation.formulations.flexlink_links import chain_scene
 from validation.formulations.outcome import Outcome, Setting
@@ -26,5 +29,8 @@ def run(task: Task, solver: str, setting: Setting) -> Outcome:
 
     form, aba = LOADED(task.scene, setting["hinges"], load)
     form.evaluations = 0
-    found = form.by_scipy(solver, setting["tolerance"])
+    try:
+        found = form.by_scipy(solver, setting["tolerance"])
+    except np.linalg.LinAlgError as error:
+        raise FlexlinkError(f"{task.name}: {solver} diverges: {error}") from error
     return Outcome(found.tip, found.evaluations * aba, form.chain.freedoms - len(form.led), counted=True)

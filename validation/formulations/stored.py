@@ -26,12 +26,12 @@ import msgspec
 import numpy as np
 
 from flexlink.common.types import Array
+from flexlink.describe.spec import decode
 from flexlink.results.convergence import extrapolated
 from flexlink.results.tip_motion import largest_distance
 from validation.case import CASES, load_case
 from validation.formulations import flexlink_links
 from validation.formulations.task import Described, Task, task_of
-from validation.measuring import kind_of
 from validation.oracles import inextensible_rods
 from validation.reference_values import store_reference
 
@@ -60,8 +60,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _task(name: str) -> Task:
     """The task of the case whose reference has this name, without its reference."""
-    _, settings = kind_of(load_case(CASES / "formulations.toml"))
-    described: Described = next(each for each in settings.task.values() if each.reference == name)
+    tasks = load_case(CASES / "formulations.toml").settings["task"]
+    described: Described = next(decode(raw, Described, name) for raw in tasks.values() if raw["reference"] == name)
     return task_of(name, msgspec.structs.replace(described, reference=""))
 
 

@@ -18,7 +18,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import BPoly, CubicSpline
 
 import flexlink as fl
-from flexlink.common.errors import FlexlinkError, MissingDependencyError
+from flexlink.common.errors import ArgumentError, FlexlinkError, MissingDependencyError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.motion.inputs.initial_state import initial_state
@@ -215,6 +215,8 @@ def _hermite(motion: fl.PrescribedMotion) -> OfTime:
 def _drive(scene: Scene, links: list[int]) -> tuple[OfTime, Array, Array, Array]:
     """Torque at the driven joints as a function of time; gains and targets, each (d,)."""
     drive, nothing = scene.drive, np.zeros(len(links))
+    if drive.gravity != "none" or drive.reference is not None:
+        raise ArgumentError(f"{scene.name}: a drive with gravity or a reference is not described here; use target_deg")
     of_links = [np.array(each)[links] if each else nothing for each in (drive.kp, drive.kd, drive.target_deg)]
     kp, kd, target = of_links[0], of_links[1], np.radians(of_links[2])
     if drive.kind != "table":
