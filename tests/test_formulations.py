@@ -15,18 +15,20 @@ from reports.findings import trade_formulations as finding
 from reports.results import Results
 from tests.words import reviewed
 from validation.case import CASES, load_case
-from validation.formulations import flexlink_links, ladder
+from validation.formulations import flexlink_links, ladder, mujoco_chains, pinocchio_chains
 from validation.formulations.ladder import FORMULATIONS, Formulation, Rung, cheapest, climb, most_accurate, smallest
 from validation.formulations.outcome import Outcome
 from validation.formulations.stored import galerkin_arm
 from validation.formulations.task import Described, task_of
 from validation.kinds import formulations
 from validation.oracles import inextensible_rods
+from validation.reference_values import look_up
 from validation.runner import kind_of
 from validation.store import Series, Store, table
 
 SHORT = load_case(CASES / "formulations_short.toml")
 FULL = load_case(CASES / "formulations.toml")
+FULL_TASKS = kind_of(FULL)[1].task
 RUNGS = [
     Rung({"elements": 2}, 1e-2, 1.0, 10), Rung({"elements": 4}, 1e-4, 9.0, 20), Rung({"elements": 8}, 2e-4, 3.0, 40),
     Rung({"elements": 9}, math.inf, 0.1, 5), Rung({"elements": 10}, 1e-4, 4.0, 20),
@@ -44,6 +46,9 @@ def test_the_best_rung_is_the_cheapest_or_smallest_that_reaches_the_error() -> N
     assert most_accurate(RUNGS[3:4]) is None
 
 
+OURS = "ours", "advise"
+
+
 def planted(distance: float, seconds: float):
     """A program whose tip is off by this fraction of the length."""
 
@@ -56,7 +61,7 @@ def planted(distance: float, seconds: float):
 def plant(monkeypatch: pytest.MonkeyPatch, **runs) -> None:
     """Replace all formulations by planted ones."""
     monkeypatch.setattr(ladder.Formulation, "run", property(lambda self: runs[self.module]))
-    made = {name: Formulation("native" if name == "ours" else "exudyn", "", name, "") for name in runs}
+    made = {name: Formulation("native" if name in OURS else "exudyn", "", name, "") for name in runs}
     monkeypatch.setattr(formulations, "FORMULATIONS", made | {"absent": Formulation("exudyn", "nowhere", "", "")})
 
 
@@ -82,6 +87,33 @@ def test_rows_state_costs_least_errors_and_what_is_not_installed(monkeypatch: py
     ratios = [each.value for each in rows if each.quantity.startswith("others")]
     assert ratios == pytest.approx([3.0]), "no other program reaches the smaller error"
     assert series.columns["coordinates"].tolist() == [7, 7, 7, 7]
+
+
+def test_advice_is_compared_with_the_front_of_all_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    def pick(task, _element, setting) -> Outcome:
+        off = [0.0, 0.5 * setting["tip"] * task.length, 0.0]
+        return Outcome(np.add(task.reference.tip, off), 0.6, 3, counted=True, note="advice took 1 s")
+
+    plant(monkeypatch, ours=planted(9e-4, 0.5), other_chains=planted(2e-3, 0.3), advise=pick)
+    ladder = {"ours": {"h": (1.0,)}, "other_chains": {"h": (1.0,)}, "advise": {"tip": (1e-2, 1e-3)}}
+    task = replace(PULSE, ladder=ladder, reaches={})
+    settings = formulations.Settings(("torque_pulse",), errors=(1e-2, 1e-3), budget=9.0, task={"torque_pulse": task})
+    *rows, _ = formulations.run(SHORT, settings)
+    found = {(each.quantity, each.varied.get("relative error")): each for each in rows}
+    assert found["advise / front, error 0.01", 1e-2].value == pytest.approx(2), "the front is the other program's chain"
+    assert "other_chains" in found["advise / front, error 0.01", 1e-2].note
+    assert "advice took 1 s" in found["advise / front, error 0.01", 1e-2].note
+    assert found["advise / front, error 0.001", 1e-3].value == pytest.approx(1.2), "which does not reach this error"
+    assert found["torque_pulse, chains elsewhere / flexlink, error 0.01", 1e-2].value == pytest.approx(0.6)
+    assert found[formulations.PICK_ERROR, 1e-3].value == pytest.approx(0.5)
+    assert not [each for each in rows if each.quantity.startswith("others / flexlink")], "its chain is no formulation"
+
+
+def test_a_limit_of_one_scene_replaces_that_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    quantity = replace(FULL.quantity["advise / front, error 0.001"], given_up="why")
+    case = replace(FULL, quantity={"crane, advise / front, error 0.001": quantity})
+    assert formulations._has_separate_limit(case, "crane", "advise / front, error 0.001")
+    assert not formulations._has_separate_limit(case, "ur5_soft", "advise / front, error 0.001")
 
 
 def test_a_ladder_ends_with_its_budget_and_a_program_that_gives_up_has_no_error(monkeypatch) -> None:
@@ -115,6 +147,31 @@ def test_strain_modes_and_chains_run_with_their_numbers_of_coordinates() -> None
     modes = flexlink_links.run(task, "lobatto4 eigenmodes", {"hinges": 12, "modes": 3, "tolerance": 1e-4})
     assert (chain.coordinates, modes.coordinates) == (9, 4)
     assert max(task.error(chain.tip), task.error(modes.tip)) < 2e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "module, solver, setting",
+    [(mujoco_chains, "implicitfast", {"step": 1e-4}), (pinocchio_chains, "Radau", {"tolerance": 1e-4})],
+    ids=["mujoco", "pinocchio"],
+)
+def test_other_programs_compute_the_same_chain_as_flexlink(module, solver: str, setting: dict[str, float]) -> None:
+    task = task_of(
+        "crane", replace(FULL_TASKS["crane"], change={"run.duration": 0.2, "run.sample": 0.05}, reference="")
+    )
+    ours = flexlink_links.run(task, "gauss", {"hinges": 2, "tolerance": 1e-7})
+    theirs = module.run(task, solver, {"hinges": 2} | setting)
+    assert theirs.tip == pytest.approx(ours.tip, abs=1e-4 * task.length)
+    assert not np.allclose(theirs.tip, ours.tip[0], atol=1e-2), "the crane has moved"
+    assert theirs.coordinates == ours.coordinates
+
+
+def test_references_of_whole_scenes_are_confirmed_by_another_program_and_another_rule() -> None:
+    for name in ("crane", "ur5_soft", "spatial_arm", "paper_arm", "dual_arm"):
+        described = FULL_TASKS[name]
+        known = look_up(described.reference, "own_error_m")
+        assert known == max(look_up(name, part) for part in ("coarser_m", "other_rule_m", "witness_m")), name
+        assert known / task_of(name, described).length < 0.2 * min(described.errors), name
 
 
 FACTS = {"ours": {"formulation": "chain, gauss"}, "theirs": {"formulation": "Exudyn ANCF cable"}}
