@@ -18,11 +18,12 @@ AIM = "error"
 
 
 class Contest(NamedTuple):
-    """A contestant: beginnings of the names of its formulations, its look, and whether it is flexlink's."""
+    """A contestant: beginnings of the names of its formulations, its look, whether it is flexlink's, its line."""
 
     starts: tuple[str, ...]
     look: Look
     ours: bool = False
+    line: str = "-"
 
 
 def _theirs(engine: str, what: str, marker: str) -> Look:
@@ -31,9 +32,9 @@ def _theirs(engine: str, what: str, marker: str) -> Look:
 
 CONTESTS = (
     Contest(("chain",), Look("flexlink chain", BLUE, "o"), ours=True),
-    Contest(("strain",), Look("flexlink modes", BLUE, "^"), ours=True),
+    Contest(("strain",), Look("flexlink modes", BLUE, "^"), ours=True, line=":"),
     Contest(("MuJoCo chain",), _theirs("mujoco", "chain", "D")),
-    Contest(("MuJoCo flex",), _theirs("mujoco", "flex", "s")),
+    Contest(("MuJoCo flex",), _theirs("mujoco", "flex", "s"), line=":"),
     Contest(("Pinocchio chain",), _theirs("pinocchio", "chain", "s")),
     Contest(("Drake chain",), _theirs("drake", "chain", "v")),
     Contest(("Exudyn",), _theirs("exudyn", "elements", "P")),

@@ -47,6 +47,12 @@ def test_the_best_rung_is_the_cheapest_or_smallest_that_reaches_the_error() -> N
 
 
 OURS = "ours", "advise"
+FRONT, ELSEWHERE, OTHERS, REMARK = (
+    "advise / front",
+    "chains elsewhere / flexlink",
+    "others / flexlink",
+    "advice took 1 s",
+)
 
 
 def planted(distance: float, seconds: float):
@@ -92,7 +98,7 @@ def test_rows_state_costs_least_errors_and_what_is_not_installed(monkeypatch: py
 def test_advice_is_compared_with_the_front_of_all_others(monkeypatch: pytest.MonkeyPatch) -> None:
     def pick(task, _element, setting) -> Outcome:
         off = [0.0, 0.5 * setting["tip"] * task.length, 0.0]
-        return Outcome(np.add(task.reference.tip, off), 0.6, 3, counted=True, note="advice took 1 s")
+        return Outcome(np.add(task.reference.tip, off), 0.6, 3, counted=True, note=REMARK)
 
     plant(monkeypatch, ours=planted(9e-4, 0.5), other_chains=planted(2e-3, 0.3), advise=pick)
     ladder = {"ours": {"h": (1.0,)}, "other_chains": {"h": (1.0,)}, "advise": {"tip": (1e-2, 1e-3)}}
@@ -100,20 +106,20 @@ def test_advice_is_compared_with_the_front_of_all_others(monkeypatch: pytest.Mon
     settings = formulations.Settings(("torque_pulse",), errors=(1e-2, 1e-3), budget=9.0, task={"torque_pulse": task})
     *rows, _ = formulations.run(SHORT, settings)
     found = {(each.quantity, each.varied.get("relative error")): each for each in rows}
-    assert found["advise / front, error 0.01", 1e-2].value == pytest.approx(2), "the front is the other program's chain"
-    assert "other_chains" in found["advise / front, error 0.01", 1e-2].note
-    assert "advice took 1 s" in found["advise / front, error 0.01", 1e-2].note
-    assert found["advise / front, error 0.001", 1e-3].value == pytest.approx(1.2), "which does not reach this error"
-    assert found["torque_pulse, chains elsewhere / flexlink, error 0.01", 1e-2].value == pytest.approx(0.6)
+    assert found[f"{FRONT}, error 0.01", 1e-2].value == pytest.approx(2), "theirs"
+    assert "other_chains" in found[f"{FRONT}, error 0.01", 1e-2].note
+    assert REMARK in found[f"{FRONT}, error 0.01", 1e-2].note
+    assert found[f"{FRONT}, error 0.001", 1e-3].value == pytest.approx(1.2)
+    assert found[f"torque_pulse, {ELSEWHERE}, error 0.01", 1e-2].value == pytest.approx(0.6)
     assert found[formulations.PICK_ERROR, 1e-3].value == pytest.approx(0.5)
-    assert not [each for each in rows if each.quantity.startswith("others / flexlink")], "its chain is no formulation"
+    assert not [each for each in rows if each.quantity.startswith(OTHERS)]
 
 
-def test_a_limit_of_one_scene_replaces_that_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
-    quantity = replace(FULL.quantity["advise / front, error 0.001"], given_up="why")
-    case = replace(FULL, quantity={"crane, advise / front, error 0.001": quantity})
-    assert formulations._has_separate_limit(case, "crane", "advise / front, error 0.001")
-    assert not formulations._has_separate_limit(case, "ur5_soft", "advise / front, error 0.001")
+def test_a_limit_of_one_scene_replaces_that_of_all() -> None:
+    quantity = replace(FULL.quantity[f"{FRONT}, error 0.001"], given_up="why")
+    case = replace(FULL, quantity={f"crane, {FRONT}, error 0.001": quantity})
+    assert formulations._has_separate_limit(case, "crane", f"{FRONT}, error 0.001")
+    assert not formulations._has_separate_limit(case, "ur5_soft", f"{FRONT}, error 0.001")
 
 
 def test_a_ladder_ends_with_its_budget_and_a_program_that_gives_up_has_no_error(monkeypatch) -> None:

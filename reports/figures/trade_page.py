@@ -10,11 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from flexlink.pages.colours import GREY, INK, Look
+from flexlink.pages.colours import GREY, INK
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import WIDTH, tidy_logs
 from flexlink.pages.tables import table_csv
-from reports.contests import ADVISE, AIM, CONTESTS, Scene, best, fronts, scenes
+from reports.contests import ADVISE, AIM, CONTESTS, Contest, Scene, best, fronts, scenes
 from reports.results import Results
 
 SECTION = "trade"
@@ -63,21 +63,23 @@ def _panels(found: Sequence[Scene]) -> Picture:
 def _fronts(axes: Axes, scene: Scene) -> None:
     for contest, runs in fronts(scene, LARGEST, SMALLEST):
         x, y = [run.errors[AIM] for run in runs], [1e3 * run.seconds for run in runs]
-        style = _style(contest.look, contest.ours)
-        axes.plot(x, y, zorder=4 if contest.ours else 3, **style)
+        axes.plot(x, y, zorder=4 if contest.ours else 3, **_style(contest))
     x, y = [run.errors[AIM] for run in scene.picks], [1e3 * run.seconds for run in scene.picks]
     axes.plot(x, y, "*", color=INK, markersize=8.0, markeredgewidth=0, zorder=5)
 
 
-def _style(look: Look, ours: bool) -> dict[str, Any]:
-    width, size = (2.6, 4.5) if ours else (1.0, 3.5)
-    return {"color": look.colour, "marker": look.marker, "linewidth": width, "markersize": size, "markeredgewidth": 0}
+def _style(contest: Contest) -> dict[str, Any]:
+    width, size = (2.6, 4.5) if contest.ours else (1.0, 3.5)
+    return {
+        "color": contest.look.colour, "marker": contest.look.marker, "linestyle": contest.line, "linewidth": width,
+        "markersize": size, "markeredgewidth": 0.8 if contest.look.marker in "PX" else 0,
+    }  # fmt: skip
 
 
 def _legend(figure: Figure, found: Sequence[Scene]) -> None:
     """A legend above all panels, of the contestants that any scene has."""
     there = [contest for contest in CONTESTS if any(scene.runs[contest] for scene in found)]
-    handles = [Line2D([], [], label=each.look.name, **_style(each.look, each.ours)) for each in there]
+    handles = [Line2D([], [], label=each.look.name, **_style(each)) for each in there]
     handles.append(Line2D([], [], color=INK, marker="*", markersize=8.0, linestyle="", label=ADVISE))
     figure.legend(
         handles=handles, loc="outside upper left", ncols=3, frameon=False, columnspacing=0.9, handletextpad=0.4,
