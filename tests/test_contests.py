@@ -1,4 +1,4 @@
-"""The trade on one page: panels, overview, and the sentences about advise; the picture of README and of the site's page."""
+"""The trade on one page: panels, overview, sentences about advise; the picture of README and of the site's page."""
 
 from __future__ import annotations
 

@@ -27,12 +27,12 @@ def sentences(found: Sequence[Scene]) -> Iterator[str]:
     """The range of the costs, the number of scenes within the limit, and every scene that is not."""
     of = {scene.name: ratios(scene) for scene in found}
     values = [each.value for own in of.values() for each in own]
-    yield f"advise's pick costs {number(min(values), 2)} to {number(max(values), 2)} times the front."
+    yield f"advise's pick costs {number(min(values))} to {number(max(values))} times the front."
     within = sum(bool(own) and all(each.value <= LIMIT for each in own) for own in of.values())
     where = f"{within} of {plural(len(of), 'scene')}"
     yield f"It is within {number(LIMIT)} times the front for all errors asked in {where}."
     over = [
-        f"{name} ({number(each.value, 2)} for an error of {number(each.error)})"
+        f"{name} ({number(each.value)} for an error of {number(each.error)})"
         for name, own in of.items()
         for each in own
         if each.value > LIMIT
