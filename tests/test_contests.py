@@ -103,8 +103,9 @@ def test_the_page_of_the_trade_states_what_is_not_stored_yet(tmp_path: Path, mon
     monkeypatch.setattr(generated, "stored", lambda: {"chapters": [{"findings": []}]})
     assert "not contain" in generated.picture("trade_page", "about")
     assert "not contain" in " ".join(generated.finding("trade_advice"))
-    (tmp_path / "trade_page.png").touch()
+    shown = tmp_path / "trade_page.png"
+    shown.touch()
     found = {"name": "trade_advice", "sentences": ["It costs 1."]}
     monkeypatch.setattr(generated, "stored", lambda: {"chapters": [{"findings": [found]}]})
-    assert generated.picture("trade_page", "about").endswith("/trade_page.png)")
+    assert shown.name in generated.picture(shown.stem, "about")
     assert generated.finding("trade_advice") == ["It costs 1."]

@@ -10,12 +10,13 @@ import pytest
 from msgspec.structs import replace
 from studies import row, stored
 
+from flexlink.common.errors import ArgumentError, FlexlinkError
 from reports.figures import trade_formulations as figure
 from reports.findings import trade_formulations as finding
 from reports.results import Results
-from tests.words import reviewed
+from tests.words import refused, reviewed
 from validation.case import CASES, load_case
-from validation.formulations import flexlink_links, ladder, mujoco_chains, pinocchio_chains
+from validation.formulations import drake_chains, flexlink_links, ladder, mujoco_chains, pinocchio_chains
 from validation.formulations.ladder import FORMULATIONS, Formulation, Rung, cheapest, climb, most_accurate, smallest
 from validation.formulations.outcome import Outcome
 from validation.formulations.stored import galerkin_arm
@@ -25,6 +26,7 @@ from validation.oracles import inextensible_rods
 from validation.reference_values import look_up
 from validation.runner import kind_of
 from validation.store import Series, Store, table
+from validation.trade.first_order import FirstOrder
 
 SHORT = load_case(CASES / "formulations_short.toml")
 FULL = load_case(CASES / "formulations.toml")
@@ -170,6 +172,25 @@ def test_other_programs_compute_the_same_chain_as_flexlink(module, solver: str, 
     assert theirs.tip == pytest.approx(ours.tip, abs=1e-4 * task.length)
     assert not np.allclose(theirs.tip, ours.tip[0], atol=1e-2), "the crane has moved"
     assert theirs.coordinates == ours.coordinates
+
+
+@pytest.mark.slow
+def test_drake_computes_the_same_chain_as_flexlink_and_gives_up_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("pydrake")
+    task = task_of("paper_arm", replace(FULL_TASKS["paper_arm"], change={"run.duration": 0.2, "run.sample": 0.05}))
+    ours = flexlink_links.run(task, "gauss", {"hinges": 2, "tolerance": 1e-7})
+    theirs = drake_chains.run(task, "radau3", {"hinges": 2, "accuracy": 1e-5})
+    assert theirs.tip == pytest.approx(ours.tip, abs=1e-4 * task.length)
+    monkeypatch.setattr(drake_chains, "LONGEST", 0.0)
+    with pytest.raises(FlexlinkError):
+        drake_chains.in_drake(flexlink_links.chain_scene(task, "gauss", {"hinges": 2}), "radau3", 1e-3)
+
+
+def test_independent_solvers_refuse_drives_that_they_would_ignore() -> None:
+    drive = {"kind": "pd", "gravity": "rigid", "kp": [0.0, 1.0, 1.0], "kd": [0.0, 1.0, 1.0], "target_deg": [0.0] * 3}
+    task = task_of("paper_arm", replace(FULL_TASKS["paper_arm"], change={"drive": drive}))
+    with refused(ArgumentError, "formulations: gravity"):
+        FirstOrder(task.scene)
 
 
 def test_references_of_whole_scenes_are_confirmed_by_another_program_and_another_rule() -> None:
