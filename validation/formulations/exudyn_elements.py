@@ -76,9 +76,20 @@ def settings_of(task: Task, setting: Setting, size: int) -> Any:
     over.generalizedAlpha.spectralRadius = setting.get("radius", 0.9)
     over.newton.useModifiedNewton = True
     rod = task.rods[0]
-    stiff = setting["stiffness"] * rod.bending[1] / rod.length**2
+    stiff = setting.get("stiffness", 0.0) * rod.bending[1] / rod.length**2
     over.newton.absoluteTolerance = max(over.newton.absoluteTolerance, ROUNDING * stiff)
     return settings
+
+
+def fix(mbs: Any, node: Any, coordinate: int, motion: Any = None) -> None:
+    """Fix a coordinate of a node, or let it move as prescribed."""
+    still = mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=mbs.AddNode(NodePointGround()), coordinate=0))
+    moved = mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=node, coordinate=coordinate))
+    constraint = CoordinateConstraint(markerNumbers=[still, moved])
+    if motion is not None:
+        constraint.offsetUserFunction = lambda _mbs, t, _item, _offset: motion(t)[0]
+        constraint.offsetUserFunction_t = lambda _mbs, t, _item, _offset: motion(t)[1]
+    mbs.AddObject(constraint)
 
 
 class _Arm:
@@ -152,7 +163,7 @@ class _Arm:
         """Hold the start: clamped, or by a hub that turns about a joint."""
         if self.task.held == "clamped":
             for coordinate in (0, 1, 3) if self.element == CABLE else (0, 1, 2):
-                self._fix(node, coordinate)
+                fix(self.mbs, node, coordinate)
             return
         if self.element == CABLE and not (self.task.rotor or self.task.torque or self.task.angle):
             begin = self.mbs.AddMarker(MarkerNodePosition(nodeNumber=node))
@@ -169,7 +180,7 @@ class _Arm:
                 LoadCoordinate(markerNumber=angle, load=0.0, loadUserFunction=lambda _mbs, t, _load: torque(t))
             )
         if self.task.angle is not None:
-            self._fix(hub, 2, self.task.angle)
+            fix(self.mbs, hub, 2, self.task.angle)
 
     def _hub(self, body: Any) -> Any:
         """Add a rigid hub to which the first cable is clamped."""
@@ -183,16 +194,6 @@ class _Arm:
         ]
         self.mbs.AddObject(ObjectJointGeneric(markerNumbers=ends, constrainedAxes=[1, 1, 0, 0, 0, 1]))
         return hub
-
-    def _fix(self, node: Any, coordinate: int, motion: Any = None) -> None:
-        """Fix a coordinate of a node, or let it move as prescribed."""
-        still = self.mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=self.mbs.AddNode(NodePointGround()), coordinate=0))
-        moved = self.mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=node, coordinate=coordinate))
-        constraint = CoordinateConstraint(markerNumbers=[still, moved])
-        if motion is not None:
-            constraint.offsetUserFunction = lambda _mbs, t, _item, _offset: motion(t)[0]
-            constraint.offsetUserFunction_t = lambda _mbs, t, _item, _offset: motion(t)[1]
-        self.mbs.AddObject(constraint)
 
     def _end(self, node: Any, body: Any) -> None:
         """Add the payload and the end moment."""

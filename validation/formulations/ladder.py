@@ -55,6 +55,7 @@ FORMULATIONS: Mapping[str, Formulation] = {
     "Exudyn ANCF cable": Formulation("exudyn", "exudyn", "exudyn_elements", "ANCFCable2D"),
     "Exudyn geometrically exact": Formulation("exudyn", "exudyn", "exudyn_elements", "GeometricallyExact2D"),
     "Exudyn geometrically exact, 3D": Formulation("exudyn", "exudyn", "exudyn_space", ""),
+    "Exudyn FFRF": Formulation("exudyn", "exudyn", "exudyn_frames", ""),
     "MuJoCo flex, springs": Formulation("mujoco", "mujoco", "mujoco_flexes", "springs"),
     "MuJoCo flex, constraints": Formulation("mujoco", "mujoco", "mujoco_flexes", "constraints"),
     "PyElastica": Formulation("elastica", "elastica", "elastica_rods", ""),
