@@ -100,6 +100,8 @@ JUDGES = (
     "validation.oracles.bending_chain.frequencies",
     "validation.oracles.coupled_cells.frequencies",
     "validation.oracles.thick_beam.frequencies",
+    "validation.formulations.exact_modes.hub_tip",
+    "validation.oracles.floating_frame.tip",
     "validation.kinds.judge_trees._exact",
     "validation.measured.two_link.linear_model",
 )

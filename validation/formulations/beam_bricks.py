@@ -15,7 +15,7 @@ from numpy.polynomial.legendre import leggauss
 
 from flexlink.common.types import Array
 
-SLENDERNESS = 500  # length over height: shear, EI / GA L², is 7e-7, and rotary inertia, h² / 12 L², 3e-7
+SLENDERNESS = 500  # length over height: shear, EI / GA L², is 7e-7, rotary inertia, h² / 12 L², 3e-7, rounding 2e-6
 WIDTH = 2.0  # over height: bending out of the plane has other frequencies, so modes do not mix
 ALONG, ACROSS = 2, 1  # degrees of the shapes
 CORNERS = 4  # nodes of a section

@@ -1,10 +1,13 @@
-"""The driven link by its exact clamped modes: on a rotating hub, to second order in its bending, or in a floating frame.
+"""The driven link by its exact clamped modes: on a rotating hub, or in a floating frame.
 
-The torque can be scaled: at a small torque, the beam on a hub with many modes is the reference, and with m modes it
-states the error that m modes must have.
+The hub's equations hold to second order in the bending. At a small torque, they are the reference with many modes, and
+with m modes they state the error that m modes must have.
 """
 
 from __future__ import annotations
+
+import functools
+from collections.abc import Callable
 
 import msgspec
 import numpy as np
@@ -15,7 +18,7 @@ from validation.formulations.task import Task
 from validation.oracles import floating_frame, hub_beam
 
 FINER = 200  # steps a sample; the torque is constant within a step, which moves the tip by 3e-7 of its way
-POINTS = 4  # of Gauss' rule for the mean torque of a step
+POINTS = 2  # of Gauss' rule for the mean torque of a step
 
 
 def scaled(task: Task, factor: float) -> Task:
@@ -24,23 +27,27 @@ def scaled(task: Task, factor: float) -> Task:
     assert torque is not None
     torques = tuple(tuple(factor * one for one in row) for row in drive.torques or ())
     scene = task.scene.varied({"drive": msgspec.structs.replace(drive, torques=torques)})
-    return task._replace(scene=scene, torque=lambda t: factor * torque(t))
+    return task._replace(scene=scene, torque=functools.partial(_times, factor, torque))
+
+
+def _times(factor: float, torque: Callable[[float], float], t: float) -> float:
+    return factor * torque(t)
 
 
 def on_a_hub(task: Task, count: int) -> Array:
     """Tip in frame 0 of the beam on a hub, with `count` modes."""
     assert task.torque is not None
-    times = task.times
-    step = float(times[1] - times[0]) / FINER
-    begins = step * np.arange(FINER * (len(times) - 1))
+    step = float(task.times[1] - task.times[0]) / FINER
+    begins = step * np.arange(FINER * (len(task.times) - 1))
     x, weights = leggauss(POINTS)
-    means = [
-        sum(w / 2 * task.torque(begin + (1 + at) / 2 * step) for at, w in zip(x.tolist(), weights.tolist(), strict=True))
-        for begin in begins.tolist()
-    ]
-    drive = hub_beam.Drive(jumps=tuple(begins.tolist()), torques=tuple(means))
-    motion = hub_beam.simulate(_beam(task), drive, times, count=count, finer=FINER)
-    return np.asarray(motion.tip() @ task.axes[:, :2].T)
+    values = np.vectorize(task.torque)(begins[:, None] + (1 + x) / 2 * step)
+    drive = hub_beam.Drive(jumps=tuple(begins.tolist()), torques=tuple((values @ weights / 2).tolist()))
+    return np.asarray(hub_tip(_beam(task), drive, task.times, count) @ task.axes[:, :2].T)
+
+
+def hub_tip(beam: hub_beam.Beam, drive: hub_beam.Drive, times: Array, count: int) -> Array:
+    """Tip of the beam on a hub in the plane of motion."""
+    return hub_beam.simulate(beam, drive, times, count=count, finer=FINER).tip()
 
 
 def in_a_frame(task: Task, count: int) -> Array:
