@@ -7,7 +7,6 @@ two points along the beam, in place of three, avoid locking.
 
 from __future__ import annotations
 
-import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -48,13 +47,14 @@ def bricks(length: float, EI: float, ρA: float, count: int, tip_mass: float = 0
     sides = (np.linspace(0, length, ALONG * count + 1), np.array([-h, h]) / 2, np.array([-b, b]) / 2)
     nodes = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 3)
     size = 3 * len(nodes)
-    return Bricks(nodes, np.kron(mass, np.eye(3)), np.transpose(K, (2, 0, 3, 1)).reshape(size, size))
+    M = np.asarray(np.kron(mass, np.eye(3)))
+    return Bricks(nodes, M, np.transpose(K, (2, 0, 3, 1)).reshape(size, size))
 
 
 def _volume(edges: tuple[Edge, ...], row: int = -1, column: int = -1) -> Array:
     """Integrals over the beam of the products of all shapes, differentiated in these directions; −1: not at all."""
-    parts = (edge[row == k, column == k] for k, edge in enumerate(edges))
-    return functools.reduce(np.kron, parts)
+    x, y, z = (edge[row == k, column == k] for k, edge in enumerate(edges))
+    return np.asarray(np.kron(np.kron(x, y), z))
 
 
 def _edge(length: float, count: int, degree: int, points: int) -> Edge:

@@ -89,6 +89,7 @@ def finite_elements(task: Task, elements: int, modes: int) -> Any:
     return model
 
 
-def _in_plane(shapes: Array) -> Array:
+def _in_plane(shapes: Array) -> list[int]:
     """Columns that bend the link in the plane, in ascending order of their frequencies."""
-    return np.flatnonzero(np.linalg.norm(shapes[1::3], axis=0) > IN_PLANE * np.linalg.norm(shapes, axis=0))
+    share = np.linalg.norm(shapes[1::3], axis=0) / np.linalg.norm(shapes, axis=0)
+    return [k for k, one in enumerate(share.tolist()) if one > IN_PLANE]
