@@ -46,14 +46,15 @@ def test_bricks_have_the_mass_of_the_beam_and_resist_bending_but_not_rigid_motio
 
 def test_clamped_bricks_have_the_frequencies_of_the_clamped_beam() -> None:
     """With displacements in the plane of bending only."""
-    made = bricks(L, EI, MASS, 10, TIP)
+    made = bricks(L, EI, MASS, 6, TIP)
     free = np.arange(3 * CORNERS, len(made.K))
     own = free[free % 3 < 2]
     found = np.sqrt(eigh(made.K[np.ix_(own, own)], made.M[np.ix_(own, own)], eigvals_only=True, subset_by_index=[0, 1]))
     exact = hub_beam.modes(hub_beam.Beam(L, EI, MASS, tip_mass=TIP), 2).ω
-    assert found == pytest.approx(exact, rel=1e-4)
+    assert found == pytest.approx(exact, rel=3e-4)
 
 
+@pytest.mark.slow
 def test_linear_modes_are_right_for_a_small_torque_and_wrong_for_the_full_one() -> None:
     little = scaled(PULSE, 1e-4)
     way = kind._way(little._replace(reference=kind.Reference(exact := on_a_hub(little, 2), 0.0)))
@@ -80,16 +81,16 @@ def test_errors_are_of_the_way_and_a_missing_program_is_named(monkeypatch: pytes
     assert "nowhere" in found["programs compared", None, None].note
     way = kind._way(PULSE)
     assert found["error", kind.OURS, 1].value == pytest.approx(0.1 / way)
-    assert found["error / error with fewer modes", kind.OURS, 2].value == pytest.approx(0.1)
-    assert found["large bending, error", kind.OURS, 2].value == pytest.approx(0.01 / way)
-    ratio = found["large bending, error / that of strain modes", kind.TEXTBOOK, 2].value
+    assert found[kind.FALL, kind.OURS, 2].value == pytest.approx(0.1)
+    assert found[kind.MUCH, kind.OURS, 2].value == pytest.approx(0.01 / way)
+    ratio = found[kind.RATIO, kind.TEXTBOOK, 2].value
     assert ratio == pytest.approx(found["error", kind.TEXTBOOK, 2].value * 100 * way)
-    assert found["spin-up, error of strain modes", kind.OURS, 3].value == pytest.approx(1e-3)
+    assert found[kind.SPUN, kind.OURS, 3].value == pytest.approx(1e-3)
     assert series.columns["modes"].tolist() == [1, 1, 2, 2]
 
 
 @pytest.mark.slow
-def test_exudyns_frame_has_the_motion_of_its_own_equations() -> None:
+def test_exudyns_frame_has_the_motion_of_separate_equations() -> None:
     pytest.importorskip("exudyn")
     frames = importlib.import_module("validation.formulations.exudyn_frames")
     outcome = frames.run(PULSE, "", {"elements": 10, "modes": 2, "step": 1e-3, "radius": 1.0})

@@ -37,16 +37,16 @@ def _times(factor: float, torque: Callable[[float], float], t: float) -> float:
 def on_a_hub(task: Task, count: int) -> Array:
     """Tip in frame 0 of the beam on a hub, with `count` modes."""
     assert task.torque is not None
-    step = float(task.times[1] - task.times[0]) / FINER
-    begins = step * np.arange(FINER * (len(task.times) - 1))
-    x, weights = leggauss(POINTS)
-    values = np.vectorize(task.torque)(begins[:, None] + (1 + x) / 2 * step)
-    drive = hub_beam.Drive(jumps=tuple(begins.tolist()), torques=tuple((values @ weights / 2).tolist()))
-    return np.asarray(hub_tip(_beam(task), drive, task.times, count) @ task.axes[:, :2].T)
+    return np.asarray(hub_tip(_beam(task), task.torque, task.times, count) @ task.axes[:, :2].T)
 
 
-def hub_tip(beam: hub_beam.Beam, drive: hub_beam.Drive, times: Array, count: int) -> Array:
+def hub_tip(beam: hub_beam.Beam, torque: Callable[[float], float], times: Array, count: int) -> Array:
     """Tip of the beam on a hub in the plane of motion."""
+    step = float(times[1] - times[0]) / FINER
+    begins = step * np.arange(FINER * (len(times) - 1))
+    x, weights = leggauss(POINTS)
+    means = np.vectorize(torque)(begins[:, None] + (1 + x) / 2 * step) @ weights / 2
+    drive = hub_beam.Drive(jumps=tuple(begins.tolist()), torques=tuple(means.tolist()))
     return hub_beam.simulate(beam, drive, times, count=count, finer=FINER).tip()
 
 

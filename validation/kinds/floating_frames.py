@@ -26,6 +26,9 @@ from validation.store import Series, table
 
 OURS, FRAME, TEXTBOOK = "strain modes", "Exudyn FFRF", "linear modes, separate equations"
 MANY = 8  # modes of the reference for small torques: six have an error of 5e-8
+FALL, LITTLE = "error / error with fewer modes", "small bending, error"
+MUCH, RATIO = "large bending, error", "large bending, error / that of strain modes"
+SPUN = "spin-up, error of strain modes"
 COLUMNS = "formulation", "modes", "torque", "error"
 
 
@@ -76,7 +79,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
 
 
 def _with_modes(task: Task, settings: Settings, shown: list[str], at: Point, points: list[Point]) -> Iterator[Measured]:
-    """Yield errors with this number of modes, and distances from as many exact modes in separate equations.
+    """Yield errors with this number of modes, and distances from the same exact modes in separate equations.
 
     Those of the beam on a hub hold for small bending only.
     """
@@ -116,17 +119,17 @@ def _comparisons(points: list[Point], settings: Settings) -> Iterator[Measured]:
         ours = [point for point in points if (point.formulation, point.torque) == (OURS, torque)]
         for fewer, more in pairwise(ours):
             if fewer.error > settings.stations:
-                yield _row("error / error with fewer modes", more._replace(error=more.error / fewer.error))
+                yield _row(FALL, more._replace(error=more.error / fewer.error))
     most, least = max(settings.modes), min(settings.torques)
     last = {(point.formulation, point.torque): point for point in points if point.modes == most}
     for name in dict.fromkeys(point.formulation for point in points):
-        yield _row("small bending, error", last[name, least])
+        yield _row(LITTLE, last[name, least])
         large = last[name, 1.0]
         if name == OURS:
-            yield _row("large bending, error", large)
+            yield _row(MUCH, large)
         else:
             ratio = large.error / last[OURS, 1.0].error
-            yield _row("large bending, error / that of strain modes", large._replace(error=ratio))
+            yield _row(RATIO, large._replace(error=ratio))
 
 
 def _spin_up(settings: Settings, shown: list[str]) -> Iterator[Measured]:
@@ -137,7 +140,7 @@ def _spin_up(settings: Settings, shown: list[str]) -> Iterator[Measured]:
         point = Point(name, round(settings.spun["modes"]), 1.0, task.error(tip))
         yield _row("spin-up, error", point, task.name)
         if name == OURS:
-            yield _row("spin-up, error of strain modes", point, task.name)
+            yield _row(SPUN, point, task.name)
 
 
 def _row(quantity: str, point: Point, scene: str = "torque_pulse") -> Measured:

@@ -18,7 +18,7 @@ from scipy.integrate import solve_ivp
 from validation.oracles import hub_beam
 
 Floats = np.ndarray
-RELATIVE, ABSOLUTE = 1e-8, 1e-9  # tolerances; the second relative to the torque
+RELATIVE, ABSOLUTE = 1e-7, 1e-8  # tolerances; the second relative to the torque
 
 
 def tip(beam: hub_beam.Beam, torque: Callable[[float], float], t: Floats, count: int) -> Floats:
