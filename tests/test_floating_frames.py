@@ -51,7 +51,7 @@ def test_clamped_bricks_have_the_frequencies_of_the_clamped_beam() -> None:
     own = free[free % 3 < 2]
     found = np.sqrt(eigh(made.K[np.ix_(own, own)], made.M[np.ix_(own, own)], eigvals_only=True, subset_by_index=[0, 1]))
     exact = hub_beam.modes(hub_beam.Beam(L, EI, MASS, tip_mass=TIP), 2).ω
-    assert found == pytest.approx(exact, rel=3e-4)
+    assert found == pytest.approx(exact, rel=1e-3)
 
 
 @pytest.mark.slow

@@ -37,7 +37,7 @@ WORDS: dict[str, tuple[str, str]] = {
     "relative_tolerance": ("tolerance, of the reach", "tolerance {:g} of the reach"),
     "formulation": ("formulation", "{}"),
     "modes": ("modes m", "{} modes"),
-    "torque": ("torque, of the full one", "{:g} of the torque"),
+    "torque": ("torque, of the full one", "torque × {:g}"),
     "relative error": ("error, of the length", "error {:g}"),
     "error": ("error, of the motion", "error {:g}"),
     "deflection error": ("error, of the deflection", "deflection error {:g}"),

@@ -72,8 +72,8 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     yield from _spin_up(settings, shown)
     yield Series(
         "errors by modes", f"{full.scene.about}: error against the number of modes", table(COLUMNS, [
-            (point.formulation, point.modes, f"{point.torque:g} of the torque", point.error) for point in points
-        ]), "modes", "modes m [1]", "error, of the tip's way [1]", "linear", "log", group="formulation", panel="torque",
+            (point.formulation, point.modes, f"torque × {point.torque:g}", point.error) for point in points
+        ]), "modes", "modes m [1]", "error [1]", "linear", "log", group="formulation", panel="torque",
         scene=full.name,
     )  # fmt: skip
 
