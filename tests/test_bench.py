@@ -30,7 +30,7 @@ BENCH = ROOT / "validation" / "bench"
 PACKAGE = BENCH / "flexarm_bench"
 BENCHMARKS = {each.name: each for each in load_benchmarks()}
 EVERY = [pytest.param(each, id=name) for name, each in BENCHMARKS.items()]
-EXAMPLE = BENCH / "examples" / "elastica_by_scipy.py"
+EXAMPLE = BENCH / "flexarm_bench" / "examples" / "elastica_by_scipy.py"
 SEED = 7
 MINE = """def run(case, settings):
     return [settings["factor"] * case.force[1], 0.0, 0.0]
@@ -184,9 +184,11 @@ def test_a_solver_that_cannot_or_fails_has_a_verdict_with_the_reason():
             raise Cannot(reason)
         raise ZeroDivisionError("by\nzero")
 
+    line = wrong.__code__.co_firstlineno + 3
+    found = f"{ZeroDivisionError.__name__}: by zero ({Path(__file__).name}:{line})"
     first, second = judge("wrong", wrong, BENCHMARKS["columns"])
     assert (first.verdict, first.reason, first.passed) == (CANNOT, reason, None)
-    assert (second.verdict, second.reason, second.passed) == (FAILED, f"{ZeroDivisionError.__name__}: by zero", False)
+    assert (second.verdict, second.reason, second.passed) == (FAILED, found, False)
 
 
 @pytest.mark.parametrize("values", [[1.0, 2.0], [np.nan], "nothing"])
@@ -374,9 +376,24 @@ def imports(path: Path) -> set[str]:
 def test_the_package_imports_numpy_and_each_solver_its_program(path):
     programs = {
         "with_flexlink": {"flexlink"}, "with_pinocchio": {"pinocchio", "scipy"}, "with_mujoco": {"mujoco"},
-        "with_exudyn": {"exudyn"}, "with_cosseratbench": {"cosseratbench"},
+        "with_exudyn": {"exudyn"}, "with_cosseratbench": {"cosseratbench"}, "elastica_by_scipy": {"scipy"},
     }  # fmt: skip
     assert imports(path) <= {"numpy"} | programs.get(path.stem, set())
+
+
+def test_the_example_is_a_solver_whose_answers_are_accepted(tmp_path, capsys):
+    assert main(["example"]) == 0
+    mine = tmp_path / "mine.py"
+    mine.write_text(capsys.readouterr().out, encoding="utf-8")
+    assert main(["run", "--solver", str(mine), "elastica"]) == 0
+    assert capsys.readouterr().out.count("≤ 5.0e-04 accepted") == 5
+
+
+def test_the_list_marks_solvers_whose_program_is_missing(capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "exudyn", None)
+    monkeypatch.delitem(sys.modules, "flexarm_bench.solvers.with_exudyn", raising=False)
+    assert main(["list"]) == 0
+    assert "exudyn (not installed)" in capsys.readouterr().out
 
 
 def test_the_package_runs_without_flexlink():

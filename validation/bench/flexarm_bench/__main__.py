@@ -9,14 +9,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from flexarm_bench import page
-from flexarm_bench.benchmark import Benchmark, load_benchmarks
+from flexarm_bench.benchmark import ROOM, Benchmark, load_benchmarks
 from flexarm_bench.case import BenchError
-from flexarm_bench.entries import Entry, find, names
+from flexarm_bench.entries import Entry, find, installed, names
 from flexarm_bench.files import write_blank
 from flexarm_bench.judge import Verdict, judge
 from flexarm_bench.units import Units
 
 EXAMPLES = """examples:
+  flexarm-bench example > my_solver.py                     a complete solver in 40 lines, for one case
   flexarm-bench list                                       cases and solvers
   flexarm-bench run --solver my_solver.py elastica         judge the function run(case, settings) of a file
   flexarm-bench run --solver mujoco --solver pinocchio     all cases, side by side
@@ -32,9 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     try:
         benchmarks = load_benchmarks(*options.cases)
-        done: int = {"list": _list, "run": _run, "blank": _blank, "sheets": _sheets}[options.command](
-            options, benchmarks
-        )
+        done: int = COMMANDS[options.command](options, benchmarks)
     except (BenchError, OSError) as error:
         print(f"flexarm-bench: {error}", file=sys.stderr)
         return 2
@@ -67,16 +66,23 @@ def _parser() -> argparse.ArgumentParser:
     blank.add_argument("folder", type=Path)
     sheets = commands.add_parser("sheets", help="write a data sheet for each case")
     sheets.add_argument("-o", "--output", type=Path, default=Path("sheets"), metavar="DIR", help="(%(default)s)")
-    commands.add_parser("list", help="list cases and solvers")
+    commands.add_parser("list", help="list cases, with their parts and accepted errors, and solvers")
+    commands.add_parser("example", help="print a complete solver, to start from")
     for command in commands.choices.values():
         command.add_argument("cases", nargs="*", metavar="CASE", help="names, globs or kinds of cases (default: all)")
     return parser
 
 
 def _list(options: argparse.Namespace, benchmarks: Sequence[Benchmark]) -> int:
+    print(f"{'case':18} {'asks for':12} parts  accepted error  title")
     for each in benchmarks:
-        print(f"{each.name:18} {each.ask:12} {len(each.parts):3} × {each.accepted:<8g} {each.title}")
-    print(f"solvers: {', '.join(names())}")
+        print(f"{each.name:18} {each.ask:12} {len(each.parts):5}  {each.accepted:<14g}  {each.title}")
+    print("solvers: " + ", ".join(f"{name}{'' if installed(name) else ' (not installed)'}" for name in names()))
+    return 0
+
+
+def _example(_options: argparse.Namespace, _benchmarks: Sequence[Benchmark]) -> int:
+    print(ROOM.joinpath("examples", "elastica_by_scipy.py").read_text(encoding="utf-8"), end="")
     return 0
 
 
@@ -118,8 +124,9 @@ def _units(entry: Entry, seed: int) -> Units:
 
 def _print(verdict: Verdict) -> None:
     error = f"{verdict.error:8.1e}" if verdict.error == verdict.error else " " * 8
+    compared = f"{'≤' if verdict.passed else '>'} {verdict.accepted:.1e}" if error.strip() else " " * 9
     name = f"{verdict.case}, {verdict.part}" if verdict.part else verdict.case
-    print(f"{verdict.solver:12} {name:36} {error} {verdict.words}", flush=True)
+    print(f"{verdict.solver:12} {name:36} {error} {compared} {verdict.words}", flush=True)
 
 
 def _setting(text: str) -> tuple[str, float | str]:
@@ -130,6 +137,9 @@ def _setting(text: str) -> tuple[str, float | str]:
         return key, float(value)
     except ValueError:
         return key, value
+
+
+COMMANDS = {"list": _list, "example": _example, "run": _run, "blank": _blank, "sheets": _sheets}
 
 
 if __name__ == "__main__":

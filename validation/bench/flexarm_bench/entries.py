@@ -39,6 +39,17 @@ def names() -> list[str]:
     return [*OWN, *sorted(each.name for each in entry_points(group=GROUP) if each.name not in OWN)]
 
 
+def installed(name: str) -> bool:
+    """Whether the program of a registered solver is installed."""
+    if name not in OWN:
+        return True
+    try:
+        importlib.import_module(OWN[name].partition(":")[0])
+    except ImportError:
+        return False
+    return True
+
+
 def find(wanted: str) -> Entry:
     """The solver of this name, in this Python file, or from the files in this folder.
 

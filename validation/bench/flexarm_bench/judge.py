@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import time
+import traceback
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,7 @@ from flexarm_bench.units import Units
 
 Run = Callable[[Case, Settings], Any]
 
+HERE = Path(__file__).parent
 ACCEPTED, NOT_ACCEPTED, CANNOT, FAILED = "accepted", "not accepted", "cannot", "failed"
 
 
@@ -74,8 +77,14 @@ def judge(
         except Cannot as why:
             seconds, verdict, reason = math.nan, CANNOT, str(why)
         except Exception as why:  # any fault of a solver is a verdict on it
-            seconds, verdict, reason = math.nan, FAILED, f"{type(why).__name__}: {' '.join(str(why).split())}"
+            seconds, verdict, reason = math.nan, FAILED, f"{type(why).__name__}: {' '.join(str(why).split())}{_at(why)}"
         yield Verdict(name, case.name, case.part, error, benchmark.accepted, verdict, reason, seconds, note)
+
+
+def _at(fault: Exception) -> str:
+    """Last line of a solver's file at which a fault occurred, " (mine.py:12)"; "" for faults that the judge found."""
+    lines = [each for each in traceback.extract_tb(fault.__traceback__) if HERE not in Path(each.filename).parents]
+    return f" ({Path(lines[-1].filename).name}:{lines[-1].lineno})" if lines else ""
 
 
 def error_of(case: Case, values: Array, exact: Array) -> float:
