@@ -23,6 +23,11 @@ from flexlink.common.versions import __version__
 from flexlink.common.wording import coloured, did_you_mean, id_of
 from flexlink.results.stop_reasons import InterruptedRunError
 
+KEYS = """keys of a scene, with their units and defaults:
+  python -c "import flexlink; help(flexlink.Link)"   also Joint, Material, Section, Drive, Reference, RunSettings, ...
+  flexlink examples models                           copies complete scenes to start from
+"""
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line, and return the exit code.
@@ -106,7 +111,7 @@ def build_parser(words: Container[str] | None = None) -> argparse.ArgumentParser
     parser = _Parser(
         prog="flexlink",
         description="Robot arms with flexible links: simulate, find modes, export, compare. SI units.",
-        epilog="\n".join(["examples:", *(examples for _, _, examples in texts.values())]),
+        epilog="\n".join([KEYS, "examples:", *(examples for _, _, examples in texts.values())]),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"flexlink {__version__}")

@@ -50,6 +50,8 @@ class Reference(Spec, frozen=True):
     table is a cubic spline from rest to rest, or Hermite polynomials: cubic if it has `rate_deg`, quintic if it also
     has `acceleration_deg`. The first and last angles apply before and after the table. It may be in a CSV `file`.
 
+    A constant target needs no reference: give `drive.target_deg`.
+
     A `shaper` sums delayed copies of the reference that leave no vibration at its frequencies; this lengthens the move.
 
     Examples
