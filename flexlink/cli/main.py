@@ -23,11 +23,6 @@ from flexlink.common.versions import __version__
 from flexlink.common.wording import coloured, did_you_mean, id_of
 from flexlink.results.stop_reasons import InterruptedRunError
 
-KEYS = """keys of a scene, with their units and defaults:
-  python -c "import flexlink; help(flexlink.Link)"   also Joint, Material, Section, Drive, Reference, RunSettings, ...
-  flexlink examples models                           copies complete scenes to start from
-"""
-
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line, and return the exit code.
@@ -108,10 +103,15 @@ def build_parser(words: Container[str] | None = None) -> argparse.ArgumentParser
         "import_robot", "robots", "examples", "sweep", "invert", "compile", "completion",
     )  # fmt: skip
     texts = {name: (module, text, examples) for module in modules for name, text, examples in [_help_of(module)]}
+    keys = (
+        "keys of a scene, with their units and defaults:",
+        '  python -c "import flexlink; help(flexlink.Link)"   also Joint, Material, Section, Drive, Reference, ...',
+        "  flexlink examples models                           copies complete scenes to start from\n",
+    )
     parser = _Parser(
         prog="flexlink",
         description="Robot arms with flexible links: simulate, find modes, export, compare. SI units.",
-        epilog="\n".join([KEYS, "examples:", *(examples for _, _, examples in texts.values())]),
+        epilog="\n".join([*keys, "examples:", *(examples for _, _, examples in texts.values())]),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"flexlink {__version__}")

@@ -49,7 +49,6 @@ class Reference(Spec, frozen=True):
     A table has rows `angle_deg` at `times`, with profile "linear", "hold" (steps without a ramp) or "smooth". A smooth
     table is a cubic spline from rest to rest, or Hermite polynomials: cubic if it has `rate_deg`, quintic if it also
     has `acceleration_deg`. The first and last angles apply before and after the table. It may be in a CSV `file`.
-
     A constant target needs no reference: give `drive.target_deg`.
 
     A `shaper` sums delayed copies of the reference that leave no vibration at its frequencies; this lengthens the move.
