@@ -79,11 +79,11 @@ def add_beam(
     builder: Builder, link: Link, number: int, beam: SectionBeam | TableBeam, nodes: Array, weights: Array
 ) -> list[Springs | Slides]:
     """Add segments, hinges and slides of a beam along the x axis of the running frame; return its springs."""
-    rule, segments = lumping_rule(link.lumping), segments_of(link, lumping_rule(link.lumping), beam, nodes)
-    rotors, stations = np.zeros((3, len(nodes))), None
+    rule = lumping_rule(link.lumping)
+    segments, stations = segments_of(link, rule, beam, nodes), None
     if link.strains and isinstance(beam, SectionBeam):
         stations = stations_of(link, beam, nodes, weights, [body for body, _, _ in segments])
-        rotors = stations.inertias
+    rotors = np.zeros((3, len(nodes))) if stations is None else stations.inertias.copy()
     rotors[TWIST - 1] += _twist_rotors(link, rule, beam, nodes, weights)
     hinges: Places = {}
     slides: Places = {}
