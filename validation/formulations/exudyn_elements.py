@@ -47,17 +47,22 @@ NEGLIGIBLE = 1e-9  # mass of a rotor, relative to the rod's
 def run(task: Task, element: str, setting: Setting) -> Outcome:
     """Build the arm, and run Exudyn's solver once."""
     arm = _Arm(task, element, setting)
-    size = arm.mbs.systemData.ODE2Size()
-    settings, mbs = settings_of(task, setting, size), arm.mbs
+    return solved(arm.mbs, task, setting, arm.sensor, task.axes)
+
+
+def solved(mbs: Any, task: Task, setting: Setting, sensor: Any, axes: Array) -> Outcome:
+    """Run Exudyn's solver once on an assembled system; `axes`, in columns, are those of the system in frame 0."""
+    size = mbs.systemData.ODE2Size()
+    settings = settings_of(task, setting, size)
     begun = time.thread_time()
     if task.moment:
         good = mbs.SolveStatic(settings)
     else:
         good = mbs.SolveDynamic(settings, solverType=exu.DynamicSolverType.GeneralizedAlpha)
     seconds = time.thread_time() - begun
-    stored = np.atleast_2d(mbs.GetSensorStoredData(arm.sensor))[:, 1:4] if good else np.empty((0, 3))
+    stored = np.atleast_2d(mbs.GetSensorStoredData(sensor))[:, 1:4] if good else np.empty((0, 3))
     rows = stored[-1:] if task.moment else stored
-    return Outcome(np.asarray(rows @ task.axes.T), seconds, size)
+    return Outcome(np.asarray(rows @ axes.T), seconds, size)
 
 
 def settings_of(task: Task, setting: Setting, size: int) -> Any:

@@ -7,7 +7,6 @@ call is timed.
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
 import exudyn as exu
@@ -27,7 +26,7 @@ from exudyn.itemInterface import (
 
 from flexlink.common.types import Array
 from validation.formulations.beam_bricks import CORNERS, bricks
-from validation.formulations.exudyn_elements import fix, settings_of
+from validation.formulations.exudyn_elements import fix, solved
 from validation.formulations.outcome import Outcome, Setting
 from validation.formulations.task import Task
 
@@ -42,13 +41,7 @@ def run(task: Task, _element: str, setting: Setting) -> Outcome:
     mbs = box.AddSystem()
     sensor = _link(mbs, task, setting)
     mbs.Assemble()
-    size = mbs.systemData.ODE2Size()
-    settings = settings_of(task, setting, size)
-    begun = time.thread_time()
-    good = mbs.SolveDynamic(settings, solverType=exu.DynamicSolverType.GeneralizedAlpha)
-    seconds = time.thread_time() - begun
-    stored = np.atleast_2d(mbs.GetSensorStoredData(sensor))[:, 1:4] if good else np.empty((0, 3))
-    return Outcome(np.asarray(stored @ task.axes.T), seconds, size)
+    return solved(mbs, task, setting, sensor, task.axes)
 
 
 def _link(mbs: Any, task: Task, setting: Setting) -> Any:

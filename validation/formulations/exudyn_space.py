@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from itertools import pairwise
 from typing import Any
 
@@ -22,7 +21,7 @@ from exudyn.itemInterface import (
 from scipy.spatial.transform import Rotation
 
 from flexlink.common.types import Array
-from validation.formulations.exudyn_elements import settings_of
+from validation.formulations.exudyn_elements import solved
 from validation.formulations.outcome import Outcome, Setting
 from validation.formulations.task import Rod, Task
 
@@ -43,13 +42,7 @@ def run(task: Task, _element: str, setting: Setting) -> Outcome:
     position = exu.OutputVariableType.Position
     sensor = mbs.AddSensor(SensorNode(nodeNumber=nodes[-1], storeInternal=True, outputVariableType=position))
     mbs.Assemble()
-    size = mbs.systemData.ODE2Size()
-    settings = settings_of(task, setting, size)
-    begun = time.thread_time()
-    good = mbs.SolveDynamic(settings, solverType=exu.DynamicSolverType.GeneralizedAlpha)
-    seconds = time.thread_time() - begun
-    stored = np.atleast_2d(mbs.GetSensorStoredData(sensor))[:, 1:4] if good else np.empty((0, 3))
-    return Outcome(np.asarray(stored), seconds, size)
+    return solved(mbs, task, setting, sensor, np.eye(3))
 
 
 def _rod(mbs: Any, rod: Rod, begin: Array, gravity: Array, setting: Setting) -> tuple[list[Any], Array]:
