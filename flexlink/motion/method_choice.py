@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import functools
 
+import numpy as np
+
 from flexlink.common.types import Array
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.springs import damping_slope
@@ -26,7 +28,7 @@ SMALL = 1e-5
 def cheapest(record: Record, tolerance: float, slowest: float) -> tuple[str, str]:
     """Method expected to be cheapest for an error of `tolerance` [m] on a record's chain, and the reason.
 
-    `slowest`: lowest natural frequency [rad/s], for the stiffness ratio in the reason.
+    `slowest`: lowest natural frequency due to springs [rad/s], for the reason.
     """
     costs, fastest = guessed_costs(record, tolerance), max(fastest_motion(record, record.q[0]))
     if fastest * record.run.duration > STIFF or tolerance > SMALL * record.chain.size:
@@ -34,10 +36,11 @@ def cheapest(record: Record, tolerance: float, slowest: float) -> tuple[str, str
     name = min(costs, key=lambda name: costs[name])
     if name == "DOP853":
         return name, f"not stiff: fastest mode {fastest:.3g} rad/s"
-    stiffness = f"stiffness ratio {fastest / slowest:.3g}"
+    elastic = f", slowest elastic mode {slowest:.3g} rad/s" if slowest < np.inf else ""
+    stiff = f"stiff: fastest eigenvalue {fastest:.3g} 1/s{elastic}"
     if name == "Radau9":
-        return name, f"{stiffness}, tolerance {tolerance / record.chain.size:.2g} of the {record.chain.size_name}"
-    return name, stiffness
+        return name, f"{stiff}; tolerance {tolerance / record.chain.size:.2g} of the {record.chain.size_name}"
+    return name, stiff
 
 
 def guessed_costs(record: Record, tolerance: float) -> dict[str, float]:
