@@ -285,12 +285,3 @@ def test_the_covariance_of_the_fit_is_an_uncertainty_of_the_ringing():
     assert (series.columns["u_input"] > 0).all()
     assert [found[verdict, "ringing"].value for verdict in kind.VERDICTS] == [0, 0, 2]
     assert max(each.value for (quantity, _), each in found.items() if quantity == "second way") < 0.2
-
-
-def test_a_case_without_its_data_is_omitted_and_named_on_request(tmp_path, monkeypatch):
-    monkeypatch.setattr("validation.case.HERE", tmp_path / "project" / "validation")
-    absent, present = "measured_two_link_unseen", "measured_wing_spar"
-    assert absent not in {case.name for case in load_cases()}
-    assert present in {case.name for case in load_cases("measured*")}
-    with refused(ArgumentError, "test-measured-cases"):
-        load_cases(absent)

@@ -740,16 +740,3 @@ def test_a_number_measured_twice_fails_and_is_named(study, capsys):
     assert (code, row.quantity.split()[-1]) == (1, "residual")
     assert "RK2" in row.note
     reviewed("validation: measured twice", row.note)
-
-
-def test_a_case_without_its_data_is_skipped_and_named(study, capsys, tmp_path):
-    study.case_file.with_name("with_data.toml").write_text('needs = "absent.csv"\n' + CASE, encoding="utf-8")
-    study.case_file.with_name("with_some.toml").write_text(f'needs = "{tmp_path}"\n' + CASE, encoding="utf-8")
-    code, store = study()
-    assert (code, set(store.finished())) == (0, {"small", "with_some"})
-    out = capsys.readouterr().out
-    assert "absent.csv" in line(out, "with_data: ")
-    reviewed("validation: case without data", line(out, "with_data: "))
-    assert "with_some: " not in out
-    assert study("small")[0] == 0
-    assert "with_data" not in capsys.readouterr().out

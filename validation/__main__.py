@@ -13,7 +13,7 @@ from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.output import write_text
 from flexlink.common.progress import Progress
 from flexlink.pages.numbers import passing
-from validation.case import ALL, CASES, MODELS, Case, cases_without_data, load_cases
+from validation.case import ALL, CASES, MODELS, Case, load_cases
 from validation.judgement import correctness, judged_rows, quiet, speed
 from validation.row_counts import ROWS_OF
 from validation.store import Row, Store
@@ -69,8 +69,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         failed = _run(console, cases, store, options)
         rows = [row for row in store.rows() if row.case in {case.name for case in cases}]
         _print_verdict(console, rows, store)
-        for left in cases_without_data(*(options.cases or (ALL if options.full else ()))):
-            console.print(f"left out: {left.name}: {left.without_data}", highlight=False, soft_wrap=True)
         for case, why in failed.items():
             print(f"validation: {case}: {why}", file=sys.stderr)
         page = None if options.no_report else _report(store.path, options.full and not options.untimed)

@@ -82,9 +82,6 @@ class Case(Spec, frozen=True):
     scenes: tuple[str, ...] = ()  # file names or globs, in models/ or validation/scenes/
     settings: dict[str, Any] = msgspec.field(default_factory=dict)  # decoded by the kind
     by_name: bool = False  # runs only if named: it takes long
-    needs: str = (
-        ""  # path, in the checkout, of data that are not distributed; if missing, the case is skipped and reported
-    )
     claim: str = ""
     sheet: Sheet | None = None  # definition of the error, if the case has a data sheet
     parts: str = ""
@@ -94,16 +91,6 @@ class Case(Spec, frozen=True):
     def part(self) -> str:
         """The value that this part measures; "" for an undivided case."""
         return self.name.removeprefix(f"{self.whole}-") if self.whole else ""
-
-    @property
-    def has_data(self) -> bool:
-        """Whether the data that the case needs are present."""
-        return not self.needs or (HERE.parent / self.needs).exists()
-
-    @property
-    def without_data(self) -> str:
-        """Why the case is skipped if its data are missing."""
-        return f"needs {self.needs}, which is not here"
 
     def divided(self) -> list[Case]:
         """The parts, each with the common quantities and those named "PART, …"; an undivided case returns itself."""
@@ -220,15 +207,4 @@ def load_cases(*wanted: str) -> list[Case]:
             names = [case.name for case in cases]
             near = did_you_mean(pattern, names) or f"; available: {', '.join(names)}"
             raise ArgumentError(f"case = {pattern!r}: no such case{near}", id="unknown-name")
-    chosen = [case for case in cases if any(map(case.is_meant_by, wanted))] if wanted else cases
-    left = [case for case in chosen if case.has_data and (wanted or not case.by_name)]
-    if chosen and not left:
-        raise ArgumentError(f"case = {chosen[0].name!r}: {chosen[0].without_data}")
-    return left
-
-
-def cases_without_data(*wanted: str) -> list[Case]:
-    """The cases that `load_cases` skips because their data are missing."""
-    cases = [part for path in sorted(CASES.glob("*.toml")) for part in load_case(path).divided()]
-    meant = [case for case in cases if any(map(case.is_meant_by, wanted)) or not (wanted or case.by_name)]
-    return [case for case in meant if not case.has_data]
+    return [case for case in cases if (any(map(case.is_meant_by, wanted)) if wanted else not case.by_name)]
