@@ -107,8 +107,9 @@ def test_no_mistake_is_named_in_our_own_file(path: Path, form: str, tmp_path: Pa
     controller = {"pd": ["servo_stiffness", "servo_damping"]}.get(scene.drive.kind, [])
     controller += ["effort"] * (scene.drive.effort is not None)
     expected = [labels(*controller)] if controller else []
-    if form == "urdf" and not any(not name.startswith("base.") for name in chain.joint_names):  # no root spring
-        expected.append(labels("stiffness", "rest", "coulomb_width", "armature"))
+    if all(name.startswith("base.") for name in chain.joint_names):  # no joint of the file has data of flexlink
+        alone = {"urdf": ("stiffness", "rest", "coulomb_width", "armature"), "sdf": ("coulomb_width",)}
+        expected += [labels(*alone[form])] if form in alone else []
     if form != "mjcf" and len(chain.couplings):  # MJCF represents them as tendons
         expected.append("")
     assert len(found.notes) == len(expected)

@@ -100,7 +100,7 @@ def climb(task: Task, formulation: Formulation, ladder: Mapping[str, Sequence[fl
 
 
 def _rung(task: Task, run: Run, element: str, setting: Setting) -> Rung:
-    first = _outcome(task, run, element, setting)
+    first = attempt(task, run, element, setting)
     if first is None or not math.isfinite(error := task.error(first.tip)):
         return Rung(
             setting, math.inf, 0.0 if first is None else first.seconds, 0 if first is None else first.coordinates
@@ -110,9 +110,7 @@ def _rung(task: Task, run: Run, element: str, setting: Setting) -> Rung:
     return Rung(setting, error, min((first.seconds, *again)), first.coordinates, first.note)
 
 
-def _outcome(
-    task: Task, run: Callable[[Task, str, Setting], Outcome], element: str, setting: Setting
-) -> Outcome | None:
+def attempt(task: Task, run: Callable[[Task, str, Setting], Outcome], element: str, setting: Setting) -> Outcome | None:
     """A run; None if the program gives up. Faults in adapters stay errors."""
     with contextlib.suppress(FlexlinkError, *_refusals()):
         return run(task, element, setting)

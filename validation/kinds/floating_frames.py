@@ -18,7 +18,7 @@ from flexlink.describe.spec import Positive, Spec
 from flexlink.results.tip_motion import largest_distance
 from validation.case import Case, Measured
 from validation.formulations.exact_modes import in_a_frame, on_a_hub, scaled
-from validation.formulations.ladder import FORMULATIONS
+from validation.formulations.ladder import FORMULATIONS, attempt
 from validation.formulations.outcome import Setting
 from validation.formulations.references import Reference
 from validation.formulations.task import Described, Task, task_of
@@ -29,6 +29,7 @@ MANY = 8  # modes of the reference for small torques: six have an error of 5e-8
 FALL, LITTLE = "error / error with fewer modes", "small bending, error"
 MUCH, RATIO = "large bending, error", "large bending, error / that of strain modes"
 SPUN = "spin-up, error of strain modes"
+LOST = 1.0  # error of a tip that is its arm's length away, or farther
 COLUMNS = "formulation", "modes", "torque", "error"
 
 
@@ -107,10 +108,12 @@ def _way(task: Task) -> float:
 
 def _tip(task: Task, name: str, settings: Settings, own: Setting, way: float) -> Array:
     """Tip of a formulation with its `own` settings; flexlink's tolerance is relative to the tip's way."""
+    return FORMULATIONS[name].run(task, FORMULATIONS[name].element, _chosen(task, name, settings, own, way)).tip
+
+
+def _chosen(task: Task, name: str, settings: Settings, own: Setting, way: float) -> Setting:
     chosen: Setting = {**(settings.ours if name == OURS else settings.frame), **own}
-    if name == OURS:
-        chosen = {**chosen, "tolerance": chosen["tolerance"] * way / task.length}
-    return FORMULATIONS[name].run(task, FORMULATIONS[name].element, chosen).tip
+    return {**chosen, "tolerance": chosen["tolerance"] * way / task.length} if name == OURS else chosen
 
 
 def _comparisons(points: list[Point], settings: Settings) -> Iterator[Measured]:
@@ -133,11 +136,13 @@ def _comparisons(points: list[Point], settings: Settings) -> Iterator[Measured]:
 
 
 def _spin_up(settings: Settings, shown: list[str]) -> Iterator[Measured]:
-    """Yield errors in the spin-up; a frame that nothing stiffens loses the tip."""
+    """Yield errors in the spin-up, where a frame that nothing stiffens loses the tip, or cannot be integrated."""
     task = task_of("spin_up", settings.spin_up)
     for name in shown:
-        tip = _tip(task, name, settings, settings.spun, task.length)
-        point = Point(name, round(settings.spun["modes"]), 1.0, task.error(tip))
+        chosen = _chosen(task, name, settings, settings.spun, task.length)
+        found = attempt(task, FORMULATIONS[name].run, FORMULATIONS[name].element, chosen)
+        error = LOST if found is None else float(np.fmin(task.error(found.tip), LOST))
+        point = Point(name, round(settings.spun["modes"]), 1.0, error)
         yield _row("spin-up, error", point, task.name)
         if name == OURS:
             yield _row(SPUN, point, task.name)
