@@ -40,8 +40,13 @@ def problem(segments: int) -> fl.fits.FitProblem:
     return fl.fits.FitProblem(scene=boom(segments), parameter=sought, run=(fall,))
 
 
+@functools.cache
+def fitted() -> fl.fits.Fitted:
+    return fl.fit(problem(5))
+
+
 def test_the_interval_contains_the_true_value_although_five_segments_shift_it_far_beyond_the_noise() -> None:
-    found = fl.fit(problem(5))
+    found = fitted()
     young = found[YOUNG]
     assert abs(young.value - TRUE[YOUNG]) > 3 * young.statistical
     assert all(found[path].low < true < found[path].high for path, true in TRUE.items())
@@ -49,7 +54,7 @@ def test_the_interval_contains_the_true_value_although_five_segments_shift_it_fa
 
 
 def test_a_grid_error_beyond_half_the_interval_fails_the_fit_and_names_the_segments_that_suffice() -> None:
-    found = fl.fit(problem(5))
+    found = fitted()
     assert not found.passed
     assert found[YOUNG].doubt is not None and found[YOUNG].doubt.id == "grid-error"
     named = next(one for one in found.warnings if one.id == "grid-error")
@@ -71,12 +76,12 @@ def test_grid_ignore_gives_the_statistical_interval() -> None:
 
 def test_the_check_predicts_the_grid_error_before_anything_is_fitted() -> None:
     expected = fl.fits.check_fit(problem(5)).grid[0]
-    found = fl.fit(problem(5))[YOUNG]
+    found = fitted()[YOUNG]
     assert expected == pytest.approx(found.u_num / found.value, rel=0.5)
 
 
 def test_the_covariance_contains_the_grid_error() -> None:
-    found = fl.fit(problem(5))
+    found = fitted()
     deviations = np.array([one.deviation for one in found.numbers])
     np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), deviations, rtol=1e-9)
 

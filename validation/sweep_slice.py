@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import resource
 import tempfile
 import time
 from pathlib import Path
@@ -25,25 +24,21 @@ from flexlink.sweeps.plan import Plan, Sweep, load_sweep
 from flexlink.sweeps.store import Store
 from flexlink.sweeps.worker import rows_of
 from flexlink.sweeps.workers import WorkerPool, pool_of
+from validation.memory import peak_megabytes
 
 WARM = 4
 """Number of untimed tasks per worker, which load machine code."""
-
-
-def megabytes() -> float:
-    """Peak memory of this process [MB]."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def planned(file: Path) -> dict[str, float]:
     """CPU time [s] and memory [MB] for planning a sweep and computing the values of three of its members."""
     sweep = load_sweep(file)
     Plan(replace(sweep, sample=replace(sweep.sample, count=4))).values(0)  # type: ignore[type-var]  # imports
-    before, begun = megabytes(), time.process_time()
+    before, begun = peak_megabytes(), time.process_time()
     plan = Plan(sweep)
     for number in (plan.members - 1, 0, plan.members // 2):
         plan.values(number)
-    return {"seconds": time.process_time() - begun, "megabytes": megabytes() - before}
+    return {"seconds": time.process_time() - begun, "megabytes": peak_megabytes() - before}
 
 
 def member_time(sweep: Sweep, duration: float, members: int = 512, turns: int = 5) -> float:
@@ -73,7 +68,7 @@ def run_slice(sweep: Sweep, pool: WorkerPool, size: int) -> dict[str, float]:
                 marks.append((time.process_time(), time.perf_counter(), done))
                 if done >= size:
                     break
-            most = max(future.result() for future in [pool.executor.submit(megabytes) for _ in range(pool.slots)])
+            most = max(future.result() for future in [pool.executor.submit(peak_megabytes) for _ in range(pool.slots)])
         kept = out.stat().st_size / done
     (cpu, begun, before), (cpu_end, end, after) = marks[min(WARM * pool.slots, len(marks) - 2)], marks[-1]
     return {
@@ -81,7 +76,7 @@ def run_slice(sweep: Sweep, pool: WorkerPool, size: int) -> dict[str, float]:
         "rate": (after - before) / (end - begun),
         "bytes": kept,
         "worker": most,
-        "parent": megabytes(),
+        "parent": peak_megabytes(),
     }
 
 

@@ -15,14 +15,15 @@ from validation.case import Case, Measured
 from validation.sources import ROOT
 
 PEAK_SCRIPT = """
-import resource, sys, flexlink
+import sys, flexlink
+from validation.memory import peak_megabytes
 scene = flexlink.load_scene(sys.argv[1])
 def peak(steps):
     h = scene.run.fixed_step
     flexlink.simulate(scene, duration=steps * h, sample=steps / 100 * h)
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak_megabytes()
 short, long = peak(int(sys.argv[2])), peak(int(sys.argv[3]))
-print((long - short) * (1 if sys.platform == 'darwin' else 1024))
+print(long - short)
 """
 
 
@@ -51,9 +52,7 @@ def run(case: Case, repeats: int, steps: tuple[int, int]) -> Iterator[Measured]:
         short, long = steps
         growth = _timed([sys.executable, "-c", PEAK_SCRIPT, str(path), str(short), str(long)], dict(os.environ))[1]
         note = f"Against {short:,} steps; 101 samples both."
-        yield Measured(
-            "growth of memory", float(growth.split()[-1]) / 1e6, scene.name, varied={"steps": long}, note=note
-        )
+        yield Measured("growth of memory", float(growth.split()[-1]), scene.name, varied={"steps": long}, note=note)
 
 
 def _timed(command: list[str], environment: dict[str, str]) -> tuple[float, str]:
