@@ -14,7 +14,7 @@ from validation.memory import STATUS, peak_megabytes
 SCRIPT = "from validation.memory import peak_megabytes; print(peak_megabytes())"
 
 
-@pytest.mark.skipif(not STATUS.exists(), reason="only Linux tells a process its own peak")
+@pytest.mark.skipif(not STATUS.exists(), reason="only Linux has this number")
 def test_the_memory_of_a_starting_process_is_not_that_of_the_started_one() -> None:
     held = np.ones(25_000_000)  # 200 MB
     done = subprocess.run([sys.executable, "-c", SCRIPT], cwd=ROOT, capture_output=True, text=True, check=True)
