@@ -17,6 +17,7 @@ from PIL import Image, ImageColor
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import make_folder, write_text
 from flexlink.pages.colours import CYCLE, GREY, INK, PAPER
+from flexlink.pages.numbers import amount
 from flexlink.pages.page import template
 from flexlink.pages.tables import table_csv
 from reports import verdict
@@ -24,6 +25,7 @@ from reports.build import StudyReport, environment_rows, given_up, write
 from reports.chapters import contents
 from reports.results import Results
 from reports.scene_names import scene_names
+from reports.speed_limits import why_missed
 from reports.stored_full import (
     CHAPTERS,
     COMMAND,
@@ -37,7 +39,7 @@ from reports.stored_full import (
     StoredVerdict,
     since,
 )
-from reports.tables import meanings, rows_csv
+from reports.tables import limit, meanings, rows_csv
 from validation.judgement import crowd, quiet
 
 HERE = Path(__file__).parent
@@ -177,6 +179,10 @@ def _readme(study: Results, report: StudyReport, folder: Path) -> str:
         scenes=scene_names(study),
         given_up=given_up(study),
         failed=[row for row in study.rows if row.state == "FAIL"],
+        slow=[row for row in study.rows if row.state == "missed"],
+        amount=amount,
+        limit=limit,
+        why_missed=why_missed,
         missing=study.missing,
         finished=len(study.finished),
         report=report,

@@ -1,13 +1,50 @@
-"""Table of time limits: limit, result, and value of the reference run."""
+"""Table of time limits: limit, result, value of the reference run, and why a limit is missed."""
 
 from __future__ import annotations
 
+from fnmatch import fnmatchcase
+from functools import cache
+from pathlib import Path
+
+import msgspec
+
+from flexlink.describe.spec import Spec
 from flexlink.pages.numbers import amount
 from flexlink.pages.tables import Table, table_csv
 from reports.reference import Reference
 from reports.results import Results
 from reports.tables import STATES, limit
 from validation.judgement import JudgedRow, crowd
+
+REASONS = Path(__file__).parent / "missed_limits.toml"
+
+
+class Reason(Spec, frozen=True):
+    """Why limits of the matching cases and quantities (globs) are missed."""
+
+    case: str
+    quantity: str
+    why: str
+
+
+class _File(Spec, frozen=True):
+    missed: tuple[Reason, ...]
+
+
+@cache
+def reasons() -> tuple[Reason, ...]:
+    """Known reasons, the first matching one counts."""
+    return msgspec.toml.decode(REASONS.read_bytes(), type=_File).missed
+
+
+def why_missed(row: JudgedRow) -> str:
+    """Why a time limit is missed; empty if it is not, or if the reason is unknown."""
+    if row.state != "missed":
+        return ""
+    known = (
+        one.why for one in reasons() if fnmatchcase(row.case, one.case) and fnmatchcase(row.quantity, one.quantity)
+    )
+    return next(known, "")
 
 
 def limits_of_time(results: Results) -> list[JudgedRow]:
@@ -18,11 +55,12 @@ def limits_of_time(results: Results) -> list[JudgedRow]:
 
 def speed_table(results: Results, beside: Reference) -> Table:
     """Table of time limits for the page."""
-    heads = ("state", "quantity", "setting", "value", "limit", *(("reference run",) if beside.machine else ()))
+    compared = bool(beside.machine)
+    heads = "state", "quantity", "setting", "value", "limit", *(("reference run",) * compared), "why missed"
     rows = limits_of_time(results)
     lines = [
         (row.state, row.quantity, row.where, amount(row.value, row.unit), limit(row),
-         amount(beside.value(row), row.unit if beside.value(row) is not None else ""))[: len(heads)]
+         *((amount(beside.value(row), row.unit if beside.value(row) is not None else ""),) * compared), why_missed(row))
         for row in rows
     ]  # fmt: skip
     return Table("speed", "Time limits", heads, tuple(lines), classes=tuple(row.state for row in rows))
@@ -36,11 +74,24 @@ def conditions(results: Results) -> list[tuple[str, str, str]]:
 
 def csv_text(results: Results, beside: Reference) -> str:
     """The same table with every digit, and with the load and timing spread of the machine."""
-    heads = ("case", "quantity", "where", "value", "unit", "side", "limit", "state", "reference", "load", "spread")
+    heads = (
+        "case",
+        "quantity",
+        "where",
+        "value",
+        "unit",
+        "side",
+        "limit",
+        "state",
+        "reference",
+        "load",
+        "spread",
+        "why",
+    )
     return table_csv(heads, (_line(row, beside) for row in limits_of_time(results)))
 
 
 def _line(row: JudgedRow, beside: Reference) -> tuple[object, ...]:
     machine = (row.conditions.load, row.conditions.spread) if row.conditions else (None, None)
     what = row.case, row.quantity, row.where, row.value, row.unit, row.bound, row.tolerance, row.state
-    return *what, beside.value(row), *machine
+    return *what, beside.value(row), *machine, why_missed(row)

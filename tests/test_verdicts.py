@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import gzip
 import re
 from pathlib import Path
 
@@ -13,8 +14,9 @@ from studies import BUSY, DATE, QUIET, first_screen, page_from, page_of, row, st
 from flexlink.common.errors import FlexlinkError
 from reports.build import build
 from reports.chapters import contents, sections
-from reports.reference import read, save
+from reports.reference import Reference, read, save
 from reports.results import Results
+from reports.speed_limits import reasons, speed_table
 from tests.words import refused, reviewed
 from validation.store import Conditions, Finished, Store
 
@@ -186,3 +188,18 @@ def test_a_line_of_an_older_run_of_a_finished_case_is_left_out(tmp_path: Path) -
     results = stored(tmp_path / "results", row())
     Store(results).append(row(key="older", value=1.0))
     assert [r.value for r in Results.read(results).rows] == [1e-15]
+
+
+def test_every_missed_time_limit_of_the_stored_study_has_a_reason() -> None:
+    for file in (ROOT / "reports" / "full").glob("speed.csv*"):
+        text = gzip.decompress(file.read_bytes()) if file.suffix == ".gz" else file.read_bytes()
+        missed = [line for line in csv.DictReader(text.decode().splitlines()) if line["state"] == "missed"]
+        assert [line["case"] + ", " + line["quantity"] for line in missed if not line["why"]] == []
+
+
+def test_a_missed_limit_states_its_reason_and_a_met_one_none(tmp_path: Path) -> None:
+    slow, fast = (dataclasses.replace(timed(value, passed=value < 1), case="speed_calls") for value in (5.3, 0.5))
+    results = Results.read(stored(tmp_path / "results", row(), slow, fast, conditions=QUIET))
+    table = speed_table(results, Reference({}, ""))
+    assert [bool(line[-1]) for line in table.lines] == [True, False]
+    assert table.lines[0][-1] == next(one.why for one in reasons() if one.case == "speed_calls")
