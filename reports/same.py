@@ -31,7 +31,7 @@ from validation.store import Row
 FILE = "all_checks.csv"
 OF_LIMIT = 0.1  # fraction of a check's limit below which a difference is insignificant
 RELATIVE, LEFT = 1e-6, 1e-12  # allowed rounding: relative to the larger number, and absolute [SI unit]
-INFORMING, SMALL = 1e-3, 1e-9  # the same for numbers without a limit, whose rounding errors may have grown
+INFORMING, SMALL = 1e-3, 1e-9  # the same without a limit, or with a limit of zero: rounding errors may have grown
 ROUNDING = "relative to the rounding bound"
 """If a metric contains these words, its number is relative to the rounding bound, and its natural limit is 1."""
 BY_TIME = ("extremes",)  # kinds whose counts without a limit depend on a time budget
@@ -229,8 +229,11 @@ def _passes(row: Row, value: float) -> bool | None:
 
 
 def allowed(row: Row, size: float) -> float:
-    """Allowed difference of two numbers of that size: a share of the check's limit, or the effect of rounding."""
-    if row.tolerance is not None:
+    """Allowed difference of two numbers of that size: a share of the check's limit, or the effect of rounding.
+
+    A limit of zero has no scale: what is measured is a difference, whose rounding errors may have grown.
+    """
+    if row.tolerance:
         return max(OF_LIMIT * abs(row.tolerance), RELATIVE * size)
     if ROUNDING in row.metric:
         return max(OF_LIMIT, INFORMING * size)

@@ -218,3 +218,9 @@ def test_a_study_without_common_numbers_is_an_error(
     error = capsys.readouterr().err
     assert str(folder) in error
     reviewed("same: nothing in common", error)
+
+
+def test_a_number_whose_limit_is_zero_may_differ_like_one_without_a_limit() -> None:
+    order = row(quantity="order − lower bound", value=0.1818, tolerance=0.0, bound="at least")
+    assert same.allowed(order, 0.1818) == same.allowed(dataclasses.replace(order, tolerance=None), 0.1818) > 1e-4
+    assert same.allowed(dataclasses.replace(order, tolerance=1e-9), 0.1818) < 1e-6
