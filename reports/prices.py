@@ -49,7 +49,7 @@ class Price(NamedTuple):
 def works(results: Results) -> Iterator[tuple[str, Series]]:
     """(case, series of its runs by method); each scene appears once, from the case with the most runs."""
     found: dict[str, tuple[str, Series]] = {}
-    for case, series in (each for each in results.showing("work") if each[1].group == "method"):
+    for case, series in (each for each in results.showing("work") if "method" in each[1].columns):
         if series.scene not in found or _length(series) > _length(found[series.scene][1]):
             found[series.scene] = case, series
     yield from found.values()
