@@ -6,9 +6,8 @@ from fnmatch import fnmatchcase
 from functools import cache
 from pathlib import Path
 
-import msgspec
-
-from flexlink.describe.spec import Spec
+from flexlink.data.documents import read_toml
+from flexlink.describe.spec import Spec, decode
 from flexlink.pages.numbers import amount
 from flexlink.pages.tables import Table, table_csv
 from reports.reference import Reference
@@ -16,7 +15,7 @@ from reports.results import Results
 from reports.tables import STATES, limit
 from validation.judgement import JudgedRow, crowd
 
-REASONS = Path(__file__).parent / "missed_limits.toml"
+FILE = Path(__file__).parent / "missed_limits.toml"
 
 
 class Reason(Spec, frozen=True):
@@ -27,14 +26,17 @@ class Reason(Spec, frozen=True):
     why: str
 
 
-class _File(Spec, frozen=True):
+class Reasons(Spec, frozen=True):
+    """All entries of missed_limits.toml."""
+
     missed: tuple[Reason, ...]
 
 
 @cache
 def reasons() -> tuple[Reason, ...]:
     """Known reasons, the first matching one counts."""
-    return msgspec.toml.decode(REASONS.read_bytes(), type=_File).missed
+    found: Reasons = decode(read_toml(FILE), Reasons)
+    return found.missed
 
 
 def why_missed(row: JudgedRow) -> str:
@@ -74,20 +76,8 @@ def conditions(results: Results) -> list[tuple[str, str, str]]:
 
 def csv_text(results: Results, beside: Reference) -> str:
     """The same table with every digit, and with the load and timing spread of the machine."""
-    heads = (
-        "case",
-        "quantity",
-        "where",
-        "value",
-        "unit",
-        "side",
-        "limit",
-        "state",
-        "reference",
-        "load",
-        "spread",
-        "why",
-    )
+    what = "case", "quantity", "where", "value", "unit", "side", "limit", "state"
+    heads = *what, "reference", "load", "spread", "why"
     return table_csv(heads, (_line(row, beside) for row in limits_of_time(results)))
 
 
