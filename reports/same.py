@@ -5,7 +5,8 @@ edited, checks of both studies must agree within their limit, and no published c
 differ, are new or are missing are listed as moved. No limit may be wider than the published one, unless the case gives
 a reason (`widened`).
 
-Times, and counts of runs with a time budget, are listed separately, because they depend on the machine.
+Times, and counts of runs with a time budget, are listed separately, because they depend on the machine. Numbers of
+programs that are not installed are not compared, and counted.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from typing import Literal, NamedTuple
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.wording import plural
+from flexlink.pages.colours import engine_name
 from flexlink.pages.numbers import number
 from flexlink.pages.tables import Table
 from reports.results import Results
@@ -34,6 +36,8 @@ RELATIVE, LEFT = 1e-6, 1e-12  # allowed rounding: relative to the larger number,
 INFORMING, SMALL = 1e-3, 1e-9  # the same without a limit, or with a limit of zero: rounding errors may have grown
 ROUNDING = "relative to the rounding bound"
 """If a metric contains these words, its number is relative to the rounding bound, and its natural limit is 1."""
+PACKAGES = {"exudyn": "exudyn", "drake": "drake", "elastica": "pyelastica", "cvode": "scikit-sundae"}
+"""Program, as in the column "engine" → its package, which is not part of the study's installation."""
 BY_TIME = ("extremes",)  # kinds whose counts without a limit depend on a time budget
 FIXED = ("case", "scene", "engine", "quantity", "value", "tolerance", "bound", "timed", "state")
 OF_SCALE = 1e-3  # allowed relative increase of a limit that is computed from a run, and so affected by rounding
@@ -70,6 +74,7 @@ class Comparison:
     unpublished: tuple[str, ...]  # cases of this study that have no published numbers
     cases: int  # number of cases in both studies
     published: int  # number of cases in the published study
+    absent: tuple[str, ...] = ()  # programs of published numbers that are not installed here, once for each number
 
     def of(self, kind: Kind) -> list[Pair]:
         """Pairs whose comparison has this result."""
@@ -104,6 +109,9 @@ class Comparison:
         if timed:
             middle = f", median ratio to the published value {number(median(ratios), 2)}" if ratios else ""
             found.append(f"Not compared, because they depend on the machine: {plural(len(timed), 'number')}{middle}.")
+        if self.absent:
+            names = ", ".join(sorted(set(map(engine_name, self.absent))))
+            found.append(f"Not compared, because not installed here: {plural(len(self.absent), 'number')} of {names}.")
         return found
 
     def table(self) -> Table:
@@ -131,11 +139,12 @@ def compare(results: Results, folder: Path) -> Comparison:
     FlexlinkError
         The folder contains no `FILE`, or an invalid one.
     """
-    published = _published(folder)
-    known = {key[0] for key in published}
+    every, absent = _published(folder), _absent(results)
+    published = {key: there for key, there in every.items() if key[2].lower() not in absent}
+    known = {key[0] for key in every}
     edited = _edited(results, folder, known)
-    own = {_key(row): row for row in results.rows}
-    here = known & {key[0] for key in own}
+    own = {_key(row): row for row in results.rows if row.engine.lower() not in absent}
+    here = known & {row.case for row in results.rows}
     both = [(row, published[key]) for key, row in own.items() if key in published]
     pairs = tuple(Pair(row, there.value, _kind(row, there, row.case in edited)) for row, there in both)
     new = [key for key, row in own.items() if key[0] in here and key not in published and not row.timed]
@@ -147,7 +156,14 @@ def compare(results: Results, folder: Path) -> Comparison:
     wider = tuple(_in_words(_key(row)) for row, there in both if _is_wider(row, there) and not row.widened)
     unpublished = tuple(dict.fromkeys(key[0] for key in own if key[0] not in known))
     lost, gained = (tuple(map(_in_words, some)) for some in (missing, moved))
-    return Comparison(pairs, lost, wider, gained, unpublished, len(here), len(known))
+    left_out = tuple(key[2] for key in every if key[0] in here and key not in published)
+    return Comparison(pairs, lost, wider, gained, unpublished, len(here), len(known), left_out)
+
+
+def _absent(results: Results) -> set[str]:
+    """Programs that were not installed when this study ran."""
+    versions = results.environment.versions
+    return {program for program, package in PACKAGES.items() if versions.get(package) == ""}
 
 
 def _edited(results: Results, folder: Path, known: set[str]) -> set[str]:

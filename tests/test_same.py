@@ -224,3 +224,19 @@ def test_a_number_whose_limit_is_zero_may_differ_like_one_without_a_limit() -> N
     order = row(quantity="order − lower bound", value=0.1818, tolerance=0.0, bound="at least")
     assert same.allowed(order, 0.1818) == same.allowed(dataclasses.replace(order, tolerance=None), 0.1818) > 1e-4
     assert same.allowed(dataclasses.replace(order, tolerance=1e-9), 0.1818) < 1e-6
+
+
+@pytest.mark.parametrize(("version", "same_numbers"), [("", True), ("1.13.6", False)])
+def test_numbers_of_a_program_are_missing_only_if_it_is_installed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, version: str, same_numbers: bool
+) -> None:
+    theirs = row(engine="Exudyn", quantity="least error", value=1e-5)
+    folder = published(tmp_path, row(), theirs, monkeypatch=monkeypatch)
+    here = Results.read(stored(tmp_path / "here", row()))
+    versions = {**here.environment.versions, "exudyn": version}
+    here = dataclasses.replace(here, environment=dataclasses.replace(here.environment, versions=versions))
+    found = same.compare(here, folder)
+    assert found.same is same_numbers
+    assert len(found.absent) == same_numbers
+    assert len(found.missing) == (not same_numbers)
+    reviewed("same: a program installed or not", "\n".join(found.sentences()))
