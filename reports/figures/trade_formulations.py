@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from flexlink.pages.colours import Look
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import legend_above, stacked_axes, tidy_logs
+from flexlink.pages.style import legend_over, stacked_axes, tidy_logs
 from flexlink.pages.tables import columns_csv
 from reports.formulations import WHAT, looks, series_of
 from reports.prices import Run, front
@@ -40,7 +40,7 @@ def draw(results: Results) -> Iterator[Picture]:
             axes.set(xscale="log", yscale="log", xlabel="error of the tip [1]", ylabel=label)
             axes.margins(0.08, 0.12)
             tidy_logs(axes)
-        legend_above(figure, panels[0], 2)
+        legend_over(panels[0], figure=figure)
         yield Picture(f"{case}.{series.name}", series.title, figure, CAPTION, columns_csv(series.columns))
 
 
