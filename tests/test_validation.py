@@ -396,6 +396,14 @@ def test_a_case_run_by_name_joins_the_study_once_it_has_run(study):
     assert set(study()[1].plan()) == {"small", "small_long"}
 
 
+def test_a_case_of_a_stopped_full_study_stays_planned_while_others_are_run_by_name(study):
+    bad = CASE.replace('["RK2"]', '["RK7"]')
+    study.case_file.with_name("small_long.toml").write_text("by_name = true\n" + bad, encoding="utf-8")
+    assert study("--full")[0] == 2
+    _, store = study("small")
+    assert (set(store.plan()), set(store.finished())) == ({"small", "small_long"}, {"small"})
+
+
 def test_each_part_of_a_case_is_stored_with_the_common_limits_and_its_own(study, monkeypatch):
     own = '[quantity."RK4, other"]\nmetric = "m"\n'
     text = CASE.replace('["RK2"]', '["RK2", "RK4"]').replace("settings", 'parts = "methods"\nsettings', 1)

@@ -86,7 +86,7 @@ def run_cases(
     for name, why in reasons.items():
         if why != NEVER:
             notify(f"{name}: {why}")
-    named = {case.name for case in cases} | set(store.finished())
+    named = {case.name for case in cases} | set(store.plan())  # once planned, a case is missing until it has run
     planned = [case for case in known if not case.by_name or case.name in named]
     store.note_plan({case.name: Planned(keys[case.name], case.kind, case.title, case.about) for case in planned})
     if reasons:

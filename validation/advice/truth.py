@@ -12,12 +12,14 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from msgspec.structs import replace
 
 from flexlink.advice.model import Axes, Bend, Model, all_axes, can_move, uniform
 from flexlink.advice.model_runner import ModelRunner, Stepping
 from flexlink.advice.thresholds import Thresholds
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
+from flexlink.describe.schemes.methods import method
 from flexlink.results.convergence import change_of_limit, extrapolated
 from flexlink.results.tip_motion import distances, largest_distance, largest_so_far, tip_travel
 
@@ -33,6 +35,8 @@ GRID = {"midpoint": (1, 2, 3, 4, 6), "gauss": (2, 4, 6, 8, 12, 16), "legendre": 
 FACTORS = (1.0, 0.5)
 TOLERANCES = (10.0, 3.0, 1.0, 0.3, 0.1)
 METHODS = ("Radau5", "DOP853")
+LAST_STEP = 50
+"""Evaluations that a step may need; a run ends before its limit if one more step could exceed it."""
 
 
 class Truth(NamedTuple):
@@ -90,8 +94,8 @@ def _limit(scene: Scene, within: float, budget: float, of_motion: float) -> tupl
 
 
 def _tip_of(runner: ModelRunner, model: Model, tolerance: float) -> Array | None:
-    for method in (METHOD, "auto"):
-        outcome = runner.run(model, Stepping(method, tolerance=tolerance))
+    for name in (METHOD, "auto"):
+        outcome = runner.run(model, Stepping(name, tolerance=tolerance))
         if outcome.completed:
             return outcome.tip
     return None
@@ -112,8 +116,10 @@ def cheapest(scene: Scene, true: Truth, allowed: dict[float, float], axes: Axes)
     """
     best = dict(allowed)
     for model in _grid(scene, axes):
-        for stepping in _steppings(scene, model, best):
-            runner = ModelRunner(scene, max(best.values()))
+        runner = ModelRunner(scene, np.inf)  # all runs of a model share its chain
+        for stepping in _steppings(runner, model, best):
+            runner.budget = max(best.values())
+            runner.scene = _within_budget(scene, runner, model, stepping)
             if stepping.step is not None and runner.fixed_steps_cost(model, stepping) >= runner.budget:
                 continue
             outcome = runner.run(model, stepping)
@@ -125,6 +131,16 @@ def cheapest(scene: Scene, true: Truth, allowed: dict[float, float], axes: Axes)
     return best
 
 
+def _within_budget(scene: Scene, runner: ModelRunner, model: Model, stepping: Stepping) -> Scene:
+    """The scene with as many evaluations as the runner's budget allows, if each costs as little as possible.
+
+    The runner itself checks its budget every 50 ms only, and most of these runs should end sooner.
+    """
+    one = runner.evaluation_cost(model, explicit=method(stepping.method).explicit)
+    most = min(scene.run.max_evaluations, runner.budget / one + LAST_STEP)
+    return replace(scene, run=replace(scene.run, max_evaluations=most))
+
+
 def _grid(scene: Scene, axes: Axes) -> Iterator[Model]:
     choices: list[list[Bend | None]] = [
         [None] + [Bend(flex, rule, n) for rule, counts in GRID.items() for n in counts if flex != "rigid"]
@@ -134,12 +150,11 @@ def _grid(scene: Scene, axes: Axes) -> Iterator[Model]:
     return iter(sorted(models, key=lambda model: sum(bend.hinges for bend in model if bend)))
 
 
-def _steppings(scene: Scene, model: Model, best: dict[float, float]) -> Iterator[Stepping]:
-    runner = ModelRunner(scene, np.inf)
+def _steppings(runner: ModelRunner, model: Model, best: dict[float, float]) -> Iterator[Stepping]:
     stable = runner.stable_step(model)
     for factor in FACTORS:
         stepping = runner.fixed_steps(factor * Thresholds.stable_share * stable)
         if stepping is not None:
             yield stepping
-    for method, tolerance, factor in itertools.product(METHODS, best, TOLERANCES):
-        yield Stepping(method, tolerance=factor * tolerance)
+    for name, tolerance, factor in itertools.product(METHODS, best, TOLERANCES):
+        yield Stepping(name, tolerance=factor * tolerance)
