@@ -300,8 +300,13 @@ def test_second_order_levels_are_extrapolated_to_their_exact_limit() -> None:
     assert limit.tip == pytest.approx(along_x(0.0, 0.1, 0.2), abs=1e-15)
 
 
-def test_fourth_order_cell_levels_are_extrapolated_to_their_exact_limit() -> None:
-    paths = {f"n{n}": along_x(0.0, 0.1 + 1e-3 / n**4, 0.2 + 4e-3 / n**4) for n in (4, 8, 12)}
+@pytest.mark.parametrize("order", [2, 4])
+@pytest.mark.parametrize("levels", [(4, 8, 12), (8, 12, 16), (12, 16, 24), (24, 32, 48)])
+def test_cell_levels_are_extrapolated_to_their_exact_limit_with_the_order_that_they_show(
+    levels: tuple[int, ...], order: int
+) -> None:
+    """Large bending in space reduces the order of cells to 2."""
+    paths = {f"n{n}": along_x(0.0, 0.1 + 1e-3 / n**order, 0.2 + 4e-3 / n**order) for n in levels}
     limit = study_of_levels("lobatto", **paths).limit
     assert limit is not None
     assert limit.tip == pytest.approx(along_x(0.0, 0.1, 0.2), abs=1e-15)

@@ -25,7 +25,7 @@ from flexlink.describe.spec import decode
 from flexlink.motion.evaluation_cost import bodies_of, run_cost
 from tests.words import refused, reviewed
 from validation.advice import truth as advice_truth
-from validation.advice.scenes import robot_scene
+from validation.advice.scenes import random_scene, robot_scene
 from validation.case import CASES, load_case
 from validation.kinds import advice as kind
 
@@ -388,6 +388,18 @@ def test_advice_on_an_imported_robot_is_right_and_links_without_beams_stay_rigid
     column, upper, fore = advice.scene.arm.links
     assert (column.name, column.flex) == ("column", "rigid")
     assert "rigid" not in {upper.flex, fore.flex}
+
+
+@pytest.mark.slow
+def test_the_stated_error_is_right_where_large_bending_in_space_reduces_the_order_of_cells() -> None:
+    scene = random_scene(9)
+    advice = fl.advise(scene, 1e-4)
+    assert advice.met
+    assert "lobatto4" in {link.lumping for link in advice.scene.arm.links}
+    true = advice_truth.truth(scene, 1e-6, budget=6.0)
+    off = np.linalg.norm(fl.simulate(advice.scene).tip - true.tip, axis=1).max()
+    assert off - true.error <= advice.error <= min(advice.tolerance, 3 * off)
+    assert true.error < 0.02 * advice.tolerance
 
 
 @pytest.mark.slow

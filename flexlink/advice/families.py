@@ -9,6 +9,7 @@ class Family(NamedTuple):
     """Lumping rules of one kind, for all numbers of hinges that the family offers."""
 
     order: float  # order of the errors of the tip's path
+    order_in_space: float  # the same, in large bending in space
     asymptotic: int  # smallest number of hinges from which on errors fall with this order
     safe: float  # lower bound of the change of the extrapolated limit, relative to the error of the limit
     step: int  # numbers of hinges above two are multiples of this
@@ -31,9 +32,9 @@ GAUSS = "gauss"
 
 FAMILIES = {
     # `safe` was measured on 22 scenes; cells use the value of gauss, which tests of advice check with finer models
-    GAUSS: Family(order=2.0, asymptotic=6, safe=1.5, step=1),
-    "legendre": Family(order=2.0, asymptotic=6, safe=1.2, step=1),
-    "lobatto": Family(order=4.0, asymptotic=12, safe=1.5, step=4),
+    GAUSS: Family(order=2.0, order_in_space=2.0, asymptotic=6, safe=1.5, step=1),
+    "legendre": Family(order=2.0, order_in_space=2.0, asymptotic=6, safe=1.2, step=1),
+    "lobatto": Family(order=4.0, order_in_space=2.0, asymptotic=12, safe=1.5, step=4),
 }
 
 
