@@ -11,7 +11,7 @@ import importlib
 import importlib.util
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from flexlink.common.errors import FlexlinkError
@@ -110,7 +110,7 @@ def _rung(task: Task, run: Run, element: str, setting: Setting) -> Rung:
     return Rung(setting, error, min((first.seconds, *again)), first.coordinates, first.note)
 
 
-def attempt(task: Task, run: Callable[[Task, str, Setting], Outcome], element: str, setting: Setting) -> Outcome | None:
+def attempt(task: Task, run: Run, element: str, setting: Setting) -> Outcome | None:
     """A run; None if the program gives up. Faults in adapters stay errors."""
     with contextlib.suppress(FlexlinkError, *_refusals()):
         return run(task, element, setting)

@@ -112,6 +112,7 @@ def _tip(task: Task, name: str, settings: Settings, own: Setting, way: float) ->
 
 
 def _chosen(task: Task, name: str, settings: Settings, own: Setting, way: float) -> Setting:
+    """Settings of a formulation; a tolerance in fractions of `way` [m] becomes one in fractions of the length."""
     chosen: Setting = {**(settings.ours if name == OURS else settings.frame), **own}
     return {**chosen, "tolerance": chosen["tolerance"] * way / task.length} if name == OURS else chosen
 
