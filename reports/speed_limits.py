@@ -40,8 +40,8 @@ def reasons() -> tuple[Reason, ...]:
 
 
 def why_missed(row: JudgedRow) -> str:
-    """Why a time limit is missed; empty if it is not, or if the reason is unknown."""
-    if row.state != "missed":
+    """Why a limit is missed; empty if it is not, or if the reason is unknown."""
+    if row.state not in ("missed", "FAIL"):
         return ""
     known = (
         one.why for one in reasons() if fnmatchcase(row.case, one.case) and fnmatchcase(row.quantity, one.quantity)

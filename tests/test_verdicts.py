@@ -6,11 +6,13 @@ import csv
 import dataclasses
 import gzip
 import re
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 import pytest
 from studies import BUSY, DATE, QUIET, first_screen, page_from, page_of, row, stored, timed, words_from, words_of
 
+from docs.generators.study import failing
 from flexlink.common.errors import FlexlinkError
 from reports.build import build
 from reports.chapters import contents, sections
@@ -195,6 +197,12 @@ def test_every_missed_time_limit_of_the_stored_study_has_a_reason() -> None:
         text = gzip.decompress(file.read_bytes()) if file.suffix == ".gz" else file.read_bytes()
         missed = [line for line in csv.DictReader(text.decode().splitlines()) if line["state"] == "missed"]
         assert [line["case"] + ", " + line["quantity"] for line in missed if not line["why"]] == []
+
+
+def test_every_failing_check_of_the_stored_study_has_a_reason() -> None:
+    known = {(row["case"], row["quantity"]) for row in failing() for one in reasons()
+             if fnmatchcase(row["case"], one.case) and fnmatchcase(row["quantity"], one.quantity)}  # fmt: skip
+    assert {(row["case"], row["quantity"]) for row in failing()} == known
 
 
 def test_a_missed_limit_states_its_reason_and_a_met_one_none(tmp_path: Path) -> None:

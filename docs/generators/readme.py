@@ -60,8 +60,9 @@ def proof() -> str:
     """What the study found, with its date and commit."""
     counts, missing = study.counts(), study.stored().get("missing", ())
     lacking = f"; {plural(len(missing), 'case')} missing: {', '.join(missing)}" if missing else ""
+    failing = "".join(f"; fails: {row['case']}, {row['quantity']}" for row in study.failing())
     checks = f"**{counts['passed']:,} of {counts['checks']:,} checks pass**"
-    return f"{_when()}: {checks} in {counts['cases']} cases{lacking}.\n\n{_list(PROOF)}"
+    return f"{_when()}: {checks} in {counts['cases']} cases{lacking}{failing}.\n\n{_list(PROOF)}"
 
 
 def speed() -> str:
