@@ -39,14 +39,15 @@ def reasons() -> tuple[Reason, ...]:
     return found.missed
 
 
+def reason_of(case: str, quantity: str) -> str:
+    """Why a limit of this case and quantity is missed; empty if the reason is unknown."""
+    known = (one.why for one in reasons() if fnmatchcase(case, one.case) and fnmatchcase(quantity, one.quantity))
+    return next(known, "")
+
+
 def why_missed(row: JudgedRow) -> str:
     """Why a limit is missed; empty if it is not, or if the reason is unknown."""
-    if row.state not in ("missed", "FAIL"):
-        return ""
-    known = (
-        one.why for one in reasons() if fnmatchcase(row.case, one.case) and fnmatchcase(row.quantity, one.quantity)
-    )
-    return next(known, "")
+    return reason_of(row.case, row.quantity) if row.state in ("missed", "FAIL") else ""
 
 
 def limits_of_time(results: Results) -> list[JudgedRow]:

@@ -44,9 +44,10 @@ def failing() -> list[dict[str, str]]:
 
 def counts() -> dict[str, int]:
     """Numbers of checks of correctness, of passed checks, and of cases."""
+    checked = len(judged())
     return {
-        "checks": len(judged()),
-        "passed": len(judged()) - len(failing()),
+        "checks": checked,
+        "passed": checked - len(failing()),
         "cases": len({row["case"] for row in checks()}),
     }
 
