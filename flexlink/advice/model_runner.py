@@ -228,6 +228,12 @@ class ModelRunner:
         evaluations = method(stepping.method).stages * round(self.scene.run.duration / stepping.step)
         return run_cost(self.chain(model), stepping.method, evaluations)
 
+    def least_explicit_cost(self, model: Model) -> float:
+        """Lower estimate of the CPU time of a run with DOP853 [s]: no step is longer than stability allows."""
+        stable, longer = self.stable_step(model), 2.2  # stable steps of DOP853, relative to those of RK4
+        steps = self.scene.run.duration / (longer * stable) if stable > 0 else np.inf
+        return run_cost(self.chain(model), "DOP853", method("DOP853").stages * steps)
+
     def evaluation_cost(self, model: Model, *, explicit: bool) -> float:
         """CPU time of one evaluation [s]."""
         return evaluation_cost(self.chain(model), explicit=explicit)

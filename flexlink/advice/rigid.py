@@ -60,22 +60,35 @@ def _of_steps(allowed: float, size: float) -> float:
 
 
 def cheapest_run(runner: ModelRunner, strict: Outcome, allowed: float, error: Callable[[Array], float]) -> Outcome:
-    """Run the rigid arm with cheaper steps, in order of expected cost, until the tip's `error` [m] is allowed."""
+    """Run the rigid arm with cheaper steps; return the cheapest run found whose tip's `error` [m] is allowed.
+
+    Implicit and fixed steps are tried in the order of their expected costs, then adaptive explicit steps if stability
+    allows long enough ones.
+    """
+    model, found = rigid_model(runner), strict
+
+    def is_better(outcome: Outcome) -> bool:
+        return outcome.completed and error(outcome.tip) <= allowed and outcome.seconds < found.seconds
+
     for stepping in _steppings(runner, strict, allowed):
-        outcome = runner.run(rigid_model(runner), stepping)
-        if outcome.completed and error(outcome.tip) <= allowed and outcome.seconds < strict.seconds:
+        if is_better(outcome := runner.run(model, stepping)):
+            found = outcome
+            break
+    for factor in Thresholds.loose:
+        if runner.least_explicit_cost(model) < found.seconds and is_better(
+            outcome := runner.run(model, Stepping("DOP853", tolerance=factor * allowed))
+        ):
             return outcome
-    return strict
+    return found
 
 
 def _steppings(runner: ModelRunner, strict: Outcome, allowed: float) -> list[Stepping]:
     """Steps expected to be cheaper than the steps of a strict run, cheapest first."""
     assert strict.stepping.tolerance is not None
-    loose = (100.0, 10.0)  # tolerance / allowed error; in smooth motion, errors are far below the tolerance
     costs = {
         Stepping("Radau5", tolerance=factor * allowed): strict.seconds
         * (factor * allowed / strict.stepping.tolerance) ** -0.25  # steps follow an error estimate of order 4
-        for factor in loose
+        for factor in Thresholds.loose
     }
     fixed = runner.fixed_steps(runner.scene.run.spacing)
     if fixed is not None:

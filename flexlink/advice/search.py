@@ -1,20 +1,23 @@
 """Search for the cheapest model and steps; models are predicted from the order of convergence, corrected by a few runs.
 
 With adaptive steps, the model is found with small step errors; then the tolerance is increased while the error is
-allowed. A finer model with a larger tolerance is tried once. Fixed steps are tried if they are predicted to be cheaper.
+allowed, and finer models with larger tolerances are tried. Fixed steps are tried if they are predicted to be cheaper,
+then models with fewer hinges in one link, and adaptive explicit steps if stability allows long enough ones.
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from flexlink.advice.allocation import Allocation
+from flexlink.advice.families import FAMILIES
 from flexlink.advice.link_errors import LinkErrors
-from flexlink.advice.model import Bend, Model, can_move
+from flexlink.advice.model import Bend, Model, by_rule, can_move
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.advice.thresholds import Thresholds
 
@@ -41,12 +44,12 @@ class Search:
             if self._fit(0.95, self._implicit_cost, functools.partial(self._by_tolerance, factor * self.allowed)):
                 break
         self._loosen()
-        if self.solution is not None and (loosest := self.solution.outcome.stepping.tolerance):
-            self._fit(0.6, self._implicit_cost, functools.partial(self._by_tolerance, 2 * loosest))
-            self._loosen()
+        self._while_cheaper(self._finer)
         for part in (1.0, 0.5):
             if self._fit(0.98, functools.partial(self._fixed_cost, part), functools.partial(self._fixed, part)):
                 break
+        self._while_cheaper(self._coarser)
+        self._explicit()
         return self.solution
 
     def accept(self, model: Model, outcome: Outcome) -> bool:
@@ -79,13 +82,59 @@ class Search:
         return bool(np.isfinite(least))
 
     def _loosen(self) -> None:
-        """Double the tolerance of the solution as long as the error is allowed."""
+        """Increase the tolerance of the solution as long as the error is allowed, first by 2, then by √2."""
         if self.solution is None or self.solution.outcome.stepping.tolerance is None:
             return
-        model, tolerance = self.solution.model, 2 * self.solution.outcome.stepping.tolerance
-        while tolerance <= self.link_errors.refinement.travel:
-            if not self.accept(model, self.runner.run(model, self._by_tolerance(tolerance, model))):
+        model, tolerance = self.solution.model, self.solution.outcome.stepping.tolerance
+        for factor in (2.0, math.sqrt(2.0)):
+            while factor * tolerance <= self.link_errors.refinement.travel and self.accept(
+                model, self.runner.run(model, self._by_tolerance(factor * tolerance, model))
+            ):
+                tolerance *= factor
+
+    def _while_cheaper(self, improve: Callable[[Model, float], None]) -> None:
+        """Repeat an attempt from the model and tolerance of the solution, as long as it finds a cheaper one."""
+        before = np.inf
+        while self.solution is not None and self.solution.outcome.seconds < before:
+            model, outcome, _ = self.solution
+            if outcome.stepping.tolerance is None:
                 return
+            before = outcome.seconds
+            improve(model, outcome.stepping.tolerance)
+
+    def _finer(self, _: Model, tolerance: float) -> None:
+        """Try finer models with a larger tolerance."""
+        self._fit(0.6, self._implicit_cost, functools.partial(self._by_tolerance, 4 * tolerance))
+        self._loosen()
+
+    def _coarser(self, model: Model, tolerance: float) -> None:
+        """Try fewer hinges in one link, with the same or larger tolerances: errors may cancel."""
+        for fewer in self._with_fewer_hinges(model):
+            for looser in (1.0, 2.0, 4.0):
+                self.accept(fewer, self.runner.run(fewer, self._by_tolerance(looser * tolerance, fewer)))
+
+    def _with_fewer_hinges(self, model: Model) -> Iterator[Model]:
+        """Models in which one link has fewer hinges or is rigid."""
+        family = self.link_errors.refinement.family
+        for k, bend in enumerate(model):
+            if bend is None:
+                continue
+            for hinges in sorted(FAMILIES[self.link_errors.family].fewer(bend.hinges)):
+                fewer = (*model[:k], by_rule(bend.flex, hinges, family) if hinges else None, *model[k + 1 :])
+                if can_move(self.runner.scene, fewer):
+                    yield fewer
+
+    def _explicit(self) -> None:
+        """Try DOP853 with the model of the solution, and double its tolerance as long as the error is allowed."""
+        if self.solution is None:
+            return
+        model, outcome, _ = self.solution
+        if self.runner.least_explicit_cost(model) >= outcome.seconds:
+            return
+        tolerance = outcome.stepping.tolerance or self.allowed
+        while tolerance <= self.link_errors.refinement.travel and self.accept(
+            model, self.runner.run(model, Stepping("DOP853", tolerance=tolerance))
+        ):
             tolerance *= 2
 
     def _by_tolerance(self, tolerance: float, model: Model) -> Stepping:

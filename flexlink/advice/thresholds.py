@@ -10,6 +10,11 @@ class Thresholds:
     """Tolerance of the steps of reference runs, relative to the allowed error."""
     stable_share: float = 0.9
     """Fixed step, relative to the smallest stable step of several configurations."""
+    loose: tuple[float, ...] = (100.0, 30.0, 10.0)
+    """Tolerances of the steps of rigid arms to try, relative to the allowed error.
+
+    In smooth motion, errors are far below the tolerance.
+    """
     perturbation: float = 10.0
     """Minimum initial distance between a perturbed and the original run, relative to the tolerance of steps."""
     proportional: float = 0.1
