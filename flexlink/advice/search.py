@@ -108,10 +108,13 @@ class Search:
         self._loosen()
 
     def _coarser(self, model: Model, tolerance: float) -> None:
-        """Try fewer hinges in one link, with the same or larger tolerances: errors may cancel."""
+        """Try fewer hinges in one link, with the same or larger tolerances: small errors of both may cancel."""
         for fewer in self._with_fewer_hinges(model):
             for looser in (1.0, 2.0, 4.0):
-                self.accept(fewer, self.runner.run(fewer, self._by_tolerance(looser * tolerance, fewer)))
+                outcome = self.runner.run(fewer, self._by_tolerance(looser * tolerance, fewer))
+                self.accept(fewer, outcome)
+                if self.link_errors.from_limit(outcome.tip) > 2 * self.allowed:
+                    break
 
     def _with_fewer_hinges(self, model: Model) -> Iterator[Model]:
         """Models in which one link has fewer hinges or is rigid."""
