@@ -28,7 +28,6 @@ print(long - short)
 
 
 TIMED = True
-BESIDE = True
 LONG = True
 
 
