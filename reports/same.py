@@ -5,8 +5,9 @@ edited, checks of both studies must agree within their limit, and no published c
 differ, are new or are missing are listed as moved. No limit may be wider than the published one, unless the case gives
 a reason (`widened`).
 
-Times, and counts of runs with a time budget, are listed separately, because they depend on the machine. Numbers of
-programs that are not installed are not compared, and counted.
+Times, and counts of runs with a time budget, are listed separately, because they depend on the machine. Numbers that
+may differ by more than rounding are listed in allowed_differences.toml. Numbers of programs that are not installed are
+not compared, and counted.
 """
 
 from __future__ import annotations
@@ -16,12 +17,18 @@ import dataclasses
 import gzip
 import io
 from collections.abc import Iterable, Iterator
+from fnmatch import fnmatchcase
+from functools import cache
 from pathlib import Path
 from statistics import median
-from typing import Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
+
+import msgspec
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.wording import plural
+from flexlink.data.documents import read_toml
+from flexlink.describe.spec import NonNegative, Spec, decode
 from flexlink.pages.colours import engine_name
 from flexlink.pages.numbers import number
 from flexlink.pages.tables import Table
@@ -38,12 +45,39 @@ ROUNDING = "relative to the rounding bound"
 """If a metric contains these words, its number is relative to the rounding bound, and its natural limit is 1."""
 PACKAGES = {"exudyn": "exudyn", "drake": "drake", "elastica": "pyelastica", "cvode": "scikit-sundae"}
 """Program, as in the column "engine" → its package, which is not part of the study's installation."""
-BY_TIME = ("extremes",)  # kinds whose counts without a limit depend on a time budget
+DIFFERENCES = Path(__file__).parent / "allowed_differences.toml"
 FIXED = ("case", "scene", "engine", "quantity", "value", "tolerance", "bound", "timed", "state")
 OF_SCALE = 1e-3  # allowed relative increase of a limit that is computed from a run, and so affected by rounding
 Kind = Literal["equal", "rounding", "different", "moved", "timed"]
 Key = tuple[str, str, str, str, frozenset[tuple[str, str]]]
 """Key of a number: case, scene, engine, quantity and settings."""
+
+
+class Allowed(Spec, frozen=True):
+    """How far numbers whose case, engine and quantity match (globs) may differ, if by more than rounding.
+
+    Either may be `factor` times the other, or they may differ by `absolute`. Numbers that depend on the speed of the
+    machine (`by_machine`) are not compared; only whether they pass.
+    """
+
+    cases: tuple[str, ...]
+    why: str
+    engines: tuple[str, ...] = ("*",)
+    quantities: tuple[str, ...] = ("*",)
+    factor: Annotated[float, msgspec.Meta(ge=1)] = 1.0
+    absolute: NonNegative = 0.0
+    by_machine: bool = False
+
+    def matches(self, case: str, engine: str, quantity: str) -> bool:
+        """Whether the entry is about this number."""
+        looked_for = ((case, self.cases), (engine, self.engines), (quantity, self.quantities))
+        return all(any(fnmatchcase(text, pattern) for pattern in patterns) for text, patterns in looked_for)
+
+
+class AllAllowed(Spec, frozen=True):
+    """All entries of allowed_differences.toml."""
+
+    allowed: tuple[Allowed, ...]
 
 
 class Published(NamedTuple):
@@ -92,7 +126,8 @@ class Comparison:
         equal, rounding, different, timed = (self.of(kind) for kind in ("equal", "rounding", "different", "timed"))
         counts = (
             f"{self.cases} of {plural(self.published, 'published case')} compared: {plural(len(equal), 'number')} "
-            f"equal to the bit, {len(rounding)} within rounding, {len(different)} different."
+            f"equal to the bit, {len(rounding)} within rounding or their allowed difference, "
+            f"{len(different)} different."
         )
         found = [answer, counts]
         if self.missing:
@@ -139,7 +174,7 @@ def compare(results: Results, folder: Path) -> Comparison:
     FlexlinkError
         The folder contains no `FILE`, or an invalid one.
     """
-    every, absent = _published(folder), _absent(results)
+    every, absent = published_numbers(folder), _absent(results)
     published = {key: there for key, there in every.items() if key[2].lower() not in absent}
     known = {key[0] for key in every}
     edited = _edited(results, folder, known)
@@ -152,7 +187,7 @@ def compare(results: Results, folder: Path) -> Comparison:
     moved = [key for key in new if key[0] in edited]
     moved += [key for key, there in gone.items() if key[0] in edited and there.tolerance is None]
     gone_untimed = [key for key, there in gone.items() if not there.timed]
-    missing = [key for key in (*new, *gone_untimed) if key not in moved]
+    missing = [key for key in (*new, *gone_untimed) if key not in moved and not _of_machine(key)]
     wider = tuple(_in_words(_key(row)) for row, there in both if _is_wider(row, there) and not row.widened)
     unpublished = tuple(dict.fromkeys(key[0] for key in own if key[0] not in known))
     lost, gained = (tuple(map(_in_words, some)) for some in (missing, moved))
@@ -190,12 +225,18 @@ def _key(row: Row) -> Key:
     return row.case, row.scene, row.engine, row.quantity, facts
 
 
+def _of_machine(key: Key) -> bool:
+    """Whether the speed of the machine decides if a number exists."""
+    case, _, engine, quantity, _ = key
+    return exception_of(case, engine, quantity).by_machine
+
+
 def _in_words(key: Key) -> str:
     case, scene, engine, quantity, facts = key
     return ", ".join(part for part in (f"{case}: {quantity}", scene, engine, *sorted(v for _, v in facts)) if part)
 
 
-def _published(folder: Path) -> dict[Key, Published]:
+def published_numbers(folder: Path) -> dict[Key, Published]:
     """Published numbers by key."""
     lines = csv.DictReader(io.StringIO(_text(folder), newline=""))
     heads = lines.fieldnames or ()
@@ -225,22 +266,42 @@ def _text(folder: Path) -> str:
 
 
 def _kind(row: Row, there: Published, edited: bool) -> Kind:
-    if row.timed or (row.tolerance is None and row.kind in BY_TIME):
+    if row.timed:
         return "timed"
     if row.value == there.value:
         return "equal"
     apart: Kind = "moved" if edited and row.tolerance is None else "different"
-    if row.value is None or there.value is None or _passes(row, row.value) is not _passes(row, there.value):
+    exception = exception_of(row.case, row.engine, row.quantity)
+    if _passes(row, row.value) is not _passes(row, there.value):
         return apart
-    most = allowed(row, max(abs(row.value), abs(there.value)))
+    if exception.by_machine:
+        return "timed"
+    if row.value is None or there.value is None:
+        return apart
+    least, size = sorted((abs(row.value), abs(there.value)))
+    most = max(allowed(row, size), exception.absolute, (exception.factor - 1) * least)
     if edited and row.tolerance is not None:
         most = max(most, abs(row.tolerance))
     return "rounding" if abs(row.value - there.value) <= most else apart
 
 
-def _passes(row: Row, value: float) -> bool | None:
+@cache
+def exceptions() -> tuple[Allowed, ...]:
+    """Entries of allowed_differences.toml."""
+    found: AllAllowed = decode(read_toml(DIFFERENCES), AllAllowed)
+    return found.allowed
+
+
+def exception_of(case: str, engine: str, quantity: str) -> Allowed:
+    """The first entry that matches a number, or one that allows rounding only."""
+    return next((one for one in exceptions() if one.matches(case, engine, quantity)), Allowed((case,), "rounding"))
+
+
+def _passes(row: Row, value: float | None) -> bool | None:
     if row.tolerance is None:
         return None
+    if value is None:
+        return False
     return value >= row.tolerance if row.bound == "at least" else value <= row.tolerance
 
 
