@@ -667,6 +667,25 @@ def test_the_load_monitor_counts_only_other_processes(monkeypatch):
     assert (found.load, found.spread) == (1.5, 0.5)
 
 
+WORKING = """import time
+while time.process_time() < 0.3: pass
+print(flush=True)
+input()"""
+
+
+@pytest.mark.skipif(not machine.PROC_STAT.exists(), reason="needs Linux's counters of processes")
+def test_running_processes_that_a_case_has_started_are_its_own():
+    """An engine runs in a process of its own, and may be started by another one."""
+    started = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {WORKING!r}])"
+    before = machine._seconds_of_running_children()
+    with subprocess.Popen([sys.executable, "-c", started], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as child:
+        child.stdout.readline()
+        during = machine._seconds_of_running_children()
+        child.communicate(b"\n")
+    assert during - before > 0.25
+    assert machine._seconds_of_running_children() < during - 0.25
+
+
 def test_without_a_load_count_only_the_loop_decides(monkeypatch):
     monkeypatch.setattr(machine, "PROC_STAT", Path("/nowhere/stat"))
     assert machine.LoadMonitor().conditions().load is None

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from validation.store import Conditions
 
 PROC_STAT = Path("/proc/stat")
+TICKS = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100  # 1/s
 SHORTEST_LOAD = 0.2  # s; the system counts in ticks of 0.01 s, so loads over shorter times are mostly rounding error
 
 
@@ -35,7 +36,7 @@ class LoadMonitor:
 
 
 class ClockReading(NamedTuple):
-    """Seconds of wall time, of CPU time of all processes, and of CPU time of this process and its ended children."""
+    """Seconds of wall time, of CPU time of all processes, and of CPU time of this process and those that it started."""
 
     wall: float
     every: float | None
@@ -44,8 +45,8 @@ class ClockReading(NamedTuple):
 
 def _read() -> ClockReading:
     times = os.times()
-    own = times.user + times.system + times.children_user + times.children_system
-    return ClockReading(time.perf_counter(), _busy_seconds(), own)
+    own = times.user + times.system + times.children_user + times.children_system  # children that have ended
+    return ClockReading(time.perf_counter(), _busy_seconds(), own + _seconds_of_running_children())
 
 
 def _busy_seconds() -> float | None:
@@ -53,7 +54,23 @@ def _busy_seconds() -> float | None:
     if not PROC_STAT.exists():
         return None
     user, nice, system, _idle, _wait, *interrupts = map(int, PROC_STAT.read_text().splitlines()[0].split()[1:9])
-    return float(user + nice + system + sum(interrupts)) / os.sysconf("SC_CLK_TCK")
+    return float(user + nice + system + sum(interrupts)) / TICKS
+
+
+def _seconds_of_running_children() -> float:
+    """CPU time of running processes that this one started, such as an engine's, and of their ended children [s]."""
+    running = dict[int, tuple[int, int]]()  # process → its parent, and ticks of CPU time
+    for file in PROC_STAT.parent.glob("[0-9]*/stat"):
+        try:
+            _, parent, *fields = file.read_text().rpartition(")")[2].split()
+        except OSError:  # ended meanwhile
+            continue
+        running[int(file.parent.name)] = int(parent), sum(map(int, fields[9:13]))
+    found, own = 0, {os.getpid()}
+    while children := {pid for pid, (parent, _) in running.items() if parent in own}:
+        found += sum(running.pop(pid)[1] for pid in children)
+        own = children
+    return found / TICKS
 
 
 def _laps() -> list[float]:
