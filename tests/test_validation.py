@@ -675,7 +675,7 @@ input()"""
 
 @pytest.mark.skipif(not machine.PROC_STAT.exists(), reason="needs Linux's counters of processes")
 def test_running_processes_that_a_case_has_started_are_its_own():
-    """An engine runs in a process of its own, and may be started by another one."""
+    """An engine runs in a separate process, which another one may have started."""
     started = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {WORKING!r}])"
     before = machine._seconds_of_running_children()
     with subprocess.Popen([sys.executable, "-c", started], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as child:
