@@ -22,6 +22,7 @@ def test_machines_have_unique_names_and_list_tests_that_exist() -> None:
     tests = {*FILE.everywhere, *(file for machine in FILE.machine for file in (*machine.files, *machine.without))}
     for file, _, name in (test.partition("::") for test in tests):
         assert f"def {name.rpartition('::')[2]}" in (ROOT / file).read_text(encoding="utf-8"), f"{file}: {name}"
+    assert all((ROOT / file).is_file() for file in FILE.without_arithmetic)
     assert any(machine.quick for machine in FILE.machine)
 
 
@@ -70,6 +71,14 @@ def test_quick_runs_few_fast_tests_and_removes_only_the_asserts_of_flexlink(tmp_
     optimised = Machine("-", "-", plugin="tests.machines.optimised", files=(str(file),))
     outcome = run_as(optimised, optimised.files, ("-c", str(ROOT / "pyproject.toml")), quick=True)
     assert outcome.counts == "4 passed", outcome.failed
+
+
+@pytest.mark.slow
+def test_quick_leaves_out_tests_without_arithmetic() -> None:
+    here = Machine("here", "this one")
+    (file, *_), options = FILE.without_arithmetic, ("--collect-only",)
+    assert run_as(here, (file,), options, quick=True).code == pytest.ExitCode.NO_TESTS_COLLECTED
+    assert run_as(here, (file,), options).code == pytest.ExitCode.OK
 
 
 class TestNoise:
