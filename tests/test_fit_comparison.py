@@ -21,7 +21,7 @@ from tests.words import refused, reviewed
 
 Array = NDArray[np.float64]
 MASS, YOUNG, SOFT = "tip.mass", "material.steel.young", "link.strip.root_stiffness.y"
-TIMES = {"run.duration": 1.2, "run.sample": 0.01}
+TIMES = {"run.duration": 0.8, "run.sample": 0.01}
 
 
 def clamped() -> fl.Scene:

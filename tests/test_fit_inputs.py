@@ -27,7 +27,7 @@ def swing() -> tuple[Array, Array, Array]:
 
 
 def boom() -> fl.Scene:
-    strip = fl.Link(name="boom", length=1.0, flex="z", segments=5, material="steel", section="strip")
+    strip = fl.Link(name="boom", length=1.0, flex="z", segments=3, material="steel", section="strip")
     arm = fl.Arm(links=(strip,), materials={"steel": fl.Material(young=2.1e11, density=7850.0, loss_time=2e-4)},
                  sections={"strip": fl.Section(shape="rectangle", height=0.004, width=0.03)})  # fmt: skip
     rows = dict(zip(("angle_deg", "rate_deg", "acceleration_deg"), (tuple(part.tolist()) for part in swing()),
