@@ -56,8 +56,8 @@ Key = tuple[str, str, str, str, frozenset[tuple[str, str]]]
 class Allowed(Spec, frozen=True):
     """How far numbers whose case, engine and quantity match (globs) may differ, if by more than rounding.
 
-    Either may be `factor` times the other, or they may differ by `absolute`. Numbers that depend on the speed of the
-    machine (`by_machine`) are not compared; only whether they pass.
+    Either may be `factor` times the other, or they may differ by `absolute`. Numbers that depend on the machine, on its
+    speed or its rounding (`by_machine`), are not compared; only whether they pass.
     """
 
     cases: tuple[str, ...]
@@ -226,7 +226,7 @@ def _key(row: Row) -> Key:
 
 
 def _of_machine(key: Key) -> bool:
-    """Whether the speed of the machine decides if a number exists."""
+    """Whether the machine decides if a number exists."""
     case, _, engine, quantity, _ = key
     return exception_of(case, engine, quantity).by_machine
 
