@@ -24,7 +24,7 @@ SENSORS = (
 
 def boom(**true: float) -> fl.Scene:
     """A strip that a PD controller turns by 8°."""
-    strip = fl.Link(name="boom", length=1.0, flex="z", segments=3, material="steel", section="strip",
+    strip = fl.Link(name="boom", length=1.0, flex="z", segments=5, material="steel", section="strip",
                     joint=fl.Joint(armature=0.05))  # fmt: skip
     arm = fl.Arm(links=(strip,), materials={"steel": fl.Material(young=2.1e11, density=7850.0, loss_time=2e-4)},
                  sections={"strip": fl.Section(shape="rectangle", height=0.004, width=0.03)},
@@ -90,7 +90,7 @@ class TestScoreTests:
         ({"delay_s": 0.004}, "likely-delay", {"delay": (GYRO,)}),
         ({"start_s": 0.012}, "likely-start", {"start": "unknown"}),
         pytest.param({"start_s": -0.012}, "likely-start", {"start": "unknown"}, marks=pytest.mark.slow),
-        ({"clock_error": 0.015}, "likely-clock", {"clock": True}),
+        ({"clock_error": 0.01}, "likely-clock", {"clock": True}),
         ({"gyro_bias": 0.05}, "likely-bias", {"bias": (GYRO,)}),
         ({"gyro_gain": 0.9}, "likely-gain", {"gain": (GYRO,)}),
         pytest.param({"gyro_drift": 0.1}, "likely-drift", {"drift": (GYRO,)}, marks=pytest.mark.slow),

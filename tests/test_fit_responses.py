@@ -168,7 +168,7 @@ class TestFit:
     @pytest.mark.slow
     def test_the_interval_is_that_of_the_scatter(self) -> None:
         rng, z = np.random.default_rng(2), list[float]()
-        for _ in range(8):
+        for _ in range(12):
             found = fl.fit(problem(arm(), part(measured(rng))), grid="ignore")
             z += [(found[path].value - true) / found[path].deviation
                   for path, true in zip(PATHS, (YOUNG, LOSS, TIP), strict=True)]  # fmt: skip
