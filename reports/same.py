@@ -17,21 +17,16 @@ import dataclasses
 import gzip
 import io
 from collections.abc import Iterable, Iterator
-from fnmatch import fnmatchcase
-from functools import cache
 from pathlib import Path
 from statistics import median
-from typing import Annotated, Literal, NamedTuple
-
-import msgspec
+from typing import Literal, NamedTuple
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.wording import plural
-from flexlink.data.documents import read_toml
-from flexlink.describe.spec import NonNegative, Spec, decode
 from flexlink.pages.colours import engine_name
 from flexlink.pages.numbers import number
 from flexlink.pages.tables import Table
+from reports.allowed_differences import exception_of
 from reports.results import Results
 from reports.stored_full import COMMAND, read
 from validation.facts import column_head
@@ -45,39 +40,11 @@ ROUNDING = "relative to the rounding bound"
 """If a metric contains these words, its number is relative to the rounding bound, and its natural limit is 1."""
 PACKAGES = {"exudyn": "exudyn", "drake": "drake", "elastica": "pyelastica", "cvode": "scikit-sundae"}
 """Program, as in the column "engine" → its package, which is not part of the study's installation."""
-DIFFERENCES = Path(__file__).parent / "allowed_differences.toml"
 FIXED = ("case", "scene", "engine", "quantity", "value", "tolerance", "bound", "timed", "state")
 OF_SCALE = 1e-3  # allowed relative increase of a limit that is computed from a run, and so affected by rounding
 Kind = Literal["equal", "rounding", "different", "moved", "timed"]
 Key = tuple[str, str, str, str, frozenset[tuple[str, str]]]
 """Key of a number: case, scene, engine, quantity and settings."""
-
-
-class Allowed(Spec, frozen=True):
-    """How far numbers whose case, engine and quantity match (globs) may differ, if by more than rounding.
-
-    Either may be `factor` times the other, or they may differ by `absolute`. Numbers that depend on the machine, on its
-    speed or its rounding (`by_machine`), are not compared; only whether they pass.
-    """
-
-    cases: tuple[str, ...]
-    why: str
-    engines: tuple[str, ...] = ("*",)
-    quantities: tuple[str, ...] = ("*",)
-    factor: Annotated[float, msgspec.Meta(ge=1)] = 1.0
-    absolute: NonNegative = 0.0
-    by_machine: bool = False
-
-    def matches(self, case: str, engine: str, quantity: str) -> bool:
-        """Whether the entry is about this number."""
-        looked_for = ((case, self.cases), (engine, self.engines), (quantity, self.quantities))
-        return all(any(fnmatchcase(text, pattern) for pattern in patterns) for text, patterns in looked_for)
-
-
-class AllAllowed(Spec, frozen=True):
-    """All entries of allowed_differences.toml."""
-
-    allowed: tuple[Allowed, ...]
 
 
 class Published(NamedTuple):
@@ -283,18 +250,6 @@ def _kind(row: Row, there: Published, edited: bool) -> Kind:
     if edited and row.tolerance is not None:
         most = max(most, abs(row.tolerance))
     return "rounding" if abs(row.value - there.value) <= most else apart
-
-
-@cache
-def exceptions() -> tuple[Allowed, ...]:
-    """Entries of allowed_differences.toml."""
-    found: AllAllowed = decode(read_toml(DIFFERENCES), AllAllowed)
-    return found.allowed
-
-
-def exception_of(case: str, engine: str, quantity: str) -> Allowed:
-    """The first entry that matches a number, or one that allows rounding only."""
-    return next((one for one in exceptions() if one.matches(case, engine, quantity)), Allowed((case,), "rounding"))
 
 
 def _passes(row: Row, value: float | None) -> bool | None:

@@ -13,6 +13,7 @@ from studies import row, stored, words_from
 
 from flexlink.common.errors import FlexlinkError
 from reports import full, same
+from reports.allowed_differences import exceptions
 from reports.build import build
 from reports.results import Results
 from reports.stored_full import FOLDER, FullStudy
@@ -109,7 +110,7 @@ def test_a_number_may_be_missing_if_the_speed_of_the_machine_decides(
 
 def test_every_allowed_difference_is_about_published_numbers() -> None:
     keys = list(same.published_numbers(FOLDER))
-    for one in same.exceptions():
+    for one in exceptions():
         assert any(one.matches(case, engine, quantity) for case, _, engine, quantity, _ in keys), one
 
 
