@@ -314,8 +314,9 @@ def test_an_unknown_engine_is_refused_with_a_list_of_known_engines() -> None:
 @pytest.mark.parametrize("name", [name for name, adapter in ENGINES.items() if adapter.extra])
 def test_the_error_of_a_missing_engine_names_what_to_install(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     package = PACKAGE.get(name, name)
-    for module in [package, *(known for known in sys.modules if known.startswith(f"{package}."))]:
-        monkeypatch.setitem(sys.modules, module, None)
+    for module in [known for known in sys.modules if known.startswith(f"{package}.")]:  # from earlier tests
+        monkeypatch.delitem(sys.modules, module)
+    monkeypatch.setitem(sys.modules, package, None)
     monkeypatch.delitem(sys.modules, f"flexlink.engines.{name}", raising=False)
     with refused(MissingDependencyError, "package-missing"):
         load_here(name, lump(make_scene(flexible("arm"))))
