@@ -9,6 +9,7 @@ import control
 import numpy as np
 import pytest
 from conftest import flexible, make_scene
+from random_loops import WRONG, judged, random_loop
 from test_delay import crane
 
 import flexlink as fl
@@ -360,3 +361,13 @@ def test_a_joint_with_prescribed_motion_is_no_input_and_is_held() -> None:
     loop, held = fl.loop(moved), fl.loop(locked)
     assert loop.inputs == held.inputs == ("tau b [N m]",)
     np.testing.assert_allclose([p.z for p in loop.poles], [p.z for p in held.poles], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "seed", [1143, pytest.param(1350, marks=pytest.mark.slow), pytest.param(1521, marks=pytest.mark.slow)]
+)
+def test_growth_and_poles_are_those_of_40_digits(seed: int) -> None:
+    """Loops in which an angle without stiffness has rounding errors for a stiffness."""
+    error, right = judged(random_loop(seed))
+    assert error < WRONG
+    assert right

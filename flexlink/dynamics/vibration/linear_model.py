@@ -333,8 +333,16 @@ def graded(A: Array) -> Array:
     next to its rate. Angles are multiplied by ω, so each diagonal block of A is | 0 ω | −ω 0 |.
     """
     n = len(A) // 2
-    ω = np.sqrt(np.abs(np.diag(A[n:, :n])))
-    ω[ω == 0] = ω[ω > 0].min(initial=1.0)
+    ω = rates(np.diag(A[n:, :n]))
     scale, fast = np.concatenate([ω, np.ones(n)]), np.argsort(-ω, kind="stable")
     order = np.column_stack([fast, n + fast]).ravel()
     return np.asarray((A * scale[:, None] / scale)[np.ix_(order, order)])
+
+
+def rates(slopes: Array) -> Array:
+    """ω = √|∂q̈_k/∂q_k| of every angle [1/s], at least 1, as a unit of the angle.
+
+    If nothing holds an angle, ω is rounding, such as 1e-16, and its column of ∂q̈/∂q is up to eps ω_max². Divided by 1,
+    the column remains less than ω_max for every ω_max < 1/eps.
+    """
+    return np.maximum(np.sqrt(np.abs(slopes)), 1.0)

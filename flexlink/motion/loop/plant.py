@@ -18,6 +18,7 @@ from flexlink.dynamics.sensors.outputs import SensorOutputs
 from flexlink.dynamics.tangent import load_torque
 from flexlink.dynamics.terms import elastic_torque
 from flexlink.dynamics.vibration.linear import linearize
+from flexlink.dynamics.vibration.linear_model import rates
 from flexlink.dynamics.vibration.sampled import Matrices
 from flexlink.motion.inputs.tip_wrench import wrench_at
 
@@ -103,8 +104,7 @@ def plant_of(problem: InitialValueProblem, q: Array, t: float, *, sensors: bool)
     )  # fmt: skip
 
 
-def _unit(A: Array, angles: NDArray[np.intp], rates: NDArray[np.intp]) -> Array:
-    """ω of every angle [1/s], with ω² = |∂q̈/∂q| of the same coordinate; 1 where it is zero."""
-    size, row = len(angles), {int(k): len(angles) + i for i, k in enumerate(rates)}
-    ω = np.sqrt(np.abs([A[row[int(k)], i] for i, k in enumerate(angles)])) if size else np.zeros(0)
-    return np.asarray(np.where(ω > 0, ω, 1.0))
+def _unit(A: Array, angles: NDArray[np.intp], of_rates: NDArray[np.intp]) -> Array:
+    """ω of every angle [1/s]."""
+    rows = len(angles) + np.searchsorted(of_rates, angles)  # both are sorted, and every angle has a rate
+    return rates(A[rows, np.arange(len(angles))])
