@@ -11,6 +11,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from urdf_texts import RandomRobot
 
 import flexlink as fl
@@ -189,6 +190,15 @@ def test_a_plate_cannot_contain_a_thicker_beam() -> None:
     thick = body_with(1.0, np.array([0.2, 0.0, 0.0]), np.diag([0.01, 0.001, 1e-4]))
     assert largest_mass(plate, flat) == pytest.approx(1.0)
     assert largest_mass(plate, thick) == 0.0
+
+
+def test_a_rod_along_any_axis_can_be_a_beam() -> None:
+    """Sines and cosines of multiples of 90° have rounding errors, which are no thickness."""
+    beam = SpatialInertia(1.0, np.array([0.4, 0.0, 0.0]), np.diag([0.0, 1.0, 1.0]) * 0.8**2 / 12)
+    rod = SpatialInertia(1.7, beam.center, 1.7 * beam.inertia)
+    for turns in np.ndindex(4, 4, 4):
+        turned = Pose(Rotation.from_euler("xyz", np.multiply(turns, np.pi / 2)).as_matrix(), np.zeros(3))
+        assert largest_mass(rod.moved(turned), beam.moved(turned)) == pytest.approx(1.7)
 
 
 @pytest.mark.parametrize("hertz", [5.0, 12.0, 40.0])

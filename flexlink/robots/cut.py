@@ -29,10 +29,11 @@ def largest_mass(link: SpatialInertia, beam: SpatialInertia) -> float:
         The bodies in one frame; the beam's mass is any positive number.
     """
     J, J1 = link.moments, beam.moments / beam.mass
-    size = np.sqrt(np.where(np.diag(J) > 0, np.diag(J), 1.0))
+    flat = 1e-12  # relative squared extent below which a body counts as a plate or rod; files contain rounded numbers
+    extent = J.diagonal()[1:].max() or 1.0
+    size = np.sqrt(np.where(J.diagonal() > flat * extent, J.diagonal(), extent))
     squares, axes = np.linalg.eigh(J / np.outer(size, size))
     J1 = axes.T @ (J1 / np.outer(size, size)) @ axes
-    flat = 1e-12  # relative squared extent below which a body counts as a plate or rod; files contain rounded numbers
     there = squares > flat
     if (np.diag(J1)[~there] > flat * np.trace(J1)).any():  # the beam is thick in a direction in which the link is flat
         return 0.0
