@@ -26,7 +26,7 @@ from flexlink.kernels.stepping.step_state import COUNT, SO_FAR, STEPPER
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.motion.method_choice import cheapest, fastest_motion, prices
 from flexlink.motion.step_settings import longest_step, longest_step_of, settings
-from flexlink.motion.step_workspace import FEW_PASSES, drive_gains, remembered, stages_of, workspace
+from flexlink.motion.step_workspace import FEW_PASSES, drive_gains, friction_laws, remembered, stages_of, workspace
 from flexlink.motion.stop_times import StopTimes, only
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
@@ -179,17 +179,22 @@ class MethodSteps:
     def step_in_parts(self) -> bool:
         """Complete a fixed step in 2, 4, … or 64 parts; return whether this succeeds.
 
-        Each division continues from where the previous one ended. The step ends exactly at the time of the undivided
-        step, and the next step starts as after a knot.
+        Each division continues from where the previous one ended. If all fail, they are repeated with the nonlinear law
+        of dry friction, because its slope does not show where a joint stops or reverses. The step ends exactly at the
+        time of the undivided step, and the next step starts as after a knot.
         """
         (*fixed, _, _), knots, now, count = self.settings, self.knots, self.work.stepper, self.count
         step, k, start = self.run.fixed_step, int(count[COUNT.knot]), float(now[STEPPER.time])
         at_knot = start + adaptive.NEARLY * step >= knots[0][k]
         end = float(knots[0][k]) if at_knot else start + step
         try:
-            # halving the step makes Newton's iteration converge 4 times as fast
-            solved = any(self._solved_in((end - start) / parts, end, fixed) for parts in (2, 4, 8, 16, 32, 64))
+            for now[STEPPER.turning] in friction_laws(self.work):
+                # halving the step makes Newton's iteration converge 4 times as fast
+                solved = any(self._solved_in((end - start) / parts, end, fixed) for parts in (2, 4, 8, 16, 32, 64))
+                if solved:
+                    break
         finally:
+            now[STEPPER.turning] = 0.0
             self.settings, self.knots, count[COUNT.knot] = (*fixed, step, step), knots, k
         if not solved:
             return False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 
 import numpy as np
 
@@ -106,6 +107,12 @@ def remembered(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
 def stages_of(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
     """Stages of the last step, from which the next implicit step's iteration starts."""
     return (work.stages,) if isinstance(work, ImplicitWork) else ()
+
+
+def friction_laws(work: EmbeddedWork | ImplicitWork) -> tuple[float, ...]:
+    """Values of STEPPER.turning for parts of fixed steps: a linearized law, then the nonlinear one if there is room."""
+    dry = isinstance(work, ImplicitWork) and 0 < len(work.turning.dry) == len(work.turning.joints)
+    return (0.0, math.inf) if dry else (0.0,)
 
 
 def turning_of(chain: Chain, stages: int, r: int, p: int) -> Turning:

@@ -7,8 +7,14 @@ response of the rates V of these joints, in all stages, to their friction torque
     V = v⁰ − G f(V)        G = h A L⁻¹ at these joints = Σ_λ hλ T_λ (M + A_λ)⁻¹ T⁻¹_λ        v⁰: rates without f
 
 found by Newton's iteration with J = 1 + G f'(V). If this does not converge, w is first widened to the range of the
-rates, where one or two iterations suffice, and then narrowed by a factor of eight at a time. Each pass solves for the
-stages' accelerations K with R + f and then subtracts L⁻¹ f(V).
+rates, where one or two iterations suffice, and then narrowed by a factor of eight at a time. This may fail as well. An
+adaptive step is then shortened; a part of a fixed step (`STEPPER.turning` is inf) has the unknowns y instead,
+
+    y = V + g f(V)        g = |G_mm| of the same joint and stage
+
+in which the equation is linear for a single unknown. V(y) and f(V(y)) have slopes of at most 1 and 1 / g, whether the
+joint sticks, y ≈ g f, or turns, y ≈ V ± g c. Each pass solves for the stages' accelerations K with R + f and then
+subtracts L⁻¹ f(V).
 """
 
 import math
@@ -111,7 +117,7 @@ def put_in_friction(h, qd, work):
             v[i * d + a], free[i * d + a] = stages[STAGE.qd, i, k], qd[k]
             for j in range(s):
                 free[i * d + a] += h * work.method.A[BUTCHER.A, i, j] * stages[STAGE.qdd, j, k]
-    if not (find_rates(1.0, s * d, work) or narrow(s * d, work)):
+    if not (find_rates(1.0, 0.0, s * d, work) or narrow(s * d, work)):
         return False
     subtract_answers(h, work)
     return True
@@ -150,22 +156,24 @@ def subtract_answers(h, work):
 
 @recursion
 def narrow(size, work):
-    """Find V for a large friction width, then for smaller and smaller ones; returns whether the iteration converged."""
+    """Find V for a large friction width, then for smaller and smaller ones, or from y; returns whether it converged."""
     turning, wider = work.turning, 1.0
     for m in range(size):
         hinge = work.chain.hinges[turning.joints[m % turning.count[0]]]
         turning.rows[ROW.v, m] = turning.rows[ROW.free, m]
         wider = max(wider, abs(turning.rows[ROW.free, m]) / hinge.coulomb_width)
+    if work.stepper[STEPPER.turning] == math.inf:
+        return find_rates(1.0, 1.0, size, work)
     found = True
     while found and wider > 1.0:
-        found = find_rates(wider, size, work)
+        found = find_rates(wider, 0.0, size, work)
         wider *= 0.125
-    return found and find_rates(1.0, size, work)
+    return found and find_rates(1.0, 0.0, size, work)
 
 
 @recursion
-def find_rates(wider, size, work):
-    """Newton's iteration for V, with friction widths multiplied by `wider`; returns whether it converged."""
+def find_rates(wider, part, size, work):
+    """Newton's iteration for V + `part` g f(V), with widths multiplied by `wider`; returns whether it converged."""
     turning, J, rows = work.turning, work.turning.J, work.turning.rows
     most, enough = 12, 1e-7  # limits: iterations; change of a joint's friction torque relative to c
     torques(wider, size, work)
@@ -179,11 +187,26 @@ def find_rates(wider, size, work):
         work.stepper[STEPPER.multiplications] += size * size * (2.0 + size / 3.0)
         solve_lu(J[:size, :size], rows[ROW.step, :size], turning.probe[:, :size])
         for m in range(size):
-            rows[ROW.v, m] += rows[ROW.step, m]
+            g = part * abs(turning.G[m, m])
+            y = rows[ROW.v, m] + g * rows[ROW.f, m] + (1.0 + g * rows[ROW.slope, m]) * rows[ROW.step, m]
+            rows[ROW.v, m] = rate_of(y, g, work.chain.hinges[turning.joints[m % turning.count[0]]])
         change = torques(wider, size, work)
         if not change > enough:
             return not math.isnan(change)
     return False
+
+
+@recursion
+def rate_of(y, g, hinge):
+    """V with y = V + g f(V), by Newton's iteration for x = |V| / w, which from 0 can only increase up to the root."""
+    if g == 0.0:
+        return y
+    a, x, δ = g * hinge.coulomb / hinge.coulomb_width, 0.0, math.inf
+    while δ > 1e-15 * x:
+        part = math.tanh(x)
+        δ = (abs(y) / hinge.coulomb_width - x - a * part) / (1.0 + a * (1.0 - part * part))
+        x += δ
+    return math.copysign(x * hinge.coulomb_width, y)
 
 
 @recursion

@@ -17,7 +17,7 @@ STEPPER = numbered(
     "contraction displacement",  # contraction factor (0: unknown), displacement of a body by the pass before [m]
     "by_stage stay",  # remaining steps with stage matrices; their initial number, minus later steps without them
     "wait patience",  # failures to wait for before the next trial of stage matrices: remaining, and initial number
-    "turning",  # factor of the error of a step with friction's nonlinear law; 0: friction is linearized
+    "turning",  # factor of the error of a step with friction's nonlinear law; 0: friction is linearized; inf: no error
     "angle_travelled",  # path of all free joints, in both directions [rad]
     "switch",  # time at which a motor saturates or desaturates in the next step [s]; 0: unknown
     "far",  # angle of a free base that requires new coordinates [rad]; 0: the base is fixed
