@@ -136,3 +136,12 @@ def test_fixed_steps_of_flexible_links_follow_stick_slip(method: str, width: flo
     exact = fl.simulate(scene, method="Radau9", tolerance=1e-8).tip
     assert error_of_fixed(scene, exact, method=method, step=5e-3) <= 0.05  # above it a result is wrong
     assert error_of_fixed(scene, exact, method=method, step=1e-3) <= 5e-3  # above it fixed steps are doubtful
+
+
+def test_fixed_steps_follow_stick_slip_in_all_hinges_of_a_link() -> None:
+    """Here 15 coordinates have dry friction, more than adaptive steps solve with the nonlinear law."""
+    rubbing = {"link.a.segments": 15, "link.a.friction": fl.Friction(0.05, 1e-3), "run.duration": 0.5}
+    scene = sliding(1e-4).varied({**BENDS, **rubbing})
+    exact = fl.simulate(scene, method="Radau9", tolerance=1e-6).tip
+    for method in ("Radau5", "Gauss4"):
+        assert error_of_fixed(scene, exact, method=method, step=5e-3) <= 5e-3

@@ -59,7 +59,9 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
             np.zeros((2, powers, n)), np.zeros(powers), Q, tau, e, springs, saturation, forces,
         )  # fmt: skip
     r, p = len(method.modes.real), len(method.modes.complex)
-    turning, with_error = turning_of(chain, s, r, p), record.run.controlled and method.controlled
+    # largest number of joints, since the cost of the small matrix grows as (stages · joints)³; few fixed steps need it
+    most = 8 if record.run.controlled else 40
+    turning, with_error = turning_of(chain, most, s, r, p), record.run.controlled and method.controlled
     numbers[STEPPER.wait] = 0.0 if with_error else np.inf
     # Factor on the error of a step in which dry friction stops or releases a joint: the stages K jump there, and the
     # error of the joint's rate persists. Measured on stick-slip motion with widths from 1e-1 to 1e-6 rad/s, errors at
@@ -115,24 +117,23 @@ def friction_laws(work: EmbeddedWork | ImplicitWork) -> tuple[float, ...]:
     return (0.0, math.inf) if dry else (0.0,)
 
 
-def turning_of(chain: Chain, stages: int, r: int, p: int) -> Turning:
-    """Workspace for joints whose friction reverses in a step; the method has r real eigenvalues and p complex pairs."""
+def turning_of(chain: Chain, most: int, stages: int, r: int, p: int) -> Turning:
+    """Workspace for up to `most` joints whose friction reverses in a step; r real eigenvalues, p complex pairs."""
     coulomb = chain.hinges["coulomb"]
     if not any(coulomb.tolist()):
         return without_friction(chain.n, stages, r, p)._replace(count=np.zeros(1, np.int64))
-    return turning_at(np.flatnonzero((coulomb > 0) & (chain.hinges["prescribed"] == 0)), chain.n, stages, r, p)
+    dry = np.flatnonzero((coulomb > 0) & (chain.hinges["prescribed"] == 0))
+    return turning_at(dry, min(most, len(dry)), chain.n, stages, r, p)
 
 
 @functools.cache
 def without_friction(n: int, stages: int, r: int, p: int) -> Turning:
     """Workspace for chains without dry friction; runs share all its arrays except the count."""
-    return turning_at(np.empty(0, np.int64), n, stages, r, p)
+    return turning_at(np.empty(0, np.int64), 0, n, stages, r, p)
 
 
-def turning_at(dry: Indices, n: int, stages: int, r: int, p: int) -> Turning:
-    """Workspace for these joints with dry friction, among n joints."""
-    most = 8  # largest number of joints, since the cost of the small matrix grows as (stages · joints)³
-    d = min(most, len(dry))
+def turning_at(dry: Indices, d: int, n: int, stages: int, r: int, p: int) -> Turning:
+    """Workspace for d of these joints with dry friction, among n joints."""
     G, J = np.zeros((2, stages * d, stages * d))
     rows, probe = np.zeros((5, stages * d)), np.zeros((3, stages * d))
     real, pairs = np.zeros((r, d, n)), np.zeros((p, d, n), complex)
