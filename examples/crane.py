@@ -53,7 +53,9 @@ print(f"{1e-3 * torque:.0f} kN m at the boom's joint")
 
 # %%
 # The move. Frames are drawn from the samples of the run; ``speed=2`` shows two seconds in one.
-run = fl.simulate(scene)
+run = fl.simulate(
+    scene.varied({"run.outputs": ["loads"]})
+)  # follows vibrations, which loads contain
 run.animate("crane.gif", fps=12, speed=2, width=480)
 
 # %%

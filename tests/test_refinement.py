@@ -70,7 +70,7 @@ def test_the_step_error_is_the_distance_from_a_run_with_much_smaller_steps(about
     assert about.of_steps == pytest.approx(largest_distance(about.run.tip, exact.tip), rel=0.2)
 
 
-def test_the_error_of_a_tolerance_is_estimated_with_a_tenth_of_the_tolerance(thrown: fl.Scene) -> None:
+def test_the_error_of_a_tolerance_is_the_stated_one(thrown: fl.Scene) -> None:
     loose = Refinement(Study(thrown.varied({"run.tolerance": 1e-3, "run.method": "auto"})))
     exact = fl.simulate(thrown, method="auto", tolerance=1e-8)
     assert (

@@ -143,9 +143,9 @@ def test_if_samples_limit_the_steps_the_second_run_halves_them(
     )
     run = fl.simulate(tumbling_body())
     assert run.base is not None
-    assert np.abs(run.base.spin - euler(run.t)).max() > 10 * 1e-4 / run.chain.reach
-    assert doubts(run)
-    first, second = (each.steps.steps.taken for each in runs)
+    assert np.abs(run.base.spin - euler(run.t)).max() < 3 * 1e-4 / run.chain.reach  # the first run misses this
+    assert not doubts(run)
+    first, second, *_ = (each.steps.steps.taken for each in runs)
     assert second > 1.9 * first
 
 
@@ -158,6 +158,7 @@ def test_tumbling_rigid_bodies_run_explicitly_and_follow_eulers_equations() -> N
 
 def test_an_expensive_verification_run_is_abandoned_with_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(single, "GIVEN_UP", 0.1)
+    monkeypatch.setattr(second_run, "GIVEN_UP", 0.1)
     run = fl.simulate(swung(), method="Radau5", step=0.17 / 8)
     (warning,) = doubts(run, "no-comparison-run")
     assert str(single.GIVEN_UP) in warning
@@ -173,16 +174,13 @@ def spinning(rate: float) -> fl.Scene:
 
 
 @pytest.mark.slow
-def test_a_spinning_arm_meets_its_tolerance_or_has_a_warning() -> None:
+def test_a_spinning_arm_meets_its_tolerance() -> None:
+    """By the method that the scene sets, one of these runs is off by more than ten tolerances: it is replaced."""
     scene = spinning(36000.0).varied({"run.duration": 0.1})
     exact = fl.simulate(scene, relative_tolerance=1e-9)
-    errors, warned = [], []
     for tolerance in (1e-3, 1e-4, 1e-5):
         run = fl.simulate(scene, relative_tolerance=tolerance)
-        errors.append(np.abs(run.tip - exact.tip).max() / (tolerance * run.chain.reach))
-        warned.append(bool(doubts(run)))
-    assert max(errors) > 10  # at least one run needs a warning
-    assert all(warning or error <= 10 for error, warning in zip(errors, warned, strict=True))
+        assert np.abs(run.tip - exact.tip).max() <= 3.0 * tolerance * run.chain.reach
 
 
 def test_only_motions_with_large_rotations_have_a_verification_run(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -194,11 +192,13 @@ def test_only_motions_with_large_rotations_have_a_verification_run(monkeypatch: 
     for rate, wanted in ((90.0, 1), (36000.0, 2)):
         runs.clear()
         fl.simulate(spinning(rate), relative_tolerance=1e-2)
-        assert len(runs) == wanted
+        assert min(len(runs), 2) == wanted  # if a loose comparison run differs, finer ones follow
     bends = spinning(36000.0).varied({"link.*.flex": "z", "link.*.segments": 3})
     runs.clear()
     fl.simulate(bends, relative_tolerance=1e-1, accuracy="deflection")
-    assert [monitor.run.relative_tolerance for monitor in runs] == pytest.approx([1e-1, 1e-2])
+    assert [(monitor.run.method, monitor.run.relative_tolerance) for monitor in runs[:2]] == [
+        ("DOP853", 0.1), ("DOP853", pytest.approx(1e-2)),
+    ]  # fmt: skip
     for duration, wanted in ((0.5, 1), (5.0, 2)):
         runs.clear()
         fl.simulate(tumbling(1e-3), duration=duration)
@@ -250,12 +250,12 @@ def test_an_interrupted_verification_run_confirms_nothing(monkeypatch: pytest.Mo
     run = single.SingleRun(problem_of(varied))
     stop, began = Stop(), []
 
-    def stopped(monitor: Monitor, name: str) -> Iterator[Second]:
+    def stopped(run: fl.RunSettings, name: str, *sizes: float) -> Iterator[fl.RunSettings]:
         stop.signal = signal.SIGINT
         began.append(name)
-        yield from second_run.second_runs(monitor, name)
+        return second_run.runs_of_other_order(run, name, *sizes)
 
-    monkeypatch.setattr(single, "second_runs", stopped)
+    monkeypatch.setattr(single, "runs_of_other_order", stopped)
     with pytest.raises(fl.errors.InterruptedRunError):
         run.finish(stop)
     assert began
@@ -263,7 +263,7 @@ def test_an_interrupted_verification_run_confirms_nothing(monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize(("rate", "grows"), [(400.0, True), (1000.0, False)])
-def test_an_unstable_sampled_loop_is_doubted(rate: float, grows: bool) -> None:
+def test_runs_of_an_unstable_sampled_loop_meet_their_tolerance(rate: float, grows: bool) -> None:
     """An undamped arm that a torque-limited motor turns by 20°: it vibrates, but no joint turns far."""
     arm = make_scene(flexible("a", segments=4, joint=fl.Joint(armature=0.02)), gravity=(0.0, 0.0, -9.81))
     pd = fl.Drive(kind="pd", kp=(200.0,), kd=(10.0,), target_deg=(20.0,), rate=rate, effort=(60.0,))
@@ -272,10 +272,8 @@ def test_an_unstable_sampled_loop_is_doubted(rate: float, grows: bool) -> None:
     )
     run, exact = fl.simulate(scene), fl.simulate(scene, method="Radau9", relative_tolerance=1e-8)
     off = np.linalg.norm(run.tip - exact.tip, axis=1).max() / (1e-4 * run.chain.reach)
-    assert (off > 10) == grows
-    warnings = [warning for warning in doubts(run) if f"drive.rate = {rate:g} Hz" in warning]
-    assert len(warnings) == grows
-    assert [warning.id for warning in run.warnings if warning not in warnings] == ["unstable-loop"] * grows
+    assert off <= 3.0  # at 400 Hz the first run is off by more than ten
+    assert [warning.id for warning in run.warnings] == ["unstable-loop"] * grows
 
 
 @pytest.mark.parametrize(
@@ -290,5 +288,6 @@ def test_errors_of_a_branch_without_the_tip_are_detected(run: dict[str, object])
         gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_deg=(90.0, 30.0, 0.0)),
     ).varied({"run": fl.RunSettings(duration=10.0, sample=0.1, **run)})  # fmt: skip
     found, exact = fl.simulate(scene), fl.simulate(scene, method="DOP853", tolerance=1e-10, step=None)
-    assert np.abs(found.q - exact.q).max() > 1.0 and np.ptp(found.tip) == np.ptp(found.tip[0])
-    assert doubts(found)
+    assert np.ptp(found.tip) == np.ptp(found.tip[0])
+    assert (np.abs(found.q - exact.q).max() < 1e-3) == ("tolerance" in run)  # the first run is off by 1 rad
+    assert bool(doubts(found)) == ("step" in run)

@@ -82,11 +82,12 @@ def test_a_sampled_control_error_counts_as_the_displacement_it_causes(name: str)
     """An impulse p moves a mode of frequency ω by τ / (1 + τ² ω²) times the modal share of p."""
     q, work, ω, shapes = prepared(name)
     τ, inverse = 1.0 / ω[2], shapes @ shapes.T
-    work.springs.impulse[:] = 1e3 / inverse[0, 0]
+    work.springs.impulse[:], work.stepper[STEPPER.read] = 1e3 / inverse[0, 0], 3.0
     e = shapes[:, -1]
     impulse = shapes.T @ (work.springs.impulse * e) / (1.0 + (τ * ω) ** 2)
     counted = weighed(1e-3 / ω[-1], q, np.zeros_like(q), e, work)
-    assert counted == pytest.approx(moved(τ * (shapes @ impulse), work.posture), rel=1e-6)
+    thrown = moved(τ * (shapes @ impulse), work.posture)
+    assert (counted, work.stepper[STEPPER.kick]) == pytest.approx((3.0 * thrown, thrown), rel=1e-6)
 
 
 @pytest.mark.parametrize("name", SCENES)

@@ -45,7 +45,7 @@ def run_command(options: argparse.Namespace) -> int:
     frame_count(scene.run.duration, wanted.fps, wanted.speed)
     print_notes(scene)
     with prefix_errors(options.scene):
-        run = simulate(scene, progress=Progress(scene.name))
+        run = simulate(scene.varied({"run.outputs": ("loads",)}), progress=Progress(scene.name))
     print_lines("warning", run.warnings)
     animate(run, wanted, Progress(out.name))
     print_path("film", out)

@@ -54,7 +54,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
         help="adaptive steps: error as a fraction of the arm's reach, or of its deflection",
     )
     command.add_argument(
-        "--accuracy", help="what a relative tolerance is a fraction of: tip (the reach) or deflection; default: tip"
+        "--accuracy", help="what the tolerance applies to: auto (the tip and what is read), tip, or deflection"
     )
     command.add_argument(
         "--max-evaluations", type=float, help="adaptive steps: stop the run after this many evaluations"
@@ -76,8 +76,10 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run_command(options: argparse.Namespace) -> int:
     """Run a scene with a progress bar, write its outputs, and print a summary."""
-    settings = {f"run.{name}": getattr(options, name) for name in RunSettings.__struct_fields__}
+    settings = {f"run.{name}": getattr(options, name, None) for name in RunSettings.__struct_fields__}
     changes = {path: value for path, value in settings.items() if value is not None}
+    if options.plot is not None:
+        changes["run.outputs"] = ("torques",)
     scene = varied_scene(options.scene, options, changes)
     if options.out is not None:
         output_format(options.out)
@@ -138,6 +140,8 @@ def _summary(scene: Scene, run: Trajectory, seconds: float) -> None:
     else:
         print(f"{scene.name}: {past:g} s simulated in {seconds:.3g} s ({past / seconds:.3g} × real time)")
     print(f"steps: {run.steps}")
+    if run.stated is not None:
+        print(run.stated)
     print(f"final tip position: x = {x:.6f}, y = {y:.6f}, z = {z:.6f} m (frame 0)")
     print(f"energy: {total[0]:.9g} J initially, {total[-1]:.9g} J finally")
     worst, exchanged = float(np.abs(run.imbalance).max()), float(run.exchanged[-1])

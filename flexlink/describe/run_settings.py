@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Literal
 
 import msgspec
@@ -25,18 +25,23 @@ ForwardSolver = Literal["articulated", "lu", "cholesky"]
 """Solvers of forward dynamics."""
 Unstable = Literal["refuse", "allow"]
 """Treatment of an unstable run."""
-Accuracy = Literal["tip", "deflection"]
-"""Reference length of a relative tolerance."""
+Accuracy = Literal["auto", "tip", "deflection"]
+"""What the tolerance of a run applies to."""
+Output = Literal["sensors", "loads", "torques"]
+"""What may be read of a run besides its tip and its slow motion, and then follows vibrations."""
 
 
 class RunSettings(Spec, frozen=True, dict=True):  # the dict is for cached properties
     """Integration settings: method, steps, duration, time between stored samples [s], solver of forward dynamics.
 
     Steps are either fixed, of length `step`, or adapted to the error allowed at the end of the run: `tolerance` [m] for
-    the position of any body, or `relative_tolerance`, relative to the arm's reach (accuracy = "tip") or to the largest
-    displacement of any body by spring deflection so far (accuracy = "deflection"). With a tolerance, the default is
-    method = "auto", which picks the cheapest method. With accuracy = "tip", vibrations too small to affect the tip's
-    path may be damped numerically.
+    the position of any body, or `relative_tolerance`, relative to the arm's reach, or, with accuracy = "deflection", to
+    the largest displacement of any body by spring deflection so far. With a tolerance, the default is method = "auto",
+    which picks the cheapest method.
+
+    With accuracy = "tip", vibrations too small to affect the tip's path may be damped numerically; strain gauges, loads
+    and accelerations would miss them. With accuracy = "auto", the default, vibrations are followed if something that
+    sees them is read: the sensors of the scene, and what `outputs` lists.
 
     If method, step and tolerance are all omitted, the tolerance is a thousandth of the reach. With only a method, steps
     are fixed, 1e-4 s long.
@@ -74,8 +79,12 @@ class RunSettings(Spec, frozen=True, dict=True):  # the dict is for cached prope
     relative_tolerance: Positive | None = None
     """Tolerance relative to the reach or to the deflection, by `accuracy` [1]. Default: 1e-3 if no method, step or
     tolerance is given."""
-    accuracy: Accuracy = "tip"
-    """Reference length of a relative tolerance: the arm's reach (tip), or the elastic displacement (deflection)."""
+    accuracy: Accuracy = "auto"
+    """What the tolerance applies to: the tip and what is read (auto), the tip alone, or the elastic displacement
+    (deflection), the reference length of the relative tolerance."""
+    outputs: tuple[Output, ...] = ()
+    """What is read of the run besides its tip and its sensors: loads (also stress and strain), torques (also
+    accelerations); with accuracy = "auto" the run follows the vibrations that these contain."""
     max_evaluations: Positive = 1e7
     """Number of evaluations of dynamics after which a run with a tolerance stops with an error."""
 
@@ -139,12 +148,17 @@ class RunSettings(Spec, frozen=True, dict=True):  # the dict is for cached prope
     @property
     def measure(self) -> str:
         """Reference length of a relative tolerance, as text."""
-        return {"tip": "reach", "deflection": "deflection"}[self.accuracy]
+        return "deflection" if self.accuracy == "deflection" else "reach"
 
     @property
     def _duration_key(self) -> str:
         """Key of the duration, for messages."""
         return "duration" if self.duration != DEFAULT_DURATION else f"duration (default {DEFAULT_DURATION})"
+
+    def follows_vibrations(self, sensors: Sequence[object]) -> bool:
+        """Whether steps follow vibrations that do not move the tip, because `sensors` or outputs contain them."""
+        read = bool(sensors or self.outputs)
+        return self.controlled and (self.accuracy == "deflection" or (self.accuracy == "auto" and read))
 
     def label(self, key: str, above: str = "") -> str:
         """Key of a setting for messages, prefixed by `above`, and by "the default" if it was not given."""
@@ -242,9 +256,16 @@ def implied(run: RunSettings, changes: Mapping[str, object]) -> dict[str, None]:
         gone += ["run.step"]
     if step:
         gone += ["run.accuracy"]
-    if (tolerances and not run.controlled) or (step and run.method == AUTO):
+    if (tolerances and not controllable(run)) or (step and run.method == AUTO):
         gone += ["run.method"]
     return dict.fromkeys(gone)
+
+
+def controllable(run: RunSettings) -> bool:
+    """Whether steps by the method of a run can be adapted to a tolerance; a user's file is read only when it runs."""
+    if run.controlled or documents.is_user_file(run.method):
+        return run.controlled
+    return run.method in data_files.names("methods") and method(run.method).controlled
 
 
 def steps_explicitly(run: RunSettings) -> bool:

@@ -89,23 +89,15 @@ def _companion(ω: float, b: Array, a: Array) -> LinearFilter:
     return LinearFilter(ω * A, ω * B, (b - b[0] * a)[:0:-1], float(b[0]))
 
 
-class Transition(NamedTuple):
-    """Change of the states in a time: z(τ) = Φ z + Γ u + Ψ Δu."""
-
-    Φ: Array  # (f, f)
-    Γ: Array  # (f,)
-    Ψ: Array  # (f,)
-
-
 @functools.lru_cache(maxsize=1024)
-def transition(filters: tuple[Filter, ...], τ: float) -> Transition:
-    """Transition after a time τ ≥ 0 [s]."""
+def transition(filters: tuple[Filter, ...], τ: float) -> tuple[Array, Array, Array]:
+    """Φ (f, f), Γ (f,), Ψ (f,): the change of the states in a time τ ≥ 0 [s], z(τ) = Φ z + Γ u + Ψ Δu."""
     chain = linear_filter(filters)
     f = len(chain.B)
     M = np.zeros((f + 2, f + 2))
     M[:f, :f], M[:f, f], M[f, f + 1] = τ * chain.A, τ * chain.B, 1.0
     E = _exp(M)
-    return Transition(E[:f, :f], E[:f, f], E[:f, f + 1])
+    return E[:f, :f], E[:f, f], E[:f, f + 1]
 
 
 def _exp(M: Array) -> Array:

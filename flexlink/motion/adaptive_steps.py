@@ -88,6 +88,7 @@ class AdaptiveSteps(MethodSteps):
             return
         try:
             self.control.note(k, *self.state[:2])
+            self.reads(self.control.impulse)
         except (LawFailure, KeyboardInterrupt):
             before = self.control.times[k] - NEAR * self.run.spacing
             yield int(np.searchsorted(self.record.t, before)), self._part

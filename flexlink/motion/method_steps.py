@@ -50,6 +50,8 @@ class MethodSteps:
         End of the present piece [s].
     settings
         Settings of the steps, in the order of `adaptive.advance`.
+    read
+        T k_d of a sampled law that no drive describes (n,), as in `Springs.impulse`.
     dearest
         Largest number of evaluations in an adaptive step; 0 for fixed steps.
     types
@@ -83,6 +85,7 @@ class MethodSteps:
         self.record, self.run = record, run
         self.by_drive, self.halved, self.passes = by_drive, halved, passes
         self.given, self.inputs = record.inputs, with_own_limits(record.inputs)
+        self.read = np.zeros(n)
         self._gains: tuple[Inputs | None, tuple[Array, ...]] = (None, ())
         about = record.q[0].tobytes(), record.qd[0].tobytes()
         posture = record.q[0] if run.controlled else np.zeros(n)
@@ -115,6 +118,11 @@ class MethodSteps:
             return self.run.method, ""
         return cheapest(self.record, self.run.tolerance_within(self.record.chain.size), self.slowest)
 
+    def reads(self, impulse: Array) -> None:
+        """Follow the vibrations that an unknown law reads with these gains T k_d (n,)."""
+        self.read[:] = impulse
+        self.work.springs.impulse[:] = self._gains[1][2] + impulse if self._gains[1] else impulse
+
     def act(self, inputs: Inputs) -> None:
         """Continue under these inputs; compiles if they are new."""
         if inputs is not self.given:
@@ -146,7 +154,7 @@ class MethodSteps:
         if self._gains[0] is not given:
             self._gains = given, drive_gains(chain, given)
         kp, kd, kick = self._gains[1]
-        self.work.springs.impulse[:] = kick
+        self.work.springs.impulse[:] = kick + self.read
         for gains in (self.work.springs, self.work.saturation):
             gains.kp[:], gains.kd[:] = kp, kd
         self._choose_branches()
@@ -220,12 +228,13 @@ class MethodSteps:
 
     def go_on_with(self, name: str, why: str = "") -> None:
         """Continue with another method to the end of the piece; by default the reason is the switch and its time."""
+        added_up = STEPPER.deflection, STEPPER.angle_travelled, STEPPER.drifting, STEPPER.drifted, STEPPER.kicked
         before, time, end, self.evaluations_besides = self.work.stepper.copy(), self.time, self.end, self.evaluations
         self.count[COUNT.iterations] = 0
         self._take((name, why or f"{self.why}; {self.name} until t = {time:.3g} s"), time)
         self._put_gains()  # gains of the present inputs, which in a simulator may differ from the record's
         self.aim(time, end)
-        now, continued = self.work.stepper, [STEPPER.deflection, STEPPER.angle_travelled]
+        now, continued = self.work.stepper, [*added_up]
         now[continued], now[STEPPER.step] = before[continued], min(before[STEPPER.step], self.settings[-1])
 
     def _take(self, choice: tuple[str, str], now: float) -> None:
@@ -353,9 +362,10 @@ class MethodSteps:
         return float(self.work.stepper[STEPPER.deflection])
 
     @property
-    def angle_travelled(self) -> float:
-        """Angle [rad] that all free joints have travelled so far, back and forth."""
-        return float(self.work.stepper[STEPPER.angle_travelled])
+    def so_far(self) -> tuple[float, float, float]:
+        """Largest deflection [m], angle travelled by all free joints [rad], sum of errors of rates that last [m/s]."""
+        deflection, angle, drifting = self.work.stepper[[STEPPER.deflection, STEPPER.angle_travelled, STEPPER.drifting]]
+        return float(deflection), float(angle), float(drifting)
 
     @property
     def fastest(self) -> float:

@@ -17,11 +17,13 @@ from flexlink.kernels.stepping.samples import tips_and_energies
 from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.motion.hindrance import hindrance, loop_warning
 from flexlink.motion.sampled_control import Control, held_torques_advice
+from flexlink.motion.stated import stated_of
 from flexlink.motion.step_errors import rounded_away, step_errors, summed
 from flexlink.motion.tolerable import Thresholds, allowed_imbalance, probed, tolerance_of
 from flexlink.results import balance
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
+from flexlink.results.stated_error import StatedError
 from flexlink.results.stop_reasons import DivergenceError, Failure
 from flexlink.results.tip_motion import extent_of_motion, motion_in_words
 from flexlink.results.trajectory import Trajectory
@@ -42,7 +44,12 @@ class Monitor:
         Warnings about the valid samples, with their ids.
     confirmed
         Whether a verification run has confirmed the result.
+    before, compared, scene
+        Stated errors of the run that this one continues and of this one, if it was compared; scene of the result.
     """
+
+    before: StatedError | None = None
+    compared: StatedError | None = None
 
     def __init__(self, record: Record, warnings: tuple[Diagnostic, ...] = (), control: Control | None = None) -> None:
         chain, run = record.chain, record.run
@@ -52,12 +59,12 @@ class Monitor:
             bend=Thresholds.far_bent, near=Thresholds.at_limit, kept=record.kept,
         )  # fmt: skip
         self.negative_rotors = record.kept("negative rotors", None, lambda: bool((chain.hinges["armature"] < 0).any()))
-        self.n_valid = 0
+        self.n_valid, self.confirmed, self.scene = 0, False, record.problem.scene
         self.failure: str = ""
         self.warnings = [*warnings, *loop_warning(record)]
-        self.confirmed = False
+        self.methods: Sequence[tuple[int, str, str]] = ()
         self.explicit = record.problem.explicit
-        self.steps, self.deflection, self.angle_travelled = Steps(run.method, 0, 0), 0.0, 0.0
+        self.steps, (self.deflection, self.angle_travelled, self.drifting) = Steps(run.method, 0, 0), (0.0, 0.0, 0.0)
         self._warned: set[str] = set()
         self._step_errors = [np.zeros(0)]
         self._furthest = -Thresholds.a_degree  # largest bend of a hinge at the last check of M [rad]
@@ -80,17 +87,16 @@ class Monitor:
         errors: Array | None = None,
         *,
         methods: Sequence[tuple[int, str, str]] = (),
-        deflection: float = 0.0,
-        angle_travelled: float = 0.0,
+        so_far: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> bool:
         """Compute and check the new samples before `stop`; return whether all are valid.
 
         `errors`, if known, are the `step_errors` of the steps from the `probed` samples. For adaptive steps, `methods`
-        lists each method with the index of its first sample and the reason for its choice, `deflection` is the largest
-        deflection so far [m], and `angle_travelled` the angle by which all free joints have moved [rad].
+        lists each method with the index of its first sample and the reason for its choice; `so_far` are the largest
+        deflection [m], the angle travelled by all free joints [rad], and the sum of errors of rates that last [m/s].
         """
-        first, self.steps = self.n_valid, steps or self.steps
-        self.deflection, self.angle_travelled = deflection, angle_travelled
+        first, self.steps, self.methods = self.n_valid, steps or self.steps, methods
+        self.deflection, self.angle_travelled, self.drifting = so_far
         if stop == first or self.failure:
             return not self.failure
         self.record.derive(first, stop)
@@ -109,7 +115,8 @@ class Monitor:
         """The valid samples with all warnings; only the first sample if none has been checked yet."""
         if not self.n_valid:
             self.check(1)
-        return self.record.trajectory(self.n_valid, (*self.warnings, *self._doubts()), self.steps)
+        stated, warnings = self.compared or stated_of(self), (*self.warnings, *self._doubts())
+        return self.record.trajectory(self.n_valid, warnings, self.steps, True, stated, self.scene)
 
     @property
     def last_time(self) -> float:
@@ -220,15 +227,13 @@ class Monitor:
         """Energy imbalance that the tolerance explains at samples computed by a method."""
         if not self.run.controlled:
             return balance.NOTHING
-        about = self.record.q[0].tobytes()
-        allowance: Allowance = self.record.kept(("allowance", name), about, lambda: self._explained_of(name))
-        return allowance
-
-    def _explained_of(self, name: str) -> Allowance:
+        record = self.record
         explicit = name != AUTO and method(name).explicit  # before the first step the method may not be chosen yet
-        return allowed_imbalance(
-            self.run, self.record.chain, self.record.least_tolerance, explicit, compared=not explicit
+        given = self.run, record.chain, record.least_tolerance, explicit, not explicit
+        allowance: Allowance = record.kept(
+            ("allowance", name), record.q[0].tobytes(), lambda: allowed_imbalance(*given)
         )
+        return allowance
 
     def _far_bends(self, rows: slice) -> Iterator[tuple[int, str, Diagnostic]]:
         """Warning about the first sample in which a hinge is bent too far."""

@@ -27,6 +27,7 @@ from flexlink.motion.chunk_size import ChunkSize
 from flexlink.motion.floating_steps import advance
 from flexlink.motion.inputs.actuation import drive_for
 from flexlink.motion.inputs.drives import effort_of, held_torques
+from flexlink.motion.read_gains import impulses, nothing_read
 from flexlink.motion.sensing import sample_at
 from flexlink.results.record import Record
 from flexlink.results.stop_reasons import LawFailure
@@ -57,6 +58,8 @@ class Control:
         Time between two instants [s].
     drive
         Drive with the law's held torques at all instants so far, and 0 at later ones.
+    impulse
+        Estimated gains T k_d with which the law reads the rates (n,).
 
     `before` are torques on their way when an earlier run ended, as from `Drive.delayed`.
     """
@@ -81,6 +84,7 @@ class Control:
             self.times = np.asarray((self.origin + np.arange(0, last + 1, self.apart)) * run.fixed_step)
         late, before = self._late(delay), np.empty((0, 1 + self.joints)) if before is None else before
         self._earlier = len(before)
+        self._read, self.impulse = nothing_read(chain), np.zeros(chain.n)
         acting = np.concatenate([before[:, 0], self.times + late])
         torques = np.concatenate([before[:, 1:], np.zeros((len(self.times), self.joints))])
         self.drive = drive_for(chain, held_torques(chain, acting, torques)._replace(delay=late))
@@ -134,6 +138,8 @@ class Control:
             seen = sample_at(self._problem, self._problem.inputs._replace(drive=self.drive), t, q, qd)
             sensors = {SENSORS: self._sensing.after(seen)}
         held[k, 0] = self.torque(t, q, qd, sensors)
+        if self.sampled:
+            self.impulse = impulses(self._read, self.chain, held[k, 0], qd, self.between)
 
     def pieces(self, record: Record, run: RunSettings, state: tuple[Array, Array, Array]) -> Iterator[int]:
         """Integrate; yield the number of the last step with a finite state, first 0, about every `BREATH`.

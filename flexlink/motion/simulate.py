@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
-import numpy as np
 from msgspec.structs import replace
 from numpy.typing import ArrayLike
 
@@ -13,19 +11,18 @@ from flexlink.chain.arguments import require_callable, require_type
 from flexlink.common.errors import ArgumentError
 from flexlink.common.interruption import deferred
 from flexlink.common.memo import Kept, Memo
-from flexlink.common.types import Array
 from flexlink.data.documents import is_user_file
 from flexlink.describe.run_settings import Accuracy, ForwardSolver, Unstable
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import build_validated
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
-from flexlink.kernels.tools.finite import is_finite
 from flexlink.motion.budget import warn
 from flexlink.motion.inputs.drives import remembered
 from flexlink.motion.inputs.problem import problem_of, started
+from flexlink.motion.inputs.started import started_from
 from flexlink.motion.sampled_control import Law
 from flexlink.motion.single_run import SingleRun
 from flexlink.results.samples import State
+from flexlink.results.stated_error import StatedError
 from flexlink.results.trajectory import Trajectory
 
 
@@ -139,8 +136,7 @@ def simulate(
         t0, q0, qd0 = _end_of(after, q0, qd0, t0)
     starts = not (q0 is None and qd0 is None and t0 is None)
     problem = Problem(started_from(scene, q0, qd0, t0, **changes)) if starts else problem_with(scene, changes)
-    before = None if after is None else after.delayed
-    return problem._simulate(control, rate, delay, before, progress)
+    return problem._simulate(control, rate, delay, after, progress)
 
 
 class Problem:
@@ -237,19 +233,19 @@ class Problem:
             )
         if after is not None:
             t0, q0, qd0 = _end_of(after, q0, qd0, t0)
-        before = None if after is None else after.delayed
-        return self._simulate(control, rate, delay, before, progress, (q0, qd0, t0))
+        return self._simulate(control, rate, delay, after, progress, (q0, qd0, t0))
 
     def _simulate(
         self,
         control: Law | None,
         rate: float | None,
         delay: float,
-        before: Array | None,
+        after: Trajectory | None,
         progress: Callable[[float], None] | None,
         start: tuple[ArrayLike | None, ArrayLike | None, float | None] = (None, None, None),
     ) -> Trajectory:
-        """Do `simulate`, with the state to start from, and with torques that were on their way `before`."""
+        """Do `simulate`, with the state to start from, and with what the run before it, `after`, hands on."""
+        before = None if after is None else after.delayed
         try:
             problem, kept = self._idle.pop()
         except IndexError:  # in use by another thread
@@ -267,11 +263,21 @@ class Problem:
                 )
             scene = started_from(self.scene, *start)
             begun = problem if scene is self.scene else started(problem, scene)
-            run = SingleRun(begun, control, rate, delay, before, kept=kept if control is None else None)
+            own, motion = (kept if control is None else None), continued(after, scene)
+            run = SingleRun(begun, control, rate, delay, before, kept=own, motion=motion)
             with deferred() as stop:
                 return run.finish(stop, progress, warn=warn)
         finally:
             self._idle.append((problem, kept))
+
+
+def continued(after: Trajectory | None, scene: Scene) -> StatedError | None:
+    """The motion that a run of a scene continues; from another scene, only its travel and its error are handed on."""
+    if after is None or after.stated is None or not scene.run.controlled:
+        return None
+    motion, end = after.stated, after.state(-1)
+    same = after.scene is not None and replace(after.scene, initial=scene.initial, run=scene.run) == scene
+    return motion if same and after.base is None else motion._replace(start=end, end=None, delayed=None)
 
 
 def _end_of(after: Trajectory, q0: ArrayLike | None, qd0: ArrayLike | None, t0: float | None) -> State:
@@ -313,35 +319,3 @@ def names_files(scene: Scene) -> bool:
     reference = scene.drive.reference
     shaper = reference.shaper.kind if reference is not None and reference.shaper is not None else ""
     return any(map(is_user_file, (scene.run.method, shaper, *(link.lumping for link in scene.arm.links))))
-
-
-def started_from(
-    scene: Scene, q0: ArrayLike | None, qd0: ArrayLike | None, t0: float | None, **changes: object
-) -> Scene:
-    """The scene with these changes by path and this initial state; None leaves a part of the state unchanged.
-
-    States that are arrays of finite numbers are not validated again, which reduces the time to a tenth.
-    """
-    if q0 is None and qd0 is None and t0 is None and not changes:
-        return scene
-    start: dict[str, object] = {} if t0 is None else {"initial.time": t0}
-    if q0 is not None:
-        start |= {"initial.passive": None, "initial.q": q0}
-    if qd0 is not None:
-        start |= {"initial.rate_deg": None, "initial.rate_m": None, "initial.qd": qd0}
-    known = _is_read(q0) and _is_read(qd0) and (t0 is None or (isinstance(t0, float) and 0.0 <= t0 < math.inf))
-    if changes or not known:
-        return scene.varied(changes | start)
-    initial: dict[str, object] = {} if t0 is None else {"time": float(t0)}
-    if isinstance(q0, np.ndarray):
-        initial |= {"q": tuple(q0.tolist()), "passive": "zero"}
-    if isinstance(qd0, np.ndarray):
-        initial |= {"qd": tuple(qd0.tolist()), "rate_deg": None, "rate_m": None}
-    started: Scene = build_validated(replace, scene, initial=build_validated(replace, scene.initial, **initial))
-    return started
-
-
-def _is_read(state: ArrayLike | None) -> bool:
-    if state is None:
-        return True
-    return isinstance(state, np.ndarray) and state.dtype == np.float64 and state.ndim == 1 and is_finite(state)

@@ -11,20 +11,27 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import positive, require_type, vector
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
+from flexlink.common.wording import Diagnostic
 from flexlink.describe.scene import Scene
 from flexlink.describe.whole_steps import parts, whole
 from flexlink.dynamics.sensors.readings import Readings
 from flexlink.kernels.inputs.record import Inputs
+from flexlink.motion.adaptive_steps import AdaptiveSteps
 from flexlink.motion.inputs.actuation import drive_for
 from flexlink.motion.inputs.drives import effort_of, held_torques, remembered
 from flexlink.motion.inputs.problem import problem_of
+from flexlink.motion.inputs.started import started_from
+from flexlink.motion.read_gains import impulses, nothing_read
 from flexlink.motion.sampled_control import held_torques_advice
 from flexlink.motion.sensing import sample_at
-from flexlink.motion.simulate import started_from
 from flexlink.motion.single_run import SingleRun
+from flexlink.motion.tolerable import Thresholds
+from flexlink.motion.verification import exceeded, runs_of_other_order
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.samples import State
 from flexlink.results.stop_reasons import DivergenceError, Failure, ended_early
+from flexlink.results.tip_motion import apart, compared_path
 
 OFTEN = 128
 """Calls of `step` between two checks of the power balance; the first checks are at calls 1, 2, 4, …"""
@@ -33,9 +40,10 @@ OFTEN = 128
 class Simulator:
     """An arm that the caller advances step by step: M q̈ + T_GC + T_FL + T_FR = T_EX, by the scene's method.
 
-    With the same torques, states are identical, bit for bit, to the samples of `simulate` at the calls. As in a
-    run, the stability of fixed explicit steps is checked at `reset`, finite numbers at every call, and the power
-    balance at some calls. Steps meet the tolerance as in a run of `run.duration`, whatever the time simulated here.
+    With fixed steps and the same torques, states are identical, bit for bit, to the samples of `simulate` at the calls.
+    As in a run, the stability of fixed explicit steps is checked at `reset`, finite numbers at every call, and the
+    power balance at some calls. With a tolerance, every call ends a step, and the steps allow for errors as in a run of
+    `run.duration`, whatever the time simulated here; `error` states what they add up to.
 
     Parameters
     ----------
@@ -107,6 +115,10 @@ class Simulator:
         if not self._run.controlled:
             self._time = self._record.origin * self._run.fixed_step
         self._sensing = Readings(scene) if scene.sensor else None
+        self._read = nothing_read(self.chain)
+        self._past: list[tuple[Array | None, float, Array]] = []  # torques, duration, and angles after each call
+        self._again: Simulator | None = None
+        self._start, self._error = (q, qd, time), 0.0
         self._monitor.begin()
         self._steps.go(self._pushed, self._time, self._time)  # compiles
         self._sense(self._driven)
@@ -149,6 +161,41 @@ class Simulator:
             return State(self._time, *self._record.base.relative_to_start(q, qd))
         return State(self._time, q.copy(), qd.copy())
 
+    @property
+    def error(self) -> float | None:
+        """Estimated error of the tip up to the present time [m], the largest of all tips; None for fixed steps.
+
+        It is the distance to a second simulator, which repeats all calls since `reset` by a method of another order.
+        That takes about as long as the calls did; `step` itself costs no more. Later uses of `error` continue there.
+
+        Examples
+        --------
+        >>> arm = fl.Simulator(scene.varied({"run": fl.RunSettings(tolerance=1e-3)}))
+        >>> after = arm.step(duration=0.1)
+        >>> print(arm.error < 1e-3, arm.warnings)  # m
+        True ()
+        """
+        if not (self._run.controlled and isinstance(self._steps, AdaptiveSteps)):
+            return None
+        if self._again is None:
+            finer = next(runs_of_other_order(self._run, self._steps.name, self.chain.size))
+            self._again = Simulator(self._scene.varied({"run": finer}))
+            self._again.reset(*self._start[:2], time=self._start[2])
+        for tau, duration, q in self._past:
+            both = q, self._again.step(tau, duration=duration).q
+            own, other = (compared_path(self.chain, each[None]) for each in both)
+            self._error = max(self._error, float(apart(own, other)[0]))
+        self._past.clear()
+        return self._error
+
+    @property
+    def warnings(self) -> tuple[Diagnostic, ...]:
+        """Warnings about the motion so far, as of a run: an unstable loop, or an `error` beyond the tolerance."""
+        found, error = tuple(self._monitor.warnings), self.error
+        if error is None or error <= Thresholds.tolerable * self._monitor.tolerance:
+            return found
+        return (*found, exceeded(self._monitor, error))
+
     def step(self, tau: ArrayLike | None = None, *, duration: float | None = None) -> State:
         """Advance the arm under constant torques, and return the state at the end.
 
@@ -175,14 +222,18 @@ class Simulator:
         >>> print(after.t, after.q.shape)
         0.01 (6,)
         """
-        inputs, end, steps = self._driven, self._later(self._run.spacing if duration is None else duration), self._steps
-        if tau is not None:
-            self._held.feedforward.coefficients[0, 0] = vector("tau", tau, len(self.chain.active))
-            inputs = self._pushed
+        duration = self._run.spacing if duration is None else duration
+        inputs, end, steps = self._driven, self._later(duration), self._steps
         drive = remembered(inputs.drive) if inputs.drive.rate else ()  # only a sampled drive has memory
-        before = steps.saved(), drive, [array.copy() for array in drive]
         calls = self._calls + 1
+        torque = None if tau is None else vector("tau", tau, len(self.chain.active)).copy()
+        if torque is not None:
+            self._held.feedforward.coefficients[0, 0] = torque
+            inputs, drive = self._pushed, (*drive, self._read)
+        before = steps.saved(), drive, [array.copy() for array in drive]
         try:
+            if torque is not None and isinstance(steps, AdaptiveSteps):
+                steps.reads(impulses(self._read, self.chain, torque, steps.state[1], duration))
             fault = steps.go(inputs, self._time, end) or ended_early(steps.time, end)
             if not fault and (calls % OFTEN == 0 or calls & (calls - 1) == 0):
                 q, qd, *_, done = steps.state
@@ -196,7 +247,10 @@ class Simulator:
             raise self._diverged(fault, held)
         self._time, self._calls = end, calls
         self._sense(inputs)
-        return self.state
+        after = self.state
+        if self._run.controlled:
+            self._past.append((torque, duration, after.q.copy()))
+        return after
 
     def _restore(self, steps: Any, drive: Sequence[NDArray[Any]], remembered: Sequence[NDArray[Any]]) -> None:
         self._steps.restore(steps)

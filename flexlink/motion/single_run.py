@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import signal
 from collections.abc import Callable, Iterator
@@ -14,7 +15,8 @@ from flexlink.common.interruption import Stop
 from flexlink.common.memo import Kept, keep_last
 from flexlink.common.types import Array
 from flexlink.common.wording import Diagnostic
-from flexlink.describe.run_settings import check_method
+from flexlink.describe.run_settings import RunSettings, check_method
+from flexlink.describe.spec import build_validated
 from flexlink.describe.whole_steps import multiples
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.kernels.inputs.record import Drive
@@ -22,12 +24,24 @@ from flexlink.kernels.tools.machine_code import types_of
 from flexlink.motion.adaptive_steps import AdaptiveSteps
 from flexlink.motion.fixed_steps import FixedSteps
 from flexlink.motion.inputs.drives import recall
-from flexlink.motion.inputs.problem import problem_of
+from flexlink.motion.inputs.problem import problem_of, started
+from flexlink.motion.inputs.started import started_from
 from flexlink.motion.inputs.step_check import check_step
 from flexlink.motion.monitor import Monitor
 from flexlink.motion.sampled_control import Law, control_of
-from flexlink.motion.verification import advice, doubt, second_runs
+from flexlink.motion.stated import compared_with, extrapolated
+from flexlink.motion.tolerable import Thresholds
+from flexlink.motion.verification import (
+    GIVEN_UP,
+    doubt,
+    exceeded,
+    needs_comparison,
+    runs_of_other_order,
+    second_runs,
+    unknown,
+)
 from flexlink.results.record import Record
+from flexlink.results.stated_error import StatedError
 from flexlink.results.stop_reasons import (
     ControlError,
     EvaluationLimitError,
@@ -39,9 +53,6 @@ from flexlink.results.trajectory import Trajectory
 
 Stepper = FixedSteps | AdaptiveSteps
 """Stepper of a run: takes fixed steps of an explicit method, or adaptive or implicit steps."""
-
-GIVEN_UP = 50
-"""Largest number of evaluations of a verification run, relative to the run itself; useful ones need far fewer."""
 
 
 class SingleRun:
@@ -65,6 +76,8 @@ class SingleRun:
         Whether the longest steps are halved, as in a verification run.
     passes
         Whether long steps of an explicit method may extend beyond samples.
+    motion
+        The motion that this run continues; None: it continues none.
 
     Raises
     ------
@@ -87,6 +100,7 @@ class SingleRun:
         warnings: tuple[Diagnostic, ...] | None = None,
         halved: bool = False,
         passes: bool = True,
+        motion: StatedError | None = None,
     ) -> None:
         check_method(problem.run)
         control = control_of(problem, law, rate, delay, before)
@@ -99,6 +113,8 @@ class SingleRun:
         if warnings is None:
             warnings = record.kept("step", about, lambda: check_step(problem))
         self.monitor = Monitor(record, warnings, control)
+        self.monitor.before = motion
+        self._before = before
         if control is not None:
             try:
                 control.note(0, problem.q, problem.qd)
@@ -127,7 +143,10 @@ class SingleRun:
         try:
             self.advance(stop, progress or (lambda _: None), warn=warn)
             if compared and not (monitor.failure or steps.failure or stop.requested):
-                monitor.warnings += verify(monitor, monitor.steps.method, stop)
+                if monitor.run.controlled:
+                    monitor = settled(monitor, self._before, stop)
+                else:
+                    monitor.warnings += verify(monitor, monitor.steps.method, stop)
         except LawFailure as failure:
             raise ControlError(f"{monitor.record.chain.name}: {failure}", monitor.trajectory()) from failure.__cause__
         except KeyboardInterrupt:  # from a signal handler of the caller, or from `progress`
@@ -150,8 +169,7 @@ class SingleRun:
                     rows,
                     steps.steps,
                     methods=steps.methods,
-                    deflection=steps.deflection,
-                    angle_travelled=steps.angle_travelled,
+                    so_far=steps.so_far,
                 )
             row, slow = steps.slow
             if warn and slow and row <= max(1, monitor.n_valid):  # do not warn about steps after an invalid sample
@@ -169,16 +187,94 @@ class SingleRun:
             steps.failure = ended_early(monitor.last_time, float(monitor.record.t[-1]))
 
 
+def settled(first: Monitor, before: Array | None, stop: Stop) -> Monitor:
+    """The run to return with its stated error: the first one, or a finer one if its error exceeds the tolerance.
+
+    Where steps may hide errors, or motion amplifies them, the run is compared with one by a method of another order. If
+    they are farther apart than the tolerance, finer runs follow until one confirms the first or the previous run.
+    `before`: torques on their way when an earlier run ended. The run with which a continued run is compared begins
+    where that of the earlier run ended, or at the start of the motion, so that it shows the error handed on.
+    """
+    if not needs_comparison(first):
+        return first
+    record, motion = first.record, None if first.record.base is not None else first.before
+    finer = runs_of_other_order(first.run, first.steps.method, record.chain.size, record.least_tolerance)
+    runs, gaps, distance = [first], list[StatedError](), None  # distance of the last two runs, in tolerances
+    with contextlib.suppress(StopIteration):
+        while (other := _other(first, finer.send(distance), before, stop, motion)) is not None:
+            for run in dict.fromkeys((first, runs[-1])):
+                found = compared_with(other, run, first)
+                distance = float(found.tip.max()) / first.tolerance
+                if distance <= 1.0:
+                    return _confirmed(run, first, found)
+            gaps.append(found)
+            runs.append(other)
+            if motion is not None:
+                break
+    if motion is not None and gaps and not stop.requested:
+        return _nearer(first, runs[-1], next(finer, None), before, stop)
+    if gaps and not stop.requested:
+        return _confirmed(runs[-1], first, extrapolated(gaps))
+    if not stop.requested:
+        first.warnings.append(unknown(first))
+    return first
+
+
+def _nearer(first: Monitor, other: Monitor, settings: RunSettings | None, before: Array | None, stop: Stop) -> Monitor:
+    """A continued run or a finer one, whichever is nearer to the other run, with which both are compared."""
+    finer = None if settings is None else _other(first, settings, before, stop)
+    found = [(run, compared_with(other, run, first)) for run in (first, finer) if run is not None]
+    run, compared = min(found, key=lambda each: float(each[1].tip.max()))
+    return _confirmed(run, first, compared)
+
+
+def _confirmed(run: Monitor, first: Monitor, found: StatedError) -> Monitor:
+    """This run as the result instead of the `first` one, with its stated error."""
+    error, run.compared = float(found.tip.max()), found
+    first.confirmed = run.confirmed = True
+    if run is not first:
+        run.scene, run.warnings = first.scene, [*dict.fromkeys([*first.warnings, *run.warnings])]
+        run.steps = run.steps._replace(why=f"{first.steps.method} missed the tolerance")
+    if error > Thresholds.tolerable * first.tolerance:
+        run.warnings.append(exceeded(first, error))
+    return run
+
+
+def _other(
+    first: Monitor, run: RunSettings, before: Array | None, stop: Stop, motion: StatedError | None = None
+) -> Monitor | None:
+    """A run of the first run's motion with other settings; it continues `motion`, if any. None: it does not end."""
+    record, problem, start, duration = first.record, first.record.problem, None, run.duration
+    if motion is not None:
+        start, before = (motion.start, None) if motion.end is None else (motion.end, motion.delayed)
+        duration += float(record.t[0]) - start[0]
+    fewest = 1000  # of a run that is given up: a short part of a motion, or one without vibrations, takes very few
+    most = min(run.max_evaluations, GIVEN_UP * max(fewest, first.steps.evaluations) * duration / run.duration)
+    run = build_validated(replace, run, duration=duration, max_evaluations=most)
+    scene = build_validated(replace, problem.scene, run=run)
+    halved = run.method == first.steps.method
+    try:
+        if problem.base is not None:
+            other = SingleRun(problem_of(scene, problem.original), before=before, halved=halved)
+        else:
+            drive = problem.inputs.drive  # a sampled drive writes to its memory
+            drive = drive._replace(held=np.zeros_like(drive.held), next_instant=np.zeros_like(drive.next_instant))
+            problem = dataclasses.replace(problem, scene=scene, inputs=problem.inputs._replace(drive=drive))
+            if start is not None:
+                problem = started(problem, started_from(scene, start[1], start[2], start[0]))
+            other = SingleRun(problem, before=before, kept=record.kept("comparison", run, Kept), halved=halved)
+        other.advance(stop, lambda _: None)
+    except FlexlinkError:
+        return None
+    return None if other.monitor.failure or other.steps.failure or stop.requested else other.monitor
+
+
 def verify(monitor: Monitor, name: str, stop: Stop) -> Iterator[Diagnostic]:
     """Compare a finished run of this method with verification runs; yield a warning if they contradict it."""
     text = Diagnostic("", "")
     own, problem = monitor.steps.evaluations, monitor.record.problem
     for second in second_runs(monitor, name):
-        text = text or Diagnostic(
-            "doubtful: the error is unknown, since no comparison run with other steps ended within "
-            f"{GIVEN_UP} times the evaluations of this run; {advice(monitor)} and compare",
-            "no-comparison-run",
-        )
+        text = text or unknown(monitor)
         most = min(second.run.max_evaluations, GIVEN_UP * own)
         limited = replace(second.run, max_evaluations=most) if second.run.controlled else second.run
         try:

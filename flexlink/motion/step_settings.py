@@ -58,15 +58,17 @@ def settings(run: RunSettings, rule: Method, record: Record, largest: float) -> 
             id="nothing-bends",
         )
     least = record.least_tolerance
-    absolute, part = least, run.relative_tolerance or 0.0  # `least`, due to rounding, if the deflection is zero
-    if run.accuracy == "tip":
-        absolute, part = run.tolerance_within(size), 0.0
-        if absolute < least:
-            raise SceneError(
-                f"run.tolerance = {absolute:.3g} m: below the rounding error of an arm of {size:.3g} m at "
-                f"angles up to {np.abs(record.q[0]).max():.2g} rad; expected at least {least:.2g} m",
-                id="tolerance-below-rounding",
-            )
+    absolute, part = run.tolerance_within(size), 0.0
+    if run.accuracy == "deflection":
+        absolute, part = least, run.tolerance_within(1.0)  # `least`, due to rounding, if the deflection is zero
+    elif absolute < least:
+        raise SceneError(
+            f"run.tolerance = {absolute:.3g} m: below the rounding error of an arm of {size:.3g} m at "
+            f"angles up to {np.abs(record.q[0]).max():.2g} rad; expected at least {least:.2g} m",
+            id="tolerance-below-rounding",
+        )
+    elif record.follows_vibrations:
+        absolute, part = least, absolute / size
     order = float(rule.order if rule.explicit else rule.stages + 1)
     long = rule.stages >= long_stages
     # Largest error, relative to the tolerance, of a step of length duration / `Thresholds.long`; a shorter step may

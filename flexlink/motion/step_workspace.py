@@ -28,6 +28,7 @@ from flexlink.kernels.stepping.implicit_layout import VECTOR, ImplicitMethod, Im
 from flexlink.kernels.stepping.saturation import Saturation
 from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.motion.inputs.drives import gains_at_zero
+from flexlink.motion.stated import read_by
 from flexlink.results.record import Record
 
 FEW_PASSES = 12
@@ -45,6 +46,9 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     numbers[STEPPER.far] = FAR if chain.has_free_base else 0.0
     gains = drive_gains(chain, record.inputs)
     kp, kd, kick = (gain.copy() for gain in gains)
+    free = (chain.stiffness == 0.0) & (gains[0] == 0.0) & (chain.hinges["prescribed"] == 0)
+    numbers[STEPPER.coast] = record.run.duration if record.run.controlled and free.any() else 0.0
+    numbers[STEPPER.read] = read_by(method)[1]
     brakes, forces = (None, None) if arrays.rare is None else (np.zeros(n), forces_of(arrays))
     springs = Springs(kp, kd, brakes, kick, np.zeros((n, width)), *np.zeros((2, n)))
     saturation = Saturation(*(gain.copy() for gain in gains[:2]), *np.zeros((5, n)))

@@ -3,16 +3,19 @@
 A run with fixed steps of an implicit method is compared with a run of twice the step, at about half the cost. If the
 two differ, or a step of the second run had to be divided, another run with a tolerance follows.
 
-A tolerance bounds the errors of adaptive steps, and the errors of fixed explicit steps are measured; in most motions
-they only add up. Errors grow where joints make full turns, or where the loop of a sampled drive is unstable. In these
-cases a second run with a tenth of the tolerance shows by how much. Fixed explicit steps may be far more accurate than
-necessary. They are compared with runs of smaller and smaller tolerance, until a run agrees, is strict enough to prove
-them wrong, or has taken more evaluations than the run with fixed steps.
+The errors of fixed explicit steps are measured; in most motions they only add up. They grow where joints make full
+turns, or where the loop of a sampled drive is unstable. Such steps may be far more accurate than necessary; they are
+compared with runs of smaller and smaller tolerance, until a run agrees, is strict enough to prove them wrong, or has
+taken more evaluations than the run with fixed steps.
+
+A tolerance bounds the errors of adaptive steps. Where these may hide errors or the motion amplifies them, a run is
+compared with runs by a method of another order, and replaced by one of them if it misses its tolerance.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Generator, Iterator
 from typing import NamedTuple
 
 from msgspec.structs import replace
@@ -20,13 +23,19 @@ from msgspec.structs import replace
 from flexlink.common.types import Array
 from flexlink.common.wording import Diagnostic
 from flexlink.describe.run_settings import AUTO, RunSettings
+from flexlink.describe.schemes.methods import method
+from flexlink.describe.spec import build_validated
 from flexlink.motion.hindrance import loop_grows
 from flexlink.motion.monitor import Monitor
+from flexlink.motion.stated import estimated_error
 from flexlink.motion.tolerable import Thresholds
 from flexlink.results.tip_motion import apart, motion_in_words
 
 STRICTER = 0.1
 """Tolerance of the second run, relative to the first run's tolerance, or to the error at which a run is doubtful."""
+GIVEN_UP = 50
+"""Largest number of evaluations of a verification run, relative to the run itself; useful ones need far fewer."""
+Finer = Generator[RunSettings, float | None, None]
 
 
 class Second(NamedTuple):
@@ -50,10 +59,7 @@ def second_runs(monitor: Monitor, name: str) -> Iterator[Second]:
     run = monitor.run
     if monitor.control is not None:
         return
-    if run.controlled:
-        if monitor.suspicious or multiplies(monitor):
-            yield Second(_stricter(monitor, name), 1, 1.0)
-    elif monitor.explicit:
+    if monitor.explicit:
         if multiplies(monitor) and monitor.tip_error <= _tolerance(monitor):
             yield from _stricter_and_stricter(monitor)
     elif monitor.extent > 0:
@@ -62,6 +68,56 @@ def second_runs(monitor: Monitor, name: str) -> Iterator[Second]:
             coarser = replace(run, step=2 * run.fixed_step, sample=sample, duration=pairs * sample)
             yield Second(coarser, 2, error_ratio, strict=False)
         yield Second(_within(run, AUTO, STRICTER * _tolerance(monitor)), 1, 1.0)
+
+
+def needs_comparison(monitor: Monitor) -> bool:
+    """Whether the errors of the steps may not show the error of a run with a tolerance.
+
+    A law in Python may have internal states, so its runs cannot be repeated.
+    """
+    if monitor.control is not None or monitor.n_valid < 2:
+        return False
+    after = monitor.before is not None and monitor.before.end is not None
+    estimated = bool(estimated_error(monitor)[-1] > Thresholds.large * monitor.tolerance)
+    read = monitor.record.follows_vibrations and monitor.run.accuracy == "auto"
+    return after or estimated or read or monitor.suspicious or bool(multiplies(monitor))
+
+
+def runs_of_other_order(run: RunSettings, name: str, size: float, least: float = 0.0) -> Finer:
+    """Settings of runs with which to compare a run by method `name`, finer and finer; send each its distance.
+
+    A method of another order shows errors that the run's own smaller steps share; where steps are limited by stability,
+    a smaller tolerance and halved steps do. `size` and `least` are the arm's size and the smallest tolerance that
+    rounding errors allow [m]; distances are in tolerances.
+    """
+    other, part = (name, STRICTER) if method(name).explicit or name == Thresholds.finer else (Thresholds.finer, 1.0)
+    given, size = ("relative_tolerance", size) if run.tolerance is None else ("tolerance", 1.0)
+    before, least = math.inf, 0.0 if run.accuracy == "deflection" else least / size
+    for _ in range(Thresholds.runs):
+        tolerance = max(least, part * run.tolerance_within(1.0))
+        if not tolerance < before:
+            return
+        before, finer = tolerance, {"method": other, given: tolerance, "sample": run.spacing}
+        distance = yield build_validated(replace, run, **finer)
+        part *= min(STRICTER, STRICTER**0.5 / distance) if distance else STRICTER
+
+
+def unknown(monitor: Monitor) -> Diagnostic:
+    """Warning that a run could not be compared."""
+    return Diagnostic(
+        "doubtful: the error is unknown, since no comparison run with other steps ended within "
+        f"{GIVEN_UP} times the evaluations of this run; {advice(monitor)} and compare",
+        "no-comparison-run",
+    )
+
+
+def exceeded(monitor: Monitor, error: float) -> Diagnostic:
+    """Warning that the stated error of a run [m] is beyond its tolerance."""
+    return Diagnostic(
+        f"doubtful: tip error {error:.2g} m, {error / monitor.tolerance:.2g} times the tolerance"
+        f"{multiplies(monitor)}; {advice(monitor)} and compare",
+        "doubtful-comparison",
+    )
 
 
 def doubt(monitor: Monitor, second: Second, path: Array) -> Diagnostic:
@@ -75,9 +131,7 @@ def doubt(monitor: Monitor, second: Second, path: Array) -> Diagnostic:
         text = (
             f"doubtful: error {error:.2g} m (positions, or angles × {chain.size:.3g} m) relative to a run with {steps}"
         )
-    if monitor.run.controlled and error > Thresholds.tolerable * _tolerance(monitor):
-        return Diagnostic(f"{text}{multiplies(monitor)}; {advice(monitor)} and compare", "doubtful-comparison")
-    if not monitor.run.controlled and error > _tolerance(monitor):
+    if error > _tolerance(monitor):
         grown = multiplies(monitor) if monitor.explicit else ""
         text = f"{text}, {motion_in_words(chain, monitor.extent)}{grown}"
         return Diagnostic(f"{text}; {advice(monitor)} and compare", "doubtful-comparison")
@@ -86,7 +140,8 @@ def doubt(monitor: Monitor, second: Second, path: Array) -> Diagnostic:
 
 def multiplies(monitor: Monitor) -> str:
     """Why a run may amplify its errors, phrased as the end of a sentence; empty if no reason is known."""
-    if monitor.travelled > Thresholds.far_turned:
+    before = 0.0 if monitor.before is None else monitor.before.travelled
+    if before + monitor.travelled > Thresholds.far_turned:
         return ": this motion amplifies errors"
     # Many rejected steps show that a motor keeps switching between its limits. Among 120 arms with motors that saturate
     # but do not keep switching, rejected steps were at most 0.7 times the steps taken.
@@ -113,14 +168,6 @@ def _stricter_and_stricter(monitor: Monitor) -> Iterator[Second]:
     yield Second(_within(monitor.run, AUTO, max(own, monitor.record.least_tolerance)), 1, 1.0)
 
 
-def _stricter(monitor: Monitor, name: str) -> RunSettings:
-    """The settings of the finished run with a stricter tolerance of the same kind."""
-    run = monitor.run
-    if run.accuracy == "tip":
-        return _within(run, name, max(STRICTER * _tolerance(monitor), monitor.record.least_tolerance))
-    return replace(run, method=name, relative_tolerance=STRICTER * run.tolerance_within(1.0))
-
-
 def _within(run: RunSettings, name: str, tolerance: float) -> RunSettings:
     return replace(
         run,
@@ -134,7 +181,5 @@ def _within(run: RunSettings, name: str, tolerance: float) -> RunSettings:
 
 
 def _tolerance(monitor: Monitor) -> float:
-    """Tolerance of a run [m]; for fixed steps, the tip error at which they are doubtful."""
-    if monitor.run.controlled:
-        return monitor.tolerance
+    """Tip error [m] at which fixed steps are doubtful."""
     return max(Thresholds.doubt * Thresholds.tip_share * monitor.extent, monitor.record.least_tolerance / STRICTER)

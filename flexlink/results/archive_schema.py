@@ -27,7 +27,7 @@ def check_samples(arrays: Mapping[str, NDArray[Any]], n: int) -> None:
     shapes: dict[str, tuple[int, ...]] = {  # shape of each array at one sample
         "t": (), "q": (n,), "qd": (n,), "tau": (n,), "tip": (3,), "tip_wrench": (6,), "kinetic": (), "gravity": (),
         "elastic": (), "work": (), "attitude": (4,), "spin": (3,), "momentum_linear": (3,), "momentum_angular": (3,),
-        "momentum_center": (3,),
+        "momentum_center": (3,), "error": (),
     }  # fmt: skip
     samples = len(arrays["t"]) if arrays["t"].ndim else 0
     for name in (name for name in shapes if name in arrays):

@@ -43,6 +43,7 @@ def _arrays(run: RunSamples) -> dict[str, Any]:
         "chain_links": np.array(chain.link_names), "chain_couplings": chain.couplings,
         "chain_tips": np.array([[chain.link_names.index(link), body] for link, body in chain.tips.items()]),
         **_of_shapes(chain), **_of_base(run), **_of_sensors(run),
+        **_of_stated_error(run),
     }  # fmt: skip
 
 
@@ -64,6 +65,19 @@ def _of_sensors(run: RunSamples) -> dict[str, Any]:
     """Sensor readings, for use by other programs; a loaded run computes them from its scene."""
     names = run.sensor_names
     return {"sensors": np.array(names), "readings": np.array([run.readings[name] for name in names])} if names else {}
+
+
+def _of_stated_error(run: RunSamples) -> dict[str, Any]:
+    """The stated error, and the motion up to the end of the run; n joints give times and states of 1 + 2n numbers."""
+    if (stated := run.stated) is None:
+        return {}
+    outputs, so_far = stated.outputs, np.array([stated.travelled, stated.drifting, stated.drifted])
+    ends = {} if stated.end is None else {"motion_end": np.hstack(stated.end), "motion_delayed": stated.delayed}
+    return {
+        "error": stated.tip, "error_allowed": stated.allowed, "error_compared": stated.compared,
+        "error_outputs": np.array(list(outputs), str), "error_of_outputs": np.array(list(outputs.values())),
+        "motion_start": np.hstack(stated.start), "motion_so_far": so_far, **ends,
+    }  # fmt: skip
 
 
 def picture_format(path: Path) -> str:

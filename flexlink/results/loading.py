@@ -24,8 +24,9 @@ from flexlink.dynamics.momentum import Momentum
 from flexlink.dynamics.result import read_archive
 from flexlink.kernels.bodies.shaped_mass import Shapes
 from flexlink.kernels.layout import BODY, COUPLING, FORCES, HINGE
-from flexlink.results.archive_schema import check_chain, check_samples
+from flexlink.results.archive_schema import check_chain, check_delayed, check_samples
 from flexlink.results.samples import BaseMotion, Steps
+from flexlink.results.stated_error import StatedError
 from flexlink.results.trajectory import Trajectory
 
 
@@ -82,7 +83,30 @@ def _trajectory(arrays: Mapping[str, Any]) -> Trajectory:
         scene=scene_from(scene) if scene else None,
         base=_base(arrays) if "attitude" in arrays else None,
         **({"delayed": arrays["delayed"]} if "delayed" in arrays else {}),
+        stated=_stated(arrays) if "error" in arrays else None,
     )
+
+
+def _stated(arrays: Mapping[str, Any]) -> StatedError:
+    """The stated error of a run, and the motion up to its end."""
+    n = arrays["q"].shape[1]
+    start, end = (_state(arrays[name], n) if name in arrays else None for name in ("motion_start", "motion_end"))
+    if start is None:
+        raise KeyError("motion_start")
+    delayed = arrays.get("motion_delayed")
+    if delayed is not None:
+        check_delayed(delayed)
+    outputs = dict(zip(arrays["error_outputs"].tolist(), arrays["error_of_outputs"], strict=True))
+    allowed, compared = float(arrays["error_allowed"]), bool(arrays["error_compared"])
+    travelled, drifting, drifted = map(float, arrays["motion_so_far"])
+    return StatedError(arrays["error"], allowed, compared, outputs, start, travelled, drifting, drifted, end, delayed)
+
+
+def _state(numbers: NDArray[Any], n: int) -> tuple[float, NDArray[Any], NDArray[Any]]:
+    """Time, angles and rates of n joints, from one array."""
+    if numbers.dtype != np.float64 or numbers.shape != (1 + 2 * n,) or not np.isfinite(numbers).all():
+        raise ValueError(f"a state of its motion has shape {numbers.shape}; expected {1 + 2 * n} finite numbers")
+    return float(numbers[0]), numbers[1 : 1 + n].copy(), numbers[1 + n :].copy()
 
 
 def _warnings(arrays: Mapping[str, Any]) -> Iterator[Diagnostic]:

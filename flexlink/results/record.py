@@ -11,6 +11,7 @@ import numpy as np
 from flexlink.common.memo import Kept
 from flexlink.common.types import Array
 from flexlink.common.wording import Diagnostic
+from flexlink.describe.scene import Scene
 from flexlink.dynamics import rounding
 from flexlink.dynamics.energy import Energy
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
@@ -19,6 +20,7 @@ from flexlink.kernels.stepping.samples import derive, prescribed_torques
 from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.results.samples import BaseMotion, Steps
+from flexlink.results.stated_error import StatedError
 from flexlink.results.tip_motion import checked_path, compared_path
 from flexlink.results.trajectory import Trajectory
 
@@ -112,6 +114,12 @@ class Record:
         roundings = 200.0
         return roundings * rounding.of_reach(self.chain.size, max(map(abs, self.q[0].tolist())))
 
+    @functools.cached_property
+    def follows_vibrations(self) -> bool:
+        """Whether steps follow vibrations that do not move the tip, because something that sees them is read."""
+        springs = bool((self.chain.hinges["stiffness"] > 0).any())
+        return springs and self.run.follows_vibrations(self.problem.scene.sensor)
+
     def compile(self) -> None:
         """Compile the code that `derive` runs."""
         arguments = self.chain.arrays, self.inputs, 0, 0, *self.samples[:6]
@@ -142,7 +150,13 @@ class Record:
         return np.asarray(self.works[rows] + (self.tip[rows] - self.tip[0]) @ force)
 
     def trajectory(
-        self, stop: int, warnings: tuple[Diagnostic, ...] = (), steps: Steps | None = None, balanced: bool = True
+        self,
+        stop: int,
+        warnings: tuple[Diagnostic, ...] = (),
+        steps: Steps | None = None,
+        balanced: bool = True,
+        stated: StatedError | None = None,
+        scene: Scene | None = None,
     ) -> Trajectory:
         """The samples before `stop`, read-only; this record must not be used afterwards."""
         work = self.work(slice(stop)) if balanced else None
@@ -156,9 +170,11 @@ class Record:
         for array in (q, qd, self.tau, self.tip, self.energy, wrench, *([] if work is None else [work])):
             array.setflags(write=False)
         t, q, qd, tau, tip = (_kept(a, stop) for a in (self.t, q, qd, self.tau, self.tip))
-        energy, scene = Energy(*self.energy[:, :stop]), self.problem.scene
+        energy, scene = Energy(*self.energy[:, :stop]), scene or self.problem.scene
         delayed = self.inputs.drive.delayed(float(t[-1])) if stop else np.zeros((0, 1))
-        return Trajectory(chain, t, q, qd, tau, tip, energy, work, warnings, steps, wrench, scene, motion, delayed)
+        return Trajectory(
+            chain, t, q, qd, tau, tip, energy, work, warnings, steps, wrench, scene, motion, delayed, stated
+        )
 
     def _wrenches(self, rows: slice) -> Array:
         return self.inputs.tip_wrenches(self.t[rows], self.q[rows], self.qd[rows])

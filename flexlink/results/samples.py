@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import warnings
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -28,6 +29,7 @@ from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.result import Result, read_only
 from flexlink.dynamics.sensors.columns import coarse_samples, sensor_columns
 from flexlink.results import balance
+from flexlink.results.stated_error import StatedError
 
 
 class Steps(NamedTuple):
@@ -104,6 +106,8 @@ class RunSamples(Result):
         (m, 1 + d): time from which each acts [s], then the torques of the driven joints [N m]. A run that is continued
         by `simulate(…, after=run)` begins with them. Rows of a cascade drive continue with its memory: the integral,
         the torque before the filters and the states of the filters of each joint.
+    stated
+        The estimated error and the tolerance; None for fixed steps and for a run of another engine.
     """
 
     chain: Chain
@@ -120,6 +124,11 @@ class RunSamples(Result):
     scene: Scene | None = None
     base: BaseMotion | None = None
     delayed: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 1)))
+    stated: StatedError | None = None
+
+    def __str__(self) -> str:
+        """The run, and its stated error if it has one."""
+        return repr(self) if self.stated is None else f"{self!r}\n{self.stated}"
 
     def __repr__(self) -> str:
         samples, (start, end) = len(self.t), self.t[[0, -1]] if len(self.t) else (0.0, 0.0)
@@ -127,6 +136,39 @@ class RunSamples(Result):
         doubts += f"; {plural(len(self.hints), 'hint')} on units" if self.hints else ""
         size = f"{plural(samples, 'sample')}, {start:g} … {end:g} s, {plural(self.chain.n, 'joint')}"
         return f"<Trajectory {self.chain.name!r}: {size}{doubts}>"
+
+    @property
+    def error(self) -> Array | None:
+        """Estimated error of the tip at the samples [m], (samples,); of several tips the largest. None: fixed steps.
+
+        It is caused by the steps alone: how close the chain is to the beam is another question. Where steps may hide
+        errors, or motion may amplify them, it is the distance to a second run by a method of another order; elsewhere
+        it is estimated from the errors of the steps, and at least 0.3 tolerances.
+        """
+        return None if self.stated is None else self.stated.tip
+
+    @property
+    def errors(self) -> Mapping[str, Array]:
+        """Estimated error of what is read besides the tip, (samples,), by name with unit.
+
+        These are the sensors of the scene, and `run.outputs`.
+        """
+        return {} if self.stated is None else self.stated.outputs
+
+    @property
+    def kept(self) -> bool | None:
+        """Whether the estimated error of the tip is within the tolerance at all samples; None for fixed steps."""
+        return None if self.stated is None else bool(self.stated.tip.max(initial=0.0) <= self.stated.allowed)
+
+    def warn_of_vibrations(self) -> None:
+        """Warn if accelerations or loads may lack vibrations, since steps were controlled for the tip alone."""
+        scene, springs = self.scene, bool((self.chain.hinges["stiffness"] > 0).any())
+        if self.stated is not None and scene is not None and springs and not scene.run.follows_vibrations(scene.sensor):
+            text = (
+                "accelerations, loads and sensors of this run may lack vibrations that do not move the tip; for these, "
+                'run the scene with run.outputs = ["loads"] (accuracy = "auto")'
+            )
+            warnings.warn(Diagnostic(text, id="vibrations-not-followed"), RuntimeWarning, stacklevel=4)
 
     @property
     def momentum_error(self) -> tuple[float, float] | None:
@@ -182,11 +224,15 @@ class RunSamples(Result):
     def qdd(self) -> Array:
         """Joint accelerations at the samples [rad/s²], shape (samples, n): `forward_dynamics` of q, q̇ and `tau`.
 
+        If the steps did not follow the vibrations that accelerations and loads contain, there is a RuntimeWarning. With
+        `run.outputs = ["loads"]` they do, and `errors` states how accurately.
+
         Raises
         ------
         SingularMassError
             As in `forward_dynamics`.
         """
+        self.warn_of_vibrations()
         hinges = self.chain.hinges.copy()
         hinges["prescribed"] = 0  # `tau` contains the torque that a prescribed motion requires
         free = dataclasses.replace(self.chain, hinges=hinges)
@@ -225,6 +271,8 @@ class RunSamples(Result):
         """
         if self.scene is None:
             return {}
+        if self.scene.sensor:
+            self.warn_of_vibrations()
         return {name: read_only(column) for name, column in sensor_columns(self.scene, self).items()}
 
     @property
@@ -259,4 +307,4 @@ def picked(run: RunSamples, rows: NDArray[np.intp]) -> RunSamples:
     """The run with only these samples, without its work."""
     parts = {name: getattr(run, name)[rows] for name in ("t", "q", "qd", "tau", "tip", "tip_wrench")}
     energy = Energy(*run.energy.parts[:, rows])
-    return dataclasses.replace(run, **parts, energy=energy, work=None)
+    return dataclasses.replace(run, **parts, energy=energy, work=None, stated=None)

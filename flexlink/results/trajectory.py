@@ -52,9 +52,9 @@ class Trajectory(RunSamples):
         """Write an .npz archive, which `load_trajectory` restores bit for bit, or a .csv table of `columns`.
 
         The archive contains t, q, qd, tau, tip, kinetic, gravity, elastic, work, imbalance, tip_wrench, joints,
-        warnings, warning_ids, steps, delayed, scene (TOML), chain_… and, if the scene has sensors, sensors (their
-        names) and readings. Numbers in the table have enough digits to be read back exactly. A file is written
-        completely or not at all.
+        warnings, warning_ids, steps, delayed, scene (TOML), chain_…, error_… and motion_… with a tolerance, and, if the
+        scene has sensors, sensors (their names) and readings. Numbers in the table have enough digits to be read back
+        exactly. A file is written completely or not at all.
 
         Raises
         ------

@@ -126,13 +126,14 @@ class Refinement:
 
     @cached_property
     def of_steps(self) -> float:
-        """Error of the scene's steps [m], from a run with finer steps; nan if that run does not complete."""
+        """Error of the scene's steps [m], as stated or from a run with finer steps; nan if that does not complete."""
+        if self.run.error is not None:
+            return float(self.run.error.max())
         finer = self.factors[1]
         outcome = self.runner.run(self.model, self.stepping(finer))
         if not outcome.completed:
             return math.nan
-        order = 1 if self.scene.run.controlled else method(self.scene.run.method).order
-        return largest_distance(outcome.tip, self.run.tip) / (1 - finer**order)
+        return largest_distance(outcome.tip, self.run.tip) / (1 - finer ** method(self.scene.run.method).order)
 
     def stepping(self, factor: float) -> Stepping:
         """Return the scene's steps or tolerance, multiplied by a factor."""

@@ -55,6 +55,11 @@ class Study:
         return lump(self.scene)
 
     @cached_property
+    def followed(self) -> Scene:
+        """The scene, with runs that follow the vibrations which loads and torques contain."""
+        return self.scene.varied({"run.outputs": ("loads", "torques")})
+
+    @cached_property
     def start(self) -> tuple[Array, Array]:
         """Initial angles and rates."""
         return initial_state(self.scene, self.chain)
@@ -106,7 +111,7 @@ class Study:
     def attempt(self) -> Trajectory | FlexlinkError:
         """The scene's run, or the error that prevented it."""
         try:
-            return simulate(self.scene)
+            return simulate(self.followed)
         except FlexlinkError as error:
             return error
 

@@ -42,9 +42,10 @@ class SweepOutput(Spec, frozen=True):
 
     A sampled column (`Trajectory.columns`, for example "tip x [m]", or "deflection [m]") is reduced by `take`, by
     default "final". "largest" is the largest absolute value, "range" is maximum − minimum. Only samples from the time
-    `after` [s] on are used. "steps" and "evaluations" are counts of the run. "settling time [s]" needs a `tolerance`
-    [m]. Settling time and "overshoot [m]" take a `target`: a point in frame 0, "final" (the final position of the
-    tip), or "rest" (its static equilibrium under gravity and tip wrench, with the joints at their final angles).
+    `after` [s] on are used. "steps" and "evaluations" are counts of the run, "error [m]" is its largest stated error.
+    "settling time [s]" needs a `tolerance` [m]. Settling time and "overshoot [m]" take a `target`: a point in frame 0,
+    "final" (the final position of the tip), or "rest" (its static equilibrium under gravity and tip wrench, with the
+    joints at their final angles).
     """
 
     of: str
@@ -170,9 +171,17 @@ class Measure(NamedTuple):
     options: set[str]
 
 
+def _stated(run: Trajectory) -> float:
+    """Largest stated error of the tip [m]."""
+    if run.error is None:
+        raise ArgumentError("error [m]: only for runs with a tolerance; fixed steps state no error", id="no-effect")
+    return float(run.error.max())
+
+
 MEASURES: Mapping[str, Measure] = {
     "steps": Measure(_count("steps"), set()),
     "evaluations": Measure(_count("evaluations"), set()),
+    "error [m]": Measure(lambda _output, run: _stated(run), set()),
     "settling time [s]": Measure(
         lambda output, run: settling_time(
             run, target=output.place(run), tolerance=output.tolerance or 0.0, after=output.after

@@ -97,7 +97,7 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
         stepper[STEPPER.step] = min(largest, wanted)
         stepper[STEPPER.time] = end if ends else t + h
         count[COUNT.steps] += 1
-        accept(state, work)
+        accept(h, state, work)
         if switches:
             choose_branches(stepper[STEPPER.time], inputs, state, work)
         if left_branch < NEVER:
@@ -183,9 +183,12 @@ def begin(t, inputs, state, tau, forward):
 
 
 @inlined
-def accept(state, work):
-    """Make the end of the step the new state."""
+def accept(h, state, work):
+    """Make the end of the step h the new state, and add up the errors that last or that a sampled law reads."""
     q, qd, qdd, done = state
+    work.stepper[STEPPER.drifted] += h * work.stepper[STEPPER.drifting]
+    work.stepper[STEPPER.drifting] += work.stepper[STEPPER.drift]
+    work.stepper[STEPPER.kicked] += work.stepper[STEPPER.kick]
     for k in range(len(q)):
         if work.chain.hinges[k].stiffness == 0.0 and not work.chain.hinges[k].prescribed:
             work.stepper[STEPPER.angle_travelled] += abs(work.new[0, k] - q[k])
@@ -283,6 +286,7 @@ def sample(t, h, inputs, state, work, count, samples, spare):
 def note(stepper, count, so_far):
     """Record the numbers that the check of a sample needs later: the deflection, and the counts so far."""
     so_far[SO_FAR.deflection] = stepper[STEPPER.deflection]
+    so_far[SO_FAR.drifted], so_far[SO_FAR.kicked] = stepper[STEPPER.drifted], stepper[STEPPER.kicked]
     for k in range(COUNT.knot):
         so_far[SO_FAR.steps + k] = count[k]
 

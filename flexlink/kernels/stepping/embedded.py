@@ -88,7 +88,10 @@ def embedded_step(t, h, inputs, state, allowed, work):
     ε = error_by(0, h, work)
     if len(d) == 1 or ε == 0.0:
         return ε, 1
-    return ε * ε / math.hypot(ε, 0.1 * error_by(1, h, work)), 1
+    drift, kick = work.stepper[STEPPER.drift], work.stepper[STEPPER.kick]
+    error = ε * ε / math.hypot(ε, 0.1 * error_by(1, h, work))
+    work.stepper[STEPPER.drift], work.stepper[STEPPER.kick] = drift * error / ε, kick * error / ε
+    return error, 1
 
 
 @inlined

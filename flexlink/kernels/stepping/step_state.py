@@ -20,6 +20,11 @@ STEPPER = numbered(
     "turning",  # factor of the error of a step with friction's nonlinear law; 0: friction is linearized; inf: no error
     "angle_travelled",  # path of all free joints, in both directions [rad]
     "switch",  # time at which a motor saturates or desaturates in the next step [s]; 0: unknown
+    # of the last error norm: the rate of displacement that lasts [m/s], displacement by what a sampled law reads [m];
+    # over all steps: the sum of the former, and of their displacements since then; the sum of the latter
+    "drift kick drifting drifted kicked",
+    "coast",  # time after which an error of the rates lasts [s]; 0: springs or a drive hold all joints
+    "read",  # factor of the displacement by what a sampled law reads in the error of a step
     "far",  # angle of a free base that requires new coordinates [rad]; 0: the base is fixed
     # counts of operations besides evaluations, for the cost: restarts; factorizations of the linear systems; stage
     # matrices, and solutions with them; error norms of rates for one time τ; responses to the friction of a joint that
@@ -31,7 +36,8 @@ COUNT = numbered(
     "iterations besides",  # of this method; other evaluations: by earlier methods, for dense output
     "knot row",  # indices of the next knot and of the next sample
 )
-SO_FAR = numbered("deflection", "steps rejected failed iterations besides")
-"""Record with each sample: the largest deflection [m] and the counts, up to the step that contains the sample."""
+SO_FAR = numbered("deflection", "steps rejected failed iterations besides", "drifted kicked")
+"""Record with each sample: the largest deflection [m], the counts, and the sums of errors, up to the step that contains
+the sample."""
 REFUSAL = numbered("none error iteration")
 """Why a step was rejected: it was not, its error was too large, or the iteration did not converge."""

@@ -32,9 +32,9 @@ def filters_of(scene: Scene, chain: Chain, rate: float) -> Array:
     f = max((len(linear_filter(each).B) for each in series), default=0)
     found = np.zeros((len(names), f + 1, f + 3))
     for block, filters in zip(found, series, strict=True):
-        own, step = linear_filter(filters), transition(filters, 1.0 / rate)
+        own, (Φ, Γ, Ψ) = linear_filter(filters), transition(filters, 1.0 / rate)
         n = len(own.B)
-        block[:n, :n], block[:n, f], block[:n, f + 1] = step.Φ, step.Γ, step.Ψ
+        block[:n, :n], block[:n, f], block[:n, f + 1] = Φ, Γ, Ψ
         block[:n, f + 2] = own.settled if n else 0.0
         block[f, :n], block[f, f] = own.C, own.D
     return found

@@ -97,6 +97,7 @@ def film_of(run: RunSamples, *, magnify: float, colour: Colour, fps: float, spee
     if run.scene is None or not len(run.t):
         what = "scene = None: a film needs the scene of" if len(run.t) else "samples = 0: a film needs samples of"
         raise ArgumentError(f"{what} {run.chain.name!r}; expected a run of `simulate`", id="wrong-type")
+    run.warn_of_vibrations()  # the colours show loads
     scene: Scene = run.scene
     rows = _rows(run, fps, speed)
     shown = picked(run, rows)
