@@ -24,8 +24,10 @@ def impulses(memory: Array, chain: Chain, tau: Array, qd: Array, period: float) 
     fading = 0.95  # weight of earlier instants; about twenty count
     before, found = memory[:2].copy(), np.zeros(chain.n)
     memory[0], memory[1] = tau, qd[chain.active]
-    if not np.isnan(before).any():
-        memory[2:] = fading * memory[2:] + np.square(memory[:2] - before)
-    torque, rate = memory[2:]
-    found[chain.active] = period * np.sqrt(np.divide(torque, rate, out=np.zeros_like(torque), where=rate > 0.0))
+    with np.errstate(all="ignore"):  # a diverging run overflows
+        if not np.isnan(before).any():
+            memory[2:] = fading * memory[2:] + np.square(memory[:2] - before)
+        torque, rate = memory[2:]
+        gain = np.sqrt(np.divide(torque, rate, out=np.zeros_like(torque), where=rate > 0.0))
+    found[chain.active] = period * np.nan_to_num(gain, posinf=0.0)
     return found

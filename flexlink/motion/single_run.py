@@ -29,7 +29,7 @@ from flexlink.motion.inputs.started import started_from
 from flexlink.motion.inputs.step_check import check_step
 from flexlink.motion.monitor import Monitor
 from flexlink.motion.sampled_control import Law, control_of
-from flexlink.motion.stated import compared_with, extrapolated
+from flexlink.motion.stated import compared_with, estimated_error, extrapolated
 from flexlink.motion.tolerable import Thresholds
 from flexlink.motion.verification import (
     GIVEN_UP,
@@ -195,6 +195,10 @@ def settled(first: Monitor, before: Array | None, stop: Stop) -> Monitor:
     `before`: torques on their way when an earlier run ended. The run with which a continued run is compared begins
     where that of the earlier run ended, or at the start of the motion, so that it shows the error handed on.
     """
+    if first.control is not None:  # a law in Python may have internal states, so its runs cannot be repeated
+        error = float(estimated_error(first)[-1])
+        first.warnings += [exceeded(first, error)] if error > Thresholds.tolerable * first.tolerance else []
+        return first
     if not needs_comparison(first):
         return first
     record, motion = first.record, None if first.record.base is not None else first.before

@@ -71,11 +71,8 @@ def second_runs(monitor: Monitor, name: str) -> Iterator[Second]:
 
 
 def needs_comparison(monitor: Monitor) -> bool:
-    """Whether the errors of the steps may not show the error of a run with a tolerance.
-
-    A law in Python may have internal states, so its runs cannot be repeated.
-    """
-    if monitor.control is not None or monitor.n_valid < 2:
+    """Whether the errors of the steps may not show the error of a run with a tolerance."""
+    if monitor.n_valid < 2:
         return False
     after = monitor.before is not None and monitor.before.end is not None
     estimated = bool(estimated_error(monitor)[-1] > Thresholds.large * monitor.tolerance)
