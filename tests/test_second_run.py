@@ -229,8 +229,9 @@ def test_the_turned_angle_does_not_depend_on_the_sampling() -> None:
     often, once = (
         fl.simulate(scene, tolerance=1e-3, sample=sample, duration=2.5, method="Radau5") for sample in (0.01, 2.5)
     )
-    assert [bool(run.warnings) for run in (often, once)] == [True, True]
-    assert often.steps == once.steps
+    assert often.stated is not None and once.stated is not None
+    assert (often.stated.compared, once.stated.compared) == (True, True)  # though two samples show hardly any travel
+    assert often.stated.travelled == pytest.approx(once.stated.travelled, rel=0.05)
 
 
 def test_runs_of_a_batch_are_doubted_for_their_energy_like_single_runs() -> None:
