@@ -43,7 +43,7 @@ def monitor(run: fl.RunSettings, off: float) -> Monitor:
 def test_a_second_order_error_is_a_third_of_the_change_with_doubled_steps() -> None:
     """Second-order errors grow fourfold if the step is doubled: tips with errors of 1 cm and 4 cm are 3 cm apart."""
     of_a_run = monitor(fl.RunSettings(step=0.1, sample=0.1, duration=4.0), 0.01)
-    second = next(second_runs(of_a_run, "Gauss4"))
+    second = next(second_runs(of_a_run))
     assert (second.run.step, second.every) == (0.2, 2)
     warning = doubt(of_a_run, second, path(0.04)[::2])
     assert re.findall(r"[\d.]+ m?s?\b", warning) == ["0.01 m", "0.2 s", "1 m"]

@@ -13,7 +13,7 @@ from conftest import flexible, make_scene
 from test_continued import DRIVES, MOTION, arm, law
 
 import flexlink as fl
-from flexlink.motion.inputs.started import started_from
+from flexlink.motion.inputs.problem import started_from
 from tests.words import refused
 
 FIXED, IMPLICIT = {"run.step": 1e-4}, {"run.method": "Gauss4", "run.step": 2e-3}

@@ -226,9 +226,11 @@ def test_a_large_energy_error_within_tolerance_starts_a_second_run(
 
 def test_the_turned_angle_does_not_depend_on_the_sampling() -> None:
     scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied({"initial.joint_deg": (0.0, 70.0, 90.0)})
-    often, once = (
-        fl.simulate(scene, tolerance=1e-3, sample=sample, duration=2.5, method="Radau5") for sample in (0.01, 2.5)
-    )
+    run = fl.RunSettings(tolerance=1e-3, duration=2.5, method="Radau5")
+    scenes = [scene.varied({"run": run, "run.sample": sample}) for sample in (0.01, 2.5)]
+    firsts = [single.SingleRun(problem_of(each)).finish(Stop(), compared=False) for each in scenes]
+    assert firsts[0].steps == firsts[1].steps
+    often, once = (fl.simulate(each) for each in scenes)
     assert often.stated is not None and once.stated is not None
     assert (often.stated.compared, once.stated.compared) == (True, True)  # though two samples show hardly any travel
     assert often.stated.travelled == pytest.approx(once.stated.travelled, rel=0.05)

@@ -228,13 +228,13 @@ class MethodSteps:
 
     def go_on_with(self, name: str, why: str = "") -> None:
         """Continue with another method to the end of the piece; by default the reason is the switch and its time."""
-        added_up = STEPPER.deflection, STEPPER.angle_travelled, STEPPER.drifting, STEPPER.drifted, STEPPER.kicked
         before, time, end, self.evaluations_besides = self.work.stepper.copy(), self.time, self.end, self.evaluations
         self.count[COUNT.iterations] = 0
         self._take((name, why or f"{self.why}; {self.name} until t = {time:.3g} s"), time)
         self._put_gains()  # gains of the present inputs, which in a simulator may differ from the record's
         self.aim(time, end)
-        now, continued = self.work.stepper, [*added_up]
+        now = self.work.stepper
+        continued = [STEPPER.deflection, STEPPER.angle_travelled, STEPPER.drifting, STEPPER.drifted, STEPPER.kicked]
         now[continued], now[STEPPER.step] = before[continued], min(before[STEPPER.step], self.settings[-1])
 
     def _take(self, choice: tuple[str, str], now: float) -> None:

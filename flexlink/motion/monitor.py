@@ -22,8 +22,7 @@ from flexlink.motion.step_errors import rounded_away, step_errors, summed
 from flexlink.motion.tolerable import Thresholds, allowed_imbalance, probed, tolerance_of
 from flexlink.results import balance
 from flexlink.results.record import Record
-from flexlink.results.samples import Steps
-from flexlink.results.stated_error import StatedError
+from flexlink.results.samples import StatedError, Steps
 from flexlink.results.stop_reasons import DivergenceError, Failure
 from flexlink.results.tip_motion import extent_of_motion, motion_in_words
 from flexlink.results.trajectory import Trajectory

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import positive, require_callable
+from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
@@ -27,7 +28,6 @@ from flexlink.motion.chunk_size import ChunkSize
 from flexlink.motion.floating_steps import advance
 from flexlink.motion.inputs.actuation import drive_for
 from flexlink.motion.inputs.drives import effort_of, held_torques
-from flexlink.motion.read_gains import impulses, nothing_read
 from flexlink.motion.sensing import sample_at
 from flexlink.results.record import Record
 from flexlink.results.stop_reasons import LawFailure
@@ -204,6 +204,31 @@ class Control:
         tau = np.zeros(self.chain.n)
         tau[self.chain.active] = self.torque(t, q, qd)
         return tau
+
+
+def nothing_read(chain: Chain) -> Array:
+    """Memory of `impulses` before the first instant, (4, d): τ and q̇ of the last instant, and both sums."""
+    return np.repeat([[np.nan], [np.nan], [0.0], [0.0]], len(chain.active), axis=1)
+
+
+def impulses(memory: Array, chain: Chain, tau: Array, qd: Array, period: float) -> Array:
+    """Impulses T k_d, (n,), of a law of unknown gains, from its torques (d,) and the rates (n,) at an instant.
+
+        k_d = √(Σ Δτ² / Σ Δq̇²)
+
+    They count in the error of the steps (`STEPPER.read`). Torques that change for other reasons make the gains larger,
+    and the steps more accurate than needed. The `memory` is updated.
+    """
+    fading = 0.95  # weight of earlier instants; about twenty count
+    before, found = memory[:2].copy(), np.zeros(chain.n)
+    memory[0], memory[1] = tau, qd[chain.active]
+    with np.errstate(all="ignore"):  # a diverging run overflows
+        if not np.isnan(before).any():
+            memory[2:] = fading * memory[2:] + np.square(memory[:2] - before)
+        torque, rate = memory[2:]
+        gain = np.sqrt(np.divide(torque, rate, out=np.zeros_like(torque), where=rate > 0.0))
+    found[chain.active] = period * np.nan_to_num(gain, posinf=0.0)
+    return found
 
 
 def held_torques_advice(between: float) -> str:

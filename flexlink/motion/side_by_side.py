@@ -181,7 +181,7 @@ class Block:
             monitor.steps = steps_up_to(self.run, monitor.n_valid * self.run.steps_per_sample)
             return monitor.diverged()
         if self.members[k].compared and not stop.requested:
-            monitor.warnings += verify(monitor, self.steps.method, stop)
+            monitor.warnings += verify(monitor, stop)
         if stop.signal is not None:
             return InterruptedRunError(monitor.trajectory(), stop.signal)
         return monitor.trajectory()

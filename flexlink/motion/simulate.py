@@ -17,12 +17,10 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.motion.budget import warn
 from flexlink.motion.inputs.drives import remembered
-from flexlink.motion.inputs.problem import problem_of, started
-from flexlink.motion.inputs.started import started_from
+from flexlink.motion.inputs.problem import problem_of, started, started_from
 from flexlink.motion.sampled_control import Law
 from flexlink.motion.single_run import SingleRun
-from flexlink.results.samples import State
-from flexlink.results.stated_error import StatedError
+from flexlink.results.samples import State, StatedError
 from flexlink.results.trajectory import Trajectory
 
 

@@ -20,10 +20,8 @@ from flexlink.kernels.inputs.record import Inputs
 from flexlink.motion.adaptive_steps import AdaptiveSteps
 from flexlink.motion.inputs.actuation import drive_for
 from flexlink.motion.inputs.drives import effort_of, held_torques, remembered
-from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.inputs.started import started_from
-from flexlink.motion.read_gains import impulses, nothing_read
-from flexlink.motion.sampled_control import held_torques_advice
+from flexlink.motion.inputs.problem import problem_of, started_from
+from flexlink.motion.sampled_control import held_torques_advice, impulses, nothing_read
 from flexlink.motion.sensing import sample_at
 from flexlink.motion.single_run import SingleRun
 from flexlink.motion.tolerable import Thresholds
@@ -118,7 +116,8 @@ class Simulator:
         self._read = nothing_read(self.chain)
         self._past: list[tuple[Array | None, float, Array]] = []  # torques, duration, and angles after each call
         self._again: Simulator | None = None
-        self._start, self._error = (q, qd, time), 0.0
+        self._given = [None if each is None else np.array(each) for each in (q, qd)]  # the caller may change its arrays
+        self._began, self._error = time, 0.0
         self._monitor.begin()
         self._steps.go(self._pushed, self._time, self._time)  # compiles
         self._sense(self._driven)
@@ -181,7 +180,7 @@ class Simulator:
         if self._again is None:
             finer = next(runs_of_other_order(self._run, self._steps.name, self.chain.size))
             self._again = Simulator(self._scene.varied({"run": finer}))
-            self._again.reset(*self._start[:2], time=self._start[2])
+            self._again.reset(*self._given, time=self._began)
         for tau, duration, q in self._past:
             both = q, self._again.step(tau, duration=duration).q
             own, other = (compared_path(self.chain, each[None]) for each in both)

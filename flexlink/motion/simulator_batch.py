@@ -26,8 +26,7 @@ from flexlink.motion.batch import prepared
 from flexlink.motion.fixed_steps import steps_up_to
 from flexlink.motion.inputs.actuation import drive_for
 from flexlink.motion.inputs.drives import effort_of, pushed, remembered, side_by_side
-from flexlink.motion.inputs.problem import started
-from flexlink.motion.inputs.started import started_from
+from flexlink.motion.inputs.problem import started, started_from
 from flexlink.motion.inputs.step_check import check_steps
 from flexlink.motion.monitor import Monitor
 from flexlink.motion.side_by_side import Block, Member, alike, in_lanes

@@ -24,8 +24,7 @@ from flexlink.kernels.tools.machine_code import types_of
 from flexlink.motion.adaptive_steps import AdaptiveSteps
 from flexlink.motion.fixed_steps import FixedSteps
 from flexlink.motion.inputs.drives import recall
-from flexlink.motion.inputs.problem import problem_of, started
-from flexlink.motion.inputs.started import started_from
+from flexlink.motion.inputs.problem import problem_of, started, started_from
 from flexlink.motion.inputs.step_check import check_step
 from flexlink.motion.monitor import Monitor
 from flexlink.motion.sampled_control import Law, control_of
@@ -41,7 +40,7 @@ from flexlink.motion.verification import (
     unknown,
 )
 from flexlink.results.record import Record
-from flexlink.results.stated_error import StatedError
+from flexlink.results.samples import StatedError
 from flexlink.results.stop_reasons import (
     ControlError,
     EvaluationLimitError,
@@ -146,7 +145,7 @@ class SingleRun:
                 if monitor.run.controlled:
                     monitor = settled(monitor, self._before, stop)
                 else:
-                    monitor.warnings += verify(monitor, monitor.steps.method, stop)
+                    monitor.warnings += verify(monitor, stop)
         except LawFailure as failure:
             raise ControlError(f"{monitor.record.chain.name}: {failure}", monitor.trajectory()) from failure.__cause__
         except KeyboardInterrupt:  # from a signal handler of the caller, or from `progress`
@@ -215,21 +214,21 @@ def settled(first: Monitor, before: Array | None, stop: Stop) -> Monitor:
             runs.append(other)
             if motion is not None:
                 break
-    if motion is not None and gaps and not stop.requested:
-        return _nearer(first, runs[-1], next(finer, None), before, stop)
     if gaps and not stop.requested:
-        return _confirmed(runs[-1], first, extrapolated(gaps))
+        if motion is None:
+            return _confirmed(runs[-1], first, extrapolated(gaps))
+        again = next(finer, None)
+        return _nearer(first, gaps[0], _other(first, again, before, stop) if again else None, runs[-1])
     if not stop.requested:
         first.warnings.append(unknown(first))
     return first
 
 
-def _nearer(first: Monitor, other: Monitor, settings: RunSettings | None, before: Array | None, stop: Stop) -> Monitor:
-    """A continued run or a finer one, whichever is nearer to the other run, with which both are compared."""
-    finer = None if settings is None else _other(first, settings, before, stop)
-    found = [(run, compared_with(other, run, first)) for run in (first, finer) if run is not None]
-    run, compared = min(found, key=lambda each: float(each[1].tip.max()))
-    return _confirmed(run, first, compared)
+def _nearer(first: Monitor, found: StatedError, finer: Monitor | None, other: Monitor) -> Monitor:
+    """A continued run, `found` at its distance to the other run, or a finer one if that is nearer to the other run."""
+    if finer is not None and (nearer := compared_with(other, finer, first)).tip.max() < found.tip.max():
+        return _confirmed(finer, first, nearer)
+    return _confirmed(first, first, found)
 
 
 def _confirmed(run: Monitor, first: Monitor, found: StatedError) -> Monitor:
@@ -273,18 +272,17 @@ def _other(
     return None if other.monitor.failure or other.steps.failure or stop.requested else other.monitor
 
 
-def verify(monitor: Monitor, name: str, stop: Stop) -> Iterator[Diagnostic]:
-    """Compare a finished run of this method with verification runs; yield a warning if they contradict it."""
+def verify(monitor: Monitor, stop: Stop) -> Iterator[Diagnostic]:
+    """Compare a finished run with fixed steps with verification runs; yield a warning if they contradict it."""
     text = Diagnostic("", "")
     own, problem = monitor.steps.evaluations, monitor.record.problem
-    for second in second_runs(monitor, name):
+    for second in second_runs(monitor):
         text = text or unknown(monitor)
         most = min(second.run.max_evaluations, GIVEN_UP * own)
         limited = replace(second.run, max_evaluations=most) if second.run.controlled else second.run
         try:
             again = replace(problem.scene, run=limited)  # fails if the start is not a multiple of the new step
-            halved, passes = limited.controlled, problem.run.controlled
-            other = SingleRun(problem_of(again, problem.original), halved=halved, passes=passes)
+            other = SingleRun(problem_of(again, problem.original), halved=limited.controlled, passes=False)
             other.advance(stop, lambda _: None)
         except FlexlinkError:
             continue

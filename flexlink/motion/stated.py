@@ -18,8 +18,7 @@ from flexlink.common.types import Array
 from flexlink.describe.schemes.methods import Method, method
 from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.motion.tolerable import Thresholds
-from flexlink.results.samples import RunSamples
-from flexlink.results.stated_error import Start, StatedError
+from flexlink.results.samples import RunSamples, State, StatedError
 from flexlink.results.tip_motion import apart
 
 Monitor = Any
@@ -48,11 +47,11 @@ def stated_of(monitor: Monitor) -> StatedError | None:
 def compared_with(other: Monitor, run: Monitor, first: Monitor) -> StatedError:
     """The error of a run that may replace the `first` one: its distance to another run, which may begin earlier."""
     one, two, n = run.record, other.record, run.n_valid
-    end = float(two.t[-1]), two.q[-1].copy(), two.qd[-1].copy()
+    end = State(float(two.t[-1]), two.q[-1].copy(), two.qd[-1].copy())
     tip, before = apart(one.compared(n), two.compared(other.n_valid)[-n:]), first.before
     if before is not None and before.end is None and two.t[0] == one.t[0]:  # the other run begins where this one does
         tip += before.tip[-1]
-    return _described(run, first, tip, _outputs_apart(run, other), end, two.inputs.drive.delayed(end[0]))
+    return _described(run, first, tip, _outputs_apart(run, other), end, two.inputs.drive.delayed(end.t))
 
 
 def _described(
@@ -60,11 +59,11 @@ def _described(
     first: Monitor,
     tip: Array,
     outputs: dict[str, Array],
-    end: Start | None = None,
+    end: State | None = None,
     delayed: Array | None = None,
 ) -> StatedError:
     record = first.record
-    start = (float(record.t[0]), record.q[0].copy(), record.qd[0].copy())
+    start = State(float(record.t[0]), record.q[0].copy(), record.qd[0].copy())
     travelled, drifting, drifted = run.travelled, run.drifting, float(_drifted(run)[-1])
     if (before := first.before) is not None:
         start, travelled, drifting = before.start, before.travelled + travelled, before.drifting + drifting

@@ -47,8 +47,8 @@ class Second(NamedTuple):
     strict: bool = True  # whether this run is so accurate that a difference proves the first run wrong
 
 
-def second_runs(monitor: Monitor, name: str) -> Iterator[Second]:
-    """Yield runs with which to compare a finished run by method `name`; the first strict one that ends decides.
+def second_runs(monitor: Monitor) -> Iterator[Second]:
+    """Yield runs with which to compare a finished run with fixed steps; the first strict one that ends decides.
 
     If a control law drives the arm, there are no such runs, since the law may have internal states.
     """
@@ -121,8 +121,8 @@ def doubt(monitor: Monitor, second: Second, path: Array) -> Diagnostic:
     """Warning that follows from the path of a verification run; empty if both runs agree."""
     own = monitor.record.compared(monitor.n_valid)[:: second.every][: len(path)]
     error = float(apart(own, path).max()) / second.larger
-    of = second.run.tolerance or STRICTER * _tolerance(monitor)
-    steps = f"a tolerance of {of:.2g} m" if second.run.controlled else f"steps of {second.run.fixed_step:g} s"
+    run = second.run
+    steps = f"a tolerance of {run.tolerance:.2g} m" if run.controlled else f"steps of {run.fixed_step:g} s"
     text = f"doubtful: tip error {error:.2g} m relative to a run with {steps}"
     if not (chain := monitor.record.chain).has_levers:
         text = (

@@ -25,8 +25,7 @@ from flexlink.dynamics.result import read_archive
 from flexlink.kernels.bodies.shaped_mass import Shapes
 from flexlink.kernels.layout import BODY, COUPLING, FORCES, HINGE
 from flexlink.results.archive_schema import check_chain, check_delayed, check_samples
-from flexlink.results.samples import BaseMotion, Steps
-from flexlink.results.stated_error import StatedError
+from flexlink.results.samples import BaseMotion, State, StatedError, Steps
 from flexlink.results.trajectory import Trajectory
 
 
@@ -102,11 +101,11 @@ def _stated(arrays: Mapping[str, Any]) -> StatedError:
     return StatedError(arrays["error"], allowed, compared, outputs, start, travelled, drifting, drifted, end, delayed)
 
 
-def _state(numbers: NDArray[Any], n: int) -> tuple[float, NDArray[Any], NDArray[Any]]:
+def _state(numbers: NDArray[Any], n: int) -> State:
     """Time, angles and rates of n joints, from one array."""
     if numbers.dtype != np.float64 or numbers.shape != (1 + 2 * n,) or not np.isfinite(numbers).all():
         raise ValueError(f"a state of its motion has shape {numbers.shape}; expected {1 + 2 * n} finite numbers")
-    return float(numbers[0]), numbers[1 : 1 + n].copy(), numbers[1 + n :].copy()
+    return State(float(numbers[0]), numbers[1 : 1 + n].copy(), numbers[1 + n :].copy())
 
 
 def _warnings(arrays: Mapping[str, Any]) -> Iterator[Diagnostic]:

@@ -19,8 +19,7 @@ from flexlink.dynamics.momentum import Momentum, momentum_of_states
 from flexlink.kernels.stepping.samples import derive, prescribed_torques
 from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.kernels.tools.machine_code import direct
-from flexlink.results.samples import BaseMotion, Steps
-from flexlink.results.stated_error import StatedError
+from flexlink.results.samples import BaseMotion, StatedError, Steps
 from flexlink.results.tip_motion import checked_path, compared_path
 from flexlink.results.trajectory import Trajectory
 

@@ -29,7 +29,6 @@ from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.result import Result, read_only
 from flexlink.dynamics.sensors.columns import coarse_samples, sensor_columns
 from flexlink.results import balance
-from flexlink.results.stated_error import StatedError
 
 
 class Steps(NamedTuple):
@@ -54,6 +53,28 @@ class State(NamedTuple):
     t: float  # time [s]
     q: Array  # (n,) joint angles [rad]
     qd: Array  # (n,) joint rates [rad/s]
+
+
+class StatedError(NamedTuple):
+    """Estimated error of a run, what it may be, and what the error of a run that continues it depends on."""
+
+    tip: Array  # (samples,) of the tip, the largest of all tips [m]
+    allowed: float  # tolerance of the run [m]
+    compared: bool  # whether it is the distance to another run, or estimated from the errors of the steps
+    outputs: Mapping[str, Array]  # of what is read besides the tip, by name with unit, (samples,)
+    start: State  # of the motion, which may have begun in an earlier run
+    travelled: float  # angle travelled by all free joints since then [rad]
+    drifting: float  # sum of the estimated errors of rates that last [m/s]; the displacement by these [m]
+    drifted: float
+    end: State | None = None  # where the run ended with which this one was compared
+    delayed: Array | None = None  # torques on their way then, as in `RunSamples.delayed`
+
+    def __str__(self) -> str:
+        """The largest error, whether the tolerance is kept, and how the error was found."""
+        error = float(self.tip.max())
+        verdict = "kept" if error <= self.allowed else f"exceeded {error / self.allowed:.2g}-fold; take a smaller one"
+        found = "by a second run" if self.compared else "from the errors of the steps"
+        return f"tip error {error:.2g} m, {found}; tolerance {self.allowed:.2g} m, {verdict}"
 
 
 class BaseMotion(NamedTuple):

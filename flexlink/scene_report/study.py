@@ -55,11 +55,6 @@ class Study:
         return lump(self.scene)
 
     @cached_property
-    def followed(self) -> Scene:
-        """The scene, with runs that follow the vibrations which loads and torques contain."""
-        return self.scene.varied({"run.outputs": ("loads", "torques")})
-
-    @cached_property
     def start(self) -> tuple[Array, Array]:
         """Initial angles and rates."""
         return initial_state(self.scene, self.chain)
@@ -109,9 +104,9 @@ class Study:
 
     @cached_property
     def attempt(self) -> Trajectory | FlexlinkError:
-        """The scene's run, or the error that prevented it."""
+        """The scene's run, which follows the vibrations in loads and torques, or the error that prevented it."""
         try:
-            return simulate(self.followed)
+            return simulate(self.scene.varied({"run.outputs": ("loads", "torques")}))
         except FlexlinkError as error:
             return error
 
