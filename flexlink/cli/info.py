@@ -3,6 +3,7 @@
 flexlink info models/paper_fig5.toml
 flexlink info models/paper_fig5.toml --set 'link.*.segments=9'
 flexlink info models/paper_fig5.toml --json
+flexlink info models/paper_fig5.toml --run run.npz
 """
 
 from __future__ import annotations
@@ -34,11 +35,13 @@ from flexlink.motion.evaluation_cost import machine_factor, step_cost
 from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.inputs.tip_wrench import initial_wrench
+from flexlink.results.loading import load_trajectory
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `info`."""
     command.add_argument("scene", type=Path, help="scene file (.toml)")
+    command.add_argument("--run", type=Path, metavar="FILE", help="also show a stored run (.npz) and its error")
     add_json(command)
 
 
@@ -47,6 +50,8 @@ def run_command(options: argparse.Namespace) -> int:
     scene = varied_scene(options.scene, options)
     with prefix_errors(options.scene):
         about, found = _examined(scene)
+        if options.run is not None:
+            about["run"] = str(load_trajectory(options.run))
         if options.json:
             print_json(about)
         else:
@@ -104,6 +109,8 @@ def _show(about: Mapping[str, Any]) -> None:
     if about["sensors"]:
         print(f"sensors: {', '.join(about['sensors'])}")
     _show_frequencies(about)
+    if "run" in about:
+        print(about["run"])
     print("adaptive steps, the default, follow from the tolerance; largest stable fixed steps:")
     for row in about["stable_steps"]:
         print(f"  {row['method']:<6} {_step_text(row)}")

@@ -31,7 +31,7 @@ def cheapest(record: Record, tolerance: float, slowest: float) -> tuple[str, str
     `slowest`: lowest natural frequency due to springs [rad/s], for the reason.
     """
     costs, fastest = guessed_costs(record, tolerance), max(fastest_motion(record, record.q[0]))
-    if fastest * record.run.duration > STIFF or tolerance > SMALL * record.chain.size:
+    if not reads_rates(record) and (fastest * record.run.duration > STIFF or tolerance > SMALL * record.chain.size):
         del costs["Radau9"]
     name = min(costs, key=lambda name: costs[name])
     if name == "DOP853":
@@ -62,8 +62,17 @@ def guessed_costs(record: Record, tolerance: float) -> dict[str, float]:
     if record.chain.hinges["coulomb"].any():
         tries["Radau9"] = max(tries["Radau9"], tries["Radau5"])
     drive = record.inputs.drive  # steps end at the instants of a sampled law, and where its torques begin to act
-    fewest = drive.rate * run.duration * (2.0 if acts_between_instants(drive) else 1.0)
-    return {name: price_of_a_step(record, name) * max(fewest, tries[name]) for name in tries}
+    fewest = dict.fromkeys(tries, drive.rate * run.duration * (2.0 if acts_between_instants(drive) else 1.0))
+    if reads_rates(record):
+        seen = 3e-4 / part * (200.0 / drive.rate) ** 2
+        fewest["Radau5"] *= max(1.0, 10.0 * seen) ** 0.4
+        fewest["Radau9"] *= max(1.0, seen) ** 0.2
+    return {name: price_of_a_step(record, name) * max(fewest[name], tries[name]) for name in tries}
+
+
+def reads_rates(record: Record) -> bool:
+    """Whether a sampled law reads the rates of an arm that vibrates."""
+    return record.inputs.drive.rate > 0 and bool((record.chain.stiffness > 0).any())
 
 
 def prices(record: Record, *, explicit: bool) -> list[float]:

@@ -275,7 +275,7 @@ def continued(after: Trajectory | None, scene: Scene) -> StatedError | None:
         return None
     motion, end = after.stated, after.state(-1)
     same = after.scene is not None and replace(after.scene, initial=scene.initial, run=scene.run) == scene
-    return motion if same and after.base is None else motion._replace(start=end, end=None, delayed=None)
+    return motion if same else motion._replace(start=end, end=None, delayed=None)
 
 
 def _end_of(after: Trajectory, q0: ArrayLike | None, qd0: ArrayLike | None, t0: float | None) -> State:

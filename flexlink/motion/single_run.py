@@ -190,7 +190,8 @@ def settled(first: Monitor, before: Array | None, stop: Stop) -> Monitor:
     """The run to return with its stated error: the first one, or a finer one if its error exceeds the tolerance.
 
     Where steps may hide errors, or motion amplifies them, the run is compared with one by a method of another order. If
-    they are farther apart than the tolerance, finer runs follow until one confirms the first or the previous run.
+    they are farther apart than the tolerance, or the errors of the steps of the other run are large, finer runs follow
+    until one confirms the first or the previous run.
     `before`: torques on their way when an earlier run ended. The run with which a continued run is compared begins
     where that of the earlier run ended, or at the start of the motion, so that it shows the error handed on.
     """
@@ -200,15 +201,17 @@ def settled(first: Monitor, before: Array | None, stop: Stop) -> Monitor:
         return first
     if not needs_comparison(first):
         return first
-    record, motion = first.record, None if first.record.base is not None else first.before
-    finer = runs_of_other_order(first.run, first.steps.method, record.chain.size, record.least_tolerance)
+    record, motion = first.record, first.before
+    part = min(1.0, float(first.tolerance / estimated_error(first)[-1]) ** 0.5)
+    finer = runs_of_other_order(first.run, first.steps.method, record.chain.size, record.least_tolerance, part)
     runs, gaps, distance = [first], list[StatedError](), None  # distance of the last two runs, in tolerances
     with contextlib.suppress(StopIteration):
         while (other := _other(first, finer.send(distance), before, stop, motion)) is not None:
+            sound = estimated_error(other)[-1] <= first.tolerance
             for run in dict.fromkeys((first, runs[-1])):
                 found = compared_with(other, run, first)
                 distance = float(found.tip.max()) / first.tolerance
-                if distance <= 1.0:
+                if sound and distance <= 1.0:
                     return _confirmed(run, first, found)
             gaps.append(found)
             runs.append(other)
@@ -216,7 +219,7 @@ def settled(first: Monitor, before: Array | None, stop: Stop) -> Monitor:
                 break
     if gaps and not stop.requested:
         if motion is None:
-            return _confirmed(runs[-1], first, extrapolated(gaps))
+            return _confirmed(runs[-1], first, extrapolated(gaps[-1], runs[-1], runs[-2]))
         again = next(finer, None)
         return _nearer(first, gaps[0], _other(first, again, before, stop) if again else None, runs[-1])
     if not stop.requested:
@@ -251,20 +254,20 @@ def _other(
     if motion is not None:
         start, before = (motion.start, None) if motion.end is None else (motion.end, motion.delayed)
         duration += float(record.t[0]) - start[0]
-    fewest = 1000  # of a run that is given up: a short part of a motion, or one without vibrations, takes very few
+    fewest = 2000  # of a run that is given up: a short part of a motion, or one without vibrations, takes very few
     most = min(run.max_evaluations, GIVEN_UP * max(fewest, first.steps.evaluations) * duration / run.duration)
     run = build_validated(replace, run, duration=duration, max_evaluations=most)
     scene = build_validated(replace, problem.scene, run=run)
     halved = run.method == first.steps.method
     try:
+        begun = scene if start is None else started_from(scene, start[1], start[2], start[0])
         if problem.base is not None:
-            other = SingleRun(problem_of(scene, problem.original), before=before, halved=halved)
+            other = SingleRun(problem_of(begun, problem.original), before=before, halved=halved)
         else:
             drive = problem.inputs.drive  # a sampled drive writes to its memory
             drive = drive._replace(held=np.zeros_like(drive.held), next_instant=np.zeros_like(drive.next_instant))
             problem = dataclasses.replace(problem, scene=scene, inputs=problem.inputs._replace(drive=drive))
-            if start is not None:
-                problem = started(problem, started_from(scene, start[1], start[2], start[0]))
+            problem = problem if start is None else started(problem, begun)
             other = SingleRun(problem, before=before, kept=record.kept("comparison", run, Kept), halved=halved)
         other.advance(stop, lambda _: None)
     except FlexlinkError:

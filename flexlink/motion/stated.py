@@ -9,7 +9,6 @@ Other errors of a motion that does not amplify them are less than a tolerance (`
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -45,12 +44,16 @@ def stated_of(monitor: Monitor) -> StatedError | None:
 
 
 def compared_with(other: Monitor, run: Monitor, first: Monitor) -> StatedError:
-    """The error of a run that may replace the `first` one: its distance to another run, which may begin earlier."""
+    """The error of a run that may replace the `first` one: its distance to another run, which may begin earlier.
+
+    Two runs may agree by chance, so it is at least `Thresholds.seen`.
+    """
     one, two, n = run.record, other.record, run.n_valid
-    end = State(float(two.t[-1]), two.q[-1].copy(), two.qd[-1].copy())
+    end = two.state(other.n_valid - 1)
     tip, before = apart(one.compared(n), two.compared(other.n_valid)[-n:]), first.before
-    if before is not None and before.end is None and two.t[0] == one.t[0]:  # the other run begins where this one does
+    if before is not None and two.t[0] == one.t[0] and np.array_equal(two.q[0], one.q[0]):  # both begin in one state
         tip += before.tip[-1]
+    tip = np.maximum(tip, Thresholds.seen * first.tolerance)
     return _described(run, first, tip, _outputs_apart(run, other), end, two.inputs.drive.delayed(end.t))
 
 
@@ -63,8 +66,8 @@ def _described(
     delayed: Array | None = None,
 ) -> StatedError:
     record = first.record
-    start = State(float(record.t[0]), record.q[0].copy(), record.qd[0].copy())
-    travelled, drifting, drifted = run.travelled, run.drifting, float(_drifted(run)[-1])
+    start = record.state(0)
+    travelled, drifting, drifted = run.travelled, run.drifting, float(displaced(run)[-1])
     if (before := first.before) is not None:
         start, travelled, drifting = before.start, before.travelled + travelled, before.drifting + drifting
     tip.setflags(write=False)
@@ -73,17 +76,18 @@ def _described(
     )
 
 
-def _drifted(run: Monitor) -> Array:
+def displaced(run: Monitor) -> Array:
     """Estimated displacement by errors of rates that last [m], in this and earlier runs, at the valid samples."""
     own, before, t = run.record.so_far[: run.n_valid, SO_FAR.drifted], run.before, run.record.t
     return np.asarray(own if before is None else own + before.drifted + before.drifting * (t[: run.n_valid] - t[0]))
 
 
-def extrapolated(found: Sequence[StatedError]) -> StatedError:
-    """The error of the finest of several runs, from the distance of each to the next: it shrinks as they did."""
-    *earlier, last = found
-    shrinks = min(1.0, float(last.tip.max() / earlier[-1].tip.max())) if earlier else 1.0
-    return last._replace(tip=shrinks * last.tip)
+def extrapolated(found: StatedError, run: Monitor, coarser: Monitor) -> StatedError:
+    """The error of a run that no finer one confirms, from the error `found` of a coarser run: it shrinks as tolerances.
+
+    Errors of the run's own steps are added.
+    """
+    return found._replace(tip=found.tip * run.tolerance / coarser.tolerance + estimated_error(run))
 
 
 def _outputs_apart(run: Monitor, other: Monitor) -> dict[str, Array]:
@@ -91,34 +95,36 @@ def _outputs_apart(run: Monitor, other: Monitor) -> dict[str, Array]:
     if not run.record.follows_vibrations or run.record.base is not None:
         return {}
     one, two = (each.record.trajectory(each.n_valid) for each in (run, other))
-    found = {name: np.abs(one.readings[name] - two.readings[name][-len(one.t) :]) for name in one.sensor_names}
-    pairs = {"loads": ("moment [N m]", "force [N]"), "torques": ("tau [N m]",)}
-    for kind in run.run.outputs:
-        for name in pairs[kind]:
-            a, b = (_output(each, name) for each in (one, two))
-            found[name] = np.abs(a - b[-len(a) :]).reshape(len(a), -1).max(axis=1)
+    listed = {"loads": ("moment [N m]", "force [N]"), "torques": ("tau [N m]",)}
     own = 0.8  # the error of the other run is at most a fifth of the distance, as it is ten times as accurate or more
-    return {name: error / own for name, error in found.items()}
+    part = Thresholds.usual * run.tolerance / run.record.chain.size  # of the largest value so far, as for the tip
+    found = {}
+    for name in (*one.sensor_names, *(name for kind in run.run.outputs for name in listed[kind])):
+        a, b = (_output(each, name, len(one.t)) for each in (one, two))
+        found[name] = np.maximum(np.abs(a - b).max(axis=1) / own, part * np.maximum.accumulate(np.abs(a).max(axis=1)))
+    return found
 
 
-def _output(run: RunSamples, name: str) -> Array:
-    return run.tau if name.startswith("tau") else np.asarray(getattr(run.loads, name.split(maxsplit=1)[0]))
+def _output(run: RunSamples, name: str, rows: int) -> Array:
+    """The last `rows` samples of a sensor, of loads or of torques, (rows, values)."""
+    if name in run.sensor_names:
+        values = run.readings[name]
+    else:
+        values = run.tau if name.startswith("tau") else np.asarray(getattr(run.loads, name.split(maxsplit=1)[0]))
+    return values[-rows:].reshape(rows, -1)
 
 
 def estimated_error(monitor: Monitor) -> Array:
     """Error of the tip at the valid samples [m], from the errors of the steps and the error handed on."""
     n, before, so_far = monitor.n_valid, monitor.before, monitor.record.so_far
     handed_on, drifted = (0.0, 0.0) if before is None else (float(before.tip[-1]), before.drifted)
-    usual = max(handed_on, Thresholds.usual * monitor.tolerance)
-    if np.isfinite(monitor.record.inputs.drive.effort).any():  # errors where a motor reaches its limits add up
-        usual = handed_on + Thresholds.limited * monitor.tolerance
-    found = np.full(n, usual)
+    found = np.full(n, handed_on)
     if so_far[n - 1, SO_FAR.drifted] > 0.0 or before is not None:
-        found += Thresholds.lasting * (_drifted(monitor) - drifted)
+        found += Thresholds.lasting * (displaced(monitor) - drifted)
     if so_far[n - 1, SO_FAR.kicked] > 0.0:
         kicked = np.diff(so_far[:n, SO_FAR.kicked], prepend=0.0)
         rows = [(row, read_by(method(name))[0]) for row, name, _ in monitor.methods]
         for (first, error), (stop, _) in itertools.pairwise([*rows, (n, 0.0)]):
             kicked[first:stop] *= error
         found += kicked.cumsum()
-    return found
+    return np.asarray(np.maximum(found, Thresholds.usual * monitor.tolerance))

@@ -82,9 +82,11 @@ class StopTimes:
             return only(end)
         if self.halved:
             times, passed_by = self._between(start, end)
-            middles = (np.append(start, times[:-1]) + times) / 2
-            beside = np.minimum(np.append(np.inf, passed_by[:-1]), passed_by)
-            return np.column_stack([middles, times]).ravel(), np.column_stack([beside, passed_by]).ravel()
+            before = np.append(start, times[:-1])
+            middles, beside = (before + times) / 2, np.minimum(np.append(np.inf, passed_by[:-1]), passed_by)
+            apart = (middles > before) & (middles < times)  # a knot and a sample may be one rounding error apart
+            new = np.flatnonzero(apart)
+            return np.insert(times, new, middles[apart]), np.insert(passed_by, new, beside[apart])
         if self.drive is not None or not self.at_samples:
             return self._between(start, end)
         found: Stops = self._kept("between", (start, end), lambda: self._between(start, end))

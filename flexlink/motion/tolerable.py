@@ -48,17 +48,17 @@ class Thresholds:
     """An adaptive step shorter than the duration over this number may use only a proportional part of the tolerance."""
     tolerable: float = 3.0
     """Largest error of a run, in units of its tolerance, that is accepted; ideally 1, and at most 10 at the end."""
-    usual: float = 0.3
-    """Error that is stated where nothing indicates a larger one, in tolerances: measured, they are 0.02 to 0.6."""
-    limited: float = 0.6
-    """The same for motors with limits, which end steps where they reach them: measured, errors are 0.1 to 2.2."""
+    usual: float = 0.5
+    """Error that is stated where nothing indicates a larger one, in tolerances: measured, they are 0.02 to 1.3."""
     lasting: float = 0.1
     """Error relative to the displacement by estimated errors of rates that last.
 
     Measured on free arms, it is 0.001 to 0.5; the larger numbers belong to vibrations that the steps do not resolve.
     """
-    large: float = 0.8
-    """Estimated error, in tolerances, from which a run is compared with another one."""
+    large: float = 0.5
+    """Estimated error, in tolerances, from which a run is compared with another one; half of it, if it lasts."""
+    seen: float = 0.1
+    """Smallest error that is stated where two runs were compared, in tolerances."""
     runs: int = 4
     """Largest number of runs with which one run is compared."""
     finer: str = "Radau9"

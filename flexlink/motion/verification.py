@@ -18,16 +18,19 @@ import math
 from collections.abc import Generator, Iterator
 from typing import NamedTuple
 
+import numpy as np
 from msgspec.structs import replace
 
+from flexlink.chain.size import on_elastic_gears
 from flexlink.common.types import Array
 from flexlink.common.wording import Diagnostic
 from flexlink.describe.run_settings import AUTO, RunSettings
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.spec import build_validated
+from flexlink.kernels.inputs.laws import COMPUTED_TORQUE
 from flexlink.motion.hindrance import loop_grows
 from flexlink.motion.monitor import Monitor
-from flexlink.motion.stated import estimated_error
+from flexlink.motion.stated import displaced, estimated_error
 from flexlink.motion.tolerable import Thresholds
 from flexlink.results.tip_motion import apart, motion_in_words
 
@@ -75,19 +78,34 @@ def needs_comparison(monitor: Monitor) -> bool:
     if monitor.n_valid < 2:
         return False
     after = monitor.before is not None and monitor.before.end is not None
-    estimated = bool(estimated_error(monitor)[-1] > Thresholds.large * monitor.tolerance)
+    lasting = 2.0 * Thresholds.lasting * float(displaced(monitor)[-1])
+    estimated = max(lasting, float(estimated_error(monitor)[-1])) > Thresholds.large * monitor.tolerance
     read = monitor.record.follows_vibrations and monitor.run.accuracy == "auto"
-    return after or estimated or read or monitor.suspicious or bool(multiplies(monitor))
+    return after or estimated or read or monitor.suspicious or _switches(monitor) or bool(multiplies(monitor))
 
 
-def runs_of_other_order(run: RunSettings, name: str, size: float, least: float = 0.0) -> Finer:
+def _switches(monitor: Monitor) -> bool:
+    """Whether motors reach their limits, or a rigid model computes torques of elastic gears: errors then add up.
+
+    Many rejected steps also show that torques or their derivatives jump, which may deceive error estimates.
+    """
+    record, drive = monitor.record, monitor.record.inputs.drive
+    if monitor.steps.rejected > 0.3 * monitor.steps.taken:
+        return True
+    if drive.law == COMPUTED_TORQUE and not drive.rate and len(on_elastic_gears(record.chain.arrays)):
+        return True
+    return bool((np.abs(record.tau[: monitor.n_valid, drive.joints]) >= drive.effort).any())
+
+
+def runs_of_other_order(run: RunSettings, name: str, size: float, least: float = 0.0, part: float = 1.0) -> Finer:
     """Settings of runs with which to compare a run by method `name`, finer and finer; send each its distance.
 
     A method of another order shows errors that the run's own smaller steps share; where steps are limited by stability,
     a smaller tolerance and halved steps do. `size` and `least` are the arm's size and the smallest tolerance that
-    rounding errors allow [m]; distances are in tolerances.
+    rounding errors allow [m]; distances are in tolerances. `part`: largest part of the tolerance to begin with.
     """
-    other, part = (name, STRICTER) if method(name).explicit or name == Thresholds.finer else (Thresholds.finer, 1.0)
+    same = method(name).explicit or name == Thresholds.finer
+    other, part = (name, min(part, STRICTER)) if same else (Thresholds.finer, part)
     given, size = ("relative_tolerance", size) if run.tolerance is None else ("tolerance", 1.0)
     before, least = math.inf, 0.0 if run.accuracy == "deflection" else least / size
     for _ in range(Thresholds.runs):

@@ -19,7 +19,7 @@ from flexlink.dynamics.momentum import Momentum, momentum_of_states
 from flexlink.kernels.stepping.samples import derive, prescribed_torques
 from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.kernels.tools.machine_code import direct
-from flexlink.results.samples import BaseMotion, StatedError, Steps
+from flexlink.results.samples import BaseMotion, State, StatedError, Steps
 from flexlink.results.tip_motion import checked_path, compared_path
 from flexlink.results.trajectory import Trajectory
 
@@ -147,6 +147,13 @@ class Record:
         if not any(force.tolist()):
             return self.works[rows].copy()
         return np.asarray(self.works[rows] + (self.tip[rows] - self.tip[0]) @ force)
+
+    def state(self, row: int) -> State:
+        """State of a sample, from which a run can be continued; of a free base relative to its initial attitude."""
+        q, qd = self.q[: row + 1], self.qd[: row + 1]
+        if self.base is not None:
+            q, qd, *_ = self.base.from_the_start(q, qd)
+        return State(float(self.t[row]), q[row].copy(), qd[row].copy())
 
     def trajectory(
         self,

@@ -164,7 +164,7 @@ class RunSamples(Result):
 
         It is caused by the steps alone: how close the chain is to the beam is another question. Where steps may hide
         errors, or motion may amplify them, it is the distance to a second run by a method of another order; elsewhere
-        it is estimated from the errors of the steps, and at least 0.3 tolerances.
+        it is estimated from the errors of the steps, and at least half a tolerance.
         """
         return None if self.stated is None else self.stated.tip
 

@@ -134,13 +134,17 @@ class Plan:
         set together with the varied values.
         """
         scene, varied = self.sweep.scene, top_level_keys(dict.fromkeys(self.sweep.keys))
-        once = {path: value for path, value in self.sweep.set.items() if not top_level_keys({path: value}) & varied}
+        fixed = dict(self.sweep.set)
+        torques = any(output.of.startswith("tau ") for output in self.sweep.quantity.values())
+        if torques and "run" not in fixed:  # torques contain vibrations that do not move the tip
+            fixed = {"run.outputs": [*dict.fromkeys((*scene.run.outputs, "torques"))]} | fixed
+        once = {path: value for path, value in fixed.items() if not top_level_keys({path: value}) & varied}
         once.pop("engine", None)
-        beside = {path: value for path, value in self.sweep.set.items() if path not in once}
+        beside = {path: value for path, value in fixed.items() if path not in once}
         try:
             return (scene.varied(once) if once else scene), beside
         except FlexlinkError:
-            return scene, self.sweep.set
+            return scene, fixed
 
     @property
     def engines(self) -> set[str]:
