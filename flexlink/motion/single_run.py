@@ -32,6 +32,7 @@ from flexlink.motion.stated import compared_with, estimated_error, extrapolated
 from flexlink.motion.tolerable import Thresholds
 from flexlink.motion.verification import (
     GIVEN_UP,
+    STRICTER,
     doubt,
     exceeded,
     needs_comparison,
@@ -203,6 +204,8 @@ def settled(first: Monitor, before: Array | None, stop: Stop) -> Monitor:
         return first
     record, motion = first.record, first.before
     part = min(1.0, float(first.tolerance / estimated_error(first)[-1]) ** 0.5)
+    if record.follows_vibrations:  # what is read has errors as large in both runs if both have the same tolerance
+        part = min(part, STRICTER**0.5)
     finer = runs_of_other_order(first.run, first.steps.method, record.chain.size, record.least_tolerance, part)
     runs, gaps, distance = [first], list[StatedError](), None  # distance of the last two runs, in tolerances
     with contextlib.suppress(StopIteration):

@@ -96,7 +96,7 @@ def _outputs_apart(run: Monitor, other: Monitor) -> dict[str, Array]:
         return {}
     one, two = (each.record.trajectory(each.n_valid) for each in (run, other))
     listed = {"loads": ("moment [N m]", "force [N]"), "torques": ("tau [N m]",)}
-    own = 0.8  # the error of the other run is at most a fifth of the distance, as it is ten times as accurate or more
+    own = 0.5  # the error of the other run is at most half of the distance, as it has a smaller tolerance
     part = Thresholds.usual * run.tolerance / run.record.chain.size  # of the largest value so far, as for the tip
     found = {}
     for name in (*one.sensor_names, *(name for kind in run.run.outputs for name in listed[kind])):
