@@ -411,7 +411,7 @@ def places(scene: fl.Scene) -> tuple[float, Array, Array]:
         mass, part = beam_mass(arm, link)
         middle = np.array(start) + part * np.subtract(stop, start)
         for m, place in ((link.hub.mass, here @ (*link.hub.center, 1)), (mass, here @ (*middle, 1)),
-                         (link.end.mass, beam_end @ (*link.end.center, 1))):  # fmt: skip
+                         (link.end.mass, tip @ (*link.end.center, 1))):  # fmt: skip
             bodies.append((m, place[:3]))
         ends[link.name], starts[link.name], before = end, here, link.name
     bodies.append((arm.tip.mass, (tip @ (*arm.tip.center, 1))[:3]))

@@ -139,3 +139,22 @@ def test_a_mount_in_radians_equals_the_same_mount_in_degrees(rng) -> None:
 def test_contradictory_or_unknown_dh_parameters_are_refused(build, wanted) -> None:
     with refused(fl.errors.SceneError, wanted):
         build()
+
+
+def test_masses_and_centres_of_a_published_table_are_entered_as_printed() -> None:
+    """The Puma 560 (Corke & Armstrong-Hélouvry 1994): `end` is in frame i; gravity torques of their toolbox at qn."""
+    table = [  # a, α, d, then m and r in frame i
+        (0.0, 90.0, 0.0, 0.0, (0.0, 0.0, 0.0)), (0.4318, 0.0, 0.0, 17.4, (-0.3638, 0.006, 0.2275)),
+        (0.0203, -90.0, 0.15005, 4.8, (-0.0203, -0.0141, 0.070)), (0.0, 90.0, 0.4318, 0.82, (0.0, 0.019, 0.0)),
+        (0.0, -90.0, 0.0, 0.34, (0.0, 0.0, 0.0)), (0.0, 0.0, 0.0, 0.09, (0.0, 0.0, 0.032)),
+    ]  # fmt: skip
+    links = [
+        fl.Link(
+            name=f"l{k}", end=fl.RigidBody(mass=m, center=r), hub=fl.RigidBody(inertia=(0.0, 0.0, 0.01)),
+            dh=fl.details.DenavitHartenberg(convention="standard", a=a, alpha_deg=α, d=d),
+        )
+        for k, (a, α, d, m, r) in enumerate(table)
+    ]  # fmt: skip
+    chain = fl.lump(make_scene(*links, gravity=(0.0, 0.0, -9.81)))
+    q = np.radians([0, 45, 180, 0, 45, 0])
+    assert fl.bias_torque(chain, q, 0 * q) == pytest.approx([0, 31.6399, 6.0351, 0, 0.0283, 0], abs=5e-5)

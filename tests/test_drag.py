@@ -44,7 +44,7 @@ def by_virtual_work(chain: fl.Chain, q: np.ndarray, qd: np.ndarray) -> np.ndarra
     torque = np.zeros(chain.n)
     rotations = fl.frames(chain, q).rotations
     for body, point, across, drag in chain.drag.tolist():
-        J = fl.jacobian(chain, q, body=body, point=point).linear
+        J = fl.jacobian(chain, q, body=body, point=point @ chain.described["link"][body]).linear
         y, z = np.asarray(across) @ rotations[body].T
         u, w = y @ J @ qd, z @ J @ qd
         torque += J.T @ (math.hypot(u, w) * (drag[0] * u * y + drag[1] * w * z))

@@ -1,4 +1,4 @@
-"""Internal loads, strain gauges and accelerometers of an arm at rest or in motion."""
+"""Internal loads, strain gauges and accelerometers of an arm at rest or in motion, in the documented axes."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 from conftest import ALUMINIUM, SQUARE, flexible, make_scene, nasty_scene, random_state
+from scipy.spatial.transform import Rotation
 
 import flexlink as fl
 from flexlink.chain.builder import record_branches
@@ -14,6 +15,7 @@ from flexlink.chain.coordinates import Coordinate
 from flexlink.dynamics.placement import hinge_bodies
 from flexlink.kernels.layout import BODY, HINGE
 from tests.words import refused
+from validation.random_arms import random_arm, random_tree
 
 NASTY = fl.lump(nasty_scene())
 WRENCH = np.array([10.0, -20.0, 30.0, 5.0, -4.0, 3.0])
@@ -83,6 +85,127 @@ def test_the_section_loads_satisfy_the_equations_of_motion_of_each_segment(chain
         moment = couple - loads.moment[i] + np.cross(c, loads.force[i])
         moment -= body["inertia"] @ α + np.cross(ω, body["inertia"] @ ω)
         assert np.abs(moment).max() <= 1e-11 * (scale[0] + scale[1])  # lever arms are at most 1.25 m
+
+
+def jet(R: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """A constant transform with its first and second time derivative, (3, 4, 4)."""
+    T = np.zeros((3, 4, 4))
+    T[0] = np.eye(4)
+    T[0, :3, :3], T[0, :3, 3] = R, p
+    return T
+
+
+def times(A: np.ndarray, B: np.ndarray) -> np.ndarray:
+    return np.array([A[0] @ B[0], A[1] @ B[0] + A[0] @ B[1], A[2] @ B[0] + 2 * A[1] @ B[1] + A[0] @ B[2]])
+
+
+def moved(axis: int, s: float, v: float, a: float) -> np.ndarray:
+    """Jet of a joint that turns about (0 … 2) or slides along (3 … 5) a coordinate axis."""
+    e = np.eye(3)[axis % 3]
+    if axis >= 3:
+        T = jet(np.eye(3), e * s)
+        T[1:, :3, 3] = np.outer([v, a], e)
+        return T
+    E, T = np.cross(np.eye(3), e), jet(Rotation.from_rotvec(e * s).as_matrix(), np.zeros(3))
+    R = T[0, :3, :3]
+    T[1, :3, :3], T[2, :3, :3] = v * E @ R, a * E @ R + v**2 * E @ E @ R
+    return T
+
+
+def of_the_cut_parts(chain: fl.Chain, q, qd, qdd, wrench) -> tuple[np.ndarray, np.ndarray]:
+    """Force and moment of the outboard part on the inboard part, in frame 0: Newton, for all points ξ of the bodies.
+
+    ∫ ẍ xᵀ dm = T̈ J Tᵀ with x = T ξ and J = ∫ ξ ξᵀ dm, homogeneous; the moment is its antisymmetric part.
+    """
+    T, loads = [], np.zeros((len(chain.bodies), 2, 3))
+    for body in chain.bodies:
+        here = jet(body["rotation"], body["translation"])
+        here = times(T[body["parent"] - 1], here) if body["parent"] else here
+        for k in range(body["first"], body["stop"]):
+            here = times(here, moved(int(chain.hinges["axis"][k]), q[k], qd[k], qdd[k]))
+        T.append(here)
+    for i in reversed(range(len(T))):
+        m, c, I = chain.bodies[i]["mass"], chain.bodies[i]["center"], chain.bodies[i]["inertia"]
+        J = m * np.outer([*c, 1.0], [*c, 1.0])
+        J[:3, :3] += np.trace(I) / 2 * np.eye(3) - I
+        seen = T[i][2].copy()
+        seen[:3, 3] -= chain.gravity
+        B = seen @ J @ T[i][0].T
+        loads[i] -= B[:3, 3], [B[2, 1] - B[1, 2], B[0, 2] - B[2, 0], B[1, 0] - B[0, 1]]
+        if i == chain.loaded:
+            loads[i] += wrench[:3], wrench[3:] + np.cross(T[i][0, :3, 3], wrench[:3])
+        if parent := chain.bodies["parent"][i]:
+            loads[parent - 1] += loads[i]
+    points = np.array([each[0, :3, 3] for each in T])
+    return loads[:, 0], loads[:, 1] - np.cross(points, loads[:, 0])  # moments about the points of the cuts
+
+
+def section_of(link: fl.Link) -> np.ndarray:
+    """Axes of the section in the link's frame, as NOTATION.md defines them: x along the beam, z towards `up`."""
+    start, stop = link.line or ((0.0, 0.0, 0.0), link.stop)
+    if not any(np.subtract(stop, start)):
+        return np.eye(3)
+    x = np.subtract(stop, start) / np.linalg.norm(np.subtract(stop, start))
+    up = np.array(link.up or link.joint.axis)
+    if np.linalg.norm(np.cross(x, up)) < 1e-6 * np.linalg.norm(up):
+        up = np.eye(3)[2 if x[2] ** 2 < 0.5 else 1]
+    y = np.cross(up, x) / np.linalg.norm(np.cross(up, x))
+    return np.stack([x, y, np.cross(x, y)], axis=1)
+
+
+def turn(axis, angle: float) -> np.ndarray:
+    return Rotation.from_rotvec(np.array(axis) / np.linalg.norm(axis) * angle).as_matrix()
+
+
+def sections(scene: fl.Scene, chain: fl.Chain, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Axes of section and link at every body in frame 0, from the keys of the scene alone, (bodies, 3, 3) each."""
+    found = np.array([np.eye(3)] * len(chain.bodies))
+    of_link, parent, ends, x = found.copy(), "base", {"base": np.eye(3)}, (1, 0, 0)
+    if chain.has_free_base:
+        found[:2] = of_link[:2] = fl.frames(chain, q).rotations[:2]
+        ends["base"] = found[1]
+    for number, link in enumerate(scene.arm.links, 1):
+        F, row, rpy = section_of(link), link.dh, link.mount.rpy or np.radians(link.mount.rpy_deg)
+        R = ends[link.on or parent] @ Rotation.from_euler("xyz", rpy).as_matrix()
+        α, standard = (0.0, False) if row is None else (np.radians(row.alpha_deg), row.convention == "standard")
+        if row is not None:
+            R = R @ turn(x, 0.0 if standard else α) @ turn((0, 0, 1), np.radians(row.theta_deg))
+        if link.joint.locked and not link.joint.slides:
+            R = R @ turn(link.joint.axis, np.radians(scene.initial.joint_deg[number - 1]))
+        for k, c in enumerate(chain.coordinates):
+            if c.link == number:
+                about = np.eye(3)[c.axis - 4] if c.of_root else F[:, (c.axis - 1) % 3] if c.segment else link.joint.axis
+                R = R if chain.slides[k] else R @ turn(about, q[k])
+                found[chain.body(k)], of_link[chain.body(k)] = R @ F, R
+        ends[link.name], parent = R @ turn(x, α if standard else 0.0), link.name
+        if link.name in chain.tips:
+            found[chain.tips[link.name]], of_link[chain.tips[link.name]] = R @ F, ends[link.name]
+    return found, of_link
+
+
+@pytest.mark.parametrize("make", [random_arm, random_tree])
+@pytest.mark.parametrize("seed", range(6))
+def test_named_loads_in_section_axes_are_those_of_the_cut_part_on_any_arm(make, seed: int, rng) -> None:
+    """Trees, tables of Denavit and Hartenberg, axes, lines and sections of every direction, cut at every body."""
+    scene = make(7000 + seed)
+    scene = scene.varied({f"link.{link.name}.drag": None for link in scene.arm.links if link.drag is not None})
+    chain = fl.lump(scene)
+    state = moving(chain, rng)
+    cuts = fl.strength.internal_loads(chain, *state, tip_wrench=WRENCH)
+    found = np.stack([cuts.N, cuts.V_y, cuts.V_z, cuts.T, cuts.M_y, cuts.M_z], axis=1)
+    S, L = sections(scene, chain, state[0])
+    F, M = (np.einsum("bji,bj->bi", S, part) for part in of_the_cut_parts(chain, *state, WRENCH))
+    scale = np.linalg.norm(F, axis=1).max(), np.linalg.norm(M, axis=1).max() + np.linalg.norm(F, axis=1).max()
+    assert np.abs(found[:, :3] - F).max() <= 1e-10 * scale[0]
+    assert np.abs(found[:, 3:] - M).max() <= 1e-10 * scale[1]
+    place, point = fl.frames(chain, state[0]).points, np.array([0.3, -0.2, 0.1])
+    for body in range(len(chain.bodies)):
+        there = place[body] + L[body] @ point
+        at = fl.point_motion(chain, *state, body=body, point=point)
+        np.testing.assert_allclose(at.position, there, atol=1e-12)
+        np.testing.assert_allclose(L[body] @ at.accelerometer, at.acceleration - chain.gravity, atol=1e-9 * scale[0])
+        J = fl.jacobian(chain, state[0], body=body, point=point)
+        np.testing.assert_allclose(J.linear @ state[1], at.velocity, atol=1e-12 * np.abs(state[1]).sum() * chain.size)
 
 
 def test_in_motion_hinges_carry_spring_and_friction_torque_and_joints_drive_torque(chain: fl.Chain, rng) -> None:

@@ -30,7 +30,7 @@ def load_and_bend(arm: Arm, run: Trajectory) -> float:
     """Largest γ + 2 θ of any link during a run."""
     # loads are evaluated at no more than 40 samples
     chain, few = run.chain, picked(run, np.unique(np.linspace(0, len(run.t) - 1, 40).astype(int)))
-    force = np.abs(few.loads.force[..., 0])
+    force = np.abs(few.loads.N)
     found = [0.0]
     for number, link in enumerate(arm.links, 1):
         hinges = [k for k, c in enumerate(chain.coordinates) if c.link == number and c.bends]

@@ -89,16 +89,18 @@ def add_beam(
     slides: Places = {}
     for segment, (body, part, end) in enumerate(segments):
         if segment and stations is not None and segment % 2:
-            slides |= _add_slides(builder, number, segment, stations)
+            slides |= _add_slides(builder, link, number, segment, stations)
         if segment:
             hinges |= _add_hinges(builder, link, number, segment, rule, rotors[:, segment - 1].tolist())
         if segment and stations is not None and not segment % 2:
-            slides |= _add_slides(builder, number, segment, stations)
+            slides |= _add_slides(builder, link, number, segment, stations)
         if body is not None:
             builder.add(body)
         builder.advance(number, part, end)
     if not hinges:
         return []
+    if rule.cells is not None and body is not None:
+        builder.body.lent = rule.cells.lent(body.mass, end[0])
     springs = _springs(builder, link, beam, nodes, weights, hinges)
     return [springs] if stations is None else [springs, stations.springs(link, slides)]
 
@@ -111,7 +113,7 @@ def _add_hinges(
     builder: Builder, link: Link, number: int, segment: int, rule: LumpingRule, rotors: list[float]
 ) -> Places:
     """Add a body with the hinges before a segment."""
-    builder.start_body()
+    builder.start_body(link=link.beam.frame.T)
     places: Places = {}
     backward = rule.alternate_axes and segment % 2 == 0
     friction = (link.friction.coulomb, link.friction.coulomb_width) if link.friction else ()
@@ -124,9 +126,9 @@ def _add_hinges(
     return places
 
 
-def _add_slides(builder: Builder, number: int, segment: int, stations: Stations) -> Places:
+def _add_slides(builder: Builder, link: Link, number: int, segment: int, stations: Stations) -> Places:
     """Add a body with the slides at the station before a segment."""
-    builder.start_body()
+    builder.start_body(link=link.beam.frame.T)
     places: Places = {}
     for axis in stations.axes:
         places[axis, segment - 1] = len(builder.hinges)

@@ -63,7 +63,7 @@ def _cell_segments(beam: SectionBeam | TableBeam, cells: Cells, count: int) -> l
     center = l * beam.masses(nodes, edges[1:]) / mass
     J = np.array([_cell_inertia(beam, cells, i, nodes, edges) for i in range(count + 1)]) - mass * center**2
     rounding = 16 * np.finfo(float).eps * l * (cells.hinges * l.max()) * (cells.hinges * mass.max())
-    given = cells.tip * mass[-1] * l[-1] ** 2 / 3
+    given = cells.lent(mass[-1], l[-1])
     J[np.abs(J) <= rounding] = 0.0  # the first segment is a point mass at its end, the last one at its hinge
     J[-1] += given
     J[-2] -= given

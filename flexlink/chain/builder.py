@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.coordinates import Coordinate
-from flexlink.chain.rigid import HERE, NOTHING, Pose, SpatialInertia
+from flexlink.chain.rigid import DESCRIBED, HERE, NOTHING, Pose, SpatialInertia
 from flexlink.common.products import product
 from flexlink.common.types import Array
 from flexlink.describe.rigid_body import RigidBody
@@ -44,6 +44,9 @@ class Body:
     parent: int = 0  # counted from 1, 0 is the base
     rigid: SpatialInertia = NOTHING
     springs: int = 0  # as in `BODY`
+    link: Array = dataclasses.field(default_factory=lambda: HERE.R)  # these three as in `DESCRIBED`
+    section: Array = dataclasses.field(default_factory=lambda: HERE.R)
+    lent: float = 0.0
 
     def record(self) -> tuple[object, ...]:
         """Return one row of dtype `BODY`; inertia and branches are recorded later."""
@@ -58,6 +61,14 @@ def recorded(bodies: list[Body]) -> NDArray[np.void]:
     record_inertia(records, [body.rigid for body in bodies])
     records["turned"] = (records["rotation"] != HERE.R).any(axis=(1, 2))
     record_branches(records)
+    return records
+
+
+def described(bodies: list[Body]) -> NDArray[np.void]:
+    """Return axes of link and section and the lent inertia of the bodies, as an array of dtype `DESCRIBED`."""
+    records = np.empty(len(bodies), DESCRIBED)
+    for field in DESCRIBED.names or ():
+        records[field] = np.reshape([getattr(body, field) for body in bodies], records[field].shape)
     return records
 
 
@@ -145,10 +156,10 @@ class Builder:
         if not (_is_one(rotation) and _is_one(R)):
             self.running = Pose(product(R, rotation), p)
 
-    def start_body(self) -> None:
-        """Start a new body at the running frame, without hinges."""
+    def start_body(self, link: Array = HERE.R, section: Array = HERE.R) -> None:
+        """Start a new body at the running frame, without hinges; `link` and `section` as in `DESCRIBED`."""
         n = len(self.hinges)
-        self.bodies.append(Body(self.running, n, n, self.on))
+        self.bodies.append(Body(self.running, n, n, self.on, link=link, section=section))
         self.go_to((len(self.bodies) - 1, HERE))
 
     def add_hinge(

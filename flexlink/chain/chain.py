@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import vector
 from flexlink.chain.coordinates import Coordinate
 from flexlink.chain.layout import OF_LAYOUT, Layout
+from flexlink.chain.rigid import DESCRIBED
 from flexlink.chain.size import at_any_posture, on_elastic_gears, size_without_reach, turning_radii, without_lever
 from flexlink.chain.spans import spans_of, sums_outward
 from flexlink.common.errors import ArgumentError
@@ -57,6 +58,9 @@ class Chain(Layout):
         arm's tip; by default it is the last body and the only tip.
     shapes
         Shapes by which the hinges move together, q̇ = Φ ż, of links with `modes`; None: the hinges move one by one.
+    described
+        For each body, axes of its link and of its section in axes of the body, `described["link"]` and
+        `described["section"]`, structured array of dtype `DESCRIBED`, read-only; by default they are equal.
 
     Examples
     --------
@@ -79,11 +83,17 @@ class Chain(Layout):
     tips: dict[str, int] = dataclasses.field(default_factory=dict)
     forces: dict[str, NDArray[np.void]] = dataclasses.field(default_factory=dict)
     shapes: Shapes | None = None
+    described: NDArray[np.void] = dataclasses.field(default_factory=lambda: np.zeros(0, DESCRIBED))
 
     def __post_init__(self) -> None:
         if not self.tips and self.link_names:
             object.__setattr__(self, "tips", {self.link_names[-1]: len(self.bodies) - 1})
-        for array in (self.bodies, self.hinges, self.gravity, self.couplings, *self.forces.values()):
+        if not len(self.described):
+            alike = np.zeros(len(self.bodies), DESCRIBED)
+            alike["link"] = alike["section"] = np.eye(3)
+            object.__setattr__(self, "described", alike)
+        parts = self.bodies, self.hinges, self.gravity, self.couplings, self.described
+        for array in (*parts, *self.forces.values()):
             array.flags.writeable = False
 
     def __reduce__(self) -> tuple[type[Chain], tuple[object, ...]]:

@@ -13,7 +13,7 @@ from flexlink.chain import free_base
 from flexlink.chain.arguments import require_type
 from flexlink.chain.beam_hinges import Springs, add_beam
 from flexlink.chain.beam_slides import Slides
-from flexlink.chain.builder import Builder, Piece, record_inertia, recorded
+from flexlink.chain.builder import Builder, Piece, described, record_inertia, recorded
 from flexlink.chain.chain import Chain
 from flexlink.chain.constant_ratio import posture_of, with_constant_ratios
 from flexlink.chain.coordinates import LAG, ROOT, Coordinate
@@ -173,7 +173,7 @@ def _framed(scene: Scene, beams: Sequence[SectionBeam | TableBeam | None]) -> Fr
             if number == len(arm.links):
                 _add_lags(builder, arm)
             if number in ends_of_arm:
-                builder.start_body()  # tip frame, without hinges
+                builder.start_body(section=_end_turn(link).T @ link.beam.frame)  # tip frame, without hinges
                 tips[link.name] = len(builder.bodies) - 2
     builder.go_to(ends[len(arm.links)])
     bodies = recorded(builder.bodies[1:])  # bodies[0] is the base
@@ -189,6 +189,7 @@ def _framed(scene: Scene, beams: Sequence[SectionBeam | TableBeam | None]) -> Fr
         link_names=tuple(link.name for link in arm.links),
         couplings=np.array(builder.couplings, dtype=COUPLING),
         tips=tips,
+        described=described(builder.bodies[1:]),
     )
     return Frame(chain.bodies, chain.hinges, chain.couplings, builder, tuple(springs), chain)
 
@@ -251,7 +252,7 @@ def _add_joint(builder: Builder, link: Link, number: int, start: tuple[float, fl
     elif joint.locked:
         builder.turn(about_axis_deg(axis, start[0]))
     if not joint.locked or joint.gear_stiffness is not None:
-        builder.start_body()
+        builder.start_body(turn.T, turn.T @ link.beam.frame)
     axis += SLIDES * joint.slides
     if not joint.locked:
         lower, upper = (joint.position(limit, limit) for limit in joint.limits or (-np.inf, np.inf))
@@ -293,17 +294,23 @@ def _add_line(
     else:
         springs = add_beam(builder, link, number, beam, nodes, weights)
     builder.turn(frame.T)
-    builder.add_payload(link.end)
     if link.dh is not None and link.dh.convention == "standard":
-        builder.move(np.subtract(link.dh.end, link.stop), about_axis_deg(0, link.dh.alpha_deg))
+        builder.move(np.subtract(link.dh.end, link.stop), _end_turn(link))
+    builder.add_payload(link.end)
     return springs
+
+
+def _end_turn(link: Link) -> Array:
+    """Rotation from axes of a link's end frame to axes of the link: Rx(α) of a standard row, else none."""
+    row = link.dh
+    return about_axis_deg(0, row.alpha_deg) if row is not None and row.convention == "standard" else HERE.R
 
 
 def _add_root(builder: Builder, link: Link, number: int) -> None:
     """Add springs at the root of the beam, about axes of the link's frame."""
     if not link.root_springs:
         return
-    builder.start_body()
+    builder.start_body(section=link.beam.frame)
     for axis, (stiffness, damping) in link.root_springs.items():
         turned = ROOT_AXES.index(axis)
         builder.add_hinge(Coordinate(number, 0, ROOT + turned), turned, stiffness, damping)

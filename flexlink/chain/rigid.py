@@ -70,6 +70,11 @@ class SpatialInertia(NamedTuple):
         return moments
 
 
+DESCRIBED = np.dtype([("link", "f8", (3, 3)), ("section", "f8", (3, 3)), ("lent", "f8")])
+"""Per body: rotations R, v_body = R v, from axes of its link and from those of the section at its origin, x along the
+beam; and the inertia that a cell lends to the last segment of its link, about y and z, from the segment before [kg m²]
+(`Cells.tip`)."""
+
 NOTHING = SpatialInertia(0.0, np.zeros(3), np.zeros((3, 3)))
 
 

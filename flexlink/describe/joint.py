@@ -158,7 +158,8 @@ class DenavitHartenberg(Spec, frozen=True):
     """A row of a Denavit-Hartenberg table; the joint turns about Z, and its angle adds to `theta_deg`.
 
     standard (Siciliano et al. 2009, section 2.8.2): T = Rz(θ) Tz(d) Tx(a) Rx(α) from the axes before the joint turns
-    to the link's end frame; the beam of a link with neither `length` nor `line` runs from the joint to (a, 0, d).
+    to the link's end frame, frame i of the table, in which `end` is given; the beam of a link with neither `length` nor
+    `line` runs from the joint to (a, 0, d).
     modified (Craig 2005, section 3.4): T = Rx(α) Tx(a) Rz(θ) Tz(d) from the parent's frame (not its end frame) to this
     link's frame; a and α are Craig's a_{i−1}, α_{i−1} of the parent, as in the rows of his tables.
     In both conventions the table alone places the joint axes: a beam may follow another line, but the next axes, which

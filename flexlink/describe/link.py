@@ -31,7 +31,8 @@ class Link(Spec, frozen=True):
 
     The beam runs along local X over `length` [m], or along `line`, between two points of the link's frame [m]. The z
     axis of its section points along `up`, by default along the joint's axis (see `line_of`). The link ends where the
-    beam ends, with the axes of the link's frame: `end` and the mount of the next link are attached there.
+    beam ends, with the axes of the link's frame: `end` and the mount of the next link are attached there. With a
+    standard Denavit-Hartenberg row this end frame is the table's frame i, as in published tables of masses.
     A flexible link has segments − 1 hinges, placed by the rule `lumping`.
 
     Examples
@@ -92,7 +93,7 @@ class Link(Spec, frozen=True):
     drag: Drag | None = None
     """Air drag on the beam. Default: none."""
     end: RigidBody = RigidBody()
-    """Rigid body at the end of the beam, such as the next motor, in axes of the link's frame."""
+    """Rigid body in the link's end frame, such as the next motor; with a standard `dh` row, in the table's frame i."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -20,8 +20,8 @@ an earlier rotation I → R I Rᵀ (two products of three terms, and R itself), 
 class RigidBody(Spec, frozen=True):
     """Rigid body with `mass` [kg], centre of mass `center` [m] and `inertia` [kg m²] about that centre.
 
-    Centre and axes are in the frame to which the body is fixed: for a hub the link's frame, for an end the link's frame
-    moved to the end of its beam, for the payload the tip frame. `inertia` has three moments, xx, yy, zz, or six
+    Centre and axes are in the frame to which the body is fixed: for a hub the link's frame, for an end the end frame of
+    the link, for the payload the tip frame. `inertia` has three moments, xx, yy, zz, or six
     numbers, xx, yy, zz and the products xy, xz, yz, the elements of I = ∫ (ρ² 1 − ρ ρᵀ) dm (I_xy = −∫ x y dm, the sign
     convention of URDF).
 

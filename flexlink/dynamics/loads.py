@@ -7,6 +7,7 @@ wrench, and the force f_i and moment n_i that the part inboard of the cut exerts
     N = I α + ω × I ω + c × F                  n_i = N_i + Σ (n_j + r_j × f_j) − n_tip        r_j = p_j − p_i, j child
 
 Section loads have the opposite sign: they act on the face whose normal points outward along the arm, as in beam theory.
+They are in axes of the section at the cut, whatever the axes of the body (`DESCRIBED`).
 """
 
 from __future__ import annotations
@@ -36,15 +37,44 @@ from flexlink.kernels.tools.finite import is_finite
 class InternalLoads(Result):
     """Force and moment that the part outboard of a cut exerts on the inboard part, at the hinge point of every body.
 
-    They are in axes of the outboard body. In a beam x points along the axis: force[0] is the axial force, positive in
-    tension, force[1] and force[2] are shear; moment[0] is the torque, GJ φ', moment[1] and moment[2] are the bending
-    moments about y and z, EI κ. The last body is the tip frame, where the loads are the tip wrench, unless that acts on
-    another tip.
+    They are in axes of the section of the outboard link, at joints as well: x along the beam, z towards `up`. `force`
+    contains N, V_y, V_z, and `moment` contains T, M_y, M_z. The last body is the tip frame, where the loads are the tip
+    wrench, unless that acts on another tip.
     """
 
-    force: Array  # (…, bodies, 3) [N]
-    moment: Array  # (…, bodies, 3) [N m]
+    force: Array  # (…, bodies, 3), N, V_y, V_z [N]
+    moment: Array  # (…, bodies, 3), T, M_y, M_z [N m]
     hinge_moment: Array  # (…, n), moment about each hinge axis [N m]; for a sliding joint the force along it [N]
+
+    @property
+    def N(self) -> Array:
+        """Axial force [N], positive in tension, shape (…, bodies)."""
+        return self.force[..., 0]
+
+    @property
+    def V_y(self) -> Array:
+        """Shear force along the section's y [N], shape (…, bodies)."""
+        return self.force[..., 1]
+
+    @property
+    def V_z(self) -> Array:
+        """Shear force along the section's z [N], shape (…, bodies)."""
+        return self.force[..., 2]
+
+    @property
+    def T(self) -> Array:
+        """Torque GJ φ' about the beam's axis [N m], shape (…, bodies)."""
+        return self.moment[..., 0]
+
+    @property
+    def M_y(self) -> Array:
+        """Bending moment EI κ about the section's y [N m], shape (…, bodies)."""
+        return self.moment[..., 1]
+
+    @property
+    def M_z(self) -> Array:
+        """Bending moment EI κ about the section's z [N m], shape (…, bodies)."""
+        return self.moment[..., 2]
 
     def __repr__(self) -> str:
         *states, bodies, _ = self.force.shape
@@ -64,8 +94,9 @@ def internal_loads(
 
     They follow from the given motion alone, whatever the drive; for a simulation use `run.loads`. If q̈ is from
     `forward_dynamics`, the moment is k (θ − θ₀) + T_FR + I_a q̈ about a hinge axis, and T_FR + I_a q̈ − T_EX about the
-    axis of a driven joint, where I_a is the armature. At a joint the loads are in axes of its body: z is the joint's
-    axis unless the scene defines another.
+    axis of a driven joint, where I_a is the armature. At a joint the axes are those of its link's section, x along the
+    beam, whatever the joint's axis. A chain read from an exported file does not know them; there the axes at a joint
+    are those of its body.
 
     Parameters
     ----------
@@ -79,8 +110,9 @@ def internal_loads(
     Returns
     -------
     InternalLoads
-        `force` and `moment`, shape (bodies, 3), one row per body of `chain.bodies`, so `force[chain.body("upper.2.z")]`
-        is the force at that hinge; `hinge_moment`, shape (n,). For b states all have a leading axis b.
+        `N`, `V_y`, `V_z` and `T`, `M_y`, `M_z`, shape (bodies,), one entry per body of `chain.bodies`, so
+        `M_z[chain.body("upper.2.z")]` is the bending moment at that hinge; together they are `force` and `moment`,
+        shape (bodies, 3). `hinge_moment`, shape (n,). For b states all have a leading axis b.
 
     Raises
     ------
@@ -90,10 +122,10 @@ def internal_loads(
     Examples
     --------
     >>> cuts = fl.strength.internal_loads(chain, q, qd, qdd)
-    >>> print(cuts.moment[chain.body("fore"), 2].round(2))  # N m: bending moment at the elbow
+    >>> print(cuts.M_z[chain.body("fore")].round(2))  # N m: bending moment at the elbow
     -30.31
-    >>> print(run.loads.moment.shape)  # simulation: samples, bodies, axes
-    (101, 7, 3)
+    >>> print(run.loads.M_z.shape)  # simulation: samples, bodies
+    (101, 7)
     """
     if is_batch(q, qd, qdd):
         return each(internal_loads, chain, {"q": q, "qd": qd, "qdd": qdd}, tip_wrench=tip_wrench, frame=frame)
@@ -125,7 +157,7 @@ def _cut(chain: Chain, q: Array, qd: Array, qdd: Array, wrench: Array) -> Intern
         attached = parents > 0
         np.add.at(N, parents[attached] - 1, moments[attached])
         n = sums_inward(spans, N)
-        inward = -R.transpose(0, 2, 1)
+        inward = -(R @ chain.described["section"]).transpose(0, 2, 1)
         moved = hinge_bodies(chain)
         about_axes = -(axes * np.where(chain.slides[:, None], f[moved], n[moved])).sum(axis=1)
         return InternalLoads(_each_by(inward, f), _each_by(inward, n), about_axes)

@@ -31,6 +31,8 @@ class Frames(Result):
 def frames(chain: Chain, q: ArrayLike) -> Frames:
     """Rotation and origin of every body frame in frame 0.
 
+    The axes of a body are those of its hinges: at a joint about another axis than Z they are not those of its link,
+    which are `rotations @ chain.described["link"]`; axes of the sections are `rotations @ chain.described["section"]`.
     Forward kinematics: Pinocchio's `forwardKinematics` and `oMi`, MuJoCo's `xmat` and `xpos`.
 
     Parameters
@@ -134,7 +136,7 @@ def jacobian(
     tip
         Instead of the body: name or number of a link without child links, whose tip frame is used.
     point
-        The point relative to the origin of the body's frame, in its axes, shape (3,) [m].
+        The point relative to the origin of the body's frame, in axes of its link, shape (3,) [m].
 
     Returns
     -------
@@ -157,7 +159,7 @@ def jacobian(
     number, offset = body_number(chain, body, tip), vector("point", point, 3)
     placed = forward_kinematics(chain.arrays, vector("q", q, chain.n, many=True))
     axes = np.where(hinges_before(chain, number)[:, None], placed.axes, 0.0)
-    position = placed.points[number] + placed.rotations[number] @ offset
+    position = placed.points[number] + placed.rotations[number] @ (chain.described["link"][number] @ offset)
     linear = cross(axes, position - placed.points[hinge_bodies(chain)])
     if chain.slides.any():
         linear[chain.slides], axes[chain.slides] = axes[chain.slides], 0.0

@@ -103,7 +103,7 @@ def _after_hinges(chain: Chain, spans: list[Branch], terms: Array) -> tuple[Arra
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class PointMotion(Result):
-    """Motion of one point of an arm in frame 0; sensor readings are in axes of its body."""
+    """Motion of one point of an arm in frame 0; sensor readings are in axes of its link."""
 
     position: Array  # (…, 3) [m]
     velocity: Array  # (…, 3) [m/s]
@@ -128,7 +128,7 @@ def point_motion(
 ) -> PointMotion:
     """Return position, velocity and acceleration of a point of a body, and readings of an inertial sensor (IMU) there.
 
-    The accelerometer reads a − g in axes of the body: at rest an upward 9.81 m/s², in free fall zero.
+    The accelerometer reads a − g in axes of the link: at rest an upward 9.81 m/s², in free fall zero.
 
     Parameters
     ----------
@@ -143,7 +143,8 @@ def point_motion(
     tip
         Instead of the body: name or number of a link without child links, whose tip frame is used.
     point
-        The point relative to the origin of the body's frame, in its axes, shape (3,) [m].
+        The point relative to the origin of the body's frame, in axes of its link, shape (3,) [m]; x is along the beam
+        unless the link has a `line`. At a tip they are axes of the tip frame.
 
     Returns
     -------
@@ -164,24 +165,26 @@ def point_motion(
     """
     n = require_type("chain", chain, Chain).n
     i, offset = body_number(chain, body, tip), vector("point", point, 3)
+    axes = chain.described["link"][i]
     if is_batch(q, qd, qdd):
-        return _of_many(chain, *rows(n, {"q": q, "qd": qd, "qdd": qdd}), body=i, point=offset)
+        found = motion_in_body(chain, *rows(n, {"q": q, "qd": qd, "qdd": qdd}), body=i, point=axes @ offset)
+        return dataclasses.replace(found, accelerometer=found.accelerometer @ axes, gyroscope=found.gyroscope @ axes)
     q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
-    found = _of_point(chain, body_motion(chain, q, qd, qdd), i, offset)
-    if not is_finite(np.concatenate(found)):
+    position, velocity, acceleration, seen, spin = _of_point(chain, body_motion(chain, q, qd, qdd), i, axes @ offset)
+    if not is_finite(np.concatenate([position, velocity, acceleration, seen, spin])):
         raise beyond_float64("the motion of the point", q=q, qd=qd, qdd=qdd, point=offset, gravity=chain.gravity)
-    return PointMotion(*found)
+    return PointMotion(position, velocity, acceleration, seen @ axes, spin @ axes)
 
 
-def _of_many(chain: Chain, q: Array, qd: Array, qdd: Array, *, body: int, point: Array) -> PointMotion:
-    """Motion of a point at b states (b, n), already validated."""
+def motion_in_body(chain: Chain, q: Array, qd: Array, qdd: Array, *, body: int, point: Array) -> PointMotion:
+    """`point_motion` at b states (b, n), already validated; `point` and readings are in axes of the body."""
     found = np.empty((len(PointMotion.__dataclass_fields__), len(q), 3))
     for start in range(0, len(q), BATCH):
         part = slice(start, start + BATCH)
         found[:, part] = _of_point(chain, body_motions(chain, q[part], qd[part], qdd[part]), body, point)
     for k in np.flatnonzero(~np.isfinite(found).all(axis=(0, 2)))[:1].tolist():
         try:
-            point_motion(chain, q[k], qd[k], qdd[k], body=body, point=point)
+            point_motion(chain, q[k], qd[k], qdd[k], body=body, point=point @ chain.described["link"][body])
         except ArgumentError as error:
             raise about_state(k, error) from None
     return PointMotion(*found)

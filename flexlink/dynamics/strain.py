@@ -59,7 +59,7 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
     κ = θ/(w L); in cells of coupled springs (lumping "lobatto2", "lobatto4") it follows from all angles of the cell.
     The error is of order θ² if a hinge bends and twists at once, unless its springs act on rotation vectors. The
     root of the beam has no hinge; there κ = M/EI. The strain contains that of the axis, N/(EA), if the link has
-    `stretch`. Otherwise add it, since a gauge measures it, with N from `internal_loads(…).force[…, 0]`.
+    `stretch`. Otherwise add it, since a gauge measures it, with N from `internal_loads(…).N`.
 
     Parameters
     ----------

@@ -289,7 +289,7 @@ def to_chain(read: ReadBack, like: Chain) -> Chain:
     couplings = of_matrices({field: getattr(read, field) for field in COUPLED_FIELDS})
     return dataclasses.replace(
         like, bodies=bodies, hinges=hinges, gravity=read.gravity.copy(), couplings=couplings,
-        tips={name: read.n + number for number, name in enumerate(like.tips)},
+        tips={name: read.n + number for number, name in enumerate(like.tips)}, described=like.described[:0],
     )  # fmt: skip
 
 

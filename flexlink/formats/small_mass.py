@@ -12,7 +12,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import positive, require_type
-from flexlink.chain.builder import Body, recorded
+from flexlink.chain.builder import Body, described, recorded
 from flexlink.chain.chain import Chain
 from flexlink.chain.rigid import HERE, NOTHING, Pose, SpatialInertia
 from flexlink.common.errors import ArgumentError
@@ -89,18 +89,19 @@ def _filled(chain: Chain, mass: float, *, keep: bool) -> Chain:
     radius = 0.1  # radius of gyration [m]
     light = SpatialInertia(mass, np.zeros(3), mass * radius**2 * np.eye(3))
     bodies, numbers, own = list[Body](), [0], base_joints(chain)
-    for body in chain.bodies:
+    for body, said in zip(chain.bodies, chain.described, strict=True):
+        axes = {"link": said["link"], "section": said["section"]}
         k, stop, on = int(body["first"]), int(body["stop"]), numbers[body["parent"]]
         place = Pose(body["rotation"], body["translation"])
         rigid = SpatialInertia(body["mass"], body["center"], body["inertia"])
         while own <= k < stop - 1:
-            bodies.append(Body(place, k, k + 1, on, light))
+            bodies.append(Body(place, k, k + 1, on, light, **axes))
             k, on, place = k + 1, len(bodies), HERE
         if own <= k < stop and not rigid.mass and not rigid.inertia.any():
             rigid = light
         elif not keep:
             rigid = NOTHING
-        bodies.append(Body(place, k, stop, on, rigid))
+        bodies.append(Body(place, k, stop, on, rigid, lent=said["lent"], **axes))
         numbers.append(len(bodies))
     records, hinges = recorded(bodies), chain.hinges.copy()
     records["loaded"][np.array(numbers[1:]) - 1] = chain.bodies["loaded"]
@@ -109,4 +110,4 @@ def _filled(chain: Chain, mass: float, *, keep: bool) -> Chain:
     if not keep:
         hinges["armature"] = 0.0
     tips = {name: numbers[number + 1] - 1 for name, number in chain.tips.items()}
-    return dataclasses.replace(chain, bodies=records, hinges=hinges, tips=tips)
+    return dataclasses.replace(chain, bodies=records, hinges=hinges, tips=tips, described=described(bodies))

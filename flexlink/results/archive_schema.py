@@ -69,7 +69,7 @@ def check_chain(chain: Chain) -> None:
     # fields that may be infinite
     unlimited = {"lower", "upper"}
     forces = {name: chain.force(name) for name in FORCES}
-    parts = {"bodies": chain.bodies, "hinges": chain.hinges, **forces}
+    parts = {"bodies": chain.bodies, "hinges": chain.hinges, "described": chain.described, **forces}
     for part, rows in parts.items():
         for name in set(rows.dtype.names or ()) - unlimited:
             if not np.isfinite(rows[name]).all():
@@ -93,6 +93,7 @@ def _is_tree(chain: Chain) -> bool:
     in_order = bool((bodies["first"] == ends[:-1]).all() and ends[-1] == chain.n and (np.diff(ends) >= 0).all())
     known = np.isin(hinges["axis"], range(6)).all() and np.isin(bodies["springs"], range(3)).all()
     on = all(-1 <= body < len(bodies) for body in chain.tips.values())  # -1: the base
+    in_order = in_order and len(chain.described) == len(bodies)
     return in_order and bool(known) and on and again.tobytes() == bodies.tobytes()
 
 

@@ -39,6 +39,7 @@ def _arrays(run: RunSamples) -> dict[str, Any]:
         "scene": run.scene.to_toml() if run.scene else "",
         "chain_name": chain.name, "chain_bodies": chain.bodies, "chain_hinges": chain.hinges,
         "chain_gravity": chain.gravity, "chain_coordinates": np.array(chain.coordinates),
+        "chain_described": chain.described,
         **{f"chain_{name}": rows for name, rows in chain.forces.items()},
         "chain_links": np.array(chain.link_names), "chain_couplings": chain.couplings,
         "chain_tips": np.array([[chain.link_names.index(link), body] for link, body in chain.tips.items()]),

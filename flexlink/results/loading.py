@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import Coordinate
+from flexlink.chain.lumping import lump
+from flexlink.chain.rigid import DESCRIBED
 from flexlink.chain.shapes import shapes_of
 from flexlink.common.errors import DataFileError, FlexlinkError
 from flexlink.common.wording import Diagnostic
@@ -68,8 +70,10 @@ def load_trajectory(path: str | Path) -> Trajectory:
 
 
 def _trajectory(arrays: Mapping[str, Any]) -> Trajectory:
-    steps, scene = json.loads(str(arrays["steps"])), tomllib.loads(str(arrays["scene"]))
-    chain = _chain(arrays)
+    steps, table = json.loads(str(arrays["steps"])), tomllib.loads(str(arrays["scene"]))
+    chain, scene = _chain(arrays), scene_from(table) if table else None
+    if "chain_described" not in arrays and scene is not None:  # from an older version
+        chain = dataclasses.replace(chain, described=lump(scene).described)
     check_chain(chain)
     check_samples(arrays, chain.n)
     return Trajectory(
@@ -79,7 +83,7 @@ def _trajectory(arrays: Mapping[str, Any]) -> Trajectory:
         work=arrays.get("work"),
         warnings=tuple(_warnings(arrays)),
         steps=convert(steps, Steps | None),
-        scene=scene_from(scene) if scene else None,
+        scene=scene,
         base=_base(arrays) if "attitude" in arrays else None,
         **({"delayed": arrays["delayed"]} if "delayed" in arrays else {}),
         stated=_stated(arrays) if "error" in arrays else None,
@@ -136,6 +140,7 @@ def _chain(arrays: Mapping[str, Any]) -> Chain:
         couplings=_records(arrays.get("chain_couplings", np.zeros(0, COUPLING)), COUPLING),
         tips={links[link]: body for link, body in tips.tolist()},
         forces=dict(_forces(arrays)),
+        described=_records(arrays.get("chain_described", np.zeros(0, DESCRIBED)), DESCRIBED),
     )
     return chain if "chain_shapes" not in arrays else dataclasses.replace(chain, shapes=_shapes(chain, arrays))
 

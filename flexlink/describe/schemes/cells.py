@@ -64,6 +64,10 @@ class Cells(Spec, frozen=True):
         """The cell that is repeated."""
         return cell_of(self.hinges)
 
+    def lent(self, mass: float, length: float) -> float:
+        """Inertia of the last segment about its hinge [kg m²], taken from the segment before; see `tip`."""
+        return self.tip * mass * length**2 / 3
+
     def gauss_points(self, count: int) -> Array:
         """Gauss points of `count` hinges on a link of length 1, shape (count,); springs act on the curvature there."""
         cells = count // self.hinges

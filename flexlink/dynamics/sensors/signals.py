@@ -10,7 +10,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import OF_THE_DRIVE, Sensor
-from flexlink.dynamics.point_motion import point_motion
+from flexlink.dynamics.point_motion import motion_in_body
 from flexlink.dynamics.point_slopes import point_slopes
 from flexlink.dynamics.sensors.gauge import gauge_slope, gauge_strain
 from flexlink.dynamics.sensors.placement import placement_of
@@ -70,7 +70,7 @@ def signal_of(sensor: Sensor, scene: Scene, run: Samples) -> Array:
         return seen[None, :, k] / (sensor.torque_constant or 1.0)
     body, point, axes = placement_of(sensor, scene)
     qdd = run.qdd if sensor.kind == "accelerometer" else np.zeros_like(run.q)
-    moving = point_motion(run.chain, run.q, run.qd, qdd, body=body, point=point)
+    moving = motion_in_body(run.chain, run.q, run.qd, qdd, body=body, point=point)
     return np.asarray(axes @ getattr(moving, sensor.kind).T)
 
 

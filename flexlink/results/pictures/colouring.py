@@ -16,8 +16,8 @@ import numpy as np
 from flexlink.common.products import cross
 from flexlink.common.types import Array
 from flexlink.describe.arm import Arm
-from flexlink.dynamics.loads import InternalLoads
 from flexlink.results.pictures.outline import Outline, has_rectangle_instead
+from flexlink.results.samples import RunSamples
 
 Colour = Literal["moment", "strain"]
 
@@ -36,11 +36,9 @@ class Colouring(NamedTuple):
     label: str
 
 
-def colouring(
-    colour: Colour, arm: Arm, outline: Outline, placed: tuple[Array, Array], loads: InternalLoads
-) -> Colouring:
+def colouring(colour: Colour, arm: Arm, outline: Outline, placed: tuple[Array, Array], run: RunSamples) -> Colouring:
     """Values at every station of the outline in every frame; `placed` are R and p of the bodies, as in `Film`."""
-    about = _bending(outline, placed, loads)
+    about = _bending(outline, placed, run)
     if colour == "moment":
         values, label = np.hypot(about[..., 0], about[..., 1]), "bending moment [N m]"
         values[:, [arm.links[k - 1].section is None for k in outline.link]] = np.nan
@@ -68,11 +66,11 @@ def _strain(arm: Arm, outline: Outline, about: Array) -> Array:
     return np.asarray(1e6 * np.where(outline.round, np.hypot(parts[..., 0], parts[..., 1]), parts.sum(axis=-1)))
 
 
-def _bending(outline: Outline, placed: tuple[Array, Array], loads: InternalLoads) -> Array:
+def _bending(outline: Outline, placed: tuple[Array, Array], run: RunSamples) -> Array:
     """Moments about the section's y and z at every station, shape (frames, s, 2) [N m]."""
     R, p = placed
-    force = np.einsum("fbij,fbj->fbi", R[:, 1:], loads.force)
-    moment = np.einsum("fbij,fbj->fbi", R[:, 1:], loads.moment)
+    sections = R[:, 1:] @ run.chain.described["section"]
+    force, moment = (np.einsum("fbij,fbj->fbi", sections, part) for part in (run.loads.force, run.loads.moment))
 
     def at(cut: int, body: int, place: Array) -> Array:
         point = p[:, body] + R[:, body] @ place

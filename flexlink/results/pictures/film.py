@@ -108,7 +108,7 @@ def film_of(run: RunSamples, *, magnify: float, colour: Colour, fps: float, spee
     outline = outline_of(scene, run.chain)
     true = (R, p) if magnify == 1 else placed(run, run.q[rows])
     trace = frames(run.chain, bent[along]).points[:, -1]
-    found = colouring(colour, scene.arm, outline, true, shown.loads)
+    found = colouring(colour, scene.arm, outline, true, shown)
     return Film(
         run.chain.name,
         scene.about,

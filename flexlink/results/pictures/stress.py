@@ -33,7 +33,7 @@ def peak_stress(run: RunSamples) -> PeakStress | None:
     best: PeakStress | None = None
     for first in range(0, len(run.t), AT_ONCE):
         part = picked(run, np.arange(first, min(first + AT_ONCE, len(run.t))))
-        strain = 1e-6 * colouring("strain", arm, outline, placed(part, part.q), part.loads).values
+        strain = 1e-6 * colouring("strain", arm, outline, placed(part, part.q), part).values
         stress = strain * np.array(young)
         if not np.isfinite(stress).any():
             return None

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexlink.chain.rotation import turn_to
-from flexlink.common.types import Array
 from flexlink.pages.colours import CYCLE
 from flexlink.pages.numbers import number
 from flexlink.pages.part import Part
@@ -21,8 +19,7 @@ from flexlink.scene_report.study import Study
 def made(study: Study) -> Part:
     """Build the chapter."""
     run, chain = study.run, study.chain
-    cuts = [_in_beam_axes(study, body) for body in range(len(chain.bodies) - 1)]
-    bending = np.linalg.norm([moment[:, 1:] for _, moment in cuts], axis=2).T
+    bending = np.linalg.norm(run.loads.moment[:, :-1, 1:], axis=2)
     row, body = np.unravel_index(int(bending.argmax()), bending.shape)
     sentences = [
         f"Largest bending moment: {number(float(bending[row, body]))} N m at {_place(study, int(body))}, "
@@ -57,22 +54,6 @@ def _place(study: Study, body: int) -> str:
     return chain.joint_name(first) if stop > first else f"body {body} (fixed)"
 
 
-def _in_beam_axes(study: Study, body: int) -> tuple[Array, Array]:
-    """Force and moment at a cut for all samples, in axes of the beam, with x along the beam.
-
-    Hinges already have these axes. The body of a driven joint or a gear is turned so that one of its axes is the joint
-    axis.
-    """
-    chain, loads = study.chain, study.run.loads
-    first, rotation = int(chain.bodies["first"][body]), np.eye(3)
-    if chain.bodies["stop"][body] > first:
-        at = chain.coordinate(first)
-        if not at.of_base and at.segment == 0 and at.axis in {0, 3}:  # driven joint, gear
-            link = study.scene.arm.links[at.link - 1]
-            rotation = link.beam.frame.T @ turn_to(link.joint.axis)[1]
-    return loads.force[:, body] @ rotation.T, loads.moment[:, body] @ rotation.T
-
-
 def _cuts(study: Study) -> list[int]:
     """Return the bodies at the roots of the links, one for every driven joint."""
     return [study.chain.body(int(k)) for k in study.chain.active] or [0]
@@ -86,7 +67,7 @@ def _table(study: Study) -> Table:
     moving = [k for k in range(len(chain.bodies) - 1) if chain.bodies["stop"][k] > chain.bodies["first"][k]]
     lines: list[tuple[Cell, ...]] = []
     for body in moving:
-        force, moment = _in_beam_axes(study, body)
+        force, moment = study.run.loads.force[:, body], study.run.loads.moment[:, body]
         first = int(chain.bodies["first"][body])
         drive = float(np.abs(study.run.tau[:, first]).max()) if first in chain.active else None
         lines.append((
@@ -103,7 +84,7 @@ def _picture(study: Study, driven: list[int]) -> Picture:
     columns = {"t [s]": run.t}
     for place, body in enumerate(_cuts(study)):
         name = f"bending {_place(study, body)} [N m]"
-        columns[name] = np.linalg.norm(_in_beam_axes(study, body)[1][:, 1:], axis=1)
+        columns[name] = np.linalg.norm(run.loads.moment[:, body, 1:], axis=1)
         label = _place(study, body) if place < NAMED_CURVES else None
         axes[0].plot(run.t, columns[name], color=CYCLE[place % len(CYCLE)], label=label)
     axes[0].set_ylabel("bending [N m]")
