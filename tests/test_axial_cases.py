@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from mpmath import mp
+from scipy import special
 
 import flexlink as fl
+from flexlink.dynamics.vibration.lent_inertia import relieved
 from flexlink.engines import load
 from validation.case import load_cases
 from validation.kinds import frequencies
@@ -60,3 +62,46 @@ def test_derivatives_at_a_steady_rate_give_the_centrifugal_stiffness():
     assert np.sqrt(theirs) == pytest.approx(fl.natural_frequencies(chain, qd=qd, locked=[0]), rel=1e-9)
     still = parity.symmetric_squares(engine, np.zeros(chain.n), parity.springs(engine), np.arange(1, chain.n))
     assert theirs[0] > still[0] + 0.1
+
+
+# --- tension without bending stiffness: a string ---------------------------------------------------------------------
+
+
+def string(rule: str, hinges: int, *, spins: bool) -> fl.Modes:
+    """Modes of a cable of 10 m with almost no EI, hanging, or turning at 3 rad/s and flapping."""
+    rod = fl.Rigidity(x=(0.0, 10.0), rho_a=(1.0, 1.0), ei_z=(5e-4, 5e-4))
+    cable = fl.Link(
+        name="cable", length=10.0, rigidity="rod", flex="z", segments=hinges + 1, lumping=rule,
+        joint=fl.Joint(axis=(0.0, 1.0, 0.0)), mount=fl.Mount(rpy_deg=(0.0, 0.0 if spins else 90.0, 0.0)),
+    )  # fmt: skip
+    arm = fl.Arm(links=(fl.Link(name="hub"), cable), rigidities={"rod": rod})
+    gravity = (0.0, 0.0, 0.0 if spins else -9.81)
+    chain = fl.lump(fl.Scene(name="string", arm=arm, gravity=gravity, run=fl.RunSettings(step=1e-3)))
+    return fl.small_motion.modes_in_motion(chain, {"hub": 3.0}) if spins else fl.modes(chain, locked=["hub"])
+
+
+@pytest.mark.parametrize("hinges", [8, 16, 40])
+@pytest.mark.parametrize("spins", [False, True])
+def test_cells_of_a_string_have_no_artificial_mode_among_the_first_and_less_error_than_gauss(spins, hinges) -> None:
+    """Exact: ω = ½ j₀ₖ √(g/L) if hanging, Ω √(k (2k − 1)) if spinning (Bir 2009)."""
+    k = np.arange(1, 4)
+    exact = 3.0 * np.sqrt(k * (2 * k - 1)) if spins else special.jn_zeros(0, 3) / 2 * np.sqrt(0.981)
+    error = lambda found: np.abs(found.frequencies[:3] / exact - 1).max()  # noqa: E731
+    gauss = error(string("gauss", hinges, spins=spins))
+    for rule in ("lobatto2", "lobatto4"):
+        found = string(rule, hinges, spins=spins)
+        assert error(found) < gauss / 2
+        assert found.kinds == ("pendulum",) * hinges + ("artificial",)
+
+
+def test_without_tension_cells_keep_their_inertia() -> None:
+    scene = fl.load_scene("models/paper_fig5.toml")
+    cells = {f"link.{name}.{key}": value for name in ("upper", "fore") for key, value in
+             (("lumping", "lobatto2"), ("segments", 5))}  # fmt: skip
+    chain = fl.lump(scene.varied(cells))
+    for tension in (0.0, -1e3):
+        same, lent = relieved(chain, np.full(len(chain.bodies), tension))
+        assert same.bodies.tobytes() == chain.bodies.tobytes()
+        assert np.flatnonzero(lent).tolist() == [
+            chain.joint_index("joint", f"{name}.4.z") for name in ("upper", "fore")
+        ]

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 from conftest import ALUMINIUM, SQUARE, flexible, make_scene, nasty_scene, random_state
 from scipy.spatial.transform import Rotation
 
 import flexlink as fl
-from flexlink.chain.builder import record_branches
-from flexlink.chain.coordinates import Coordinate
 from flexlink.dynamics.placement import hinge_bodies
-from flexlink.kernels.layout import BODY, HINGE
 from tests.words import refused
 from validation.random_arms import random_arm, random_tree
 
@@ -23,68 +18,6 @@ WRENCH = np.array([10.0, -20.0, 30.0, 5.0, -4.0, 3.0])
 
 def moving(chain: fl.Chain, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return *random_state(chain, rng), rng.uniform(-50, 50, chain.n)
-
-
-def clamped_in_the_cut(chain: fl.Chain, i: int, offset: np.ndarray) -> tuple[fl.Chain, slice]:
-    """The chain with three added hinges X, Y, Z in body i at an offset from its origin, and the hinge numbers."""
-    body, k = chain.bodies[i].copy(), int(chain.bodies["stop"][i])
-    root, after = body.copy(), chain.bodies[i + 1 :].copy()
-    root["mass"], root["center"], root["inertia"] = 0.0, 0.0, 0.0
-    body["first"], body["stop"], body["turned"], body["rotation"], body["translation"] = k, k + 3, 0, np.eye(3), offset
-    body["center"] -= offset
-    for field in ("first", "stop"):
-        after[field] += 3
-    after["translation"][after["parent"] == i + 1] -= offset
-    after["parent"] += after["parent"] > i
-    body["parent"], body["loaded"] = i + 1, 0
-    bodies = np.array([*chain.bodies[:i], root, body, *after], dtype=BODY)
-    record_branches(bodies)
-    extra = np.array([(axis, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -np.inf, np.inf, 0) for axis in range(3)], dtype=HINGE)
-    hinges = np.array([*chain.hinges[:k], *extra, *chain.hinges[k:]], dtype=HINGE)
-    coordinates = (*chain.coordinates[:k], *[Coordinate(1, 90, axis) for axis in (1, 2, 3)], *chain.coordinates[k:])
-    tips = {name: number + (number > i) for name, number in chain.tips.items()}
-    parts = {"bodies": bodies, "hinges": hinges, "coordinates": coordinates, "tips": tips}
-    return dataclasses.replace(chain, **parts), slice(k, k + 3)
-
-
-def test_section_moments_equal_the_torques_of_hinges_placed_at_the_section(chain: fl.Chain, rng) -> None:
-    """Three added hinges, locked at angle zero, carry the moment n − r × f, computed by `inverse_dynamics`."""
-    state = moving(chain, rng)
-    loads = fl.strength.internal_loads(chain, *state, tip_wrench=WRENCH)
-    for i in {0, (len(chain.bodies) - 1) // 2, len(chain.bodies) - 2}:  # not the last, the tip frame
-        for offset in np.vstack([np.zeros(3), np.eye(3)]):
-            held, added = clamped_in_the_cut(chain, i, offset)
-            still = (np.insert(part, [added.start] * 3, 0.0) for part in state)
-            torque = fl.inverse_dynamics(held, *still, tip_wrench=WRENCH)[added]
-            wanted = -(loads.moment[i] - np.cross(offset, loads.force[i]))
-            scale = np.abs(loads.moment).max() + np.abs(loads.force).max()  # the offset is 1 m
-            assert np.abs(torque - wanted).max() <= 1e-12 * scale
-
-
-def test_the_section_loads_satisfy_the_equations_of_motion_of_each_segment(chain: fl.Chain, rng) -> None:
-    """Newton's and Euler's equations are checked at the centre of mass, with accelerations from `point_motion`."""
-    q, qd, qdd = moving(chain, rng)
-    loads = fl.strength.internal_loads(chain, q, qd, qdd, tip_wrench=WRENCH)
-    placed = fl.frames(chain, q)
-    scale = np.abs(loads.force).max(), np.abs(loads.moment).max()
-    for i, body in enumerate(chain.bodies):
-        if i in chain.tips.values():
-            continue
-        here, c = placed.rotations[i], body["center"]
-        beyond = np.flatnonzero(chain.bodies["parent"] == i + 1)
-        turns = here.T @ placed.rotations[beyond]
-        arms = (placed.points[beyond] - placed.points[i]) @ here - c
-        forces, couples = (np.einsum("kij,kj->ki", turns, part[beyond]) for part in (loads.force, loads.moment))
-        out, couple = forces.sum(axis=0), (couples + np.cross(arms, forces)).sum(axis=0)
-        sensors = [fl.point_motion(chain, q, qd, qdd, body=i, point=p) for p in (c, *(c + np.eye(3)))]
-        force = out - loads.force[i] - body["mass"] * sensors[0].accelerometer
-        assert np.abs(force).max() <= 1e-11 * scale[0]
-        ω = sensors[0].gyroscope
-        swing = np.array([s.accelerometer - sensors[0].accelerometer for s in sensors[1:]]).T  # [α]× + [ω]×²
-        α = np.array([swing[2, 1] - swing[1, 2], swing[0, 2] - swing[2, 0], swing[1, 0] - swing[0, 1]]) / 2
-        moment = couple - loads.moment[i] + np.cross(c, loads.force[i])
-        moment -= body["inertia"] @ α + np.cross(ω, body["inertia"] @ ω)
-        assert np.abs(moment).max() <= 1e-11 * (scale[0] + scale[1])  # lever arms are at most 1.25 m
 
 
 def jet(R: np.ndarray, p: np.ndarray) -> np.ndarray:

@@ -24,6 +24,7 @@ from flexlink.common.types import Array, Complex
 from flexlink.common.wording import short_list
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.free_motion import expanded, restricted
+from flexlink.dynamics.loads import internal_loads
 from flexlink.dynamics.placement import frames
 from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.rounding import largest_load_stiffness
@@ -32,6 +33,7 @@ from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.springs import about, damping_matrix, damping_slope
 from flexlink.dynamics.tangent import LoadedState, displacements, gyroscopic_matrix, stiffness_matrix, tangent, unlocked
 from flexlink.dynamics.vibration import eigenproblem
+from flexlink.dynamics.vibration.lent_inertia import relieved
 from flexlink.dynamics.vibration.lowest import lowest
 from flexlink.dynamics.vibration.mode_kinds import Loads, mode_kinds
 from flexlink.dynamics.wrench import turns_with_tip
@@ -56,7 +58,8 @@ class Modes(SavedResult):
         Rounding error of each λ [1/s], shape (modes,); 0 if the sign of its real part is certain.
     kinds
         "elastic" if springs store most of a mode's energy, "pendulum" if gravity and loads do, "rigid" if it has no
-        stiffness.
+        stiffness, "artificial" if most of its kinetic energy is in the last segment of a link with cells, as
+        `Cells.tip` defines it: a mode of the discretisation, not of the arm.
     elastic_shares
         Share of the springs in the energy of each mode, shape (modes,), as in `vibration.mode_kinds`.
     """
@@ -137,6 +140,7 @@ def modes(
     """Modes of small motion about a configuration, which should be an equilibrium (`solve_static`).
 
     M δq̈ + (D + G) δq̇ + K δq = 0,  δq = φ exp(λt):  K = ∂(T_GC + T_FL)/∂q, G = ∂T_GC/∂q̇, D = ∂T_FR/∂q̇ at rest.
+    In links with cells under strong tension, M has less of the inertia `Cells.tip` (see `vibration.lent_inertia`).
 
     Parameters
     ----------
@@ -182,6 +186,8 @@ def modes(
     free = unlocked(chain, locked)
     refuse_states(chain, "modes do not support it", ", lock the joint, or use the eigenvalues of linearize", free=free)
     few = None if count is None else integer("count", count, 1)
+    tension = internal_loads(chain, q, rates, np.zeros(n), tip_wrench=wrench, frame=frame).N
+    chain, lent = relieved(chain, tension)
     state = LoadedState(q, rates, wrench, follower, free)
     found = None
     if few is not None and len(free) > DENSE and 3 * few < len(free) and chain.shapes is None:
@@ -192,18 +198,14 @@ def modes(
     points = frames(chain, q).points
     friction = damping_slope(chain)[free]
     coupled = _coupled_energy(chain, λ, shapes)
-    kinds, shares = mode_kinds(λ, shapes[:, free], loads(shapes), chain.stiffness[free], friction, coupled)
+    kinds, shares = mode_kinds(λ, shapes[:, free], loads(shapes), chain.stiffness[free], friction, coupled, lent[free])
     return Modes(λ, shapes, displacements(chain, q, shapes), points, rounding, kinds, shares)
-
-
-EQUAL = 1e-6
-"""Relative difference up to which entries of a mode shape are equal; rounding makes them differ in symmetric arms."""
 
 
 def scaled(vectors: NDArray[np.inexact]) -> NDArray[np.inexact]:
     """Divide columns by their largest entry, or the first of several equal ones, so rounding does not affect signs."""
-    sizes = np.abs(vectors)
-    first = (sizes >= (1 - EQUAL) * sizes.max(axis=0)).argmax(axis=0)
+    sizes, equal = np.abs(vectors), 1e-6  # rounding makes entries of equal size differ in symmetric arms
+    first = (sizes >= (1 - equal) * sizes.max(axis=0)).argmax(axis=0)
     return np.asarray(vectors / vectors[first, np.arange(vectors.shape[1])])
 
 
