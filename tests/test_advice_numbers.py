@@ -22,7 +22,7 @@ from flexlink.advice.model import Bend, Model, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.advice.refinement import RefinementStudy
 from flexlink.advice.search import Search
-from flexlink.advice.straightness import load_and_bend
+from flexlink.advice.straightness import load_and_bend, may_pay
 from flexlink.advice.verdict import Advice
 from flexlink.results.convergence import Limit
 
@@ -313,7 +313,26 @@ def test_the_axial_load_of_a_hanging_bar_is_its_weight_times_length_squared_over
     )  # fmt: skip
     below = 5.0 + 2700 * 0.04**2 * 2.0 * (1 - 0.2113)
     found = load_and_bend(hanging.arm, fl.simulate(hanging))
-    assert found == pytest.approx(below * 9.81 * 2.0**2 / (70e9 * 0.04**4 / 12), rel=0.01)
+    assert found == pytest.approx((below * 9.81 * 2.0**2 / (70e9 * 0.04**4 / 12),) * 2, rel=0.01)
+
+
+def test_cells_are_tried_only_where_runs_with_them_are_more_accurate_than_with_gauss() -> None:
+    """A hose with γ = 19,620, released at 20°: γ/N² is 545 with 6 hinges and 34 with 24."""
+    link = fl.Link(
+        name="a", length=10.0, rigidity="r", flex="z", segments=9, joint=fl.Joint(axis=(0.0, 1.0, 0.0)),
+        mount=fl.Mount(rpy_deg=(0.0, 90.0, 0.0)),
+    )  # fmt: skip
+    arm = fl.Arm(links=(link,), rigidities={"r": fl.Rigidity(x=(0.0, 10.0), rho_a=(1.0, 1.0), ei_z=(0.5, 0.5))})
+    hose = fl.Scene(name="hose", arm=arm, gravity=(0.0, 0.0, -9.81), initial=fl.InitialState(joint_deg=(20.0,)),
+                    run=fl.RunSettings(duration=2.0, tolerance=1e-3))  # fmt: skip
+
+    def tips(rule: str, hinges: int) -> np.ndarray:
+        return fl.simulate(hose.varied({"link.a.lumping": rule, "link.a.segments": hinges + 1})).tip
+
+    exact = tips("gauss", 96)
+    for hinges, pays in ((6, False), (24, True)):
+        gauss, cells = (np.abs(tips(rule, hinges) - exact).max() for rule in ("gauss", "lobatto2"))
+        assert may_pay(arm, fl.simulate(hose), hinges) == (cells < gauss) == pays
 
 
 def test_two_levels_that_agree_do_not_lower_the_error_estimate_too_far() -> None:

@@ -4,7 +4,8 @@
     θ = |Σ θ_k|                      total bend of the link [rad]
 
 Both reduce the order of these rules to 2, while cells stay at order 4. For the first frequency of a cantilever
-with N hinges, the error is 5.2e-4 γ (8/N)² with gauss for γ up to 1, and 3.9e-5 (8/N)⁴ with lobatto.
+with N hinges, the error is 5.2e-4 γ (8/N)² with gauss for γ up to 1, and 3.9e-5 (8/N)⁴ with lobatto. Beyond γ/N² = 100,
+runs with cells are less accurate: the last segment, whose inertia is artificial (`Cells.tip`), follows too slowly.
 """
 
 from __future__ import annotations
@@ -22,22 +23,25 @@ from flexlink.results.trajectory import Trajectory
 def may_pay(arm: Arm, run: Trajectory, hinges: int) -> bool:
     """Whether cells may be cheaper than hinges with one spring each, judged by a run with `hinges` such hinges."""
     # Cells may be cheaper if (γ + 2 θ) N² exceeds this value, at which the errors of gauss and lobatto (see above) are
-    # about equal. The validation case advice_axial checks this value.
-    return load_and_bend(arm, run) * hinges**2 > 5.0
+    # about equal. The validation case advice_axial checks this value. Runs of a hanging hose with gauss and lobatto2
+    # have equal errors at γ/N² = 120.
+    γ, both = load_and_bend(arm, run)
+    return γ < 100.0 * hinges**2 and both * hinges**2 > 5.0
 
 
-def load_and_bend(arm: Arm, run: Trajectory) -> float:
-    """Largest γ + 2 θ of any link during a run."""
+def load_and_bend(arm: Arm, run: Trajectory) -> tuple[float, float]:
+    """Largest γ, and largest γ + 2 θ, of any link during a run."""
     # loads are evaluated at no more than 40 samples
     chain, few = run.chain, picked(run, np.unique(np.linspace(0, len(run.t) - 1, 40).astype(int)))
     force = np.abs(few.loads.N)
-    found = [0.0]
+    found = [(0.0, 0.0)]
     for number, link in enumerate(arm.links, 1):
         hinges = [k for k, c in enumerate(chain.coordinates) if c.link == number and c.bends]
         if hinges:
             γ = force[:, [chain.body(k) for k in hinges]].max(axis=1) * link.beam.length**2 / _least_rigidity(arm, link)
-            found.append(float((γ + 2 * _bend(chain, few.q, hinges)).max()))
-    return max(found)
+            found.append((float(γ.max()), float((γ + 2 * _bend(chain, few.q, hinges)).max())))
+    γ, both = map(max, zip(*found, strict=True))
+    return γ, both
 
 
 def _bend(chain: Chain, q: Array, hinges: list[int]) -> Array:
