@@ -49,7 +49,7 @@ for verdict in written.verdicts:
 run = fl.simulate(
     scene.varied({"run.outputs": ["loads"]})
 )  # follows vibrations, which loads contain
-root = run.loads.moment[:, run.chain.body("arm"), 2]
+root = run.loads.M_z[:, run.chain.body("arm")]
 goal = run.tip[-1]
 settled = fl.measures.settling_time(run, target=goal, tolerance=1e-3)
 print(f"settles within 1 mm of its final position {settled:.2f} s after the start")

@@ -16,19 +16,22 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
+from flexlink.describe.actions import Frame
+from flexlink.dynamics.loads import internal_loads
 from flexlink.dynamics.placement import hinge_bodies
 
 
-def relieved(chain: Chain, tension: Array) -> tuple[Chain, Array]:
+def relieved(chain: Chain, q: Array, qd: Array, wrench: Array, frame: Frame) -> tuple[Chain, Array]:
     """Return the chain with less lent inertia under tension, and the lent inertia about each hinge axis [kg m²], (n,).
 
-    `tension` is the axial force at every cut [N], shape (bodies,).
+    The tension is that of a steady motion, at angles q and rates qd, (n,), with a tip wrench as in `internal_loads`.
     """
     on, axis = hinge_bodies(chain), chain.hinges["axis"]
     lent = np.where((axis == 1) | (axis == 2), chain.described["lent"][on], 0.0)
     hinges = np.flatnonzero(lent)
     if not len(hinges):
         return chain, lent
+    tension = internal_loads(chain, q, qd, np.zeros(chain.n), tip_wrench=wrench, frame=frame).N
     bodies, links = chain.bodies.copy(), np.array([c.link if c.bends else 0 for c in chain.coordinates])
     for k in hinges.tolist():
         i, a, pull = on[k], axis[k], tension[on[links == links[k]]].max()

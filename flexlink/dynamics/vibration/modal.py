@@ -24,7 +24,6 @@ from flexlink.common.types import Array, Complex
 from flexlink.common.wording import short_list
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.free_motion import expanded, restricted
-from flexlink.dynamics.loads import internal_loads
 from flexlink.dynamics.placement import frames
 from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.rounding import largest_load_stiffness
@@ -186,8 +185,7 @@ def modes(
     free = unlocked(chain, locked)
     refuse_states(chain, "modes do not support it", ", lock the joint, or use the eigenvalues of linearize", free=free)
     few = None if count is None else integer("count", count, 1)
-    tension = internal_loads(chain, q, rates, np.zeros(n), tip_wrench=wrench, frame=frame).N
-    chain, lent = relieved(chain, tension)
+    chain, lent = relieved(chain, q, rates, wrench, frame)
     state = LoadedState(q, rates, wrench, follower, free)
     found = None
     if few is not None and len(free) > DENSE and 3 * few < len(free) and chain.shapes is None:
