@@ -60,6 +60,8 @@ WRONG: dict[str, tuple[Callable[[Arrays], object], str]] = {
     "axis": (put("chain_hinges", 17, "axis"), "bodies do not belong together"),
     "coupling elsewhere": (put("chain_couplings", 10**9, "outer"), "couplings do not belong together"),
     "coordinates": (lambda a: a.update(chain_coordinates=a["chain_coordinates"][1:]), "coordinates are not those"),
+    "axes": (put("chain_described", np.nan, "section"), "axes have a section that is not finite"),
+    "axes of fewer bodies": (lambda a: a.update(chain_described=a["chain_described"][1:]), "bodies do not belong"),
     "tip elsewhere": (lambda a: a.update(chain_tips=np.array([[0, 10**9]])), "bodies do not belong together"),
 }
 
@@ -93,3 +95,6 @@ def test_archives_of_free_bases_trees_and_sliding_joints_load(model: str, tmp_pa
     scene = fl.load_scene(ROOT / "models" / f"{model}.toml")
     run = fl.simulate(scene, duration=2 * scene.run.spacing)
     assert np.array_equal(fl.load_trajectory(run.save(tmp_path / "run.npz")).q, run.q)
+    with np.load(tmp_path / "run.npz") as archive:  # version 1.0 stored no axes of links and sections
+        np.savez(tmp_path / "older.npz", **{name: archive[name] for name in archive if name != "chain_described"})
+    assert np.array_equal(fl.load_trajectory(tmp_path / "older.npz").loads.moment, run.loads.moment)

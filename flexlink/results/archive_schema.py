@@ -69,7 +69,7 @@ def check_chain(chain: Chain) -> None:
     # fields that may be infinite
     unlimited = {"lower", "upper"}
     forces = {name: chain.force(name) for name in FORCES}
-    parts = {"bodies": chain.bodies, "hinges": chain.hinges, "described": chain.described, **forces}
+    parts = {"bodies": chain.bodies, "hinges": chain.hinges, "axes": chain.described, **forces}
     for part, rows in parts.items():
         for name in set(rows.dtype.names or ()) - unlimited:
             if not np.isfinite(rows[name]).all():
