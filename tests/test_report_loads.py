@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 from conftest import flexible, make_scene
 
@@ -11,25 +10,6 @@ from flexlink.scene_report.parts import loads
 from flexlink.scene_report.study import Study
 
 HELD = {"run.duration": 0.2, "run.sample": 0.01, "run.step": 1e-4}
-
-
-def table(link: fl.Link) -> dict[str, tuple[float, ...]]:
-    """Largest loads at the root and at the first hinge of a link that falls under a load."""
-    scene = make_scene(
-        link, tip=fl.RigidBody(mass=1.0), gravity=(0.0, 0.0, -9.81), initial=fl.InitialState(joint_deg=(0.0,))
-    )
-    lines = loads._table(Study(scene.varied(HELD))).lines
-    return {str(line[0]): tuple(float(cell or 0.0) for cell in line[1:]) for line in lines}
-
-
-@pytest.mark.parametrize("segments", [1, 4])
-def test_loads_are_equal_for_a_joint_about_minus_y_and_one_about_z_in_a_rotated_mount(segments: int) -> None:
-    shape = {"flex": "z" if segments > 1 else "rigid", "segments": segments, "length": 1.0}
-    turned = table(flexible("beam", mount=fl.Mount(rpy_deg=(90.0, 0.0, 0.0)), **shape))
-    axis = table(flexible("beam", joint=fl.Joint(axis=(0.0, -1.0, 0.0)), **shape))
-    assert turned.keys() == axis.keys()
-    for name, values in turned.items():
-        np.testing.assert_allclose(axis[name], values, rtol=1e-6, atol=1e-6, err_msg=name)
 
 
 def test_the_root_of_a_level_beam_carries_shear_and_bending_but_no_torque() -> None:
