@@ -83,7 +83,7 @@ HOSTILE: dict[str, tuple[str | bytes, str, str]] = {
         edited('<robot name="r">', '<robot name="r" xmlns:xacro="http://ros.org/wiki/xacro"><xacro:arm/>'),
         "xacro", "<xacro:arm>",
     ),
-    "xacro prefix": (edited('<robot name="r">', '<robot name="r"><xacro:arm/>'), "not-xml", ""),
+    "xacro prefix": (edited('<robot name="r">', '<robot name="r"><xacro:arm/>'), "xacro", "<xacro:arm>"),
     # numbers
     "NaN": (edited('value="1"', 'value="nan"'), "number-in-file", "link 'b': <mass value> = 'nan'"),
     "infinite": (edited('ixx="1"', 'ixx="inf"'), "number-in-file", "<inertia ixx> = 'inf'"),
@@ -103,12 +103,7 @@ HOSTILE: dict[str, tuple[str | bytes, str, str]] = {
     "far away": (edited("<inertial>", '<inertial><origin xyz="1e200 0 0"/>'), "number-in-file", "1e+09"),
     # bodies
     "negative mass": (edited('value="1"', 'value="-1"'), "number-in-file", "<mass value> = -1.0"),
-    "A + B < C": (edited('izz="1"', 'izz="3"'), "inertia-impossible", "link 'b': inertia"),
     "negative moment": (edited('ixx="1"', 'ixx="-1"'), "inertia-impossible", "(-1.0, 1.0, 1.0)"),
-    "unphysical once folded": (
-        robot("abc", joint("j", "a", "b"), joint("k", "b", "c", kind="fixed")).replace('izz="1"', 'izz="2.1"'),
-        "inertia-impossible", "link 'b' with c: inertia",
-    ),
     "no mass": (edited('<mass value="1"/>', ""), "missing-in-file", "link 'b': <mass>"),
     "no value": (edited('value="1"', ""), "missing-in-file", "<mass value>"),
     "no inertia": (edited(INERTIA, ""), "missing-in-file", "<inertia>"),
@@ -140,11 +135,6 @@ HOSTILE: dict[str, tuple[str | bytes, str, str]] = {
     "floating": (edited("continuous", "floating"), "joint-type-in-file", "joint 'j'"),
     "planar": (edited("continuous", "planar"), "joint-type-in-file", "joint 'j'"),
     "zero axis": (edited("</joint>", '<axis xyz="0 0 0"/></joint>'), "zero-direction", "<axis xyz> = (0.0, 0.0, 0.0)"),
-    "no limit": (edited("continuous", "revolute"), "missing-in-file", "<limit>"),
-    "limits turned round": (
-        edited("continuous", "revolute", "</joint>", '<limit lower="1" upper="-1"/></joint>'),
-        "limits-order", "<limit>",
-    ),
     "endless limit": (
         edited("continuous", "revolute", "</joint>", '<limit lower="-inf" upper="1"/></joint>'),
         "number-in-file", "<limit lower> = '-inf'",
@@ -170,9 +160,11 @@ def test_there_are_enough_hostile_urdf_files() -> None:
 
 
 @pytest.fixture
-def opened(capsys) -> Iterator[list[str]]:
-    """Paths that are opened during a test, after the command is loaded."""
-    main(["import", "nowhere.urdf"])
+def opened(capsys, tmp_path_factory) -> Iterator[list[str]]:
+    """Paths that are opened during a test, after the command and its kernels are loaded."""
+    odd = tmp_path_factory.mktemp("odd") / "odd.urdf"
+    odd.write_text(edited('izz="1"', 'izz="3"'), encoding="utf-8")
+    assert main(["import", str(odd)]) == 0
     capsys.readouterr()
     found: list[str] = []
     hooks.append(found)
@@ -255,14 +247,6 @@ def test_folders_devices_and_missing_files_are_refused(tmp_path: Path, capsys) -
         text = refused_line(printed, id)
         assert path.name in text
     assert "ur3, ur5" in text
-
-
-def test_an_impossible_body_is_accepted_if_its_rigid_assembly_is_possible(tmp_path: Path) -> None:
-    text = HOSTILE["unphysical once folded"][0]
-    assert isinstance(text, str)
-    path = tmp_path / "odd.urdf"
-    path.write_text(text.replace('izz="2.1"', 'izz="1"').replace('izz="1"', 'izz="2.1"', 1), encoding="utf-8")
-    assert main(["import", str(path)]) == 0
 
 
 @pytest.mark.slow

@@ -27,10 +27,8 @@ NO_ROBOTS = {
     "iris_description/robots/iris_simple.urdf": "no-movable-joint",
     "ur_description/urdf/ur3.urdf": "no-link",
     "alex_description/urdf/alex_psyonic_hands.urdf": "mimic",
-    "romeo_description/urdf/romeo_small.urdf": "inertia-impossible",
-    "romeo_description/urdf/romeo_laas_small.urdf": "inertia-impossible",
 }
-"""Files of example-robot-data without joints or links, or with an invalid leader or inertia: id of the error."""
+"""Files of example-robot-data without joints or links, or with an invalid leader: id of the error."""
 FLOATING = [
     f"{name}.urdf"
     for name in (

@@ -19,6 +19,7 @@ from flexlink.chain.constant_ratio import posture_of, with_constant_ratios
 from flexlink.chain.coordinates import LAG, ROOT, Coordinate
 from flexlink.chain.forces import with_forces
 from flexlink.chain.free_base import reference_rotation
+from flexlink.chain.odd_bodies import require_positive_mass
 from flexlink.chain.rigid import HERE
 from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
 from flexlink.chain.section_beam import SectionBeam
@@ -55,7 +56,7 @@ def lump(scene: Scene) -> Chain:
     ------
     SceneError
         A lumping rule does not exist or cannot be used for its link, or the dimensions lead to a mass, inertia or
-        stiffness beyond float64.
+        stiffness beyond float64; or M is indefinite, because a body has an inertia that no real body has.
     DataFileError
         The file of a lumping rule is not valid.
     ArgumentError
@@ -111,6 +112,7 @@ def _lumped(scene: Scene) -> Chain:
     chain = frame.chain = frame.chain.with_numbers(
         name=scene.name, bodies=bodies, hinges=hinges, gravity=np.array(scene.gravity), couplings=couplings
     )
+    require_positive_mass(chain, arm)
     chain = with_shapes(with_constant_ratios(chain, scene), scene)
     return with_forces(chain, scene, frame.builder.pieces)
 

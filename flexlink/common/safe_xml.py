@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from xml.etree import ElementTree as ET
+from xml.parsers import expat
 
 from flexlink.common.errors import DataFileError
 
@@ -17,7 +18,7 @@ MOST_ELEMENTS = 200_000  # and attributes; together they take about 100 MB of me
 DEEPEST = 1000  # levels of nested elements; MuJoCo reads 500
 
 
-def parse(text: str | bytes, what: str) -> ET.Element:
+def parse(text: str | bytes, what: str, *, namespaces: bool = True) -> ET.Element:
     """Return the root of an XML document.
 
     Parameters
@@ -26,6 +27,9 @@ def parse(text: str | bytes, what: str) -> ET.Element:
         The document; bytes contain a declaration of their encoding (default UTF-8).
     what
         Name of the document, such as its path, for messages.
+    namespaces
+        Whether `p:name` is read as `{namespace of p}name`. If not, names stay as written, prefixes need no declaration,
+        and white space before the declaration of XML is skipped, as robot files of other programs need.
 
     Returns
     -------
@@ -41,11 +45,15 @@ def parse(text: str | bytes, what: str) -> ET.Element:
         data = text if isinstance(text, bytes) else text.encode()
         if len(data) > LARGEST:
             raise DataFileError(f"{what}: {len(data)} bytes; at most {LARGEST} are read", id="file-too-large")
+        if not namespaces and data.lstrip().startswith(b"<?xml"):
+            data = data.lstrip()
         builder = _Elements(what)
-        parser = ET.XMLParser(target=builder, encoding=None if isinstance(text, bytes) else "utf-8")
-        parser.feed(data)
-        return parser.close()
-    except (ET.ParseError, ValueError, LookupError) as error:  # ValueError: surrogates, encodings that expat lacks
+        parser = expat.ParserCreate(None if isinstance(text, bytes) else "utf-8", "}" if namespaces else None)
+        parser.StartDoctypeDeclHandler, parser.CharacterDataHandler = builder.doctype, builder.data
+        parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
+        parser.Parse(data, True)
+        return builder.close()
+    except (expat.ExpatError, ValueError, LookupError) as error:  # ValueError: surrogates, encodings that expat lacks
         if isinstance(error, DataFileError):
             raise
         scene = "; a scene (.toml) is written as URDF by flexlink export" if what.endswith(".toml") else ""
@@ -69,7 +77,7 @@ class _Elements(ET.TreeBuilder):
         super().__init__()
         self.what, self.count, self.depth = what, 0, 0
 
-    def doctype(self, name: str, public: str | None, system: str | None) -> None:
+    def doctype(self, name: str, *_: object) -> None:
         raise DataFileError(
             f"{self.what}: contains <!DOCTYPE {name[:60]}>; remove it and all entities", id="xml-entities"
         )
@@ -83,8 +91,13 @@ class _Elements(ET.TreeBuilder):
             raise DataFileError(
                 f"{self.what}: elements are nested deeper than {DEEPEST}, at <{tag[:60]}>", id="xml-too-deep"
             )
-        return super().start(tag, dict(attributes))
+        return super().start(_full(tag), {_full(key): value for key, value in attributes.items()})
 
     def end(self, tag: str, /) -> ET.Element:
         self.depth -= 1
-        return super().end(tag)
+        return super().end(_full(tag))
+
+
+def _full(name: str) -> str:
+    """Return a name as ElementTree writes it, with its namespace in braces."""
+    return f"{{{name}" if "}" in name else name

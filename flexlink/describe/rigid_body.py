@@ -13,7 +13,7 @@ from flexlink.common.wording import truncated
 from flexlink.describe.spec import NonNegative, Spec, Vector3, measured_in
 
 ROUNDING = 32 * np.finfo(float).eps
-"""Tolerance in the check of principal moments, relative to the largest: one eps for each of three given numbers, 12 for
+"""Rounding error of principal moments, relative to the largest: one eps for each of three given numbers, 12 for
 an earlier rotation I → R I Rᵀ (two products of three terms, and R itself), 12 for the eigenvalues."""
 
 
@@ -25,9 +25,10 @@ class RigidBody(Spec, frozen=True):
     numbers, xx, yy, zz and the products xy, xz, yz, the elements of I = ∫ (ρ² 1 − ρ ρᵀ) dm (I_xy = −∫ x y dm, the sign
     convention of URDF).
 
-    A body with mass must have a physical inertia: its covariance ∫ ρ ρᵀ dm = tr(I)/2 · 1 − I is positive semidefinite,
-    that is, no principal moment exceeds the sum of the other two. A body without mass represents pure inertia, such as
-    a rotor's about its axis; then I itself must be positive semidefinite.
+    A real body has a positive semidefinite covariance ∫ ρ ρᵀ dm = tr(I)/2 · 1 − I, that is, no principal moment exceeds
+    the sum of the other two. A body without mass represents pure inertia, such as a rotor's about its axis; then I
+    itself is positive semidefinite. Rounded, simplified or identified inertias may violate this by `excess`: they are
+    used as given, with a note, if the arm's mass matrix is positive.
 
     Examples
     --------
@@ -51,18 +52,6 @@ class RigidBody(Spec, frozen=True):
                 "6 numbers, xx, yy, zz, xy, xz, yz",
                 id="inertia-form",
             )
-        size = max(map(abs, self.inertia)) or 1.0
-        low, middle, high = (moment / size for moment in self.principal_moments)
-        most = low + middle if self.mass else np.inf
-        if low < -ROUNDING * high or high > most + ROUNDING * high:
-            moments = ", ".join(f"{size * moment:.6g}" for moment in (low, middle, high))
-            excess = f"here by {size * (high - low - middle):.3g}"
-            rule = f", and none may exceed the sum of the other two, {excess}" if self.mass else ""
-            raise SceneError(
-                f"inertia = {truncated(self.inertia)}: no body can have it; its principal moments are {moments}; none "
-                f"may be negative{rule}",
-                id="inertia-impossible",
-            )
 
     @property
     def principal_moments(self) -> tuple[float, ...]:
@@ -70,6 +59,17 @@ class RigidBody(Spec, frozen=True):
         if len(self.inertia) == 3:
             return tuple(sorted(self.inertia))
         return tuple(np.linalg.eigvalsh(self.matrix).tolist())
+
+    @property
+    def excess(self) -> float:
+        """How far the principal moments are from those of a real body [kg m²]; 0 for a real body, up to rounding.
+
+        With mass: the largest moment minus the sum of the others; without mass: minus the smallest moment.
+        """
+        size = max(map(abs, self.inertia)) or 1.0
+        low, middle, high = (moment / size for moment in self.principal_moments)
+        excess = high - low - middle if self.mass else -low
+        return size * excess if excess > ROUNDING * max(abs(low), high) else 0.0
 
     @property
     def matrix(self) -> Array:

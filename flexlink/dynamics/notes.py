@@ -8,6 +8,7 @@ import numpy as np
 
 from flexlink.chain.arguments import require_type
 from flexlink.chain.lumping import lump
+from flexlink.chain.odd_bodies import of_odd_bodies
 from flexlink.common.wording import Diagnostic
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.joint import Joint
@@ -42,7 +43,7 @@ def notes(scene: Scene) -> tuple[Diagnostic, ...]:
     require_type("scene", scene, Scene)
     start = _parallel_gravity, slack_springs, unheld_joints, weak_drives, balance
     unused = _unused_static_start, _unused_torques, _unused_link_keys, _centers_without_mass
-    unusual = _tip_without_length, _falling_base, _few_hinges
+    unusual = _tip_without_length, _falling_base, _few_hinges, _odd_inertias
     with np.errstate(all="ignore"):  # values beyond float64 are refused when a run is built from them
         return tuple(note for each in (*start, *unused, *unusual) for note in each(scene))
 
@@ -75,6 +76,11 @@ def defaults(scene: Scene) -> tuple[Diagnostic, ...]:
         length = f"{tolerance / chain.size:.3g} rad or {length}"
     text = f"run: no step given; tolerance {length} ({of}), method auto"
     return (Diagnostic(text, "no-step-given"),)
+
+
+def _odd_inertias(scene: Scene) -> Iterator[Diagnostic]:
+    """An inertia that no real body has may be a wrong number."""
+    return of_odd_bodies(scene.arm)
 
 
 def _parallel_gravity(scene: Scene) -> Iterator[Diagnostic]:

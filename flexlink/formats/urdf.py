@@ -11,6 +11,7 @@ coulomb_width, armature, … and the coordinate. Viscous damping and Coulomb tor
 
 from __future__ import annotations
 
+import logging
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -67,6 +68,12 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
         transmission of the same name. Link `tip` is the tip frame; tips of other branches are named after the links
         that end there. Numbers read back exactly; rotations are written as roll, pitch and yaw.
 
+    Notes
+    -----
+    URDF cannot hold springs, armature, gravity, the smoothing of dry friction, or that a base floats: they are in
+    elements `<flexlink>`, which other programs ignore, so their M lacks the armature. The log (level INFO) names those
+    that the chain has. Drives, some forces and initial states are not written: see `flexlink export`.
+
     Raises
     ------
     ArgumentError
@@ -79,6 +86,10 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
     9 joints, the last one fixed
     """
     refuse_states(require_type("chain", chain, Chain), "no file represents it")
+    unheld = {"springs": chain.stiffness, "armature": chain.hinges["armature"], "gravity": chain.gravity}
+    found = ", ".join(name for name, values in unheld.items() if values.any())
+    if found:
+        logging.getLogger(__name__).info("%s: a URDF cannot hold %s; only flexlink reads them", chain.name, found)
     joints, links = xml_joint_names(chain), xml_link_names(chain)
     robot = ET.Element("robot", name=valid(chain.name))
     own = ET.SubElement(robot, "flexlink", gravity=decimals(chain.gravity), links=links_text(chain))

@@ -37,7 +37,7 @@ def assembled(
     Raises
     ------
     DataFileError
-        The inertia of a part or of a floating base is physically impossible.
+        A floating base has no mass, or no inertia about some axis.
     SceneError, ArgumentError
         As in `bent`; or an armature is negative.
     """
@@ -93,11 +93,12 @@ def _base(way: Paths) -> tuple[Base, BaseState]:
         return Base(), BaseState()
     place, body, folded = way.free_base
     mount = _mount(place, np.zeros(3))
+    own = payload(body)
     try:
-        own = payload(body)
         base = Base(kind="free", mass=own.mass, center=own.center, inertia=own.inertia)
     except SceneError as error:
-        raise _odd_body(way.base, folded, error) from None
+        others = f" with {short_list(folded)}" if folded else ""
+        raise DataFileError(f"link {truncated(way.base)}{others}: {error}") from None
     return base, BaseState(xyz=mount.xyz, rpy_deg=mount.rpy_deg)
 
 
@@ -125,10 +126,6 @@ def _stop(link: Link) -> Array:
 
 def _rigid(part: Part, name: str, before: Array, armature: float) -> Link:
     joint = part.joint
-    try:
-        hub = payload(part.body)
-    except SceneError as error:
-        raise _odd_body(part.link, part.folded, error) from None
     x, y, z = joint.axis.tolist()
     lower, upper = joint.limits or (0.0, 0.0)
     limited = lower < upper  # in many files 0 and 0 mean no limits
@@ -144,13 +141,8 @@ def _rigid(part: Part, name: str, before: Array, armature: float) -> Link:
             limits_deg=(math.degrees(lower), math.degrees(upper)) if limited and joint.turns else None,
             limits_m=(lower, upper) if limited and not joint.turns else None,
         ),
-        hub=hub,
+        hub=payload(part.body),
     )
-
-
-def _odd_body(link: str, folded: tuple[str, ...], error: SceneError) -> DataFileError:
-    others = f" with {short_list(folded)}" if folded else ""
-    return DataFileError(f"link {truncated(link)}{others}: {error}")
 
 
 def _mount(origin: Pose, before: Array) -> Mount:

@@ -112,8 +112,13 @@ def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) ->
     SceneError
         The line has no length.
     ArgumentError
-        The beam is too heavy for the link; the message states the largest possible mass.
+        The link has no mass, or the beam is too heavy for it; the message states the largest possible mass.
     """
+    if not part.body.mass:
+        raise ArgumentError(
+            f"flexible: link {truncated(part.link)}: has no mass; give it an <inertial>, or bend another link",
+            id="no-mass",
+        )
     ends = flexible.line or joint_to_joint(next_origin)
     line = line_of(ends, flexible.up, part.joint.axis)
     section = flexible.section or _tube(line.length)
@@ -167,20 +172,15 @@ def _warning(part: Part, flexible: FlexibleLink, largest: float) -> Diagnostic |
 
 
 def payload(body: SpatialInertia) -> RigidBody:
-    """Return a body as a `RigidBody`; an inertia that is impossible only due to rounding is corrected.
+    """Return a body as a `RigidBody`; an inertia that no body has due to rounding of a sum alone is corrected.
 
-    Raises
-    ------
-    SceneError
-        The inertia is impossible by more than the rounding error of its second moment about the origin.
+    That is an error of at most `ROUNDING` relative to the second moment about the origin; a larger one is kept.
     """
-    try:
-        return _rigid_body(body)
-    except SceneError:
-        λ, V = np.linalg.eigh(body.covariance)
-        if λ[0] < -ROUNDING * (λ[-1] + body.mass * body.center @ body.center):
-            raise
-        return _rigid_body(body_with(body.mass, body.center, (V * np.maximum(λ, 0.0)) @ V.T))
+    given = _rigid_body(body)
+    λ, V = np.linalg.eigh(body.covariance)
+    if not given.excess or λ[0] < -ROUNDING * (λ[-1] + body.mass * body.center @ body.center):
+        return given
+    return _rigid_body(body_with(body.mass, body.center, (V * np.maximum(λ, 0.0)) @ V.T))
 
 
 def _rigid_body(body: SpatialInertia) -> RigidBody:

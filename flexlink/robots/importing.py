@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from flexlink.chain.lumping import lump
+from flexlink.chain.odd_bodies import of_odd_bodies
+from flexlink.common import safe_xml
 from flexlink.common.errors import ArgumentError
 from flexlink.common.notebook import html_lines
 from flexlink.common.wording import Diagnostic, short_list, truncated
@@ -15,11 +18,12 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Vector3
 from flexlink.robots.assembly import assembled
 from flexlink.robots.flexible import FlexibleLink, rounded_down, slender_mass
+from flexlink.robots.followers import with_followers
 from flexlink.robots.kinematic_tree import Robot
 from flexlink.robots.lifeless import living_paths
 from flexlink.robots.paths import Paths
 from flexlink.robots.positions import finite
-from flexlink.robots.robot_file import read_robot
+from flexlink.robots.robot_file import acts, read_robot
 from flexlink.robots.tuning import tuned
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
@@ -134,11 +138,15 @@ def import_urdf(
                 f"{key} = {truncated(table)}: expected a dict, got {type(table).__name__}", id="wrong-type"
             )
     robot = path if isinstance(path, Robot) else read_robot(path)
-    rotors = {joint for joint, inertia in armature.items() if finite(inertia)}
-    way, lifeless = living_paths(robot, base, tip, posture, locked, free_base=free_base, rotors=rotors)
+    driven = {joint for joint, inertia in armature.items() if finite(inertia)}
+    way, lifeless = living_paths(robot, base, tip, posture, locked, free_base=free_base, rotors=driven)
     _check_links(way, flexible)
     _check_joints(way, armature)
-    scene, parts = assembled(robot.name, way, flexible, armature, gravity)
+    way, rotors, following = with_followers(robot, way, locked, armature, gravity)
+    scene, parts = assembled(robot.name, way, flexible, rotors, gravity)
+    odd = [*of_odd_bodies(scene.arm)]
+    if odd:
+        lump(scene)  # refuses them if M is not positive
     for part, one in zip(way.parts, parts, strict=True):
         hertz = flexible[part.link].frequency_hz if part.link in flexible else None
         if hertz is not None:
@@ -146,8 +154,10 @@ def import_urdf(
     largest = {part.link: slender_mass(part, beyond.p) for part, beyond in zip(way.parts, way.beyond(), strict=True)}
     stated = {*posture, *locked}
     remarks = [one.remark for one in parts if one.remark is not None]
-    notes = [*_notes(robot, way, stated, lifeless), *remarks, *([] if flexible else _beams(way, largest))]
-    warnings = [*robot.doubts, *(one.warning for one in parts if one.warning is not None), *_left_behind(robot, way)]
+    carried = [note for note in following if note.id == "mimic-carried"]
+    notes = [*_notes(robot, way, stated, lifeless), *carried, *remarks, *([] if flexible else _beams(way, largest))]
+    doubts = [*robot.doubts, *(one.warning for one in parts if one.warning is not None), *odd]
+    warnings = [*doubts, *(note for note in following if note not in carried), *_offers(robot, way)]
     return ImportResult(scene, way, largest, tuple(notes), tuple(warnings))
 
 
@@ -217,12 +227,12 @@ def _notes(robot: Robot, way: Paths, stated: set[str], lifeless: tuple[str, ...]
                     f"{part.joint.name}: starts at {position}, the middle of its limits, which exclude 0", "joint-start"
                 )
             )
-        if limits is not None and limits[0] == limits[1]:
-            notes.append(
-                Diagnostic(
-                    f"{part.joint.name}: limits {limits[0]:g} and {limits[1]:g} are equal and ignored", "limits-equal"
-                )
-            )
+        if limits is not None and limits[0] >= limits[1]:
+            odd = "equal" if limits[0] == limits[1] else "reversed"
+            text = f"{part.joint.name}: limits {limits[0]:g} and {limits[1]:g} are {odd} and ignored"
+            notes.append(Diagnostic(text, "limits-equal"))
+        if limits is None and part.joint.kind != "continuous":
+            notes.append(Diagnostic(f"{part.joint.name}: the file gives no limits", "limits-equal"))
     if lifeless:
         notes.append(
             Diagnostic(f"joints with no inertia attached are fixed: {short_list(lifeless)}", "joint-without-inertia")
@@ -230,20 +240,39 @@ def _notes(robot: Robot, way: Paths, stated: set[str], lifeless: tuple[str, ...]
     if way.held:
         positions = [f"{name} at {way.positions[name]:.4g}" for name in way.held]
         notes.append(Diagnostic(f"fixed at [rad, m]: {short_list(positions)}", "joint-fixed"))
-    ignored = [f"{count} {name}" for name, count in robot.left_out.items()]
-    notes.append(Diagnostic("ignored: " + ", ".join(["limits of effort and velocity", *ignored]), "ignored"))
-    return notes
+    return [*notes, *_ignored(robot)]
 
 
-def _left_behind(robot: Robot, way: Paths) -> list[Diagnostic]:
-    """Return warnings about fixed joints that mimic moving ones."""
-    free = [part.joint.name for part in way.parts]
-    leaders = {name: robot.leader(robot.joints[name]).name for name in way.held}
-    moving = {name: leader for name, leader in leaders.items() if leader in free}
-    return [
-        Diagnostic(f"{name}: mimics {leader}, which moves; here {name} does not", "mimic-fixed")
-        for name, leader in moving.items()
-    ]
+def _ignored(robot: Robot) -> Iterator[Diagnostic]:
+    """Note what was not read: elements and attributes with a mechanical name at their joints, all others by number."""
+    others = []
+    for what, found in robot.left_out.items():
+        if not acts("mechanical", what):
+            others.append(f"{len(found)} {what}")
+            continue
+        owners, values = zip(*found, strict=True)
+        same = f" = {truncated(values[0])[1:-1]}" if values[0] and len(set(values)) == 1 else ""
+        each = owners if same else [f"{owner} = {truncated(value)[1:-1]}".removesuffix(" = ") for owner, value in found]
+        yield Diagnostic(f"{what}: left out ({short_list(each)}{same})", "left-out")
+    if others:
+        yield Diagnostic(f"ignored: {', '.join(others)}", "ignored")
+
+
+def _offers(robot: Robot, way: Paths) -> Iterator[Diagnostic]:
+    """Warn of stiffnesses and rotors that the file gives to joints of the arm, with the keys that take them."""
+    parts = {part.joint.name: part for part in way.parts}
+    for what, found in robot.left_out.items():
+        numbers = [(parts[owner], safe_xml.numbers_of(text) or [0.0]) for owner, text in found if owner in parts]
+        given = [(part, values[0]) for part, values in numbers if values[0] > 0]
+        if not given or (not acts("stiffness", what) and not acts("armature", what)):
+            continue
+        part, value = given[0]
+        example = f"--armature {part.joint.name}={value:g}, times the square of the gear ratio"
+        if acts("stiffness", what):
+            key = f"--set 'link.{part.link}.joint.gear_stiffness={value:g}'"
+            example = f"{key} --armature {part.joint.name}=I (I: the rotor's inertia)"
+        others = f", and so on for {len(given)} joints" if len(given) > 1 else ""
+        yield Diagnostic(f"{what} is left out; to use it, add {example}{others}", "left-out")
 
 
 def _beams(way: Paths, largest: Mapping[str, float]) -> list[Diagnostic]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -84,7 +84,8 @@ class Robot:
     joints
         Joints by name, in the file's order.
     left_out
-        How many elements of each name were ignored, because they do not affect motion or are not supported.
+        What the file has and the reader does not read: by element, as `<visual>`, or attribute, as `<limit effort>`,
+        the link or joint that has it, and its value, for each.
     doubts
         Warnings about angles that are likely in degrees.
 
@@ -98,7 +99,7 @@ class Robot:
     name: str
     links: Mapping[str, SpatialInertia]
     joints: Mapping[str, TreeJoint]
-    left_out: Mapping[str, int]
+    left_out: Mapping[str, Sequence[tuple[str, str]]]
     doubts: tuple[Diagnostic, ...] = ()
 
     def __repr__(self) -> str:
@@ -170,20 +171,19 @@ class Robot:
             tip = joints[-1].parent
         return joints[::-1]
 
-    def leader(self, joint: TreeJoint) -> TreeJoint:
-        """Return the joint at the start of a chain of mimicking joints; the joint itself if it mimics none."""
-        while joint.mimic is not None:
-            joint = self.joints[joint.mimic.leader]
-        return joint
-
-    def position(self, joint: TreeJoint, posture: Mapping[str, float]) -> float:
-        """Return the position [rad, m] of a joint, from `posture` or from the joint that it mimics; otherwise 0."""
+    def rule(self, joint: TreeJoint, stated: Collection[str] = ()) -> Mimic:
+        """Return the joint, `stated` or free, that leads a chain of mimicking joints, and the rule for this joint."""
         scale, shift = 1.0, 0.0
-        while joint.mimic is not None and joint.name not in posture:
+        while joint.mimic is not None and joint.name not in stated:
             shift += scale * joint.mimic.offset
             scale *= joint.mimic.multiplier
             joint = self.joints[joint.mimic.leader]
-        return scale * posture.get(joint.name, 0.0) + shift
+        return Mimic(joint.name, scale, shift)
+
+    def position(self, joint: TreeJoint, posture: Mapping[str, float]) -> float:
+        """Return the position [rad, m] of a joint, from `posture` or from the joint that it mimics; otherwise 0."""
+        rule = self.rule(joint, posture)
+        return rule.multiplier * posture.get(rule.leader, 0.0) + rule.offset
 
 
 def _check_roots(robot: Robot) -> None:

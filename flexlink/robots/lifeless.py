@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping, Sequence
 
-from flexlink.common.errors import DataFileError, SceneError
+from flexlink.common.errors import DataFileError
 from flexlink.common.wording import truncated
 from flexlink.robots.flexible import payload
 from flexlink.robots.kinematic_tree import Robot
@@ -67,8 +66,5 @@ def _lifeless(way: Paths, rotors: Collection[str]) -> list[Part]:
 
 def _moved(part: Part) -> float:
     """Return the mass [kg] of a part with a sliding joint, or the inertia [kg m²] of a part about its hinge."""
-    try:
-        body = payload(part.body)
-    except SceneError:  # reported when the part becomes a link
-        return math.inf
+    body = payload(part.body)
     return body.about(part.joint.axis) if part.joint.turns else body.mass

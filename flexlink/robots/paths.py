@@ -155,10 +155,10 @@ def paths(
         if not any(joint.name in free for joint in one or []):
             raise ArgumentError(f"no movable joint {where}; the arm needs at least one", id="no-movable-joint")
     positions = positions_of(robot, {**posture, **locked})
-    place = _along(robot.path(robot.root, base) or [], positions)
+    place = along(robot.path(robot.root, base) or [], positions)
     parts, places = _parts(robot, way, free, positions, {base: (0, HERE if free_base else place)})
     ends = tips or _ends(robot, parts, {joint.name for joint in loose})
-    floating = FreeBase(place, *_folded(robot, base, free, positions)) if free_base else None
+    floating = FreeBase(place, *folded(robot, base, free, positions)) if free_base else None
     found = Paths(base, tuple(Tip(end, *places[end]) for end in ends), parts, positions, (), floating)
     return dataclasses.replace(found, held=_held(robot, found))
 
@@ -219,7 +219,7 @@ def _parts(
     for joint in way:
         number, pose = places[joint.parent]
         if joint.name in free:
-            body, others = _folded(robot, joint.child, free, positions)
+            body, others = folded(robot, joint.child, free, positions)
             parts.append(Part(joint, joint.child, number, pose.then(joint.origin), body, others))
             places[joint.child] = len(parts), HERE
         else:
@@ -246,14 +246,15 @@ def _held(robot: Robot, found: Paths) -> tuple[str, ...]:
     return tuple({**before, **{joint.name: None for joint in inside if joint.moves}})
 
 
-def _along(way: Sequence[TreeJoint], positions: Mapping[str, float]) -> Pose:
+def along(way: Sequence[TreeJoint], positions: Mapping[str, float]) -> Pose:
+    """Return the frame beyond the last of these joints in the frame before the first."""
     pose = HERE
     for joint in way:
         pose = pose.then(joint.pose(positions[joint.name]))
     return pose
 
 
-def _folded(
+def folded(
     robot: Robot, first: str, free: Collection[str], positions: Mapping[str, float]
 ) -> tuple[SpatialInertia, tuple[str, ...]]:
     """Merge a link and everything beyond it that no free joint moves; also return the names of the other links.

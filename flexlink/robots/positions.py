@@ -17,7 +17,7 @@ def positions_of(robot: Robot, stated: Mapping[str, float]) -> dict[str, float]:
     for joint in robot.joints.values():
         if joint.limits is not None and joint.mimic is None and joint.name not in leaders:
             lower, upper = joint.limits
-            leaders[joint.name] = 0.0 if lower <= 0 <= upper else (lower + upper) / 2
+            leaders[joint.name] = 0.0 if lower <= 0 <= upper or lower > upper else (lower + upper) / 2
     return {joint.name: robot.position(joint, leaders) for joint in robot.joints.values()}
 
 

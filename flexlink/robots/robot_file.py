@@ -6,9 +6,10 @@ take as 0 or 1), required values must be present, and nothing may be given twice
 
 from __future__ import annotations
 
+import functools
 import math
+import re
 import sys
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import cast, get_args
@@ -23,11 +24,18 @@ from flexlink.common.errors import DataFileError, SceneError
 from flexlink.common.files import read_regular, shown_path
 from flexlink.common.types import Array
 from flexlink.common.wording import Diagnostic, did_you_mean, truncated
-from flexlink.data.documents import require_path
+from flexlink.data.documents import read_toml, require_path
 from flexlink.describe.directions import unit
+from flexlink.describe.spec import decode
 from flexlink.robots.kinematic_tree import JointKind, Mimic, Robot, TreeJoint
 
 LARGEST = 1e9  # SI; larger than any value of a robot, and small enough that derived values fit into float64
+
+
+@functools.cache
+def words() -> dict[str, dict[str, str]]:
+    """Names of what is read of a URDF file, and patterns of other names."""
+    return decode(read_toml(Path(__file__).parent / "data" / "urdf.toml"), dict[str, dict[str, str]])
 
 
 def read_robot(path: str | Path) -> Robot:
@@ -52,11 +60,11 @@ def read_robot(path: str | Path) -> Robot:
     """
     path = require_path("path", path)
     data = read_regular(path, largest=safe_xml.LARGEST, error=DataFileError)
-    root = safe_xml.parse(data, shown_path(path))
+    root = safe_xml.parse(data, shown_path(path), namespaces=False)
     try:
         return _robot(root)
     except DataFileError as error:
-        hint = "; this is a xacro file: expand it first" if b"xacro:" in data or b"${" in data else ""
+        hint = "; this is a xacro file: expand it first" if error.id == "xacro" or "${" in str(error) else ""
         raise DataFileError(f"{shown_path(path)}: {error}{hint}") from None
 
 
@@ -70,9 +78,11 @@ def _robot(root: ET.Element) -> Robot:
             "<flexlink>: this file was exported by flexlink; load its scene instead", id="exported-by-flexlink"
         )
     longest, most_links = 10_000, 5_000  # most characters of an attribute; most links (a humanoid has 130)
+    spaces = [key for key, space in root.attrib.items() if key.startswith("xmlns:") and "xacro" in space]
+    macros = ("xacro:", *(f"{space.removeprefix('xmlns:')}:" for space in spaces))
     for element in root.iter():
-        if "xacro" in element.tag.partition("}")[0]:  # in the namespace of the element
-            raise DataFileError(f"<xacro:{truncated(element.tag.partition('}')[2])[1:-1]}>: a macro", id="xacro")
+        if element.tag.startswith(macros):
+            raise DataFileError(f"<xacro:{truncated(element.tag.partition(':')[2])[1:-1]}>: a macro", id="xacro")
         if any(len(value) > longest for value in element.attrib.values()):
             raise DataFileError(
                 f"<{truncated(element.tag)[1:-1]}>: has an attribute of more than {longest} characters",
@@ -88,14 +98,34 @@ def _robot(root: ET.Element) -> Robot:
     for element in root.findall("joint"):
         name = _new_name(element, joints)
         joints[name] = _joint(element, name)
-    read = {
-        "robot": {"link", "joint"},
-        "link": {"inertial"},
-        "joint": {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"},
-    }
-    tables = [(root, read["robot"]), *((e, read[e.tag]) for e in root if e.tag in read)]
-    left_out = Counter(child.tag for element, known in tables for child in element if child.tag not in known)
-    return Robot(root.get("name", "robot"), links, joints, left_out, tuple(_in_degrees(root, joints)))
+    return Robot(root.get("name") or "robot", links, joints, _left_out(root), tuple(_in_degrees(root, joints)))
+
+
+def _left_out(root: ET.Element) -> dict[str, list[tuple[str, str]]]:
+    """Return what the file has and the reader does not read: for each element or attribute, its owners and values.
+
+    Of an element that is not read, all parts with a mechanical name are left out as well; others go with it.
+    """
+    found: dict[str, list[tuple[str, str]]] = {}
+    inside = [(root, "", True)]
+    for element, parent, is_read in inside:  # the loop appends to the list
+        attributes, _, elements = words()["read"].get(element.tag, "|").partition("|") if is_read else ("", "", "")
+        owner = element.get("reference") or (element is not root and element.get("name")) or parent
+        for key, value in element.attrib.items():
+            name = f"<{element.tag} {key}>"
+            if key not in attributes.split() and not key.startswith("xmlns") and (is_read or acts("mechanical", name)):
+                found.setdefault(name, []).append((owner, value))
+        for child in element:
+            is_known, name = child.tag in elements.split(), f"<{child.tag}>"
+            if not is_known and (is_read or acts("mechanical", name)):
+                found.setdefault(name, []).append((child.get("reference", owner), (child.text or "").strip()))
+            inside.append((child, owner, is_known))
+    return found
+
+
+def acts(kind: str, name: str) -> bool:
+    """Whether the name of an element or attribute is of this kind."""
+    return re.search(words()["names"][kind], name.removeprefix("<limit "), re.IGNORECASE) is not None
 
 
 def _in_degrees(root: ET.Element, joints: Mapping[str, TreeJoint]) -> Iterator[Diagnostic]:
@@ -242,12 +272,10 @@ def _axis(element: ET.Element, about: str) -> Array:
 def _limits(element: ET.Element, kind: JointKind, about: str) -> tuple[float, float] | None:
     if kind not in {"revolute", "prismatic"}:
         return None
-    limit = _needed(element, "limit", about)
+    limit = _one(element, "limit", about)
+    if limit is None:
+        return None
     lower, upper = (_number(limit, key, about, 0.0, sys.float_info.max) for key in ("lower", "upper"))
-    if lower > upper:
-        raise DataFileError(
-            f"{about}: <limit> from {lower!r} to {upper!r}: lower must not exceed upper", id="limits-order"
-        )
     return (lower, upper) if max(abs(lower), abs(upper)) <= LARGEST else None  # some files write 1e16 for no limit
 
 

@@ -1,0 +1,90 @@
+"""Inertias that no real body has: used as given if the mass matrix M is positive, because the torques need only M.
+
+They come from rounded numbers, from models with moments about the joints' axes alone, and from identification.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import SceneError
+from flexlink.common.types import Array
+from flexlink.common.wording import Diagnostic, truncated
+from flexlink.describe.arm import Arm
+from flexlink.describe.rigid_body import RigidBody
+from flexlink.kernels.bodies.mass import mass_composite
+
+
+def odd_bodies(arm: Arm) -> dict[str, RigidBody]:
+    """Bodies of an arm whose inertia no real body has, by their paths in the scene."""
+    bodies = {"base": arm.base, "tip": arm.tip}
+    for k, link in enumerate(arm.links, 1):
+        bodies |= {f"{arm.path(k)}.hub": link.hub, f"{arm.path(k)}.end": link.end}
+    return {path: body for path, body in bodies.items() if body.excess}
+
+
+def of_odd_bodies(arm: Arm) -> Iterator[Diagnostic]:
+    """Note each inertia that no real body has: by how much, and whether rounding to a few digits explains it.
+
+    Rounding to n digits changes each of three moments by at most half a unit of the last digit of the largest.
+    """
+    for path, body in odd_bodies(arm).items():
+        first = math.floor(math.log10(max(map(abs, body.principal_moments))))
+        digits = math.floor(first + 1 - math.log10(body.excess / 1.5))
+        cause = f"as rounding to about {digits} digits gives" if digits >= 3 else "as base parameters have"
+        what = "the largest moment exceeds the sum of the others" if body.mass else "a moment is negative"
+        text = f"{path}.inertia: {what} by {body.excess:.3g} kg m², {cause}; no real body has it"
+        yield Diagnostic(f"{text}, but M is positive, so it is used", "inertia-of-no-body")
+
+
+def require_positive_mass(chain: Chain, arm: Arm) -> None:
+    """Check that M has no negative eigenvalue if an inertia of the arm is odd: at rest, and in 200 random postures.
+
+    Raises
+    ------
+    SceneError
+        M is indefinite: a motion would have negative kinetic energy.
+    """
+    odd = odd_bodies(arm)
+    for q in _postures(chain) if odd else ():
+        k = _negative(chain, q)
+        if k is not None:
+            path, body = max(odd.items(), key=lambda item: item[1].excess)
+            raise SceneError(
+                f"{path}.inertia = {truncated(body.inertia)}: no body can have it, and with it joint "
+                f"{chain.joint_name(k)!r} has negative inertia at {chain.place_in_words(k, float(q[k]))}; check the "
+                "moments, their unit, and that they are about the centre of mass",
+                id="inertia-impossible",
+            )
+
+
+def _postures(chain: Chain) -> Iterator[Array]:
+    """Yield the unloaded posture, and random ones of the joints inside their limits, with straight beams."""
+    wide = max(chain.size, np.pi)  # m or rad
+    joints = chain.hinges[chain.active]
+    low = np.where(np.isfinite(joints["lower"]), joints["lower"], -wide)
+    high = np.where(np.isfinite(joints["upper"]), joints["upper"], wide)
+    yield chain.rest
+    for row in np.random.default_rng(0).random((200, len(joints))):
+        q = chain.rest.copy()
+        q[chain.active] = low + row * (high - low)
+        yield q
+
+
+def _negative(chain: Chain, q: Array) -> int | None:
+    """Return the joint that moves most in a motion of negative kinetic energy; None if there is no such motion."""
+    M, rounding = np.zeros((chain.n, chain.n)), 1e-10  # a singular M is reported where it is inverted
+    mass_composite(chain.arrays, q, M)
+    free = np.flatnonzero(chain.hinges["prescribed"] == 0)
+    M = M[np.ix_(free, free)]
+    scale = np.sqrt(np.where(M.diagonal() == 0, 1.0, np.abs(M.diagonal())))
+    M /= np.outer(scale, scale)
+    try:
+        np.linalg.cholesky(M + rounding * np.eye(len(M)))
+    except np.linalg.LinAlgError:
+        return int(free[np.abs(np.linalg.eigh(M)[1][:, 0]).argmax()])
+    return None

@@ -1,0 +1,139 @@
+"""Inertias that no real body has are used as given, with a note, wherever the mass matrix is positive."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from urdf_texts import words
+
+import flexlink as fl
+from flexlink.common.errors import SceneError
+from flexlink.dynamics.notes import notes
+from tests.words import line, refused, reviewed
+
+ID = "inertia-of-no-body"
+PUMA = {  # Corke & Armstrong-Hélouvry 1994: a, α, d [m, °, m], mass [kg], centre [m] and moments [kg m²] in frame i
+    "waist": (0.0, 90, 0.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.35, 0.0)),
+    "upper": (0.4318, 0, 0.0, 17.4, (-0.3638, 0.006, 0.2275), (0.13, 0.524, 0.539)),
+    "fore": (0.0203, -90, 0.15005, 4.8, (-0.0203, -0.0141, 0.07), (0.066, 0.086, 0.0125)),
+    "roll": (0.0, 90, 0.4318, 0.82, (0.0, 0.019, 0.0), (1.8e-3, 1.3e-3, 1.8e-3)),
+    "pitch": (0.0, -90, 0.0, 0.34, (0.0, 0.0, 0.0), (0.3e-3, 0.4e-3, 0.3e-3)),
+    "flange": (0.0, 0, 0.0, 0.09, (0.0, 0.0, 0.032), (0.15e-3, 0.15e-3, 0.04e-3)),
+}
+
+
+def link(name: str, mass: float, center: object, moments: tuple[float, ...], rpy: tuple[float, ...] = (0, 0, 0)) -> str:
+    keys = dict(zip(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), (*moments, 0, 0, 0), strict=False))
+    tensor = "".join(f' {key}="{value}"' for key, value in keys.items())
+    place = f'<origin xyz="{words(np.array(center))}" rpy="{words(np.array(rpy))}"/>'
+    return f'<link name="{name}"><inertial>{place}<mass value="{mass}"/><inertia{tensor}/></inertial></link>'
+
+
+def joint(parent: str, child: str, xyz: object = (0, 0, 0), rpy: object = (0, 0, 0)) -> str:
+    place = f'<origin xyz="{words(np.array(xyz))}" rpy="{words(np.array(rpy))}"/>'
+    ends = f'<parent link="{parent}"/><child link="{child}"/><axis xyz="0 0 1"/>'
+    return f'<joint name="to_{child}" type="continuous">{place}{ends}</joint>'
+
+
+def written(tmp_path: Path, *parts: str) -> Path:
+    path = tmp_path / "robot.urdf"
+    path.write_text(f'<robot name="robot"><link name="base"/>{"".join(parts)}</robot>', encoding="utf-8")
+    return path
+
+
+def one_link(body: fl.RigidBody, axis: object = (0.0, 0.0, 1.0), **fields: object) -> fl.Scene:
+    arm = fl.Arm(links=(fl.Link(name="a", joint=fl.Joint(axis=axis, **fields), hub=body),))
+    return fl.Scene(name="one", arm=arm)
+
+
+def test_the_puma_has_its_published_torques(tmp_path: Path) -> None:
+    """The forearm of the consensus set, (0.066, 0.086, 0.0125) kg m², is no real body."""
+    parts, parent, place = [], "base", ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    for name, (a, α, d, mass, center, moments) in PUMA.items():
+        turn = (np.radians(α), 0.0, 0.0)
+        there = np.array([a, 0.0, d]) + Rotation.from_euler("xyz", turn).apply(center)
+        parts += [joint(parent, name, *place), link(name, mass, there, moments, turn)]
+        parent, place = name, ((a, 0.0, d), turn)
+    found = fl.import_urdf(written(tmp_path, *parts))
+    chain, zero = fl.lump(found.scene), np.zeros(6)
+    nominal = np.array([0, np.pi / 4, np.pi, 0, np.pi / 4, 0])
+    assert fl.bias_torque(chain, nominal, zero) == pytest.approx([0, 31.6399, 6.0351, 0, 0.0283, 0], abs=5e-5)
+    assert fl.bias_torque(chain, zero, zero) == pytest.approx([0, 37.4837, 0.2489, 0, 0, 0], abs=5e-5)
+    reviewed(ID, line("\n".join(found.warnings), "link.fore.hub.inertia"))
+
+
+def test_moments_about_the_axes_alone_are_enough(tmp_path: Path) -> None:
+    """KUKA gives (0, 0, I) for the first link, published planar models for all. Truth: parallel axes, by hand."""
+    J, m, c, L = 0.004, 0.3, 0.2, 0.4
+    parts = [joint("base", "a"), link("a", m, (c, 0, 0), (0, 0, J)), joint("a", "b", (L, 0, 0))]
+    found = fl.import_urdf(written(tmp_path, *parts, link("b", m, (c, 0, 0), (0, 0, J))))
+    near, far = J + m * c**2, J + m * c * (L + c)
+    whole = 2 * J + m * c**2 + m * (L + c) ** 2
+    assert fl.mass_matrix(fl.lump(found.scene), [0, 0]) == pytest.approx(np.array([[whole, far], [far, near]]))
+    assert [warning.id for warning in found.warnings] == [ID] * 2
+
+
+@pytest.mark.parametrize("digits", [3, 6, 9, 12])
+def test_printed_plates_and_rods_are_bodies_with_a_note(digits: int, rng) -> None:
+    """The moment about the joint is that of the printed numbers; a real plate of more digits gives no note."""
+    for _ in range(20):
+        a, b = rng.uniform(0.1, 2.0, 2)
+        plate = np.array([b * b, a * a, a * a + b * b]) / 12
+        u = rng.normal(size=3)
+        rod = (u @ u * np.eye(3) - np.outer(u, u)) / 12
+        for moments in (plate, rod[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]):
+            printed = fl.RigidBody(mass=1.0, inertia=tuple(float(f"{x:.{digits}g}") for x in moments))
+            axis = np.linalg.qr(np.column_stack([u, np.eye(3)[:, :2]]))[0][:, 1]  # across the rod
+            scene = one_link(printed, tuple(axis))
+            assert fl.mass_matrix(fl.lump(scene), [0.0])[0, 0] == pytest.approx(axis @ printed.matrix @ axis, rel=1e-12)
+            told = [note for note in notes(scene) if note.id == ID]
+            assert len(told) == (printed.excess > 0)
+            stated = [int(re.search(r"about (\d+) digits", note)[1]) for note in told if digits > 3]
+            assert all(digits - 1 <= number <= digits + 2 for number in stated)
+        assert fl.RigidBody(mass=1.0, inertia=tuple(plate.tolist())).excess == 0
+
+
+def test_an_indefinite_mass_matrix_is_refused_and_a_positive_one_is_not(rng) -> None:
+    """Two links in a plane: M₁₁ = J₁ + J₂ + m (L² + c² + 2 L c cos q), M₁₂ = J₂ + m (c² + L c cos q), M₂₂ = …"""
+    m, c, L = 1.0, 0.3, 0.5
+    counts = {True: 0, False: 0}
+    while min(counts.values()) < 10:
+        J = rng.uniform(-0.3, 0.1, 2)
+        q = np.linspace(0, 2 * np.pi, 400)
+        M22, M12 = J[1] + m * c * c, J[1] + m * (c * c + L * c * np.cos(q))
+        M11 = J.sum() + m * (L * L + c * c + 2 * L * c * np.cos(q))
+        least = min(M22, M11.min(), (M11 * M22 - M12**2).min())
+        if abs(least) < 1e-3:
+            continue
+        counts[bool(least > 0)] += 1
+        first = fl.Link(name="a", hub=fl.RigidBody(inertia=(0, 0, J[0])))
+        body = fl.RigidBody(mass=m, center=(c, 0, 0), inertia=(0, 0, J[1]))
+        second = fl.Link(name="b", mount=fl.Mount(xyz=(L, 0, 0)), hub=body)
+        scene = fl.Scene(name="two", arm=fl.Arm(links=(first, second)))
+        if least > 0:
+            assert fl.lump(scene).n == 2
+        else:
+            with pytest.raises(SceneError) as caught:
+                fl.lump(scene)
+            assert caught.value.id == "inertia-impossible"
+
+
+def test_a_refusal_names_the_body_and_the_joint() -> None:
+    for inertia, axis in (((1, 1, -0.5), (0, 0, 1)), ((1, 1, 1, 2, 0, 0), (1, -1, 0))):
+        with refused(SceneError, "inertia-impossible"):
+            fl.lump(one_link(fl.RigidBody(mass=1.0, inertia=inertia), axis))
+
+
+def test_only_postures_inside_the_limits_count() -> None:
+    """Here the elbow folds the outer mass back over the first joint, and M is negative beyond 120°."""
+    first = fl.Link(name="a", hub=fl.RigidBody(inertia=(0, 0, -0.3)))
+    point, there = fl.RigidBody(mass=1.0, center=(0.5, 0, 0)), fl.Mount(xyz=(0.5, 0, 0))
+    near, far = (fl.Joint(armature=5.0, limits_deg=(-limit, limit)) for limit in (30.0, 170.0))
+    scene = fl.Scene(name="fold", arm=fl.Arm(links=(first, fl.Link(name="b", mount=there, joint=near, hub=point))))
+    assert fl.lump(scene).n == 2
+    with pytest.raises(SceneError):
+        fl.lump(scene.varied({"link.b.joint": far}))
