@@ -12,6 +12,7 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
+from flexlink.chain.rigid import SpatialInertia
 from flexlink.common.types import Array
 from flexlink.common.wording import Diagnostic
 from flexlink.describe.spec import Vector3
@@ -42,8 +43,12 @@ def with_followers(
         leader = dataclasses.replace(leader, damping=damping, friction=friction)
         parts[rule.leader] = dataclasses.replace(parts[rule.leader], joint=leader)
         R = along(robot.path(robot.root, joint.child) or [], way.positions).R
-        weight = abs(k) * body.mass * _lever(joint, body.center, R.T @ np.array(gravity))
-        lines.append(_line(name, leader, inertia, weight))
+        kg, newton = ("kg m²", "N m") if leader.turns else ("kg", "N")
+        weight = abs(k) * _weight(joint, body, R.T @ np.array(gravity))
+        text = f"{name}: mimics {leader.name}, whose armature has its inertia, {inertia:.4g} {kg}"
+        # 1e-12 N: right angles of a file are rounded
+        lost = f"; its weight, up to {weight:.4g} {newton} there, is left out" if weight > 1e-12 else ""
+        lines.append(Diagnostic(text + lost, "mimic-weight" if lost else "mimic-carried"))
     return dataclasses.replace(way, parts=tuple(parts.values())), rotors, lines
 
 
@@ -56,17 +61,8 @@ def _rules(robot: Robot, way: Paths, locked: Collection[str]) -> dict[str, Mimic
     return {name: rule for name, rule in rules.items() if rule.leader in free}
 
 
-def _lever(joint: TreeJoint, center: Array, gravity: Array) -> float:
-    """Largest torque [N m] about a hinge, or force [N] along a slide, by the weight of 1 kg at this centre."""
+def _weight(joint: TreeJoint, body: SpatialInertia, gravity: Array) -> float:
+    """Largest torque [N m] of a body's weight about a hinge, or its force [N] along a slide."""
     if joint.turns:
-        return math.hypot(*np.cross(joint.axis, center)) * math.hypot(*np.cross(joint.axis, gravity))
-    return abs(float(joint.axis @ gravity))
-
-
-def _line(name: str, leader: TreeJoint, inertia: float, weight: float) -> Diagnostic:
-    kilograms, newtons = ("kg m²", "N m") if leader.turns else ("kg", "N")
-    text = f"{name}: mimics {leader.name}, whose armature has its inertia, {inertia:.4g} {kilograms}"
-    rounding = 1e-12  # N; right angles of a file are rounded
-    if weight <= rounding:
-        return Diagnostic(text, "mimic-carried")
-    return Diagnostic(f"{text}; its weight, up to {weight:.4g} {newtons} there, is left out", "mimic-weight")
+        return body.mass * math.hypot(*np.cross(joint.axis, body.center)) * math.hypot(*np.cross(joint.axis, gravity))
+    return body.mass * abs(float(joint.axis @ gravity))

@@ -199,48 +199,36 @@ def _span(way: Paths) -> str:
     return f"{len(way.parts)} joints from {way.base} to {short_list([tip.link for tip in way.tips])}"
 
 
-def _notes(robot: Robot, way: Paths, stated: set[str], lifeless: tuple[str, ...]) -> list[Diagnostic]:
-    """Return notes on how the robot was changed."""
-    notes: list[Diagnostic] = []
-
+def _notes(robot: Robot, way: Paths, stated: set[str], lifeless: tuple[str, ...]) -> Iterator[Diagnostic]:
+    """Yield notes on how the robot was changed."""
     moving = sum(part.body.mass for part in way.parts)
-    notes.append(Diagnostic(f"{robot.name}: {_span(way)}; moving mass {moving:.6g} kg", "imported"))
+    yield Diagnostic(f"{robot.name}: {_span(way)}; moving mass {moving:.6g} kg", "imported")
     if way.free_base is not None:
         others = short_list([*way.free_base.folded]) or "nothing else"
-        notes.append(
-            Diagnostic(
-                f"{way.base}: the floating base, {way.free_base.body.mass:.6g} kg; includes {others}", "imported-base"
-            )
-        )
+        text = f"{way.base}: the floating base, {way.free_base.body.mass:.6g} kg; includes {others}"
+        yield Diagnostic(text, "imported-base")
     for part in way.parts:
+        name, start = part.joint.name, way.positions[part.joint.name]
         if part.folded:
-            notes.append(
-                Diagnostic(
-                    f"{part.link}: includes {short_list(part.folded)}, which do not move relative to it", "link-folded"
-                )
-            )
-        start, limits = way.positions[part.joint.name], part.joint.limits
-        if start and part.joint.name not in stated:
+            text = f"{part.link}: includes {short_list(part.folded)}, which do not move relative to it"
+            yield Diagnostic(text, "link-folded")
+        if start and name not in stated:
             position = f"{start:.4g} {'rad' if part.joint.turns else 'm'}"
-            notes.append(
-                Diagnostic(
-                    f"{part.joint.name}: starts at {position}, the middle of its limits, which exclude 0", "joint-start"
-                )
-            )
-        if limits is not None and limits[0] >= limits[1]:
-            odd = "equal" if limits[0] == limits[1] else "reversed"
-            text = f"{part.joint.name}: limits {limits[0]:g} and {limits[1]:g} are {odd} and ignored"
-            notes.append(Diagnostic(text, "limits-equal"))
-        if limits is None and part.joint.kind != "continuous":
-            notes.append(Diagnostic(f"{part.joint.name}: the file gives no limits", "limits-equal"))
+            text = f"{name}: starts at {position}, the middle of its limits, which exclude 0"
+            yield Diagnostic(text, "joint-start")
+        if part.joint.limits is None and part.joint.kind != "continuous":
+            yield Diagnostic(f"{name}: the file gives no limits", "limits-equal")
+        lower, upper = part.joint.limits or (0.0, 1.0)
+        if lower >= upper:
+            odd = "equal" if lower == upper else "reversed"
+            yield Diagnostic(f"{name}: limits {lower:g} and {upper:g} are {odd} and ignored", "limits-equal")
     if lifeless:
-        notes.append(
-            Diagnostic(f"joints with no inertia attached are fixed: {short_list(lifeless)}", "joint-without-inertia")
-        )
+        text = f"joints with no inertia attached are fixed: {short_list(lifeless)}"
+        yield Diagnostic(text, "joint-without-inertia")
     if way.held:
         positions = [f"{name} at {way.positions[name]:.4g}" for name in way.held]
-        notes.append(Diagnostic(f"fixed at [rad, m]: {short_list(positions)}", "joint-fixed"))
-    return [*notes, *_ignored(robot)]
+        yield Diagnostic(f"fixed at [rad, m]: {short_list(positions)}", "joint-fixed")
+    yield from _ignored(robot)
 
 
 def _ignored(robot: Robot) -> Iterator[Diagnostic]:

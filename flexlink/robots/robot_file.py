@@ -33,9 +33,9 @@ LARGEST = 1e9  # SI; larger than any value of a robot, and small enough that der
 
 
 @functools.cache
-def words() -> dict[str, dict[str, str]]:
-    """Names of what is read of a URDF file, and patterns of other names."""
-    return decode(read_toml(Path(__file__).parent / "data" / "urdf.toml"), dict[str, dict[str, str]])
+def words() -> dict[str, str]:
+    """Names of what is read of a URDF file, separated by commas, and patterns of other names."""
+    return decode(read_toml(Path(__file__).parent / "data" / "urdf.toml"), dict[str, str])
 
 
 def read_robot(path: str | Path) -> Robot:
@@ -107,25 +107,22 @@ def _left_out(root: ET.Element) -> dict[str, list[tuple[str, str]]]:
     Of an element that is not read, all parts with a mechanical name are left out as well; others go with it.
     """
     found: dict[str, list[tuple[str, str]]] = {}
-    inside = [(root, "", True)]
+    read, inside = words()["read"].split(","), [(root, "", True)]
     for element, parent, is_read in inside:  # the loop appends to the list
-        attributes, _, elements = words()["read"].get(element.tag, "|").partition("|") if is_read else ("", "", "")
         owner = element.get("reference") or (element is not root and element.get("name")) or parent
-        for key, value in element.attrib.items():
-            name = f"<{element.tag} {key}>"
-            if key not in attributes.split() and not key.startswith("xmlns") and (is_read or acts("mechanical", name)):
-                found.setdefault(name, []).append((owner, value))
-        for child in element:
-            is_known, name = child.tag in elements.split(), f"<{child.tag}>"
-            if not is_known and (is_read or acts("mechanical", name)):
-                found.setdefault(name, []).append((child.get("reference", owner), (child.text or "").strip()))
-            inside.append((child, owner, is_known))
+        parts = [(f"{element.tag} {key}", value) for key, value in element.attrib.items() if key[:5] != "xmlns"]
+        known = [is_read and f"{element.tag}/{child.tag}" in read for child in element]
+        inside += zip(element, [owner] * len(element), known, strict=True)
+        parts += [(child.tag, (child.text or "").strip()) for child, one in zip(element, known, strict=True) if not one]
+        for name, value in parts:
+            if not (is_read and name in read) and (is_read or acts("mechanical", f"<{name}>")):
+                found.setdefault(f"<{name}>", []).append((owner, value))
     return found
 
 
 def acts(kind: str, name: str) -> bool:
     """Whether the name of an element or attribute is of this kind."""
-    return re.search(words()["names"][kind], name.removeprefix("<limit "), re.IGNORECASE) is not None
+    return re.search(words()[kind], name.removeprefix("<limit "), re.IGNORECASE) is not None
 
 
 def _in_degrees(root: ET.Element, joints: Mapping[str, TreeJoint]) -> Iterator[Diagnostic]:
