@@ -14,7 +14,7 @@ from urdf_texts import RandomRobot, link, words
 
 import flexlink as fl
 from flexlink.cli.main import main
-from flexlink.common.errors import ArgumentError, DataFileError
+from flexlink.common.errors import ArgumentError
 from flexlink.robots.importing import ImportResult
 from tests.words import line, refused, reviewed
 
@@ -37,19 +37,14 @@ def sprinkled(seed: int, tmp_path: Path) -> tuple[Path, list[str]]:
     """A random robot with a few oddities, and their names."""
     random, text, names = np.random.default_rng(seed), RandomRobot(seed).text(), []
     for place, oddities in ODDITIES.items():
-        tag, child = place.rstrip("/"), place.endswith("/")
-        for name in random.permutation(oddities.split())[: random.integers(1, 4)].tolist():
-            starts = [found.end() for found in re.finditer(rf"<{tag}\b[^>/]*(?=/?>)", text)]
-            if not starts:
-                continue
-            at, number = int(random.choice(starts)), f"{random.uniform(0.1, 9):.3g}"
-            if not child:
-                text = f'{text[:at]} {name}="{number}"{text[at:]}'
-            elif text[at] == "/":
-                continue
-            else:
-                text = f"{text[: at + 1]}<{name}>{number}</{name}>{text[at + 1 :]}"
-            names.append(name)
+        for name in random.permutation(oddities.split())[:3].tolist():
+            new = f"<{name}>{random.uniform(1, 9):.3g}</{name}>" if "/" in place else f' {name}="0.5"'
+            ends = r"(?<!/)>" if "/" in place else r"(?=/?>)"
+            starts = [found.end() for found in re.finditer(rf"<{place.rstrip('/')}\b[^>]*?{ends}", text)]
+            if starts:
+                at = int(random.choice(starts))
+                text = text[:at] + new + text[at:]
+                names.append(name)
     path = tmp_path / f"sprinkled{seed}.urdf"
     path.write_text(text, encoding="utf-8")
     return path, names
@@ -83,20 +78,21 @@ def test_a_stiffness_and_a_rotor_are_offered_by_options_that_work(attribute: str
     assert {"K": joint.gear_stiffness, "rotor_inertia": joint.armature}[attribute] == 70
 
 
-def fingers(tmp_path: Path, names: str = "abc", more: str = "") -> Path:
-    """A hand on a fixed palm: `a` slides, the slide `b` and the hinge `c` follow it."""
+def fingers(tmp_path: Path, names: str = "abc") -> Path:
+    """A hand on a fixed palm: `a` slides, the slide `b` and the hinge `c` follow it, `d` turns on `b`."""
     random = np.random.default_rng(2)
     parts = [link(name, random) for name in ("palm", *names)]
-    kinds = {"a": ("prismatic", ""), "b": ("prismatic", -0.5), "c": ("revolute", 3.0)}
+    kinds = {"a": ("prismatic", ""), "b": ("prismatic", -0.5), "c": ("revolute", 3.0), "d": ("revolute", "")}
     for name in names:
         kind, ratio = kinds[name]
         rule = f'<mimic joint="to_a" multiplier="{ratio}" offset="0.1"/>' if ratio else ""
         place = f'<origin xyz="{words(random.normal(size=3))}" rpy="{words(random.normal(size=3))}"/>'
-        ends = f'<parent link="palm"/><child link="{name}"/><axis xyz="{words(random.normal(size=3))}"/>'
+        parent, axis = "b" if name == "d" else "palm", words(random.normal(size=3))
+        ends = f'<parent link="{parent}"/><child link="{name}"/><axis xyz="{axis}"/>'
         limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/><dynamics damping="0.2" friction="0.1"/>'
         parts.append(f'<joint name="to_{name}" type="{kind}">{place}{ends}{limit}{rule}</joint>')
     path = tmp_path / "hand.urdf"
-    path.write_text(f'<robot name="hand">{"".join(parts)}{more}</robot>', encoding="utf-8")
+    path.write_text(f'<robot name="hand">{"".join(parts)}</robot>', encoding="utf-8")
     return path
 
 
@@ -134,19 +130,12 @@ def test_the_largest_weight_of_a_follower_is_stated(name: str, tmp_path: Path) -
 
 
 @pytest.mark.parametrize(
-    ("options", "names"),
-    [({"free_base": True}, {"to_b", "to_c"}), ({"locked": {"to_b": 0.0}}, {"to_c"})],
-    ids=["free base", "locked"],
+    ("names", "options", "still"),
+    [("abc", {"free_base": True}, {"to_b", "to_c"}), ("abc", {"locked": {"to_b": 0.0}}, set()), ("abcd", {}, {"to_b"})],
 )
-def test_followers_that_cannot_move_with_their_leader_are_named(tmp_path: Path, options, names: set[str]) -> None:
-    warnings = fl.import_urdf(fingers(tmp_path), **options).warnings
-    assert {warning.partition(":")[0] for warning in warnings} == names
-
-
-def test_a_follower_that_bears_a_joint_is_named(tmp_path: Path) -> None:
-    tail = f'{link("d", np.random.default_rng(0))}<joint name="to_d" type="continuous">'
-    path = fingers(tmp_path, more=f'{tail}<parent link="b"/><child link="d"/></joint>')
-    assert "mimic-fixed" in {warning.id for warning in fl.import_urdf(path).warnings}
+def test_followers_that_cannot_move_with_their_leader_are_named(tmp_path: Path, names, options, still) -> None:
+    warnings = fl.import_urdf(fingers(tmp_path, names), **options).warnings
+    assert {warning.partition(":")[0] for warning in warnings if warning.id == "mimic-fixed"} == still
 
 
 def edit(old: str, new: str) -> Callable[[str], str]:
@@ -177,21 +166,11 @@ def test_files_that_other_programs_read_are_read_as_well(name: str, tmp_path: Pa
         reviewed("limits-equal", line(str(found), "j1: "))
 
 
-def test_a_link_without_inertial_cannot_bend_and_the_message_says_why(tmp_path: Path) -> None:
+def test_a_link_without_inertial_cannot_bend_and_the_message_states_why(tmp_path: Path) -> None:
     path = fingers(tmp_path, "a")
     path.write_text(re.sub(r'(name="a">)<inertial>.*?</inertial>', r"\1", path.read_text("utf-8")), encoding="utf-8")
     with refused(ArgumentError, "no-mass"):
         fl.import_urdf(path, armature={"to_a": 1.0}, flexible={"a": fl.FlexibleLink(frequency_hz=5.0)})
-
-
-def test_the_hint_on_xacro_is_given_for_the_value_that_needs_it(tmp_path: Path) -> None:
-    path = tmp_path / "robot.urdf"
-    for old, new, hint in (("-3", "${low}", True), ("<axis", '<!-- ${low} --><axis k="${x}"', False)):
-        text = RandomRobot(5).text().replace(old, new, 1)
-        path.write_text(text if hint else text.replace('value="', 'value="x', 1), encoding="utf-8")
-        with pytest.raises(DataFileError) as caught:
-            fl.import_urdf(path)
-        assert str(caught.value).endswith(" first") == hint
 
 
 def test_the_log_of_an_export_names_what_a_urdf_cannot_hold(tmp_path: Path, caplog) -> None:

@@ -42,10 +42,11 @@ class ImportResult:
     largest_beams
         For each link, the largest mass [kg] of a thin beam from joint to joint; 0 if the joints coincide.
     notes
-        One line for each joint or link that was folded, fixed or ignored, and for each flexible link.
+        One line for each joint or link that was folded, fixed or ignored, for each flexible link, and for each element
+        or attribute that acts on the motion in some program and is not read.
     warnings
-        Doubtful results: angles that are likely in degrees, a beam much lighter than its link, or a fixed joint that
-        mimics a moving one.
+        Doubtful results: angles that are likely in degrees, a beam much lighter than its link, an inertia that no real
+        body has, a joint that mimics a moving one, or a stiffness or rotor that is not read.
     """
 
     scene: Scene
@@ -81,7 +82,8 @@ def import_urdf(
     All hinges and sliding joints become joints of the scene, each after its parent, path by path in the file's
     order. If a link has several children, they name it with `on`. Links connected by fixed joints are merged; mass,
     centre and inertia are preserved. If `tip` is given, only joints on the paths to the tips move. Everything attached
-    to these paths, such as grippers, is rigid in the given configuration. Mimicking joints are always rigid.
+    to these paths, such as grippers, is rigid in the given configuration. Mimicking joints are rigid as well, but on a
+    fixed base each adds the inertia and friction of its body to its leader.
 
     Parameters
     ----------
@@ -118,10 +120,10 @@ def import_urdf(
         mimics another, a position is beyond limits, a joint is in both `posture` and `locked`, or a beam does not fit
         into its link.
     DataFileError
-        The file is not a valid URDF, a folded link or the floating base has an impossible inertia, or no joint on the
-        way to a named tip moves any inertia.
+        The file is not a valid URDF, a floating base lacks mass or inertia, or no joint on the way to a named tip moves
+        any inertia.
     SceneError
-        A value of `flexible` or `armature` is invalid.
+        A value of `flexible` or `armature` is invalid, or M is indefinite due to an inertia that no real body has.
 
     Examples
     --------
