@@ -11,8 +11,10 @@ from scipy.spatial.transform import Rotation
 from urdf_texts import words
 
 import flexlink as fl
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import DataFileError, SceneError
 from flexlink.dynamics.notes import notes
+from flexlink.formats.sdf_reading import read_sdf
+from flexlink.formats.urdf_reading import read_urdf
 from tests.words import line, reviewed
 
 ID = "inertia-of-no-body"
@@ -125,3 +127,12 @@ def test_only_postures_inside_the_limits_count() -> None:
     scene = fl.Scene(name="fold", arm=fl.Arm(links=(first, fl.Link(name="b", mount=there, joint=near, hub=point))))
     assert accepted(scene)
     assert not accepted(scene.varied({"link.b.joint": far}))
+
+
+def test_an_odd_body_survives_export_and_an_impossible_edit_does_not() -> None:
+    body = fl.RigidBody(mass=1.0, center=(0.7, 0.0, 0.0), inertia=(1.0, 1.0, -0.2))
+    chain = fl.lump(fl.Scene(name="one", arm=fl.Arm(links=(fl.Link(name="a", hub=body),))))
+    for write, read in ((fl.to_urdf, read_urdf), (fl.to_sdf, read_sdf)):
+        assert fl.mass_matrix(read(write(chain)), [0.0])[0, 0] == pytest.approx(0.49 - 0.2)
+        with pytest.raises(DataFileError):
+            read(write(chain).replace("-0.2", "-0.9"))

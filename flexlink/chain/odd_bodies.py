@@ -50,16 +50,23 @@ def require_positive_mass(chain: Chain, arm: Arm) -> None:
         M is indefinite: a motion would have negative kinetic energy.
     """
     odd = odd_bodies(arm)
-    for q in _postures(chain) if odd else ():
+    if odd and (place := negative_inertia(chain)):
+        path, body = max(odd.items(), key=lambda item: item[1].excess)
+        raise SceneError(
+            f"{path}.inertia = {truncated(body.inertia)}: no body can have it, and with it {place}; check the moments, "
+            "their unit, and that they are about the centre of mass",
+            id="inertia-impossible",
+        )
+
+
+def negative_inertia(chain: Chain) -> str:
+    """Return a joint that has negative inertia, and its position, in words; empty if M is positive in all postures."""
+    for q in _postures(chain):
         k = _negative(chain, q)
         if k is not None:
-            path, body = max(odd.items(), key=lambda item: item[1].excess)
-            raise SceneError(
-                f"{path}.inertia = {truncated(body.inertia)}: no body can have it, and with it joint "
-                f"{chain.joint_name(k)!r} has negative inertia at {chain.place_in_words(k, float(q[k]))}; check the "
-                "moments, their unit, and that they are about the centre of mass",
-                id="inertia-impossible",
-            )
+            position = chain.place_in_words(k, float(q[k]))
+            return f"joint {chain.joint_name(k)!r} has negative inertia at {position}"
+    return ""
 
 
 def _postures(chain: Chain) -> Iterator[Array]:

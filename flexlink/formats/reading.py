@@ -15,6 +15,7 @@ from flexlink.chain import free_base
 from flexlink.chain.builder import Body, recorded
 from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import LAG, STRETCH, Coordinate
+from flexlink.chain.odd_bodies import negative_inertia
 from flexlink.chain.rigid import HERE, NOTHING, Pose, SpatialInertia
 from flexlink.common.types import Array
 from flexlink.describe.arm import BASE
@@ -114,8 +115,8 @@ def chain_of(
     ------
     DataFileError
         There is no hinge or no tip, two hinges have the same coordinate, the parent of a hinge or tip does not
-        precede it, a mass, moment, spring or damper is negative, or a spring between hinges is stiffer than the
-        geometric mean of the hinges' own springs.
+        precede it, a mass, spring or damper is negative, M is indefinite, or a spring between hinges is stiffer than
+        the geometric mean of the hinges' own springs.
     """
     floats = own.element.get(f"{prefix}{BASE}") is not None
     attitude = own.rotation(f"{prefix}{BASE}") if floats else None
@@ -139,7 +140,7 @@ def chain_of(
     if own.element.get(key := f"{prefix}{ROTATION_SPRINGS}"):
         axes = [*base["axis"].tolist(), *(int(hinge.numbers["axis"]) for hinge in hinges)]
         _put_rotation_springs(own, key, records, axes)
-    return Chain(
+    chain = Chain(
         name=root.attribute(f"{prefix}name"),
         bodies=records,
         hinges=np.append(base, np.array(numbers, dtype=HINGE)),
@@ -149,6 +150,9 @@ def chain_of(
         couplings=_couplings(coupled, hinges, len(base)),
         tips={links[link - 1]: number for link, number in tips.items()},
     )
+    if np.linalg.eigvalsh(records["inertia"]).min() < -ROUNDING and (place := negative_inertia(chain)):
+        raise root.error(place)
+    return chain
 
 
 def _base_hinges() -> NDArray[np.void]:
@@ -254,5 +258,5 @@ def _require_sound(hinge: Hinge) -> None:
         )
     if hinge.numbers["prescribed"] not in {0, 1}:
         raise hinge.node.error(f"prescribed = {hinge.numbers['prescribed']!r}: must be 0 or 1")
-    if hinge.body is not None and (hinge.body[0] < 0 or np.linalg.eigvalsh(hinge.body[2])[0] < -ROUNDING):
-        raise hinge.node.error(f"mass {hinge.body[0]!r} or a moment of inertia attached to it is negative")
+    if hinge.body is not None and hinge.body[0] < 0:
+        raise hinge.node.error(f"mass {hinge.body[0]!r} attached to it is negative")
