@@ -136,3 +136,8 @@ def test_an_odd_body_survives_export_and_an_impossible_edit_does_not() -> None:
         assert fl.mass_matrix(read(write(chain)), [0.0])[0, 0] == pytest.approx(0.49 - 0.2)
         with pytest.raises(DataFileError):
             read(write(chain).replace("-0.2", "-0.9"))
+
+
+def test_any_inertia_of_a_body_that_only_slides_is_accepted(tmp_path: Path) -> None:
+    parts = joint("base", "a").replace("continuous", "prismatic"), link("a", 3.0, (0, 0, 0), (-1, -1, -1))
+    assert fl.mass_matrix(fl.lump(fl.import_urdf(written(tmp_path, *parts)).scene), [0.0]) == 3.0

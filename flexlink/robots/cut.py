@@ -30,7 +30,7 @@ def largest_mass(link: SpatialInertia, beam: SpatialInertia) -> float:
     """
     J, J1 = link.moments, beam.moments / beam.mass
     flat = 1e-12  # relative squared extent below which a body counts as a plate or rod; files contain rounded numbers
-    extent = J.diagonal()[1:].max() or 1.0
+    extent = max(J.diagonal()[1:].max(), 0.0) or 1.0
     size = np.sqrt(np.where(J.diagonal() > flat * extent, J.diagonal(), extent))
     squares, axes = np.linalg.eigh(J / np.outer(size, size))
     J1 = axes.T @ (J1 / np.outer(size, size)) @ axes
