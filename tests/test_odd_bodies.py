@@ -139,5 +139,6 @@ def test_an_odd_body_survives_export_and_an_impossible_edit_does_not() -> None:
 
 
 def test_any_inertia_of_a_body_that_only_slides_is_accepted(tmp_path: Path) -> None:
-    parts = joint("base", "a").replace("continuous", "prismatic"), link("a", 3.0, (0, 0, 0), (-1, -1, -1))
+    slide, tool = joint("base", "a").replace("continuous", "prismatic"), joint("a", "b", (1, 0, 0))
+    parts = slide, link("a", 3.0, (0, 0, 0), (-1, -1, -1)), tool.replace("continuous", "fixed"), '<link name="b"/>'
     assert fl.mass_matrix(fl.lump(fl.import_urdf(written(tmp_path, *parts)).scene), [0.0]) == 3.0
