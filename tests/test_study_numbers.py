@@ -52,8 +52,8 @@ PARTS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 """Cases, with the changes of their settings that shorten them to seconds."""
 
-CHANGING = ("own error", "fewest hinges")
-"""Quantities that change with rounding or with the rule."""
+CHANGING = ("own error", "fewest hinges", "tip error / tolerance")
+"""Quantities that change with rounding, with the rule, or with the comparison of runs, which returns a finer one."""
 
 
 @cache

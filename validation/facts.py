@@ -34,6 +34,7 @@ WORDS: dict[str, tuple[str, str]] = {
     "tolerance": ("tolerance [m]", "tolerance {:g} m"),
     "tip error": ("tip error [m]", "tip error {:g} m"),
     "family": ("family of rules", "{}"),
+    "family of arms": ("family of arms", "{}"),
     "relative_tolerance": ("tolerance, of the reach", "tolerance {:g} of the reach"),
     "formulation": ("formulation", "{}"),
     "modes": ("modes m", "{} modes"),

@@ -20,6 +20,7 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.rounding import of_mass_matrix
 from flexlink.dynamics.terms import mass_matrix
+from flexlink.dynamics.vibration.lent_inertia import relieved
 from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.motion.inputs.initial_state import initial_state
@@ -180,7 +181,8 @@ def _mujoco_squares(state: _State) -> Array:
     chain, q, qd, locked, _ = state
     free = np.setdiff1d(np.arange(chain.n), np.array(locked, dtype=np.intp))
     engine = engines.load("mujoco", chain)
-    return symmetric_squares(engine, q, springs(engine) + load_stiffness(engine, q, qd=qd), free)
+    freed = mass_matrix(relieved(chain, q, qd, np.zeros(6), "world")[0], q) - mass_matrix(chain, q)  # as in `modes`
+    return symmetric_squares(engine, q, springs(engine) + load_stiffness(engine, q, qd=qd), free, freed)
 
 
 def _price(case: Case, settings: Settings, points: Sequence[Point]) -> Iterator[Measured | Series]:

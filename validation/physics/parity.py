@@ -67,8 +67,8 @@ def squares(engine: Engine, q: Array, K: Array, free: Indices) -> NDArray[np.com
     return np.asarray(found[np.argsort(found.real, kind="stable")])
 
 
-def symmetric_squares(engine: Engine, q: Array, K: Array, free: Indices) -> Array:
-    """The real ω² for a conservative load, as by `squares` but with the symmetric solver."""
+def symmetric_squares(engine: Engine, q: Array, K: Array, free: Indices, more: Array | float = 0.0) -> Array:
+    """The real ω² for a conservative load, as by `squares` but with the symmetric solver; `more` is added to M."""
     block = np.ix_(free, free)
     part = K[block]
-    return np.asarray(linalg.eigh((part + part.T) / 2, engine.mass_matrix(q)[block], eigvals_only=True))
+    return np.asarray(linalg.eigh((part + part.T) / 2, (engine.mass_matrix(q) + more)[block], eigvals_only=True))
