@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
 from test_robots import installed, with_files
-from urdf_texts import RandomRobot
+from urdf_texts import RandomRobot, named_tree
 
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.common.errors import ArgumentError, DataFileError
+from flexlink.describe.scene import scene_from
 from flexlink.dynamics.rounding import in_units, of_bias_torque, of_mass_matrix
+from flexlink.formats import read_sdf, read_urdf
 from flexlink.robots.collection import folder
 from flexlink.robots.importing import ImportResult
 from flexlink.robots.robot_file import read_robot
@@ -330,3 +334,35 @@ def test_impossible_tips_are_refused(tmp_path: Path) -> None:
         assert part in str(caught.value)
     with refused(ArgumentError, "unknown-joint"):
         fl.import_urdf(path, tip="torso", locked={"left": 0.0})
+
+
+def moving(text: str) -> set[str]:
+    """Names of the joints in a URDF, MJCF or SDF text that move; no joint that is fixed may have one of them."""
+    joints = [each for each in ET.fromstring(text).iter("joint") if len(each) or each.get("axis")]
+    names = {
+        kind: [each.get("name", "") for each in joints if (each.get("type") == "fixed") == kind] for kind in (0, 1)
+    }
+    assert not {*names[0]} & {*names[1]}
+    return {*names[0]}
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_joints_keep_their_names_from_a_file_to_a_scene_its_exports_and_back(seed: int, tmp_path: Path) -> None:
+    text, links = named_tree(seed)
+    (tmp_path / "tree.urdf").write_text(text, encoding="utf-8")
+    scene = fl.import_urdf(tmp_path / "tree.urdf").scene
+    assert [link.joint.name for link in scene.arm.links if not link.joint.locked] == [*fl.lump(scene).joint_names]
+    assert scene_from(tomllib.loads(scene.to_toml())) == scene
+    chain = fl.lump(scene)
+    assert {*chain.joint_names} == {*links}
+    texts = [write(chain, shapes=False) for write in (fl.to_urdf, fl.to_mjcf)]
+    assert [moving(each) for each in texts] == [{*links}] * 2
+    assert {name.replace("::", ".") for name in links} == moving(fl.to_sdf(chain, shapes=False))
+    assert read_urdf(texts[0]).joint_names == chain.joint_names
+    assert read_sdf(fl.to_sdf(chain)).joint_names == chain.joint_names
+    plain = re.sub("<flexlink[^>]*>", "", texts[0])  # as another program writes it
+    (tmp_path / "again.urdf").write_text(plain, encoding="utf-8")
+    again = fl.lump(fl.import_urdf(tmp_path / "again.urdf").scene)
+    assert again.joint_names == chain.joint_names
+    q = np.random.default_rng(seed).uniform(-1, 1, chain.n)
+    assert fl.mass_matrix(again, q) == pytest.approx(fl.mass_matrix(chain, q), rel=1e-12, abs=1e-12)

@@ -61,3 +61,33 @@ class RandomRobot:
         self.posture |= {"j1": 0.4, "j3": 0.3, "j5": 0.9, "j8": -0.5}
         self.locked |= {"j4": 0.25, "j7": -0.6}
         return f'<robot name="random">{"".join(parts)}</robot>'
+
+
+def named_tree(seed: int) -> tuple[str, dict[str, str]]:
+    """A tree of hinges and slides whose names are easily confused; also return the link that each joint moves."""
+    random = np.random.default_rng(seed)
+    n = int(random.integers(2, 10))
+    odd = [
+        "base",
+        "tip",
+        "x",
+        "x_joint",
+        "x_link",
+        "x_2",
+        "base_link",
+        "tip_joint",
+        "knie höhe",
+        "a.1.z",
+        "x::y",
+        "tool",
+    ]
+    links = ["root", *(str(name) for name in random.permutation(odd)[:n])]
+    joints = [str(name) for name in random.permutation([*odd, *(f"{link}_joint" for link in links[1:])])]
+    joints = list(dict.fromkeys(joints))[: 2 * n]
+    parts = [f'<link name="{links[0]}"/>', *(link(name, random) for name in links[1:])]
+    for k, child in enumerate(links[1:], 1):
+        parent, kind = links[random.integers(k)], str(random.choice(["revolute", "continuous", "prismatic"]))
+        parts.append(joint(joints[k - 1], kind, parent, child, random))
+        if random.uniform() < 0.3:
+            parts += [link(f"f{k}", random), joint(joints[n + k - 1], "fixed", child, f"f{k}", random)]
+    return f'<robot name="tree">{"".join(parts)}</robot>', dict(zip(joints, links[1:], strict=False))

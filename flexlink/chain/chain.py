@@ -56,6 +56,8 @@ class Chain(Layout):
     tips
         Index in `bodies` of the tip frame of every link without child links, by the link's name. The last one is the
         arm's tip; by default it is the last body and the only tip.
+    joints_of_links
+        Name of each link's joint, in the order of `link_names`; by default the link's name.
     shapes
         Shapes by which the hinges move together, q̇ = Φ ż, of links with `modes`; None: the hinges move one by one.
     described
@@ -84,8 +86,10 @@ class Chain(Layout):
     forces: dict[str, NDArray[np.void]] = dataclasses.field(default_factory=dict)
     shapes: Shapes | None = None
     described: NDArray[np.void] = dataclasses.field(default_factory=lambda: np.zeros(0, DESCRIBED))
+    joints_of_links: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "joints_of_links", self.joints_of_links or self.link_names)
         if not self.tips and self.link_names:
             object.__setattr__(self, "tips", {self.link_names[-1]: len(self.bodies) - 1})
         if not len(self.described):

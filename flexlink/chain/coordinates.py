@@ -52,12 +52,15 @@ class Coordinate(NamedTuple):
 
 
 @functools.lru_cache(maxsize=64)
-def joint_names(links: tuple[str, ...], coordinates: tuple[Coordinate, ...]) -> tuple[str, ...]:
-    """Unique readable names of joints from their coordinates, in the same order; links keep their names."""
-    names = (f"{links[c.link - 1] if c.link else BASE}.{_hinge_name(c)}" for c in coordinates)
-    distinct = unique([*links, *names])
-    count = len(links)  # links come first and keep their names
-    return tuple(distinct[c.link - 1 if c.axis == 0 else count + k] for k, c in enumerate(coordinates))
+def joint_names(
+    links: tuple[str, ...], coordinates: tuple[Coordinate, ...], joints: tuple[str, ...]
+) -> tuple[str, ...]:
+    """Unique readable names of joints from their coordinates, in the same order; driven joints keep theirs."""
+    driven = unique(joints[c.link - 1] for c in coordinates if c.axis == 0)
+    known = list(dict.fromkeys([*driven, *joints]))  # locked joints keep their names, unless a driven joint has it
+    hinges = (f"{links[c.link - 1] if c.link else BASE}.{_hinge_name(c)}" for c in coordinates if c.axis)
+    others, names = iter(unique([*known, *hinges])[len(known) :]), iter(driven)
+    return tuple(next(others if c.axis else names) for c in coordinates)
 
 
 def _hinge_name(coordinate: Coordinate) -> str:

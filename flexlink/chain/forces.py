@@ -60,9 +60,8 @@ def _breadths(link: Link, arm: Arm, x: float) -> Array:
 
 def damper_rows(scene: Scene, chain: Chain, pieces: Sequence[Piece]) -> Rows:
     """Quadratic dampers of the joints, rows of dtype `DAMPER`."""
-    dampers = {link.name: link.joint.quadratic for link in scene.arm.links if link.joint.quadratic}
-    found = [(chain.joint_index("dampers", link, perhaps_locked=True), c) for link, c in dampers.items()]
-    return [(k, c) for k, c in found if k >= 0]
+    joints = [(k, scene.arm.links[chain.coordinates[k].link - 1].joint) for k in chain.active.tolist()]
+    return [(k, joint.quadratic) for k, joint in joints if joint.quadratic]
 
 
 def gyrator_rows(scene: Scene, chain: Chain, pieces: Sequence[Piece]) -> Rows:

@@ -34,6 +34,7 @@ class Layout:
     couplings: NDArray[np.void]
     coordinates: tuple[Coordinate, ...]
     link_names: tuple[str, ...]
+    joints_of_links: tuple[str, ...]
     tips: dict[str, int]
     shapes: Shapes | None
 
@@ -237,7 +238,8 @@ class Layout:
     def joint_name(self, k: int | str) -> str:
         """Unique readable name of joint `k`: "upper", "upper.2.z" for a passive hinge, "upper.gear", "upper.root.z".
 
-        A hinge whose name is also the name of a link is numbered: "upper.2.z_2". Errors as in `coordinate`.
+        A driven joint has its own name (`Joint.name`), or else the link's. A hinge whose name is also the name of a
+        driven joint is numbered: "upper.2.z_2". Errors as in `coordinate`.
         """
         return self.joint_names[self.joint_index("k", k)]
 
@@ -254,9 +256,9 @@ class Layout:
     def joint_indices(self, name: str, value: Joints) -> NDArray[np.intp]:
         """Sequential indices of the joints specified by `value`.
 
-        `value` is a boolean mask, shape (n,), one index, the name of a joint (`joint_name`: "boom", "boom.2.z") or of a
-        link, which selects its active joint, or a sequence of these. The name of a link whose joint is locked in the
-        scene selects no joint.
+        `value` is a boolean mask, shape (n,), one index, the name of a joint (`joint_name`: "boom", "boom.2.z") or, if
+        no joint has this name, of a link, which selects its active joint, or a sequence of these. The name of a joint
+        that is locked in the scene, or of its link, selects no joint.
 
         Raises
         ------
@@ -291,8 +293,11 @@ class Layout:
             return wanted
         if isinstance(wanted, str) and wanted in names:
             return names.index(wanted)
-        if perhaps_locked and isinstance(wanted, str) and wanted in self.link_names:
-            return -1
+        if isinstance(wanted, str) and (link := self._link_of(wanted)):
+            if (joint := Coordinate(link, 0, 0)) in self.coordinates:
+                return self.coordinates.index(joint)
+            if perhaps_locked:
+                return -1
         close = difflib.get_close_matches(wanted, [*self.link_names, *names], n=1) if isinstance(wanted, str) else []
         hint = f"; did you mean {close[0]!r}?" if close else ""
         links = truncated(", ".join(self.link_names)).strip("'")
@@ -302,10 +307,15 @@ class Layout:
             id="unknown-joint",
         )
 
+    def _link_of(self, name: str) -> int:
+        """Number, from 1, of the link whose joint has this name, or else of the link of this name; 0: neither."""
+        known = [*self.joints_of_links, *self.link_names]
+        return known.index(name) % len(self.link_names) + 1 if name in known else 0
+
     @functools.cached_property
     def joint_names(self) -> tuple[str, ...]:
         """Names of all joints, in sequential order."""
-        return joint_names(self.link_names, self.coordinates)
+        return joint_names(self.link_names, self.coordinates, self.joints_of_links)
 
     @functools.cached_property
     def joint_units(self) -> tuple[str, ...]:

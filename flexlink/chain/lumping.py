@@ -189,6 +189,7 @@ def _framed(scene: Scene, beams: Sequence[SectionBeam | TableBeam | None]) -> Fr
         gravity=np.array(scene.gravity),
         coordinates=tuple(builder.coordinates),
         link_names=tuple(link.name for link in arm.links),
+        joints_of_links=arm.joint_names,
         couplings=np.array(builder.couplings, dtype=COUPLING),
         tips=tips,
         described=described(builder.bodies[1:]),

@@ -108,6 +108,9 @@ class Arm(Spec, frozen=True):
                     "unknown-name",
                 )
             seen.add(link.name)
+            if (namesake := self._namesake(k)) is not None:
+                what = f"{self.path(k)}.joint.name = {link.joint.name!r}"
+                yield Diagnostic(f"{what}: the joint of {namesake!r} has this name; names must differ", "name-twice")
             tables = (
                 ("material", self.materials), ("section", self.sections), ("section_tip", self.sections),
                 ("rigidity", self.rigidities),
@@ -135,6 +138,12 @@ class Arm(Spec, frozen=True):
             yield Diagnostic(
                 "link: every joint is locked and every link rigid; unlock a joint or let a link bend", "nothing-to-move"
             )
+
+    def _namesake(self, k: int) -> str | None:
+        """Another link whose joint has the own name of the k-th link's joint, unless it is a locked joint's link."""
+        own = self.links[k - 1].joint.name
+        others = [link for link in self.links if link.joint.name or not link.joint.locked] if own else []
+        return next((link.name for link in others if link.joint_name == own and link is not self.links[k - 1]), None)
 
     def _wrong_law(self) -> Iterator[Diagnostic]:
         """Report damping with a constant ratio across a branch or a prismatic joint."""
@@ -185,6 +194,11 @@ class Arm(Spec, frozen=True):
             parents.append(numbers[link.on] if link.on else before)
             numbers[link.name] = before + 1
         return tuple(parents)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Name of each link's joint: its own, or else the link's."""
+        return tuple(link.joint_name for link in self.links)
 
     @property
     def has_drag(self) -> bool:

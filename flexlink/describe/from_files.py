@@ -148,7 +148,7 @@ def drive_from_file(drive: Drive, arm: Arm, moved: set[int]) -> Drive:
 
 
 def _torques(table: CsvTable, link: Link, moved: bool) -> Array:
-    quantity = f"tau {link.name}"
+    quantity = f"tau {link.joint_name}"
     if link.joint.locked or (moved and quantity not in table.quantities):
         return np.zeros(len(table.values))
     return table.column(quantity, OF_JOINT[link.joint.slides].torque)
@@ -174,9 +174,9 @@ def reference_from_file(reference: Reference, arm: Arm, moved: set[int], starts:
         led = [
             k
             for k, link in enumerate(arm.links, 1)
-            if not link.joint.locked and (k not in moved or f"q {link.name}" in there)
+            if not link.joint.locked and (k not in moved or f"q {link.joint_name}" in there)
         ]
-        rates = [name for name in RATES if any(f"{name} {arm.links[k - 1].name}" in there for k in led)]
+        rates = [name for name in RATES if any(f"{name} {arm.joint_names[k - 1]}" in there for k in led)]
         columns = {
             k: _angles(table, arm.links[k - 1], reference.cutoff, rates if reference.profile == "smooth" else ())
             for k in led
@@ -197,10 +197,10 @@ def reference_from_file(reference: Reference, arm: Arm, moved: set[int], starts:
 def _angles(table: CsvTable, link: Link, cutoff: float | str | None, rates: Collection[str]) -> list[Array]:
     """Positions of a joint, then filtered rates and accelerations if there is a cutoff, else the columns `rates`."""
     unit = OF_JOINT[link.joint.slides].unit
-    positions = table.column(f"q {link.name}", unit)
+    positions = table.column(f"q {link.joint_name}", unit)
     if cutoff is not None:
         return [*smoothed(table.times, positions, cutoff)]
-    found = (table.column(f"{name} {link.name}", f"{unit}{per}") for name, per in RATES.items() if name in rates)
+    found = (table.column(f"{name} {link.joint_name}", f"{unit}{per}") for name, per in RATES.items() if name in rates)
     return [positions, *found]
 
 
@@ -251,7 +251,7 @@ def keys_of_motion(link: Link) -> tuple[str, ...]:
 def recorded_positions(motion: PrescribedMotion, link: Link) -> tuple[Array, Array]:
     """Times [s] and positions [deg or m] in the file of a motion, not filtered."""
     table = read_csv(Path(motion.file or ""))
-    return table.times, table.column(f"q {link.name}", OF_JOINT[link.joint.slides].unit)
+    return table.times, table.column(f"q {link.joint_name}", OF_JOINT[link.joint.slides].unit)
 
 
 def motion_from_file(motion: PrescribedMotion, link: Link) -> PrescribedMotion:
@@ -277,10 +277,10 @@ def motion_from_file(motion: PrescribedMotion, link: Link) -> PrescribedMotion:
         columns = _angles(table, link, motion.cutoff, ())
         if motion.cutoff is None:
             for name in RATES:
-                if f"{name} {link.name}" not in table.quantities:
+                if f"{name} {link.joint_name}" not in table.quantities:
                     raise SceneError(
-                        f"cutoff: missing; {table.path} has no column '{name} {link.name}'. Give a cutoff [Hz], or "
-                        "'auto', to compute rates and accelerations, or a file that contains them",
+                        f"cutoff: missing; {table.path} has no column '{name} {link.joint_name}'. Give a cutoff "
+                        "[Hz], or 'auto', to compute rates and accelerations, or a file that contains them",
                         id="missing-key",
                     )
             columns = _angles(table, link, None, RATES)

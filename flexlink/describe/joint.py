@@ -38,6 +38,8 @@ class Joint(Spec, frozen=True):
     >>> trolley = fl.Joint(kind="prismatic", axis=(1.0, 0.0, 0.0), viscous=50.0, limits_m=(0.0, 8.0))  # N s/m, m
     """
 
+    name: str | None = None
+    """Name in results, exports and comparisons, for example a URDF file's. Default: the link's name."""
     kind: Literal["revolute", "prismatic"] = "revolute"
     """Whether the joint turns about its axis (revolute) or slides along it (prismatic)."""
     axis: Vector3 = (0.0, 0.0, 1.0)
@@ -71,6 +73,8 @@ class Joint(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.name == "":
+            raise SceneError("name = '': must not be empty", id="empty-name")
         self.direction  # noqa: B018  refuses a zero axis
         other = "limits_deg" if self.slides else "limits_m"
         if getattr(self, other) is not None:

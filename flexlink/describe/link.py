@@ -44,7 +44,7 @@ class Link(Spec, frozen=True):
     """
 
     name: str
-    """Name of the link and of its joint, used in paths and messages."""
+    """Name of the link and, unless `joint.name` is given, of its joint; used in paths and messages."""
     on: str = ""
     """Parent link: a name earlier in the list, or "base". Default: the previous link."""
     mount: Mount = Mount()
@@ -182,6 +182,11 @@ class Link(Spec, frozen=True):
                 f"{self._strains}: rigidity = {self.rigidity!r} has no stiffness for it; use a material and a section",
                 id="strains-need-a-section",
             )
+
+    @property
+    def joint_name(self) -> str:
+        """Name of the joint in results and files: its own, or else the link's."""
+        return self.joint.name or self.name
 
     @property
     def strains(self) -> bool:

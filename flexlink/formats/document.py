@@ -86,13 +86,15 @@ def base_joints(chain: Chain) -> int:
 
 
 def tree_attributes(chain: Chain) -> dict[str, str]:
-    """Return custom attributes: a floating base's rotation at zero angles, row by row, and the loaded link's number.
+    """Return custom attributes: a floating base's rotation at zero angles, row by row, names, the loaded link's number.
 
-    Empty for an arm on a fixed base whose wrench acts at its last link.
+    Empty for an arm on a fixed base whose joints have the names of their links, and whose wrench acts at the last link.
     """
     attributes, tip = {}, loaded_tip(chain)
     if chain.has_free_base:
         attributes[BASE] = decimals(chain.bodies["rotation"][1].flat)
+    if chain.joints_of_links != chain.link_names:
+        attributes["joints"] = names_text(chain.joints_of_links)
     return attributes | ({"loaded": str(tip.link)} if tip.link != len(chain.link_names) else {})
 
 
@@ -132,9 +134,9 @@ def exact_rotation(rotation: Array) -> dict[str, str]:
     return {} if np.array_equal(rotation, np.eye(3)) else {"rotation": decimals(rotation.flat)}
 
 
-def links_text(chain: Chain) -> str:
-    """Return the names of all links of the arm, including those without a hinge, as a JSON list."""
-    return json.dumps([valid(name) for name in chain.link_names], ensure_ascii=False)
+def names_text(names: Iterable[str]) -> str:
+    """Return the names of all links of the arm, including those without a hinge, or of their joints, as a JSON list."""
+    return json.dumps([valid(name) for name in names], ensure_ascii=False)
 
 
 def valid(name: str) -> str:
@@ -153,11 +155,25 @@ def xml_link_names(chain: Chain) -> list[str]:
 
     All coordinates of a floating base move the base. The arm's tip is last.
     """
-    own, others = base_joints(chain), [valid(name) for name in chain.tips][:-1]
-    behind = (f"{name}_link" for name in xml_joint_names(chain)[own:])
-    base, *names = unique(["base_link", *behind, "tip", *others])
-    n = chain.n - own
-    return [base] * (1 + own) + names[:n] + names[n + 1 :] + names[n : n + 1]
+    own, moved = base_joints(chain), moved_links(chain, xml_joint_names(chain))
+    base, tip, *names = unique(["base_link", "tip", *moved, *other_ends(chain, moved)])
+    return [base] * (1 + own) + names + [tip]
+
+
+def moved_links(chain: Chain, joints: Sequence[str]) -> list[str]:
+    """Return a name for the frame moved by each of the `joints`, without a floating base: its link's, or the joint's.
+
+    Only a driven joint with a separate name leaves its link's name to the frame.
+    """
+    links = dict(zip(chain.joints_of_links, chain.link_names, strict=True))
+    pairs = list(zip(chain.joint_names, joints, strict=True))[base_joints(chain) :]
+    return [valid(links[own]) if links.get(own, own) != own else f"{name}_link" for own, name in pairs]
+
+
+def other_ends(chain: Chain, moved: Sequence[str]) -> list[str]:
+    """Return names of all tips but the arm's: their links' names, with "_tip" where a moved frame has this name."""
+    names = [valid(name) for name in chain.tips][:-1]
+    return [f"{name}_tip" if name in moved else name for name in names]
 
 
 def decimals(values: Iterable[float]) -> str:

@@ -44,7 +44,7 @@ from flexlink.formats.document import (
     base_joints,
     decimals,
     limits,
-    links_text,
+    names_text,
     rotation_springs,
     text,
     tips,
@@ -129,7 +129,7 @@ def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, Arra
     ET.SubElement(option, "flag", dict.fromkeys(disabled, "disable"))
     ET.SubElement(root, "size", nuser_jnt=str(len(USER_FIELDS) + len(Coordinate._fields)))
     own = ET.SubElement(root, "custom")
-    ET.SubElement(own, "text", name="flexlink.links", data=links_text(chain))
+    ET.SubElement(own, "text", name="flexlink.links", data=names_text(chain.link_names))
     ET.SubElement(own, "text", name="flexlink.user", data=" ".join([*USER_FIELDS, "coordinate"]))
     for key, value in (rotation_springs(chain) | tree_attributes(chain)).items():
         ET.SubElement(own, "text", name=f"flexlink.{key}", data=value)

@@ -149,10 +149,19 @@ def chain_of(
         link_names=links,
         couplings=_couplings(coupled, hinges, len(base)),
         tips={links[link - 1]: number for link, number in tips.items()},
+        joints_of_links=_joints(own, f"{prefix}joints", links),
     )
     if np.linalg.eigvalsh(records["inertia"]).min() < -ROUNDING and (place := negative_inertia(chain)):
         raise root.error(place)
     return chain
+
+
+def _joints(own: Node, key: str, links: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of the links' joints; empty if they are those of the links."""
+    names = own.names(key) if own.element.get(key) is not None else ()
+    if names and len(names) != len(links):
+        raise own.error(f"{plain(key)} has {len(names)} names for {len(links)} links")
+    return names
 
 
 def _base_hinges() -> NDArray[np.void]:

@@ -34,7 +34,9 @@ from flexlink.formats.document import (
     exact_rotation,
     joint_places,
     limits,
-    links_text,
+    moved_links,
+    names_text,
+    other_ends,
     rotation_springs,
     text,
     tips,
@@ -84,7 +86,9 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
     world = ET.SubElement(sdf, "world", name=name)
     _values(world, {"gravity": decimals(chain.gravity)})
     model = ET.SubElement(
-        world, "model", {"name": name, "flexlink:name": valid(chain.name), "flexlink:links": links_text(chain)}
+        world,
+        "model",
+        {"name": name, "flexlink:name": valid(chain.name), "flexlink:links": names_text(chain.link_names)},
     )
     attributes = rotation_springs(chain) | tree_attributes(chain)
     model.attrib.update({f"flexlink:{key}": value for key, value in attributes.items()})
@@ -120,9 +124,10 @@ def sdf_names(chain: Chain) -> list[str]:
     plain = [_allowed(valid(name)) for name in (chain.name, *chain.joint_names)]
     joints, own = unique(["world", "", *plain[1:]])[2:], base_joints(chain)
     children = [f"{name}_child" for name in joints]
-    ends = [_allowed(valid(name)) for name in chain.tips][:-1]
-    others = unique([*joints, *children, *(f"{name}_link" for name in joints[own:]), "tip", "base_link", *ends])
-    links, (tip, base, *ends) = others[2 * chain.n : 3 * chain.n - own], others[3 * chain.n - own :]
+    moved = [_allowed(name) for name in moved_links(chain, joints)]
+    ends = [_allowed(name) for name in other_ends(chain, moved)]
+    others = unique([*joints, *children, "tip", *moved, "base_link", *ends])[2 * chain.n :]
+    tip, links, (base, *ends) = others[0], others[1 : chain.n - own + 1], others[chain.n - own + 1 :]
     return [f"{plain[0]}_" if plain[0] == "world" else plain[0], *joints, *[base] * own, *links, *ends, tip]
 
 

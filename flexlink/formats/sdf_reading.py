@@ -32,7 +32,7 @@ def read_sdf(text: str | bytes, *, what: str = "the SDF") -> Chain:
 
 def _chain(sdf: Node) -> Chain:
     model = sdf.one("world").one("model")
-    links, bodies, joints = model.links(f"{OWN}links"), model.all("link"), model.all("joint")
+    links, bodies, joints = model.names(f"{OWN}links"), model.all("link"), model.all("joint")
     floating = bodies[: max(0, len(bodies) - len(joints))]
     if len(bodies) < len(joints) or len(floating) > 1:
         raise model.error(f"{len(joints)} joints, {len(bodies)} links: not a file written by flexlink")

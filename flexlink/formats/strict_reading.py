@@ -89,8 +89,8 @@ class Node:
                 return axis
         raise self.error(f"axis {values}: expected X, Y or Z")
 
-    def links(self, key: str) -> tuple[str, ...]:
-        """Return the names of the arm's links, written by `document.links_text`."""
+    def names(self, key: str) -> tuple[str, ...]:
+        """Return the names of the arm's links or of their joints, written by `document.names_text`."""
         try:
             names = json.loads(self.attribute(key))
         except (ValueError, RecursionError):

@@ -33,7 +33,7 @@ from flexlink.formats.document import (
     exact_rotation,
     joint_places,
     limits,
-    links_text,
+    names_text,
     rotation_springs,
     text,
     tips,
@@ -66,7 +66,8 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
     str
         The document. Joints are in sequential order, with the names of `Chain.joint_names`. Each driven joint has a
         transmission of the same name. Link `tip` is the tip frame; tips of other branches are named after the links
-        that end there. Numbers read back exactly; rotations are written as roll, pitch and yaw.
+        that end there. Other links are named after their joints, or, if a joint has a separate name (`Joint.name`),
+        have the name of the scene's link. Numbers read back exactly; rotations are written as roll, pitch and yaw.
 
     Notes
     -----
@@ -92,7 +93,7 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
         logging.getLogger(__name__).info("%s: a URDF cannot hold %s; only flexlink reads them", chain.name, found)
     joints, links = xml_joint_names(chain), xml_link_names(chain)
     robot = ET.Element("robot", name=valid(chain.name))
-    own = ET.SubElement(robot, "flexlink", gravity=decimals(chain.gravity), links=links_text(chain))
+    own = ET.SubElement(robot, "flexlink", gravity=decimals(chain.gravity), links=names_text(chain.link_names))
     own.attrib.update(rotation_springs(chain) | tree_attributes(chain))
     for coupling in couplings(chain, joints):
         ET.SubElement(own, "coupling", coupling)

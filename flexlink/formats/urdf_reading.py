@@ -49,7 +49,7 @@ def read_urdf(text: str | bytes, *, what: str = "the URDF") -> Chain:
 
 def _chain(robot: Node) -> Chain:
     own = robot.one("flexlink")
-    links = own.links("links")
+    links = own.names("links")
     bodies = {link.attribute("name"): link for link in robot.all("link")}
     moving = [joint for joint in robot.all("joint") if joint.attribute("type") != "fixed"]
     behind = {joint.one("child").attribute("link"): joint.attribute("name") for joint in moving}

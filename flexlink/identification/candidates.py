@@ -256,8 +256,7 @@ class Bench:
             return False
         if not name.startswith(("q ", "qd ", "tau ")):
             return True
-        links = self.problem.scene.arm.links
-        return name.partition(" ")[2].rpartition(" [")[0] in {link.name for link in links}
+        return name.partition(" ")[2].rpartition(" [")[0] in self.problem.scene.arm.joint_names
 
     def _links(self, experiment: MotionExperiment) -> list[str]:
         """Names of the driven links, on each of which a motion is tried; "" if its paths name no link."""

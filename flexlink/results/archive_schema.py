@@ -78,6 +78,8 @@ def check_chain(chain: Chain) -> None:
         raise ValueError("its chain's gravity is not three finite numbers")
     if len(chain.coordinates) != chain.n or any(not 0 <= c.link <= len(chain.link_names) for c in chain.coordinates):
         raise ValueError("its chain's coordinates do not match its hinges and links")
+    if len(chain.joints_of_links) != len(chain.link_names):
+        raise ValueError("its chain's names of joints do not match its links")
     belong = {name: _are_within(chain, rows) for name, rows in forces.items()}
     for part, good in ({"bodies": _is_tree(chain)} | belong).items():
         if not good:

@@ -43,6 +43,7 @@ def _arrays(run: RunSamples) -> dict[str, Any]:
         **{f"chain_{name}": rows for name, rows in chain.forces.items()},
         "chain_links": np.array(chain.link_names), "chain_couplings": chain.couplings,
         "chain_tips": np.array([[chain.link_names.index(link), body] for link, body in chain.tips.items()]),
+        **({} if chain.joints_of_links == chain.link_names else {"chain_joints": np.array(chain.joints_of_links)}),
         **_of_shapes(chain), **_of_base(run), **_of_sensors(run),
         **_of_stated_error(run),
     }  # fmt: skip

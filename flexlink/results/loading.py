@@ -141,6 +141,7 @@ def _chain(arrays: Mapping[str, Any]) -> Chain:
         tips={links[link]: body for link, body in tips.tolist()},
         forces=dict(_forces(arrays)),
         described=_records(arrays.get("chain_described", np.zeros(0, DESCRIBED)), DESCRIBED),
+        joints_of_links=tuple(arrays["chain_joints"].tolist()) if "chain_joints" in arrays else (),
     )
     return chain if "chain_shapes" not in arrays else dataclasses.replace(chain, shapes=_shapes(chain, arrays))
 

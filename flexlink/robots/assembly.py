@@ -133,6 +133,7 @@ def _rigid(part: Part, name: str, before: Array, armature: float) -> Link:
         name=name,
         mount=_mount(part.origin, before),
         joint=Joint(
+            name=joint.name,
             kind="revolute" if joint.turns else "prismatic",
             axis=(x, y, z),
             viscous=joint.damping,

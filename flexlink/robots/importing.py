@@ -80,10 +80,10 @@ def import_urdf(
     """Convert a URDF file to a scene, with the complete robot or only the paths to some of its links.
 
     All hinges and sliding joints become joints of the scene, each after its parent, path by path in the file's
-    order. If a link has several children, they name it with `on`. Links connected by fixed joints are merged; mass,
-    centre and inertia are preserved. If `tip` is given, only joints on the paths to the tips move. Everything attached
-    to these paths, such as grippers, is rigid in the given configuration. Mimicking joints are rigid as well, but on a
-    fixed base each adds the inertia and friction of its body to its leader.
+    order, with its own name (`Joint.name`). If a link has several children, they name it with `on`. Links connected by
+    fixed joints are merged; mass, centre and inertia are preserved. If `tip` is given, only joints on the paths to the
+    tips move. Everything attached to these paths, such as grippers, is rigid in the given configuration. Mimicking
+    joints are rigid as well, but on a fixed base each adds the inertia and friction of its body to its leader.
 
     Parameters
     ----------
