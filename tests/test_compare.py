@@ -2,6 +2,7 @@
 
 import dataclasses
 import importlib
+import json
 import re
 from pathlib import Path
 
@@ -270,15 +271,28 @@ def test_too_many_samples_are_refused_in_one_line(capsys):
     assert f"1 … {MAX_SAMPLES}" in refusal
 
 
-def test_an_arm_that_an_engine_cannot_represent_is_refused_in_one_line(tmp_path, capsys):
+def test_an_arm_that_a_named_engine_cannot_represent_is_refused_in_one_line(tmp_path, capsys):
     path = tmp_path / "speck.toml"
     path.write_text(SPECK)
-    assert main(["compare", str(path)]) == 2
+    assert main(["compare", str(path), "--engines", "pinocchio", "mujoco"]) == 2
     err = capsys.readouterr().err
     assert err.count("\n") == 1
     refusal = refused_line(err, "engine-cannot-load")
     assert "MuJoCo" in refusal
-    assert main(["compare", str(path), "--engines", "pinocchio", "--samples", "20"]) == 0
+
+
+def test_compare_goes_on_with_the_engines_that_can_load_the_arm_and_says_why_another_cannot(tmp_path, capsys):
+    path = tmp_path / "speck.toml"
+    path.write_text(SPECK)
+    found = compare(fl.load_scene(path), samples=20)
+    assert found.passed
+    assert [diagnosis.engine for diagnosis in found.diagnoses] == ["pinocchio"]
+    assert main(["compare", str(path), "--samples", "20"]) == 0
+    assert line(capsys.readouterr().out, "not compared: ") == f"not compared: {found.refused[0]}"
+    reviewed("compare: refused", found.refused[0])
+    assert found.refused[0].startswith("mujoco: MuJoCo ")
+    assert main(["compare", str(path), "--samples", "20", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["refused"] == [*found.refused]
 
 
 SPECK = """

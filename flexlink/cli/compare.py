@@ -68,9 +68,10 @@ def run_command(options: argparse.Namespace) -> int:
 def _document(comparison: Comparison | TrajectoryComparison) -> dict[str, object]:
     """A comparison as plain numbers and strings, with one object per engine."""
     if isinstance(comparison, Comparison):
-        return {"passed": comparison.passed, "scene": comparison.scene, "engines": comparison.diagnoses}
-    runs = [row._asdict() for row in comparison.rows]
-    return {"passed": comparison.passed, "scene": comparison.scene, "engines": runs, "refused": comparison.refused}
+        engines: Any = comparison.diagnoses
+    else:
+        engines = [row._asdict() for row in comparison.rows]
+    return {"passed": comparison.passed, "scene": comparison.scene, "engines": engines, "refused": comparison.refused}
 
 
 def _long_runs(scene: Scene, duration: float | None) -> tuple[str, ...]:

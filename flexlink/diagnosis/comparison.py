@@ -20,18 +20,19 @@ from flexlink.diagnosis.diagnosis import Diagnosis, diagnose, diagnose_file
 from flexlink.diagnosis.foreign_files import load_file
 from flexlink.diagnosis.quantities import Difference, compare_engines
 from flexlink.diagnosis.states import mixed_states
-from flexlink.engines import load
+from flexlink.engines import Engine, load
 
 MAX_SAMPLES = 100_000  # each takes a few milliseconds
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Comparison:
-    """One `Diagnosis` per engine for a scene; printed as a table of quantities, followed by the diagnoses."""
+    """One `Diagnosis` per engine for a scene, and why others cannot load it; printed as a table, then the diagnoses."""
 
     scene: str
     samples: int
     diagnoses: tuple[Diagnosis, ...]
+    refused: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         agree = sum(row.passed for row in self.rows)
@@ -50,7 +51,7 @@ class Comparison:
     @property
     def diagnosis(self) -> str:
         """Agreement, differences and likely mistakes of each engine."""
-        return "\n".join(map(str, self.diagnoses))
+        return "\n".join([*map(str, self.diagnoses), *(f"not compared: {reason}" for reason in self.refused)])
 
     def _repr_html_(self) -> str:
         rows = [(r.engine, r.quantity, r.error, "ok" if r.passed else "FAILED", r.joint) for r in self.rows]
@@ -92,7 +93,8 @@ def compare(
     scene
         The scene. Its arm and gravity are used, and for a file also its drive; its initial state and motions are not.
     engines
-        Names in `flexlink.engines.ENGINES`. Default: Pinocchio and MuJoCo; for a file, the engine for its format.
+        Names in `flexlink.engines.ENGINES`. Default: Pinocchio and MuJoCo, or the one that can load the arm; for a file,
+        the engine for its format.
     file
         MJCF, URDF or SDF file of the same arm, from any program.
     samples
@@ -110,7 +112,8 @@ def compare(
     Raises
     ------
     ArgumentError
-        `scene` is not a Scene, `samples` is out of range, `seed` < 0, an engine is unknown or does not support the arm.
+        `scene` is not a Scene, `samples` is out of range, `seed` < 0, an engine is unknown, or one of `engines`
+        (default: every engine) does not support the arm.
     DataFileError
         The file cannot be read, or has joint types that flexlink does not support.
     EngineError
@@ -138,10 +141,25 @@ def compare(
         states = [s._replace(wrench=np.zeros(6)) for s in mixed_states(chain, samples, seed=seed)]
         diagnosis = diagnose_file(chain, engine_of_file, states, progress, scene=scene)
         return Comparison(f"{scene.name} and {path}", samples, (diagnosis,))
-    loaded = [load(name, chain) for name in (("pinocchio", "mujoco") if names is None else names)]
+    loaded, refused = _loaded(chain, names)
     native, states = load("native", chain), mixed_states(chain, samples, seed=seed)
     rows = compare_engines(chain, native, loaded, states, progress=progress)
     diagnoses = (
         diagnose(chain, engine, [row for row in rows if row.engine == engine.name], states) for engine in loaded
     )
-    return Comparison(scene.name, samples, tuple(diagnoses))
+    return Comparison(scene.name, samples, tuple(diagnoses), refused)
+
+
+def _loaded(chain: Chain, names: Sequence[str] | None) -> tuple[list[Engine], tuple[str, ...]]:
+    """The engines, all of those named, or of the default ones those that can load the chain and why others cannot."""
+    if names is not None:
+        return [load(name, chain) for name in names], ()
+    loaded, errors = list[Engine](), dict[str, ArgumentError]()
+    for name in ("pinocchio", "mujoco"):
+        try:
+            loaded.append(load(name, chain))
+        except ArgumentError as error:
+            errors[name] = error
+    if not loaded:
+        raise errors["pinocchio"]
+    return loaded, tuple(f"{name}: {error}" for name, error in errors.items())
