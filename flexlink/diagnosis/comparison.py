@@ -93,8 +93,8 @@ def compare(
     scene
         The scene. Its arm and gravity are used, and for a file also its drive; its initial state and motions are not.
     engines
-        Names in `flexlink.engines.ENGINES`. Default: Pinocchio and MuJoCo, or the one that can load the arm; for a file,
-        the engine for its format.
+        Names in `flexlink.engines.ENGINES`. Default: Pinocchio and MuJoCo, or the one that can load the arm; for a
+        file, the engine for its format.
     file
         MJCF, URDF or SDF file of the same arm, from any program.
     samples
