@@ -281,7 +281,7 @@ def test_an_arm_that_a_named_engine_cannot_represent_is_refused_in_one_line(tmp_
     assert "MuJoCo" in refusal
 
 
-def test_compare_goes_on_with_the_engines_that_can_load_the_arm_and_says_why_another_cannot(tmp_path, capsys):
+def test_compare_goes_on_with_the_engines_that_can_load_the_arm_and_shows_why_another_cannot(tmp_path, capsys):
     path = tmp_path / "speck.toml"
     path.write_text(SPECK)
     found = compare(fl.load_scene(path), samples=20)

@@ -41,7 +41,8 @@ class Diagnosis:
     rows
         Compared quantities.
     findings
-        Differences in what the engine has read; for flexlink's exports, they are only computed if a quantity differs.
+        Differences in what the engine has read, the largest effect first and lost digits last; for flexlink's exports,
+        they are only computed if a quantity differs.
     explained
         Whether native dynamics with the numbers that the engine has read agree with the engine; None if not computed.
     notes
@@ -193,7 +194,8 @@ def _missing(ours: ReadBack, read: ReadBack, match: Match) -> dict[str, Array]:
 
 def _notes(ours: ReadBack, match: Match, read: ReadBack) -> list[Diagnostic]:
     by_order = Diagnostic("joint names differ; joints are matched by their order", "matched-by-order")
-    notes = [] if match.by_name else [by_order]
+    by_body = Diagnostic("joint names differ; joints are matched by the bodies they move", "matched-by-body")
+    notes = {"names": [], "bodies": [by_body], "order": [by_order]}[match.by]
     fields = (read.unspecified - set(ACTUATOR_FIELDS)) | taken_from_scene(ours, read)
     fields -= {field for field in COUPLED_FIELDS if not getattr(ours, field).any()}
     labels = [words.label for field, words in table().fields.items() if field in fields]
@@ -215,20 +217,27 @@ def _explain(
     tolerance = 10.0  # rounding bounds; more than one, because a record is rotated into frame 0 and back
     singular_mass = "q̈ (M is singular)"
 
-    def differing(record: ReadBack, other: Engine) -> tuple[str, ...]:
+    def differing(record: ReadBack, other: Engine) -> dict[str, float]:
+        """Quantities that differ, with their error."""
         exact = to_chain(record, chain)
-        native, singular = NativeEngine(exact), tuple[str, ...]()
+        native, singular = NativeEngine(exact), dict[str, float]()
         try:
             compared = compare_engines(exact, native, [other], some, quantities=names)
         except SingularMassError:
-            defined = [name for name in names if name != "q̈"]
-            compared, singular = compare_engines(exact, native, [other], some, quantities=defined), (singular_mass,)
-        return (*(row.quantity for row in compared if not row.error <= tolerance), *singular)
+            defined, singular = [name for name in names if name != "q̈"], {singular_mass: math.inf}
+            compared = compare_engines(exact, native, [other], some, quantities=defined)
+        return {row.quantity: row.error for row in compared if not row.error <= tolerance} | singular
 
     right = NativeEngine(to_chain(of_chain(chain), chain))
-    each = [f if f.faulty is None else dataclasses.replace(f, affects=differing(f.faulty, right)) for f in findings]
+    each = []
+    for finding in findings:
+        errors = {} if finding.faulty is None else differing(finding.faulty, right)
+        effect = errors.get(singular_mass, errors.get("q̈", finding.effect))
+        effect = math.inf if math.isnan(effect) else effect
+        each.append(dataclasses.replace(finding, affects=tuple(errors), effect=effect))
+    each.sort(key=lambda finding: (finding.id == "digits-lost", -finding.effect))
     explained, whole = None, match.whole if match is not None else None
     if whole is not None and not all(row.passed for row in rows):
         theirs, joints = whole
-        explained = set(differing(theirs, Reordered(engine, joints))) <= {singular_mass}
+        explained = differing(theirs, Reordered(engine, joints)).keys() <= {singular_mass}
     return Diagnosis(engine.name, tuple(rows), tuple(each), explained)

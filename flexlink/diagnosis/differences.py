@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.types import Array, Indices
 from flexlink.common.wording import Diagnostic
-from flexlink.diagnosis.joint_axes import Displacement, deviations, reach, undo_displacements
+from flexlink.diagnosis.joint_axes import Displacement, deviations, reach, turning, undo_displacements
+from flexlink.diagnosis.lost_digits import LOST, lost_digits, with_entries, with_rows
 from flexlink.diagnosis.matching import Match, match_joints
 from flexlink.diagnosis.mistakes import Field, Mistake, _names, _short, _where, table
-from flexlink.diagnosis.shapes import Discrepancy, fewer_digits
+from flexlink.diagnosis.shapes import Discrepancy, any_difference, fewer_digits
 from flexlink.engines.actuators import limits
 from flexlink.engines.couplings import COUPLED_FIELDS
 from flexlink.engines.read_back import ACTUATOR_FIELDS, BODY_FIELDS, JOINT_FIELDS, ReadBack
@@ -44,6 +44,8 @@ class Finding:
         Whether the difference changes simulations; otherwise it is only a note.
     affects
         Quantities of the equation of motion that change if only this mistake is made.
+    effect
+        Largest error of q̈ by this mistake alone, relative to the rounding bound; infinite if no joint is comparable.
     """
 
     what: str
@@ -53,6 +55,7 @@ class Finding:
     faulty: ReadBack | None = dataclasses.field(default=None, repr=False, compare=False)
     counts: bool = True
     affects: tuple[str, ...] = ()
+    effect: float = dataclasses.field(default=0.0, repr=False, compare=False)
 
     @property
     def diagnostic(self) -> Diagnostic:
@@ -78,12 +81,13 @@ def differences(ours: ReadBack, theirs: ReadBack, format: str) -> tuple[Match | 
         Format of the file, a name in `flexlink.formats.FORMATS`; it determines the names of fields in texts.
     """
     match = match_joints(ours, theirs)
-    if isinstance(match, str):
-        return None, [Finding(match, "", "check segments, locked joints and grippers", "joints-differ")]
+    if not isinstance(match, Match):
+        what, remedy = match
+        return None, [Finding(what, "", remedy, "joints-differ")]
     if match.reordered and not np.array_equal(ours.parents, np.arange(ours.n) - 1):
         what, likely = f"{_names(match.reordered)} with another parent", "a branch begins at another joint"
         remedy = "correct the parents; numbers are compared after that"
-        findings = [Finding(what, likely, remedy, "parents-differ")]
+        findings = [Finding(what, likely, remedy, "parents-differ", effect=np.inf)]
     else:
         numbers = _numbers_of_tendons(ours, match.record) if format == "mjcf" else _numbers(ours, match.record, format)
         findings = [*_order(match), *numbers]
@@ -99,7 +103,9 @@ def _order(match: Match) -> Iterator[Finding]:
     if match.reordered:
         order = f"{_names(match.reordered)} in another order along the chain"
         likely = "rotations about one point do not commute"
-        yield Finding(order, likely, "correct the order of joints in a body, or of links", "joint-order-differs")
+        yield Finding(
+            order, likely, "correct the order of joints in a body, or of links", "joint-order-differs", effect=np.inf
+        )
 
 
 def _numbers_of_tendons(ours: ReadBack, theirs: ReadBack) -> list[Finding]:
@@ -124,20 +130,31 @@ def _shared(read: ReadBack, field: str) -> Array:
 
 
 def _numbers(ours: ReadBack, theirs: ReadBack, format: str) -> list[Finding]:
-    realigned, displacements, displaced = undo_displacements(ours, theirs, PLACED, tuple(table().length_units))
-    fields = _differing(ours, realigned)
-    everything = _differing(ours, theirs)
-    if len(displacements) + len(fields) > 1 and all(fewer_digits(diff) for diff in everything.values()):
-        labels = ", ".join(table().fields[field].label for field in everything)
-        digits = -np.log10(max(map(_relative_error, everything.values())))
-        what, likely = f"{labels}: correct to only about {digits:.0f} digits", "digits were lost in writing"
-        return [Finding(what, likely, "write numbers with all 17 digits (repr, %.17g)", "digits-lost", faulty=theirs)]
+    units, everything = tuple(table().length_units), _differing(ours, theirs)
+    realigned, displacements, displaced = undo_displacements(ours, theirs, PLACED, units)
+    fields, last = _differing(ours, realigned), list[Finding]()
+    several = len(displacements) + len(fields) > 1
+    if several and all(fewer_digits(diff) for diff in everything.values()):
+        return [_fewer_digits(everything, theirs)]
+    if several and (lost := lost_digits(everything)):
+        theirs, faulty = with_entries(theirs, ours, lost), with_entries(ours, theirs, lost)
+        realigned, displacements, displaced = undo_displacements(ours, theirs, LOST, units)
+        more = lost_digits(_differing(ours, realigned))
+        last = [_fewer_digits(lost | more, with_entries(faulty, realigned, more))]
+        fields = _differing(ours, with_entries(realigned, ours, more))
     findings = [
         *_displacements(realigned, displacements, displaced, theirs, format),
         *(_explained(field, diff, format) for field, diff in fields.items()),
     ]
     same_cause = itertools.groupby(findings, key=lambda finding: (finding.likely, finding.remedy))
-    return [_joined(ours, list(group)) for _, group in same_cause]
+    return [*(_joined(ours, list(group)) for _, group in same_cause), *last]
+
+
+def _fewer_digits(differing: Mapping[str, Discrepancy], faulty: ReadBack) -> Finding:
+    labels = ", ".join(words.label for field, words in table().fields.items() if field in differing)
+    digits = -np.log10(max(diff.relative_error for diff in differing.values()))
+    what, likely = f"{labels}: correct to only about {digits:.0f} digits", "digits were lost in writing"
+    return Finding(what, likely, "write numbers with all 17 digits (repr, %.17g)", "digits-lost", faulty=faulty)
 
 
 def _joined(ours: ReadBack, group: list[Finding]) -> Finding:
@@ -218,7 +235,7 @@ def _differing(ours: ReadBack, theirs: ReadBack) -> dict[str, Discrepancy]:
         "centers": same_mass & (apart["centers"] > PLACED * L),
         "inertias": ~other_mass & (apart["inertias"] > PLACED * _norm(ours.inertias) + EXACT * m * lever**2),
     }
-    bad["inertias"] &= _turning(ours)
+    bad["inertias"] &= turning(ours)
     one, other = (_within_limits(ours, read.effort) for read in (ours, theirs))
     bad["effort"] = np.any(~np.isclose(one, other, rtol=EXACT, atol=0), axis=1)
     if theirs.gear[ours.gear != 0].all():
@@ -231,14 +248,6 @@ def _differing(ours: ReadBack, theirs: ReadBack) -> dict[str, Discrepancy]:
         for field, (a, b) in ((field, pairs[field]) for field in table().fields if field in pairs)
         if (mask := bad[field]).any()
     }
-
-
-def _turning(read: ReadBack) -> NDArray[np.bool_]:
-    """Whether each body rotates; inertias of other bodies have no effect."""
-    turns = np.append(~read.slides, False)
-    for k, before in enumerate(read.parents):
-        turns[k] |= turns[before]
-    return turns[:-1]
 
 
 def _between(ours: ReadBack, theirs: ReadBack) -> dict[str, Indices]:
@@ -280,14 +289,16 @@ def _mistake(field: str, diff: Discrepancy, theirs: ReadBack) -> Mistake:
 
 def _explained(field: str, diff: Discrepancy, format: str) -> Finding:
     ours, theirs = diff.our_record, diff.their_record
+    mistake = _mistake(field, diff, theirs)
+    if mistake.shape is any_difference and field != "effort":  # without a pattern, the largest error is shown
+        diff = diff.only(np.argsort(-diff.errors.astype(np.float32), kind="stable"))
     global_field = field in {"gravity", "tip"}
     faulty: dict[str, Any] = {}
     for name in BODY_FIELDS if field == "masses" else (field,):
         values = getattr(theirs, name)
-        faulty[name] = values.copy() if global_field else _with_rows(getattr(ours, name), values, diff.rows)
+        faulty[name] = values.copy() if global_field else with_rows(getattr(ours, name), values, diff.rows)
     where = "" if global_field else _where(ours.names, diff.rows)
     what = f"{_subject(field, where)}: {_instead(field, diff)}"
-    mistake = _mistake(field, diff, theirs)
     words = table().fields[field].id, _of_joints(field, diff), mistake.likely, mistake.remedy
     return _worded(words, what, where, format, dataclasses.replace(ours, **faulty))
 
@@ -297,17 +308,6 @@ def _worded(words: tuple[str, Field, str, str], what: str, where: str, format: s
     few = where.startswith(("joint ", "joints "))
     tag, joints = getattr(field, format, field.label), where if few else "these joints"
     return Finding(what, likely, remedy.format(tag=tag, unit=field.unit, where=joints), id, faulty)
-
-
-def _with_rows(ours: Array, theirs: Array, rows: Indices) -> Array:
-    """Our numbers with some rows replaced by theirs; pairs of joints, rows (m, 2), replace K_ij and K_ji."""
-    mixed = ours.copy()
-    if rows.ndim == 1:
-        mixed[rows] = theirs[rows]
-    else:
-        i, j = rows.T
-        mixed[i, j] = mixed[j, i] = theirs[i, j]
-    return mixed
 
 
 def _subject(field: str, where: str) -> str:
@@ -329,7 +329,7 @@ def _instead(field: str, diff: Discrepancy) -> str:
     else:
         actual, expected = (_short(part[0]) for part in (diff.theirs, diff.ours))
     if actual == expected:
-        return f"{actual} {unit}, relative error {_relative_error(diff):.3g}"
+        return f"{actual} {unit}, relative error {diff.relative_error:.3g}"
     factor = f", factor {diff.factor:.6g}" if diff.factor else ""
     if field == "inertias" and not diff.factor and (part := diff.part_factor):
         factor = f", factor {part:.6g} in the inertia of one part"
@@ -343,8 +343,3 @@ def _of_joints(field: str, diff: Discrepancy) -> Field:
     if of_joints and diff.our_record.slides[diff.rows].all():
         return words._replace(unit=table().sliding_units.get(words.unit, words.unit))
     return words
-
-
-def _relative_error(diff: Discrepancy) -> float:
-    """Largest difference, relative to the largest expected number."""
-    return float(np.abs(diff.theirs - diff.ours).max() / np.abs(diff.ours).max())

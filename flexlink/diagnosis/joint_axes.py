@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 
 from flexlink.common.products import cross
 from flexlink.common.types import Array, Indices
+from flexlink.diagnosis.shapes import TOLERANCE
 from flexlink.engines.read_back import ReadBack
-
-RIGID_TOLERANCE = 1e-9
-"""Tolerance for the motion of a joint's subtree to count as rigid, relative to the reach of the arm."""
 
 
 class Displacement(NamedTuple):
@@ -47,7 +45,7 @@ def undo_displacements(
     while len(joints := _displaced_joints(ours, theirs, tolerance)):
         first, theirs, ours_displaced = _undo_one(ours, theirs, ours_displaced, int(joints[0]), tolerance, units)
         k = first.joint
-        if displacements and k <= displacements[-1].joint:  # a motion within `RIGID_TOLERANCE` may be inexact
+        if displacements and k <= displacements[-1].joint:  # a motion within `TOLERANCE` may be inexact
             first = first._replace(rigid=False)
         displacements.append(first)
         if not first.rigid:
@@ -62,8 +60,8 @@ def _undo_one(
     sin, off = (float(part[k]) for part in deviations(ours, theirs))
     angle = float(np.arcsin(min(1.0, sin)))
     before = _moved_by_joint_before(ours, theirs, k, tolerance)
-    motion = None if before is None else _rigid_motion(ours, theirs, before)
-    k, motion = (k, _rigid_motion(ours, theirs, k)) if before is None or motion is None else (before, motion)
+    motion = None if before is None else _rigid_motion(ours, theirs, before, tolerance)
+    k, motion = (k, _rigid_motion(ours, theirs, k, tolerance)) if before is None or motion is None else (before, motion)
     if _only_axis_moved(ours, theirs, k, tolerance, rigid_behind=motion is not None):
         R = theirs.frames[k]
         axes = theirs.axes[k] @ R, ours.axes[k] @ R
@@ -72,7 +70,9 @@ def _undo_one(
     unit = _unit(ours, theirs, k, units)
     if motion is None and unit is not None:
         motion = np.eye(3), unit[1], theirs.points[k]
-    motion = motion or _rigid_motion(ours, theirs, k, _next_massive(ours, k) + 1)  # more joints may be displaced
+    motion = motion or _rigid_motion(
+        ours, theirs, k, tolerance, _next_massive(ours, k) + 1
+    )  # more joints may be displaced
     if motion is None:
         return Displacement(k, angle, off, rigid=False), theirs, ours_displaced
     R, point, moved = motion
@@ -139,10 +139,10 @@ def _unit(ours: ReadBack, theirs: ReadBack, k: int, units: Sequence[float]) -> t
     before = theirs.parents[k]
     along = theirs.axes[before] if before >= 0 else np.zeros(3)
     v = cross(ours.axes[k], along)
-    for factor in units if right > RIGID_TOLERANCE * reach(ours) else ():
+    for factor in units if right > TOLERANCE * reach(ours) else ():
         point = theirs.points[k] - (1 - 1 / factor) * offset
         missed = cross(ours.axes[k], point - ours.points[k])
-        slide = -float(missed @ v) / float(v @ v) if v @ v > RIGID_TOLERANCE else 0.0
+        slide = -float(missed @ v) / float(v @ v) if v @ v > TOLERANCE else 0.0
         if 0.5 < far / factor / right < 2 and float(np.linalg.norm(missed + slide * v)) <= tolerance * right:
             return factor, point + slide * along
     return None
@@ -161,6 +161,14 @@ def deviations(ours: ReadBack, theirs: ReadBack) -> tuple[Array, Array]:
 def reach(read: ReadBack) -> float:
     """Largest coordinate of a joint or a centre of mass at zero angles [m]."""
     return float(max(np.abs(read.points).max(), np.abs(read.centers).max(), np.finfo(float).tiny))
+
+
+def turning(read: ReadBack) -> NDArray[np.bool_]:
+    """Whether each body rotates; inertias of other bodies have no effect."""
+    turns = np.append(~read.slides, False)
+    for k, before in enumerate(read.parents):
+        turns[k] |= turns[before]
+    return turns[:-1]
 
 
 def _displaced_joints(ours: ReadBack, theirs: ReadBack, tolerance: float) -> Indices:
@@ -185,7 +193,7 @@ def _scaled(read: ReadBack, factor: float) -> ReadBack:
 
 
 def _rigid_motion(
-    ours: ReadBack, theirs: ReadBack, k: int, stop: int | None = None
+    ours: ReadBack, theirs: ReadBack, k: int, tolerance: float, stop: int | None = None
 ) -> tuple[Array, Array, Array] | None:
     """Rigid motion from our subtree of joint k (up to `stop`) to theirs: a rotation R, a point and its image; or None.
 
@@ -200,11 +208,11 @@ def _rigid_motion(
     both = (ours, one), (theirs, other)
     a, b = (np.concatenate([read.axes[joints], (points - points[0]) / L]) for read, points in both)
     U, sizes, V = np.linalg.svd(b.T @ a)
-    if sizes[1] <= RIGID_TOLERANCE * sizes[0]:
+    if sizes[1] <= TOLERANCE * sizes[0]:
         R = _smallest_turn(V[0], U[:, 0])
     else:
         R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
-    return (R, p, moved) if np.abs(a @ R.T - b).max() <= RIGID_TOLERANCE else None
+    return (R, p, moved) if np.abs(a @ R.T - b).max() <= max(TOLERANCE, tolerance) else None
 
 
 def _smallest_turn(one: Array, other: Array) -> Array:

@@ -1,14 +1,17 @@
-"""Match the joints of two records by name or, if names differ and no branches exist, by their order from the base."""
+"""Match the joints of two records by name, else by the bodies they move, else, without branches, by their order."""
 
 from __future__ import annotations
 
 import dataclasses
 import itertools
+from collections import Counter
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from flexlink.common.types import Array, Indices
+from flexlink.diagnosis.mistakes import _names
+from flexlink.engines.coordinates import BASE_JOINTS
 from flexlink.engines.couplings import COUPLED_FIELDS
 from flexlink.engines.read_back import ACTUATOR_FIELDS, AXIS_FIELDS, BODY_FIELDS, JOINT_FIELDS, ReadBack
 
@@ -27,8 +30,8 @@ class Match(NamedTuple):
     record
         The other record with our names and order, and with our values of unspecified fields. Body k is the k-th body
         along the other chain, so the order of joints at the same point does not matter.
-    by_name
-        Whether the names are equal.
+    by
+        What is equal: "names" of the joints, "bodies" (names of the joints or of the bodies they move), or "order".
     reordered
         Names of joints that have another position, or another parent, in the other record.
     """
@@ -36,7 +39,7 @@ class Match(NamedTuple):
     order: Indices
     positions: Indices | None
     record: ReadBack
-    by_name: bool
+    by: str
     reordered: list[str]
 
     @property
@@ -50,20 +53,24 @@ class Match(NamedTuple):
         return dataclasses.replace(self.record, names=tuple(self.record.names[k] for k in joints), **fields), joints
 
 
-def match_joints(ours: ReadBack, theirs: ReadBack) -> Match | str:
-    """Return the match, or the reason for its failure."""
-    by_name, branches = sorted(ours.names) == sorted(theirs.names), _branches(ours)
-    sequence = None if branches else _from_base_to_tip(theirs)
-    if by_name:
-        number = {name: k for k, name in enumerate(theirs.names)}
-        order = np.array([number[name] for name in ours.names], dtype=np.intp)
-    elif ours.n != theirs.n:
-        return _other_joints(ours, theirs)
+def match_joints(ours: ReadBack, theirs: ReadBack) -> Match | tuple[str, str]:
+    """Return the match, or the reason for its failure and the remedy."""
+    branches, by = _branches(ours), "names" if sorted(ours.names) == sorted(theirs.names) else "bodies"
+    sequence, paired = None if branches else _from_base_to_tip(theirs), _paired(ours, theirs)
+    floats = [{*BASE_JOINTS} <= {*read.names} for read in (ours, theirs)]
+    if floats[0] != floats[1]:
+        what = f"the base {'floats' if floats[1] else 'is fixed'} in the file, but not in the scene"
+        return what, "make them alike: flexlink import --free-base, or base.kind in the scene"
+    if ours.n != theirs.n:
+        return _other_joints(ours, theirs), "check segments, locked joints and grippers"
+    if sorted(paired) == list(range(theirs.n)):
+        order = np.array(paired, dtype=np.intp)
     elif sequence is None:
-        tree = theirs if _branches(theirs) else ours
-        return f"joint names differ, and the tree branches at joint {tree.names[_branch(tree)]!r}"
+        alone = [name for name, partner in zip(ours.names, paired, strict=True) if partner < 0]
+        what = f"{_names(alone)} not in the file, by name or by the body moved; its tree has {_names(theirs.names)}"
+        return what, "give the joints the file's names: joint.name in the scene"
     else:
-        order = sequence[_regrouped(ours, theirs.axes[sequence])]
+        order, by = sequence[_regrouped(ours, theirs.axes[sequence])], "order"
     bodies = order if sequence is None else sequence
     of_joints = (*IN_ORDER, "frames", *ACTUATOR_FIELDS)
     fields: dict[str, Any] = {field: getattr(theirs, field)[order] for field in of_joints}
@@ -79,7 +86,16 @@ def match_joints(ours: ReadBack, theirs: ReadBack) -> Match | str:
         positions = None if elsewhere.any() else np.arange(ours.n)
     else:
         elsewhere = np.full(ours.n, True) if positions is None else positions != np.arange(ours.n)
-    return Match(order, positions, record, by_name, [ours.names[k] for k in np.flatnonzero(elsewhere)])
+    return Match(order, positions, record, by, [ours.names[k] for k in np.flatnonzero(elsewhere)])
+
+
+def _paired(ours: ReadBack, theirs: ReadBack) -> list[int]:
+    """For each of our joints, the number of theirs of this name, else of the only one left on a body of this name."""
+    named = {name: k for k, name in enumerate(theirs.names)}
+    left = [k for k, name in enumerate(theirs.names) if name not in ours.names]
+    count = Counter(theirs.bodies[k] for k in left)
+    moves = {theirs.bodies[k]: k for k in left if count[theirs.bodies[k]] == 1}
+    return [named.get(name, moves.get(body, -1)) for name, body in zip(ours.names, ours.bodies, strict=True)]
 
 
 def _branches(read: ReadBack) -> bool:
@@ -104,12 +120,6 @@ def _from_base_to_tip(theirs: ReadBack) -> Indices | None:
     while sequence[-1] in behind:
         sequence.append(behind[sequence[-1]])
     return np.array(sequence[1:], dtype=np.intp)
-
-
-def _branch(theirs: ReadBack) -> int:
-    """A joint with several children; 0 if the base has several children."""
-    parents, count = np.unique(theirs.parents, return_counts=True)
-    return max(0, int(parents[count > 1][0]))
 
 
 def _regrouped(ours: ReadBack, axes: Array) -> Indices:

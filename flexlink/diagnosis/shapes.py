@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexlink.common.types import Array, Indices
 from flexlink.engines.read_back import ReadBack, parallel_axis
@@ -32,6 +33,20 @@ class Discrepancy(NamedTuple):
             return None
         factor = float((self.ours * self.theirs).sum()) / square
         return factor if close(self.theirs, factor * self.ours) else None
+
+    @property
+    def errors(self) -> Array:
+        """Largest difference of each entry, shape (m,)."""
+        return np.asarray(np.abs(self.theirs - self.ours).reshape(len(self.rows), -1).max(axis=1))
+
+    def only(self, chosen: NDArray[Any] | list[int]) -> Discrepancy:
+        """Some of the entries, given by their numbers or a mask."""
+        return self._replace(ours=self.ours[chosen], theirs=self.theirs[chosen], rows=self.rows[chosen])
+
+    @property
+    def relative_error(self) -> float:
+        """Largest difference, relative to the largest expected number."""
+        return float(np.abs(self.theirs - self.ours).max() / np.abs(self.ours).max())
 
     @property
     def part_factor(self) -> float | None:

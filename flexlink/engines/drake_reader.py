@@ -91,6 +91,7 @@ def read(
         names=("",) * n, parents=parents, axes=axes, points=points, frames=R, slides=slides,
         **no_actuators(n) | {"gear": driven, "effort": np.stack([-most, most], axis=1)}, **fields,
         gravity=np.array(plant.gravity_field().gravity_vector()), tip=_tip(plant, context), unspecified=unspecified,
+        bodies=tuple(joint.child_body().name() for joint in joints),
     )  # fmt: skip
     return dataclasses.replace(record.in_order(theirs.order), names=tuple(names), **own)
 

@@ -94,6 +94,7 @@ def read(model: Any, spec: Any = None, reference: Array | None = None) -> ReadBa
         tip=_tip(model, data), unspecified=frozenset() if model.nuser_jnt else frozenset({"coulomb_width"}),
         settings=dict(_active_settings(model)) | dict(_changing_settings(model, spec)),
         integrator=_integrator(model), step=float(model.opt.timestep),
+        bodies=tuple(mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, b) or "" for b in model.dof_bodyid),
     )  # fmt: skip
 
 

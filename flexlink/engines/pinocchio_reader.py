@@ -93,8 +93,15 @@ def read(
         **nothing | no_actuators(n) | {"effort": np.stack([-most, most], axis=1)},
         damping=np.array(model.damping), coulomb=np.array(model.friction), armature=np.array(model.armature),
         gravity=np.array(model.gravity.linear), tip=_tip(model, data), unspecified=unspecified,
+        bodies=tuple(_bodies(model)[k] for k in joints),
     )  # fmt: skip
     return dataclasses.replace(record.in_order(theirs.order), names=tuple(names), **own)
+
+
+def _bodies(model: Any) -> dict[int, str]:
+    """Return the name of the link that each joint moves, by the joint's number; other links are fixed to it."""
+    bodies = {frame.parentJoint: frame.name for frame in reversed(model.frames) if frame.type == pin.FrameType.BODY}
+    return dict.fromkeys(range(model.njoints), "") | bodies
 
 
 def _parts(model: Any, R: Array, last: Indices) -> Parts:

@@ -89,6 +89,8 @@ class ReadBack:
         Active settings, named as in `diagnosis/data/mistakes.toml`, and their values as text.
     integrator, step
         MuJoCo's name of the file's integrator, and the time step [s]; None if the file specifies none.
+    bodies
+        Name of the body that each joint moves, in flexlink the link's; several joints may move one body.
     drive_range
         Smallest and largest torque that the drive of a scene may command [N m], shape (n, 2).
     """
@@ -124,6 +126,7 @@ class ReadBack:
     integrator: str = ""
     step: float | None = None
     drive_range: Array | None = None
+    bodies: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"<ReadBack: {self.n} joints, {self.masses.sum():.6g} kg>"
@@ -140,8 +143,8 @@ class ReadBack:
         fields: dict[str, Any] = {field: getattr(self, field)[order] for field in of_joints}
         fields |= {field: getattr(self, field)[np.ix_(order, order)] for field in COUPLED_FIELDS}
         fields["parts"] = self.parts._replace(owner=place[self.parts.owner])
-        names = tuple(self.names[k] for k in order)
-        return dataclasses.replace(self, names=names, parents=place[self.parents[order]], **fields)
+        fields |= {field: tuple(getattr(self, field)[k] for k in order) for field in ("names", "bodies")}
+        return dataclasses.replace(self, parents=place[self.parents[order]], **fields)
 
     def require_sound(self) -> None:
         """Check that the values the engine has read are valid.
@@ -252,10 +255,12 @@ def of_chain(chain: Chain) -> ReadBack:
     parents[bodies["first"][heavy]] = np.append(-1, owner)[bodies["parent"][heavy]]
     own: dict[str, Any] = {field: np.array(chain.hinges[field]) for field in JOINT_FIELDS}
     own |= to_matrices(chain.couplings, chain.n)
+    named = zip(chain.coordinates, chain.joint_names, strict=True)
     return ReadBack(
         chain.joint_names, parents, np.array(chain.axes), points, np.repeat(R, counts, axis=0), **placed,
         slides=np.array(chain.slides), **own, **no_actuators(chain.n), gravity=np.array(chain.gravity),
         tip=p[-1], tip_on=tips(chain)[-1].parent,
+        bodies=tuple(name if c.axis else chain.link_names[c.link - 1] for c, name in named),
     )  # fmt: skip
 
 
