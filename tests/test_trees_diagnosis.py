@@ -13,6 +13,7 @@ import pytest
 from planted import JOINT, Planted, each, frame_moved, scaled, text_scaled, text_set, unnamed
 from test_their_files import diagnosed, written
 from test_trees_engines import satellite
+from urdf_texts import named_tree
 
 import flexlink as fl
 from flexlink.diagnosis.foreign_files import load_file
@@ -139,3 +140,56 @@ def test_a_urdf_of_another_tool_has_a_free_base_if_the_scene_has_one(tmp_path: P
     assert engine.n == CHAIN.n - 6
     found = diagnosed(path, CHAIN, base=BASE)
     assert found.passed and not found.findings, str(found)
+
+
+WRONG = {
+    "mass-differs": ("inertial", "mass", 1.2, 0.0),
+    "centre-of-mass-differs": ("inertial", "pos", 1.0, 0.02),
+    "inertia-differs": ("inertial", "diaginertia", 1.1, 0.0),
+    "frame-differs": (".", "pos", 1.0, 0.03),
+    "damping-differs": ("joint", "damping", 1.0, 0.5),
+    "armature-differs": ("joint", "armature", 1.0, 0.2),
+}
+"""Id of a mistake, and the element of a body, its attribute, and the factor and summand by which its numbers differ."""
+
+
+def by_the_maker(scene: fl.Scene, id: str, name: str, named: bool) -> ET.Element:
+    """MJCF of a robot with a mistake at a joint, six digits, and names of links and, if `named`, of joints."""
+    root = ET.fromstring(fl.to_mjcf(fl.lump(scene), shapes=False))
+    links = {link.joint_name: link.name for link in scene.arm.links}
+    for extra in (*root.findall("custom"), *([] if named else root.findall("actuator"))):
+        root.remove(extra)
+    for number, body in enumerate(body for body in root.iter("body") if body.find("joint") is not None):
+        joint, (path, key, factor, summand) = body.find("joint"), WRONG[id]
+        if joint.get("name") == name:
+            element = body.find(path)
+            element.set(key, planted.numbers(factor * planted.vector(element, key) + summand))
+        body.set("name", links[joint.get("name")])
+        joint.set("name", joint.get("name") if named else f"axis {number}")
+    planted.written_with(".6g")(root)
+    return root
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_in_a_makers_file_the_mistake_is_named_first_and_lost_digits_last(seed: int, tmp_path: Path) -> None:
+    text, _ = named_tree(seed)
+    (tmp_path / "tree.urdf").write_text(text.replace('"tip"', '"hand"').replace("prismatic", "revolute"), "utf-8")
+    scene = fl.import_urdf(tmp_path / "tree.urdf").scene
+    chain, id, named = fl.lump(scene), list(WRONG)[seed % len(WRONG)], seed >= len(WRONG)
+    name = chain.joint_names[seed % chain.n]
+    path = tmp_path / "theirs.xml"
+    path.write_text(ET.tostring(by_the_maker(scene, id, name, named), encoding="unicode"), "utf-8")
+    found = diagnosed(path, chain, scene=scene)
+    assert found.explained and found.findings[0].id == id and f"joint {name!r}" in found.findings[0].what, str(found)
+    assert found.findings[-1].id == "digits-lost"
+    assert [note.id for note in found.notes] == ([] if named else ["matched-by-body"])
+    if not named:
+        reviewed("diagnosis: matched by body", found.notes[0])
+
+
+def test_findings_are_in_the_order_of_their_effect_on_accelerations(tmp_path: Path) -> None:
+    """A rotor of 20 kg m² at one joint matters more than 0.1 % of the base's mass, which comes first in the record."""
+    edits = each(of_joint("right"), armature="20"), scaled(".//body/inertial", "mass", 1 + 1e-3, only=0)
+    rotor, mass = diagnosed(written(tmp_path, "mjcf", planted.both(*edits), CHAIN), CHAIN, base=BASE).findings
+    assert (rotor.id, mass.id) == ("armature-differs", "mass-differs")
+    assert rotor.effect > 2 * mass.effect > 0

@@ -86,7 +86,7 @@ def compare(
 
     Half of the states are random, a quarter balanced, a quarter stretched out (`states.mixed_states`). For a file, the
     numbers that its engine has read are compared as well, and the likely mistake is given for every difference. Joints
-    are then matched by name, or by order if names differ; the tip wrench is omitted; the scene supplies missing values.
+    are then matched by name, by body or by order; the tip wrench is omitted; the scene supplies missing values.
 
     Parameters
     ----------

@@ -221,7 +221,7 @@ def _differing(ours: ReadBack, theirs: ReadBack) -> dict[str, Discrepancy]:
     apart = {field: _norm(b - a) for field, (a, b) in pairs.items() if field != "effort"}
     L, (sin, off) = reach(ours), deviations(ours, theirs)
     m, lever = ours.masses, _norm(ours.centers - ours.points)
-    other_mass = apart["masses"] > EXACT * np.maximum(m, theirs.masses)
+    other_mass = apart["masses"] > LOST * np.maximum(m, theirs.masses)
     same_mass = ~other_mass & (m > 0)  # a different mass explains a different centre and inertia
     copied = ("gravity", "slides", *JOINT_FIELDS, *between, *ACTUATOR_FIELDS[:-1])
     bad = {field: apart[field] > EXACT * np.maximum(*map(_norm, pairs[field])) for field in copied}
@@ -231,7 +231,7 @@ def _differing(ours: ReadBack, theirs: ReadBack) -> dict[str, Discrepancy]:
         "axes": (sin <= PLACED) & (np.einsum("ij,ij->i", ours.axes, theirs.axes) < 0),
         "lines": (sin > PLACED) | (off > PLACED * L),
         "tip": apart["tip"] > PLACED * L,
-        "masses": other_mass,
+        "masses": apart["masses"] > EXACT * np.maximum(m, theirs.masses),
         "centers": same_mass & (apart["centers"] > PLACED * L),
         "inertias": ~other_mass & (apart["inertias"] > PLACED * _norm(ours.inertias) + EXACT * m * lever**2),
     }

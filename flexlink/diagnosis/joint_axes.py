@@ -38,11 +38,11 @@ def undo_displacements(
     """
     if (factor := _common_unit(ours, theirs, tolerance, units)) is not None:
         offsets = np.linalg.norm(theirs.points - ours.points, axis=1)
-        joints = _displaced_joints(ours, theirs, tolerance)
+        joints = displaced_joints(ours, theirs, tolerance)
         everywhere = [Displacement(int(k), 0.0, float(offsets[k]), unit_factor=factor) for k in joints]
         return _scaled(theirs, 1 / factor), everywhere, _scaled(ours, factor)
     displacements, ours_displaced = list[Displacement](), ours
-    while len(joints := _displaced_joints(ours, theirs, tolerance)):
+    while len(joints := displaced_joints(ours, theirs, tolerance)):
         first, theirs, ours_displaced = _undo_one(ours, theirs, ours_displaced, int(joints[0]), tolerance, units)
         k = first.joint
         if displacements and k <= displacements[-1].joint:  # a motion within `TOLERANCE` may be inexact
@@ -93,7 +93,7 @@ def _only_axis_moved(ours: ReadBack, theirs: ReadBack, k: int, tolerance: float,
     joints = behind(ours, k)
     here = ~_moved_bodies(ours, theirs, tolerance)[joints[ours.masses[joints] > 0]]
     next_ones = np.flatnonzero(ours.parents == k)
-    following = not np.isin(next_ones, _displaced_joints(ours, theirs, tolerance)).any()
+    following = not np.isin(next_ones, displaced_joints(ours, theirs, tolerance)).any()
     return bool(len(here) and ((here[0] and following) or (here.all() and not rigid_behind)))
 
 
@@ -171,7 +171,7 @@ def turning(read: ReadBack) -> NDArray[np.bool_]:
     return turns[:-1]
 
 
-def _displaced_joints(ours: ReadBack, theirs: ReadBack, tolerance: float) -> Indices:
+def displaced_joints(ours: ReadBack, theirs: ReadBack, tolerance: float) -> Indices:
     """Joints whose axes differ in direction or position."""
     sin, off = deviations(ours, theirs)
     return np.flatnonzero((sin > tolerance) | (off > tolerance * reach(ours)))
@@ -179,9 +179,9 @@ def _displaced_joints(ours: ReadBack, theirs: ReadBack, tolerance: float) -> Ind
 
 def _common_unit(ours: ReadBack, theirs: ReadBack, tolerance: float, units: Sequence[float]) -> float | None:
     """Factor of a wrong unit that scales all distances between joints; None if there is no such factor."""
-    if not len(_displaced_joints(ours, theirs, tolerance)):
+    if not len(displaced_joints(ours, theirs, tolerance)):
         return None
-    fits = (not len(_displaced_joints(ours, _scaled(theirs, 1 / factor), tolerance)) for factor in units)
+    fits = (not len(displaced_joints(ours, _scaled(theirs, 1 / factor), tolerance)) for factor in units)
     return next(itertools.compress(units, fits), None)
 
 

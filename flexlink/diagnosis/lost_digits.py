@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.common.types import Array, Indices
-from flexlink.diagnosis.joint_axes import reach
+from flexlink.diagnosis.joint_axes import displaced_joints, reach
 from flexlink.diagnosis.shapes import Discrepancy, fewer_digits
 from flexlink.engines.read_back import AXIS_FIELDS, JOINT_FIELDS, ReadBack
 
@@ -49,6 +49,8 @@ def with_rows(ours: Array, theirs: Array, rows: Indices) -> Array:
 
 def _shortened(field: str, diff: Discrepancy) -> NDArray[np.bool_]:
     """Whether each entry differs little; a scalar must also have a short number of digits in one of the records."""
+    if field == "lines":
+        return ~np.isin(diff.rows, displaced_joints(diff.our_record, diff.their_record, LOST))
     size = np.abs(diff.ours).reshape(len(diff.rows), -1).max(axis=1)
     near = np.asarray(diff.errors <= LOST * (reach(diff.our_record) if field == "centers" else size))
     return near if diff.ours.ndim > 1 else near & [_is_short(diff.only([k])) for k in range(len(near))]
