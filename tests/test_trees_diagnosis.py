@@ -182,9 +182,10 @@ def test_in_a_makers_file_the_mistake_is_named_first_and_lost_digits_last(seed: 
     found = diagnosed(path, chain, scene=scene)
     assert found.explained and found.findings[0].id == id and f"joint {name!r}" in found.findings[0].what, str(found)
     assert found.findings[-1].id == "digits-lost"
-    assert [note.id for note in found.notes] == ([] if named else ["matched-by-body"])
-    if not named:
-        reviewed("diagnosis: matched by body", found.notes[0])
+    by_body = [] if named else ["matched-by-body"]
+    assert [note.id for note in found.notes] == by_body
+    for note in found.notes:
+        reviewed("diagnosis: matched by body", note)
 
 
 def test_findings_are_in_the_order_of_their_effect_on_accelerations(tmp_path: Path) -> None:

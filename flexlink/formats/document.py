@@ -161,13 +161,11 @@ def xml_link_names(chain: Chain) -> list[str]:
 
 
 def moved_links(chain: Chain, joints: Sequence[str]) -> list[str]:
-    """Return a name for the frame moved by each of the `joints`, without a floating base: its link's, or the joint's.
-
-    Only a driven joint with a separate name leaves its link's name to the frame.
-    """
-    links = dict(zip(chain.joints_of_links, chain.link_names, strict=True))
-    pairs = list(zip(chain.joint_names, joints, strict=True))[base_joints(chain) :]
-    return [valid(links[own]) if links.get(own, own) != own else f"{name}_link" for own, name in pairs]
+    """Return names of the frames that `joints` move, without a floating base: links of joints with separate names."""
+    named = [own != link for own, link in zip(chain.joints_of_links, chain.link_names, strict=True)]
+    pairs = list(zip(chain.coordinates, joints, strict=True))[base_joints(chain) :]
+    own = (chain.link_names[c.link - 1] if c.axis == 0 and named[c.link - 1] else "" for c, _ in pairs)
+    return [valid(link) or f"{joint}_link" for link, (_, joint) in zip(own, pairs, strict=True)]
 
 
 def other_ends(chain: Chain, moved: Sequence[str]) -> list[str]:
