@@ -9,12 +9,13 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from test_robots import installed, with_files
 from urdf_texts import RandomRobot, named_tree
 
 import flexlink as fl
 from flexlink.cli.main import main
-from flexlink.common.errors import ArgumentError, DataFileError
+from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.describe.scene import scene_from
 from flexlink.dynamics.rounding import in_units, of_bias_torque, of_mass_matrix
 from flexlink.formats import read_sdf, read_urdf
@@ -366,3 +367,21 @@ def test_joints_keep_their_names_from_a_file_to_a_scene_its_exports_and_back(see
     assert again.joint_names == chain.joint_names
     q = np.random.default_rng(seed).uniform(-1, 1, chain.n)
     assert fl.mass_matrix(again, q) == pytest.approx(fl.mass_matrix(chain, q), rel=1e-12, abs=1e-12)
+
+
+def test_results_and_files_of_torques_have_the_names_of_joints_and_links_still_select_them(tmp_path: Path) -> None:
+    """The names are exchanged on purpose: the joint "l2" moves the link l1, and the joint "l1" the link l2."""
+    scene = fl.import_urdf(written(tmp_path, "l2 revolute base l1", "l1 revolute l1 l2", "l3 revolute l2 l4")).scene
+    (tmp_path / "torques.csv").write_text("t [s],tau l1 [N m],tau l2 [N m],tau l3 [N m]\n0,1,2,3\n1,1,2,3\n", "utf-8")
+    scene = scene.varied({"drive": fl.Drive(kind="table", file=str(tmp_path / "torques.csv")), "run.duration": 0.01})
+    run, chain = fl.simulate(scene), fl.lump(scene)
+    assert chain.joint_names == ("l2", "l1", "l3")
+    assert [float(run.columns[f"tau {name} [N m]"][0]) for name in chain.joint_names] == [2.0, 1.0, 3.0]
+    assert [chain.joint_index("joint", name) for name in ("l1", "l2", "l4")] == [1, 0, 2]
+    run.save(tmp_path / "run.npz")
+    assert fl.load_trajectory(tmp_path / "run.npz").chain.joint_names == chain.joint_names
+    twice = fl.Link(name="l5", joint=fl.Joint(name="l3"))
+    with refused(SceneError, "name-twice"):
+        replace(scene.arm, links=(*scene.arm.links, twice))
+    with refused(SceneError, "empty-name"):
+        fl.Joint(name="")

@@ -94,7 +94,7 @@ class Arm(Spec, frozen=True):
 
     def _mistakes(self) -> Iterator[Diagnostic]:
         """Inconsistencies between links, materials, sections and tables."""
-        seen: set[str] = set()
+        seen, joints = set[str](), dict[str, Link]()
         for k, link in enumerate(self.links, 1):
             if link.name in seen:
                 yield Diagnostic(f"link.{k}.name = {link.name!r}: names of links must differ", "name-twice")
@@ -108,9 +108,11 @@ class Arm(Spec, frozen=True):
                     "unknown-name",
                 )
             seen.add(link.name)
-            if (namesake := self._namesake(k)) is not None:
-                what = f"{self.path(k)}.joint.name = {link.joint.name!r}"
-                yield Diagnostic(f"{what}: the joint of {namesake!r} has this name; names must differ", "name-twice")
+            if link.joint.name or not link.joint.locked:
+                other = joints.setdefault(link.joint_name, link)
+                if other is not link and (link.joint.name or other.joint.name):
+                    what = f"{self.path(k)}.joint.name = {link.joint_name!r}: the joint of {other.name!r}"
+                    yield Diagnostic(f"{what} has this name; names must differ", "name-twice")
             tables = (
                 ("material", self.materials), ("section", self.sections), ("section_tip", self.sections),
                 ("rigidity", self.rigidities),
@@ -138,12 +140,6 @@ class Arm(Spec, frozen=True):
             yield Diagnostic(
                 "link: every joint is locked and every link rigid; unlock a joint or let a link bend", "nothing-to-move"
             )
-
-    def _namesake(self, k: int) -> str | None:
-        """Another link whose joint has the own name of the k-th link's joint, unless it is a locked joint's link."""
-        own = self.links[k - 1].joint.name
-        others = [link for link in self.links if link.joint.name or not link.joint.locked] if own else []
-        return next((link.name for link in others if link.joint_name == own and link is not self.links[k - 1]), None)
 
     def _wrong_law(self) -> Iterator[Diagnostic]:
         """Report damping with a constant ratio across a branch or a prismatic joint."""

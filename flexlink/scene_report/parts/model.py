@@ -92,7 +92,7 @@ def _joint(link: Link, start: float) -> tuple[Cell, ...]:
     if joint.locked:
         return (f"{link.name} (locked)", start, "", None, None, None)
     limits = "none" if joint.limits is None else " … ".join(map(number, joint.limits))
-    return link.name, start, limits, joint.viscous, joint.coulomb, joint.armature
+    return link.joint_name, start, limits, joint.viscous, joint.coulomb, joint.armature
 
 
 def _springs(study: Study) -> Iterator[Table]:
