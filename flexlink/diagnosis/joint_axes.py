@@ -70,8 +70,8 @@ def _undo_one(
     unit = _unit(ours, theirs, k, units)
     if motion is None and unit is not None:
         motion = np.eye(3), unit[1], theirs.points[k]
-    if motion is None:  # more joints may be displaced
-        motion = _rigid_motion(ours, theirs, k, tolerance, _next_massive(ours, k) + 1)
+    further = _next_massive(ours, k) + 1  # more joints may be displaced
+    motion = motion or _rigid_motion(ours, theirs, k, tolerance, further)
     if motion is None:
         return Displacement(k, angle, off, rigid=False), theirs, ours_displaced
     R, point, moved = motion
