@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import json
+import os
+import random
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -14,6 +16,7 @@ import pytest
 from conftest import ROOT, flexible, make_scene
 
 import flexlink as fl
+from flexlink.dynamics.result import read_archive, write_archive
 from flexlink.errors import DataFileError
 from tests.words import refused
 
@@ -62,6 +65,8 @@ WRONG: dict[str, tuple[Callable[[Arrays], object], str]] = {
     "coordinates": (lambda a: a.update(chain_coordinates=a["chain_coordinates"][1:]), "coordinates are not those"),
     "axes": (put("chain_described", np.nan, "section"), "axes have a section that is not finite"),
     "axes of fewer bodies": (lambda a: a.update(chain_described=a["chain_described"][1:]), "bodies do not belong"),
+    "no such axis": (lambda a: a.update(chain_coordinates=a["chain_coordinates"] + [0, 0, 40]), "coordinates do not"),
+    "no axis at all": (lambda a: a.update(chain_coordinates=a["chain_coordinates"] + 0.5), "coordinates do not"),
     "tip elsewhere": (lambda a: a.update(chain_tips=np.array([[0, 10**9]])), "bodies do not belong together"),
 }
 
@@ -87,6 +92,68 @@ def test_an_archive_header_with_too_large_a_shape_is_refused(count: int, whole: 
         archive.writestr("t.npy", head.getvalue() + bytes(80))
     with refused(DataFileError, "not-a-result"):
         fl.load_trajectory(tmp_path / "run.npz")
+
+
+def damaged(content: bytes, seed: int) -> bytes:
+    """Bytes changed, removed, inserted or set to zero, anywhere or in a record of the archive's own."""
+    pick, data = random.Random(seed), bytearray(content)
+    records = [k for k in range(len(data) - 46) if data[k : k + 2] == b"PK"]
+    at = pick.choice(records) + pick.randrange(46) if seed % 2 else pick.randrange(len(data))
+    with_bytes = [bytes([data[at] ^ 1 << pick.randrange(8)]), b"", bytes(16), pick.randbytes(3)]
+    data[at : at + pick.choice((1, 1, 16))] = pick.choice(with_bytes)
+    return bytes(data)
+
+
+def test_no_damage_of_bytes_gives_wrong_numbers_or_another_error(whole: Arrays, tmp_path: Path) -> None:
+    """Damaged compressed data, an unknown compression and an encryption flag are all met by these seeds."""
+    path = tmp_path / "run.npz"
+    np.savez_compressed(path, **whole)
+    content, good, right = path.read_bytes(), fl.load_trajectory(path), 0
+    for seed in range(300):
+        path.write_bytes(damaged(content, seed))
+        try:
+            run = fl.load_trajectory(path)
+        except DataFileError as error:
+            right += error.id == "not-a-result" and "\n" not in str(error)
+        else:
+            right += all(np.array_equal(getattr(run, name), getattr(good, name)) for name in ("t", "q", "tip"))
+    assert right == 300
+
+
+def test_a_checksum_is_compared_even_if_the_header_declares_fewer_numbers(tmp_path: Path) -> None:
+    file = io.BytesIO()
+    np.save(file, np.arange(12.0))
+    with zipfile.ZipFile(tmp_path / "few.npz", "w") as archive:
+        archive.writestr("t.npy", file.getvalue().replace(b"(12,)", b"(1,) "))
+    with refused(DataFileError, "not-a-result"):
+        fl.load_trajectory(tmp_path / "few.npz")
+
+
+def test_a_text_that_is_no_text_is_refused(whole: Arrays, tmp_path: Path) -> None:
+    np.savez(tmp_path / "run.npz", **whole | {"scene": np.frombuffer(b"\xff\xff\xff\x7f", "<U1").reshape(())})
+    with pytest.raises(DataFileError, match="not a run of this version"):  # Python's words vary
+        fl.load_trajectory(tmp_path / "run.npz")
+
+
+def test_an_archive_that_is_a_pipe_is_refused_at_once(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.npz")
+    with refused(DataFileError, "cannot-read"):
+        fl.load_trajectory(tmp_path / "pipe.npz")
+
+
+def test_an_archive_that_unfolds_a_thousandfold_is_refused_before(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "bomb.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in "abc":
+            archive.writestr(f"{name}.npy", bytes(80_000_000))
+    with refused(DataFileError, "file-too-large"):
+        fl.load_trajectory(tmp_path / "bomb.npz")
+
+
+@pytest.mark.slow
+def test_a_result_of_equal_numbers_is_no_bomb(tmp_path: Path) -> None:
+    still = np.zeros((26_000_000, 1))
+    write_archive(tmp_path / "still.npz", {"q": still})
+    assert np.array_equal(read_archive(tmp_path / "still.npz")["q"], still)
 
 
 @pytest.mark.slow

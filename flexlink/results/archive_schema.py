@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.builder import record_branches
 from flexlink.chain.chain import Chain
+from flexlink.chain.coordinates import STRETCH, Coordinate
 from flexlink.kernels.layout import FORCES
 
 
@@ -76,7 +77,8 @@ def check_chain(chain: Chain) -> None:
                 raise ValueError(f"its chain's {part} have a {name} that is not finite")
     if chain.gravity.shape != (3,) or chain.gravity.dtype != np.float64 or not np.isfinite(chain.gravity).all():
         raise ValueError("its chain's gravity is not three finite numbers")
-    if len(chain.coordinates) != chain.n or any(not 0 <= c.link <= len(chain.link_names) for c in chain.coordinates):
+    known = [_names_a_joint(coordinate, len(chain.link_names)) for coordinate in chain.coordinates]
+    if len(known) != chain.n or not all(known):
         raise ValueError("its chain's coordinates do not match its hinges and links")
     if len(chain.joints_of_links) != len(chain.link_names):
         raise ValueError("its chain's names of joints do not match its links")
@@ -84,6 +86,12 @@ def check_chain(chain: Chain) -> None:
     for part, good in ({"bodies": _is_tree(chain)} | belong).items():
         if not good:
             raise ValueError(f"its chain's {part} do not belong together")
+
+
+def _names_a_joint(coordinate: Coordinate, links: int) -> bool:
+    link, segment, axis = coordinate
+    whole = all(type(index) is int for index in coordinate)
+    return whole and 0 <= link <= links and segment >= 0 and (link == 0) <= axis <= (STRETCH + 2 if link else 6)
 
 
 def _is_tree(chain: Chain) -> bool:
