@@ -14,12 +14,8 @@ import flexlink as fl
 
 models = Path("models") if Path("models").is_dir() else Path("../models")  # of the checkout
 bending = fl.load_scene(models / "computed_torque.toml")
-twin = fl.rigidified(bending)
-rigid, model, reference = (
-    twin.varied({"drive": bending.drive}),
-    fl.lump(twin),
-    bending.course,
-)
+rigid = fl.rigidified(bending)
+model, reference = fl.lump(rigid), bending.course
 
 
 def follow(scene: fl.Scene) -> tuple[float, np.ndarray]:

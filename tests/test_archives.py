@@ -114,7 +114,7 @@ def test_no_damage_of_bytes_gives_wrong_numbers_or_another_error(whole: Arrays, 
         try:
             run = fl.load_trajectory(path)
         except DataFileError as error:
-            right += error.id == "not-a-result" and "\n" not in str(error)
+            right += error.id == "not-a-result"
         else:
             right += all(np.array_equal(getattr(run, name), getattr(good, name)) for name in ("t", "q", "tip"))
     assert right == 300
@@ -131,8 +131,9 @@ def test_a_checksum_is_compared_even_if_the_header_declares_fewer_numbers(tmp_pa
 
 def test_a_text_that_is_no_text_is_refused(whole: Arrays, tmp_path: Path) -> None:
     np.savez(tmp_path / "run.npz", **whole | {"scene": np.frombuffer(b"\xff\xff\xff\x7f", "<U1").reshape(())})
-    with pytest.raises(DataFileError, match="not a run of this version"):  # Python's words vary
+    with pytest.raises(DataFileError) as caught:  # Python's words vary
         fl.load_trajectory(tmp_path / "run.npz")
+    assert caught.value.id == "not-a-result"
 
 
 def test_an_archive_that_is_a_pipe_is_refused_at_once(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -15,8 +16,10 @@ from conftest import MODELS, ROOT, flexible, make_scene
 
 import flexlink as fl
 from flexlink.cli.main import main
+from flexlink.describe.scene_file import load_varied
 from flexlink.describe.variants import Variants
-from tests.words import refused, refused_line
+from flexlink.dynamics.notes import notes
+from tests.words import refused, refused_line, reviewed
 
 PAPER = ROOT / "models" / "paper_fig5.toml"
 
@@ -73,10 +76,60 @@ def test_a_star_selects_every_link_on_which_the_key_has_an_effect(paper: fl.Scen
     assert start.joint_deg == (5.0, 5.0, 5.0)
 
 
-def test_changes_are_made_one_after_the_other(paper: fl.Scene) -> None:
-    """This allows one link to become rigid, and another one flexible."""
-    changes: dict[str, object] = {"link.fore.segments": 1, "link.fore.flex": "rigid", "link.*.segments": 9}
-    assert [link.segments for link in paper.varied(changes).arm.links] == [1, 9, 1]
+TOGETHER: dict[str, dict[str, object]] = {
+    "rigid": {"link.*.flex": "rigid", "link.*.segments": 1, "tip.mass": 2.0},
+    "one rigid": {"link.fore.flex": "rigid", "link.*.segments": 9, "link.upper.segments": 7},
+    "one bends": {"link.waist": {"name": "waist", "length": 0.3}, "link.waist.flex": "yz", "link.waist.segments": 3,
+                  "link.waist.material": "aluminium", "link.waist.section": "thin", "link.waist.lumping": "midpoint",
+                  "section.thin": {"shape": "circle", "diameter": 0.01}, "section.thin.diameter": 0.02},
+    "unlocked": {"link.waist.joint.locked": False, "drive": {"kind": "constant"}, "drive.torque.*": 2.0,
+                 "drive.torque.fore": 1.0, "initial.rate_deg.*": 3.0},
+    "whole and part": {"initial.joint_deg": [0.0, 1.0, 2.0], "initial.joint_deg.*": 4.0, "initial.joint_deg.fore": 5.0},
+    "slides": {"link.fore.joint": {"kind": "prismatic"}, "link.fore.joint.axis": [1, 0, 0], "initial.joint_m.*": 0.1,
+               "initial.joint_deg": None},
+    "steps": {"run": {"method": "RK4", "duration": 0.1}, "run.step": 1e-4, "gravity": [0, 0, 1], "gravity.x": 1.0},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("changes", TOGETHER.values(), ids=TOGETHER)
+def test_changes_of_one_call_apply_together_in_any_order(changes: dict[str, object], paper: fl.Scene) -> None:
+    first = paper.varied(changes)
+    orders = [random.Random(seed).sample(list(changes), len(changes)) for seed in range(12)]
+    assert all(paper.varied({path: changes[path] for path in order}) == first for order in orders)
+
+
+def test_a_link_made_rigid_loses_what_only_bending_needs(paper: fl.Scene) -> None:
+    bends = paper.varied({"link.fore.damping": {"ratio": 0.1, "at_hz": 4.0}, "link.*.lumping": "gauss"})
+    rigid = bends.varied({"link.*.flex": "rigid"})
+    assert [link.segments for link in rigid.arm.links] == [1, 1, 1]
+    assert notes(rigid) == notes(paper.varied({"link.*.flex": "rigid"}))
+    assert fl.lump(rigid).bodies.tobytes() == fl.lump(fl.rigidified(paper)).bodies.tobytes()
+    links = paper.varied(TOGETHER["one rigid"]).arm.links
+    assert [link.segments for link in links] == [1, 7, 1]
+
+
+@pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
+def test_a_rigidified_scene_keeps_its_task(path: Path) -> None:
+    scene = fl.load_scene(path)
+    rigid = fl.rigidified(scene)
+    assert not any(link.elastic for link in rigid.arm.links)
+    for name in ("name", "about", "gravity", "air_density", "drive", "motion", "wrench", "sensor", "run"):
+        assert getattr(rigid, name) == getattr(scene, name)
+    if any(link.flex != "rigid" for link in scene.arm.links) and scene.initial.q is None:
+        varied = scene.varied({"link.*.flex": "rigid", "initial.passive": "zero"})
+        turns = any(link.turns_rigidly or link.joint.viscous_lag for link in scene.arm.links)
+        assert turns or varied == rigid
+
+
+def test_a_rigidified_scene_has_no_strain_gauges_but_a_warning(paper: fl.Scene) -> None:
+    gauge, force = (
+        fl.Sensor(name="ε", kind="strain", link="upper", x=0.1, fibre=(0.01, 0.0)),
+        fl.Sensor(name="at", kind="joint", link="fore"),
+    )
+    with pytest.warns(UserWarning) as caught:
+        rigid = fl.rigidified(paper.varied({"sensor": (gauge, force)}))
+    reviewed("strain-gauges-left-out", str(caught[0].message))
+    assert rigid == fl.rigidified(paper.varied({"sensor": (force,)}))
 
 
 def test_none_restores_the_default_of_a_key(paper: fl.Scene) -> None:
@@ -110,7 +163,8 @@ def test_a_motion_is_addressed_by_its_link_and_all_can_be_replaced_at_once() -> 
         ({"gravity.z.z": 1.62}, "cannot-set", "gravity.z.z = 1.62", "gravity.z "),
         ({"tip.inertia.x": 1.0}, "cannot-set", "tip.inertia.x = 1.0", "tip.inertia "),
         ({"motion.upper.times": [0.0]}, "cannot-set", "motion.upper.times = [0.0]", "'upper'"),
-        ({"link.*.flex": "rigid", "link.*.segments": 1}, "cannot-set", "link.*.segments = 1", "'*'"),
+        ({"link.*.flex": "rigid", "link.*.segments": 9}, "cannot-set", "link.*.segments = 9", "'*'"),
+        ({"link.fore.flex": "rigid", "link.fore.segments": 9}, "rigid-segments", "link.fore.segments = 9", "flex"),
         ({"run..step": 1}, "cannot-set", "run..step = 1", "run.step"),
         ({"": 1}, "cannot-set", " = 1", "run.step"),
         ({"run.step": -1}, "wrong-value", "run.step = -1", "> 0"),
@@ -210,6 +264,20 @@ def test_an_option_of_the_command_overrides_set(tmp_path: Path) -> None:
     out = tmp_path / "run.npz"
     assert main(["simulate", str(PAPER), "--duration", "0.01", "--set", "run.duration=5.0", "--out", str(out)]) == 0
     assert np.load(out)["t"][-1] == 0.01
+
+
+def test_set_repairs_a_scene_that_is_refused_as_it_is(tmp_path: Path, capsys) -> None:
+    raw = tomllib.loads(PAPER.read_text(encoding="utf-8"))
+    raw["link"][1]["segments"], raw["initial"]["joint_deg"] = 1, [0.0]
+    bad = tmp_path / "bad.toml"
+    bad.write_text(tomli_w.dumps(raw), encoding="utf-8")
+    segments, angles = ["--set", "link.upper.segments=5"], ["--set", "initial.joint_deg=[0, -80, 0]"]
+    one_angle = ["--set", "initial.joint_deg.fore=3"]
+    codes = [main(["info", str(bad), *repairs]) for repairs in ([], segments, segments + one_angle, segments + angles)]
+    assert codes == [2, 2, 2, 0]
+    refused_line(capsys.readouterr().err.splitlines()[-1], "cannot-set")
+    changes = {"link.upper.segments": 5, "initial.joint_deg": [0, -80, 0]}
+    assert load_varied(bad, changes) == load_varied(PAPER, changes)
 
 
 @pytest.mark.parametrize("text", ["run.step", "=1", "run.step=", "run.step=1\nx=2", "gravity=[1, 2", "name='a"])

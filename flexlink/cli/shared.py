@@ -16,7 +16,7 @@ from flexlink.common.output import check_writable, write_or_keep
 from flexlink.common.wording import Diagnostic, coloured, id_of
 from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.scene import Scene
-from flexlink.describe.scene_file import load_scene
+from flexlink.describe.scene_file import load_varied
 from flexlink.dynamics.notes import defaults, notes
 from flexlink.results.files import picture_format
 from flexlink.results.trajectory import plotting
@@ -26,17 +26,20 @@ if TYPE_CHECKING:
 
 
 def varied_scene(path: Path, options: argparse.Namespace, own: Mapping[str, object] | None = None) -> Scene:
-    """Load a scene, apply `--set PATH=VALUE`, then the changes `own` by options, and print hints on wrong units."""
-    scene = varied(path, load_scene(path), options.set, own)
+    """Load a scene with `--set PATH=VALUE` and the changes `own` by options, and print hints on wrong units."""
+    scene = load_varied(path, _settings(options.set) | dict(own or {}))
     print_hints(hints(scene), options)
     return scene
 
 
-def varied(path: Path, scene: Scene, settings: Sequence[str], own: Mapping[str, object] | None = None) -> Scene:
-    """Apply `--set PATH=VALUE`, then the changes `own` by the command's options, to the scene from `path`."""
-    changes = assignments("--set", settings, "run.step=1e-4 or 'link.*.segments=8'", "PATH=VALUE") | dict(own or {})
+def varied(path: Path, scene: Scene, settings: Sequence[str]) -> Scene:
+    """Apply `--set PATH=VALUE` to the scene from `path`."""
     with prefix_errors(path):
-        return scene.varied(changes) if changes else scene
+        return scene.varied(_settings(settings)) if settings else scene
+
+
+def _settings(texts: Sequence[str]) -> dict[str, Any]:
+    return assignments("--set", texts, "run.step=1e-4 or 'link.*.segments=8'", "PATH=VALUE")
 
 
 def assignments(option: str, texts: Sequence[str], example: str, form: str = "NAME=VALUE") -> dict[str, Any]:

@@ -22,8 +22,10 @@ from flexlink.describe.strain_modes import StrainModes, of_number
 
 AXES = {"rigid": (), "z": (3,), "yz": (2, 3), "xyz": (1, 2, 3)}
 """Passive axes of a hinge by flex type: 1 twists about X, 2 bends about Y, 3 bends about Z (paper: T1, T2, T3)."""
-RIGID: dict[str, Any] = {"flex": "rigid", "segments": 1, "modes": None, "shear": False, "stretch": False}
-"""Keys of a link that does not bend."""
+RIGID: dict[str, Any] = {
+    "flex": "rigid", "segments": 1, "modes": None, "shear": False, "stretch": False, "damping": None, "friction": None,
+}  # fmt: skip
+"""Keys that only bending needs, and their defaults, which a rigid link has."""
 
 
 class Link(Spec, frozen=True):

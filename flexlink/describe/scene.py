@@ -201,11 +201,12 @@ class Scene(Spec, frozen=True):
         Parameters
         ----------
         changes
-            Values by path, applied in order; a value replaces everything at its path, and None removes the key, which
-            restores its default. Paths lead through tables by key (`run.step`), through materials and sections by name,
-            through links by name, number from 1 or `*`, through motions and lists of one number per link
-            (`initial.joint_deg.upper`), and into vectors by x, y and z (`gravity.x`). Put a name with a dot in quotes.
-            `*` selects all links on which the key has an effect: `flex`, `segments`, `lumping` and `damping` of
+            Values by path, in any order: tables apply before their parts, and `*` before names. A value replaces
+            everything at its path, and None removes the key, which restores its default. Paths lead through tables by
+            key (`run.step`), through materials and sections by name, through links by name, number from 1 or `*`,
+            through motions and lists of one number per link (`initial.joint_deg.upper`), and into vectors by x, y and z
+            (`gravity.x`). Put a name with a dot in quotes. `flex = "rigid"` also removes what only bending needs. `*`
+            selects all links on which the key has an effect: `flex`, `segments`, `lumping` and `damping` of
             flexible links, `material` and `section` of links that have them, friction, armature, rates and torques of
             links with a free joint. A tolerance replaces fixed steps, and a step replaces a tolerance.
 
@@ -237,7 +238,7 @@ class Scene(Spec, frozen=True):
 
     def _varied(self, changes: Mapping[str, object]) -> Scene:
         if isinstance(changes, Mapping):
-            changes = {**implied(self.run, changes), **changes}
+            changes = {**changes, **implied(self.run, changes), **changes}
         anew = top_level_keys(changes)
         parts = {**parts_by_key(self), **parts_by_key(self.arm)}
         seen = {key: as_document(parts[key]) for key in {"link", *anew} & parts.keys() if parts[key] is not None}

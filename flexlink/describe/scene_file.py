@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from flexlink.common.errors import SceneError
 from flexlink.common.wording import truncated
 from flexlink.data import documents
-from flexlink.describe.scene import Scene, scene_from
+from flexlink.describe.scene import FIELDS, Scene, scene_from
 from flexlink.describe.scene_checks import check_named
+from flexlink.describe.vary import apply_changes
 
 
 def load_scene(path: str | Path) -> Scene:
@@ -41,13 +43,31 @@ def load_scene(path: str | Path) -> Scene:
     >>> print(scene.name, scene.run.duration)
     three_links 8.0
     """
+    return load_varied(path, {})
+
+
+def load_varied(path: str | Path, changes: Mapping[str, object]) -> Scene:
+    """Read a scene file with changes as in `Scene.varied`, which may repair a scene that is refused as it is.
+
+    Raises the errors of `load_scene` and of `Scene.varied`.
+    """
     path = documents.require_path("path", path)
     raw = documents.with_absolute_paths(path.parent, documents.read_toml(path))
     with documents.errors_of(path):
         _refuse_other(raw)
-        scene = scene_from(raw, finite=documents.is_finite(raw))
-        check_named(scene.arm, scene.run)
-        return scene
+        try:
+            scene = _checked(raw)
+        except SceneError:
+            if not changes:
+                raise
+            return _checked(apply_changes(raw, FIELDS, changes))
+        return scene.varied(changes) if changes else scene
+
+
+def _checked(raw: dict[str, Any]) -> Scene:
+    scene = scene_from(raw, finite=documents.is_finite(raw))
+    check_named(scene.arm, scene.run)
+    return scene
 
 
 def refuse_scene(document: dict[str, Any], path: Path, what: str) -> None:

@@ -21,6 +21,7 @@ from flexlink.common.memo import keep_last
 from flexlink.common.wording import did_you_mean, truncated
 from flexlink.describe.expected import why_not
 from flexlink.describe.joint_units import IN_METRES, TWINS
+from flexlink.describe.link import RIGID
 from flexlink.describe.spec import Spec, Vector3, bare_type, fields_of, is_per_link, to_builtin, type_below
 
 Keys = tuple[Any, ...]
@@ -28,7 +29,10 @@ Keys = tuple[Any, ...]
 
 
 def apply_changes(document: dict[str, Any], kinds: Mapping[str, Any], changes: Mapping[str, object]) -> dict[str, Any]:
-    """Insert values into a parsed document, in order; the result must still be checked.
+    """Insert values into a parsed document, in any order; the result must still be checked.
+
+    First the values that decide which links a `*` selects, then tables before their parts, and `*` before names. A link
+    that becomes rigid loses what only bending needs.
 
     Parameters
     ----------
@@ -51,16 +55,26 @@ def apply_changes(document: dict[str, Any], kinds: Mapping[str, Any], changes: M
         raise ArgumentError(
             f"changes = {truncated(changes)}: expected a dict such as {{'run.step': 1e-5}}", id="wrong-type"
         )
-    for path, value in changes.items():
+    for path in changes:
         if not isinstance(path, str):
             raise ArgumentError(f"changes: {truncated(path)}: expected a path such as 'run.step'", id="path-form")
-        change = _Change(document, path, value)
-        for node, key, _ in change.targets(document, kinds):
+    for path in sorted(changes, key=_place):
+        change = _Change(document, path, changes[path])
+        for node, key, route in change.targets(document, kinds):
+            if key == "flex" and len(route) == 3 and change.value in (None, RIGID["flex"]):
+                node.update(RIGID)
             if change.drops and isinstance(node, dict):
                 node.pop(key, None)
             else:
                 node[key] = change.value
     return document
+
+
+def _place(path: str) -> tuple[bool, int, bool]:
+    """Place of a change among others, as `apply_changes` orders them."""
+    parts = parts_of(path)
+    deciding = {(), ("flex",), ("material",), ("joint",), ("joint", "locked"), ("joint", "kind")}
+    return parts[:1] != ("link",) or parts[2:] not in deciding, len(parts), "*" not in parts
 
 
 def top_level_keys(changes: Mapping[str, object]) -> set[str]:
@@ -86,7 +100,7 @@ def values_at(document: dict[str, Any], kinds: Mapping[str, Any], path: str) -> 
     SceneError
         The path does not exist.
     """
-    targets = _Change(document, path, None).targets(document, kinds)
+    targets = _Change(document, path).targets(document, kinds)
     return [node.get(key) if isinstance(node, dict) else node[key] for node, key, _ in targets]
 
 
@@ -111,7 +125,7 @@ def routes_to(document: dict[str, Any], kinds: Mapping[str, Any], path: str) -> 
     Arguments and errors as in `values_at`.
     """
     routes = []
-    for _, _, route in _Change(document, path, None).targets(document, kinds):
+    for _, _, route in _Change(document, path).targets(document, kinds):
         kind: Any = kinds
         for key in route:
             kind = kind[key] if isinstance(kind, dict) else type_below(kind, str(key))
@@ -154,9 +168,9 @@ def _keys_of(kind: type[msgspec.Struct]) -> tuple[str, ...]:
 
 
 class _Change:
-    """A value and the path at which it is inserted."""
+    """A path and the value that is inserted there; without a value, the path is only followed."""
 
-    def __init__(self, document: dict[str, Any], path: str, value: object) -> None:
+    def __init__(self, document: dict[str, Any], path: str, value: object = ...) -> None:
         self.path, self.value, self.parts, self.drops = path, value, parts_of(path), value is None
         if not self.parts:
             raise self.error("not a path; expected keys and names separated by dots, such as run.step")
@@ -169,7 +183,7 @@ class _Change:
         self.links = links if isinstance(links, list) else []
 
     def error(self, reason: str) -> SceneError:
-        value = "" if self.value is None else f" = {truncated(self.value)}"
+        value = "" if self.value in (None, ...) else f" = {truncated(self.value)}"
         return SceneError(f"{truncated(self.path)[1:-1]}{value}: {reason}", id="cannot-set")
 
     def targets(self, node: Any, kind: Any, above: Keys = ()) -> Iterator[tuple[Any, Any, Keys]]:
@@ -210,10 +224,10 @@ class _Change:
         if isinstance(node, list) and (above in named or (above != "link" and any(isinstance(i, dict) for i in node))):
             names = [str(get_in(item, named[above]) if above in named else k) for k, item in enumerate(node, 1)]
             return self._numbers(part, names, [True] * len(node))
-        if isinstance(node, list) and (above == "link" or per_link):
-            return self._numbers(
-                part, [str(get_in(link, "name")) for link in self.links], self._concerned(above, depth)
-            )
+        if isinstance(node, list) and len(node) == len(self.links) and (above == "link" or per_link):
+            names, concerned = [str(get_in(link, "name")) for link in self.links], self._concerned(above, depth)
+            idle = part == "*" and above == "link" and not any(concerned)
+            return [] if idle and self._is_there(self.parts[depth + 1 :]) else self._numbers(part, names, concerned)
         if isinstance(node, list) and kind == Vector3 and len(node) == len(axes):
             return [axes.index(self._one_of(part, axes))]
         kind_of = above.rpartition(".")[2]
@@ -240,6 +254,10 @@ class _Change:
             raise self.error(f"{part!r}: there is no {self.parts[0]} on which this has an effect")
         allowed = f"{', '.join(names)}, a number from 1 to {len(names)} or *"
         raise self.error(f"{part!r} is unknown here; allowed are {allowed}{did_you_mean(part, names)}")
+
+    def _is_there(self, below: Sequence[str]) -> bool:
+        """Whether all links have the value already, such as one segment in links that the same call makes rigid."""
+        return all(get_in(link, *below) == self.value for link in self.links)
 
     def _concerned(self, above: str, depth: int) -> list[bool]:
         """Whether the key has an effect on each link."""

@@ -14,7 +14,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.memo import Memo, keep_last
 from flexlink.common.types import Array, Indices
-from flexlink.describe.rigidified import rigidified
+from flexlink.describe.rigidified import bare_and_rigid
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.terms import gravity_torque
 from flexlink.dynamics.vibration.stability import Gains
@@ -213,12 +213,12 @@ def _fed(scene: Scene, chain: Chain, feedback: Drive, law: int, by_model: int) -
     target = feedback.reference
     still = len(target.knots) == 1 and not target.coefficients[:, 1:].any()
     if scene.drive.gravity == "rigid" and not still:
-        return feedback._replace(law=by_model, model=rigid_model(lump(rigidified(scene))))
+        return feedback._replace(law=by_model, model=rigid_model(lump(bare_and_rigid(scene))))
     return feedback._replace(law=law, feedforward=gravity[scene.drive.gravity](scene, chain, target))
 
 
 def _computed_torque(scene: Scene, chain: Chain) -> Drive:
-    model = rigid_model(lump(rigidified(scene)))
+    model = rigid_model(lump(bare_and_rigid(scene)))
     return _feedback(scene, chain)._replace(law=COMPUTED_TORQUE, model=model)
 
 
@@ -279,7 +279,7 @@ def _no_gravity(scene: Scene, chain: Chain, target: PiecewisePolynomial) -> Piec
 
 def _rigid_gravity(scene: Scene, chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
     """Gravity torque of the rigid model at the reference."""
-    return constant(gravity_torque(lump(rigidified(scene)), target.coefficients[0, 0]))
+    return constant(gravity_torque(lump(bare_and_rigid(scene)), target.coefficients[0, 0]))
 
 
 def _static_gravity(scene: Scene, chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
