@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import functools
 import os
+import random
 import sqlite3
 import subprocess
 import sys
@@ -513,6 +515,48 @@ def test_a_damaged_database_is_refused_unless_the_sweep_starts_fresh(tmp_path: P
         fl.sweep(replace(sweep, set={"run.duration": 0.0}), out=out)
     assert out.read_bytes() == data
     assert len(fl.sweep(masses(paper, 0.0), out=out, fresh=True).rows) == 1
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        "DROP TABLE rows", "DELETE FROM about", "UPDATE about SET value = 'x'", "UPDATE about SET value = '[[[' || 1",
+        "UPDATE rows SET x = x + 1e-9 WHERE number = 3", "UPDATE rows SET number = -1 WHERE number = 2",
+        "ALTER TABLE rows RENAME COLUMN x TO depth", "DELETE FROM checks WHERE number = 1",
+    ],
+)  # fmt: skip
+def test_a_changed_database_is_refused_as_damaged(edit: str, tmp_path: Path, paper: fl.Scene) -> None:
+    out, sweep = tmp_path / "sweep.db", replace(masses(paper, *map(float, range(5))), set={"run.duration": 0.0})
+    first = fl.sweep(sweep, out=out).rows
+    assert fl.sweep(sweep, out=out).rows == first
+    with contextlib.closing(sqlite3.connect(out)) as db, db:
+        db.execute(edit)
+    with pytest.raises(fl.errors.OutputError) as caught:
+        fl.sweep(sweep, out=out)
+    assert "is damaged" in str(caught.value)
+    assert fl.sweep(sweep, out=out, fresh=True).rows == first
+
+
+def test_no_damaged_byte_of_a_database_changes_a_row(tmp_path: Path, paper: fl.Scene) -> None:
+    out, sweep = tmp_path / "sweep.db", replace(masses(paper, *map(float, range(5))), set={"run.duration": 0.0})
+    first, pick, right = fl.sweep(sweep, out=out).rows, random.Random(7), 0
+    content = out.read_bytes()
+    used = [place for place, byte in enumerate(content) if byte]
+    for _ in range(60):
+        data = bytearray(content)
+        data[pick.choice(used)] = pick.randrange(256)
+        out.write_bytes(data)
+        try:
+            right += fl.sweep(sweep, out=out).rows == first
+        except (fl.errors.OutputError, fl.errors.ArgumentError):
+            right += 1
+    assert right == 60
+
+
+def test_a_sweep_whose_database_is_removed_does_not_report_success(tmp_path: Path, paper: fl.Scene) -> None:
+    out = tmp_path / "sweep.db"
+    with refused(fl.errors.OutputError, "cannot-write"):
+        fl.sweep(masses(paper, 0.0, 1.0), out=out, progress=lambda _: out.unlink(missing_ok=True))
 
 
 def test_a_second_writer_is_refused(tmp_path: Path, paper: fl.Scene, monkeypatch) -> None:

@@ -53,7 +53,8 @@ def rigidified(scene: Scene) -> Scene:
         warnings.warn(Diagnostic(text, id="strain-gauges-left-out"), UserWarning, stacklevel=2)
     kept = {name: getattr(scene, name) for name in ("drive", "motion", "wrench")}
     sensors = tuple(sensor for sensor in scene.sensor if sensor.kind != "strain")
-    return build_validated(replace, bare_and_rigid(scene), sensor=sensors, **kept)
+    rigid: Scene = build_validated(replace, bare_and_rigid(scene), sensor=sensors, **kept)
+    return rigid
 
 
 def bare_and_rigid(scene: Scene) -> Scene:

@@ -2,6 +2,7 @@
 
     about(name, value)                             fingerprint of the sweep, as JSON
     rows(number, status, reason, warnings, …)      one row per member; … are the varied values, by key, and the outputs
+    checks(number, sum)                            a checksum per row, since SQLite has none: damage changes no result
 
 With a write-ahead log (WAL), committed rows survive a crash at any moment, and other processes can read concurrently.
 The writer keeps SQLite's write lock except during a commit, so a second writer gets an error.
@@ -11,8 +12,10 @@ from __future__ import annotations
 
 import contextlib
 import json
+import re
 import sqlite3
-from collections.abc import Iterable, Iterator
+import zlib
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -56,9 +59,9 @@ class Store:
 
     def _open(self, identity: str) -> None:
         run = self._db.execute
+        names = (*ROW_COLUMNS, *self.plan.sweep.keys, *self.plan.sweep.quantity)
         run("BEGIN EXCLUSIVE")  # must precede the check, because another sweep may be creating the same file
         if not _is_ours(self._db):
-            names = (*ROW_COLUMNS, *self.plan.sweep.keys, *self.plan.sweep.quantity)
             kinds = ("INTEGER PRIMARY KEY", *["TEXT NOT NULL"] * 3, *[""] * (len(names) - 4))
             columns = ", ".join(f"{_quoted(name)} {kind}" for name, kind in zip(names, kinds, strict=True))
             run(f"PRAGMA application_id = {APPLICATION_ID}")
@@ -78,6 +81,25 @@ class Store:
                 f"{self.path}: has rows of another sweep: {changed}; use another file, or start again (--fresh)",
                 id="rows-of-another-sweep",
             )
+        self._check_rows(names)
+
+    def _check_rows(self, names: tuple[str, ...]) -> None:
+        """Compare every row with its checksum; a new store, and one of an older version, gets a table of them."""
+        if not self._db.execute("SELECT count(*) FROM sqlite_master WHERE name = 'checks'").fetchone()[0]:
+            self._db.execute("CREATE TABLE checks (number INTEGER PRIMARY KEY, sum INTEGER NOT NULL)")
+            self._add_checks(0, self.plan.members)
+        found = self._db.execute("SELECT rows.*, checks.sum FROM rows LEFT JOIN checks USING (number)")
+        there = tuple(column[0] for column in found.description[:-1])
+        changed = [n for n, *row, sum_ in found if not 0 <= n < self.plan.members or _sum((n, *row)) != sum_]
+        if changed or there != names:
+            raise ValueError(f"row {changed[0]} has changed" if changed else "other columns")
+
+    def _add_checks(self, first: int, last: int) -> None:
+        """Add checksums of the rows in a range of numbers, as SQLite returns them."""
+        where = "WHERE rows.number BETWEEN ? AND ? AND checks.number IS NULL"
+        found = self._db.execute(f"SELECT rows.* FROM rows LEFT JOIN checks USING (number) {where}", (first, last))
+        sums = [(row[0], _sum(row)) for row in found.fetchall()]
+        self._db.executemany("INSERT INTO checks VALUES (?, ?)", sums)
 
     def __enter__(self) -> Store:
         return self
@@ -99,12 +121,17 @@ class Store:
         OutputError
             The rows cannot be written; earlier rows remain.
         """
+        rows = list(rows)
         lines = [(*row[:4], *map(_kept, self.plan.values(row.number).values()), *row.values) for row in rows]
         if lines:
             marks = ", ".join("?" * len(lines[0]))
             with self._translated_errors("; earlier rows remain, and the same command continues from there"):
                 self._db.executemany(f"INSERT INTO rows VALUES ({marks})", lines)
+                self._add_checks(min(row.number for row in rows), max(row.number for row in rows))
                 self._commit()
+            if self.path is not None and not self.path.exists():
+                gone = "was removed or renamed while the sweep ran, so its rows are lost; run the sweep again"
+                raise OutputError(f"{self.path}: {gone}", id="cannot-write")
 
     def missing(self) -> Iterator[int]:
         """Numbers of the members without a row, in order; rows may be added during the iteration."""
@@ -150,11 +177,13 @@ class Store:
         """Convert SQLite's errors to an OutputError in one line; `then` is appended if a database cannot be written."""
         try:
             yield
-        except (sqlite3.Error, OSError) as error:
+        except ArgumentError:
+            raise
+        except (sqlite3.Error, OSError, ValueError, TypeError, RecursionError) as error:
             text = str(error)
             if "locked" in text or isinstance(error, sqlite3.IntegrityError):
                 why = "another process is writing to it; wait until it ends, or use another file"
-            elif "malformed" in text:
+            elif not isinstance(error, sqlite3.Error | OSError) or re.search("malformed|no such|decode", text):
                 why = f"is damaged ({text}); use another file, or start again (--fresh)"
             elif "another program's" in text or "not a database" in text:
                 why = f"is not a database of a sweep ({text}), and stays unchanged; use another file"
@@ -175,6 +204,11 @@ def _is_ours(db: sqlite3.Connection) -> bool:
     if not ours and db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
         raise sqlite3.DatabaseError("another program's database")
     return ours
+
+
+def _sum(row: Sequence[Any]) -> int:
+    """Checksum of a row."""
+    return zlib.crc32(repr(list(row)).encode())
 
 
 def _quoted(name: str) -> str:
