@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 import subprocess
@@ -58,6 +59,19 @@ def test_info_names_every_coordinate_and_the_stable_steps(paper: str, capsys) ->
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("steering", ["\x1b[2J", "\x1b]0;mine\a", "\x9b2J", "\u202e", "\rok", "\b"])
+def test_no_name_steers_the_terminal(steering: str, paper: str, tmp_path: Path, capsys) -> None:
+    """Names are shown with escapes, and as JSON they are the same names."""
+    name, scene = f"arm{steering}", tmp_path / "scene.toml"
+    fl.load_scene(paper).varied({"name": name, "link.fore.name": name}).save(scene)
+    assert [main(["info", str(scene), *more]) for more in ([], ["--set", "link.3.length=-1"])] == [0, 2]
+    shown = capsys.readouterr()
+    assert steering[0] not in shown.out + shown.err
+    assert f"arm\\u{ord(steering[0]):04x}" in shown.out
+    assert main(["info", str(scene), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["scene"] == name
+
+
 def test_info_shows_limits_and_gears(paper: str, capsys) -> None:
     gear = "link.upper.joint={limits_deg=[-90, 45.5], armature=0.1, gear_stiffness=3e4}"
     assert main(["info", paper, "--set", gear]) == 0

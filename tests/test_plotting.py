@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from conftest import flexible, make_scene
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
 
 import flexlink as fl
 from flexlink.results import plotting
@@ -35,6 +38,22 @@ def test_every_energy_spans_a_fifth_of_its_panel(run: fl.Trajectory) -> None:
         for line in panel.lines:
             if line.get_label() != "total":
                 assert np.ptp(line.get_ydata()) > 0.2 * (high - low)
+
+
+@pytest.mark.slow
+def test_a_dollar_in_a_name_is_a_dollar_in_every_picture_and_page(tmp_path: Path) -> None:
+    """matplotlib reads two dollars as mathematics, and stops at wrong ones."""
+    name = r"a $\frac{$ <b>"
+    hold = fl.Drive(kind="pd", kp=(9e3, 9e3), kd=(9e2, 9e2), target_deg=(0.0, 0.0), rate=1000.0)
+    scene = make_scene(flexible(name), flexible("b $x_$ {{data}}"), drive=hold).varied({"name": name, "run": None})
+    run, loop = fl.simulate(scene, duration=0.01), fl.loop(scene)
+    modes = fl.modes(run.chain, run.q[0])
+    figures = run.plot(), modes.plot(run.chain), scene.plot(), run.chain.plot(), loop.plot(), loop.plot("poles")
+    for figure in figures:
+        figure.savefig(tmp_path / "figure.png")
+    assert all(any(name in text.get_text() for text in figure.findobj(Text)) for figure in figures[:2])
+    fl.report(scene.varied({"run.duration": 0.01}), tmp_path / "report")
+    assert "mathdefault" not in (tmp_path / "report" / "index.html").read_text(encoding="utf-8")
 
 
 def test_panels_without_content_are_left_out() -> None:

@@ -15,7 +15,7 @@ import sys
 from collections.abc import Container, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import NoReturn
+from typing import NoReturn, TextIO
 
 from flexlink.common.errors import ALSO, FlexlinkError
 from flexlink.common.interruption import finish, word
@@ -33,6 +33,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # for terminals that cannot show q̈
+    with _harmless(sys.stdout), _harmless(sys.stderr):
+        return _run(arguments)
+
+
+@contextlib.contextmanager
+def _harmless(stream: TextIO) -> Iterator[None]:
+    """Write control characters, also those of the direction of writing, as escapes: a name cannot steer a terminal.
+
+    Exceptions are the colours of `coloured`, and a return to the line's start with which a text begins.
+    """
+    steering = r"[\x00-\x08\x0b-\x1a\x1c-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]"
+    wrong = re.compile(rf"(?!\A\r){steering}|\x1b(?!\[(?:0|1;3\d)m)")
+    write = stream.write
+    stream.write = lambda text: write(wrong.sub(lambda sign: f"\\u{ord(sign[0]):04x}", text))  # type: ignore[method-assign]
+    try:
+        yield
+    finally:
+        stream.write = write  # type: ignore[method-assign]
+
+
+def _run(arguments: Sequence[str] | None) -> int:
     alone = arguments is None  # the process ends when this command ends
     with _loading() if alone else contextlib.nullcontext():
         words = list(sys.argv[1:] if arguments is None else arguments)

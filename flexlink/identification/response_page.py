@@ -13,7 +13,7 @@ from flexlink.identification.fitted import Fitted
 from flexlink.identification.frequency_response import Response, measured_response
 from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import legend_over, stacked_axes, tidy_logs
+from flexlink.pages.style import legend_over, stacked_axes
 from flexlink.pages.tables import Table, columns_csv
 
 
@@ -65,7 +65,6 @@ def _picture(one: Compared) -> Picture:
         axes[2].set_ylabel("coherence")
         axes[2].set_ylim(0, 1.05)
         columns["coherence"] = one.measured.coherence
-    tidy_logs(axes[-1])
     axes[-1].set_xlabel("frequency [Hz]")
     legend_over(axes[0], figure=figure)
     names = ", ".join(("measured", *one.predicted))

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from flexlink.common.output import write_text, write_whole
 from flexlink.pages.chapter import Shown
 from flexlink.pages.colours import BLUE, INK, PAPER
-from flexlink.pages.style import RC
+from flexlink.pages.style import RC, tidy_logs
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,6 +50,8 @@ class Picture:
             self.figure.savefig(file, format="png", dpi=dots, metadata={"Software": None})
 
         with mpl.rc_context(RC):
+            for axes in self.figure.axes:
+                tidy_logs(axes)
             _lay_out(self.figure, dots)
             write_whole(path, write)
 

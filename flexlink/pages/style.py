@@ -20,6 +20,7 @@ NAMED_CURVES = 6  # largest number of curves in the legend of a panel
 RC: dict[str, Any] = {
     "font.family": "DejaVu Sans",  # part of matplotlib: the same picture on every machine
     "font.size": 11.5,
+    "text.parse_math": False,  # a $ in a name is a $
     "axes.titlesize": 11.5,
     "axes.labelsize": 11.5,
     "xtick.labelsize": 11.5,

@@ -14,6 +14,7 @@ from flexlink.common.types import Array
 from flexlink.describe.joint_units import in_joint_units
 from flexlink.pages.colours import BLUE, CYCLE, GREEN, GREY, INK, VERMILION
 from flexlink.results.notebook_figure import NotebookFigure as Figure
+from flexlink.results.notebook_figure import literal
 from flexlink.results.pictures.view import view_of_motion
 from flexlink.results.resolved_modes import resolved
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from flexlink.results.samples import RunSamples
 
 
+@literal
 def plot_trajectory(run: RunSamples) -> Figure:
     """Plot all `panels` of a run against time, each with its legend to the right."""
     # each curve of a legend has a different colour
@@ -99,6 +101,7 @@ def imbalance(panel: Axes, run: RunSamples) -> None:
     panel.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
 
 
+@literal
 def plot_modes(found: Modes, chain: Chain, count: int = 8) -> Figure:
     """Plot mode shapes as displaced arms, one panel per mode, each in the view that shows its motion best."""
     shown = min(count, len(found.eigenvalues))

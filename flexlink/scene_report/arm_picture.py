@@ -16,6 +16,7 @@ from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
 from flexlink.pages.style import WIDTH, legend_over
 from flexlink.results.notebook_figure import NotebookFigure as Figure
+from flexlink.results.notebook_figure import literal
 from flexlink.results.pictures.view import View, views_of
 
 
@@ -25,6 +26,7 @@ def plot_scene(scene: Scene) -> Figure:
     return plot_chain(chain, initial_state(scene, chain)[0])
 
 
+@literal
 def plot_chain(chain: Chain, q: ArrayLike | None) -> Figure:
     """Plot the arm at the angles q (n,) [rad]; if q is None, with joints at zero and springs relaxed."""
     placed = frames(chain, chain.rest if q is None else np.asarray(q))

@@ -9,6 +9,7 @@ import numpy as np
 from flexlink.common.types import Array, Complex
 from flexlink.pages.colours import BLUE, GREY, VERMILION
 from flexlink.results.notebook_figure import NotebookFigure as Figure
+from flexlink.results.notebook_figure import literal
 
 
 def plot_bode(hertz: Array, L: Complex, title: str) -> Figure:
@@ -22,12 +23,13 @@ def plot_bode(hertz: Array, L: Complex, title: str) -> Figure:
     phase.axhline(-180.0, color=GREY, linewidth=0.8)
     phase.set_ylabel("phase [deg]")
     phase.set_xlabel("frequency [Hz]")
-    figure.suptitle(f"loop broken at {title}")
+    figure.suptitle(f"loop broken at {title}", parse_math=False)  # numbers on log axes are mathematics
     for panel in (size, phase):
         panel.grid(alpha=0.3)
     return figure
 
 
+@literal
 def plot_nyquist(hertz: Array, L: Complex, title: str) -> Figure:
     """The loop in the complex plane near −1; `hertz` is not drawn."""
     figure = Figure(figsize=(6.0, 6.0), layout="constrained")
@@ -44,6 +46,7 @@ def plot_nyquist(hertz: Array, L: Complex, title: str) -> Figure:
     return figure
 
 
+@literal
 def plot_poles(
     poles: Sequence[Sequence[complex]], *, sampled: bool, title: str, values: Sequence[float] = ()
 ) -> Figure:

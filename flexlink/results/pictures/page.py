@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 from importlib.resources import files
 from typing import Any
 
@@ -22,7 +23,9 @@ def page(film: Film, width: int) -> str:
     template = (files("flexlink.results.pictures") / "data" / "player.html").read_text(encoding="utf-8")
     data = json.dumps(data_of(film), ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
     title = film.name.replace("&", "&amp;").replace("<", "&lt;")
-    return template.replace("{{title}}", title).replace("{{width}}", str(width)).replace("{{data}}", data)
+    parts = {"title": title, "width": str(width), "data": data}
+    # all at once, since a name may contain {{data}}
+    return re.sub(r"\{\{(title|width|data)\}\}", lambda part: parts[part[1]], template)
 
 
 def data_of(film: Film) -> dict[str, Any]:

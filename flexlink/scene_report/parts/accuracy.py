@@ -11,7 +11,7 @@ from flexlink.pages.colours import BLUE, CYCLE, GREY, INK, MARKERS
 from flexlink.pages.numbers import number
 from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import legend_over, stacked_axes, tidy_logs
+from flexlink.pages.style import legend_over, stacked_axes
 from flexlink.pages.tables import Table, columns_csv, table_csv
 from flexlink.pages.verdict import State, Verdict
 from flexlink.scene_report.refinement import ENOUGH, Choice, Refinement
@@ -154,7 +154,6 @@ def _in_time(about: Refinement) -> Picture | None:
         xlabel="time [s]",
         ylabel="tip error [m]",
     )
-    tidy_logs(axes)
     legend_over(axes, figure=figure)
     csv = columns_csv(columns)
     caption = "Tip error along the run, relative to the converged model. Dashed: uncertainty of that model."
@@ -173,7 +172,6 @@ def _prices(choices: Sequence[Choice]) -> Picture | None:
         size = 7 if place else 11
         axes.plot([one.seconds], [one.error], marker, color=colour, markersize=size, label=one.label)
     axes.set(xscale="log", yscale="log", xlabel="CPU time [s]", ylabel="tip error [m]")
-    tidy_logs(axes)
     legend_over(axes, figure=figure)
     csv = table_csv(("choice", "CPU time [s]", "tip error [m]"), [(one.label, one.seconds, one.error) for one in known])
     caption = "Lower is more accurate; further left is cheaper. CPU time = evaluations × time per evaluation."

@@ -14,7 +14,7 @@ from flexlink.pages.colours import BLUE, GREY, INK
 from flexlink.pages.numbers import number
 from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import stacked_axes, tidy_logs
+from flexlink.pages.style import stacked_axes
 from flexlink.pages.tables import Table, table_csv
 from flexlink.results.settling import overshoot, residual_vibration, settling_time
 from flexlink.scene_report.study import Study
@@ -87,7 +87,6 @@ def _picture(study: Study, target: Array, end: float) -> Picture:
     for part in TOLERANCES:
         axes.axhline(part * study.travel, color=GREY, linewidth=0.8)
     axes.set(yscale="log", xlabel="time [s]", ylabel="distance to target [m]")
-    tidy_logs(axes)
     csv = table_csv(("t [s]", "distance to target [m]"), zip(run.t.tolist(), off.tolist(), strict=True))
     caption = "Distance of the tip from its target. Dashed: end of the reference. Grey: tolerances of the table."
     return Picture("settling", "Settling of the tip", figure, caption, csv)
