@@ -26,7 +26,8 @@ from flexlink.diagnosis.comparison import compare
 from tests.words import refused, reviewed
 
 Edit = Callable[[dict], object]
-T3 = tomllib.loads((ROOT / "models" / "t3_spatial.toml").read_text(encoding="utf-8"))
+T3_FILE = ROOT / "models" / "t3_spatial.toml"
+T3 = tomllib.loads(T3_FILE.read_text(encoding="utf-8"))
 RK4 = tomllib.loads((ROOT / "flexlink" / "describe" / "data" / "methods" / "RK4.toml").read_text(encoding="utf-8"))
 
 
@@ -167,9 +168,19 @@ def test_a_device_file_as_scene_is_refused_at_once(capsys) -> None:
 def test_a_named_pipe_without_a_writer_is_refused_at_once(tmp_path: Path, capsys) -> None:
     pipe = tmp_path / "pipe.toml"
     os.mkfifo(pipe)
-    assert refusal(["info", str(pipe)], capsys).endswith("[cannot-read]")
+    for command in (["info"], ["import"], ["sweep"], ["fit"], ["compare", str(T3_FILE), "--file"]):
+        assert refusal([*command, str(pipe)], capsys).endswith("[cannot-read]")
     path = write(tmp_path / "scene.toml", lambda raw: raw["link"][1].update(lumping="pipe.toml"))
     assert refusal(["info", path], capsys).endswith("[cannot-read]")
+
+
+def test_a_file_whose_counts_multiply_is_refused_before_mujoco_unfolds_it(tmp_path: Path, capsys) -> None:
+    begin, end = '<replicate count="{}">' * 2, "</replicate>" * 2
+    for counts in (("1e4", "1e4"), ("100 100", "40")):
+        body = begin.format(*counts) + '<body><joint/><geom size="1"/></body>' + end
+        (tmp_path / "bomb.xml").write_text(f"<mujoco><worldbody>{body}</worldbody></mujoco>", encoding="utf-8")
+        line = refusal(["compare", str(T3_FILE), "--file", str(tmp_path / "bomb.xml")], capsys)
+        assert line.endswith("[file-too-large]")
 
 
 @pytest.mark.parametrize(

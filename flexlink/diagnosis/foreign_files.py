@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import cast
+from xml.etree import ElementTree as ET
 
 from flexlink.chain.arguments import require_one_of
 from flexlink.common import safe_xml
@@ -58,9 +60,25 @@ def _format(path: Path, n: int) -> str:
             f"{path}: root is <{root.tag}>; expected <mujoco> (MJCF), <robot> (URDF) or <sdf>",
             id="unknown-root-element",
         )
+    if (unfolded := _unfolded(root)) > safe_xml.MOST_ELEMENTS:
+        raise DataFileError(
+            f"{path}: {unfolded:.3g} elements, with their counts; at most {safe_xml.MOST_ELEMENTS} are read",
+            id="file-too-large",
+        )
     hinges, most = sum(1 for joint in root.iter("joint") if joint.get("type") != "fixed"), max(n, 300)
     if hinges > most:  # for n joints Pinocchio needs 35 n³ bytes
         raise DataFileError(
             f"{path}: {hinges} joints, but the scene's arm has {n}; at most {most} are allowed", id="too-many-joints"
         )
     return roots[root.tag]
+
+
+def _unfolded(root: ET.Element) -> float:
+    """Number of elements after MuJoCo has repeated those with a `count`."""
+    total, left = 0.0, [(root, 1.0)]
+    while left:
+        element, times = left.pop()
+        times *= math.prod(safe_xml.numbers_of(element.get("count", "")) or [1.0])
+        total += times
+        left += [(below, times) for below in element]
+    return total

@@ -95,18 +95,12 @@ def archive_path(path: str | Path) -> Path:
 
 
 def write_archive(path: Path, values: dict[str, Any]) -> None:
-    """Write arrays, numbers and tuples of strings into a compressed archive.
-
-    Without compression if the numbers repeat so much that `read_archive` would take the archive for a bomb.
-    """
-    with path.open("w+b") as file:
-        np.savez_compressed(file, allow_pickle=False, **values)
-        size = file.tell()
-        with zipfile.ZipFile(file) as archive:
-            if not _is_bomb(archive, size):
-                return
+    """Write arrays, numbers and tuples of strings into an archive, compressed unless it would look like a bomb."""
     with path.open("wb") as file:
-        np.savez(file, allow_pickle=False, **values)
+        np.savez_compressed(file, allow_pickle=False, **values)
+    if _is_bomb(sum(np.asarray(value).nbytes for value in values.values()), path):
+        with path.open("wb") as file:
+            np.savez(file, allow_pickle=False, **values)
 
 
 def read_archive(path: str | Path) -> dict[str, np.ndarray[Any, Any]]:
@@ -123,8 +117,9 @@ def read_archive(path: str | Path) -> dict[str, np.ndarray[Any, Any]]:
     with open_regular(path, error=DataFileError) as file:
         try:
             with zipfile.ZipFile(file) as archive:
-                if not _is_bomb(archive, path.stat().st_size):
-                    return {part.filename.removesuffix(".npy"): _array(archive, part) for part in archive.infolist()}
+                parts = archive.infolist()
+                if not _is_bomb(sum(part.file_size for part in parts), path):
+                    return {part.filename.removesuffix(".npy"): _array(archive, part) for part in parts}
         except Exception as error:  # any: a stranger's bytes steer zipfile, zlib and NumPy's parser of headers
             huge, damaged = "declares more numbers than fit into memory", "damaged, or not an archive of arrays"
             why = huge if isinstance(error, MemoryError | OverflowError) else damaged
@@ -135,10 +130,9 @@ def read_archive(path: str | Path) -> dict[str, np.ndarray[Any, Any]]:
     )
 
 
-def _is_bomb(archive: zipfile.ZipFile, size: int) -> bool:
-    """Whether an archive of a size [bytes] would take memory out of proportion."""
-    small, share = 200_000_000, 20
-    return sum(part.file_size for part in archive.infolist()) > small + share * size
+def _is_bomb(unfolded: int, path: Path) -> bool:
+    """Whether an archive with this number of bytes, when unfolded, would take memory out of proportion."""
+    return unfolded > 200_000_000 + 20 * path.stat().st_size
 
 
 def _array(archive: zipfile.ZipFile, part: zipfile.ZipInfo) -> np.ndarray[Any, Any]:
