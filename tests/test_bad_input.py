@@ -174,6 +174,16 @@ def test_a_named_pipe_without_a_writer_is_refused_at_once(tmp_path: Path, capsys
     assert refusal(["info", path], capsys).endswith("[cannot-read]")
 
 
+@pytest.mark.parametrize(
+    "change", ["gravity.x=1e308", "material.aluminium.young=1e308", "material.aluminium.density=1e-300"]
+)
+def test_no_command_ends_in_a_traceback_beyond_float64(change: str, capsys) -> None:
+    for command in ("info", "simulate", "modes"):
+        assert main(
+            [command, str(ROOT / "models" / "paper_fig5.toml"), "--set", change, "--set", "run.duration=0.01"]
+        ) in {0, 2}
+
+
 def test_a_file_whose_counts_multiply_is_refused_before_mujoco_unfolds_it(tmp_path: Path, capsys) -> None:
     begin, end = '<replicate count="{}">' * 2, "</replicate>" * 2
     for counts in (("1e4", "1e4"), ("100 100", "40")):

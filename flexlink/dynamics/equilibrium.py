@@ -179,4 +179,4 @@ def known_decimals(chain: Chain, free: NDArray[np.intp], qd: Array, wrench: Arra
     open_ = rounding.of_loads(chain, qd, wrench)
     sprung = free[(chain.stiffness[free] > 0) & (open_[free] > 0)]
     k = chain.times("stiffness", np.ones(chain.n), absolute=True)
-    return [(i, math.ceil(math.log10(k[i] / open_[i]))) for i in sprung.tolist()]
+    return [(i, math.ceil(math.log10(min(k[i] / open_[i], 1e300)))) for i in sprung.tolist()]

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
+from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array, Complex
 from flexlink.describe.actions import Frame
 from flexlink.describe.schemes import methods
@@ -202,7 +203,9 @@ def _squares(K: Array, M: Array) -> Array:
         return np.zeros(0)
     squares, _, failed = scipy.linalg.lapack.dsygvd(K, M, jobz="N", uplo="L")
     if failed or not is_finite(squares):
-        squares = scipy.linalg.eigh(K, M, eigvals_only=True)  # raises an error with the cause
+        raise ArgumentError(
+            "stiffness, damping, loads or rates are so large that numbers overflow float64", id="overflow"
+        )
     return np.asarray(squares)
 
 
