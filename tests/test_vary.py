@@ -16,7 +16,6 @@ from conftest import MODELS, ROOT, flexible, make_scene
 
 import flexlink as fl
 from flexlink.cli.main import main
-from flexlink.describe.scene_file import load_varied
 from flexlink.describe.variants import Variants
 from flexlink.dynamics.notes import notes
 from tests.words import refused, refused_line, reviewed
@@ -277,7 +276,7 @@ def test_set_repairs_a_scene_that_is_refused_as_it_is(tmp_path: Path, capsys) ->
     assert codes == [2, 2, 2, 0]
     refused_line(capsys.readouterr().err.splitlines()[-1], "cannot-set")
     changes = {"link.upper.segments": 5, "initial.joint_deg": [0, -80, 0]}
-    assert load_varied(bad, changes) == load_varied(PAPER, changes)
+    assert fl.load_scene(bad, changes) == fl.load_scene(PAPER, changes)
 
 
 @pytest.mark.parametrize("text", ["run.step", "=1", "run.step=", "run.step=1\nx=2", "gravity=[1, 2", "name='a"])

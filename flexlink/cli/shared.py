@@ -16,7 +16,7 @@ from flexlink.common.output import check_writable, write_or_keep
 from flexlink.common.wording import Diagnostic, coloured, id_of
 from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.scene import Scene
-from flexlink.describe.scene_file import load_varied
+from flexlink.describe.scene_file import load_scene
 from flexlink.dynamics.notes import defaults, notes
 from flexlink.results.files import picture_format
 from flexlink.results.trajectory import plotting
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 def varied_scene(path: Path, options: argparse.Namespace, own: Mapping[str, object] | None = None) -> Scene:
     """Load a scene with `--set PATH=VALUE` and the changes `own` by options, and print hints on wrong units."""
-    scene = load_varied(path, _settings(options.set) | dict(own or {}))
+    scene = load_scene(path, _settings(options.set) | dict(own or {}))
     print_hints(hints(scene), options)
     return scene
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from flexlink.common.errors import SceneError
@@ -14,7 +15,7 @@ from flexlink.describe.scene_checks import check_named
 from flexlink.describe.vary import apply_changes
 
 
-def load_scene(path: str | Path) -> Scene:
+def load_scene(path: str | Path, changes: Mapping[str, object] = MappingProxyType({})) -> Scene:
     """Read a scene file.
 
     Parameters
@@ -22,6 +23,8 @@ def load_scene(path: str | Path) -> Scene:
     path
         A TOML file in the format of the scenes in `models/`. Paths in it (`method`, `lumping`) are relative to its
         folder.
+    changes
+        Values by path, as in `Scene.varied`; they may repair a scene that is refused as it is.
 
     Returns
     -------
@@ -42,14 +45,6 @@ def load_scene(path: str | Path) -> Scene:
     >>> scene = fl.load_scene("models/three_links.toml")
     >>> print(scene.name, scene.run.duration)
     three_links 8.0
-    """
-    return load_varied(path, {})
-
-
-def load_varied(path: str | Path, changes: Mapping[str, object]) -> Scene:
-    """Read a scene file with changes as in `Scene.varied`, which may repair a scene that is refused as it is.
-
-    Raises the errors of `load_scene` and of `Scene.varied`.
     """
     path = documents.require_path("path", path)
     raw = documents.with_absolute_paths(path.parent, documents.read_toml(path))

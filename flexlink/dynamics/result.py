@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import zipfile
 from pathlib import Path
 from typing import Any, Self
@@ -10,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 
 from flexlink.common.errors import ArgumentError, DataFileError
-from flexlink.common.files import open_regular
+from flexlink.common.files import read_regular
 from flexlink.common.output import write_whole
 from flexlink.data.documents import require_path
 
@@ -98,7 +99,7 @@ def write_archive(path: Path, values: dict[str, Any]) -> None:
     """Write arrays, numbers and tuples of strings into an archive, compressed unless it would look like a bomb."""
     with path.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **values)
-    if _is_bomb(sum(np.asarray(value).nbytes for value in values.values()), path):
+    if _is_bomb(sum(np.asarray(value).nbytes for value in values.values()), path.stat().st_size):
         with path.open("wb") as file:
             np.savez(file, allow_pickle=False, **values)
 
@@ -114,25 +115,23 @@ def read_archive(path: str | Path) -> dict[str, np.ndarray[Any, Any]]:
         The file is missing, a pipe, damaged, or not an .npz archive, or unfolds to far more bytes than it has.
     """
     path = archive_path(path)
-    with open_regular(path, error=DataFileError) as file:
-        try:
-            with zipfile.ZipFile(file) as archive:
-                parts = archive.infolist()
-                if not _is_bomb(sum(part.file_size for part in parts), path):
-                    return {part.filename.removesuffix(".npy"): _array(archive, part) for part in parts}
-        except Exception as error:  # any: a stranger's bytes steer zipfile, zlib and NumPy's parser of headers
-            huge, damaged = "declares more numbers than fit into memory", "damaged, or not an archive of arrays"
-            why = huge if isinstance(error, MemoryError | OverflowError) else damaged
-            raise DataFileError(f"{path}: {why}; expected an .npz file", id="not-a-result") from None
-    raise DataFileError(
-        f"{path}: unfolds to far more bytes than any result of its size; expected a file written by save",
-        id="file-too-large",
-    )
+    data = read_regular(path, largest=10_000_000_000, error=DataFileError)
+    try:
+        archive = zipfile.ZipFile(io.BytesIO(data))
+        parts = archive.infolist()
+        if not _is_bomb(sum(part.file_size for part in parts), len(data)):
+            return {part.filename.removesuffix(".npy"): _array(archive, part) for part in parts}
+    except Exception as error:  # any: a stranger's bytes steer zipfile, zlib and NumPy's parser of headers
+        huge, damaged = "declares more numbers than fit into memory", "damaged, or not an archive of arrays"
+        why = huge if isinstance(error, MemoryError | OverflowError) else damaged
+        raise DataFileError(f"{path}: {why}; expected an .npz file", id="not-a-result") from None
+    wanted = "expected a file written by save"
+    raise DataFileError(f"{path}: unfolds to far more bytes than any result of its size; {wanted}", id="file-too-large")
 
 
-def _is_bomb(unfolded: int, path: Path) -> bool:
-    """Whether an archive with this number of bytes, when unfolded, would take memory out of proportion."""
-    return unfolded > 200_000_000 + 20 * path.stat().st_size
+def _is_bomb(unfolded: int, size: int) -> bool:
+    """Whether an archive of a size [bytes] takes memory out of proportion when it is unfolded."""
+    return unfolded > 200_000_000 + 20 * size
 
 
 def _array(archive: zipfile.ZipFile, part: zipfile.ZipInfo) -> np.ndarray[Any, Any]:
