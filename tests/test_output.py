@@ -84,4 +84,4 @@ def test_a_result_that_cannot_be_written_to_its_file_is_saved_elsewhere(tmp_path
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     with refused(fl.errors.OutputError, "result-kept", values=False):
         write_or_keep(tmp_path / "missing" / "result.txt", lambda place: place.write_text("found", encoding="utf-8"))
-    assert [path.read_text(encoding="utf-8") for path in tmp_path.iterdir()] == ["found"]
+    assert [path.read_text(encoding="utf-8") for path in tmp_path.glob("*/result.txt")] == ["found"]

@@ -73,6 +73,12 @@ def make_folder(path: Path) -> None:
     check_writable(path / "index.html")
 
 
+def begin_page(folder: Path) -> None:
+    """Make the folder of a page, without the page of an earlier report, whose files are replaced one by one."""
+    make_folder(folder)
+    (folder / "index.html").unlink(missing_ok=True)
+
+
 def write_text(path: Path, text: str) -> None:
     """Write UTF-8 text so that no partial file remains; raises the errors of `write_whole`."""
     write_whole(path, lambda temporary: temporary.write_bytes(text.encode()))
@@ -94,9 +100,9 @@ def or_keep(path: Path, write: Callable[[Path], T]) -> T:
     try:
         return write(path)
     except OutputError as first:
-        refuge = Path(tempfile.gettempdir()) / f"flexlink-{os.getpid()}-{path.name}"
         try:
+            refuge = Path(tempfile.mkdtemp(prefix="flexlink-")) / path.name  # new and private: no planted link is there
             write(refuge)
-        except OutputError as second:
+        except OSError as second:
             raise OutputError(f"{first}; and {second}") from None
         raise OutputError(f"{first}; the result is kept in {refuge}", id="result-kept") from None

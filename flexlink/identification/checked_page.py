@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace
 
-from flexlink.common.output import make_folder, write_text
+from flexlink.common.output import begin_page, write_text
 from flexlink.common.types import Array
 from flexlink.common.wording import plural, truncated
 from flexlink.describe.scene import Scene
@@ -41,7 +41,7 @@ def build_check(
     FlexlinkError
         The folder or a file in it cannot be written.
     """
-    make_folder(folder)
+    begin_page(folder)
     write_text(folder / "check.json", json.dumps(document(check), indent=1, ensure_ascii=False) + "\n")
     parts = {
         **building("data_page").chapters_of_data(problem),

@@ -9,7 +9,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 
-from flexlink.common.output import make_folder
+from flexlink.common.output import begin_page
 from flexlink.common.wording import plural
 from flexlink.identification.checked_page import (
     differences_of_runs,
@@ -44,7 +44,7 @@ def build(fitted: Fitted, folder: Path, command: str, proposals: Proposals | Non
     FlexlinkError
         As in `Fitted.report`.
     """
-    make_folder(folder)
+    begin_page(folder)
     fitted.save(folder / "fit.json")
     with mpl.rc_context(RC):
         parts = {

@@ -11,7 +11,7 @@ import matplotlib as mpl
 import numpy as np
 
 from flexlink.common.errors import FlexlinkError
-from flexlink.common.output import make_folder
+from flexlink.common.output import begin_page
 from flexlink.pages.chapter import Chapter
 from flexlink.pages.page import write_page
 from flexlink.pages.part import Part, written
@@ -39,7 +39,7 @@ CHAPTERS = {
 def build(study: Study, folder: Path, progress: Callable[[str], None]) -> Report:
     """Write all files, and finally the complete page; errors are listed at `report`."""
     study.chain  # noqa: B018  fail early: without a chain there is nothing to report
-    make_folder(folder)
+    begin_page(folder)
     definitions: dict[str, str] = {}
     chapters: list[Chapter] = []
     verdicts: list[Verdict] = []
