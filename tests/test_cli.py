@@ -161,7 +161,7 @@ def test_a_full_disk_does_not_lose_the_results(paper: str, tmp_path: Path, capsy
     (kept,) = {Path(name) for name in re.findall(r"/[^\s,;:']+\.npz", text)} - {tmp_path / "run.npz"}
     assert str(full.strerror) in refused_line(text, "result-kept")
     assert np.load(kept)["q"].shape == (11, 10)
-    assert kept.parent.stat().st_mode & 0o77 == 0  # nobody else can have put a link there
+    assert kept.parent.stat().st_mode & 0o77 == 0  # no other user can put a link there
     shutil.rmtree(kept.parent)
 
 
