@@ -73,6 +73,12 @@ def test_no_name_steers_the_terminal(steering: str, paper: str, tmp_path: Path, 
     assert json.loads(capsys.readouterr().out)["scene"] == name
 
 
+def test_a_command_runs_without_stdout(paper: str, monkeypatch) -> None:
+    """Python has no `sys.stdout` if it is closed, as by >&-."""
+    monkeypatch.setattr(sys, "stdout", None)
+    assert main(["info", paper]) == 0
+
+
 def test_info_shows_limits_and_gears(paper: str, capsys) -> None:
     gear = "link.upper.joint={limits_deg=[-90, 45.5], armature=0.1, gear_stiffness=3e4}"
     assert main(["info", paper, "--set", gear]) == 0

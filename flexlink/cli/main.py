@@ -33,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # for terminals that cannot show q̈
-    with _harmless(sys.stdout), _harmless(sys.stderr):
+    with _harmless(sys.stdout or io.StringIO()), _harmless(sys.stderr or io.StringIO()):  # a closed one is None
         return _run(arguments)
 
 
