@@ -27,7 +27,7 @@ from flexlink.common.wording import Diagnostic
 from flexlink.describe.run_settings import AUTO, RunSettings
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.spec import build_validated
-from flexlink.kernels.inputs.laws import COMPUTED_TORQUE
+from flexlink.kernels.inputs.laws import COMPUTED_TORQUE, TABLE
 from flexlink.motion.hindrance import loop_grows
 from flexlink.motion.monitor import Monitor
 from flexlink.motion.stated import displaced, estimated_error
@@ -87,10 +87,12 @@ def needs_comparison(monitor: Monitor) -> bool:
 def _switches(monitor: Monitor) -> bool:
     """Whether motors reach their limits, or a rigid model computes torques of elastic gears: errors then add up.
 
-    Many rejected steps also show that torques or their derivatives jump, which may deceive error estimates.
+    Many rejected steps, and steps that end where a table changes a torque, also show that torques or their derivatives
+    jump, which may deceive error estimates.
     """
     record, drive = monitor.record, monitor.record.inputs.drive
-    if monitor.steps.rejected > 0.3 * monitor.steps.taken:
+    jumps = len(drive.feedforward.knots) if drive.law == TABLE and drive.feedforward.coefficients.shape[1] == 1 else 0
+    if jumps + monitor.steps.rejected > 0.3 * monitor.steps.taken:
         return True
     if drive.law == COMPUTED_TORQUE and not drive.rate and len(on_elastic_gears(record.chain.arrays)):
         return True
