@@ -15,6 +15,7 @@ from reports.results import Results
 from validation import cell
 from validation.case import CASES, load_case
 from validation.extremes.cells import Cell, Map
+from validation.extremes.families import FAMILIES, Family, moving
 from validation.kinds import digits, extremes
 from validation.measuring import kind_of
 from validation.store import Store
@@ -124,3 +125,12 @@ def test_the_figure_of_runs_lists_silent_errors_with_engine_and_command(tmp_path
     command = "python -m validation.cell extremes_beside 3"
     assert lines[2][5] == command
     assert [line.split(",")[4] for line in pairs.csv.splitlines()[1:]] == ["0", "1"]
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_seed_draws_the_same_arm_again(family: Family) -> None:
+    (scene, arguments, _), again = moving(family, 3), moving(family, 3).scene
+    assert scene == again != moving(family, 4).scene
+    assert ("control" in arguments) == (family == "python law")
+    if scene.drive.rate is not None:
+        assert fl.loop(scene).growth <= 1.0
