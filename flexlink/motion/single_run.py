@@ -35,6 +35,7 @@ from flexlink.motion.verification import (
     STRICTER,
     doubt,
     exceeded,
+    multiplies,
     needs_comparison,
     runs_of_other_order,
     second_runs,
@@ -197,8 +198,8 @@ def settled(first: Monitor, before: Array | None, stop: Stop) -> Monitor:
     where that of the earlier run ended, or at the start of the motion, so that it shows the error handed on.
     """
     if first.control is not None:  # a law in Python may have internal states, so its runs cannot be repeated
-        error = float(estimated_error(first)[-1])
-        first.warnings += [exceeded(first, error)] if error > Thresholds.tolerable * first.tolerance else []
+        error, most = float(estimated_error(first)[-1]), 1.0 if multiplies(first) else Thresholds.tolerable
+        first.warnings += [exceeded(first, error)] if error > most * first.tolerance else []
         return first
     if not needs_comparison(first):
         return first
