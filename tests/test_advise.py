@@ -388,7 +388,9 @@ def test_advice_on_an_imported_robot_is_right_and_links_without_beams_stay_rigid
     true = advice_truth.truth(scene, 1e-4, budget=6.0)
     assert true.error < 0.1 * advice.tolerance
     off = np.linalg.norm(fl.simulate(advice.scene).tip - true.tip, axis=1).max()
-    assert off <= advice.error <= min(advice.tolerance, 3 * off)
+    allowed = advice.scene.run.tolerance  # of the steps, which a compared run makes much smaller
+    assert allowed is not None
+    assert off <= advice.error <= min(advice.tolerance, 3 * (off + allowed))
     column, upper, fore = advice.scene.arm.links
     assert (column.name, column.flex) == ("column", "rigid")
     assert "rigid" not in {upper.flex, fore.flex}

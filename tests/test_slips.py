@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from functools import partial
 from types import SimpleNamespace
 from typing import Any, cast
 from xml.etree import ElementTree
@@ -119,6 +120,7 @@ class TestInputs:
         mimics = {"a": None, "b": Mimic("a", 3.0, 5.0), "c": Mimic("b", 2.0, 1.0)}
         joints = {name: SimpleNamespace(name=name, mimic=mimic) for name, mimic in mimics.items()}
         robot = cast("Any", SimpleNamespace(joints=joints))
+        robot.rule = partial(Robot.rule, robot)
         assert Robot.position(robot, cast("Any", joints["c"]), {"a": 0.5}) == 2 * (3 * 0.5 + 5) + 1
 
     def test_air_density_is_part_of_the_chain(self) -> None:

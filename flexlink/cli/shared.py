@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 def varied_scene(path: Path, options: argparse.Namespace, own: Mapping[str, object] | None = None) -> Scene:
     """Load a scene with `--set PATH=VALUE` and the changes `own` by options, and print hints on wrong units."""
-    scene = load_scene(path, _settings(options.set) | dict(own or {}))
+    scene = load_scene(path, changes=_settings(options.set) | dict(own or {}))
     print_hints(hints(scene), options)
     return scene
 

@@ -15,7 +15,7 @@ from flexlink.describe.scene_checks import check_named
 from flexlink.describe.vary import apply_changes
 
 
-def load_scene(path: str | Path, changes: Mapping[str, object] = MappingProxyType({})) -> Scene:
+def load_scene(path: str | Path, *, changes: Mapping[str, object] = MappingProxyType({})) -> Scene:
     """Read a scene file.
 
     Parameters

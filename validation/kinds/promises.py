@@ -20,7 +20,7 @@ from validation.extremes.families import Family, Moving, moving
 from validation.store import Series, table
 
 LONG = True
-COLUMNS = ("family", "seed", "tolerance, of the reach", "method", "error / tolerance", "stated / true error", "told")
+COLUMNS = ("family", "seed", "tolerance, of the reach", "method", "error / tolerance", "stated / true error", "warned")
 FAR, SURE, COUNTS = 0.1, 0.05, 0.1  # smallest travel [reach]; largest doubt of a reference, smallest error [tolerances]
 NEAR = 0.3, 5.0  # stated over true error of an honest estimate
 
@@ -34,7 +34,7 @@ class Found(NamedTuple):
     method: str
     error: float
     stated: float
-    told: bool
+    warned: bool
 
 
 def run(
@@ -50,8 +50,8 @@ def run(
         )
     beyond = [each for each in found if each.error > Thresholds.tolerable]
     yield Measured("beyond 3 tolerances", len(beyond) / max(len(found), 1))
-    yield Measured("silent beyond 10 tolerances", sum(each.error > 10.0 and not each.told for each in found))
-    yield Measured("told needlessly", sum(each.told and each.error <= 1.0 for each in found) / max(len(found), 1))
+    yield Measured("silent beyond 10 tolerances", sum(each.error > 10.0 and not each.warned for each in found))
+    yield Measured("warned needlessly", sum(each.warned and each.error <= 1.0 for each in found) / max(len(found), 1))
     stated = np.array([each.stated for each in found if each.error > COUNTS])
     yield Measured("stated error near the true one", float(np.mean((stated >= NEAR[0]) & (stated <= NEAR[1]))))
     yield Measured("smallest stated error", float(stated.min(initial=np.inf)))
@@ -73,9 +73,9 @@ def _runs(family: Family, seed: int, tolerances: tuple[float, ...]) -> Iterator[
         assert run.error is not None
         assert run.steps is not None
         error = largest_distance(run.tip, tip)
-        told = any(each.startswith("doubtful") for each in run.warnings)
+        warned = any(each.startswith("doubtful") for each in run.warnings)
         stated = float(run.error.max()) / max(error, 1e-300)
-        yield Found(family, seed, tolerance, run.steps.method, error / (tolerance * size), stated, told)
+        yield Found(family, seed, tolerance, run.steps.method, error / (tolerance * size), stated, warned)
 
 
 def _reference(arm: Moving) -> tuple[Array, float]:
