@@ -220,6 +220,17 @@ def target_of(study: Study) -> Array:
     return fl.tip_position(study.chain, bent(study, goal))
 
 
+def test_an_arm_without_loads_has_no_sag_no_holding_torque_and_no_direction_down(held: Study) -> None:
+    floating = Study(held.scene.varied({"gravity": (0.0, 0.0, 0.0)}))
+    part = made("statics", floating)
+    assert (part.facts, part.pictures) == ((), ())
+    assert table(part, "holding")["torque [N m]"] == [0.0]
+    reviewed("report numbers: nothing bends the links", part.sentences[0])
+    captions = [made("model", study).pictures[0].caption for study in (held, floating)]
+    assert len(captions[0]) > len(captions[1])
+    reviewed("report numbers: caption without gravity", captions[1])
+
+
 class TestMove:
     def test_travel_and_deflection_are_the_largest_distances_with_their_time(self, move: Study) -> None:
         part, run = made("motion", move), move.run
@@ -305,8 +316,7 @@ class TestMove:
         tip = target_of(move) + np.exp(-20 * (t - 0.25))[:, None] * [0.3, 0.0, 0.4]
         lines = table(made("settling", with_run(move, replace(move.run, t=t, tip=tip))), "settling")
         parts, travel = np.array([1e-2, 1e-3, 1e-4]), 0.5 * (1 - np.exp(-20 * 0.99))
-        shares = lines["part of the travel"]
-        assert shares == parts.tolist()
+        assert lines["part of the travel [%]"] == (100 * parts).tolist()
         assert lines["tolerance [m]"] == pytest.approx(parts * travel, rel=1e-9)
         steps = np.ceil(-np.log(parts * travel / 0.5) / 20 / 0.01)
         assert lines["settling time [s]"] == pytest.approx(0.01 * steps, abs=1e-9)
@@ -324,7 +334,7 @@ class TestMove:
         assert pytest.approx(kinetic - kinetic[0], rel=1e-9, abs=1e-9) == T
         assert pytest.approx(elastic - elastic[0], rel=1e-9, abs=1e-9) == U
         off, size = np.abs(T + V + U - W), (T + abs(V) + abs(U) + abs(W)).max()
-        assert numbers(part.sentences[0]) == three(off.max(), run.t[off.argmax()], off.max() / size, size)
+        assert numbers(part.sentences[0]) == three(off.max(), run.t[off.argmax()], 100 * off.max() / size, size)
 
     @pytest.mark.parametrize(("share", "state"), [(0.3e-3, "pass"), (3e-3, "doubt")])
     def test_unexplained_energy_does_not_pass(self, move: Study, share: float, state: str) -> None:
@@ -333,7 +343,7 @@ class TestMove:
         planted = share * float(run.exchanged[-1]) * np.exp(-(((run.t - 0.4) / 0.01) ** 2))
         part = made("energy", with_run(move, replace(run, work=run.work + planted)))
         assert part.verdicts[0].state == state
-        assert numbers(part.sentences[0])[:3] == pytest.approx([planted.max(), 0.4, share], rel=0.01)
+        assert numbers(part.sentences[0])[:3] == pytest.approx([planted.max(), 0.4, 100 * share], rel=0.01)
 
 
 class TestRest:

@@ -46,10 +46,13 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Part]:
     def of(error: float = 2e-3, steps: float = 1e-4, hinges: int | None = 1, **more: Any) -> Part:
         scene = SimpleNamespace(run=SimpleNamespace(controlled=more.get("controlled", False), duration=1.0))
         study = SimpleNamespace(travel=1.0, moves=True, scene=scene)
-        run = SimpleNamespace(tip=np.zeros((3, 3)), t=np.arange(3.0) / 2, warnings=more.get("warnings", ()))
+        run = SimpleNamespace(
+            tip=np.zeros((3, 3)), t=np.arange(3.0) / 2, warnings=more.get("warnings", ()), stated=more.get("stated"),
+        )  # fmt: skip
         about = SimpleNamespace(
             study=study, scene=scene, run=run, model=(hinges,), gives_state=False, of_steps=steps, cuts={},
             limit=Limit(np.zeros((3, 3)), np.array([0.0, 1e-4, 2.5e-4]), 2.02), is_accurate=more.get("known", True),
+            of_hinges=error, converged=Limit(np.zeros((3, 3)), np.array([more.get("resolved", 1e-6)])),
             error=lambda _: error, accurate_until=lambda part: 25 * part, choices=lambda: CHOICES,
         )  # fmt: skip
         monkeypatch.setattr(f"{PARTS}.accuracy.Refinement", lambda _: about)
@@ -62,12 +65,13 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Part]:
 class TestAccuracy:
     def test_errors_are_shown_with_uncertainty_order_and_share_of_the_travel(self, judged: Any) -> None:
         part = judged()
-        check_sentence(part, "report verdicts: error of the hinges", [2.0, 0.002, 2.0, 0.25], rel=1e-12)
+        check_sentence(part, "report verdicts: error of the hinges", [2.0, 0.2, 2.0, 0.25], rel=1e-12)
         steps = "report verdicts: error of the steps"
         check_sentence(part, steps, [0.1], "0.1 mm", rel=1e-12)
         check_sentence(judged(steps=5e-5), steps, [50.0], "50 µm", rel=1e-12)
-        with_tolerance = check_sentence(judged(controlled=True), steps, [0.1], "0.1 mm", rel=1e-12)
-        assert with_tolerance not in part.sentences  # the text gives the tolerance of the run, not its step
+        check_sentence(judged(resolved=2e-4), steps, [0.2], "below 0.2 mm", rel=1e-12)
+        check_sentence(judged(stated="0.4 mm"), steps, [0.1, 0.4], "0.1 mm", rel=1e-12)
+        assert numbers(part.verdicts[0].text) == [2.0, 0.1, 0.2]  # hinges and steps [mm], share of the travel [%]
         assert [(v.about, v.state, numbers(v.word)) for v in part.verdicts][1] == ("Cost", "info", [0.1])
         assert numbers(part.verdicts[1].text) == [10.0]  # 1 s of motion takes 0.1 s
         check_sentence(part, "report verdicts: cost and alternatives", [0.1, 10.0], rel=1e-12)

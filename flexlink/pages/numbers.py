@@ -14,6 +14,11 @@ def number(value: float | None, digits: int = 3) -> str:
     return "–" if value is None else _digits(value, digits).replace("-", "−")
 
 
+def percent(share: float) -> str:
+    """Format a share with three significant digits, in percent."""
+    return f"{number(100 * share)} %"
+
+
 def _digits(value: float, digits: int) -> str:
     if not math.isfinite(value):
         return str(value)

@@ -125,15 +125,32 @@ class Refinement:
         return (10.0, 0.1) if self.scene.run.controlled else (2.0, 0.5)
 
     @cached_property
+    def converged(self) -> Limit:
+        """Tip path of the scene's discretisation as steps get finer: of a strict run, or extrapolated from finer steps.
+
+        Fixed steps are extrapolated if they are about as accurate as the strict run. Without a run it is nan.
+        """
+        own, run, finer = self.run.tip, self.scene.run, self.factors[1]
+        allowed = self.stepping(finer).tolerance or math.inf  # [m]
+        for part in (1e-7, 1e-5):  # tolerances as fractions of the tip's travel; the smaller one may exceed the budget
+            tolerance = min(part * self.study.travel, allowed)
+            strict = self.runner.run(self.model, self.strict._replace(tolerance=tolerance))
+            if strict.completed and (run.controlled or largest_distance(own, strict.tip) > 10 * tolerance):
+                return Limit(strict.tip, np.array([tolerance]))
+        smaller = self.runner.run(self.model, self.stepping(finer)).tip
+        order = math.inf if run.controlled else method(run.method).order
+        tip = own + (smaller - own) / (1 - finer**order)
+        return Limit(tip, np.array([allowed if run.controlled else largest_distance(tip, smaller)]), order)
+
+    @property
     def of_steps(self) -> float:
-        """Error of the scene's steps [m], as stated or from a run with finer steps; nan if that does not complete."""
-        if self.run.error is not None:
-            return float(self.run.error.max())
-        finer = self.factors[1]
-        outcome = self.runner.run(self.model, self.stepping(finer))
-        if not outcome.completed:
-            return math.nan
-        return largest_distance(outcome.tip, self.run.tip) / (1 - finer ** method(self.scene.run.method).order)
+        """Error of the scene's steps [m]; nan if unknown. With the error of the hinges it is at least the whole one."""
+        return largest_distance(self.converged.tip, self.run.tip)
+
+    @property
+    def of_hinges(self) -> float:
+        """Error of the scene's number of hinges [m], without that of its steps; nan if unknown."""
+        return self.error(self.converged.tip)
 
     def stepping(self, factor: float) -> Stepping:
         """Return the scene's steps or tolerance, multiplied by a factor."""

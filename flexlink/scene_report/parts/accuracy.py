@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexlink.pages.colours import BLUE, CYCLE, GREY, INK, MARKERS
-from flexlink.pages.numbers import number
+from flexlink.pages.numbers import number, percent
 from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import legend_over, stacked_axes
@@ -48,15 +48,15 @@ def _hinge_error(about: Refinement) -> list[str]:
         return [
             f"Tip error from the number of hinges: unknown. More hinges still move the tip by {_length(limit.error)}, "
             f"as in motion that amplifies small errors. Until {number(until)} s the two finest models differ by less "
-            f"than {number(100 * ENOUGH)} % of the tip’s travel; to get an estimate, shorten the run to that time "
+            f"than {percent(ENOUGH)} of the tip’s travel; to get an estimate, shorten the run to that time "
             "(run.duration).",
         ]
-    error = about.error(about.run.tip)
     order = f"observed order {number(limit.order, 2)}, " if math.isfinite(limit.order) else ""
     return [
-        f"Tip error from the number of hinges: {_length(error)}, {number(error / about.study.travel)} of the tip’s "
-        f"travel, relative to the converged model ({order}known to ±{_length(limit.error, '')}). Data of "
-        "joints, loads and materials are not checked here; that requires measurements.",
+        f"Tip error from the number of hinges: {_length(about.of_hinges)}, "
+        f"{percent(about.of_hinges / about.study.travel)} of the tip’s travel, without the error of the steps, "
+        f"relative to the converged model ({order}known to ±{_length(limit.error, '')}). Data of joints, loads and "
+        "materials are not checked here; that requires measurements.",
     ]
 
 
@@ -66,18 +66,25 @@ def _early(about: Refinement) -> list[tuple[float, str]]:
 
 
 def _step_error(about: Refinement) -> str:
-    what = "tolerance" if about.scene.run.controlled else "step"
+    own = "" if about.run.stated is None else f" The run’s own estimate, made to be larger: {about.run.stated}."
     if math.isnan(about.of_steps):
-        return f"Tip error from the time steps: unknown, because the run with a smaller {what} did not complete."
-    finer = "a tenth of the tolerance" if about.scene.run.controlled else "half the step"
-    return f"Tip error from the time steps: {_length(about.of_steps)}, relative to a run with {finer}."
+        what = "tolerance" if about.scene.run.controlled else "step"
+        return f"Tip error from the time steps: unknown, because the run with a smaller {what} did not complete.{own}"
+    return f"Tip error from the time steps: {_step_length(about)}, relative to a run with smaller errors.{own}"
+
+
+def _step_length(about: Refinement) -> str:
+    """The error of the steps, or, if it is smaller, that of the run it is measured with."""
+    resolved = about.converged.error
+    return f"below {_length(resolved, '')}" if about.of_steps < resolved else _length(about.of_steps)
 
 
 def _costs(about: Refinement, choices: Sequence[Choice]) -> str:
     own, sentences = choices[0], []
     duration = about.scene.run.duration
     sentences.append(
-        f"CPU time on this machine: {_seconds(own.seconds)} ({number(duration / own.seconds)} × real-time speed)."
+        f"CPU time of the steps on this machine, without set-up and checks: {_seconds(own.seconds)} "
+        f"({number(duration / own.seconds)} × real-time speed)."
     )
     known = [one for one in choices[1:] if math.isfinite(one.error) and one.outcome.completed]
     cheaper = [one for one in known if one.seconds < own.seconds]
@@ -105,16 +112,17 @@ def _verdict(about: Refinement) -> Verdict:
     share = error / about.study.travel
     doubts = about.run.warnings
     state: State = "pass" if share <= ENOUGH and not doubts else "doubt"
-    what = "hinges and steps" if any(about.model) else "steps"
+    parts = f"hinges ({_length(about.of_hinges)}) and steps ({_step_length(about)})"
+    what = parts if any(about.model) else "steps"
     warned = " The run gave warnings: see “Motion”." if doubts else ""
     return Verdict(
-        "Model error", state, _length(error), f"Tip error from {what}: {number(share)} of the tip’s travel.{warned}"
+        "Model error", state, _length(error), f"Tip error from {what}: {percent(share)} of the tip’s travel.{warned}"
     )
 
 
 def _cost(own: Choice, study: Study) -> Verdict:
     faster = study.scene.run.duration / own.seconds
-    return Verdict("Cost", "info", _seconds(own.seconds), f"CPU time of the run: {number(faster)} × real-time speed.")
+    return Verdict("Cost", "info", _seconds(own.seconds), f"CPU time of the steps: {number(faster)} × real-time speed.")
 
 
 def _table(about: Refinement, choices: Sequence[Choice]) -> Table:

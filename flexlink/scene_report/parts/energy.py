@@ -7,7 +7,7 @@ import numpy as np
 from flexlink.common.types import Array
 from flexlink.dynamics import rounding
 from flexlink.pages.colours import BLUE, CYCLE, INK
-from flexlink.pages.numbers import number
+from flexlink.pages.numbers import number, percent
 from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import legend_over, stacked_axes, tidy_linear
@@ -31,7 +31,7 @@ def made(study: Study) -> Part | None:
     of = (
         "; the arm is at rest and exchanges no energy"
         if still
-        else f", {number(share)} of the {number(exchanged)} J exchanged"
+        else f", {percent(share)} of the {number(exchanged)} J exchanged"
     )
     text = f"Largest energy error: {number(imbalance[worst])} J at {number(run.t[worst])} s{of}."
     meant = (

@@ -49,7 +49,8 @@ def _drawing(study: Study) -> Picture:
     points = frames(chain, q).points
     figure = plot_chain(chain, q)
     csv = table_csv(("body", "x [m]", "y [m]", "z [m]"), [(k, *p) for k, p in enumerate(points.tolist())])
-    seen = "Side view, gravity downwards" + ("; below: top view." if len(figure.axes) > 1 else ".")
+    falls = ", gravity downwards" if chain.gravity.any() else ""
+    seen = f"Side view{falls}" + ("; below: top view." if len(figure.axes) > 1 else ".")
     return Picture("arm", "The arm at the start", figure, seen, csv)
 
 

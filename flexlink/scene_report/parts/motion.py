@@ -31,8 +31,6 @@ def made(study: Study) -> Part:
         f"Simulated time: {number(run.t[-1] - run.t[0])} s; {run.steps}. The tip moves up to {number(study.travel)} m "
         "from its initial position."
     ]
-    if run.stated is not None:
-        sentences.append(f"Error of the steps: {run.stated}.")
     if study.bends:
         sentences.append(
             f"Tip deflection: up to {number(1e3 * study.bent_by[most])} mm, at {number(run.t[most])} s (distance from "

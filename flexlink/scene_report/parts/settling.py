@@ -69,11 +69,11 @@ def _goal(study: Study) -> tuple[Array, float] | None:
 
 
 def _table(study: Study, target: Array, end: float) -> Table:
-    heads = ("tolerance [m]", "part of the travel", "settling time [s]")
+    heads = ("tolerance [m]", "part of the travel [%]", "settling time [s]")
     lines = []
     for part in TOLERANCES:
         time = settling_time(study.run, target=target, tolerance=part * study.travel, after=end)
-        lines.append((part * study.travel, part, time if math.isfinite(time) else "not reached"))
+        lines.append((part * study.travel, 100 * part, time if math.isfinite(time) else "not reached"))
     return Table("settling", f"Settling time, counted from {number(end)} s", heads, tuple(lines))
 
 

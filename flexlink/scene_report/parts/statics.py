@@ -39,23 +39,25 @@ def made(study: Study) -> Part:
     size = float(np.linalg.norm(sag))
     x, y, z = (number(1e3 * part) for part in sag)
     sentences = (
-        "The driven joints are locked at their initial angles; gravity and the tip wrench bend the links.",
+        f"The driven joints are locked at their initial angles; "
+        f"{'gravity and the tip wrench bend' if size > 0 else 'no load bends'} the links.",
         f"Static tip deflection: {number(1e3 * size)} mm, ({x}, {y}, {z}) mm in frame 0. "
         f"This equilibrium is {'stable' if rest.stable else 'unstable'}.",
         _buckling(study),
     )
     pictures = (_picture(study, size),) if size > 0 else ()
-    facts = (Fact(f"{number(1e3 * size)} mm", "Sag of the tip under gravity and load, driven joints locked"),)
+    sags = Fact(f"{number(1e3 * size)} mm", "Sag of the tip under gravity and load, driven joints locked")
+    facts = (*((sags,) if size > 0 else ()), *_held(chain, rest.tau))
     return Part(
-        tuple(filter(None, sentences)), facts=(*facts, *_held(chain, rest.tau)), pictures=pictures,
+        tuple(filter(None, sentences)), facts=facts, pictures=pictures,
         tables=_holding(chain, rest.q, rest.tau),
     )  # fmt: skip
 
 
 def _held(chain: Chain, tau: Array) -> tuple[Fact, ...]:
-    """Return the largest holding torques, for the first screen of the page."""
+    """Return the largest holding torques, for the first screen of the page; zeros are left out."""
     torques, shown = _without_rounding(tau), 2  # as many values as fit on one line
-    largest = sorted(chain.active.tolist(), key=lambda k: -abs(torques[k]))[:shown]
+    largest = sorted(filter(torques.__getitem__, chain.active.tolist()), key=lambda k: -abs(torques[k]))[:shown]
     if not largest:
         return ()
     some, units = [number(abs(float(torques[k]))) for k in largest], [chain.torque_units[k] for k in largest]
@@ -84,7 +86,7 @@ def _holding(chain: Chain, q: Array, tau: Array) -> tuple[Table, ...]:
 def _buckling(study: Study) -> str:
     chain = study.chain
     wrench, frame = initial_wrench(study.scene, chain)
-    if frame == "tip":
+    if frame == "tip" or not (chain.gravity.any() or wrench.any()):
         return ""
     try:
         held = chain.active.tolist()

@@ -30,7 +30,7 @@ def made(study: Study) -> Part | None:
     wrench, frame = initial_wrench(study.scene, chain)
     found = modes_at_rest(chain, rest, tip_wrench=wrench, frame=frame)
     sentences: tuple[str, ...] = (
-        _first(found) + " Small vibrations about the static equilibrium with gravity, driven joints locked.",
+        _first(found) + " Small vibrations about the static equilibrium, driven joints locked.",
         "" if found.stable else "The equilibrium is unstable: at least one mode grows.",
     )
     fine = resolved(found, chain)
