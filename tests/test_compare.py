@@ -134,6 +134,16 @@ def test_a_tip_frame_error_of_1_um_shows_only_under_a_tip_wrench(chain):
     assert WRENCHED in found(comparison, "tip frame")
 
 
+def test_equal_comparisons_and_imports_are_equal(models: Path) -> None:
+    """They contain arrays, which NumPy refuses to compare as a whole."""
+    scene, robot = fl.load_scene(models / "paper_fig5.toml"), models.parent / "examples" / "reach_arm.urdf"
+    makes = (
+        lambda k: compare(scene, engines=["native"], samples=2 + k),
+        lambda k: fl.import_urdf(robot, gravity=(0, 0, k)),
+    )
+    assert [(make(0) == make(0), make(0) == make(1)) for make in makes] == [(True, False)] * 2
+
+
 def test_a_chain_agrees_with_itself_exactly(chain):
     comparison = against(chain, load("native", chain))
     assert {row.error for row in comparison.rows} == {0.0}

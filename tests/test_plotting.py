@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from conftest import flexible, make_scene
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 import flexlink as fl
 from flexlink.results import plotting
+from tests.words import refused
 
 
 @pytest.fixture
@@ -54,6 +56,20 @@ def test_a_dollar_in_a_name_is_a_dollar_in_every_picture_and_page(tmp_path: Path
     assert all(any(name in text.get_text() for text in figure.findobj(Text)) for figure in figures[:2])
     fl.report(scene.varied({"run.duration": 0.01}), tmp_path / "report")
     assert "mathdefault" not in (tmp_path / "report" / "index.html").read_text(encoding="utf-8")
+
+
+def test_chosen_panels_and_columns_are_drawn_in_this_order_into_the_axes_that_are_given(run: fl.Trajectory) -> None:
+    figure = Figure()
+    beside = figure.subplots(1, 3)
+    what = ["tip", "q fore [rad]", "joints"]
+    assert run.plot(what=what, ax=beside) is figure
+    assert [len(panel.lines) for panel in beside] == [3, 1, len(run.chain.active)]
+    np.testing.assert_array_equal(beside[1].lines[0].get_ydata(), run.columns["q fore [rad]"])
+    assert [len(run.plot(what=names).axes) for names in ("tip", what)] == [1, 3]
+    assert run.plot(what="tip", ax=beside[2]) is figure
+    for wrong, id in (({"what": "tips"}, "unknown-name"), ({"ax": beside}, "wrong-shape")):
+        with refused(fl.errors.ArgumentError, id):
+            run.plot(**wrong)
 
 
 def test_panels_without_content_are_left_out() -> None:

@@ -316,7 +316,8 @@ class TestMove:
         tip = target_of(move) + np.exp(-20 * (t - 0.25))[:, None] * [0.3, 0.0, 0.4]
         lines = table(made("settling", with_run(move, replace(move.run, t=t, tip=tip))), "settling")
         parts, travel = np.array([1e-2, 1e-3, 1e-4]), 0.5 * (1 - np.exp(-20 * 0.99))
-        assert lines["part of the travel [%]"] == (100 * parts).tolist()
+        shares = lines["part of the travel [%]"]
+        assert shares == (100 * parts).tolist()
         assert lines["tolerance [m]"] == pytest.approx(parts * travel, rel=1e-9)
         steps = np.ceil(-np.log(parts * travel / 0.5) / 20 / 0.01)
         assert lines["settling time [s]"] == pytest.approx(0.01 * steps, abs=1e-9)

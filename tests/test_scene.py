@@ -262,6 +262,15 @@ def test_python_objects_are_checked_like_files() -> None:
         Section(shape="tube", outer=0.1, inner=0.2)
 
 
+@pytest.mark.parametrize("path", sorted((ROOT / "models").glob("*.toml")), ids=lambda path: path.stem)
+def test_equal_scenes_have_equal_hashes(path: Path) -> None:
+    scene, same = load_scene(path), load_scene(path)
+    assert {scene: "found"}[same] == "found"
+    reordered = scene.varied({"section": dict(reversed(scene.arm.sections.items()))}) if scene.arm.sections else same
+    assert (reordered == scene, hash(reordered)) == (True, hash(scene))
+    assert scene.varied({"gravity": (0.0, 1.0, 0.0)}) not in {scene}
+
+
 def test_a_description_is_built_without_reading_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
     """Rule and method files are read by the chain and the run, not by the scene."""
 

@@ -190,7 +190,34 @@ def test_with_a_static_start_hinges_stay_at_rest_while_joints_are_held(models) -
     np.testing.assert_array_equal(q[chain.active], np.radians(held.initial.joint_deg))
 
 
-@pytest.mark.parametrize("clone", [lambda run: pickle.loads(pickle.dumps(run)), copy.copy, copy.deepcopy])
+CLONES = [lambda one: pickle.loads(pickle.dumps(one)), copy.copy, copy.deepcopy]
+
+
+@pytest.mark.parametrize("clone", CLONES)
+def test_copies_of_columns_have_the_same_columns(clone, paper: fl.Scene) -> None:
+    columns = fl.simulate(paper, duration=0.01).columns
+    twin = clone(columns)
+    assert list(twin) == list(columns)
+    assert all(np.array_equal(twin[name], column) for name, column in columns.items())
+    assert all(repr(name) in repr(columns) for name in columns)
+
+
+@pytest.mark.parametrize("clone", CLONES)
+@pytest.mark.parametrize("kind", [fl.Simulator, lambda scene: fl.SimulatorBatch([scene])], ids=["one", "batch"])
+def test_a_simulator_is_not_copied_and_another_one_takes_over_its_state(kind, clone, paper: fl.Scene) -> None:
+    """A copy would share arrays that compiled code changes, so a step of one would move the other."""
+    arm = kind(paper)
+    after = arm.step(duration=0.01)
+    with refused(fl.errors.ArgumentError, "cannot-copy"):
+        clone(arm)
+    other = kind(paper)
+    other.reset(q=after.q, qd=after.qd)
+    moved = other.step(duration=0.01)
+    np.testing.assert_array_equal(arm.state.q, after.q)
+    np.testing.assert_array_equal(arm.step(duration=0.01).q, moved.q)
+
+
+@pytest.mark.parametrize("clone", CLONES)
 def test_copies_of_a_trajectory_stay_read_only(clone, paper: fl.Scene) -> None:
     run = fl.simulate(paper, duration=0.01)
     twin = clone(run)

@@ -92,6 +92,10 @@ class Arm(Spec, frozen=True):
         super().__post_init__()
         raise_together(self._mistakes())
 
+    def __hash__(self) -> int:
+        tables = self.materials, self.sections, self.rigidities
+        return hash((self.links, *(frozenset(table.items()) for table in tables), self.tip, self.base))
+
     def _mistakes(self) -> Iterator[Diagnostic]:
         """Inconsistencies between links, materials, sections and tables."""
         seen, joints = set[str](), dict[str, Link]()

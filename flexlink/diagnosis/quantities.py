@@ -83,7 +83,7 @@ class Difference:
     quantity: str
     error: float
     joint: str
-    worst: State = dataclasses.field(repr=False)
+    worst: State = dataclasses.field(repr=False, compare=False)
 
     @property
     def passed(self) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NoReturn, SupportsIndex
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -81,6 +81,15 @@ class Simulator:
         self._readings: dict[str, float] = {}
         self._lengths: dict[float, int] = {}  # number of fixed steps of each duration used so far
         self.reset()
+
+    def __reduce_ex__(self, protocol: SupportsIndex) -> NoReturn:
+        """Refuse copies and pickles: they would share arrays that steps change, or the links between them."""
+        kind = type(self).__name__
+        raise ArgumentError(
+            f"{kind}: cannot be copied or pickled, since compiled code changes its state in place; make another "
+            f"{kind} of the same scene, and pass the angles and rates of `state` to its reset()",
+            id="cannot-copy",
+        )
 
     def __repr__(self) -> str:
         return f"<Simulator {self.chain.name!r}: t = {self.time:g} s, {self.chain.n} joints>"

@@ -30,7 +30,7 @@ from flexlink.motion.inputs.problem import started, started_from
 from flexlink.motion.inputs.step_check import check_steps
 from flexlink.motion.monitor import Monitor
 from flexlink.motion.side_by_side import Block, Member, alike, in_lanes
-from flexlink.motion.simulator import OFTEN
+from flexlink.motion.simulator import OFTEN, Simulator
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.samples import State
 from flexlink.results.stop_reasons import DivergenceError
@@ -90,6 +90,8 @@ class SimulatorBatch:
         self._effort = np.array([effort_of(member.problem.scene, member.problem.chain) for member in members])
         self._origin = round(members[0].problem.start / self._run.fixed_step)
         self._number, self._calls = self._origin, 0
+
+    __reduce_ex__ = Simulator.__reduce_ex__
 
     def __repr__(self) -> str:
         return f"<SimulatorBatch: {len(self)} arms, t = {self.time:g} s, {self.chains[0].n} joints each>"

@@ -28,6 +28,12 @@ class Columns(Mapping[str, Array]):
         sources = sources_of(run.chain, run.work is not None)
         self._run, self._sources = run, {**sources, **{name: _reading(name) for name in run.sensor_names}}
 
+    def __reduce__(self) -> tuple[type[Columns], tuple[RunSamples]]:
+        return Columns, (self._run,)
+
+    def __repr__(self) -> str:
+        return f"<Columns of {self._run!r}: {', '.join(map(repr, self))}>"
+
     def __getitem__(self, name: str) -> Array:
         if name not in self._sources:
             raise KeyError(f"no column {name!r}{did_you_mean(name, self._sources)}")

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import itertools
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexlink.chain.arguments import require_one_of, sequence
 from flexlink.chain.branches import as_lines
+from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
+from flexlink.common.wording import plural
 from flexlink.describe.joint_units import in_joint_units
 from flexlink.pages.colours import BLUE, CYCLE, GREEN, GREY, INK, VERMILION
 from flexlink.results.notebook_figure import NotebookFigure as Figure
@@ -24,46 +28,73 @@ if TYPE_CHECKING:
     from flexlink.chain.chain import Chain
     from flexlink.dynamics.vibration.modal import Modes
     from flexlink.results.samples import RunSamples
+    from flexlink.results.trajectory import Trajectory
+
+    Draw = Callable[[Axes], None]
 
 
 @literal
-def plot_trajectory(run: RunSamples) -> Figure:
-    """Plot all `panels` of a run against time, each with its legend to the right."""
+def plot_trajectory(
+    run: Trajectory, what: str | Sequence[str] | None = None, ax: Axes | Sequence[Axes] | None = None
+) -> Figure:
+    """Plot `panels` and columns of a run against time, as `Trajectory.plot` describes."""
     # each curve of a legend has a different colour
     colours = (*CYCLE, GREY, INK)
     panel_height = 1.9  # [in]
-    shown = list(panels(run))
-    figure = Figure(figsize=(8.4, panel_height * len(shown) + 0.7), layout="constrained")
-    axes = figure.subplots(len(shown), 1, sharex=True, squeeze=False).ravel()
-    figure.suptitle(run.chain.name)
+    shown = _chosen(run, what)
+    beside = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0), "borderaxespad": 0.0} if ax is None else {}
+    if ax is None:
+        figure = Figure(figsize=(8.4, panel_height * len(shown) + 0.7), layout="constrained")
+        ax = figure.subplots(len(shown), 1, sharex=True, squeeze=False)
+        figure.suptitle(run.chain.name)
+    axes = np.ravel(ax)
+    if len(axes) != len(shown):
+        raise ArgumentError(
+            f"ax: {len(axes)} axes for {plural(len(shown), 'panel')}; give one for each, or choose panels by `what`",
+            id="wrong-shape",
+        )
     for draw, panel in zip(shown, axes, strict=True):
         panel.set_prop_cycle(color=colours)
         draw(panel)
         panel.grid(alpha=0.3)
-        panel.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
+        panel.legend(fontsize="small", **beside)
     axes[-1].set_xlabel("time [s]")
-    return figure
+    drawn: Figure = axes[0].figure
+    return drawn
 
 
-def panels(run: RunSamples) -> Iterator[Callable[[Axes], None]]:
-    """Functions that draw the panels of a run, from top to bottom."""
+def _chosen(run: Trajectory, what: str | Sequence[str] | None) -> list[Draw]:
+    """The panels with these names, and panels of the named columns; None: all panels."""
+    there: dict[str, list[Draw]] = {}
+    for name, draw in panels(run):
+        there.setdefault(name, []).append(draw)
+    names = list(there) if what is None else [what] if isinstance(what, str) else sequence("what", what, "str")
+    columns = run.columns
+    drawn = ([partial(_column, run=run, name=n)] if n in columns else require_one_of("what", n, there) for n in names)
+    return list(itertools.chain.from_iterable(drawn))
+
+
+def panels(run: RunSamples) -> Iterator[tuple[str, Draw]]:
+    """Names of the panels of a run, and functions that draw them, from top to bottom."""
     of_joints = (
-        (_driven(run, slides=False), "active joints [deg]"),
-        (_driven(run, slides=True), "sliding joints [m]"),
-        (_hinges(run, slides=False), "passive joints [deg]"),
-        (_hinges(run, slides=True), "springs of\nsliding joints [m]"),
+        ("joints", _driven(run, slides=False), "active joints [deg]"),
+        ("joints", _driven(run, slides=True), "sliding joints [m]"),
+        ("springs", _hinges(run, slides=False), "passive joints [deg]"),
+        ("springs", _hinges(run, slides=True), "springs of\nsliding joints [m]"),
     )
-    yield from (partial(_coordinates, run=run, joints=joints, label=label) for joints, label in of_joints if joints)
-    there = {
-        base: run.chain.has_free_base, tip: True, exchanged_energy: True,
-        elastic_energy: bool(run.chain.stiffness.any()), imbalance: run.work is not None,
-    }  # fmt: skip
-    yield from (partial(draw, run=run) for draw, shown in there.items() if shown)
+    for name, joints, label in of_joints:
+        if joints:
+            yield name, partial(_coordinates, run=run, joints=joints, label=label)
+    there = (
+        ("base", base, run.chain.has_free_base), ("tip", tip, True), ("energy", exchanged_energy, True),
+        ("elastic", elastic_energy, bool(run.chain.stiffness.any())), ("balance", imbalance, run.work is not None),
+    )  # fmt: skip
+    yield from ((name, partial(draw, run=run)) for name, draw, shown in there if shown)
     of_drives = ((False, "drive torques\n[N m]"), (True, "drive forces\n[N]"))
     for slides, label in of_drives:
         joints = _driven(run, slides=slides)
         if run.tau[:, joints].any():
-            yield partial(_curves, run=run, joints=joints, values=run.tau[:, joints], label=label)
+            yield "drives", partial(_curves, run=run, joints=joints, values=run.tau[:, joints], label=label)
 
 
 def base(panel: Axes, run: RunSamples) -> None:
@@ -146,6 +177,11 @@ def _hinges(run: RunSamples, *, slides: bool) -> list[int]:
     chain, internal = run.chain, run.chain.internal
     passive = (k for k, c in enumerate(chain.coordinates) if c.link and c.axis and k not in internal)
     return [k for k in passive if chain.slides[k] == slides]
+
+
+def _column(panel: Axes, run: Trajectory, name: str) -> None:
+    """Plot a column of the run."""
+    panel.plot(run.t, run.columns[name], label=name)
 
 
 def _since_start(values: ArrayLike) -> NDArray[np.float64]:

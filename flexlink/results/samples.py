@@ -67,7 +67,7 @@ class StatedError(NamedTuple):
     drifting: float  # sum of the estimated errors of rates that last [m/s]; the displacement by these [m]
     drifted: float
     end: State | None = None  # where the run ended with which this one was compared
-    delayed: Array | None = None  # torques on their way then, as in `RunSamples.delayed`
+    delayed: Array | None = None  # torques on their way then, as in `Trajectory.delayed`
 
     def __str__(self) -> str:
         """The largest error, whether the tolerance is kept, and how the error was found."""
@@ -90,46 +90,7 @@ class BaseMotion(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class RunSamples(Result):
-    """Read-only samples of a run, and quantities derived from them.
-
-    Attributes
-    ----------
-    chain
-        The chain that moved.
-    t
-        Time of each sample [s], shape (samples,).
-    q, qd
-        Joint angles [rad] and rates [rad/s], shape (samples, n).
-    tau
-        Drive torques T_EX [N m], shape (samples, n): 0 on passive joints; on prescribed joints the required torque.
-    tip
-        Position of the tip in frame 0 [m], shape (samples, 3).
-    energy
-        Kinetic, gravity and elastic energy [J], each of shape (samples,).
-    work
-        Work W done on the arm up to each sample by drives, prescribed motions, tip wrench and friction [J], shape
-        (samples,), integrated with the run's method; None for a run of another engine.
-    warnings
-        Warnings about the result, each a string with a stable `id`, such as "unstable-step".
-    steps
-        Method and step counts; None for a run of another engine.
-    tip_wrench
-        Force and moment that acted on the tip, frame 0, shape (samples, 6) [N, N m].
-    scene
-        The simulated scene with the settings of the run. It contains data that the chain does not, such as sections,
-        but not a control law in Python.
-    base
-        Attitude and angular velocity of a free base; None if it is fixed. The base's coordinates in q are its position
-        in frame 0 [m] and angles [rad] about X, Y, Z relative to its initial attitude. Near 90° about Y the rates of
-        these angles grow without bound, but `base` remains exact.
-    delayed
-        Torques that a sampled law with a delay computed before the last sample and that act at it or later, shape
-        (m, 1 + d): time from which each acts [s], then the torques of the driven joints [N m]. A run that is continued
-        by `simulate(…, after=run)` begins with them. Rows of a cascade drive continue with its memory: the integral,
-        the torque before the filters and the states of the filters of each joint.
-    stated
-        The estimated error and the tolerance; None for fixed steps and for a run of another engine.
-    """
+    """Read-only samples of a run, and quantities derived from them; `Trajectory` documents the attributes."""
 
     chain: Chain
     t: Array

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal
@@ -18,11 +18,50 @@ from flexlink.results.files import output_format, write
 from flexlink.results.samples import RunSamples
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
 class Trajectory(RunSamples):
-    """Samples of a simulation, as in `RunSamples`, with methods to save, tabulate, plot and animate them.
+    """Read-only samples of a simulation, with methods to save, tabulate, plot and animate them.
+
+    Attributes
+    ----------
+    chain
+        The chain that moved.
+    t
+        Time of each sample [s], shape (samples,).
+    q, qd
+        Joint angles [rad] and rates [rad/s], shape (samples, n).
+    tau
+        Drive torques T_EX [N m], shape (samples, n): 0 on passive joints; on prescribed joints the required torque.
+    tip
+        Position of the tip in frame 0 [m], shape (samples, 3).
+    energy
+        Kinetic, gravity and elastic energy [J], each of shape (samples,).
+    work
+        Work W done on the arm up to each sample by drives, prescribed motions, tip wrench and friction [J], shape
+        (samples,), integrated with the run's method; None for a run of another engine.
+    warnings
+        Warnings about the result, each a string with a stable `id`, such as "unstable-step".
+    steps
+        Method and step counts; None for a run of another engine.
+    tip_wrench
+        Force and moment that acted on the tip, frame 0, shape (samples, 6) [N, N m].
+    scene
+        The simulated scene with the settings of the run. It contains data that the chain does not, such as sections,
+        but not a control law in Python.
+    base
+        Attitude and angular velocity of a free base; None if it is fixed. The base's coordinates in q are its position
+        in frame 0 [m] and angles [rad] about X, Y, Z relative to its initial attitude. Near 90° about Y the rates of
+        these angles grow without bound, but `base` remains exact.
+    delayed
+        Torques that a sampled law with a delay computed before the last sample and that act at it or later, shape
+        (m, 1 + d): time from which each acts [s], then the torques of the driven joints [N m]. A run that is continued
+        by `simulate(…, after=run)` begins with them. Rows of a cascade drive continue with its memory: the integral,
+        the torque before the filters and the states of the filters of each joint.
+    stated
+        The estimated error and the tolerance; None for fixed steps and for a run of another engine.
 
     Examples
     --------
@@ -124,19 +163,30 @@ class Trajectory(RunSamples):
         doubts = "".join(f"; {warning}" for warning in self.warnings)
         return html_table(f"{self!r}{doubts}", ("quantity", "first", "last", "smallest", "largest"), rows)
 
-    def plot(self) -> Figure:
+    def plot(self, *, what: str | Sequence[str] | None = None, ax: Axes | Sequence[Axes] | None = None) -> Figure:
         """Plot joint angles, tip and energy against time; a notebook shows the figure once. Needs matplotlib.
+
+        Parameters
+        ----------
+        what
+            Panels: "joints", "springs", "base", "tip", "energy", "elastic", "balance", "drives", or names of `columns`,
+            each a panel. Default: all panels that have content.
+        ax
+            Axes of matplotlib to draw in, one for each panel. Default: a new figure.
 
         Raises
         ------
+        ArgumentError
+            The run has no such panel or column, or the number of axes differs from that of the panels.
         MissingDependencyError
             matplotlib is not installed.
 
         Examples
         --------
         >>> run.plot().savefig("move.png")  # in a notebook run.plot() alone shows it
+        >>> beside = run.plot(what=["tip", "tau upper [N m]"])
         """
-        figure: Figure = plotting().plot_trajectory(self)
+        figure: Figure = plotting().plot_trajectory(self, what, ax)
         return figure
 
     def animate(

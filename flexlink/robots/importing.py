@@ -50,7 +50,7 @@ class ImportResult:
     """
 
     scene: Scene
-    path: Paths
+    path: Paths = dataclasses.field(compare=False)
     largest_beams: Mapping[str, float]
     notes: tuple[Diagnostic, ...]
     warnings: tuple[Diagnostic, ...]
