@@ -57,11 +57,16 @@ class Refinement:
             for link in self.scene.arm.links
         )
 
+    def within(self, part: float) -> Stepping:
+        """Adaptive steps with a tolerance that is this part of the tip's travel."""
+        return Stepping("auto", tolerance=part * self.study.travel)
+
     @cached_property
     def strict(self) -> Stepping:
-        """Adaptive steps whose errors are small compared with discretisation errors."""
-        off = 1e-5  # tolerance, as a fraction of the tip's travel
-        return Stepping("auto", tolerance=off * self.study.travel)
+        """Adaptive steps whose errors, even if the motion amplifies them, are small compared with those of hinges."""
+        usual, stricter = self.within(1e-5), self.within(1e-7)
+        one, other = (self.runner.run(self.model, steps).tip for steps in (usual, stricter))
+        return stricter if largest_distance(one, other) > 1e-5 * self.study.travel else usual
 
     @property
     def gives_state(self) -> bool:
@@ -132,9 +137,9 @@ class Refinement:
         """
         own, run, finer = self.run.tip, self.scene.run, self.factors[1]
         allowed = self.stepping(finer).tolerance or math.inf  # [m]
-        for part in (1e-7, 1e-5):  # tolerances as fractions of the tip's travel; the smaller one may exceed the budget
+        for part in (1e-7, 1e-5):  # the smaller tolerance may exceed the budget
             tolerance = min(part * self.study.travel, allowed)
-            strict = self.runner.run(self.model, self.strict._replace(tolerance=tolerance))
+            strict = self.runner.run(self.model, Stepping("auto", tolerance=tolerance))
             if strict.completed and (run.controlled or largest_distance(own, strict.tip) > 10 * tolerance):
                 return Limit(strict.tip, np.array([tolerance]))
         smaller = self.runner.run(self.model, self.stepping(finer)).tip
