@@ -65,8 +65,8 @@ class Refinement:
     def strict(self) -> Stepping:
         """Adaptive steps whose errors, even if the motion amplifies them, are small compared with those of hinges."""
         usual, stricter = self.within(1e-5), self.within(1e-7)
-        one, other = (self.runner.run(self.model, steps).tip for steps in (usual, stricter))
-        return stricter if largest_distance(one, other) > 1e-5 * self.study.travel else usual
+        off = largest_distance(self.runner.run(self.model, usual).tip, self.converged.tip)
+        return stricter if off > 1e-5 * self.study.travel else usual
 
     @property
     def gives_state(self) -> bool:
@@ -137,7 +137,7 @@ class Refinement:
         """
         own, run, finer = self.run.tip, self.scene.run, self.factors[1]
         allowed = self.stepping(finer).tolerance or math.inf  # [m]
-        for part in (1e-7, 1e-5):  # the smaller tolerance may exceed the budget
+        for part in (1e-7, 1e-5) if run.controlled else (1e-7,):  # the smaller tolerance may exceed the budget
             tolerance = min(part * self.study.travel, allowed)
             strict = self.runner.run(self.model, Stepping("auto", tolerance=tolerance))
             if strict.completed and (run.controlled or largest_distance(own, strict.tip) > 10 * tolerance):
