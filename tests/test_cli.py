@@ -129,10 +129,12 @@ def test_a_step_that_is_too_large_is_refused_in_one_line(paper: str, tmp_path: P
 
 def test_the_summary_shows_the_power_balance_in_one_line(paper: str, capsys) -> None:
     assert main(["simulate", paper, "--duration", "0.1"]) == 0
-    balance = line(capsys.readouterr().out, "E − E(0) − W", " J")
+    printed = capsys.readouterr().out
+    reviewed("cli: cost of the steps", line(printed, "steps: "), values=False)
+    balance = line(printed, "E − E(0) − W", " J")
     reviewed("cli: power balance", balance, values=False)
     largest, share, exchanged = (float(number) for number in re.findall(r"(?<![(\w])\d[\d.e-]*", balance))
-    assert share == pytest.approx(largest / exchanged, rel=0.1)
+    assert share == pytest.approx(100 * largest / exchanged, rel=0.1)
 
 
 def test_a_run_without_duration_saves_only_the_initial_state(paper: str, capsys) -> None:

@@ -34,6 +34,7 @@ from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.dynamics.sensors.columns import coarse_samples
+from flexlink.motion.evaluation_cost import machine_factor, run_cost
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.single_run import SingleRun
 from flexlink.results.files import output_format
@@ -138,12 +139,16 @@ def _summary(scene: Scene, run: Trajectory, seconds: float) -> None:
     if past == 0:
         print(f"{scene.name}: run.duration = 0 s: only the initial state; specify a duration, such as --duration 1")
     else:
-        print(f"{scene.name}: {past:g} s simulated in {seconds:.3g} s ({past / seconds:.3g} × real time)")
-    print(f"steps: {run.steps}")
+        print(
+            f"{scene.name}: {past:g} s simulated in {seconds:.3g} s ({past / seconds:.3g} × real time), checks included"
+        )
+    if run.steps is not None:
+        cost = machine_factor(problem_of(scene)) * run_cost(run.chain, run.steps.method, run.steps.evaluations)
+        print(f"steps: {run.steps}; CPU time {1e3 * cost:.3g} ms, without set-up and checks")
     if run.stated is not None:
         print(run.stated)
     print(f"final tip position: x = {x:.6f}, y = {y:.6f}, z = {z:.6f} m (frame 0)")
     print(f"energy: {total[0]:.9g} J initially, {total[-1]:.9g} J finally")
     worst, exchanged = float(np.abs(run.imbalance).max()), float(run.exchanged[-1])
-    share = f", {worst / exchanged:.2g} of the {exchanged:.4g} J exchanged" if exchanged > 0 else ""
+    share = f", {100 * worst / exchanged:.2g} % of the {exchanged:.4g} J exchanged" if exchanged > 0 else ""
     print(f"power balance: E − E(0) − W at most {worst:.2g} J{share}")
