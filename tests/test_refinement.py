@@ -93,6 +93,12 @@ def test_errors_of_hinges_and_steps_are_those_of_converged_runs_and_their_sum_is
     assert largest_distance(about.run.tip, beam) <= about.of_hinges + about.of_steps + about.limit.error
 
 
+def test_the_error_of_the_hinges_does_not_depend_on_the_steps(about: Refinement, scene: fl.Scene) -> None:
+    coarse = Refinement(Study(scene.varied({"run.step": 5e-4})))
+    assert coarse.of_steps == pytest.approx(4 * about.of_steps, rel=0.01)  # RK2, twice the step
+    assert coarse.of_hinges == pytest.approx(about.of_hinges, rel=1e-4)
+
+
 @pytest.mark.parametrize("changes", [{}, {"run.step": None, "run.method": "auto", "run.tolerance": 3e-3}], ids=str)
 def test_errors_of_steps_that_the_motion_amplifies_are_not_errors_of_the_hinges(changes: dict[str, object]) -> None:
     """In this fall, steps within 1e-5 of the travel move the tip by twenty times the true error of the hinges."""
