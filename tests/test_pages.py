@@ -8,13 +8,15 @@ from pathlib import Path
 import pytest
 from conftest import ROOT
 
+import flexlink as fl
 from docs import snippets
-from docs.generators import readme
+from docs.generators import messages, readme
 from flexlink.common.errors import MissingDependencyError
+from flexlink.describe.expected import limits
 from flexlink.robots.collection import folder
 from tests.words import refused
 
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("[ehs]*/*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("[ehs]*/*.md")), ROOT / "docs/limits.md"]
 PLACEHOLDER = re.compile(r"<!-- (?:folded|output|picture|table)")
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
@@ -99,7 +101,7 @@ def test_the_paper_cites_what_its_list_of_references_has() -> None:
 
 @pytest.mark.parametrize(
     "path",
-    [*PAGES, *(ROOT / name for name in ("CONTRIBUTING.md", "NOTATION.md", "docs/limits.md", "docs/versions.md"))],
+    [*PAGES, *(ROOT / name for name in ("CONTRIBUTING.md", "NOTATION.md", "docs/versions.md"))],
     ids=name_of,
 )
 def test_links_lead_to_files(path: Path) -> None:
@@ -111,3 +113,28 @@ def test_links_lead_to_files(path: Path) -> None:
     places = [(path.parent / link).resolve() for link in links if link]
     assert [place for place in places if not place.exists() and not place.is_relative_to(built[0])
             and not any(place.is_relative_to(each) for each in (*built, *gone))] == []  # fmt: skip
+
+
+def test_pages_state_what_is_not_supported_in_the_words_of_the_refusals() -> None:
+    refusals = " ".join(text for several in messages.texts().values() for text in several)
+    said = set(re.findall(r"(?<=; )[\w ]+ are not (?:supported|modelled)", refusals))
+    assert said == {limits()["loops"]["what"]}
+    for path in PAGES:
+        prose = re.sub(r"^```.*?^```|^#.*?$", ". ", path.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+        sentences = re.split(r"[.:;|] ", " ".join(prose.split()).casefold())
+        said |= {one[0] for text in sentences if (one := re.match(r".*\bnot (?:supported|modelled)\b", text))}
+    assert len(said) > 8
+    assert said <= {row["what"].casefold() for row in limits().values()}
+
+
+@pytest.mark.parametrize("name", limits())
+def test_a_scene_that_asks_for_what_is_not_supported_is_refused_in_the_words_of_the_pages(name: str, tmp_path) -> None:
+    (crane,) = (code for kind, code, _ in snippets.blocks(README) if kind == "toml")
+    asked = [f"{key} = 1\n{crane}" for key in limits()[name].get("keys", ())]
+    asked += [f"{crane}joint.kind = {value!r}\n" for value in limits()[name].get("values", ())]
+    for text in asked:
+        (tmp_path / "arm.toml").write_text(text, encoding="utf-8")
+        with pytest.raises(fl.errors.SceneError) as caught:
+            fl.load_scene(tmp_path / "arm.toml")
+        assert limits()[name]["text"] in str(caught.value)
+    assert asked

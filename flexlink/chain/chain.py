@@ -258,7 +258,7 @@ class Chain(Layout):
 
     @functools.cached_property
     def reach(self) -> float:
-        """Largest possible distance of any mass from the origin of frame 0 [m]."""
+        """Upper bound of the distance of any mass from the origin of frame 0 [m]."""
         if self.is_serial_revolute:
             return float(_lengths(self.bodies["translation"]).sum() + _lengths(self.bodies["center"]).max())
         away = sums_outward(spans_of(self.bodies), self.lengths)

@@ -17,6 +17,13 @@ def _words() -> dict[str, Any]:
     return read_toml(Path(__file__).parent / "data" / "expected.toml")
 
 
+@cache
+def limits() -> dict[str, dict[str, Any]]:
+    """What flexlink does not model: a sentence, what to do instead, and the words by which a scene asks for it."""
+    rows = read_toml(Path(__file__).parent / "data" / "limits.toml")
+    return {name: {"text": f"{row['what']}: {row['instead']}", **row} for name, row in rows.items()}
+
+
 def expected(where: str, kind: Any, value: object, reason: str, units: Sequence[str] = ()) -> str:
     """Describe what a key accepts, using its annotation, its name, or msgspec's reason and the key's units."""
     known = (
@@ -87,7 +94,7 @@ def _name_of(kind: str) -> str:
 @cache
 def _instead(words: str) -> dict[str, str]:
     """Suggested alternatives to unknown keys or to values, by word; `words` is "keys" or "values"."""
-    return {word: row["text"] for row in _words()["instead"] for word in row.get(words, ())}
+    return {word: row["text"] for row in (*_words()["instead"], *limits().values()) for word in row.get(words, ())}
 
 
 def why_not(key: str, value: object) -> str:
