@@ -9,8 +9,12 @@ A fenced block of ``sh``, ``python`` or ``toml`` is followed by one of these com
 With ``folded`` before it, as in ``<!-- folded picture: … -->``, the result comes first, and the code is folded below
 it; ``<!-- folded -->`` alone folds code without a result. The blocks of a page run in order, in one folder with
 a copy of `models/`, and Python blocks share their variables. A block of ``toml`` that begins with ``# file: NAME``
-writes that file. `tests/test_pages.py` runs all blocks of all pages. Without running code, a build puts a note in place
-of each result.
+writes that file; any other must be a part of a scene. Numbers of the text that are results are read from the program by
+
+    <!-- check: STATEMENTS -->          Python with the variables of the page, in which an `assert` must hold
+
+which the reader does not see. `tests/test_pages.py` runs all blocks and checks of all pages. Without running code, a build
+puts a note in place of each result.
 """
 
 from __future__ import annotations
@@ -27,6 +31,8 @@ from pathlib import Path
 from typing import Any
 
 from flexlink.cli.main import main
+from flexlink.common.errors import ALSO, SceneError
+from flexlink.describe.scene_file import load_scene
 
 ROOT = Path(__file__).parents[1]
 FOLDER = "FLEXLINK_PAGES"
@@ -35,6 +41,7 @@ BLOCK = re.compile(
     r"^```(sh|python|toml)\n(.*?)^```\n(?:\n?<!-- (folded|(?:folded )?(?:output|table|picture: [^>]*?)) -->\n)?",
     re.DOTALL | re.MULTILINE,
 )
+PART = re.compile(rf"{BLOCK.pattern}|^<!-- check: (.*?) -->\n", re.DOTALL | re.MULTILINE)
 
 
 class SnippetError(Exception):
@@ -66,7 +73,16 @@ class Page:
         named = re.match(r"# file: (\S+)\n", text)
         if named:
             (self.folder / named[1]).write_text(text, encoding="utf-8")
+        elif wrong := [each for each in _mistakes(text, self.folder / "part.toml") if not INCOMPLETE.search(each)]:
+            raise SnippetError(f"{self.name}: {'; '.join(wrong)}")
         return ""
+
+    def check(self, code: str) -> None:
+        """Run the assertions of a comment."""
+        try:
+            self.run("python", code)
+        except AssertionError as error:
+            raise SnippetError(f"{self.name}: {' '.join(code.split())}: {error}") from error
 
     def _command(self, line: str) -> None:
         words = shlex.split(line, comments=True)
@@ -78,6 +94,19 @@ class Page:
             expected = 1 if line.rstrip().endswith("# exit code 1") else 0
             if code != expected:
                 raise SnippetError(f"{self.name}: {line}: exit code {code}")
+
+
+INCOMPLETE = re.compile(r": missing; |not defined; defined are none$")
+"""Mistakes of a file that is a part of a scene."""
+
+
+def _mistakes(text: str, path: Path) -> list[str]:
+    path.write_text(text, encoding="utf-8")
+    try:
+        load_scene(path)
+    except SceneError as error:
+        return str(error).split(ALSO)
+    return []
 
 
 def blocks(text: str) -> Iterator[tuple[str, str, str]]:
@@ -100,6 +129,9 @@ def filled(name: str, text: str, folder: Path, pictures: Path) -> str:
     page = Page(name, folder)
 
     def with_result(found: re.Match[str]) -> str:
+        if found[4]:
+            page.check(found[4])
+            return ""
         kind, code, comment = found[1], found[2], found[3] or ""
         printed = page.run(kind, code)
         block, wanted = f"```{kind}\n{code}```\n", comment.removeprefix("folded").strip()
@@ -114,7 +146,7 @@ def filled(name: str, text: str, folder: Path, pictures: Path) -> str:
             return f"{block}\n{result}"
         return f"{result}\n:::{{dropdown}} The {'file' if kind == 'toml' else 'code'}\n{block}:::\n"
 
-    return BLOCK.sub(with_result, text)
+    return PART.sub(with_result, text)
 
 
 UNRUN = "*The complete site shows a result here: run `python -m docs`.*"
@@ -125,10 +157,12 @@ def unrun(text: str) -> str:
     """Return the text of a page with a note in place of every output and figure."""
 
     def with_line(found: re.Match[str]) -> str:
+        if found[4]:
+            return ""
         block = f"```{found[1]}\n{found[2]}```\n"
         return f"{block}\n{UNRUN}\n" if (found[3] or "folded") != "folded" else block
 
-    return BLOCK.sub(with_line, text)
+    return PART.sub(with_line, text)
 
 
 def _figure(name: str, folder: Path, pictures: Path, wanted: str) -> str:

@@ -17,7 +17,7 @@ from flexlink.robots.collection import folder
 from tests.words import refused
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("[ehs]*/*.md")), ROOT / "docs/limits.md"]
-PLACEHOLDER = re.compile(r"<!-- (?:folded|output|picture|table)")
+PLACEHOLDER = re.compile(r"<!-- (?:folded|output|picture|table|check)")
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
@@ -52,6 +52,15 @@ def test_a_failing_command_on_a_page_is_detected(tmp_path: Path) -> None:
     text = "```sh\nflexlink simulate nowhere.toml\n```\n<!-- output -->\n"
     with refused(snippets.SnippetError, "test-pages"):
         snippets.filled("page", text, tmp_path, tmp_path)
+
+
+@pytest.mark.parametrize(
+    "text", ["```python\nx = 2\n```\n<!-- check: assert x == 3 -->\n", "```toml\n[run]\nstop = 3\n```\n"]
+)
+def test_a_wrong_number_or_key_on_a_page_is_detected(text: str, tmp_path: Path) -> None:
+    with pytest.raises(snippets.SnippetError):
+        snippets.filled("page", text, tmp_path, tmp_path)
+    assert "check" not in snippets.unrun(text)
 
 
 def test_code_of_a_page_sees_earlier_code_and_files(tmp_path: Path) -> None:
