@@ -30,6 +30,7 @@ def with_code(path: Path) -> bool:
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 @pytest.mark.parametrize("path", [path for path in PAGES if with_code(path)], ids=name_of)
 def test_all_code_blocks_of_a_page_run_in_order(path: Path, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("MPLBACKEND", "agg")
