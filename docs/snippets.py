@@ -25,6 +25,7 @@ import os
 import re
 import shlex
 import shutil
+import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -94,6 +95,8 @@ class Page:
             expected = 1 if line.rstrip().endswith("# exit code 1") else 0
             if code != expected:
                 raise SnippetError(f"{self.name}: {line}: exit code {code}")
+        if words[:1] == ["cc"] and shutil.which("cc"):  # tests of exported code
+            subprocess.run(line, shell=True, check=True, cwd=self.folder)
 
 
 INCOMPLETE = re.compile(r": missing; |not defined; defined are none$")
