@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 import re
 import tomllib
 from collections.abc import Callable
@@ -15,7 +16,7 @@ from conftest import ROOT
 from test_hostile_urdf import joint, robot
 
 import flexlink as fl
-from flexlink.cli.main import main
+from flexlink.cli.main import build_parser, main
 from flexlink.describe.scene import scene_from
 from flexlink.engines.read_back import require_joints
 from tests import words
@@ -118,11 +119,42 @@ def test_the_error_of_a_typical_beginner_mistake_names_the_remedy(edit: Edit, id
 def test_a_value_with_a_unit_on_the_command_line_is_refused(capsys: Any) -> None:
     assert main(["info", PAPER, "--set", "tip.mass=3kg"]) == 2
     words.refused_line(capsys.readouterr().err, "wrong-value")
-    for wrong in (["--tolerance", "1mm"], ["--set", "tip.mass", "3"]):
+    commands = (
+        ("simulate", "--tolerance", "1kg"),
+        ("simulate", "--set", "tip.mass", "3"),
+        ("simulate", "--methd", "RK4"),
+    )
+    for command, *wrong in (*commands, ("advise", "--band", "fast")):
         with pytest.raises(SystemExit) as ended:
-            main(["simulate", PAPER, *wrong])
+            main([command, PAPER, *wrong])
         assert ended.value.code == 2
         words.reviewed("parser", capsys.readouterr().err)
+
+
+@pytest.mark.parametrize(("given", "metres"), [("1mm", 1e-3), ("1e-3", 1e-3), ("2.5e2 µm", 2.5e-4), ("0.5 m", 0.5)])
+def test_a_length_on_the_command_line_may_have_a_unit(given: str, metres: float) -> None:
+    options = build_parser(["simulate"]).parse_args(["simulate", PAPER, "--tolerance", given])
+    assert options.tolerance == pytest.approx(metres, rel=1e-15)
+
+
+def test_an_example_that_is_missing_here_is_copied_by_the_printed_command(tmp_path: Path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["info", "paper_fig5.toml"]) == 2
+    printed = words.refused_line(capsys.readouterr().err, "cannot-read")
+    *command, copied = printed.partition("by: flexlink ")[2].split()
+    assert main([*command, copied]) == 0
+    assert main(["info", copied]) == 0
+
+
+@pytest.mark.parametrize(
+    "line", ["simulate {0} --out r.csv --plot r.png --duration 5ms", "modes {0} --plot m.png", "export {0} -o files",
+             "loop {1} --plot l.png --kind poles", "info {0}", "examples crane"]
+)  # fmt: skip
+def test_json_is_one_document_also_beside_files(line: str, tmp_path: Path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    command = line.format(PAPER, ROOT / "models" / "ptp_move.toml").split()
+    assert main([*command, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)
 
 
 def test_a_path_with_a_wrong_key_names_the_remedy() -> None:

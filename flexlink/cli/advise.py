@@ -12,7 +12,6 @@ from pathlib import Path
 
 from flexlink.advice.advise import advise
 from flexlink.advice.verdict import Advice
-from flexlink.cli.json_output import add_json, print_json
 from flexlink.cli.shared import prefix_errors, print_path, require_writable, varied_scene
 from flexlink.common.output import write_or_keep, write_text
 
@@ -33,8 +32,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
         "--for", dest="measure", choices=("simulation", "explicit", "control"), default="simulation",
         help="least CPU time of the run (default of advise), or of explicit steps, or fewest coordinates (of reduce)",
     )  # fmt: skip
-    add_json(command)
-    command.add_argument("-o", "--out", type=Path, help="write the scene with this model, ready to run (.toml)")
+    command.add_argument("--out", type=Path, help="write the scene with this model, ready to run (.toml)")
 
 
 def run_command(options: argparse.Namespace) -> int:
@@ -47,7 +45,7 @@ def run_command(options: argparse.Namespace) -> int:
         limits = {"deflection": options.deflection, "band": options.band, "budget": options.budget}
         advice = advise(scene, tip, **limits, measure=options.measure)
     if options.json:
-        print_json(_document(advice))
+        options.document = _document(advice)
     else:
         print(advice)
     if options.out is not None:

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from flexlink.chain.lumping import lump
-from flexlink.cli.json_output import add_json, print_json
 from flexlink.cli.shared import prefix_errors, print_lines, varied_scene
 from flexlink.common.errors import ArgumentError
 from flexlink.common.progress import Progress
@@ -40,7 +39,6 @@ def add_options(command: argparse.ArgumentParser) -> None:
         "--trajectory", action="store_true", help="compare a run of the scene with the same run of every engine"
     )
     command.add_argument("--duration", type=float, help="with --trajectory: simulated time [s]; default: the scene's")
-    add_json(command)
 
 
 def run_command(options: argparse.Namespace) -> int:
@@ -59,7 +57,7 @@ def run_command(options: argparse.Namespace) -> int:
             comparison = compare(scene, file=options.file, samples=samples, seed=options.seed or 0, **how)
     bar.clear()
     if options.json:
-        print_json(_document(comparison))
+        options.document = _document(comparison)
     else:
         print(comparison)
     return 0 if comparison.passed else 1

@@ -20,10 +20,8 @@ import numpy as np
 from msgspec.structs import replace
 
 from flexlink.cli.fit_comparison import run_comparison
-from flexlink.cli.json_output import add_json, print_json
-from flexlink.cli.shared import prefix_errors, print_hints, print_lines, varied
+from flexlink.cli.shared import prefix_errors, print_hints, print_lines, print_path, varied
 from flexlink.common.errors import ArgumentError, IdentifiabilityError
-from flexlink.common.files import shown_path
 from flexlink.common.output import make_folder, or_keep
 from flexlink.common.progress import Progress
 from flexlink.common.wording import Diagnostic
@@ -86,7 +84,6 @@ def add_options(command: argparse.ArgumentParser) -> None:
         action="store_true",
         help="leave out each run in turn, and predict it by a fit of the others",
     )
-    add_json(command)
 
 
 def run_command(options: argparse.Namespace) -> int:
@@ -132,7 +129,7 @@ def _report(found: Check | Fitted, problem: FitProblem, options: argparse.Namesp
         proposals = propose(found if isinstance(found, Fitted) else problem, options.experiments)
     if options.json:
         more = {} if proposals is None else {"proposals": proposals.document()}
-        print_json((found.document() if isinstance(found, Fitted) else document(found)) | more)
+        options.document = (found.document() if isinstance(found, Fitted) else document(found)) | more
     elif proposals is not None:
         print("", *proposals.lines(), sep="\n")
     if isinstance(found, Fitted):
@@ -140,7 +137,7 @@ def _report(found: Check | Fitted, problem: FitProblem, options: argparse.Namesp
     else:
         page = None if out is None else building("checked_page").build_check(problem, found, out, command, proposals)
     if page is not None:
-        print(f"page: {shown_path(page.page)}", file=sys.stderr if options.json else None)
+        print_path("page", page.page)
     return 0 if found.passed and not (isinstance(found, Check) and found.coarse) else 1
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from flexlink.cli.json_output import print_json
 from flexlink.cli.shared import prefix_errors, print_lines, varied
 from flexlink.common.errors import ArgumentError
 from flexlink.common.output import make_folder, write_text
@@ -37,7 +36,7 @@ def run_comparison(options: argparse.Namespace) -> int:
         for table in found.tables:
             write_text(options.out / f"{table.name}.csv", table.csv)
     if options.json:
-        print_json(found.document())
+        options.document = found.document()
     else:
         for table in found.tables:
             print(f"{table.title}:", *_lines(table), "", sep="\n")

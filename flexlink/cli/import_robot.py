@@ -29,7 +29,7 @@ from flexlink.robots.robot_file import read_robot
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `import`."""
     command.add_argument("robot", help="URDF file, or the name of one that `flexlink robots` lists")
-    command.add_argument("-o", "--out", type=Path, help="scene file to write (.toml); default: print the arm only")
+    command.add_argument("--out", type=Path, help="scene file to write (.toml); default: print the arm only")
     command.add_argument("--base", help="link where the arm begins; default: the root of the robot")
     command.add_argument(
         "--tip",

@@ -19,7 +19,7 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.cli.json_output import add_json, print_json, with_ids
+from flexlink.cli.json_output import with_ids
 from flexlink.cli.modes import as_document, elastic_hertz, first_elastic, print_modes
 from flexlink.cli.shared import prefix_errors, print_notes, varied_scene
 from flexlink.common.types import Complex
@@ -42,7 +42,6 @@ def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `info`."""
     command.add_argument("scene", type=Path, help="scene file (.toml)")
     command.add_argument("--run", type=Path, metavar="FILE", help="also show a stored run (.npz) and its error")
-    add_json(command)
 
 
 def run_command(options: argparse.Namespace) -> int:
@@ -53,7 +52,7 @@ def run_command(options: argparse.Namespace) -> int:
         if options.run is not None:
             about["run"] = str(load_trajectory(options.run))
         if options.json:
-            print_json(about)
+            options.document = about
         else:
             _show(about)
             if found is not None:

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from flexlink.cli.json_output import add_json, print_json
 from flexlink.cli.shared import (
     prefix_errors,
     print_lines,
@@ -35,9 +34,8 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("--duration", type=float, help="duration of the move to a point [s]")
     command.add_argument("--tolerance", type=float, default=1e-3, help="allowed error of the tip [m]; default: 0.001")
     command.add_argument("--shaper", default="ZVD", help="input shaper to compare with; default: ZVD")
-    command.add_argument("-o", "--out", type=Path, help="write the driven scene to this file (.toml)")
+    command.add_argument("--out", type=Path, help="write the driven scene to this file (.toml)")
     command.add_argument("--plot", type=Path, help="plot its run to this file (.png, .svg or .pdf)")
-    add_json(command)
 
 
 def run_command(options: argparse.Namespace) -> int:
@@ -52,7 +50,7 @@ def run_command(options: argparse.Namespace) -> int:
     print_lines("warning", found.warnings)
     largest = np.abs(found.torques).max(axis=0)
     if options.json:
-        print_json(_document(found, beside, options.shaper, largest))
+        options.document = _document(found, beside, options.shaper, largest)
     else:
         _print(found, beside, options.shaper, largest)
     if options.out is not None:

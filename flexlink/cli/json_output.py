@@ -2,17 +2,10 @@
 
 from __future__ import annotations
 
-import argparse
-
 import msgspec
 import numpy as np
 
 from flexlink.common.wording import Diagnostic
-
-
-def add_json(command: argparse.ArgumentParser) -> None:
-    """Add the option `--json`."""
-    command.add_argument("--json", action="store_true", help="print the result as JSON")
 
 
 def print_json(document: object) -> None:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from flexlink.cli.json_output import add_json, print_json
 from flexlink.cli.shared import prefix_errors, require_picture, save_plot, varied_scene
 from flexlink.common.errors import ArgumentError
 from flexlink.common.notebook import drawing_module
@@ -29,7 +28,6 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("--over", metavar="PATH", help="number of the scene to change, such as drive.kd.boom")
     command.add_argument("--values", type=float, nargs="+", default=[], help="values of --over")
     command.add_argument("--plot", type=Path, help="plot to this file (.png, .svg or .pdf)")
-    add_json(command)
 
 
 def run_command(options: argparse.Namespace) -> int:
@@ -43,7 +41,7 @@ def run_command(options: argparse.Namespace) -> int:
         along = found.over(options.over, options.values) if options.over else []
         rows = [{options.over: x, "growth": each.growth} for x, each in zip(options.values, along, strict=True)]
         if options.json:
-            print_json(as_document(found, options.count) | ({"over": rows} if rows else {}))
+            options.document = as_document(found, options.count) | ({"over": rows} if rows else {})
         else:
             _show(found, options.count)
             for row in rows:

@@ -15,7 +15,7 @@ import sys
 from collections.abc import Container, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import NoReturn, TextIO
+from typing import Any, NoReturn, TextIO
 
 from flexlink.common.errors import ALSO, FlexlinkError
 from flexlink.common.interruption import finish, word
@@ -64,7 +64,7 @@ def _run(arguments: Sequence[str] | None) -> int:
         from flexlink.cli.terminal import announced  # noqa: PLC0415  loads the compiler: 0.4 s, not needed for help
     try:
         with announced():
-            code: int = options.module.run_command(options)
+            code: int = _run(options)
         print(end="", flush=True)  # detect a full disk or a closed pipe here
         return code
     except BrokenPipeError:  # the reading process has ended, as in `flexlink info scene.toml | head`
@@ -72,7 +72,7 @@ def _run(arguments: Sequence[str] | None) -> int:
         return 0
     except (FlexlinkError, OSError, MemoryError) as error:
         reasons = ["not enough memory"] if isinstance(error, MemoryError) else []
-        text = ": ".join([*reasons, *filter(None, [_in_lines(error)])])
+        text = ": ".join([*reasons, *filter(None, [_in_lines(error) + _copied_by(error, options)])])
         print(f"{coloured('flexlink')}: {text}{id_of(error)}", file=sys.stderr)
         return 2
     except KeyboardInterrupt as error:
@@ -84,6 +84,28 @@ def _run(arguments: Sequence[str] | None) -> int:
         finish()
         if alone:
             gc.freeze()  # avoids the last garbage collection, which takes 0.1 s
+
+
+def _run(options: argparse.Namespace) -> int:
+    """Run the command; with `--json`, print one document: its own, and the lines that it would print beside it."""
+    if not options.json:
+        return int(options.module.run_command(options))
+    from flexlink.cli.json_output import print_json  # noqa: PLC0415  loads NumPy, not needed for help
+
+    options.document, lines = {}, io.StringIO()
+    with contextlib.redirect_stdout(lines):
+        code = int(options.module.run_command(options))
+    print_json({"lines": lines.getvalue().splitlines()} | options.document)
+    return code
+
+
+def _copied_by(error: Exception, options: argparse.Namespace) -> str:
+    """The command that copies the scene, if it is missing here but one of the examples."""
+    path = getattr(options, "scene", None)
+    if getattr(error, "id", "") != "cannot-read" or not isinstance(path, Path) or path.exists():
+        return ""
+    names = map(Path, importlib.import_module("flexlink.cli.examples").bundled())
+    return "".join(f"; get {name} by: flexlink examples {name}" for name in names if name.name == path.name)
 
 
 def _in_lines(error: Exception) -> str:
@@ -103,18 +125,44 @@ def _loading() -> Iterator[None]:
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that reports a wrong option in one line."""
+    """A parser that reports a wrong option in one line, and reads 1mm where an option's help names its unit, [m]."""
+
+    def add_argument(self, *names: str, **about: Any) -> argparse.Action:
+        """Add an argument; every `--out` is also `-o`."""
+        unit = re.search(r"\[(m|s)\]", about.get("help", ""))
+        if about.get("type") is float and unit:
+            about["type"] = functools.partial(_in_si, unit[1])
+        return super().add_argument(*(("-o", "--out") if "--out" in names else names), **about)
+
+    def parse_known_args(self, *given: Any, **named: Any) -> Any:
+        """Parse words; unknown ones are refused here, where the options of the command are known."""
+        found, rest = super().parse_known_args(*given, **named)
+        if rest:
+            near = did_you_mean(rest[0].partition("=")[0], self._option_string_actions)
+            self.error(f"unrecognized arguments: {' '.join(rest)}{near}")
+        return found, rest
 
     def error(self, message: str) -> NoReturn:
         if wrong := re.search(r"invalid choice: '(.*?)' \(choose from (.*)\)", message):
             known, where = [name.strip("' ") for name in wrong[2].split(",")], message.partition(": invalid")[0]
             what = "unknown command" if where == "argument command" else f"{where}: unknown"
             message = f"{what} {wrong[1]!r}{did_you_mean(wrong[1], known) or '; allowed are ' + ', '.join(known)}"
-        number = r"\1: expected a number in SI units (s, m, Hz), such as 0.5"
-        message = re.sub(r"invalid float value: (.*)", number, message)
+        message = re.sub(r"invalid float value: (.*)", r"\1: expected a number in SI units, such as 0.5", message)
         if re.match("unrecognized arguments: [^-]", message):
             message += "; write a value in one piece, such as --set tip.mass=3 or --tip 2mm"
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
+
+
+def _in_si(unit: str, text: str) -> float:
+    """A number in m or s, or with a unit that converts to it, such as 1mm."""
+    from flexlink.data.csv_table import conversion, units_like  # noqa: PLC0415  loads NumPy, not needed for help
+
+    number, given = re.fullmatch(r"(.*?)\s*([^\W\d_]*)", text).groups()  # type: ignore[union-attr]
+    try:
+        return float(number) * conversion(given or unit, unit)  # type: ignore[operator]
+    except (TypeError, ValueError):  # another unit, or no number
+        known = ", ".join(units_like(unit))
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a number in {unit}, or with a unit: {known}") from None
 
 
 def build_parser(words: Container[str] | None = None) -> argparse.ArgumentParser:
@@ -155,6 +203,7 @@ def _add_options(command: argparse.ArgumentParser, module: ModuleType) -> None:
         "--set", action="append", default=[], metavar="PATH=VALUE",
         help="change a value of the scene, such as run.step=1e-5 or 'link.*.segments=9'; may be repeated",
     )  # fmt: skip
+    command.add_argument("--json", action="store_true", help="print the result as JSON, and nothing else")
     command.add_argument(
         "--quiet-hints", action="store_true", help="do not warn of numbers that are likely given in another unit"
     )

@@ -16,7 +16,6 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.cli.json_output import add_json, print_json
 from flexlink.cli.shared import prefix_errors, require_picture, save_plot, varied_scene
 from flexlink.common.errors import ArgumentError, ConvergenceError
 from flexlink.common.types import Array
@@ -39,7 +38,6 @@ def add_options(command: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     command.add_argument("--count", type=int, default=8, help="number of modes, slowest first; default: 8")
     command.add_argument("--plot", type=Path, help="plot the mode shapes to this file (.png, .svg or .pdf)")
-    add_json(command)
 
 
 def print_modes(scene: Scene, found: Modes, which: Iterable[int]) -> None:
@@ -145,7 +143,7 @@ def run_command(options: argparse.Namespace) -> int:
             found = modes(chain, posture, locked=locked, tip_wrench=wrench, frame=frame, count=options.count)
             first = first_elastic(elastic_hertz(scene, chain, posture))
     if options.json:
-        print_json({"scene": scene.name, "modes": as_document(found), "summary": first})
+        options.document = {"scene": scene.name, "modes": as_document(found), "summary": first}
     else:
         print_modes(scene, found, range(len(found.eigenvalues)))
         print(first)

@@ -23,7 +23,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `show`."""
     command.add_argument("scene", type=Path, help="scene file (.toml)")
     command.add_argument(
-        "-o", "--out", type=Path,
+        "--out", type=Path,
         help=f"file to write ({', '.join(FORMATS)}); default: a page named after the scene, opened in the browser",
     )  # fmt: skip
     command.add_argument("--magnify", type=float, default=1.0, metavar="X", help="magnify deflections; default: 1")

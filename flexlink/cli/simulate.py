@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from flexlink.cli.json_output import with_ids
 from flexlink.cli.shared import (
     prefix_errors,
     print_lines,
@@ -104,6 +105,7 @@ def run_command(options: argparse.Namespace) -> int:
             raise
         bar.clear()
         _deliver(run, options)
+        options.document = _document(run, seconds)
         _summary(scene, run, seconds)
         if stop.signal is not None:
             raise InterruptedRunError(run, stop.signal, _kept_in(options))
@@ -130,6 +132,15 @@ def _deliver(run: Trajectory, options: argparse.Namespace) -> None:
 
 def _kept_in(options: argparse.Namespace) -> str:
     return f" in {options.out}" if options.out else "; not saved: no --out"
+
+
+def _document(run: Trajectory, seconds: float) -> dict[str, object]:
+    """A run as numbers in SI units, for JSON."""
+    return {
+        "duration_s": run.t[-1] - run.t[0], "run_time_s": seconds, "tip_m": run.tip[-1], "tip_error_m": run.error,
+        "energy_j": np.asarray(run.energy.total)[[0, -1]], "imbalance_j": np.abs(run.imbalance).max(),
+        "warnings": with_ids(run.warnings),
+    }  # fmt: skip
 
 
 def _summary(scene: Scene, run: Trajectory, seconds: float) -> None:
