@@ -139,7 +139,7 @@ def test_a_length_on_the_command_line_may_have_a_unit(given: str, metres: float)
 
 def test_an_example_that_is_missing_here_is_copied_by_the_printed_command(tmp_path: Path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["info", "paper_fig5.toml"]) == 2
+    assert main(["info", Path(PAPER).name]) == 2
     printed = words.refused_line(capsys.readouterr().err, "cannot-read")
     *command, copied = printed.partition("by: flexlink ")[2].split()
     assert main([*command, copied]) == 0

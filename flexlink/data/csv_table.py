@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import difflib
 import io
 import math
 import re
@@ -14,7 +15,7 @@ import numpy as np
 from flexlink.common.errors import DataFileError
 from flexlink.common.files import read_regular
 from flexlink.common.types import Array
-from flexlink.common.wording import closest, plural, short_list, truncated
+from flexlink.common.wording import plural, short_list, truncated
 
 TIME = "t [s]"
 UNITS = {
@@ -56,8 +57,9 @@ class CsvTable(NamedTuple):
         found = [k for k, head in enumerate(self.heads) if head_of(head)[0] == quantity]
         wanted = f"{quantity} [{unit}]"
         if not found:
-            near = closest(wanted, [head for head in self.heads if head != TIME])
-            remedy = "" if near is None else f"; if {near!r} is meant, rename it"
+            near = self._misspelt(quantity, unit)
+            zeros = "; for a joint without torque, add a column of zeros" if quantity.startswith("tau ") else ""
+            remedy = zeros if near is None else f"; if {near!r} is meant, rename it"
             raise DataFileError(
                 f"{self.path}: no column {wanted!r}; columns: {short_list(self.heads)}{remedy}",
                 id="no-such-column",
@@ -83,6 +85,15 @@ class CsvTable(NamedTuple):
                 f"{self.path}: line {line}, {self.heads[found[0]]}: empty; expected a number", id="csv-cell"
             )
         return column * factor
+
+    def _misspelt(self, quantity: str, unit: str) -> str | None:
+        """The header that is this quantity in other letters; of another name, it is another joint's."""
+        heads = [head for head in self.heads if conversion(head_of(head)[1] or unit, unit)]
+        if " " not in quantity and len(heads) == 1:
+            return heads[0]
+        names = {head_of(head)[0].casefold(): head for head in heads}
+        near = difflib.get_close_matches(quantity.casefold(), names, n=1, cutoff=0.85)
+        return names[near[0]] if near else None
 
     @property
     def times(self) -> Array:

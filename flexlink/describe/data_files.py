@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import re
 from pathlib import Path
 from typing import Any, cast
 
@@ -46,7 +47,7 @@ def load(folder: str, key: str, name: str, kind: type[T]) -> T:
         known = names(folder)
         raise ArgumentError(
             f"{key} = {truncated(name)}: unknown; allowed are {', '.join(known)} or a path ending in .toml"
-            f"{did_you_mean(name, known)}",
+            f"{did_you_mean(_called_elsewhere(folder, name) or name, known)}",
             id="unknown-name",
         )
     try:
@@ -54,6 +55,13 @@ def load(folder: str, key: str, name: str, kind: type[T]) -> T:
     except (SceneError, OSError, ValueError) as error:
         raise DataFileError(f"{key} = {truncated(name)}: {error}") from None
     return description
+
+
+def _called_elsewhere(folder: str, name: object) -> str | None:
+    """The built-in description that has this name in another program, which it says in `about`: SciPy's RK45."""
+    word = re.compile(rf"'s {re.escape(str(name))}\b", re.IGNORECASE)
+    abouts = ((each, str(read_toml(DATA / folder / f"{each}.toml")["about"])) for each in names(folder))
+    return next((each for each, about in abouts if word.search(about)), None)
 
 
 @functools.lru_cache(maxsize=256)

@@ -25,8 +25,8 @@ def instability(loop: Loop) -> tuple[str, str]:
     changes = [_of_delay(loop), _of_rate(loop), *(_of_gain(loop, *names) for names in gains), _of_armature(loop)]
     if any(changes):
         return text, f"stable with {' or with '.join(filter(None, changes))}"
-    tried = f"no delay, rate up to {FASTEST:g} Hz, hundredth of the gains or armature alone makes it stable"
-    return text, f"{tried}; change several, and give the links their damping"
+    tried = f"delay 0, rates up to {FASTEST:g} Hz, a hundredth of the gains, armature"
+    return text, f"unstable with each of these alone: {tried}; combine them, and give the links their damping"
 
 
 def _of_delay(loop: Loop) -> str:
