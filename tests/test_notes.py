@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +13,7 @@ from conftest import MODELS, flexible, make_scene
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.common.wording import id_of
-from flexlink.dynamics.notes import notes
+from flexlink.dynamics.notes import defaults, notes
 from tests.words import reviewed
 
 STILL = make_scene(fl.Link(name="a"), flexible("b"))
@@ -114,3 +116,43 @@ def test_info_prints_notes_to_stderr(tmp_path: Path, capsys) -> None:
     (note,) = notes(scene)
     assert f"note: {note}{id_of(note)}" in streams.err.splitlines()
     assert "note" not in streams.out
+
+
+def test_gravity_that_nobody_wrote_is_said_until_the_remedy_is_applied() -> None:
+    unsaid = make_scene(flexible("b")).varied({"link.b.segments": 5})
+    assert [note.id for note in defaults(unsaid)] == ["gravity-not-given"]
+    (note,) = defaults(unsaid)
+    reviewed("gravity-not-given", note)
+    mended = unsaid.varied({"gravity": tomllib.loads(note.partition("set ")[2])["gravity"]})
+    assert mended.gravity[2] == -9.81 and not defaults(mended)
+    assert not defaults(unsaid.varied({"gravity": [0.0, 0.0, 9.81]}))
+
+
+@pytest.mark.parametrize("joint", [{"kind": "prismatic"}, {}], ids=["slides", "turns"])
+def test_the_note_on_the_width_of_friction_states_the_creep_of_a_run(joint: dict) -> None:
+    hub = fl.RigidBody(mass=1.0, inertia=(1.0, 1.0, 1.0))
+    rod = fl.Link(name="rod", hub=hub, joint=fl.Joint(coulomb=20.0, **joint))
+    scene = make_scene(rod, gravity=(0, 0, 0), drive=fl.Drive(kind="constant", torque=(10.0,)))
+    (note,) = defaults(scene)
+    reviewed("friction-width-not-given", note)
+    creep = 1e-3 * float(re.search(r"at ([\d.]+) m", note)[1])
+    run = fl.simulate(scene, step=1e-5, duration=0.02)
+    assert run.qd[-1, 0] == pytest.approx(creep, rel=0.01)  # 5.5 of 5.493
+    narrow = float(note.rpartition("= ")[2])
+    mended = scene.varied({"link.rod.joint.coulomb_width": narrow})
+    assert not defaults(mended)
+    assert fl.simulate(mended, step=1e-6, sample=1e-5, duration=0.002).qd[-1, 0] == pytest.approx(creep / 10, rel=0.01)
+
+
+def test_a_strip_on_edge_is_noted_and_softer_by_the_stated_factor_if_height_and_width_are_exchanged() -> None:
+    strip = fl.Section(shape="rectangle", height=0.04, width=0.003)
+    scene = make_scene(flexible("b")).varied({"section.square": strip})
+    (note,) = (each for each in notes(scene) if each.id == "bends-on-edge")
+    reviewed("bends-on-edge", note)
+    EI, factor = (float(number) for number in re.findall(r"= ([\d.]+) N m², ([\d.]+) ×", note)[0])
+    young = scene.arm.materials["aluminium"].young
+    assert EI == pytest.approx(young * 0.003 * 0.04**3 / 12, rel=1e-3)
+    mended = scene.varied({"section.square": fl.Section(shape="rectangle", height=0.003, width=0.04)})
+    assert not [each for each in notes(mended) if each.id == "bends-on-edge"]
+    stiff, soft = (fl.modes(fl.lump(each), locked=["b"]).hertz[0] for each in (scene, mended))
+    assert (stiff / soft) ** 2 == pytest.approx(factor, rel=0.01)

@@ -81,6 +81,10 @@ def _examined(scene: Scene) -> tuple[dict[str, Any], Modes | None]:
     return {
         "scene": scene.name, "about": scene.about, "degrees_of_freedom": chain.freedoms, "driven": len(chain.active),
         "mass_kg": float(chain.bodies["mass"].sum()),
+        "bending": [
+            {"link": link.name, "about": link.flex, "ei_y_n_m2": EI[0], "ei_z_n_m2": EI[1]}
+            for link in scene.arm.links if (EI := scene.arm.bending_stiffness(link))
+        ],
         "joints": [{"name": chain.joint_name(k), "description": _kind(chain, k)} for k in range(chain.n)],
         "sensors": list(column_names(scene.sensor, scene.arm)) if scene.sensor else [],
         "modes": [] if found is None else as_document(found),
@@ -105,6 +109,9 @@ def _show(about: Mapping[str, Any]) -> None:
         print(f"  {k:4d}  {joint['name']:<16} {joint['description']}")
     if len(joints) > listed:
         print(f"  … {len(joints) - listed} more")
+    for link in about["bending"]:
+        axes, EI = " and ".join(link["about"].strip("x")), (link["ei_y_n_m2"], link["ei_z_n_m2"])
+        print(f"{link['link']} bends about {axes}: EI = {EI[0]:.4g} N m² about y, {EI[1]:.4g} N m² about z")
     if about["sensors"]:
         print(f"sensors: {', '.join(about['sensors'])}")
     _show_frequencies(about)

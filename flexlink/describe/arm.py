@@ -232,6 +232,13 @@ class Arm(Spec, frozen=True):
             return self.rigidities[link.rigidity].loss_time
         return (link.damping or self.materials[link.material or ""]).loss_time
 
+    def bending_stiffness(self, link: Link) -> tuple[float, ...]:
+        """EI [N m²] at the root of a flexible link about its y and z; empty if it is rigid or has no section."""
+        if link.flex == "rigid" or link.section is None:
+            return ()
+        _, i_y, i_z, _ = self.sections[link.section].properties
+        return tuple(self.materials[link.material or ""].young * i for i in (i_y, i_z))
+
     def path(self, number: int, key: str = "link") -> str:
         """Path of a link, given its number from 1, as in `--set`: `link.upper` or `link.2`; `key` replaces "link"."""
         return f"{key}.{link_key([link.name for link in self.links], number - 1)}"

@@ -294,8 +294,9 @@ def check_method(run: RunSettings) -> None:
     try:
         supported = method(run.method).controlled or not run.controlled
     except (ArgumentError, DataFileError) as error:
-        kind = DataFileError if isinstance(error, DataFileError) else SceneError
-        raise kind(f"run.{error}".replace("allowed are", f"allowed are {AUTO},", 1)) from None
+        if isinstance(error, DataFileError):
+            raise DataFileError(f"run.{error}") from None
+        raise SceneError(f"run.{error}".replace("allowed are", f"allowed are {AUTO},", 1)) from None
     if not supported:
         allowed = ", ".join([AUTO, *(name for name in data_files.names("methods") if method(name).controlled)])
         raise SceneError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -9,12 +10,13 @@ import numpy as np
 from flexlink.chain.arguments import require_type
 from flexlink.chain.lumping import lump
 from flexlink.chain.odd_bodies import of_odd_bodies
-from flexlink.common.wording import Diagnostic
+from flexlink.common.wording import Diagnostic, short_list
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.joint import Joint
 from flexlink.describe.link import Link
 from flexlink.describe.run_settings import DEFAULT_TOLERANCE
 from flexlink.describe.scene import Scene
+from flexlink.describe.spec import fields_of
 from flexlink.dynamics.start_notes import balance, slack_springs, unheld_joints, weak_drives
 from flexlink.dynamics.terms import elastic_torque
 
@@ -43,13 +45,13 @@ def notes(scene: Scene) -> tuple[Diagnostic, ...]:
     require_type("scene", scene, Scene)
     start = _parallel_gravity, slack_springs, unheld_joints, weak_drives, balance
     unused = _unused_static_start, _unused_torques, _unused_link_keys, _centers_without_mass
-    unusual = _tip_without_length, _falling_base, _few_hinges, _odd_inertias
+    unusual = _tip_without_length, _falling_base, _few_hinges, _odd_inertias, _on_edge
     with np.errstate(all="ignore"):  # values beyond float64 are refused when a run is built from them
         return tuple(note for each in (*start, *unused, *unusual) for note in each(scene))
 
 
 def defaults(scene: Scene) -> tuple[Diagnostic, ...]:
-    """Report defaults that determine the result: the step or tolerance of a run that specifies neither.
+    """Report defaults that determine the result: gravity, the width of dry friction, and the step or tolerance.
 
     Parameters
     ----------
@@ -61,12 +63,42 @@ def defaults(scene: Scene) -> tuple[Diagnostic, ...]:
     tuple of Diagnostic
         A string of one line for each default; empty if there are none.
     """
+    return tuple(note for each in (_unsaid_gravity, _width_of_friction, _unsaid_steps) for note in each(scene))
+
+
+def _unsaid_gravity(scene: Scene) -> Iterator[Diagnostic]:
+    """Gravity that nobody wrote: the scene then has the default itself."""
+    if any(scene.gravity is field.default for field in fields_of(Scene)):
+        where = f"not given: {scene.gravity[2]:g} m/s² along +z, as Z points down"
+        yield Diagnostic(f"gravity: {where}; if Z points up, set gravity = [0, 0, -9.81]", "gravity-not-given")
+
+
+def _width_of_friction(scene: Scene) -> Iterator[Diagnostic]:
+    """Smoothed friction holds nothing at rest: a load of a share s of it creeps at artanh(s) times its width."""
+    width = Joint().coulomb_width
+    for slides, unit in ((False, "mrad/s"), (True, "mm/s")):
+        joints = ((scene.arm.path(k), link.joint) for k, link in enumerate(scene.arm.links, 1))
+        paths = [
+            path for path, j in joints if j.coulomb and j.coulomb_width == width and j.slides == slides and not j.locked
+        ]
+        if paths:
+            creep = f"a load of half the dry friction creeps at {1e3 * math.atanh(0.5) * width:.2g} {unit}"
+            yield Diagnostic(
+                f"{short_list([f'{path}.joint' for path in paths])}: coulomb_width = {1e3 * width:g} {unit}, the "
+                f"default: {creep}; for a tenth of it, set coulomb_width = {width / 10:g}",
+                "friction-width-not-given",
+            )
+
+
+def _unsaid_steps(scene: Scene) -> Iterator[Diagnostic]:
+    """Steps or a tolerance that nobody wrote."""
     run = scene.run
     if run.duration == 0 or (run.step is not None or run.has_tolerance):
-        return ()
+        return
     if not run.by_default:
         steps = f"fixed steps of {run.fixed_step:g} s by {run.method}, unless a tolerance is given"
-        return (Diagnostic(f"run: no step given; {steps}", "no-step-given"),)
+        yield Diagnostic(f"run: no step given; {steps}", "no-step-given")
+        return
     chain = lump(scene)
     tolerance, of = run.tolerance_within(chain.size), f"{DEFAULT_TOLERANCE:g} of the {chain.size_name}"
     length = f"{1e3 * tolerance:.3g} mm"
@@ -74,8 +106,20 @@ def defaults(scene: Scene) -> tuple[Diagnostic, ...]:
         of += f", {chain.size:.3g} m"
     if not chain.has_levers:
         length = f"{tolerance / chain.size:.3g} rad or {length}"
-    text = f"run: no step given; tolerance {length} ({of}), method auto"
-    return (Diagnostic(text, "no-step-given"),)
+    yield Diagnostic(f"run: no step given; tolerance {length} ({of}), method auto", "no-step-given")
+
+
+def _on_edge(scene: Scene) -> Iterator[Diagnostic]:
+    """A flat rectangle that bends only about its stiffer axis may have its height and width exchanged."""
+    flat = 25.0  # second moments of a rectangle that is 5 times as high as wide
+    for k, link in enumerate(scene.arm.links, 1):
+        EI = scene.arm.bending_stiffness(link)
+        if EI and link.flex == "z" and EI[1] >= flat * EI[0] and scene.arm.sections[link.section or ""].height:
+            yield Diagnostic(
+                f"{scene.arm.path(k)}.section = {link.section!r}: bends about z, its stiffer axis, EI = {EI[1]:.4g} "
+                f"N m², {EI[1] / EI[0]:.3g} × the other; to bend about the other, exchange height and width",
+                "bends-on-edge",
+            )
 
 
 def _odd_inertias(scene: Scene) -> Iterator[Diagnostic]:

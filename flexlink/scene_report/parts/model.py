@@ -55,17 +55,17 @@ def _drawing(study: Study) -> Picture:
 
 
 def _links(study: Study) -> Table:
-    heads = ("link", "length [m]", "bends about", "hinges", "rule", "material", "section", "damping time [s]")
+    heads = ("link", "length [m]", "bends about", "EI_y [N m²]", "EI_z [N m²]", "hinges", "rule", "material", "section")
     arm = study.scene.arm
     lines: list[tuple[Cell, ...]] = []
     for link, (nodes, _) in zip(arm.links, hinges_of(arm), strict=True):
-        if link.flex == "rigid":
-            lines.append((link.name, float(link.length), "rigid", 0, "", link.material or "", link.section or "", None))
-        else:
-            named = link.lumping, link.material or "", link.section or ""
+        EI, rule, made_of = arm.bending_stiffness(link) or (None, None), "", (link.material or "", link.section or "")
+        length, loss = link.length, None
+        if link.flex != "rigid":
+            length, rule = link.beam.length, link.lumping
             loss = None if link.damping is not None and link.damping.is_constant else arm.loss_time(link)
-            lines.append((link.name, float(link.beam.length), link.flex, len(nodes), *named, loss))
-    return Table("links", "Links", heads, tuple(lines))
+        lines.append((link.name, float(length), link.flex, *EI, len(nodes), rule, *made_of, loss))
+    return Table("links", "Links", (*heads, "damping time [s]"), tuple(lines))
 
 
 def _joints(study: Study) -> Iterator[Table]:
