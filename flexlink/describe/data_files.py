@@ -58,7 +58,7 @@ def load(folder: str, key: str, name: str, kind: type[T]) -> T:
 
 
 def _called_elsewhere(folder: str, name: object) -> str | None:
-    """The built-in description that has this name in another program, which it says in `about`: SciPy's RK45."""
+    """The built-in description that has this name in another program according to its `about`: SciPy's RK45."""
     given = re.escape(truncated(name).strip("'"))
     word = re.compile(rf"'s {given}\b", re.IGNORECASE)
     abouts = ((each, str(read_toml(DATA / folder / f"{each}.toml")["about"])) for each in names(folder))

@@ -194,6 +194,18 @@ class DenavitHartenberg(Spec, frozen=True):
         return (self.a, 0.0, self.d) if self.convention == "standard" else (0.0, 0.0, 0.0)
 
 
+def outside_limits(name: str, joint: Joint, position: float) -> str:
+    """The position [deg or m] and why it is outside the joint's limits, else empty.
+
+    A thousandth of the range may be noise of a measurement at a stop, of which runs warn.
+    """
+    low, high = joint.limits or (-math.inf, math.inf)
+    if not max(low - position, position - high) > 1e-3 * (high - low):
+        return ""
+    where = f"outside {joint.limits_key} = {[low, high]} of joint {name!r}"
+    return f"{position!r}: {where}; if this is possible, widen it to {[min(low, position), max(high, position)]}"
+
+
 def refuse_beyond(course: ReferenceTrajectory, joints: Sequence[tuple[str, Joint]]) -> None:
     """Refuse a reference trajectory whose smallest or largest positions exceed the limits of these joints.
 

@@ -5,7 +5,6 @@ Messages name the path, the value and what is allowed. `wrong_lists` yields all 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from flexlink.common.errors import ArgumentError, SceneError
@@ -15,9 +14,8 @@ from flexlink.describe.arm import BASE, Arm
 from flexlink.describe.drive import Drive
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.initial import BaseState, InitialState
-from flexlink.describe.joint import refuse_beyond
+from flexlink.describe.joint import outside_limits, refuse_beyond
 from flexlink.describe.joint_units import OF_JOINT, misplaced
-from flexlink.describe.link import Link
 from flexlink.describe.mistakes import check_all, raise_together
 from flexlink.describe.reference import OF_MOTION
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
@@ -135,7 +133,7 @@ def check_limits(arm: Arm, initial: InitialState, names: Mapping[str, str]) -> N
         A joint starts outside its limits.
     """
     for k, (link, position) in enumerate(zip(arm.links, initial.own("joint", arm.slides), strict=True)):
-        outside = _outside_limits(link, position)
+        outside = outside_limits(link.name, link.joint, position)
         if outside and (initial.q is None or link.joint.locked):
             key = names["joint_m" if link.joint.slides else "joint_deg"].replace("joint_", "initial.joint_")
             raise SceneError(f"{arm.path(k + 1, key)} = {outside}", id="outside-limits")
@@ -191,7 +189,7 @@ def _check_motion(arm: Arm, initial: InitialState, motion: PrescribedMotion) -> 
             )
     middle = sum(joint.limits or (0.0, 0.0)) / 2
     k, value = max(enumerate(motion.columns[0]), key=lambda each: abs(each[1] - middle))
-    if outside := _outside_limits(arm.links[number - 1], value):
+    if outside := outside_limits(arm.links[number - 1].name, joint, value):
         raise SceneError(f"{path}.{position}[{k}] = {outside}", id="outside-limits")
     return number
 
@@ -324,20 +322,6 @@ def check_grid(initial: InitialState, drive: Drive, wrench: Wrench, run: RunSett
     for name, table in (("drive", drive), ("wrench", wrench)):
         for k, time in enumerate(table.times or () if table.hold else ()):
             whole(f"{name}.times[{k}]", time, run.label("step", "run."), run.fixed_step)
-
-
-def _outside_limits(link: Link, position: float) -> str:
-    """The position [deg or m] and why it is outside the joint's limits; empty if it is inside.
-
-    Up to a thousandth of the range, it may be noise of a measurement at a stop: runs warn of it.
-    """
-    joint = link.joint
-    low, high = joint.limits or (-math.inf, math.inf)
-    if not joint.limits or max(low - position, position - high) <= 1e-3 * (high - low):
-        return ""
-    wider = [min(low, position), max(high, position)]
-    where = f"outside {joint.limits_key} = {[low, high]} of joint {link.name!r}"
-    return f"{position!r}: {where}; if this is possible, widen it to {wider}"
 
 
 def check_named(arm: Arm, run: RunSettings) -> None:

@@ -70,7 +70,7 @@ class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         if getattr(_thread, "validated", False):
             return
         for field in fields_of(type(self)):
-            if getattr(self, field.name) is field.default:  # stays this object, by which notes know that nobody gave it
+            if getattr(self, field.name) is field.default:  # remains this object: notes recognise it
                 continue
             try:
                 value = to_builtin(getattr(self, field.name))

@@ -67,7 +67,7 @@ def defaults(scene: Scene) -> tuple[Diagnostic, ...]:
 
 
 def _unsaid_gravity(scene: Scene) -> Iterator[Diagnostic]:
-    """Gravity that nobody wrote: the scene then has the default itself."""
+    """Gravity that is not given: the scene then has the default object."""
     if any(scene.gravity is field.default for field in fields_of(Scene)):
         where = f"not given: {scene.gravity[2]:g} m/s² along +z, as Z points down"
         yield Diagnostic(f"gravity: {where}; if Z points up, set gravity = [0, 0, -9.81]", "gravity-not-given")
@@ -91,7 +91,7 @@ def _width_of_friction(scene: Scene) -> Iterator[Diagnostic]:
 
 
 def _unsaid_steps(scene: Scene) -> Iterator[Diagnostic]:
-    """Steps or a tolerance that nobody wrote."""
+    """The default steps or tolerance."""
     run = scene.run
     if run.duration == 0 or (run.step is not None or run.has_tolerance):
         return
