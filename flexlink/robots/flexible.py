@@ -128,8 +128,8 @@ def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) ->
     if not 0 < mass < largest * (1 - 1e-6):  # at the largest mass, the remainder is a point or a needle
         raise ArgumentError(
             f"flexible: link {truncated(part.link)}: a beam of {mass:.4g} kg does not fit into the link's mass, "
-            f"{part.body.mass:.4g} kg, and inertia; at most {rounded_down(largest)} kg fits; give mass, a lighter "
-            "section or another line",
+            f"{part.body.mass:.4g} kg, and inertia; at most {rounded_down(largest)} kg fits; give "
+            f"{'a smaller' if flexible.mass else 'a'} mass, a section that is lighter and thinner, or another line",
             id="beam-heavier-than-link",
         )
     root, end = cut(part.body, _prism(section, mass, line), _pose(line), line.length)
@@ -151,7 +151,7 @@ def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) ->
         f"{part.link}: beam of {mass:.4g} kg and {line.length:.4g} m, from the link's {part.body.mass:.4g} kg",
         "flexible-link",
     )
-    return ImportedLink(link, material, section, remark, _warning(part, flexible, largest))
+    return ImportedLink(link, material, section, remark, _warning(part, flexible, largest, line.length))
 
 
 def _mass(flexible: FlexibleLink, volume: float, largest: float) -> float:
@@ -160,13 +160,16 @@ def _mass(flexible: FlexibleLink, volume: float, largest: float) -> float:
     return flexible.mass or 0.5 * largest
 
 
-def _warning(part: Part, flexible: FlexibleLink, largest: float) -> Diagnostic | None:
+def _warning(part: Part, flexible: FlexibleLink, largest: float, length: float) -> Diagnostic | None:
     share = largest / part.body.mass
     if share >= 0.1:
         return None
-    beam, remedy = ("along `line`", "check") if flexible.line else ("from joint to joint", "set")
+    beam, remedy = ("along `line`", "check `line`") if flexible.line else ("from joint to joint", "set `line`")
+    if length > 100.0:
+        remedy = f"likely given in mm: in SI {length / 1e3:.4g} m; write the file's lengths in m"
+    carries = f"can carry only {100 * share:.2g} % of the link's mass"
     return Diagnostic(
-        f"{part.link}: a beam {beam} can carry only {100 * share:.2g} % of the link's mass; {remedy} `line`",
+        f"{part.link}: a beam {beam}, {length:.4g} m, {carries}; {remedy}",
         "beam-light",
     )
 

@@ -38,6 +38,7 @@ def of_angles(scene: Scene) -> Iterator[Diagnostic]:
                 "rpy_deg",
                 "likely-degrees",
             )
+    yield from _of_turns(scene)
     for path, values in angles:
         nonzero = [value for value in values if value]
         if nonzero and max(map(abs, nonzero)) <= 2 * math.pi + 0.01 and any(map(_looks_like_radians, nonzero)):
@@ -45,6 +46,22 @@ def of_angles(scene: Scene) -> Iterator[Diagnostic]:
             why = "the digits match round angles in radians"
             yield Diagnostic(
                 f"{path} = {shown(values)} deg: {why}; likely given in rad: in degrees [{inner}]", "likely-radians"
+            )
+
+
+def _of_turns(scene: Scene) -> Iterator[Diagnostic]:
+    """Hint on tables through more than a turn that end at no whole degree, as degrees in a column of radians do."""
+    reference = scene.drive.reference
+    columns = {f"motion.{motion.link}": motion.angle_deg for motion in scene.motion}
+    if reference is not None and reference.angle_deg:
+        rows = zip(scene.arm.links, zip(*reference.angle_deg, strict=True), strict=True)
+        columns |= {f"drive.reference, joint {link.name!r}": column for link, column in rows}
+    for path, angles in columns.items():
+        if angles and max(angles) - min(angles) > 360.0 and abs(angles[-1] - round(angles[-1])) > 1e-6:
+            turns = (max(angles) - min(angles)) / 360.0
+            yield Diagnostic(
+                f"{path}: {turns:.3g} turns; if the column was in degrees, write [deg] in its name instead of [rad]",
+                "likely-degrees",
             )
 
 
