@@ -96,6 +96,19 @@ def refusal(folder: Path, table: str, text: str) -> str:
     return str(caught.value)
 
 
+def test_times_in_milliseconds_called_seconds_are_mended_by_the_printed_head(tmp_path: Path) -> None:
+    text = "t [s],q upper [deg]\n" + "".join(f"{10 * k},{k}\n" for k in range(20))
+    head = re.search(r"name the column (t \[ms\])", refusal(tmp_path, files.MOTION, text))[1]
+    assert written(tmp_path, files.MOTION, text.replace("t [s]", head)).motion[0].times[-1] == pytest.approx(0.19)
+
+
+@pytest.mark.parametrize("segments", [0, 1, -3])
+def test_the_number_of_segments_that_a_refusal_names_is_accepted(segments: int) -> None:
+    with pytest.raises(fl.errors.SceneError) as caught:
+        flexible("a", segments=segments)
+    assert flexible("a", segments=int(re.search(r"such as (\d+)", str(caught.value))[1])).segments > 2
+
+
 @pytest.mark.parametrize("beyond", [3e-6, 8e-3])
 def test_noise_at_a_stop_passes_with_a_warning_of_the_run(beyond: float) -> None:
     cart = fl.Link(name="cart", joint=fl.Joint(kind="prismatic", limits_m=(0.0, 8.0)), hub=files.HUB)
@@ -154,7 +167,8 @@ def test_the_steps_that_replace_an_unstable_one_run() -> None:
         assert fl.simulate(scene, **{key: float(value)}).t[-1] == pytest.approx(0.02)
 
 
-def test_the_method_that_is_meant_by_a_name_in_another_program_runs(capsys) -> None:
+@pytest.mark.parametrize("name", ["rk45", "ode45"])
+def test_the_method_that_is_meant_by_a_name_in_another_program_runs(name: str, capsys) -> None:
     command = ["simulate", str(ROOT / "models" / "paper_fig5.toml"), "--duration", "0.005", "--method"]
-    assert main([*command, "rk45"]) == 2
+    assert main([*command, name]) == 2
     assert main([*command, re.search(r"mean '(\w+)'", capsys.readouterr().err)[1]]) == 0

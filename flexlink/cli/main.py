@@ -20,7 +20,7 @@ from typing import Any, NoReturn, TextIO
 from flexlink.common.errors import ALSO, FlexlinkError
 from flexlink.common.interruption import finish, word
 from flexlink.common.versions import __version__
-from flexlink.common.wording import coloured, did_you_mean, id_of
+from flexlink.common.wording import closest, coloured, did_you_mean, id_of
 from flexlink.results.stop_reasons import InterruptedRunError
 
 
@@ -138,8 +138,9 @@ class _Parser(argparse.ArgumentParser):
         """Parse words; unknown ones are refused here, where the options of the command are known."""
         found, rest = super().parse_known_args(*given, **named)
         if rest:
-            near = did_you_mean(rest[0].partition("=")[0], self._option_string_actions)
-            self.error(f"unrecognized arguments: {' '.join(rest)}{near}")
+            names = {name.strip("-"): name for name in self._option_string_actions}
+            near = closest(rest[0].partition("=")[0].strip("-"), names)
+            self.error(f"unrecognized arguments: {' '.join(rest)}{did_you_mean(names.get(near or ''), names.values())}")
         return found, rest
 
     def error(self, message: str) -> NoReturn:

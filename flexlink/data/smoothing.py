@@ -70,7 +70,7 @@ def smoothed(t: Array, y: Array, cutoff: float | str) -> tuple[Array, Array, Arr
     if 2 * spacing * cutoff >= 1:
         raise SceneError(
             f"cutoff = {cutoff!r}: samples are up to {spacing:.6g} s apart; expected less than {0.5 / spacing:.6g} Hz, "
-            "half the sampling rate",
+            f"half the sampling rate{'; if the times are in ms, name the column t [ms]' * (spacing >= 1)}",
             id="cutoff-too-high",
         )
     from scipy.interpolate import BSpline  # noqa: PLC0415  slow to import: 0.1 s

@@ -69,7 +69,7 @@ class Link(Spec, frozen=True):
     """Direction of the section's z in the link's frame; default: the joint's axis."""
     flex: Literal["rigid", "z", "yz", "xyz"] = "rigid"
     """Flexibility: none, bending about the section's z, about y and z, or about y and z with twist about x."""
-    segments: Annotated[int, msgspec.Meta(ge=1, le=100_001)] = 1  # lumping the largest number takes seconds
+    segments: Annotated[int, msgspec.Meta(le=100_001)] = 1  # lumping the largest number takes seconds
     """Number of rigid segments of a flexible link, which has segments − 1 hinges."""
     lumping: str = "gauss"
     """Rule that places the hinges: a name, or the path of a rule file."""
