@@ -8,6 +8,7 @@ flexlink advise models/paper_fig5.toml --tip 1mm --for control
 from __future__ import annotations
 
 import argparse
+import contextlib
 from pathlib import Path
 
 from flexlink.advice.advise import advise
@@ -40,7 +41,9 @@ def run_command(options: argparse.Namespace) -> int:
     scene = varied_scene(options.scene, options)
     if options.out is not None:
         require_writable(options.out)
-    tip = float(options.tip) if _is_number(options.tip) else options.tip
+    tip = options.tip
+    with contextlib.suppress(ValueError):  # a length with its unit
+        tip = float(tip)
     with prefix_errors(options.scene):
         limits = {"deflection": options.deflection, "band": options.band, "budget": options.budget}
         advice = advise(scene, tip, **limits, measure=options.measure)
@@ -58,11 +61,3 @@ def _document(advice: Advice) -> dict[str, object]:
     """Advice as plain numbers [m, s] and strings, with the scene as TOML."""
     numbers = ("met", "error", "tolerance", "tip_travel", "run_time", "again_time", "horizon", "runs", "compute_time")
     return {name: getattr(advice, name) for name in numbers} | {"lines": advice.lines, "scene": advice.scene.to_toml()}
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
