@@ -172,3 +172,53 @@ def test_the_method_that_is_meant_by_a_name_in_another_program_runs(name: str, c
     command = ["simulate", str(ROOT / "models" / "paper_fig5.toml"), "--duration", "0.005", "--method"]
     assert main([*command, name]) == 2
     assert main([*command, re.search(r"mean '(\w+)'", capsys.readouterr().err)[1]]) == 0
+
+
+def test_every_key_of_a_file_with_two_letters_exchanged_is_put_right_by_the_suggestion(tmp_path: Path) -> None:
+    text = (ROOT / "models" / "t3_spatial.toml").read_text(encoding="utf-8")
+    path = tmp_path / "scene.toml"
+    keys = {key for key in re.findall(r"^(\w{4,})\s*=", text, re.MULTILINE) if key[1] != key[2]}
+    assert len(keys) > 15
+    for key in keys:
+        path.write_text(text.replace(key, key[0] + key[2] + key[1] + key[3:]), encoding="utf-8")
+        with pytest.raises(fl.errors.SceneError) as caught:
+            fl.load_scene(path)
+        assert re.search(r"did you mean '(\w+)'", str(caught.value))[1] == key
+
+
+VALUES = {
+    "hinges-of-rule": ({"link.upper.segments": 4, "link.upper.lumping": "gauss"}, r"segments", r"are (\d+) or"),
+    "segments-of-rule": ({"link.upper.segments": 3, "link.upper.lumping": "gregory"}, "segments", r"least (\d+) seg"),
+    "rigid-segments": ({"link.upper.flex": "rigid", "link.upper.segments": 3}, "flex", r"set flex = '(\w+)'"),
+}
+"""Changes of the paper's scene that are refused, the key of the remedy, and its value."""
+
+
+@pytest.mark.parametrize("id", VALUES)
+def test_the_value_in_a_refusal_is_accepted(id: str) -> None:
+    changes, key, pattern = VALUES[id]
+    scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml")
+    with pytest.raises(fl.errors.SceneError) as caught:
+        scene.varied(changes)
+    assert caught.value.id == id
+    value = re.search(pattern, str(caught.value))[1]
+    scene.varied({**changes, f"link.upper.{key}": int(value) if value.isdecimal() else value})
+
+
+def test_a_column_without_a_unit_gets_a_head_that_is_read(tmp_path: Path) -> None:
+    bare = files.GOOD.replace("q upper [deg]", "q upper")
+    head = re.search(r"as in '(.*?)'", refusal(tmp_path, files.MOTION, bare))[1]
+    assert written(tmp_path, files.MOTION, bare.replace("q upper", head)) == written(tmp_path, files.MOTION, files.GOOD)
+
+
+def test_a_robot_given_as_a_scene_is_imported_by_the_printed_command(tmp_path: Path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/><axis xyz="0 0 1"/>'
+    joint = f'<joint name="j" type="revolute"><parent link="a"/><child link="b"/>{limit}</joint>'
+    body = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    robot = f'<robot name="r"><link name="a"/><link name="b">{body}</link>{joint}</robot>'
+    (tmp_path / "arm.urdf").write_text(robot, encoding="utf-8")
+    assert main(["info", "arm.urdf"]) == 2
+    command = re.search(r"flexlink (import \S+)", capsys.readouterr().err)[1]
+    assert main([*command.split(), "-o", "scene.toml"]) == 0
+    assert main(["info", "scene.toml"]) == 0

@@ -200,7 +200,7 @@ def outside_limits(name: str, joint: Joint, position: float) -> str:
     A thousandth of the range may be noise of a measurement at a stop, of which runs warn.
     """
     low, high = joint.limits or (-math.inf, math.inf)
-    if not max(low - position, position - high) > 1e-3 * (high - low):
+    if not max(position - high, low - position) > 1e-3 * (high - low):
         return ""
     where = f"outside {joint.limits_key} = {[low, high]} of joint {name!r}"
     return f"{position!r}: {where}; if this is possible, widen it to {[min(low, position), max(high, position)]}"
