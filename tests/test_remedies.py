@@ -183,7 +183,8 @@ def test_every_key_of_a_file_with_two_letters_exchanged_is_put_right_by_the_sugg
         path.write_text(text.replace(key, key[0] + key[2] + key[1] + key[3:]), encoding="utf-8")
         with pytest.raises(fl.errors.SceneError) as caught:
             fl.load_scene(path)
-        assert re.search(r"did you mean '(\w+)'", str(caught.value))[1] == key
+        suggested = re.search(r"did you mean '(\w+)'", str(caught.value))
+        assert suggested[1] == key
 
 
 VALUES = {
