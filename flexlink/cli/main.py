@@ -64,7 +64,7 @@ def _run(arguments: Sequence[str] | None) -> int:
         from flexlink.cli.terminal import announced  # noqa: PLC0415  loads the compiler: 0.4 s, not needed for help
     try:
         with announced():
-            code: int = _run(options)
+            code = _run_command(options)
         print(end="", flush=True)  # detect a full disk or a closed pipe here
         return code
     except BrokenPipeError:  # the reading process has ended, as in `flexlink info scene.toml | head`
@@ -86,7 +86,7 @@ def _run(arguments: Sequence[str] | None) -> int:
             gc.freeze()  # avoids the last garbage collection, which takes 0.1 s
 
 
-def _run(options: argparse.Namespace) -> int:
+def _run_command(options: argparse.Namespace) -> int:
     """Run the command; with `--json`, print one document: its own, and the lines that it would print beside it."""
     if not options.json:
         return int(options.module.run_command(options))
