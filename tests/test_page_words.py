@@ -90,7 +90,8 @@ def literals(kind: Any) -> Iterator[object]:
 
 
 def attributes_of(kind: Any) -> set[str]:
-    return {*dir(kind)}.union(*(getattr(each, "__annotations__", ()) for each in getattr(kind, "__mro__", ())))
+    parts = (getattr(each, "__annotations__", ()) for each in getattr(kind, "__mro__", ()))
+    return {*dir(kind), *getattr(kind, "__dict__", ())}.union(*parts)
 
 
 def exists(span: str, code: str) -> bool:

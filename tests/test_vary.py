@@ -276,7 +276,7 @@ def test_set_repairs_a_scene_that_is_refused_as_it_is(tmp_path: Path, capsys) ->
     assert codes == [2, 2, 2, 0]
     refused_line(capsys.readouterr().err.splitlines()[-1], "cannot-set")
     changes = {"link.upper.segments": 5, "initial.joint_deg": [0, -80, 0]}
-    assert fl.load_scene(bad, changes) == fl.load_scene(PAPER, changes)
+    assert fl.load_scene(bad, changes=changes) == fl.load_scene(PAPER, changes=changes)
 
 
 @pytest.mark.parametrize("text", ["run.step", "=1", "run.step=", "run.step=1\nx=2", "gravity=[1, 2", "name='a"])
