@@ -207,8 +207,8 @@ class Control:
 
 
 def nothing_read(chain: Chain) -> Array:
-    """Memory of `impulses` before the first instant, (4, d): τ and q̇ of the last instant, and both sums."""
-    return np.repeat([[np.nan], [np.nan], [0.0], [0.0]], len(chain.active), axis=1)
+    """Memory of `impulses` before the first instant, (d, 4): τ and q̇ of the last instant, and both sums."""
+    return np.tile([np.nan, np.nan, 0.0, 0.0], (len(chain.active), 1))
 
 
 def impulses(memory: Array, chain: Chain, tau: Array, qd: Array, period: float) -> Array:
@@ -220,14 +220,15 @@ def impulses(memory: Array, chain: Chain, tau: Array, qd: Array, period: float) 
     and the steps more accurate than needed. The `memory` is updated.
     """
     fading = 0.95  # weight of earlier instants; about twenty count
-    before, found = memory[:2].copy(), np.zeros(chain.n)
-    memory[0], memory[1] = tau, qd[chain.active]
-    with np.errstate(all="ignore"):  # a diverging run overflows
-        if not np.isnan(before).any():
-            memory[2:] = fading * memory[2:] + np.square(memory[:2] - before)
-        torque, rate = memory[2:]
-        gain = np.sqrt(np.divide(torque, rate, out=np.zeros_like(torque), where=rate > 0.0))
-    found[chain.active] = period * np.nan_to_num(gain, posinf=0.0)
+    found, joints, rows = np.zeros(chain.n), chain.active.tolist(), memory.tolist()  # lists: a tenth of NumPy's time
+    for one, k, torque, rate in zip(rows, joints, tau.tolist(), qd[joints].tolist(), strict=True):
+        Δτ, Δv = torque - one[0], rate - one[1]
+        one[:2] = torque, rate
+        if not (math.isnan(Δτ) or math.isnan(Δv)):  # as at the first instant
+            one[2:] = fading * one[2] + Δτ * Δτ, fading * one[3] + Δv * Δv
+        square = one[2] / one[3] if one[3] > 0.0 else 0.0
+        found[k] = period * math.sqrt(square) if square < math.inf else 0.0  # a diverging run overflows
+    memory[...] = np.reshape(rows, memory.shape)
     return found
 
 
