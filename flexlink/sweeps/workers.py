@@ -44,13 +44,22 @@ class Workers(ProcessPoolExecutor):
     """Processes that end immediately on `shutdown`, or when their parent ends for any reason.
 
     Each process watches a pipe whose other end only the parent has; the pipe closes on `shutdown`, or when the parent
-    ends. Ctrl-C in a terminal reaches all processes; workers ignore it, and their parent handles it.
+    ends. Ctrl-C in a terminal reaches all processes; workers ignore it, also while they start, and their parent handles
+    it.
     """
 
     def __init__(self, count: int) -> None:
         context = multiprocessing.get_context("spawn")  # a fork would keep the pipe open, and copy locks of threads
         self._watched, self._held = context.Pipe(duplex=False)
         super().__init__(count, mp_context=context, initializer=end_with, initargs=(self._watched,))
+
+    def submit(self, task: Callable[..., Any], /, *arguments: Any, **named: Any) -> Future[Any]:
+        """Queue a task; a process that starts for it inherits that Ctrl-C waits, until it ignores it."""
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            return super().submit(task, *arguments, **named)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End all processes immediately."""
