@@ -55,6 +55,8 @@ class Workers(ProcessPoolExecutor):
 
     def submit(self, task: Callable[..., Any], /, *arguments: Any, **named: Any) -> Future[Any]:
         """Queue a task; a process that starts for it inherits that Ctrl-C waits, until it ignores it."""
+        if not hasattr(signal, "pthread_sigmask"):  # Windows
+            return super().submit(task, *arguments, **named)
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             return super().submit(task, *arguments, **named)
