@@ -143,6 +143,11 @@ class _State(NamedTuple):
         """All modes."""
         return modes(self.chain, self.q, self.qd, locked=self.still)
 
+    @property
+    def mass(self) -> Array:
+        """M of the modes: cells under tension lend less inertia to the last segment of a link."""
+        return mass_matrix(relieved(self.chain, self.q, self.qd, np.zeros(6), "world")[0], self.q)
+
 
 def _state(scene: Scene, variant: Variant, settings: Settings) -> _State:
     chain = lump(scene)
@@ -168,7 +173,7 @@ def _parity(scene: Scene, variant: Variant, settings: Settings) -> Measured:
     free = np.setdiff1d(np.arange(chain.n), np.array(locked, dtype=np.intp))
     theirs = _mujoco_squares(state)
     ours = state.modes.frequencies**2
-    inverse = 1 / np.linalg.norm(mass_matrix(chain, q)[np.ix_(free, free)], -2)  # −2: the smallest singular value
+    inverse = 1 / np.linalg.norm(state.mass[np.ix_(free, free)], -2)  # −2: the smallest singular value
     unit = inverse * of_mass_matrix(chain, q) * ours.max()
     first = np.abs(np.sqrt(theirs[rigid : rigid + settings.modes] / ours[rigid : rigid + settings.modes]) - 1).max()
     note = f"The first {settings.modes} frequencies differ relatively by at most {first:.1g}."
@@ -181,7 +186,7 @@ def _mujoco_squares(state: _State) -> Array:
     chain, q, qd, locked, _ = state
     free = np.setdiff1d(np.arange(chain.n), np.array(locked, dtype=np.intp))
     engine = engines.load("mujoco", chain)
-    freed = mass_matrix(relieved(chain, q, qd, np.zeros(6), "world")[0], q) - mass_matrix(chain, q)  # as in `modes`
+    freed = state.mass - mass_matrix(chain, q)
     return symmetric_squares(engine, q, springs(engine) + load_stiffness(engine, q, qd=qd), free, freed)
 
 
