@@ -208,7 +208,8 @@ def settled(first: Monitor, before: Array | None, stop: Stop) -> Monitor:
     if record.follows_vibrations:  # what is read has errors as large in both runs if both have the same tolerance
         part = min(part, STRICTER**0.5)
     finer = runs_of_other_order(first.run, first.steps.method, record.chain.size, record.least_tolerance, part)
-    runs, gaps, distance = [first], list[StatedError](), None  # distance of the last two runs, in tolerances
+    gap: StatedError | None = None  # of the last run but one, from the last
+    runs, distance = [first], None  # distance of the last two runs, in tolerances
     with contextlib.suppress(StopIteration):
         while (other := _other(first, finer.send(distance), before, stop, motion)) is not None:
             sound = estimated_error(other)[-1] <= first.tolerance
@@ -217,15 +218,15 @@ def settled(first: Monitor, before: Array | None, stop: Stop) -> Monitor:
                 distance = float(found.tip.max()) / first.tolerance
                 if sound and distance <= 1.0:
                     return _confirmed(run, first, found)
-            gaps.append(found)
+            gap = found
             runs.append(other)
             if motion is not None:
                 break
-    if gaps and not stop.requested:
+    if gap is not None and not stop.requested:
         if motion is None:
-            return _confirmed(runs[-1], first, extrapolated(gaps[-1], runs[-1], runs[-2]))
+            return _confirmed(runs[-1], first, extrapolated(gap, runs[-1], runs[-2]))
         again = next(finer, None)
-        return _nearer(first, gaps[0], _other(first, again, before, stop) if again else None, runs[-1])
+        return _nearer(first, gap, _other(first, again, before, stop) if again else None, runs[-1])
     if not stop.requested:
         first.warnings.append(unknown(first))
     return first
