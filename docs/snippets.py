@@ -13,8 +13,8 @@ writes that file; any other must be a part of a scene. Numbers of the text that 
 
     <!-- check: STATEMENTS -->          Python with the variables of the page, in which an `assert` must hold
 
-which the reader does not see. `tests/test_pages.py` runs all blocks and checks of all pages. Without running code, a
-build puts a note in place of each result.
+which the reader does not see. `tests/books/test_pages.py` runs all blocks and checks of all pages. Without running
+code, a build puts a note in place of each result.
 """
 
 from __future__ import annotations

@@ -34,6 +34,7 @@ from flexlink import (
 )
 from flexlink.describe.spec import Vector3
 
+pytest.register_assert_rewrite("tests.matrix")
 ROOT = Path(__file__).parent.parent
 MODELS = sorted((ROOT / "models").glob("*.toml"))
 ALUMINIUM = Material(young=70e9, poisson=0.33, density=2700.0)

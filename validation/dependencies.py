@@ -1,7 +1,7 @@
 """What each case depends on: its entry, its kind with all modules that it imports, and the data that these name.
 
 The dependencies are found without running the case. They may contain a file too many, so that a case is measured again
-without need, but no file too few: `tests/test_dependencies.py` compares them with the files that cases open.
+without need, but no file too few: `validation/tests/test_dependencies.py` compares them with the files that cases open.
 """
 
 from __future__ import annotations

@@ -9,8 +9,8 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 SOURCE_FOLDERS = ("flexlink", "validation", "models")
 DATA = {".csv", ".json", ".toml", ".urdf"}
-ELSEWHERE = {ROOT / "validation" / "results", ROOT / "validation" / "cases"}
-"""The store, and the cases, each of which depends on its entry only."""
+ELSEWHERE = {ROOT / "validation" / name for name in ("results", "cases", "tests")}
+"""The store; the cases, each of which depends on its entry only; the tests."""
 DISPLAY_ROOMS = {"pages", "pictures", "scene_report"}
 """Folders of the library that only display results; if they change, nothing is measured again. The command line is
 not among them, since cases run and time it."""

@@ -18,7 +18,7 @@ NumPy float64 arrays. Units are SI and radians unless a name ends in ``_deg`` or
 
 The examples use these objects:
 
-.. literalinclude:: ../../../tests/prepared.py
+.. literalinclude:: ../../../tests/support/prepared.py
    :language: python
    :start-at: import numpy
 """

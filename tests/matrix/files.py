@@ -13,7 +13,7 @@ import flexlink as fl
 from flexlink.describe.scene import scene_from
 from flexlink.describe.units import unit_of
 from flexlink.formats import FORMATS
-from matrix.case import Case, close
+from tests.matrix.case import Case, close
 
 ENGINES = ("mujoco", "pinocchio")
 LENGTH, MASS, TIME = 4.0, 16.0, 0.25

@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 import flexlink as fl
-from matrix.case import Case
+from tests.matrix.case import Case
 
 Call = Callable[[Case, Path], Any]
 

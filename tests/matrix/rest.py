@@ -7,7 +7,7 @@ import scipy.linalg
 
 import flexlink as fl
 from flexlink.dynamics.forces import force_torque
-from matrix.case import Case, close, difference
+from tests.matrix.case import Case, close, difference
 
 
 def statics(case: Case) -> None:

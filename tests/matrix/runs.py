@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import flexlink as fl
-from matrix.case import EPS, Case, close, difference
+from tests.matrix.case import EPS, Case, close, difference
 
 IMPLICIT: dict[str, Any] = {"run.method": "Gauss4", "run.step": 1e-3}
 NEAR = 1e-5

@@ -11,7 +11,7 @@ import numpy as np
 import flexlink as fl
 from flexlink.dynamics import rounding
 from flexlink.dynamics.terms import algorithms_of
-from matrix.case import EPS, Array, Case, close, difference
+from tests.matrix.case import EPS, Array, Case, close, difference
 
 STEP = 1e-3
 """Step of finite differences."""

@@ -72,7 +72,8 @@ def files(root: Path = ROOT) -> list[str]:
     """Source files to mutate."""
     paths = itertools.chain.from_iterable((root / tree).rglob("*.py") for tree in TREES)
     here = (path for path in paths if not any(fnmatch(path.name, pattern) for pattern in NOT_HERE))
-    return sorted(path.relative_to(root).as_posix() for path in here)
+    names = (path.relative_to(root).as_posix() for path in here)
+    return sorted(name for name in names if not name.startswith("validation/tests/"))
 
 
 def mutants(file: str, source: bytes) -> list[Mutant]:

@@ -16,7 +16,6 @@ import signal
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
@@ -31,7 +30,7 @@ DEAR = 8.0  # s of processor time; slower tests are stopped while recording and 
 LONGEST = 30.0  # s of processor time by which the last test of a mutant or a file may exceed the limit
 ASLEEP = 600.0  # s of wall-clock time after which a fork is ended, in case it waits forever
 UNREACHED, APART = "no test runs it", "cannot be swapped"
-OPTIONS = ("-qq", "--no-header", "--no-summary", "-p", "no:cacheprovider", "-o", "addopts=--strict-markers")
+OPTIONS = ("-qq", "--no-header", "--no-summary", "-p", "no:cacheprovider", "-o", "addopts=--import-mode=importlib")
 
 
 class Judged(NamedTuple):
@@ -205,4 +204,5 @@ def record(session: Session, recorded: Recorded, report: Callable[[str], None]) 
 
 def test_files() -> list[str]:
     """All test files."""
-    return sorted(path.relative_to(ROOT).as_posix() for path in Path(ROOT / "tests").glob("test_*.py"))
+    found = (path for folder in ("tests", "validation/tests") for path in (ROOT / folder).rglob("test_*.py"))
+    return sorted(path.relative_to(ROOT).as_posix() for path in found)

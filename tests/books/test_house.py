@@ -1,0 +1,88 @@
+"""Code size metrics may fall but not rise: a change that lowers a metric also lowers its limit here.
+
+A file mentions a feature if one of its words is in code, comments or docstrings.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import tomllib
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+import flexlink as fl
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+CONTRACTS = PROJECT["tool"]["importlinter"]["contracts"]
+BARS = {
+    "layers of imports": 10, "classes": 409, "constants": 437, "public names": 81, "files of more than 350 lines": 6,
+    "functions of more than 60 lines of code": 1, "lines of contracts": 56,
+}  # fmt: skip
+FEATURES = {
+    "slides": ("slides|prismatic", 103), "couplings": ("coupl", 68), "branches": ("branch", 50),
+    "free base": ("free.base", 54), "rotation springs": ("rotation.spring", 21), "drag": ("drag", 25),
+}  # fmt: skip
+
+
+@cache
+def sources(folder: str) -> dict[Path, str]:
+    return {path: path.read_text("utf-8") for path in sorted((ROOT / folder).rglob("*.py"))}
+
+
+def definitions_in(part: ast.AST) -> Iterator[ast.ClassDef | ast.FunctionDef]:
+    """Classes and functions; only statements are visited, since expressions contain no definitions."""
+    for child in ast.iter_child_nodes(part):
+        if isinstance(child, ast.ClassDef | ast.FunctionDef):
+            yield child
+        if isinstance(child, ast.stmt | ast.excepthandler | ast.match_case):
+            yield from definitions_in(child)
+
+
+def length(node: ast.FunctionDef) -> int:
+    """Lines of a function without comments, blank lines and its docstring."""
+    if (node.end_lineno or 0) - node.lineno < 60:
+        return 0
+    text = ast.unparse(node)
+    return text.count("\n") + 1 - (ast.get_docstring(node, clean=False) or "").count("\n")
+
+
+def counts() -> dict[str, int]:
+    """The code size metrics."""
+    every = sources("flexlink")
+    trees = [ast.parse(text) for text in every.values()]
+    definitions = [each for tree in trees for each in definitions_in(tree)]
+    constants = (
+        target.id for tree in trees for node in tree.body
+        if isinstance(node, ast.Assign | ast.AnnAssign)
+        for target in ast.walk(node) if isinstance(target, ast.Name) and isinstance(target.ctx, ast.Store)
+    )  # fmt: skip
+    layers = next(each["layers"] for each in CONTRACTS if each.get("containers") == ["flexlink"])
+    linter = (ROOT / "pyproject.toml").read_text("utf-8").split("[tool.importlinter]")[1].split("\n[tool.")[0]
+    return {
+        "layers of imports": len(layers),
+        "classes": sum(isinstance(node, ast.ClassDef) for node in definitions),
+        "constants": sum(name.isupper() for name in constants),
+        "public names": len(fl.__all__),
+        "files of more than 350 lines": sum(text.count("\n") > 350 for text in every.values()),
+        "functions of more than 60 lines of code": sum(
+            isinstance(node, ast.FunctionDef) and length(node) > 60 for node in definitions
+        ),
+        "lines of contracts": linter.count("\n"),
+    }
+
+
+def test_no_code_size_metric_grows() -> None:
+    found = counts()
+    assert {what: number for what, number in found.items() if number > BARS[what]} == {}, found
+
+
+@pytest.mark.parametrize("feature", FEATURES)
+def test_the_number_of_files_that_mention_a_feature_does_not_grow(feature: str) -> None:
+    words, most = FEATURES[feature]
+    files = [path.name for path, text in sources("flexlink").items() if re.search(words, text, re.IGNORECASE)]
+    assert len(files) <= most, f"{len(files)}: {files}"

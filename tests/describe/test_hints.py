@@ -1,0 +1,218 @@
+"""Values in a wrong unit get a hint with the likely unit; sensible arms get no hints."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import flexlink as fl
+from flexlink.cli.main import main
+from flexlink.common.wording import id_of
+from flexlink.describe.plausibility.hints import hints
+from flexlink.dynamics.notes import notes
+from flexlink.scene_report.parts import model
+from flexlink.scene_report.study import Study
+from tests.conftest import ROOT
+from tests.support.sensible import sensible_arm
+from tests.support.words import line, reviewed
+
+STEEL = fl.Material(young=2.1e11, density=7850.0)
+CRANE = fl.Scene(
+    name="crane", gravity=(0.0, 0.0, -9.81),
+    arm=fl.Arm(
+        materials={"steel": STEEL},
+        sections={"tube": fl.Section(shape="tube", outer=0.12, inner=0.11),
+                  "profile": fl.Section(shape="general", area=1.8e-3, i_y=3e-6, i_z=3e-6, torsion=6e-6)},
+        links=(
+            fl.Link(name="boom", length=2.5, material="steel", section="tube", flex="yz", segments=3,
+                    mount=fl.Mount(xyz=(0.0, 0.0, 0.8), rpy_deg=(90.0, 0.0, 0.0)),
+                    joint=fl.Joint(armature=0.4, gear_stiffness=2e6, limits_deg=(-170.0, 170.0)),
+                    damping=fl.Damping(ratio=0.02, at_hz=5.0)),
+            fl.Link(name="jib", length=1.8, material="steel", section="profile", flex="yz", segments=3,
+                    mount=fl.Mount(xyz=(0.05, 0.0, 0.0))),
+        ),
+        tip=fl.RigidBody(mass=200.0, center=(0.1, 0.0, 0.0), inertia=(5.0, 5.0, 5.0)),
+    ),
+    initial=fl.InitialState(joint_deg=(90.0, -45.0)),
+    drive=fl.Drive(kind="constant", torque=(9000.0, 3000.0)),
+    wrench=fl.Wrench(times=(0.0, 0.5, 1.0), forces=((0.0, 0.0, 0.0), (100.0, 0.0, 0.0), (0.0, 0.0, 0.0))),
+    sensor=(fl.Sensor(name="gauge", kind="strain", link="boom", x=0.1, fibre=(0.06, 0.0), delay=0.002),),
+    run=fl.RunSettings(tolerance=1e-3, duration=2.0),
+)  # fmt: skip
+PD = {"kind": "pd", "kp": [1e5, 1e5], "kd": [1e3, 1e3]}
+PLANTED: list[tuple[dict[str, Any], str, str]] = [
+    ({"material.steel.young": 210.0}, "material.steel.young", "GPa"),
+    ({"material.steel.young": 210e3}, "material.steel.young", "MPa"),
+    ({"material.steel.young": 210e6}, "material.steel.young", "kPa"),
+    ({"material.steel.density": 7.85}, "material.steel.density", "g/cm³"),
+    ({"material.steel.density": 7.85e-6}, "material.steel.density", "kg/mm³"),
+    ({"material.steel.density": 7.85e-9}, "material.steel.density", "t/mm³"),
+    ({"material.steel.loss_time": 0.3}, "material.steel.loss_time", "ms"),
+    ({"link.boom.damping.ratio": 2.0}, "link.boom.damping.ratio", "%"),
+    ({"link.boom.damping.ratio": 1.0}, "link.boom.damping.ratio", "%"),
+    ({"link.boom.length": 2500.0}, "link.boom.length", "mm"),
+    ({"section.tube": {"shape": "tube", "outer": 120.0, "inner": 110.0}}, "section.tube.outer", "mm"),
+    ({"section.tube": {"shape": "circle", "diameter": 12.0}}, "section.tube.diameter", "mm"),
+    ({"section.tube": {"shape": "tube", "outer": 3.0, "inner": 2.8}}, "section.tube.outer", "mm"),
+    ({"section.profile.area": 1800.0}, "section.profile.area", "mm²"),
+    ({"section.profile.i_y": 3e6}, "section.profile.i_y", "mm⁴"),
+    ({"gravity": [0.0, 0.0, -9810.0]}, "gravity", "mm/s²"),
+    ({"gravity": [0.0, 0.0, -1.0]}, "gravity", "g"),
+    ({"sensor.gauge.fibre": [60.0, 0.0]}, "sensor.gauge.fibre", "mm"),
+    ({"sensor.gauge.delay": 2.0}, "sensor.gauge.delay", "ms"),
+    ({"tip.mass": 200e3}, "tip.mass", "g"),
+    ({"tip.center": [150.0, 0.0, 0.0]}, "tip.center", "mm"),
+    ({"link.boom.end": {"mass": 5.0, "center": [30.0, 0.0, 0.0]}}, "link.boom.end.center", "mm"),
+    ({"tip.inertia": [5e6, 5e6, 5e6]}, "tip.inertia", "kg mm²"),
+    ({"link.jib.mount.xyz": [500.0, 0.0, 0.0]}, "link.jib.mount.xyz", "mm"),
+    ({"link.boom.joint.gear_stiffness": 2000.0}, "link.boom.joint.gear_stiffness", "kN m/rad"),
+    ({"link.boom.root_stiffness.y": 2000.0}, "link.boom.root_stiffness.y", "kN m/rad"),
+    ({"link.boom.joint.armature": 4e6}, "link.boom.joint.armature", "kg cm²"),
+    ({"initial.joint_deg.boom": 0, "link.boom.joint.limits_deg": [-2.9671, 2.9671]},
+     "link.boom.joint.limits_deg", "rad"),
+    ({"initial.joint_deg": [1.5708, -0.7854]}, "initial.joint_deg", "rad"),
+    ({"initial.joint_deg": [1.57, 0.0]}, "initial.joint_deg", "rad"),
+    ({"link.boom.mount.rpy_deg": [1.5708, 0.0, 0.0]}, "link.boom.mount.rpy_deg", "rad"),
+    ({"link.boom.mount": {"rpy": [90.0, 0.0, 0.0]}}, "link.boom.mount.rpy", "deg"),
+    ({"drive": {**PD, "target_deg": [0.5236, 1.0472]}}, "drive.target_deg", "rad"),
+    ({"drive": {**PD, "target_deg": [30.0, 60.0], "rate": 1.0}}, "drive.rate", "kHz"),
+    ({"drive": {**PD, "target_deg": [30.0, 60.0], "rate": 0.01}}, "drive.rate", "s"),
+    ({"drive": {"kind": "computed_torque", "kp": [4e5, 2e5], "kd": [4e4, 1e4], "target_deg": [30.0, 60.0]}},
+     "drive.kp", "1/s²"),
+    ({"drive.torque": [9e6, 0.0]}, "drive.torque.boom", "N mm"),
+    ({"wrench.times": [0.0, 500.0, 1000.0]}, "wrench.times[2]", "ms"),
+    ({"run.tolerance": 1.0}, "run.tolerance", "mm"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("mistake", "path", "unit"), PLANTED, ids=lambda x: x if isinstance(x, str) else "")
+def test_a_hint_names_a_mistaken_value_and_its_likely_unit(mistake: dict[str, Any], path: str, unit: str) -> None:
+    (hint,) = hints(CRANE.varied(mistake))
+    assert hint.startswith(f"{path} = ")
+    assert names_unit(hint, unit), hint
+    id = {"rad": "likely-radians", "deg": "likely-degrees"}.get(unit, "likely-unit")
+    assert getattr(hint, "id", id) == id
+    reviewed(id, hint)
+
+
+def names_unit(hint: str, unit: str) -> bool:
+    """Whether a hint names a unit after the value and its path."""
+    return re.search(rf"(?<!\S){re.escape(unit)}(?!\w)", hint.partition(": ")[2]) is not None
+
+
+def test_the_resolution_of_a_joint_sensor_in_degrees_gets_a_hint() -> None:
+    encoder = {"name": "encoder", "kind": "joint", "link": "boom"}
+    (hint,) = hints(CRANE.varied({"sensor": [{**encoder, "resolution": 0.022}]}))
+    assert hint.startswith("sensor.encoder.resolution = ") and names_unit(hint, "deg")
+    reviewed("likely-unit", hint)
+    for fine in ({"resolution": 1.5e-3}, {"resolution": 0.022, "unit": "deg", "gain": 180 / math.pi}):
+        assert hints(CRANE.varied({"sensor": [{**encoder, **fine}]})) == ()
+
+
+@pytest.mark.parametrize(("effort", "hinted"), [(5.0, True), (100.0, True), (500.0, False), (3.0, False)])
+def test_an_effort_that_suffices_only_in_kilonewton_metres_gets_a_note(effort: float, hinted: bool) -> None:
+    """The drive of the level jib must hold 9.81 m/s² (1.9 m × 200 kg + 0.9 m × 25 kg) = 3.95 kN m."""
+    level = CRANE.varied({"initial.joint_deg": [0.0, 0.0], "drive.effort": [1e5, effort], "sensor": []})
+    found = [note for note in notes(level) if note.startswith("drive.effort.jib = ")]
+    assert len(found) == hinted
+    for note in found:
+        reviewed("likely-unit", note)
+
+
+def test_a_sweep_prints_the_hints_on_its_first_and_last_member_once(
+    tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("flexlink.cli.sweep.fill", lambda *_: None)  # hints are printed before the run
+    CRANE.varied({"run.duration": 0.01}).save(tmp_path / "crane.toml")
+    sweep = tmp_path / "sweep.toml"
+    sweep.write_text(
+        'scene = "crane.toml"\n[set]\nmaterial.steel.loss_time = 0.3\n[grid]\ngravity = [[0, 0, -1], [0, 0, -9.81]]\n'
+        'link.boom.damping.ratio = [0.02, 2.0]\n[quantity]\nx = { of = "tip x [m]" }\n',
+        encoding="utf-8",
+    )
+    words = ["sweep", str(sweep), "--out", str(tmp_path / "sweep.db")]
+    assert main(words) == 0
+    printed = capsys.readouterr().err
+    for path in ("material.steel.loss_time = 0.3", "gravity = [0, 0, -1]", "link.boom.damping.ratio = 2"):
+        assert line(printed, f"warning: {path}")
+    assert main([*words, "--quiet-hints"]) == 0
+    assert "likely" not in capsys.readouterr().err
+
+
+def test_all_lengths_in_millimetres_get_a_hint_each() -> None:
+    mm = {
+        "link.boom.length": 2500.0, "link.jib.length": 1800.0, "link.jib.mount.xyz": [50.0, 0.0, 0.0],
+        "section.tube": {"shape": "tube", "outer": 120.0, "inner": 110.0},
+        "section.profile": {"shape": "general", "area": 1800.0, "i_y": 3e6, "i_z": 3e6, "torsion": 6e6},
+    }  # fmt: skip
+    found = {hint.partition(" = ")[0]: hint for hint in hints(CRANE.varied(mm))}
+    units = {
+        "link.boom.length": "mm",
+        "link.jib.length": "mm",
+        "section.tube.outer": "mm",
+        "section.profile.area": "mm²",
+        **dict.fromkeys((f"section.profile.{key}" for key in ("i_y", "i_z", "torsion")), "mm⁴"),
+    }
+    assert units.keys() <= found.keys()
+    assert {path: found[path] for path, unit in units.items() if not names_unit(found[path], unit)} == {}
+
+
+def test_a_hint_contains_the_likely_value() -> None:
+    (hint,) = hints(CRANE.varied({"material.steel.young": 210.0}))
+    assert re.findall(r"\d\S* Pa", hint) == ["210 Pa", "1e6 Pa", "2.1e11 Pa", "1.2e12 Pa", "2.1e+11 Pa"]
+
+
+def test_sensible_arms_get_no_hints() -> None:
+    hinted = {seed: found for seed in range(200) if (found := hints(sensible_arm(seed)))}
+    assert len(hinted) <= 2, hinted
+
+
+FILES = [path for folder in ("models", "validation/scenes", "docs") for path in sorted((ROOT / folder).rglob("*.toml"))]
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_the_scenes_of_the_repository_get_no_hints(path: Path) -> None:
+    try:
+        scene = fl.load_scene(path)
+    except fl.errors.SceneError:  # the file describes a sweep
+        return
+    assert hints(scene) == ()
+
+
+def test_the_command_line_and_the_run_show_the_hints(tmp_path: Path, capsys: Any) -> None:
+    scene = CRANE.varied({"material.steel.loss_time": 0.3, "run.duration": 0.01})
+    path = scene.save(tmp_path / "crane.toml")
+    (hint,) = hints(scene)
+    for command in (["info"], ["simulate"], ["modes"]):
+        assert main([*command, str(path)]) == 0
+        printed = line(capsys.readouterr().err, "material.steel.loss_time = 0.3 s")
+        assert printed == f"warning: {hint}{id_of(hint)}", command
+        assert main([*command, str(path), "--quiet-hints"]) == 0
+        assert "loss_time" not in capsys.readouterr().err, command
+    run = fl.simulate(scene)
+    assert run.hints == hints(scene) != ()
+    assert re.search(r"\b1\b", repr(run).rpartition(";")[2])
+    reviewed("hints: repr of a run", repr(run))
+
+
+def test_a_hint_is_printed_even_if_the_run_is_refused(tmp_path: Path, capsys: Any) -> None:
+    path = "material.steel.density"
+    scene = CRANE.varied({path: 7.85, "run.step": 1e-3})
+    assert main(["simulate", str(scene.save(tmp_path / "crane.toml"))]) == 2
+    (hint,) = hints(scene)
+    assert hint.startswith(f"{path} = 7.85 kg/m³")
+    assert f"warning: {hint}{id_of(hint)}" in capsys.readouterr().err.splitlines()
+
+
+def test_a_report_shows_the_hints_and_the_default_settings() -> None:
+    scene = CRANE.varied({"material.steel.loss_time": 0.3, "run": {"duration": 1.0}})
+    sentences = model.made(Study(scene)).sentences
+    (hint,) = hints(scene)
+    (shown,) = (text for text in sentences if hint in text)
+    reviewed("hints: in a report", shown)
+    (defaults,) = (text for text in sentences if "5.87 mm" in text and "auto" in text)
+    reviewed("hints: defaults of a run in a report", defaults)

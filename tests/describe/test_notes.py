@@ -1,0 +1,157 @@
+"""Keys of a scene without effect are noted; those with an effect are not."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flexlink as fl
+from flexlink.cli.main import main
+from flexlink.common.wording import id_of
+from flexlink.dynamics.notes import defaults, notes
+from tests.conftest import MODELS, flexible, make_scene
+from tests.support.words import reviewed
+
+STILL = make_scene(fl.Link(name="a"), flexible("b"))
+"""All axes are parallel to z, as is the default gravity."""
+
+UPRIGHT = fl.Mount(rpy_deg=(-90.0, 0.0, 0.0))
+
+
+def test_gravity_parallel_to_all_axes_is_noted() -> None:
+    (note,) = notes(STILL)
+    assert note.startswith(f"gravity = {[0.0, 0.0, 9.81]}: ")
+    check_no_effect(note)
+    chain = fl.lump(STILL)
+    q = np.linspace(0.1, 0.9, chain.n)
+    assert not fl.gravity_torque(chain, q).any()
+
+
+def check_no_effect(note: str) -> None:
+    """Check that there is one note, that the key has no effect, and compare its text with the reviewed one."""
+    assert (getattr(note, "id", "") or "no-effect") == "no-effect"
+    reviewed("no-effect", note)
+
+
+@pytest.mark.parametrize("gravity", [(0.0, 0.0, -1e-300), (0.0, 0.0, 1e308)])
+def test_the_note_on_gravity_does_not_depend_on_its_magnitude(gravity: tuple[float, ...]) -> None:
+    assert len(notes(make_scene(fl.Link(name="a"), flexible("b"), gravity=gravity))) == 1
+
+
+def test_gravity_along_a_mounted_axis_is_noted_within_rounding() -> None:
+    turned = fl.Mount(rpy_deg=(33.0, 12.0, 5.0))
+    axis = fl.lump(make_scene(fl.Link(name="a", mount=turned), flexible("b"))).axes[0]
+    links = fl.Link(name="a", mount=turned), flexible("b")
+    assert len(notes(make_scene(*links, gravity=tuple(9.81 * axis)))) == 1
+    assert not notes(make_scene(*links, gravity=tuple(9.81 * axis + [0, 1e-9, 0])))
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"gravity": (0.0, 1e-9, 9.81)},
+        {"gravity": (0.0, 0.0, 0.0)},  # gravity is switched off on purpose
+        {"initial": fl.InitialState(joint_deg=(0, 0), rate_deg=(0, 1))},
+        {"wrench": fl.Wrench(force=(0, 1, 0))},
+        {"drive": fl.Drive(kind="constant", torque=(0, 1))},
+        {"drive": fl.Drive(kind="table", times=(0, 1), torques=((0, 0), (0, 1)))},
+        {"drive": fl.Drive(kind="pd", kp=(0, 1), kd=(0, 0), target_deg=(0, 10))},
+        {"motion": [fl.PrescribedMotion(link="a", times=[0], angle_deg=[0], rate_deg=[0], acceleration_deg=[0])]},
+    ],
+)
+def test_gravity_without_effect_is_not_noted_if_another_load_acts(fields: dict) -> None:
+    assert notes(make_scene(fl.Link(name="a"), flexible("b"), **fields)) == ()
+
+
+def test_gravity_along_the_joints_bends_links_out_of_the_plane() -> None:
+    assert notes(make_scene(flexible("b", "yz"))) == ()
+    assert notes(make_scene(flexible("b", mount=UPRIGHT))) == ()
+
+
+@pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
+def test_the_scenes_of_the_repository_need_no_notes(path: Path) -> None:
+    assert notes(fl.load_scene(path)) == ()
+
+
+def test_notes_name_the_key_and_value_without_effect() -> None:
+    bar = {"length": 1.0, "material": "aluminium", "section": "square"}
+    scene = make_scene(
+        fl.Link(name="a", mount=UPRIGHT, damping=fl.Damping(ratio=0.01, at_hz=4.0), **bar),
+        fl.Link(name="b", joint=fl.Joint(locked=True, viscous=2.0, armature=0.1), **bar),
+        initial=fl.InitialState(joint_deg=(0, 0), passive="static"),
+        motion=[fl.PrescribedMotion(link="a", times=[0], angle_deg=[0], rate_deg=[0], acceleration_deg=[0])],
+        drive=fl.Drive(kind="constant", torque=(5.0, 0.0)),
+    )
+    wanted = [
+        ("initial.passive = 'static'", ""),
+        ("drive.torque", "'a'"),
+        ("link.a.damping.ratio = 0.01", "'a'"),
+        ("link.b.joint.viscous = 2.0", "'b'"),
+        ("link.b.joint.armature = 0.1", "'b'"),
+    ]
+    for note, (path, link) in zip(notes(scene), wanted, strict=True):
+        assert note.partition(": ")[0] == path
+        assert link in note.partition(": ")[2]
+        check_no_effect(note)
+
+
+@pytest.mark.parametrize("passive", ["zero", "static"])
+def test_a_static_start_of_a_rigid_arm_keeps_its_initial_angles(passive: str) -> None:
+    link = fl.Link(name="a", length=1.0, material="aluminium", section="square", mount=UPRIGHT)
+    scene = make_scene(link, initial=fl.InitialState(joint_deg=(30.0,), passive=passive))
+    q, _ = fl.initial_state(scene, fl.lump(scene))
+    assert q == pytest.approx([np.radians(30.0)], rel=1e-15, abs=0)
+
+
+def test_info_prints_notes_to_stderr(tmp_path: Path, capsys) -> None:
+    path = tmp_path / "still.toml"
+    scene = make_scene(flexible("b"))
+    path.write_text(scene.to_toml(), encoding="utf-8")
+    assert main(["info", str(path)]) == 0
+    streams = capsys.readouterr()
+    (note,) = notes(scene)
+    assert f"note: {note}{id_of(note)}" in streams.err.splitlines()
+    assert "note" not in streams.out
+
+
+def test_the_default_gravity_is_noted_until_the_remedy_is_applied() -> None:
+    unsaid = make_scene(flexible("b")).varied({"link.b.segments": 5})
+    (note,) = defaults(unsaid)
+    reviewed("gravity-not-given", note)
+    mended = unsaid.varied({"gravity": tomllib.loads(note.partition("set ")[2])["gravity"]})
+    assert mended.gravity[2] == -9.81 and not defaults(mended)
+    assert not defaults(unsaid.varied({"gravity": [0.0, 0.0, 9.81]}))
+
+
+@pytest.mark.parametrize("joint", [{"kind": "prismatic"}, {}], ids=["slides", "turns"])
+def test_the_note_on_the_width_of_friction_states_the_creep_of_a_run(joint: dict) -> None:
+    hub = fl.RigidBody(mass=1.0, inertia=(1.0, 1.0, 1.0))
+    rod = fl.Link(name="rod", hub=hub, joint=fl.Joint(coulomb=20.0, **joint))
+    scene = make_scene(rod, gravity=(0, 0, 0), drive=fl.Drive(kind="constant", torque=(10.0,)))
+    (note,) = defaults(scene)
+    reviewed("friction-width-not-given", note)
+    creep = 1e-3 * float(re.search(r"at ([\d.]+) m", note)[1])
+    run = fl.simulate(scene, step=1e-5, duration=0.02)
+    assert run.qd[-1, 0] == pytest.approx(creep, rel=0.01)  # 5.5 of 5.493
+    narrow = float(note.rpartition("= ")[2])
+    mended = scene.varied({"link.rod.joint.coulomb_width": narrow})
+    assert not defaults(mended)
+    assert fl.simulate(mended, step=1e-6, sample=1e-5, duration=0.002).qd[-1, 0] == pytest.approx(creep / 10, rel=0.01)
+
+
+def test_a_strip_on_edge_is_noted_and_softer_by_the_stated_factor_if_height_and_width_are_exchanged() -> None:
+    strip = fl.Section(shape="rectangle", height=0.04, width=0.003)
+    scene = make_scene(flexible("b")).varied({"section.square": strip})
+    (note,) = (each for each in notes(scene) if each.id != "no-effect")
+    reviewed("bends-on-edge", note)
+    EI, factor = (float(number) for number in re.findall(r"= ([\d.]+) N m², ([\d.]+) ×", note)[0])
+    young = scene.arm.materials["aluminium"].young
+    assert young * 0.003 * 0.04**3 / 12 == pytest.approx(EI, rel=1e-3)
+    mended = scene.varied({"section.square": fl.Section(shape="rectangle", height=0.003, width=0.04)})
+    assert note.id not in {each.id for each in notes(mended)}
+    stiff, soft = (fl.modes(fl.lump(each), locked=["b"]).hertz[0] for each in (scene, mended))
+    assert (stiff / soft) ** 2 == pytest.approx(factor, rel=0.01)

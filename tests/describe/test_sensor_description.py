@@ -1,0 +1,97 @@
+"""Sensors as data: read from a file, varied by name, and refused where they do not fit the arm."""
+
+from __future__ import annotations
+
+import tomllib
+
+import numpy as np
+import pytest
+
+import flexlink as fl
+from flexlink.describe.scene import scene_from
+from tests.conftest import make_scene
+from tests.support.words import refused
+
+BENDS = {"length": 1.0, "flex": "z", "segments": 5, "material": "aluminium", "section": "square"}
+GAUGE = {"name": "root", "kind": "strain", "link": "boom", "x": 0.1, "fibre": (0.0, 0.02)}
+PLACE = {"name": "marker", "kind": "position", "link": "boom"}
+
+
+def scene_with(*sensors: dict, **link: object) -> fl.Scene:
+    return make_scene(fl.Link(name="boom", **BENDS | link), sensor=tuple(fl.Sensor(**sensor) for sensor in sensors))
+
+
+def test_a_sensor_is_varied_by_its_name_or_number() -> None:
+    scene = scene_with(GAUGE, PLACE).varied({"sensor.root.gain": 2.0, "sensor.2.noise": 1e-3})
+    assert [(each.gain, each.noise) for each in scene.sensor] == [(2.0, 0.0), (1.0, 1e-3)]
+
+
+def test_columns_are_named_with_their_unit() -> None:
+    assert fl.Sensor(**PLACE).columns() == ("marker x [m]", "marker y [m]", "marker z [m]")
+    assert fl.Sensor(name="e", kind="joint", link=1).columns() == ("e [rad]",)
+    assert fl.Sensor(name="e", kind="torque", link=1).columns(slides=True) == ("e [N]",)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"fibre": None}, "missing-key"),
+        ({"axis": (1, 0, 0)}, "key-of-another-kind"),
+        ({"x": 1.5}, "out-of-range"),
+        ({"link": "bom"}, "unknown-link"),
+        ({"link": "base"}, "sensor-on-fixed-part"),
+        ({"unit": "µm/m"}, "unit-missing"),
+        ({"gain": 0}, "zero-gain"),
+        ({"order": 2}, "needs-another-key"),
+        ({"seed": 2}, "needs-another-key"),
+        ({"noise": 1e308}, "wrong-value"),
+        ({"noise": 1e-308}, "noise-too-small"),
+        ({"gain": -1e308}, "wrong-value"),
+        ({"bias": 1e308}, "wrong-value"),
+        ({"resolution": 5e-324}, "wrong-value"),
+        ({"name": "tip"}, "sensor-name"),
+        ({"name": "tau boom"}, "sensor-name"),
+        ({"name": "a [V]"}, "sensor-name"),
+    ],
+)
+def test_quantities_that_cannot_be_measured_are_refused_by_name(changes: dict, message: str) -> None:
+    with refused(fl.errors.SceneError, message):
+        scene_with(GAUGE | changes)
+
+
+def test_a_measured_column_in_another_unit_needs_a_gain() -> None:
+    for kind, unit, factor in (("joint", "deg", 57.29577951), ("joint", "mm", 1000), ("torque", "N mm", 1000)):
+        with refused(fl.errors.SceneError, "unit-missing"):
+            fl.Sensor(name="s", kind=kind, link=1, unit=unit)
+        assert fl.Sensor(name="s", kind=kind, link=1, unit=unit, gain=factor).columns() == (f"s [{unit}]",)
+    assert fl.Sensor(name="s", kind="torque", link=1, unit="V").columns() == ("s [V]",)  # 1 V per N m
+
+
+def test_two_places_of_one_sensor_and_duplicate_names_are_refused() -> None:
+    with refused(fl.errors.SceneError, "both-given"):
+        fl.Sensor(**PLACE, x=0.5, point=(0, 0, 0))
+    with refused(fl.errors.SceneError, "name-twice"):
+        scene_with(PLACE, PLACE)
+
+
+def test_a_rigid_link_has_no_strain_and_a_locked_joint_no_angle() -> None:
+    stiff = {"flex": "rigid", "segments": 1}
+    with refused(fl.errors.SceneError, "link-is-rigid"):
+        scene_with(GAUGE, **stiff)
+    with refused(fl.errors.SceneError, "sensor-of-locked-joint"):
+        scene_with({"name": "e", "kind": "joint", "link": "boom"}, joint=fl.Joint(locked=True))
+
+
+def test_single_brackets_instead_of_double_ones_are_reported() -> None:
+    table = tomllib.loads(scene_with(PLACE).to_toml().replace("[[sensor]]", "[sensor]"))
+    with refused(fl.errors.SceneError, "wrong-value"):
+        scene_from(table)
+
+
+@pytest.mark.slow
+def test_readings_at_the_limits_of_allowed_settings_are_finite() -> None:
+    extremes = {"noise": 1e30, "gain": 1e30, "bias": -1e30, "resolution": 1e-30}
+    place = {key: value for key, value in extremes.items() if key != "resolution"}
+    scene = scene_with(GAUGE | extremes | {"noise": 0.0, "gain": 1.0, "bias": 1.0}, PLACE | place)
+    run = fl.simulate(scene, duration=0.01, sample=0.005)
+    assert all(np.isfinite(column).all() for column in run.readings.values())

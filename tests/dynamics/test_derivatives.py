@@ -1,0 +1,259 @@
+"""Derivatives of the dynamics, compared with 50-digit arithmetic and with each other, and edge cases."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from mpmath import mp
+from numpy.typing import NDArray
+
+import flexlink as fl
+from flexlink import Chain, Joint, Link, Mount, PrescribedMotion, RigidBody
+from flexlink.describe.spec import Vector3
+from flexlink.errors import ArgumentError, SingularMassError
+from flexlink.kernels.derivatives.forward_derivatives import forward_derivatives
+from flexlink.kernels.derivatives.planar_derivatives import planar_derivatives
+from tests.conftest import flexible, make_scene, nasty_scene, random_state
+from tests.support.words import refused
+from validation.oracles.spatial_chain import DIFFERENCES, SpatialChain, accelerations, derivatives, exactly
+
+Array = NDArray[np.float64]
+ARMS = 12
+CLOSE = 1e-12
+"""Error limit of the project, relative to the largest element; rounding alone gives 1e-13 for arms of ten hinges."""
+
+
+def random_arm(rng: np.random.Generator) -> Chain:
+    """One to three random links with any mounts, with rotors, hubs, dry friction and a load."""
+
+    def joint() -> Joint:
+        some = rng.uniform(size=3) * (rng.uniform(size=3) < 0.5)
+        return Joint(viscous=some[0], coulomb=some[1], coulomb_width=1.0, armature=0.1 * some[2])
+
+    def link(number: int) -> Link:
+        flex = str(rng.choice(["rigid", "z", "yz", "xyz"]))
+        fields = {
+            "mount": Mount(rpy_deg=_three(rng, 180.0), xyz=_three(rng, 0.3)),
+            "joint": joint(),
+            "hub": RigidBody(mass=rng.uniform(), inertia=(0.01, 0.01, 0.01)),
+        }
+        if flex == "rigid":
+            return Link(
+                name=f"l{number}", length=rng.uniform(0.1, 1.0), material="aluminium", section="square", **fields
+            )
+        return flexible(f"l{number}", flex, int(rng.integers(2, 4)), **fields)
+
+    links = [link(number) for number in range(rng.integers(1, 3))]
+    tip = RigidBody(mass=rng.uniform(), inertia=(0.01, 0.02, 0.02))
+    return fl.lump(make_scene(*links, tip=tip, gravity=_three(rng, 10.0)))
+
+
+def _three(rng: np.random.Generator, size: float) -> Vector3:
+    x, y, z = rng.uniform(-size, size, 3)
+    return float(x), float(y), float(z)
+
+
+def bent_state(chain: Chain, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Random joint angles, hinge angles up to 30°, rates up to 10 rad/s."""
+    q, qd = random_state(chain, rng)
+    return np.where(np.isin(np.arange(chain.n), chain.active), q, q / 6), qd
+
+
+def off(ours: Array, exact: Array) -> float:
+    """Largest error relative to the largest element, or to 1 if the reference is zero (below 1e-30)."""
+    largest = np.abs(exact).max()
+    return float(np.abs(ours - exact).max() / (largest if largest > 1e-30 else 1.0))
+
+
+def friction_derivative(chain: Chain, qd: Array) -> Array:
+    """∂T_FR/∂q̇, shape (n,)."""
+    joints = chain.hinges
+    return joints["damping"] + joints["coulomb"] / joints["coulomb_width"] * (
+        1 - np.tanh(qd / joints["coulomb_width"]) ** 2
+    )
+
+
+def worst_of_forward(chain: Chain, q: Array, qd: Array, tau: Array, wrench: Array) -> float:
+    exact = derivatives(chain, q, qd, tau, wrench)
+    found = fl.forward_dynamics_derivatives(chain, q, qd, tau, tip_wrench=wrench)
+    return max(off(ours, theirs) for ours, theirs in zip((found.dq, found.dqd, found.dtau), exact, strict=True))
+
+
+def worst_of_inverse(chain: Chain, q: Array, qd: Array, qdd: Array, wrench: Array) -> float:
+    found = fl.inverse_dynamics_derivatives(chain, q, qd, qdd, tip_wrench=wrench)
+    oracle = SpatialChain(chain)
+    with mp.workdps(DIFFERENCES):
+        exact = oracle.slopes(*(exactly(part) for part in (q, qd, qdd, wrench)))
+        by_angle, by_rate = (np.array(part.tolist(), dtype=float) for part in exact)
+        M = np.array(oracle.equations(exactly(q), exactly(qd))[0].tolist(), dtype=float)
+    own = found.dq + np.diag(chain.stiffness), found.dqd + np.diag(friction_derivative(chain, qd)), found.dqdd
+    return max(off(ours, theirs) for ours, theirs in zip(own, (by_angle, by_rate, M), strict=True))
+
+
+def worst_of_random_arm(seed: int) -> tuple[float, float]:
+    rng = np.random.default_rng(seed)
+    chain = random_arm(rng)
+    q, qd = bent_state(chain, rng)
+    qdd, tau, wrench = rng.normal(size=chain.n), rng.normal(size=chain.n), rng.normal(size=6)
+    return worst_of_inverse(chain, q, qd, qdd, wrench), worst_of_forward(chain, q, qd, tau, wrench)
+
+
+@pytest.mark.parametrize("seed", [6, 9])  # arms with five and four joints
+def test_derivatives_agree_with_50_digit_arithmetic(seed: int) -> None:
+    assert max(worst_of_random_arm(seed)) <= CLOSE
+
+
+@pytest.mark.slow
+def test_derivatives_of_random_arms_agree_with_50_digit_arithmetic() -> None:
+    """Arms have two or more joints: with one joint, the only element may be a small difference of large numbers.
+
+    300 such arms, and 300 arms with every key of a link (`python -m validation derivatives_50_digits`), are all
+    within this limit.
+    """
+    seeds = [seed for seed in range(ARMS) if random_arm(np.random.default_rng(seed)).n > 1]
+    assert max(max(worst_of_random_arm(seed)) for seed in seeds) <= CLOSE
+
+
+def test_a_light_fast_segment_does_not_reduce_the_accuracy_of_the_others() -> None:
+    """A segment of a few grams has q̈ = 3e7 rad/s², and a small part of this acceleration affects the next segment.
+
+    Rounding of this q̈ alone changes ∂q̈/∂q by 1e-12; computing with body accelerations gains a digit.
+    """
+    rng = np.random.default_rng(159)
+    chain = random_arm(rng)
+    q, qd = bent_state(chain, rng)
+    _, tau, wrench = rng.normal(size=chain.n), rng.normal(size=chain.n), rng.normal(size=6)
+    assert np.abs(fl.forward_dynamics(chain, q, qd, tau, tip_wrench=wrench)).max() > 1e7
+    assert worst_of_forward(chain, q, qd, tau, wrench) <= CLOSE / 2
+
+
+def test_accelerations_of_a_small_rotor_at_an_elastic_gear_stay_accurate() -> None:
+    """A relative rounding error of 1e-16 in the arm's inertia about the motor axis is 1e-8 of the rotor's inertia."""
+    gear = Joint(armature=1e-8, gear_stiffness=100.0)
+    links = Link(name="a"), Link(name="b", joint=gear, length=0.5, mount=Mount(rpy_deg=(40.0, 50.0, 60.0)))
+    chain = fl.lump(make_scene(*links, tip=RigidBody(mass=3.0, inertia=(1.0, 1.0, 1.0)), gravity=(1.0, 2.0, 9.0)))
+    q, qd, tau = np.array([0.3, 0.7, 0.02]), np.array([1.0, -2.0, 3.0]), np.array([0.1, 0.2, 0.0])
+    (exact,) = accelerations(chain, (q, qd, tau))
+    assert fl.forward_dynamics(chain, q, qd, tau) == pytest.approx(exact, rel=1e-14)
+
+
+def test_planar_and_spatial_recursions_give_the_same_derivatives(rng: np.random.Generator) -> None:
+    """The two recursions share nothing but the equation of motion."""
+    motion = PrescribedMotion(
+        link="b", times=(0.0, 1.0), angle_deg=(0.0, 9.0), rate_deg=(0.0, 0.0), acceleration_deg=(0.0, 0.0)
+    )
+    links = (
+        flexible("a"),
+        flexible("b", joint=Joint(armature=0.1)),
+        flexible("c", mount=Mount(rpy_deg=(180.0, 0.0, 0.0))),
+    )
+    for motions in ((), (motion,)):
+        chain = fl.lump(make_scene(*links, gravity=(1.0, 9.81, 2.0), motion=motions))
+        q, qd = bent_state(chain, rng)
+        state = *chain.arrays, rng.normal(size=6), q, qd, rng.normal(size=chain.n)
+        plane, space = np.empty((2, 3, chain.n, chain.n))
+        assert chain.is_planar and planar_derivatives(*state, plane) and forward_derivatives(*state, space)
+        assert max(map(off, plane, space)) <= CLOSE
+
+
+def test_forward_and_inverse_dynamics_derivatives_are_consistent(chain: Chain, rng: np.random.Generator) -> None:
+    """Both use the same equation of motion: ∂τ/∂q + ∂τ/∂q̈ ∂q̈/∂q = −∂(T_FL + T_FR)/∂q, and equally for q̇ and τ."""
+    q, qd = bent_state(chain, rng)
+    tau = rng.normal(size=chain.n)
+    forward = fl.forward_dynamics_derivatives(chain, q, qd, tau)
+    inverse = fl.inverse_dynamics_derivatives(chain, q, qd, fl.forward_dynamics(chain, q, qd, tau))
+    for slope, own, through in (
+        (inverse.dq, chain.stiffness, forward.dq),
+        (inverse.dqd, friction_derivative(chain, qd), forward.dqd),
+        (np.zeros((chain.n, chain.n)), -np.ones(chain.n), forward.dtau),
+    ):
+        parts = np.abs(inverse.dqdd) @ np.abs(through)
+        assert (np.abs(slope + np.diag(own) + inverse.dqdd @ through) <= 1e-12 * parts.max()).all()
+
+
+def test_derivatives_include_the_mass_matrix_and_the_jacobian_is_consistent(
+    chain: Chain, rng: np.random.Generator
+) -> None:
+    q, qd = bent_state(chain, rng)
+    qdd, wrench = rng.normal(size=chain.n), rng.normal(size=6)
+    found = fl.inverse_dynamics_derivatives(chain, q, qd, qdd)
+    M = fl.mass_matrix(chain, q)
+    assert off(found.dqdd, M) <= 1e-14 * chain.n
+    J = fl.jacobian(chain, q)
+    load = fl.bias_torque(chain, q, 0 * q) - fl.bias_torque(chain, q, 0 * q, tip_wrench=wrench)
+    size = np.abs(load).max() + np.abs(fl.gravity_torque(chain, q)).max()
+    assert np.abs(J.linear.T @ wrench[:3] + J.angular.T @ wrench[3:] - load).max() <= 1e-13 * size
+
+
+def test_hinges_outboard_of_a_body_have_zero_jacobian_columns() -> None:
+    chain = fl.lump(nasty_scene())
+    J = fl.jacobian(chain, np.full(chain.n, 0.1), body=0)
+    stop = int(chain.bodies["stop"][0])
+    assert not J.linear[:, stop:].any() and not J.angular[:, stop:].any()
+
+
+def test_derivatives_at_a_prescribed_joint_are_with_respect_to_its_acceleration(rng: np.random.Generator) -> None:
+    links = Link(name="a", length=0.5, material="aluminium", section="square"), flexible("b", "yz", 3)
+    motion = (
+        PrescribedMotion(
+            link="a", times=(0.0, 1.0), angle_deg=(0.0, 90.0), rate_deg=(0.0, 0.0), acceleration_deg=(0.0, 0.0)
+        ),
+    )
+    given = fl.lump(make_scene(*links, motion=motion))
+    free = fl.lump(make_scene(*links))
+    q, qd = bent_state(given, rng)
+    tau = rng.normal(size=given.n)
+    found = fl.forward_dynamics_derivatives(given, q, qd, tau)
+    M, others = fl.mass_matrix(free, q), np.arange(1, given.n)
+    inverse = fl.inverse_dynamics_derivatives(free, q, qd, fl.forward_dynamics(given, q, qd, tau))
+    block = M[1:, 1:]
+    assert not found.dq[0].any() and not found.dqd[0].any() and found.dtau[0, 0] == 1 and not found.dtau[0, 1:].any()
+    assert off(found.dtau[1:, 0], -np.linalg.solve(block, M[1:, 0])) <= 1e-10
+    assert off(found.dtau[1:, 1:], np.linalg.inv(block)) <= 1e-10
+    K = inverse.dq[1:] + np.diag(free.stiffness)[1:]
+    assert off(found.dq[1:], -np.linalg.solve(block, K)) <= 1e-10
+    assert others.size
+
+
+def test_one_joint_has_the_derivatives_of_a_pendulum() -> None:
+    arm = Link(name="a", length=1.0, joint=Joint(viscous=0.3)), RigidBody(mass=2.0)
+    chain = fl.lump(make_scene(arm[0], tip=arm[1], gravity=(0.0, 9.81, 0.0)))
+    q = np.array([0.4])
+    found = fl.forward_dynamics_derivatives(chain, q, np.array([1.5]), np.array([0.7]))
+    assert found.dq == pytest.approx(np.array([[-9.81 * np.sin(0.4)]]), rel=1e-14)
+    assert found.dqd == pytest.approx(np.array([[-0.15]]), rel=1e-14)
+    assert found.dtau == pytest.approx(np.array([[0.5]]), rel=1e-14)
+
+
+@pytest.mark.slow
+def test_derivatives_of_a_chain_of_400_hinges_are_accurate(rng: np.random.Generator) -> None:
+    chain = fl.lump(make_scene(flexible("a", "z", 400)))
+    q, qd = np.full(chain.n, 1e-3), np.full(chain.n, 0.1)
+    found = fl.forward_dynamics_derivatives(chain, q, qd, 0 * q)
+    assert chain.n == 400
+    for j in (0, 200, 399):
+        e = np.eye(400)[j]
+        assert (
+            off(found.dtau[:, j], fl.forward_dynamics(chain, q, qd, e) - fl.forward_dynamics(chain, q, qd, 0 * e))
+            <= 1e-8
+        )
+
+
+def test_derivatives_that_do_not_exist_are_errors() -> None:
+    chain = fl.lump(make_scene(flexible("a", "xyz", 2)))
+    q = np.zeros(chain.n)
+    with refused(ArgumentError, "wrong-shape"):
+        fl.forward_dynamics_derivatives(chain, [0.0], q, q)
+    with refused(ArgumentError, "overflow"):
+        fl.inverse_dynamics_derivatives(chain, q, np.full(chain.n, 1e200), q)
+    with refused(ArgumentError, "overflow"):
+        fl.forward_dynamics_derivatives(chain, q, np.full(chain.n, 1e200), q)
+    for name in ("q", "qd", "tau"):
+        state = {"q": q, "qd": q, "tau": q, name: np.full(chain.n, np.inf)}
+        with refused(ArgumentError, "not-finite"):
+            fl.forward_dynamics_derivatives(chain, **state)
+    with refused(ArgumentError, "out-of-range"):
+        fl.jacobian(chain, q, body=3)
+    massless = fl.lump(make_scene(Link(name="a"), Link(name="b", length=1.0), tip=RigidBody(mass=1.0)))
+    with refused(SingularMassError, "joint-without-inertia"):
+        fl.forward_dynamics_derivatives(massless, [0.0, 0.0], [0.0, 0.0], [0.0, 0.0])

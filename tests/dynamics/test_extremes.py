@@ -1,0 +1,143 @@
+"""Matrix-free lowest and highest frequencies agree with the dense eigenproblem."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy import linalg
+
+import flexlink as fl
+from flexlink.dynamics import rounding
+from flexlink.dynamics.vibration.extremes import CLOSE, fastest_decay, fastest_frequency, slowest_frequency
+from tests.conftest import flexible, make_scene
+from tests.support.words import refused
+
+ESTIMATE = 0.1
+EPS = np.finfo(float).eps
+
+
+def dense(chain: fl.Chain, q: np.ndarray) -> np.ndarray:
+    """Frequencies of K φ = ω² M φ over joints without prescribed motion, without zeros of free joints [rad/s]."""
+    moving = chain.hinges["prescribed"] == 0
+    K, M = chain.stiffness[moving], fl.mass_matrix(chain, q)[np.ix_(moving, moving)]
+    squares = linalg.eigh(np.diag(K), M, eigvals_only=True)
+    return np.sqrt(squares[np.count_nonzero(K == 0) :])
+
+
+def test_lowest_and_highest_frequencies_agree_with_the_dense_eigenproblem(
+    chain: fl.Chain, rng: np.random.Generator
+) -> None:
+    """The lowest frequency converges fast; the highest is only estimated, as other frequencies are close to it."""
+    q = rng.uniform(-0.3, 0.3, chain.n)
+    wanted = dense(chain, q)
+    assert slowest_frequency(chain, q) == pytest.approx(wanted[0], rel=CLOSE)
+    assert fastest_frequency(chain, q) == pytest.approx(wanted[-1], rel=ESTIMATE)
+
+
+def test_prescribed_joints_do_not_vibrate() -> None:
+    chain = fl.lump(make_scene(flexible("a", segments=4), flexible("b", segments=4)))
+    hinges, q = chain.hinges.copy(), np.zeros(chain.n)
+    hinges["prescribed"][chain.active] = 1
+    held = dataclasses.replace(chain, hinges=hinges)
+    wanted = dense(held, q)
+    assert wanted[0] < 0.9 * dense(chain, q)[0]  # clamped, the arm is slower than free
+    assert slowest_frequency(held, q) == pytest.approx(wanted[0], rel=CLOSE)
+    assert fastest_frequency(held, q) == pytest.approx(wanted[-1], rel=ESTIMATE)
+
+
+def test_a_chain_without_springs_has_no_frequencies() -> None:
+    chain = fl.lump(make_scene(fl.Link(name="a", length=1.0), tip=fl.RigidBody(mass=1.0)))
+    assert slowest_frequency(chain, np.zeros(1)) == np.inf
+    assert fastest_frequency(chain, np.zeros(1)) == 0.0
+
+
+@pytest.mark.parametrize("q", [(0.0, 0.0), (0.5, -1.0)], ids=["stretched, so that M is singular", "bent"])
+@pytest.mark.parametrize("steps", [{"tolerance": 1e-4}, {"method": "Radau5", "step": 1e-4}], ids=["tolerance", "step"])
+@pytest.mark.parametrize("density", [1e-11, 1e-15], ids=["20 eps of the payload", "less than eps"])
+def test_arms_with_nearly_massless_links_and_a_point_mass_can_be_simulated(
+    q: tuple[float, ...], steps: dict[str, object], density: float
+) -> None:
+    """The small mass of the links vibrates faster than anything else.
+
+    Below eps times the point mass, rounding decides whether M contains any of the links' mass. Without fused
+    multiply-adds, often none remains and q̈ at the start is undefined, but implicit steps do not need it.
+    """
+    arm = make_scene(flexible("a", segments=4), flexible("b", segments=4), tip=fl.RigidBody(mass=1.0))
+    light = arm.varied({"material.aluminium.density": density, "initial.joint_deg": np.degrees(q)})
+    chain = fl.lump(light)
+    assert slowest_frequency(chain, fl.initial_state(light, chain)[0]) > 1e6
+    run = fl.simulate(light.varied({"run": {"duration": 0.01, "sample": 0.005, **steps}}))
+    assert np.isfinite(run.tip).all()
+
+
+def test_a_joint_whose_inertia_is_below_rounding_is_named() -> None:
+    """For twist of a stretched massless arm on a tilted base, the diagonal of M is only rounding, often negative."""
+    links = (flexible("a", "xyz", 9, lumping="legendre"), flexible("b", "xyz", 9, lumping="legendre"))
+    light = make_scene(*links, tip=fl.RigidBody(mass=1.0)).varied({"material.aluminium.density": 1e-300})
+    for tilt in np.random.default_rng(1).uniform(-90, 90, (20, 3)).tolist():
+        chain = fl.lump(light.varied({"link.a.mount": fl.Mount(rpy_deg=tuple(tilt))}))
+        q, zero = np.zeros((2, chain.n))
+        assert fl.mass_matrix(chain, q).diagonal().min() < rounding.of_mass_matrix(chain, q), "below rounding"
+        with refused(fl.errors.SingularMassError, "joint-without-inertia"):
+            fl.forward_dynamics(chain, q, zero, zero, solver="cholesky")
+
+
+def test_joints_without_inertia_have_an_infinite_frequency() -> None:
+    """The choice of a method uses this frequency, and implicit methods need no inertia, so ∞ is allowed."""
+    chain = fl.lump(make_scene(flexible("a")))
+    bodies = chain.bodies.copy()
+    for inertia in ("mass", "inertia"):
+        bodies[inertia] = 0.0
+    chain = dataclasses.replace(chain, bodies=bodies)
+    with pytest.raises(fl.errors.SingularMassError):
+        fl.forward_dynamics(chain, *np.zeros((3, chain.n)))
+    assert fastest_frequency(chain, np.zeros(chain.n)) == np.inf
+    hinges = chain.hinges.copy()
+    hinges["armature"] = -1e-20  # rounding may leave a negative inertia
+    assert slowest_frequency(dataclasses.replace(chain, hinges=hinges), np.zeros(chain.n)) == np.inf
+
+
+def test_the_fastest_decay_rate_agrees_with_the_dense_eigenproblem(chain: fl.Chain, rng: np.random.Generator) -> None:
+    hinges, q = chain.hinges.copy(), rng.uniform(-0.3, 0.3, chain.n)
+    hinges["damping"] += 1e-3 * hinges["stiffness"]
+    damped = dataclasses.replace(chain, hinges=hinges)
+    wanted = linalg.eigh(np.diag(damped.damping), fl.mass_matrix(damped, q), eigvals_only=True)[-1]
+    assert fastest_decay(damped, q) == pytest.approx(wanted, rel=2 * ESTIMATE)  # ω² has twice the error of ω
+
+
+def test_the_damper_of_a_prescribed_joint_causes_no_decay() -> None:
+    """The joint moves as prescribed regardless of its damper; if this is the only damper, nothing decays."""
+    chain = fl.lump(make_scene(flexible("a", segments=4)))
+    hinges, q = chain.hinges.copy(), np.zeros(chain.n)
+    hinges["prescribed"][chain.active], hinges["damping"][chain.active] = 1, 1e9
+    with np.errstate(all="raise"):  # 0/0 would be an error
+        assert fastest_decay(dataclasses.replace(chain, hinges=hinges.copy()), q) == 0.0
+    hinges["damping"] += 1e-3 * hinges["stiffness"]
+    held, rest = dataclasses.replace(chain, hinges=hinges), chain.hinges["stiffness"] > 0
+    M = fl.mass_matrix(chain, q)[np.ix_(rest, rest)]
+    wanted = linalg.eigh(np.diag(held.damping[rest]), M, eigvals_only=True)[-1]
+    assert fastest_decay(held, q) == pytest.approx(wanted, rel=2 * ESTIMATE)
+
+
+@pytest.mark.parametrize("straight", [True, False], ids=["straight", "bent"])
+def test_condensing_free_joints_agrees_with_the_pseudo_inverse(straight: bool, rng: np.random.Generator) -> None:
+    """K φ = ω² S φ with S = M_pp − M_pa M_aa⁺ M_ap is solved for four free joints, two of them about the same axis."""
+    links = [flexible(name, segments=3) for name in "abcd"]
+    links[2] = fl.Link(name="c", length=0.0, joint=fl.Joint(armature=1e3))  # on the axis of the next joint
+    chain = fl.lump(make_scene(*links, tip=fl.RigidBody(mass=2.0)))
+    q = np.zeros(chain.n) if straight else rng.uniform(-0.5, 0.5, chain.n)
+    M, a = fl.mass_matrix(chain, q), chain.stiffness == 0
+    S = M[np.ix_(~a, ~a)] - M[np.ix_(~a, a)] @ np.linalg.pinv(M[np.ix_(a, a)], rcond=1e-12) @ M[np.ix_(a, ~a)]
+    squares = 1.0 / linalg.eigh(S, np.diag(chain.stiffness[~a]), eigvals_only=True)
+    assert slowest_frequency(chain, q) == pytest.approx(np.sqrt(squares[-1]), rel=CLOSE)
+
+
+def test_rotors_reduce_the_highest_frequency_and_the_fastest_decay(rng: np.random.Generator) -> None:
+    chain = fl.lump(make_scene(flexible("a", segments=4)))
+    hinges, q = chain.hinges.copy(), rng.uniform(-0.3, 0.3, chain.n)
+    hinges["armature"], hinges["damping"] = 0.1, 1e-3 * hinges["stiffness"]
+    heavy = dataclasses.replace(chain, hinges=hinges)
+    assert fastest_frequency(heavy, q) == pytest.approx(dense(heavy, q)[-1], rel=ESTIMATE)
+    assert fastest_decay(heavy, q) == pytest.approx(1e-3 * dense(heavy, q)[-1] ** 2, rel=2 * ESTIMATE)

@@ -1,0 +1,238 @@
+"""Derivatives of trees with revolute and prismatic joints on fixed and free bases agree with complex steps."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+import flexlink as fl
+from flexlink.common.types import Array
+from flexlink.describe.arm import Base
+from flexlink.dynamics.small_motion import SmallMotion
+from flexlink.dynamics.springs import damping_slope
+from flexlink.dynamics.static_postures import static_postures
+from flexlink.dynamics.tangent import gyroscopic_matrix, stiffness_matrix
+from tests.conftest import chain_of, flexible, make_scene
+from tests.support.beams import THIN, thin_link
+from tests.support.trees import random_tree, slopes
+
+SEEDS = range(4)
+
+
+def state(chain: fl.Chain, rng: np.random.Generator) -> tuple[Array, ...]:
+    """q, q̇, a third vector (q̈ or τ) and a wrench."""
+    return (*rng.normal(size=(3, chain.n)), rng.normal(size=6))
+
+
+def apart(chain: fl.Chain) -> np.ndarray:
+    """Mask of pairs of joints that are not on a common path from the base, shape (n, n)."""
+    on_path = np.zeros((chain.n, chain.n), bool)
+    for body in chain.bodies:
+        above = chain.bodies[body["parent"] - 1] if body["parent"] else None
+        for k in range(body["first"], body["stop"]):
+            on_path[k, body["first"] : k + 1] = True
+            while above is not None:
+                on_path[k, above["first"] : above["stop"]] = True
+                above = chain.bodies[above["parent"] - 1] if above["parent"] else None
+            on_path[k] |= on_path[body["first"]]
+    return ~(on_path | on_path.T)
+
+
+def off(ours: Array, exact: Array) -> float:
+    """Largest error, in units of the largest element."""
+    return float(np.abs(ours - exact).max() / (np.abs(exact).max() or 1.0))
+
+
+@pytest.fixture(params=SEEDS)
+def tree(request: pytest.FixtureRequest) -> tuple[fl.Chain, np.random.Generator]:
+    """A random tree, every second one on a free base, and its random generator."""
+    rng = np.random.default_rng(request.param)
+    return random_tree(rng, int(rng.integers(1, 5)), free=bool(request.param % 2)), rng
+
+
+def test_derivatives_of_inverse_dynamics_match_newton_euler_by_complex_steps(tree) -> None:
+    chain, rng = tree
+    q, qd, qdd, wrench = state(chain, rng)
+    found = fl.inverse_dynamics_derivatives(chain, q, qd, qdd, tip_wrench=wrench)
+    exact = slopes(chain, q, qd, qdd, wrench)
+    for ours, wanted in zip((found.dq, found.dqd, found.dqdd), exact, strict=True):
+        assert off(ours, wanted) < 1e-14
+        assert not ours[apart(chain)].any()
+    turning = fl.inverse_dynamics_derivatives(chain, q, qd, qdd, tip_wrench=wrench, frame="tip")
+    springs = np.abs(chain.matrix("stiffness")).max()  # K is a difference of two larger matrices
+    assert np.abs(turning.dq - slopes(chain, q, qd, qdd, wrench, follower=True)[0]).max() < 1e-14 * (
+        np.abs(exact[0]).max() + springs
+    )
+
+
+def test_derivatives_of_forward_dynamics_match_newton_euler_by_complex_steps(tree) -> None:
+    chain, rng = tree
+    hinges = chain.hinges.copy()
+    hinges["prescribed"][chain.active[-1]] = 1
+    for each in (chain, dataclasses.replace(chain, hinges=hinges)):
+        q, qd, tau, wrench = state(each, rng)
+        q /= 3
+        given = each.hinges["prescribed"] != 0
+        free = ~given
+        qdd = fl.forward_dynamics(each, q, qd, tau, tip_wrench=wrench)
+        K, C, M = slopes(each, q, qd, qdd, wrench)
+        width = each.hinges["coulomb_width"]
+        friction = each.damping + each.hinges["coulomb"] / width * (1 - np.tanh(qd / width) ** 2)
+        K, C = K + each.matrix("stiffness"), C + np.diag(friction)
+        inverse = np.zeros_like(M)
+        inverse[np.ix_(free, free)] = np.linalg.inv(M[np.ix_(free, free)])
+        by_input = inverse.copy()
+        by_input[:, given], by_input[given, given] = -inverse @ M[:, given], 1.0
+        found = fl.forward_dynamics_derivatives(each, q, qd, tau, tip_wrench=wrench)
+        rounding = 1e-15 * np.linalg.cond(M)
+        assert off(found.dq, -inverse @ K) < rounding
+        assert off(found.dqd, -inverse @ C) < rounding
+        assert off(found.dtau, by_input) < rounding
+
+
+@pytest.mark.parametrize("follower", [False, True])
+def test_small_motion_products_and_solutions_equal_those_of_the_matrices(tree, follower: bool) -> None:
+    chain, rng = tree
+    q, rates, _, wrench = state(chain, rng)
+    locked = np.zeros(chain.n, bool)
+    locked[rng.integers(chain.n)] = chain.n > 1
+    free = ~locked
+    for qd in (rates, 0 * rates):
+        K, C, M = slopes(chain, q, qd, 0 * q, wrench, follower=follower)
+        size = np.abs(K).max() + chain.stiffness.max()
+        K, D = K + chain.matrix("stiffness"), np.diag(damping_slope(chain))
+        assert np.abs(stiffness_matrix(chain, q, qd, wrench, follower) - K).max() < 1e-14 * size
+        assert np.abs(gyroscopic_matrix(chain, q, qd) - C).max() <= 1e-13 * np.abs(C).max()
+        motion = SmallMotion(chain, q, qd, wrench, follower, locked)
+        x = np.where(locked, 0.0, rng.normal(size=(2, chain.n)))
+        for weights in (*np.eye(3), np.array([1.0, 0.7, 0.49])):
+            A = np.tensordot(weights, [K, C + D, M], 1)
+            right = np.where(locked, 0.0, x @ A.T)
+            assert np.abs(motion.times(weights, x) - right).max() <= 1e-14 * chain.n * np.abs(A).max()
+        motion.eliminate(weights, np.ones(chain.n), np.abs(A).max(axis=1), 0.0)
+        assert np.abs(motion.solve(right)[0] - x).max() <= 1e-14 * np.linalg.cond(A[np.ix_(free, free)])
+        assert off(motion.times_mass(x), np.where(locked, 0.0, x @ M)) < 1e-14
+
+
+ROOTS = {
+    0.0: [2.36502037243135, 5.49780391900084, 8.63937982869974],
+    0.5: [2.13617562651333, 4.98196587137059, 8.0509039739791],
+    5.0: [1.92626530993769, 4.73606411573393, 7.87946858968337],
+}
+"""Roots x of sin x cosh x + cos x sinh x + μ x (1 + cos x cosh x) = 0, by the ratio μ of carriage to beam mass."""
+
+
+def thin_tree(*links: fl.Link, base: Base | None = None) -> fl.Chain:
+    """A tree of thin beams with EI = ρA = L = 1, on a fixed or floating base."""
+    arm = fl.Arm(
+        links=links,
+        materials={"unit": fl.Material(young=1 / THIN, poisson=-0.5, density=1.0)},
+        sections={"thin": fl.Section(shape="general", area=1.0, i_y=THIN, i_z=THIN, torsion=THIN)},
+        base=base or Base(),
+    )
+    return chain_of(arm)
+
+
+@pytest.mark.parametrize("μ", ROOTS)
+def test_a_beam_on_a_carriage_has_the_frequencies_of_its_closed_form(μ: float) -> None:
+    def errors(hinges: int) -> Array:
+        carriage = {
+            "joint": fl.Joint(kind="prismatic", axis=(0.0, 1.0, 0.0)),
+            "hub": fl.RigidBody(mass=μ),
+            "up": (0.0, 0.0, 1.0),
+        }
+        found = fl.modes(thin_tree(replace(thin_link("gauss", hinges), **carriage)))
+        assert found.kinds[:4] == ("rigid", "elastic", "elastic", "elastic")
+        return np.abs(np.sqrt(found.frequencies[1:4]) / ROOTS[μ] - 1)
+
+    few, many = errors(16), errors(32)
+    assert few[0] < 1e-6
+    assert (many < 6e-6).all()
+    assert (np.log2(few / many) > 3.8).all()
+
+
+def test_a_satellite_has_six_rigid_modes_and_modes_of_a_beam_on_a_carriage() -> None:
+    still = fl.Joint(locked=True)
+    left = replace(thin_link("gauss", 32, "left"), joint=still)
+    right = replace(thin_link("gauss", 32, "right"), joint=still, on="base", mount=fl.Mount(rpy_deg=(0.0, 0.0, 180.0)))
+    hub = Base(kind="free", mass=1.0, inertia=(1.0, 1.0, 1.0))  # half of the base mass for each panel
+    found = fl.modes(thin_tree(left, right, base=hub))
+    assert found.kinds[:8] == ("rigid",) * 6 + ("elastic",) * 2
+    assert not found.eigenvalues[:6].any()
+    for root in ROOTS[0.5]:
+        assert np.abs(np.sqrt(found.frequencies) / root - 1).min() < 6e-6
+
+
+@pytest.mark.parametrize("base", [Base(), Base(kind="free", mass=2.0, inertia=(1.0, 1.0, 1.0))])
+def test_the_slowest_modes_of_long_branches_equal_the_first_of_all_modes(base: Base) -> None:
+    slider = fl.Joint(kind="prismatic", axis=(1.0, 0.0, 0.0), armature=1.0)
+    left = replace(thin_link("gauss", 60, "left", flex="yz"), joint=slider)
+    right = replace(
+        thin_link("gauss", 20, "right"), joint=fl.Joint(), on="base", mount=fl.Mount(rpy_deg=(0.0, 0.0, 180.0))
+    )
+    chain = thin_tree(left, right, base=base)
+    few, all_ = fl.modes(chain, count=12), fl.modes(chain)
+    rigid = 2 + 6 * chain.has_free_base
+    assert few.kinds == all_.kinds[:12] == ("rigid",) * rigid + ("elastic",) * (12 - rigid)
+    assert few.frequencies == pytest.approx(all_.frequencies[:12], rel=1e-10)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_the_equilibrium_of_an_arm_on_an_elastic_slide_scales_with_size(size: float) -> None:
+    spring = fl.Joint(kind="prismatic", axis=(0.0, 1.0, 0.0), armature=1.0, gear_stiffness=100.0 / size)
+    arm = fl.Arm(
+        links=(
+            fl.Link(name="carriage", joint=spring, hub=fl.RigidBody(mass=1.0)),
+            flexible("boom", length=size, material="soft", section="bar", joint=fl.Joint(locked=True)),
+        ),
+        materials={"soft": fl.Material(young=2e9 / size**2, density=1000.0 / size**3)},
+        sections={"bar": fl.Section(shape="rectangle", height=0.01 * size, width=0.01 * size)},
+    )
+    chain = chain_of(arm, (0.0, -9.81, 0.0))
+    rest = fl.solve_static(chain, locked=chain.active)
+    assert rest.stable
+    assert rest.q[1] / size == pytest.approx(-1.1 * 9.81 / 100.0, rel=1e-11)
+    clamped = chain_of(replace(arm, links=arm.links[1:]), (0.0, -9.81, 0.0))
+    assert rest.q[2:] == pytest.approx(fl.solve_static(clamped).q, rel=1e-9)
+    assert len(rest.path) < 10
+    K = stiffness_matrix(chain, rest.q, 0 * rest.q, np.zeros(6))
+    assert np.abs(K - K.T).max() < 1e-14 * np.abs(K).max()
+
+
+def branching(**fields: object) -> fl.Scene:
+    """Two flexible arms on the ground, one on an elastic prismatic joint, the other with a prismatic hand."""
+    belt = fl.Joint(kind="prismatic", axis=(1.0, 0.0, 0.0), viscous=0.5, armature=0.1, gear_stiffness=300.0)
+    out = fl.Joint(kind="prismatic", axis=(0.0, 1.0, 1.0))
+    hand = fl.RigidBody(mass=0.3, inertia=(0.01, 0.01, 0.01))
+    return make_scene(
+        flexible("left", "z", 3, joint=fl.Joint(viscous=0.1), hub=hand),
+        flexible("right", "xyz", 3, on="base", joint=belt, mount=fl.Mount(rpy_deg=(20.0, 30.0, 180.0)), hub=hand),
+        fl.Link(name="hand", on="left", length=0.2, joint=out, hub=hand),
+        gravity=(0.0, 9.81, 1.0),
+        **fields,
+    )
+
+
+def test_equilibria_of_a_sequence_equal_those_of_separate_solutions() -> None:
+    chain = fl.lump(branching())
+    driven = np.linspace(0.0, 1.0, 4)[:, None] * [0.3, 0.05, 0.1]
+    q = np.zeros((4, chain.n))
+    q[:, chain.active] = driven
+    each = [fl.solve_static(chain, row, locked=chain.active).q for row in q]
+    assert static_postures(chain, driven) == pytest.approx(np.array(each), abs=1e-13)
+
+
+@pytest.mark.parametrize("on", ["right", "hand"])
+@pytest.mark.parametrize("frame", ["world", "tip", "constant"])
+def test_the_energy_gain_equals_the_work_of_a_wrench_on_any_tip(frame: str, on: str) -> None:
+    """The power is f·v + m·ω of the loaded tip."""
+    forces, moments = ((1.0, 2.0, 3.0), (30.0, -50.0, 10.0)), ((1.0, 0.2, 0.3), (3.0, -5.0, 1.0))
+    wrench = fl.Wrench(force=forces[1], moment=moments[1], on=on)
+    if frame != "constant":
+        wrench = fl.Wrench(times=(0.0, 0.02), forces=forces, moments=moments, frame=frame, on=on)
+    fine = fl.RunSettings(step=2e-5, sample=0.02, duration=0.02)
+    run = fl.simulate(branching(wrench=wrench, run=fine))
+    assert np.abs(run.imbalance).max() < 1e-6 * np.abs(run.work).max()

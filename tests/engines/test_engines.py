@@ -1,0 +1,336 @@
+"""Other engines compute from exported files the same as flexlink; engines that are not installed are skipped."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from flexlink import (
+    Chain,
+    Drive,
+    FlexlinkError,
+    InitialState,
+    Joint,
+    Link,
+    Mount,
+    PrescribedMotion,
+    Scene,
+    Wrench,
+    initial_state,
+    load_scene,
+    lump,
+    mass_matrix,
+    stable_step,
+)
+from flexlink.describe.run_settings import steps_explicitly
+from flexlink.diagnosis.quantities import QUANTITIES
+from flexlink.diagnosis.states import mixed_states
+from flexlink.dynamics import rounding
+from flexlink.engines import ENGINES, load, load_here
+from flexlink.errors import ArgumentError, DivergenceError, MissingDependencyError
+from tests.conftest import MODELS, ROOT, flexible, make_scene, nasty_scene, random_state
+from tests.support.words import refused
+
+STATES = 20
+
+
+PACKAGE = {"drake": "pydrake"}
+"""Import name of an engine if it differs from the engine's name."""
+METHOD = {"drake": "RK3"}
+"""Method for an engine without RK4."""
+
+
+def engine(name: str, *more: object) -> object:
+    """Test parameters for an engine; skipped if it is not installed, and slow if it starts a process."""
+    missing = importlib.util.find_spec(PACKAGE.get(name, name)) is None
+    marks = [pytest.mark.skipif(missing, reason=f"not run: {name} is not installed")]
+    return pytest.param(name, *more, marks=[*marks, pytest.mark.slow] if ENGINES[name].isolated else marks)
+
+
+every = pytest.mark.parametrize("name", [engine(name) for name in ENGINES if name != "native"])
+
+
+def shortened(scene: Scene, duration: float, **run: object) -> Scene:
+    """The scene with a short duration."""
+    return scene.varied({"run.duration": duration} | {f"run.{name}": value for name, value in run.items()})
+
+
+def of_a_tolerance(path: Path) -> dict[str, object]:
+    """Step settings for a scene that specifies none; otherwise no settings."""
+    return {} if steps_explicitly(load_scene(path).run) else {"method": "RK4", "step": 5e-5, "sample": 0.01}
+
+
+def of(name: str, scene: Scene) -> Scene:
+    """The scene with a method that the engine supports."""
+    return scene.varied({"run.method": METHOD.get(name, scene.run.method)})
+
+
+def rounding_bound(scene: Scene) -> float:
+    """Bound for differences of q [rad]: t²/2 times the rounding error of q̈, estimated at every tenth sample."""
+    chain = lump(scene)
+    t, q, qd = load("native", chain).integrate(scene)
+    qdd = np.gradient(qd, t, axis=0)
+    tau = np.array([M @ a for M, a in zip((mass_matrix(chain, row) for row in q), qdd, strict=True)])  # an upper limit
+    rows = range(0, len(t), 10)
+    explained = max(
+        rounding.of_acceleration(chain, q[k], qd[k], qdd[k], tau[k], tip_wrench=scene.tip_wrench) for k in rows
+    )
+    return t[-1] ** 2 / 2 * explained
+
+
+@every
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_every_term_agrees_with_the_engine_within_rounding(name: str, quantity: str, chain: Chain) -> None:
+    native, other = load("native", chain), load(name, chain)
+    term = QUANTITIES[quantity]
+    for state in mixed_states(chain, STATES):
+        expected, got = (term.evaluate(engine, state) for engine in (native, other))
+        assert term.error(chain, state, got, expected).max() <= 1
+        if quantity == "M":
+            assert_array_equal(got, got.T)
+
+
+@every
+def test_engines_agree_on_massless_bodies_with_offsets_and_rotations(name: str, rng: np.random.Generator) -> None:
+    massless = [
+        Link(name=f"gimbal {k}", length=0.1 * k, mount=Mount(xyz=(0.1, -0.2, 0.3), rpy_deg=(30.0 * k, 40.0, -50.0)))
+        for k in range(3)
+    ]
+    chain = lump(make_scene(*massless, flexible("arm", "xyz", mount=Mount(rpy_deg=(0.0, 60.0, 10.0)))))
+    native, other = load("native", chain), load(name, chain)
+    for _ in range(STATES):
+        q, qd = random_state(chain, rng)
+        assert np.abs(other.mass_matrix(q) - native.mass_matrix(q)).max() <= rounding.of_mass_matrix(chain, q)
+        allowed = rounding.of_bias_torque(chain, q, qd)
+        assert np.abs(other.bias_torque(q, qd) - native.bias_torque(q, qd)).max() <= allowed
+
+
+NOT_FOLLOWED = {("drake", "computed_torque"), ("exudyn", "computed_torque")}
+"""Sampled drives, which the integrators of these engines cannot follow: the run is refused by name."""
+SHORT = {
+    **{path.stem: shortened(load_scene(path), 0.03, **of_a_tolerance(path)) for path in MODELS},
+    "nasty": shortened(nasty_scene(), 0.02, step=2e-5, sample=1e-3),
+    "wrench": shortened(make_scene(flexible("arm", "xyz"), wrench=Wrench((5, -3, 2), (1, 2, -3))), 0.02, step=2e-5),
+    "table": shortened(
+        make_scene(flexible("arm"), drive=Drive(kind="table", times=(0.0, 0.05, 0.1), torques=((0,), (9,), (-9,)))), 0.1
+    ),
+    "pd": shortened(
+        make_scene(flexible("arm"), drive=Drive(kind="pd", kp=(50,), kd=(5,), target_deg=(30,))), 0.1
+    ),
+    "coulomb": shortened(
+        make_scene(
+            flexible("arm", joint=Joint(coulomb=3.0, viscous=0.1)),
+            initial=InitialState(joint_deg=(0.0,), rate_deg=(9.0,))
+        ),
+        0.1,
+    ),
+}  # fmt: skip
+
+
+@every
+@pytest.mark.parametrize("case", SHORT)
+def test_short_trajectories_differ_by_rounding_only(name: str, case: str) -> None:
+    scene = of(name, SHORT[case])
+    chain = lump(scene)
+    other = load(name, chain)
+    if (name, case) in NOT_FOLLOWED:
+        with refused(ArgumentError, "engine-does-not-support") as caught:
+            other.integrate(scene)
+        assert all(engine in str(caught.value) for engine in ("native", "pinocchio", "mujoco"))
+        return
+    t, q, _ = load("native", chain).integrate(scene)
+    t2, q2, _ = other.integrate(scene)
+    bound = rounding_bound(scene)
+    assert bound < 1e-6 < np.abs(q - q[0]).max()  # the arm moves by much more than the bound
+    assert_array_equal(t2, t)
+    assert_allclose(q2, q, rtol=0, atol=bound)
+
+
+@pytest.mark.parametrize(
+    ("name", "method", "step"),
+    [
+        engine("pinocchio", "RK2", 5e-6),
+        engine("pinocchio", "RK10", 1e-4),
+        engine("exudyn", "RK2", 5e-6),
+        engine("drake", "DOPRI5", 5e-5),
+    ],
+)
+def test_other_methods_give_the_same_motion(name: str, method: str, step: float) -> None:
+    scene = shortened(load_scene(ROOT / "models" / "paper_fig5.toml"), 0.02, method=method, step=step)
+    (_, q, _), (_, other, _) = (load(each, lump(scene)).integrate(scene) for each in ("native", name))
+    assert_allclose(other, q, rtol=0, atol=rounding_bound(scene))
+
+
+@pytest.mark.parametrize(
+    ("name", "methods"),
+    [
+        engine("mujoco", ("RK4",)),
+        engine("exudyn", ("RK2", "RK4")),
+        engine("drake", ("RK3", "DOPRI5")),
+    ],
+)
+def test_the_refusal_of_a_method_lists_the_methods_of_the_engine(name: str, methods: tuple[str, ...]) -> None:
+    scene = shortened(make_scene(flexible("arm")), 0.01, method="RK10")
+    with refused(ArgumentError, "engine-method") as caught:
+        load(name, lump(scene)).integrate(scene)
+    assert re.findall(r"'(RK\d|DOPRI\d)'", str(caught.value)) == [*methods]
+
+
+@every
+def test_a_step_above_the_largest_stable_one_is_refused(name: str) -> None:
+    scene = of(name, shortened(load_scene(ROOT / "models" / "paper_fig5.toml"), 0.5, step=1e-3, sample=1e-3))
+    chain, method = lump(scene), scene.run.method
+    stable_step(chain, initial_state(scene, chain)[0], method=method)
+    with refused(FlexlinkError, "unstable-step"):
+        load(name, chain).integrate(scene)
+
+
+STEPS = 40
+
+
+def torn(late: float, samples: int = STEPS) -> Scene:
+    """An arm whose drive makes the run diverge within the last `late` of 40 steps."""
+    h = 1e-4
+    end = STEPS * h
+    drive = Drive(kind="table", times=(0.0, end - late * h, end), torques=((0.0,), (0.0,), (1e303,)))
+    return shortened(make_scene(flexible("arm"), drive=drive), end, step=h, sample=end / samples)
+
+
+@every
+def test_a_run_that_diverges_is_an_error_that_keeps_its_samples_and_writes_no_file(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    scene = of(name, torn(late=20))
+    with refused(DivergenceError, "diverged") as caught:
+        load(name, lump(scene)).integrate(scene)
+    kept = caught.value.trajectory
+    assert 20 <= len(kept.t) < 40 and np.isfinite(kept.q).all() and np.isfinite(kept.qd).all()
+    assert list(tmp_path.iterdir()) == []
+
+
+@every
+@pytest.mark.parametrize("samples", [1, STEPS])
+def test_a_state_that_diverges_in_the_last_step_is_not_a_sample(name: str, samples: int) -> None:
+    scene = of(name, torn(late=1, samples=samples))
+    with refused(DivergenceError, "diverged") as caught:
+        load(name, lump(scene)).integrate(scene)
+    kept = caught.value.trajectory
+    assert len(kept.t) == samples and np.isfinite(kept.q).all() and np.isfinite(kept.qd).all()
+
+
+def moved(*links: Link) -> Scene:
+    """An arm whose first joint follows a prescribed motion from 0° to 60° in 0.1 s, and then rests."""
+    motion = PrescribedMotion(
+        link="upper", times=(0.0, 0.1), angle_deg=(0.0, 60.0), rate_deg=(0.0, 0.0), acceleration_deg=(0.0, 0.0)
+    )
+    return shortened(make_scene(*links, motion=(motion,), wrench=Wrench((5, -3, 2), (1, 2, -3))), 0.15, step=5e-5)
+
+
+ELBOW = Mount(rpy_deg=(40.0, 0.0, 0.0))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("flex", "method"), [("z", "RK4"), ("xyz", "RK10")])
+def test_pinocchio_moves_a_prescribed_joint_like_flexlink(flex: str, method: str) -> None:
+    scene = moved(flexible("upper", flex, 3, mount=ELBOW), flexible("fore", "z", 3, joint=Joint(viscous=0.5)))
+    scene = shortened(scene, 0.15, method=method, step=1e-4)
+    (t, q, qd), (_, q2, qd2) = (load(name, lump(scene)).integrate(scene) for name in ("native", "pinocchio"))
+    assert np.degrees(q2[t >= 0.1, 0]) == pytest.approx(60.0, abs=1e-12)
+    assert_array_equal(q2[:, 0], q[:, 0])
+    assert_array_equal(qd2[:, 0], qd[:, 0])
+    assert_allclose(q2, q, rtol=0, atol=rounding_bound(scene))
+    assert np.abs(q[:, 1:]).max() > 0.01
+
+
+def test_pinocchio_keeps_a_prescribed_joint_at_a_constant_rate() -> None:
+    chain = lump(moved(flexible("upper", "xyz", 3, mount=ELBOW), flexible("fore")))
+    native, other = load("native", chain), load("pinocchio", chain)
+    for q, qd, tau, wrench in mixed_states(chain, 5):
+        solutions = (
+            other.forward_dynamics(q, qd, tau, tip_wrench=wrench),
+            native.forward_dynamics(q, qd, tau, tip_wrench=wrench),
+        )
+        assert solutions[0][0] == solutions[1][0] == 0
+        error = rounding.acceleration_error(chain, q, qd, tau, solutions=solutions, tip_wrench=wrench)
+        assert error[1:].max() <= 1
+
+
+@pytest.mark.parametrize(
+    ("name", "title"),
+    [engine("mujoco", "MuJoCo"), engine("exudyn", "Exudyn"), engine("drake", "Drake")],
+)
+def test_engines_without_prescribed_joints_refuse_scenes_with_them(name: str, title: str) -> None:
+    scene = moved(flexible("upper"))
+    with refused(ArgumentError, "engine-does-not-support"):
+        load(name, lump(scene))
+    free = lump(scene.varied({"motion": ()}))
+    with refused(ArgumentError, "engine-does-not-support"):
+        load(name, free).integrate(scene)
+
+
+def test_a_run_in_mujoco_restores_the_callbacks_of_the_user() -> None:
+    def mine(model: object, data: object) -> None:
+        """A callback of the user."""
+
+    scene = SHORT["coulomb"]
+    torn_apart = torn(late=20)
+    engine = load("mujoco", lump(scene))
+    mujoco.set_mjcb_passive(mine)
+    try:
+        engine.integrate(scene)
+        assert mujoco.get_mjcb_passive() is mine
+        with pytest.raises(DivergenceError):
+            engine.integrate(torn_apart)
+        assert mujoco.get_mjcb_passive() is mine
+        assert mujoco.get_mjcb_control() is None
+    finally:
+        mujoco.set_mjcb_passive(None)
+
+
+@every
+def test_evaluations_between_two_runs_do_not_affect_an_engine(name: str) -> None:
+    scene = of(name, SHORT["wrench"])
+    engine = load(name, lump(scene))
+    zero = np.zeros(engine.n)
+    before, first = engine.forward_dynamics(zero, zero, zero), engine.integrate(scene)
+    assert_array_equal(engine.forward_dynamics(zero, zero, zero), before)
+    for one, two in zip(first, engine.integrate(scene), strict=True):
+        assert_array_equal(one, two)
+
+
+def test_an_unknown_engine_is_refused_with_a_list_of_known_engines() -> None:
+    with refused(ArgumentError, "unknown-name"):
+        load("bullet", lump(make_scene(flexible("arm"))))
+
+
+@pytest.mark.parametrize("name", [name for name, adapter in ENGINES.items() if adapter.extra])
+def test_the_error_of_a_missing_engine_names_what_to_install(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    package = PACKAGE.get(name, name)
+    for module in [known for known in sys.modules if known.startswith(f"{package}.")]:  # from earlier tests
+        monkeypatch.delitem(sys.modules, module)
+    monkeypatch.setitem(sys.modules, package, None)
+    monkeypatch.delitem(sys.modules, f"flexlink.engines.{name}", raising=False)
+    with refused(MissingDependencyError, "package-missing"):
+        load_here(name, lump(make_scene(flexible("arm"))))
+
+
+@pytest.mark.parametrize("settings", [{"run.method": "Gauss4"}, {"run.tolerance": 1e-4}])
+def test_engines_accept_only_fixed_steps_of_explicit_methods(settings: dict[str, object]) -> None:
+    scene = load_scene(ROOT / "models" / "paper_fig5.toml").varied({"run.duration": 0.01} | settings)
+    for name in ("pinocchio", "mujoco"):
+        with refused(ArgumentError, "engine-method"):
+            load(name, lump(scene)).integrate(scene)
+
+
+def test_pinocchio_refuses_a_chain_whose_data_would_fill_the_memory() -> None:
+    chain = lump(make_scene(flexible("boom", "z", 700)))
+    with refused(ArgumentError, "too-many-joints"):
+        load("pinocchio", chain)

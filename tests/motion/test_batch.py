@@ -1,0 +1,312 @@
+"""Batches of states or scenes give the same results as single ones."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import sys
+import threading
+
+import msgspec
+import numpy as np
+import pytest
+
+import flexlink as fl
+from flexlink.common.interruption import Stop
+from flexlink.dynamics.accelerations import lanes_workspace, solver_for
+from flexlink.kernels.tools.lanes import LANES
+from flexlink.motion.inputs.drives import side_by_side
+from flexlink.motion.inputs.problem import problem_of
+from flexlink.motion.side_by_side import alike, fits_lanes
+from flexlink.motion.single_run import SingleRun
+from flexlink.motion.step_errors import step_errors, step_errors_side_by_side
+from tests.conftest import compiled, flexible, make_scene, nasty_scene, random_state
+from tests.support.words import refused
+
+
+@pytest.mark.parametrize("states", [1, 7, 8, 21])
+@pytest.mark.parametrize("method", ["articulated", "lu"])
+def test_a_batch_of_states_gives_the_accelerations_of_single_states(
+    chain: fl.Chain, states: int, method: str, rng: np.random.Generator
+) -> None:
+    q, qd = (np.array(x) for x in zip(*(random_state(chain, rng) for _ in range(states)), strict=True))
+    tau, wrench = rng.normal(size=q.shape), rng.normal(size=6)
+    many = fl.forward_dynamics(chain, q, qd, tau, solver=method, tip_wrench=wrench)
+    for row, state in zip(many, zip(q, qd, tau, strict=True), strict=True):
+        np.testing.assert_array_equal(row, fl.forward_dynamics(chain, *state, solver=method, tip_wrench=wrench))
+
+
+def test_batch_functions_do_not_modify_their_input_states(chain: fl.Chain, rng: np.random.Generator) -> None:
+    """The functions read their input arrays without a copy."""
+    q, qd = (np.array(x) for x in zip(*(random_state(chain, rng) for _ in range(9)), strict=True))
+    states = [q, qd, rng.normal(size=q.shape)]
+    before = [part.copy() for part in states]
+    q, qd, third = states
+    for function in (fl.forward_dynamics, fl.inverse_dynamics, fl.forward_dynamics_derivatives):
+        function(chain, q, qd, third)
+    fl.inverse_dynamics_derivatives(chain, q, qd, third)
+    fl.point_motion(chain, q, qd, third)
+    for function in (fl.bias_torque, fl.momentum, fl.energy, fl.drag_torque):
+        function(chain, q, qd)
+    for function in (fl.mass_matrix, fl.gravity_torque, fl.elastic_torque, fl.tip_position):
+        function(chain, q)
+    fl.friction_torque(chain, qd)
+    for now, then in zip(states, before, strict=True):
+        np.testing.assert_array_equal(now, then)
+
+
+@pytest.mark.parametrize("made", ["read only", "of whole numbers", "every other row", "a column first"])
+def test_any_array_layout_is_accepted_as_a_batch_of_states(
+    chain: fl.Chain, made: str, rng: np.random.Generator
+) -> None:
+    """Kernels are compiled for one array layout; others are converted."""
+    tau = np.round(rng.normal(size=(8, chain.n)))
+    kinds = {
+        "of whole numbers": tau.astype(int),
+        "every other row": np.repeat(tau, 2, axis=0)[::2],
+        "a column first": np.asfortranarray(tau),
+    }
+    other = kinds.get(made, tau.copy())
+    if made == "read only":
+        other.setflags(write=False)
+    q = random_state(chain, rng)[0]
+    np.testing.assert_array_equal(fl.forward_dynamics(chain, q, q, other), fl.forward_dynamics(chain, q, q, tau))
+
+
+def test_states_of_unequal_shape_are_refused(chain: fl.Chain) -> None:
+    q = np.zeros((3, chain.n))
+    with refused(fl.errors.ArgumentError, "wrong-shape"):
+        fl.forward_dynamics(chain, q, q, q[:2])
+
+
+def members(flex: str, count: int) -> list[fl.Scene]:
+    """Arms with different lengths, angles and gravity, under the same drive."""
+    drive = fl.Drive(kind="pd", kp=(50.0, 20.0), kd=(1.0, 1.0), target_deg=(10.0, 20.0))
+    wrench = fl.Wrench(force=(1.0, 2.0, 3.0))
+    return [
+        make_scene(
+            flexible("a", flex, 3, length=1.0 + 0.1 * i, joint=fl.Joint(coulomb=0.1 * (i % 2))),
+            flexible("b", flex, 3, mount=fl.Mount(rpy_deg=(0.0 if flex == "z" else 40.0, 0.0, 5.0 * i))),
+            gravity=(0.0, 9.0 + i, 1.0),
+            initial=fl.InitialState(joint_deg=(-80.0 + i, 3.0 * i)),
+            drive=drive,
+            wrench=wrench,
+            run=fl.RunSettings(step=2e-5, sample=1e-3, duration=0.01),
+        )
+        for i in range(count)
+    ]
+
+
+@compiled
+def test_step_errors_in_a_batch_equal_step_errors_of_single_runs() -> None:
+    scenes = [scene.varied({"run.step": 1e-3, "run.unstable": "allow"}) for scene in members("z", LANES)]
+    monitors = [SingleRun(problem_of(scene)).monitor for scene in scenes]
+    q, qd = (np.stack([getattr(w.record, name)[:1] for w in monitors], axis=-1) for name in ("q", "qd"))
+    chains, probed = [w.record.chain for w in monitors], np.array([0])
+    scratch = lanes_workspace(solver_for(chains[0], "articulated"), chains)
+    records = [w.record for w in monitors]
+    inputs = records[0].inputs._replace(drive=side_by_side([record.inputs.drive for record in records]))
+    errors = step_errors_side_by_side(records, scratch, inputs, (q, qd), probed)
+    np.testing.assert_allclose(errors, [step_errors(w.record, probed) for w in monitors], rtol=1e-9)
+    assert errors.min() > 1e-9
+    assert len(np.unique(errors)) == LANES
+
+
+@compiled
+@pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
+@pytest.mark.parametrize("threads", [1, 2])
+def test_scenes_simulated_together_give_the_trajectories_of_single_runs(flex: str, threads: int) -> None:
+    scenes = members(flex, 11)
+    for scene, many in zip(scenes, fl.simulate_many(scenes, threads=threads), strict=True):
+        one = fl.simulate(scene)
+        for name in ("t", "q", "qd", "tau", "tip", "work"):
+            np.testing.assert_array_equal(getattr(many, name), getattr(one, name), err_msg=name)
+
+
+@compiled
+def test_scenes_with_different_layouts_can_be_simulated_together() -> None:
+    settings = fl.RunSettings(step=1e-5, sample=1e-4, duration=1e-3)
+    scenes = [s.varied({"run": settings}) for s in (*members("z", 2), nasty_scene(), *members("xyz", 3))]
+    scenes.append(scenes[0].varied({"run": msgspec.structs.replace(settings, solver="lu")}))
+    for scene, many in zip(scenes, fl.simulate_many(scenes), strict=True):
+        np.testing.assert_allclose(many.q, fl.simulate(scene).q, rtol=1e-12, atol=1e-12)
+
+
+def driven(**change: object) -> fl.Scene:
+    """An arm that turns about one free joint, changed by the given edits."""
+    arm = flexible("a", segments=3), flexible("b", segments=3, joint=fl.Joint(locked=True))
+    fields = {"gravity": (0.0, 9.81, 0.0), "initial": fl.InitialState(joint_deg=(0.0, 30.0))}
+    return make_scene(*arm, **{**fields, "run": fl.RunSettings(step=2e-5, sample=1e-3, duration=0.01), **change})
+
+
+def swung(degrees: float) -> tuple[fl.PrescribedMotion, ...]:
+    """A prescribed motion of the first joint from 0 to an angle [deg] within a second."""
+    zero = (0.0, 0.0)
+    return (
+        fl.PrescribedMotion(link="a", times=(0.0, 1.0), angle_deg=(0.0, degrees), rate_deg=zero, acceleration_deg=zero),
+    )
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"drive": fl.Drive(kind="constant", torque=(50.0, 0.0))},
+        {"wrench": fl.Wrench(force=(0.0, 50.0, 0.0))},
+        {"gravity": (0.0, -9.81, 0.0)},
+        {"initial": fl.InitialState(joint_deg=(0.0, 90.0))},  # another locked angle gives a different chain
+        {"initial": fl.InitialState(joint_deg=(20.0, 30.0))},
+        {"run": fl.RunSettings(step=1e-5, sample=1e-3, duration=0.01)},
+        {"motion": swung(90.0)},
+        {
+            "arm": make_scene(flexible("a", "yz", 3), flexible("b", "z", 3)).arm,
+            "initial": fl.InitialState(joint_deg=(0, 0)),
+        },
+        {"name": "other"},
+    ],
+    ids=lambda change: next(iter(change)),
+)
+def test_scenes_that_differ_in_one_setting_move_as_in_single_runs(change: dict) -> None:
+    base = driven(motion=swung(30.0)) if "motion" in change else driven()
+    scenes = [base, msgspec.structs.replace(base, **change)]
+    singles = [fl.simulate(scene) for scene in scenes]
+    for many, one in zip(fl.simulate_many(scenes), singles, strict=True):
+        np.testing.assert_allclose(many.q, one.q, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(many.tau, one.tau, rtol=1e-12, atol=1e-9)
+        np.testing.assert_allclose(many.tip, one.tip, rtol=1e-12, atol=1e-12)
+        assert many.chain.name == one.chain.name
+    if "run" not in change and "name" not in change:
+        assert np.abs(singles[0].tip - singles[1].tip).max() > 1e-8  # far above the allowed difference
+
+
+MOVE = fl.Reference(profile="quintic", to_deg=(20.0, -10.0), duration=0.5)
+LAWS = {
+    "sampled": {"kind": "pd", "kp": (60.0, 30.0), "kd": (6.0, 2.0), "target_deg": (20.0, -10.0)},
+    "rigid gravity": {"kind": "pd", "kp": (60.0, 30.0), "kd": (6.0, 2.0), "reference": MOVE, "gravity": "rigid"},
+    "computed torque": {"kind": "computed_torque", "kp": (1.0, 1.0), "kd": (0.3, 0.3), "reference": MOVE},
+    "cascade": {"kind": "cascade", "kp": (9.0, 9.0), "kd": (6.0, 2.0), "ki": (9.0, 9.0), "reference": MOVE,
+                "gravity": "rigid", "filter": (fl.details.DriveFilter(low_pass=80.0),)},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("delay", [0.0, 0.003])
+def test_laws_with_models_and_memories_run_side_by_side(law: str, delay: float) -> None:
+    drive = fl.Drive(rate=500.0, delay=delay, **LAWS[law])
+    motor = fl.Joint(armature=2.0)
+    arm = make_scene(flexible("a", segments=2, joint=motor), flexible("b", segments=2, joint=motor))
+    run = fl.RunSettings(step=1e-4, duration=0.06, sample=0.002)
+    one = arm.varied({"drive": drive, "run": run})
+    scenes = [one.varied({"tip.mass": 1.0 + k, "initial.rate_deg": (k / 9.0, 0.0)}) for k in range(9)]
+    problems = [problem_of(scene) for scene in scenes]
+    assert all(fits_lanes(problem) and alike(problems[0], problem) for problem in problems)
+    for found, scene in zip(fl.simulate_many(scenes), scenes, strict=True):
+        single = fl.simulate(scene)
+        for name in ("q", "qd", "tau", "delayed"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(single, name), err_msg=name)
+
+
+def test_drives_that_differ_do_not_act_side_by_side() -> None:
+    arm = make_scene(flexible("a", segments=2)).varied({"run": fl.RunSettings(step=2e-4, duration=0.06, sample=0.002)})
+    drive = fl.Drive(kind="cascade", rate=500.0, kp=(9.0,), kd=(6.0,), ki=(1.0,), target_deg=(20.0,))
+    one = problem_of(arm.varied({"drive": drive}))
+    changes = {"ki": (2.0,), "rate": 250.0, "delay": 0.002, "filter": (fl.details.DriveFilter(low_pass=80.0),)}
+    for name, value in changes.items():
+        assert not alike(one, problem_of(arm.varied({"drive": drive, f"drive.{name}": value}))), name
+
+
+def test_scenes_with_free_and_prescribed_joints_can_be_mixed_in_a_batch() -> None:
+    """The second and third scenes share a chain that differs from the first."""
+    scenes = [driven(), driven(motion=swung(30.0)), driven(motion=swung(30.0))]
+    free, *moved = fl.simulate_many(scenes)
+    np.testing.assert_array_equal(free.q, fl.simulate(scenes[0]).q)
+    alone = fl.simulate(scenes[1])
+    for many in moved:
+        np.testing.assert_allclose(many.q, alone.q, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(many.tau, alone.tau, rtol=1e-10, atol=1e-9)
+    assert np.abs(free.q - alone.q).max() > 1e-6
+
+
+def test_batch_members_with_different_start_times_use_their_own_time() -> None:
+    drive = fl.Drive(kind="table", times=(0.0, 1.0), torques=((0.0, 0.0), (1000.0, 0.0)))
+    scenes = [driven(drive=drive).varied({"initial.time": t}) for t in (0.0, 0.5)]
+    for many, scene in zip(fl.simulate_many(scenes), scenes, strict=True):
+        one = fl.simulate(scene)
+        np.testing.assert_allclose(many.q, one.q, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(many.work, one.work, rtol=1e-9)
+
+
+def test_a_diverging_batch_member_does_not_affect_its_neighbours() -> None:
+    calm = driven().varied({"run.unstable": "allow"})
+    wild = calm.varied({"initial": fl.InitialState(joint_deg=(0.0, 30.0), rate_deg=(1e120, 0.0))})
+    with pytest.raises(fl.errors.DivergenceError) as caught:
+        fl.simulate_many([calm, wild, calm])
+    first, _, last = caught.value.runs
+    for run in (first, last):
+        np.testing.assert_allclose(run.q, fl.simulate(calm).q, rtol=1e-12, atol=1e-12)
+
+
+def test_a_diverging_member_does_not_lose_the_results_of_others(models) -> None:
+    paper = fl.load_scene(models / "paper_fig5.toml")
+    fine = fl.RunSettings(step=1e-4, duration=0.05)
+    runs = fine, fl.RunSettings(step=1e-3, duration=0.05, sample=1e-3, unstable="allow")
+    good, wild = (paper.varied({"run": run}) for run in runs)
+    with refused(fl.errors.DivergenceError, "diverged") as caught:
+        fl.simulate_many([good, wild, good])
+    runs = caught.value.runs
+    assert [len(run.t) for run in runs] == [11, len(caught.value.trajectory.t), 11]
+    np.testing.assert_array_equal(runs[2].q, fl.simulate(good).q)
+
+
+def test_interrupted_batch_runs_keep_their_samples(monkeypatch) -> None:
+    """The run is stopped after 100 of 500 steps, that is, 2 of 10 samples."""
+    stop, fixed, scenes = Stop(), sys.modules["flexlink.motion.fixed_steps"], members("yz", 10)
+    pieces = fixed.pieces
+
+    def interrupted(*arguments):
+        for done in pieces(*arguments):
+            if done >= 100:
+                stop.signal = signal.SIGINT
+            yield done
+
+    monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "BREATH", 0.0)  # one piece per step
+    monkeypatch.setattr(fixed, "pieces", interrupted)
+    monkeypatch.setattr(sys.modules["flexlink.motion.batch"], "deferred", lambda: contextlib.nullcontext(stop))
+    with pytest.raises(fl.errors.InterruptedRunError) as caught:
+        fl.simulate_many(scenes)
+    assert len(caught.value.runs) == len(scenes)
+    for scene, run in zip(scenes[:8], caught.value.runs, strict=False):
+        rows = len(run.t)
+        assert 3 <= rows < 11
+        np.testing.assert_allclose(run.q, fl.simulate(scene).q[:rows], rtol=1e-12, atol=1e-12)
+    assert [len(run.t) for run in caught.value.runs[8:]] == [1, 1]  # these runs had not begun
+
+
+def test_batch_runs_with_an_energy_imbalance_are_errors_even_if_finite() -> None:
+    rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
+    coarse = fl.RunSettings(step=0.35, sample=0.35, duration=35.0)
+    scene = make_scene(rod, gravity=(9.81, 0.0, 0.0), initial=fl.InitialState(joint_deg=(170.0,)), run=coarse)
+    with refused(fl.errors.DivergenceError, "energy-imbalance"):
+        fl.simulate_many([scene, scene])
+
+
+@compiled
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_keeps_the_samples_of_every_batch_member(models, number: int) -> None:
+    """All runs are returned with the samples computed so far; runs not yet started contain their initial sample."""
+    paper = fl.load_scene(models / "paper_fig5.toml").varied({"run": fl.RunSettings(step=1e-4, duration=50.0)})
+    starts = [
+        paper.varied({"initial": fl.InitialState(joint_deg=(0.0, float(angle), 0.0))}) for angle in range(-90, -72)
+    ]
+    fl.simulate_many([start.varied({"run": fl.RunSettings(step=1e-4, duration=0.01)}) for start in starts])  # warm up
+    timer = threading.Timer(0.5, signal.raise_signal, [number])
+    timer.start()
+    with pytest.raises(fl.errors.InterruptedRunError) as caught:
+        fl.simulate_many(starts)
+    assert caught.value.signal == number
+    runs = caught.value.runs
+    assert len(runs) == len(starts)
+    assert len(runs[0].t) > 1
+    assert len(runs[-1].t) < 10_001
+    for start, run in zip(starts, runs, strict=True):
+        assert np.isfinite(run.q).all()
+        np.testing.assert_array_equal(run.q[0], fl.initial_state(start, run.chain)[0])

@@ -1,0 +1,361 @@
+"""Compiled control laws of a scene: torques, sampling, effort limits, and all engines."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.polynomial import Polynomial
+
+import flexlink as fl
+from flexlink.describe.schemes.methods import method
+from flexlink.engines import base, load
+from flexlink.formats.features import unsupported
+from flexlink.kernels.inputs.drive_torque import drive_torque
+from flexlink.kernels.inputs.record import PiecewisePolynomial
+from flexlink.kernels.inputs.references import reference
+from flexlink.kernels.stepping.runge_kutta import integrate
+from flexlink.motion.inputs import drives
+from flexlink.motion.inputs.drives import drive_arrays, gains_of
+from flexlink.motion.inputs.problem import problem_of
+from flexlink.motion.inputs.references import constant
+from flexlink.motion.step_errors import step_errors
+from flexlink.results.record import Record
+from tests.conftest import compiled, flexible, make_scene
+from tests.support.words import refused
+
+UP = fl.Mount(rpy_deg=(90.0, 0.0, 0.0))
+TARGET_DEG = (40.0, 35.0, -50.0)
+PD = {"kind": "pd", "kp": (900.0, 900.0, 400.0), "kd": (60.0, 60.0, 25.0), "target_deg": TARGET_DEG}
+LAWS: dict[str, dict[str, Any]] = {
+    "pd": PD,
+    "pd, rigid gravity": {**PD, "gravity": "rigid"},
+    "pd, static gravity": {**PD, "gravity": "static"},
+    "computed torque": {**PD, "kind": "computed_torque", "kp": (60.0, 60.0, 60.0), "kd": (12.0, 12.0, 12.0)},
+}
+EFFORT = (25.0, 120.0, 40.0)
+SAMPLED = {"continuous": {}, "sampled": {"rate": 1000.0}}
+LIMITED = {"free": {}, "limited": {"effort": EFFORT}}
+every_law = pytest.mark.parametrize("name", LAWS)
+every_rate = pytest.mark.parametrize("rate", SAMPLED)
+every_limit = pytest.mark.parametrize("limit", LIMITED)
+
+
+def arm(drive: dict[str, Any] | None = None, **changes: object) -> fl.Scene:
+    """A rotating base and two links: one bends in two planes, the other has an elastic gear and bends in one."""
+    gear = fl.Joint(armature=0.5, viscous=0.5, gear_stiffness=2e4, gear_damping=5.0)
+    scene = make_scene(
+        fl.Link(name="base", length=0.2, material="aluminium", section="square", joint=fl.Joint(armature=0.5)),
+        flexible("upper", "yz", 3, mount=UP, joint=fl.Joint(armature=0.5, coulomb=1.0, coulomb_width=0.1)),
+        flexible("fore", "z", 3, joint=gear),
+        tip=fl.RigidBody(mass=1.0, center=(0.1, 0.0, 0.05)),
+        initial=fl.InitialState(joint_deg=(10.0, 60.0, -20.0), passive="static"),
+    )
+    run = {"run.step": 1e-4, "run.sample": 0.01, "run.duration": 0.1, "material.aluminium.loss_time": 1e-4}
+    return scene.varied({**run, "drive": drive or {"kind": "none"}, **changes})
+
+
+def in_python(scene: fl.Scene) -> Callable[[float, np.ndarray, np.ndarray], np.ndarray]:
+    """The control law of a scene with constant reference, written in Python."""
+    drive, chain, model = scene.drive, fl.lump(scene), fl.lump(fl.rigidified(scene))
+    a, r = chain.active, np.radians(drive.target_deg)
+    kp, kd = np.array(drive.kp), np.array(drive.kd)
+    at_rest, free = np.zeros(len(a)), np.setdiff1d(np.arange(chain.n), a)
+    bent = np.zeros(chain.n)
+    bent[a] = r
+    bent[free] = fl.solve_static(chain, bent, locked=a.tolist()).q[free]
+    gravity = {
+        "none": at_rest, "rigid": fl.inverse_dynamics(model, r, at_rest, at_rest),
+        "static": fl.inverse_dynamics(chain, bent, np.zeros(chain.n), np.zeros(chain.n))[a],
+    }[drive.gravity]  # fmt: skip
+
+    def law(t: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+        push = kp * (r - q[a]) - kd * qd[a]
+        tau = push + gravity if drive.kind == "pd" else fl.inverse_dynamics(model, q[a], qd[a], push)
+        return np.clip(tau, *(sign * np.array(drive.effort or np.inf) for sign in (-1, 1)))
+
+    return law
+
+
+def torques(drive: Any, t: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+    tau = np.zeros(len(q))
+    drive_torque(drive, t, t, q, qd, tau)
+    return tau[drive.joints]
+
+
+@pytest.mark.parametrize("t", [-0.1, 0.0, 0.15, 0.3, 0.7, 5.0])
+def test_a_reference_gives_its_polynomial_and_two_derivatives(t: float, rng: np.random.Generator) -> None:
+    """At the knot, 0.3 s, the midpoint of the step selects the piece; sums of six products differ by a few ulp."""
+    ref = PiecewisePolynomial(np.array([0.0, 0.3]), rng.uniform(-1, 1, (2, 6, 3)))
+    for d in range(3):
+        for middle in (t - 0.01, t + 0.01):
+            piece = int(middle >= 0.3)
+            p, x = Polynomial(ref.coefficients[piece, :, d]), max(0.0, t - ref.knots[piece])
+            wanted = p(x), p.deriv()(x), p.deriv(2)(x)
+            np.testing.assert_allclose(reference(ref, t, middle, d), wanted, rtol=0, atol=1e-12 * (1 + x**5))
+
+
+def test_a_constant_reference_has_zero_derivatives() -> None:
+    ref = constant(np.array([1.0, -2.0]))
+    assert [reference(ref, t, t, d) for t in (0.0, 9.0) for d in (0, 1)] == [(1.0, 0.0, 0.0), (-2.0, 0.0, 0.0)] * 2
+
+
+def inverse_dynamics(by: str, scene: fl.Scene) -> Callable[..., np.ndarray]:
+    """τ(q, q̇, q̈) of a scene's chain, by flexlink or by Pinocchio from the exported file."""
+    if by == "flexlink":
+        return lambda *motion: fl.inverse_dynamics(fl.lump(scene), *motion)
+    pin = pytest.importorskip("pinocchio")
+    engine = load("pinocchio", fl.lump(scene))
+    return lambda *motion: np.array(pin.rnea(engine.model, engine.data, *motion))
+
+
+@pytest.mark.parametrize("by", ["flexlink", "pinocchio"])
+@every_law
+def test_a_compiled_law_agrees_with_its_formula(
+    name: str, by: str, monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
+) -> None:
+    """Torques agree to 1e-12 of the largest term, that is, to a few thousand roundings."""
+    law, scene = LAWS[name], arm(LAWS[name])
+    order = 1 if law.get("gravity") == "static" else 4
+    ref = PiecewisePolynomial(np.zeros(1), rng.uniform(-1, 1, (1, order, 3)))
+    monkeypatch.setattr(drives, "reference_arrays", lambda scene, chain: ref)
+    chain, model, whole = fl.lump(scene), *(inverse_dynamics(by, s) for s in (fl.rigidified(scene), scene))
+    drive, a, kp, kd = drive_arrays(scene, chain), chain.active, np.array(law["kp"]), np.array(law["kd"])
+    for _ in range(20):
+        t, (q, qd) = rng.uniform(0, 1), rng.uniform(-2, 2, (2, chain.n))
+        r, rd, rdd = moved(ref, t)
+        held = np.zeros(chain.n)
+        held[a] = r
+        tau = kp * (r - q[a]) + kd * (rd - qd[a])
+        size = np.abs(tau).max()
+        if law["kind"] == "computed_torque":
+            tau = model(q[a], qd[a], rdd + tau)
+        elif law.get("gravity") == "rigid":
+            tau += model(r, 0 * r, 0 * r)
+        elif law.get("gravity") == "static":
+            tau += whole(fl.solve_static(chain, held, locked=a).q, 0 * q, 0 * q)[a]
+        size += np.abs(tau).max()
+        np.testing.assert_allclose(torques(drive, t, q, qd), tau, rtol=0, atol=1e-12 * size)
+
+
+def moved(ref: PiecewisePolynomial, t: float) -> list[np.ndarray]:
+    """Angles, rates and accelerations of a reference with one polynomial piece."""
+    columns = [Polynomial(column) for column in ref.coefficients[0].T]
+    return [np.array([p.deriv(order)(t) for p in columns]) for order in range(3)]
+
+
+@every_limit
+@every_law
+def test_a_sampled_law_agrees_with_the_same_law_in_python(name: str, limit: str) -> None:
+    """Both laws use the same sampling loop; rounding differs by a few ulp of 100 N m at each of 100 samples."""
+    scene = arm({**LAWS[name], **LIMITED[limit], "rate": 1000.0})
+    law = fl.simulate(scene.varied({"drive": {"kind": "none"}}), control=in_python(scene), rate=1000.0)
+    run = fl.simulate(scene)
+    np.testing.assert_allclose(run.q, law.q, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(run.tau, law.tau, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(run.work, law.work, rtol=0, atol=1e-9)
+    assert run.warnings == ()
+
+
+@every_rate
+@every_law
+def test_no_stage_torque_exceeds_the_effort_limit(name: str, rate: str) -> None:
+    """Repeating every step, stage by stage with the limited torques, gives the next state of the run."""
+    scene = arm({**LAWS[name], "effort": EFFORT, **SAMPLED[rate]}, **{"run.sample": 1e-4, "run.duration": 0.02})
+    run, chain = fl.simulate(scene), fl.lump(scene)
+    A, b, c = method("RK4").arrays
+    drive, h, seen, n = base.drive_function(problem_of(scene)), scene.run.step, [], chain.n
+    for number in range(len(run.t) - 1):
+        y, F = np.concatenate([run.q[number], run.qd[number]]), np.zeros((4, 2 * chain.n))
+        drive.begin(number, h, y[:n], y[n:])
+        for i in range(4):
+            x = y + h * A[i, :i] @ F[:i]
+            tau = drive((number + c[i]) * h, x[:n], x[n:]).copy()
+            seen.append(tau[chain.active])
+            F[i] = *x[n:], *fl.forward_dynamics(chain, x[:n], x[n:], tau)
+        np.testing.assert_allclose(y[:n] + h * b @ F[:, :n], run.q[number + 1], rtol=0, atol=1e-13)
+    most = np.abs(seen).max(axis=0)
+    assert (most <= EFFORT).all()
+    assert (most == EFFORT).all()  # every drive reaches its limit
+    assert (np.abs(run.tau[:, chain.active]) <= EFFORT).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+@every_limit
+@every_rate
+@every_law
+def test_every_engine_gives_the_native_motion_for_every_control_law(
+    name: str, rate: str, limit: str, engine: str
+) -> None:
+    """Angles of another engine differ from the native ones by at most 1e-9 rad in 0.1 s with RK4."""
+    pytest.importorskip(engine)
+    scene = arm({**LAWS[name], **SAMPLED[rate], **LIMITED[limit]}, **{"run.duration": 0.1, "run.step": 2e-4})
+    q = [load(each, fl.lump(scene)).integrate(scene)[1] for each in ("native", engine)]
+    assert np.abs(q[1] - q[0]).max() <= 1e-9
+
+
+@compiled
+def test_stepping_loops_are_compiled_once_for_all_drives() -> None:
+    fl.simulate(arm())
+    loops = len(integrate.signatures)
+    table = {"kind": "table", "times": (0.0, 0.1), "torques": ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))}
+    for law in [table, *LAWS.values()]:
+        for rate in SAMPLED.values():
+            fl.simulate(arm({**law, **(rate if law in LAWS.values() else {})}))
+    fl.simulate(arm(), control=lambda t, q, qd: np.zeros(3), rate=100.0)
+    assert len(integrate.signatures) == loops
+
+
+def test_a_trial_step_for_the_error_does_not_evaluate_a_sampled_law() -> None:
+    """The trial step ends at a time that the run itself has not reached."""
+    problem = problem_of(arm({**PD, "rate": 1e4}))
+    record = Record(problem, np.zeros(1), problem.q[None], problem.qd[None])
+    before = [array.copy() for array in drives.remembered(record.inputs.drive)]
+    step_errors(record, np.array([0]))
+    for array, kept in zip(drives.remembered(record.inputs.drive), before, strict=True):
+        np.testing.assert_array_equal(array, kept)
+
+
+def test_effort_limits_apply_to_laws_and_external_torques() -> None:
+    scene = arm({"kind": "none", "effort": EFFORT})
+    limited = [sign * e for sign, e in zip((1, -1, 1), EFFORT, strict=True)]
+    run = fl.simulate(scene, control=lambda t, q, qd: [1e4, -1e4, 1e4], rate=100.0)
+    np.testing.assert_array_equal(run.tau[:, run.chain.active], np.tile(limited, (11, 1)))
+    assert fl.Simulator(scene).step([1e4, -1e4, 1e4]).q.tolist() == fl.Simulator(scene).step(limited).q.tolist()
+
+
+@every_law
+def test_the_gains_of_a_law_are_its_derivatives(name: str, rng: np.random.Generator) -> None:
+    """The gains agree with central differences of the Python formula in random directions, accurate to about 1e-10."""
+    scene = arm(LAWS[name])
+    chain, law = fl.lump(scene), in_python(scene)
+    q, qd, δ, δd = rng.uniform(-1, 1, (4, chain.n))
+    kp, kd = gains_of(chain, drive_arrays(scene, chain), 0.0, q, qd).matrices()
+    ahead, behind = (law(0.0, q + s * 1e-5 * δ, qd + s * 1e-5 * δd) for s in (1, -1))
+    wanted = (ahead - behind) / 2e-5
+    np.testing.assert_allclose(-(kp @ δ + kd @ δd)[chain.active], wanted, rtol=0, atol=1e-7 * np.abs(wanted).max())
+
+
+def test_the_gains_of_a_law_ignore_its_torque_limit() -> None:
+    chain = fl.lump(scene := arm(PD))
+    at_limit = fl.lump(limited := arm({**PD, "effort": (1e-3, 1e-3, 1e-3)}))
+    zero = np.zeros(chain.n)
+    free, held = (gains_of(c, drive_arrays(s, c), 0.0, zero, zero) for c, s in ((chain, scene), (at_limit, limited)))
+    np.testing.assert_array_equal(held, free)
+    assert np.linalg.norm(free.kp) > 0
+
+
+def test_computed_torque_errors_of_a_rigid_arm_decay_as_its_gains_specify() -> None:
+    """ë + 12 ė + 60 e = 0 in every joint, whatever the posture and the payload."""
+    scene = fl.rigidified(arm()).varied({"drive": LAWS["computed torque"], "link.*.joint.coulomb": 0.0,
+                                         "link.*.joint.viscous": 0.0, "run.duration": 1.0})  # fmt: skip
+    run = fl.simulate(scene)
+    ω = np.sqrt(60.0 - 36.0)
+    shape = np.exp(-6.0 * run.t) * (np.cos(ω * run.t) + 6.0 / ω * np.sin(ω * run.t))
+    r = np.radians(TARGET_DEG)
+    np.testing.assert_allclose(run.q, r + np.multiply.outer(shape, run.q[0] - r), rtol=0, atol=1e-9)
+
+
+def test_the_rigid_model_of_an_arm_keeps_mass_gravity_torque_and_driven_joints() -> None:
+    scene = arm(**{"initial.q": tuple(np.linspace(-0.1, 0.1, 10)), "initial.passive": None})
+    twin = fl.rigidified(scene)
+    chain, model = fl.lump(scene), fl.lump(twin)
+    assert (model.n, len(chain.active)) == (3, 3)
+    assert model.bodies["mass"].sum() == pytest.approx(chain.bodies["mass"].sum(), rel=1e-14)
+    q = np.zeros(chain.n)
+    q[chain.active] = angles = np.array([0.3, -1.0, 2.0])
+    np.testing.assert_allclose(fl.tip_position(model, angles), fl.tip_position(chain, q), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(
+        fl.gravity_torque(model, angles), fl.gravity_torque(chain, q)[chain.active], rtol=0, atol=1e-12
+    )
+    for name in ("armature", "coulomb", "damping"):
+        np.testing.assert_array_equal(model.hinges[name], chain.hinges[name][chain.active])
+    with refused(fl.errors.ArgumentError, "wrong-type"):
+        fl.rigidified(3)
+
+
+def test_a_drive_of_an_arm_without_driven_joints_is_empty() -> None:
+    scene = make_scene(
+        flexible("a", joint=fl.Joint(locked=True)), drive={**PD, "kp": (0,), "kd": (0,), "target_deg": (0,)}
+    )
+    assert len(drive_arrays(scene, fl.lump(scene)).joints) == 0
+
+
+def test_exports_note_that_no_format_stores_a_control_law() -> None:
+    scene = arm({**PD, "effort": EFFORT})
+    for format in ("urdf", "mjcf", "sdf"):
+        listed = unsupported(scene, fl.lump(scene), format=format)
+        assert {"drive torques", "control law", "torque limits"} <= listed.keys()
+    assert "control law" not in unsupported(arm(), fl.lump(arm()), format="urdf")
+
+
+@pytest.mark.parametrize(
+    ("drive", "changes", "message"),
+    [
+        ({"kp": (np.nan, 0, 0)}, {}, "not-finite"),
+        ({"kp": (-1.0, 0, 0)}, {}, "wrong-value"),
+        ({"kd": (0.0, 0, -2.0)}, {}, "wrong-value"),
+        ({"effort": (1.0, 0.0, 1.0)}, {}, "wrong-value"),
+        ({"effort": (1.0, np.inf, 1.0)}, {}, "not-finite"),
+        ({"effort": (1.0, 1.0)}, {}, "one-per-link"),
+        ({"kp": (1.0, 1.0)}, {}, "one-per-link"),
+        ({"gravity": "some"}, {}, "wrong-value"),
+        ({"gravity": "rigid", "kind": "computed_torque"}, {}, "needs-pd"),
+        ({"kind": "computed"}, {}, "wrong-value"),
+        ({"rate": 0.0}, {}, "wrong-value"),
+        ({"rate": 3000.0}, {}, "not-a-multiple"),
+        ({"rate": 1000.0 / 7}, {}, "not-a-multiple"),
+        ({"rate": 100.0}, {"initial.time": 0.005}, "not-a-multiple"),
+        ({"torque": (1.0, 1.0, 1.0)}, {}, "key-of-another-kind"),
+        ({}, {"link.fore.joint.locked": True}, "locked-and-moving"),
+        ({}, {"motion": [{"link": "base", "times": [0.0], "angle_deg": [10.0], "rate_deg": [0.0],
+                          "acceleration_deg": [0.0]}]},
+         "joint-prescribed"),
+    ],
+)  # fmt: skip
+def test_invalid_control_laws_are_refused(drive: dict[str, Any], changes: dict[str, Any], message: str) -> None:
+    with refused(fl.errors.SceneError, message):
+        arm({**PD, **drive}, **changes)
+
+
+def test_a_drive_without_a_control_law_cannot_be_sampled() -> None:
+    with refused(fl.errors.SceneError, "no-effect"):
+        arm({"kind": "none", "rate": 100.0})
+
+
+@pytest.mark.parametrize("engine", ["drake", "exudyn"])
+def test_engines_without_access_to_their_steps_refuse_a_sampled_law_by_name(engine: str) -> None:
+    with refused(fl.errors.ArgumentError, "engine-does-not-support"):
+        base.refuse_sampled_inputs(engine, arm({**PD, "rate": 1000.0}))
+
+
+def test_a_failed_simulator_step_restores_the_torques_of_the_sampled_law() -> None:
+    """The failing call evaluates the law many times; the next call continues as if it had never happened."""
+    scene = arm({**PD, "rate": 500.0}, **{"run.unstable": "allow"})
+    simulator, other = fl.Simulator(scene), fl.Simulator(scene)
+    for each in (simulator, other):
+        each.step(duration=0.003)
+    drive = simulator._driven.drive
+    before = [array.copy() for array in drives.remembered(drive)]
+    with pytest.raises(fl.errors.DivergenceError):
+        simulator.step([np.finfo(float).max] * 3, duration=0.02)
+    simulator._steps.go(simulator._driven, simulator.time, simulator.time)
+    for array, kept in zip(drives.remembered(drive), before, strict=True):
+        np.testing.assert_array_equal(array, kept)
+    np.testing.assert_array_equal(simulator.step(duration=0.01).q, other.step(duration=0.01).q)
+
+
+def test_arms_that_share_a_torque_table_drive_their_own_joints() -> None:
+    """One arm has a free base joint and one a locked base joint, so the joint numbers differ."""
+    drive = fl.Drive(kind="constant", torque=(0.0, 2.0, 3.0))
+    free = arm().varied({"drive": drive})
+    locked = free.varied({"link.base.joint": {"locked": True}})
+    assert free.drive is locked.drive
+    for scene, torques in ((free, (0.0, 2.0, 3.0)), (locked, (2.0, 3.0))):
+        chain = fl.lump(scene)
+        found = drive_arrays(scene, chain)
+        np.testing.assert_array_equal(found.joints, chain.active)
+        np.testing.assert_array_equal(found.feedforward.coefficients[0, 0], torques)

@@ -1,0 +1,210 @@
+"""Sensitivities of a run to numbers of its scene agree with a closed form, SciPy and runs of varied scenes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+import flexlink as fl
+from flexlink import Damping, Drive, InitialState, Joint, Link, Mount, RigidBody, RunSettings
+from flexlink.errors import ArgumentError
+from flexlink.motion.slopes_of_runs import weights
+from tests.conftest import flexible, make_scene
+from tests.support.words import refused
+
+Array = NDArray[np.float64]
+
+STATIC = {"initial": InitialState(joint_deg=(-60.0, 25.0), passive="static")}
+PD = {"drive": Drive(kind="pd", kp=(40.0, 20.0), kd=(1.0, 0.5), target_deg=(-80.0, -10.0))}
+TABLE = {"drive": Drive(kind="table", times=(0.0, 0.01), torques=((1.0, 0.0), (-3.0, 1.0)))}
+CONSTANT = {"drive": Drive(kind="constant", torque=(2.0, -1.0))}
+
+
+def arm(flex: str = "z", **changes: Any) -> fl.Scene:
+    """Two links that bend, with rotors, dry friction, an elastic gear, a load and a wrench: RK4, 1000 steps."""
+    joint = Joint(viscous=0.1, coulomb=0.3, coulomb_width=0.5, armature=0.01)
+    gear = Joint(armature=0.02, gear_stiffness=800.0, gear_damping=0.1)
+    scene = make_scene(
+        flexible("upper", flex, 3, joint=joint, damping=Damping(ratio=0.01, at_hz=3.0)),
+        flexible("fore", flex, 3, joint=gear, end=RigidBody(mass=0.2), mount=Mount(xyz=(0.0, 0.1, 0.0))),
+        tip=RigidBody(mass=0.5, inertia=(0.01, 0.01, 0.01)),
+        gravity=(0.0, 9.81, 0.0),
+        wrench=fl.Wrench(force=(1.0, -2.0, 0.5)),
+        initial=InitialState(joint_deg=(-60.0, 25.0)),
+        run=RunSettings(step=2e-5, sample=0.01, duration=0.02),
+    )
+    return scene.varied(changes)
+
+
+def by_runs(scene: fl.Scene, path: str, value: float, part: float) -> tuple[Array, Array]:
+    """∂(q, q̇, tip)/∂p at the last sample by a polynomial through 13 runs of varied scenes, and its error.
+
+    The error is estimated from the last two terms, which contain truncation and, mostly, rounding errors; term j
+    affects the slope with a weight of up to j².
+    """
+    x = np.cos(np.pi * (np.arange(13) + 0.5) / 13)
+    Δ = part * (abs(value) or 1.0)
+    middle, at = (value, 0.0) if value else (Δ, -1.0)
+    runs = [fl.simulate(scene.varied({path: middle + Δ * point})) for point in x]
+    c = chebyshev.chebfit(x, np.array([np.concatenate([r.q[-1], r.qd[-1], r.tip[-1]]) for r in runs]), 12)
+    return chebyshev.chebval(at, chebyshev.chebder(c)) / Δ, np.abs(c[-2:]).max(axis=0) * (np.arange(13) ** 2).sum() / Δ
+
+
+def check(scene: fl.Scene, path: str, limit: float = 1e-5) -> None:
+    """Check that sensitivities equal differences of runs within the errors of both, which `limit` bounds."""
+    found = fl.sensitivities(scene, [path])
+    value = float(found.values[0])
+    wanted, left = by_runs(scene, path, value, 0.01 if value else 1e-4)
+    ours, n = np.concatenate([found.q[-1, :, 0], found.qd[-1, :, 0], found.tip[-1, :, 0]]), found.q.shape[1]
+    for rows, error in (
+        (slice(0, n), found.q_error), (slice(n, 2 * n), found.qd_error), (slice(2 * n, None), found.tip_error)
+    ):  # fmt: skip
+        size = np.abs(wanted[rows]).max()
+        assert np.abs(ours - wanted)[rows].max() <= left[rows].max() + 4 * error[0] + 1e-11 * size
+        assert error[0] <= 50 * limit * size
+    rates = slice(n, 2 * n)
+    assert left[rates].max() <= limit * np.abs(wanted[rates]).max(), "differences of runs are accurate enough"
+
+
+def test_difference_weights_are_exact_for_polynomials() -> None:
+    for at in ((1, -1, 2), (1, -1, 2, -2, 3), (-2, -1, 1, 2), (1, 2, 3, 4, 5), (-1, -2)):
+        for degree in range(1, len(at) + 1):
+            assert np.array(weights(at)) @ np.array(at) ** degree == pytest.approx(float(degree == 1), abs=1e-13)
+    assert weights((-2, -1, 1, 2)) == (1 / 12, -2 / 3, 2 / 3, -1 / 12)
+
+
+def oscillator(**changes: Any) -> fl.Scene:
+    """q = q₀ cos ωt, ω² = k/I, k = 50 N m/rad, I = 2 kg m²; RK10 with ωh = 0.02 has only rounding errors."""
+    joint = Joint(locked=True, gear_stiffness=50.0)
+    scene = make_scene(
+        Link(name="a", length=1.0, joint=joint), tip=RigidBody(mass=2.0), gravity=(0.0, 0.0, 0.0),
+        initial=InitialState(q=(0.1,)), run=RunSettings(method="RK10", step=4e-3, sample=0.04, duration=2.0),
+    )  # fmt: skip
+    return scene.varied(changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "limit"), [({}, 1e-8), ({"run": RunSettings(sample=0.04, duration=2.0, relative_tolerance=1e-4)}, 1e-5)]
+)
+def test_an_oscillator_has_the_sensitivity_of_its_closed_form(changes: dict[str, Any], limit: float) -> None:
+    """∂q/∂k = −q₀ t sin(ωt)/(2 √(k I)), with an error within the estimate."""
+    found = fl.sensitivities(oscillator(**changes), ["link.a.joint.gear_stiffness", "tip.mass"])
+    t, ω = found.run.t, np.sqrt(50.0 / 2.0)
+    exact = -0.1 * t * np.sin(ω * t) / 2
+    for j, wanted in enumerate((exact / np.sqrt(50.0 * 2.0), -exact * ω / 2.0)):  # m ω² = k
+        error = np.abs(found.q[:, 0, j] - wanted).max()
+        assert error <= limit * np.abs(wanted).max()
+        assert error <= 2 * found.q_error[j] <= 20 * limit * np.abs(wanted).max()
+    assert found.run.warnings == () and repr(found.run) in repr(found)
+
+
+def test_sensitivity_at_a_lower_bound_is_a_one_sided_derivative() -> None:
+    """For an undamped oscillator ∂q/∂d = q₀ (sin ωt/ω − t cos ωt)/(2 I)."""
+    found = fl.sensitivities(oscillator(), ["link.a.joint.gear_damping"])
+    t, ω = found.run.t, np.sqrt(50.0 / 2.0)
+    exact = 0.1 * (np.sin(ω * t) / ω - t * np.cos(ω * t)) / (2 * 2.0)
+    assert np.abs(found.q[:, 0, 0] - exact).max() <= min(1e-7 * np.abs(exact).max(), 2 * found.q_error[0])
+
+
+def test_a_number_without_effect_has_zero_sensitivity() -> None:
+    found = fl.sensitivities(oscillator(), ["link.a.joint.coulomb_width"])
+    assert not found.q.any() and not found.tip_error.any()
+
+
+@pytest.mark.slow
+def test_sensitivities_agree_with_differences_of_scipy_integrations() -> None:
+    """Fourth-order differences of runs of DOP853 at a tolerance of 1e-12, which use only forward dynamics."""
+    scene = arm(**CONSTANT).varied({"run.step": 1e-5, "run.duration": 0.01, "wrench.force": None})
+    paths = ["material.aluminium.young", "tip.mass", "link.fore.length"]
+    found = fl.sensitivities(scene, paths)
+
+    def end(path: str, value: float) -> Array:
+        varied = scene.varied({path: value})
+        chain = fl.lump(varied)
+        n, tau = chain.n, np.zeros(chain.n)
+        tau[chain.active] = varied.drive.torque
+
+        def rates(_: float, y: Array) -> Array:
+            return np.concatenate([y[n:], fl.forward_dynamics(chain, y[:n], y[n:], tau)])
+
+        start = np.concatenate(fl.initial_state(varied, chain))
+        return np.asarray(solve_ivp(rates, (0.0, 0.01), start, "DOP853", rtol=1e-12, atol=1e-14).y[:, -1])
+
+    for j, (path, value) in enumerate(zip(paths, found.values.tolist(), strict=True)):
+        h = 2e-3 * value
+        near, nearer, far, farther = (end(path, value + k * h) for k in (1, -1, 2, -2))
+        wanted = (8 * (near - nearer) - (far - farther)) / (12 * h)
+        n = found.q.shape[1]
+        for ours, theirs in ((found.q[-1, :, j], wanted[:n]), (found.qd[-1, :, j], wanted[n:])):
+            assert np.abs(ours - theirs).max() <= 1e-5 * np.abs(theirs).max()
+
+
+def test_the_run_is_bit_equal_to_simulate() -> None:
+    scene = arm(**PD)
+    found, run = fl.sensitivities(scene, ["tip.mass"]), fl.simulate(scene)
+    assert np.array_equal(found.run.q, run.q) and np.array_equal(found.run.qd, run.qd)
+    assert found.run.warnings == run.warnings
+    assert found.q.shape == (3, run.chain.n, 1) and found.tip.shape == (3, 3, 1)
+    assert not found.q[0].any(), "the sensitivity run starts from the same state"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "path",
+    [
+        "material.aluminium.young", "material.aluminium.density", "tip.mass", "link.fore.end.mass", "link.fore.length",
+        "link.upper.damping.ratio", "link.upper.joint.coulomb", "link.upper.joint.coulomb_width",
+        "link.upper.joint.armature", "link.fore.joint.gear_stiffness", "link.fore.joint.gear_damping",
+        "section.square.height", "initial.joint_deg.upper",
+    ],
+)  # fmt: skip
+def test_sensitivities_agree_with_differences_of_runs(path: str) -> None:
+    check(arm(), path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("path", "changes"),
+    [
+        ("drive.kp.upper", PD), ("drive.kd.fore", PD), ("drive.target_deg.upper", PD), ("tip.mass", PD),
+        ("drive.torque.fore", CONSTANT), ("tip.mass", TABLE),
+        ("material.aluminium.young", STATIC), ("tip.mass", STATIC), ("initial.joint_deg.upper", STATIC),
+        ("link.fore.length", STATIC), ("link.fore.damping.ratio", {"link.fore.damping": Damping(ratio=0.0, at_hz=3.0)}),
+    ],
+)  # fmt: skip
+def test_sensitivities_to_drives_and_starts_agree_with_differences_of_runs(path: str, changes: dict[str, Any]) -> None:
+    check(arm(**changes), path)
+
+
+def test_overlapping_paths_are_each_varied_separately() -> None:
+    found = fl.sensitivities(arm(), ["link.*.length", "link.upper.length", "link.fore.length"])
+    np.testing.assert_allclose(found.tip[-1, :, 0], found.tip[-1, :, 1:].sum(axis=1), rtol=0, atol=1e-6)
+
+
+def test_keys_that_cannot_be_differentiated_are_refused_by_name() -> None:
+    scene = arm()
+    for path, id in (
+        ("run.step", "not-a-parameter"),
+        ("initial.time", "not-a-parameter"),
+        ("link.upper.segments", "parameter-cannot-vary"),
+        ("link.upper.name", "not-a-number"),
+        ("drive.kp.upper", "parameter-cannot-vary"),
+        ("tip.maß", "cannot-set"),
+    ):
+        with pytest.raises((ArgumentError, fl.errors.SceneError)) as caught:
+            fl.sensitivities(scene, [path])
+        assert caught.value.id == id and path in str(caught.value), path
+    with refused(ArgumentError, "wrong-type"):
+        fl.sensitivities(scene, "tip.mass")
+    with refused(ArgumentError, "empty"):
+        fl.sensitivities(scene, [])
+    with pytest.raises(fl.errors.UnstableStepError):
+        fl.sensitivities(scene.varied({"run.step": 0.01, "run.sample": 0.02}), ["tip.mass"])
+    lengths = scene.varied({"link.fore.length": 2.0})
+    with refused(ArgumentError, "paths-differ"):
+        fl.sensitivities(lengths, ["link.*.length"])

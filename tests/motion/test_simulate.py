@@ -1,0 +1,283 @@
+"""Simulation: overrides, samples, drives, and diverging runs."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import flexlink as fl
+from flexlink.motion.inputs.problem import problem_of
+from flexlink.results.record import trajectory_from_states
+from tests.conftest import make_scene
+from tests.support.words import refused
+
+
+@pytest.fixture
+def paper(models) -> fl.Scene:
+    return fl.load_scene(models / "paper_fig5.toml")
+
+
+def test_a_trajectory_has_every_sample_and_the_initial_state(paper: fl.Scene) -> None:
+    run = fl.simulate(paper, duration=0.05)
+    assert run.t.tolist() == [pytest.approx(0.005 * k, rel=1e-15, abs=0) for k in range(11)]
+    assert run.q.shape == run.qd.shape == (11, 10)
+    assert run.tip.shape == (11, 3)
+    np.testing.assert_array_equal(run.q[0], fl.initial_state(paper, run.chain)[0])
+    np.testing.assert_array_equal(run.tip[-1], fl.tip_position(run.chain, run.q[-1]))
+    assert run.energy.total[3] == fl.energy(run.chain, run.q[3], run.qd[3]).total
+    with refused(ValueError, "test-simulate"):
+        run.q[0, 0] = 1.0
+
+
+@pytest.mark.slow
+def test_an_independent_integrator_finds_the_same_motion(paper: fl.Scene) -> None:
+    chain = fl.lump(paper)
+    q0, qd0 = fl.initial_state(paper, chain)
+
+    def slope(_: float, y: np.ndarray) -> np.ndarray:
+        return np.concatenate([y[10:], fl.forward_dynamics(chain, y[:10], y[10:], np.zeros(10))])
+
+    other = solve_ivp(slope, (0, 0.1), np.concatenate([q0, qd0]), method="DOP853", rtol=1e-12, atol=1e-13)
+    run = fl.simulate(paper, duration=0.1, step=1e-5)
+    assert np.abs(run.q[-1] - other.y[:10, -1]).max() < 1e-10  # sum of the errors of both integrators over the run
+
+
+def test_a_pd_drive_settles_at_its_target() -> None:
+    drive = fl.Drive(kind="pd", kp=(400.0,), kd=(40.0,), target_deg=(30.0,))
+    link = fl.Link(name="a", length=1.0)
+    scene = make_scene(link, tip=fl.RigidBody(mass=1.0), gravity=(0, 0, 0), drive=drive)
+    run = fl.simulate(scene, step=1e-3, duration=3.0)
+    assert np.degrees(run.q[-1, 0]) == pytest.approx(30.0, abs=1e-6)
+
+
+def test_a_table_drive_is_linear_between_its_times_and_constant_outside() -> None:
+    """q̈ = τ(t)/J with τ rising linearly to 1 at t = 1, then constant: q̇(2) = (1/2 + 1)/J exactly."""
+    drive = fl.Drive(kind="table", times=(0.0, 1.0), torques=((0.0,), (1.0,)))
+    scene = make_scene(fl.Link(name="a", length=1.0), tip=fl.RigidBody(mass=2.0), gravity=(0, 0, 0), drive=drive)
+    run = fl.simulate(scene, step=1e-2, duration=2.0, sample=0.1)
+    assert run.qd[-1, 0] == pytest.approx(1.5 / 2.0, rel=1e-12)
+
+
+def test_a_table_that_starts_late_holds_its_first_torque_until_then() -> None:
+    """q̈ = τ/J with τ = 3 up to t = 1, then linearly to 5 at t = 2: q̇(2) = (3 + 4)/J and q̇(1) = 3/J."""
+    drive = fl.Drive(kind="table", times=(1.0, 2.0), torques=((3.0,), (5.0,)))
+    scene = make_scene(fl.Link(name="a", length=1.0), tip=fl.RigidBody(mass=2.0), gravity=(0, 0, 0), drive=drive)
+    run = fl.simulate(scene, step=1e-2, duration=2.0, sample=0.5)
+    assert run.qd[:, 0] == pytest.approx([0.0, 0.75, 1.5, 2.375, 3.5], rel=1e-12)
+    assert run.tau[:, 0] == pytest.approx([3.0, 3.0, 3.0, 4.0, 5.0], rel=1e-15, abs=0)
+
+
+DRIVES = {  # three links, the first one locked: torques on the other two at t = 0.5 s
+    "constant": (fl.Drive(kind="constant", torque=(0.0, 1.0, 2.0)), (1.0, 2.0)),
+    "table": (
+        fl.Drive(kind="table", times=(0.1, 0.3, 0.7), torques=((0.0, 0.0, 0.0), (0.0, 1.0, 2.0), (0.0, 3.0, 8.0))),
+        (2.0, 5.0),
+    ),
+    "pd": (
+        fl.Drive(kind="pd", kp=(0.0, 5.0, 7.0), kd=(0.0, 2.0, 3.0), target_deg=(90.0, 10.0, 20.0)),
+        (5.0 * np.radians(10 - 4) - 2.0 * np.radians(1), 7.0 * np.radians(20 - 8) - 3.0 * np.radians(-2)),
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", DRIVES)
+def test_every_link_gets_its_own_drive_even_after_a_locked_one(kind: str) -> None:
+    """The arm is so heavy that its rates stay 1 and −2 deg/s and its angles at 0.5 s are 4 and 8 degrees."""
+    drive, wanted = DRIVES[kind]
+    hub, locked = fl.RigidBody(inertia=(1e9, 1e9, 1e9)), fl.Joint(locked=True)
+    links = [fl.Link(name="a", joint=locked), fl.Link(name="b", hub=hub), fl.Link(name="c", hub=hub)]
+    start = fl.InitialState(joint_deg=(30.0, 3.5, 9.0), rate_deg=(0.0, 1.0, -2.0))
+    run = fl.simulate(
+        make_scene(*links, gravity=(0, 0, 0), drive=drive, initial=start), step=0.01, sample=0.5, duration=0.5
+    )
+    assert run.tau[-1] == pytest.approx(np.array(wanted), rel=1e-8)  # rates change slightly: 10 N m act on 1e9 kg m²
+
+
+def test_constant_torque_and_wrench_act_together() -> None:
+    """A wheel of inertia J about Z: torque 3 and tip moment −1 give q̈ = 2/J."""
+    scene = make_scene(
+        fl.Link(name="a"), tip=fl.RigidBody(mass=1.0, inertia=(2.0, 2.0, 4.0)), gravity=(0, 0, 0),
+        drive=fl.Drive(kind="constant", torque=(3.0,)), wrench=fl.Wrench(moment=(0.0, 0.0, -1.0)),
+    )  # fmt: skip
+    assert fl.simulate(scene, step=1e-2, duration=1.0, sample=0.1).qd[-1, 0] == pytest.approx(0.5, rel=1e-13, abs=0)
+
+
+def test_a_run_that_diverges_stops_and_keeps_its_samples(paper: fl.Scene) -> None:
+    with pytest.raises(fl.errors.DivergenceError) as caught:
+        fl.simulate(paper, step=1e-3, sample=1e-3, unstable="allow")
+    message, kept = str(caught.value), caught.value.trajectory
+    for part in ("paper_fig5: ", "t = ", "0.001 s", f"{len(kept.t)} samples"):
+        assert part in message
+    assert kept.warnings[0].id == "unstable-step"
+    assert "0.000491 s" in kept.warnings[0]
+    assert len(kept.t) >= 2
+    assert np.isfinite(kept.q).all()
+    assert kept.q.shape == (len(kept.t), 10)
+
+
+def test_the_largest_stable_step_is_where_runs_start_to_diverge(paper: fl.Scene) -> None:
+    """Small motion with springs only: the energy stays constant 3 % below the limit and grows 3 % above it."""
+    calm = fl.Scene(
+        name="calm", arm=paper.arm, gravity=(0, 0, 0), initial=fl.InitialState(joint_deg=(0, 0, 0), rate_deg=(0, 1, -2))
+    )
+    h = fl.stable_step(fl.lump(calm), method="RK4")
+    below = fl.simulate(calm, step=0.97 * h, sample=0.97 * h * 100, duration=0.97 * h * 4000)
+    assert below.energy.total[-1] <= below.energy.total[0] * (1 + 1e-12)
+    above = fl.simulate(calm, step=1.03 * h, sample=1.03 * h, duration=1.03 * h * 400, unstable="allow")
+    assert above.energy.total[-1] > 1e3 * above.energy.total[0]
+
+
+@pytest.mark.parametrize(
+    ("override", "wanted"),
+    [
+        ({"step": -1.0}, "wrong-value"),
+        ({"step": float("nan")}, "not-finite"),
+        ({"method": "RK7"}, "unknown-name"),
+        ({"solver": "magic"}, "wrong-value"),
+        ({"duration": 1e300}, "not-a-multiple"),
+    ],
+)
+def test_bad_overrides_are_refused(paper: fl.Scene, override: dict, wanted: str) -> None:
+    with refused(fl.FlexlinkError, wanted):
+        fl.simulate(paper, **override)
+
+
+def test_progress_ends_at_one_and_only_grows(paper: fl.Scene) -> None:
+    seen: list[float] = []
+    fl.simulate(paper, progress=seen.append, duration=0.5)
+    assert seen == sorted(seen)
+    assert seen[-1] == 1.0
+
+
+def test_a_duration_of_zero_gives_the_initial_sample(paper: fl.Scene) -> None:
+    assert len(fl.simulate(paper, duration=0.0).t) == 1
+
+
+def test_saved_files_read_back_exactly(paper: fl.Scene, tmp_path) -> None:
+    run = fl.simulate(paper, duration=0.02)
+    archive = np.load(run.save(tmp_path / "run.npz"))
+    for name in ("t", "q", "qd", "tip"):
+        np.testing.assert_array_equal(archive[name], getattr(run, name))
+    table = np.genfromtxt(run.save(tmp_path / "run.csv"), delimiter=",", skip_header=1)
+    np.testing.assert_array_equal(table, np.column_stack(list(run.columns.values())))
+    with refused(fl.errors.ArgumentError, "unknown-format"):
+        run.save(tmp_path / "run.xlsx")
+
+
+def test_a_failed_save_keeps_the_old_file_and_gives_the_reason(paper: fl.Scene, tmp_path) -> None:
+    run = fl.simulate(paper, duration=0.01)
+    with refused(fl.errors.OutputError, "cannot-write"):
+        run.save(tmp_path / "no" / "run.npz")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_with_a_static_start_hinges_stay_at_rest_while_joints_are_held(models) -> None:
+    scene = fl.load_scene(models / "t3_spatial.toml")
+    held = fl.Scene(
+        name="held", arm=scene.arm, wrench=scene.wrench,
+        initial=fl.InitialState(joint_deg=scene.initial.joint_deg, passive="static"),
+    )  # fmt: skip
+    chain = fl.lump(held)
+    q, qd = fl.initial_state(held, chain)
+    passive = np.setdiff1d(np.arange(chain.n), chain.active)
+    torque = fl.bias_torque(chain, q, qd, tip_wrench=held.tip_wrench) + fl.elastic_torque(chain, q)
+    assert np.abs(torque[passive]).max() < 1e-9 * np.abs(torque).max()
+    assert np.abs(q[passive]).max() > 1e-4
+    np.testing.assert_array_equal(q[chain.active], np.radians(held.initial.joint_deg))
+
+
+CLONES = [lambda one: pickle.loads(pickle.dumps(one)), copy.copy, copy.deepcopy]
+
+
+@pytest.mark.parametrize("clone", CLONES)
+def test_copies_of_columns_have_the_same_columns(clone, paper: fl.Scene) -> None:
+    columns = fl.simulate(paper, duration=0.01).columns
+    twin = clone(columns)
+    assert list(twin) == list(columns)
+    assert all(np.array_equal(twin[name], column) for name, column in columns.items())
+    assert all(repr(name) in repr(columns) for name in columns)
+
+
+@pytest.mark.parametrize("clone", CLONES)
+@pytest.mark.parametrize("kind", [fl.Simulator, lambda scene: fl.SimulatorBatch([scene])], ids=["one", "batch"])
+def test_a_simulator_is_not_copied_and_another_one_takes_over_its_state(kind, clone, paper: fl.Scene) -> None:
+    """A copy would share arrays that compiled code changes, so a step of one would move the other."""
+    arm = kind(paper)
+    after = arm.step(duration=0.01)
+    with refused(fl.errors.ArgumentError, "cannot-copy"):
+        clone(arm)
+    other = kind(paper)
+    other.reset(q=after.q, qd=after.qd)
+    moved = other.step(duration=0.01)
+    np.testing.assert_array_equal(arm.state.q, after.q)
+    np.testing.assert_array_equal(arm.step(duration=0.01).q, moved.q)
+
+
+@pytest.mark.parametrize("clone", CLONES)
+def test_copies_of_a_trajectory_stay_read_only(clone, paper: fl.Scene) -> None:
+    run = fl.simulate(paper, duration=0.01)
+    twin = clone(run)
+    for array in (
+        twin.t,
+        twin.q,
+        twin.qd,
+        twin.tau,
+        twin.tip,
+        twin.energy.kinetic,
+        twin.energy.gravity,
+        twin.energy.elastic,
+    ):
+        assert not array.flags.writeable
+    np.testing.assert_array_equal(twin.q, run.q)
+    np.testing.assert_array_equal(twin.energy.total, run.energy.total)
+
+
+def test_from_states_does_not_modify_the_arrays_of_its_caller(paper: fl.Scene) -> None:
+    chain = fl.lump(paper)
+    q, qd = fl.initial_state(paper, chain)
+    t, q, qd = np.zeros(1), q[None].copy(), qd[None].copy()
+    run = trajectory_from_states(problem_of(paper), t, q, qd)
+    for array in (t, q, qd):
+        assert array.flags.writeable
+    for array in (run.t, run.q, run.qd):
+        assert not array.flags.writeable
+
+
+def test_the_array_of_driven_joints_is_read_only(paper: fl.Scene) -> None:
+    with refused(ValueError, "test-simulate"):
+        fl.lump(paper).active[0] = 3
+
+
+def test_every_quantity_of_a_run_has_a_unique_name(models, tmp_path) -> None:
+    """This is checked in trajectory, columns and archive for a driven spatial arm with flexible links."""
+    scene = fl.load_scene(models / "t3_spatial.toml")
+    drive = fl.Drive(kind="constant", torque=tuple(float(k + 1) for k in range(len(scene.arm.links))))
+    run = fl.simulate(scene.varied({"drive": drive}), step=1e-5, sample=1e-4, duration=2e-4)
+    chain, last = run.chain, run.columns
+    wanted = fl.energy(chain, run.q[-1], run.qd[-1])
+    archive = np.load(run.save(tmp_path / "run.npz"))
+    for name in ("kinetic", "gravity", "elastic"):
+        for found in (getattr(run.energy, name), last[f"{name} [J]"], archive[name]):
+            assert found[-1] == getattr(wanted, name)
+    assert len({*vars(wanted).values()}) == 3
+    np.testing.assert_array_equal(archive["tau"], run.tau)
+    for k in chain.active:
+        assert last[f"tau {chain.joint_name(int(k))} [N m]"][-1] == drive.torque[chain.coordinate(int(k)).link - 1]
+    assert [last[f"tip {axis} [m]"][-1] for axis in "xyz"] == fl.tip_position(chain, run.q[-1]).tolist()
+    for array in (run.t, run.q, run.qd, run.tau, run.tip, run.energy.kinetic, run.energy.gravity, run.energy.elastic):
+        assert not array.flags.writeable
+
+
+def test_stages_of_a_high_order_method_use_all_earlier_stages() -> None:
+    """For a pendulum, one RK10 step of 20 ms agrees with a hundred RK4 steps to 1e-12."""
+    rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
+    scene = make_scene(rod, gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_deg=(10.0,), rate_deg=(200.0,)))
+    ends = [
+        fl.simulate(scene, method=name, step=step, sample=0.02, duration=0.02).q[-1, 0]
+        for name, step in (("RK10", 0.02), ("RK4", 2e-4))
+    ]
+    assert ends[0] == pytest.approx(ends[1], abs=1e-12)

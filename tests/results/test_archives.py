@@ -1,0 +1,168 @@
+"""Damaged archives of runs are refused with one line that names the mistake, before anything is computed."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import random
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flexlink as fl
+from flexlink.dynamics.result import read_archive, write_archive
+from flexlink.errors import DataFileError
+from tests.conftest import ROOT, flexible, make_scene
+from tests.support.words import refused
+
+Arrays = dict[str, Any]
+TREE = flexible("a", segments=3), flexible("b", segments=5, lumping="lobatto4"), flexible("c", on="a")
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Arrays:
+    """The arrays of an archived run of a tree with coupled springs."""
+    scene = make_scene(*TREE, gravity=(0.0, -9.81, 0.0))
+    run = fl.simulate(scene, method="Radau5", step=1e-3, duration=3e-3, sample=1e-3)
+    with np.load(run.save(tmp_path_factory.mktemp("whole") / "run.npz")) as archive:
+        return dict(archive)
+
+
+def put(name: str, value: object, field: str = "", row: int = 0) -> Callable[[Arrays], object]:
+    """An edit that replaces one number of an array."""
+
+    def change(arrays: Arrays) -> None:
+        array = arrays[name] = arrays[name].copy()
+        (array[field] if field else array)[row] = value
+
+    return change
+
+
+WRONG: dict[str, tuple[Callable[[Arrays], object], str]] = {
+    "fewer samples": (lambda a: a.update(q=a["q"][:3]), r"q has shape \(3, \d+\); expected \(4, \d+\)"),
+    "more joints": (lambda a: a.update(tau=np.zeros((4, 99))), r"tau has shape \(4, 99\)"),
+    "no samples": (lambda a: a.update(t=np.array(1.0)), r"t has shape \(\); expected \(0,\)"),
+    "nan": (put("qd", np.nan), "qd has numbers that are not finite"),
+    "inf": (put("tip", np.inf), "tip has numbers that are not finite"),
+    "texts": (lambda a: a.update(t=np.array(["0", "1", "2", "3"])), "t is of type <U1; expected float64"),
+    "whole numbers": (lambda a: a.update(work=np.zeros(4, int)), "work is of type int64"),
+    "time": (lambda a: a.update(t=a["t"][::-1].copy()), "t does not increase"),
+    "missing": (lambda a: a.pop("kinetic"), "kinetic is missing"),
+    "steps": (lambda a: a.update(steps=json.dumps(["RK4", "many", 1])), r"Expected `int`"),
+    "gravity": (lambda a: a.update(chain_gravity=np.zeros(4)), "gravity is not three finite numbers"),
+    "mass": (put("chain_bodies", np.nan, "mass"), "bodies have a mass that is not finite"),
+    "hinges elsewhere": (put("chain_bodies", 10**9, "stop", -1), "bodies do not belong together"),
+    "parent elsewhere": (put("chain_bodies", 10**9, "parent", -1), "bodies do not belong together"),
+    "parent below": (put("chain_bodies", -1, "parent"), "bodies do not belong together"),
+    "slot elsewhere": (put("chain_bodies", 10**6, "slot", -1), "bodies do not belong together"),
+    "axis": (put("chain_hinges", 17, "axis"), "bodies do not belong together"),
+    "coupling elsewhere": (put("chain_couplings", 10**9, "outer"), "couplings do not belong together"),
+    "coordinates": (lambda a: a.update(chain_coordinates=a["chain_coordinates"][1:]), "coordinates are not those"),
+    "axes": (put("chain_described", np.nan, "section"), "axes have a section that is not finite"),
+    "axes of fewer bodies": (lambda a: a.update(chain_described=a["chain_described"][1:]), "bodies do not belong"),
+    "no such axis": (lambda a: a.update(chain_coordinates=a["chain_coordinates"] + [0, 0, 40]), "coordinates do not"),
+    "no axis at all": (lambda a: a.update(chain_coordinates=a["chain_coordinates"] + 0.5), "coordinates do not"),
+    "tip elsewhere": (lambda a: a.update(chain_tips=np.array([[0, 10**9]])), "bodies do not belong together"),
+}
+
+
+@pytest.mark.parametrize("mistake", WRONG)
+def test_a_damaged_archive_is_refused_in_one_line(mistake: str, whole: Arrays, tmp_path: Path) -> None:
+    change, _message = WRONG[mistake]
+    arrays = dict(whole)
+    np.savez(tmp_path / "good.npz", **arrays)
+    assert fl.load_trajectory(tmp_path / "good.npz").t.shape == (4,)
+    change(arrays)
+    np.savez(tmp_path / "run.npz", **arrays)
+    with refused(DataFileError, "not-a-result") as error:
+        fl.load_trajectory(tmp_path / "run.npz")
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("count", [10**11, 10**15, 10**30])
+def test_an_archive_header_with_too_large_a_shape_is_refused(count: int, whole: Arrays, tmp_path: Path) -> None:
+    head = io.BytesIO()
+    np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": (count,)})
+    with zipfile.ZipFile(tmp_path / "run.npz", "w") as archive:
+        archive.writestr("t.npy", head.getvalue() + bytes(80))
+    with refused(DataFileError, "not-a-result"):
+        fl.load_trajectory(tmp_path / "run.npz")
+
+
+def damaged(content: bytes, seed: int) -> bytes:
+    """Bytes changed, removed, inserted or set to zero, anywhere or in a record of the archive's own."""
+    pick, data = random.Random(seed), bytearray(content)
+    records = [k for k in range(len(data) - 46) if data[k : k + 2] == b"PK"]
+    at = pick.choice(records) + pick.randrange(46) if seed % 2 else pick.randrange(len(data))
+    with_bytes = [bytes([data[at] ^ 1 << pick.randrange(8)]), b"", bytes(16), pick.randbytes(3)]
+    data[at : at + pick.choice((1, 1, 16))] = pick.choice(with_bytes)
+    return bytes(data)
+
+
+def test_no_damage_of_bytes_gives_wrong_numbers_or_another_error(whole: Arrays, tmp_path: Path) -> None:
+    """Damaged compressed data, an unknown compression and an encryption flag are all met by these seeds."""
+    path = tmp_path / "run.npz"
+    np.savez_compressed(path, **whole)
+    content, good, right = path.read_bytes(), fl.load_trajectory(path), 0
+    for seed in range(300):
+        path.write_bytes(damaged(content, seed))
+        try:
+            run = fl.load_trajectory(path)
+        except DataFileError as error:
+            right += error.id == "not-a-result"
+        else:
+            right += all(np.array_equal(getattr(run, name), getattr(good, name)) for name in ("t", "q", "tip"))
+    assert right == 300
+
+
+def test_a_checksum_is_compared_even_if_the_header_declares_fewer_numbers(tmp_path: Path) -> None:
+    file = io.BytesIO()
+    np.save(file, np.arange(12.0))
+    with zipfile.ZipFile(tmp_path / "few.npz", "w") as archive:
+        archive.writestr("t.npy", file.getvalue().replace(b"(12,)", b"(1,) "))
+    with refused(DataFileError, "not-a-result"):
+        fl.load_trajectory(tmp_path / "few.npz")
+
+
+def test_a_text_that_is_no_text_is_refused(whole: Arrays, tmp_path: Path) -> None:
+    np.savez(tmp_path / "run.npz", **whole | {"scene": np.frombuffer(b"\xff\xff\xff\x7f", "<U1").reshape(())})
+    with pytest.raises(DataFileError) as caught:  # Python's words vary
+        fl.load_trajectory(tmp_path / "run.npz")
+    assert caught.value.id == "not-a-result"
+
+
+def test_an_archive_that_is_a_pipe_is_refused_at_once(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.npz")
+    with refused(DataFileError, "cannot-read"):
+        fl.load_trajectory(tmp_path / "pipe.npz")
+
+
+def test_an_archive_that_unfolds_a_thousandfold_is_refused_before(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "bomb.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in "abc":
+            archive.writestr(f"{name}.npy", bytes(80_000_000))
+    with refused(DataFileError, "file-too-large"):
+        fl.load_trajectory(tmp_path / "bomb.npz")
+
+
+@pytest.mark.slow
+def test_a_result_of_equal_numbers_is_no_bomb(tmp_path: Path) -> None:
+    still = np.zeros((26_000_000, 1))
+    write_archive(tmp_path / "still.npz", {"q": still})
+    assert np.array_equal(read_archive(tmp_path / "still.npz")["q"], still)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["satellite", "dual_arm", "gantry"])
+def test_archives_of_free_bases_trees_and_sliding_joints_load(model: str, tmp_path: Path) -> None:
+    scene = fl.load_scene(ROOT / "models" / f"{model}.toml")
+    run = fl.simulate(scene, duration=2 * scene.run.spacing)
+    assert np.array_equal(fl.load_trajectory(run.save(tmp_path / "run.npz")).q, run.q)
+    with np.load(tmp_path / "run.npz") as archive:  # version 1.0 stored no axes of links and sections
+        np.savez(tmp_path / "older.npz", **{name: archive[name] for name in archive if name != "chain_described"})
+    assert np.array_equal(fl.load_trajectory(tmp_path / "older.npz").loads.moment, run.loads.moment)

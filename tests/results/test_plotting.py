@@ -1,0 +1,97 @@
+"""Plots: every curve is readable, and no legend covers one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+import flexlink as fl
+from flexlink.results import plotting
+from tests.conftest import flexible, make_scene
+from tests.support.words import refused
+
+
+@pytest.fixture
+def run(models) -> fl.Trajectory:
+    return fl.simulate(fl.load_scene(models / "paper_fig5.toml"), duration=0.05)
+
+
+@pytest.mark.slow
+def test_no_legend_covers_a_curve(run: fl.Trajectory) -> None:
+    figure = plotting.plot_trajectory(run)
+    FigureCanvasAgg(figure).draw()
+    assert len(figure.axes) == 6
+    for panel in figure.axes:
+        legend = panel.get_legend().get_window_extent()
+        assert not legend.overlaps(panel.get_window_extent())
+        assert legend.xmax <= figure.bbox.xmax
+
+
+def test_every_energy_spans_a_fifth_of_its_panel(run: fl.Trajectory) -> None:
+    """The constant total energy is excluded. With an arbitrary zero of gravity energy, all curves would look flat."""
+    figure = plotting.plot_trajectory(run)
+    for panel in figure.axes[-3:]:
+        low, high = panel.get_ylim()
+        for line in panel.lines:
+            if line.get_label() != "total":
+                assert np.ptp(line.get_ydata()) > 0.2 * (high - low)
+
+
+@pytest.mark.slow
+def test_a_dollar_in_a_name_is_a_dollar_in_every_picture_and_page(tmp_path: Path) -> None:
+    """matplotlib reads two dollars as mathematics, and stops at wrong ones."""
+    name = r"a $\frac{$ <b>"
+    hold = fl.Drive(kind="pd", kp=(9e3, 9e3), kd=(9e2, 9e2), target_deg=(0.0, 0.0), rate=1000.0)
+    scene = make_scene(flexible(name), flexible("b $x_$ {{data}}"), drive=hold).varied({"name": name, "run": None})
+    run, loop = fl.simulate(scene, duration=0.01), fl.loop(scene)
+    modes = fl.modes(run.chain, run.q[0])
+    figures = run.plot(), modes.plot(run.chain), scene.plot(), run.chain.plot(), loop.plot(), loop.plot("poles")
+    for figure in figures:
+        figure.savefig(tmp_path / "figure.png")
+    assert all(any(name in text.get_text() for text in figure.findobj(Text)) for figure in figures[:2])
+    fl.report(scene.varied({"run.duration": 0.01}), tmp_path / "report")
+    assert "mathdefault" not in (tmp_path / "report" / "index.html").read_text(encoding="utf-8")
+
+
+def test_chosen_panels_and_columns_are_drawn_in_this_order_into_the_axes_that_are_given(run: fl.Trajectory) -> None:
+    figure = Figure()
+    beside = figure.subplots(1, 3)
+    what = ["tip", "q fore [rad]", "joints"]
+    assert run.plot(what=what, ax=beside) is figure
+    assert [len(panel.lines) for panel in beside] == [3, 1, len(run.chain.active)]
+    np.testing.assert_array_equal(beside[1].lines[0].get_ydata(), run.columns["q fore [rad]"])
+    assert [len(run.plot(what=names).axes) for names in ("tip", what)] == [1, 3]
+    assert run.plot(what="tip", ax=beside[2]) is figure
+    for wrong, id in (({"what": "tips"}, "unknown-name"), ({"ax": beside}, "wrong-shape")):
+        with refused(fl.errors.ArgumentError, id):
+            run.plot(**wrong)
+
+
+def test_panels_without_content_are_left_out() -> None:
+    rigid = make_scene(fl.Link(name="a", length=1.0), tip=fl.RigidBody(mass=1.0))
+    locked = make_scene(flexible("beam", joint=fl.Joint(locked=True)), gravity=(0.0, 9.81, 0.0))
+    labels = [
+        [panel.get_ylabel() for panel in plotting.plot_trajectory(fl.simulate(scene, duration=0.01)).axes]
+        for scene in (rigid, locked)
+    ]
+    assert [len(found) for found in labels] == [4, 5]
+    assert not any("passive" in label or "elastic" in label for label in labels[0])
+    assert not any("active" in label and "passive" not in label for label in labels[1])
+
+
+def test_drive_torques_and_forces_have_separate_panels_with_joint_names() -> None:
+    links = (flexible("trolley", joint=fl.Joint(kind="prismatic")), flexible("boom"))
+    scene = make_scene(*links, drive=fl.Drive(kind="constant", torque=(3.0, 2.0)), initial=fl.InitialState())
+    *_, torques, forces = plotting.plot_trajectory(fl.simulate(scene, duration=0.01)).axes
+    for panel, label, value, name in (
+        (torques, "drive torques\n[N m]", 2.0, "boom"), (forces, "drive forces\n[N]", 3.0, "trolley"),
+    ):  # fmt: skip
+        (curve,) = panel.lines
+        assert panel.get_ylabel() == label
+        assert curve.get_label() == name
+        assert (np.asarray(curve.get_ydata()) == value).all()

@@ -1,0 +1,136 @@
+"""The map of extreme scenes: its cells, their scenes and states, and a command that repeats one cell."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+import flexlink as fl
+from flexlink.describe.spec import decode
+from reports.figures import extreme_runs
+from reports.results import Results
+from validation import cell
+from validation.case import CASES, load_case
+from validation.extremes.cells import Cell, Map
+from validation.extremes.families import FAMILIES, Family, moving
+from validation.kinds import digits, extremes
+from validation.measuring import kind_of
+from validation.store import Store
+from validation.tests.studies import row, stored
+
+MAP = {
+    "scene": {"arm": {"about": "-", "base": "extreme_arm"}},
+    "axis": {
+        "young": {"paths": {"material.stuff.young": 1.0}, "unit": "times", "values": [1e-9, 1.0, 2.0, 1e9]},
+        "segments": {"paths": {"link.*.segments": 1}, "values": [2.0, 3.0, 7.0], "few": [2.0, 7.0]},
+        "links": {"unit": "links", "values": [3.0]},
+        "rates": {"paths": {"state.rate": 2.0}, "values": [1e5]},
+    },
+}
+
+
+def map_of(*plans: dict[str, object]) -> Map:
+    return decode(MAP | {"plan": list(plans)}, Map)
+
+
+def test_plans_of_pairs_combine_a_few_values_of_every_two_axes() -> None:
+    axes = ["young", "segments", "links"]
+    found = [c.values for c in map_of({"scenes": ["arm"], "axes": axes, "together": 2}).cells()]
+    assert len(found) == 3 * 2 + 3 * 1 + 2 * 1
+    assert {"young": 1e-9, "segments": 7.0} in found
+    assert not any(values.get("young") == 1.0 for values in found)
+
+
+def test_plans_of_one_or_all_axes_use_all_values() -> None:
+    one, both = ({"scenes": ["arm"], "axes": ["young", "segments"], "together": k} for k in (1, 0))
+    assert len(list(map_of(one).cells())) == 4 + 3
+    assert len(list(map_of(both).cells())) == 4 * 3
+
+
+def test_axes_can_scale_values_set_counts_repeat_links_or_change_the_state() -> None:
+    whole = map_of({"scenes": ["arm"], "axes": ["young", "segments", "links", "rates"]})
+    scene, state = whole.situation(next(iter(whole.cells())))
+    assert scene.arm.materials["stuff"].young == 70e9 * 1e-9
+    assert [(link.name, link.segments) for link in scene.arm.links] == [
+        ("upper", 2), ("fore1", 2), ("fore2", 2), ("fore3", 2),
+    ]  # fmt: skip
+    assert state == {"rate": 2e5}
+
+
+@pytest.mark.parametrize("name", ["extremes", "extremes_beside", "extremes_digits", "extremes_pairs", "extremes_short"])
+def test_every_scene_of_every_plan_is_valid_for_some_values(name: str) -> None:
+    settings = kind_of(load_case(CASES / f"{name}.toml"))[1]
+    parts: dict[tuple[int, str], list[Cell]] = {}
+    for each in settings.cells():
+        parts.setdefault((id(each.plan), each.scene), []).append(each)
+    assert {scene for _, scene in parts} == set(settings.scene)
+    for cells in parts.values():
+        assert any(is_valid(settings, each) for each in cells), (cells[0].scene, cells[0].plan.axes)
+
+
+def is_valid(settings: Map, of: Cell) -> bool:
+    try:
+        settings.situation(of)
+    except fl.FlexlinkError:
+        return False
+    return True
+
+
+def test_an_accidentally_exact_engine_does_not_tighten_the_error_limit() -> None:
+    eps = np.finfo(float).eps
+    errors = {("native", "M"): 6e-16, ("pinocchio", "M"): 0.0, ("mujoco", "M"): 1e-13}
+    assert digits.CellErrors(16, 1.0, errors, "").ratio("M") == pytest.approx(6e-16 / (4 * eps))
+    errors["native", "M"], errors["pinocchio", "M"] = 4e-12, 2e-12
+    assert digits.CellErrors(16, 1.0, errors, "").ratio("M") == pytest.approx(40.0)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_states_have_the_given_distance_from_gimbal_lock(sign: float) -> None:
+    chain = fl.lump(fl.load_scene(CASES.parent / "scenes" / "extreme_arm.toml"))
+    (state,) = digits.States(gimbal=sign * 1e-3, samples=1).draw(chain)
+    groups = chain.bodies[chain.bodies["stop"] - chain.bodies["first"] == 3]
+    assert len(groups)
+    assert (state.q[groups["first"] + 1] == sign * (np.pi / 2 - 1e-3)).all()
+
+
+def test_the_cell_command_prints_the_error_of_each_engine(monkeypatch, capsys) -> None:
+    pytest.importorskip("pinocchio")
+    monkeypatch.setattr(sys, "argv", ["cell", "extremes_digits", "3"])
+    assert cell.main() == 0
+    printed = capsys.readouterr().out
+    assert "cond(M) = 2.7e+06" in printed
+    errors = {tuple(line.split()[:2]): float(line.split()[-5]) for line in printed.splitlines()[1:] if "error" in line}
+    assert errors["native", "q̈"] < errors["pinocchio", "q̈"] < errors["mujoco", "q̈"] < 1e-9
+
+
+def test_the_figure_of_runs_lists_silent_errors_with_engine_and_command(tmp_path) -> None:
+    step, both = ("RK4", "step", 0.1, 0), {"young": 1.0, "mass": 2.0}
+    found = [
+        extremes.Cell("plane", values, extremes.HowTo(engine, *step), extremes.RunOutcome(outcome, 1.0, "", 0.0))
+        for values in ({"young": 1.0}, {"young": 3.0}, both)
+        for engine in ("native", "mujoco")
+        for outcome in ("error", "silent wrong" if engine == "mujoco" and values != {"young": 3.0} else "within")
+    ]
+    case = load_case(CASES / "extremes_beside.toml")
+    results = stored(tmp_path, row(case.name, kind="extremes"))
+    Store(results).add_series(case.name, extremes._series(case, found))
+    alone, pairs = extreme_runs.draw(Results.read(results))
+    lines = [line.split(",") for line in alone.csv.splitlines()[1:]]
+    assert [line[:5] for line in lines] == [
+        ["flexlink", "young", "young 1.0", "2", "0"], ["flexlink", "young", "young 3.0", "2", "0"],
+        ["MuJoCo", "young", "young 1.0", "2", "1"], ["MuJoCo", "young", "young 3.0", "2", "0"],
+    ]  # fmt: skip
+    command = "python -m validation.cell extremes_beside 3"
+    assert lines[2][5] == command
+    assert [line.split(",")[4] for line in pairs.csv.splitlines()[1:]] == ["0", "1"]
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_seed_draws_the_same_arm_again(family: Family) -> None:
+    (scene, arguments, _), again = moving(family, 3), moving(family, 3).scene
+    assert scene == again != moving(family, 4).scene
+    assert ("control" in arguments) == (family == "python law")
+    if scene.drive.rate is not None:
+        assert fl.loop(scene).growth <= 1.0
