@@ -11,13 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import require_each, require_one_of, vector
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import ArgumentError
+from flexlink.chain.free_base import AXES
+from flexlink.common.errors import ArgumentError, FlexlinkError, SingularMassError
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.describe.run_settings import ForwardSolver
 from flexlink.dynamics.batches import about_state, is_batch, rows
 from flexlink.dynamics.forces import force_torque, names_of
-from flexlink.dynamics.singularity import base_without_rates, no_acceleration
 from flexlink.dynamics.wrench import world_wrench, world_wrenches
 from flexlink.kernels.bodies.plane import planar_workspace
 from flexlink.kernels.bodies.rne import rne_workspace
@@ -32,6 +32,10 @@ SOLVERS: dict[ForwardSolver, solvers.Solver] = {
     "lu": solvers.LU,
     "cholesky": solvers.CHOLESKY,
 }
+
+
+PITCH = AXES.index(1)
+"""Index of the free base's rotation about Y among the coordinates."""
 
 
 def forward_dynamics(
@@ -95,7 +99,30 @@ def forward_dynamics(
     qdd: Array = kernel.accelerations(chain.arrays, wrench, q, qd, tau)
     if is_finite(qdd):
         return qdd
-    raise no_acceleration(chain, kernel, wrench, q, qd, tau)
+    raise _no_acceleration(chain, kernel, wrench, q, qd, tau)
+
+
+def base_without_rates(chain: Chain, q: Array) -> FlexlinkError | None:
+    """Return the error for a free base in gimbal lock: its angle about Y is within 3e-8 rad of 90°.
+
+    The other two angles then turn about the same axis. A pivot of M is proportional to cos² of the angle about Y, and
+    is then below its rounding error.
+    """
+    if not chain.has_free_base or np.cos(q[PITCH]) ** 2 >= 4 * np.finfo(float).eps:
+        return None
+    pitch = f"{chain.joint_name(PITCH)} = {chain.place_in_words(PITCH, float(q[PITCH]))}"
+    return SingularMassError(
+        f"mass matrix of {chain.name!r} is singular: at {pitch} the base's angles are in gimbal lock; set another "
+        "reference attitude, initial.base.rpy_deg, as simulations do automatically",
+        id="attitude-singular",
+    )
+
+
+def _no_acceleration(chain: Chain, *state: Any) -> FlexlinkError:
+    """The error for a state whose q̈ is not finite."""
+    from flexlink.dynamics.singularity import no_acceleration  # noqa: PLC0415  explains what rarely happens
+
+    return no_acceleration(chain, *state)
 
 
 def _of_one_layout(chain: Chain | Sequence[Chain]) -> Sequence[Chain]:
@@ -138,7 +165,7 @@ def _forward_dynamics_of_many(
     if not is_finite(qdd.reshape(-1)):
         k = int(np.argmin(np.isfinite(qdd).all(axis=1)))
         culprit = chains[k % len(chains)]
-        raise about_state(k, no_acceleration(culprit, solver, wrenches[k], *(part[k] for part in states)))
+        raise about_state(k, _no_acceleration(culprit, solver, wrenches[k], *(part[k] for part in states)))
     return qdd
 
 

@@ -48,7 +48,7 @@ from flexlink.chain.spans import spans_of, sums_inward, sums_outward
 from flexlink.common.memo import keep_last
 from flexlink.common.types import Array
 from flexlink.dynamics.placement import hinge_bodies
-from flexlink.dynamics.terms import mass_matrix
+from flexlink.kernels.bodies.mass import mass_composite
 from flexlink.kernels.forces.rotation_springs import stretches
 from flexlink.kernels.geometry.kinematics import arm_length, forward_kinematics
 
@@ -111,7 +111,7 @@ def of_acceleration(
     chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tau: ArrayLike, *, tip_wrench: ArrayLike | None = None
 ) -> float:
     """Rounding error of each joint's q̈ [rad/s²]: ‖M⁻¹‖₂ times `of_residual`; a test of M Δq̈ is sharper."""
-    inverse = 1 / np.linalg.norm(mass_matrix(chain, q), -2)  # −2: the smallest singular value
+    inverse = 1 / np.linalg.norm(_mass_matrix(chain, q), -2)  # −2: the smallest singular value
     return float(inverse * of_residual(chain, q, qd, qdd, tau, tip_wrench=tip_wrench))
 
 
@@ -129,7 +129,7 @@ def acceleration_error(
     if not (np.isfinite(one).all() and np.isfinite(other).all()):
         return np.full(chain.n, np.nan)
     larger = np.maximum(np.abs(one), np.abs(other))
-    error = mass_matrix(chain, q) @ (one - other)
+    error = _mass_matrix(chain, q) @ (one - other)
     explained: Array | float = of_residual(chain, q, qd, larger, tau, tip_wrench=tip_wrench)
     if chain.shapes is None:
         return in_units(error, explained)
@@ -143,6 +143,12 @@ def in_units(error: Array, explained: Array | float) -> Array:
     size = np.abs(error)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         return np.where(size == 0, 0.0, size / explained)
+
+
+def _mass_matrix(chain: Chain, q: ArrayLike) -> Array:
+    M = np.zeros((chain.n, chain.n))
+    mass_composite(chain.arrays, vector("q", q, chain.n, many=True), M)
+    return M
 
 
 def _elastic_size(chain: Chain, q: ArrayLike) -> Array:

@@ -7,7 +7,6 @@ import scipy
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
-from flexlink.chain.free_base import AXES
 from flexlink.common.errors import ArgumentError, FlexlinkError, SingularMassError
 from flexlink.common.types import Array
 from flexlink.dynamics.free_motion import first_joints, restricted
@@ -15,9 +14,6 @@ from flexlink.dynamics.rounding import EPS
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.kernels.bodies.mass import mass_composite
 from flexlink.kernels.forward.solvers import ARTICULATED, Solver
-
-PITCH = AXES.index(1)
-"""Index of the free base's rotation about Y among the coordinates."""
 
 
 def no_acceleration(chain: Chain, solver: Solver, wrench: Array, q: Array, qd: Array, tau: Array) -> FlexlinkError:
@@ -46,22 +42,6 @@ def no_acceleration(chain: Chain, solver: Solver, wrench: Array, q: Array, qd: A
         f"mass matrix of {chain.name!r} is singular: joint {chain.joint_name(k)!r} has no inertia attached "
         f"at {angles}; {way_out}, or choose another configuration",
         id="joint-without-inertia",
-    )
-
-
-def base_without_rates(chain: Chain, q: Array) -> FlexlinkError | None:
-    """Return the error for a free base in gimbal lock: its angle about Y is within 3e-8 rad of 90°.
-
-    The other two angles then turn about the same axis. A pivot of M is proportional to cos² of the angle about Y, and
-    is then below its rounding error.
-    """
-    if not chain.has_free_base or np.cos(q[PITCH]) ** 2 >= 4 * np.finfo(float).eps:
-        return None
-    pitch = f"{chain.joint_name(PITCH)} = {chain.place_in_words(PITCH, float(q[PITCH]))}"
-    return SingularMassError(
-        f"mass matrix of {chain.name!r} is singular: at {pitch} the base's angles are in gimbal lock; set another "
-        "reference attitude, initial.base.rpy_deg, as simulations do automatically",
-        id="attitude-singular",
     )
 
 

@@ -1,9 +1,10 @@
-"""The tip wrench in axes of frame 0, whichever axes it is given in."""
+"""What acts on an arm besides gravity: the tip wrench in axes of frame 0, and the gains of a drive."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +15,23 @@ from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.batches import wrench_rows
 from flexlink.kernels.geometry.kinematics import turned_with_tip
+
+
+class Gains(NamedTuple):
+    """Gains of a drive, T_EX = … − k_p q − k_d q̇, each (n,), or (n, n) if not diagonal [N m/rad, N m s/rad]."""
+
+    kp: Array
+    kd: Array
+
+    def matrices(self) -> tuple[Array, Array]:
+        """Both gains as matrices (n, n)."""
+        kp, kd = (np.diag(slope) if slope.ndim == 1 else slope for slope in self)
+        return kp, kd
+
+    def diagonals(self) -> tuple[Array, Array]:
+        """Both gains as vectors (n,), the diagonals."""
+        kp, kd = (slope if slope.ndim == 1 else np.diag(slope).copy() for slope in self)
+        return kp, kd
 
 
 def turns_with_tip(frame: Frame) -> bool:

@@ -25,7 +25,7 @@ from flexlink.identification.frequency_response import Response, table_of
 from flexlink.identification.problem import FitProblem, FitRun, Use, files_of
 from flexlink.identification.timing import as_long, doubts_of_times, in_periods, slowest_mode
 from flexlink.motion.slopes_of_runs import smooth
-from flexlink.results.columns import sources_of as columns_of
+from flexlink.results.samples import sources_of as columns_of
 from flexlink.results.trajectory import Trajectory
 
 

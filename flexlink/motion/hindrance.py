@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,10 +15,11 @@ from flexlink.common.wording import Diagnostic
 from flexlink.describe.joint_units import in_words
 from flexlink.describe.run_settings import AUTO, DEFAULT_TOLERANCE
 from flexlink.dynamics.vibration.stability import DENSE
-from flexlink.motion.loop.instability import instability
-from flexlink.motion.loop.loop import Loop, loop_of
 from flexlink.results.record import Record
 from flexlink.results.stop_reasons import Failure
+
+if TYPE_CHECKING:
+    from flexlink.motion.loop.loop import Loop
 
 
 def hindrance(record: Record, q: Array) -> tuple[str, str] | None:
@@ -88,6 +90,8 @@ def unstable_loop(record: Record) -> tuple[str, str]:
     loop = _loop(record)
     if loop is None:
         return "control loop unstable", "use lower gains"
+    from flexlink.motion.loop.instability import instability  # noqa: PLC0415  explains what has failed
+
     about = record.q[0].tobytes(), float(record.t[0])
     found: tuple[str, str] = record.kept("unstable loop", about, lambda: instability(loop))
     return found
@@ -132,6 +136,8 @@ def _loop(record: Record) -> Loop | None:
 
 
 def _linearized(record: Record) -> Loop | None:
+    from flexlink.motion.loop.loop import loop_of  # noqa: PLC0415  only sampled drives have a loop
+
     try:
         return loop_of(record.problem, (record.q[0].copy(), float(record.t[0])))
     except FlexlinkError:

@@ -8,8 +8,7 @@ from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.schemes.methods import Method, method
-from flexlink.dynamics.vibration.rate_bound import rate_bound
-from flexlink.dynamics.vibration.stability import bounding_eigenvalues, stable_step, stable_step_of
+from flexlink.dynamics.vibration.stability import bounding_eigenvalues, rate_bound, stable_step, stable_step_of
 from flexlink.dynamics.vibration.stability_function import stable_half_disc
 from flexlink.motion.inputs.actuation import acting_at
 from flexlink.motion.stop_times import SHORTEST

@@ -1,12 +1,12 @@
-"""Samples of a run, and quantities derived from them."""
+"""Samples of a run, and quantities derived from them, whose modules are imported when a quantity is first used."""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
 import warnings
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,20 +15,18 @@ from flexlink.chain.arguments import integer
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic, plural
-from flexlink.describe.plausibility.hints import hints
+from flexlink.common.wording import Diagnostic, did_you_mean, plural
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
-from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.batches import each
 from flexlink.dynamics.energy import Energy
-from flexlink.dynamics.loads import InternalLoads, internal_loads
 from flexlink.dynamics.momentum import Momentum
-from flexlink.dynamics.notes import defaults, notes
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.result import Result, read_only
-from flexlink.dynamics.sensors.columns import coarse_samples, sensor_columns
 from flexlink.results import balance
+
+if TYPE_CHECKING:
+    from flexlink.dynamics.loads import InternalLoads
 
 
 class Steps(NamedTuple):
@@ -170,6 +168,9 @@ class RunSamples(Result):
     @functools.cached_property
     def notes(self) -> tuple[str, ...]:
         """Notes on defaults that the run used, settings without effect, and sensors that need more samples."""
+        from flexlink.dynamics.notes import defaults, notes  # noqa: PLC0415
+        from flexlink.dynamics.sensors.columns import coarse_samples  # noqa: PLC0415
+
         if self.scene is None:
             return ()
         return (*defaults(self.scene), *notes(self.scene), *coarse_samples(self.scene, self))
@@ -177,6 +178,8 @@ class RunSamples(Result):
     @functools.cached_property
     def hints(self) -> tuple[str, ...]:
         """Numbers in the scene that were likely given in a wrong unit, one line each with the likely unit."""
+        from flexlink.describe.plausibility.hints import hints  # noqa: PLC0415
+
         return () if self.scene is None else hints(self.scene)
 
     def state(self, k: int) -> State:
@@ -214,6 +217,8 @@ class RunSamples(Result):
         SingularMassError
             As in `forward_dynamics`.
         """
+        from flexlink.dynamics.accelerations import forward_dynamics  # noqa: PLC0415
+
         self.warn_of_vibrations()
         hinges = self.chain.hinges.copy()
         hinges["prescribed"] = 0  # `tau` contains the torque that a prescribed motion requires
@@ -231,6 +236,8 @@ class RunSamples(Result):
         SingularMassError
             As in `qdd`.
         """
+        from flexlink.dynamics.loads import internal_loads  # noqa: PLC0415
+
         return internal_loads(self.chain, self.q, self.qd, self.qdd, tip_wrench=self.tip_wrench)
 
     @property
@@ -251,6 +258,8 @@ class RunSamples(Result):
         SingularMassError
             For accelerometers, as in `qdd`.
         """
+        from flexlink.dynamics.sensors.columns import sensor_columns  # noqa: PLC0415
+
         if self.scene is None:
             return {}
         if self.scene.sensor:
@@ -283,6 +292,88 @@ class RunSamples(Result):
                 id="engine-does-not-support",
             )
         return self.work
+
+
+Source = Callable[[Any], Array]
+"""Function that computes a column from `RunSamples`, or from an object with the same fields and a last axis of runs."""
+
+
+def _of_base(part: Callable[[BaseMotion], Array], k: int) -> Source:
+    return lambda run: part(run.base)[:, k]
+
+
+class Columns(Mapping[str, Array]):
+    """Every sampled quantity of a run as an array (samples,), by its name with unit."""
+
+    def __init__(self, run: RunSamples) -> None:
+        sources = sources_of(run.chain, run.work is not None)
+        self._run, self._sources = run, {**sources, **{name: _reading(name) for name in run.sensor_names}}
+
+    def __reduce__(self) -> tuple[type[Columns], tuple[RunSamples]]:
+        return Columns, (self._run,)
+
+    def __repr__(self) -> str:
+        return f"<Columns of {self._run!r}: {', '.join(map(repr, self))}>"
+
+    def __getitem__(self, name: str) -> Array:
+        if name not in self._sources:
+            raise KeyError(f"no column {name!r}{did_you_mean(name, self._sources)}")
+        return self._sources[name](self._run)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._sources)
+
+    def __len__(self) -> int:
+        return len(self._sources)
+
+
+def sources_of(chain: Chain, balanced: bool = True) -> Mapping[str, Source]:
+    """Source of each column of runs of a chain, in the order of the CSV file; `balanced`: with work and imbalance."""
+    # attitude as a unit quaternion, angular velocity in axes of the base, momentum of all bodies in frame 0
+    of_a_free_base: Mapping[str, Source] = {
+        f"{name} {axis} [{unit}]": _of_base(part, k)
+        for name, axes, unit, part in (
+            ("attitude", "wxyz", "1", lambda base: base.attitude),
+            ("spin", "xyz", "rad/s", lambda base: base.spin),
+            ("momentum", "xyz", "N s", lambda base: base.momentum.linear),
+            ("angular momentum", "xyz", "N m s", lambda base: base.momentum.angular),
+        )
+        for k, axis in enumerate(axes)
+    }
+    found = _sources(chain.joint_names, (chain.joint_units, chain.torque_units), tuple(chain.active.tolist()), balanced)
+    return {**found, **of_a_free_base} if chain.has_free_base else found
+
+
+@functools.lru_cache(maxsize=64)
+def _sources(
+    joints: tuple[str, ...], units: tuple[tuple[str, ...], tuple[str, ...]], active: tuple[int, ...], balanced: bool
+) -> Mapping[str, Source]:
+    """Source of each column, in the order of the CSV file; runs of one layout share it."""
+    # only for runs of flexlink itself: other engines do not integrate work
+    of_balanced: Mapping[str, Source] = {
+        "work [J]": lambda run: np.asarray(run.work),
+        "imbalance [J]": lambda run: run.imbalance,
+    }
+    return {
+        "t [s]": lambda run: run.t,
+        **{f"q {name} [{units[0][k]}]": _of("q", k) for k, name in enumerate(joints)},
+        **{f"qd {name} [{units[0][k]}/s]": _of("qd", k) for k, name in enumerate(joints)},
+        **{f"tau {joints[k]} [{units[1][k]}]": _of("tau", k) for k in active},
+        **{f"tip {axis} [m]": _of("tip", k) for k, axis in enumerate("xyz")},
+        "kinetic [J]": lambda run: np.asarray(run.energy.kinetic),
+        "gravity [J]": lambda run: np.asarray(run.energy.gravity),
+        "elastic [J]": lambda run: np.asarray(run.energy.elastic),
+        **(of_balanced if balanced else {}),
+    }
+
+
+def _reading(name: str) -> Source:
+    return lambda run: run.readings[name]
+
+
+def _of(field: str, k: int) -> Source:
+    """Source of column `k` of the array (samples, …) in a field of the run."""
+    return lambda run: getattr(run, field)[:, k]
 
 
 def picked(run: RunSamples, rows: NDArray[np.intp]) -> RunSamples:

@@ -12,10 +12,7 @@ from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.output import write_whole
 from flexlink.common.types import Array
 from flexlink.data.documents import require_path
-from flexlink.results import tables
-from flexlink.results.columns import Columns
-from flexlink.results.files import output_format, write
-from flexlink.results.samples import RunSamples
+from flexlink.results.samples import Columns, RunSamples
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -120,6 +117,8 @@ class Trajectory(RunSamples):
         ArgumentError
             The extension is not .npz or .csv.
         """
+        from flexlink.results.files import output_format, write  # noqa: PLC0415
+
         format = output_format(path)
         return lambda place: write(self, format, place)
 
@@ -137,7 +136,9 @@ class Trajectory(RunSamples):
         >>> print(table["tip y [m]"].max().round(3), table.index.name)
         0.884 t [s]
         """
-        return tables.to_pandas(self)
+        from flexlink.results.files import to_pandas  # noqa: PLC0415
+
+        return to_pandas(self)
 
     def to_xarray(self) -> Any:
         """All samples as an xarray.Dataset: q, qd, tau (time, joint), tip (time, axis), energies (time), with units.
@@ -155,7 +156,9 @@ class Trajectory(RunSamples):
         >>> print(data["tip"].dims, data["tip"].attrs["units"])
         ('time', 'axis') m
         """
-        return tables.to_xarray(self)
+        from flexlink.results.files import to_xarray  # noqa: PLC0415
+
+        return to_xarray(self)
 
     def _repr_html_(self) -> str:
         columns = [] if not len(self.t) else self.columns.items()

@@ -14,8 +14,8 @@ from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3
 from flexlink.dynamics.equilibrium import solve_static
 from flexlink.dynamics.placement import tip_position
 from flexlink.motion.side_by_side import Block
-from flexlink.results.columns import sources_of
 from flexlink.results.deflection import deflections
+from flexlink.results.samples import sources_of
 from flexlink.results.settling import overshoot, residual_vibration, settling_time
 from flexlink.results.trajectory import Trajectory
 

@@ -17,7 +17,7 @@ from flexlink.data.documents import is_finite
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.vibration import stability
-from flexlink.dynamics.vibration.rate_bound import rate_bound
+from flexlink.dynamics.vibration.stability import rate_bound
 from flexlink.dynamics.vibration.stability_function import stable_reach
 from flexlink.motion import step_settings
 from flexlink.motion.inputs.actuation import acting_at

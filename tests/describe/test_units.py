@@ -12,8 +12,8 @@ import pytest
 import flexlink as fl
 from flexlink.chain.branches import as_lines, branches_of
 from flexlink.describe.plausibility.hints import hints
-from flexlink.results.columns import sources_of
 from flexlink.results.pictures.outline import outline_of
+from flexlink.results.samples import sources_of
 from tests.support.words import refused, reviewed
 
 GANTRY = """

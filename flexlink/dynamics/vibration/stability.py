@@ -8,8 +8,9 @@ friction enters with its largest derivative, c/w at rest, since sooner or later 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy
@@ -24,7 +25,7 @@ from flexlink.describe.schemes import methods
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.forces import force_slopes
 from flexlink.dynamics.free_motion import restricted
-from flexlink.dynamics.rounding import scales
+from flexlink.dynamics.rounding import EPS, scales
 from flexlink.dynamics.singularity import regular_mass
 from flexlink.dynamics.springs import about, damping_along, damping_matrix
 from flexlink.dynamics.tangent import LoadedState, gyroscopic_matrix, load_matrices, load_torque, stiffness_matrix
@@ -32,7 +33,7 @@ from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.dynamics.vibration.eigenproblem import first_order_matrix
 from flexlink.dynamics.vibration.extremes import inertia_alone
 from flexlink.dynamics.vibration.stability_function import stable_half_disc, stable_reach
-from flexlink.dynamics.wrench import turns_with_tip
+from flexlink.dynamics.wrench import Gains, turns_with_tip
 from flexlink.kernels.bodies.mass import mass_upper
 from flexlink.kernels.tools.finite import is_finite
 
@@ -43,23 +44,6 @@ limit the step are computed, in O(n)."""
 NUDGE = 1e-4
 """Step of the central difference along a direction [rad], for sliding joints relative to the arm's length. Its error,
 of order NUDGE², is far below the tolerance of the Lanczos method, 1e-4."""
-
-
-class Gains(NamedTuple):
-    """Gains of a drive, T_EX = … − k_p q − k_d q̇, each (n,), or (n, n) if not diagonal [N m/rad, N m s/rad]."""
-
-    kp: Array
-    kd: Array
-
-    def matrices(self) -> tuple[Array, Array]:
-        """Both gains as matrices (n, n)."""
-        kp, kd = (np.diag(slope) if slope.ndim == 1 else slope for slope in self)
-        return kp, kd
-
-    def diagonals(self) -> tuple[Array, Array]:
-        """Both gains as vectors (n,), the diagonals."""
-        kp, kd = (slope if slope.ndim == 1 else np.diag(slope).copy() for slope in self)
-        return kp, kd
 
 
 def _along(slope: Array, φ: Array) -> Array:
@@ -169,6 +153,31 @@ def eigenvalue_bounds(abouts: Sequence[tuple[Chain, Array, Array]], acting: Sequ
         return [np.inf] * count
     found: list[float] = np.where((pivots > least).all(axis=1) & np.isfinite(bounds), bounds, np.inf).tolist()
     return found
+
+
+def rate_bound(chain: Chain, q: Array, qd: Array, *, tip_wrench: Array, frame: Frame, gains: Gains) -> float:
+    """Return an upper bound on |λ| [1/s] of all eigenvalues; the arguments are as in `eigenvalues`.
+
+        λ² φ + λ M⁻¹C φ + M⁻¹K φ = 0,    so    |λ|² ≤ c |λ| + k        c = ‖M⁻¹C‖, k = ‖M⁻¹K‖
+
+    in any matrix norm that is consistent with a vector norm; the Frobenius norm is used here. If the bound is small,
+    the eigenvalues need not be computed. It is inf if it is unknown: with more than 100 joints, shapes, prescribed
+    joints, or a mass matrix that may be singular.
+    """
+    n = chain.n
+    if n > DENSE or chain.shapes is not None or np.count_nonzero(chain.hinges["prescribed"]):
+        return np.inf
+    K, C, M = load_matrices(chain, q, qd, tip_wrench, turns_with_tip(frame))
+    L, stopped = scipy.linalg.lapack.dpotrf(M, lower=1)
+    if stopped or not (L.diagonal() ** 2 > n * EPS * M.diagonal()).all():
+        return np.inf
+    kp, kd = gains.matrices()
+    K, C = K + about(chain, q).matrix("stiffness") + kp, C + damping_matrix(chain) + kd
+    if chain.forces:
+        of_angle, of_rate = force_slopes(chain, q, qd)
+        K, C = K + of_angle, C + of_rate
+    c, k = (math.sqrt(np.square(scipy.linalg.lapack.dpotrs(L, A, lower=1)[0]).sum()) for A in (C, K))
+    return (c + math.sqrt(c * c + 4 * k)) / 2
 
 
 def _about(

@@ -17,7 +17,7 @@ from flexlink.common.types import Array, Indices
 from flexlink.describe.rigidified import bare_and_rigid
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.terms import gravity_torque
-from flexlink.dynamics.vibration.stability import Gains
+from flexlink.dynamics.wrench import Gains
 from flexlink.kernels.bodies.rigid_model import RigidModel
 from flexlink.kernels.bodies.rne import rne_workspace
 from flexlink.kernels.inputs.drive_torque import drive_slopes
@@ -28,8 +28,6 @@ from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.inputs.cascade import filters_of, servo_of
 from flexlink.motion.inputs.interpolation import held_knots, pieces_of
 from flexlink.motion.inputs.references import constant, reference_arrays
-from flexlink.motion.inputs.static_feedforward import holding_torque
-from flexlink.motion.inputs.tip_reference import tip_arrays
 
 
 def drive_arrays(scene: Scene, chain: Chain) -> Drive:
@@ -193,6 +191,8 @@ def _interpolated(scene: Scene, times: Array, torques: Array) -> PiecewisePolyno
 def _pd(scene: Scene, chain: Chain) -> Drive:
     feedback = _feedback(scene, chain)
     if scene.drive.reference is not None and scene.drive.reference.follows == "tip":
+        from flexlink.motion.inputs.tip_reference import tip_arrays  # noqa: PLC0415  few scenes invert the arm
+
         reference, torques = tip_arrays(scene, chain)
         return feedback._replace(law=PD, reference=reference, feedforward=torques)
     return _fed(scene, chain, feedback, PD, PD_GRAVITY)
@@ -284,6 +284,8 @@ def _rigid_gravity(scene: Scene, chain: Chain, target: PiecewisePolynomial) -> P
 
 def _static_gravity(scene: Scene, chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
     """Torque that holds the arm, bent by gravity, with its joints at the reference."""
+    from flexlink.motion.inputs.static_feedforward import holding_torque  # noqa: PLC0415  few scenes need statics
+
     return holding_torque(chain, target)
 
 

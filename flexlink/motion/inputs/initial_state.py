@@ -14,7 +14,6 @@ from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.describe.joint_units import IN_METRES, row_in_si
 from flexlink.describe.scene import Scene
-from flexlink.dynamics.static_postures import static_posture
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.inputs.record import Inputs, MotionTable
 from flexlink.motion.inputs.actuation import inputs_with
@@ -71,6 +70,8 @@ def state_under(inputs: Inputs, scene: Scene, chain: Chain) -> tuple[Array, Arra
     on_shapes(chain, "initial.q", q - chain.rest)
     on_shapes(chain, "initial.qd", qd, "/s")
     if initial.passive == "static" and len(chain.active) < chain.n:
+        from flexlink.dynamics.static_postures import static_posture  # noqa: PLC0415  statics
+
         wrench, frame = wrench_at(inputs, initial.time)
         q = static_posture(chain, q, wrench, frame)
     if scene.motion:
