@@ -1,7 +1,5 @@
 """Shared fixtures: the scenes of `models/`, and arms built in Python."""
 
-from __future__ import annotations
-
 import gc
 import os
 import signal

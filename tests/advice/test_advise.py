@@ -1,7 +1,6 @@
 """Advice on the smallest model meets its goal, reports a correct error, and is refused for scenes it cannot assess."""
 
-from __future__ import annotations
-
+import dataclasses
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -17,20 +16,27 @@ import flexlink as fl
 from flexlink.advice.goal import Goal, TipErrorNorm, goal_of
 from flexlink.advice.model import Bend, all_axes, limited_axes, uniform, with_model
 from flexlink.advice.model_runner import ModelRunner, Stepping
+from flexlink.advice.refinement import RefinementStudy
 from flexlink.advice.rigid import oscillator_response
 from flexlink.advice.run_time import own_time, run_time
 from flexlink.advice.verdict import Advice, payback
 from flexlink.cli.main import main
 from flexlink.common.interruption import Stop
 from flexlink.describe.spec import decode
+from flexlink.dynamics.placement import unbent
 from flexlink.motion.evaluation_cost import bodies_of, run_cost
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.single_run import SingleRun
+from flexlink.results.deflection import deflections
+from flexlink.scene_report.study import Study
+from flexlink.sweeps.measures import column_of
+from tests.conftest import ROOT
 from tests.support.words import refused, reviewed
 from validation.advice import truth as advice_truth
 from validation.advice.scenes import random_scene, robot_scene
 from validation.case import CASES, load_case
 from validation.kinds import advice as kind
+from validation.trade.scenes import seen
 
 Array = NDArray[np.float64]
 
@@ -423,3 +429,60 @@ def test_the_advice_case_of_the_study_uses_an_independent_reference() -> None:
     assert wrong == 0
     assert cost >= 1
     assert {*rows} <= {*case.quantity}
+
+
+GEAR = 0.5 * 2 * np.sin(0.01 / 2)  # tip displacement [m] of a 0.5 m arm whose gear spring turns by 0.01 rad
+STEEL = fl.Material(young=210e9, density=7850.0)
+
+
+@pytest.fixture(scope="module")
+def two_masses() -> fl.Scene:
+    return fl.load_scene(ROOT / "models" / "two_mass_joint.toml")
+
+
+def test_advice_sweeps_reports_and_trade_agree_on_the_deflection_of_a_gear(two_masses: fl.Scene) -> None:
+    run = fl.simulate(two_masses)
+    assert deflections(run)[0] == pytest.approx(GEAR, rel=1e-12)
+    assert deflections(run).max() == pytest.approx(GEAR, rel=1e-3)  # the tip vibrates with this amplitude
+    assert np.array_equal(column_of(run, "deflection [m]"), deflections(run))
+    assert np.array_equal(Study(two_masses).bent_by, deflections(run))
+    assert np.linalg.norm(seen(run.chain, run.q).bend, axis=1) == pytest.approx(deflections(run), abs=1e-15)
+
+
+def test_an_advice_goal_relative_to_the_deflection_includes_the_gear(two_masses: fl.Scene) -> None:
+    scene = two_masses.varied({"initial": fl.InitialState(joint_deg=(0.0,)), "link.1.material": "steel",
+                               "link.1.section": "bar", "material.steel": STEEL, "gravity": (0.0, -9.81, 0.0),
+                               "section.bar": fl.Section(shape="circle", diameter=0.02)})  # fmt: skip
+    runner = ModelRunner(scene, 1.0)
+    refinement = RefinementStudy(
+        runner, TipErrorNorm(Goal(1e-2), 1e-3), Goal(1e-2, deflection=True), ("z",), Stepping("Radau5", tolerance=1e-5)
+    )
+    refinement.refine()
+    run = refinement.finest.outcome.run
+    assert run is not None
+    assert refinement.deflection == deflections(run).max()
+    hinges = [c.segment > 0 for c in run.chain.coordinates]
+    links_alone = np.linalg.norm(run.tip - fl.tip_position(run.chain, np.where(hinges, 0.0, run.q)), axis=1)
+    assert refinement.deflection > 1.5 * links_alone.max()  # the displacement due to the gear is included
+
+
+def test_the_unbent_configuration_puts_springs_at_their_rest_angles(two_masses: fl.Scene) -> None:
+    chain = fl.lump(two_masses)
+    turned = with_rest(chain, 0.3)
+    assert unbent(turned, np.array([0.7, 0.1])) == pytest.approx([0.7, 0.3])
+
+
+def with_rest(chain: fl.Chain, angle: float) -> fl.Chain:
+    """The same chain with this rest angle [rad] of the gear spring."""
+    hinges = chain.hinges.copy()
+    hinges["rest"][chain.stiffness > 0] = angle
+    return dataclasses.replace(chain, hinges=hinges)
+
+
+def test_the_band_filter_removes_its_frequency_and_passes_a_tenth_of_it() -> None:
+    """The Hann window of two periods of the band has its first zero at the band frequency."""
+    t = 1e-3 * np.arange(2001)
+    norm = TipErrorNorm(Goal(1e-3, band=10.0), 1e-3)
+    fast, slow = (norm.lengths(np.sin(2 * np.pi * f * t)[:, None])[200:-200].max() for f in (10.0, 1.0))
+    assert fast < 0.01
+    assert slow > 0.95

@@ -1,7 +1,5 @@
 """The model error that a report states is confirmed by finer models and smaller steps."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """flexlink as a solver of cosseratbench."""
 
-from __future__ import annotations
-
 import dataclasses
 from importlib.metadata import entry_points
 

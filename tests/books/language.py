@@ -4,8 +4,6 @@ The words are in `language.toml`. Texts are docstrings, comments and strings of 
 Markdown without its code, and names of tests.
 """
 
-from __future__ import annotations
-
 import ast
 import functools
 import re

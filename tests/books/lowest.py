@@ -4,8 +4,6 @@ python -m tests.books.lowest > lowest.txt
 python -m pip install -c lowest.txt -e '.[test]' && python -m pytest        # in a separate environment
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Every script in `examples/` runs in its folder or the checkout's root, is short, and gives the described results."""
 
-from __future__ import annotations
-
 import ast
 import runpy
 import warnings

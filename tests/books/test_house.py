@@ -3,8 +3,6 @@
 A file mentions a feature if one of its words is in code, comments or docstrings.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 import tomllib

@@ -1,7 +1,5 @@
 """Every error has a stable id, which is kept if the error is wrapped or pickled."""
 
-from __future__ import annotations
-
 import ast
 import pickle
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The list of machines fits the tests, and its runner distinguishes failures from impossible machines."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numba

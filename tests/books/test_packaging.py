@@ -1,7 +1,5 @@
 """The distribution: every requirement has a testable lowest version, and no file is missing."""
 
-from __future__ import annotations
-
 import re
 import runpy
 import shutil

@@ -1,7 +1,5 @@
 """Every key, option, command, call, file and name in code type on a page exists in the program as it is written."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 import keyword

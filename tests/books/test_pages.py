@@ -1,7 +1,5 @@
 """Every block of code on every page runs as written; the tables of the README are those of the stored study."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Remedies that messages print are applied as printed, and succeed: the mistake is gone."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Every public name, key, option, data file and error is on one reference page, with a description."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from pathlib import Path

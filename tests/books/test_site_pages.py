@@ -1,7 +1,5 @@
 """The site in a real browser, from local files: nothing is cut on desktop or phone, light or dark; search works."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Iterator

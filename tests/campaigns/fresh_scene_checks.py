@@ -1,7 +1,5 @@
 """Checks of a random scene: numbers equal independent references, files read back equal, only intended errors occur."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import math

@@ -1,7 +1,5 @@
 """Random scenes that together use every key of a scene file; most are ordinary, some are extreme."""
 
-from __future__ import annotations
-
 import json
 import os
 import tempfile

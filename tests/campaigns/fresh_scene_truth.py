@@ -1,7 +1,5 @@
 """Reference solution of a scene by SciPy and independent formulas: input, laws, wrench, motion, kinematics, mass."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable

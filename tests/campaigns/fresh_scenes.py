@@ -5,8 +5,6 @@ The command prints and saves one line per scene, so a second call can continue. 
 undetected wrong results, of needless errors and doubts for ordinary scenes, of tracebacks, and of used keys.
 """
 
-from __future__ import annotations
-
 import json
 import signal
 import sys

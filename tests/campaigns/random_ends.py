@@ -7,8 +7,6 @@ Exit code 1 if a run ends early without an error, a simulator deviates, a compar
 (an infinite or undefined length), or two ways of reading differ.
 """
 
-from __future__ import annotations
-
 import collections
 import functools
 import math

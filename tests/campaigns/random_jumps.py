@@ -7,8 +7,6 @@ motion; tolerances are 1e-2 to 1e-6 m. The reference is DOP853 with a thousandth
 inside steps; Radau9 is used if the stability of DOP853 requires too many steps.
 """
 
-from __future__ import annotations
-
 import collections
 import sys
 from typing import NamedTuple

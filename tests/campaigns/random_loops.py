@@ -6,8 +6,6 @@ The reference follows from the matrices of arm and law by matrix exponentials wi
 eigenvalue is ‖Z‖/|yᴴx|, with left and right eigenvectors y and x of the balanced matrix Z of the closed loop.
 """
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

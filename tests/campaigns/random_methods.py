@@ -7,8 +7,6 @@ robots, scenes that use every key of a file; 10 to 400 samples. All methods take
 processor time of each counts, so other load does not matter. Exit code 1 if `auto` costs more than allowed.
 """
 
-from __future__ import annotations
-
 import collections
 import itertools
 import sys

@@ -8,8 +8,6 @@ The reference is SciPy's DOP853 with an independent control law, one branch at a
 event.
 """
 
-from __future__ import annotations
-
 import collections
 import sys
 from collections.abc import Callable

@@ -6,8 +6,6 @@ Arms of one to three links, soft to stiff, planar and spatial, with taper, frict
 with a step of 0.1 to 30 times the stable step. The reference is a run with a quarter of the step.
 """
 
-from __future__ import annotations
-
 import collections
 import sys
 

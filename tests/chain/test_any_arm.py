@@ -1,7 +1,5 @@
 """Joints about any axis, beams along any line and bodies of any inertia agree with their equations."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Tapered links and structural damping of beams that are lumped into segments."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Cells of coupled springs: the lumping rule, the resulting chain, and every algorithm that uses them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import msgspec
@@ -19,7 +17,7 @@ from flexlink.kernels.forces.couplings import cells_of
 from flexlink.kernels.forward.mass_plus_cells import COUPLED, FACTORS, columns
 from flexlink.kernels.layout import COUPLING, FORCES, Rare
 from tests.conftest import ALUMINIUM, SQUARE, compiled, flexible, make_scene
-from tests.kernels.test_shifted import posture_of, solved
+from tests.kernels.test_mass_plus import posture_of, solved
 from tests.motion.test_sensitivity import check
 from tests.support.beams import cantilever
 from tests.support.words import refused

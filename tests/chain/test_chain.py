@@ -1,13 +1,12 @@
 """The chain has the degrees of freedom, the coordinate order and the properties stated in the paper."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 
 import numpy as np
 import pytest
 
+import flexlink as fl
 from flexlink import (
     Arm,
     Chain,
@@ -376,3 +375,10 @@ def test_scenes_lumped_together_or_alone_give_the_same_chains() -> None:
         assert found.bodies.tobytes() == chain.bodies.tobytes()
         assert found.hinges.tobytes() == chain.hinges.tobytes()
         assert (found.mass, found.reach, found.coordinates) == (chain.mass, chain.reach, chain.coordinates)
+
+
+def test_the_position_of_a_locked_slide_is_in_metres() -> None:
+    slide = fl.Link(name="slide", length=1.0, joint=fl.Joint(kind="prismatic", axis=(1, 0, 0), locked=True))
+    arm = make_scene(slide, fl.Link(name="rod", length=1.0), tip=fl.RigidBody(mass=1.0))
+    chain = fl.lump(arm.varied({"initial.joint_m": (0.3, 0.0)}))
+    np.testing.assert_allclose(fl.tip_position(chain, np.zeros(chain.n)), [2.3, 0.0, 0.0], atol=1e-15)

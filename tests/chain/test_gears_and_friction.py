@@ -1,7 +1,5 @@
 """Elastic gears, dry friction in hinges and joint limits: closed forms, engines, and refusals."""
 
-from __future__ import annotations
-
 from xml.etree import ElementTree as ET
 
 import mujoco

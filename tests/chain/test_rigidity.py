@@ -1,9 +1,8 @@
 """Stepped and tapered beams with tables of rigidity and mass agree with closed forms; invalid tables are refused."""
 
-from __future__ import annotations
-
 import functools
 import itertools
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -296,3 +295,19 @@ def test_a_mistake_in_a_csv_file_exits_with_2(text: str, id: str, parts: tuple[s
     found = refused_line(capsys.readouterr().err, id)
     assert "\n" not in found
     assert all(part in found for part in parts)
+
+
+def test_a_table_of_rigidities_accepts_millimetres_and_grams(tmp_path: Path) -> None:
+    (tmp_path / "spar.csv").write_text("x [mm],EI_z [N mm²],rhoA [g/m]\n0,5e7,2000\n800,4e7,600\n", encoding="utf-8")
+    table = fl.Rigidity(file=str(tmp_path / "spar.csv"))
+    np.testing.assert_allclose((table.x, table.ei_z, table.rho_a), ((0.0, 0.8), (50.0, 40.0), (2.0, 0.6)), rtol=1e-14)
+
+
+def test_a_table_with_a_jump_at_an_end_or_without_rigidity_is_refused(tmp_path: Path) -> None:
+    for x in ((0.0, 1.0, 1.0), (0.0, 0.0, 1.0)):
+        with refused(SceneError, "rigidity-table"):
+            fl.Rigidity(x=x, rho_a=(1.0,) * 3)
+    for row in ("0,50,2\n1,0,2", "0,50,2\n1,50,0"):
+        (tmp_path / "spar.csv").write_text(f"x [m],EI_z [N m²],rhoA [kg/m]\n{row}\n", encoding="utf-8")
+        with refused(fl.errors.DataFileError, "out-of-range"):
+            fl.Rigidity(file=str(tmp_path / "spar.csv"))

@@ -1,7 +1,5 @@
 """Springs at the root of a link: closed forms of elastically clamped beams, other engines, and refused input."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

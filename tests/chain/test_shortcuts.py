@@ -1,7 +1,5 @@
 """Shortcuts in the first run of a scene give the results of the full computation."""
 
-from __future__ import annotations
-
 import itertools
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Links that shear and stretch: slides with springs at the stations of their hinges."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The command line prints results on success, one line with exit code 2 on errors, and never loses results."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex
@@ -12,19 +10,22 @@ import time
 import tomllib
 import warnings
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import flexlink as fl
-from flexlink.cli import simulate
+from flexlink.cli import advise, simulate
 from flexlink.cli.main import build_parser, main
+from flexlink.cli.show import has_screen
 from flexlink.cli.terminal import announced
+from flexlink.common.progress import progress_text
 from flexlink.describe import data_files
 from flexlink.motion import single_run as single
 from flexlink.scene_report.parts import vibration
 from flexlink.scene_report.study import Study
-from tests.conftest import ROOT
+from tests.conftest import ROOT, make_scene
 from tests.support.words import line, refused_line, reviewed
 
 
@@ -388,3 +389,54 @@ def test_a_long_comparison_of_runs_reports_its_steps_and_how_to_shorten_it(monke
         assert value in note
     assert main([*command, "0.005"]) == 0
     assert "--duration" not in capsys.readouterr().err
+
+
+THREE_LINKS = str(ROOT / "models" / "three_links.toml")
+
+
+@pytest.mark.parametrize("name", ["DISPLAY", "WAYLAND_DISPLAY"])
+def test_x11_and_wayland_displays_both_count_as_a_screen(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.platform", "linux")
+    for each in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(each, raising=False)
+    assert not has_screen()
+    monkeypatch.setenv(name, ":0")
+    assert has_screen()
+
+
+def test_an_unknown_format_is_refused_before_the_run(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    monkeypatch.setattr(simulate, "SingleRun", lambda problem: pytest.fail("it was about to run"))
+    assert main(["simulate", THREE_LINKS, "--out", "run.txt"]) == 2
+    text = refused_line(capsys.readouterr().err, "unknown-format")
+    assert [name for name in ("'run.txt'", ".npz", ".csv") if name not in text] == []
+
+
+def test_a_progress_bar_has_at_least_four_cells_and_fits_the_terminal() -> None:
+    line = progress_text("arm", 0.5, 7.0, 80)
+    bare = len(line) - 30
+    assert line == f"arm [{'█' * 15}{'·' * 15}]  50% 0:07, 0:07 left"
+    assert progress_text("arm", 0.5, 7.0, bare + 4) == "arm [██··]  50% 0:07, 0:07 left"
+    assert progress_text("arm", 0.5, 7.0, bare + 3) == "arm  50% 0:07, 0:07 left"
+    for width in range(1, 90):
+        line = progress_text("an arm of a long name", 0.31, 3671.0, width, 0.1, "12 members/s")
+        assert len(line) <= width
+
+
+def test_info_does_not_compare_costs_of_methods_if_every_step_is_stable(tmp_path, capsys) -> None:
+    rod = fl.Link(name="rod", length=1.0, material="aluminium", section="square")
+    path = make_scene(rod, gravity=(0.0, 0.0, 0.0)).save(tmp_path / "rod.toml")
+    assert main(["info", str(path)]) == 0
+    rk4, others = [], []
+    for each in capsys.readouterr().out.splitlines():
+        (rk4 if each.split()[:1] == ["RK4"] else others).append(each)
+    assert len(rk4) == 1
+    assert not [each for each in others if "RK4" in each]
+
+
+@pytest.mark.parametrize(("met", "code"), [(True, 0), (False, 1)])
+def test_advice_that_misses_its_goal_has_exit_code_1(
+    met: bool, code: int, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    monkeypatch.setattr(advise, "advise", lambda *_, **__: SimpleNamespace(met=met))
+    assert main(["advise", THREE_LINKS, "--tip", "1e-3"]) == code
+    assert f"met={met}" in capsys.readouterr().out

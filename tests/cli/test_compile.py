@@ -1,7 +1,5 @@
 """`flexlink compile` compiles in advance what every kind of scene and every public function needs."""
 
-from __future__ import annotations
-
 import inspect
 import re
 import tarfile

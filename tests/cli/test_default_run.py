@@ -1,7 +1,5 @@
 """A scene without a step and a method runs with a default tolerance and a note; with either, its steps are fixed."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 from typing import Any

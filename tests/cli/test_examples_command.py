@@ -1,7 +1,5 @@
 """`flexlink examples` lists scripts and scenes, and copies them with the files that they read."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Mistakes of new users are reported at once, with the remedy."""
 
-from __future__ import annotations
-
 import copy
 import json
 import re

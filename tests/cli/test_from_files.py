@@ -1,7 +1,5 @@
 """Motions, drives, references and wrenches from CSV files; every mistake in a file is named."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -301,3 +299,10 @@ def test_the_unedited_data_file_is_accepted(tmp_path: Path, capsys: pytest.Captu
     (tmp_path / "run.csv").write_text(GOOD, encoding="utf-8")
     assert main(["info", str(tmp_path / "scene.toml")]) == 0
     assert not capsys.readouterr().err
+
+
+def test_smoothing_does_not_depend_on_the_direction_of_time(rng: np.random.Generator) -> None:
+    t, y = 0.01 * np.arange(40), rng.normal(size=40)
+    back = smoothed(t, y[::-1].copy(), 10.0)
+    for order, (one, other) in enumerate(zip(smoothed(t, y, 10.0), back, strict=True)):
+        np.testing.assert_allclose((-1) ** order * other[::-1], one, rtol=1e-6, atol=1e-6 * np.abs(one).max())

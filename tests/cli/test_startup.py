@@ -1,7 +1,5 @@
 """At startup, only the modules that the command or the public name needs are imported."""
 
-from __future__ import annotations
-
 import ast
 import gc
 import importlib

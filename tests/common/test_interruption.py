@@ -1,7 +1,5 @@
 """Ctrl-C and SIGTERM at any moment: samples are saved, no file is incomplete, and no traceback is printed."""
 
-from __future__ import annotations
-
 import contextlib
 import re
 import signal

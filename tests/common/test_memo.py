@@ -1,7 +1,5 @@
 """Memoized results: computed once per object and key, from any thread, and never taken from another object."""
 
-from __future__ import annotations
-
 import copy
 import threading
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """XML from unknown sources: harmful documents are refused before anything is expanded, fetched or stored."""
 
-from __future__ import annotations
-
 import pytest
 
 from flexlink.common import safe_xml

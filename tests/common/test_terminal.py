@@ -1,7 +1,5 @@
 """Output on a terminal: a progress line that fits, times, and the notice of a compilation."""
 
-from __future__ import annotations
-
 import io
 import os
 import sys

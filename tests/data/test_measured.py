@@ -1,7 +1,5 @@
 """Measurements compared with a run: units of instruments are converted, and a wrong value of the scene is found."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast

@@ -1,7 +1,5 @@
 """Wrong input gives one line with file, key, value and allowed values, exit code 2, and writes nothing."""
 
-from __future__ import annotations
-
 import copy
 import functools
 import io

@@ -1,7 +1,5 @@
 """Denavit-Hartenberg tables agree with the matrices in textbooks, and mounts may be given in radians."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

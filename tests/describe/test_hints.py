@@ -1,7 +1,5 @@
 """Values in a wrong unit get a hint with the likely unit; sensible arms get no hints."""
 
-from __future__ import annotations
-
 import math
 import re
 from pathlib import Path
@@ -16,7 +14,7 @@ from flexlink.describe.plausibility.hints import hints
 from flexlink.dynamics.notes import notes
 from flexlink.scene_report.parts import model
 from flexlink.scene_report.study import Study
-from tests.conftest import ROOT
+from tests.conftest import ALUMINIUM, ROOT, SQUARE, flexible, make_scene
 from tests.support.sensible import sensible_arm
 from tests.support.words import line, reviewed
 
@@ -216,3 +214,108 @@ def test_a_report_shows_the_hints_and_the_default_settings() -> None:
     reviewed("hints: in a report", shown)
     (defaults,) = (text for text in sentences if "5.87 mm" in text and "auto" in text)
     reviewed("hints: defaults of a run in a report", defaults)
+
+
+HELD = fl.Joint(locked=True)
+
+
+def cantilever(**fields: object) -> fl.Scene:
+    """A clamped square bar of 2 m, with gravity along −Y."""
+    return make_scene(flexible("bar", length=2.0, joint=HELD), gravity=(0.0, -9.81, 0.0), **fields)
+
+
+WEIGHT = 2700.0 * 0.04**2 * 2.0 * 9.81
+YIELD = 0.1  # limit of the strain in data/plausibility
+MOMENT = YIELD * 70e9 * (0.04**4 / 12) / 0.02 - WEIGHT * 1.0  # strain · E I/c, minus the moment of the weight
+
+
+@pytest.mark.parametrize(
+    ("key", "load"),
+    [
+        ("tip.mass", lambda part: {"tip": fl.RigidBody(mass=part * MOMENT / 9.81 / 2.0)}),
+        ("wrench.force", lambda part: {"wrench": fl.Wrench(force=(0.0, part * MOMENT / 2.0, 0.0))}),
+        ("wrench.moment", lambda part: {"wrench": fl.Wrench(moment=(0.0, 0.0, part * MOMENT))}),
+    ],
+)
+def test_a_load_beyond_the_largest_strain_of_metals_has_a_hint(key: str, load) -> None:
+    assert not hints(cantilever(**load(0.99)))
+    (hint,) = hints(cantilever(**load(1.01)))
+    assert hint.id == "likely-unit"
+    assert hint.startswith(f"{key} = ")
+    assert " 0.1" in hint and "'bar'" in hint
+    reviewed(hint.id, hint)
+
+
+def test_points_bodies_and_springs_beyond_their_limits_have_a_hint() -> None:
+    """Limits: 3 times the reach for points, the reach for radii of gyration, 0.5 rad for root and gear springs."""
+    arm = make_scene(flexible("bar", length=2.0), gravity=(0.0, -9.81, 0.0))
+    moment = WEIGHT * 1.0
+    cases = {
+        "tip.center": lambda part: {"tip": fl.RigidBody(mass=1e-6, center=(0.0, 6.0 * part, 0.0))},
+        "tip.inertia": lambda part: {"tip": fl.RigidBody(mass=1.0, inertia=(3.0 * (3.0 * part**2),) * 3)},
+        "link.bar.root_stiffness.z": lambda part: {
+            "link.bar.joint": HELD,
+            "link.bar.root_stiffness": fl.details.RootStiffness(z=moment / (0.5 * part)),
+        },
+        "link.bar.joint.gear_stiffness": lambda part: {
+            "link.bar.joint": fl.Joint(gear_stiffness=moment / (0.5 * part), armature=0.01)
+        },
+        "drive.torque.bar": lambda part: {"drive": fl.Drive(kind="constant", torque=(300.0 * moment * part,))},
+    }
+    for key, change in cases.items():
+        below, above = (hints(arm.varied(change(part))) for part in (0.99, 1.01))
+        assert not [hint for hint in below if hint.startswith(key)], key
+        (hint,) = (hint for hint in above if hint.startswith(key))
+        reviewed(hint.id, hint)
+
+
+@pytest.mark.parametrize(
+    ("angle", "radians"),
+    [
+        (1.5708, True),
+        (1.57, True),
+        (0.524, True),
+        (3.1416, True),
+        (1.6, False),
+        (0.528, False),
+        (0.53, False),
+        (2, False),
+    ],
+)
+def test_an_angle_with_the_digits_of_a_round_angle_in_radians_has_a_hint(angle: float, radians: bool) -> None:
+    """The number is a multiple of 5° in radians, rounded to its decimals; with two decimals, only 90° has a hint."""
+    scene = make_scene(flexible("a"), gravity=(0.0, 0.0, 0.0), initial=fl.InitialState(joint_deg=(angle,)))
+    found = [hint for hint in hints(scene) if hint.id == "likely-radians"]
+    assert len(found) == radians
+    for hint in found:
+        reviewed(hint.id, hint)
+
+
+def test_a_spring_that_the_weight_stretches_by_half_a_metre_has_a_hint() -> None:
+    """F/k ≥ 0.5 m, with the weight F of the sliding bodies: the stiffness is probably in N/mm."""
+    slide = fl.Joint(kind="prismatic", axis=(0.0, 1.0, 0.0))
+    beam = fl.Link(name="car", length=2.0, material="aluminium", section="square", joint=slide)
+    scene = make_scene(beam, gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_m=(0.0,)))
+    for part, count in ((0.99, 0), (1.01, 1)):
+        stiffness = WEIGHT / (0.5 * part)
+        changes = {"link.car.joint.gear_stiffness": stiffness, "link.car.joint.armature": 1.0}
+        found = [hint for hint in hints(scene.varied(changes)) if hint.startswith("link.car.joint.gear_stiffness")]
+        assert len(found) == count
+        for hint in found:
+            assert "0.51 m" in hint and "N/mm" in hint
+            reviewed("likely-unit", hint)
+
+
+@pytest.mark.parametrize(("length", "side", "key"), [(30.0, 5e-3, "link.bar.length"), (0.03, 0.04, "section.square.")])
+def test_a_link_too_slender_or_too_short_for_a_beam_has_a_hint(length: float, side: float, key: str) -> None:
+    """If L/h = 6000, the length is probably wrong; if the link is wider than long, the section is probably wrong."""
+    section = fl.Section(shape="rectangle", height=side, width=side)
+    scene = make_scene(flexible("bar", length=length), gravity=(0.0, 0.0, 0.0)).varied({"section.square": section})
+    (hint,) = hints(scene)
+    assert hint.startswith(key)
+    assert f" {length / side:.2g} " in hint
+    reviewed("likely-unit", hint)
+
+
+assert ALUMINIUM.young == 70e9
+assert SQUARE.properties.i_z == pytest.approx(0.04**4 / 12)

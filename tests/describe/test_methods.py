@@ -1,7 +1,5 @@
 """Runge-Kutta methods as data: coefficients to the last bit, derived quantities, and refused input."""
 
-from __future__ import annotations
-
 import msgspec
 import numpy as np
 import pytest

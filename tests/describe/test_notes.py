@@ -1,7 +1,5 @@
 """Keys of a scene without effect are noted; those with an effect are not."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """References of drives: moves within limits, tables and refused values, all as exact piecewise polynomials."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -378,3 +376,17 @@ def test_a_shaper_file_is_searched_next_to_the_scene(tmp_path: Path, monkeypatch
     (tmp_path / "own.toml").write_text(rule.replace("zeros = 1", "zeros = 2"), encoding="utf-8")
     with refused(fl.errors.DataFileError, "shaper-zeros"):
         fl.load_scene(tmp_path / "scene.toml")
+
+
+ROD = make_scene(fl.Link(name="rod", length=1.0), tip=fl.RigidBody(mass=1.0, inertia=(1, 1, 1)))
+
+
+def test_a_reference_below_a_lower_limit_is_refused() -> None:
+    drive = {
+        "kind": "pd",
+        "kp": [9.0],
+        "kd": [1.0],
+        "reference": {"profile": "quintic", "to_deg": [-46.0], "duration": 1.0},
+    }
+    with refused(fl.errors.SceneError, "wrench-out-of-reach"):
+        ROD.varied({"link.rod.joint.limits_deg": (-45.0, 90.0), "drive": drive})

@@ -1,7 +1,5 @@
 """Lumping rules as quadratures of the curvature integral, and the hinges that they give a link."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import special

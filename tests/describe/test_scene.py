@@ -1,7 +1,5 @@
 """Scene files are checked strictly: one line names the place of a mistake, the value, and the allowed values."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Cross-sections against independent tables and limits."""
 
-from __future__ import annotations
-
 import math
 from fractions import Fraction
 

@@ -1,7 +1,5 @@
 """Sensors as data: read from a file, varied by name, and refused where they do not fit the arm."""
 
-from __future__ import annotations
-
 import tomllib
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Residual vibration after input shaping is zero at the design frequencies and small near them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Units of rotary joints (degrees) and sliding joints (metres) in scenes; free bases and branches."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any
@@ -11,6 +9,7 @@ import pytest
 
 import flexlink as fl
 from flexlink.chain.branches import as_lines, branches_of
+from flexlink.data.csv_table import UNITS, read_csv
 from flexlink.describe.plausibility.hints import hints
 from flexlink.results.pictures.outline import outline_of
 from flexlink.results.samples import sources_of
@@ -310,3 +309,27 @@ def test_internal_loads_at_hinges_equal_the_joint_torques(satellite: fl.Scene) -
         moves, slope = fl.point_motion(chain, q, qd, qdd, tip=tip), fl.jacobian(chain, q, tip=tip)
         assert np.allclose(slope.linear @ qd, moves.velocity, atol=1e-14)
         assert np.array_equal(moves.position, fl.frames(chain, q).points[body])
+
+
+SIZES = {"k": 1e3, "m": 1e-3, "µ": 1e-6, "u": 1e-6, "": 1.0}
+
+
+def in_si(unit: str) -> float:
+    """Size of a unit in SI units, from its prefixes: "N mm²" is 1e-6 N m², "g/m" 1e-3 kg/m."""
+    if unit in {"rad", "deg", "mrad"}:
+        return {"rad": 1.0, "deg": np.pi / 180, "mrad": 1e-3}[unit]
+    size = 1.0
+    over, _, under = unit.partition("/")
+    for sign, part in [*((1, part) for part in over.split()), *((-1, part) for part in under.split())]:
+        base = part.removesuffix("^2").removesuffix("²")
+        prefix, letter = base[:-1], base[-1]
+        of_kilogram = 1e-3 if letter == "g" else 1.0
+        size *= (SIZES[prefix] * of_kilogram) ** (sign * (1 if base == part else 2))
+    return size
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_the_size_of_a_unit_follows_from_its_prefixes(unit: str, tmp_path: Path) -> None:
+    (tmp_path / "table.csv").write_text(f"a [{unit}]\n3\n", encoding="utf-8")
+    column = read_csv(tmp_path / "table.csv").column("a", UNITS[unit][0])
+    assert column[0] == pytest.approx(3 * in_si(unit), rel=1e-14)

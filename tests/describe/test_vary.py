@@ -1,7 +1,5 @@
 """Scene.varied() changes values by path, with the keys of the file, and checks the result like a file."""
 
-from __future__ import annotations
-
 import math
 import random
 import tomllib

@@ -1,7 +1,5 @@
 """Scenes as TOML that a person would write: short, aligned, and equal when read back."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

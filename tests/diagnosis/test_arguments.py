@@ -1,7 +1,5 @@
 """Arguments of public functions: wrong types are named in one line, and NumPy numbers are accepted."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from pathlib import Path

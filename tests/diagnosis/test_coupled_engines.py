@@ -1,7 +1,5 @@
 """Other engines agree on springs between hinges, and a mistake in a file is reported with the joints concerned."""
 
-from __future__ import annotations
-
 import dataclasses
 import importlib
 import re

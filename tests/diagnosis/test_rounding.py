@@ -1,7 +1,5 @@
 """Rounding bounds: large enough for all correct programs, and not much larger."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Patterns in the differences between a file and a correct one are recognised and reported; no engine is needed."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 from typing import Any, cast
@@ -11,7 +9,9 @@ import pytest
 
 import flexlink as fl
 from flexlink.diagnosis import shapes
-from flexlink.diagnosis.differences import differences
+from flexlink.diagnosis.diagnosis import _missing
+from flexlink.diagnosis.differences import _differing, differences
+from flexlink.diagnosis.matching import Match
 from flexlink.diagnosis.shapes import Discrepancy
 from flexlink.engines.read_back import ReadBack, of_chain
 from tests.conftest import flexible, make_scene
@@ -88,3 +88,21 @@ def test_a_rest_angle_without_a_spring_is_not_a_difference() -> None:
     stiffness[bent] = 0.0
     (difference,) = fields(dataclasses.replace(record(), rest=rest, stiffness=stiffness))
     assert "stiffness" in difference
+
+
+FRICTION = make_scene(*(flexible(name, segments=2, joint=fl.Joint(coulomb=0.5)) for name in "ab"))
+
+
+def test_the_friction_width_is_not_compared_without_friction() -> None:
+    ours = of_chain(fl.lump(FRICTION))
+    theirs = dataclasses.replace(ours, coulomb=0 * ours.coulomb, coulomb_width=2 * ours.coulomb_width)
+    assert set(_differing(ours, theirs)) == {"coulomb"}
+
+
+def test_missing_data_are_taken_from_the_joint_of_the_same_name() -> None:
+    ours = of_chain(fl.lump(FRICTION))
+    ours = dataclasses.replace(ours, armature=np.arange(1.0, ours.n + 1))
+    order = np.roll(np.arange(ours.n), 1)  # a cyclic permutation differs from its inverse
+    theirs = dataclasses.replace(ours, unspecified=frozenset({"armature"}))
+    filled = _missing(ours, theirs, Match(order, None, ours, True, []))
+    assert filled["armature"][order].tolist() == ours.armature.tolist()

@@ -1,7 +1,5 @@
 """States at which arms are compared include all kinds and are valid for the chain."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """compare(scene, file=…) names the mistakes in files from other programs, and none in correct files."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from collections.abc import Callable

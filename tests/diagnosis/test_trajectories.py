@@ -1,7 +1,5 @@
 """compare_trajectories() makes a run in several engines and reports engines that differ or cannot run the scene."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

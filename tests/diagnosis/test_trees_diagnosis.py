@@ -1,7 +1,5 @@
 """compare(scene, file=…) reports exactly the mistake in a file with trees, prismatic joints or free bases."""
 
-from __future__ import annotations
-
 import re
 from importlib.util import find_spec
 from pathlib import Path

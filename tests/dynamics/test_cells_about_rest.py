@@ -1,7 +1,5 @@
 """Small motion, statics, modes and strain of chains with coupled springs agree with full matrices."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Quadratic joint dampers, c |q̇| q̇, agree with closed forms and other integrators; unsupported uses are refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from msgspec.structs import replace

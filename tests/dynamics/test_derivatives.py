@@ -1,7 +1,5 @@
 """Derivatives of the dynamics, compared with 50-digit arithmetic and with each other, and edge cases."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from mpmath import mp

@@ -1,15 +1,14 @@
 """Air drag: closed forms, virtual work, derivatives, power, loads, and functions that do not support it."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 import flexlink as fl
-from tests.conftest import make_scene, nasty_scene, random_state
+from tests.conftest import flexible, make_scene, nasty_scene, random_state
 from tests.support.trees import random_tree_scene
 from tests.support.words import refused
 
@@ -143,3 +142,25 @@ def test_drag_of_a_general_section_needs_a_width() -> None:
     link = fl.Link(name="a", length=1.0, material="m", section="s", drag=fl.Drag(coefficient=1.0))
     with refused(fl.errors.SceneError, "missing-key"):
         fl.Arm(links=(link,), sections={"s": section}, materials={"m": fl.Material(young=1e9, density=1e3)})
+
+
+HELD = fl.Joint(locked=True)
+
+
+def test_a_link_fixed_in_frame_0_has_no_drag(rng: np.random.Generator) -> None:
+    rod = {"length": 1.0, "material": "aluminium", "section": "square"}
+    drag = fl.Drag(coefficient=1.2, breadth=(0.1, 0.1))
+    fixed = make_scene(fl.Link(name="post", joint=HELD, **rod), fl.Link(name="arm", **rod))
+    q, qd, tau = rng.normal(size=(3, 1))
+    still = fl.forward_dynamics(fl.lump(fixed), q, qd, tau)
+    np.testing.assert_array_equal(
+        fl.forward_dynamics(fl.lump(fixed.varied({"link.post.drag": drag})), q, qd, tau), still
+    )
+    moved = fl.forward_dynamics(fl.lump(fixed.varied({"link.arm.drag": drag})), q, qd, tau)
+    assert abs(moved - still).max() > 1e-3
+
+
+def test_air_density_is_part_of_the_chain() -> None:
+    scene = make_scene(flexible("beam", drag=fl.Drag(coefficient=1.2)))
+    thin, dense = (fl.lump(replace(scene, air_density=ρ)) for ρ in (1.0, 3.0))
+    np.testing.assert_allclose(dense.drag["drag"], 3 * thin.drag["drag"], rtol=1e-14)

@@ -1,7 +1,5 @@
 """Identities of the dynamics that every engine must satisfy."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -252,3 +250,12 @@ def test_dynamics_are_periodic_in_full_turns(angles: list[float], joint: int, tu
     M = fl.mass_matrix(chain, q)
     # 2π and angles of up to 1000 rad are rounded to eps; the slope of M over an angle is at most as large as M
     np.testing.assert_allclose(fl.mass_matrix(chain, turned), M, atol=1e4 * EPS * np.abs(M).max())
+
+
+def test_the_energy_of_coupled_springs_is_relative_to_their_rest_angles(rng: np.random.Generator) -> None:
+    chain = fl.lump(make_scene(flexible("a", segments=5, lumping="lobatto2")))
+    hinges, q = chain.hinges.copy(), rng.normal(size=chain.n)
+    hinges["rest"] = np.where(chain.stiffness > 0, rng.normal(size=chain.n), 0.0)
+    stretch = q - hinges["rest"]
+    energy = fl.energy(dataclasses.replace(chain, hinges=hinges), q, np.zeros(chain.n))
+    assert energy.elastic == pytest.approx(stretch @ chain.matrix("stiffness") @ stretch / 2, rel=1e-12)

@@ -1,7 +1,5 @@
 """Matrix-free lowest and highest frequencies agree with the dense eigenproblem."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Filters of sensors agree with H(iω), closed forms and SciPy; random walks have the variance of their time."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from pathlib import Path
@@ -10,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 from scipy import signal
 
 import flexlink as fl
@@ -256,3 +255,13 @@ def test_a_fit_finds_the_damping_of_a_filter_and_refuses_a_bias_walk() -> None:
     drifting = scene.varied({"sensor.s.bias_walk": 1e-3})
     with refused(fl.errors.SceneError, "fit-bias-walk"):
         fl.fit(fl.fits.FitProblem(scene=drifting, parameter=sought, run=(recorded,)))
+
+
+ROD = make_scene(fl.Link(name="rod", length=1.0), tip=fl.RigidBody(mass=1.0, inertia=(1, 1, 1)))
+
+
+def test_the_gain_of_a_filtered_sensor_applies_to_its_output() -> None:
+    sensor = fl.Sensor(name="a", kind="joint", link="rod", low_pass=5.0)
+    scenes = (replace(ROD, sensor=(replace(sensor, gain=gain),)) for gain in (1.0, 3.0))
+    one, three = (fl.linearize(fl.lump(ROD), [0.2], outputs=[fl.small_motion.SensorOutputs(scene)]) for scene in scenes)
+    np.testing.assert_allclose(three.C, 3 * one.C, rtol=1e-14)

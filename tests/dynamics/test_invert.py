@@ -1,7 +1,5 @@
 """The tip follows its move: torques against a continuous beam, and moves, delays and refusals of `invert`."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Lagging viscous friction, a force law with a state, agrees with closed forms and an independent integrator."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from msgspec.structs import replace

@@ -1,7 +1,5 @@
 """Internal loads, strain gauges and accelerometers of an arm at rest or in motion, in the documented axes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

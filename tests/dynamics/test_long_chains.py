@@ -1,7 +1,5 @@
 """Statics and lowest modes of long chains in O(n) agree with dense matrices."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

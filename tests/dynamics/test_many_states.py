@@ -3,8 +3,6 @@
 Functions that compute eight states in SIMD lanes agree up to rounding, because cosines and fused multiply-adds differ.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Frequencies, damping and flutter agree with closed forms, exact finite chains and published arms."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import mpmath
@@ -420,3 +418,115 @@ def test_twist_frequency_is_independent_of_rod_thickness() -> None:
         return fl.natural_frequencies(chain, np.zeros(chain.n))[-3:]
 
     np.testing.assert_allclose(fastest(1e-5), fastest(1e-3), rtol=1e-12)
+
+
+def swinging(gravity: float, **changes: object) -> fl.Chain:
+    """One flexible link on a free joint; with gravity along x it hangs."""
+    return fl.lump(make_scene(flexible("a", "z", 6), gravity=(gravity, 0.0, 0.0)).varied(changes))
+
+
+def test_the_first_mode_of_a_hanging_link_is_a_pendulum_and_higher_ones_are_elastic() -> None:
+    found = fl.modes(swinging(9.81))
+    assert found.kinds == ("pendulum", *["elastic"] * (len(found.kinds) - 1))
+    assert found.elastic_shares[0] < 0.01
+    assert (found.elastic_shares[1:] > 0.99).all()
+    assert found.first_elastic_hertz == found.hertz[1]
+
+
+def test_the_unstable_mode_of_an_upright_arm_is_a_pendulum_mode() -> None:
+    found = fl.modes(swinging(-9.81))
+    assert np.isnan(found.hertz[0])
+    assert found.kinds[:2] == ("pendulum", "elastic")
+
+
+@pytest.mark.parametrize("damping", [0.0, 2.0])
+def test_without_gravity_a_free_joint_has_a_rigid_mode_with_or_without_friction(damping: float) -> None:
+    found = fl.modes(swinging(0.0, **{"link.*.joint.viscous": damping}))
+    assert found.kinds.count("rigid") == 1 + (damping > 0)
+    assert found.kinds.count("elastic") == len(found.kinds) - 1 - (damping > 0)
+
+
+def test_overdamped_modes_of_a_beam_are_elastic() -> None:
+    damping = fl.Damping(ratio=5.0, at_hz=1.0)
+    chain = swinging(9.81, **{"link.*.damping": damping, "link.*.joint.viscous": 2.0})
+    held, free = fl.modes(chain, locked=[0]), fl.modes(chain)
+    assert (held.damping_ratios == 1.0).all()
+    assert set(held.kinds) == {"elastic"}
+    assert free.kinds.count("elastic") == len(held.kinds)
+
+
+def test_a_rigid_chain_has_no_elastic_frequency() -> None:
+    link = fl.Link(name="a", length=0.5, material="aluminium", section="square")
+    chain = fl.lump(make_scene(link, gravity=(9.81, 0.0, 0.0)))
+    assert fl.modes(chain).kinds == ("pendulum",)
+    assert np.isnan(fl.modes(chain).first_elastic_hertz)
+
+
+def test_stable_steps_and_modes_default_to_the_posture_with_slack_springs() -> None:
+    """The rest angles of the springs are not 0, so the straight arm has other frequencies."""
+    straight = swinging(9.81)
+    hinges = straight.hinges.copy()
+    hinges["rest"][straight.stiffness > 0] = 0.2
+    chain = dataclasses.replace(straight, hinges=hinges)
+    assert fl.stable_step(chain) == fl.stable_step(chain, chain.rest)
+    assert fl.stable_step(chain) != fl.stable_step(chain, np.zeros(chain.n))
+    assert np.array_equal(fl.modes(chain).frequencies, fl.modes(chain, chain.rest).frequencies)
+    for one in (chain, straight):  # RK4 on an undamped chain
+        assert fl.stable_step(one) * fl.modes(one).frequencies.max() == pytest.approx(2.828427, rel=1e-6)
+
+
+def test_modes_of_a_spinning_arm_solve_the_linearised_equation_of_motion() -> None:
+    """A wheel at the tip of a straight soft arm that turns at 20 rad/s: flapping and twist are coupled by their rates.
+
+    The straight arm without gravity is in relative equilibrium. T_GC is quadratic in the rates, so its central
+    difference is exact, and T_GC is a trigonometric polynomial in the angles.
+    """
+    wheel = fl.RigidBody(mass=1.0, inertia=(0.5, 0.3, 0.4))
+    chain = fl.lump(make_scene(flexible("a", "xyz", 3), tip=wheel, gravity=(0, 0, 0)))
+    q, qd, free = np.zeros(chain.n), np.zeros(chain.n), np.arange(1, chain.n)
+    qd[0] = 20.0
+    assert fl.bias_torque(chain, q, qd)[free] == pytest.approx(0, abs=1e-9)
+
+    def slope(torque, h: float) -> np.ndarray:
+        return np.array([(torque(h * e) - torque(-h * e)) / (2 * h) for e in np.eye(chain.n)[free]]).T[free]
+
+    G = slope(lambda d: fl.bias_torque(chain, q, qd + d), 1.0)
+    K = slope(lambda d: fl.bias_torque(chain, q + d, qd) + fl.elastic_torque(chain, q + d), 1e-4)
+    M = fl.mass_matrix(chain, q)[np.ix_(free, free)]
+    zero, one = np.zeros_like(M), np.eye(len(M))
+
+    def frequencies(C: np.ndarray) -> np.ndarray:
+        A = np.block([[zero, one], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
+        return np.sort(np.abs(np.linalg.eigvals(A).imag))[::2]
+
+    found = np.sort(fl.natural_frequencies(chain, q, locked=[0], qd=qd))
+    assert found == pytest.approx(frequencies(G), rel=1e-6)  # truncation error h² = 1e-8, and rounding
+    assert np.abs(found / frequencies(zero) - 1).max() > 1e-3  # so a missing gyroscopic term would be detected
+
+
+def test_slowly_growing_flutter_is_unstable() -> None:
+    """Beck's column just below and above its flutter load: 20.05 EI/L², but 3 % less with 12 hinges."""
+    chain = cantilever("legendre", 12)
+    below, above = (fl.modes(chain, tip_wrench=[-20.05 * part, 0, 0, 0, 0, 0], frame="tip") for part in (0.93, 0.98))
+    assert below.stable
+    assert not above.stable
+    assert above.damping_ratios.min() > -0.1
+
+
+def test_damped_modes_are_sorted_slowest_first() -> None:
+    """Overdamped modes are included: both real eigenvalues of a pair are sorted by rate."""
+    damping = fl.Damping(ratio=0.3, at_hz=10.0)
+    chain = fl.lump(make_scene(flexible("a", "xyz", 5, damping=damping, joint=fl.Joint(locked=True))))
+    λ = fl.modes(chain, np.zeros(chain.n)).eigenvalues
+    assert (λ.imag == 0).any()
+    assert (λ.imag > 0).any()
+    assert (np.diff(np.abs(λ)) >= 0).all()
+
+
+def test_coaxial_joints_are_singular_even_if_rounding_hides_it(rng: np.random.Generator) -> None:
+    skew = fl.Mount(rpy_deg=(-75.0, 20.0, 30.0))
+    links = fl.Link(name="a", mount=skew), fl.Link(name="b", length=0.7, joint=fl.Joint(viscous=1.0))
+    chain = fl.lump(make_scene(*links, tip=fl.RigidBody(mass=1.3, inertia=(0.1, 0.2, 0.3))))
+    for q in rng.uniform(-np.pi, np.pi, (50, 2)):
+        with refused(fl.errors.SingularMassError, "joint-without-inertia"):
+            fl.modes(chain, q)

@@ -1,7 +1,5 @@
 """Contradictory descriptions are refused on creation; the message has the key, its value and the allowed values."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Springs of rotation vectors: their law to 40 digits, its derivatives, all algorithms, large spatial bending."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """(λ² M + λ C + K) x = r in O(n): products, solutions and pivots agree with those of the dense matrices."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

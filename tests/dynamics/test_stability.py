@@ -1,7 +1,5 @@
 """Stable steps against published stability limits, and coefficients of the stability polynomial."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

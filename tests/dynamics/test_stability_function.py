@@ -1,7 +1,5 @@
 """Stability functions: Padé approximations, stability limits, two proofs that Radau IIA and Gauss are A-stable."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from math import factorial
 

@@ -1,7 +1,5 @@
 """Notes explain a probably unintended initial state; a divergence message names an unstable control loop."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Modes about a steady motion agree with closed forms of blades and pendulums; unsteady motions are refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

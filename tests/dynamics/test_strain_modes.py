@@ -1,7 +1,5 @@
 """Links with strain modes: hinges that move by shapes, q̇ = Φ ż."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

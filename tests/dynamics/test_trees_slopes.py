@@ -1,7 +1,5 @@
 """Derivatives of trees with revolute and prismatic joints on fixed and free bases agree with complex steps."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

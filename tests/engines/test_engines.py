@@ -1,11 +1,11 @@
 """Other engines compute from exported files the same as flexlink; engines that are not installed are skipped."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -34,6 +34,7 @@ from flexlink.diagnosis.quantities import QUANTITIES
 from flexlink.diagnosis.states import mixed_states
 from flexlink.dynamics import rounding
 from flexlink.engines import ENGINES, load, load_here
+from flexlink.engines.base import refuse_sampled_inputs
 from flexlink.errors import ArgumentError, DivergenceError, MissingDependencyError
 from tests.conftest import MODELS, ROOT, flexible, make_scene, nasty_scene, random_state
 from tests.support.words import refused
@@ -334,3 +335,32 @@ def test_pinocchio_refuses_a_chain_whose_data_would_fill_the_memory() -> None:
     chain = lump(make_scene(flexible("boom", "z", 700)))
     with refused(ArgumentError, "too-many-joints"):
         load("pinocchio", chain)
+
+
+def test_engines_with_their_own_stepping_support_only_smooth_pd_references() -> None:
+    """The other laws need torques between samples, which such an engine cannot receive."""
+
+    def scene(kind: str, jumps: list[float]) -> Any:
+        drive = SimpleNamespace(hold=False, rate=None, kind=kind)
+        return SimpleNamespace(drive=drive, wrench=SimpleNamespace(hold=False), initial=SimpleNamespace(time=0.0),
+                               course=SimpleNamespace(jumps=np.array(jumps)))  # fmt: skip
+
+    refuse_sampled_inputs("exudyn", scene("pd", []))
+    for kind, jumps in (("computed_torque", []), ("pd", [0.5])):
+        with refused(ArgumentError, "engine-does-not-support"):
+            refuse_sampled_inputs("exudyn", scene(kind, jumps))
+
+
+def test_a_mujoco_servo_control_is_divided_by_its_gear_ratio() -> None:
+    """A servo, kp (u − r q) r, moves its joint to q = u / r, so `gear` is 1/r; for a motor it is the gear ratio r."""
+    mujoco = pytest.importorskip("mujoco")
+    from flexlink.engines import mujoco_actuators  # noqa: PLC0415
+
+    body = '<body><joint name="{0}"/><geom type="box" size=".1 .1 .1"/></body>'
+    model = mujoco.MjModel.from_xml_string(
+        f"<mujoco><worldbody>{body.format('a')}{body.format('b')}</worldbody><actuator>"
+        '<position joint="a" kp="30" gear="4"/><motor joint="b" gear="7"/></actuator></mujoco>'
+    )
+    fields = mujoco_actuators.at_joints(model)
+    np.testing.assert_allclose(fields["gear"], [1 / 4, 7.0], rtol=1e-12)
+    np.testing.assert_allclose(fields["servo_stiffness"], [16 * 30.0, 0.0], rtol=1e-12)

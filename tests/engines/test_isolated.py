@@ -3,8 +3,6 @@
 The tests use the native engine: nothing has to be installed, and the mechanism is the same.
 """
 
-from __future__ import annotations
-
 import gc
 import os
 import re
@@ -18,6 +16,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+import flexlink as fl
 from flexlink import Drive, Scene, lump
 from flexlink.engines import child_process, load
 from flexlink.engines.child_process import IsolatedEngine
@@ -286,3 +285,29 @@ def test_the_error_of_a_missing_package_names_its_extra(tmp_path: Path, monkeypa
     monkeypatch.setattr(child_process, "_idle", {})
     with refused(MissingDependencyError, "package-missing"):
         load("drake", lump(SCENE))
+
+
+SHORT = make_scene(flexible("arm", segments=3), run=fl.RunSettings(step=1e-4, duration=0.0))
+
+
+@pytest.mark.slow
+def test_the_process_of_an_engine_outlives_the_timeout_of_its_last_call(monkeypatch: pytest.MonkeyPatch) -> None:
+    engine = IsolatedEngine("native", fl.lump(SHORT))
+    monkeypatch.setattr(child_process, "CALL_TIMEOUT", 5.0)
+    q = np.zeros(engine.n)
+    before = engine.mass_matrix(q)
+    with pytest.raises(child_process.subprocess.TimeoutExpired):
+        engine._child.process.wait(6.0)
+    np.testing.assert_array_equal(engine.mass_matrix(q), before)
+
+
+@pytest.mark.slow
+def test_an_idle_process_serves_only_one_engine(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(child_process, "_idle", {})
+    chains = fl.lump(SHORT), fl.lump(make_scene(flexible("arm", segments=9)))
+    waiting = IsolatedEngine("native", chains[0])._child
+    assert child_process._idle == {("native", os.getpid()): waiting}
+    engines = [IsolatedEngine("native", chain) for chain in chains]
+    assert engines[0]._child is waiting
+    for engine, chain in zip(engines, chains, strict=True):
+        np.testing.assert_array_equal(engine.mass_matrix(np.zeros(chain.n)), fl.mass_matrix(chain, np.zeros(chain.n)))

@@ -1,7 +1,5 @@
 """Trees, prismatic joints and free bases: files represent all of them, and other engines that load them agree."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 from xml.etree import ElementTree as ET

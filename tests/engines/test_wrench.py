@@ -1,7 +1,5 @@
 """The tip wrench, in frame 0 or in the frame of the tip, constant or as a table in time, in every kind of run."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -6,8 +6,6 @@ Exit codes: 0, all faults are detected; 1, a fault survived, does not apply any 
 or the tests fail without a fault; 130, interrupted after printing the verdicts so far.
 """
 
-from __future__ import annotations
-
 import argparse
 import collections
 import signal

@@ -1,7 +1,5 @@
 """Faults as data, the temporary copy in which they are planted, and the verdicts of the tests."""
 
-from __future__ import annotations
-
 import builtins
 import contextlib
 import fnmatch

@@ -1,9 +1,8 @@
 """Capsules, colours, motors and a keyframe in exported files do not change the motion of the arm."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
+from xml.etree import ElementTree
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -137,3 +136,11 @@ def test_a_segment_as_short_as_rounding_error_gets_no_shape() -> None:
     mujoco = pytest.importorskip("mujoco")
     chain = fl.lump(random_arm(41))
     mujoco.MjModel.from_xml_string(fl.to_mjcf(chain))
+
+
+def test_rates_of_a_keyframe_are_in_the_order_of_its_angles() -> None:
+    names = (("a", "base"), ("b", "base"), ("c", "a"))
+    links = (fl.Link(name=name, on=on, length=1.0, material="aluminium", section="square") for name, on in names)
+    chain = fl.lump(make_scene(*links))
+    (key,) = ElementTree.fromstring(fl.to_mjcf(chain, initial=([1.0, 2.0, 3.0], [1.0, 2.0, 3.0]))).iter("key")
+    assert key.get("qpos") == key.get("qvel") == "1.0 3.0 2.0"

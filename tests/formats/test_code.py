@@ -1,7 +1,5 @@
 """The equations of motion as C and CasADi code, against flexlink's solver."""
 
-from __future__ import annotations
-
 import importlib.util
 import math
 import shutil

@@ -1,7 +1,5 @@
 """Every file format stores springs between hinges exactly, and MuJoCo computes their torques within rounding."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path

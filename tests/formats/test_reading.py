@@ -1,7 +1,5 @@
 """Every file reads back to the chain it was written from, bit for bit; a file with any other content is refused."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Written files do not depend on the CPU, its BLAS kernels or fused multiply-adds."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The SDF file agrees with the chain: element by element, and as Drake reads it, in a separate process."""
 
-from __future__ import annotations
-
 import dataclasses
 import importlib.util
 import subprocess

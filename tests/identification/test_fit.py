@@ -1,11 +1,11 @@
 """Fits recover known parameters within their intervals, and unidentifiable parameters are refused."""
 
-from __future__ import annotations
-
 import json
 import math
 import re
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,14 +13,18 @@ from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 import flexlink as fl
+from flexlink.cli import fit
 from flexlink.cli.main import main
 from flexlink.identification.block import Colour, colour_of
 from flexlink.identification.coordinates import coordinate_of, coordinates_of
+from flexlink.identification.data import recorded
+from flexlink.identification.identifiability import Check
 from flexlink.identification.interval import spread_of
 from flexlink.identification.signals import STEP, Signals
 from flexlink.identification.sources import sources_of
 from flexlink.motion.slopes_of_runs import CENTRAL_4
-from tests.conftest import ROOT
+from tests.conftest import ROOT, flexible, make_scene
+from tests.identification.test_fit_first_look import strip
 from tests.support.words import line, refused, refused_line, reviewed
 from validation.case import CASES, load_case
 from validation.kinds.planted_fits import held
@@ -404,3 +408,126 @@ class TestCommand:
         page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
         assert "Identifiability" in page
         assert "spectrum.csv" in page
+
+
+TOO_SMALL, TOO_LARGE = r"expected float >= 1e-30", r"expected float <= 1e\+30"
+
+
+@pytest.mark.parametrize(("value", "allowed"), [(5e-324, TOO_SMALL), (1e-308, TOO_SMALL), (1e308, TOO_LARGE)])
+@pytest.mark.parametrize(
+    ("key", "build"),
+    [
+        (r"prior\[1\]", lambda d: fl.fits.FitParameter(path="tip.mass", prior=(1.0, d))),
+        (r"deviation\[0\]", lambda d: fl.fits.FitModes(hertz=(5.0,), deviation=(d,))),
+        ("ratio_deviation", lambda d: fl.fits.FitModes(hertz=(5.0,), deviation=(0.1,), ratio_deviation=d)),
+        ("deviation", lambda d: fl.fits.FitStatic(axis="x", value=0.0, deviation=d)),
+        ("noise.*", lambda d: fl.fits.FitRun(name="a", file="a.csv", noise={"tip x [m]": d})),
+    ],
+)
+def test_a_standard_deviation_whose_square_overflows_or_underflows_is_refused(
+    key: str, build: Callable[[float], object], value: float, allowed: str
+) -> None:
+    with refused(fl.errors.SceneError, "wrong-value"):
+        build(value)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("deviation", [1e-30, 1e30])
+def test_extreme_allowed_deviations_give_a_result_or_a_one_line_error(deviation: float) -> None:
+    arm = make_scene(
+        flexible("a", segments=3, joint=fl.Joint(locked=True)), flexible("b", segments=3), gravity=(0, -9.81, 0)
+    )
+    problem = fl.fits.FitProblem(
+        scene=arm,
+        parameter=(fl.fits.FitParameter(path="material.aluminium.young", prior=(7e10, deviation)),),
+        modes=(fl.fits.FitModes(hertz=(5.0,), deviation=(deviation,)),),
+        static=(fl.fits.FitStatic(axis="y", value=-0.01, deviation=deviation),),
+    )
+    assert np.isfinite(fl.fits.check_fit(problem).singular_values).all()
+    try:
+        assert fl.fit(problem).numbers[0].value > 0
+    except fl.errors.IdentifiabilityError as error:
+        assert deviation > 1 and "\n" not in str(error)
+
+
+def swinging() -> fl.Scene:
+    axis = (0.0, -1.0, 0.0)
+    gyro = fl.Sensor(name="gyro", kind="gyroscope", link="strip", x=0.9, axis=axis)
+    return strip().varied({"sensor": (gyro,), "run.duration": 2.0, "run.sample": 0.001})
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A gyroscope at 500 Hz and a film at 60 Hz that begins later, of a strip with 0.43 kg at its end."""
+    folder, rng = tmp_path_factory.mktemp("rates"), np.random.default_rng(0)
+    run = fl.simulate(swinging().varied({"tip.mass": 0.43, "run.relative_tolerance": 1e-8}))
+    for name, column, spacing, begin, noise in (
+        ("imu", "gyro [rad/s]", 1 / 500, 0.0, 0.002), ("film", "tip z [m]", 1 / 60, 0.013, 2e-4),
+    ):  # fmt: skip
+        t = np.arange(begin, 1.99, spacing)
+        y = np.interp(t, run.t, run.columns[column]) + noise * rng.standard_normal(len(t))
+        head = f"t [s],{column}"
+        np.savetxt(folder / f"{name}.csv", np.column_stack([t, y]), delimiter=",", header=head, comments="")
+    swinging().save(folder / "arm.toml")
+    return folder
+
+
+def problem(folder: Path, *files: str, compare: str = "") -> fl.fits.FitProblem:
+    path = folder / "problem.toml"
+    names = ", ".join(f'"{name}.csv"' for name in files)
+    path.write_text(
+        f'scene = "arm.toml"\n[[parameter]]\npath = "tip.mass"\n[[run]]\nname = "both"\nfile = [{names}]\n{compare}',
+        "utf-8",
+    )
+    return fl.fits.load_fit(path)
+
+
+def test_every_column_keeps_the_times_of_its_file(folder: Path) -> None:
+    of = problem(folder, "imu", "film")
+    source = recorded(of, of.run[0])
+    lengths = {block.name: len(block.y) for block in source.blocks}
+    assert lengths == {"gyro [rad/s]": 995, "tip z [m]": 119}
+    for block, file in zip(source.blocks, ("imu", "film"), strict=True):
+        t, y = np.loadtxt(folder / f"{file}.csv", delimiter=",", skiprows=1).T
+        np.testing.assert_array_equal(block.t, t)
+        np.testing.assert_array_equal(block.y, y)
+    assert source.rate == pytest.approx(500, rel=1e-3)
+    assert source.scene.run.sample == pytest.approx(0.002)
+
+
+def test_both_instruments_narrow_the_interval_and_the_estimate_is_right(folder: Path) -> None:
+    both = fl.fit(problem(folder, "imu", "film"), grid="ignore")
+    alone = fl.fit(problem(folder, "imu"), grid="ignore")
+    for found in (both, alone):
+        assert abs(found["tip.mass"].value - 0.43) < 1.5 * found["tip.mass"].half
+    assert both["tip.mass"].half < alone["tip.mass"].half
+    note = next(note for note in both.check.notes if note.id == "data-read")
+    reviewed("data-read", note)
+
+
+def test_compared_columns_may_be_in_any_of_the_files(folder: Path) -> None:
+    of = problem(folder, "imu", "film", compare='compare = ["tip z [m]"]\n')
+    assert [block.name for block in recorded(of, of.run[0]).blocks] == ["tip z [m]"]
+    with refused(fl.errors.DataFileError, "no-such-column"):
+        of = problem(folder, "imu", "film", compare='compare = ["tip y [m]"]\n')
+        recorded(of, of.run[0])
+
+
+def test_a_column_in_two_files_is_refused_by_name(folder: Path) -> None:
+    (folder / "again.csv").write_text((folder / "film.csv").read_text("utf-8"), "utf-8")
+    of = problem(folder, "film", "imu", "again")
+    with refused(fl.errors.DataFileError, "column-twice"):
+        recorded(of, of.run[0])
+
+
+def test_the_page_names_the_files_in_its_problem(folder: Path, tmp_path: Path) -> None:
+    found = fl.fit(problem(folder, "imu", "film"), grid="ignore")
+    found.report(tmp_path)
+    again = fl.fits.load_fit(tmp_path / "problem.toml")
+    assert again.run[0].file == found.problem.run[0].file
+
+
+def test_a_check_prints_half_widths_of_intervals(capsys: Any) -> None:
+    fit._print_check(Check(("mass",), np.ones(1), (), np.array([0.01])))
+    row = line(capsys.readouterr().out, "mass", "± 2 %", "95 %")
+    reviewed("slips: check of a parameter", row)

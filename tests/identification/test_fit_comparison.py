@@ -1,7 +1,5 @@
 """Comparison of models of the same data finds the model that made them, and refuses different data."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

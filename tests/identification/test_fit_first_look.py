@@ -1,12 +1,11 @@
 """Mistakes in data that a fit reports first, reasons for parameters without effect, units, and pages of a fit."""
 
-from __future__ import annotations
-
 import json
 import math
 import re
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,8 +15,9 @@ from flexlink.cli.main import main
 from flexlink.data.measured import measured_from
 from flexlink.describe.units import unit_of
 from flexlink.identification.block import Block, Colour
-from flexlink.identification.coordinates import Coordinate, hints_on_bounds
+from flexlink.identification.coordinates import Coordinate, coordinate_of, hints_on_bounds
 from flexlink.identification.estimate import Estimate
+from flexlink.identification.identifiability import Check
 from flexlink.identification.likelihood import Likelihood, row_of
 from flexlink.identification.profile import HALVINGS, Rise
 from flexlink.identification.remarks import ranges_apart
@@ -55,7 +55,7 @@ def film(t: np.ndarray, scene: fl.Scene | None = None, of: str = "tip z [m]", si
     return fl.fits.FitRun(name="film", columns={"t [s]": t, of: size * run.columns[of]})
 
 
-def check(run: fl.fits.FitRun, *paths: str, scene: fl.Scene | None = None) -> fl.identification.Check:
+def check(run: fl.fits.FitRun, *paths: str, scene: fl.Scene | None = None) -> Check:
     sought = tuple(fl.fits.FitParameter(path=path) for path in paths or ("tip.mass",))
     return fl.fits.check_fit(fl.fits.FitProblem(scene=scene or strip(), parameter=sought, run=(run,)))
 
@@ -321,3 +321,11 @@ class TestPages:
         assert "Pa</p>" in page
         again = fl.fit(fl.fits.load_fit(tmp_path / "out" / "problem.toml"))
         assert [one.value for one in again.numbers] == [one.value for one in found.numbers]
+
+
+ROD = make_scene(fl.Link(name="rod", length=1.0), tip=fl.RigidBody(mass=1.0, inertia=(1, 1, 1)))
+
+
+@pytest.mark.parametrize(("given", "tried"), [((0.5, 2.0), (0.5, 2.0)), ((1e-9, 1e9), (1e-3, 1e3))])
+def test_by_default_a_parameter_is_fitted_within_a_factor_of_a_thousand(given: Any, tried: Any) -> None:
+    assert coordinate_of(ROD, fl.fits.FitParameter(path="tip.mass", between=given)).between == pytest.approx(tried)

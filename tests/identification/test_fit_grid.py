@@ -1,7 +1,5 @@
 """A fit estimates its grid error: it is in the interval, in the verdict, and in the check."""
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Noise and filter of a recorded motion are in the interval, and cross-validation chooses the cutoff."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

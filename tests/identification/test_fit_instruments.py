@@ -1,7 +1,5 @@
 """Faults of instruments and clocks: a fit names them, estimates them on request, and is not fooled by outliers."""
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Numbers of a fit and its page agree with textbooks, random draws of a linear toy model, and direct sums."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import math
@@ -97,13 +95,13 @@ class Toy:
 
 
 class Film(Source):
-    def first(self, part: float) -> Film:
+    def first(self, part: float) -> "Film":
         k = max(10, int(part * len(self.blocks[0].y)))
         cut = tuple(dataclasses.replace(b, y=b.y[:k], σ=b.σ[:k], t=np.asarray(b.t)[:k]) for b in self.blocks)
         return dataclasses.replace(self, blocks=cut)
 
 
-def film(y: Array, noise: float, *, stated: bool = False, **how: Any) -> Film:
+def film(y: Array, noise: float, *, stated: bool = False, **how: Any) -> "Film":
     block = Block(FILM, y, np.full(len(y), noise), stated, 0.01 * np.arange(len(y)), None, how.pop("gain", False))
     return Film(how.pop("name", "film"), how.pop("use", "fit"), SCENE, (block,), 100.0)
 

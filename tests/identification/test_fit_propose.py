@@ -1,7 +1,5 @@
 """`propose` ranks further measurements; following its first proposal makes confounded parameters identifiable."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Frequency responses agree with closed forms of a beam and of two inertias, and with known filters."""
 
-from __future__ import annotations
-
 import csv
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """O(n) forward dynamics agrees with the LU solution, within bounds for rounding errors, for every kind of chain."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import mpmath

@@ -1,7 +1,5 @@
 """Kernels also run as plain Python (NUMBA_DISABLE_JIT=1), which debuggers and coverage measurements need."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

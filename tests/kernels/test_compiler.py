@@ -1,7 +1,5 @@
 """Compiled code cached on disk is never stale and never causes a traceback."""
 
-from __future__ import annotations
-
 import ast
 import contextlib
 import hashlib

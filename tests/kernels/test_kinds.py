@@ -1,7 +1,5 @@
 """Stepping loops are compiled for four kinds of chain only: plain or full, planar or spatial (CONTRIBUTING)."""
 
-from __future__ import annotations
-
 import collections
 import itertools
 import subprocess
@@ -13,7 +11,7 @@ import flexlink as fl
 from flexlink.kernels.stepping.adaptive import advance
 from flexlink.kernels.stepping.runge_kutta import integrate
 from tests.conftest import MODELS, nasty_scene
-from tests.motion.test_continued import DRIVES, MOTION, arm
+from tests.motion.test_problem import DRIVES, MOTION, arm
 
 MOST = 4
 WAYS: list[dict[str, object]] = [

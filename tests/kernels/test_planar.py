@@ -1,7 +1,5 @@
 """Planar chains: properties specific to the planar recursion."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import mpmath

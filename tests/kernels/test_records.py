@@ -1,7 +1,5 @@
 """Recursions store nested tuples of numbers in rows; compiled code and Python give the same numbers."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The dense solvers solve all documented systems, not only those of mass matrices."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

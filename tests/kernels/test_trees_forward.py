@@ -1,7 +1,5 @@
 """O(n) forward dynamics of trees, prismatic joints and free bases agrees with inverse dynamics and dense matrices."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -3,8 +3,6 @@
 Exit codes: 0, they pass on every available machine; 1, they fail; 2, wrong call; 130, interrupted.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

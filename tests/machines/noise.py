@@ -7,8 +7,6 @@ Equal inputs give equal outputs; another NOISE_SEED gives other noise. Numbers w
 on every CPU and stay unchanged.
 """
 
-from __future__ import annotations
-
 import functools
 import os
 import zlib

@@ -3,8 +3,6 @@
 A plugin of pytest (`-p tests.machines.optimised`). Processes started by tests run with `-OO`.
 """
 
-from __future__ import annotations
-
 import os
 from importlib.machinery import SourceFileLoader
 from types import CodeType

@@ -4,8 +4,6 @@ A plugin of pytest (`-p tests.machines.quick`). A fixed list of the tests that a
 would omit all new tests.
 """
 
-from __future__ import annotations
-
 import pytest
 
 

@@ -1,7 +1,5 @@
 """Machines as data: check whether this computer can emulate a machine, and run the tests on it."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

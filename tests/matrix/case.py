@@ -1,7 +1,5 @@
 """An arm from `chains/`, with results that are cached for all claims."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Claims about files, engines that read them, and units."""
 
-from __future__ import annotations
-
 import re
 import tempfile
 from pathlib import Path

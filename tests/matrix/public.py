@@ -1,7 +1,5 @@
 """Every public function works on every arm without NaN, or refuses the arm with a FlexlinkError."""
 
-from __future__ import annotations
-
 import functools
 import inspect
 import re

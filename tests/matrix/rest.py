@@ -1,7 +1,5 @@
 """Claims about arms at rest, and small motion about it."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.linalg
 

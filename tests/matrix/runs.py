@@ -1,7 +1,5 @@
 """Claims about runs: final states, continuation, and equal results of all equivalent calls."""
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Claims about an arm at one state."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any

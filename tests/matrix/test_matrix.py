@@ -1,7 +1,5 @@
 """Check every claim in `matrix/`, which must be true for any arm, for every arm in `matrix/chains`."""
 
-from __future__ import annotations
-
 import inspect
 import tomllib
 from collections.abc import Callable, Iterator

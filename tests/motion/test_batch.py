@@ -1,7 +1,5 @@
 """Batches of states or scenes give the same results as single ones."""
 
-from __future__ import annotations
-
 import contextlib
 import signal
 import sys
@@ -310,3 +308,14 @@ def test_a_signal_keeps_the_samples_of_every_batch_member(models, number: int) -
     for start, run in zip(starts, runs, strict=True):
         assert np.isfinite(run.q).all()
         np.testing.assert_array_equal(run.q[0], fl.initial_state(start, run.chain)[0])
+
+
+ROD = make_scene(fl.Link(name="rod", length=1.0), tip=fl.RigidBody(mass=1.0, inertia=(1, 1, 1)))
+
+
+def test_arms_with_different_torque_limits_give_equal_runs_in_a_batch_and_alone() -> None:
+    drive = fl.Drive(kind="pd", kp=(100.0,), kd=(1.0,), target_deg=(60.0,), effort=(1.0,))
+    short = ROD.varied({"drive": drive, "run.duration": 0.01})
+    scenes = [short.varied({"drive.effort": (effort,)}) for effort in (1.0, 2.0)]
+    for run, scene in zip(fl.simulate_many(scenes), scenes, strict=True):
+        np.testing.assert_allclose(run.q, fl.simulate(scene).q, rtol=1e-9)

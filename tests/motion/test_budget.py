@@ -1,7 +1,5 @@
 """Runs with a tolerance that make no progress stop, keep their samples, and report where and why they stopped."""
 
-from __future__ import annotations
-
 import pickle
 import warnings
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Cascade drives: P position loop, PI rate loop, limits and filters, sampled and delayed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """With method = "auto", stiffness and tolerance decide on an explicit, an implicit or a high-order method."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """User-defined control laws: sampled or continuous, in `simulate` and in a loop with a Simulator."""
 
-from __future__ import annotations
-
 import signal
 from collections.abc import Callable
 
@@ -10,7 +8,7 @@ import pytest
 
 import flexlink as fl
 from flexlink.motion.simulator import OFTEN
-from tests.motion.test_continued import arm
+from tests.motion.test_problem import arm
 from tests.support.words import refused
 
 TARGET, KP, KD = np.radians([-80.0, -10.0]), np.array([40.0, 20.0]), np.array([1.0, 0.5])

@@ -1,7 +1,5 @@
 """Predicted CPU times agree with measured ones."""
 
-from __future__ import annotations
-
 import re
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Sampled control laws whose torques act later than their sampling instants: drives of a scene, and laws in Python."""
 
-from __future__ import annotations
-
 import collections
 import dataclasses
 from pathlib import Path

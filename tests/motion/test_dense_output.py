@@ -1,15 +1,24 @@
 """Dense output of implicit steps gives accurate samples and work, also after torque jumps."""
 
-from __future__ import annotations
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from mpmath import mp
+from scipy.integrate import solve_ivp
+from scipy.integrate._ivp import dop853_coefficients as published
 
 import flexlink as fl
+from flexlink.common.errors import SceneError
 from flexlink.describe.schemes.methods import method
+from flexlink.motion import method_steps
 from flexlink.motion.step_workspace import dense_weights
 from tests.campaigns.random_jumps import WRONG, outcome
-from tests.conftest import ROOT, compiled, make_scene
+from tests.conftest import ROOT, compiled, flexible, make_scene
+from tests.describe.test_methods import from_file
+from validation.oracles.rooted_trees import inside, residuals
 
 pytestmark = compiled
 IMPLICIT = ("Radau5", "Radau9")
@@ -125,3 +134,272 @@ def test_stages_with_stiff_vibrations_are_solved_to_the_tolerance(change: dict[s
     for tolerance in (5e-9, 1e-8, 4e-8):
         run = fl.simulate(arm, method="Radau9", relative_tolerance=tolerance)
         assert np.linalg.norm(run.tip - exact.tip, axis=1).max() <= tolerance * run.chain.reach
+
+
+EPS = np.finfo(float).eps
+FINE = {"run.method": "DOP853", "run.step": None}
+PLACES = [Fraction(k, 7) for k in range(1, 7)]
+DORMAND_PRINCE = ROOT / "flexlink" / "describe" / "data" / "methods" / "DOPRI5.toml"
+OF_DOPRI5 = """
+error = [["71/57600", "0", "-71/16695", "71/1920", "-17253/339200", "22/525", "-1/40"]]
+dense = [["-12715105075/11282082432", "0", "87487479700/32700410799", "-10690763975/1880347072",
+  "701980252875/199316789632", "-1453857185/822651844", "69997945/29380423"]]
+"""
+"""Hairer's error estimate and dense output of DOPRI5, which need no extra stages."""
+
+
+def spring(**run: Any) -> fl.Scene:
+    """One rigid link whose drive acts as a damped spring about its target: J q̈ = −k_p q − k_d q̇."""
+    hub = fl.RigidBody(mass=1.0, center=(0.5, 0.0, 0.0), inertia=(0.01, 0.05, 0.05))
+    scene = make_scene(
+        fl.Link(name="a", length=1.0, hub=hub), initial=fl.InitialState(joint_deg=(30.0,)), gravity=(0.0, 0.0, 0.0)
+    )
+    drive = fl.Drive(kind="pd", kp=(30.0,), kd=(0.6,), target_deg=(0.0,))
+    return scene.varied({"drive": drive, **FINE, **{f"run.{key}": value for key, value in run.items()}})
+
+
+def swing(scene: fl.Scene, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Exact angle and rate of the link of `spring`."""
+    J, kp, kd = 0.05 + 0.25, scene.drive.kp[0], scene.drive.kd[0]
+    λ = np.roots([J, kd, kp])
+    weights = np.linalg.solve([[1.0, 1.0], λ], [np.radians(30.0), 0.0])
+    parts = weights * np.exp(np.outer(t, λ))
+    return parts.sum(axis=1).real, (parts * λ).sum(axis=1).real
+
+
+def double_pendulum(**changes: Any) -> fl.Scene:
+    """Two rigid links in space that fall and turn over."""
+    links = [
+        fl.Link(
+            name=name, length=length, material="aluminium", section="square", joint=fl.Joint(axis=axis, viscous=0.2)
+        )
+        for name, length, axis in (("a", 0.6, (0.0, 0.0, 1.0)), ("b", 0.4, (0.0, 0.6, 0.8)))
+    ]
+    scene = make_scene(*links, initial=fl.InitialState(joint_deg=(20.0, 70.0)), gravity=(0.0, -9.81, 0.0))
+    return scene.varied({**FINE, "run.duration": 1.0, "run.sample": 0.0025, **changes})
+
+
+def without_dense_output(folder: Path) -> str:
+    """DOP853 without dense output coefficients, so that its steps end at samples."""
+    text = (DORMAND_PRINCE.parent / "DOP853.toml").read_text("utf-8")
+    path = folder / "ends_at_samples.toml"
+    path.write_text(text[: text.index("dense_stages = [")], encoding="utf-8")
+    return str(path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("x", PLACES)
+def test_dense_output_of_rates_meets_all_order_7_conditions(x: Fraction) -> None:
+    """The conditions of all rooted trees up to order 7 are met inside the step, but not all of order 8."""
+    found = inside(method("DOP853"), x)
+    assert max(max(residuals(found, order)) for order in range(1, 8)) <= 1e-22
+    assert max(residuals(found, 8)) > 1e-5
+
+
+def test_dense_output_coefficients_equal_the_published_ones() -> None:
+    found = method("DOP853")
+    A, c, _ = found.dense
+    np.testing.assert_array_equal(A[:, :15], published.A[13:, :15])
+    np.testing.assert_allclose(c, published.C[13:], rtol=0, atol=EPS)
+    np.testing.assert_array_equal(np.array(found.dense_rows, dtype=float), published.D)
+
+
+@pytest.mark.parametrize("x", PLACES)
+def test_dense_rates_use_the_published_weights_and_dense_angles_their_integral(x: Fraction) -> None:
+    """Angles are also corrected by a cubic with zero slope at both ends, to match the end of the step."""
+    rule, at = method("DOP853"), float(x)
+    _, _, (once, twice) = rule.dense
+    powers = at ** np.arange(once.shape[1])
+    with mp.workdps(40):
+        wanted = np.array([float(weight * mp.mpf(at)) for weight in inside(rule, x)[1]])
+    np.testing.assert_allclose(at * once @ powers, wanted, rtol=0, atol=1e-12)
+    A, b, _ = rule.arrays
+    whole = once / np.arange(2, once.shape[1] + 2)  # ∫ β dx, divided by x²
+    left = np.append(b @ A, np.zeros(4)) - whole.sum(axis=1)
+    np.testing.assert_allclose(twice @ powers, whole @ powers + left * (3 - 2 * at), rtol=0, atol=1e-12)
+
+
+@compiled
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-6, 1e-8])
+def test_every_sample_of_a_spring_is_within_the_tolerance(tolerance: float) -> None:
+    """The samples are compared with the closed form; a step contains more than three samples on average."""
+    run = fl.simulate(spring(duration=2.0, sample=0.005, tolerance=tolerance))
+    q, qd = swing(run.scene, run.t)
+    assert run.steps.taken < len(run.t) / 3
+    assert np.abs(run.q[:, 0] - q).max() <= 0.5 * tolerance
+    assert np.abs(run.qd[:, 0] - qd).max() <= 10.0 * tolerance  # [rad/s]; the natural frequency is 10 rad/s
+    assert np.abs(run.imbalance).max() <= 5.0 * tolerance  # [J]; the stiffness is 30 N m/rad
+    assert not run.warnings
+
+
+@compiled
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-7])
+def test_every_sample_of_a_tumbling_double_pendulum_is_within_the_tolerance(tolerance: float) -> None:
+    scene = double_pendulum(**{"run.tolerance": tolerance})
+    run = fl.simulate(scene)
+    chain = run.chain
+
+    def rates(_t: float, y: np.ndarray) -> np.ndarray:
+        q, qd = y[: chain.n], y[chain.n :]
+        return np.concatenate([qd, fl.forward_dynamics(chain, q, qd, np.zeros(chain.n))])
+
+    start = np.concatenate([run.q[0], run.qd[0]])
+    exact = solve_ivp(rates, (0.0, 1.0), start, "Radau", run.t, rtol=1e-10, atol=1e-11).y[: chain.n].T
+    truth = np.array([fl.tip_position(chain, q) for q in exact])
+    assert run.steps.taken < len(run.t) / 5
+    assert np.linalg.norm(run.tip - truth, axis=1).max() <= tolerance
+    assert np.abs(run.imbalance).max() <= 10.0 * tolerance * np.ptp(run.energy.gravity)
+
+
+@compiled
+def test_errors_inside_steps_are_of_order_8_for_angles_and_rates(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With steps of fixed length h and 40 samples in each, errors scale as h⁸.
+
+    Angle errors accumulate over the steps; rates of order 7 have an error proportional to h⁸ within one step.
+    """
+
+    def largest(step: float) -> tuple[float, float]:
+        def of_this_length(*_: object) -> tuple[float, ...]:
+            return 1e9, 0.0, step, np.inf, 0.05, 8.0, 2.0, 1e-12, step
+
+        monkeypatch.setattr(method_steps, "settings", of_this_length)
+        run = fl.simulate(spring(duration=2.0, sample=step / 40, tolerance=1e-2, unstable="allow"))
+        whole = run.t > 5 * step  # the first steps are shorter than the fixed length
+        q, qd = swing(run.scene, run.t)
+        return np.abs(run.q[:, 0] - q)[whole].max(), np.abs(run.qd[:, 0] - qd)[whole].max()
+
+    coarse, fine = np.array(largest(0.05)), np.array(largest(0.025))
+    assert (np.log2(coarse / fine) > (7.8, 7.6)).all()
+
+
+@compiled
+def test_only_steps_with_an_inner_sample_take_the_extra_stages() -> None:
+    """A step takes twelve evaluations, and three more if it contains a sample; the motion is the same."""
+    ends, many = (fl.simulate(spring(duration=2.0, sample=sample, tolerance=1e-6)) for sample in (2.0, 0.005))
+    assert ends.steps.evaluations == 12 * (ends.steps.taken + ends.steps.rejected)
+    assert many.steps.taken == ends.steps.taken
+    inner = many.steps.evaluations - ends.steps.evaluations
+    assert inner % 3 == 0
+    assert 0.8 * many.steps.taken <= inner / 3 <= many.steps.taken  # the first steps contain no sample
+    np.testing.assert_array_equal(ends.q[-1], many.q[-1])
+    np.testing.assert_array_equal(ends.work[-1], many.work[-1])
+
+
+@compiled
+@pytest.mark.parametrize("drive", [None, fl.Drive(kind="pd", kp=(9.0,), kd=(0.3,), target_deg=(10.0,), rate=50.0)])
+def test_steps_end_at_samples_if_samples_are_sparse(drive: fl.Drive | None, tmp_path: Path) -> None:
+    """Results, evaluations and work are bitwise equal to those of the method without dense output."""
+    scene = make_scene(flexible("a", segments=3), initial=fl.InitialState(joint_deg=(40.0,)))
+    joint = {"link.a.joint.armature": 0.5}
+    scene = scene.varied({**FINE, **joint, "drive": drive, "run.duration": 0.2, "run.sample": 0.02})
+    runs = [
+        fl.simulate(scene.varied({"run.method": name, "run.tolerance": 1e-5}))
+        for name in ("DOP853", without_dense_output(tmp_path))
+    ]
+    one, other = runs
+    assert one.steps.taken > 4 * len(one.t)
+    for part in ("q", "qd", "tau", "work"):
+        np.testing.assert_array_equal(getattr(one, part), getattr(other, part))
+    assert one.steps[1:5] == other.steps[1:5]
+
+
+@compiled
+def test_steps_end_at_torque_jumps_with_any_sampling() -> None:
+    """The torque jumps at 0.0731 s, between two samples; without the jump, a step would pass over this time."""
+    jump = fl.Drive(kind="table", times=(0.0, 0.0731), torques=((0.0,), (2.0,)), hold=True)
+    scene = spring(duration=0.2, sample=0.005, tolerance=1e-8).varied({"drive": jump, "initial.rate_deg": (10.0,)})
+    run = fl.simulate(scene)
+    angle, rate = np.radians((30.0, 10.0))
+    after = np.maximum(run.t - 0.0731, 0.0)
+    np.testing.assert_allclose(run.q[:, 0], angle + rate * run.t + 0.5 * (2.0 / 0.3) * after**2, rtol=0, atol=1e-12)
+    assert run.steps.taken < 20
+
+
+@compiled
+def test_a_user_loop_gives_the_results_of_a_run_with_dense_output() -> None:
+    """The law is evaluated eight times a second; the run stores 16 samples in between, which the loop does not read."""
+
+    def law(t: float, q: np.ndarray, qd: np.ndarray) -> list[float]:
+        return [6.0 * float(np.radians(30.0) - q[0]) - 0.5 * float(qd[0])]  # no torque at the start: equal first steps
+
+    scene = spring(duration=1.0, sample=1 / 128, tolerance=1e-7).varied({"drive": None, "gravity": (0.0, -9.81, 0.0)})
+    run, stepped = fl.simulate(scene, control=law, rate=8.0), fl.Simulator(scene)
+    states = [stepped.state]
+    for _ in range(8):
+        states.append(stepped.step(law(*stepped.state), duration=0.125))
+    np.testing.assert_array_equal([state.q for state in states], run.q[::16])
+    np.testing.assert_array_equal([state.qd for state in states], run.qd[::16])
+    assert stepped._steps.steps[1:3] == run.steps[1:3]
+    assert run.steps.taken < len(run.t) / 3
+
+
+@compiled
+def test_dense_output_is_the_same_in_batches_and_from_archives(tmp_path: Path) -> None:
+    scene = double_pendulum(**{"run.tolerance": 1e-5})
+    run, problem = fl.simulate(scene), fl.Problem(scene)
+    others = [*fl.simulate_many([scene, scene.varied({"gravity": (0.0, -9.0, 0.0)}), scene])[::2], problem.simulate()]
+    for other in (*others, problem.simulate(), fl.load_trajectory(run.save(tmp_path / "run.npz"))):
+        for part in ("t", "q", "qd", "tip", "work", "imbalance"):
+            np.testing.assert_array_equal(getattr(other, part), getattr(run, part))
+        assert other.steps == run.steps
+
+
+@compiled
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-8])
+def test_a_step_with_a_large_inner_error_is_shortened(tolerance: float) -> None:
+    """Near the stability limit of a decay, the error is small at the end of a step but not inside the step.
+
+    This inner error was 3.3 tolerances for an arm that follows a slow reference.
+    """
+    scene = spring(duration=2.0, sample=0.02, tolerance=tolerance).varied({"drive.kp": (2.0,), "drive.kd": (15.0,)})
+    run = fl.simulate(scene)
+    q, _ = swing(run.scene, run.t)
+    assert np.abs(run.q[:, 0] - q).max() <= 0.5 * tolerance
+
+
+@compiled
+def test_a_user_method_has_dense_output_without_extra_stages(tmp_path: Path) -> None:
+    """DOPRI5 gets Hairer's error estimate and dense output of seven weights, with which samples have order 4."""
+    text = DORMAND_PRINCE.read_text("utf-8")
+    path = tmp_path / "dopri5.toml"
+    path.write_text(text + OF_DOPRI5, encoding="utf-8")
+    run = fl.simulate(spring(duration=2.0, sample=0.005, tolerance=1e-4).varied({"run.method": str(path)}))
+    q, _ = swing(run.scene, run.t)
+    assert run.steps.taken < len(run.t) / 3
+    assert run.steps.evaluations == 6 * (run.steps.taken + run.steps.rejected)
+    assert np.abs(run.q[:, 0] - q).max() <= 1e-4
+
+
+ONE_STAGE = {"A": ((), ("1",)), "b": ("1/2", "1/2"), "c": ("0", "1"), "error": (("1", "-1"),)}
+
+
+@pytest.mark.parametrize(
+    ("fields", "wanted"),
+    [
+        (
+            {"dense": (("1", "-1"),)},
+            "dense[0] has 2 weights: expected 3, one per stage, one for q̈ at the end of the step",
+        ),
+        ({"dense": (("1", "-1", "1"),)}, "dense[0] = ('1', '-1', '1'): must sum to 0"),
+        ({"dense": (("1", "-1", "x"),)}, "dense[0]: 'x': expected"),
+        ({"dense_stages": (("0", "0", "1/2"),)}, "dense_stages"),
+        ({"dense": (("1", "-1", "0", "0"),), "dense_stages": (("1/2",),)}, "dense_stages[0] has 1 numbers: expected 3"),
+        ({"dense": (("1", "-1", "0", "0"),), "dense_stages": (("0", "y", "0"),)}, "dense_stages[0]: 'y': expected"),
+        (
+            {"A": (("0", "0"), ("1/2", "1/2")), "error": (), "dense": (("1", "-1", "0"),)},
+            "dense",
+        ),
+    ],
+)
+def test_invalid_dense_output_coefficients_are_refused_in_one_line(fields: dict[str, Any], wanted: str) -> None:
+    with pytest.raises(SceneError) as refused:
+        from_file(ONE_STAGE | fields)
+    assert wanted in str(refused.value)
+
+
+def test_steps_with_dense_output_stay_within_the_stability_limit() -> None:
+    """A beam rests in equilibrium: steps above the stability limit would amplify rounding up to the tolerance."""
+    clamped = flexible("a", segments=3, joint=fl.Joint(locked=True))
+    beam = make_scene(clamped, gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(passive="static"))
+    run = fl.simulate(beam.varied({**FINE, "run.tolerance": 1e-2, "run.duration": 0.05, "run.sample": 5e-4}))
+    assert np.abs(run.qd).max() < 1e-9

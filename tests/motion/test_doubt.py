@@ -1,7 +1,5 @@
 """Conditions under which a second run makes a run doubtful, tested with constructed tip paths of known error."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """The closed loop as the processor sees it: poles, growth, margins, and what makes an unstable loop stable."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """method="auto" continues with the method whose own steps predict the lowest cost for the rest of the run."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,28 +1,37 @@
 """Checks of a run: finite samples only, a stable step, and the energy balance."""
 
-from __future__ import annotations
-
 import contextlib
 import pickle
 import re
 import sys
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 import pytest
 from msgspec.structs import replace
 
 import flexlink as fl
+from flexlink.common.interruption import Stop
+from flexlink.common.types import Array
 from flexlink.dynamics import rounding
 from flexlink.dynamics.accelerations import SOLVERS
+from flexlink.dynamics.floating_base import FloatingBase
+from flexlink.kernels.inputs.record import PiecewisePolynomial
 from flexlink.kernels.stepping.judgement import SEEN, WRONG, Allowance, explained_by
 from flexlink.kernels.stepping.step_state import SO_FAR
+from flexlink.motion import monitor
+from flexlink.motion.batch import outcomes
 from flexlink.motion.inputs.problem import problem_of
+from flexlink.motion.inputs.static_feedforward import holding_torque
 from flexlink.motion.monitor import Monitor
-from flexlink.motion.tolerable import allowed_imbalance
+from flexlink.motion.tolerable import allowed_imbalance, tolerance_of
 from flexlink.results import balance
 from flexlink.results.record import Record, trajectory_from_states
+from flexlink.results.stop_reasons import Failure
 from tests.campaigns.random_scenes import verdict
-from tests.conftest import flexible, make_scene
+from tests.conftest import ALUMINIUM, ROOT, SQUARE, compiled, flexible, make_scene
+from tests.support.looking import digests, in_every_way
 from tests.support.words import refused, reviewed
 
 
@@ -396,3 +405,338 @@ def test_no_random_scene_gives_a_wrong_run_without_a_warning() -> None:
     outcomes = {seed: verdict(seed) for seed in range(20)}
     assert {seed: found for seed, found in outcomes.items() if found[0] == "WRONG"} == {}
     assert sum(found[0] == "right" for found in outcomes.values()) >= 3  # the reference is used in these runs
+
+
+def monitor_of(scene: fl.Scene, *postures: Array) -> Monitor:
+    """Monitor of a run with these configurations, at rest."""
+    last = 0.01 * (len(postures) - 1)
+    problem = problem_of(replace(scene, run=replace(scene.run, sample=0.01, duration=last)))
+    q = np.array(postures)
+    return Monitor(Record(problem, 0.01 * np.arange(len(q)), q, np.zeros_like(q)))
+
+
+@pytest.mark.parametrize(("angle", "shown"), [(-31.0, "-31"), (-29.0, ""), (44.0, ""), (46.0, "46")])
+def test_a_joint_beyond_either_limit_has_a_warning(angle: float, shown: str) -> None:
+    scene = make_scene(flexible("a", joint=fl.Joint(limits_deg=(-30.0, 45.0))))
+    q = np.zeros(fl.lump(scene).n)
+    bent = q.copy()
+    bent[0] = np.radians(angle)
+    seen = monitor_of(scene, q, bent)
+    seen.check(2)
+    expected = ["joint-past-limits"] * bool(shown)
+    assert [warning.id for warning in seen.warnings] == expected
+    for warning in seen.warnings:
+        assert all(part in warning for part in ("'a'", f" {shown}°", "-30°", "45°"))
+        reviewed(warning.id, warning)
+
+
+def test_m_is_checked_where_hinges_are_bent_most() -> None:
+    """With matched twist, M is indefinite at 80° (see `test_monitor`), but not at the start of the run."""
+    scene = make_scene(
+        flexible("a", "xyz", 9, lumping="gauss_matched"), run=fl.RunSettings(step=1e-4, unstable="allow")
+    )
+    chain = fl.lump(scene)
+    bent = np.where(chain.stiffness > 0, np.radians(80.0), 0.0)
+    seen = monitor_of(scene, 0 * bent, bent, 0.1 * bent)
+    assert not seen.check(3)
+    assert "80.0°" in seen.failure
+    reviewed("watching: matched twist", seen.failure)
+    assert seen.n_valid == 1
+
+
+def test_the_remedy_is_a_smaller_tolerance_or_for_vanishing_steps_a_larger_one() -> None:
+    scene = make_scene(flexible("a"), run=fl.RunSettings(tolerance=1e-4, duration=0.1))
+    still = np.zeros(fl.lump(scene).n)
+    wrong, stuck = monitor_of(scene, still, still), monitor_of(scene, still, still)
+    for each in (wrong, stuck):
+        each.check(1)
+    wrong.failure = "energy"
+    smaller, larger = str(wrong.diverged()), str(stuck.diverged(Failure("t = 0.01 s: steps")))
+    assert "a smaller tolerance" in smaller
+    assert "a larger tolerance" in larger
+    reviewed("watching: remedies", f"{smaller}\n{larger}")
+
+
+@compiled
+def test_m_of_matched_twist_is_checked_in_batches_like_in_single_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = make_scene(flexible("a", "xyz", 5, lumping="gauss_matched"), run=fl.RunSettings(step=1e-6, duration=4e-6))
+    monkeypatch.setattr(monitor, "mass_matrix", lambda chain, q: -np.eye(chain.n))
+    texts = []
+    for run in (lambda: fl.simulate(scene), lambda: fl.simulate_many([scene, scene])):
+        with pytest.raises(fl.errors.DivergenceError) as caught:
+            run()
+        texts.append(str(caught.value))
+    assert texts[1] == texts[0]
+    reviewed("watching: M is indefinite", texts[0])
+
+
+def test_a_controller_is_called_once_per_instant_even_if_the_motion_amplifies_errors() -> None:
+    """A controller may have an internal state, so no verification run calls it."""
+    rod = fl.Link(name="rod", length=1.0, material="aluminium", section="square")
+    start = fl.InitialState(joint_deg=(0.0,), rate_deg=(4000.0,))
+    scene = make_scene(
+        rod, initial=start, run=fl.RunSettings(method="DOP853", tolerance=1e-5, duration=0.5, sample=0.1)
+    )
+    times = []
+
+    def controller(t: float, q: Array, qd: Array) -> Array:
+        times.append(t)
+        return np.array([50.0])
+
+    run = fl.simulate(scene, control=controller, rate=100.0)
+    assert np.abs(run.q).max() > 30.0
+    np.testing.assert_allclose(times, 0.01 * np.arange(51), atol=1e-12)
+    assert not run.warnings, run.warnings
+
+
+def test_references_with_equal_times_have_separate_feed_forward_torques() -> None:
+    """For two references with the same times, a rod is held at rest by m g L/2 cos θ at its target."""
+    scene = make_scene(fl.Link(name="a", length=1.0, material="aluminium", section="square"), gravity=(0, -9.81, 0))
+    chain, weight = fl.lump(scene), 2700.0 * 0.04**2 * 9.81
+    for angle in (0.0, 0.5, 1.0, 0.5):
+        target = PiecewisePolynomial(np.array([0.0]), np.array([[[angle]]]))
+        torque = holding_torque(chain, target)
+        assert torque.coefficients[0, 0, 0] == pytest.approx(weight / 2 * np.cos(angle), rel=1e-12)
+
+
+@pytest.fixture(scope="module")
+def tumbling() -> fl.Scene:
+    """A satellite that turns by more than 0.5 rad every 0.1 s."""
+    base = fl.Base(kind="free", mass=3.0, center=(0.05, -0.02, 0.03), inertia=(0.2, 0.25, 0.3))
+    rod = fl.Link(name="rod", length=0.6, mount=fl.Mount(xyz=(0.2, 0.0, 0.0)), material="aluminium", section="square")
+    arm = fl.Arm(links=(rod,), materials={"aluminium": ALUMINIUM}, sections={"square": SQUARE}, base=base)
+    start = fl.InitialState(joint_deg=(0.0,), base=fl.details.BaseState(spin_deg=(40.0, 400.0, 60.0)))
+    run = fl.RunSettings(method="RK4", step=2e-3, duration=0.2, sample=0.05)
+    return fl.Scene(name="tumbling", arm=arm, gravity=(0.0, 0.0, 0.0), initial=start, run=run)
+
+
+def test_a_control_law_of_zero_torque_leaves_the_base_attitude_unchanged(tumbling: fl.Scene) -> None:
+    free = fl.simulate(tumbling)
+    driven = fl.simulate(tumbling, control=lambda t, q, qd: np.zeros(len(free.chain.active)))
+    assert free.base is not None and driven.base is not None
+    assert np.linalg.norm(free.base.attitude[-1] - free.base.attitude[0]) > 0.5
+    np.testing.assert_allclose(driven.base.attitude, free.base.attitude, atol=1e-10)
+    np.testing.assert_allclose(driven.tip, free.tip, atol=1e-10)
+
+
+def test_restoring_a_base_restores_its_attitudes(tumbling: fl.Scene) -> None:
+    base = FloatingBase(fl.lump(tumbling))
+    q = np.zeros((4, base.chain.n))
+    q[:, 3:6] = 0.1 * np.arange(12).reshape(4, 3)
+    before, saved = base.attitudes(q), base.saved()
+    base.turn(2, q[2].copy(), np.zeros(base.chain.n))
+    assert np.abs(base.attitudes(q) - before).max() > 0.1
+    base.restore(saved)
+    np.testing.assert_array_equal(base.attitudes(q), before)
+
+
+def test_the_work_of_a_constant_force_is_force_times_displacement() -> None:
+    force = np.array([1.0, -3.0, 0.5])
+    scene = make_scene(flexible("a", "yz", 3, lumping="midpoint"), wrench=fl.Wrench(force=tuple(force)))
+    run = fl.simulate(scene, tolerance=1e-5, duration=0.2, sample=0.02)
+    assert run.work is not None and np.abs(run.work).max() > 0.01
+    np.testing.assert_allclose(run.work, (run.tip - run.tip[0]) @ force, rtol=0, atol=1e-15)
+
+
+def test_rigid_gravity_compensation_is_evaluated_at_the_reference() -> None:
+    """τ = kp (q_d − q) + kd (q̇_d − q̇) + m g L/2 cos q_d for a rod that lags behind its reference."""
+    rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
+    course = fl.Reference(profile="linear", times=(0.0, 1.0), angle_deg=((0.0,), (60.0,)))
+    drive = fl.Drive(kind="pd", kp=(5.0,), kd=(1.0,), gravity="rigid", reference=course)
+    scene = make_scene(rod, gravity=(0.0, -9.81, 0.0), drive=drive)
+    run = fl.simulate(scene, step=1e-3, method="RK4", sample=0.1, duration=0.9)
+    q, qd, weight = run.q[1:, 0], run.qd[1:, 0], 2700.0 * 0.04**2 * 9.81
+    led, rate = np.radians(60.0) * run.t[1:], np.radians(60.0)
+    expected = 5.0 * (led - q) + (rate - qd) + weight / 2 * np.cos(led)
+    np.testing.assert_allclose(run.tau[1:, 0], expected, rtol=1e-9)
+    assert np.abs(np.cos(led) - np.cos(q)).max() > 1e-3
+
+
+def test_the_holding_torque_is_accurate_along_a_long_move() -> None:
+    """Polynomial pieces represent m g L/2 cos 1.5 t within 1e-6 of the largest torque."""
+    scene = make_scene(fl.Link(name="a", length=1.0, material="aluminium", section="square"), gravity=(0, -9.81, 0))
+    move = PiecewisePolynomial(np.array([-1.0, 0.0, 1.0]), np.array([[[0.0], [0.0]], [[0.0], [1.5]], [[1.5], [0.0]]]))
+    knots, c = holding_torque(fl.lump(scene), move)
+    assert len(knots) > 5
+    assert (np.diff(knots) > 0).all()
+    t = np.linspace(0.0, 1.2, 97)
+    piece = np.searchsorted(knots, t, side="right") - 1
+    found = ((t - knots[piece])[:, None] ** np.arange(c.shape[1]) * c[piece, :, 0]).sum(axis=1)
+    weight = 2700.0 * 0.04**2 * 9.81
+    np.testing.assert_allclose(found, weight / 2 * np.cos(1.5 * np.minimum(t, 1.0)), rtol=0, atol=1e-6 * weight / 2)
+
+
+def test_a_relative_tolerance_is_a_fraction_of_the_reach_or_of_the_deflection() -> None:
+    chain = fl.lump(make_scene(flexible("a", length=2.0)))
+    of_reach = fl.RunSettings(relative_tolerance=1e-3)
+    assert tolerance_of(of_reach, chain, 0.05) == pytest.approx(1e-3 * chain.reach, rel=1e-14)
+    of_deflection = fl.RunSettings(relative_tolerance=1e-3, accuracy="deflection")
+    assert tolerance_of(of_deflection, chain, 0.05) == pytest.approx(1e-3 * 0.05, rel=1e-14)
+
+
+TUMBLER = fl.Arm(
+    links=(flexible("a", "yz", 2, joint=fl.Joint(viscous=0.1), section="rod", material="soft"),),
+    materials={"soft": fl.Material(young=2e9, density=1500.0)},
+    sections={"rod": fl.Section(shape="circle", diameter=0.02)},
+    tip=fl.RigidBody(mass=0.2), base=fl.Base(kind="free", mass=3.0, inertia=(0.2, 0.25, 0.3)),
+)  # fmt: skip
+SPIN = fl.InitialState(joint_deg=(20.0,), base=fl.details.BaseState(spin_deg=(30.0, 300.0, 60.0)))
+
+
+def pendulum(**changes: Any) -> fl.Scene:
+    """A soft link that bends and swings beyond its joint limits."""
+    joint = fl.Joint(limits_deg=(-30.0, 60.0))
+    link = flexible("a", "z", 4, joint=joint)
+    scene = make_scene(link, gravity=(0.0, 9.81, 0.0), initial=fl.InitialState(joint_deg=(50.0,)))
+    return scene.varied({"material.aluminium": fl.Material(young=1e8, density=2700.0), "run.duration": 0.5, **changes})
+
+
+def driven(**changes: Any) -> fl.Scene:
+    """A flexible link that a PD drive turns by 5° from static equilibrium."""
+    pd = fl.Drive(kind="pd", kp=(2000.0,), kd=(120.0,), target_deg=(-10.0,))
+    start = fl.InitialState(joint_deg=(-15.0,), passive="static")
+    scene = make_scene(flexible("a", "z", 5), gravity=(0.0, 9.81, 0.0), drive=pd, initial=start)
+    return scene.varied({"run.duration": 0.3, "run.sample": 0.01, **changes})
+
+
+def slow_start() -> fl.Scene:
+    """A link of spring steel that a stiff motor turns along a quintic: little energy is exchanged at first."""
+    link = fl.Link(
+        name="a", length=0.6271443245261225, material="steel", section="blade", flex="z", segments=5,
+        mount=fl.Mount(rpy_deg=(90.0, 0.0, 0.0)), joint=fl.Joint(viscous=0.014072308992832272, armature=0.02),
+    )  # fmt: skip
+    arm = fl.Arm(
+        links=(link,), materials={"steel": fl.Material(young=205e9, density=7840.0, loss_time=5e-5)},
+        sections={"blade": fl.Section(shape="rectangle", height=0.011924457975022196, width=0.03)},
+        tip=fl.RigidBody(mass=0.8416351233032555),
+    )  # fmt: skip
+    to = fl.Reference(profile="quintic", to_deg=(23.058306634987986,), duration=0.6)
+    return fl.Scene(
+        name="slow start", arm=arm, gravity=(0.0, 0.0, -9.81), run=fl.RunSettings(duration=0.9, sample=0.03),
+        initial=fl.InitialState(joint_deg=(-15.520856018662947,), passive="static"),
+        drive=fl.Drive(kind="pd", kp=(2000.0,), kd=(120.0,), reference=to),
+    )  # fmt: skip
+
+
+def tumbler(**changes: Any) -> fl.Scene:
+    """A scene of an arm on a tumbling free base."""
+    scene = fl.Scene(name="tumbler", arm=TUMBLER, initial=SPIN, gravity=(0.0, 0.0, 0.0))
+    return scene.varied({"run.duration": 0.5, "run.sample": 0.05, **changes})
+
+
+def wild(**changes: Any) -> fl.Scene:
+    """A rod released nearly upright, with such long steps that the method loses or gains energy."""
+    rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
+    scene = make_scene(rod, gravity=(9.81, 0.0, 0.0), initial=fl.InitialState(joint_deg=(170.0,)))
+    return scene.varied({"run.step": 0.35, "run.sample": 0.35, "run.duration": 35.0, **changes})
+
+
+def bent(**changes: Any) -> fl.Scene:
+    """A soft link that bends beyond 84°."""
+    soft = flexible("a", "xyz", 2, joint=fl.Joint(locked=True), lumping="midpoint")
+    scene = make_scene(soft, gravity=(0.0, 0.0, -60.0))
+    material = fl.Material(young=2e6, density=1000.0)
+    return scene.varied({"material.aluminium": material, "run.duration": 1.0, "run.sample": 0.01, **changes})
+
+
+def law(_t: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+    """A control law in Python that acts as a damper and a spring."""
+    return np.asarray([-50.0 * q[0] - 5.0 * qd[0]])
+
+
+TOLERANCE = {"run.step": None, "run.relative_tolerance": 1e-3}
+KINDS: dict[str, Callable[[], Any]] = {
+    "fixed explicit": lambda: fl.simulate(pendulum(**{"run.sample": 1e-3})),
+    "fixed explicit, coarse": lambda: fl.simulate(wild()),
+    "fixed explicit, insisted": lambda: fl.simulate(wild(**{"run.unstable": "allow"})),
+    "fixed explicit, free base": lambda: fl.simulate(tumbler(**{"run.step": 1e-3})),
+    "fixed implicit, free base": lambda: fl.simulate(tumbler(**{"run.step": 5e-3, "run.method": "Gauss6"})),
+    "fixed implicit, coarse": lambda: fl.simulate(wild(**{"run.method": "Radau5", "run.step": 0.175})),
+    "implicit": lambda: fl.simulate(driven(**TOLERANCE, **{"run.method": "Radau5"})),
+    "explicit": lambda: fl.simulate(driven(**TOLERANCE, **{"run.method": "DOP853"})),
+    "explicit, slow start": lambda: fl.simulate(slow_start(), method="DOP853", tolerance=4e-3),
+    "of a deflection": lambda: fl.simulate(
+        pendulum(**TOLERANCE, **{"run.method": "DOP853", "run.accuracy": "deflection", "run.sample": 0.01})
+    ),
+    "picked, with trials": lambda: fl.simulate(tumbler(**TOLERANCE, **{"run.method": "auto", "run.sample": 2e-3})),
+    "no further": lambda: fl.simulate(
+        driven(**TOLERANCE, **{"run.method": "Radau5", "run.max_evaluations": 60, "run.sample": 1e-3})
+    ),
+    "bent far": lambda: fl.simulate(bent(**TOLERANCE, **{"run.method": "Radau5"})),
+    "a law": lambda: fl.simulate(pendulum(**{"run.sample": 0.01}), control=law, rate=200.0),
+    "a law, adaptive": lambda: fl.simulate(
+        pendulum(**TOLERANCE, **{"run.method": "Radau5", "run.sample": 0.01}), control=law, rate=200.0
+    ),
+    "side by side": lambda: fl.simulate_many(
+        [pendulum(**{"run.sample": 5e-3, "initial.joint_deg": (angle,)}) for angle in (30.0, 50.0, 59.0)]
+    ),
+    "a sweep's members": lambda: outcomes([wild(), driven(**TOLERANCE), pendulum()], Stop()),
+    "a model": lambda: fl.simulate(fl.load_scene(ROOT / "models" / "satellite.toml"), duration=0.2),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_results_and_warnings_do_not_depend_on_the_checking_times(kind: str) -> None:
+    first, *others = in_every_way(KINDS[kind], kind)
+    assert others == [first, first]
+
+
+def test_the_compared_runs_cover_every_kind_of_ending() -> None:
+    """If a kind of ending were missing, the comparison would not test it."""
+    parts = {
+        "fixed explicit": "joint 'a'",  # joint beyond its limits
+        "fixed explicit, coarse": "E − E(0) − W",
+        "no further": "max_evaluations = 60",
+        "bent far": "'a.1.y'",
+    }
+    for kind, part in parts.items():
+        assert any(part in text for each in digests(KINDS[kind]) for text in texts_of(each)), kind
+
+
+def texts_of(found: object) -> Iterator[str]:
+    """The error or the warnings of a run."""
+    yield from [found] if isinstance(found, str) else found[2]  # type: ignore[index]
+
+
+def test_a_run_with_little_energy_at_first_is_not_refused() -> None:
+    run = fl.simulate(slow_start(), method="DOP853", tolerance=4e-3)
+    exact = fl.simulate(slow_start(), method="Radau9", tolerance=1e-7)
+    assert run.warnings == ()
+    assert np.abs(run.tip - exact.tip).max() < 0.1 * 4e-3
+
+
+@pytest.mark.parametrize("pieces", [(0, 20), (0, 1, 2, 3, 4, 5, 6, 7, 8, 20), (0, 4, 9, 20), (0, 7, 8, 20)])
+def test_checks_of_configurations_do_not_depend_on_the_piece_size(pieces: tuple[int, ...]) -> None:
+    """A joint beyond its limit and hinges that bend by 10° per sample until M is indefinite are both reported."""
+    links = (
+        flexible("a", "xyz", 9, lumping="gauss_matched"),
+        flexible("b", "rigid", 1, joint=fl.Joint(limits_deg=(-9, 9))),
+    )
+    problem = problem_of(make_scene(*links).varied({"run.duration": 0.0, "run.unstable": "allow"}))
+    chain, rows = problem.chain, np.arange(20.0)
+    q = np.radians(np.multiply.outer(10.0 * rows, chain.stiffness > 0))
+    q[2:, chain.index("b", 0, 0)] = 1.0
+    monitor = Monitor(Record(problem, rows, q, np.zeros_like(q)))
+    for stop in pieces[1:]:
+        monitor.check(stop)
+    firsts = [float(np.linalg.eigvalsh(fl.mass_matrix(chain, row))[0]) <= 0 for row in q]
+    assert 3 < monitor.n_valid == firsts.index(True)
+    unbalanced, past = monitor.warnings
+    assert unbalanced.startswith("t = 1 s: ") and "E − E(0) − W" in unbalanced
+    assert past.startswith("t = 2 s: ") and "joint 'b'" in past
+    ids = {"mass-not-positive-definite": monitor.failure, "energy-imbalance": unbalanced, "joint-past-limits": past}
+    for id, text in ids.items():
+        assert (getattr(text, "id", "") or id) == id
+        reviewed(id, text)
+
+
+def test_step_errors_between_samples_count_like_those_at_samples() -> None:
+    rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
+    scene = make_scene(rod, gravity=(9.81, 0.0, 0.0)).varied(
+        {"initial.joint_deg.a": 170.0, "run": {"step": 0.17, "duration": 34.0}}
+    )
+    warnings = (fl.simulate(scene, sample=sample).warnings for sample in (0.17, 0.85))
+    sums = (next(found for text in texts if (found := re.search(r"(\S+) m\b", text))) for texts in warnings)
+    often, seldom = (float(found[1]) for found in sums)
+    assert seldom == pytest.approx(often, rel=0.5)

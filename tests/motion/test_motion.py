@@ -1,7 +1,5 @@
 """Prescribed joint motion: the joint follows it exactly, and the required torque is an output."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Newton's iteration in implicit steps: slender arms that twist, and joints with stick-slip."""
 
-from __future__ import annotations
-
 import itertools
 from typing import Any
 

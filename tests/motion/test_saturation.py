@@ -1,7 +1,5 @@
 """Saturating motors: steps meet their tolerance even when torques reach or leave their limit within a step."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

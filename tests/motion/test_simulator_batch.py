@@ -1,7 +1,5 @@
 """SimulatorBatch: many arms that the caller advances together, equal to a Simulator of each."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The size of a chain is never 0: carts, wheels and motors run correctly with default settings and every method."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Runs whose steps follow from a tolerance, and fixed steps of implicit methods."""
 
-from __future__ import annotations
-
 import itertools
 import signal
 from typing import Any

@@ -1,7 +1,5 @@
 """Display in notebooks: a compact table of every object, and every picture once."""
 
-from __future__ import annotations
-
 import html
 from collections.abc import Callable
 from html.parser import HTMLParser
@@ -13,8 +11,10 @@ import numpy as np
 import pytest
 
 import flexlink as fl
-from flexlink.advice.verdict import Advice
+from flexlink.advice.verdict import Advice, time
 from flexlink.common import notebook
+from flexlink.pages.numbers import number
+from flexlink.pages.tables import table_csv
 from flexlink.pages.verdict import Report, Verdict
 from tests.conftest import ROOT, flexible, make_scene, nasty_scene
 from tests.support.words import line, refused, reviewed
@@ -151,3 +151,9 @@ def test_without_matplotlib_a_plot_is_refused(
     monkeypatch.setattr(notebook.importlib, "import_module", load)
     with refused(fl.errors.MissingDependencyError, "package-missing"):
         shown[name].plot(*([shown["chain"]] if name == "modes" else []))
+
+
+def test_numbers_rounded_to_one_more_digit_are_written_out_and_zeros_stay_in_tables() -> None:
+    assert [number(999.7), number(-99.97, 2), number(9999.7, 4)] == ["1000", "−100", "10000"]
+    assert (time(0.9997), time(0.9994)) == ("1 s", "999 ms")
+    assert table_csv(("a", "b"), [(0.0, None), (0, False)]) == "a,b\n0.0,\n0,False\n"

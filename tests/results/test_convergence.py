@@ -1,13 +1,26 @@
 """Measures of tip travel, and extrapolation of tip paths to their limit."""
 
-from __future__ import annotations
+import dataclasses
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+import flexlink as fl
+from flexlink.results import resolved_modes
 from flexlink.results.convergence import change_of_limit, extrapolated, observed_order
+from flexlink.results.pictures.view import view_of
 from flexlink.results.tip_motion import centre_of_motion, extent_of_motion, largest_so_far, tip_travel
+from flexlink.scene_report.arm_picture import draw_arm
+from flexlink.scene_report.parts import loads, vibration
+from flexlink.scene_report.refinement import Refinement
+from flexlink.scene_report.study import Study
+from reports.verdict import CaseVerdict
+from tests.conftest import ROOT
+from tests.support.words import reviewed
+from validation.kinds import drag, witnesses
+from validation.speed import evaluations
 
 Array = NDArray[np.float64]
 EXACT = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.4]])
@@ -49,3 +62,75 @@ def test_the_observed_order_is_infinite_for_equal_levels_or_growing_changes() ->
     still, off = EXACT, EXACT + 1.0
     assert observed_order([(1, off), (2, still), (4, still)]) == np.inf
     assert observed_order([(1, still), (2, still), (4, off)]) == -np.inf
+
+
+@pytest.mark.parametrize("waves", [1, 2, 3, 7])
+def test_half_waves_of_a_mode_are_counted_by_sign_changes_of_its_moments(waves: int) -> None:
+    x = (np.arange(40) + 0.5) / 40
+    for sign in (1.0, -1.0):
+        assert resolved_modes._half_waves(sign * np.sin(waves * np.pi * x)) == waves
+
+
+def test_rounding_errors_next_to_large_moments_are_not_half_waves() -> None:
+    moments = -np.sin(np.pi * (np.arange(40) + 0.5) / 40)
+    moments[[0, -1]] = 1e-12
+    assert resolved_modes._half_waves(moments) == resolved_modes._half_waves(-moments) == 1
+
+
+FALL = fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied({"run.duration": 0.02, "run.sample": 0.005})
+
+
+def test_relative_differences_are_divided_by_the_largest_value() -> None:
+    ours = np.array([[1.0, -4.0], [0.5, 0.0]])
+    assert witnesses._relative(ours + np.array([[0.0, 0.1], [-0.2, 0.0]]), ours) == pytest.approx(0.05)
+    assert witnesses._relative(np.array([0.0, -0.3]), np.zeros(2)) == 0.3
+
+
+def test_the_rate_error_is_the_maximum_over_all_samples() -> None:
+    bar = fl.load_scene(ROOT / "validation" / "scenes" / "slowing_bar.toml")
+    run = fl.simulate(bar)
+    qd = run.qd * np.where(np.arange(len(run.t)) == 7, 1.003, 1.0)[:, None]
+    assert drag._rate_error(bar, dataclasses.replace(run, qd=qd)) == pytest.approx(3e-3, rel=1e-4)
+
+
+def test_the_timed_computation_of_mujoco_gives_the_accelerations_of_flexlink(monkeypatch: pytest.MonkeyPatch) -> None:
+    chain = fl.lump(FALL)
+    engine, rng = evaluations.MujocoEngine(chain), np.random.default_rng(1)
+    q, qd, tau, qdd = 0.1 * rng.normal(size=(4, 2, chain.n))
+    monkeypatch.setattr(evaluations, "MujocoEngine", lambda _: engine)
+    evaluations.mujoco_calls(chain, (q, qd, tau, qdd))[evaluations.FORWARD](2)
+    assert engine.data.qacc == pytest.approx(fl.forward_dynamics(chain, q[1], qd[1], tau[1]), rel=1e-6)
+
+
+def test_the_summary_line_of_a_case_states_a_speed_only_if_it_is_timed() -> None:
+    timed, speed = CaseVerdict(3, 1, 0, "9 of 9 met", None).text, "9 of 9 met"
+    reviewed("study: line of a timed case", timed)
+    assert timed.startswith("2 of 3 ")
+    assert timed.endswith(speed)
+    informing = CaseVerdict(0, 0, 4, "", None).text
+    reviewed("study: line of a case without limits", informing)
+    assert informing.startswith("4 ")
+
+
+@pytest.mark.parametrize("changes", [{"run.method": "RK4", "run.step": 1e-4}, {"run.tolerance": 1e-4}])
+def test_adaptive_steps_are_offered_only_if_the_scene_has_fixed_steps(changes: dict[str, object]) -> None:
+    about = Refinement(Study(FALL.varied(changes)))
+    own, *others = about.choices()
+    adaptive = [one for one in others if one.n == own.n and one.outcome.stepping == about.strict]
+    assert len(adaptive) == ("run.step" in changes)
+    assert others[-1].n == len(fl.lump(FALL).active)  # the last model has rigid links
+
+
+def test_plots_of_mode_shapes_have_no_axis_scale() -> None:
+    (picture,) = vibration.made(Study(FALL)).pictures
+    assert not any(len(panel.get_xticks()) or len(panel.get_yticks()) for panel in picture.figure.axes)
+    label = loads.made(Study(FALL)).facts[0].label
+    reviewed("report: largest stress", label)
+    assert ";" not in label
+
+
+def test_an_arm_is_drawn_from_its_base_at_the_origin() -> None:
+    axes, chain = Figure().subplots(), fl.lump(FALL)
+    draw_arm(axes, view_of(chain), np.ones((len(chain.bodies), 3)), chain)
+    (base,) = [line for line in axes.lines if line.get_label() == "base"]
+    assert [*base.get_xdata(), *base.get_ydata()] == [0.0, 0.0]

@@ -1,12 +1,12 @@
 """Animations are to scale and upright, show the whole arm at all times, and colour it by its loads."""
 
-from __future__ import annotations
-
 import dataclasses
 import shutil
 import signal
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,11 +15,13 @@ from PIL import Image, ImageSequence
 
 import flexlink as fl
 from flexlink.cli.main import main
+from flexlink.results.pictures import stress
 from flexlink.results.pictures.film import Film, film_of
 from flexlink.results.pictures.page import turned_window
 from flexlink.results.pictures.projection import Projected
 from flexlink.results.pictures.view import view_of
 from tests.conftest import ROOT, flexible, make_scene, nasty_scene
+from tests.support.browser import CHROMIUM, DRIVER, Browser, axe, browser
 from tests.support.words import refused
 
 SCENES = ("paper_fig5", "t3_spatial", "ptp_move", "steel_strips", "nasty")
@@ -419,3 +421,120 @@ def test_the_readmes_first_picture_is_small_and_made_by_its_command(tmp_path: Pa
     with Image.open(tmp_path / "docs" / "steel_strips.gif") as made, Image.open(picture) as kept:
         assert made.size[0] == kept.size[0]
         assert made.info["duration"] == kept.info["duration"]
+
+
+DESK, PHONE = (1280, 800), (390, 844)
+BEYOND = """
+const beyond = []
+for (const angle of film.spatial ? [-180, -120, -60, 0, 60, 120] : [0]) {
+  turn.value = angle; turned()
+  for (let k = 0; k < frames; k++) {
+    const all = bodies(k)
+    film.body.map((b, s) => pixel(placed(all[b], at(place, s)))).forEach(([x, y]) => {
+      if (!(x > 4 && x < canvas.width - 4 && y > 4 && y < canvas.height - 4)) beyond.push([angle, k, x, y])
+    })
+  }
+}
+return beyond
+"""
+INK = """
+const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data
+let drawn = 0
+for (let i = 3; i < data.length; i += 4) drawn += data[i] > 128
+return drawn
+"""
+LABEL, CLOCK = "return play.textContent", "return one('.clock').textContent"
+PLAYING, SEEN = "return running !== null", "return canvas.toDataURL()"
+WIDTH, LEGEND = "return document.documentElement.scrollWidth", "return one('.legend').getBoundingClientRect().bottom"
+VIOLATIONS = "const done = arguments[0]; axe.run().then(found => done(found.violations.map(v => v.id)))"
+
+
+@pytest.fixture(scope="module")
+def window() -> Iterator[Browser]:
+    with browser() as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("pages")
+    films = {}
+    for name in ("paper_fig5", "t3_spatial"):
+        run = fl.simulate(fl.load_scene(ROOT / "models" / f"{name}.toml"), duration=0.4)
+        films[name] = run.animate(folder / f"{name}.html", magnify=10.0)
+    return films
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not (CHROMIUM and DRIVER), reason="needs chromium and chromedriver")
+@pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
+@pytest.mark.parametrize("name", ["paper_fig5", "t3_spatial"])
+def test_the_arm_is_within_its_canvas_and_nothing_is_wider_than_the_screen(
+    name: str, size: tuple[int, int], window: Browser, pages: dict[str, Path]
+) -> None:
+    window.open(pages[name], *size)
+    assert window.run(BEYOND) == []
+    assert window.run(INK) > 1000
+    assert window.run(WIDTH) <= size[0]
+    assert window.run(LEGEND) <= size[1]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not (CHROMIUM and DRIVER), reason="needs chromium and chromedriver")
+def test_the_player_plays_stops_and_follows_the_slider(window: Browser, pages: dict[str, Path]) -> None:
+    window.open(pages["t3_spatial"], *PHONE)
+    assert window.run(LABEL) == "Pause"  # it starts playing
+    window.run("play.click()")
+    assert window.run(LABEL) == "Play"
+    window.run("slider.value = 5; slider.dispatchEvent(new Event('input'))")
+    assert window.run(CLOCK) == "t = 0.20 s"
+    spoken = window.run("return slider.getAttribute('aria-valuetext')")
+    assert spoken == "0.20 seconds"
+    window.run("play.focus(); play.click()")
+    playing = window.run(f"{PLAYING} && document.activeElement === play")
+    assert playing
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not (CHROMIUM and DRIVER), reason="needs chromium and chromedriver")
+def test_the_player_works_without_a_mouse(window: Browser, pages: dict[str, Path]) -> None:
+    window.open(pages["t3_spatial"], *DESK)
+    stops = "[...document.querySelectorAll('button, input')].filter(e => e.checkVisibility() && e.tabIndex >= 0)"
+    assert window.run(f"return {stops}.length") == 3
+    window.run("document.activeElement.blur()")
+    before = window.run(PLAYING)
+    window.run("document.body.dispatchEvent(new KeyboardEvent('keydown', {key: ' ', bubbles: true}))")
+    assert window.run(PLAYING) != before
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not (CHROMIUM and DRIVER), reason="needs chromium and chromedriver")
+def test_turning_the_view_changes_the_picture(window: Browser, pages: dict[str, Path]) -> None:
+    window.open(pages["t3_spatial"], *DESK)
+    window.run("stop(); slider.value = 3; show()")
+    seen = window.run(SEEN)
+    window.run("turn.value = 90; turn.dispatchEvent(new Event('input'))")
+    assert window.run(SEEN) != seen
+    spoken = window.run("return turn.getAttribute('aria-valuetext')")
+    assert spoken == "90 degrees"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not (CHROMIUM and DRIVER), reason="needs chromium and chromedriver")
+@pytest.mark.skipif(axe() is None, reason="needs axe-core")
+def test_the_page_is_accessible(window: Browser, pages: dict[str, Path]) -> None:
+    for page in pages.values():
+        window.open(page, *PHONE)
+        found = axe()
+        assert found is not None
+        window.run(found.read_text(encoding="utf-8"))
+        assert window.run_async(VIOLATIONS) == []
+
+
+def test_the_time_of_peak_stress_does_not_depend_on_the_block_size_of_samples(monkeypatch: Any) -> None:
+    scene = make_scene(flexible("beam", lumping="gauss"), gravity=(0.0, -9.81, 0.0), tip=fl.RigidBody(mass=2.0))
+    run = fl.simulate(scene.varied({"run": {"step": 1e-4, "duration": 0.02, "sample": 1e-3}}))
+    whole = stress.peak_stress(run)
+    assert whole is not None and whole.time > 0.005
+    monkeypatch.setattr(stress, "AT_ONCE", 4)
+    assert stress.peak_stress(run) == whole

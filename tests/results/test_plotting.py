@@ -1,7 +1,5 @@
 """Plots: every curve is readable, and no legend covers one."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,8 +1,7 @@
 """The repr of an object fits into one or two lines, however many numbers the object contains."""
 
-from __future__ import annotations
-
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -13,7 +12,9 @@ from flexlink.describe.schemes.methods import method
 from flexlink.diagnosis.states import random_states
 from flexlink.dynamics.energy import Energy
 from flexlink.pages.numbers import passing
+from flexlink.results.samples import Steps
 from tests.conftest import ALUMINIUM, MODELS, SQUARE, flexible, make_scene, nasty_scene
+from tests.support.words import reviewed
 
 NAMES = [f"link{k}" for k in range(30)]
 LONG = make_scene(*[flexible(name, segments=9) for name in NAMES])
@@ -87,3 +88,9 @@ def test_the_repr_of_a_record_shows_non_default_fields_and_evaluates_to_it() -> 
 )  # fmt: skip
 def test_the_repr_shows_the_relevant_numbers(value: object, wanted: str) -> None:
     assert repr(value) == wanted
+
+
+def test_rejected_steps_are_printed_even_if_all_were_solved() -> None:
+    text = str(Steps("RK4", 10, 48, rejected=2))
+    assert [int(number) for number in re.findall(r"\b\d+", text)] == [10, 2, 0, 48]
+    reviewed("slips: steps", text)

@@ -1,7 +1,5 @@
 """URDF files of other programs: read wherever their numbers are defined, and every part that is left out is named."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Wrong or malicious URDF files: each is refused in one line, and no other file is opened."""
 
-from __future__ import annotations
-
 import sys
 import time
 import tracemalloc

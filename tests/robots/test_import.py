@@ -1,9 +1,8 @@
 """An imported arm moves like the robot; a link made flexible keeps its mass, centre of mass and inertia."""
 
-from __future__ import annotations
-
 import contextlib
 import re
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -15,13 +14,16 @@ from scipy.spatial.transform import Rotation
 
 import flexlink as fl
 from flexlink.chain.rigid import Pose, SpatialInertia, body_with
+from flexlink.cli import import_robot
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.describe.directions import line_of
 from flexlink.diagnosis.states import random_states
 from flexlink.dynamics.rounding import acceleration_error, in_units, of_bias_torque, of_mass_matrix
+from flexlink.robots.collection import KnownArm
 from flexlink.robots.cut import cut, largest_mass
 from flexlink.robots.flexible import FlexibleLink, _prism, bent, payload
 from flexlink.robots.importing import ImportResult, import_urdf
+from flexlink.robots.kinematic_tree import Mimic, Robot
 from flexlink.robots.positions import positions_of
 from flexlink.robots.robot_file import read_robot
 from flexlink.robots.tuning import clamped_frequency
@@ -361,3 +363,19 @@ def test_an_unspecified_joint_angle_is_zero_or_the_middle_of_its_limits(
     joint = SimpleNamespace(name="j", limits=(lower, upper), mimic=None)
     robot = SimpleNamespace(joints={"j": joint}, position=lambda joint, leaders: leaders[joint.name])
     assert positions_of(cast("Any", robot), {}) == {"j": stays}
+
+
+def test_a_lock_on_the_command_line_replaces_the_stored_one() -> None:
+    nothing = {key: [] for key in ("posture", "flexible", "armature")}
+    options = SimpleNamespace(base=None, tip=None, free_base=False, locked=["b=90"], **nothing)
+    known = KnownArm(file="arm.urdf", locked={"a": 0.1, "b": 0.2})
+    arguments = import_robot._arguments(cast("Any", SimpleNamespace(joints={})), known, cast("Any", options))
+    assert arguments["locked"] == {"a": 0.1, "b": np.pi / 2}
+
+
+def test_a_joint_that_mimics_a_mimic_follows_the_leader_of_both() -> None:
+    mimics = {"a": None, "b": Mimic("a", 3.0, 5.0), "c": Mimic("b", 2.0, 1.0)}
+    joints = {name: SimpleNamespace(name=name, mimic=mimic) for name, mimic in mimics.items()}
+    robot = cast("Any", SimpleNamespace(joints=joints))
+    robot.rule = partial(Robot.rule, robot)
+    assert Robot.position(robot, cast("Any", joints["c"]), {"a": 0.5}) == 2 * (3 * 0.5 + 5) + 1

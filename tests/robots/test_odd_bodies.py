@@ -1,7 +1,5 @@
 """Inertias that no real body has are used as given, with a note, wherever the mass matrix is positive."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The arms of models/robots: their import from the files of the robots, and the commands for it."""
 
-from __future__ import annotations
-
 import importlib.metadata
 from pathlib import Path
 

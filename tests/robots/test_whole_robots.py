@@ -1,7 +1,5 @@
 """Complete robots: every revolute or prismatic joint of an imported robot moves as in the robot's file."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path

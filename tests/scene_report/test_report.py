@@ -1,7 +1,5 @@
 """`flexlink report`: a self-contained page about a user's scene, which states what it could not compute."""
 
-from __future__ import annotations
-
 import csv
 import re
 import subprocess

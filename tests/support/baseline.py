@@ -8,8 +8,6 @@ implicit and adaptive steps (alone, side by side, by a Simulator, continued from
 motion and their derivatives at random states, URDF, MJCF and SDF, and the rows of a sweep. Changes can be correct.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import json
@@ -22,7 +20,7 @@ import numpy as np
 
 import flexlink as fl
 from tests.conftest import MODELS, ROOT, nasty_scene, random_state
-from tests.motion.test_continued import DRIVES, MOTION, arm
+from tests.motion.test_problem import DRIVES, MOTION, arm
 
 SAMPLES, CONTINUED = 10, 3  # number of samples of a run; number of the sample from which the run is continued
 WAYS: dict[str, dict[str, Any]] = {

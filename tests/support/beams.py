@@ -1,7 +1,5 @@
 """Arms of the beam benchmarks."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from flexlink import Arm, Chain, Joint, Link, Material, RigidBody, Section

@@ -1,7 +1,5 @@
 """Headless Chromium for tests, driven through the ChromeDriver protocol with the standard library only."""
 
-from __future__ import annotations
-
 import base64
 import contextlib
 import json

@@ -1,7 +1,5 @@
 """Worker process of a sweep, killed by one member; the module imports little because it is started often."""
 
-from __future__ import annotations
-
 import os
 from concurrent.futures import Executor, ProcessPoolExecutor
 from multiprocessing import get_all_start_methods, get_context

@@ -1,7 +1,5 @@
 """Simulated laboratories: the data of a fit problem, and of the experiments that `propose` names, from a true scene."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

@@ -4,8 +4,6 @@ The numbers come from `of_chain`: joint lines, masses, centres, inertias in fram
 any Z axis and any origin on the joint's line, unlike flexlink's frames. flexlink's writers are not used.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 from xml.etree import ElementTree as ET

@@ -1,7 +1,5 @@
 """Read the state of runs after every step, at random, or only at the end; compare all their results."""
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 import random

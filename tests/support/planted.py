@@ -1,7 +1,5 @@
 """Common mistakes planted into robot files of flexlink; each has an edit and a part of the expected finding."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import re

@@ -1,7 +1,5 @@
 """Mistakes planted into files of `handwritten`; each has its styles (hands), an edit, and a part of the finding."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
 

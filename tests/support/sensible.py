@@ -1,7 +1,5 @@
 """Random arms that an engineer could have designed, with all numbers in SI, so no hint about units is expected."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Random trees of arms, and an independent Newton-Euler implementation: body by body, in frame 0."""
 
-from __future__ import annotations
-
 import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """URDF files of random robots: trees with every kind of joint and physically possible links."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -4,8 +4,6 @@ A test passes a message to `reviewed`, or expects an error with `refused`. `pyth
 tests and rewrites the file with the texts that occur, so that a change of words is one diff to review.
 """
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import html

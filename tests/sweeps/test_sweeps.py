@@ -1,12 +1,11 @@
 """Sweeps: each member runs once and has the numbers of a single run, in any executor and after any interruption."""
 
-from __future__ import annotations
-
 import contextlib
 import csv
 import functools
 import os
 import random
+import shutil
 import sqlite3
 import subprocess
 import sys
@@ -763,3 +762,77 @@ def test_a_member_fails_after_ending_three_workers(monkeypatch: pytest.MonkeyPat
     ((number, reason),) = answers[2]
     assert number == 7 and str(MAX_WORKER_DEATHS) in reason
     assert list(deadly.suspects) == [[7], [7]], "two retries"
+
+
+SCENE = make_scene(flexible("arm", segments=3), run=fl.RunSettings(step=1e-4, duration=0.0))
+SWEEP = fl.Sweep(scene=SCENE, quantity={"x": SweepOutput(of="tip x [m]")}, grid={"tip.mass": [0.0, 1.0, 2.0]})
+
+
+@pytest.mark.parametrize("suffix", [".py", ".toml"])
+def test_stored_rows_depend_on_sources_and_on_files_of_methods_and_rules(
+    suffix: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One additional byte in any of these files changes the version."""
+    before, read = fingerprint.version.__wrapped__(), Path.read_bytes
+    changed = next(path for path in sorted(Path(fl.__file__).parent.rglob(f"*{suffix}")))
+    monkeypatch.setattr(Path, "read_bytes", lambda path: read(path) + (b"#" if path == changed else b""))
+    assert fingerprint.version.__wrapped__() != before
+
+
+def test_stored_rows_depend_on_the_versions_of_all_packages() -> None:
+    assert set(fingerprint.fingerprint(SWEEP)["versions"]) == {"flexlink", "numpy", "scipy", "numba"}
+
+
+def row(number: int, reason: str = "") -> Row:
+    return Row(number, "done" if not reason else "failed", reason, "", (1.0,))
+
+
+def test_a_fresh_start_removes_the_rows_of_a_killed_process(tmp_path: Path) -> None:
+    """The killed process left rows in the write-ahead log, which SQLite would read into the new database."""
+    plan, out, left = Plan(SWEEP), tmp_path / "sweep.db", tmp_path / "left.db"
+    with Store(out, plan, {"of": "this"}) as store:
+        store.add([row(0), row(1)])
+        for end in ("", "-wal"):
+            shutil.copy(f"{out}{end}", f"{left}{end}")
+    with Store(left, plan, {"of": "this"}, fresh=True) as store:
+        assert store.count() == 0
+        assert list(store.missing()) == [0, 1, 2]
+    shutil.copy(out, left)
+    with Store(left, plan, {"of": "this"}) as store:
+        assert store.count() == 2
+
+
+def test_an_interrupted_sweep_reports_its_signal() -> None:
+    text = "2 of 3 members are done"
+    stopped = fl.errors.InterruptedSweepError(text, 15)
+    assert (str(stopped), stopped.signal) == (text, 15)
+
+
+def test_a_damaged_page_of_the_database_is_found(tmp_path: Path) -> None:
+    """The damaged page contains the end of a long text, which is read only by a full query of the table."""
+    plan, out = Plan(SWEEP), tmp_path / "sweep.db"
+    with Store(out, plan, {"of": "this"}) as store:
+        store.add([row(0, "x" * 20_000)])
+    data = bytearray(out.read_bytes())
+    page = next(k for k in range(0, len(data), 4096) if data[k + 4 : k + 4096] == b"x" * 4092)
+    data[page : page + 4] = b"\xff" * 4  # the number of the next page
+    out.write_bytes(data)
+    with sqlite3.connect(out) as db:
+        numbers = db.execute("SELECT number FROM rows").fetchall()
+    assert numbers == [(0,)]
+    with refused(fl.errors.OutputError, "cannot-write"):
+        Store(out, plan, {"of": "this"})
+
+
+def test_the_rest_position_uses_the_final_angles_of_driven_joints() -> None:
+    """A beam whose driven joint stays at 30° sags a little; with a free joint, it would hang down."""
+    beam = flexible("a", segments=5, lumping="gauss")
+    scene = make_scene(beam, gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_deg=(30.0,)))
+    run = fl.simulate(scene, step=1e-5, duration=2e-5, sample=1e-5)
+    rest = SweepOutput(of="overshoot [m]", target="rest").place(run)
+    assert np.degrees(np.arctan2(rest[1], rest[0])) == pytest.approx(30.0, abs=0.1)
+    straight = np.zeros(run.chain.n)
+    straight[0] = run.q[-1, 0]
+    sag = fl.tip_position(run.chain, straight) - rest
+    weight, EI = 2700.0 * 0.04**2 * 9.81 * np.cos(np.radians(30.0)), 70e9 * 0.04**4 / 12
+    assert np.linalg.norm(sag) == pytest.approx(weight * 1.25**4 / (8 * EI), rel=0.05)

@@ -4,8 +4,6 @@ Prints the modules of the project that are loaded and the data files that are op
 of one kind; no other kind is imported.
 """
 
-from __future__ import annotations
-
 import pkgutil
 import sys
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Stored studies for tests of the report, and pages made of them."""
 
-from __future__ import annotations
-
 import dataclasses
 import datetime
 import re

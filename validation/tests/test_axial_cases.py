@@ -1,7 +1,5 @@
 """Cases with axial load and large bending: stored exact values are recomputed and compared with the library."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from mpmath import mp
@@ -9,6 +7,7 @@ from scipy import special
 
 import flexlink as fl
 from flexlink.dynamics.vibration.lent_inertia import relieved
+from flexlink.dynamics.vibration.modal import Modes
 from flexlink.engines import load
 from tests.conftest import ROOT
 from validation.case import load_cases
@@ -68,7 +67,7 @@ def test_derivatives_at_a_steady_rate_give_the_centrifugal_stiffness():
 # --- tension without bending stiffness: a string ---------------------------------------------------------------------
 
 
-def string(rule: str, hinges: int, *, spins: bool) -> fl.Modes:
+def string(rule: str, hinges: int, *, spins: bool) -> Modes:
     """Modes of a cable of 10 m with almost no EI, hanging, or turning at 3 rad/s and flapping."""
     rod = fl.Rigidity(x=(0.0, 10.0), rho_a=(1.0, 1.0), ei_z=(5e-4, 5e-4))
     cable = fl.Link(

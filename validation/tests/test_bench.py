@@ -1,7 +1,5 @@
 """flexarm-bench: cases, judge, liars, solvers of other packages, and what the package may import."""
 
-from __future__ import annotations
-
 import ast
 import csv
 import dataclasses

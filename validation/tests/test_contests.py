@@ -1,7 +1,5 @@
 """The trade on one page: panels, overview, sentences about advise; the picture of README and of the site's page."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

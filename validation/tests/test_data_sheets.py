@@ -1,7 +1,5 @@
 """Data sheets of benchmarks: which benchmarks have one, and which settings and results it contains."""
 
-from __future__ import annotations
-
 import pytest
 
 from flexlink.describe.spec import decode

@@ -1,7 +1,5 @@
 """What a case depends on, found in the text of modules, against what cases use when they run."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

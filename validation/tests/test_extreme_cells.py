@@ -1,7 +1,5 @@
 """The map of extreme scenes: its cells, their scenes and states, and a command that repeats one cell."""
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

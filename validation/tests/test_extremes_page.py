@@ -1,7 +1,5 @@
 """The page of extremes: its numbers are those of the stored study, which may lack parts of it."""
 
-from __future__ import annotations
-
 import csv
 import re
 import tomllib

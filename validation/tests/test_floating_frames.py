@@ -1,7 +1,5 @@
 """Bricks bend like a beam; a frame with linear modes is right in small motions; Exudyn's agrees with its equations."""
 
-from __future__ import annotations
-
 import importlib
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The case `formulations`: the best of each ladder is chosen, missing programs are named, other motions are found."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

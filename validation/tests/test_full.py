@@ -1,7 +1,5 @@
 """reports/full, the complete checked-in study, is small, from one run, and records how it was made."""
 
-from __future__ import annotations
-
 import csv
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A killed study leaves no process running, and its store is recognised as incomplete."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

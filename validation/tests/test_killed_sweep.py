@@ -1,7 +1,5 @@
 """A sweep that is killed repeatedly with its workers finally has the same rows as an undisturbed sweep."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

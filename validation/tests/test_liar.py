@@ -5,8 +5,6 @@ call. False values exceed a limit by a small factor only, so that a limit 1000 t
 maximum, is found.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 

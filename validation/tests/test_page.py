@@ -1,7 +1,5 @@
 """Report in a real browser: nothing is cut on desktops, phones or paper, light or dark; the page is accessible."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

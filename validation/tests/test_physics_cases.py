@@ -1,7 +1,5 @@
 """The physics cases: sweeps, benchmark scenes, inputs, references, runs in MuJoCo, and findings of the report."""
 
-from __future__ import annotations
-
 import re
 
 import msgspec

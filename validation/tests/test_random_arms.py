@@ -1,7 +1,5 @@
 """Random arms use every key of a link, and all solvers and engines agree on them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Comparison of lumping rules: the grid is complete, the cheapest run counts, and advice belongs to its rule family."""
 
-from __future__ import annotations
-
 import pytest
 from msgspec.structs import replace
 

@@ -1,7 +1,5 @@
 """`python -m validation --same DIR` checks whether a reviewer's numbers equal the published numbers."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 from pathlib import Path

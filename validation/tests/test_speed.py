@@ -1,7 +1,5 @@
 """Benchmarks: compared programs agree before they are timed, and the timer measures correctly."""
 
-from __future__ import annotations
-
 import datetime
 import itertools
 import subprocess
@@ -21,6 +19,7 @@ from reports.results import Results
 from tests.support.words import refused
 from validation.case import CASES, Case, load_case
 from validation.measuring import judged
+from validation.memory import STATUS, peak_megabytes
 from validation.speed import compiled_loops, evaluations, pinocchio_models, races, steps
 from validation.speed.families import Family, of_steps, timed_states
 from validation.speed.races import Race, exponent, race, series
@@ -175,3 +174,21 @@ def test_nothing_is_compiled_after_a_warm_up() -> None:
     count, _, left = done.stdout.partition(" ")
     assert int(count) > 5
     assert left.strip() == "[]"
+
+
+SCRIPT = "from validation.memory import peak_megabytes; print(peak_megabytes())"
+
+
+@pytest.mark.skipif(not STATUS.exists(), reason="only Linux has this number")
+def test_the_memory_of_a_starting_process_is_not_that_of_the_started_one() -> None:
+    held = np.ones(25_000_000)  # 200 MB
+    done = subprocess.run([sys.executable, "-c", SCRIPT], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert 1.0 < float(done.stdout) < 100.0 < peak_megabytes()
+    assert held.size
+
+
+def test_peak_memory_contains_what_was_held_for_a_moment() -> None:
+    before = peak_megabytes()
+    held = np.ones(int(before * 125_000) + 12_500_000)  # the peak so far, and 100 MB
+    assert peak_megabytes() - before > 90.0
+    assert held.size

@@ -1,7 +1,5 @@
 """The default report shows the checked-in full study without git and without a new run of the study."""
 
-from __future__ import annotations
-
 import html
 import re
 import subprocess

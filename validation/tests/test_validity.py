@@ -1,7 +1,5 @@
 """Domain of validity: reference solution of a thick beam, and results of the case for thick and compressed links."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

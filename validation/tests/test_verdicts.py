@@ -1,19 +1,22 @@
 """First screen of the report: two verdicts, the main numbers, and missing cases."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import gzip
 import re
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
+import numpy as np
 import pytest
 
+from docs.generators import study
 from docs.generators.study import failing
 from flexlink.common.errors import FlexlinkError
 from reports.build import build
 from reports.chapters import contents, sections
+from reports.findings import physics_published
 from reports.reference import Reference, read, save
 from reports.results import Results
 from reports.speed_limits import reason_of, reasons, speed_table
@@ -221,3 +224,36 @@ def test_a_missed_limit_states_its_reason_and_a_met_one_none(tmp_path: Path) -> 
     table = speed_table(results, Reference({}, ""))
     assert [bool(line[-1]) for line in table.lines] == [True, False]
     assert table.lines[0][-1] == next(one.why for one in reasons() if one.case == "speed_calls")
+
+
+def test_differences_from_published_values_are_relative() -> None:
+    theirs = np.array([2.0, 4.0, 5.0, 8.0, 10.0, 20.0])
+    ours = theirs * (1 + np.array([0.001, -0.002, 0.0, 0.004, -0.05, 0.03]))
+    columns = {"what": np.array(list("abcdef")), "published": theirs, "ours": ours}
+    series = SimpleNamespace(columns=columns)
+    results = SimpleNamespace(showing=lambda name: [("beam", series)], cases={"beam": [SimpleNamespace(title="Beam")]})
+    (table,) = physics_published.find(cast("Any", results))
+    shown = [str(line[3]).replace("−", "-") for line in table.lines]
+    numbers = [float(text.removeprefix("at most ").split()[0].rstrip("%")) for text in shown]
+    assert numbers == pytest.approx([0.1, -0.2, 0.0, 0.4, 5.0], abs=0.051)
+    assert shown[-1].startswith("at most ")
+    assert [line[0] for line in table.lines] == ["Beam: a", "Beam: b", "Beam: c", "Beam: d", "Beam: 2 more"]
+
+
+def test_four_verdicts_of_a_report_fit_into_one_row() -> None:
+    style = (ROOT / "flexlink" / "pages" / "data" / "style.css").read_text()
+    box = re.search(r"\.verdicts \{.*minmax\(min\(100%, (\d+)rem\), 1fr\)\); gap: ([.\d]+)rem", style)
+    assert box
+    text = 66.0  # width of the text [rem]: 68 less the padding
+    assert 4 * float(box[1]) + 3 * float(box[2]) <= text
+
+
+def test_the_verdicts_of_the_study_are_one_row_of_boxes() -> None:
+    page = study.page(ROOT)
+    boxes = page.split(".. rst-class:: verdicts\n\n")[1].split("\n\n")[0]
+    assert [line[:4] for line in boxes.splitlines()] == ["- **"] * len(study.verdicts())
+
+
+def test_a_column_of_states_is_as_narrow_as_its_text() -> None:
+    style = (ROOT / "flexlink" / "pages" / "data" / "style.css").read_text()
+    assert re.search(r"^td\.state \{ white-space: nowrap; .*width: 1%;", style, re.MULTILINE)

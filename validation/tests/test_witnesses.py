@@ -1,7 +1,5 @@
 """Drake, Exudyn and Exudyn's beams as independent references: wrong results are rejected, missing engines reported."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Test a mutant in a copy of the tree if it cannot be applied in a forked process; a copy takes seconds longer."""
 
-from __future__ import annotations
-
 import os
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Generate mutants: all that `operators` can make in a file, and a reproducible random sample of them."""
 
-from __future__ import annotations
-
 import ast
 import hashlib
 import itertools

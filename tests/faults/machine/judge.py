@@ -5,8 +5,6 @@ seconds of processor time. Mutants that cannot be applied in a fork (a default o
 a copy of the tree by `plant.Copy`.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os
@@ -55,7 +53,7 @@ class _TooDearError(BaseException):
 class Session:
     """pytest plugin that calls `work` with the collected tests; slow tests are included only from the files `slow`."""
 
-    def __init__(self, work: Callable[[Session], None], slow: Sequence[str] = ()) -> None:
+    def __init__(self, work: Callable[["Session"], None], slow: Sequence[str] = ()) -> None:
         self._work, self._slow, self.failed, self.items = work, slow, "", dict[str, pytest.Item]()
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:

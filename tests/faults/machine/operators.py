@@ -1,7 +1,5 @@
 """Mutation operators for expressions and statements."""
 
-from __future__ import annotations
-
 import ast
 import itertools
 from collections.abc import Callable, Iterator

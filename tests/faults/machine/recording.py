@@ -1,7 +1,5 @@
 """Record which tests call each function; a test file runs once for this, and again only after it has changed."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import sys

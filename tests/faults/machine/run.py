@@ -1,7 +1,5 @@
 """The command `python -m tests.faults --machine`: sample mutants, test them, print and save the results."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Apply a mutant to modules that are already imported: replace the code of functions and values of modules."""
 
-from __future__ import annotations
-
 import ast
 import functools
 import gc

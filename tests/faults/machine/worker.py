@@ -1,7 +1,5 @@
 """Worker process: python -m tests.faults.machine.worker FILE, a JSON file of mutants; prints their outcomes."""
 
-from __future__ import annotations
-
 import json
 import os
 import sys

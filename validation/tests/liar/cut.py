@@ -1,7 +1,5 @@
 """Shortened cases of the study, each with the wrong results that are injected into it, as listed in `lies.toml`."""
 
-from __future__ import annotations
-
 import contextlib
 import copy
 import importlib

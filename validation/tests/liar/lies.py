@@ -1,7 +1,5 @@
 """Injected faults: which functions return wrong results, and how results of each type get a relative error."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import functools

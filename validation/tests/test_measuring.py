@@ -1,7 +1,5 @@
 """Quick cases and parts of others measured again: numbers are within their limits and agree with the full study."""
 
-from __future__ import annotations
-
 import csv
 import gzip
 import itertools

@@ -1,7 +1,5 @@
 """A verification run detects errors of fixed implicit steps and growing errors that the run itself does not show."""
 
-from __future__ import annotations
-
 import re
 import signal
 from collections.abc import Iterator

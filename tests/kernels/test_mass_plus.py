@@ -1,7 +1,5 @@
 """(M + A) x = r in O(n), and the displacements due to small changes of the angles."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Verdicts of a report on accuracy, cost, measurements and other programs, from known runs and differences."""
 
-from __future__ import annotations
-
 import importlib
 import re
 from collections.abc import Callable
@@ -19,7 +17,7 @@ from flexlink.results.convergence import Limit
 from flexlink.scene_report.refinement import Choice
 from flexlink.scene_report.study import Study
 from tests.conftest import ROOT
-from tests.scene_report.test_report_numbers import PARTS, G, bar_of, check_sentence, made, numbers, table, three
+from tests.scene_report.test_parts import PARTS, G, bar_of, check_sentence, made, numbers, table, three
 from tests.support.words import reviewed
 
 Array = np.ndarray

@@ -1,7 +1,5 @@
 """A run with a tolerance keeps it or states that it does not; its stated error is near the true one."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

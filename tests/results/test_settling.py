@@ -1,7 +1,5 @@
 """Settling of the tip, and conversion of runs to pandas and xarray tables."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import sys

@@ -1,7 +1,5 @@
 """Reference results for advice: repeatable random scenes; truth and cheapest model of runs with known errors."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import re

@@ -1,7 +1,5 @@
 """The error of a step in metres: displacements of the bodies due to errors of angles and rates."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np
