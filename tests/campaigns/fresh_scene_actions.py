@@ -1,5 +1,7 @@
 """Actions of a random scene: initial state, run, drive, prescribed motions, wrench, sensors."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 

@@ -8,7 +8,6 @@ import pytest
 from scipy import integrate
 
 import flexlink as fl
-from flexlink.chain.variants import lump_many
 from flexlink.describe.data_files import names
 from flexlink.describe.schemes.cells import Cells, cell_of
 from flexlink.describe.schemes.lumping_rules import Element, LumpingRule, lumping_rule
@@ -18,7 +17,6 @@ from flexlink.kernels.forward.mass_plus_cells import COUPLED, FACTORS, columns
 from flexlink.kernels.layout import COUPLING, FORCES, Rare
 from tests.conftest import ALUMINIUM, SQUARE, compiled, flexible, make_scene
 from tests.kernels.test_mass_plus import posture_of, solved
-from tests.motion.test_sensitivity import check
 from tests.support.beams import cantilever
 from tests.support.words import refused
 
@@ -184,13 +182,6 @@ def test_every_axis_has_the_stiffness_of_the_cell_and_proportional_damping(flex:
     np.testing.assert_array_equal(chain.couplings["damping"], loss * chain.couplings["stiffness"])
 
 
-def test_variants_lumped_together_or_alone_have_the_same_coupled_springs() -> None:
-    scene = arm()
-    scenes = [scene.varied({"material.aluminium.young": young}) for young in (7e10, 8e10, 9.123e10)]
-    for chain, one in zip(lump_many(scenes), scenes, strict=True):
-        np.testing.assert_array_equal(chain.couplings, fl.lump(one).couplings)
-
-
 def test_products_with_coupled_springs_equal_products_with_the_full_matrix() -> None:
     chain = fl.lump(arm())
     φ = np.random.default_rng(0).normal(size=(3, chain.n))
@@ -290,16 +281,6 @@ RUNS = {
 }
 
 
-@pytest.mark.parametrize("flex", ["z", "xyz"])
-@pytest.mark.parametrize("method", ["Radau5", "Gauss4"])
-def test_coupled_springs_and_dampers_balance_energy_in_implicit_steps(method: str, flex: str) -> None:
-    """With the energy of coupled springs and dampers, the imbalance is at most 1e-5 of the exchanged energy."""
-    run = fl.simulate(arm(flex).varied({"run": {"duration": 1.0}}).varied(RUNS[method]))
-    moved = np.ptp(run.energy.gravity) + np.ptp(run.energy.kinetic)
-    assert np.abs(run.imbalance).max() <= 1e-5 * moved
-    assert run.energy.elastic[-1] > 1e-4 * moved
-
-
 @compiled
 @pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize("method", ["Radau5", "Radau9"])
@@ -312,9 +293,3 @@ def test_coupled_springs_do_not_increase_the_number_of_newton_iterations(method:
         steps = fl.simulate(scene, method=method, tolerance=1e-5).steps
         passes[name] = steps.evaluations / (steps.taken + steps.rejected)
     assert passes[rule] <= 1.05 * passes["gauss"]
-
-
-@pytest.mark.parametrize("path", ["material.aluminium.young", "link.upper.damping.ratio", "link.upper.length"])
-@pytest.mark.parametrize("flex", ["z", "xyz"])
-def test_sensitivities_with_coupled_springs_agree_with_finite_differences(flex: str, path: str) -> None:
-    check(arm(flex, segments=3).varied(RUNS["RK4"]), path)

@@ -42,20 +42,6 @@ def test_any_text_and_number_reads_back_equal(name: str, about: str, material: s
     assert scene_from(tomllib.loads(scene.to_toml())) == scene
 
 
-def test_motion_drive_wrench_and_run_read_back_equal() -> None:
-    motion = fl.PrescribedMotion(link="b", times=(0, 1), angle_deg=(0, 1), rate_deg=(0, 0), acceleration_deg=(0, 0))
-    times = tuple(0.1 * k for k in range(40))
-    drive = fl.Drive(kind="table", times=times, torques=tuple((t, 0.0) for t in times), smooth=True)
-    scene = make_scene(
-        fl.Link(name="a", length=1.0), fl.Link(name="b", length=1.0), motion=(motion,), drive=drive,
-        wrench=fl.Wrench(force=(0, 0, 1)), run=fl.RunSettings(tolerance=1e-4, sample=0.1),
-        initial=fl.InitialState(joint_deg=(10, 0), rate_deg=(1, 0), passive="static"),
-    )  # fmt: skip
-    text_ = scene.to_toml()
-    assert scene_from(tomllib.loads(text_)) == scene
-    assert max(map(len, text_.splitlines())) <= 120
-
-
 def test_a_shaped_reference_has_separate_tables() -> None:
     shaper = fl.InputShaper(kind="ZVD", frequency_hz=(1.5, 2.0), damping=(0.01, 0.0))
     reference = fl.Reference(profile="quintic", to_deg=(9.0,), duration=1.0, shaper=shaper)

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from msgspec.structs import replace
 from scipy.integrate import solve_ivp
 
 import flexlink as fl
@@ -71,17 +70,6 @@ def test_a_strong_quadratic_damper_does_not_shorten_implicit_steps() -> None:
     runs = [fl.simulate(wheel(**{"run.method": "Radau5", "run.relative_tolerance": 1e-4, HARD: c})) for c in (0.5, 1e4)]
     assert runs[1].steps.evaluations <= 2.4 * runs[0].steps.evaluations  # 2.1; without the damper's slope 2.7
     np.testing.assert_allclose(runs[1].qd[:, 0], 3 / (1 + 3e4 * runs[1].t), atol=1e-5)
-
-
-def test_archives_continued_runs_and_sweeps_include_quadratic_dampers(tmp_path) -> None:
-    whole = fl.simulate(damped())
-    whole.save(tmp_path / "run.npz")
-    assert fl.load_trajectory(tmp_path / "run.npz").chain.forces["dampers"]["quadratic"].tolist() == [20.0] * 3
-    start = fl.InitialState(q=tuple(whole.q[1]), qd=tuple(whole.qd[1]), time=0.1)
-    again = fl.simulate(replace(damped(**{"run.duration": 0.2}), initial=start))
-    np.testing.assert_allclose(again.q[-1], whole.q[-1], atol=1e-12)
-    many = fl.simulate_many([damped(**{"link.*.joint.quadratic": c}) for c in (10.0, 20.0)])
-    np.testing.assert_array_equal(many[1].q, whole.q)
 
 
 def test_exports_and_engines_without_quadratic_dampers_report_it() -> None:

@@ -169,20 +169,6 @@ def test_forward_and_inverse_dynamics_derivatives_are_consistent(chain: Chain, r
         assert (np.abs(slope + np.diag(own) + inverse.dqdd @ through) <= 1e-12 * parts.max()).all()
 
 
-def test_derivatives_include_the_mass_matrix_and_the_jacobian_is_consistent(
-    chain: Chain, rng: np.random.Generator
-) -> None:
-    q, qd = bent_state(chain, rng)
-    qdd, wrench = rng.normal(size=chain.n), rng.normal(size=6)
-    found = fl.inverse_dynamics_derivatives(chain, q, qd, qdd)
-    M = fl.mass_matrix(chain, q)
-    assert off(found.dqdd, M) <= 1e-14 * chain.n
-    J = fl.jacobian(chain, q)
-    load = fl.bias_torque(chain, q, 0 * q) - fl.bias_torque(chain, q, 0 * q, tip_wrench=wrench)
-    size = np.abs(load).max() + np.abs(fl.gravity_torque(chain, q)).max()
-    assert np.abs(J.linear.T @ wrench[:3] + J.angular.T @ wrench[3:] - load).max() <= 1e-13 * size
-
-
 def test_hinges_outboard_of_a_body_have_zero_jacobian_columns() -> None:
     chain = fl.lump(nasty_scene())
     J = fl.jacobian(chain, np.full(chain.n, 0.1), body=0)
@@ -211,16 +197,6 @@ def test_derivatives_at_a_prescribed_joint_are_with_respect_to_its_acceleration(
     K = inverse.dq[1:] + np.diag(free.stiffness)[1:]
     assert off(found.dq[1:], -np.linalg.solve(block, K)) <= 1e-10
     assert others.size
-
-
-def test_one_joint_has_the_derivatives_of_a_pendulum() -> None:
-    arm = Link(name="a", length=1.0, joint=Joint(viscous=0.3)), RigidBody(mass=2.0)
-    chain = fl.lump(make_scene(arm[0], tip=arm[1], gravity=(0.0, 9.81, 0.0)))
-    q = np.array([0.4])
-    found = fl.forward_dynamics_derivatives(chain, q, np.array([1.5]), np.array([0.7]))
-    assert found.dq == pytest.approx(np.array([[-9.81 * np.sin(0.4)]]), rel=1e-14)
-    assert found.dqd == pytest.approx(np.array([[-0.15]]), rel=1e-14)
-    assert found.dtau == pytest.approx(np.array([[0.5]]), rel=1e-14)
 
 
 @pytest.mark.slow

@@ -102,15 +102,6 @@ def test_drag_torques_agree_with_virtual_work_on_any_arm(seed: int) -> None:
     np.testing.assert_allclose(fl.forward_dynamics(chain, [q, q], qd, tau)[1], expected, rtol=1e-11, atol=1e-9)
 
 
-def test_drag_damps_the_modes_of_a_rotating_arm() -> None:
-    """With drag torque β |ω| ω, small changes of the rate ω of a rigid bar decay at the rate 2 β ω / I."""
-    bar = fl.lump(BAR)
-    model = fl.linearize(bar, [0.0], [OMEGA])
-    inertia = fl.mass_matrix(bar, [0.0])[0, 0]
-    np.testing.assert_allclose(model.A[1, 1], -2 * BRAKE * OMEGA / inertia, rtol=1e-14)
-    np.testing.assert_allclose(fl.linearize(bar, [0.0]).A, [[0.0, 1.0], [0.0, 0.0]])
-
-
 def test_the_drive_of_a_prescribed_joint_works_against_drag() -> None:
     turning = fl.PrescribedMotion(
         link="bar", times=(0.0, 1.0), angle_deg=(0.0, 90.0), rate_deg=(90.0, 90.0), acceleration_deg=(0.0, 0.0)

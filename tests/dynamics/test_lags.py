@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from msgspec.structs import replace
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
@@ -64,20 +63,6 @@ def test_a_bending_arm_agrees_with_an_independent_integrator() -> None:
     np.testing.assert_allclose(run.qd[-1, chain.internal], end[2 * n :], atol=1e-4)
 
 
-def test_derivatives_of_lagging_friction_agree_with_finite_differences(rng) -> None:
-    chain = fl.lump(lagging())
-    q, qd = random_state(chain, rng)
-    zero, h = np.zeros(chain.n), 1e-6
-    slopes = fl.forward_dynamics_derivatives(chain, q, qd, zero)
-    for found, along in ((slopes.dq, (h, 0.0)), (slopes.dqd, (0.0, h))):
-        columns = [
-            (fl.forward_dynamics(chain, q + along[0] * e, qd + along[1] * e, zero)
-             - fl.forward_dynamics(chain, q - along[0] * e, qd - along[1] * e, zero)) / (2 * h)
-            for e in np.eye(chain.n)
-        ]  # fmt: skip
-        np.testing.assert_allclose(found, np.transpose(columns), atol=1e-5 * np.abs(found).max())  # rounding
-
-
 def test_lagging_friction_only_dissipates_energy(rng) -> None:
     chain = fl.lump(lagging())
     _, qd = random_state(chain, rng)
@@ -102,19 +87,6 @@ def test_a_long_lag_in_a_stiff_damper_is_solved_by_every_implicit_method() -> No
         scene = wheel(**{"run.method": method, "run.relative_tolerance": 1e-4, "link.wheel.joint.viscous": 1e3})
         run, rates = fl.simulate(scene), np.array([[0.0, -1e3], [1 / 0.3, -1 / 0.3]])
         np.testing.assert_allclose(run.qd, [expm(rates * t) @ [3.0, 0.0] for t in run.t], atol=1e-2)
-
-
-def test_archives_continued_runs_and_sweeps_include_the_lag(tmp_path) -> None:
-    whole = fl.simulate(lagging())
-    whole.save(tmp_path / "run.npz")
-    chain = fl.load_trajectory(tmp_path / "run.npz").chain
-    assert chain.forces["gyrators"]["gyration"].tolist() == [20.0] * 3
-    assert chain.joint_names[-3:] == ("waist.lag", "upper.lag", "fore.lag")
-    start = fl.InitialState(q=tuple(whole.q[1]), qd=tuple(whole.qd[1]), time=0.1)
-    again = fl.simulate(replace(lagging(**{"run.duration": 0.2}), initial=start))
-    np.testing.assert_allclose(again.q[-1], whole.q[-1], atol=1e-12)
-    many = fl.simulate_many([lagging(**{"link.*.joint.viscous": d}) for d in (10.0, 20.0)])
-    np.testing.assert_array_equal(many[1].q, whole.q)
 
 
 def test_locked_joints_and_statics_have_no_friction_state() -> None:

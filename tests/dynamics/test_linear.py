@@ -18,23 +18,11 @@ from tests.conftest import MODELS, flexible, make_scene
 from tests.support.words import refused
 
 EPS = np.finfo(float).eps
-PAPER = next(path for path in MODELS if path.stem == "paper_fig5")
 
 
 def hanging(chain: Chain) -> Equilibrium:
     """The static equilibrium of the arm with locked joints."""
     return fl.solve_static(chain, chain.rest, locked=chain.active.tolist())
-
-
-@pytest.mark.parametrize("ratio", [0.0, 0.02])
-def test_eigenvalues_of_the_linear_model_equal_the_eigenvalues_of_modes(ratio: float) -> None:
-    damping = Damping(ratio=ratio, at_hz=3.0)
-    chain = fl.lump(fl.load_scene(PAPER).varied({"link.upper.damping": damping, "link.fore.damping": damping}))
-    rest = hanging(chain)
-    model = fl.linearize(chain, rest.q, tau=rest.tau)
-    modes = fl.modes(chain, rest.q).eigenvalues
-    assert (np.abs(model.eigenvalues[:, None] - modes).min(axis=0) <= 1e-10 * np.abs(modes)).all()
-    assert np.abs(model.rate).max() <= 1e-9, "an equilibrium"
 
 
 @pytest.mark.parametrize(("name", "stiffer"), [("t2_spatial", 1.0), ("t3_spatial", 1.0), ("t3_spatial", 1e4)])

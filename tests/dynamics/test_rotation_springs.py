@@ -13,7 +13,6 @@ from numpy.lib import recfunctions
 from scipy import integrate, linalg, optimize
 
 import flexlink as fl
-from flexlink.chain.variants import lump_many
 from flexlink.cli.main import main
 from flexlink.dynamics import rounding
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
@@ -26,7 +25,6 @@ from flexlink.formats.small_mass import with_small_mass
 from flexlink.kernels.forces.rotation_tangent import excess_stiffness
 from flexlink.kernels.layout import SPRINGS
 from tests.conftest import ALUMINIUM, ROOT, SQUARE, chain_of, flexible, make_scene
-from tests.motion.test_sensitivity import check
 from tests.support.words import refused, reviewed
 from validation.physics.hinge_sweep import order
 
@@ -212,13 +210,6 @@ def test_only_triples_of_three_axes_have_rotation_springs() -> None:
         np.testing.assert_array_equal(cells.couplings, plain.couplings)
 
 
-def test_variants_of_an_arm_have_the_same_springs_as_single_scenes() -> None:
-    scene = arm("lobatto2_rotation")
-    scenes = [scene.varied({"material.aluminium.young": young}) for young in (7e10, 8e10)]
-    for chain, one in zip(lump_many(scenes), scenes, strict=True):
-        np.testing.assert_array_equal(chain.bodies["springs"], fl.lump(one).bodies["springs"])
-
-
 # The algorithms.
 
 
@@ -279,12 +270,6 @@ def test_runs_in_simd_lanes_equal_single_runs(rule: str) -> None:
     scenes[4] = scenes[4].varied({"link.upper.lumping": rule.removesuffix("_rotation")})
     for many, one in zip(fl.simulate_many(scenes), scenes, strict=True):
         np.testing.assert_array_equal(many.q, fl.simulate(one).q)
-
-
-@pytest.mark.parametrize("path", ["material.aluminium.young", "link.upper.damping.ratio", "link.upper.length"])
-@pytest.mark.parametrize("rule", ["gauss_rotation", "lobatto2_rotation"])
-def test_sensitivities_equal_differences_of_runs(rule: str, path: str) -> None:
-    check(bent(rule).varied(RUNS["RK4"]), path)
 
 
 def test_a_run_saved_by_an_older_version_has_springs_of_angles(tmp_path: Path) -> None:

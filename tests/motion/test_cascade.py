@@ -209,15 +209,6 @@ def test_a_continued_run_is_the_same_to_the_bit(delay: float, tmp_path: Path) ->
     np.testing.assert_array_equal(problem.simulate(after=stored, duration=0.06).q, whole.q[20:])
 
 
-def test_a_simulator_and_runs_by_tolerance_agree() -> None:
-    scene = cascaded(arm("z", "z"), filter=FILTERS, delay=0.002, reference=MOVE, target_deg=None)
-    run, simulator = fl.simulate(scene), fl.Simulator(scene)
-    states = [simulator.step().q for _ in range(50)]
-    np.testing.assert_array_equal(states, run.q[1:])
-    precise = fl.RunSettings(duration=0.1, sample=0.002, tolerance=1e-10)
-    np.testing.assert_allclose(fl.simulate(scene.varied({"run": precise})).q, run.q, atol=1e-6)
-
-
 def test_a_memory_of_another_drive_is_refused() -> None:
     first = fl.simulate(cascaded(arm("z", "z")))
     with refused(fl.errors.ArgumentError, "wrong-shape"):
@@ -243,11 +234,6 @@ def test_keys_of_a_cascade_are_refused_elsewhere() -> None:
     for changes in ({"ki": (1.0,)}, {"filter": FILTERS}, {"inertia": (1.0,)}):
         with refused(fl.errors.SceneError, "key-of-another-kind"):
             fl.Drive(kind="pd", kp=(1.0,), kd=(1.0,), target_deg=(0.0,), **changes)
-
-
-def test_a_cascade_in_a_file_is_the_same(tmp_path: Path) -> None:
-    scene = cascaded(arm("z", "z"), filter=FILTERS, max_rate_deg=(100.0, 0.0), inertia=(1.0, 2.0), rate_feedforward=0.5)
-    assert fl.load_scene(scene.save(tmp_path / "arm.toml")) == scene
 
 
 def test_prismatic_joints_have_limits_in_metres() -> None:

@@ -182,21 +182,6 @@ def test_no_stage_torque_exceeds_the_effort_limit(name: str, rate: str) -> None:
     assert (np.abs(run.tau[:, chain.active]) <= EFFORT).all()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
-@every_limit
-@every_rate
-@every_law
-def test_every_engine_gives_the_native_motion_for_every_control_law(
-    name: str, rate: str, limit: str, engine: str
-) -> None:
-    """Angles of another engine differ from the native ones by at most 1e-9 rad in 0.1 s with RK4."""
-    pytest.importorskip(engine)
-    scene = arm({**LAWS[name], **SAMPLED[rate], **LIMITED[limit]}, **{"run.duration": 0.1, "run.step": 2e-4})
-    q = [load(each, fl.lump(scene)).integrate(scene)[1] for each in ("native", engine)]
-    assert np.abs(q[1] - q[0]).max() <= 1e-9
-
-
 @compiled
 def test_stepping_loops_are_compiled_once_for_all_drives() -> None:
     fl.simulate(arm())

@@ -85,13 +85,6 @@ def test_torques_of_a_run_stay_within_the_effort_and_reach_it(geared: fl.Scene) 
     assert (np.abs(run.tau) < EFFORT).any()
 
 
-def test_a_prepared_problem_with_saturation_gives_equal_runs(geared: fl.Scene) -> None:
-    problem = fl.Problem(geared)
-    first, second = problem.simulate(), problem.simulate()
-    assert np.array_equal(first.q, second.q)
-    assert np.array_equal(first.q, fl.simulate(geared).q)
-
-
 def test_a_torque_limit_that_is_never_reached_has_no_effect_beyond_the_tolerance(geared: fl.Scene) -> None:
     free = fl.simulate(geared.varied({"drive.effort": None}))
     wide = fl.simulate(geared.varied({"drive.effort": (1e6,)}))

@@ -13,6 +13,7 @@ from scipy.linalg import eigh
 from scipy.optimize import root
 
 import flexlink as fl
+from flexlink.dynamics.vibration.modal import Modes
 from flexlink.pages.numbers import JOIN
 from flexlink.pages.part import Part
 from flexlink.results.pictures.stress import peak_stress
@@ -526,7 +527,7 @@ def test_at_most_half_of_the_modes_are_resolved_and_have_converged_frequencies(
 ) -> None:
     scene = fl.load_scene(models / "three_links.toml")
 
-    def found(count: int) -> tuple[fl.Modes, fl.Chain]:
+    def found(count: int) -> tuple[Modes, fl.Chain]:
         chain = fl.lump(scene.varied({"link.*.segments": count, "link.*.lumping": rule}))
         return fl.modes(chain, locked=chain.active.tolist()), chain
 
