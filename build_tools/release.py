@@ -17,7 +17,6 @@ PATTERNS = {
     "flexlink/common/versions.py": r'__version__ = "(.+)"',
     "CITATION.cff": r"^version: (.+)",
     "conda/recipe.yaml": r'^  version: "(.+)"',
-    "README.md": r"^  version = \{(.+)\}",
     "docs/badges/version.svg": r"aria-label=.version: ([\d.]+)",
 }
 """Other files that contain the version, and how."""

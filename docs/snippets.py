@@ -9,33 +9,41 @@ A fenced block of ``sh``, ``python`` or ``toml`` is followed by one of these com
 With ``folded`` before it, as in ``<!-- folded picture: … -->``, the result comes first, and the code is folded below
 it; ``<!-- folded -->`` alone folds code without a result. The blocks of a page run in order, in one folder with
 a copy of `models/`, and Python blocks share their variables. A block of ``toml`` that begins with ``# file: NAME``
-writes that file; any other must be a part of a scene. Numbers of the text that are results are read from the program by
+writes that file; any other must be a part of a scene. Commands of ``sh`` run, except those that `not_run.toml` lists
+with a reason. Numbers of the text that are results are read from the program by
 
-    <!-- check: STATEMENTS -->          Python with the variables of the page, in which an `assert` must hold
+    <!-- check: STATEMENTS -->          Python with the variables of the page, in which every `assert` must hold
 
-which the reader does not see. `tests/books/test_pages.py` runs all blocks and checks of all pages. Without running
-code, a build puts a note in place of each result.
+which the reader does not see. There `states(f"lowers it by {share:.0f} %")` requires that the page contains this text,
+and `values(case, quantity)` are numbers of the stored study. `tests/books/test_pages.py` runs all blocks and checks.
+Without running code, a build puts a note in place of each result.
 """
 
 from __future__ import annotations
 
 import contextlib
+import fnmatch
 import io
 import os
 import re
 import shlex
 import shutil
 import subprocess
+import sys
+import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import flexlink
+from docs.generators import study
 from flexlink.cli.main import main
 from flexlink.common.errors import ALSO, SceneError
 from flexlink.describe.scene_file import load_scene
 
 ROOT = Path(__file__).parents[1]
+NOT_RUN = ROOT / "docs" / "not_run.toml"
 FOLDER = "FLEXLINK_PAGES"
 """Environment variable with the folder in which the code of pages runs; without it no code runs."""
 BLOCK = re.compile(
@@ -55,6 +63,7 @@ class Page:
 
     name: str
     folder: Path
+    text: str = ""
     names: dict[str, Any] = field(default_factory=dict)
 
     def run(self, kind: str, code: str) -> str:
@@ -80,10 +89,15 @@ class Page:
 
     def check(self, code: str) -> None:
         """Run the assertions of a comment."""
+        self.names |= {"fl": flexlink, "states": self.states, "values": study.values}
         try:
             self.run("python", code)
         except AssertionError as error:
             raise SnippetError(f"{self.name}: {' '.join(code.split())}: {error}") from error
+
+    def states(self, sentence: str) -> None:
+        """Assert that the page contains this part of a sentence."""
+        assert sentence in plain(self.text), f"the page does not state {sentence!r}"
 
     def _command(self, line: str) -> None:
         words = shlex.split(line, comments=True)
@@ -95,8 +109,26 @@ class Page:
             expected = 1 if line.rstrip().endswith("# exit code 1") else 0
             if code != expected:
                 raise SnippetError(f"{self.name}: {line}: exit code {code}")
-        if words[:1] == ["cc"] and shutil.which("cc"):  # tests of exported code
-            subprocess.run(line, shell=True, check=True, cwd=self.folder)
+        elif words and not not_run(line) and (words[0] != "cc" or shutil.which("cc")):
+            path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+            places = {"PATH": path, "PYTHONPATH": str(ROOT)}
+            run = subprocess.run(line, shell=True, cwd=self.folder, env=os.environ | places, check=False)
+            if run.returncode:
+                raise SnippetError(
+                    f"{self.name}: {line}: exit code {run.returncode}; docs/not_run.toml does not list it"
+                )
+
+
+def plain(text: str) -> str:
+    """Return the text of a page without blocks and checks, in one line."""
+    return " ".join(PART.sub("", text).split())
+
+
+def not_run(line: str) -> bool:
+    """Whether a command is listed, with a reason, among those that do not run."""
+    listed = tomllib.loads(NOT_RUN.read_text(encoding="utf-8"))
+    command = " ".join(shlex.split(line, comments=True))
+    return any(fnmatch.fnmatchcase(command, pattern) for several in listed.values() for pattern in several)
 
 
 INCOMPLETE = re.compile(r": missing; |not defined; defined are none$")
@@ -129,7 +161,7 @@ def prepare(folder: Path) -> None:
 
 def filled(name: str, text: str, folder: Path, pictures: Path) -> str:
     """Return the text of a page with its outputs and figures filled in."""
-    page = Page(name, folder)
+    page = Page(name, folder, text)
 
     def with_result(found: re.Match[str]) -> str:
         if found[4]:
@@ -185,9 +217,9 @@ def setup(app: Any) -> dict[str, bool]:
 
 
 def _read(app: Any, name: str, source: list[str]) -> None:
-    if FOLDER not in os.environ:
+    if FOLDER not in os.environ or not any(comment for _, _, comment in blocks(source[0])):
         source[0] = unrun(source[0])
-    elif any(comment for _, _, comment in blocks(source[0])):
+    else:
         folder = Path(os.environ[FOLDER]) / name.replace("/", "_")
         folder.mkdir(parents=True, exist_ok=True)
         prepare(folder)

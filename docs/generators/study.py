@@ -32,6 +32,12 @@ def checks() -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
+def values(case: str, quantity: str, **columns: str) -> list[float]:
+    """Numbers of one quantity of a case, for sentences of pages."""
+    wanted = {"case": case, "quantity": quantity, **columns}.items()
+    return [float(row["value"]) for row in checks() if wanted <= row.items()]
+
+
 def judged() -> list[dict[str, str]]:
     """Checks of correctness."""
     return [row for row in checks() if row["passed"] and row["timed"] == "False"]

@@ -5,7 +5,7 @@ import inspect
 import keyword
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -92,26 +92,52 @@ def attributes_of(kind: Any) -> set[str]:
     return {*dir(kind), *getattr(kind, "__dict__", ())}.union(*parts)
 
 
-def exists(span: str, code: str) -> bool:
-    """Whether what is in code type exists; `code` is that of the page's blocks."""
+@cache
+def of_the_project() -> set[str]:
+    """Words of all code and data, which pages for developers may name."""
+    folders = ("flexlink", "tests", "validation", "reports", "docs", "build_tools")
+    paths = [path for folder in folders for end in ("py", "toml") for path in (ROOT / folder).rglob(f"*.{end}")]
+    return {word for path in paths if path != Path(__file__) for word in WORD.findall(path.read_text(encoding="utf-8"))}
+
+
+def for_developers(page: Path) -> bool:
+    return "development" in page.parts or page.stem == "CONTRIBUTING"
+
+
+def exists(span: str, more: Set[str]) -> bool:
+    """Whether what is in code type exists; `more` are further words, of the page's blocks."""
     known_as = (in_a_shell(span), in_a_file(span), in_python(span))
     named = {word for word in WORD.findall(UNIT.sub("", span)) if not word.isupper()}
-    return next((sure for sure in known_as if sure is not None), named <= {*words(), *WORD.findall(code)})
+    return next((sure for sure in known_as if sure is not None), named <= words() | more)
 
 
 def in_a_shell(span: str) -> bool | None:
     """Whether this is a command whose options exist, options, or a path that exists; None if it is neither."""
-    first, *others = span.split()
+    if " && " in span or "; " in span:
+        return all(in_a_shell(each) is not False for each in re.split(" && |; ", span))
+    first, *others = re.sub('^([A-Z_]+=(".*?"|\\S+) )+', "", span).split()
     used = set(re.findall(r"(?<!\S)--?[a-z][\w-]*", span))
-    if first == "flexlink":
+    if first == "flexlink" and others:
         return others[0] == "--version" or (others[0] in options() and used <= options()[others[0]])
     if first in LISTED["programs"] or span in LISTED["whole"] or re.fullmatch(FILE, span):
         return True
-    if span.startswith("python -m "):
-        return find_spec(others[1]) is not None
+    if first == "python" and "-m" in others:
+        return others[1] in LISTED["programs"] or is_run(others[1], {*others[2:]})
     if re.fullmatch(r"[\w./*-]+(/[\w./*-]*|\.(md|cff))", span):
         return any(ROOT.glob(span.rstrip("/").replace("NAME", "*")))
     return used <= set().union(*options().values()) if span.startswith("-") else None
+
+
+def is_run(module: str, words: set[str]) -> bool:
+    """Whether a module exists that has these options; of the study also these cases."""
+    if (spec := find_spec(module)) is None or spec.origin is None:
+        return False
+    place = Path(spec.origin)
+    files = place.parent.glob("*.py") if spec.submodule_search_locations else [place]
+    source = " ".join(file.read_text(encoding="utf-8") for file in files)
+    cases = {re.split(r"-|\*|NAME", word.strip("'"))[0] for word in words if re.match("'?[a-z][^/]+$", word)}
+    known_cases = module != "validation" or all(any(ROOT.glob(f"validation/cases/{name}*.toml")) for name in cases)
+    return known_cases and all(word in source for word in words if word.startswith("--"))
 
 
 def in_a_file(span: str) -> bool | None:
@@ -180,15 +206,14 @@ def thing_of(node: ast.AST) -> Any:
     return resolve_name(LISTED["objects"][name]) if name in LISTED["objects"] else public().get(name)
 
 
-@pytest.mark.parametrize(
-    "path", [*PAGES, *(ROOT / f"docs/{x}.md" for x in ("glossary", "index", "versions"))], ids=name_of
-)
+@pytest.mark.parametrize("path", PAGES, ids=name_of)
 def test_all_that_a_page_names_in_code_type_exists(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     code = "".join(re.findall(r"^```(?:sh|python|toml|console)\n(.*?)^```", text, re.DOTALL | re.MULTILINE))
+    more = {*WORD.findall(code)} | (of_the_project() if for_developers(path) else set())
     prose = re.sub(r"^(```+|:::+)\w.*?^\1|^(```|:::+).*?$", "", text, flags=re.DOTALL | re.MULTILINE)
     spans = [span for role, span in re.findall(r"(\{\w+\})?`([^`]+)`", prose) if not role]  # Sphinx checks roles
-    assert [span for span in spans if not exists(" ".join(span.split()), code)] == []
+    assert [span for span in spans if not exists(" ".join(span.split()), more)] == []
 
 
 WRONG = """\
@@ -200,4 +225,4 @@ models/paper_fig6.toml; python -m validations; read_urdfs
 
 @pytest.mark.parametrize("span", re.split(r"; |\n", WRONG.strip()))
 def test_a_name_that_does_not_exist_is_found(span: str) -> None:
-    assert not exists(span, "")
+    assert not exists(span, set())

@@ -1,4 +1,4 @@
-"""Stepping loops are compiled for four kinds of chain only: plain or full, planar or spatial (CONTRIBUTING)."""
+"""Stepping loops are compiled for four kinds of chain only: plain or full, planar or spatial."""
 
 import collections
 import itertools

@@ -411,7 +411,7 @@ def test_the_arm_of_the_readmes_first_picture_visibly_bends() -> None:
 def test_the_readmes_first_picture_is_small_and_made_by_its_command(tmp_path: Path, monkeypatch) -> None:
     picture = ROOT / "docs" / "steel_strips.gif"
     assert picture.stat().st_size <= 400_000
-    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs/development/commands.md").read_text(encoding="utf-8")
     command = next(line for line in text.splitlines() if line.startswith("flexlink show docs/steel_strips.toml"))
     words = command.split()[1:]
     shutil.copytree(ROOT / "docs", tmp_path / "docs")
