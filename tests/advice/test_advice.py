@@ -100,9 +100,7 @@ def cheapest_of_all(beams: Beams, allowed: float) -> int:
 
 @pytest.mark.parametrize("constants", [(1.0, 1.0), (1.0, 8.0), (3.0, 0.01), (0.2, 0.0)])
 @pytest.mark.parametrize("allowed", [1e-1, 1e-2])
-def test_allocation_uses_the_fewest_hinges_that_meet_the_error_limit(
-    constants: tuple[float, ...], allowed: float
-) -> None:
+def test_allocation_uses_the_fewest_hinges_that_meet_the_error_limit(constants, allowed) -> None:
     beams = Beams(*constants)
     model = allocation(beams).cheapest(allowed)
     assert model is not None
@@ -157,11 +155,7 @@ def bars(*, skew: float = 0.0) -> Scene:
     """Two soft bars that fall; the second joint is tilted out of the plane by `skew` [deg]."""
     links = tuple(
         fl.Link(
-            name=f"bar{k}",
-            length=1.0,
-            material="steel",
-            section="square",
-            mount=fl.Mount(rpy_deg=(k * skew, 0, 0)),
+            name=f"bar{k}", length=1.0, material="steel", section="square", mount=fl.Mount(rpy_deg=(k * skew, 0, 0))
         )
         for k in range(2)
     )
@@ -284,9 +278,7 @@ def test_fewer_hinges_are_chosen_if_errors_cancel() -> None:
 
 
 @pytest.mark.parametrize(("explicit", "tried", "chosen"), [(0.5, True, True), (1.5, True, False), (9.0, False, False)])
-def test_explicit_steps_are_tried_if_stability_allows_and_chosen_if_cheaper(
-    explicit: float, tried: bool, chosen: bool
-) -> None:
+def test_explicit_steps_are_tried_if_stability_allows_and_chosen_if_cheaper(explicit, tried, chosen) -> None:
     runner, _, _ = searched(lambda x: 0.01 * x, lambda x: 0.1 * x**-0.1, explicit=explicit)
     assert ("DOP853" in runner.methods) == tried
     assert (runner.chosen == "DOP853") == chosen
@@ -332,9 +324,7 @@ def test_second_order_levels_are_extrapolated_to_their_exact_limit() -> None:
 
 @pytest.mark.parametrize("order", [2, 4])
 @pytest.mark.parametrize("levels", [(4, 8, 12), (8, 12, 16), (12, 16, 24), (24, 32, 48)])
-def test_cell_levels_are_extrapolated_to_their_exact_limit_with_the_order_that_they_show(
-    levels: tuple[int, ...], order: int
-) -> None:
+def test_cell_levels_are_extrapolated_to_their_exact_limit_with_the_order_that_they_show(levels, order) -> None:
     """Large bending in space reduces the order of cells to 2."""
     paths = {f"n{n}": along_x(0.0, 0.1 + 1e-3 / n**order, 0.2 + 4e-3 / n**order) for n in levels}
     limit = study_of_levels("lobatto", **paths).limit
@@ -350,9 +340,7 @@ def test_cell_levels_are_extrapolated_to_their_exact_limit_with_the_order_that_t
         ("lobatto", (1, 2, 4, 8, 12), ("midpoint", "lobatto2", "lobatto4", "lobatto4", "lobatto4")),
     ],
 )
-def test_every_hinge_count_of_a_family_has_a_lumping_rule(
-    family: str, hinges: tuple[int, ...], rules: tuple[str, ...]
-) -> None:
+def test_every_hinge_count_of_a_family_has_a_lumping_rule(family, hinges, rules) -> None:
     assert [rule_of(family, count) for count in hinges] == list(rules)
     for count in range(1, 40):
         taken = FAMILIES[family].rounded_up(count)
@@ -451,9 +439,7 @@ def test_if_the_last_strict_run_fails_a_coarser_level_estimates_the_step_error()
         ([0.0, 0.2, 0.4, 0.6, 0.8], [2.0] * 5, 0.0),  # the tolerance is exceeded from the start
     ],
 )
-def test_the_horizon_is_the_last_sample_before_the_tolerance_is_exceeded(
-    off: list[float], known: list[float], holds: float
-) -> None:
+def test_the_horizon_is_the_last_sample_before_the_tolerance_is_exceeded(off, known, holds) -> None:
     refinement = study_of_levels(n2=ALLOWED * along_x(*off))
     refinement.limit = Limit(along_x(*[0.0] * 5), np.zeros(5))
     assert horizons.horizon(refinement, NORM, ALLOWED * np.array(known)) == pytest.approx(holds)
@@ -700,9 +686,7 @@ def test_dropped_axes_are_included_in_the_uncertainty_of_the_converged_tip(advis
     assert [link.flex for link in kept] == ["yz", "yz"]
 
 
-def test_the_uncertainty_of_the_reference_reduces_the_allowed_model_error(
-    advised: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_uncertainty_of_the_reference_reduces_the_allowed_model_error(advised: Any, monkeypatch) -> None:
     allowed = []
     init = Search.__init__
 

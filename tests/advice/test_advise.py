@@ -229,9 +229,7 @@ class Watch:
 
 
 @pytest.mark.parametrize(("enough", "times"), [(0.0, 2), (9.5, 4), (np.inf, 5)])
-def test_run_time_includes_preparation_and_is_the_shortest_of_repeated_runs(
-    enough: float, times: int, monkeypatch
-) -> None:
+def test_run_time_includes_preparation_and_is_the_shortest_of_repeated_runs(enough, times, monkeypatch) -> None:
     watch = Watch()
     names = {"thread_time": watch, "simulate": watch.simulate}
     for name, value in names.items():
@@ -364,9 +362,7 @@ def test_advice_is_refused_if_no_two_models_can_run() -> None:
 
 
 @pytest.mark.slow
-def test_the_advise_command_prints_its_reasons_and_writes_a_scene_that_runs(
-    tmp_path: Path, models: Path, capsys
-) -> None:
+def test_the_advise_command_prints_its_reasons_and_writes_a_scene_that_runs(tmp_path, models, capsys) -> None:
     out = tmp_path / "small.toml"
     options = ["--tip", "1e-2", "--set", "run.duration=0.5", "-o", str(out)]
     assert main(["advise", str(models / "t3_spatial.toml"), *options]) == 0

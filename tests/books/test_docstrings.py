@@ -56,9 +56,7 @@ def names() -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in RUN])
-def test_examples_run_as_written(
-    name: str, names: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_examples_run_as_written(name: str, names: dict[str, Any], tmp_path, monkeypatch) -> None:
     if name in NEEDS:
         pytest.importorskip(NEEDS[name])
     for folder in ("models", "examples"):

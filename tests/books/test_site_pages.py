@@ -67,9 +67,7 @@ def site() -> Path:
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 @pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
 @pytest.mark.parametrize("name", PAGES)
-def test_pages_are_not_cut_and_are_accessible(
-    window: Browser, site: Path, name: str, size: tuple[int, int], dark: bool
-) -> None:
+def test_pages_are_not_cut_and_are_accessible(window, site, name, size, dark) -> None:
     window.open(site / f"{name}.html", *size, dark)
     window.run(STILL)
     theme = window.run("return document.documentElement.dataset.theme")

@@ -220,8 +220,7 @@ def coupled_abroad(chain: fl.Chain) -> fl.Chain:
 
 
 TURNED = make_scene(
-    flexible("a", lumping="lobatto2"),
-    flexible("b", lumping="lobatto4", mount=fl.Mount(rpy_deg=(180.0, 0.0, 0.0))),
+    flexible("a", lumping="lobatto2"), flexible("b", lumping="lobatto4", mount=fl.Mount(rpy_deg=(180.0, 0.0, 0.0)))
 )
 CHAINS = {
     "plane": lambda _: fl.lump(arm("z")),

@@ -129,9 +129,7 @@ def test_a_batch_of_attitudes_equals_single_conversions(rng: np.random.Generator
 
 
 @pytest.mark.parametrize("degree", [1, 3, 5, 6])
-def test_extremes_of_a_reference_are_found_inside_pieces_and_at_their_ends(
-    degree: int, rng: np.random.Generator
-) -> None:
+def test_extremes_of_a_reference_are_found_inside_pieces_and_at_their_ends(degree: int, rng) -> None:
     for _ in range(50):
         knots = np.cumsum(rng.uniform(0.5, 1.5, 4))
         c = rng.normal(size=(4, degree + 1, 2)) * (rng.random((4, degree + 1, 2)) < 0.7)

@@ -434,9 +434,7 @@ def test_info_does_not_compare_costs_of_methods_if_every_step_is_stable(tmp_path
 
 
 @pytest.mark.parametrize(("met", "code"), [(True, 0), (False, 1)])
-def test_advice_that_misses_its_goal_has_exit_code_1(
-    met: bool, code: int, monkeypatch: pytest.MonkeyPatch, capsys
-) -> None:
+def test_advice_that_misses_its_goal_has_exit_code_1(met: bool, code: int, monkeypatch, capsys) -> None:
     monkeypatch.setattr(advise, "advise", lambda *_, **__: SimpleNamespace(met=met))
     assert main(["advise", THREE_LINKS, "--tip", "1e-3"]) == code
     assert f"met={met}" in capsys.readouterr().out

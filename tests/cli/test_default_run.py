@@ -55,9 +55,7 @@ def test_a_scene_file_contains_only_the_settings_of_its_scene(given: Any) -> Non
         ({"run.step": 1e-3}, {"run.tolerance": 1e-4}, False, None),
     ],
 )  # fmt: skip
-def test_a_tolerance_replaces_a_step_and_a_step_the_default_tolerance(
-    first: Any, then: Any, is_default: bool, step: float | None
-) -> None:
+def test_a_tolerance_replaces_a_step_and_a_step_the_default_tolerance(first, then, is_default, step) -> None:
     run = arm().varied(first).varied(then).run
     assert (run.by_default, run.step) == (is_default, step)
     assert run.controlled == (is_default or "run.tolerance" in then)

@@ -279,9 +279,7 @@ def test_line_ends_of_any_operating_system_are_accepted(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", MISTAKES)
-def test_every_mistake_in_a_data_file_is_named_and_gives_exit_code_2(
-    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_mistake_in_a_data_file_is_named_and_gives_exit_code_2(name: str, tmp_path, capsys) -> None:
     table, text, id = MISTAKES[name]
     scene = make_scene(*LINKS).to_toml()
     top, _, rest = table.partition("\n") if table.startswith("initial") else ("", "", table)

@@ -128,9 +128,7 @@ def closed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_closed_folder_is_refused_before_the_work(
-    command: str, closed: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_closed_folder_is_refused_before_the_work(command: str, closed: Path, monkeypatch, capsys) -> None:
     (*words, option), name, work = COMMANDS[command]
 
     def never(*_: object, **__: object) -> None:
@@ -145,9 +143,7 @@ def test_a_closed_folder_is_refused_before_the_work(
 
 
 @pytest.mark.parametrize("command", ["export", "report", "fit", "fit --check"])
-def test_a_folder_that_cannot_be_created_is_refused_before_the_work(
-    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_folder_that_cannot_be_created_is_refused_before_the_work(command, tmp_path, monkeypatch, capsys) -> None:
     words, _, work = COMMANDS[command]
     monkeypatch.setattr(f"flexlink.cli.{work}", lambda *_, **__: pytest.fail(f"{work} was called"))
     (tmp_path / "file").write_text("")
@@ -156,9 +152,7 @@ def test_a_folder_that_cannot_be_created_is_refused_before_the_work(
     assert str(tmp_path / "file") in error and os.strerror(errno.ENOTDIR) in error
 
 
-def test_a_finished_page_that_cannot_be_stored_in_its_folder_is_stored_elsewhere(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_finished_page_that_cannot_be_stored_in_its_folder_is_stored_elsewhere(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     (tmp_path / "file").write_text("")
 
@@ -174,9 +168,7 @@ def test_a_finished_page_that_cannot_be_stored_in_its_folder_is_stored_elsewhere
     assert or_keep(tmp_path / "page", write) == tmp_path / "page"
 
 
-def test_a_database_that_cannot_be_opened_is_refused_without_mentioning_rows(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
-) -> None:
+def test_a_database_that_cannot_be_opened_is_refused_without_mentioning_rows(tmp_path, monkeypatch, capsys) -> None:
     reason = sqlite3.OperationalError("unable to open database file")
     monkeypatch.setattr(sqlite3, "connect", mock.Mock(side_effect=reason))
     assert main(["sweep", PAYLOAD, "--out", str(tmp_path / "rows.db")]) == 2

@@ -53,10 +53,7 @@ class TestReading:
         ("text", "reason"),
         [
             ("", "file-empty"),
-            (
-                "t [s],tip x [km]\n0,1\n1,1\n",
-                "no-such-column",
-            ),
+            ("t [s],tip x [km]\n0,1\n1,1\n", "no-such-column"),
             ("tip x [m]\n1\n2\n", "no-such-column"),
             ("t [s],tip x [m],tip x [mm]\n0,1,1\n1,1,1\n", "no-such-column"),
             ("t [s],tip x [m]\n0,1\n1,one\n", "csv-cell"),

@@ -257,9 +257,7 @@ def test_file_paths_in_a_scene_are_relative_to_its_folder(tmp_path: Path, monkey
         ["compare", "--seed", "-1"],
     ],
 )
-def test_impossible_commands_are_refused_before_they_start(
-    arguments: list[str], tmp_path: Path, capsys, monkeypatch
-) -> None:
+def test_impossible_commands_are_refused_before_they_start(arguments: list[str], tmp_path, capsys, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "folder.npz").mkdir()
     scene = write(tmp_path / "scene.toml", lambda raw: raw["run"].update(step=0.005))
@@ -277,11 +275,7 @@ def test_scenes_whose_exports_would_overwrite_each_other_are_refused(tmp_path: P
 
 
 def test_a_wrong_option_is_answered_in_one_line(capsys) -> None:
-    for arguments in (
-        ["foo"],
-        ["simulate", "a.toml", "--step", "abc"],
-        ["export", "a.toml", "--format", "sdformat"],
-    ):
+    for arguments in (["foo"], ["simulate", "a.toml", "--step", "abc"], ["export", "a.toml", "--format", "sdformat"]):
         with pytest.raises(SystemExit) as caught:
             main(arguments)
         assert caught.value.code == 2

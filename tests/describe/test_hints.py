@@ -121,9 +121,7 @@ def test_an_effort_that_suffices_only_in_kilonewton_metres_gets_a_note(effort: f
         reviewed("likely-unit", note)
 
 
-def test_a_sweep_prints_the_hints_on_its_first_and_last_member_once(
-    tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_sweep_prints_the_hints_on_its_first_and_last_member_once(tmp_path, capsys, monkeypatch) -> None:
     monkeypatch.setattr("flexlink.cli.sweep.fill", lambda *_: None)  # hints are printed before the run
     CRANE.varied({"run.duration": 0.01}).save(tmp_path / "crane.toml")
     sweep = tmp_path / "sweep.toml"

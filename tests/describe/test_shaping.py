@@ -53,9 +53,7 @@ def test_every_built_in_shaper_is_tested() -> None:
     frequency=st.floats(0.5, 20), damping=st.floats(0, 0.5),
     profile=st.sampled_from(["quintic", "trapezoidal", "s_curve"]), duration=st.floats(0.1, 2),
 )  # fmt: skip
-def test_a_shaped_reference_leaves_no_vibration(
-    kind: str, frequency: float, damping: float, profile: str, duration: float
-) -> None:
+def test_a_shaped_reference_leaves_no_vibration(kind, frequency, damping, profile, duration) -> None:
     """1e-12 allows rounding of a move of 1 rad with up to 28 pieces; exp(A t) has errors of ε |A| t with |A| = |λ|²."""
     shaper = fl.InputShaper(kind=kind, frequency_hz=(frequency,), damping=(damping,))
     course = fl.Reference(profile=profile, to_deg=(np.degrees(1.0),), duration=duration).course((0.0,))
@@ -74,9 +72,7 @@ def test_convolved_shapers_suppress_two_vibrations() -> None:
 
 @pytest.mark.parametrize("kind", ["ZV", "ZVD", "ZVDD"])
 @given(frequency=st.floats(0.1, 100), damping=st.floats(0, 0.9))
-def test_derivatives_of_a_shaper_with_respect_to_frequency_vanish_up_to_its_order(
-    kind: str, frequency: float, damping: float
-) -> None:
+def test_derivatives_of_a_shaper_with_respect_to_frequency_vanish_up_to_its_order(kind, frequency, damping) -> None:
     """In units of 1/|λ|^k, each impulse adds |a_i (λ t_i)^k exp(−λ t_i)| with a rounding error of a few ε |λ t_i|."""
     shaper = fl.InputShaper(kind=kind, frequency_hz=(frequency,), damping=(damping,))
     (pole,), (t, a) = shaper.vibrations, shaper.impulses

@@ -164,9 +164,7 @@ def test_keys_that_do_not_fit_a_joint_are_refused(gantry: fl.Scene, changes: dic
         ({"wrench.on": "right"}, "unknown-name"),
     ],
 )  # fmt: skip
-def test_keys_that_need_a_fixed_base_are_refused_with_a_free_base(
-    satellite: fl.Scene, changes: dict[str, Any], wanted: str
-) -> None:
+def test_keys_that_need_a_fixed_base_are_refused_with_a_free_base(satellite, changes, wanted) -> None:
     with refused(fl.errors.SceneError, wanted):
         satellite.varied(changes)
 

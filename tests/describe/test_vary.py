@@ -180,9 +180,7 @@ def test_a_motion_is_addressed_by_its_link_and_all_can_be_replaced_at_once() -> 
         ({"run.method": "RK7"}, "unknown-name", "run.method = 'RK7'", "RK10"),
     ],
 )  # fmt: skip
-def test_a_wrong_change_is_refused_in_one_line_with_its_path(
-    paper: fl.Scene, changes: dict, id: str, path: str, named: str
-) -> None:
+def test_a_wrong_change_is_refused_in_one_line_with_its_path(paper, changes, id, path, named) -> None:
     with refused(fl.errors.SceneError, id) as caught:
         paper.varied(changes)
     text = str(caught.value)

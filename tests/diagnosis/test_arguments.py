@@ -124,14 +124,8 @@ def test_an_argument_of_the_wrong_type_is_refused_in_one_line(call: str, argumen
         (lambda: fl.solve_static(chain(), tolerance=10**400), "tolerance = 1000.*"),
         (lambda: fl.modes(chain(), frame="no"), "frame = 'no'"),
         (lambda: chain().index(3, 0, 0), r"link = 3"),
-        (
-            lambda: fl.forward_dynamics([chain()], ZERO, ZERO, ZERO),
-            "q, qd, tau",
-        ),
-        (
-            lambda: fl.mass_matrix(chain(), ZERO[: chain().n], algorithm="uper"),
-            "algorithm = 'uper'.*'upper'",
-        ),
+        (lambda: fl.forward_dynamics([chain()], ZERO, ZERO, ZERO), "q, qd, tau"),
+        (lambda: fl.mass_matrix(chain(), ZERO[: chain().n], algorithm="uper"), "algorithm = 'uper'.*'upper'"),
     ],
 )
 def test_errors_name_the_argument_its_value_and_the_allowed_values(call: Callable[[], object], wanted: str) -> None:
@@ -147,21 +141,12 @@ BEYOND = 10**400
 @pytest.mark.parametrize(
     ("call", "wanted"),
     [
-        (
-            lambda: fl.measures.settling_time(run(), target=(0, 0, 0), tolerance=1e-3, after=BEYOND),
-            "wrong-type",
-        ),
+        (lambda: fl.measures.settling_time(run(), target=(0, 0, 0), tolerance=1e-3, after=BEYOND), "wrong-type"),
         (lambda: fl.measures.settling_time(run(), target=(0, 0, BEYOND), tolerance=1e-3), "wrong-type"),
         (lambda: fl.measures.residual_vibration(run(), after=-BEYOND), "wrong-type"),
         (lambda: fl.advise(scene(), BEYOND), "wrong-type"),
-        (
-            lambda: fl.ReferenceTrajectory([0.0], [[[BEYOND]]]),
-            "wrong-type",
-        ),
-        (
-            lambda: fl.ReferenceTrajectory([0.0], [[[0.0]]])(BEYOND),
-            "wrong-type",
-        ),
+        (lambda: fl.ReferenceTrajectory([0.0], [[[BEYOND]]]), "wrong-type"),
+        (lambda: fl.ReferenceTrajectory([0.0], [[[0.0]]])(BEYOND), "wrong-type"),
         (lambda: fl.ReferenceTrajectory([0.0], [[[0.0]]])("a"), "wrong-type"),
         (lambda: fl.ReferenceTrajectory([0.0], [[[0.0]]]).shaped([BEYOND], [1.0]), "wrong-type"),
         (lambda: fl.ReferenceTrajectory([0.0], [[[0.0]]]).delayed(BEYOND), "wrong-type"),

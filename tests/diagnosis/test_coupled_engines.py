@@ -3,7 +3,6 @@
 import dataclasses
 import importlib
 import re
-from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -100,9 +99,7 @@ FAULTS = {
 @pytest.mark.parametrize(
     ("name", "export"), [engine("pinocchio", "to_urdf"), engine("mujoco", "to_mjcf"), engine("exudyn", "to_urdf")]
 )
-def test_a_wrong_coupled_spring_in_an_engine_file_is_reported(
-    name: str, export: str, fault: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_wrong_coupled_spring_in_an_engine_file_is_reported(name: str, export: str, fault: str, monkeypatch) -> None:
     field, factor, unit, shown = FAULTS[fault]
     module = importlib.import_module(ENGINES[name].module)
     write = getattr(module, export)
@@ -253,9 +250,7 @@ def slack_lengths(root: ET.Element) -> None:
 
 @pytest.mark.parametrize("edit", [None, other_coefficients, other_way_round, unnamed, slack_lengths])
 @pytest.mark.parametrize("rest", [0.0, 0.1])
-def test_equivalent_notations_of_the_same_springs_pass(
-    edit: Callable[[ET.Element], None] | None, rest: float, tmp_path: Path
-) -> None:
+def test_equivalent_notations_of_the_same_springs_pass(edit, rest, tmp_path) -> None:
     hinges = CHAIN.hinges.copy()
     hinges["rest"][CHAIN.stiffness > 0] = rest * np.arange(1, len(CHAIN.bending) + 1)
     found = of_file(tmp_path, "mjcf", edit, dataclasses.replace(CHAIN, hinges=hinges))
@@ -272,9 +267,7 @@ def plain_sdf(root: ET.Element) -> None:
 
 
 @pytest.mark.parametrize(("form", "edit"), [("urdf", plain_urdf), pytest.param("sdf", plain_sdf, marks=drake)])
-def test_data_that_a_plain_file_cannot_contain_are_taken_from_the_scene_and_noted(
-    form: str, edit: planted.Edit, tmp_path: Path
-) -> None:
+def test_data_that_a_plain_file_cannot_contain_are_taken_from_the_scene_and_noted(form, edit, tmp_path) -> None:
     found = of_file(tmp_path, form, edit)
     assert found.passed and not found.findings, str(found)
     computed, taken = found.notes[:2]

@@ -16,9 +16,7 @@ from flexlink.dynamics.springs import damping_matrix, deflections
 from flexlink.dynamics.static_postures import static_postures
 from flexlink.dynamics.tangent import LoadedState, falls, gyroscopic_matrix, stiffness_matrix, tangent
 from flexlink.dynamics.vibration.extremes import CLOSE, fastest_decay, fastest_frequency, slowest_frequency
-from flexlink.dynamics.vibration.stability import (
-    fastest_eigenvalues,
-)
+from flexlink.dynamics.vibration.stability import fastest_eigenvalues
 from flexlink.kernels.forward.mass_plus_plane import plane_posture
 from flexlink.kernels.forward.mass_plus_space import space_posture
 from flexlink.kernels.forward.power_iteration import largest_eigenvalue
@@ -57,9 +55,7 @@ def held_at(chain: fl.Chain, *joints: int) -> fl.Chain:
 @pytest.mark.parametrize("moving", [False, True])
 @pytest.mark.parametrize("follower", [False, True])
 @pytest.mark.parametrize("name", CHAINS)
-def test_products_and_solutions_agree_with_the_dense_matrices(
-    name: str, follower: bool, moving: bool, tmp_path: Path
-) -> None:
+def test_products_and_solutions_agree_with_the_dense_matrices(name, follower, moving, tmp_path) -> None:
     """One joint within a cell is locked."""
     chain, rng = CHAINS[name](tmp_path), np.random.default_rng(3)
     n, wrench, locked = chain.n, rng.normal(size=6) * 10, np.zeros(chain.n, bool)

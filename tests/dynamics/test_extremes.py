@@ -24,9 +24,7 @@ def dense(chain: fl.Chain, q: np.ndarray) -> np.ndarray:
     return np.sqrt(squares[np.count_nonzero(K == 0) :])
 
 
-def test_lowest_and_highest_frequencies_agree_with_the_dense_eigenproblem(
-    chain: fl.Chain, rng: np.random.Generator
-) -> None:
+def test_lowest_and_highest_frequencies_agree_with_the_dense_eigenproblem(chain, rng) -> None:
     """The lowest frequency converges fast; the highest is only estimated, as other frequencies are close to it."""
     q = rng.uniform(-0.3, 0.3, chain.n)
     wanted = dense(chain, q)
@@ -54,9 +52,7 @@ def test_a_chain_without_springs_has_no_frequencies() -> None:
 @pytest.mark.parametrize("q", [(0.0, 0.0), (0.5, -1.0)], ids=["stretched, so that M is singular", "bent"])
 @pytest.mark.parametrize("steps", [{"tolerance": 1e-4}, {"method": "Radau5", "step": 1e-4}], ids=["tolerance", "step"])
 @pytest.mark.parametrize("density", [1e-11, 1e-15], ids=["20 eps of the payload", "less than eps"])
-def test_arms_with_nearly_massless_links_and_a_point_mass_can_be_simulated(
-    q: tuple[float, ...], steps: dict[str, object], density: float
-) -> None:
+def test_arms_with_nearly_massless_links_and_a_point_mass_can_be_simulated(q, steps, density) -> None:
     """The small mass of the links vibrates faster than anything else.
 
     Below eps times the point mass, rounding decides whether M contains any of the links' mass. Without fused

@@ -57,9 +57,7 @@ STATES = {
 @pytest.mark.parametrize("damped", [False, True])
 @pytest.mark.parametrize("state", STATES)
 @pytest.mark.parametrize("flex, hinges", [("z", 18), ("yz", 8), ("xyz", 6)])
-def test_the_slowest_modes_agree_with_the_full_eigensolution(
-    flex: str, hinges: int, state: str, damped: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_slowest_modes_agree_with_the_full_eigensolution(flex, hinges, state, damped, monkeypatch) -> None:
     """λ agrees to 100 eps times the fastest λ, or to 1e-9 of λ, plus the rounding error of the full solution."""
     monkeypatch.setattr(modal, "DENSE", 30)  # computing all modes of longer chains takes a second
     chain = fl.lump(long_arm(hinges, flex))

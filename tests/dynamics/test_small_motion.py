@@ -45,9 +45,7 @@ def test_products_and_solutions_equal_those_of_the_matrices(chain: fl.Chain, fol
 
 
 @pytest.mark.parametrize("smallest", [1e-8, 0.9, 1e9])
-def test_a_newton_step_with_skipped_rows_equals_that_of_the_full_matrix(
-    chain: fl.Chain, smallest: float, rng: Rng, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_newton_step_with_skipped_rows_equals_that_of_the_full_matrix(chain, smallest, rng, monkeypatch) -> None:
     """None, some or all pivots are too small; their coordinates are solved for together with the load factor."""
     monkeypatch.setattr(small_motion.SmallMotion.eliminate, "__defaults__", (smallest,))
     q, n = rng.uniform(-1, 1, chain.n), chain.n

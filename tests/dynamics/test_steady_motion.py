@@ -26,9 +26,7 @@ def blade(axis: tuple[float, float, float], offset: float = OFFSET, **fields: ob
 
 
 @pytest.mark.parametrize(("axis", "stiff"), [((0.0, 1.0, 0.0), 1.0), ((0.0, 0.0, 1.0), 0.0)], ids=["flap", "lag"])
-def test_a_hinged_blade_has_the_flap_and_lag_frequencies_of_a_helicopter_blade(
-    axis: tuple[float, float, float], stiff: float
-) -> None:
+def test_a_hinged_blade_has_the_flap_and_lag_frequencies_of_a_helicopter_blade(axis, stiff) -> None:
     """(ω/Ω)² = 1 + 3 e/(2 l) across the plane of rotation, 3 e/(2 l) in it, for a hinge at radius e (Johnson 1980)."""
     found = fl.small_motion.modes_in_motion(blade(axis), {"shaft": OMEGA})
     assert found.frequencies[0] / OMEGA == pytest.approx(np.sqrt(stiff + 1.5 * OFFSET / LENGTH), rel=1e-9)

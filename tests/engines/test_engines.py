@@ -171,11 +171,7 @@ def test_other_methods_give_the_same_motion(name: str, method: str, step: float)
 
 @pytest.mark.parametrize(
     ("name", "methods"),
-    [
-        engine("mujoco", ("RK4",)),
-        engine("exudyn", ("RK2", "RK4")),
-        engine("drake", ("RK3", "DOPRI5")),
-    ],
+    [engine("mujoco", ("RK4",)), engine("exudyn", ("RK2", "RK4")), engine("drake", ("RK3", "DOPRI5"))],
 )
 def test_the_refusal_of_a_method_lists_the_methods_of_the_engine(name: str, methods: tuple[str, ...]) -> None:
     scene = shortened(make_scene(flexible("arm")), 0.01, method="RK10")
@@ -205,9 +201,7 @@ def torn(late: float, samples: int = STEPS) -> Scene:
 
 
 @every
-def test_a_run_that_diverges_is_an_error_that_keeps_its_samples_and_writes_no_file(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_that_diverges_is_an_error_that_keeps_its_samples_and_writes_no_file(name, tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     scene = of(name, torn(late=20))
     with refused(DivergenceError, "diverged") as caught:
@@ -265,8 +259,7 @@ def test_pinocchio_keeps_a_prescribed_joint_at_a_constant_rate() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "title"),
-    [engine("mujoco", "MuJoCo"), engine("exudyn", "Exudyn"), engine("drake", "Drake")],
+    ("name", "title"), [engine("mujoco", "MuJoCo"), engine("exudyn", "Exudyn"), engine("drake", "Drake")]
 )
 def test_engines_without_prescribed_joints_refuse_scenes_with_them(name: str, title: str) -> None:
     scene = moved(flexible("upper"))

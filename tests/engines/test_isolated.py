@@ -76,9 +76,7 @@ def test_a_crash_is_an_error_that_names_the_call_the_arm_and_the_signal(number: 
             engine.mass_matrix(np.zeros(engine.n))
 
 
-def test_the_error_of_a_process_that_cannot_start_names_the_cause(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_error_of_a_process_that_cannot_start_names_the_cause(tmp_path, monkeypatch) -> None:
     (tmp_path / "numba.py").write_text("raise SystemExit('no numba today')")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(child_process, "_idle", {})
@@ -107,9 +105,7 @@ for name in ("fork", "mkfifo", "sched_getaffinity"):
 """
 
 
-def test_isolation_uses_only_features_available_on_windows(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
-) -> None:
+def test_isolation_uses_only_features_available_on_windows(tmp_path, monkeypatch, rng) -> None:
     """Without extra file descriptors and alarms in both processes, the engine works, and a timeout ends its process."""
     (tmp_path / "sitecustomize.py").write_text(BARE)
     monkeypatch.syspath_prepend(tmp_path)
@@ -171,9 +167,7 @@ def test_ctrl_c_sent_only_to_the_engine_process_is_raised_in_the_parent() -> Non
         engine.mass_matrix(np.zeros(engine.n))
 
 
-def test_a_process_serves_one_engine_after_another(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_process_serves_one_engine_after_another(monkeypatch) -> None:
     gc.collect()  # without this, an unused engine of an earlier test could leave its process idle later
     monkeypatch.setattr(child_process, "_idle", {})
     engine = IsolatedEngine("native", lump(SCENE))

@@ -212,10 +212,7 @@ def test_a_linear_model_includes_the_rotation_of_its_wrench(room: str) -> None:
 @pytest.mark.parametrize(
     ("fields", "id"),
     [
-        (
-            {"times": (0.0, 0.5, 0.5), "forces": ((0.0, 0.0, 0.0),) * 3},
-            "times-not-increasing",
-        ),
+        ({"times": (0.0, 0.5, 0.5), "forces": ((0.0, 0.0, 0.0),) * 3}, "times-not-increasing"),
         ({"times": (0.0, 1.0), "forces": ((0.0, 0.0, 0.0),)}, "one-per-time"),
         ({"times": (0.0, 1.0), "moments": ((0.0, 0.0, 0.0),) * 3}, "one-per-time"),
         ({"times": (0.0, np.nan), "forces": ((0.0, 0.0, 0.0),) * 2}, "not-finite"),

@@ -18,9 +18,7 @@ from validation.random_arms import random_arm
 WRITERS = [fl.to_urdf, fl.to_mjcf, fl.to_sdf]
 
 
-def test_shapes_and_motors_do_not_change_the_motion_in_mujoco_by_one_bit(
-    chain: fl.Chain, rng: np.random.Generator
-) -> None:
+def test_shapes_and_motors_do_not_change_the_motion_in_mujoco_by_one_bit(chain, rng) -> None:
     mujoco = pytest.importorskip("mujoco")
     q, qd = random_state(chain, rng)
     bare = parse(fl.to_mjcf(chain, shapes=False), "bare")

@@ -107,9 +107,7 @@ def test_links_without_mass_get_the_given_mass(rng: np.random.Generator) -> None
     assert fl.tip_position(filled, q) == pytest.approx(fl.tip_position(chain, q), abs=1e-14)
 
 
-def test_added_inertia_is_the_change_of_the_mass_matrix_and_bounds_frequencies(
-    rng: np.random.Generator,
-) -> None:
+def test_added_inertia_is_the_change_of_the_mass_matrix_and_bounds_frequencies(rng) -> None:
     chain = fl.lump(nasty_scene())
     q, mass = rng.uniform(-1, 1, chain.n), 1e-3
     δ, filled = added_inertia(chain, q, mass=mass), with_small_mass(chain, mass=mass)

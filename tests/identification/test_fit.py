@@ -3,7 +3,6 @@
 import json
 import math
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -282,9 +281,7 @@ class TestProblem:
             ),
         ],
     )
-    def test_mistakes_in_a_problem_file_are_refused_by_key(
-        self, tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, id: str, part: str
-    ) -> None:
+    def test_mistakes_in_a_problem_file_are_refused_by_key(self, tmp_path, capsys, text, id, part) -> None:
         path = tmp_path / "problem.toml"
         path.write_text(self.SCENE + text, encoding="utf-8")
         assert main(["fit", str(path)]) == 2
@@ -300,9 +297,7 @@ class TestProblem:
             ("tip x [m]", {"window": (5.0, 6.0)}, "too-few-samples", "swing"),
         ],
     )
-    def test_mistakes_in_a_record_are_refused_and_the_run_is_named(
-        self, scene: fl.Scene, head: str, settings: dict[str, object], id: str, part: str
-    ) -> None:
+    def test_mistakes_in_a_record_are_refused_and_the_run_is_named(self, scene, head, settings, id, part) -> None:
         run = fl.fits.FitRun(name="swing", columns={"t [s]": (0.0, 0.1, 0.2), head: (1.0, 1.1, 1.2)}, **settings)
         with refused(fl.errors.DataFileError, id) as caught:
             fl.fits.check_fit(problem_of(scene, ("tip.mass",), run))
@@ -345,9 +340,7 @@ class TestDoubts:
         assert doubted["tip.mass"].value == pytest.approx(8.6, abs=0.05)
         reviewed("fit: far from the prior", line("\n".join(doubted.warnings), "tip.mass", "8 ± 0.05"))
 
-    def test_a_validation_run_with_larger_residuals_than_the_fitted_runs_is_reported(
-        self, doubted: fl.fits.Fitted
-    ) -> None:
+    def test_a_validation_run_with_larger_residuals_than_the_fitted_runs_is_reported(self, doubted) -> None:
         warning = line("\n".join(doubted.warnings), "check, tip x [m]: ")
         reviewed("fit: worse validation run", warning)
         assert len(re.findall(r"\d[\d.e-]*", warning)) >= 1
@@ -365,9 +358,7 @@ class TestDoubts:
 
 
 class TestCommand:
-    def test_the_check_option_prints_accuracies_and_an_unidentifiable_fit_returns_1(
-        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-    ) -> None:
+    def test_the_check_option_prints_accuracies_and_an_unidentifiable_fit_returns_1(self, tmp_path, capsys) -> None:
         model = ROOT / "models" / "fits" / "tapped.toml"
         assert main(["fit", str(model), "--check"]) == 0
         assert re.search(r" ± [\d.]+ % ", line(capsys.readouterr().out, "tip.mass "))
@@ -381,9 +372,7 @@ class TestCommand:
         assert path in refusal
 
     @pytest.mark.slow
-    def test_the_fit_command_turns_a_csv_into_a_scene_a_page_and_json(
-        self, scene: fl.Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-    ) -> None:
+    def test_the_fit_command_turns_a_csv_into_a_scene_a_page_and_json(self, scene: fl.Scene, tmp_path, capsys) -> None:
         columns = record(scene.varied({"tip.mass": 8.5, "run.duration": 0.5}), ("tip x [m]", "tip z [m]"), 1e-3)
         for name in ("one", "two"):
             table = np.column_stack(list(columns.values()))
@@ -424,9 +413,7 @@ TOO_SMALL, TOO_LARGE = r"expected float >= 1e-30", r"expected float <= 1e\+30"
         ("noise.*", lambda d: fl.fits.FitRun(name="a", file="a.csv", noise={"tip x [m]": d})),
     ],
 )
-def test_a_standard_deviation_whose_square_overflows_or_underflows_is_refused(
-    key: str, build: Callable[[float], object], value: float, allowed: str
-) -> None:
+def test_a_standard_deviation_whose_square_overflows_or_underflows_is_refused(key, build, value, allowed) -> None:
     with refused(fl.errors.SceneError, "wrong-value"):
         build(value)
 

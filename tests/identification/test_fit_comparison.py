@@ -161,9 +161,7 @@ class TestCommand:
         return folder
 
     @pytest.mark.slow
-    def test_several_files_print_and_write_one_comparison(
-        self, folder: Path, capsys: pytest.CaptureFixture[str]
-    ) -> None:
+    def test_several_files_print_and_write_one_comparison(self, folder: Path, capsys) -> None:
         files = [str(folder / f"{name}.toml") for name in ("clamped", "soft")]
         assert main(["fit", *files, "--grid", "ignore", "--out", str(folder / "out")]) == 0
         text = capsys.readouterr().out

@@ -286,9 +286,7 @@ def test_table_heads_are_capitalized_except_symbols_and_paths() -> None:
 
 
 class TestPages:
-    def test_a_refused_fit_writes_a_page_with_the_reason_and_the_problem(
-        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-    ) -> None:
+    def test_a_refused_fit_writes_a_page_with_the_reason_and_the_problem(self, tmp_path, capsys) -> None:
         strip(z=900.0).save(tmp_path / "arm.toml")
         run = film(T)
         table = np.column_stack([run.columns["t [s]"], run.columns["tip z [m]"]])

@@ -93,9 +93,7 @@ def test_a_scene_that_starts_from_coordinates_of_its_hinges_has_an_unknown_grid_
 @pytest.mark.parametrize(("rule", "segments", "factor", "after"), [
     ("gauss", 5, 2.0, 9), ("gauss", 5, 1.3, 7), ("midpoint", 2, 2.0, 3), ("lobatto4", 5, 1.5, 9),
 ])  # fmt: skip
-def test_refining_rounds_the_hinges_up_to_a_number_that_the_rule_takes(
-    rule: str, segments: int, factor: float, after: int
-) -> None:
+def test_refining_rounds_the_hinges_up_to_a_number_that_the_rule_takes(rule, segments, factor, after) -> None:
     scene = boom(5).varied({"link.boom.lumping": rule, "link.boom.segments": segments})
     assert segments_in_words(refined(scene, factor)) == f"{after} segments"
 

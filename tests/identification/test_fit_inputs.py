@@ -55,9 +55,7 @@ def fitted(folder: Path, cutoff: float | str, noise: float) -> fl.fits.Fitted:
 
 
 @pytest.mark.parametrize(("cutoff", "noise"), [(3.0, 0.0), (6.0, 0.0), (40.0, 0.01), (80.0, 0.03), ("auto", 0.01)])
-def test_the_true_value_is_inside_or_the_recorded_motion_is_named(
-    tmp_path: Path, cutoff: float | str, noise: float
-) -> None:
+def test_the_true_value_is_inside_or_the_recorded_motion_is_named(tmp_path, cutoff: float | str, noise: float) -> None:
     found = fitted(tmp_path, cutoff, noise)
     named = any(one.id in ("input-error", "input-cutoff") for one in found.warnings)
     assert found[YOUNG].u_input > 0

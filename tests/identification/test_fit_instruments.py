@@ -93,9 +93,7 @@ class TestScoreTests:
         ({"gyro_gain": 0.9}, "likely-gain", {"gain": (GYRO,)}),
         pytest.param({"gyro_drift": 0.1}, "likely-drift", {"drift": (GYRO,)}, marks=pytest.mark.slow),
     ])  # fmt: skip
-    def test_a_fault_is_named_and_its_key_puts_the_true_values_inside_their_intervals(
-        self, fault: dict[str, float], id: str, key: dict[str, Any]
-    ) -> None:
+    def test_a_fault_is_named_and_its_key_puts_the_true_values_inside_their_intervals(self, fault, id, key) -> None:
         named = next(one for one in fitted(**fault).warnings if one.id == id)
         assert ("late" in named) == (id in ("likely-delay", "likely-start") and next(iter(fault.values())) > 0)
         repaired = fitted(**fault, **key)

@@ -140,9 +140,7 @@ def noise(rng: np.random.Generator, n: int, a: Sequence[float]) -> Array:
 class TestCoverage:
     @pytest.mark.slow
     @pytest.mark.parametrize("a", [(1.0,), (1.0, -1.6, 0.9)], ids=["white", "resonant"])
-    def test_ninety_five_percent_of_the_intervals_contain_the_true_value(
-        self, fit_of: Any, a: tuple[float, ...]
-    ) -> None:
+    def test_ninety_five_percent_of_the_intervals_contain_the_true_value(self, fit_of, a) -> None:
         """For 400 intervals with p = 0.95 the standard error is √(p (1 − p) / 400) = 1.1 %; the limits are ± 2.8 σ."""
         rng, n, draws, problem = np.random.default_rng(6), 60, 100, problem_of(*PATHS)
         Φ = rng.standard_normal((n, 4))
@@ -420,9 +418,7 @@ class TestIdentifiability:
     @pytest.mark.parametrize(
         ("effect", "error", "lost"), [(0.3, 0.0, True), (3.0, 0.0, False), (3.0, 1.0, True), (30.0, 1.0, False)]
     )
-    def test_an_effect_below_the_noise_or_ten_derivative_errors_counts_as_lost(
-        self, effect: float, error: float, lost: bool
-    ) -> None:
+    def test_an_effect_below_the_noise_or_ten_derivative_errors_counts_as_lost(self, effect, error, lost) -> None:
         J = np.diag([100.0, effect])
         assert bool(checked(J, error, ("a", "b")).lost) == lost
 
@@ -468,9 +464,7 @@ class TestTimes:
         assert part.scene.run.duration == pytest.approx(0.14)  # samples 0 to 14
 
     @pytest.mark.parametrize(("samples_a_period", "seen"), [(1.6, False), (2.5, True)])
-    def test_sampling_below_two_samples_per_period_is_reported(
-        self, samples_a_period: float, seen: bool, monkeypatch: Any
-    ) -> None:
+    def test_sampling_below_two_samples_per_period_is_reported(self, samples_a_period, seen, monkeypatch) -> None:
         monkeypatch.setattr("flexlink.identification.timing._swings", lambda *_: False)
         t = np.arange(50) / (3.0 * samples_a_period)
         doubts = doubts_of_times(SCENE, film(t, 1.0).blocks, t, 3.0)

@@ -82,9 +82,7 @@ class TestPage:
             (43.21, 43.18, 43.24, "43.210 ± 0.030 kg"),
         ],
     )
-    def test_an_estimate_is_printed_with_two_digits_of_its_interval_or_both_ends(
-        self, value: float, low: float, high: float, text: str
-    ) -> None:
+    def test_an_estimate_is_printed_with_two_digits_of_its_interval_or_both_ends(self, value, low, high, text) -> None:
         assert (
             page._with_interval(Estimate(MASS, MASS, 1.0, value, low, high, 0.1, unit="kg")).replace("\xa0", " ")
             == text
@@ -127,9 +125,7 @@ class TestPage:
     @pytest.mark.parametrize(
         ("ours", "theirs", "state"), [(95.0, 95.5, "pass"), (90.0, 95.0, "doubt"), (20.0, 40.0, "info")]
     )
-    def test_the_model_is_complete_if_it_explains_as_much_as_a_free_model(
-        self, ours: float, theirs: float, state: str
-    ) -> None:
+    def test_the_model_is_complete_if_it_explains_as_much_as_a_free_model(self, ours, theirs, state) -> None:
         off = [self.Y.std() * (1 - share / 100) for share in (ours, theirs)]
         one = column("a", "fit", self.Y, self.Y + 9.0, self.Y + off[0], linear=self.Y + off[1])
         verdict = page._verdicts(fitted_with(one))[2]

@@ -66,9 +66,7 @@ def problem_of(scene: fl.Scene, paths: tuple[str, ...], measure: Laboratory, rng
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SET_UPS)
-def test_following_the_first_proposal_makes_confounded_parameters_identifiable(
-    name: str, rng: np.random.Generator
-) -> None:
+def test_following_the_first_proposal_makes_confounded_parameters_identifiable(name: str, rng) -> None:
     scene, paths, poor, _ = SET_UPS[name]
     truth = scene.varied({p: scene.values_at(p)[0] * (1.03 if k % 2 else 0.98) for k, p in enumerate(paths)})
     problem = FitProblem(scene=scene, parameter=tuple(FitParameter(path=p) for p in paths), **poor(truth, rng))
@@ -216,9 +214,7 @@ def test_what_cannot_be_done_is_left_out_with_its_reason(rng: np.random.Generato
 
 
 @pytest.mark.slow
-def test_the_command_prints_the_ranking_and_reads_instruments(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_prints_the_ranking_and_reads_instruments(tmp_path, capsys) -> None:
     more = tmp_path / "instruments.toml"
     more.write_text(
         "[[prior]]\nname = 'pull a sample'\nreason = 'testing machine'\npaths = '.*young'\nshare = 1e-5\n",

@@ -122,9 +122,7 @@ class TestEstimate:
         ("change", "id"),
         [({"segment": 8.0}, "out-of-range"), ({"segment": 0.01}, "out-of-range"), ({"bend": 0.1}, "uneven-times")],
     )
-    def test_segments_that_leave_no_average_and_uneven_times_are_refused(
-        self, change: dict[str, float], id: str, rng: np.random.Generator
-    ) -> None:
+    def test_segments_that_leave_no_average_and_uneven_times_are_refused(self, change, id, rng) -> None:
         t, u, y = self.records(rng, 1000)
         t = t + change.pop("bend", 0.0) * t**2
         with refused(fl.errors.ArgumentError, id):

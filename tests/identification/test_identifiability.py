@@ -1,6 +1,5 @@
 """Identifiability computed from sensitivities does not depend on rounding or on the basis that the SVD returns."""
 
-from collections.abc import Callable, Sequence
 from functools import partial
 from types import SimpleNamespace
 from typing import Any
@@ -184,9 +183,7 @@ PAIRS = [
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("scene", "paths", "data"), [pair[1:] for pair in PAIRS], ids=[pair[0] for pair in PAIRS])
-def test_indistinguishable_parameters_are_refused_and_named(
-    scene: fl.Scene, paths: Sequence[str], data: Callable[[fl.Scene], dict[str, Any]]
-) -> None:
+def test_indistinguishable_parameters_are_refused_and_named(scene, paths, data) -> None:
     check = fl.fits.check_fit(
         fl.fits.FitProblem(scene=scene, parameter=tuple(fl.fits.FitParameter(path=p) for p in paths), **data(scene))
     )

@@ -64,9 +64,7 @@ def test_accelerations_of_every_model_agree_with_lu(chain: Chain, rng: np.random
 @pytest.mark.parametrize("segments", [2, 3, 10])
 @pytest.mark.parametrize("mount", [Mount(rpy_deg=(-90.0, 0.0, 0.0)), SKEW])
 @pytest.mark.parametrize("joint", [Joint(), ROTOR])
-def test_two_flexible_links_agree_with_lu(
-    flex: str, segments: int, mount: Mount, joint: Joint, rng: np.random.Generator
-) -> None:
+def test_two_flexible_links_agree_with_lu(flex: str, segments: int, mount: Mount, joint: Joint, rng) -> None:
     links = flexible("upper", flex, segments, mount=mount, joint=joint), flexible("fore", flex, segments, joint=joint)
     assert_as_lu(lump(make_scene(*links, gravity=(3.0, -4.0, 8.0))), rng)
 
@@ -129,9 +127,7 @@ def solve(wrench, q, qd, tau, qdd, work, power):
 
 
 @pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
-def test_returned_power_equals_the_power_of_drive_friction_and_tip_moment_torques(
-    flex: str, rng: np.random.Generator
-) -> None:
+def test_returned_power_equals_the_power_of_drive_friction_and_tip_moment_torques(flex: str, rng) -> None:
     chain = lump(make_scene(flexible("upper", flex, 5, mount=SKEW, joint=ROTOR), flexible("fore", flex, 4)))
     q, qd, tau = rng.uniform(-1, 1, (3, chain.n))
     wrench = rng.normal(size=6)
@@ -267,9 +263,7 @@ def relative_error(chain: Chain, *state: np.ndarray) -> float:
 
 @pytest.mark.parametrize(("flex", "segments"), [("z", 16), ("yz", 8)])
 @pytest.mark.parametrize("bend", [0.01, 1.0])
-def test_long_arms_on_a_vertical_first_joint_keep_their_accuracy(
-    flex: str, segments: int, bend: float, rng: np.random.Generator
-) -> None:
+def test_long_arms_on_a_vertical_first_joint_keep_their_accuracy(flex: str, segments: int, bend: float, rng) -> None:
     """The limit n eps is one rounding per body. An earlier version, which mixed inertia axes, had errors of 100 eps."""
     links = flexible("a", flex, segments, mount=Mount(rpy_deg=(-90.0, 0.0, 0.0))), flexible("b", flex, segments)
     chain = lump(make_scene(Link(name="waist"), *links))

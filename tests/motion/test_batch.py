@@ -24,9 +24,7 @@ from tests.support.words import refused
 
 @pytest.mark.parametrize("states", [1, 7, 8, 21])
 @pytest.mark.parametrize("method", ["articulated", "lu"])
-def test_a_batch_of_states_gives_the_accelerations_of_single_states(
-    chain: fl.Chain, states: int, method: str, rng: np.random.Generator
-) -> None:
+def test_a_batch_of_states_gives_the_accelerations_of_single_states(chain, states: int, method: str, rng) -> None:
     q, qd = (np.array(x) for x in zip(*(random_state(chain, rng) for _ in range(states)), strict=True))
     tau, wrench = rng.normal(size=q.shape), rng.normal(size=6)
     many = fl.forward_dynamics(chain, q, qd, tau, solver=method, tip_wrench=wrench)
@@ -54,9 +52,7 @@ def test_batch_functions_do_not_modify_their_input_states(chain: fl.Chain, rng: 
 
 
 @pytest.mark.parametrize("made", ["read only", "of whole numbers", "every other row", "a column first"])
-def test_any_array_layout_is_accepted_as_a_batch_of_states(
-    chain: fl.Chain, made: str, rng: np.random.Generator
-) -> None:
+def test_any_array_layout_is_accepted_as_a_batch_of_states(chain, made: str, rng) -> None:
     """Kernels are compiled for one array layout; others are converted."""
     tau = np.round(rng.normal(size=(8, chain.n)))
     kinds = {

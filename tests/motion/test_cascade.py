@@ -14,10 +14,7 @@ from tests.motion.test_loop import arm
 from tests.support.words import refused
 
 RATE = 500.0
-FILTERS = (
-    fl.details.DriveFilter(notch=30.0, damping=0.4),
-    fl.details.DriveFilter(low_pass=90.0, order=2, link="a"),
-)
+FILTERS = (fl.details.DriveFilter(notch=30.0, damping=0.4), fl.details.DriveFilter(low_pass=90.0, order=2, link="a"))
 MOVE = fl.Reference(profile="quintic", to_deg=(20.0, -10.0), duration=0.08)
 
 

@@ -109,9 +109,7 @@ def test_an_implicit_step_takes_about_the_predicted_time(models, name: str, tole
 
 @pytest.mark.parametrize(("flex", "least", "most"), [("z", 2.7, 6.8), ("xyz", 4.9, 15.0)])
 @pytest.mark.parametrize("segments", [3, 12, 48])
-def test_predicted_cost_ratio_of_implicit_to_explicit_stages_is_in_measured_range(
-    flex: str, segments: int, least: float, most: float
-) -> None:
+def test_predicted_cost_ratio_of_implicit_to_explicit_stages_is_in_measured_range(flex, segments, least, most) -> None:
     chain, stages = chain_of(flex, segments), 3  # Radau5 has three stages
     assert least < step_cost(chain, "Radau5") / (stages * run_cost(chain, "RK4", 1)) < most
 

@@ -2,7 +2,6 @@
 
 import collections
 import dataclasses
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -92,9 +91,7 @@ def given(name: str, delay: float) -> tuple[fl.Scene, dict[str, Any]]:
 @pytest.mark.parametrize("name", GIVEN)
 @pytest.mark.parametrize("method", ["RK4", "Radau5"])
 @pytest.mark.parametrize("delay", [0.0007, 0.002, 0.0051])
-def test_a_run_after_another_equals_the_uninterrupted_run_to_the_bit(
-    delay: float, method: str, name: str, tmp_path: Path
-) -> None:
+def test_a_run_after_another_equals_the_uninterrupted_run_to_the_bit(delay, method, name, tmp_path) -> None:
     scene, options = given(name, delay)
     whole, first = (fl.simulate(scene, method=method, duration=duration, **options) for duration in (0.08, 0.03))
     read = fl.load_trajectory(first.save(tmp_path / "first.npz"))

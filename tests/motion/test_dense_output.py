@@ -385,10 +385,7 @@ ONE_STAGE = {"A": ((), ("1",)), "b": ("1/2", "1/2"), "c": ("0", "1"), "error": (
         ({"dense_stages": (("0", "0", "1/2"),)}, "dense_stages"),
         ({"dense": (("1", "-1", "0", "0"),), "dense_stages": (("1/2",),)}, "dense_stages[0] has 1 numbers: expected 3"),
         ({"dense": (("1", "-1", "0", "0"),), "dense_stages": (("0", "y", "0"),)}, "dense_stages[0]: 'y': expected"),
-        (
-            {"A": (("0", "0"), ("1/2", "1/2")), "error": (), "dense": (("1", "-1", "0"),)},
-            "dense",
-        ),
+        ({"A": (("0", "0"), ("1/2", "1/2")), "error": (), "dense": (("1", "-1", "0"),)}, "dense"),
     ],
 )
 def test_invalid_dense_output_coefficients_are_refused_in_one_line(fields: dict[str, Any], wanted: str) -> None:

@@ -113,9 +113,7 @@ def inverse_dynamics(by: str, scene: fl.Scene) -> Callable[..., np.ndarray]:
 
 @pytest.mark.parametrize("by", ["flexlink", "pinocchio"])
 @every_law
-def test_a_compiled_law_agrees_with_its_formula(
-    name: str, by: str, monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
-) -> None:
+def test_a_compiled_law_agrees_with_its_formula(name: str, by: str, monkeypatch, rng) -> None:
     """Torques agree to 1e-12 of the largest term, that is, to a few thousand roundings."""
     law, scene = LAWS[name], arm(LAWS[name])
     order = 1 if law.get("gravity") == "static" else 4

@@ -1,7 +1,6 @@
 """The closed loop as the processor sees it: poles, growth, margins, and what makes an unstable loop stable."""
 
 import json
-from pathlib import Path
 
 import control
 import numpy as np
@@ -62,9 +61,7 @@ def small_motion(loop: Loop, kick: np.ndarray, periods: int) -> np.ndarray:
         (("yz", "z"), 10.0, 0.7, 1000.0, 0.0003),
     ],
 )
-def test_small_motion_of_the_nonlinear_sampled_run_is_that_of_the_loop(
-    flex: tuple[str, ...], hertz: float, ratio: float, rate: float, delay: float
-) -> None:
+def test_small_motion_of_the_nonlinear_sampled_run_is_that_of_the_loop(flex, hertz, ratio, rate, delay) -> None:
     """Differences of two runs that are kicked in opposite directions, so that even terms cancel."""
     scene, periods = driven(arm(*flex), hertz, ratio, rate=rate, delay=delay), 30
     loop = fl.loop(scene)
@@ -315,9 +312,7 @@ def test_what_has_no_loop_is_refused_by_name() -> None:
 
 
 @pytest.mark.slow
-def test_the_command_prints_poles_and_margins_and_returns_1_if_unstable(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_prints_poles_and_margins_and_returns_1_if_unstable(tmp_path, capsys) -> None:
     sampled = ["loop", "models/ptp_move.toml", "--set", "drive.rate=1000"]
     assert main([*sampled, "--plot", str(tmp_path / "bode.png")]) == 0
     printed = capsys.readouterr().out

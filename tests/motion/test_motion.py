@@ -120,11 +120,7 @@ def test_a_prescribed_joint_of_a_planar_chain_may_be_reversed_and_have_a_rotor(s
 
 
 @pytest.mark.parametrize(
-    ("change", "wanted"),
-    [
-        ({"link": "x"}, "unknown-link"),
-        ({"angle_deg": (1.0, 2.0)}, "start-differs-from-motion"),
-    ],
+    ("change", "wanted"), [({"link": "x"}, "unknown-link"), ({"angle_deg": (1.0, 2.0)}, "start-differs-from-motion")]
 )
 def test_a_motion_that_does_not_fit_the_scene_is_refused(change: dict, wanted: str) -> None:
     fields = {"link": "a", "times": (0.0, 1.0), "angle_deg": (0.0, 1.0), "rate_deg": (0.0, 0.0),

@@ -71,9 +71,7 @@ def exact(geared: fl.Scene) -> np.ndarray:
 
 @pytest.mark.parametrize("method", ["auto", "DOP853", "Radau5", "Radau9"])
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8])
-def test_a_saturating_motor_on_an_elastic_gear_follows_the_exact_solution(
-    geared: fl.Scene, exact: np.ndarray, method: str, tolerance: float
-) -> None:
+def test_a_saturating_motor_on_an_elastic_gear_follows_the_exact_solution(geared, exact, method, tolerance) -> None:
     run = fl.simulate(geared, method=method, tolerance=tolerance)
     error = np.linalg.norm(run.tip[:, :2] - np.stack([np.cos(exact), np.sin(exact)], axis=1), axis=1).max()
     assert error <= WRONG * tolerance or run.warnings  # measured: 3.3; 1,100 if kinks are inside steps

@@ -313,9 +313,7 @@ FIXED = list(itertools.product(("Gauss4", "Gauss6", "Radau5", "Radau9"), (2.0, 1
 
 @compiled
 @pytest.mark.parametrize(("method", "spin", "step"), FIXED)
-def test_a_free_base_in_implicit_steps_reaches_its_end_or_fails_with_a_reason(
-    method: str, spin: float, step: float
-) -> None:
+def test_a_free_base_in_implicit_steps_reaches_its_end_or_fails_with_a_reason(method, spin, step) -> None:
     try:
         run = fl.simulate(satellite(spin), method=method, step=step)
     except fl.errors.DivergenceError as error:

@@ -76,9 +76,7 @@ def test_a_run_whose_steps_miss_an_impact_is_doubted() -> None:
     assert doubts(run)
 
 
-def test_a_run_with_subdivided_steps_is_not_compared_with_doubled_steps(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_run_with_subdivided_steps_is_not_compared_with_doubled_steps(monkeypatch) -> None:
     used = []
 
     def doubt(monitor: Monitor, second: Second, tip: np.ndarray) -> str:
@@ -130,9 +128,7 @@ def euler(t: np.ndarray) -> np.ndarray:
     return np.asarray(found.y.T)
 
 
-def test_if_samples_limit_the_steps_the_second_run_halves_them(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_if_samples_limit_the_steps_the_second_run_halves_them(monkeypatch) -> None:
     """Tolerances of 1e-3 and 1e-6 m give the same steps, so a run with a tenth of the tolerance verifies nothing."""
     runs: list[single.SingleRun] = []
     begin = single.SingleRun.advance
@@ -203,9 +199,7 @@ def test_only_motions_with_large_rotations_have_a_verification_run(monkeypatch: 
         assert min(len(runs), 2) == wanted  # if a loose verification run differs, a stricter one follows
 
 
-def test_a_large_energy_error_within_tolerance_starts_a_second_run(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_large_energy_error_within_tolerance_starts_a_second_run(monkeypatch) -> None:
     """The integrator damps vibrations below the tolerance and thereby dissipates most of the energy."""
     runs: list[Monitor] = []
     begin = single.SingleRun.advance

@@ -83,9 +83,7 @@ def test_a_picture_is_shown_once(shown: dict[str, Any], name: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "tag"), [("arm.gif", "<img "), ("arm.html", "<iframe ")])
-def test_a_film_plays_if_its_path_is_the_value_of_a_cell(
-    shown: dict[str, Any], name: str, tag: str, tmp_path: Path
-) -> None:
+def test_a_film_plays_if_its_path_is_the_value_of_a_cell(shown: dict[str, Any], name: str, tag: str, tmp_path) -> None:
     path = shown["run"].animate(tmp_path / name, width=320)
     assert path == tmp_path / name
     assert path._repr_html_().startswith(tag)
@@ -144,9 +142,7 @@ def missing(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["scene", "chain", "run", "modes"])
-def test_without_matplotlib_a_plot_is_refused(
-    shown: dict[str, Any], name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_matplotlib_a_plot_is_refused(shown: dict[str, Any], name: str, monkeypatch) -> None:
     load: Callable[[str], None] = missing
     monkeypatch.setattr(notebook.importlib, "import_module", load)
     with refused(fl.errors.MissingDependencyError, "package-missing"):

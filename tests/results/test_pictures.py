@@ -340,9 +340,7 @@ def test_no_file_remains_of_a_video_that_ffmpeg_refuses(tmp_path: Path, monkeypa
         ({"progress": 3}, "wrong-type"),
     ],
 )
-def test_an_invalid_option_is_refused_and_named(
-    options: dict[str, object], message: str, tmp_path: Path, monkeypatch
-) -> None:
+def test_an_invalid_option_is_refused_and_named(options, message, tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     run = run_of("paper_fig5", 0.01)
     with refused(fl.errors.ArgumentError, message):
@@ -469,9 +467,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 @pytest.mark.skipif(not (CHROMIUM and DRIVER), reason="needs chromium and chromedriver")
 @pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
 @pytest.mark.parametrize("name", ["paper_fig5", "t3_spatial"])
-def test_the_arm_is_within_its_canvas_and_nothing_is_wider_than_the_screen(
-    name: str, size: tuple[int, int], window: Browser, pages: dict[str, Path]
-) -> None:
+def test_the_arm_is_within_its_canvas_and_nothing_is_wider_than_the_screen(name, size, window, pages) -> None:
     window.open(pages[name], *size)
     assert window.run(BEYOND) == []
     assert window.run(INK) > 1000

@@ -103,9 +103,7 @@ def test_an_xarray_dataset_has_every_quantity_by_time_and_joint_with_its_unit(sh
 
 
 @pytest.mark.parametrize("package", ["pandas", "xarray"])
-def test_without_the_package_the_error_names_the_command_that_installs_it(
-    short_run: fl.Trajectory, package: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_the_package_the_error_names_the_command_that_installs_it(short_run, package, monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, package, None)
     with refused(fl.errors.MissingDependencyError, "package-missing"):
         getattr(short_run, f"to_{package}")()

@@ -507,9 +507,7 @@ def test_sag_frequencies_and_holding_torques_agree_with_formulas_and_modes(canti
 
 
 @pytest.mark.slow
-def test_the_page_begins_with_the_main_numbers_and_their_units(
-    cantilever: fl.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_page_begins_with_the_main_numbers_and_their_units(cantilever: fl.Scene, tmp_path, monkeypatch) -> None:
     kept = ("statics", "vibration", "loads", "energy")
     monkeypatch.setattr(building, "CHAPTERS", {name: building.CHAPTERS[name] for name in kept})
     page = report(cantilever, tmp_path).page.read_text(encoding="utf-8")
@@ -522,9 +520,7 @@ def test_the_page_begins_with_the_main_numbers_and_their_units(
 
 @pytest.mark.parametrize("rule", ["gauss", "midpoint"])
 @pytest.mark.parametrize("segments", [3, 5, 9])
-def test_at_most_half_of_the_modes_are_resolved_and_have_converged_frequencies(
-    models: Path, rule: str, segments: int
-) -> None:
+def test_at_most_half_of_the_modes_are_resolved_and_have_converged_frequencies(models, rule, segments) -> None:
     scene = fl.load_scene(models / "three_links.toml")
 
     def found(count: int) -> tuple[Modes, fl.Chain]:

@@ -90,9 +90,7 @@ def test_the_chosen_model_is_the_first_of_the_choices_and_finer_ones_are_better(
     assert errors[finest] < errors[finer] < float(own[error]) < errors[coarse[0]]
 
 
-def test_an_error_in_one_chapter_is_reported_and_the_others_are_complete(
-    scene: fl.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_error_in_one_chapter_is_reported_and_the_others_are_complete(scene, tmp_path, monkeypatch) -> None:
     parts = "out of", "luck"
 
     def falls(_: object) -> None:
@@ -141,9 +139,7 @@ def test_a_rigid_arm_has_holding_torques_and_a_step_error(models: Path) -> None:
     reviewed("report: error of steps", found.verdicts[0].text, values=False)
 
 
-def test_the_command_writes_the_page_and_one_line_per_chapter(
-    models: Path, tmp_path: Path, capsys, monkeypatch
-) -> None:
+def test_the_command_writes_the_page_and_one_line_per_chapter(models, tmp_path, capsys, monkeypatch) -> None:
     monkeypatch.setattr(building, "CHAPTERS", chapters("model", "accuracy"))
     out = tmp_path / "a" / "b"
     command = ["report", str(models / "paper_fig5.toml"), "--out", str(out), "--set", "run.duration=0.05"]
@@ -167,9 +163,7 @@ def test_a_missing_or_unknown_file_is_refused_before_the_computation(models: Pat
 
 
 @pytest.mark.parametrize("package", ["matplotlib", "jinja2"])
-def test_a_missing_package_is_reported_with_the_extra_that_installs_it(
-    models: Path, tmp_path: Path, package: str
-) -> None:
+def test_a_missing_package_is_reported_with_the_extra_that_installs_it(models, tmp_path, package: str) -> None:
     code = (
         f"import sys; sys.modules[{package!r}] = None\n"
         "from flexlink.cli.main import main\n"
@@ -185,9 +179,7 @@ def test_a_missing_package_is_reported_with_the_extra_that_installs_it(
 class TestInABrowser:
     @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
     @pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
-    def test_nothing_is_clipped_and_the_page_is_accessible(
-        self, window: Browser, written: Report, size: tuple[int, int], dark: bool
-    ) -> None:
+    def test_nothing_is_clipped_and_the_page_is_accessible(self, window, written, size, dark) -> None:
         window.open(written.page, *size, dark)
         window.run(UNFOLD)
         assert window.run(OFF_SCREEN) == []
@@ -197,9 +189,7 @@ class TestInABrowser:
             assert window.run_async(VIOLATIONS) == []
 
     @pytest.mark.parametrize("width", [600, 800, 1050, 1150])
-    def test_a_table_wider_than_the_window_scrolls_separately(
-        self, window: Browser, written: Report, width: int
-    ) -> None:
+    def test_a_table_wider_than_the_window_scrolls_separately(self, window, written, width) -> None:
         window.open(written.page, width, 800)
         window.run(UNFOLD)
         full, shown = window.run("const d = document.documentElement; return [d.scrollWidth, d.clientWidth]")
@@ -214,9 +204,7 @@ def test_a_column_is_numeric_if_it_contains_only_numbers() -> None:
     ]  # fmt: skip
 
 
-def test_a_mistake_in_a_compared_file_is_on_the_first_screen(
-    scene: fl.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_mistake_in_a_compared_file_is_on_the_first_screen(scene: fl.Scene, tmp_path, monkeypatch) -> None:
     pytest.importorskip("mujoco")
     monkeypatch.setattr(building, "CHAPTERS", chapters("theirs", "measurements"))
     for name, gravity, state in (("right.xml", -9.81, "pass"), ("wrong.xml", 9.81, "fail")):
@@ -229,9 +217,7 @@ def test_a_mistake_in_a_compared_file_is_on_the_first_screen(
     assert "gravity" in found.verdicts[0].text
 
 
-def test_measurements_outside_the_run_fail_on_the_first_screen(
-    scene: fl.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_measurements_outside_the_run_fail_on_the_first_screen(scene: fl.Scene, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(building, "CHAPTERS", chapters("measurements"))
     measured = tmp_path / "measured.csv"
     measured.write_text("t [s],tip x [m]\n1000,0.1\n1001,0.2\n1002,0.1\n", encoding="utf-8")
@@ -240,9 +226,7 @@ def test_measurements_outside_the_run_fail_on_the_first_screen(
     reviewed("report: measurements outside the run", found.verdicts[0].text)
 
 
-def test_a_change_within_its_uncertainty_explains_nothing(
-    scene: fl.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_change_within_its_uncertainty_explains_nothing(scene: fl.Scene, tmp_path, monkeypatch) -> None:
     """The columns of x and z are swapped."""
     monkeypatch.setattr(building, "CHAPTERS", chapters("measurements"))
     run = fl.simulate(scene)

@@ -95,9 +95,7 @@ class TestAccuracy:
             ({"error": 3e-3, "steps": 3e-2, "hinges": None}, "doubt"),
         ],
     )
-    def test_a_model_passes_with_an_error_below_one_percent_and_no_warnings(
-        self, judged: Any, about: dict[str, Any], state: str
-    ) -> None:
+    def test_a_model_passes_with_an_error_below_one_percent_and_no_warnings(self, judged, about, state) -> None:
         assert judged(**about).verdicts[0].state == state
 
     def test_a_report_names_the_duration_up_to_which_the_error_is_known(self, judged: Any) -> None:
@@ -184,9 +182,7 @@ class TestOthers:
             (0.3, row(0.0, diverged="fell"), "fail"),
         ],
     )
-    def test_an_engine_agrees_if_its_terms_and_its_run_agree(
-        self, monkeypatch: pytest.MonkeyPatch, terms: float, run: RunDifference, state: str
-    ) -> None:
+    def test_an_engine_agrees_if_its_terms_and_its_run_agree(self, monkeypatch, terms, run, state) -> None:
         part = self.part(monkeypatch, terms, run)
         (verdict,) = part.verdicts
         assert (verdict.state, "MuJoCo" in verdict.text) == (state, True)
@@ -214,9 +210,7 @@ class TestOthers:
         assert affordable(Study(MOVE)) == 0.6
 
     @pytest.mark.parametrize("passed", [True, False])
-    def test_a_compared_file_agrees_or_its_first_relevant_mistake_is_named(
-        self, monkeypatch: pytest.MonkeyPatch, passed: bool
-    ) -> None:
+    def test_a_compared_file_agrees_or_its_first_relevant_mistake_is_named(self, monkeypatch, passed: bool) -> None:
         class Finding(str):
             __slots__ = ("counts",)
 

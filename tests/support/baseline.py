@@ -113,14 +113,8 @@ def terms(chain: fl.Chain) -> Iterator[tuple[str, str]]:
             digest(fl.bias_torque(chain, q, qd), fl.elastic_torque(chain, q), fl.friction_torque(chain, qd)),
         )
         yield f"accelerations {k}", digest(qdd, fl.inverse_dynamics(chain, q, qd, qdd, tip_wrench=force))
-        yield (
-            f"slopes {k}",
-            of_parts(fl.forward_dynamics_derivatives(chain, q, qd, tau, tip_wrench=force)),
-        )
-        yield (
-            f"inverse slopes {k}",
-            of_parts(fl.inverse_dynamics_derivatives(chain, q, qd, qdd, tip_wrench=force)),
-        )
+        yield (f"slopes {k}", of_parts(fl.forward_dynamics_derivatives(chain, q, qd, tau, tip_wrench=force)))
+        yield (f"inverse slopes {k}", of_parts(fl.inverse_dynamics_derivatives(chain, q, qd, qdd, tip_wrench=force)))
         yield f"energy {k}", of_parts(fl.energy(chain, q, qd))
 
 

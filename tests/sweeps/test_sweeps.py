@@ -454,9 +454,7 @@ def test_rows_do_not_depend_on_the_executor_or_an_interruption(tmp_path: Path, p
         ({"quantity": {"x": WANTED["x"], "y": SweepOutput(of="tip y [m]")}}, ("quantity.bend ",)),
     ],
 )
-def test_a_changed_sweep_is_refused_and_not_mixed_in(
-    tmp_path: Path, paper: fl.Scene, change: dict, parts: tuple[str, ...]
-) -> None:
+def test_a_changed_sweep_is_refused_and_not_mixed_in(tmp_path, paper, change, parts) -> None:
     sweep, out = masses(paper, 0.0, 1.0), tmp_path / "sweep.db"
     fl.sweep(sweep, out=out)
     kept = lines(out)
@@ -769,9 +767,7 @@ SWEEP = fl.Sweep(scene=SCENE, quantity={"x": SweepOutput(of="tip x [m]")}, grid=
 
 
 @pytest.mark.parametrize("suffix", [".py", ".toml"])
-def test_stored_rows_depend_on_sources_and_on_files_of_methods_and_rules(
-    suffix: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_stored_rows_depend_on_sources_and_on_files_of_methods_and_rules(suffix: str, monkeypatch) -> None:
     """One additional byte in any of these files changes the version."""
     before, read = fingerprint.version.__wrapped__(), Path.read_bytes
     changed = next(path for path in sorted(Path(fl.__file__).parent.rglob(f"*{suffix}")))

@@ -64,9 +64,7 @@ def project(tmp_path: Path) -> Project:
     ("script", SOLVER),
     ("prose", set()),
 ])  # fmt: skip
-def test_imports_are_found_at_the_top_inside_functions_by_name_and_in_commands(
-    project: Project, module: str, imported: set[str]
-) -> None:
+def test_imports_are_found_at_the_top_inside_functions_by_name_and_in_commands(project, module, imported) -> None:
     assert project.closure(f"study.{module}") == imported | {"study", f"study.{module}"}
 
 
@@ -101,9 +99,7 @@ def files(known: dict[str, Case]) -> dict[str, dict[str, str]]:
     ("validation/cases/speed_trade.toml: crane", {"speed_trade-crane"}, {"speed_trade-t3"}),
     ("models/paper_fig5.toml", {"trajectory_paper_fig5"}, {"physics_drag"}),
 ])  # fmt: skip
-def test_a_file_touches_the_cases_that_use_it(
-    files: dict[str, dict[str, str]], file: str, touched: set[str], not_touched: set[str]
-) -> None:
+def test_a_file_touches_the_cases_that_use_it(files, file, touched, not_touched) -> None:
     cases = {case for case, own in files.items() if file in own}
     assert touched <= cases
     assert not not_touched & cases

@@ -40,9 +40,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> list[tuple]:
     return list(fl.sweep(path).rows)
 
 
-def test_a_sweep_killed_three_times_has_the_same_rows_as_an_undisturbed_one(
-    sweep: Path, tmp_path: Path, undisturbed: list[tuple]
-) -> None:
+def test_a_sweep_killed_three_times_has_the_same_rows_as_an_undisturbed_one(sweep, tmp_path, undisturbed) -> None:
     out = tmp_path / "killed.db"
     counts = np.random.default_rng().integers(1, MEMBERS // 2, size=3)
     assert killed_at(sorted(counts.tolist()), sweep, out, "--workers", "2") == 3, "killed before its end"
@@ -51,9 +49,7 @@ def test_a_sweep_killed_three_times_has_the_same_rows_as_an_undisturbed_one(
 
 
 @pytest.mark.parametrize(("number", "options"), [(signal.SIGINT, ["--workers", "2"]), (signal.SIGTERM, [])])
-def test_a_signal_keeps_the_rows_and_the_message_explains_how_to_continue(
-    sweep: Path, tmp_path: Path, number: int, options
-) -> None:
+def test_a_signal_keeps_the_rows_and_the_message_explains_how_to_continue(sweep, tmp_path, number, options) -> None:
     out = tmp_path / "sweep.db"
     with started(sweep, out, *options) as process:
         assert until(lambda: counted(out) > 0, process)
@@ -68,9 +64,7 @@ def test_a_signal_keeps_the_rows_and_the_message_explains_how_to_continue(
     assert 0 < kept < MEMBERS
 
 
-def test_a_cluster_that_lost_a_worker_gives_the_same_rows_as_one_process(
-    sweep: Path, tmp_path: Path, undisturbed: list[tuple]
-) -> None:
+def test_a_cluster_that_lost_a_worker_gives_the_same_rows_as_one_process(sweep, tmp_path, undisturbed) -> None:
     pytest.importorskip("distributed")
     out = tmp_path / "sweep.db"
     with cluster(tmp_path, 2) as (address, processes), started(sweep, out, "--dask", address) as process:

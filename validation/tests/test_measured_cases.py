@@ -368,9 +368,7 @@ def test_frequencies_at_amplitude_zero_are_above_those_of_the_last_windows() -> 
         assert u == pytest.approx(at_zero.u_by_draws(np.random.default_rng(2)), rel=0.2)
 
 
-def test_the_limit_of_sticking_hardly_changes_the_frequencies_at_amplitude_zero(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_limit_of_sticking_hardly_changes_the_frequencies_at_amplitude_zero(monkeypatch) -> None:
     usual = {attitude: strip_on_flange.at_zero(attitude).reading for attitude in ("down", "up", "level")}
     monkeypatch.setattr(strip_on_flange, "STICKING", 2.7)
     for attitude, (value, u) in usual.items():

@@ -11,10 +11,7 @@ from tests.support.browser import CHROMIUM, DRIVER, Browser, axe, browser
 from validation.store import Series, Store
 from validation.tests.studies import BUSY, row, stored, timed
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(not (CHROMIUM and DRIVER), reason="needs chromium and chromedriver"),
-]
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(not (CHROMIUM and DRIVER), reason="needs chromium and chromedriver")]
 
 LONG = "a_name_without_any_place_to_break_" * 4
 DESK, PHONE = (1280, 800), (390, 844)
@@ -75,17 +72,13 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
 @pytest.mark.parametrize("script", [FOLD, UNFOLD], ids=["folded", "unfolded"])
 class TestEverywhere:
-    def test_nothing_is_cut_or_off_screen(
-        self, window: Browser, page: Path, size: tuple[int, int], dark: bool, script: str
-    ) -> None:
+    def test_nothing_is_cut_or_off_screen(self, window, page, size, dark, script) -> None:
         window.open(page, *size, dark)
         window.run(script)
         assert window.run(OFF_SCREEN) == []
 
     @pytest.mark.skipif(axe() is None, reason="needs axe-core: npm install axe-core, or AXE=…/axe.min.js")
-    def test_no_accessibility_violation(
-        self, window: Browser, page: Path, size: tuple[int, int], dark: bool, script: str
-    ) -> None:
+    def test_no_accessibility_violation(self, window, page, size, dark, script) -> None:
         window.open(page, *size, dark)
         window.run(script)
         window.run((axe() or page).read_text(encoding="utf-8"))

@@ -10,15 +10,7 @@ from reports.findings import paper_claims
 from reports.results import Results
 from tests.support.words import reviewed
 from validation.case import ALL, CLAIM, Measured, load_cases
-from validation.kinds import (
-    KINDS,
-    SETTINGS,
-    measurements,
-    paper_mass,
-    paper_methods,
-    paper_rounding,
-    paper_segments,
-)
+from validation.kinds import KINDS, SETTINGS, measurements, paper_mass, paper_methods, paper_rounding, paper_segments
 from validation.kinds.paper_types import _verdict
 from validation.measuring import judged
 from validation.speed.races import Race

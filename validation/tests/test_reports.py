@@ -337,9 +337,7 @@ def test_missing_results_are_one_line_and_exit_code_2(tmp_path: Path, capsys: py
 
 
 @pytest.mark.parametrize("name", ["finished.json", "plan.json", "environment.json", "series/terms.curve.npz"])
-def test_a_truncated_results_file_is_one_line_and_exit_code_2(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
-) -> None:
+def test_a_truncated_results_file_is_one_line_and_exit_code_2(tmp_path, capsys, name: str) -> None:
     results = stored(tmp_path / "results", row())
     Store(results).add_series("terms", Series("curve", "Title", {"x": np.ones(2), "y": np.ones(2)}, "x", "x", "y"))
     (results / name).write_bytes((results / name).read_bytes()[:20])

@@ -65,9 +65,7 @@ def kinds(found: same.Comparison) -> list[str]:
     (SHEET, {"value": 3.09e-8}, "rounding"),
     (SHEET, {"value": 3.11e-8}, "different"),
 ])  # fmt: skip
-def test_a_number_is_equal_within_rounding_or_different(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, there: dict[str, object], here: dict[str, object], kind: str
-) -> None:
+def test_a_number_is_equal_within_rounding_or_different(tmp_path, monkeypatch, there, here, kind) -> None:
     before = row(**there)
     folder = published(tmp_path, before, monkeypatch=monkeypatch)
     now = row(**(there | here))
@@ -76,17 +74,13 @@ def test_a_number_is_equal_within_rounding_or_different(
     assert found.same is (kind != "different")
 
 
-def test_numbers_are_matched_by_their_settings_and_read_back_exactly(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_numbers_are_matched_by_their_settings_and_read_back_exactly(tmp_path, monkeypatch) -> None:
     rows = [row(varied={"method": "RK4", "step": h, "n": 10}, value=h / 3, quantity="q") for h in (1e-4, 0.1 + 0.2)]
     folder = published(tmp_path, *rows, monkeypatch=monkeypatch)
     assert kinds(compared(tmp_path, folder, *reversed(rows))) == ["equal", "equal"]
 
 
-def test_a_number_missing_on_one_side_is_a_difference_and_a_missing_case_is_not(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_number_missing_on_one_side_is_a_difference_and_a_missing_case_is_not(tmp_path, monkeypatch) -> None:
     one, two, other = row(), row(quantity="T_GC"), row("other")
     folder = published(tmp_path, one, two, other, monkeypatch=monkeypatch)
     fewer = compared(tmp_path / "fewer", folder, one)
@@ -97,9 +91,7 @@ def test_a_number_missing_on_one_side_is_a_difference_and_a_missing_case_is_not(
     assert not compared(tmp_path / "more", folder, one, two, row(quantity="new")).same
 
 
-def test_a_number_may_be_missing_if_the_speed_of_the_machine_decides(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_number_may_be_missing_if_the_speed_of_the_machine_decides(tmp_path, monkeypatch) -> None:
     always = row("formulations-crane")
     reached = row("formulations-crane", engine="exudyn", quantity="not reached", tolerance=None)
     folder = published(tmp_path, always, reached, monkeypatch=monkeypatch)
@@ -172,9 +164,7 @@ def test_a_limit_wider_than_the_published_one_is_a_difference_unless_the_case_gi
         reviewed("same: limit", text)
 
 
-def test_unpublished_cases_are_named_in_one_line_and_do_not_fail(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unpublished_cases_are_named_in_one_line_and_do_not_fail(tmp_path, monkeypatch) -> None:
     folder = published(tmp_path, row(), monkeypatch=monkeypatch)
     found = compared(tmp_path, folder, row(), row("first"), row("second"))
     assert found.same
@@ -183,9 +173,7 @@ def test_unpublished_cases_are_named_in_one_line_and_do_not_fail(
     reviewed("same: unpublished", unpublished)
 
 
-def test_the_command_exits_with_0_for_equal_numbers_and_with_1_for_a_difference(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_exits_with_0_for_equal_numbers_and_with_1_for_a_difference(tmp_path, monkeypatch, capsys) -> None:
     rows = [
         row(case, quantity=f"q{k}", value=0.01 * k, tolerance=1.0) for case in ("first", "second") for k in range(9)
     ]
@@ -206,9 +194,7 @@ def test_the_command_exits_with_0_for_equal_numbers_and_with_1_for_a_difference(
     assert (verdicts["second"], verdicts["first"]) == ("DIFFERENT", "same")
 
 
-def test_the_page_shows_whether_its_numbers_are_the_published_ones(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_page_shows_whether_its_numbers_are_the_published_ones(tmp_path, monkeypatch) -> None:
     folder = published(tmp_path, row(), monkeypatch=monkeypatch)
     for name, value in (("a", 1e-15), ("b", 0.9e-12)):
         results = stored(tmp_path / name, row(value=value))
@@ -234,9 +220,7 @@ def test_a_folder_without_numbers_is_refused_in_one_line(tmp_path: Path, name: s
         compared(tmp_path, folder, row())
 
 
-def test_a_study_without_common_numbers_is_an_error(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_study_without_common_numbers_is_an_error(tmp_path, monkeypatch, capsys) -> None:
     folder = published(tmp_path, row("other"), monkeypatch=monkeypatch)
     assert command.main(["--same", str(folder), "--results", str(stored(tmp_path / "here", row()))]) == 2
     error = capsys.readouterr().err
@@ -251,9 +235,7 @@ def test_a_number_whose_limit_is_zero_may_differ_like_one_without_a_limit() -> N
 
 
 @pytest.mark.parametrize(("version", "same_numbers"), [("", True), ("1.13.6", False)])
-def test_numbers_of_a_program_are_missing_only_if_it_is_installed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, version: str, same_numbers: bool
-) -> None:
+def test_numbers_of_a_program_are_missing_only_if_it_is_installed(tmp_path, monkeypatch, version, same_numbers) -> None:
     theirs = row(engine="Exudyn", quantity="least error", value=1e-5)
     folder = published(tmp_path, row(), theirs, monkeypatch=monkeypatch)
     here = Results.read(stored(tmp_path / "here", row()))

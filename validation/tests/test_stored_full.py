@@ -160,11 +160,7 @@ def test_a_folder_without_a_study_is_refused(tmp_path: Path, capsys) -> None:
 def test_a_study_names_changed_files_without_git(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr(subprocess, "run", None)
     measured = dependencies.everything()
-    files = {
-        "flexlink/kernels/bodies/rne.py",
-        "validation/runner.py",
-        "validation/cases/pointwise.toml",
-    }
+    files = {"flexlink/kernels/bodies/rne.py", "validation/runner.py", "validation/cases/pointwise.toml"}
     assert files <= measured.keys()
     unchanged = stored_full.since("abc", measured)
     edited = measured | {"flexlink/kernels/bodies/rne.py": "another"}

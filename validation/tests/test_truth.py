@@ -98,9 +98,7 @@ def test_the_truth_is_the_extrapolated_limit_of_converged_levels(within: float, 
 
 
 @pytest.mark.parametrize(("slip", "of_motion"), [(10.0, 1e-6), (1e4, 1e-9)])
-def test_the_step_error_is_added_and_reduced_if_it_is_not_small(
-    runs: type[Runs], slip: float, of_motion: float
-) -> None:
+def test_the_step_error_is_added_and_reduced_if_it_is_not_small(runs, slip, of_motion) -> None:
     """Six hinges are run at the tolerance from four hinges, and at a tenth of the tolerance of the last level."""
     runs.slip = slip
     found, size = truth.truth(SCENE, 0.009, 1.0), {h: 1 + h**-2 + 8 * h**-4 for h in (4, 12)}
@@ -166,9 +164,7 @@ def test_outcomes_are_classified_as_listed(error: float, apart: float, doubted: 
     ((None, None, 0.0, 5e-3, 1e-5, 2e-3, 1e-6), "Radau9, Radau5", 1.99e-3),
     ((None, None, None, None, None, None, 0.0), "", math.inf),
 ])  # fmt: skip
-def test_the_truth_is_taken_from_the_two_methods_that_agree_best(
-    monkeypatch: pytest.MonkeyPatch, off: tuple[float | None, ...], pair: str, apart: float
-) -> None:
+def test_the_truth_is_taken_from_the_two_methods_that_agree_best(monkeypatch, off, pair, apart) -> None:
     left, steps = [*off], {}
 
     def reference(scene: fl.Scene, budget: float) -> Any:
