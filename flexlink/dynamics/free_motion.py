@@ -59,3 +59,16 @@ def coordinates_of(chain: Chain, joints: NDArray[np.bool_]) -> NDArray[np.bool_]
 def first_joints(chain: Chain, free: Free) -> Free:
     """The first joint that each free coordinate moves, (f,)."""
     return free if chain.shapes is None else np.argmax(basis(chain, free) != 0, axis=0)
+
+
+def state_names(chain: Chain) -> tuple[str, ...]:
+    """Names and units of z and ż of all coordinates, free or not."""
+    units = np.array(chain.joint_units)[first_joints(chain, np.arange(chain.n))]
+    names = [f"{name} [{unit}" for name, unit in zip(chain.freedom_names, units, strict=True)]
+    return (*(f"q {name}]" for name in names), *(f"qd {name}/s]" for name in names))
+
+
+def input_names(chain: Chain) -> tuple[str, ...]:
+    """Names and units of the torques of driven joints, or of their accelerations if their motion is prescribed."""
+    given, units = chain.hinges["prescribed"], (chain.torque_units, [f"{unit}/s²" for unit in chain.joint_units])
+    return tuple(f"{('tau', 'qdd')[given[k]]} {chain.joint_name(k)} [{units[given[k]][k]}]" for k in chain.active)

@@ -23,7 +23,7 @@ from flexlink.errors import ArgumentError, DataFileError
 from flexlink.formats import read_urdf, to_urdf
 from flexlink.formats.small_mass import with_small_mass
 from flexlink.kernels.forces.rotation_tangent import excess_stiffness
-from flexlink.kernels.layout import SPRINGS
+from tests.campaigns.random_code import potential
 from tests.conftest import ALUMINIUM, ROOT, SQUARE, chain_of, flexible, make_scene
 from tests.support.words import refused, reviewed
 from validation.physics.hinge_sweep import order
@@ -62,45 +62,6 @@ def state(chain: fl.Chain, size: float = 0.4, seed: int = 1) -> tuple[np.ndarray
 
 
 # The law.
-
-
-def rotation_vector(θ: list[mp.mpf], axes: list[int]) -> mp.matrix:
-    """φ of a product of rotations about axes, by their quaternions."""
-    w, v = mp.mpf(1), [mp.mpf(0)] * 3
-    for angle, axis in zip(θ, axes, strict=True):
-        c, s, j, k = mp.cos(angle / 2), mp.sin(angle / 2), (axis + 1) % 3, (axis + 2) % 3
-        new = [mp.mpf(0)] * 3
-        new[axis], new[j], new[k] = v[axis] * c + w * s, v[j] * c + v[k] * s, v[k] * c - v[j] * s
-        w, v = w * c - v[axis] * s, new
-    sine = mp.sqrt(sum(x * x for x in v))
-    return [x * (2 * mp.atan2(sine, w) / sine if sine else 2) for x in v]
-
-
-def potential(chain: fl.Chain, θ: list[mp.mpf]) -> mp.mpf:
-    """Elastic energy V of a chain whose hinges are all in triples; cells integrate κ² at two Gauss points."""
-    vectors, K = [], chain.matrix("stiffness")
-    axes = [chain.hinges["axis"][b.first : b.stop].tolist() for b in chain.bodies[:-1]]
-    places = [
-        [int(b.first) + along.index(a) for a in range(3)] for b, along in zip(chain.bodies[:-1], axes, strict=True)
-    ]
-    for b, along in zip(chain.bodies[:-1], axes, strict=True):
-        vectors.append(rotation_vector(θ[b.first : b.stop], along))
-    V = mp.mpf(0)
-    if chain.bodies["springs"][0] != SPRINGS.cell:
-        φ = [vectors[t][a] for t, along in enumerate(axes) for a in along]
-        return sum(mp.mpf(K[i, j]) * φ[i] * φ[j] for i, j in np.argwhere(K).tolist()) / 2
-    slope = 2 / mp.sqrt(3)
-    for t in range(0, len(places), 2):
-        φ1, φ2 = vectors[t], vectors[t + 1]
-        w = [-(φ1[(a + 1) % 3] * φ2[(a + 2) % 3] - φ1[(a + 2) % 3] * φ2[(a + 1) % 3]) / 6 for a in range(3)]
-        for a in range(3):
-            i, j = places[t][a], places[t + 1][a]
-            # K = Cᵀ diag(r) C with r = w_q EI / h at the Gauss points, C = (1 ± 2/√3, 1 ∓ 2/√3).
-            both, apart = -3 * mp.mpf(K[i, j]), (mp.mpf(K[i, i]) - mp.mpf(K[j, j])) / (4 * slope)
-            for sign in (1, -1):
-                κ = (1 + sign * slope) * φ1[a] + (1 - sign * slope) * φ2[a] + w[a]
-                V += (both + sign * apart) / 2 * κ * κ / 2
-    return V
 
 
 GJ, EI = 0.7, (1.0, 3.0)

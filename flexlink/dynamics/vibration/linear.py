@@ -26,9 +26,10 @@ from flexlink.describe.actions import Frame
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.batches import is_batch, rows
 from flexlink.dynamics.derivatives import ForwardDerivatives, forward_dynamics_derivatives
+from flexlink.dynamics.free_motion import input_names, state_names
 from flexlink.dynamics.placement import jacobian
 from flexlink.dynamics.vibration.linear_model import FILTER, LinearModel
-from flexlink.dynamics.vibration.outputs import OUTPUTS, Output, OutputSource, joints_as
+from flexlink.dynamics.vibration.outputs import OUTPUTS, Output, OutputSource
 
 
 def linearize(
@@ -174,8 +175,8 @@ def _model(
         u=np.append(np.where(chain.hinges["prescribed"][driven] != 0, 0.0, tau[driven]), np.zeros(3 * tip_force)),
         y=np.concatenate([output.values for output in found]),
         rate=np.concatenate([qd, qdd, np.zeros_like(z)]),
-        states=joints_as(chain, range(n), "q {} [{}]") + joints_as(chain, range(n), "qd {} [{}/s]") + states,
-        inputs=_inputs(chain) + TIP_FORCE * tip_force,
+        states=state_names(chain) + states,
+        inputs=input_names(chain) + TIP_FORCE * tip_force,
         outputs=tuple(name for output in found for name in output.names),
         delays=np.concatenate([np.full(len(output.names), output.delay) for output in found]),
     )
@@ -189,32 +190,16 @@ def _by_shapes(model: LinearModel, chain: Chain, q: Array) -> LinearModel:
     """The model with coordinates z of the shapes, q = θ₀ + Φ z, in place of all angles and rates."""
     assert chain.shapes is not None
     n, Φ, back = chain.n, chain.shapes.matrix, chain.shapes.inverse.T
-    units = [chain.joint_units[k] for k in np.argmax(Φ != 0, axis=0)]
-    names = [
-        f"{kind} {name} [{unit}{per}]"
-        for kind, per in (("q", ""), ("qd", "/s"))
-        for name, unit in zip(chain.freedom_names, units, strict=True)
-    ]
     filters = np.eye(len(model.x) - 2 * n)
     into, back = scipy.linalg.block_diag(Φ, Φ, filters), scipy.linalg.block_diag(back, back, filters)
     x = model.x - np.concatenate([chain.rest, np.zeros(len(model.x) - n)])
     return dataclasses.replace(
         model, A=back @ model.A @ into, B=back @ model.B, C=model.C @ into, x=back @ x, rate=back @ model.rate,
-        states=(*names, *model.states[2 * n :]),
     )  # fmt: skip
 
 
 TIP_FORCE = tuple(f"tip force {axis} [N]" for axis in "xyz")
 """Names of the inputs for a force on the tip."""
-
-
-def _inputs(chain: Chain) -> tuple[str, ...]:
-    """Names of the torques of driven joints, or of their accelerations if their motion is prescribed."""
-    return tuple(
-        f"{'qdd' if motion else 'tau'} {chain.joint_name(int(k))} "
-        f"[{f'{chain.joint_units[k]}/s²' if motion else chain.torque_units[k]}]"
-        for k, motion in zip(chain.active, chain.hinges["prescribed"][chain.active] != 0, strict=True)
-    )
 
 
 def _without(model: LinearModel, angles: NDArray[np.intp]) -> LinearModel:

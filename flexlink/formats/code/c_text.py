@@ -6,9 +6,10 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
-from flexlink.formats.code.equations import Model, model_of, slopes_of
+from flexlink.dynamics.free_motion import input_names, state_names
+from flexlink.formats.code.model import Model, model_of, slopes_of
 from flexlink.formats.code.self_test import ALLOWED, cases, name_of
-from flexlink.formats.code.tape import Number, Tape
+from flexlink.formats.code.tape import Number, Real, Tape
 
 LONGEST = 400_000
 """Largest number of operations of a file."""
@@ -18,8 +19,8 @@ def to_c(chain: Chain, *, slopes: bool = False) -> str:
     """Equations of motion of an arm as C code: ẋ = f(x, u), the tip, and the derivatives ∂f/∂x and ∂f/∂u.
 
     The states x are angles and rates (z, ż) of all joints or, for links with `modes`, of their shapes; the inputs u are
-    the torques of the driven joints. Their names and units are in the first comment. Functions, with the arm's name for
-    `arm`; arrays are row-major:
+    the torques of the driven joints, or their accelerations if their motion is prescribed. Their names and units are in
+    the first comment. Functions, with the arm's name for `arm`; arrays are row-major:
 
         void arm_rate(const double *x, const double *u, double *dx);
         void arm_tip(const double *x, double *tip);                             position in frame 0 [m]
@@ -43,8 +44,7 @@ def to_c(chain: Chain, *, slopes: bool = False) -> str:
     Raises
     ------
     ArgumentError
-        The chain has a feature that generated code does not contain (a free base, prescribed motion, drag, quadratic or
-        lagging friction, springs of rotation vectors), or the code is too long.
+        The code is too long.
 
     Examples
     --------
@@ -72,14 +72,14 @@ def check_length(tape: Tape, chain: Chain) -> None:
         )
 
 
-def _rows(columns: Sequence[Sequence[Number | float]]) -> list[Number | float]:
+def _rows(columns: Sequence[Sequence[Real]]) -> list[Real]:
     """A row-major matrix from its columns."""
     return [entry for row in zip(*columns, strict=True) for entry in row]
 
 
 def _head(model: Model, name: str) -> str:
-    rows = [f"x[{k}] {state}" for k, state in enumerate(model.states)]
-    rows += [f"u[{k}] {torque}" for k, torque in enumerate(model.inputs)]
+    rows = [f"x[{k}] {state}" for k, state in enumerate(state_names(model.chain))]
+    rows += [f"u[{k}] {given}" for k, given in enumerate(input_names(model.chain))]
     listed = "\n".join(f"   {row}" for row in rows).replace("*/", "* /")
     return (
         f"/* Equations of motion of {model.chain.name.replace('*/', '* /')!r}, written by flexlink.\n{listed}\n*/\n"
@@ -88,7 +88,7 @@ def _head(model: Model, name: str) -> str:
     )
 
 
-def _function(model: Model, head: str, results: Mapping[str, Sequence[Number | float]]) -> str:
+def _function(model: Model, head: str, results: Mapping[str, Sequence[Real]]) -> str:
     """A function that writes arrays."""
     check_length(model.tape, model.chain)
     names = inputs_of(model)
@@ -96,7 +96,7 @@ def _function(model: Model, head: str, results: Mapping[str, Sequence[Number | f
     return head + "\n{\n" + "\n".join([*lines, *_written(results, names)]) + "\n}"
 
 
-def _written(results: Mapping[str, Sequence[Number | float]], names: dict[int, str]) -> list[str]:
+def _written(results: Mapping[str, Sequence[Real]], names: dict[int, str]) -> list[str]:
     """Assignments of the results to their arrays."""
     every = ((array, k, value) for array, values in results.items() for k, value in enumerate(values))
     return [f"    {array}[{k}] = {operand(value, names)};" for array, k, value in every]
@@ -106,11 +106,11 @@ BLOCK = 1000
 """Number of operations of a C function of a long computation: the time of compilers grows faster than this number."""
 
 
-def _in_blocks(model: Model, head: str, name: str, results: Mapping[str, Sequence[Number | float]]) -> str:
+def _in_blocks(model: Model, head: str, name: str, results: Mapping[str, Sequence[Real]]) -> str:
     """A function that writes arrays, divided into short functions that share an array of intermediate results."""
     check_length(model.tape, model.chain)
     names = inputs_of(model)
-    lines = statements(model.tape, results.values(), names, "t[{}] = {};", place="t[{}]")
+    lines = statements(model.tape, results.values(), names, "t[{}] = {};", "t[{}]")
     blocks = [lines[first : first + BLOCK] for first in range(0, len(lines), BLOCK)]
     arguments = "const double *x, const double *u, double *t"
     parts = [
@@ -130,32 +130,33 @@ def inputs_of(model: Model) -> dict[int, str]:
 
 def statements(
     tape: Tape,
-    results: Iterable[Sequence[Number | float]],
+    results: Iterable[Sequence[Real]],
     names: dict[int, str],
     pattern: str,
-    prefix: str = "",
     place: str = "t{}",
+    prefix: str = "",
+    choose: str = "{} >= 0.0 ? {} : {}",
 ) -> list[str]:
     """Assignments of all lines that the results need, in C's and Python's notation.
 
     `names` receives the names of the results, `place` with their number; `pattern` takes the number and the expression.
+    Functions have a `prefix`, and the choice by a sign its own format.
     """
     found = list[str]()
+    forms = {sign: f"{{}} {sign} {{}}" for sign in "+-*/"} | {"neg": "-{}", "choose": choose}
     for line in tape.needed([value for values in results for value in values]):
         name, operands = tape.operations[line]
-        if name == "input":
-            continue
         terms = [names[a] if isinstance(a, int) else f"({a!r})" for a in operands]
-        if name == "neg":
-            text = f"-{terms[0]}"
-        else:
-            text = f"{terms[0]} {name} {terms[1]}" if len(terms) == 2 else f"{prefix}{name}({terms[0]})"
-        names[line] = place.format(len(found))
-        found.append(pattern.format(len(found), text))
+        if name == "held":
+            names[line] = terms[0]
+        elif name != "input":
+            names[line] = place.format(len(found))
+            text = forms[name].format(*terms) if name in forms else f"{prefix}{name}({', '.join(terms)})"
+            found.append(pattern.format(len(found), text))
     return found
 
 
-def operand(value: Number | float, names: dict[int, str]) -> str:
+def operand(value: Real, names: dict[int, str]) -> str:
     """A result as text."""
     return names[value.line] if isinstance(value, Number) else repr(float(value))
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from flexlink.chain.chain import Chain
+from flexlink.dynamics.free_motion import input_names, state_names
 from flexlink.formats.code.c_text import check_length, inputs_of, operand, statements
-from flexlink.formats.code.equations import model_of
+from flexlink.formats.code.model import model_of
 from flexlink.formats.code.self_test import ALLOWED, cases, name_of
 
 
@@ -41,7 +42,8 @@ def to_casadi(chain: Chain) -> str:
     check_length(model.tape, chain)
     names = inputs_of(model)
     results = [model.rate, model.tip]
-    body = "\n".join(f"    {line}" for line in statements(model.tape, results, names, "t{} = {}", "ca."))
+    lines = statements(model.tape, results, names, "t{} = {}", "t{}", "ca.", "ca.if_else({} >= 0.0, {}, {})")
+    body = "\n    ".join(lines)
     rate, tip = (", ".join(operand(value, names) for value in values) for values in results)
     rows = cases(chain)
     tests = ",\n".join(f"    {tuple(part.tolist() for part in row)!r}" for row in rows)
@@ -49,14 +51,14 @@ def to_casadi(chain: Chain) -> str:
 
 import casadi as ca
 
-STATES = {tuple(model.states)!r}
-INPUTS = {tuple(model.inputs)!r}
+STATES = {state_names(chain)!r}
+INPUTS = {input_names(chain)!r}
 
 
 def model():
     """Return x, u, the derivative of x and the position of the tip [m], as SX expressions."""
     x, u = ca.SX.sym("x", {len(model.x)}), ca.SX.sym("u", {len(model.u)})
-{body}
+    {body}
     return x, u, ca.vertcat({rate}), ca.vertcat({tip})
 
 

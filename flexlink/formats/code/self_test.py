@@ -40,6 +40,7 @@ def cases(chain: Chain) -> list[Case]:
             rng.normal(size=chain.freedoms),
             rng.normal(size=len(chain.active)),
         )
+        u[chain.hinges["prescribed"][chain.active] != 0] = 0.0  # as in `forward_dynamics`
         q, qd, tau = rest + Φ @ z, Φ @ zd, np.zeros(chain.n)
         tau[chain.active] = u
         qdd = forward_dynamics(chain, q, qd, tau)

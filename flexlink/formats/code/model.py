@@ -1,0 +1,95 @@
+"""Equations of motion of a chain on a tape: ẋ = f(x, u) with x = (z, ż), and the position of the tip.
+
+They are those of the kernels `forward_dynamics` and `forward_kinematics`, so code has every feature of a chain. Their
+derivatives follow from inverse dynamics at given z̈, with T_net = T_EX − T_FL − T_FR − T_GC − M q̈:
+
+    Φᵀ M Φ ∂z̈/∂x = ∂(Φᵀ T_net)/∂x        Φᵀ M Φ = −∂(Φᵀ T_net)/∂z̈
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexlink.chain.chain import Chain
+from flexlink.common.types import Indices
+from flexlink.dynamics.free_motion import all_motions, first_joints
+from flexlink.formats.code.arithmetic import Objects, on_tape, solve_symmetric
+from flexlink.formats.code.tape import Number, Real, Tape
+from flexlink.kernels.bodies.inverse import inverse_dynamics_into
+from flexlink.kernels.bodies.plane import planar_workspace
+from flexlink.kernels.bodies.rne import rne_workspace
+from flexlink.kernels.forces.elements import add_torques, forces_of
+from flexlink.kernels.forces.joint_torques import elastic, friction
+from flexlink.kernels.forward.articulated_rows import articulated_workspace
+from flexlink.kernels.forward.shaped import shaped_workspace
+from flexlink.kernels.forward.solvers import forward_dynamics
+from flexlink.kernels.geometry.kinematics import forward_kinematics
+
+
+class Model(NamedTuple):
+    """Equations of a chain on a tape."""
+
+    chain: Chain
+    tape: Tape
+    x: list[Number]  # z, ż
+    u: list[Number]  # torques of the driven joints; accelerations of joints with prescribed motion
+    rate: list[Real]  # ẋ
+    tip: list[Real]  # position [m]
+
+
+def model_of(chain: Chain) -> Model:
+    """Equations of motion of a chain."""
+    tape, m, joints = Tape(), chain.freedoms, _joints(chain)
+    x, u = [tape.input() for _ in range(2 * m)], [tape.input() for _ in chain.active]
+    q, qd, tau, qdd = _state(chain, x, u)
+    if chain.shapes is None:
+        work = on_tape(planar_workspace if chain.is_planar else articulated_workspace)(*chain.arrays)
+    else:
+        work = on_tape(shaped_workspace)(chain.arrays, chain.shapes, _inverse_workspace(chain))
+    on_tape(forward_dynamics)(np.zeros(6), q, qd, tau, qdd, work)
+    zdd = np.where(chain.hinges["prescribed"][joints], qdd[joints], qdd if chain.shapes is None else work.z)
+    tip = on_tape(forward_kinematics)(chain.arrays, q).points[-1]
+    return Model(chain, tape, x, u, [*x[m:], *zdd], list(tip))
+
+
+def _joints(chain: Chain) -> Indices:
+    """The first joint that each coordinate moves."""
+    return first_joints(chain, np.arange(chain.n))
+
+
+def _state(chain: Chain, x: list[Number], u: list[Number]) -> tuple[Objects, Objects, Objects, Objects]:
+    """Angles, rates, torques and prescribed accelerations of all joints."""
+    Φ, m, given, inputs = all_motions(chain), chain.freedoms, chain.hinges["prescribed"], np.zeros(chain.n, object)
+    inputs[chain.active] = u
+    q = Φ @ np.array(x[:m]) + (0.0 if chain.shapes is None else chain.rest)
+    return q, Φ @ np.array(x[m:]), np.where(given, 0.0, inputs), np.where(given, inputs, 0.0)
+
+
+def _inverse_workspace(chain: Chain) -> Any:
+    return on_tape(planar_workspace)(*chain.arrays) if chain.is_planar else on_tape(rne_workspace)(chain.arrays)
+
+
+def slopes_of(model: Model) -> tuple[list[list[Real]], list[list[Real]]]:
+    """Columns of ∂ẋ/∂x and ∂ẋ/∂u."""
+    chain, tape, m, by = model.chain, model.tape, model.chain.freedoms, [*model.x, *model.u]
+    free = np.flatnonzero(chain.hinges["prescribed"][_joints(chain)] == 0)
+    rate = np.array(model.rate, object)
+    rate[m + free] = [tape.hold(each) for each in rate[m + free]]
+    net = _net_torques(chain, *_state(chain, model.x, model.u)[:3], all_motions(chain) @ rate[m:])[free].tolist()
+    M = -np.array([tape.slopes(net, each) for each in rate[m + free]], object)
+    columns = np.array([tape.slopes(rate.tolist(), each) for each in by], object)
+    columns[:, m + free] = solve_symmetric(M, np.array([tape.slopes(net, each) for each in by], object).T).T
+    return columns[: 2 * m].tolist(), columns[2 * m :].tolist()
+
+
+def _net_torques(chain: Chain, q: Objects, qd: Objects, tau: Objects, qdd: Objects) -> Objects:
+    """Φᵀ T_net."""
+    arrays, required, forces = chain.arrays, np.zeros(chain.n, object), on_tape(forces_of)(chain.arrays)
+    on_tape(inverse_dynamics_into)(arrays, np.zeros(6), q, qd, qdd, required, _inverse_workspace(chain))
+    if forces is not None:
+        on_tape(add_torques)(forces.elements, q, qd, required)
+    for k, hinge in enumerate(chain.hinges):
+        required[k] = required[k] + on_tape(elastic)(hinge, q[k]) + on_tape(friction)(hinge, qd[k])
+    return np.asarray(all_motions(chain).T @ (tau - required))
