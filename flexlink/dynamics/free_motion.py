@@ -14,6 +14,10 @@ from flexlink.common.types import Array
 
 Free = NDArray[np.intp]
 
+DENSE = 100
+"""Number of joints up to which matrices are dense, and all their eigenvalues are computed, in O(n³); with more joints
+only the eigenvalues that are needed, in O(n)."""
+
 
 def basis(chain: Chain, free: Free) -> Array:
     """B (n, f): motion of all joints per unit of each free coordinate. A shape is free if all its hinges are."""

@@ -9,14 +9,11 @@ from flexlink.common.memo import Memo
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.equilibrium import at_rest, known_decimals
+from flexlink.dynamics.free_motion import DENSE
 from flexlink.dynamics.shaped_load_path import equations_of
 from flexlink.dynamics.tangent import LoadedState, unlocked
 from flexlink.dynamics.wrench import turns_with_tip
 from flexlink.kernels.derivatives.static_continuation import follow_equilibria
-
-DENSE = 100
-"""Number of joints up to which an equilibrium is found from the previous one with a dense stiffness matrix."""
-
 
 POSTURES = Memo(64)
 """Cache of static equilibria, shared by the runs of one scene when they start."""

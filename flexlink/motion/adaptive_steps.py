@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,13 +13,14 @@ from flexlink.kernels.stepping.adaptive import OUTCOME
 from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, STEPPER
 from flexlink.motion.budget import FEWEST, Budget, Spent, warn
 from flexlink.motion.chunk_size import ChunkSize, Reached
-from flexlink.motion.floating_steps import is_far
 from flexlink.motion.hindrance import loop_is_unstable, slow_progress, stuck
 from flexlink.motion.method_steps import MethodSteps
 from flexlink.motion.method_trial import begin, consider
-from flexlink.motion.sampled_control import Control
 from flexlink.results.record import Record
 from flexlink.results.stop_reasons import EvaluationLimitError, Failure, LawFailure
+
+if TYPE_CHECKING:
+    from flexlink.motion.sampled_control import Control
 
 NEAR = 1e-9
 """Fraction of the sampling interval within which two times count as equal."""
@@ -118,11 +120,11 @@ class AdaptiveSteps(MethodSteps):
                 break
             if self.count[COUNT.knot] == len(self.knots[0]):
                 how = OUTCOME.ended
-            elif is_far(self.record, self.state[0]):  # change coordinates, as after an undivided step
+            elif self.record.is_far(self.state[0]):  # change coordinates, as after an undivided step
                 how = OUTCOME.turned
             else:
                 how = self.take(max(least, last - int(self.count[COUNT.steps])))
-        if how == OUTCOME.ended and is_far(self.record, self.state[0]):
+        if how == OUTCOME.ended and self.record.is_far(self.state[0]):
             self.turn()
         if how == OUTCOME.stuck and self.run.method == AUTO and np.isfinite(self.fastest):
             self.rates = {**self.rates, self.name: np.inf}

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 from flexlink.chain.arguments import integer, require_each
+from flexlink.chain.variants import lump_many
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.interruption import Stop, deferred
 from flexlink.common.memo import Kept
@@ -19,7 +20,7 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.budget import warn
-from flexlink.motion.inputs.problem import problems_of
+from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.inputs.step_check import check_steps
 from flexlink.motion.side_by_side import Block, Ended, Member, Run, alike, fits_lanes
 from flexlink.motion.single_run import SingleRun
@@ -117,7 +118,7 @@ def ends_of(scenes: Sequence[Scene], stop: Stop, *, compared: int | None = None)
 def prepared(scenes: Sequence[Scene], compared: int | None = None) -> list[Member | FlexlinkError]:
     """Build the problem of every scene and check its step; return members or errors; `compared` as in `outcomes`."""
     most = len(scenes) if compared is None else compared
-    problems = problems_of(scenes)
+    problems = _problems_of(scenes)
     good = [problem for problem in problems if isinstance(problem, InitialValueProblem)]
     checked = iter(check_steps(good))
     members: list[Member | FlexlinkError] = []
@@ -131,6 +132,32 @@ def prepared(scenes: Sequence[Scene], compared: int | None = None) -> list[Membe
             else:
                 members.append(Member(problem, warnings, fits_lanes(problem), number < most))
     return members
+
+
+def _problems_of(scenes: Sequence[Scene]) -> list[InitialValueProblem | FlexlinkError]:
+    """Return `problem_of` each scene, or its error; arms without drives and loads share their inputs."""
+    found: list[InitialValueProblem | FlexlinkError] = []
+    before: InitialValueProblem | None = None
+    for scene, chain in zip(scenes, lump_many(scenes), strict=True):
+        try:
+            if isinstance(chain, FlexlinkError):
+                raise chain
+            shares = before is not None and not chain.has_free_base and _acts_alike(before.scene, scene)
+            problem = problem_of(scene, chain, before.inputs if before is not None and shares else None)
+            before = problem if problem.base is None else before
+            found.append(problem)
+        except FlexlinkError as error:
+            found.append(error)
+    return found
+
+
+def _acts_alike(one: Scene, scene: Scene) -> bool:
+    """Whether two scenes can share inputs: these must not depend on the arm, and runs must not write to them."""
+    free = (
+        not (one.motion or scene.motion or one.wrench.varies or one.wrench.on)
+        and one.drive.kind == scene.drive.kind == "none"
+    )
+    return free and one.wrench == scene.wrench
 
 
 def _blocks(members: Iterable[Member]) -> Iterator[list[Member]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,11 +13,12 @@ from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.runge_kutta import NEVER, integrate
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.motion.chunk_size import ChunkSize, Reached
-from flexlink.motion.floating_steps import Arrays, advance, far_of
-from flexlink.motion.sampled_control import Control
-from flexlink.results.record import Record
+from flexlink.results.record import Arrays, Record
 from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import Failure
+
+if TYPE_CHECKING:
+    from flexlink.motion.sampled_control import Control
 
 Lanes = tuple[Any, Inputs, Arrays, Arrays]
 """Workspace, inputs, state (n, 8) and samples (rows, n, 8) of eight runs that are integrated side by side."""
@@ -33,27 +34,45 @@ class FixedSteps:
         self.failure: Failure | None = None
         self.tableau = method(record.run.method).arrays
         self.no_samples = *np.empty((2, 0, record.chain.n)), np.empty(0)
-        self._inputs: Inputs | None = None  # the inputs that `_integrate` is compiled for
+        self._inputs: Inputs | None = None  # the inputs that `_go` is compiled for
         record.begin()
         if lanes is None:
             start = record.q[0].copy(), record.qd[0].copy(), np.zeros(1)
             lanes = record.scratch, record.inputs, start, (record.q, record.qd, record.works)
         self.scratch, inputs, self.state, samples = lanes
-        if control is None:
-            self._pieces = pieces(record, self.scratch, inputs, self.state, samples)
-        else:
-            self._pieces = control.pieces(record, self.run, self.state)
-        self._done = next(self._pieces)  # compiles while signals are not deferred
+        self._fixed = self.scratch, self.tableau, inputs, self.run.fixed_step, self.origin
+        self._rest, self._done, self._control = (self.run.steps_per_sample, self.state, samples), 0, None
+        if control is not None:  # each first call compiles while signals are not deferred
+            self._control = control.pieces(record, self.run, self.state)
+            self._done = next(self._control)
+            return
+        compiled = lambda: direct(integrate, *self._fixed, 0, 0, np.inf, *self._rest)  # noqa: E731
+        self._steps = record.kept("fixed steps", self.state[0].ndim, compiled)
+        self._steps(*self._fixed, 0, 0, record.far, *self._rest)
 
     def __iter__(self) -> Iterator[Reached]:
-        run, (q, qd, _) = self.run, self.state
-        last = (run.samples - 1) * run.steps_per_sample
+        """Integrate in chunks of about `BREATH`; state and samples are filled in place. See `integrate`."""
+        done, last = 0, (self.run.samples - 1) * self.run.steps_per_sample
         yield 1, 0.0 if last else 1.0
-        for done in self._pieces:
-            self._done = done
-            if not (np.isfinite(q).all() and np.isfinite(qd).all()):
-                self.failure = self._not_finite()
-            yield self._done // run.steps_per_sample + 1, self._done / last
+        if self._control is not None:
+            yield from (self._reached(done, last) for done in self._control)
+            return
+        pace = ChunkSize(self.record.chain.n)
+        while done < last:
+            stop = min(done + pace.start(), last)
+            done = self.record.advance(self._steps, self._fixed, done, stop, self._rest)
+            due = pace.end()
+            if due or done < stop or stop == last:
+                yield self._reached(done, last)
+            if done < stop:
+                return
+
+    def _reached(self, done: int, last: int) -> Reached:
+        """Note the number of the last step with a finite state, and a state that is not finite."""
+        self._done, (q, qd, _) = done, self.state
+        if not (np.isfinite(q).all() and np.isfinite(qd).all()):
+            self.failure = self._not_finite()
+        return done // self.run.steps_per_sample + 1, done / last
 
     def go(self, inputs: Inputs, start: float, end: float) -> Failure | None:
         """Integrate from `start` to `end` [s] under these inputs; return the failure, if any."""
@@ -61,9 +80,9 @@ class FixedSteps:
         first, last = round(start / h) - origin, round(end / h) - origin
         fixed, rest = (self.scratch, self.tableau, inputs, h, origin), (NEVER, self.state, self.no_samples)
         if inputs is not self._inputs:
-            far = far_of(self.record)
-            self._inputs, self._integrate = inputs, direct(integrate, *fixed, first, last, far, *rest)
-        self._done = advance(self._integrate, fixed, first, last, rest, self.record)
+            far = self.record.far
+            self._inputs, self._go = inputs, direct(integrate, *fixed, first, last, far, *rest)
+        self._done = self.record.advance(self._go, fixed, first, last, rest)
         return None if self._done == last else self._not_finite()
 
     def saved(self) -> Any:
@@ -109,28 +128,3 @@ class FixedSteps:
 def steps_up_to(run: RunSettings, number: int) -> Steps:
     """Step counts after a number of steps."""
     return Steps(run.method, number, number * method(run.method).stages)
-
-
-def pieces(record: Record, scratch: Any, inputs: Inputs, state: Arrays, samples: Arrays) -> Iterator[int]:
-    """Integrate in chunks of about `BREATH`; yield the number of the last step with a finite state, starting with 0.
-
-    The state and the samples are filled in place, for one chain or, with the workspace of lanes, for eight side by
-    side. See `integrate`.
-    """
-    run = record.run
-    first, last, every = 0, (run.samples - 1) * run.steps_per_sample, run.steps_per_sample
-    fixed = scratch, method(run.method).arrays, inputs, run.fixed_step, record.origin
-    go = record.kept(
-        "fixed steps", state[0].ndim, lambda: direct(integrate, *fixed, 0, 0, np.inf, every, state, samples)
-    )
-    yield int(go(*fixed, 0, 0, far_of(record), every, state, samples))
-    pace = ChunkSize(record.chain.n)
-    while first < last:
-        stop = min(first + pace.start(), last)
-        done = advance(go, fixed, first, stop, (every, state, samples), record)
-        due = pace.end()
-        if due or done < stop or stop == last:
-            yield done
-        if done < stop:
-            return
-        first = stop

@@ -14,7 +14,7 @@ from flexlink.common.types import Array
 from flexlink.common.wording import Diagnostic
 from flexlink.describe.joint_units import in_words
 from flexlink.describe.run_settings import AUTO, DEFAULT_TOLERANCE
-from flexlink.dynamics.vibration.stability import DENSE
+from flexlink.dynamics.free_motion import DENSE
 from flexlink.results.record import Record
 from flexlink.results.stop_reasons import Failure
 
@@ -95,6 +95,14 @@ def unstable_loop(record: Record) -> tuple[str, str]:
     about = record.q[0].tobytes(), float(record.t[0])
     found: tuple[str, str] = record.kept("unstable loop", about, lambda: instability(loop))
     return found
+
+
+def held_torques_advice(between: float) -> str:
+    """Remedy if torques held for `between` [s] destabilize an arm although its steps are stable."""
+    return (
+        f"likely the control loop sampled at {1 / between:.6g} Hz is unstable, not the steps: use lower gains, a "
+        "higher rate, or add armature to the joints"
+    )
 
 
 def _locked_gimbal(record: Record, q: Array) -> tuple[str, str] | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,8 +16,7 @@ from flexlink.dynamics.terms import mass_matrix
 from flexlink.kernels.stepping.judgement import SEEN, WRONG, Allowance
 from flexlink.kernels.stepping.samples import tips_and_energies
 from flexlink.kernels.stepping.step_state import SO_FAR
-from flexlink.motion.hindrance import hindrance, loop_warning
-from flexlink.motion.sampled_control import Control, held_torques_advice
+from flexlink.motion.hindrance import held_torques_advice, hindrance, loop_warning
 from flexlink.motion.stated import stated_of
 from flexlink.motion.step_errors import rounded_away, step_errors, summed
 from flexlink.motion.tolerable import Thresholds, allowed_imbalance, probed, tolerance_of
@@ -26,6 +26,9 @@ from flexlink.results.samples import StatedError, Steps
 from flexlink.results.stop_reasons import DivergenceError, Failure
 from flexlink.results.tip_motion import extent_of_motion, motion_in_words
 from flexlink.results.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from flexlink.motion.sampled_control import Control
 
 
 class Monitor:

@@ -18,14 +18,12 @@ from flexlink.describe.plausibility.ranges import hint_if_outside
 from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.whole_steps import multiples, parts, whole
-from flexlink.dynamics.floating_base import ANGLES, FAR
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.dynamics.sensors.readings import Readings
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.stepping.runge_kutta import integrate, stage
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.motion.chunk_size import ChunkSize
-from flexlink.motion.floating_steps import advance
 from flexlink.motion.inputs.actuation import drive_for
 from flexlink.motion.inputs.drives import effort_of, held_torques
 from flexlink.motion.sensing import sample_at
@@ -173,7 +171,7 @@ class Control:
     ) -> int:
         run, samples = record.run, (record.q, record.qd, record.works)
         fixed = record.scratch, tableau, record.inputs, run.fixed_step, record.origin
-        return advance(integrate, fixed, first, stop, (run.steps_per_sample, state, samples), record)
+        return record.advance(integrate, fixed, first, stop, (run.steps_per_sample, state, samples))
 
     def _continuous(
         self, record: Record, tableau: Tableau, state: tuple[Array, Array, Array], first: int, stop: int
@@ -196,7 +194,7 @@ class Control:
             row, left = divmod(number + 1 - self.origin, run.steps_per_sample)
             if not left:
                 record.q[row], record.qd[row], record.works[row] = q, qd, work[0]
-            if record.base is not None and np.abs(q[ANGLES]).max() > FAR:
+            if record.base is not None and record.is_far(q):
                 record.base.turn(row + 1, q, qd, record.scratch)
         return stop
 
@@ -230,14 +228,6 @@ def impulses(memory: Array, chain: Chain, tau: Array, qd: Array, period: float) 
         found[k] = period * math.sqrt(square) if square < math.inf else 0.0  # a diverging run overflows
     memory[...] = np.reshape(rows, memory.shape)
     return found
-
-
-def held_torques_advice(between: float) -> str:
-    """Remedy if torques held for `between` [s] destabilize an arm although its steps are stable."""
-    return (
-        f"likely the control loop sampled at {1 / between:.6g} Hz is unstable, not the steps: use lower gains, a "
-        "higher rate, or add armature to the joints"
-    )
 
 
 def control_of(

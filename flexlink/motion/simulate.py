@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 from numpy.typing import ArrayLike
@@ -18,10 +20,12 @@ from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.motion.budget import warn
 from flexlink.motion.inputs.drives import remembered
 from flexlink.motion.inputs.problem import problem_of, started, started_from
-from flexlink.motion.sampled_control import Law
 from flexlink.motion.single_run import SingleRun
 from flexlink.results.samples import State, StatedError
 from flexlink.results.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from flexlink.motion.sampled_control import Law
 
 
 def simulate(
@@ -134,7 +138,9 @@ def simulate(
         t0, q0, qd0 = _end_of(after, q0, qd0, t0)
     starts = not (q0 is None and qd0 is None and t0 is None)
     problem = Problem(started_from(scene, q0, qd0, t0, **changes)) if starts else problem_with(scene, changes)
-    return problem._simulate(control, rate, delay, after, progress)
+    with problem._run(control, rate, delay, after) as run, deferred() as stop:
+        run.advance(stop, progress, warn)
+        return run.result(stop)
 
 
 class Problem:
@@ -231,18 +237,19 @@ class Problem:
             )
         if after is not None:
             t0, q0, qd0 = _end_of(after, q0, qd0, t0)
-        return self._simulate(control, rate, delay, after, progress, (q0, qd0, t0))
+        with self._run(control, rate, delay, after, (q0, qd0, t0)) as run, deferred() as stop:
+            return run.finish(stop, progress, warn=warn)
 
-    def _simulate(
+    @contextlib.contextmanager
+    def _run(
         self,
         control: Law | None,
         rate: float | None,
         delay: float,
         after: Trajectory | None,
-        progress: Callable[[float], None] | None,
         start: tuple[ArrayLike | None, ArrayLike | None, float | None] = (None, None, None),
-    ) -> Trajectory:
-        """Do `simulate`, with the state to start from, and with what the run before it, `after`, hands on."""
+    ) -> Iterator[SingleRun]:
+        """A run that is ready to start, from a state, with what the run before it, `after`, hands on."""
         before = None if after is None else after.delayed
         try:
             problem, kept = self._idle.pop()
@@ -262,9 +269,7 @@ class Problem:
             scene = started_from(self.scene, *start)
             begun = problem if scene is self.scene else started(problem, scene)
             own, motion = (kept if control is None else None), continued(after, scene)
-            run = SingleRun(begun, control, rate, delay, before, kept=own, motion=motion)
-            with deferred() as stop:
-                return run.finish(stop, progress, warn=warn)
+            yield SingleRun(begun, control, rate, delay, before, kept=own, motion=motion)
         finally:
             self._idle.append((problem, kept))
 

@@ -18,10 +18,11 @@ from flexlink.describe.whole_steps import parts, whole
 from flexlink.dynamics.sensors.readings import Readings
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.motion.adaptive_steps import AdaptiveSteps
+from flexlink.motion.hindrance import held_torques_advice
 from flexlink.motion.inputs.actuation import drive_for
 from flexlink.motion.inputs.drives import effort_of, held_torques, remembered
 from flexlink.motion.inputs.problem import problem_of, started_from
-from flexlink.motion.sampled_control import held_torques_advice, impulses, nothing_read
+from flexlink.motion.sampled_control import impulses, nothing_read
 from flexlink.motion.sensing import sample_at
 from flexlink.motion.single_run import SingleRun
 from flexlink.motion.tolerable import Thresholds

@@ -6,6 +6,7 @@ import contextlib
 import dataclasses
 import signal
 from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 from msgspec.structs import replace
@@ -21,13 +22,9 @@ from flexlink.describe.whole_steps import multiples
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.kernels.inputs.record import Drive
 from flexlink.kernels.tools.machine_code import types_of
-from flexlink.motion.adaptive_steps import AdaptiveSteps
-from flexlink.motion.fixed_steps import FixedSteps
 from flexlink.motion.inputs.drives import recall
 from flexlink.motion.inputs.problem import problem_of, started, started_from
-from flexlink.motion.inputs.step_check import check_step
 from flexlink.motion.monitor import Monitor
-from flexlink.motion.sampled_control import Law, control_of
 from flexlink.motion.stated import compared_with, estimated_error, extrapolated
 from flexlink.motion.tolerable import Thresholds
 from flexlink.motion.verification import (
@@ -52,8 +49,10 @@ from flexlink.results.stop_reasons import (
 )
 from flexlink.results.trajectory import Trajectory
 
-Stepper = FixedSteps | AdaptiveSteps
-"""Stepper of a run: takes fixed steps of an explicit method, or adaptive or implicit steps."""
+if TYPE_CHECKING:
+    from flexlink.motion.adaptive_steps import AdaptiveSteps
+    from flexlink.motion.fixed_steps import FixedSteps
+    from flexlink.motion.sampled_control import Control, Law
 
 
 class SingleRun:
@@ -104,7 +103,7 @@ class SingleRun:
         motion: StatedError | None = None,
     ) -> None:
         check_method(problem.run)
-        control = control_of(problem, law, rate, delay, before)
+        control = _control(problem, law, rate, delay, before)
         if control is not None:
             problem = dataclasses.replace(problem, inputs=problem.inputs._replace(drive=control.drive))
         elif before is not None:
@@ -112,21 +111,17 @@ class SingleRun:
         record = _recorded(problem, rows, kept)
         about = problem.q.tobytes(), problem.qd.tobytes(), problem.start
         if warnings is None:
-            warnings = record.kept("step", about, lambda: check_step(problem))
+            warnings = record.kept("step", about, lambda: _step_warnings(problem))
         self.monitor = Monitor(record, warnings, control)
         self.monitor.before = motion
-        self._before = before
+        self._before, self._warned = before, False
         if control is not None:
             try:
                 control.note(0, problem.q, problem.qd)
             except LawFailure as failure:
                 raise ControlError(f"{problem.chain.name}: {failure}", self.monitor.trajectory()) from failure.__cause__
         self.monitor.compile()
-        self.steps: Stepper = (
-            FixedSteps(record, control)
-            if problem.explicit
-            else AdaptiveSteps(record, control, halved=halved, passes=passes)
-        )
+        self.steps = _stepper(record, control, halved=halved, passes=passes)
 
     def finish(
         self,
@@ -140,17 +135,19 @@ class SingleRun:
 
         If progress is slow, `warn` is called once during the run with the cause.
         """
+        self.advance(stop, progress, warn)
+        return self.result(stop, compared=compared)
+
+    def result(self, stop: Stop, *, compared: bool = True) -> Trajectory:
+        """The run after `advance`; if `compared`, it is verified as in `finish`."""
         monitor, steps = self.monitor, self.steps
         try:
-            self.advance(stop, progress or (lambda _: None), warn=warn)
             if compared and not (monitor.failure or steps.failure or stop.requested):
                 if monitor.run.controlled:
                     monitor = settled(monitor, self._before, stop)
                 else:
                     monitor.warnings += verify(monitor, stop)
-        except LawFailure as failure:
-            raise ControlError(f"{monitor.record.chain.name}: {failure}", monitor.trajectory()) from failure.__cause__
-        except KeyboardInterrupt:  # from a signal handler of the caller, or from `progress`
+        except KeyboardInterrupt:
             stop.signal = signal.SIGINT
         if monitor.failure or steps.failure:
             raise monitor.diverged(steps.failure)
@@ -159,33 +156,72 @@ class SingleRun:
         return monitor.trajectory()
 
     def advance(
-        self, stop: Stop, report: Callable[[float], None], warn: Callable[[Diagnostic], None] | None = None
+        self,
+        stop: Stop,
+        report: Callable[[float], None] | None = None,
+        warn: Callable[[Diagnostic], None] | None = None,
     ) -> None:
         """Advance until the run ends, a check fails, or it is stopped."""
         monitor, steps = self.monitor, self.steps
-        for rows, part in steps:
-            good = True
-            if rows > 1 or part == 1.0 or steps.failure:  # one check is enough for a short run
-                good = monitor.check(
-                    rows,
-                    steps.steps,
-                    methods=steps.methods,
-                    so_far=steps.so_far,
-                )
-            row, slow = steps.slow
-            if warn and slow and row <= max(1, monitor.n_valid):  # do not warn about steps after an invalid sample
-                warn(Diagnostic(f"{monitor.record.chain.name}: {slow}", "slow-progress"))
-                warn = None
-            if not good:
-                monitor.steps = steps.steps_before(monitor.n_valid)
-                break
-            if steps.failure:
-                break
-            report(part)
-            if stop.requested:
-                break
-        else:
+        try:
+            for rows, part in steps:
+                if not self._sound(rows, part, warn):
+                    return
+                if report is not None:
+                    report(part)
+                if stop.requested:
+                    return
             steps.failure = ended_early(monitor.last_time, float(monitor.record.t[-1]))
+        except LawFailure as failure:
+            raise ControlError(f"{monitor.record.chain.name}: {failure}", monitor.trajectory()) from failure.__cause__
+        except KeyboardInterrupt:  # from a signal handler of the caller, or from `report`
+            stop.signal = signal.SIGINT
+
+    def _sound(self, rows: int, part: float, warn: Callable[[Diagnostic], None] | None) -> bool:
+        """Check the samples before index `rows`; return whether the run may go on."""
+        monitor, steps = self.monitor, self.steps
+        good = True
+        if rows > 1 or part == 1.0 or steps.failure:  # one check is enough for a short run
+            good = monitor.check(rows, steps.steps, methods=steps.methods, so_far=steps.so_far)
+        row, slow = steps.slow
+        # do not warn about steps after an invalid sample
+        if warn and slow and not self._warned and row <= max(1, monitor.n_valid):
+            warn(Diagnostic(f"{monitor.record.chain.name}: {slow}", "slow-progress"))
+            self._warned = True
+        if not good:
+            monitor.steps = steps.steps_before(monitor.n_valid)
+        return good and not steps.failure
+
+
+def _control(
+    problem: InitialValueProblem, law: Law | None, rate: float | None, delay: float, before: Array | None
+) -> Control | None:
+    """The control law of a run, if it has one; errors as in `control_of`."""
+    if law is None and rate is None and not delay:
+        return None
+    from flexlink.motion.sampled_control import control_of  # noqa: PLC0415  few runs have a law in Python
+
+    return control_of(problem, law, rate, delay, before)
+
+
+def _step_warnings(problem: InitialValueProblem) -> tuple[Diagnostic, ...]:
+    """Warnings from the check of a fixed explicit step; errors as in `check_step`."""
+    if not problem.explicit:
+        return ()
+    from flexlink.motion.inputs.step_check import check_step  # noqa: PLC0415  only fixed steps need eigenvalues
+
+    return check_step(problem)
+
+
+def _stepper(record: Record, control: Control | None, *, halved: bool, passes: bool) -> FixedSteps | AdaptiveSteps:
+    """The stepper of a run: fixed steps of an explicit method, or adaptive or implicit steps; only one is imported."""
+    if record.problem.explicit:
+        from flexlink.motion.fixed_steps import FixedSteps  # noqa: PLC0415
+
+        return FixedSteps(record, control)
+    from flexlink.motion.adaptive_steps import AdaptiveSteps  # noqa: PLC0415
+
+    return AdaptiveSteps(record, control, halved=halved, passes=passes)
 
 
 def settled(first: Monitor, before: Array | None, stop: Stop) -> Monitor:
@@ -274,7 +310,7 @@ def _other(
             problem = dataclasses.replace(problem, scene=scene, inputs=problem.inputs._replace(drive=drive))
             problem = problem if start is None else started(problem, begun)
             other = SingleRun(problem, before=before, kept=record.kept("comparison", run, Kept), halved=halved)
-        other.advance(stop, lambda _: None)
+        other.advance(stop)
     except FlexlinkError:
         return None
     return None if other.monitor.failure or other.steps.failure or stop.requested else other.monitor
@@ -291,7 +327,7 @@ def verify(monitor: Monitor, stop: Stop) -> Iterator[Diagnostic]:
         try:
             again = replace(problem.scene, run=limited)  # fails if the start is not a multiple of the new step
             other = SingleRun(problem_of(again, problem.original), halved=limited.controlled, passes=False)
-            other.advance(stop, lambda _: None)
+            other.advance(stop)
         except FlexlinkError:
             continue
         if stop.requested:

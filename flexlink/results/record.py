@@ -14,6 +14,7 @@ from flexlink.common.wording import Diagnostic
 from flexlink.describe.scene import Scene
 from flexlink.dynamics import rounding
 from flexlink.dynamics.energy import Energy
+from flexlink.dynamics.floating_base import ANGLES, FAR
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.dynamics.momentum import Momentum, momentum_of_states
 from flexlink.kernels.stepping.samples import derive, prescribed_torques
@@ -22,6 +23,9 @@ from flexlink.kernels.tools.machine_code import direct
 from flexlink.results.samples import BaseMotion, State, StatedError, Steps
 from flexlink.results.tip_motion import checked_path, compared_path
 from flexlink.results.trajectory import Trajectory
+
+Arrays = tuple[Array, Array, Array]
+"""Angles q, rates q̇ and work W."""
 
 
 def trajectory_from_states(problem: InitialValueProblem, t: Array, q: Array, qd: Array) -> Trajectory:
@@ -85,6 +89,29 @@ class Record:
         """Measure the angles of a free base from its initial attitude, in the first sample and the following steps."""
         if self.base is not None:
             self.base.turn(0, self.q[0], self.qd[0], self.scratch)
+
+    @property
+    def far(self) -> float:
+        """Rotation of a free base at which its coordinates change [rad]; inf if the base is fixed."""
+        return np.inf if self.base is None else FAR
+
+    def is_far(self, q: Array) -> bool:
+        """Whether the base is free and has turned beyond `far` at angles q (n,)."""
+        return self.base is not None and bool(np.abs(q[ANGLES]).max() > FAR)
+
+    def advance(
+        self, go: Callable[..., Any], fixed: tuple[Any, ...], first: int, stop: int, rest: tuple[int, Arrays, Arrays]
+    ) -> int:
+        """Integrate to fixed step `stop`; return the number of the last step with a finite state; `go`: `integrate`.
+
+        If a free base has turned far, its coordinates change, even at step `stop`: later steps do not depend on `stop`.
+        """
+        every, (q, qd, _), _ = rest
+        done = int(go(*fixed, first, stop, self.far, *rest))
+        while self.base is not None and (done < stop or self.is_far(q)) and np.isfinite([q, qd]).all():
+            self.base.turn(done // every + 1, q, qd, self.scratch)
+            done = int(go(*fixed, done, stop, self.far, *rest))
+        return done
 
     def parts(self, first: int, stop: int) -> Iterator[slice]:
         """Samples first … stop − 1, split where the coordinates of a free base change."""

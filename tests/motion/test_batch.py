@@ -18,6 +18,7 @@ from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.side_by_side import alike, fits_lanes
 from flexlink.motion.single_run import SingleRun
 from flexlink.motion.step_errors import step_errors, step_errors_side_by_side
+from flexlink.results.record import Record
 from tests.conftest import compiled, flexible, make_scene, nasty_scene, random_state
 from tests.support.words import refused
 
@@ -253,17 +254,16 @@ def test_a_diverging_member_does_not_lose_the_results_of_others(models) -> None:
 
 def test_interrupted_batch_runs_keep_their_samples(monkeypatch) -> None:
     """The run is stopped after 100 of 500 steps, that is, 2 of 10 samples."""
-    stop, fixed, scenes = Stop(), sys.modules["flexlink.motion.fixed_steps"], members("yz", 10)
-    pieces = fixed.pieces
+    stop, advance, scenes = Stop(), Record.advance, members("yz", 10)
 
     def interrupted(*arguments):
-        for done in pieces(*arguments):
-            if done >= 100:
-                stop.signal = signal.SIGINT
-            yield done
+        done = advance(*arguments)
+        if done >= 100:
+            stop.signal = signal.SIGINT
+        return done
 
     monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "BREATH", 0.0)  # one piece per step
-    monkeypatch.setattr(fixed, "pieces", interrupted)
+    monkeypatch.setattr(Record, "advance", interrupted)
     monkeypatch.setattr(sys.modules["flexlink.motion.batch"], "deferred", lambda: contextlib.nullcontext(stop))
     with pytest.raises(fl.errors.InterruptedRunError) as caught:
         fl.simulate_many(scenes)

@@ -3,7 +3,7 @@
 import copy
 import itertools
 import pickle
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,11 +13,10 @@ from scipy.integrate import solve_ivp
 import flexlink as fl
 from flexlink.common.interruption import Stop
 from flexlink.kernels.stepping.adaptive import OUTCOME
-from flexlink.motion import fixed_steps, floating_steps, sampled_control
 from flexlink.motion.adaptive_steps import AdaptiveSteps
 from flexlink.motion.batch import outcomes
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.results.record import trajectory_from_states
+from flexlink.results.record import Record, trajectory_from_states
 from tests.conftest import compiled, flexible, make_scene
 from tests.support.words import refused, reviewed
 
@@ -400,21 +399,16 @@ RUNS: dict[str, Callable[[], object]] = {
 @pytest.mark.parametrize("kind", RUNS)
 def test_a_run_that_stops_early_without_a_reason_is_an_error(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     RUNS[kind]()  # a complete run is not an error
-    take, pieces, go = AdaptiveSteps.take, fixed_steps.pieces, floating_steps.advance
+    take, go = AdaptiveSteps.take, Record.advance
 
     def half_way(steps: AdaptiveSteps, most: int) -> int:
         return int(OUTCOME.ended) if most and steps.tries >= 2 else take(steps, min(most, 2))
 
-    def half(*arguments: Any) -> Iterator[int]:
-        return itertools.takewhile(lambda done: done <= 50, pieces(*arguments))
-
-    def some(integrate: Any, fixed: Any, first: int, stop: int, *rest: Any) -> int:
-        return go(integrate, fixed, first, min(stop, 50), *rest)
+    def some(record: Record, integrate: Any, fixed: Any, first: int, stop: int, rest: Any) -> int:
+        return go(record, integrate, fixed, first, min(stop, 50), rest)
 
     monkeypatch.setattr(AdaptiveSteps, "take", half_way)
-    monkeypatch.setattr(fixed_steps, "pieces", half)
-    monkeypatch.setattr(sampled_control, "advance", some)
-    monkeypatch.setattr(fixed_steps, "advance", some)
+    monkeypatch.setattr(Record, "advance", some)
     with pytest.raises(fl.errors.DivergenceError) as caught:
         RUNS[kind]()
     assert caught.value.id == ("diverged" if kind == "Simulator, explicit" else "ended-early")

@@ -23,7 +23,7 @@ from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.types import Array, Complex
 from flexlink.common.wording import short_list
 from flexlink.describe.actions import Frame
-from flexlink.dynamics.free_motion import expanded, restricted
+from flexlink.dynamics.free_motion import DENSE, expanded, restricted
 from flexlink.dynamics.placement import frames
 from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.rounding import largest_load_stiffness
@@ -205,10 +205,6 @@ def scaled(vectors: NDArray[np.inexact]) -> NDArray[np.inexact]:
     sizes, equal = np.abs(vectors), 1e-6  # rounding makes entries of equal size differ in symmetric arms
     first = (sizes >= (1 - equal) * sizes.max(axis=0)).argmax(axis=0)
     return np.asarray(vectors / vectors[first, np.arange(vectors.shape[1])])
-
-
-DENSE = 100
-"""Number of free coordinates up to which all modes are computed with dense matrices, in O(n³)."""
 
 
 Found = tuple[eigenproblem.Solution, Callable[[NDArray[np.inexact]], Loads]]

@@ -24,7 +24,7 @@ from flexlink.describe.actions import Frame
 from flexlink.describe.schemes import methods
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.forces import force_slopes
-from flexlink.dynamics.free_motion import restricted
+from flexlink.dynamics.free_motion import DENSE, restricted
 from flexlink.dynamics.rounding import EPS, scales
 from flexlink.dynamics.singularity import regular_mass
 from flexlink.dynamics.springs import about, damping_along, damping_matrix
@@ -36,10 +36,6 @@ from flexlink.dynamics.vibration.stability_function import stable_half_disc, sta
 from flexlink.dynamics.wrench import Gains, turns_with_tip
 from flexlink.kernels.bodies.mass import mass_upper
 from flexlink.kernels.tools.finite import is_finite
-
-DENSE = 100
-"""Number of joints up to which all eigenvalues are computed, in O(n³); with more joints, only the eigenvalues that
-limit the step are computed, in O(n)."""
 
 NUDGE = 1e-4
 """Step of the central difference along a direction [rad], for sliding joints relative to the arm's length. Its error,

@@ -15,8 +15,7 @@ from flexlink.describe.joint_units import in_si
 from flexlink.describe.scene import Scene
 from flexlink.kernels.inputs.record import Drive, Inputs, MotionTable
 from flexlink.motion.inputs.drives import drive_arrays, gains_of, no_model
-from flexlink.motion.inputs.loads import loads_of, no_loads
-from flexlink.motion.inputs.tip_wrench import wrench_at
+from flexlink.motion.inputs.tip_wrench import loads_of, no_loads, wrench_at
 
 
 def input_arrays(scene: Scene, chain: Chain) -> Inputs:

@@ -14,8 +14,12 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.memo import Memo, keep_last
 from flexlink.common.types import Array, Indices
+from flexlink.describe.drive import Drive as DriveOfScene
+from flexlink.describe.drive import DriveFilter
+from flexlink.describe.joint_units import in_si, together
 from flexlink.describe.rigidified import bare_and_rigid
 from flexlink.describe.scene import Scene
+from flexlink.dynamics.filters import linear_filter, transition
 from flexlink.dynamics.terms import gravity_torque
 from flexlink.dynamics.wrench import Gains
 from flexlink.kernels.bodies.rigid_model import RigidModel
@@ -25,7 +29,6 @@ from flexlink.kernels.inputs.laws import CASCADE, CASCADE_GRAVITY, COMPUTED_TORQ
 from flexlink.kernels.inputs.record import Drive, PiecewisePolynomial
 from flexlink.kernels.layout import BODY, HINGE
 from flexlink.kernels.tools.lanes import LANES
-from flexlink.motion.inputs.cascade import filters_of, servo_of
 from flexlink.motion.inputs.interpolation import held_knots, pieces_of
 from flexlink.motion.inputs.references import constant, reference_arrays
 
@@ -199,9 +202,46 @@ def _pd(scene: Scene, chain: Chain) -> Drive:
 
 
 def _cascade(scene: Scene, chain: Chain) -> Drive:
-    filters = filters_of(scene, chain, float(scene.drive.rate or 0.0))
-    feedback = _feedback(scene, chain)._replace(servo=servo_of(scene, chain), filters=filters)
+    filters = _filters_of(scene, chain, float(scene.drive.rate or 0.0))
+    feedback = _feedback(scene, chain)._replace(servo=_servo_of(scene, chain), filters=filters)
     return _fed(scene, chain, feedback, CASCADE, CASCADE_GRAVITY)
+
+
+def _servo_of(scene: Scene, chain: Chain) -> Array:
+    """k_i, v_max [rad/s, m/s], rate feedforward and inertia of each driven joint, shape (d, 4), as in `cascade`."""
+    drive, links = scene.drive, _links_of(chain)
+    nothing = (0.0,) * len(scene.arm.links)
+    fastest = in_si(scene.arm.slides, together(scene.arm.slides, drive.max_rate_deg, drive.max_rate_m))
+    found = np.zeros((len(links), 4))
+    found[:, 0] = np.array(drive.ki or nothing)[links]
+    found[:, 1] = np.where(fastest > 0.0, fastest, np.inf)[links]
+    found[:, 2] = 1.0 if drive.rate_feedforward is None else drive.rate_feedforward
+    found[:, 3] = np.array(drive.inertia or nothing)[links]
+    return found
+
+
+def _filters_of(scene: Scene, chain: Chain, rate: float) -> Array:
+    """Φ, Γ, Ψ, S, C, D of the filters of each driven joint, shape (d, f + 1, f + 3), as in `cascade`."""
+    names = [scene.arm.links[k].name for k in _links_of(chain)]
+    series = [_series(scene.drive, name) for name in names]
+    f = max((len(linear_filter(each).B) for each in series), default=0)
+    found = np.zeros((len(names), f + 1, f + 3))
+    for block, filters in zip(found, series, strict=True):
+        own, (Φ, Γ, Ψ) = linear_filter(filters), transition(filters, 1.0 / rate)
+        n = len(own.B)
+        block[:n, :n], block[:n, f], block[:n, f + 1] = Φ, Γ, Ψ
+        block[:n, f + 2] = own.settled if n else 0.0
+        block[f, :n], block[f, f] = own.C, own.D
+    return found
+
+
+def _series(drive: DriveOfScene, link: str) -> tuple[DriveFilter, ...]:
+    return tuple(each for each in drive.filter if each.link in {"", link})
+
+
+def _links_of(chain: Chain) -> list[int]:
+    """Index of the link of each driven joint."""
+    return [chain.coordinates[k].link - 1 for k in chain.active.tolist()]
 
 
 def _fed(scene: Scene, chain: Chain, feedback: Drive, law: int, by_model: int) -> Drive:
@@ -244,7 +284,7 @@ def resampled(drive: Drive, scene: Scene, chain: Chain, rate: float) -> Drive:
     """The law at another sampling rate [Hz]; 0: as if it were continuous, without memory."""
     if drive.law < CASCADE or not rate:
         return drive._replace(rate=rate)
-    return drive._replace(rate=rate, filters=filters_of(scene, chain, rate))
+    return drive._replace(rate=rate, filters=_filters_of(scene, chain, rate))
 
 
 def recall(drive: Drive, delayed: Array) -> None:

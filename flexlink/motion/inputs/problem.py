@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from msgspec.structs import replace
@@ -12,13 +11,10 @@ from numpy.typing import ArrayLike
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.chain.variants import lump_many
-from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import build_validated
 from flexlink.dynamics.floating_base import FloatingBase
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
-from flexlink.dynamics.sensors.placement import check_placements
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.motion.inputs.actuation import input_arrays, of_kind
@@ -37,35 +33,12 @@ def problem_of(scene: Scene, chain: Chain | None = None, inputs: Inputs | None =
     chain = of_kind(scene, lump(scene) if chain is None else chain)
     base = FloatingBase(chain) if chain.has_free_base else None
     chain = chain if base is None else base.chain
-    check_placements(scene)
+    if scene.sensor:
+        from flexlink.dynamics.sensors.placement import check_placements  # noqa: PLC0415
+
+        check_placements(scene)
     inputs = input_arrays(scene, chain) if inputs is None else inputs
     return InitialValueProblem(scene, chain, inputs, *state_under(inputs, scene, chain), base)
-
-
-def problems_of(scenes: Sequence[Scene]) -> list[InitialValueProblem | FlexlinkError]:
-    """Return `problem_of` each scene, or its error; arms without drives and loads share their inputs."""
-    found: list[InitialValueProblem | FlexlinkError] = []
-    before: InitialValueProblem | None = None
-    for scene, chain in zip(scenes, lump_many(scenes), strict=True):
-        try:
-            if isinstance(chain, FlexlinkError):
-                raise chain
-            shares = before is not None and not chain.has_free_base and _acts_alike(before.scene, scene)
-            problem = problem_of(scene, chain, before.inputs if before is not None and shares else None)
-            before = problem if problem.base is None else before
-            found.append(problem)
-        except FlexlinkError as error:
-            found.append(error)
-    return found
-
-
-def _acts_alike(one: Scene, scene: Scene) -> bool:
-    """Whether two scenes can share inputs: these must not depend on the arm, and runs must not write to them."""
-    free = (
-        not (one.motion or scene.motion or one.wrench.varies or one.wrench.on)
-        and one.drive.kind == scene.drive.kind == "none"
-    )
-    return free and one.wrench == scene.wrench
 
 
 def started(problem: InitialValueProblem, scene: Scene) -> InitialValueProblem:
