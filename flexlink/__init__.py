@@ -19,11 +19,10 @@ if TYPE_CHECKING:
     from flexlink.chain.lumping import lump
     from flexlink.describe.actions import PrescribedMotion, Wrench
     from flexlink.describe.arm import Arm, Base
-    from flexlink.describe.drag import Drag
     from flexlink.describe.drive import Drive
     from flexlink.describe.initial import InitialState
     from flexlink.describe.joint import Joint, Mount
-    from flexlink.describe.link import Link
+    from flexlink.describe.link import Drag, Link
     from flexlink.describe.material import Damping, Friction, Material, Section
     from flexlink.describe.reference import Reference
     from flexlink.describe.reference_trajectory import ReferenceTrajectory
@@ -170,10 +169,9 @@ def __getattr__(name: str) -> object:
         "describe.actions": ["PrescribedMotion", "Wrench"],
         "describe.drive": ["Drive"],
         "describe.arm": ["Arm", "Base"],
-        "describe.drag": ["Drag"],
         "describe.initial": ["InitialState"],
         "describe.joint": ["Joint", "Mount"],
-        "describe.link": ["Link"],
+        "describe.link": ["Drag", "Link"],
         "describe.material": ["Damping", "Friction", "Material", "Section"],
         "describe.reference": ["Reference"],
         "describe.reference_trajectory": ["ReferenceTrajectory"],

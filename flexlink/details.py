@@ -4,8 +4,8 @@ from flexlink.describe.drive import DriveFilter
 from flexlink.describe.filters import Filter
 from flexlink.describe.initial import BaseState
 from flexlink.describe.joint import DenavitHartenberg
+from flexlink.describe.link import StrainModes
 from flexlink.describe.root import RootDamping, RootStiffness
-from flexlink.describe.strain_modes import StrainModes
 
 __all__ = [
     "BaseState",

@@ -1,11 +1,10 @@
 """Problems and results of parameter identification, for the functions `flexlink.fit`, `check_fit` and `propose`."""
 
-from flexlink.identification.compared_fits import compare_fits
+from flexlink.identification.compared_fits import compare_fits, folds
 from flexlink.identification.estimated_response import frequency_response
 from flexlink.identification.experiments import Experiments, load_experiments
 from flexlink.identification.fit import check_fit
 from flexlink.identification.fitted import Fitted
-from flexlink.identification.folds import folds
 from flexlink.identification.loading import load_fit
 from flexlink.identification.problem import FitFrf, FitModes, FitParameter, FitProblem, FitRun, FitStatic
 from flexlink.identification.proposals import Proposals

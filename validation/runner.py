@@ -15,8 +15,8 @@ from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, as_c
 from pathlib import Path
 
 from flexlink.common.errors import FlexlinkError, OutputError
-from flexlink.common.processes import exit_when_closed
 from flexlink.common.versions import processor, system, versions
+from flexlink.sweeps.workers import exit_when_closed
 from validation import dependencies
 from validation.case import ALL, Case, load_cases
 from validation.kinds import BESIDE, LONG, TIMED, measurements

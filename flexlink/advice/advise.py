@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+import warnings
+from collections.abc import Callable
 from time import thread_time
 from typing import Literal
 
@@ -9,25 +12,29 @@ import numpy as np
 
 from flexlink.advice import horizon as horizons
 from flexlink.advice import rigid
-from flexlink.advice.axes import AxisScreening
 from flexlink.advice.goal import Goal, TipErrorNorm, goal_of, least_tolerance
 from flexlink.advice.link_errors import LinkErrors
 from flexlink.advice.model import Model, all_axes, checked_scene, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
-from flexlink.advice.refinement import RefinementStudy
-from flexlink.advice.run_time import own_time, run_time
+from flexlink.advice.refinement import AxisScreening, RefinementStudy
 from flexlink.advice.search import Search
 from flexlink.advice.shape_search import ShapeSearch
 from flexlink.advice.thresholds import Thresholds
 from flexlink.advice.verdict import Advice, length, line, payback, time
 from flexlink.chain.arguments import positive, require_bool, require_one_of, require_type
-from flexlink.common.errors import AdviceError
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import AdviceError, FlexlinkError
 from flexlink.common.types import Array
 from flexlink.common.wording import plural
+from flexlink.describe.run_settings import AUTO
 from flexlink.describe.scene import Scene
+from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.start_notes import is_free_fall
+from flexlink.motion.evaluation_cost import run_cost
+from flexlink.motion.simulate import simulate
 from flexlink.results.convergence import Limit
 from flexlink.results.deflection import deflections
+from flexlink.results.stop_reasons import EvaluationLimitError
 from flexlink.results.tip_motion import tip_travel
 
 
@@ -292,3 +299,43 @@ class Advisor:
             return f"{stepping}, {round(self.scene.run.spacing / stepping.step)} steps per sample"
         share = stepping.step / self.runner.stable_step(model)
         return f"{stepping}, {share:.2f} of the stable step (smallest of {len(self.runner.postures)} configurations)"
+
+
+def run_time(scene_of: Callable[[], Scene], enough: float = 0.05) -> tuple[float, float]:
+    """Shortest CPU times [s] of a complete run, and of a prepared run, as with a `Problem`.
+
+    A complete run uses a new scene, so nothing is prepared. After `enough` CPU time [s] runs are not repeated, because
+    other programs disturb long runs less. Choices and their reasons depend only on listed costs (`evaluation_cost`),
+    not on these times. Errors are as in `simulate`.
+    """
+    whole, again = list[float](), list[float]()
+    # two to five times: the first run may load or compile code
+    while len(whole) < 2 or (len(whole) < 5 and sum(whole[1:] + again) < enough):
+        scene = scene_of()
+        for times in (whole, again):
+            started = thread_time()
+            simulate(scene)
+            times.append(thread_time() - started)
+    return min(whole), min(again)
+
+
+def own_time(scene: Scene, most: float) -> float:
+    """CPU time of a prepared run of the original scene [s]; inf if listed costs exceed `most` [s], nan if it fails."""
+    run, chain = scene.run, lump(scene)
+    name = "Radau5" if run.method == AUTO else run.method
+    evaluations = min(run.max_evaluations, max(1.0, most / run_cost(chain, name, 1.0)))
+    if not run.controlled and method(name).stages * run.duration / run.fixed_step > evaluations:
+        return math.inf
+    taken = math.nan
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # the user did not request this run
+            for _ in range(2):
+                started = thread_time()
+                simulate(scene, max_evaluations=evaluations)
+                taken = thread_time() - started
+    except EvaluationLimitError:
+        return math.inf
+    except FlexlinkError:
+        return math.nan
+    return taken

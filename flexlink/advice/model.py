@@ -12,9 +12,8 @@ from flexlink.advice.families import GAUSS, rule_of
 from flexlink.common.errors import SceneError
 from flexlink.common.wording import truncated
 from flexlink.describe.arm import Arm
-from flexlink.describe.link import AXES, RIGID, Link
+from flexlink.describe.link import AXES, RIGID, Link, StrainModes
 from flexlink.describe.scene import Scene
-from flexlink.describe.strain_modes import StrainModes
 
 FLEX = ("rigid", "z", "yz", "xyz")
 """Choices of the bending axes of a link; each choice includes the axes of the previous one."""

@@ -16,8 +16,7 @@ from flexlink.advice.model import FLEX, Bend, Model, can_move
 from flexlink.advice.model_runner import ModelRunner, Stepping
 from flexlink.advice.search import Solution
 from flexlink.advice.thresholds import Thresholds
-from flexlink.describe.link import AXES
-from flexlink.describe.strain_modes import of_number
+from flexlink.describe.link import AXES, of_number
 
 OF_STATIONS = 0.5
 """Largest error of the stations, as a share of the allowed error."""

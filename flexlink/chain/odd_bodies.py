@@ -11,9 +11,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import Diagnostic, SceneError
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic, truncated
+from flexlink.common.wording import truncated
 from flexlink.describe.arm import Arm
 from flexlink.describe.rigid_body import RigidBody
 from flexlink.kernels.bodies.mass import mass_composite

@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
-from flexlink.common.wording import Diagnostic
+from flexlink.common.errors import Diagnostic
 
 
 def print_json(document: object) -> None:

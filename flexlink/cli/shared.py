@@ -10,10 +10,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexlink.common.errors import ArgumentError, FlexlinkError
+from flexlink.common.errors import ArgumentError, Diagnostic, FlexlinkError
 from flexlink.common.files import shown_path
 from flexlink.common.output import check_writable, write_or_keep
-from flexlink.common.wording import Diagnostic, coloured, id_of
+from flexlink.common.wording import coloured, id_of
 from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.scene import Scene
 from flexlink.describe.scene_file import load_scene

@@ -16,9 +16,8 @@ from msgspec.structs import replace
 
 from flexlink.chain.arguments import integer
 from flexlink.cli.shared import assignments, prefix_errors, print_hints, print_lines, print_path, require_writable
-from flexlink.common.errors import FlexlinkError
+from flexlink.common.errors import Diagnostic, FlexlinkError
 from flexlink.common.progress import Progress, clock
-from flexlink.common.wording import Diagnostic
 from flexlink.describe.plausibility.hints import hints
 from flexlink.sweeps.fingerprint import fingerprint
 from flexlink.sweeps.plan import Plan, load_sweep

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import copyreg
 import signal
-from typing import TYPE_CHECKING, Any
-
-from flexlink.common.wording import Diagnostic
+from typing import TYPE_CHECKING, Any, Self
 
 if TYPE_CHECKING:
     import numpy as np
@@ -14,6 +12,27 @@ if TYPE_CHECKING:
 
 ALSO = "; also "
 """Separator between two mistakes in one message."""
+
+
+class Diagnostic(str):
+    """A message for the user with a stable `id`, such as `"unknown-key"`, which the documentation explains.
+
+    Errors, warnings, notes and hints differ only in severity, which `flexlink` prints before the message.
+    """
+
+    __slots__ = ("id",)
+
+    id: str
+
+    def __new__(cls, text: str, id: str) -> Self:
+        """Return the text as a string with an id."""
+        self = super().__new__(cls, text)
+        self.id = id
+        return self
+
+    def __getnewargs__(self) -> tuple[str, str]:  # type: ignore[override]
+        """Arguments for unpickling: text and id."""
+        return str(self), self.id
 
 
 class FlexlinkError(Exception):

@@ -6,28 +6,6 @@ import difflib
 import os
 import sys
 from collections.abc import Iterable, Sequence
-from typing import Self
-
-
-class Diagnostic(str):
-    """A message for the user with a stable `id`, such as `"unknown-key"`, which the documentation explains.
-
-    Errors, warnings, notes and hints differ only in severity, which `flexlink` prints before the message.
-    """
-
-    __slots__ = ("id",)
-
-    id: str
-
-    def __new__(cls, text: str, id: str) -> Self:
-        """Return the text as a string with an id."""
-        self = super().__new__(cls, text)
-        self.id = id
-        return self
-
-    def __getnewargs__(self) -> tuple[str, str]:  # type: ignore[override]
-        """Arguments for unpickling: text and id."""
-        return str(self), self.id
 
 
 def id_of(text: object) -> str:

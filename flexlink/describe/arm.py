@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from flexlink.common.errors import SceneError
-from flexlink.common.wording import Diagnostic, did_you_mean, short_list, truncated
+from flexlink.common.errors import Diagnostic, SceneError
+from flexlink.common.wording import did_you_mean, short_list, truncated
 from flexlink.describe.link import Link
 from flexlink.describe.links import link_number
 from flexlink.describe.material import Material, Section

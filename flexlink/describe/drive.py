@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from flexlink.common.errors import SceneError
-from flexlink.common.wording import Diagnostic, did_you_mean, truncated
+from flexlink.common.errors import Diagnostic, SceneError
+from flexlink.common.wording import did_you_mean, truncated
 from flexlink.describe.filters import Filter
 from flexlink.describe.reference import Reference
 from flexlink.describe.spec import (

@@ -12,13 +12,11 @@ from flexlink.common.errors import SceneError
 from flexlink.common.wording import truncated
 from flexlink.data import documents
 from flexlink.describe.directions import Line, line_of, unit
-from flexlink.describe.drag import Drag
 from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
 from flexlink.describe.material import Damping, Friction
 from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.root import ROOT_AXES, RootDamping, RootStiffness
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, measured_in
-from flexlink.describe.strain_modes import StrainModes, of_number
 
 AXES = {"rigid": (), "z": (3,), "yz": (2, 3), "xyz": (1, 2, 3)}
 """Passive axes of a hinge by flex type: 1 twists about X, 2 bends about Y, 3 bends about Z (paper: T1, T2, T3)."""
@@ -244,3 +242,68 @@ def _beam(line: tuple[Vector3, Vector3] | None, stop: Vector3, up: Vector3 | Non
         beam = line_of(line or ((0.0, 0.0, 0.0), stop), up, unit("axis", axis))
     beam.start.flags.writeable = beam.frame.flags.writeable = False
     return beam
+
+
+class Drag(Spec, frozen=True):
+    """Drag on a link that moves across its beam, proportional to speed squared; motion along the beam causes no drag.
+
+    The force per unit length along the section's y and z, with v the velocity of the beam's axis across the link, is
+
+        f_y = −½ ρ c_d b_y |v| v_y        f_z = −½ ρ c_d b_z |v| v_z        ρ = `air_density` of the scene
+
+    by the cross-flow principle (Hoerner 1965, Fluid-Dynamic Drag, chapter 3) in a fluid at rest. The added mass of the
+    fluid, π/4 ρ b² per length, is neglected: in air it adds 0.05 % to the mass of a round aluminium bar, and 2 % to the
+    mass of an aluminium strip 60 times as wide as thick; in water it is not small.
+
+    Examples
+    --------
+    >>> round_bar = fl.Drag(coefficient=1.2)  # breadth: the diameter of its section
+    >>> panel = fl.Drag(coefficient=2.0, breadth=(0.4, 0.002))  # m, seen along the section's y and z
+    >>> moving = fl.lump(scene.varied({"link.upper.drag": panel}))
+    >>> print(fl.drag_torque(moving, q, np.ones(chain.n))[0].round(3))  # N m about the first joint, rates of 1 rad/s
+    0.398
+    """
+
+    coefficient: Positive
+    """Drag coefficient c_d [1]: about 1.2 for a round bar, 2 for a flat one."""
+    breadth: Annotated[tuple[Positive, Positive] | None, measured_in("m")] = None
+    """Breadth of the link, seen along the section's y and along its z [m]. Default: the breadth of its section,
+    including taper; required for a general section and for a table of rigidities."""
+
+
+Count = Annotated[int, msgspec.Meta(ge=1, le=1000)]
+
+
+class StrainModes(Spec, frozen=True):
+    """Numbers of strain modes of a flexible link, by direction; its hinges then move only by these shapes.
+
+    The link's curvature is a sum of shapes, so large deflections are not linearised. The chain keeps all its hinges, as
+    stations at which the shapes are evaluated. Fewer coordinates have lower frequencies, so explicit methods can take
+    longer steps.
+
+    Examples
+    --------
+    >>> few = scene.varied({"link.*.segments": 11, "link.*.modes": fl.details.StrainModes(z=2)})
+    >>> chain = fl.lump(few)
+    >>> print(chain.n, chain.freedoms)  # hinges, coordinates
+    22 6
+    """
+
+    x: Count = 1
+    """Number of modes of twist, with flex = "xyz"."""
+    y: Count = 2
+    """Number of modes of bending about y, with flex = "yz" or "xyz"."""
+    z: Count = 2
+    """Number of modes of bending about z."""
+    shapes: Literal["eigenmodes", "polynomials"] = "eigenmodes"
+    """Shapes: eigenmodes of the link with its distal mass, all other joints locked, or moments that are Legendre
+    polynomials along the link."""
+
+    def of_axis(self, axis: int) -> int:
+        """Number of modes of a direction: axis 1 twists, 2 and 3 bend about y and z."""
+        return (self.x, self.y, self.z)[axis - 1]
+
+
+def of_number(modes: int | StrainModes | None) -> StrainModes | None:
+    """The modes if one number is given for all directions."""
+    return StrainModes(x=modes, y=modes, z=modes) if isinstance(modes, int) else modes

@@ -7,8 +7,7 @@ from typing import Any, get_args, get_origin
 
 import msgspec
 
-from flexlink.common.errors import ALSO, SceneError
-from flexlink.common.wording import Diagnostic
+from flexlink.common.errors import ALSO, Diagnostic, SceneError
 from flexlink.describe.spec import bare_type, decode, fields_of, key_mistakes, path_to, type_below
 
 

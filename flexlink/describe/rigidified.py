@@ -6,8 +6,8 @@ import warnings
 
 from msgspec.structs import replace
 
-from flexlink.common.errors import ArgumentError
-from flexlink.common.wording import Diagnostic, short_list, truncated
+from flexlink.common.errors import ArgumentError, Diagnostic
+from flexlink.common.wording import short_list, truncated
 from flexlink.describe.link import RIGID, Link
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import build_validated

@@ -19,7 +19,6 @@ from flexlink.data import documents
 from flexlink.describe.actions import PrescribedMotion, Wrench
 from flexlink.describe.arm import Arm
 from flexlink.describe.drive import Drive
-from flexlink.describe.from_files import filled_from_files, without_starts
 from flexlink.describe.initial import InitialState
 from flexlink.describe.joint_units import OF_JOINT, Row, in_si, together
 from flexlink.describe.reference import Reference
@@ -85,6 +84,11 @@ class Scene(Spec, frozen=True):
 
     def _read_files(self) -> None:
         """Read tables in files into the scene; a joint whose motion is in a file starts at the file's first row."""
+        tables = (*self.motion, self.drive, self.drive.reference, self.wrench)
+        if all(table is None or table.file is None for table in tables):
+            return
+        from flexlink.describe.from_files import filled_from_files  # noqa: PLC0415  few scenes name files
+
         filled = filled_from_files(
             self.arm, motion=self.motion, drive=self.drive, wrench=self.wrench, initial=self.initial
         )
@@ -245,6 +249,8 @@ class Scene(Spec, frozen=True):
         document = apply_changes(seen, FIELDS, changes)
         kept = {key: value for key, value in parts.items() if key not in anew}
         if "motion" in changes and "initial" in kept:
+            from flexlink.describe.from_files import without_starts  # noqa: PLC0415
+
             kept["initial"] = without_starts(self.initial, self.arm, self.motion, changes["motion"])
         arm = None if anew & OF_ARM.keys() else self.arm
         varied = scene_from({key: value for key, value in document.items() if key in anew}, kept, arm)

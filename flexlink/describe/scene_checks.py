@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
-from flexlink.common.errors import ArgumentError, SceneError
-from flexlink.common.wording import Diagnostic, did_you_mean, truncated
+from flexlink.common.errors import ArgumentError, Diagnostic, SceneError
+from flexlink.common.wording import did_you_mean, truncated
 from flexlink.describe.actions import PrescribedMotion, Wrench
 from flexlink.describe.arm import BASE, Arm
 from flexlink.describe.drive import Drive

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from flexlink.common.errors import SceneError
-from flexlink.common.wording import Diagnostic
+from flexlink.common.errors import Diagnostic, SceneError
 from flexlink.describe.arm import Arm
 from flexlink.describe.mistakes import mistakes, raise_together
 from flexlink.describe.spec import build_validated, check_keys, decode, fields_of, key_mistakes

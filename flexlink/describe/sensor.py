@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from flexlink.common.errors import ArgumentError, SceneError
-from flexlink.common.wording import Diagnostic, truncated
+from flexlink.common.errors import ArgumentError, Diagnostic, SceneError
+from flexlink.common.wording import truncated
 from flexlink.data.csv_table import conversion
 from flexlink.describe.arm import BASE, Arm
 from flexlink.describe.directions import unit

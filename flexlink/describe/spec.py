@@ -14,9 +14,9 @@ from typing import Annotated, Any, Union, cast, get_args, get_origin
 import msgspec
 import numpy as np
 
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import Diagnostic, SceneError
 from flexlink.common.types import T
-from flexlink.common.wording import Diagnostic, did_you_mean, truncated
+from flexlink.common.wording import did_you_mean, truncated
 from flexlink.describe.expected import expected, why_not
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]

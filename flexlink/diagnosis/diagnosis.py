@@ -3,27 +3,27 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import ArgumentError, EngineError, SingularMassError
-from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic
+from flexlink.common.errors import ArgumentError, Diagnostic, EngineError, SingularMassError
+from flexlink.common.types import Array, Indices
 from flexlink.describe.scene import Scene
 from flexlink.diagnosis.differences import Finding, differences
 from flexlink.diagnosis.matching import Match
 from flexlink.diagnosis.mistakes import table
 from flexlink.diagnosis.native import NativeEngine
 from flexlink.diagnosis.quantities import QUANTITIES, Difference, compare_engines
-from flexlink.diagnosis.reordered import Reordered
 from flexlink.diagnosis.stable_steps import LARGEST
 from flexlink.diagnosis.states import State
 from flexlink.engines import ENGINES
 from flexlink.engines.actuators import mark_unspecified, not_compared, taken_from_scene, with_drive
-from flexlink.engines.base import Engine, FileEngine
+from flexlink.engines.base import Engine, FileEngine, Samples
 from flexlink.engines.couplings import COUPLED_FIELDS
 from flexlink.engines.read_back import ACTUATOR_FIELDS, ReadBack, of_chain, to_chain
 
@@ -241,3 +241,40 @@ def _explain(
         theirs, joints = whole
         explained = differing(theirs, Reordered(engine, joints)).keys() <= {singular_mass}
     return Diagnosis(engine.name, tuple(rows), tuple(each), explained)
+
+
+def _reordered(method: Any) -> Any:
+    """Convert a method of the engine, so that arguments and results are in our order."""
+
+    @functools.wraps(method)
+    def call(reordered: Reordered, *arguments: Array, **named: Any) -> Array:
+        inverse = np.argsort(reordered.order)
+        values = getattr(reordered.engine, method.__name__)(*(x[inverse] for x in arguments), **named)
+        return np.asarray(values[np.ix_(*[reordered.order] * values.ndim)])
+
+    return call
+
+
+class Reordered:
+    """An engine with reordered joints: joint k is joint `order[k]` of the original engine."""
+
+    def __init__(self, engine: Engine, order: Indices) -> None:
+        self.engine, self.order = engine, order
+        self.name, self.version, self.n = engine.name, engine.version, engine.n
+
+    mass_matrix = _reordered(Engine.mass_matrix)
+    bias_torque = _reordered(Engine.bias_torque)
+    gravity_torque = _reordered(Engine.gravity_torque)
+    elastic_torque = _reordered(Engine.elastic_torque)
+    friction_torque = _reordered(Engine.friction_torque)
+    forward_dynamics = _reordered(Engine.forward_dynamics)
+
+    def integrate(self, scene: Scene) -> Samples:
+        """Raise an error, because foreign files are not simulated."""
+        raise ArgumentError(
+            f"{scene.name}: foreign files are compared at states, not in simulations", id="file-not-simulated"
+        )
+
+    def read_back(self) -> ReadBack:
+        """Record of the arm in the engine's order."""
+        return self.engine.read_back()

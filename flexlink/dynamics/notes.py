@@ -10,7 +10,8 @@ import numpy as np
 from flexlink.chain.arguments import require_type
 from flexlink.chain.lumping import lump
 from flexlink.chain.odd_bodies import of_odd_bodies
-from flexlink.common.wording import Diagnostic, short_list
+from flexlink.common.errors import Diagnostic
+from flexlink.common.wording import short_list
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.joint import Joint
 from flexlink.describe.link import Link

@@ -8,8 +8,9 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
+from flexlink.common.errors import Diagnostic
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic, short_list
+from flexlink.common.wording import short_list
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.springs import deflections

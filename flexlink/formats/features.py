@@ -12,8 +12,8 @@ import numpy as np
 
 from flexlink.chain.arguments import require_one_of
 from flexlink.chain.chain import Chain
+from flexlink.common.errors import Diagnostic
 from flexlink.common.files import shown_path
-from flexlink.common.wording import Diagnostic
 from flexlink.describe.initial import BaseState
 from flexlink.describe.scene import Scene
 

@@ -17,9 +17,8 @@ import scipy
 from msgspec.structs import replace
 
 from flexlink.chain.lumping import lump
-from flexlink.common.errors import ArgumentError, FlexlinkError
+from flexlink.common.errors import ArgumentError, Diagnostic, FlexlinkError
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic
 from flexlink.data.csv_table import head_of
 from flexlink.describe.sensor import Sensor, column_names
 from flexlink.describe.vary import parts_of

@@ -10,15 +10,14 @@ from typing import Literal
 
 import numpy as np
 
-from flexlink.common.errors import FlexlinkError, SceneError
+from flexlink.common.errors import Diagnostic, FlexlinkError, SceneError
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic
 from flexlink.data.csv_table import head_of
 from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.plausibility.ranges import shown
-from flexlink.describe.scene import Scene
-from flexlink.describe.units import unit_of
-from flexlink.describe.vary import number_in
+from flexlink.describe.scene import FIELDS, Scene
+from flexlink.describe.spec import bare_type, type_below, units_of
+from flexlink.describe.vary import Keys, number_in, routes_to
 from flexlink.identification.problem import FitParameter, FitProblem, FitRun
 
 Timing = Literal["delay", "clock", "start"]
@@ -243,3 +242,30 @@ def prior_rows(coordinates: Sequence[Coordinate], x: Array) -> tuple[Array, Arra
         weight = one.size(mean) / deviation
         residual[row], slopes[row, k] = (x[k] - one.x(mean)) * weight, weight
     return residual, slopes
+
+
+def unit_of(scene: Scene, path: str) -> str:
+    """Return the unit of the number at a path of `Scene.varied`; "" if it has no unit, or if the unit is ambiguous.
+
+    Raises
+    ------
+    SceneError
+        The path does not exist.
+    """
+    found = set()
+    for keys, _ in routes_to(scene.document(), FIELDS, path):
+        kind = FIELDS[keys[0]]
+        units = units_of(kind)
+        for key in keys[1:]:
+            below = type_below(kind, str(key))
+            units = units_of(below) if isinstance(bare_type(kind), type) else units
+            kind = below
+        found.add(_of_joint(scene, keys, units))
+    return found.pop() if len(found) == 1 else ""
+
+
+def _of_joint(scene: Scene, keys: Keys, units: tuple[str, ...]) -> str:
+    """Choose the unit of a joint's number, for a revolute or a prismatic joint."""
+    if len(units) == 2 and keys[0] == "link" and keys[2] == "joint":
+        units = (units[scene.arm.slides[keys[1]]],)
+    return units[0] if len(units) == 1 else ""

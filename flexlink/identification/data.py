@@ -13,9 +13,9 @@ import scipy
 from msgspec.structs import replace
 
 from flexlink.chain.lumping import lump
-from flexlink.common.errors import DataFileError, SceneError
+from flexlink.common.errors import DataFileError, Diagnostic, SceneError
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic, did_you_mean, plural
+from flexlink.common.wording import did_you_mean, plural
 from flexlink.data.measured import Measured, measured_from, named, read_together
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from flexlink.common.wording import Diagnostic
+from flexlink.common.errors import Diagnostic
 
 
 @dataclasses.dataclass(frozen=True)

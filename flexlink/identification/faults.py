@@ -17,9 +17,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from flexlink.common.errors import FlexlinkError
+from flexlink.common.errors import Diagnostic, FlexlinkError
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic
 from flexlink.data.csv_table import head_of
 from flexlink.identification.block import FAR, Colour, colour_of, outlying
 from flexlink.identification.coordinates import Timing, guess_of, timing_of

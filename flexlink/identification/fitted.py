@@ -9,10 +9,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from flexlink.common.errors import Diagnostic
 from flexlink.common.notebook import html_table
 from flexlink.common.output import write_text
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic
 from flexlink.data.documents import require_path
 from flexlink.describe.scene import Scene
 from flexlink.identification.block import unit_in

@@ -14,9 +14,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from flexlink.common.errors import FlexlinkError
+from flexlink.common.errors import Diagnostic, FlexlinkError
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic
 from flexlink.describe.refined import refined, segments_in_words
 from flexlink.describe.scene import Scene
 from flexlink.identification.data import Source

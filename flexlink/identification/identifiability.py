@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexlink.common.errors import Diagnostic
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic
 
 WIDE = 1.96
 """Half-width of a 95 % interval in standard deviations."""

@@ -16,9 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
-from flexlink.common.errors import FlexlinkError
+from flexlink.common.errors import Diagnostic, FlexlinkError
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic
 from flexlink.data.smoothing import best_cutoff, noise_of, smoothed
 from flexlink.describe.actions import PrescribedMotion
 from flexlink.describe.from_files import keys_of_motion, recorded_positions

@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 
 from msgspec.structs import replace
 
-from flexlink.common.wording import Diagnostic, plural
+from flexlink.common.errors import Diagnostic
+from flexlink.common.wording import plural
 from flexlink.describe.writing import toml_of, without_defaults
 from flexlink.identification.candidates import Addition, Candidate
 from flexlink.identification.identifiability import WIDE, Check, Direction

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flexlink.common.errors import Diagnostic
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic, plural
+from flexlink.common.wording import plural
 from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.data import Source
 from flexlink.identification.estimate import Estimate

@@ -12,9 +12,8 @@ import numpy as np
 import scipy
 
 from flexlink.chain.lumping import lump
-from flexlink.common.errors import DataFileError, FlexlinkError
+from flexlink.common.errors import DataFileError, Diagnostic, FlexlinkError
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.vibration.at_rest import first_elastic_frequency
 from flexlink.identification.block import Block

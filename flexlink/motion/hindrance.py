@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexlink.common.errors import FlexlinkError
+from flexlink.common.errors import Diagnostic, FlexlinkError
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic
 from flexlink.describe.joint_units import in_words
 from flexlink.describe.run_settings import AUTO, DEFAULT_TOLERANCE
 from flexlink.dynamics.free_motion import DENSE

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexlink.common.errors import Diagnostic
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic
 from flexlink.describe.run_settings import AUTO
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.terms import mass_matrix

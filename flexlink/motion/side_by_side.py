@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
+from flexlink.common.errors import Diagnostic
 from flexlink.common.interruption import Stop
 from flexlink.common.memo import Kept
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic
 from flexlink.describe.whole_steps import multiples
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.dynamics.energy import Energy

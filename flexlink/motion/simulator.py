@@ -10,9 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import positive, require_type, vector
 from flexlink.chain.lumping import lump
-from flexlink.common.errors import ArgumentError
+from flexlink.common.errors import ArgumentError, Diagnostic
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic
 from flexlink.describe.scene import Scene
 from flexlink.describe.whole_steps import parts, whole
 from flexlink.dynamics.sensors.readings import Readings

@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from msgspec.structs import replace
 
-from flexlink.common.errors import FlexlinkError, SceneError
+from flexlink.common.errors import Diagnostic, FlexlinkError, SceneError
 from flexlink.common.interruption import Stop
 from flexlink.common.memo import Kept, keep_last
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic
 from flexlink.describe.run_settings import RunSettings, check_method
 from flexlink.describe.spec import build_validated
 from flexlink.describe.whole_steps import multiples

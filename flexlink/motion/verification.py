@@ -22,8 +22,8 @@ import numpy as np
 from msgspec.structs import replace
 
 from flexlink.chain.size import on_elastic_gears
+from flexlink.common.errors import Diagnostic
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic
 from flexlink.describe.run_settings import AUTO, RunSettings
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.spec import build_validated

@@ -18,8 +18,7 @@ from flexlink.chain.coordinates import Coordinate
 from flexlink.chain.lumping import lump
 from flexlink.chain.rigid import DESCRIBED
 from flexlink.chain.shapes import shapes_of
-from flexlink.common.errors import DataFileError
-from flexlink.common.wording import Diagnostic
+from flexlink.common.errors import DataFileError, Diagnostic
 from flexlink.describe.scene import scene_from
 from flexlink.dynamics.energy import Energy
 from flexlink.dynamics.momentum import Momentum

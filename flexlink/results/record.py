@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from flexlink.common.errors import Diagnostic
 from flexlink.common.memo import Kept
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic
 from flexlink.describe.scene import Scene
 from flexlink.dynamics import rounding
 from flexlink.dynamics.energy import Energy

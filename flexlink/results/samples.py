@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from flexlink.chain.arguments import integer
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import ArgumentError
+from flexlink.common.errors import ArgumentError, Diagnostic
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic, did_you_mean, plural
+from flexlink.common.wording import did_you_mean, plural
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
 from flexlink.dynamics.batches import each

@@ -9,9 +9,9 @@ import msgspec
 import numpy as np
 
 from flexlink.chain.rigid import Pose, SpatialInertia, body_with
-from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.common.errors import ArgumentError, Diagnostic, SceneError
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic, truncated
+from flexlink.common.wording import truncated
 from flexlink.describe.directions import Line, line_of
 from flexlink.describe.link import Link
 from flexlink.describe.material import Damping, Material, Section

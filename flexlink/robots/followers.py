@@ -13,8 +13,8 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from flexlink.chain.rigid import SpatialInertia
+from flexlink.common.errors import Diagnostic
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic
 from flexlink.describe.spec import Vector3
 from flexlink.robots.flexible import payload
 from flexlink.robots.kinematic_tree import Mimic, Robot, TreeJoint

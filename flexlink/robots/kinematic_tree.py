@@ -11,9 +11,9 @@ from typing import Literal
 import numpy as np
 
 from flexlink.chain.rigid import Pose, SpatialInertia
-from flexlink.common.errors import DataFileError
+from flexlink.common.errors import DataFileError, Diagnostic
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic, plural, short_list, truncated
+from flexlink.common.wording import plural, short_list, truncated
 
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
 

@@ -20,10 +20,10 @@ import numpy as np
 from flexlink.chain.rigid import NOTHING, Pose, SpatialInertia
 from flexlink.chain.rotation import matrix_from_rpy_deg
 from flexlink.common import safe_xml
-from flexlink.common.errors import DataFileError, SceneError
+from flexlink.common.errors import DataFileError, Diagnostic, SceneError
 from flexlink.common.files import read_regular, shown_path
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic, did_you_mean, truncated
+from flexlink.common.wording import did_you_mean, truncated
 from flexlink.data.documents import read_toml, require_path
 from flexlink.describe.directions import unit
 from flexlink.describe.spec import decode

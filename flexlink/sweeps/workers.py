@@ -9,12 +9,12 @@ import os
 import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
-from multiprocessing.connection import Connection
+from multiprocessing.connection import Connection, wait
+from threading import Thread
 from typing import Any
 
 from flexlink.common.errors import ArgumentError, EngineError, MissingDependencyError
 from flexlink.common.installing import how_to_install
-from flexlink.common.processes import exit_when_closed
 from flexlink.common.wording import truncated
 
 TASKS_PER_WORKER = 2
@@ -159,3 +159,16 @@ def _on_cluster(address: str) -> Iterator[WorkerPool]:
                 id="no-scheduler",
             ) from None
         yield WorkerPool(client.get_executor, TASKS_PER_WORKER * max(4, sum(client.nthreads().values())))
+
+
+def exit_when_closed(pipe: Connection | int) -> None:
+    """End this process as soon as the other end of a pipe is closed, whatever Python code it is running.
+
+    The operating system closes that end when its owner ends, for whatever reason.
+
+    Parameters
+    ----------
+    pipe
+        This process's end of the pipe, or its file descriptor; nothing is ever sent through it.
+    """
+    Thread(target=lambda: (wait([pipe]), os._exit(1)), daemon=True).start()

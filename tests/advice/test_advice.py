@@ -19,13 +19,12 @@ from flexlink.advice import refinement as refining
 from flexlink.advice import rigid
 from flexlink.advice.advise import Advisor
 from flexlink.advice.allocation import Allocation
-from flexlink.advice.axes import AxisScreening
 from flexlink.advice.families import FAMILIES, rule_of
 from flexlink.advice.goal import Goal, TipErrorNorm, goal_of
 from flexlink.advice.link_errors import LinkErrors
 from flexlink.advice.model import Axes, Bend, Model, by_rule, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
-from flexlink.advice.refinement import Level, RefinementStudy
+from flexlink.advice.refinement import AxisScreening, Level, RefinementStudy
 from flexlink.advice.release import release
 from flexlink.advice.search import Search
 from flexlink.advice.straightness import load_and_bend, may_pay

@@ -13,12 +13,12 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 import flexlink as fl
+from flexlink.advice.advise import own_time, run_time
 from flexlink.advice.goal import Goal, TipErrorNorm, goal_of
 from flexlink.advice.model import Bend, all_axes, limited_axes, uniform, with_model
 from flexlink.advice.model_runner import ModelRunner, Stepping
 from flexlink.advice.refinement import RefinementStudy
 from flexlink.advice.rigid import oscillator_response
-from flexlink.advice.run_time import own_time, run_time
 from flexlink.advice.verdict import Advice, payback
 from flexlink.cli.main import main
 from flexlink.common.interruption import Stop
@@ -233,7 +233,7 @@ def test_run_time_includes_preparation_and_is_the_shortest_of_repeated_runs(enou
     watch = Watch()
     names = {"thread_time": watch, "simulate": watch.simulate}
     for name, value in names.items():
-        monkeypatch.setattr(f"flexlink.advice.run_time.{name}", value)
+        monkeypatch.setattr(f"flexlink.advice.advise.{name}", value)
     make = cast("Callable[[], fl.Scene]", watch.scene)
     assert run_time(make, enough) == (3.0, 1.0)
     assert len(watch.made) == times
@@ -266,7 +266,7 @@ def test_the_original_scene_is_timed_unless_it_fails_or_exceeds_the_time_limit()
 def test_advice_does_not_depend_on_measured_times(monkeypatch) -> None:
     scene = arm(0.3, links=2, motion=led("bar0", "bar1"))
     first = fl.advise(scene, 1e-2)
-    monkeypatch.setattr("flexlink.advice.run_time.thread_time", Watch())
+    monkeypatch.setattr("flexlink.advice.advise.thread_time", Watch())
     again = fl.advise(scene, 1e-2)
     assert again.run_time == 0.0 < first.run_time < first.compute_time
     assert again.scene.to_toml() == first.scene.to_toml()

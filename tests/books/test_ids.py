@@ -9,8 +9,7 @@ import pytest
 
 import flexlink as fl
 from flexlink import errors
-from flexlink.common.errors import ConvergenceError, FlexlinkError, SceneError, UnstableStepError
-from flexlink.common.wording import Diagnostic
+from flexlink.common.errors import ConvergenceError, Diagnostic, FlexlinkError, SceneError, UnstableStepError
 from tests.conftest import flexible, make_scene
 
 SOURCES = Path(fl.__file__).parent

@@ -19,6 +19,7 @@ from flexlink.cli.main import main
 from flexlink.common import output, progress
 from flexlink.common.entry import is_command
 from flexlink.common.interruption import LAST, StoppedError, deferred
+from flexlink.results import files
 from tests.conftest import ROOT
 from tests.support.words import refused, reviewed
 
@@ -167,7 +168,7 @@ def at_first_call(monkeypatch, owner: object, name: str, number: int) -> None:
 def test_a_signal_at_any_time_keeps_the_samples(number, ending, moment, tmp_path, capsys, monkeypatch) -> None:
     owner, name = {
         "running": (progress.Progress, "__call__"),
-        "saving": (sys.modules["flexlink.results.trajectory"], "write"),
+        "saving": (files, "write"),
         "before the file is there": (output.Path, "replace"),
         "drawing": (simulate, "save_plot"),
         "summing up": (simulate, "_summary"),

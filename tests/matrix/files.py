@@ -9,8 +9,8 @@ import numpy as np
 
 import flexlink as fl
 from flexlink.describe.scene import scene_from
-from flexlink.describe.units import unit_of
 from flexlink.formats import FORMATS
+from flexlink.identification.coordinates import unit_of
 from tests.matrix.case import Case, close
 
 ENGINES = ("mujoco", "pinocchio")

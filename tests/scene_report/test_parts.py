@@ -16,10 +16,10 @@ import flexlink as fl
 from flexlink.dynamics.vibration.modal import Modes
 from flexlink.pages.numbers import JOIN
 from flexlink.pages.part import Part
-from flexlink.results.pictures.stress import peak_stress
 from flexlink.results.resolved_modes import resolved
 from flexlink.scene_report import building
 from flexlink.scene_report.parts import loads, statics, vibration
+from flexlink.scene_report.parts.loads import peak_stress
 from flexlink.scene_report.report import report
 from flexlink.scene_report.study import Study
 from tests.conftest import ALUMINIUM, ROOT, SQUARE, flexible, make_scene

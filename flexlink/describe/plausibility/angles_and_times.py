@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from flexlink.common.wording import Diagnostic
+from flexlink.common.errors import Diagnostic
 from flexlink.describe.plausibility.ranges import hint_if_outside, shown
 from flexlink.describe.plausibility.situation import Situation
 from flexlink.describe.scene import Scene

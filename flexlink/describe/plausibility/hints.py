@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
+from flexlink.common.errors import Diagnostic
 from flexlink.common.memo import keep_last
-from flexlink.common.wording import Diagnostic
 from flexlink.describe.plausibility.angles_and_times import of_angles, of_times
 from flexlink.describe.plausibility.loads import of_bodies, of_gravity, of_joints, of_loads, of_places
-from flexlink.describe.plausibility.sensors import of_sensors
+from flexlink.describe.plausibility.ranges import hint_if_outside
 from flexlink.describe.plausibility.situation import situation_of
-from flexlink.describe.plausibility.sizes import of_materials, of_sections
+from flexlink.describe.plausibility.sizes import largest_dimension, of_materials, of_sections
 from flexlink.describe.scene import Scene
+from flexlink.describe.sensor import column_names
 
 
 @keep_last(64)
@@ -48,3 +50,19 @@ def _hints(scene: Scene) -> Iterator[Diagnostic]:
     if not causes:  # these hints depend on the numbers checked above
         loads = list(of_loads(scene, about))
         yield from loads or of_joints(scene, about)
+
+
+def of_sensors(scene: Scene) -> Iterator[Diagnostic]:
+    """Hints on gauges far outside their link's section, on delays, and on resolutions of joint angles."""
+    arm = scene.arm
+    for sensor in scene.sensor:
+        path = f"sensor.{sensor.name}"
+        yield from hint_if_outside(f"{path}.delay", sensor.delay, "delay", sensor.delay)
+        if sensor.resolution is not None and column_names((sensor,), arm) == (f"{sensor.name} [rad]",):
+            yield from hint_if_outside(f"{path}.resolution", sensor.resolution, "resolution", sensor.resolution)
+        if sensor.fibre is None:
+            continue
+        section = arm.sections.get(arm.links[arm.number(sensor.link) - 1].section or "")
+        if section is not None:
+            part = math.hypot(*sensor.fibre) / (largest_dimension(section)[1] / 2)
+            yield from hint_if_outside(f"{path}.fibre", sensor.fibre, "fibre", part)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from flexlink.common.wording import Diagnostic
+from flexlink.common.errors import Diagnostic
 from flexlink.describe.arm import Arm
 from flexlink.describe.drive import Drive
 from flexlink.describe.link import Link

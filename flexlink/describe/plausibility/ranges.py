@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from flexlink.common.wording import Diagnostic
+from flexlink.common.errors import Diagnostic
 from flexlink.describe.data_files import load
 from flexlink.describe.spec import Spec
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from flexlink.common.wording import Diagnostic
+from flexlink.common.errors import Diagnostic
 from flexlink.describe.arm import Arm
 from flexlink.describe.material import Section
 from flexlink.describe.plausibility.ranges import hint_if_outside, ranges

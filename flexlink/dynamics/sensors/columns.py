@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from flexlink.common.errors import Diagnostic
 from flexlink.common.types import Array
-from flexlink.common.wording import Diagnostic
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import Sensor, column_names
 from flexlink.dynamics.sensors.instrument import Instrument

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from flexlink.common.errors import FlexlinkError, UnstableStepError
-from flexlink.common.wording import Diagnostic
+from flexlink.common.errors import Diagnostic, FlexlinkError, UnstableStepError
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.whole_steps import is_whole
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
