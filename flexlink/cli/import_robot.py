@@ -59,7 +59,8 @@ def run_command(options: argparse.Namespace) -> int:
         imported = import_urdf(robot, **arguments)
     scene = varied(source, imported.scene, options.set)
     print(imported)
-    print_lines("warning", imported.warnings)
+    taken = [text.partition("=")[0] for text in options.set]
+    print_lines("warning", [each for each in imported.warnings if not any(path in each for path in taken)])
     if options.out is None:
         print("no file written; add -o FILE.toml to write the scene")
     else:

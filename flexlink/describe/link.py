@@ -120,7 +120,7 @@ class Link(Spec, frozen=True):
                 id="both-given",
             )
         if self.dh is not None and (self.joint.direction != (0.0, 0.0, 1.0)).any():
-            raise SceneError(f"joint.axis = {truncated(self.joint.axis)}: must be Z with dh", id="dh-axis")
+            raise SceneError(f"joint.axis = {truncated(self.joint.axis)}: must be Z with dh; omit axis", id="dh-axis")
         for axis in ROOT_AXES:
             damping = getattr(self.root_damping, axis, 0.0)
             if damping and axis not in self.root_springs:

@@ -158,7 +158,7 @@ def import_urdf(
     carried = [note for note in following if note.id == "mimic-carried"]
     notes = [*_notes(robot, way, stated, lifeless), *carried, *remarks, *([] if flexible else _beams(way, largest))]
     doubts = [*robot.doubts, *(one.warning for one in parts if one.warning is not None), *odd]
-    warnings = [*doubts, *(note for note in following if note not in carried), *_offers(robot, way)]
+    warnings = [*doubts, *(note for note in following if note not in carried), *_offers(robot, way, armature)]
     return ImportResult(scene, way, largest, tuple(notes), tuple(warnings))
 
 
@@ -247,17 +247,18 @@ def _ignored(robot: Robot) -> Iterator[Diagnostic]:
         yield Diagnostic(f"ignored: {', '.join(others)}", "ignored")
 
 
-def _offers(robot: Robot, way: Paths) -> Iterator[Diagnostic]:
+def _offers(robot: Robot, way: Paths, armature: Mapping[str, float]) -> Iterator[Diagnostic]:
     """Warn of stiffnesses and rotors that the file gives to joints of the arm, with the keys that take them."""
     parts = {part.joint.name: part for part in way.parts}
     for what, found in robot.left_out.items():
         numbers = [(parts[owner], safe_xml.numbers_of(text) or [0.0]) for owner, text in found if owner in parts]
-        given = [(part, values[0]) for part, values in numbers if values[0] > 0]
-        if not given or (not acts("stiffness", what) and not acts("armature", what)):
+        stiff = acts("stiffness", what)
+        given = [(part, x[0]) for part, x in numbers if x[0] > 0 and (stiff or part.joint.name not in armature)]
+        if not given or not (stiff or acts("armature", what)):
             continue
         part, value = given[0]
         example = f"--armature {part.joint.name}={value:g}, times the square of the gear ratio"
-        if acts("stiffness", what):
+        if stiff:
             key = f"--set 'link.{part.link}.joint.gear_stiffness={value:g}'"
             example = f"{key} --armature {part.joint.name}=I (I: the rotor's inertia)"
         others = f", and so on for {len(given)} joints" if len(given) > 1 else ""

@@ -1,20 +1,157 @@
 """Remedies that messages print are applied as printed, and succeed: the mistake is gone."""
 
+import contextlib
+import importlib
+import io
 import re
+import shlex
+import tempfile
 import tomllib
+import warnings
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import flexlink as fl
 import tests.cli.test_from_files as files
+from docs.generators.messages import texts
 from flexlink.cli.main import main
+from flexlink.common.errors import Diagnostic
 from flexlink.describe.plausibility.hints import hints
 from flexlink.dynamics.notes import defaults, notes
 from tests.conftest import ROOT, flexible, make_scene
 from tests.describe import test_hints, test_scene
-from tests.support.words import reviewed
+
+TABLE = tomllib.loads(Path(__file__).with_name("remedies.toml").read_text("utf-8"))
+ELSEWHERE = {id: name for name, ids in TABLE["elsewhere"].items() for id in ids.split()}
+NONE = [id for ids in TABLE["none"].values() for id in ids.split()]
+SLOT = re.compile("«(.*?)»", re.DOTALL)
+
+
+def test_each_id_has_a_remedy_that_is_applied_or_a_reason_why_it_has_none() -> None:
+    stated = [*{row[0] for row in TABLE["applied"]}, *ELSEWHERE, *NONE]
+    assert sorted(stated) == sorted(texts())
+
+
+def test_the_tests_that_apply_other_remedies_are_there() -> None:
+    files = [path.read_text("utf-8") for path in (ROOT / "tests").rglob("test_*.py")]
+    assert [
+        id for id, name in ELSEWHERE.items() if not any(f"def {name}(" in text and id in text for text in files)
+    ] == []
+
+
+def test_no_message_without_a_remedy_prints_a_value_a_key_or_a_command() -> None:
+    literal = re.compile(r"(?:set|use|give|add|write|to|with) [\w.']+ = |\(--\w|did you mean")
+    assert {id: text for id in NONE for text in texts()[id] if literal.search(text)} == {}
+
+
+@pytest.mark.parametrize("row", TABLE["applied"], ids=lambda row: row[0])
+def test_a_printed_remedy_removes_its_message(row: list[str]) -> None:
+    """Provoke a message; read its remedy from the printed text; put it into the slot «…», and expect no message."""
+    id, provoking, pattern, *put = row
+    for engine in set(re.findall("'(mujoco|pinocchio)'", provoking)):
+        pytest.importorskip(engine)
+    first = said(SLOT.sub(r"\1", provoking))
+    printed = "\n".join(str(each) for each in first if each.id == id)
+    found = re.search(pattern, printed)
+    assert found, printed or first
+    mended = [put[0].format(*found.groups())] if put else found.groups()
+    for text in mended:
+        assert text or found[1] in SLOT.search(provoking)[1], f"{found[1]} is not what is taken out"
+        left = said(SLOT.sub(lambda _, text=text: text, provoking))
+        assert not any(isinstance(each, fl.FlexlinkError) or each.id == id for each in left), (text, left)
+    assert mended and SLOT.search(provoking)
+
+
+def said(expression: str) -> list[Any]:
+    """Everything with an id that an expression raises, returns, warns of, or prints as a command, in a new folder."""
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), warnings.catch_warnings(record=True) as all:
+        warnings.simplefilter("always")
+        try:
+            value = eval(expression, {**WORDS, "folder": Path(folder)})
+        except fl.FlexlinkError as error:
+            return [error]
+    lists = [[each.message.args[0] for each in all], value]
+    if isinstance(value, fl.Scene):
+        lists += [defaults(value), notes(value), hints(value)]
+    else:
+        lists += [getattr(value, name, ()) for name in ("warnings", "notes", "hints")]
+    return [each for found in lists if isinstance(found, list | tuple) for each in found if hasattr(each, "id")]
+
+
+def command(line: str, **files: str) -> list[Any]:
+    """What a command prints to stderr, by id; a refusal is raised. Files are written first, __ stands for a dot."""
+    for name, text in files.items():
+        write(name.replace("__", "."), text)
+    with contextlib.redirect_stderr(io.StringIO()) as stderr, contextlib.redirect_stdout(io.StringIO()):
+        code = main(shlex.split(line))
+    found = [Diagnostic(*parts) for parts in re.findall(r"(.*)  \[([a-z0-9-]+)\]$", stderr.getvalue(), re.MULTILINE)]
+    if code == 2:
+        raise fl.FlexlinkError(found[-1], id=found[-1].id)
+    return found
+
+
+def write(name: str, text: str) -> str:
+    """Write a file into the current folder, and return its name."""
+    Path(name).write_text(text, encoding="utf-8")
+    return name
+
+
+def robot(joint: str = "", more: str = "", end: str = "") -> str:
+    """A URDF file of three links in a row, with more elements in its first and second joint, and at its end."""
+    body = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    links = f'<link name="a"/><link name="b">{body}</link><link name="c">{body}</link>'
+    frame = '<origin xyz="1 0 0"/><axis xyz="0 0 1"/>'
+    hinge = f'<joint name="{{}}" type="{{}}"><parent link="{{}}"/><child link="{{}}"/>{frame}{{}}</joint>'
+    first = hinge.format("j", "continuous", "a", "b", joint)
+    return f'<robot name="r">{links}{first}{hinge.format("k", "continuous", "b", "c", more)}{end}</robot>'
+
+
+def at_start(scene: fl.Scene) -> tuple[fl.Chain, np.ndarray]:
+    """The chain of a scene, and its initial angles."""
+    return (chain := fl.lump(scene)), fl.initial_state(scene, chain)[0]
+
+
+def turned(scene: fl.Scene) -> tuple[Any, ...]:
+    """The chain of a scene, and its state at rest whose base is turned by 90° about y, without torques."""
+    chain, q = at_start(scene)
+    return chain, np.where(np.arange(chain.n) == 4, np.radians(90.0 - scene.initial.base.rpy_deg[1]), q), 0 * q, 0 * q
+
+
+def late(scene: fl.Scene, **fields: Any) -> fl.Scene:
+    """A scene with a sensor at a joint."""
+    return scene.varied({"sensor": [fl.Sensor(name="s", kind="joint", link=len(scene.arm.links), **fields)]})
+
+
+def problem(scene: fl.Scene, path: str = "material.aluminium.young", column: str = "tip x [m]", **keys: Any) -> Any:
+    """Identify a number from 20 samples of a column."""
+    t, more = np.linspace(0.0, 0.1, 20), {key: keys.pop(key) for key in ("use", "set") if key in keys}
+    columns = {keys.pop("time", "t [s]"): tuple(t.tolist()), column: tuple(np.cos(t).tolist())}
+    run = fl.fits.FitRun(name="fall", columns=columns, **more)
+    return fl.fits.FitProblem(scene=scene, parameter=(fl.fits.FitParameter(path=path, **keys),), run=(run,))
+
+
+def written(folder: Path, table: str, text: str) -> fl.Scene:
+    (folder / "run.csv").write_text(text, encoding="utf-8")
+    (folder / "scene.toml").write_text(f"{make_scene(*files.LINKS).to_toml()}\n{table}", encoding="utf-8")
+    return fl.load_scene(folder / "scene.toml")
+
+
+ROD = make_scene(fl.Link(name="a", length=1.0, material="aluminium", section="square"), gravity=(9.81, 0.0, 0.0))
+WORDS = {
+    **{name.rpartition(".")[2]: importlib.import_module(name) for name in TABLE["modules"]},
+    "fl": fl, "np": np, "flexible": flexible, "make_scene": make_scene, "command": command, "write": write,
+    "robot": robot, "at_start": at_start, "turned": turned, "late": late, "problem": problem, "written": written,
+    "files": files, "HUB": files.HUB, "CRANE": test_hints.CRANE, "BAR": fl.Section(shape="circle", diameter=0.1),
+    "STEEL": test_hints.STEEL, "model": lambda name: fl.load_scene(ROOT / "models" / f"{name}.toml"),
+    "paper": fl.load_scene(ROOT / "models" / "paper_fig5.toml"), "rod": ROD,
+    "raised": ROD.varied({"initial.joint_deg": [170.0]}), "law": lambda t, q, qd: 0 * q[:2],
+    "level": make_scene(flexible("a", "xyz", 3), flexible("b", "z", 3), gravity=(0.0, 0.0, 0.0)),
+    "THIRD": '<link name="d"/><joint name="z" type="continuous"><parent link="a"/><child link="d"/></joint>',
+    "SWEPT": "set.'run.duration' = 0.01\ngrid.'tip.mass' = [{}]\nquantity.x.of = 'tip x [m]'\n",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("mistake", "path", "unit"), test_hints.PLANTED, ids=lambda x: x if isinstance(x, str) else "")
@@ -55,57 +192,6 @@ def test_a_suggested_name_makes_the_scene_right(what: str, tmp_path: Path) -> No
     fl.load_scene(path)
 
 
-@pytest.mark.parametrize("what", ["a joint misspelt", "no time"])
-def test_a_renamed_column_is_read(what: str, tmp_path: Path) -> None:
-    table, text, _ = files.MISTAKES[what]
-    message = refusal(tmp_path, table, text)
-    wanted, there = re.findall(r"no column '(.*?)'.*if '(.*?)' is meant", message)[0]
-    written(tmp_path, table, text.replace(there, wanted))
-
-
-def test_a_column_of_zeros_drives_no_other_joint(tmp_path: Path) -> None:
-    table, text, _ = files.MISTAKES["a driven joint is left out"]
-    wanted, value = re.findall(r"no column '(.*?)'.*column of (zeros)", refusal(tmp_path, table, text))[0]
-    assert value
-    head, *rows = text.splitlines()
-    scene = written(tmp_path, table, "\n".join([f"{head},{wanted}", *(f"{row},0" for row in rows)]))
-    assert scene.drive.torques == ((1.0, 0.0),)
-
-
-def test_degrees_in_a_column_of_radians_are_noted_and_the_new_head_mends_it(tmp_path: Path) -> None:
-    table, text = files.MOTION, files.GOOD.replace("[deg]", "[rad]")
-    (hint,) = hints(written(tmp_path, table, text))
-    reviewed("likely-degrees", hint)
-    right, wrong = re.findall(r"write (\[\w+\]).* instead of (\[\w+\])", hint)[0]
-    mended = written(tmp_path, table, text.replace(wrong, right))
-    assert hints(mended) == () and max(mended.motion[0].angle_deg) == pytest.approx(19.0)
-
-
-def written(folder: Path, table: str, text: str) -> fl.Scene:
-    (folder / "run.csv").write_text(text, encoding="utf-8")
-    (folder / "scene.toml").write_text(f"{make_scene(*files.LINKS).to_toml()}\n{table}", encoding="utf-8")
-    return fl.load_scene(folder / "scene.toml")
-
-
-def refusal(folder: Path, table: str, text: str) -> str:
-    with pytest.raises(fl.errors.FlexlinkError) as caught:
-        written(folder, table, text)
-    return str(caught.value)
-
-
-def test_times_in_milliseconds_called_seconds_are_mended_by_the_printed_head(tmp_path: Path) -> None:
-    text = "t [s],q upper [deg]\n" + "".join(f"{10 * k},{k}\n" for k in range(20))
-    head = re.search(r"name the column (t \[ms\])", refusal(tmp_path, files.MOTION, text))[1]
-    assert written(tmp_path, files.MOTION, text.replace("t [s]", head)).motion[0].times[-1] == pytest.approx(0.19)
-
-
-@pytest.mark.parametrize("segments", [0, 1, -3])
-def test_the_number_of_segments_that_a_refusal_names_is_accepted(segments: int) -> None:
-    with pytest.raises(fl.errors.SceneError) as caught:
-        flexible("a", segments=segments)
-    assert flexible("a", segments=int(re.search(r"such as (\d+)", str(caught.value))[1])).segments > 2
-
-
 @pytest.mark.parametrize("beyond", [3e-6, 8e-3])
 def test_noise_at_a_stop_passes_with_a_warning_of_the_run(beyond: float) -> None:
     cart = fl.Link(name="cart", joint=fl.Joint(kind="prismatic", limits_m=(0.0, 8.0)), hub=files.HUB)
@@ -113,62 +199,6 @@ def test_noise_at_a_stop_passes_with_a_warning_of_the_run(beyond: float) -> None
     run = fl.simulate(make_scene(cart, motion=(move,), initial=fl.InitialState(joint_m=(-beyond,))), duration=0.01)
     (warning,) = run.warnings
     assert warning.id.endswith("past-limits")
-
-
-def test_the_wider_limits_that_a_refusal_prints_hold_the_complete_motion() -> None:
-    rows = {
-        "times": (0.0, 1.0, 2.0),
-        "angle_deg": (0.0, 46.0, 60.0),
-        "rate_deg": (0,) * 3,
-        "acceleration_deg": (0,) * 3,
-    }
-    moved = make_scene(fl.Link(name="a", hub=files.HUB), motion=(fl.PrescribedMotion(link="a", **rows),))
-    with pytest.raises(fl.errors.SceneError) as caught:
-        moved.varied({"link.a.joint.limits_deg": [-90.0, 45.0]})
-    wider = tomllib.loads(f"x = {str(caught.value).partition('widen it to ')[2]}")["x"]
-    mended = moved.varied({"link.a.joint.limits_deg": wider})
-    assert mended.arm.links[0].joint.limits == (-90.0, 60.0)
-
-
-CRANE = test_hints.CRANE.varied({"sensor": [], "wrench": fl.Wrench()})
-NOTED = {
-    "springs-start-slack": CRANE.varied({"drive": {**test_hints.PD, "target_deg": [90.0, -45.0], "gravity": "static"}}),
-    "joint-unheld": CRANE.varied({"drive.torque": [9000.0, 0.0], "initial.joint_deg": [0.0, 0.0]}),
-    "base-falls": CRANE.varied({"base": {"kind": "free", "mass": 10.0, "inertia": [1, 1, 1]}}),
-    "few-hinges": CRANE.varied({"link.boom.segments": 3, "sensor": list(test_hints.CRANE.sensor)}),
-}  # fmt: skip
-"""Scenes with a note whose remedy is a value."""
-
-
-@pytest.mark.parametrize("id", NOTED)
-def test_the_value_in_a_note_removes_it(id: str) -> None:
-    scene = NOTED[id]
-    (note,) = (each for each in notes(scene) if each.id == id)
-    values = {
-        "springs-start-slack": lambda text: {"initial.passive": re.search(r"passive = '(\w+)'$", text)[1]},
-        "joint-unheld": lambda text: {"link.jib.joint.locked": re.search("joint.locked = (true)", text)[1] == "true"},
-        "base-falls": lambda text: {"gravity": tomllib.loads(f"x = {text.rpartition('set ')[2]}")["x"]},
-        "few-hinges": lambda text: {"link.boom.segments": int(re.search(r"use (\d+) segments", text)[1])},
-    }
-    mended = scene.varied(values[id](note))
-    assert id not in {each.id for each in (*defaults(mended), *notes(mended))}
-
-
-def test_the_steps_that_replace_an_unstable_one_run() -> None:
-    scene = make_scene(flexible("a"), gravity=(0.0, 9.81, 0.0)).varied({"run.duration": 0.02, "run.sample": 0.01})
-    with pytest.raises(fl.errors.UnstableStepError) as caught:
-        fl.simulate(scene, step=1e-2)
-    printed = dict(re.findall(r"\b(relative_tolerance|step) = ([\d.e-]+)", str(caught.value)))
-    assert len(printed) == 2
-    for key, value in printed.items():
-        assert fl.simulate(scene, **{key: float(value)}).t[-1] == pytest.approx(0.02)
-
-
-@pytest.mark.parametrize("name", ["rk45", "ode45"])
-def test_the_method_that_is_meant_by_a_name_in_another_program_runs(name: str, capsys) -> None:
-    command = ["simulate", str(ROOT / "models" / "paper_fig5.toml"), "--duration", "0.005", "--method"]
-    assert main([*command, name]) == 2
-    assert main([*command, re.search(r"mean '(\w+)'", capsys.readouterr().err)[1]]) == 0
 
 
 def test_every_key_of_a_file_with_two_letters_exchanged_is_put_right_by_the_suggestion(tmp_path: Path) -> None:
@@ -182,41 +212,3 @@ def test_every_key_of_a_file_with_two_letters_exchanged_is_put_right_by_the_sugg
             fl.load_scene(path)
         suggested = re.search(r"did you mean '(\w+)'", str(caught.value))
         assert suggested[1] == key
-
-
-VALUES = {
-    "hinges-of-rule": ({"link.upper.segments": 4, "link.upper.lumping": "gauss"}, r"segments", r"are (\d+) or"),
-    "segments-of-rule": ({"link.upper.segments": 3, "link.upper.lumping": "gregory"}, "segments", r"least (\d+) seg"),
-    "rigid-segments": ({"link.upper.flex": "rigid", "link.upper.segments": 3}, "flex", r"set flex = '(\w+)'"),
-}
-"""Changes of the paper's scene that are refused, the key of the remedy, and its value."""
-
-
-@pytest.mark.parametrize("id", VALUES)
-def test_the_value_in_a_refusal_is_accepted(id: str) -> None:
-    changes, key, pattern = VALUES[id]
-    scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml")
-    with pytest.raises(fl.errors.SceneError) as caught:
-        scene.varied(changes)
-    assert caught.value.id == id
-    value = re.search(pattern, str(caught.value))[1]
-    scene.varied({**changes, f"link.upper.{key}": int(value) if value.isdecimal() else value})
-
-
-def test_a_column_without_a_unit_gets_a_head_that_is_read(tmp_path: Path) -> None:
-    bare = files.GOOD.replace("q upper [deg]", "q upper")
-    head = re.search(r"as in '(.*?)'", refusal(tmp_path, files.MOTION, bare))[1]
-    assert written(tmp_path, files.MOTION, bare.replace("q upper", head)) == written(tmp_path, files.MOTION, files.GOOD)
-
-
-def test_a_robot_given_as_a_scene_is_imported_by_the_printed_command(tmp_path: Path, monkeypatch, capsys) -> None:
-    monkeypatch.chdir(tmp_path)
-    limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/><axis xyz="0 0 1"/>'
-    joint = f'<joint name="j" type="revolute"><parent link="a"/><child link="b"/>{limit}</joint>'
-    body = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
-    robot = f'<robot name="r"><link name="a"/><link name="b">{body}</link>{joint}</robot>'
-    (tmp_path / "arm.urdf").write_text(robot, encoding="utf-8")
-    assert main(["info", "arm.urdf"]) == 2
-    command = re.search(r"flexlink (import \S+)", capsys.readouterr().err)[1]
-    assert main([*command.split(), "-o", "scene.toml"]) == 0
-    assert main(["info", "scene.toml"]) == 0

@@ -1,5 +1,6 @@
 """Noise and filter of a recorded motion are in the interval, and cross-validation chooses the cutoff."""
 
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -63,8 +64,9 @@ def test_the_true_value_is_inside_or_the_recorded_motion_is_named(tmp_path, cuto
 
 
 def test_a_cutoff_far_above_that_by_cross_validation_is_named(tmp_path: Path) -> None:
-    assert "input-cutoff" in [one.id for one in fitted(tmp_path, 80.0, 0.03).warnings]
-    assert "input-cutoff" not in [one.id for one in fitted(tmp_path, 80.0, 0.0).warnings]
+    (named,) = (one for one in fitted(tmp_path, 80.0, 0.03).warnings if one.id == "input-cutoff")
+    cutoff = tomllib.loads(named.rpartition("set ")[2])["cutoff"]
+    assert "input-cutoff" not in [one.id for one in fitted(tmp_path, cutoff, 0.03).warnings]
 
 
 def test_exact_angles_with_the_automatic_cutoff_add_little_to_the_interval(tmp_path: Path) -> None:

@@ -163,7 +163,7 @@ def grid_of(zeros: list[tuple[Complex, Complex]], duration: float, n: int) -> Gr
         slowest = min(map(abs, oscillating))
         points = min(points, int(duration * slowest / (1.2 * fastest)))
         if points < fewest:
-            needed = fewest * 1.2 * fastest / slowest if slowest * duration > 1e-3 else math.inf
+            needed = 1.005 * fewest * 1.2 * fastest / slowest if slowest * duration > 1e-3 else math.inf
             longer = f"a move of {needed:.3g} s or more" if math.isfinite(needed) else "other joints"
             raise SceneError(
                 f"tip: with the tip at rest the arm can vibrate at {slowest / (2 * math.pi):.3g} Hz (a transmission "
