@@ -12,7 +12,6 @@ most 0.8 times the estimate.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 
 import numpy as np
@@ -102,9 +101,7 @@ def estimate(runner: ModelRunner, strict: Outcome, axes: Axes, norm: TipErrorNor
     run, model = strict.run, uniform(axes, Thresholds.hinges)
     assert run is not None
     chain = runner.chain(model)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # vibrations do not matter to an estimate
-        q, qd, qdd = (_spread(run.chain, chain, values) for values in (run.q, run.qd, run.qdd))
+    q, qd, qdd = (_spread(run.chain, chain, values) for values in (run.q, run.qd, run.accelerations()))
     loads = inverse_dynamics(chain, q, qd, qdd, tip_wrench=run.tip_wrench) + force_torque(chain, q, qd)
     bent = np.array([c.bends for c in chain.coordinates])
     θ = np.zeros_like(q)

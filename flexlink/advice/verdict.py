@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 from flexlink.common.notebook import html_table
 from flexlink.describe.scene import Scene
+from flexlink.motion.simulate import simulate
 from flexlink.results.convergence import Limit
 
 
@@ -59,6 +61,15 @@ class Advice:
     def __repr__(self) -> str:
         error = f"error {self.error:.2g} m of {self.tolerance:.2g} m"
         return f"<Advice {self.scene.name!r}: {'met' if self.met else 'cannot'}, {error}, {self.runs} runs>"
+
+    def plot(self) -> Any:
+        """Run `scene`, and plot its tip against time; dotted, the limit of finer models. Needs matplotlib."""
+        run = simulate(self.scene)
+        figure = run.plot(what="tip")
+        if self.converged_tip is not None:
+            figure.axes[0].plot(run.t, self.converged_tip.tip, "k:")
+        figure.suptitle(repr(self))
+        return figure
 
     def _repr_html_(self) -> str:
         rows = [(word, text.strip()) for word, _, text in (line.partition(" ") for line in self.lines)]

@@ -76,6 +76,7 @@ def run_command(options: argparse.Namespace) -> int:
         write_text(path, text)
         print(shown_path(path))
     print_lines("note", notes)
+    options.document = {"files": [str(path) for path in texts], "notes": notes}
     return 0
 
 

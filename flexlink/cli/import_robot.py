@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from flexlink.cli.json_output import with_ids
 from flexlink.cli.shared import assignments, prefix_errors, print_lines, require_writable, varied
 from flexlink.common.errors import ArgumentError
 from flexlink.common.files import shown_path
@@ -31,11 +32,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("robot", help="URDF file, or the name of one that `flexlink robots` lists")
     command.add_argument("--out", type=Path, help="scene file to write (.toml); default: print the arm only")
     command.add_argument("--base", help="link where the arm begins; default: the root of the robot")
-    command.add_argument(
-        "--tip",
-        action="append",
-        help="link where a path ends; joints elsewhere are locked; may be repeated; default: the complete robot",
-    )
+    command.add_argument("--tip", action="append", help="end of a path, other joints are locked; may be repeated")
     command.add_argument("--free-base", action="store_true", help="let the base float: a rigid body with mass")
     for option, form, text in (
         ("posture", "JOINT=DEG", "initial angle of a joint [deg], or position of a slide [m]"),
@@ -57,10 +54,11 @@ def run_command(options: argparse.Namespace) -> int:
     arguments = _arguments(robot, known, options)
     with prefix_errors(source):
         imported = import_urdf(robot, **arguments)
-    scene = varied(source, imported.scene, options.set)
+    scene, paths = varied(source, imported.scene, options.set), [text.partition("=")[0] for text in options.set]
+    doubts = tuple(each for each in imported.warnings if not any(path in each for path in paths))
+    options.document = {"scene": scene.to_toml(), "notes": with_ids(imported.notes), "warnings": with_ids(doubts)}
     print(imported)
-    taken = [text.partition("=")[0] for text in options.set]
-    print_lines("warning", [each for each in imported.warnings if not any(path in each for path in taken)])
+    print_lines("warning", doubts)
     if options.out is None:
         print("no file written; add -o FILE.toml to write the scene")
     else:

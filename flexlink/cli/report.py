@@ -21,9 +21,7 @@ from flexlink.pages.builders import require_pages
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `report`."""
     command.add_argument("scene", type=Path, help="scene file (.toml)")
-    command.add_argument(
-        "--out", type=Path, required=True, metavar="FOLDER", help="folder for index.html and its files"
-    )
+    command.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="folder of index.html and its files")
     command.add_argument(
         "--against", type=Path, metavar="FILE",
         help="MJCF, URDF or SDF file of the same arm, or measurements (.csv) with t [s] and columns of "
@@ -41,6 +39,9 @@ def run_command(options: argparse.Namespace) -> int:
             scene, options.out, against=options.against, command=_command(),
             progress=lambda line: print(line, file=sys.stderr, flush=True),
         )  # fmt: skip
+    options.document = {"page": str(page.page), "passed": page.passed, "failures": page.failures} | {
+        "verdicts": [{"about": each.about, "verdict": each.word, "text": each.text} for each in page.verdicts]
+    }
     for verdict in page.verdicts:
         print(f"{verdict.about}: {verdict.word}. {verdict.text}")
     for failure in page.failures:

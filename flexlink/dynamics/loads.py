@@ -33,6 +33,13 @@ from flexlink.kernels.forces.drag import drag_loads
 from flexlink.kernels.tools.finite import is_finite
 
 
+def _along(load: str, axis: int, about: str) -> property:
+    def component(loads: InternalLoads) -> Array:
+        return np.asarray(getattr(loads, load)[..., axis])
+
+    return property(component, doc=about)
+
+
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class InternalLoads(Result):
     """Force and moment that the part outboard of a cut exerts on the inboard part, at the hinge point of every body.
@@ -46,35 +53,12 @@ class InternalLoads(Result):
     moment: Array  # (…, bodies, 3), T, M_y, M_z [N m]
     hinge_moment: Array  # (…, n), moment about each hinge axis [N m]; for a sliding joint the force along it [N]
 
-    @property
-    def N(self) -> Array:
-        """Axial force [N], positive in tension, shape (…, bodies)."""
-        return self.force[..., 0]
-
-    @property
-    def V_y(self) -> Array:
-        """Shear force along the section's y [N], shape (…, bodies)."""
-        return self.force[..., 1]
-
-    @property
-    def V_z(self) -> Array:
-        """Shear force along the section's z [N], shape (…, bodies)."""
-        return self.force[..., 2]
-
-    @property
-    def T(self) -> Array:
-        """Torque GJ φ' about the beam's axis [N m], shape (…, bodies)."""
-        return self.moment[..., 0]
-
-    @property
-    def M_y(self) -> Array:
-        """Bending moment EI κ about the section's y [N m], shape (…, bodies)."""
-        return self.moment[..., 1]
-
-    @property
-    def M_z(self) -> Array:
-        """Bending moment EI κ about the section's z [N m], shape (…, bodies)."""
-        return self.moment[..., 2]
+    N = _along("force", 0, "Axial force [N], positive in tension, shape (…, bodies).")
+    V_y = _along("force", 1, "Shear force along the section's y [N], shape (…, bodies).")
+    V_z = _along("force", 2, "Shear force along the section's z [N], shape (…, bodies).")
+    T = _along("moment", 0, "Torque GJ φ' about the beam's axis [N m], shape (…, bodies).")
+    M_y = _along("moment", 1, "Bending moment EI κ about the section's y [N m], shape (…, bodies).")
+    M_z = _along("moment", 2, "Bending moment EI κ about the section's z [N m], shape (…, bodies).")
 
     def __repr__(self) -> str:
         *states, bodies, _ = self.force.shape

@@ -32,8 +32,8 @@ def _arrays(run: RunSamples) -> dict[str, Any]:
     """All data of a run and, for use by other programs, its imbalance and the names of its joints."""
     chain, balanced = run.chain, run.work is not None
     return {
-        "t": run.t, "q": run.q, "qd": run.qd, "tau": run.tau, "tip": run.tip, "joints": np.array(chain.joint_names),
-        **vars(run.energy), **({"work": run.work, "imbalance": run.imbalance} if balanced else {}),
+        "t": run.t, "q": run.q, "qd": run.qd, "tau": run.drive_torques, "tip": run.tip, **vars(run.energy),
+        "joints": np.array(chain.joint_names), **({"work": run.work, "imbalance": run.imbalance} if balanced else {}),
         "tip_wrench": run.tip_wrench, "warnings": np.array(run.warnings, str),
         "warning_ids": np.array([getattr(warning, "id", "") for warning in run.warnings], str),
         "steps": json.dumps(run.steps), "delayed": run.delayed,

@@ -74,7 +74,8 @@ def _trajectory(arrays: Mapping[str, Any]) -> Trajectory:
     check_samples(arrays, chain.n)
     return Trajectory(
         chain=chain,
-        **{name: arrays[name] for name in ("t", "q", "qd", "tau", "tip", "tip_wrench")},
+        **{name: arrays[name] for name in ("t", "q", "qd", "tip", "tip_wrench")},
+        drive_torques=arrays["tau"],
         energy=Energy(arrays["kinetic"], arrays["gravity"], arrays["elastic"]),
         work=arrays.get("work"),
         warnings=tuple(_warnings(arrays)),

@@ -90,11 +90,10 @@ def panels(run: RunSamples) -> Iterator[tuple[str, Draw]]:
         ("elastic", elastic_energy, bool(run.chain.stiffness.any())), ("balance", imbalance, run.work is not None),
     )  # fmt: skip
     yield from ((name, partial(draw, run=run)) for name, draw, shown in there if shown)
-    of_drives = ((False, "drive torques\n[N m]"), (True, "drive forces\n[N]"))
-    for slides, label in of_drives:
+    for slides, label in ((False, "drive torques\n[N m]"), (True, "drive forces\n[N]")):
         joints = _driven(run, slides=slides)
-        if run.tau[:, joints].any():
-            yield "drives", partial(_curves, run=run, joints=joints, values=run.tau[:, joints], label=label)
+        if run.drive_torques[:, joints].any():
+            yield "drives", partial(_curves, run=run, joints=joints, values=run.drive_torques[:, joints], label=label)
 
 
 def base(panel: Axes, run: RunSamples) -> None:

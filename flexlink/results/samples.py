@@ -94,7 +94,7 @@ class RunSamples(Result):
     t: Array
     q: Array
     qd: Array
-    tau: Array
+    drive_torques: Array
     tip: Array
     energy: Energy
     work: Array | None = None
@@ -140,13 +140,13 @@ class RunSamples(Result):
         """Whether the estimated error of the tip is within the tolerance at all samples; None for fixed steps."""
         return None if self.stated is None else bool(self.stated.tip.max(initial=0.0) <= self.stated.allowed)
 
-    def warn_of_vibrations(self) -> None:
-        """Warn if accelerations or loads may lack vibrations, since steps were controlled for the tip alone."""
+    def warn_of_vibrations(self, what: str = "accelerations, loads and sensors", output: str = "loads") -> None:
+        """Warn if what is read may lack vibrations, since steps were controlled for the tip alone."""
         scene, springs = self.scene, bool((self.chain.hinges["stiffness"] > 0).any())
         if self.stated is not None and scene is not None and springs and not scene.run.follows_vibrations(scene.sensor):
             text = (
-                "accelerations, loads and sensors of this run may lack vibrations that do not move the tip; for these, "
-                'run the scene with run.outputs = ["loads"] (accuracy = "auto")'
+                f"{what} of this run may lack vibrations that do not move the tip; for these, "
+                f'run the scene with run.outputs = ["{output}"] (accuracy = "auto")'
             )
             warnings.warn(Diagnostic(text, id="vibrations-not-followed"), RuntimeWarning, stacklevel=4)
 
@@ -206,6 +206,13 @@ class RunSamples(Result):
         return read_only(tip_position(self.chain, self.q, tip=link))
 
     @functools.cached_property
+    def tau(self) -> Array:
+        """Drive torques [N m], (samples, n); with a RuntimeWarning as for `qdd` if they react to vibrations."""
+        if (scene := self.scene) and (scene.motion or (scene.drive.controls and scene.drive.rate is None)):
+            self.warn_of_vibrations("torques", "torques")
+        return self.drive_torques
+
+    @functools.cached_property
     def qdd(self) -> Array:
         """Joint accelerations at the samples [rad/s²], shape (samples, n): `forward_dynamics` of q, q̇ and `tau`.
 
@@ -217,15 +224,19 @@ class RunSamples(Result):
         SingularMassError
             As in `forward_dynamics`.
         """
+        self.warn_of_vibrations()
+        return self.accelerations()
+
+    def accelerations(self) -> Array:
+        """As `qdd`, without its warning."""
         from flexlink.dynamics.accelerations import forward_dynamics  # noqa: PLC0415
 
-        self.warn_of_vibrations()
         hinges = self.chain.hinges.copy()
         hinges["prescribed"] = 0  # `tau` contains the torque that a prescribed motion requires
         free = dataclasses.replace(self.chain, hinges=hinges)
         # state by state: the batched function takes seconds to compile, and its results are identical bit for bit
-        qdd = each(forward_dynamics, free, {"q": self.q, "qd": self.qd, "tau": self.tau}, tip_wrench=self.tip_wrench)
-        return read_only(qdd)
+        given: dict[str, Any] = {"q": self.q, "qd": self.qd, "tau": self.drive_torques}
+        return read_only(each(forward_dynamics, free, given, tip_wrench=self.tip_wrench))
 
     @functools.cached_property
     def loads(self) -> InternalLoads:
@@ -378,6 +389,5 @@ def _of(field: str, k: int) -> Source:
 
 def picked(run: RunSamples, rows: NDArray[np.intp]) -> RunSamples:
     """The run with only these samples, without its work."""
-    parts = {name: getattr(run, name)[rows] for name in ("t", "q", "qd", "tau", "tip", "tip_wrench")}
-    energy = Energy(*run.energy.parts[:, rows])
-    return dataclasses.replace(run, **parts, energy=energy, work=None, stated=None)
+    parts = {name: getattr(run, name)[rows] for name in ("t", "q", "qd", "drive_torques", "tip", "tip_wrench")}
+    return dataclasses.replace(run, **parts, energy=Energy(*run.energy.parts[:, rows]), work=None, stated=None)

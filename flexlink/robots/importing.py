@@ -211,12 +211,11 @@ def _notes(robot: Robot, way: Paths, stated: set[str], lifeless: tuple[str, ...]
     for part in way.parts:
         name, start = part.joint.name, way.positions[part.joint.name]
         if part.folded:
-            text = f"{part.link}: includes {short_list(part.folded)}, which do not move relative to it"
-            yield Diagnostic(text, "link-folded")
+            others = short_list(part.folded)
+            yield Diagnostic(f"{part.link}: includes {others}, which do not move relative to it", "link-folded")
         if start and name not in stated:
-            position = f"{start:.4g} {'rad' if part.joint.turns else 'm'}"
-            text = f"{name}: starts at {position}, the middle of its limits, which exclude 0"
-            yield Diagnostic(text, "joint-start")
+            begins = f"starts at {start:.4g} {'rad' if part.joint.turns else 'm'}"
+            yield Diagnostic(f"{name}: {begins}, the middle of its limits, which exclude 0", "joint-start")
         if part.joint.limits is None and part.joint.kind != "continuous":
             yield Diagnostic(f"{name}: the file gives no limits", "limits-equal")
         lower, upper = part.joint.limits or (0.0, 1.0)
@@ -224,8 +223,7 @@ def _notes(robot: Robot, way: Paths, stated: set[str], lifeless: tuple[str, ...]
             odd = "equal" if lower == upper else "reversed"
             yield Diagnostic(f"{name}: limits {lower:g} and {upper:g} are {odd} and ignored", "limits-equal")
     if lifeless:
-        text = f"joints with no inertia attached are fixed: {short_list(lifeless)}"
-        yield Diagnostic(text, "joint-without-inertia")
+        yield Diagnostic(f"joints with no inertia attached are fixed: {short_list(lifeless)}", "joint-without-inertia")
     if way.held:
         positions = [f"{name} at {way.positions[name]:.4g}" for name in way.held]
         yield Diagnostic(f"fixed at [rad, m]: {short_list(positions)}", "joint-fixed")

@@ -111,6 +111,7 @@ def test_the_converged_tip_is_more_accurate_than_the_model_with_a_valid_error_bo
         <= advice.converged_tip.error
         <= advice.error
     )
+    assert len(advice.plot().axes[0].lines) == 6  # three coordinates, and where they converge to
 
 
 def test_a_stiff_arm_gets_rigid_links_without_running_a_flexible_model() -> None:
@@ -119,6 +120,7 @@ def test_a_stiff_arm_gets_rigid_links_without_running_a_flexible_model() -> None
     assert advice.converged_tip is None
     assert all(link.flex == "rigid" for link in advice.scene.arm.links)
     assert advice.runs <= 6
+    assert len(advice.plot().axes[0].lines) == 3
 
 
 @pytest.mark.slow

@@ -82,7 +82,7 @@ def said(expression: str) -> list[Any]:
 
 
 def command(line: str, **files: str) -> list[Any]:
-    """What a command prints to stderr, by id; a refusal is raised. Files are written first, __ stands for a dot."""
+    """What a command prints to stderr, by id; a refusal is raised. Files are written first; __ in a name is a dot."""
     for name, text in files.items():
         write(name.replace("__", "."), text)
     with contextlib.redirect_stderr(io.StringIO()) as stderr, contextlib.redirect_stdout(io.StringIO()):
