@@ -28,7 +28,7 @@ from flexlink.dynamics import rounding
 from flexlink.dynamics.free_motion import all_motions
 from flexlink.engines import load
 from flexlink.errors import ArgumentError
-from flexlink.formats.code.self_test import name_of
+from flexlink.formats.code.model import name_of
 from flexlink.kernels.layout import SPRINGS
 from tests.campaigns.random_motors import random_motor
 from validation.oracles.planar_chain import DIGITS
@@ -77,7 +77,9 @@ KINDS: dict[str, tuple[Callable[[int], fl.Scene], Callable[[fl.Chain], Any]]] = 
     "couplings": (lambda seed: arm(seed, lumping=("lobatto2", "lobatto4")[seed // 2 % 2], segments=5),
                   lambda chain: len(chain.couplings)),
     "rotation springs": (lambda seed: arm(seed, lumping=("gauss_rotation", "lobatto2_rotation")[seed // 2 % 2],
-                                          flex="xyz", segments=5), lambda chain: chain.has_rotation_springs),
+                                          flex="xyz", segments=5, rigidity=None, material="stuff", section="bar",
+                                          section_tip=None),
+                         lambda chain: chain.has_rotation_springs),
     "strain modes": (lambda seed: arm(seed, modes=1 + seed // 2 % 3, segments=5), lambda chain: chain.shapes),
     "drag": (lambda seed: arm(seed, drag=fl.Drag(coefficient=1.5, breadth=(0.2, 0.1))), lambda chain: len(chain.drag)),
     "dampers": (lambda seed: arm(seed, joint__quadratic=0.7), lambda chain: "dampers" in chain.forces),

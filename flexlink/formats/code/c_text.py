@@ -7,8 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.dynamics.free_motion import input_names, state_names
-from flexlink.formats.code.model import Model, model_of, slopes_of
-from flexlink.formats.code.self_test import ALLOWED, cases, name_of
+from flexlink.formats.code.model import ALLOWED, Model, cases, model_of, name_of, slopes_of
 from flexlink.formats.code.tape import Number, Real, Tape
 
 LONGEST = 400_000

@@ -5,8 +5,7 @@ from __future__ import annotations
 from flexlink.chain.chain import Chain
 from flexlink.dynamics.free_motion import input_names, state_names
 from flexlink.formats.code.c_text import check_length, inputs_of, operand, statements
-from flexlink.formats.code.model import model_of
-from flexlink.formats.code.self_test import ALLOWED, cases, name_of
+from flexlink.formats.code.model import ALLOWED, cases, model_of, name_of
 
 
 def to_casadi(chain: Chain) -> str:

@@ -4,17 +4,22 @@ They are those of the kernels `forward_dynamics` and `forward_kinematics`, so co
 derivatives follow from inverse dynamics at given z̈, with T_net = T_EX − T_FL − T_FR − T_GC − M q̈:
 
     Φᵀ M Φ ∂z̈/∂x = ∂(Φᵀ T_net)/∂x        Φᵀ M Φ = −∂(Φᵀ T_net)/∂z̈
+
+`cases` are states with ẋ from the compiled kernels, for the test that generated code contains.
 """
 
 from __future__ import annotations
 
+import re
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.common.types import Indices
+from flexlink.common.types import Array, Indices
+from flexlink.dynamics.accelerations import forward_dynamics as by_solver
 from flexlink.dynamics.free_motion import all_motions, first_joints
+from flexlink.dynamics.placement import tip_position
 from flexlink.formats.code.arithmetic import Objects, on_tape, solve_symmetric
 from flexlink.formats.code.tape import Number, Real, Tape
 from flexlink.kernels.bodies.inverse import inverse_dynamics_into
@@ -26,6 +31,9 @@ from flexlink.kernels.forward.articulated_rows import articulated_workspace
 from flexlink.kernels.forward.shaped import shaped_workspace
 from flexlink.kernels.forward.solvers import forward_dynamics
 from flexlink.kernels.geometry.kinematics import forward_kinematics
+
+ALLOWED = 1e-8
+"""Largest difference of ẋ in the test of a file, relative to its largest entry; arms may be stiff."""
 
 
 class Model(NamedTuple):
@@ -93,3 +101,32 @@ def _net_torques(chain: Chain, q: Objects, qd: Objects, tau: Objects, qdd: Objec
     for k, hinge in enumerate(chain.hinges):
         required[k] = required[k] + on_tape(elastic)(hinge, q[k]) + on_tape(friction)(hinge, qd[k])
     return np.asarray(all_motions(chain).T @ (tau - required))
+
+
+class Case(NamedTuple):
+    """A state with its derivative and the position of the tip."""
+
+    x: Array
+    u: Array
+    rate: Array
+    tip: Array
+
+
+def cases(chain: Chain) -> list[Case]:
+    """Three random states of small deflections."""
+    rng, Φ, m, found = np.random.default_rng(0), all_motions(chain), chain.freedoms, list[Case]()
+    rest, back = (0.0, Φ) if chain.shapes is None else (chain.rest, chain.shapes.inverse.T)
+    for _ in range(3):
+        x, u = rng.normal(size=2 * m), rng.normal(size=len(chain.active))
+        x[:m] *= 0.1 / np.maximum(1.0, np.abs(Φ).sum(axis=0))
+        u[chain.hinges["prescribed"][chain.active] != 0] = 0.0  # as in `forward_dynamics`
+        q, qd, tau = rest + Φ @ x[:m], Φ @ x[m:], np.zeros(chain.n)
+        tau[chain.active] = u
+        found.append(Case(x, u, np.append(x[m:], back @ by_solver(chain, q, qd, tau)), tip_position(chain, q)))
+    return found
+
+
+def name_of(chain: Chain) -> str:
+    """Name of the arm as an identifier of C and Python."""
+    name = re.sub(r"[^0-9a-zA-Z_]", "_", chain.name)
+    return name if name[:1].isalpha() else f"arm_{name}"
