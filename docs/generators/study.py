@@ -32,10 +32,15 @@ def checks() -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
+def rows(case: str, quantity: str, **columns: str) -> list[dict[str, str]]:
+    """Rows of one quantity of a case, for sentences of pages."""
+    wanted = {"case": case, "quantity": quantity, **columns}.items()
+    return [row for row in checks() if wanted <= row.items()]
+
+
 def values(case: str, quantity: str, **columns: str) -> list[float]:
     """Numbers of one quantity of a case, for sentences of pages."""
-    wanted = {"case": case, "quantity": quantity, **columns}.items()
-    return [float(row["value"]) for row in checks() if wanted <= row.items()]
+    return [float(row["value"]) for row in rows(case, quantity, **columns)]
 
 
 def judged() -> list[dict[str, str]]:
