@@ -24,7 +24,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import require_bool, require_type, sequence, vector
+from flexlink.chain.arguments import positive, require_bool, require_type, sequence, vector
 from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import Coordinate
 from flexlink.chain.forces import refuse_states
@@ -35,7 +35,6 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.products import product
 from flexlink.common.types import Array, Indices
 from flexlink.describe.arm import BASE
-from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.formats.capsules import Capsule, capsules_behind, colours
 from flexlink.formats.document import (
     UPPER_TRIANGLE,
@@ -75,7 +74,13 @@ USER_FIELDS = sorted(
 """Fields of the hinge in `user`, starting with the width of dry friction; the coordinate is appended."""
 
 
-def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, ArrayLike] | None = None) -> str:
+def to_mjcf(
+    chain: Chain,
+    *,
+    shapes: bool = True,
+    initial: tuple[ArrayLike, ArrayLike] | None = None,
+    timestep: float | None = None,
+) -> str:
     """Write a chain as MJCF.
 
     Parameters
@@ -86,6 +91,8 @@ def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, Arra
         Whether to write capsules for viewers, without mass and contact.
     initial
         q and q̇ of the keyframe `initial`, shape (n,) each [rad, rad/s; m, m/s]; None: no keyframe.
+    timestep
+        Time step of MuJoCo [s]; None: half the largest stable step of RK4 of a slightly bent arm, at most 2 ms.
 
     Returns
     -------
@@ -102,7 +109,7 @@ def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, Arra
         moving point without mass, MuJoCo refuses the mass or inertia of a segment, a joint's springs to other joints of
         its cell are together stiffer than its own spring, or `initial` has the wrong shape.
     SingularMassError
-        A coordinate has no inertia attached.
+        A coordinate has no inertia attached, and `timestep` is None.
 
     Examples
     --------
@@ -145,7 +152,7 @@ def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, Arra
         ET.SubElement(motors, "motor", name=joints[k], joint=joints[k])
     if initial is not None:
         _keyframe(ET.SubElement(root, "keyframe"), chain, initial)
-    option.set("timestep", decimals([_safe_step(chain)]))
+    option.set("timestep", decimals([_safe_step(chain) if timestep is None else positive("timestep", timestep)]))
     return text(root)
 
 
@@ -290,6 +297,8 @@ def _safe_step(chain: Chain) -> float:
 
     It is computed for a slightly bent arm. Most flexible links diverge with 2 ms.
     """
+    from flexlink.dynamics.vibration.stability import stable_step  # noqa: PLC0415  only if no step is given
+
     step = min(2e-3, stable_step(chain, chain.slightly_bent, method="RK4") / 2)
     digit = 10.0 ** math.floor(math.log10(step))
     return float(f"{math.floor(step / digit) * digit:.0e}")

@@ -1,29 +1,45 @@
-"""URDF → scene: import a complete robot, or the paths to some of its links, as an arm; links may be flexible."""
+"""URDF → scene: import a complete robot, or the paths to some of its links, as an arm; links may be flexible.
+
+Joints that mimic a free joint: on a fixed base they are inertia and friction of their leader.
+
+A follower moves by k q̇ if its leader moves by q̇. A rigid body on it adds k² J to the inertia of the leader, where J is
+its inertia about the axis (or its mass), k² d to viscous and |k| c to dry friction; exact except for its weight.
+
+Find a beam's Young's modulus from a measured frequency.
+
+Spring stiffness is proportional to E, and without gravity there is no other stiffness, so f ∝ √E. The frequency f₀ for
+E₀ therefore gives E = E₀ (f/f₀)².
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import msgspec
+import numpy as np
+
 from flexlink.chain.lumping import lump
 from flexlink.chain.odd_bodies import of_odd_bodies
+from flexlink.chain.rigid import SpatialInertia
 from flexlink.common import safe_xml
 from flexlink.common.errors import ArgumentError, DataFileError, Diagnostic
 from flexlink.common.notebook import html_lines
+from flexlink.common.types import Array
 from flexlink.common.wording import short_list, truncated
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Vector3
+from flexlink.dynamics.vibration.modal import natural_frequencies
 from flexlink.robots.assembly import assembled
 from flexlink.robots.flexible import FlexibleLink, payload, rounded_down, slender_mass
-from flexlink.robots.followers import with_followers
-from flexlink.robots.kinematic_tree import Robot
-from flexlink.robots.paths import Part, Paths, paths
+from flexlink.robots.kinematic_tree import Mimic, Robot, TreeJoint
+from flexlink.robots.paths import Part, Paths, along, folded, paths
 from flexlink.robots.positions import finite
 from flexlink.robots.robot_file import acts, read_robot
-from flexlink.robots.tuning import tuned
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 
@@ -340,3 +356,89 @@ def _moved(part: Part) -> float:
     """Return the mass [kg] of a part with a sliding joint, or the inertia [kg m²] of a part about its hinge."""
     body = payload(part.body)
     return body.about(part.joint.axis) if part.joint.turns else body.mass
+
+
+def with_followers(
+    robot: Robot, way: Paths, locked: Collection[str], armature: Mapping[str, float], gravity: Vector3
+) -> tuple[Paths, dict[str, float], list[Diagnostic]]:
+    """Return the paths and the armatures with what followers add to their leaders, and a line on each follower."""
+    rules, rotors, lines = _rules(robot, way, locked), dict(armature), []
+    parts = {part.joint.name: part for part in way.parts}
+    moving = {*rules, *parts}
+    fixed = robot.outward(robot.root, moving) if way.free_base is None else []
+    for name, rule in rules.items():
+        joint, leader, k = robot.joints[name], parts[rule.leader].joint, rule.multiplier
+        rigid = robot.outward(joint.child, moving) == robot.outward(joint.child)
+        if not rigid or joint.parent not in fixed or not joint.axis.any():
+            text = f"{name}: mimics {leader.name}, which moves; here {name} does not"
+            lines.append(Diagnostic(text, "mimic-fixed"))
+            continue
+        body = folded(robot, joint.child, (), way.positions)[0]
+        inertia = k * k * (payload(body).about(joint.axis) if joint.turns else body.mass)
+        rotors[leader.name] = rotors.get(leader.name, 0.0) + inertia
+        damping, friction = leader.damping + k * k * joint.damping, leader.friction + abs(k) * joint.friction
+        leader = dataclasses.replace(leader, damping=damping, friction=friction)
+        parts[rule.leader] = dataclasses.replace(parts[rule.leader], joint=leader)
+        R = along(robot.path(robot.root, joint.child) or [], way.positions).R
+        kg, newton = ("kg m²", "N m") if leader.turns else ("kg", "N")
+        weight = abs(k) * _weight(joint, body, R.T @ np.array(gravity))
+        text = f"{name}: mimics {leader.name}, whose armature has its inertia, {inertia:.4g} {kg}"
+        # 1e-12 N: right angles of a file are rounded
+        lost = f"; its weight, up to {weight:.4g} {newton} there, is left out" if weight > 1e-12 else ""
+        lines.append(Diagnostic(text + lost, "mimic-weight" if lost else "mimic-carried"))
+    return dataclasses.replace(way, parts=tuple(parts.values())), rotors, lines
+
+
+def _rules(robot: Robot, way: Paths, locked: Collection[str]) -> dict[str, Mimic]:
+    """Rules of the joints that mimic a free joint; with a free base, only of those beyond the base."""
+    free = {part.joint.name for part in way.parts}
+    reached = set(robot.outward(robot.root if way.free_base is None else way.base))
+    joints = [joint for joint in robot.joints.values() if joint.parent in reached and joint.moves]
+    rules = {joint.name: robot.rule(joint, locked) for joint in joints if joint.name not in {*free, *locked}}
+    return {name: rule for name, rule in rules.items() if rule.leader in free}
+
+
+def _weight(joint: TreeJoint, body: SpatialInertia, gravity: Array) -> float:
+    """Largest torque [N m] of a body's weight about a hinge, or its force [N] along a slide."""
+    if joint.turns:
+        return body.mass * math.hypot(*np.cross(joint.axis, body.center)) * math.hypot(*np.cross(joint.axis, gravity))
+    return body.mass * abs(float(joint.axis @ gravity))
+
+
+def clamped_frequency(scene: Scene, link: str) -> float:
+    """Return the first frequency [Hz] of a link clamped at its joint, in the initial configuration, without gravity.
+
+    Everything beyond the link is rigid.
+    """
+    chain = lump(scene.varied({"gravity": (0.0, 0.0, 0.0)}))
+    number = scene.arm.number(link)
+    q = np.zeros(chain.n)
+    joints = [chain.coordinate(k).link - 1 for k in chain.active]
+    q[chain.active] = scene.joint_positions[joints]
+    others = [k for k in range(chain.n) if chain.coordinate(k).link != number or chain.coordinate(k).axis == 0]
+    return float(natural_frequencies(chain, q, locked=others)[0] / (2 * np.pi))
+
+
+def tuned(scene: Scene, link: str, hertz: float) -> Scene:
+    """Return the scene with the link's Young's modulus set so that `clamped_frequency` is `hertz`.
+
+    Raises
+    ------
+    ArgumentError
+        A frequency of this size is not proportional to √E in float64, or E would overflow.
+    """
+    name = scene.arm.links[scene.arm.number(link) - 1].material or link
+    material, ratio = scene.arm.materials[name], hertz / clamped_frequency(scene, link)
+    young = material.young * (ratio * ratio)
+    specified = f"flexible: link {truncated(link)}: frequency_hz = {hertz!r}"
+    if not 0 < young < math.inf:
+        raise ArgumentError(
+            f"{specified}: needs young = {young:g} Pa, outside the range of float64", id="frequency-out-of-reach"
+        )
+    stiff = msgspec.structs.replace(material, young=young)
+    # do not use a path, because the name may contain any character
+    stiffened = scene.varied({"material": scene.arm.materials | {name: stiff}})
+    reached = clamped_frequency(stiffened, link)
+    if not abs(reached / hertz - 1) <= 1e-6:
+        raise ArgumentError(f"{specified}: young = {young:.4g} Pa gives {reached:.9g} Hz", id="frequency-out-of-reach")
+    return stiffened

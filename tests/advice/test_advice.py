@@ -24,10 +24,9 @@ from flexlink.advice.goal import Goal, TipErrorNorm, goal_of
 from flexlink.advice.link_errors import LinkErrors
 from flexlink.advice.model import Axes, Bend, Model, by_rule, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
-from flexlink.advice.refinement import AxisScreening, Level, RefinementStudy
-from flexlink.advice.release import release
+from flexlink.advice.refinement import AxisScreening, Level, RefinementStudy, load_and_bend, may_pay
+from flexlink.advice.rigid import release
 from flexlink.advice.search import Search
-from flexlink.advice.straightness import load_and_bend, may_pay
 from flexlink.advice.thresholds import Thresholds
 from flexlink.advice.verdict import Advice
 from flexlink.describe.scene import Scene

@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 import flexlink as fl
-from flexlink.diagnosis.diagnosis import Diagnosis
+from flexlink.diagnosis.diagnosis import LARGEST, Diagnosis
 from flexlink.diagnosis.mistakes import table
 from flexlink.diagnosis.quantities import QUANTITIES
-from flexlink.diagnosis.stable_steps import LARGEST
 from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.engines import ENGINES, load
 from flexlink.engines.read_back import of_chain, to_chain

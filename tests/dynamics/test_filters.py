@@ -13,8 +13,7 @@ from scipy import signal
 
 import flexlink as fl
 from flexlink.describe.scene import scene_from
-from flexlink.dynamics.sensors.instrument import Instrument
-from flexlink.dynamics.sensors.noise import walk
+from flexlink.dynamics.sensors.instrument import Instrument, walk
 from tests.conftest import make_scene
 from tests.support.words import refused
 

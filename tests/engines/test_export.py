@@ -359,6 +359,9 @@ def test_the_time_step_of_an_mjcf_file_is_at_most_half_the_largest_stable_one() 
         assert option is not None
         limit = fl.stable_step(chain, np.linspace(0.1, 0.4, chain.n), method="RK4")
         assert 0.2 * limit < float(option.get("timestep", "nan")) <= 0.5 * limit
+    stated = ET.fromstring(fl.to_mjcf(chain, timestep=1.2e-4)).find("option")
+    assert stated is not None
+    assert float(stated.get("timestep", "nan")) == 1.2e-4
 
 
 def test_mujoco_does_not_reset_a_diverged_run(tmp_path, monkeypatch) -> None:

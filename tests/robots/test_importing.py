@@ -20,13 +20,11 @@ from flexlink.describe.directions import line_of
 from flexlink.diagnosis.states import random_states
 from flexlink.dynamics.rounding import acceleration_error, in_units, of_bias_torque, of_mass_matrix
 from flexlink.robots.collection import KnownArm
-from flexlink.robots.cut import cut, largest_mass
-from flexlink.robots.flexible import FlexibleLink, _prism, bent, payload
-from flexlink.robots.importing import ImportResult, import_urdf
+from flexlink.robots.flexible import FlexibleLink, _prism, bent, cut, largest_mass, payload
+from flexlink.robots.importing import ImportResult, clamped_frequency, import_urdf
 from flexlink.robots.kinematic_tree import Mimic, Robot
 from flexlink.robots.positions import positions_of
 from flexlink.robots.robot_file import read_robot
-from flexlink.robots.tuning import clamped_frequency
 from tests.support.urdf_texts import RandomRobot
 from tests.support.words import line, refused, reviewed
 from validation.physics.source_urdf import Original

@@ -15,7 +15,7 @@ from flexlink.common.types import Array
 from flexlink.diagnosis.states import random_states
 from flexlink.dynamics.rounding import acceleration_error
 from flexlink.robots.collection import import_known, known_arm
-from flexlink.robots.tuning import tuned
+from flexlink.robots.importing import tuned
 from validation.case import MODELS, Case, Measured
 from validation.physics.source_urdf import Original
 

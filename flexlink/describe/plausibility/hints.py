@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from flexlink.common.errors import Diagnostic
 from flexlink.common.memo import keep_last
-from flexlink.describe.plausibility.angles_and_times import of_angles, of_times
 from flexlink.describe.plausibility.loads import of_bodies, of_gravity, of_joints, of_loads, of_places
-from flexlink.describe.plausibility.ranges import hint_if_outside
-from flexlink.describe.plausibility.situation import situation_of
+from flexlink.describe.plausibility.ranges import hint_if_outside, shown
+from flexlink.describe.plausibility.situation import Situation, situation_of
 from flexlink.describe.plausibility.sizes import largest_dimension, of_materials, of_sections
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
@@ -66,3 +65,81 @@ def of_sensors(scene: Scene) -> Iterator[Diagnostic]:
         if section is not None:
             part = math.hypot(*sensor.fibre) / (largest_dimension(section)[1] / 2)
             yield from hint_if_outside(f"{path}.fibre", sensor.fibre, "fibre", part)
+
+
+def of_angles(scene: Scene) -> Iterator[Diagnostic]:
+    """Hints on angles in degrees whose digits match multiples of 5° in radians, and on angles beyond 2π in radians."""
+    arm, drive, reference = scene.arm, scene.drive, scene.drive.reference
+    angles: list[tuple[str, Sequence[float]]] = [
+        ("initial.joint_deg", scene.initial.joint_deg), ("drive.target_deg", drive.target_deg or ()),
+    ]  # fmt: skip
+    if reference is not None:
+        angles += [
+            ("drive.reference.to_deg", reference.to_deg or ()),
+            ("drive.reference.from_deg", reference.from_deg or ()),
+        ]
+    for motion in scene.motion:
+        angles += [(f"motion.{motion.link}.angle_deg", motion.angle_deg or ())]
+    for k, link in enumerate(arm.links, 1):
+        path = arm.path(k)
+        angles += [
+            (f"{path}.mount.rpy_deg", link.mount.rpy_deg),
+            (f"{path}.joint.limits_deg", link.joint.limits_deg or ()),
+        ]
+        if link.dh is not None:
+            angles += [(f"{path}.dh.alpha_deg", (link.dh.alpha_deg,)), (f"{path}.dh.theta_deg", (link.dh.theta_deg,))]
+        if max(map(abs, link.mount.rpy or (0.0,))) > 2 * math.pi + 1e-3:
+            yield Diagnostic(
+                f"{path}.mount.rpy = {shown(link.mount.rpy or ())} rad: more than one turn; likely given in deg: use "
+                "rpy_deg",
+                "likely-degrees",
+            )
+    yield from _of_turns(scene)
+    for path, values in angles:
+        nonzero = [value for value in values if value]
+        if nonzero and max(map(abs, nonzero)) <= 2 * math.pi + 0.01 and any(map(_looks_like_radians, nonzero)):
+            inner = ", ".join(f"{math.degrees(value):.4g}" for value in values)
+            why = "the digits match round angles in radians"
+            yield Diagnostic(
+                f"{path} = {shown(values)} deg: {why}; likely given in rad: in degrees [{inner}]", "likely-radians"
+            )
+
+
+def _of_turns(scene: Scene) -> Iterator[Diagnostic]:
+    """Hint on tables through more than a turn that end at no whole degree, as degrees in a column of radians do."""
+    reference = scene.drive.reference
+    columns = {f"motion.{motion.link}": motion.angle_deg for motion in scene.motion}
+    if reference is not None and reference.angle_deg:
+        rows = zip(scene.arm.links, zip(*reference.angle_deg, strict=True), strict=True)
+        columns |= {f"drive.reference, joint {link.name!r}": column for link, column in rows}
+    for path, angles in columns.items():
+        if angles and max(angles) - min(angles) > 360.0 and abs(angles[-1] - round(angles[-1])) > 1e-6:
+            turns = (max(angles) - min(angles)) / 360.0
+            yield Diagnostic(
+                f"{path}: {turns:.3g} turns; if the column was in degrees, write [deg] in its name instead of [rad]",
+                "likely-degrees",
+            )
+
+
+def _looks_like_radians(value: float) -> bool:
+    """Whether the decimals match a multiple of 5° in radians (or of 90°, if there are only two decimals)."""
+    decimals = len(f"{abs(value):.12g}".partition(".")[2])
+    if decimals < 2 or "e" in f"{value:.12g}":
+        return False
+    unit = math.pi / (36 if decimals > 2 else 2)
+    nearest = round(abs(value) / unit) * unit
+    return nearest > 0 and abs(abs(value) - nearest) <= 1.1 * 10.0**-decimals
+
+
+def of_times(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
+    """Hints on tables much longer than the run, and on tolerances that are large relative to the arm's reach."""
+    run = scene.run
+    tables = [("drive", scene.drive.times), ("wrench", scene.wrench.times)]
+    tables += [(f"motion.{motion.link}", motion.times) for motion in scene.motion]
+    tables += [("drive.reference", scene.drive.reference.times)] if scene.drive.reference is not None else []
+    for path, times in tables:
+        if times and run.duration > 0 and times[-1] > 10.0:
+            yield from hint_if_outside(f"{path}.times[{len(times) - 1}]", times[-1], "times", times[-1] / run.duration)
+    if run.tolerance is not None and about.reach > 0:
+        part = run.tolerance / about.reach
+        yield from hint_if_outside("run.tolerance", run.tolerance, "tolerance", part, 1.0, f" {part:.2g}")
