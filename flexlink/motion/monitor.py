@@ -46,12 +46,12 @@ class Monitor:
         Warnings about the valid samples, with their ids.
     confirmed
         Whether a verification run has confirmed the result.
-    before, compared, scene
-        Stated errors of the run that this one continues and of this one, if it was compared; scene of the result.
+    before, stated, scene
+        Stated errors of the run that this one continues, and of this one once it has ended; scene of the result.
     """
 
     before: StatedError | None = None
-    compared: StatedError | None = None
+    stated: StatedError | None = None
 
     def __init__(self, record: Record, warnings: tuple[Diagnostic, ...] = (), control: Control | None = None) -> None:
         chain, run = record.chain, record.run
@@ -117,7 +117,9 @@ class Monitor:
         """The valid samples with all warnings; only the first sample if none has been checked yet."""
         if not self.n_valid:
             self.check(1)
-        stated, warnings = self.compared or stated_of(self), (*self.warnings, *self._doubts())
+        stated, warnings = self.stated, (*self.warnings, *self._doubts())
+        if stated is None and self.run.controlled:
+            stated = stated_of(self)
         return self.record.trajectory(self.n_valid, warnings, self.steps, True, stated, self.scene)
 
     @property

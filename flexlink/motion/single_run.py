@@ -6,7 +6,7 @@ import contextlib
 import dataclasses
 import signal
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from msgspec.structs import replace
@@ -21,14 +21,15 @@ from flexlink.describe.whole_steps import multiples
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.kernels.inputs.record import Drive
 from flexlink.kernels.tools.machine_code import types_of
-from flexlink.motion.inputs.drives import recall
+from flexlink.motion.inputs.drives import recall, remembered
 from flexlink.motion.inputs.problem import problem_of, started, started_from
 from flexlink.motion.monitor import Monitor
-from flexlink.motion.stated import compared_with, estimated_error, extrapolated
+from flexlink.motion.stated import compared_with, estimated_error, extrapolated, shown_by, stated_of
 from flexlink.motion.tolerable import Thresholds
 from flexlink.motion.verification import (
     GIVEN_UP,
     STRICTER,
+    coarser_run,
     doubt,
     exceeded,
     multiplies,
@@ -226,27 +227,38 @@ def _stepper(record: Record, control: Control | None, *, halved: bool, passes: b
 def settled(first: Monitor, before: Array | None, stop: Stop) -> Monitor:
     """The run to return with its stated error: the first one, or a finer one if its error exceeds the tolerance.
 
-    Where steps may hide errors, or motion amplifies them, the run is compared with one by a method of another order. If
-    they are farther apart than the tolerance, or the errors of the steps of the other run are large, finer runs follow
-    until one confirms the first or the previous run.
-    `before`: torques on their way when an earlier run ended. The run with which a continued run is compared begins
-    where that of the earlier run ended, or at the start of the motion, so that it shows the error handed on.
+    Where steps may hide errors, or motion amplifies them, the run is compared with others. `before`: torques on their
+    way when an earlier run ended.
     """
+    stated = first.stated = stated_of(first)
     if first.control is not None:  # a law in Python may have internal states, so its runs cannot be repeated
-        error, most = float(estimated_error(first)[-1]), 1.0 if multiplies(first) else Thresholds.tolerable
+        error, most = float(stated.tip[-1]), 1.0 if multiplies(first) else Thresholds.tolerable
         first.warnings += [exceeded(first, error)] if error > most * first.tolerance else []
-        return first
-    if not needs_comparison(first):
-        return first
-    record, motion = first.record, first.before
-    part = min(1.0, float(first.tolerance / estimated_error(first)[-1]) ** 0.5)
+    elif needs_comparison(first):
+        if (coarser := coarser_run(first)) and (other := _other(first, coarser, before, stop, 0)):
+            found = shown_by(other, first)
+            if found.tip.max() <= first.tolerance:
+                return _confirmed(first, first, found)
+        return _compared(first, before, stop)
+    return first
+
+
+def _compared(first: Monitor, before: Array | None, stop: Stop) -> Monitor:
+    """The run to return after comparison with runs by a method of another order.
+
+    If two are farther apart than the tolerance, or the errors of the steps of the other run are large, finer runs
+    follow until one confirms the first or the previous run. The run with which a continued run is compared begins where
+    that of the earlier run ended, or at the start of the motion, so that it shows the error handed on.
+    """
+    record, motion, stated = first.record, first.before, first.stated or stated_of(first)
+    part = min(1.0, float(first.tolerance / stated.tip[-1]) ** 0.5)
     if record.follows_vibrations:  # what is read has errors as large in both runs if both have the same tolerance
         part = min(part, STRICTER**0.5)
     finer = runs_of_other_order(first.run, first.steps.method, record.chain.size, record.least_tolerance, part)
     gap: StatedError | None = None  # of the last run but one, from the last
     runs, distance = [first], None  # distance of the last two runs, in tolerances
     with contextlib.suppress(StopIteration):
-        while (other := _other(first, finer.send(distance), before, stop, motion)) is not None:
+        while (other := _other(first, finer.send(distance), before, stop, len(runs), motion)) is not None:
             sound = estimated_error(other)[-1] <= first.tolerance
             for run in dict.fromkeys((first, runs[-1])):
                 found = compared_with(other, run, first)
@@ -261,7 +273,7 @@ def settled(first: Monitor, before: Array | None, stop: Stop) -> Monitor:
         if motion is None:
             return _confirmed(runs[-1], first, extrapolated(gap, runs[-1], runs[-2]))
         again = next(finer, None)
-        return _nearer(first, gap, _other(first, again, before, stop) if again else None, runs[-1])
+        return _nearer(first, gap, _other(first, again, before, stop, len(runs)) if again else None, runs[-1])
     if not stop.requested:
         first.warnings.append(unknown(first))
     return first
@@ -276,7 +288,7 @@ def _nearer(first: Monitor, found: StatedError, finer: Monitor | None, other: Mo
 
 def _confirmed(run: Monitor, first: Monitor, found: StatedError) -> Monitor:
     """This run as the result instead of the `first` one, with its stated error."""
-    error, run.compared = float(found.tip.max()), found
+    error, run.stated = float(found.tip.max()), found
     first.confirmed = run.confirmed = True
     if run is not first:
         run.scene, run.warnings = first.scene, [*dict.fromkeys([*first.warnings, *run.warnings])]
@@ -287,28 +299,36 @@ def _confirmed(run: Monitor, first: Monitor, found: StatedError) -> Monitor:
 
 
 def _other(
-    first: Monitor, run: RunSettings, before: Array | None, stop: Stop, motion: StatedError | None = None
+    first: Monitor, run: RunSettings, before: Array | None, stop: Stop, k: int, motion: StatedError | None = None
 ) -> Monitor | None:
-    """A run of the first run's motion with other settings; it continues `motion`, if any. None: it does not end."""
-    record, problem, start, duration = first.record, first.record.problem, None, run.duration
+    """The k-th run of the first run's motion, with other settings; it continues `motion`, if any. None: it fails."""
+    record, problem, start, longer = first.record, first.record.problem, None, 0.0
     if motion is not None:
         start, before = (motion.start, None) if motion.end is None else (motion.end, motion.delayed)
-        duration += float(record.t[0]) - start[0]
-    fewest = 2000  # of a run that is given up: a short part of a motion, or one without vibrations, takes very few
-    most = min(run.max_evaluations, GIVEN_UP * max(fewest, first.steps.evaluations) * duration / run.duration)
-    run = build_validated(replace, run, duration=duration, max_evaluations=most)
-    scene = build_validated(replace, problem.scene, run=run)
-    halved = run.method == first.steps.method
-    try:
+        longer = float(record.t[0]) - start[0]
+
+    def prepared() -> InitialValueProblem:
+        settings = build_validated(replace, run, duration=run.duration + longer) if longer else run
+        scene = build_validated(replace, problem.scene, run=settings)
         begun = scene if start is None else started_from(scene, start[1], start[2], start[0])
         if problem.base is not None:
-            other = SingleRun(problem_of(begun, problem.original), before=before, halved=halved)
-        else:
-            drive = problem.inputs.drive  # a sampled drive writes to its memory
-            drive = drive._replace(held=np.zeros_like(drive.held), next_instant=np.zeros_like(drive.next_instant))
-            problem = dataclasses.replace(problem, scene=scene, inputs=problem.inputs._replace(drive=drive))
-            problem = problem if start is None else started(problem, begun)
-            other = SingleRun(problem, before=before, kept=record.kept("comparison", run, Kept), halved=halved)
+            return problem_of(begun, problem.original)
+        drive = problem.inputs.drive  # a sampled drive writes to its memory
+        drive = drive._replace(held=drive.held.copy(), next_instant=drive.next_instant.copy())
+        again = dataclasses.replace(problem, scene=scene, inputs=problem.inputs._replace(drive=drive))
+        return again if start is None else started(again, begun)
+
+    state = (problem.start, problem.q, problem.qd) if start is None else start
+    about = run, longer, *(np.asarray(part).tobytes() for part in state)
+    fewest = 2000  # of a run that is given up: a short part of a motion, or one without vibrations, takes very few
+    most = GIVEN_UP * max(fewest, first.steps.evaluations) * (1.0 + longer / run.duration)
+    halved = k > 0 and run.method == first.steps.method
+    try:
+        again = record.kept(("comparison", k), about, prepared)
+        for array in remembered(again.inputs.drive):
+            array[...] = 0
+        other = SingleRun(again, before=before, kept=record.kept(("kept", k), about[:2], Kept), halved=halved)
+        cast("AdaptiveSteps", other.steps).budget.most = min(run.max_evaluations, most)
         other.advance(stop)
     except FlexlinkError:
         return None

@@ -36,10 +36,8 @@ def read_by(rule: Method) -> tuple[float, float]:
     return (1.0, 10.0) if rule.stages >= 5 else (5.0, 60.0)
 
 
-def stated_of(monitor: Monitor) -> StatedError | None:
-    """The error of a run that its steps state; None for fixed steps."""
-    if not monitor.run.controlled:
-        return None
+def stated_of(monitor: Monitor) -> StatedError:
+    """The error of a run with a tolerance that its steps state."""
     return _described(monitor, monitor, estimated_error(monitor), {})
 
 
@@ -55,6 +53,13 @@ def compared_with(other: Monitor, run: Monitor, first: Monitor) -> StatedError:
         tip += before.tip[-1]
     tip = np.maximum(tip, Thresholds.seen * first.tolerance)
     return _described(run, first, tip, _outputs_apart(run, other), end, two.inputs.drive.delayed(end.t))
+
+
+def shown_by(coarser: Monitor, run: Monitor) -> StatedError:
+    """The error of a run from its distance to a coarser one, with which a run that continues it is not compared."""
+    found = compared_with(coarser, run, run)
+    tip = np.maximum(found.tip / Thresholds.shrinks, Thresholds.usual * run.tolerance)
+    return found._replace(tip=tip, end=None, delayed=None)
 
 
 def _described(

@@ -87,7 +87,7 @@ class StopTimes:
             apart = (middles > before) & (middles < times)  # a knot and a sample may be one rounding error apart
             new = np.flatnonzero(apart)
             return np.insert(times, new, middles[apart]), np.insert(passed_by, new, beside[apart])
-        if self.drive is not None or not self.at_samples:
+        if self.drive is not None:
             return self._between(start, end)
         found: Stops = self._kept("between", (start, end), lambda: self._between(start, end))
         return found

@@ -59,6 +59,10 @@ class Thresholds:
     """Estimated error, in tolerances, from which a run is compared with another one; half of it, if it lasts."""
     seen: float = 0.1
     """Smallest error that is stated where two runs were compared, in tolerances."""
+    coarser: float = 10.0
+    """Tolerance of a coarser run with which a run is compared, relative to that of the run."""
+    shrinks: float = 2.0
+    """Ratio of their distance to the error of the run that is stated; measured, it is 1.5 to 15."""
     runs: int = 4
     """Largest number of runs with which one run is compared."""
     finer: str = "Radau9"

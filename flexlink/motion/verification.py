@@ -8,8 +8,9 @@ turns, or where the loop of a sampled drive is unstable. Such steps may be far m
 compared with runs of smaller and smaller tolerance, until a run agrees, is strict enough to prove them wrong, or has
 taken more evaluations than the run with fixed steps.
 
-A tolerance bounds the errors of adaptive steps. Where these may hide errors or the motion amplifies them, a run is
-compared with runs by a method of another order, and replaced by one of them if it misses its tolerance.
+A tolerance bounds the errors of adaptive steps. Where these may hide errors, a run is compared with a coarser one; if
+that shows too large an error, or the motion amplifies errors, with runs by a method of another order. One of these
+replaces it if it misses its tolerance.
 """
 
 from __future__ import annotations
@@ -30,7 +31,6 @@ from flexlink.describe.spec import build_validated
 from flexlink.kernels.inputs.laws import COMPUTED_TORQUE, TABLE
 from flexlink.motion.hindrance import loop_grows
 from flexlink.motion.monitor import Monitor
-from flexlink.motion.stated import displaced, estimated_error
 from flexlink.motion.tolerable import Thresholds
 from flexlink.results.tip_motion import apart, motion_in_words
 
@@ -74,14 +74,14 @@ def second_runs(monitor: Monitor) -> Iterator[Second]:
 
 
 def needs_comparison(monitor: Monitor) -> bool:
-    """Whether the errors of the steps may not show the error of a run with a tolerance."""
-    if monitor.n_valid < 2:
+    """Whether the errors of the steps, which a run with a tolerance states, may not show its error."""
+    stated = monitor.stated
+    if stated is None or monitor.n_valid < 2:
         return False
     after = monitor.before is not None and monitor.before.end is not None
-    lasting = 2.0 * Thresholds.lasting * float(displaced(monitor)[-1])
-    estimated = max(lasting, float(estimated_error(monitor)[-1])) > Thresholds.large * monitor.tolerance
+    estimated = max(2.0 * Thresholds.lasting * stated.drifted, stated.tip[-1]) > Thresholds.large * stated.allowed
     read = monitor.record.follows_vibrations and monitor.run.accuracy == "auto"
-    return after or estimated or read or monitor.suspicious or _switches(monitor) or bool(multiplies(monitor))
+    return bool(after or estimated or read or monitor.suspicious or _switches(monitor) or multiplies(monitor))
 
 
 def _switches(monitor: Monitor) -> bool:
@@ -93,9 +93,30 @@ def _switches(monitor: Monitor) -> bool:
     """
     record, drive, steps = monitor.record, monitor.record.inputs.drive, monitor.steps
     jumps = len(drive.feedforward.knots) if drive.law == TABLE and drive.feedforward.coefficients.shape[1] == 1 else 0
-    limited = (np.abs(record.tau[: monitor.n_valid, drive.joints]) >= drive.effort).any()
-    by_model = drive.law == COMPUTED_TORQUE and not drive.rate and len(on_elastic_gears(record.chain.arrays)) > 0
-    return by_model or jumps + steps.rejected > (0.1 if limited else 0.3) * steps.taken
+    jumps, taken = jumps + steps.rejected, steps.taken
+    if drive.law == COMPUTED_TORQUE and not drive.rate and len(on_elastic_gears(record.chain.arrays)) > 0:
+        return True
+    if not 0.1 * taken < jumps <= 0.3 * taken:
+        return jumps > 0.3 * taken
+    return bool((np.abs(record.tau[: monitor.n_valid, drive.joints]) >= drive.effort).any())
+
+
+def coarser_run(monitor: Monitor) -> RunSettings | None:
+    """Settings of a run of ten times the tolerance, whose distance shows the error; None if it may have the same error.
+
+    Its error may be the same if an earlier run handed it on, if stability limits the steps, if these end at the
+    instants of a sampled law, or if vibrations last that the method damps: a falling arm had errors of 4 to 6 mm with
+    any tolerance between 10 and 1 mm.
+    """
+    run, record = monitor.run, monitor.record
+    steps_alike = monitor.before is not None or method(monitor.steps.method).explicit or record.inputs.drive.rate
+    lasts = monitor.stated is None or monitor.stated.tip[-1] > monitor.tolerance
+    if steps_alike or lasts or record.follows_vibrations or monitor.suspicious or multiplies(monitor):
+        return None
+    given = "relative_tolerance" if run.tolerance is None else "tolerance"
+    coarser = {"method": monitor.steps.method, given: Thresholds.coarser * run.tolerance_within(1.0)}
+    settings: RunSettings = build_validated(replace, run, sample=run.spacing, **coarser)
+    return settings
 
 
 def runs_of_other_order(run: RunSettings, name: str, size: float, least: float = 0.0, part: float = 1.0) -> Finer:

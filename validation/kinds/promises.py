@@ -81,7 +81,6 @@ def _runs(family: Family, seed: int, tolerances: tuple[float, ...]) -> Iterator[
 def _reference(arm: Moving) -> tuple[Array, float]:
     """Path of the tip, and its distance from that by another method [m]."""
     elastic = any(link.elastic or link.joint.gear_stiffness for link in arm.scene.arm.links)
-    follow = arm.scene.varied({"run.accuracy": "deflection"} if elastic else {"run.accuracy": "tip"})
     strict = {"relative_tolerance": 1e-10, "max_evaluations": 3e6, **arm.arguments}
-    tip = fl.simulate(follow.varied({"run.relative_tolerance": 1e-10}), method="Radau9", **strict).tip
+    tip = fl.simulate(arm.scene, method="Radau9", accuracy="deflection" if elastic else "tip", **strict).tip
     return tip, largest_distance(tip, fl.simulate(arm.scene, method="DOP853", **strict).tip)
