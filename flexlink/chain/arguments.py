@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array, T
-from flexlink.common.wording import did_you_mean, truncated
+from flexlink.common.wording import did_you_mean, short_list, truncated
 from flexlink.describe.numbers import numbers
 from flexlink.describe.spec import to_builtin
 from flexlink.kernels.tools.finite import is_finite
@@ -33,7 +33,7 @@ def vector(name: str, value: ArrayLike, size: int, *, many: bool = False, finite
     if type(value) is not np.ndarray or value.dtype is not FLOAT64 or not value.flags.carray:
         value = real_array(name, value, (size,))
     if value.shape != (size,):
-        also = f", or (b, {size}) for b states" if many else ""
+        also = f", or (b, {size}) for b states: one number per joint and hinge (chain.joint_names)" if many else ""
         raise ArgumentError(f"{name} has shape {value.shape}; expected ({size},){also}", id="wrong-shape")
     if finite and not is_finite(value):
         k = int(np.argmin(np.isfinite(value)))
@@ -54,8 +54,8 @@ def dimensions(value: ArrayLike) -> int:
         return 1
 
 
-def require_one_of(name: str, value: str, allowed: Mapping[Any, T]) -> T:
-    """Return the entry of `allowed` with the name `value`.
+def require_one_of(name: str, value: object, allowed: Mapping[Any, T], what: str = "unknown") -> T:
+    """Return the entry of `allowed` with the name `value`; `what` states what else it may be.
 
     Raises
     ------
@@ -63,9 +63,9 @@ def require_one_of(name: str, value: str, allowed: Mapping[Any, T]) -> T:
         There is no such entry; the message lists the names.
     """
     if not isinstance(value, str) or value not in allowed:
+        names = ", ".join(allowed) if len(allowed) < 100 else short_list(list(allowed))
         raise ArgumentError(
-            f"{name} = {truncated(value)}: unknown; allowed are {', '.join(allowed)}{did_you_mean(value, allowed)}",
-            id="unknown-name",
+            f"{name} = {truncated(value)}: {what}; allowed are {names}{did_you_mean(value, allowed)}", id="unknown-name"
         )
     return allowed[value]
 

@@ -27,6 +27,7 @@ from flexlink.formats.code import to_c, to_casadi
 from flexlink.formats.features import storage_note, unsupported
 from flexlink.formats.small_mass import added_inertia, with_small_mass
 from flexlink.motion.inputs.initial_state import initial_state
+from flexlink.results.files import ending
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -88,6 +89,13 @@ def _formats(options: argparse.Namespace) -> list[str]:
 def _code_writers(options: argparse.Namespace) -> dict[Path, Callable[[Chain], str]]:
     """Writers of the requested code files, by path."""
     both = (options.c, functools.partial(to_c, slopes=options.slopes)), (options.casadi, to_casadi)
+    if options.out.suffix in {".urdf", ".xml", ".sdf"} and not options.out.exists():
+        raise ArgumentError(
+            f"--out {options.out}: is a folder; its files are named after the scenes", id="unknown-format"
+        )
+    for path, end, what in ((options.c, ".c", "C code"), (options.casadi, ".py", "code for CasADi")):
+        if path is not None:
+            ending(path, (end,), what)
     writers: dict[Path, Callable[[Chain], str]] = {path: write for path, write in both if path is not None}
     if writers and len(options.scenes) > 1:
         raise ArgumentError("--c, --casadi: one scene per file; export one at a time", id="would-overwrite")

@@ -14,10 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from flexlink.cli.json_output import with_ids
-from flexlink.cli.shared import assignments, prefix_errors, print_lines, require_writable, varied
+from flexlink.cli.shared import assignments, prefix_errors, print_hints, print_lines, require_writable, varied
 from flexlink.common.errors import ArgumentError
 from flexlink.common.files import shown_path
 from flexlink.common.output import write_text
+from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.spec import decode
 from flexlink.robots.collection import KnownArm, known_arm
 from flexlink.robots.flexible import FlexibleLink
@@ -59,6 +60,8 @@ def run_command(options: argparse.Namespace) -> int:
     options.document = {"scene": scene.to_toml(), "notes": with_ids(imported.notes), "warnings": with_ids(doubts)}
     print(imported)
     print_lines("warning", doubts)
+    made = ("material.", "section.")  # equivalent beams of links that are made flexible
+    print_hints([hint for hint in hints(scene) if not hint.startswith(made)], options)
     if options.out is None:
         print("no file written; add -o FILE.toml to write the scene")
     else:

@@ -81,6 +81,7 @@ def _examined(scene: Scene) -> tuple[dict[str, Any], Modes | None]:
     return {
         "scene": scene.name, "about": scene.about, "degrees_of_freedom": chain.freedoms, "driven": len(chain.active),
         "mass_kg": float(chain.bodies["mass"].sum()),
+        "payload_on": scene.arm.links[-1].name if scene.arm.tip.mass and len(scene.arm.tips) > 1 else "",
         "bending": [
             {"link": link.name, "about": link.flex, "ei_y_n_m2": EI[0], "ei_z_n_m2": EI[1]}
             for link in scene.arm.links if (EI := scene.arm.bending_stiffness(link))
@@ -112,6 +113,8 @@ def _show(about: Mapping[str, Any]) -> None:
     for link in about["bending"]:
         axes, EI = " and ".join(link["about"].strip("x")), (link["ei_y_n_m2"], link["ei_z_n_m2"])
         print(f"{link['link']} bends about {axes}: EI = {EI[0]:.4g} N m² about y, {EI[1]:.4g} N m² about z")
+    if about["payload_on"]:
+        print(f"the payload, tip, is at the end of {about['payload_on']}, the last link")
     if about["sensors"]:
         print(f"sensors: {', '.join(about['sensors'])}")
     _show_frequencies(about)

@@ -7,6 +7,8 @@ import os
 import sys
 from collections.abc import Iterable, Sequence
 
+from flexlink.common.errors import SceneError
+
 
 def id_of(text: object) -> str:
     """The id of an error or a diagnostic as it is printed, two spaces and [id]; empty if there is no id."""
@@ -26,18 +28,21 @@ def coloured(word: str) -> str:
 
 
 def did_you_mean(value: object, allowed: Iterable[str]) -> str:
-    """End of a message that suggests the `closest` name in `allowed`."""
+    """End of a message that suggests the `closest` name in `allowed`, with its unit if `value` names another one."""
     near = closest(value, allowed)
-    return "" if near is None else f"; did you mean {near!r}?"
+    units, given = {"_deg": "degrees", "_m": "metres", "_hz": "Hz"}, str(value).casefold()
+    other = (word for end, word in units.items() if near and near.endswith(end) and not given.endswith(end))
+    return "" if near is None else f"; did you mean {near!r}{''.join(f', in {word}' for word in other)}?"
 
 
 def closest(value: object, allowed: Iterable[str]) -> str | None:
-    """The name in `allowed` that is `value` with a unit appended, or else the one closest to it; None without any."""
+    """The name in `allowed` that is `value` with a unit, or the closest one, or one that begins with it, if any."""
     if not isinstance(value, str):
         return None
     by_case = {name.casefold(): name for name in reversed(list(allowed))}
     with_unit = [name for unit in ("deg", "hz", "m") if (name := f"{value.casefold()}_{unit}") in by_case]
-    close = with_unit or difflib.get_close_matches(value.casefold(), by_case, n=1)
+    begun = [name for name in by_case if len(value) > 2 and name.startswith(value.casefold())]
+    close = with_unit or difflib.get_close_matches(value.casefold(), by_case, n=1) or begun
     return by_case[close[0]] if close else None
 
 
@@ -48,6 +53,11 @@ def truncated(value: object) -> str:
     except Exception as error:  # any error of the value's class, or an int of 5000 digits
         return "…" if isinstance(error, RecursionError) else f"<{type(value).__name__}>"
     return text if len(text) <= 60 else text[:57] + "…"
+
+
+def both_given(key: str, value: object, other: str, remedy: str = "specify only one") -> SceneError:
+    """The error of a key that may not be given beside another one."""
+    return SceneError(f"{key} = {truncated(value)}: {other} is also given; {remedy}", id="both-given")
 
 
 def short_list(items: Sequence[str]) -> str:

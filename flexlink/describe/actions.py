@@ -8,16 +8,11 @@ import numpy as np
 
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
-from flexlink.common.wording import truncated
+from flexlink.common.wording import both_given, truncated
 from flexlink.describe.joint_units import TWINS, Row
 from flexlink.describe.numbers import require_increasing
 from flexlink.describe.reference import OF_MOTION
-from flexlink.describe.spec import (
-    Positive,
-    Spec,
-    Vector3,
-    measured_in,
-)
+from flexlink.describe.spec import Positive, Spec, Vector3, measured_in
 from flexlink.describe.tables import check_table
 
 IN_METRES_OF_MOTION = "position_m", "rate_m", "acceleration_m"
@@ -87,22 +82,20 @@ class PrescribedMotion(Spec, frozen=True):
         for name in self.keys:
             column = getattr(self, name)
             if column is None:
-                raise SceneError(f"{name}: missing; this key is required", id="missing-key")
+                takes = f"a motion has times, {', '.join(self.keys)}; or a file with a cutoff"
+                raise SceneError(f"{name}: missing; {takes}", id="missing-key")
             if len(column) != len(self.times):
                 raise SceneError(
                     f"{name} has {len(column)} values: expected one per time, {len(self.times)}", id="one-per-time"
                 )
             other = TWINS[name]
             if getattr(self, other) is not None:
-                raise SceneError(
-                    f"{other} = {truncated(getattr(self, other))}: {name} is also given; specify only one",
-                    id="both-given",
-                )
+                raise both_given(other, getattr(self, other), name)
 
     def _check_file(self) -> None:
         for name in ("times", *OF_MOTION, *IN_METRES_OF_MOTION):
             if getattr(self, name) not in (None, ()):
-                raise SceneError(f"file = {self.file!r}: {name} is also given; specify only one", id="both-given")
+                raise both_given("file", self.file, name)
 
     @property
     def slides(self) -> bool:
@@ -165,7 +158,7 @@ class Wrench(Spec, frozen=True):
             for name in ("times", *tables, "force", "moment"):
                 value = getattr(self, name)
                 if value is not None and any(value):
-                    raise SceneError(f"file = {self.file!r}: {name} is also given; specify only one", id="both-given")
+                    raise both_given("file", self.file, name)
             return
         check_table(self.times, tables, smooth=self.smooth, hold=self.hold)
         if self.times is None:

@@ -136,7 +136,9 @@ class Arm(Spec, frozen=True):
             shapes = [self.sections[n].shape for n in (link.section, link.section_tip) if n in self.sections]
             if len(set(shapes)) > 1:
                 path = f"{self.path(k)}.section_tip = {link.section_tip!r}"
-                yield Diagnostic(f"{path}: is a {shapes[1]}, not a {shapes[0]}", "section-shapes-differ")
+                yield Diagnostic(
+                    f"{path}: is a {shapes[1]}, but {link.section!r} a {shapes[0]}", "section-shapes-differ"
+                )
         if len({link.dh.convention for link in self.links if link.dh is not None}) > 1:
             yield Diagnostic("link.dh.convention: differs between links; use only one", "dh-conventions-differ")
         yield from self._wrong_law()

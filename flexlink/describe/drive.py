@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import msgspec
 
 from flexlink.common.errors import Diagnostic, SceneError
-from flexlink.common.wording import did_you_mean, truncated
+from flexlink.common.wording import both_given, did_you_mean, truncated
 from flexlink.describe.filters import Filter
 from flexlink.describe.reference import Reference
 from flexlink.describe.spec import (
@@ -131,12 +131,12 @@ class Drive(Spec, frozen=True):
         }[self.kind]  # fmt: skip
         may: tuple[str, ...] = ("target_m",) if towards == "target_deg" in wanted else ()
         may += ("times", "torques", "file") if self.kind in {"pd", "cascade"} else ()
-        may += ("ki", "rate_feedforward", "inertia", "max_rate_deg", "max_rate_m") if self.kind == "cascade" else ()
-        for name in (
-            "torque", "times", "torques", "file", "kp", "kd", "target_deg", "target_m", "reference", "ki",
-            "rate_feedforward", "inertia", "max_rate_deg", "max_rate_m",
-        ):  # fmt: skip
+        of_cascade = ("ki", "rate_feedforward", "inertia", "max_rate_deg", "max_rate_m")
+        may += of_cascade if self.kind == "cascade" else ()
+        for name in ("torque", "times", "torques", "file", "kp", "kd", "target_deg", "target_m", "reference"):
             self._check_key(name, wanted, may)
+        for name in of_cascade:
+            self._check_key(name, wanted, may, f"; {name} belongs to kind 'cascade'")
         if self.kind == "cascade":
             self._check_key("rate", wanted, ())
         elif self.filter:
@@ -169,17 +169,19 @@ class Drive(Spec, frozen=True):
                 allowed = f"no such link; allowed are {', '.join(names)}{did_you_mean(each.link, names)}"
                 yield Diagnostic(f"drive.filter[{k}].link = {each.link!r}: {allowed}", "unknown-name")
 
-    def _check_key(self, name: str, wanted: tuple[str, ...], may: tuple[str, ...]) -> None:
-        """Check that a key is given if it is wanted, and only if it is wanted or allowed."""
+    def _check_key(self, name: str, wanted: tuple[str, ...], may: tuple[str, ...], other: str = "") -> None:
+        """Check that a key is given if it is wanted, and only if it is wanted or allowed, by an `other` kind."""
         value = getattr(self, name)
         if (value is not None) == (name in wanted) or name in may:
             return
-        takes = ", ".join(wanted) or "nothing else"
-        takes = takes.replace("target_deg", "target_deg or reference (target_m for prismatic joints)")
+        if name.startswith("target_") and "reference" in wanted:
+            raise both_given(name, value, "reference")
+        forms = {"target_deg": "target_deg or reference (target_m for prismatic joints)", "rate": "rate [Hz]"}
+        takes = ", ".join(forms.get(key, key) for key in wanted) or "nothing else"
         takes = f"drive kind {self.kind!r} takes {takes}"
         if value is None:
             raise SceneError(f"{name}: missing; {takes}", id="missing-key")
-        raise SceneError(f"{name} = {truncated(value)}: {takes}", id="key-of-another-kind")
+        raise SceneError(f"{name} = {truncated(value)}: {takes}{other}", id="key-of-another-kind")
 
     def _check_feedforward(self) -> None:
         """Check the feedforward table of a pd or cascade drive."""
@@ -188,8 +190,8 @@ class Drive(Spec, frozen=True):
             missing = "torques" if self.times is not None else "times"
             raise SceneError(f"{missing}: missing; a feedforward table has times and torques", id="missing-key")
         if self.file is not None and len(given) > 1:
-            raise SceneError(f"file = {self.file!r}: {given[0]} is also given; specify only one", id="both-given")
+            raise both_given("file", self.file, given[0])
         if given and self.gravity != "none":
-            raise SceneError(f"gravity = {self.gravity!r}: {given[0]} is also given; specify only one", id="both-given")
+            raise both_given("gravity", self.gravity, given[0])
         if self.hold:
             raise SceneError("hold = True: needs drive kind 'table'", id="key-of-another-kind")

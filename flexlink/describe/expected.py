@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
-from flexlink.common.wording import did_you_mean
+from flexlink.common.wording import did_you_mean, short_list
 from flexlink.data.documents import read_toml
 
 
@@ -27,15 +27,21 @@ def limits() -> dict[str, dict[str, Any]]:
 def expected(where: str, kind: Any, value: object, reason: str, units: Sequence[str] = ()) -> str:
     """Describe what a key accepts, using its annotation, its name, or msgspec's reason and the key's units."""
     known = (
-        _allowed(kind, value) or _three_numbers(where, kind, value) or (kind is not float and _as_written(where, value))
+        _allowed(where, kind, value)
+        or _three_numbers(where, kind, value)
+        or ((kind is not float or isinstance(value, list)) and _as_written(where, value))
     )
-    return known or _in_words(reason, value, " or ".join(units))
+    if known:
+        return known
+    keys = getattr(kind, "__struct_encode_fields__", ())
+    return _in_words(reason, value, " or ".join(units)) + (f"; its keys are {short_list(keys)}" if keys else "")
 
 
-def _allowed(kind: Any, value: object) -> str:
-    """Values allowed by a `Literal` annotation, with a suggestion unless `why_not` has one; empty for others."""
+def _allowed(where: str, kind: Any, value: object) -> str:
+    """Values allowed by a `Literal` annotation, with their meaning or a suggestion (unless `why_not` has one)."""
     allowed = get_args(kind) if get_origin(kind) is Literal else ()
-    suggestion = "" if why_not("", value) else did_you_mean(value, allowed)
+    meaning = _words()["meaning"].get(where.rpartition(".")[2], "")
+    suggestion = meaning or ("" if why_not("", value) else did_you_mean(value, allowed))
     return "allowed are " + ", ".join(map(repr, allowed)) + suggestion if allowed else ""
 
 
@@ -43,7 +49,7 @@ def _three_numbers(where: str, kind: Any, value: object) -> str:
     """Text for keys that expect three numbers, with an example (the axis named by `value`, if any), else empty."""
     directions = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
     known = _words()["three_numbers"].get(where.rpartition(".")[2].partition("[")[0])
-    if kind != tuple[float, float, float] or known is None:
+    if kind != tuple[float, float, float] or known is None or (isinstance(value, list) and list in map(type, value)):
         return ""
     unit, example = known["unit"], known["example"]
     named = directions.get(value.strip("+- ").casefold(), example) if isinstance(value, str) and not unit else example
@@ -53,10 +59,10 @@ def _three_numbers(where: str, kind: Any, value: object) -> str:
 
 def _as_written(where: str, value: object) -> str:
     """Example of a key's list or table, if a single value was given; empty for other keys."""
-    above, _, key = where.rpartition(".")
+    above, _, key = where.partition("[")[0].rpartition(".")
     row = _words()["written"].get("flexible" if above == "flexible" else key, {})
     given = float if isinstance(value, int | float) else type(value)
-    wanted: str = row["expected"] if row.get("type") == given.__name__ else ""
+    wanted: str = row["expected"] if given.__name__ in row.get("type", "").split() else ""
     return wanted
 
 
@@ -78,8 +84,11 @@ def _in_words(reason: str, value: object, unit: str) -> str:
             return f"expected {text}, without its unit"
     if kinds[2] in {None, "null"} or (wanted, kinds[2]) == (["int"], "float"):
         return f"expected {text}"
-    single = "array" in wanted and kinds[2] in {"int", "float"}
-    return f"expected {text}, not {'a single number' if single else _name_of(kinds[2])}"
+    if "array" in wanted and kinds[2] in {"int", "float", "str"}:
+        text += f", such as [{value!r}]"
+    if "array" in wanted and kinds[2] == "object":
+        text += " of tables, [{ … }]"
+    return f"expected {text}, not {_name_of(kinds[2])}"
 
 
 def _name_of(kind: str) -> str:
@@ -94,7 +103,9 @@ def _name_of(kind: str) -> str:
 @cache
 def _instead(words: str) -> dict[str, str]:
     """Suggested alternatives to unknown keys or to values, by word; `words` is "keys" or "values"."""
-    return {word: row["text"] for row in (*_words()["instead"], *limits().values()) for word in row.get(words, ())}
+    belongs = {key: f"this key belongs to {table}" for table, keys in _words()["belongs"].items() for key in keys}
+    rows = (*_words()["instead"], *limits().values())
+    return (belongs if words == "keys" else {}) | {word: row["text"] for row in rows for word in row.get(words, ())}
 
 
 def why_not(key: str, value: object) -> str:

@@ -8,7 +8,7 @@ from typing import Annotated
 import msgspec
 
 from flexlink.common.errors import SceneError
-from flexlink.common.wording import truncated
+from flexlink.common.wording import both_given, truncated
 from flexlink.describe.spec import LARGE, SMALL, Deviation, Spec, measured_in
 
 Frequency = Annotated[float, msgspec.Meta(gt=0, le=LARGE)]
@@ -60,10 +60,7 @@ class Filter(Spec, frozen=True):
         if not given:
             raise SceneError("low_pass: missing; a filter needs low_pass, notch or numerator", id="missing-key")
         if len(given) > 1:
-            raise SceneError(
-                f"{given[1]} = {truncated(getattr(self, given[1]))}: {given[0]} is also given; specify only one",
-                id="both-given",
-            )
+            raise both_given(given[1], getattr(self, given[1]), given[0], "write two filters, one after the other")
         for key in ("order", "damping", "denominator"):
             value = getattr(self, key)
             if value is not None and key not in kinds[given[0]]:

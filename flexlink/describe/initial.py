@@ -8,7 +8,7 @@ import numpy as np
 
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
-from flexlink.common.wording import truncated
+from flexlink.common.wording import both_given
 from flexlink.describe.joint_units import Row, Slides, together
 from flexlink.describe.spec import NonNegative, PerLink, Spec, Vector3, measured_in
 
@@ -40,10 +40,7 @@ class BaseState(Spec, frozen=True):
         super().__post_init__()
         for name, other in (("quaternion", "rpy_deg"), ("spin", "spin_deg")):
             if getattr(self, name) is not None and any(getattr(self, other)):
-                raise SceneError(
-                    f"{name} = {truncated(getattr(self, name))}: {other} is also given; specify only one",
-                    id="both-given",
-                )
+                raise both_given(name, getattr(self, name), other)
         if self.quaternion is not None and not any(self.quaternion):
             raise SceneError(
                 "quaternion = (0.0, 0.0, 0.0, 0.0): must not be zero; no rotation is [1, 0, 0, 0]", id="zero-direction"
@@ -102,7 +99,7 @@ class InitialState(Spec, frozen=True):
             )
         for name in ("rate_deg", "rate_m"):
             if self.qd is not None and getattr(self, name) is not None:
-                raise SceneError(f"qd = {truncated(self.qd)}: {name} is also given; specify only one", id="both-given")
+                raise both_given("qd", self.qd, name)
 
     def own(self, name: str, slides: Slides) -> Row:
         """Initial position ("joint") or rate ("rate") of each link's joint, in deg or m (per s); zero if not given."""

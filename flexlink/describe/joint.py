@@ -10,7 +10,7 @@ import numpy as np
 
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
-from flexlink.common.wording import truncated
+from flexlink.common.wording import both_given, truncated
 from flexlink.describe.directions import unit
 from flexlink.describe.joint_units import OF_JOINT, in_joint_units
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
@@ -152,10 +152,7 @@ class Mount(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.rpy is not None and any(self.rpy_deg):
-            raise SceneError(
-                f"rpy = {truncated(self.rpy)}: rpy_deg = {truncated(self.rpy_deg)} is also given; specify only one",
-                id="both-given",
-            )
+            raise both_given("rpy", self.rpy, f"rpy_deg = {truncated(self.rpy_deg)}")
 
 
 class DenavitHartenberg(Spec, frozen=True):

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from flexlink.common.errors import SceneError
-from flexlink.common.wording import truncated
+from flexlink.common.wording import both_given, truncated
 from flexlink.data import documents
 from flexlink.describe.directions import Line, line_of, unit
 from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
@@ -106,19 +106,13 @@ class Link(Spec, frozen=True):
             both = "give both, or neither for a massless link" if self.flex == "rigid" else "a flexible link needs both"
             raise SceneError(f"{missing}: missing; {other} is given: {both}", id="missing-key")
         if self.rigidity is not None and self.material is not None:
-            raise SceneError(
-                f"rigidity = {self.rigidity!r}: material = {self.material!r} is also given; specify only one",
-                id="both-given",
-            )
+            raise both_given("rigidity", self.rigidity, f"material = {self.material!r}")
         if self.section_tip is not None and self.section is None:
             raise SceneError(
                 f"section_tip = {self.section_tip!r}: also needs a section at the joint", id="needs-another-key"
             )
         if self.line is not None and self.length:
-            raise SceneError(
-                f"length = {self.length!r}: line = {truncated(self.line)} is also given; specify only one",
-                id="both-given",
-            )
+            raise both_given("length", self.length, f"line = {truncated(self.line)}")
         if self.dh is not None and (self.joint.direction != (0.0, 0.0, 1.0)).any():
             raise SceneError(f"joint.axis = {truncated(self.joint.axis)}: must be Z with dh; omit axis", id="dh-axis")
         for axis in ROOT_AXES:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.common.types import Array
-from flexlink.common.wording import plural, truncated
+from flexlink.common.wording import both_given, plural, truncated
 from flexlink.describe import profiles
 from flexlink.describe.joint_units import IN_METRES, OF_JOINT, Row, Slides, in_si, together
 from flexlink.describe.numbers import require_increasing, require_positive
@@ -151,7 +151,7 @@ class Reference(Spec, frozen=True):
             )
         for key in sorted([*_in_both(*LISTS, *OF_MOTION), "times", "start", "duration"]):
             if getattr(self, key) not in (None, 0.0):
-                raise SceneError(f"file = {self.file!r}: {key} is also given; specify only one", id="both-given")
+                raise both_given("file", self.file, key)
 
     def _check_limits(self) -> None:
         """Check that limits are positive; zeros are allowed for joints whose limit is given in the other unit."""
@@ -164,8 +164,7 @@ class Reference(Spec, frozen=True):
     def _check_time_of_move(self) -> None:
         limits, needed = [name for name in LIMITS if self._is_given(name)], self._deciding
         if self.duration is not None and limits:
-            both = f"duration = {self.duration!r}: {limits[0]} is also given"
-            raise SceneError(f"{both}; specify only one", id="both-given")
+            raise both_given("duration", self.duration, limits[0])
         if self.duration is None and not set(limits) & set(needed):
             named = needed if self.to_m is None or self.to_deg is not None else [IN_METRES[name] for name in needed]
             raise SceneError(f"duration: missing; give duration, or {' or '.join(named)}", id="missing-key")

@@ -13,7 +13,7 @@ import numpy as np
 
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.common.types import Array
-from flexlink.common.wording import truncated
+from flexlink.common.wording import both_given, truncated
 from flexlink.data.csv_table import head_of, read_csv
 from flexlink.describe.spec import NonNegative, Positive, Spec, measured_in
 
@@ -92,7 +92,7 @@ class Rigidity(Spec, frozen=True):
         """Fill the columns from a file, and clear `file`."""
         for name in ("x", *COLUMNS):
             if getattr(self, name):
-                raise SceneError(f"file = {file!r}: {name} is also given; specify only one", id="both-given")
+                raise both_given("file", file, name)
         try:
             for name, column in _columns(Path(file)).items():
                 msgspec.structs.force_setattr(self, name, column)

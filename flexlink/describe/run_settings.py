@@ -10,7 +10,7 @@ import msgspec
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.common.types import Array
-from flexlink.common.wording import truncated
+from flexlink.common.wording import both_given, truncated
 from flexlink.data import documents
 from flexlink.describe import data_files
 from flexlink.describe.schemes.methods import method
@@ -111,9 +111,7 @@ class RunSettings(Spec, frozen=True, dict=True):  # the dict is for cached prope
             )
         if self.step is not None and self.has_tolerance:
             key = "tolerance" if self.tolerance is not None else "relative_tolerance"
-            raise SceneError(
-                f"step = {self.step!r}: {key} = {getattr(self, key)!r} is also given; specify only one", id="both-given"
-            )
+            raise both_given("step", self.step, f"{key} = {getattr(self, key)!r}")
         if self.accuracy == "deflection" and self.relative_tolerance is None:
             raise SceneError(
                 "accuracy = 'deflection': needs relative_tolerance, a fraction of the deflection",

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import msgspec
 
 from flexlink.common.errors import ArgumentError, Diagnostic, SceneError
-from flexlink.common.wording import truncated
+from flexlink.common.wording import both_given, truncated
 from flexlink.data.csv_table import conversion
 from flexlink.describe.arm import BASE, Arm
 from flexlink.describe.directions import unit
@@ -120,16 +120,16 @@ class Sensor(Spec, frozen=True):
         for key in of_kinds:
             value = getattr(self, key)
             if value is None and key in needs:
-                raise SceneError(f"{key}: missing; kind {self.kind!r} needs it", id="missing-key")
+                forms = {"x": "x [m] from the root", "fibre": "fibre = [y, z] [m] in the section"}
+                wanted = " and ".join(forms.get(each, f"{each} [N m/A]") for each in needs)
+                raise SceneError(f"{key}: missing; kind {self.kind!r} needs {wanted}", id="missing-key")
             if value is not None and key not in (*needs, *may):
                 takes = ", ".join((*needs, *may)) or "none of " + ", ".join(of_kinds)
                 raise SceneError(
                     f"{key} = {truncated(value)}: kind {self.kind!r} takes {takes}", id="key-of-another-kind"
                 )
         if self.x is not None and self.point is not None:
-            raise SceneError(
-                f"point = {truncated(self.point)}: x = {self.x!r} is also given; specify only one", id="both-given"
-            )
+            raise both_given("point", self.point, f"x = {self.x!r}")
         if self.axis is not None:
             unit("axis", self.axis)
         if self.gain == 0:
@@ -142,12 +142,13 @@ class Sensor(Spec, frozen=True):
         self._check_unit()
         for key, of in (("order", ("low_pass",)), ("damping", ("low_pass",)), ("seed", ("noise", "bias_walk"))):
             if getattr(self, key) is not None and not any(getattr(self, each) for each in of):
+                other = " or ".join(of)
                 raise SceneError(
-                    f"{key} = {getattr(self, key)!r}: has no effect without {' or '.join(of)}; leave {key} out",
+                    f"{key} = {getattr(self, key)!r}: has no effect without {other}; give {other}, or leave {key} out",
                     id="needs-another-key",
                 )
         if self.filter and self.low_pass is not None:
-            raise SceneError(f"low_pass = {self.low_pass!r}: filter is also given; specify only one", id="both-given")
+            raise both_given("low_pass", self.low_pass, "filter")
         if self.low_pass is not None:
             Filter(low_pass=self.low_pass, order=self.order, damping=self.damping)  # checks order and damping
 

@@ -216,7 +216,8 @@ def key_mistakes(
 
 def _unknown(name: str, value: object, allowed: Sequence[str], where: str = "") -> Diagnostic:
     key = f"{where}.{name}".lstrip(".")
-    reason = why_not(name, value) or f": unknown key; allowed are {', '.join(allowed)}{did_you_mean(name, allowed)}"
+    named = ": parameters are written below keys, [sample.keys]" if where == "sample" else why_not(name, value)
+    reason = named or f": unknown key; allowed are {', '.join(allowed)}{did_you_mean(name, allowed)}"
     return Diagnostic(f"{key} = {truncated(value)}{reason}", "unknown-key")
 
 

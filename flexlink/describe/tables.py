@@ -24,7 +24,8 @@ def check_table(
     if smooth and len(times or ()) < 2:
         raise SceneError(f"smooth = {smooth}: needs a table with at least 2 times", id="needs-another-key")
     if hold and (smooth or times is None):
-        raise SceneError(f"hold = {hold}: needs a table with smooth = False", id="needs-another-key")
+        needs = f"a table, times and {' or '.join(tables)}" if times is None else "smooth = False"
+        raise SceneError(f"hold = {hold}: needs {needs}", id="needs-another-key")
     for name, rows in tables.items():
         if times is not None and rows is not None and len(rows) != len(times):
             raise SceneError(f"{name}: {plural(len(rows), 'row')}, but {len(times)} times", id="one-per-time")

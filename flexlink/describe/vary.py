@@ -253,7 +253,8 @@ class _Change:
         if not any(concerned):
             raise self.error(f"{part!r}: there is no {self.parts[0]} on which this has an effect")
         allowed = f"{', '.join(names)}, a number from 1 to {len(names)} or *"
-        raise self.error(f"{part!r} is unknown here; allowed are {allowed}{did_you_mean(part, names)}")
+        listed = f"; allowed are {allowed}{did_you_mean(part, names)}"
+        raise self.error(f"{part!r} is unknown here{why_not(part, None) or listed}")
 
     def _is_there(self, below: Sequence[str]) -> bool:
         """Whether all links have the value already, such as one segment in links that the same call makes rigid."""

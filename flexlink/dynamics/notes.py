@@ -14,6 +14,7 @@ from flexlink.common.errors import Diagnostic
 from flexlink.common.wording import short_list
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.joint import Joint
+from flexlink.describe.joint_units import in_words
 from flexlink.describe.link import Link
 from flexlink.describe.run_settings import DEFAULT_TOLERANCE
 from flexlink.describe.scene import Scene
@@ -44,7 +45,7 @@ def notes(scene: Scene) -> tuple[Diagnostic, ...]:
         `scene` is not a Scene.
     """
     require_type("scene", scene, Scene)
-    start = _parallel_gravity, slack_springs, unheld_joints, weak_drives, balance
+    start = _parallel_gravity, _odd_reference, slack_springs, unheld_joints, weak_drives, balance
     unused = _unused_static_start, _unused_torques, _unused_link_keys, _centers_without_mass
     unusual = _tip_without_length, _falling_base, _few_hinges, _odd_inertias, _on_edge
     with np.errstate(all="ignore"):  # values beyond float64 are refused when a run is built from them
@@ -129,22 +130,44 @@ def _odd_inertias(scene: Scene) -> Iterator[Diagnostic]:
 
 
 def _parallel_gravity(scene: Scene) -> Iterator[Diagnostic]:
-    """Gravity parallel to all joint axes drives no joint; without other loads the arm stays at rest."""
+    """Gravity parallel to all joint axes drives no joint: links do not sag, and without other loads nothing moves."""
     g = np.array(scene.gravity) / (np.abs(scene.gravity).max() or 1.0)
     pushed = [
         *scene.joint_rates, scene.wrench.acts, *(scene.drive.torque or ()),
         *np.ravel(scene.drive.torques or ()), *(scene.drive.kp or ()), len(scene.motion),
     ]  # fmt: skip
-    if any(pushed) or not g.any() or any(scene.arm.slides) or scene.arm.base.free:
+    if not g.any() or any(scene.arm.slides) or scene.arm.base.free:
+        return
+    if any(pushed) and not any(link.elastic for link in scene.arm.links):
         return
     chain = lump(scene)
     sprung = scene.initial.q is not None and bool(elastic_torque(chain, scene.initial.q).any())
     if not sprung and chain.all_axes_parallel_to(g / np.linalg.norm(g)):
+        what = "so links do not sag" if any(pushed) else "so it moves no joint, and no other load acts"
         yield Diagnostic(
-            f"gravity = {list(scene.gravity)}: is parallel to all joint axes, so it moves no joint, and no other load "
-            "acts; change gravity, or the first joint's axis, link.1.joint.axis",
+            f"gravity = {list(scene.gravity)}: is parallel to all joint axes, {what}; change gravity, or the first "
+            "joint's axis, link.1.joint.axis" + "; or let links bend in both planes, flex = 'yz'" * any(pushed),
             "no-effect",
         )
+
+
+def _odd_reference(scene: Scene) -> Iterator[Diagnostic]:
+    """A reference that begins elsewhere makes the torque jump; one that ends after the run is cut off."""
+    course, run = scene.course, scene.run
+    if course is None or scene.initial.q is not None:
+        return
+    free = [k for k, link in enumerate(scene.arm.links) if not link.joint.locked]
+    away = np.abs(course(scene.initial.time)[0] - scene.joint_positions[free])
+    if away.max() > 1e-2:  # [rad, m]
+        k = free[int(away.argmax())]
+        far, name = in_words(scene.arm.slides[k], away.max(), ".3g"), scene.arm.links[k].name
+        text = f"begins {far} away from the initial position of the joint of {name!r}, so the torque jumps at the start"
+        remedy = "leave from_deg and from_m out, or let both agree"
+        yield Diagnostic(f"drive.reference: {text}; {remedy}", "reference-begins-elsewhere")
+    end = scene.initial.time + run.duration
+    if run.duration and end < course.knots[-1]:
+        text = f"ends at {course.knots[-1]:.4g} s, after the run, which ends at {end:.4g} s"
+        yield Diagnostic(f"drive.reference: {text}; for the complete move set run.duration", "reference-cut-off")
 
 
 def _unused_static_start(scene: Scene) -> Iterator[Diagnostic]:

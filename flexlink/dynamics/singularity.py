@@ -94,6 +94,6 @@ def idle_error(chain: Chain, k: int) -> SingularMassError:
     """Return the error for a coordinate without inertia."""
     return SingularMassError(
         f"{chain.name}: joint {chain.joint_name(k)!r} has no inertia attached in this configuration, or its inertia "
-        "overflows float64; M must be positive definite",
+        "overflows float64; give a body beyond it mass (section and material, hub, end or tip), or the joint armature",
         id="joint-without-inertia",
     )

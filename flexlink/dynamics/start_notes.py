@@ -72,7 +72,7 @@ def unheld_joints(scene: Scene) -> Iterator[Diagnostic]:
 
 
 def weak_drives(scene: Scene) -> Iterator[Diagnostic]:
-    """Warn if a torque limit in N m is so small that it supports the initial configuration only if read in kN m."""
+    """Warn if a torque limit does not hold the initial configuration; it may have been given in kN m."""
     effort = scene.drive.effort
     if effort is None or not any(scene.gravity):
         return
@@ -81,13 +81,13 @@ def weak_drives(scene: Scene) -> Iterator[Diagnostic]:
     for joint in chain.active:
         k, unit = chain.coordinates[int(joint)].link, "N" if chain.slides[joint] else "N m"
         limit, needed = effort[k - 1], float(pulled[joint])
-        # a limit below a twentieth of the holding torque suggests a wrong unit
-        if 20 * limit < needed <= 1000 * limit:
-            path = scene.arm.path(k, "drive.effort")
+        if limit < needed:
+            # a limit below a twentieth of the holding torque suggests a wrong unit
+            in_k = f", or if given in k{unit}, {1000 * limit:g} {unit}" if 20 * limit < needed <= 1000 * limit else ""
             yield Diagnostic(
-                f"{path} = {limit:g} {unit}: holding the initial configuration takes {needed:.3g} {unit}; likely given "
-                f"in k{unit}: in SI {1000 * limit:g} {unit}",
-                "likely-unit",
+                f"{scene.arm.path(k, 'drive.effort')} = {limit:g} {unit}: holding the initial configuration takes "
+                f"{needed:.3g} {unit}, so the joint gives way; give a larger limit{in_k}",
+                "weak-drive",
             )
 
 

@@ -34,7 +34,10 @@ def notes(sources: Sequence[Source]) -> list[Diagnostic]:
             found.append(Diagnostic(f"{source.name}{use}: {names}; {plural(count, 'number')}", "data-read"))
         uneven = [block.name for block in source.blocks if block.t is not None and _uneven(block.t)]
         if uneven:
-            text = f"{source.name}: samples of {', '.join(uneven)} are unevenly spaced; intervals assume even spacing"
+            text = (
+                f"{source.name}: samples of {', '.join(uneven)} are unevenly spaced, as after an empty cell or a lost "
+            )
+            text += "row; intervals assume even spacing"
             found.append(Diagnostic(text, "uneven-samples"))
         found += _of_noise(source) if source.use == "fit" else []
     return found

@@ -91,7 +91,7 @@ def picture_format(path: Path) -> str:
     ArgumentError
         The extension is not .png, .svg or .pdf.
     """
-    return _ending(path, (".png", ".svg", ".pdf"), "a picture")
+    return ending(path, (".png", ".svg", ".pdf"), "a picture")
 
 
 def output_format(path: Path) -> str:
@@ -102,10 +102,11 @@ def output_format(path: Path) -> str:
     ArgumentError
         The extension is another one.
     """
-    return _ending(path, (".npz", ".csv"), "a trajectory")
+    return ending(path, (".npz", ".csv"), "a trajectory")
 
 
-def _ending(path: Path, allowed: tuple[str, ...], what: str) -> str:
+def ending(path: Path, allowed: tuple[str, ...], what: str) -> str:
+    """Suffix of a file to write, which must be allowed."""
     if path.suffix not in allowed:
         raise ArgumentError(
             f"{str(path)!r}: unknown format; {what} is saved as {' or '.join(allowed)}", id="unknown-format"

@@ -173,8 +173,10 @@ def import_urdf(
     remarks = [one.remark for one in parts if one.remark is not None]
     carried = [note for note in following if note.id == "mimic-carried"]
     notes = [*_notes(robot, way, stated, lifeless), *carried, *remarks, *([] if flexible else _beams(way, largest))]
-    doubts = [*robot.doubts, *(one.warning for one in parts if one.warning is not None), *odd]
-    warnings = [*doubts, *(note for note in following if note not in carried), *_offers(robot, way, armature)]
+    bare = [part for part in way.parts if part.link in flexible and not robot.links[part.link].mass]
+    lent = [f"{part.link}: has no <inertial>; its mass is that of {short_list(part.folded)}: check it" for part in bare]
+    doubts = [*robot.doubts, *(Diagnostic(text, "no-mass") for text in lent), *(p.warning for p in parts if p.warning)]
+    warnings = [*doubts, *odd, *(note for note in following if note not in carried), *_offers(robot, way, armature)]
     return ImportResult(scene, way, largest, tuple(notes), tuple(warnings))
 
 

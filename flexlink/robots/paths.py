@@ -8,11 +8,12 @@ from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
+from flexlink.chain.arguments import require_one_of
 from flexlink.chain.rigid import HERE, Pose, SpatialInertia
 from flexlink.common.errors import ArgumentError
 from flexlink.common.wording import short_list, truncated
 from flexlink.robots.kinematic_tree import Robot, TreeJoint
-from flexlink.robots.positions import check_stated, known, positions_of
+from flexlink.robots.positions import check_stated, positions_of
 
 
 @dataclasses.dataclass(frozen=True)
@@ -135,7 +136,7 @@ def paths(
         The robot has no link or joint of this name; a position is beyond limits, given twice or given for a joint that
         has no position; or there is no path from base outward to tip, or no path with a joint that can move freely.
     """
-    base = robot.root if base is None else known("base", base, robot.links)
+    base = robot.root if base is None else _link(robot, "base", base)
     check_stated(robot, posture, locked)
     tips = None if tip is None else _named(robot, tip)
     way = _way(robot, base, tips)
@@ -166,10 +167,17 @@ def paths(
 def _named(robot: Robot, tip: str | Sequence[str]) -> list[str]:
     """Return the tips that the user names, each once."""
     several = isinstance(tip, Sequence) and not isinstance(tip, str)
-    names = [known("tip", name, robot.links) for name in (tip if several else [tip])]
+    names = [_link(robot, "tip", name) for name in (tip if several else [tip])]
     if not names:
         raise ArgumentError(f"tip = {tip!r}: name a link, or leave it out for the complete robot", id="unknown-link")
     return list(dict.fromkeys(names))
+
+
+def _link(robot: Robot, key: str, name: object) -> str:
+    """Check that a link has this name."""
+    what = f"is a joint; its link is {robot.joints[str(name)].child!r}" if str(name) in robot.joints else "unknown"
+    require_one_of(key, name, robot.links, what)
+    return str(name)
 
 
 def _way(robot: Robot, base: str, tips: Sequence[str] | None) -> list[TreeJoint]:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from flexlink.chain.arguments import require_one_of
 from flexlink.common.errors import ArgumentError
-from flexlink.common.wording import did_you_mean, short_list, truncated
+from flexlink.common.wording import truncated
 from flexlink.describe.spec import to_builtin
 from flexlink.robots.kinematic_tree import Robot, TreeJoint
 
@@ -39,20 +40,6 @@ def check_stated(robot: Robot, posture: Mapping[str, float], locked: Mapping[str
             )
 
 
-def known(key: str, name: object, names: Mapping[str, object]) -> str:
-    """Check that a name is one of `names`.
-
-    Raises
-    ------
-    ArgumentError
-        The name is unknown.
-    """
-    if not isinstance(name, str) or name not in names:
-        allowed = f"{short_list(list(names))}{did_you_mean(name, names)}"
-        raise ArgumentError(f"{key} = {truncated(name)}: unknown; allowed are {allowed}", id="unknown-name")
-    return name
-
-
 def finite(value: object) -> float | None:
     """Return a finite NumPy or Python number as float; None for anything else."""
     number = to_builtin(value)
@@ -62,7 +49,7 @@ def finite(value: object) -> float | None:
 
 
 def _check(robot: Robot, key: str, name: object, value: object) -> None:
-    joint = robot.joints[known(key, name, robot.joints)]
+    joint = require_one_of(key, name, robot.joints)
     if joint.kind in {"fixed", "floating", "planar"}:
         raise ArgumentError(
             f"{key}: joint {truncated(name)} is {joint.kind}; only hinges and slides have a position",

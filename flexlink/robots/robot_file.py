@@ -70,9 +70,10 @@ def read_robot(path: str | Path) -> Robot:
 
 def _robot(root: ET.Element) -> Robot:
     if root.tag != "robot":
-        raise DataFileError(
-            f"<{truncated(root.tag)[1:-1]}>: the root element of a URDF file is <robot>", id="unknown-root-element"
-        )
+        other = {"mujoco": "MJCF", "sdf": "SDF"}.get(root.tag)
+        what = "the root element of a URDF file is <robot>"
+        remedy = f"this is {other}, which `flexlink compare SCENE --file` reads; import needs URDF" if other else what
+        raise DataFileError(f"<{truncated(root.tag)[1:-1]}>: {remedy}", id="unknown-root-element")
     if root.find(".//flexlink") is not None:
         raise DataFileError(
             "<flexlink>: this file was exported by flexlink; load its scene instead", id="exported-by-flexlink"

@@ -21,6 +21,7 @@ from tests.support import words
 
 T3 = tomllib.loads((ROOT / "models" / "t3_spatial.toml").read_text(encoding="utf-8"))
 LIMIT = '<limit lower="0" upper="1" effort="1" velocity="1"/>'
+PD = {"kind": "pd", "kp": [1.0] * 3, "kd": [1.0] * 3, "target_deg": [0.0] * 3}
 Edit = Callable[[dict[str, Any]], Any]
 PAPER = str(ROOT / "models" / "paper_fig5.toml")
 PYTHON = re.compile(r"\b(float|str|int|joint_m'\?|the default)\b")
@@ -104,6 +105,25 @@ def test_all_mistakes_of_a_file_are_reported_at_once() -> None:
         (at("material", "aluminium", rho=2700.0), "unknown-key", "density"),
         (at("link", 1, mass=2.0), "unknown-key", "hub"),
         (at("link", 1, flex="z", segments=1), "too-few-segments", "2"),
+        (at("link", 1, flex="y"), "wrong-value", "z along the joint's axis"),
+        (at("link", 1, mount=[0, 0, 1]), "wrong-value", "xyz, rpy_deg"),
+        (at("link", 1, section_tip=0.08), "wrong-value", "[section.NAME]"),
+        (at(drive={**PD, "shaper": {}}), "unknown-key", "drive.reference"),
+        (at(wrench={"force": [0, 0, 1], "link": "fore"}), "unknown-key", "on"),
+        (at(wrench={"force": [0, 0, 1], "hold": True}), "needs-another-key", "times and forces"),
+        (at(run={"outputs": "loads"}), "wrong-value", "['loads']"),
+        (at(tip=200.0), "wrong-value", "mass, center, inertia"),
+        (at("tip", inertia=2.5), "wrong-value", "xx, yy, zz"),
+        (at(payload={"mass": 2.0}), "unknown-key", "tip.mass"),
+        (at("initial", joint_rad=[0.0, 0.3, 0.0]), "unknown-key", "'joint_deg', in degrees"),
+        (at(drive={**PD, "ki": [1.0] * 3}), "key-of-another-kind", "'cascade'"),
+        (
+            at(drive={**PD, "reference": {"profile": "quintic", "to_deg": [0.0] * 3, "duration": 1.0}}),
+            "both-given",
+            "reference is also",
+        ),
+        (at(drive={"kind": "constant", "torques": [1.0] * 3}), "wrong-value", "torque = "),
+        (at(wrench={"times": [0.0, 1.0], "force": [[0.0] * 3, [1.0] * 3]}), "wrong-value", "forces"),
     ],
 )
 def test_the_error_of_a_typical_beginner_mistake_names_the_remedy(edit: Edit, id: str, named: str) -> None:

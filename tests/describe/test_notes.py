@@ -61,8 +61,23 @@ def test_gravity_along_a_mounted_axis_is_noted_within_rounding() -> None:
         {"motion": [fl.PrescribedMotion(link="a", times=[0], angle_deg=[0], rate_deg=[0], acceleration_deg=[0])]},
     ],
 )
-def test_gravity_without_effect_is_not_noted_if_another_load_acts(fields: dict) -> None:
-    assert notes(make_scene(fl.Link(name="a"), flexible("b"), **fields)) == ()
+def test_gravity_that_bends_no_link_is_noted_also_if_another_load_acts(fields: dict) -> None:
+    found = notes(make_scene(fl.Link(name="a"), flexible("b"), **fields))
+    assert len(found) == ("gravity" not in fields)
+    for note in found:
+        reviewed("no-effect", note)
+
+
+@pytest.mark.parametrize(
+    ("change", "id"), [({"from_deg": (10.0, 0.0)}, "begins-elsewhere"), ({"duration": 9.0}, "cut-off"), ({}, "")]
+)
+def test_a_reference_that_does_not_fit_the_run_is_noted(change: dict, id: str) -> None:
+    move = fl.Reference(**{"profile": "quintic", "to_deg": (10.0, 0.0), "duration": 1.0, **change})
+    drive = fl.Drive(kind="pd", kp=(9.0, 9.0), kd=(1.0, 1.0), reference=move)
+    found = notes(make_scene(fl.Link(name="a"), flexible("b"), drive=drive, gravity=(0.0, 0.0, 0.0)))
+    assert [note.id for note in found] == [f"reference-{id}"] * bool(id)
+    for note in found:
+        reviewed(note.id, note)
 
 
 def test_gravity_along_the_joints_bends_links_out_of_the_plane() -> None:

@@ -51,7 +51,7 @@ BAD = {  # text of the good scene, its replacement, the id of the error, and par
     "one segment": ("segments = 5", "segments = 1", "too-few-segments", ["link.upper.segments", "1", "2"]),
     "fractional segments": ("segments = 5", "segments = 4.5", "wrong-value", ["link.upper.segments", "4.5"]),
     "unknown flex": ('flex     = "z"', 'flex = "w"', "wrong-value", ["link.upper.flex", "'w'", "'xyz'"]),
-    "flex misspelt": ('flex     = "z"', 'flex = "xzy"', "wrong-value", ["link.upper.flex", "'xzy'", "'xyz'?"]),
+    "flex misspelt": ('flex     = "z"', 'flex = "xzy"', "wrong-value", ["link.upper.flex", "'xzy'", "'xyz'", "twist"]),
     "shape misspelt": ('"rectangle"', '"rectangel"', "wrong-value", ["section.square.shape", "'rectangle'?"]),
     "material misspelt": (
         '"aluminium"\nsection', '"aluminum"\nsection',

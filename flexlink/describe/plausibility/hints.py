@@ -12,6 +12,7 @@ from flexlink.describe.plausibility.ranges import hint_if_outside, shown
 from flexlink.describe.plausibility.situation import Situation, situation_of
 from flexlink.describe.plausibility.sizes import largest_dimension, of_materials, of_sections
 from flexlink.describe.scene import Scene
+from flexlink.describe.sections import BREADTHS
 from flexlink.describe.sensor import column_names
 
 
@@ -57,13 +58,17 @@ def of_sensors(scene: Scene) -> Iterator[Diagnostic]:
     for sensor in scene.sensor:
         path = f"sensor.{sensor.name}"
         yield from hint_if_outside(f"{path}.delay", sensor.delay, "delay", sensor.delay)
+        if sensor.rate is not None and sensor.rate * scene.run.duration < 1:
+            yield from hint_if_outside(f"{path}.rate", sensor.rate, "rate", sensor.rate)
         if sensor.resolution is not None and column_names((sensor,), arm) == (f"{sensor.name} [rad]",):
             yield from hint_if_outside(f"{path}.resolution", sensor.resolution, "resolution", sensor.resolution)
         if sensor.fibre is None:
             continue
         section = arm.sections.get(arm.links[arm.number(sensor.link) - 1].section or "")
         if section is not None:
-            part = math.hypot(*sensor.fibre) / (largest_dimension(section)[1] / 2)
+            whole = largest_dimension(section)[1]
+            sides = [getattr(section, key) for key in reversed(BREADTHS.get(section.shape, ()))] or [whole, whole]
+            part = max(abs(place) / (side / 2) for place, side in zip(sensor.fibre, sides, strict=True))
             yield from hint_if_outside(f"{path}.fibre", sensor.fibre, "fibre", part)
 
 
@@ -132,7 +137,7 @@ def _looks_like_radians(value: float) -> bool:
 
 
 def of_times(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
-    """Hints on tables much longer than the run, and on tolerances that are large relative to the arm's reach."""
+    """Hints on tables much longer than the run, on late drives, and on tolerances large for the arm's reach."""
     run = scene.run
     tables = [("drive", scene.drive.times), ("wrench", scene.wrench.times)]
     tables += [(f"motion.{motion.link}", motion.times) for motion in scene.motion]
@@ -140,6 +145,7 @@ def of_times(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
     for path, times in tables:
         if times and run.duration > 0 and times[-1] > 10.0:
             yield from hint_if_outside(f"{path}.times[{len(times) - 1}]", times[-1], "times", times[-1] / run.duration)
+    yield from hint_if_outside("drive.delay", scene.drive.delay, "delay", scene.drive.delay)
     if run.tolerance is not None and about.reach > 0:
         part = run.tolerance / about.reach
         yield from hint_if_outside("run.tolerance", run.tolerance, "tolerance", part, 1.0, f" {part:.2g}")

@@ -33,10 +33,11 @@ class Range(Spec, frozen=True):
         """Whether a value is plausible."""
         return self.range[0] <= value <= self.range[1]
 
-    def likely(self, value: float, power: float = 1.0) -> tuple[str, float] | None:
-        """Unit in which the number was probably given, and its factor to SI; the quantity varies as number**power."""
-        fitting = ((u, f) for u, f in self.mistaken.items() if self.usual[0] <= value * f**power <= self.usual[1])
-        return next(fitting, None)
+    def likely(self, value: float, power: float = 1.0) -> dict[str, float]:
+        """Units in which the number was probably given, and factors to SI; the quantity varies as number**power."""
+        found = {u: f for u, f in self.mistaken.items() if self.usual[0] <= value * f**power <= self.usual[1]}
+        # catalogues of profiles use several units
+        return found if self.unit in {"m²", "m⁴"} else dict(list(found.items())[:1])
 
 
 def ranges() -> dict[str, Range]:
@@ -67,14 +68,14 @@ def hint_if_outside(
         return
     unit = "" if known.unit == "1" else f" {known.unit}"
     start = f"{path} = {shown(value)}{unit}: {known.reason}{detail}"
-    if (found := known.likely(at, power)) is None:
+    if not (found := known.likely(at, power)):
         remedy = known.remedy
         if known.inverse and at > 0 and known.usual[0] <= 1 / at <= known.usual[1]:
             remedy = f"if this is {known.inverse} is {1 / at:.6g}{unit}"
         yield Diagnostic(f"{start}; {remedy}", "likely-unit")
         return
-    other, factor = found
-    yield Diagnostic(f"{start}; likely given in {other}: in SI {shown(value, factor)}{unit}", "likely-unit")
+    values = " or ".join(shown(value, factor) for factor in found.values())
+    yield Diagnostic(f"{start}; likely given in {' or '.join(found)}: in SI {values}{unit}", "likely-unit")
 
 
 def shown(value: float | Sequence[float], factor: float = 1.0) -> str:

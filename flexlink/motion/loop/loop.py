@@ -335,6 +335,13 @@ def loop_of(
     delay: float = 0.0,
 ) -> Loop:
     """The loop of a problem about angles q (n,) and a time t [s]; None: at its start."""
+    periods = delay * rate if control is not None and rate else problem.inputs.drive.delay * problem.inputs.drive.rate
+    most = 300  # eigenvalues of 300 states take 0.1 s
+    if periods > most:
+        raise ArgumentError(
+            f"delay: {periods:.6g} sampling periods; at most {most}, each of which adds a state; give it in s",
+            id="loop-too-late",
+        )
     q, t = problem.q if about[0] is None else about[0], problem.start if about[1] is None else float(about[1])
     plant = plant_of(problem, q, t, sensors=control is not None and takes_sensors(control))
     drive = problem.inputs.drive

@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.arguments import integer, positive, require_callable, require_one_of
-from flexlink.common.errors import ArgumentError, MissingDependencyError
+from flexlink.common.errors import MissingDependencyError
 from flexlink.common.installing import how_to_install
 from flexlink.common.interruption import StoppedError, deferred, word
 from flexlink.common.output import write_or_keep
 from flexlink.data.documents import require_path
+from flexlink.results.files import ending
 from flexlink.results.pictures.colouring import Colour
 from flexlink.results.pictures.film import Film, film_of
 from flexlink.results.pictures.page import page
@@ -105,10 +106,7 @@ def require_film(path: Path) -> None:
     MissingDependencyError
         matplotlib is not installed, or, for .mp4, ffmpeg.
     """
-    if path.suffix not in FORMATS:
-        raise ArgumentError(
-            f"{str(path)!r}: unknown format; a film is saved as {' or '.join(FORMATS)}", id="unknown-format"
-        )
+    ending(path, tuple(FORMATS), "a film")
     if path.suffix != ".html":
         _drawing()
     if path.suffix == ".mp4":
