@@ -24,6 +24,7 @@ from flexlink.advice.model import FLEX, Axes, Model, limited_axes, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.advice.thresholds import Thresholds
 from flexlink.chain.chain import Chain
+from flexlink.chain.coordinates import Kind
 from flexlink.common.types import Array
 from flexlink.describe.arm import Arm
 from flexlink.describe.link import Link
@@ -300,7 +301,7 @@ def load_and_bend(arm: Arm, run: Trajectory) -> tuple[float, float]:
     force = np.abs(few.loads.N)
     found = [(0.0, 0.0)]
     for number, link in enumerate(arm.links, 1):
-        hinges = [k for k, c in enumerate(chain.coordinates) if c.link == number and c.bends]
+        hinges = chain.where(Kind.HINGE, link=number).tolist()
         if hinges:
             γ = force[:, [chain.body(k) for k in hinges]].max(axis=1) * link.beam.length**2 / _least_rigidity(arm, link)
             found.append((float(γ.max()), float((γ + 2 * _bend(chain, few.q, hinges)).max())))

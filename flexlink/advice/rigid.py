@@ -30,6 +30,7 @@ from flexlink.advice.model import Axes, Model, can_move, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.advice.thresholds import Thresholds
 from flexlink.chain.chain import Chain
+from flexlink.chain.coordinates import Kind
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.dynamics.forces import force_torque
@@ -113,7 +114,7 @@ def estimate(runner: ModelRunner, strict: Outcome, axes: Axes, norm: TipErrorNor
     chain = runner.chain(model)
     q, qd, qdd = (_spread(run.chain, chain, values) for values in (run.q, run.qd, run.accelerations()))
     loads = inverse_dynamics(chain, q, qd, qdd, tip_wrench=run.tip_wrench) + force_torque(chain, q, qd)
-    bent = np.array([c.bends for c in chain.coordinates])
+    bent = chain.where(Kind.HINGE)
     θ = np.zeros_like(q)
     θ[:, bent] = np.clip(deflections(chain, -loads)[:, bent], -1.0, 1.0)  # [rad]; larger values do not matter
     u = tip_position(chain, q + θ) - run.tip
@@ -186,7 +187,7 @@ def release(runner: ModelRunner, strict: Outcome, model: Model, q: Array) -> tup
 def _turned(rigid: Chain, chain: Chain, q: Array, w: Array) -> Array:
     """Rotations δ of the rigid chain's joints for spring angles w; 0 for prescribed joints."""
     there = np.array([chain.index(*coordinate) for coordinate in rigid.coordinates], np.intp)
-    free = np.array(rigid.hinges["prescribed"] == 0)
+    free = ~rigid.held
     rows = mass_matrix(chain, q)[there[free]]
     δ = np.zeros(rigid.n)
     δ[free] = np.linalg.pinv(rows[:, there[free]]) @ (rows @ w)

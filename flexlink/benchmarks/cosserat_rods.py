@@ -17,7 +17,7 @@ from cosseratbench.trajectory import Trajectory
 
 import flexlink as fl
 from flexlink.chain.builder import Piece
-from flexlink.chain.coordinates import STRETCH
+from flexlink.chain.coordinates import Kind
 from flexlink.chain.lumping import pieces
 from flexlink.common.types import Array
 from flexlink.describe.hinges import hinges_of
@@ -153,11 +153,11 @@ def _start(rod: Rod, scene: fl.Scene, chain: fl.Chain, axes: Array) -> Array:
     strain = np.linalg.norm(around[1] - around[0], axis=1) / (2 * near * rod.length) - 1
     q = np.zeros(chain.n)
     for k, at in enumerate(chain.coordinates):
-        if at.axis == 0:
+        if at.kind is Kind.JOINT:
             q[k] = angles[0]
-        elif at.bends:
+        elif at.kind is Kind.HINGE:
             q[k] = angles[at.segment] - angles[at.segment - 1]
-        elif at.axis == STRETCH:
+        elif at == Kind.STRAIN.at(at.link, at.segment):
             q[k] = strain[at.segment - 1] * weights[at.segment - 1] * rod.length
     return q
 

@@ -15,7 +15,7 @@ from flexlink.chain.beam_segments import segments_of
 from flexlink.chain.beam_slides import Slides, Stations, stations_of
 from flexlink.chain.builder import Builder
 from flexlink.chain.compliance import cell_constants, spring_constants
-from flexlink.chain.coordinates import STRETCH, Coordinate
+from flexlink.chain.coordinates import Kind
 from flexlink.chain.section_beam import SectionBeam
 from flexlink.chain.table_beam import TableBeam
 from flexlink.common.errors import SceneError
@@ -119,8 +119,8 @@ def _add_hinges(
     friction = (link.friction.coulomb, link.friction.coulomb_width) if link.friction else ()
     for axis in AXES[link.flex][:: -1 if backward else 1]:
         places[axis - 1, segment - 1] = len(builder.hinges)
-        coordinate = Coordinate(number, segment, axis)
-        builder.add_hinge(coordinate, axis - 1, 0.0, 0.0, *friction, armature=rotors[axis - 1])
+        at = Kind.HINGE.at(number, segment, axis - 1)
+        builder.add_hinge(at, axis - 1, 0.0, 0.0, *friction, armature=rotors[axis - 1])
     if rule.springs == "rotation" and AXES[link.flex] == AXES["xyz"]:
         builder.body.springs = _springs_of(rule, segment - 1)
     return places
@@ -132,7 +132,7 @@ def _add_slides(builder: Builder, link: Link, number: int, segment: int, station
     places: Places = {}
     for axis in stations.axes:
         places[axis, segment - 1] = len(builder.hinges)
-        at, matched = Coordinate(number, segment, STRETCH + axis), float(stations.masses[axis, segment - 1])
+        at, matched = Kind.STRAIN.at(number, segment, axis), float(stations.masses[axis, segment - 1])
         builder.add_hinge(at, SLIDES + axis, armature=matched)
     return places
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import vector
-from flexlink.chain.coordinates import Coordinate
+from flexlink.chain.coordinates import Coordinate, Kind
 from flexlink.chain.layout import OF_LAYOUT, Layout
 from flexlink.chain.rigid import DESCRIBED
 from flexlink.chain.size import at_any_posture, on_elastic_gears, size_without_reach, turning_radii, without_lever
@@ -120,7 +120,7 @@ class Chain(Layout):
         if self.slides.any():
             heads.append("slides")
             columns.append(["yes" if slides else "" for slides in self.slides.tolist()])
-        driven = ["yes" if c.axis == 0 else "" for c in self.coordinates]
+        driven = ["yes" if c.kind is Kind.JOINT else "" for c in self.coordinates]
         rows = list(zip(range(self.n), self.joint_names, driven, *columns, strict=True))
         return html_table(repr(self), tuple(heads), rows)
 

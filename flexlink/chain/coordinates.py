@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import enum
 import functools
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -9,12 +10,52 @@ from typing import NamedTuple
 from flexlink.chain import free_base
 from flexlink.describe.arm import BASE
 
-ROOT = 4
-"""Axis in a `Coordinate` for the root spring about X; the next two are for the springs about Y and Z."""
-LAG = ROOT + 3
-"""Axis in a `Coordinate` for the internal coordinate of a joint's lagging friction."""
-STRETCH = LAG + 1
-"""Axis in a `Coordinate` for the slide of a beam along X; the next two are for slides along Y and Z."""
+
+class Kind(enum.Enum):
+    """Kinds of coordinates, with all that other code asks of them; a new kind is one more row.
+
+    Attributes
+    ----------
+    first
+        Axis of its first coordinate in a `Coordinate`; the others follow, in the order of `names`.
+    names
+        Names of its coordinates within the link or base, with {} for the segment; "" for the joint's own name.
+    place
+        Where they are: "base", "joint" or "beam".
+    springs
+        In words, the motion that the spring of each coordinate resists; empty if they have no springs.
+    panel
+        Panel of plots that shows them.
+    own_body
+        Whether they move another body than coordinates of other kinds at their place.
+    moves
+        Whether they move bodies, so that files of other programs contain them.
+    """
+
+    BASE = 1, free_base.NAMES, "base"
+    JOINT = 0, ("",), "joint", (), "joints"
+    GEAR = 3, ("gear",), "joint", ("gear",), "springs"
+    ROOT = 4, ("root.x", "root.y", "root.z"), "joint", ("root", "root", "root"), "springs", True
+    LAG = 7, ("lag",), "joint", (), "", False, False  # state of lagging friction
+    HINGE = 1, ("{}.x", "{}.y", "{}.z"), "beam", ("torsion", "bending", "bending"), "springs"
+    STRAIN = 8, ("{}.stretch", "{}.shear.y", "{}.shear.z"), "beam", ("stretch", "shear", "shear"), "springs", True
+
+    def __init__(
+        self, first: int, names: tuple[str, ...], place: str, springs: tuple[str, ...] = (), panel: str = "",
+        own_body: bool = False, moves: bool = True,
+    ) -> None:  # fmt: skip
+        self.first, self.names, self.place, self.springs = first, names, place, springs
+        self.panel, self.own_body, self.moves = panel, own_body, moves
+
+    def at(self, link: int, segment: int = 0, axis: int = 0) -> Coordinate:
+        """Its coordinate of a link, counted from 1, at a segment; `axis`: place in `names`."""
+        return Coordinate(link, segment, self.first + axis)
+
+
+KINDS = {(kind.place, kind.first + k): kind for kind in Kind for k in range(len(kind.names))}
+"""Kind of a coordinate, by its place and axis."""
+SPRINGS = tuple(kind for kind in Kind if kind.springs)
+"""Kinds of coordinates with springs."""
 
 
 class Coordinate(NamedTuple):
@@ -31,24 +72,32 @@ class Coordinate(NamedTuple):
     axis: int
 
     @property
-    def of_base(self) -> bool:
-        """Whether the coordinate belongs to a floating base."""
-        return self.link == 0
+    def known(self) -> Kind | None:
+        """Kind of the coordinate, None if there is none with these indices."""
+        link, segment, axis = self
+        return KINDS.get(("base" if not link else "beam" if segment else "joint", axis))
 
     @property
-    def of_root(self) -> bool:
-        """Whether the coordinate is a hinge of a link's root spring."""
-        return self.link > 0 and ROOT <= self.axis < LAG
+    def kind(self) -> Kind:
+        """Kind of a coordinate of a chain."""
+        kind = self.known
+        assert kind is not None
+        return kind
 
     @property
-    def bends(self) -> bool:
-        """Whether the coordinate is the angle of a hinge within a beam, bending or twist."""
-        return self.segment > 0 and self.axis < STRETCH
+    def body(self) -> tuple[int, int, str]:
+        """Key of the body that the coordinate moves, together with other coordinates of the same key."""
+        return self.link, self.segment, self.kind.name if self.kind.own_body else ""
 
     @property
-    def strains(self) -> bool:
-        """Whether the coordinate is a slide within a beam, stretch or shear."""
-        return self.axis >= STRETCH
+    def spring(self) -> str:
+        """In words, the motion that its spring resists."""
+        return self.kind.springs[self.axis - self.kind.first]
+
+    @property
+    def name(self) -> str:
+        """Name within its link or base; "" for the joint."""
+        return self.kind.names[self.axis - self.kind.first].format(self.segment)
 
 
 @functools.lru_cache(maxsize=64)
@@ -56,25 +105,11 @@ def joint_names(
     links: tuple[str, ...], coordinates: tuple[Coordinate, ...], joints: tuple[str, ...]
 ) -> tuple[str, ...]:
     """Unique readable names of joints from their coordinates, in the same order; driven joints keep theirs."""
-    driven = unique(joints[c.link - 1] for c in coordinates if c.axis == 0)
+    driven = unique(joints[c.link - 1] for c in coordinates if c.kind is Kind.JOINT)
     known = list(dict.fromkeys([*driven, *joints]))  # locked joints keep their names, unless a driven joint has it
-    hinges = (f"{links[c.link - 1] if c.link else BASE}.{_hinge_name(c)}" for c in coordinates if c.axis)
+    hinges = (f"{links[c.link - 1] if c.link else BASE}.{c.name}" for c in coordinates if c.axis)
     others, names = iter(unique([*known, *hinges])[len(known) :]), iter(driven)
     return tuple(next(others if c.axis else names) for c in coordinates)
-
-
-def _hinge_name(coordinate: Coordinate) -> str:
-    """Name of a hinge within its link, or within a free base."""
-    link, segment, axis = coordinate
-    if link == 0:
-        return free_base.NAMES[axis - 1]
-    if axis == LAG:
-        return "lag"
-    if axis >= STRETCH:
-        return f"{segment}.{('stretch', 'shear.y', 'shear.z')[axis - STRETCH]}"
-    if axis >= ROOT:
-        return f"root.{'xyz'[axis - ROOT]}"
-    return "gear" if axis and not segment else f"{segment}.{' xyz'[axis]}"
 
 
 def unique(names: Iterable[str]) -> list[str]:

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import difflib
 import functools
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from itertools import accumulate
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import integer, number_of, require_type
-from flexlink.chain.coordinates import LAG, STRETCH, Coordinate, joint_names
+from flexlink.chain.coordinates import KINDS, Coordinate, Kind, joint_names
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
-from flexlink.describe.joint_units import OF_JOINT, in_words
+from flexlink.describe.joint_units import OF_JOINT, KindOfJoint, in_joint_units, in_words
 from flexlink.describe.links import link_number
 from flexlink.kernels.bodies.shaped_mass import Shapes
 from flexlink.kernels.geometry.kinematics import forward_kinematics
@@ -51,9 +51,29 @@ class Layout:
     @functools.cached_property
     def active(self) -> NDArray[np.intp]:
         """Sequential indices of the driven joints."""
-        active = np.array([k for k, c in enumerate(self.coordinates) if c.axis == 0], dtype=np.intp)
-        active.flags.writeable = False
-        return active
+        return self.where(Kind.JOINT)
+
+    def where(self, *kinds: Kind, link: int = 0, axis: int | None = None) -> NDArray[np.intp]:
+        """Sequential indices of the coordinates of these kinds, read-only; by default of all links and axes."""
+        found = np.array(
+            [
+                k for k, c in enumerate(self.coordinates)
+                if c.kind in kinds and (not link or c.link == link) and (axis is None or c.axis == axis)
+            ],
+            dtype=np.intp,
+        )  # fmt: skip
+        found.flags.writeable = False
+        return found
+
+    @functools.cached_property
+    def held(self) -> NDArray[np.bool_]:
+        """Mask of the coordinates whose motion is prescribed, (n,): their torque is unknown."""
+        return np.asarray(self.hinges["prescribed"] != 0)
+
+    @property
+    def free(self) -> NDArray[np.intp]:
+        """Sequential indices of the other coordinates, which move by forces."""
+        return np.flatnonzero(~self.held)
 
     @functools.cached_property
     def internal(self) -> NDArray[np.intp]:
@@ -61,9 +81,7 @@ class Layout:
 
         Their angles have no effect and are constant in statics.
         """
-        internal = np.array([k for k, c in enumerate(self.coordinates) if c.axis == LAG], dtype=np.intp)
-        internal.flags.writeable = False
-        return internal
+        return self.where(*(kind for kind in Kind if not kind.moves))
 
     @functools.cached_property
     def slides(self) -> NDArray[np.bool_]:
@@ -83,7 +101,7 @@ class Layout:
     @functools.cached_property
     def has_free_base(self) -> bool:
         """Whether the first six joints belong to a floating base."""
-        return bool(self.coordinates) and self.coordinates[0].of_base
+        return bool(self.coordinates) and self.coordinates[0].kind is Kind.BASE
 
     @functools.cached_property
     def coupled_joints(self) -> tuple[tuple[int, ...], ...]:
@@ -112,14 +130,14 @@ class Layout:
     @functools.cached_property
     def bending(self) -> NDArray[np.intp]:
         """Sequential indices of the hinges within links, whose coordinates are angles."""
-        bending = np.array([k for k, c in enumerate(self.coordinates) if c.bends], dtype=np.intp)
-        bending.flags.writeable = False
-        return bending
+        return self.where(Kind.HINGE)
 
     @property
     def slightly_bent(self) -> Array:
         """Angles of an arm in which no two axes are parallel [rad], with beams neither stretched nor sheared, (n,)."""
-        return np.where([c.strains for c in self.coordinates], 0.0, np.linspace(0.1, 0.4, self.n))
+        bent = np.linspace(0.1, 0.4, self.n)
+        bent[self.where(Kind.STRAIN)] = 0.0
+        return bent
 
     @functools.cached_property
     def axes(self) -> Array:
@@ -216,7 +234,8 @@ class Layout:
         1 upper.1.z
         """
         number = 0 if number_of(link) == 0 and self.has_free_base else link_number("link", link, self.link_names)
-        wanted = Coordinate(number, integer("segment", segment, 0), integer("axis", axis, 0, STRETCH + 2))
+        last = max(axis for _, axis in KINDS)
+        wanted = Coordinate(number, integer("segment", segment, 0), integer("axis", axis, 0, last))
         if wanted not in self._sequential:
             known = truncated(sorted(tuple(c) for c in self.coordinates if c.link == wanted.link))
             raise ArgumentError(
@@ -294,7 +313,7 @@ class Layout:
         if isinstance(wanted, str) and wanted in names:
             return names.index(wanted)
         if isinstance(wanted, str) and (link := self._link_of(wanted)):
-            if (joint := Coordinate(link, 0, 0)) in self.coordinates:
+            if (joint := Kind.JOINT.at(link)) in self.coordinates:
                 return self.coordinates.index(joint)
             if perhaps_locked:
                 return -1
@@ -318,18 +337,33 @@ class Layout:
         return joint_names(self.link_names, self.coordinates, self.joints_of_links)
 
     @functools.cached_property
+    def joint_kinds(self) -> tuple[KindOfJoint, ...]:
+        """Kind of every joint, revolute or prismatic, with the names and units of its coordinate and load."""
+        return tuple(OF_JOINT[slides] for slides in self.slides.tolist())
+
+    @functools.cached_property
     def joint_units(self) -> tuple[str, ...]:
         """Unit of every coordinate: rad or m."""
-        return tuple(OF_JOINT[slides].si for slides in self.slides.tolist())
+        return tuple(kind.si for kind in self.joint_kinds)
 
-    def place_in_words(self, k: int, value: float) -> str:
+    def by_unit(self, joints: Iterable[int]) -> Iterator[tuple[KindOfJoint, list[int]]]:
+        """Split joints by their unit: those in rad, then those in m; with names of the units, without empty lists."""
+        for kind in OF_JOINT.values():
+            if found := [k for k in joints if self.joint_kinds[k] is kind]:
+                yield kind, found
+
+    def place_in_words(self, k: int, value: float, *form: str) -> str:
         """Value of coordinate `k` with its unit, for messages: 30°, 0.5 m."""
-        return in_words(bool(self.slides[k]), value)
+        return in_words(bool(self.slides[k]), value, *form)
+
+    def in_own_units(self, si: ArrayLike, joints: NDArray[np.intp] | slice = slice(None)) -> Array:
+        """Convert values (…, joints) from rad or m to deg or m, the units of scenes."""
+        return in_joint_units(self.slides[joints], si)
 
     @functools.cached_property
     def torque_units(self) -> tuple[str, ...]:
         """Unit of the drive force or torque of every coordinate: N m or N."""
-        return tuple(OF_JOINT[slides].torque for slides in self.slides.tolist())
+        return tuple(kind.torque for kind in self.joint_kinds)
 
 
 @functools.lru_cache(maxsize=64)

@@ -16,7 +16,7 @@ from flexlink.chain.beam_slides import Slides
 from flexlink.chain.builder import Builder, Piece, described, record_inertia, recorded
 from flexlink.chain.chain import Chain
 from flexlink.chain.constant_ratio import posture_of, with_constant_ratios
-from flexlink.chain.coordinates import LAG, ROOT, Coordinate
+from flexlink.chain.coordinates import Kind
 from flexlink.chain.forces import with_forces
 from flexlink.chain.free_base import reference_rotation
 from flexlink.chain.odd_bodies import require_positive_mass
@@ -219,7 +219,7 @@ def _check_finite(name: str, array: NDArray[np.void]) -> None:
 
 def _add_base(builder: Builder, scene: Scene) -> None:
     """Add the joints of a free base, and its body."""
-    base, hinges = scene.arm.base, itertools.count(1)
+    base, hinges = scene.arm.base, itertools.count()
     if not base.free:
         return
     for turns in (False, True):
@@ -227,7 +227,7 @@ def _add_base(builder: Builder, scene: Scene) -> None:
             builder.turn(reference_rotation(scene.initial.base))
         builder.start_body()
         for axis in (axis for axis in free_base.AXES if (axis < SLIDES) == turns):
-            builder.add_hinge(Coordinate(0, 0, next(hinges)), axis)
+            builder.add_hinge(Kind.BASE.at(0, axis=next(hinges)), axis)
     builder.add_payload(base)
 
 
@@ -261,11 +261,11 @@ def _add_joint(builder: Builder, link: Link, number: int, start: tuple[float, fl
         lower, upper = (joint.position(limit, limit) for limit in joint.limits or (-np.inf, np.inf))
         viscous = 0.0 if joint.lags else joint.viscous
         builder.add_hinge(
-            Coordinate(number, 0, 0), axis, damping=viscous, coulomb=joint.coulomb, width=joint.coulomb_width,
+            Kind.JOINT.at(number), axis, damping=viscous, coulomb=joint.coulomb, width=joint.coulomb_width,
             armature=joint.armature, lower=lower, upper=upper, prescribed=prescribed,
         )  # fmt: skip
     if joint.gear_stiffness is not None:
-        builder.add_hinge(Coordinate(number, 0, axis=3), axis, joint.gear_stiffness, joint.gear_damping)
+        builder.add_hinge(Kind.GEAR.at(number), axis, joint.gear_stiffness, joint.gear_damping)
     builder.turn(turn.T)
     builder.add_payload(link.hub)
 
@@ -279,7 +279,7 @@ def _add_lags(builder: Builder, arm: Arm) -> None:
             builder.go_to((0, HERE))
             builder.start_body()
             rotor = joint.viscous * joint.viscous_lag
-            builder.add_hinge(Coordinate(number, 0, LAG), SLIDES * joint.slides, 0.0, joint.viscous, armature=rotor)
+            builder.add_hinge(Kind.LAG.at(number), SLIDES * joint.slides, 0.0, joint.viscous, armature=rotor)
     builder.go_to(last)
 
 
@@ -316,4 +316,4 @@ def _add_root(builder: Builder, link: Link, number: int) -> None:
     builder.start_body(section=link.beam.frame)
     for axis, (stiffness, damping) in link.root_springs.items():
         turned = ROOT_AXES.index(axis)
-        builder.add_hinge(Coordinate(number, 0, ROOT + turned), turned, stiffness, damping)
+        builder.add_hinge(Kind.ROOT.at(number, axis=turned), turned, stiffness, damping)

@@ -86,7 +86,7 @@ def _negative(chain: Chain, q: Array) -> int | None:
     """Return the joint that moves most in a motion of negative kinetic energy; None if there is no such motion."""
     M, rounding = np.zeros((chain.n, chain.n)), 1e-10  # a singular M is reported where it is inverted
     mass_composite(chain.arrays, q, M)
-    free = np.flatnonzero(chain.hinges["prescribed"] == 0)
+    free = chain.free
     M = M[np.ix_(free, free)]
     scale = np.sqrt(np.where(M.diagonal() == 0, 1.0, np.abs(M.diagonal())))
     M /= np.outer(scale, scale)

@@ -20,7 +20,7 @@ import scipy
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
-from flexlink.chain.coordinates import Coordinate
+from flexlink.chain.coordinates import Kind
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.types import Array
 from flexlink.describe.link import AXES
@@ -70,12 +70,7 @@ def with_shapes(chain: Chain, scene: Scene) -> Chain:
 
 def hinges_of(chain: Chain, link: int, axis: int) -> Hinges:
     """Indices of the hinges of a link in one direction: axis 1 twists, 2 and 3 bend about y and z."""
-    return np.array([k for k, c in enumerate(chain.coordinates) if is_bent(c, link, axis)], dtype=np.intp)
-
-
-def is_bent(coordinate: Coordinate, link: int, axis: int) -> bool:
-    """Whether a coordinate is a hinge of the beam of this link in this direction."""
-    return coordinate.link == link and coordinate.bends and coordinate.axis == axis
+    return chain.where(Kind.HINGE, link=link, axis=axis)
 
 
 def eigenmodes(x: Array, K: Array, M: Array, count: int) -> Array:

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from flexlink.chain.chain import Chain
+from flexlink.chain.coordinates import SPRINGS, Kind
 from flexlink.chain.lumping import lump
 from flexlink.cli.json_output import with_ids
 from flexlink.cli.modes import as_document, elastic_hertz, first_elastic, print_modes
@@ -142,9 +143,9 @@ def _show_frequencies(about: Mapping[str, Any]) -> None:
 def _kind(chain: Chain, k: int) -> str:
     """Describe a joint by its spring or, for a driven joint, by its limits."""
     slides = bool(chain.slides[k])
-    if chain.coordinate(k).of_base:
+    if chain.coordinate(k).kind is Kind.BASE:
         return "of the free base"
-    if chain.coordinate(k).axis:
+    if chain.coordinate(k).kind is not Kind.JOINT:
         coupled = short_list(list(map(str, chain.coupled_joints[k])))
         turned = ", of a rotation vector" if chain.bodies["springs"][chain.body(k)] else ""
         unit, more = "N/m" if slides else "N m/rad", f", coupled with {coupled}" if coupled else ""
@@ -184,7 +185,7 @@ def _step_text(row: Mapping[str, Any]) -> str:
 def _without_structural_damping(chain: Chain) -> Chain:
     """The chain without Kelvin-Voigt damping; the same object if it has none."""
     hinges, couplings = chain.hinges.copy(), chain.couplings.copy()
-    hinges["damping"][[k for k, c in enumerate(chain.coordinates) if c.axis]] = 0.0
+    hinges["damping"][chain.where(*SPRINGS)] = 0.0
     couplings["damping"] = 0.0
     same = np.array_equal(hinges, chain.hinges) and np.array_equal(couplings, chain.couplings)
     return chain if same else dataclasses.replace(chain, hinges=hinges, couplings=couplings)

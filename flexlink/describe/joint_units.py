@@ -88,13 +88,18 @@ def in_words(slides: bool, si: float, form: str = ".6g") -> str:
 
 
 class KindOfJoint(NamedTuple):
-    """Name of a kind of joint, unit of its coordinate in scenes and in SI, and unit of its drive torque or force."""
+    """Names of a kind of joint, of its coordinate and drive, and of their units, in scenes and in SI."""
 
     name: str
     unit: str
     si: str
     torque: str
+    place: str
+    load: str
 
 
-OF_JOINT = {False: KindOfJoint("revolute", "deg", "rad", "N m"), True: KindOfJoint("prismatic", "m", "m", "N")}
+OF_JOINT = {
+    False: KindOfJoint("revolute", "deg", "rad", "N m", "angle", "torque"),
+    True: KindOfJoint("prismatic", "m", "m", "N", "position", "force"),
+}
 """Kinds of joints, by whether they slide."""

@@ -186,7 +186,7 @@ def forward_dynamics_derivatives(
         forward_dynamics(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame)  # raises an error if q̈ does not exist
         raise beyond_float64(_of("accelerations", chain), q=q, qd=qd, tau=tau, tip_wrench=wrench, gravity=chain.gravity)
     if frame == "tip":
-        free = np.flatnonzero(chain.hinges["prescribed"] == 0)
+        free = chain.free
         found[0] -= found[2][:, free] @ _of_turning(chain, q, qd, wrench, tip_wrench)[free]
     found.setflags(write=False)  # also makes its parts read-only
     return ForwardDerivatives(found[0], found[1], found[2])  # twice as fast as `*found`
@@ -197,7 +197,7 @@ def _shaped_derivatives(chain: Chain, wrench: Array, q: Array, qd: Array, tau: A
 
     At constant q̈, −B (Bᵀ M B)⁻¹ Bᵀ times the derivatives of M q̈ + T_GC + T_FL + T_FR + T_DRAG.
     """
-    free, given = (np.flatnonzero((chain.hinges["prescribed"] != 0) == moves) for moves in (False, True))
+    free, given = (np.flatnonzero(chain.held == given) for given in (False, True))
     qdd = forward_dynamics(chain, q, qd, tau, tip_wrench=wrench)
     if not all_inverse_derivatives(*chain.arrays, wrench, q, qd, qdd, found):
         return False

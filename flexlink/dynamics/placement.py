@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -198,3 +199,12 @@ def hinge_bodies(chain: Chain) -> NDArray[np.intp]:
 def unbent(chain: Chain, q: Array) -> Array:
     """Return q with every spring at its rest angle and the angles of joints without springs unchanged."""
     return np.where(chain.stiffness > 0, chain.rest, q)
+
+
+def slid_apart(chain: Chain, rates: NDArray[Any]) -> NDArray[Any]:
+    """Set the rows of sliding joints in `rates` (n, …, 3) to zero; return the sum of those rows for each body."""
+    slid = np.zeros((len(chain.bodies), *rates.shape[1:]), dtype=rates.dtype)
+    if chain.slides.any():
+        np.add.at(slid, hinge_bodies(chain)[chain.slides], rates[chain.slides])
+        rates[chain.slides] = 0.0
+    return slid

@@ -23,7 +23,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.products import cross
 from flexlink.common.types import Array
 from flexlink.dynamics.batches import about_state, is_batch, rows
-from flexlink.dynamics.placement import body_number, hinge_bodies
+from flexlink.dynamics.placement import body_number, slid_apart
 from flexlink.dynamics.result import Result
 from flexlink.kernels.geometry.kinematics import forward_kinematics
 from flexlink.kernels.tools.finite import is_finite
@@ -65,7 +65,7 @@ def _moving(chain: Chain, R: Array, p: Array, axes: Array, qd: Array, qdd: Array
     spans, rest = spans_of(chain.bodies), np.zeros(p.shape[1:])
     with np.errstate(over="ignore", invalid="ignore"):
         turned, faster = axes * qd[..., None], axes * qdd[..., None]
-        slid, slid_faster = (_slid(chain, part) for part in (turned, faster))
+        slid, slid_faster = (slid_apart(chain, part) for part in (turned, faster))
         before, ω = _after_hinges(chain, spans, turned)
         before_α, α = _after_hinges(chain, spans, faster + cross(before, turned))
         ω_before, α_before = of_parents(chain, ω, rest), of_parents(chain, α, rest)
@@ -77,15 +77,6 @@ def _moving(chain: Chain, R: Array, p: Array, axes: Array, qd: Array, qdd: Array
             a += slid_faster + 2 * cross(ω_before, slid)
         v, a = sums_outward(spans, v), sums_outward(spans, a)
     return BodyMotion(R, p, axes, v, ω, a, α, (before, before_α))
-
-
-def _slid(chain: Chain, rates: Array) -> Array:
-    """Set the rows of sliding joints in `rates` (n, …, 3) to zero; return the sum of those rows for each body."""
-    slid = np.zeros((len(chain.bodies), *rates.shape[1:]))
-    if chain.slides.any():
-        np.add.at(slid, hinge_bodies(chain)[chain.slides], rates[chain.slides])
-        rates[chain.slides] = 0.0
-    return slid
 
 
 def _after_hinges(chain: Chain, spans: list[Branch], terms: Array) -> tuple[Array, Array]:

@@ -53,7 +53,7 @@ def idle_joint(chain: Chain, q: Array) -> int:
     """
     M = np.zeros((chain.n, chain.n))
     mass_composite(chain.arrays, q, M)
-    free = np.flatnonzero(chain.hinges["prescribed"] == 0)
+    free = chain.free
     M = M[np.ix_(free, free)]
     root = np.sqrt(np.maximum(M.diagonal(), 0.0))  # negative entries are rounding errors
     if not root.all():

@@ -79,7 +79,7 @@ def weak_drives(scene: Scene) -> Iterator[Diagnostic]:
     chain = lump(scene)
     pulled = np.abs(gravity_torque(chain, _angles(scene, chain)))
     for joint in chain.active:
-        k, unit = chain.coordinates[int(joint)].link, "N" if chain.slides[joint] else "N m"
+        k, unit = chain.coordinates[int(joint)].link, chain.torque_units[joint]
         limit, needed = effort[k - 1], float(pulled[joint])
         if limit < needed:
             # a limit below a twentieth of the holding torque suggests a wrong unit

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import beyond_float64, require_type, vector
 from flexlink.chain.compliance import curvatures
-from flexlink.chain.coordinates import STRETCH
+from flexlink.chain.coordinates import Kind
 from flexlink.chain.lumping import lump
 from flexlink.chain.table_beam import TableBeam
 from flexlink.common.errors import ArgumentError
@@ -119,7 +119,7 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
             curvature -= np.repeat(cross(held[..., ::2, :], held[..., 1::2, :]) / (6 * h), 2, axis=-2)
         strain = z * curvature[..., 1] - y * curvature[..., 2]
         if bent.stretch:
-            slides = [chain.index(number, segment, STRETCH) for segment in range(1, len(nodes) + 1)]
+            slides = chain.where(Kind.STRAIN, link=number, axis=Kind.STRAIN.first)
             strain += angles[..., slides] / (weights * length)
     if not (is_finite(curvature.reshape(-1)) and is_finite(strain.reshape(-1))):
         raise beyond_float64("a strain", q=angles, fibre=[y, z])

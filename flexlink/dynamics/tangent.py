@@ -18,7 +18,7 @@ from flexlink.common.wording import truncated
 from flexlink.dynamics import rounding
 from flexlink.dynamics.forces import force_slopes, force_torque
 from flexlink.dynamics.free_motion import first_joints, restricted, sums_of_squares
-from flexlink.dynamics.placement import hinge_bodies
+from flexlink.dynamics.placement import slid_apart
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.springs import about
 from flexlink.dynamics.terms import bias_torque
@@ -82,7 +82,7 @@ def unlocked(chain: Chain, locked: Joints) -> NDArray[np.intp]:
     ArgumentError
         `locked` contains something that is not a joint, or leaves no free coordinate.
     """
-    moves, held = chain.hinges["prescribed"] == 0, chain.joint_indices("locked", locked)
+    moves, held = ~chain.held, chain.joint_indices("locked", locked)
     if chain.shapes is not None and len(together := np.intersect1d(held, shaped_hinges(chain))):
         raise ArgumentError(
             f"locked: hinge {chain.joint_name(int(together[0]))!r} moves by the shapes of its link; lock "
@@ -221,10 +221,7 @@ def displacements(chain: Chain, q: Array, φ: NDArray[np.inexact]) -> NDArray[np
     """
     _, points, axes = forward_kinematics(chain.arrays, q)
     steps, first, stop = φ[:, :, None] * axes, chain.bodies["first"], chain.bodies["stop"]
-    slid = np.zeros((len(φ), len(points), 3), dtype=φ.dtype)
-    if chain.slides.any():
-        np.add.at(slid.swapaxes(0, 1), hinge_bodies(chain)[chain.slides], steps[:, chain.slides].swapaxes(0, 1))
-        steps[:, chain.slides] = 0.0
+    slid = slid_apart(chain, steps.swapaxes(0, 1)).swapaxes(0, 1)
     turned, moved, rest = np.zeros_like(slid), np.zeros_like(slid), np.zeros((len(φ), 3))
     for parent, begin, end in spans_of(chain.bodies):
         turn, move, origin = rest, rest, np.zeros(3)

@@ -213,7 +213,7 @@ def refuse_prescribed_motion(engine: str, chain: Chain) -> None:
     ArgumentError
         A joint has a prescribed motion.
     """
-    prescribed = np.flatnonzero(chain.hinges["prescribed"])
+    prescribed = np.flatnonzero(chain.held)
     if len(prescribed):
         raise ArgumentError(
             f"{chain.name}: the motion of joint {chain.joint_name(int(prescribed[0]))!r} is prescribed, which {engine} "

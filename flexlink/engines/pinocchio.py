@@ -66,7 +66,7 @@ class PinocchioEngine:
         exported = to_urdf(chain, shapes=False)
         self._parse(exported, xml_joint_names(chain), loaded_tip(chain).name)
         self._excess = excess_of(chain, lambda: read_urdf(exported))
-        prescribed = chain.hinges["prescribed"] != 0
+        prescribed = chain.held
         self.prescribed, self._free = np.flatnonzero(prescribed), np.flatnonzero(~prescribed)
 
     @classmethod

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.builder import record_branches
 from flexlink.chain.chain import Chain
+from flexlink.chain.coordinates import Kind
 from flexlink.common.errors import ArgumentError
 from flexlink.common.products import cross
 from flexlink.common.types import Array
@@ -260,7 +261,7 @@ def of_chain(chain: Chain) -> ReadBack:
         chain.joint_names, parents, np.array(chain.axes), points, np.repeat(R, counts, axis=0), **placed,
         slides=np.array(chain.slides), **own, **no_actuators(chain.n), gravity=np.array(chain.gravity),
         tip=p[-1], tip_on=tips(chain)[-1].parent,
-        bodies=tuple(name if c.axis else chain.link_names[c.link - 1] for c, name in named),
+        bodies=tuple(chain.link_names[c.link - 1] if c.kind is Kind.JOINT else name for c, name in named),
     )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from flexlink.chain import free_base
 from flexlink.chain.arguments import require_type
 from flexlink.chain.chain import Chain
-from flexlink.chain.coordinates import unique
+from flexlink.chain.coordinates import Kind, unique
 from flexlink.chain.shapes import refuse_shapes
 from flexlink.common.types import Array
 from flexlink.describe.arm import BASE
@@ -164,7 +164,7 @@ def moved_links(chain: Chain, joints: Sequence[str]) -> list[str]:
     """Return names of the frames that `joints` move, without a floating base: links of joints with separate names."""
     named = [own != link for own, link in zip(chain.joints_of_links, chain.link_names, strict=True)]
     pairs = list(zip(chain.coordinates, joints, strict=True))[base_joints(chain) :]
-    own = (chain.link_names[c.link - 1] if c.axis == 0 and named[c.link - 1] else "" for c, _ in pairs)
+    own = (chain.link_names[c.link - 1] if c.kind is Kind.JOINT and named[c.link - 1] else "" for c, _ in pairs)
     return [valid(link) or f"{joint}_link" for link, (_, joint) in zip(own, pairs, strict=True)]
 
 

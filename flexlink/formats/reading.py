@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from flexlink.chain import free_base
 from flexlink.chain.builder import Body, recorded
 from flexlink.chain.chain import Chain
-from flexlink.chain.coordinates import LAG, STRETCH, Coordinate
+from flexlink.chain.coordinates import KINDS, Coordinate, Kind
 from flexlink.chain.odd_bodies import negative_inertia
 from flexlink.chain.rigid import HERE, NOTHING, Pose, SpatialInertia
 from flexlink.common.types import Array
@@ -41,7 +41,7 @@ class Hinge(NamedTuple):
     def follows(self, before: Hinge) -> bool:
         """Whether the hinge moves the same body as the previous hinge."""
         here, there = self.coordinate, before.coordinate
-        return before.body is None and _of_body(here) == _of_body(there)
+        return before.body is None and here.body == there.body
 
 
 class End(NamedTuple):
@@ -52,11 +52,6 @@ class End(NamedTuple):
     parent: str  # name of the parent joint; "": the base
     translation: Array
     rotation: Array
-
-
-def _of_body(at: Coordinate) -> tuple[int, int, bool, bool]:
-    """Key of the body that a hinge moves: root springs, hinges and slides of a beam move different bodies."""
-    return at.link, at.segment, at.of_root, at.strains
 
 
 def link_of(node: Node, key: str, links: Sequence[str]) -> int:
@@ -71,10 +66,11 @@ def link_of(node: Node, key: str, links: Sequence[str]) -> int:
 
 def coordinate(node: Node, numbers: Sequence[float], links: Sequence[str]) -> Coordinate:
     """Return the three indices of a hinge: link, segment and axis."""
-    link, segment, axis = (int(number) if number == int(number) else -1 for number in numbers)
-    if not (1 <= link <= len(links) and segment >= 0 and 0 <= axis < STRETCH + 3 and axis != LAG):
-        raise node.error(f"coordinate {list(numbers)}: expected link 1 … {len(links)}, segment, axis 0 … {STRETCH + 2}")
-    return Coordinate(link, segment, axis)
+    found = Coordinate(*(int(number) if number == int(number) else -1 for number in numbers))
+    if not (1 <= found.link <= len(links) and found.segment >= 0 and found.known and found.known.moves):
+        last = max(axis for _, axis in KINDS)
+        raise node.error(f"coordinate {list(numbers)}: expected link 1 … {len(links)}, segment, axis 0 … {last}")
+    return found
 
 
 def limits_of(lower: float, upper: float) -> dict[str, float]:
@@ -126,7 +122,7 @@ def chain_of(
     for hinge in hinges:
         _require_sound(hinge)
     base = _base_hinges() if floats else np.zeros(0, HINGE)
-    coordinates = tuple(Coordinate(0, 0, k) for k in range(1, len(base) + 1)) + tuple(h.coordinate for h in hinges)
+    coordinates = tuple(Kind.BASE.at(0, axis=k) for k in range(len(base))) + tuple(h.coordinate for h in hinges)
     if len(set(coordinates)) < len(coordinates):
         raise root.error("two joints have the same coordinate")
     bodies, tips = _bodies(ends, hinges, _base_bodies(attitude, body))

@@ -1,4 +1,4 @@
-"""Chain → SDFormat 1.10, with one link and one revolute or prismatic joint per coordinate, springs and dampers.
+"""Chain → SDFormat 1.10, with one link and one joint per coordinate, springs and dampers.
 
 All links at a point except the last are massless. Zero mass must be written; links without `<inertial>` weigh 1 kg.
 Joints with several axes (`universal`, `ball`) are not used, because Drake drops their springs without a warning. A
@@ -173,7 +173,7 @@ def _shape(link: ET.Element, capsule: Capsule, name: str) -> None:
 def _joint(model: ET.Element, chain: Chain, k: int, name: str, ends: tuple[str, str]) -> None:
     hinge = chain.hinges[k]
     own = {f"flexlink:{key}": value for key, value in custom_values(chain, k, STANDARD_FIELDS).items()}
-    kind = "prismatic" if chain.slides[k] else "revolute"
+    kind = chain.joint_kinds[k].name
     joint = ET.SubElement(model, "joint", {"name": name, "type": kind, **own})
     _values(joint, dict(zip(("parent", "child"), ends, strict=True)))
     axis = ET.SubElement(joint, "axis")

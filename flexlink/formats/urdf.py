@@ -105,7 +105,7 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
     if chain.has_free_base:
         _contents(base, chain.bodies[1], shown.get(free_base.JOINTS - 1, []))
     for k, parent, translation, rotation, body in joint_places(chain):
-        kind = "prismatic" if chain.slides[k] else "revolute"
+        kind = chain.joint_kinds[k].name
         joint = _joint(robot, joints[k], kind, (links[parent + 1], links[k + 1]), (translation, rotation))
         _hinge(joint, chain, k)
         ET.SubElement(joint, "flexlink", custom_values(chain, k, STANDARD_FIELDS) | exact_rotation(rotation))

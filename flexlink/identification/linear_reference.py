@@ -86,7 +86,7 @@ def _poles(p: Array) -> Array:
 def _accelerations(scene: Scene) -> tuple[Array, Array]:
     """Times of a run, shape (samples,), and accelerations of its prescribed joints, shape (samples, joints)."""
     run = simulate(scene)
-    prescribed = np.flatnonzero(run.chain.hinges["prescribed"] != 0)
+    prescribed = np.flatnonzero(run.chain.held)
     accelerations = scipy.interpolate.CubicSpline(run.t, run.qd[:, prescribed])(run.t, 1)
     return run.t, np.asarray(accelerations).reshape(len(run.t), len(prescribed))
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexlink.chain.coordinates import Kind
 from flexlink.common.errors import Diagnostic, FlexlinkError
 from flexlink.common.types import Array
-from flexlink.describe.joint_units import in_words
 from flexlink.describe.run_settings import AUTO, DEFAULT_TOLERANCE
 from flexlink.dynamics.free_motion import DENSE
 from flexlink.results.record import Record
@@ -35,7 +35,7 @@ def slow_progress(record: Record, state: Sequence[Array], t: float, how: str) ->
         cause, advice = known
         return f"{text}; {cause}", advice
     k, own = int(np.argmax(np.abs(qdd))), "" if record.run.method == AUTO else "method = 'auto', "
-    at = in_words(bool(chain.slides[k]), float(q[k]), ".3g" if chain.slides[k] else ".1f")
+    at = chain.place_in_words(k, float(q[k]), ".3g" if chain.slides[k] else ".1f")
     worst = f"joint {chain.joint_name(k)!r} at {at} has the largest acceleration"
     return f"{text}; {worst}", f"try {own}a larger tolerance or fixed steps, or raise max_evaluations"
 
@@ -109,9 +109,9 @@ def _locked_gimbal(record: Record, q: Array) -> tuple[str, str] | None:
     # cosine of the second angle below which the first and third axes nearly coincide, so that the rates of these two
     # angles are ten times the angular rate of the body
     near_gimbal_lock = 0.1
-    chain, places = record.chain, [(c.link, c.segment, c.of_root, c.strains) for c in record.chain.coordinates]
-    for place, group in itertools.groupby(range(chain.n), key=lambda k: places[k]):
-        axes = [k for k in group if (place[1] or place[2]) and chain.coordinates[k].axis]
+    chain, springs = record.chain, record.chain.where(Kind.ROOT, Kind.HINGE).tolist()
+    for _, group in itertools.groupby(springs, key=lambda k: chain.coordinates[k].body):
+        axes = [*group]
         if len(axes) == 3 and abs(np.cos(q[axes[1]])) < near_gimbal_lock:
             name, angle = chain.joint_name(axes[1]), np.degrees(q[axes[1]])
             return (

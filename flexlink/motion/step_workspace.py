@@ -46,7 +46,7 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     numbers[STEPPER.far] = FAR if chain.has_free_base else 0.0
     gains = drive_gains(chain, record.inputs)
     kp, kd, kick = (gain.copy() for gain in gains)
-    free = (chain.stiffness == 0.0) & (gains[0] == 0.0) & (chain.hinges["prescribed"] == 0)
+    free = (chain.stiffness == 0.0) & (gains[0] == 0.0) & ~chain.held
     numbers[STEPPER.coast] = record.run.duration if record.run.controlled and free.any() else 0.0
     numbers[STEPPER.read] = read_by(method)[1]
     brakes, forces = (None, None) if arrays.rare is None else (np.zeros(n), forces_of(arrays))
@@ -126,7 +126,7 @@ def turning_of(chain: Chain, most: int, stages: int, r: int, p: int) -> Turning:
     coulomb = chain.hinges["coulomb"]
     if not any(coulomb.tolist()):
         return without_friction(chain.n, stages, r, p)._replace(count=np.zeros(1, np.int64))
-    dry = np.flatnonzero((coulomb > 0) & (chain.hinges["prescribed"] == 0))
+    dry = np.flatnonzero((coulomb > 0) & ~chain.held)
     return turning_at(dry, min(most, len(dry)), chain.n, stages, r, p)
 
 

@@ -86,7 +86,7 @@ class Balance:
 
 def _bounds(chain: Chain, force: Array, insisted: bool, bend: float, near: float) -> Bounds:
     limited = np.isfinite(chain.hinges["lower"]).tobytes()
-    joints = WATCHED(chain.coordinates, (limited, chain.hinges["prescribed"].tobytes()), lambda: _watched(chain))
+    joints = WATCHED(chain.coordinates, (limited, chain.held.tobytes()), lambda: _watched(chain))
     return Bounds(force, chain.weight * chain.size, SHARE, insisted, bend, near, *joints)
 
 
@@ -95,8 +95,8 @@ WATCHED = Memo(64)
 
 
 def _watched(chain: Chain) -> tuple[Indices, Indices, Indices]:
-    free, prescribed = chain.active, chain.hinges["prescribed"]
-    if np.count_nonzero(prescribed):
-        free = free[prescribed[free] == 0]
+    free = chain.active
+    if chain.held.any():
+        free = free[~chain.held[free]]
         free.flags.writeable = False  # read-only like `chain.active`, so that the same compiled code fits
     return chain.bending, np.isfinite(chain.hinges["lower"]).nonzero()[0], free

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.builder import record_branches
 from flexlink.chain.chain import Chain
-from flexlink.chain.coordinates import STRETCH, Coordinate
+from flexlink.chain.coordinates import Coordinate
 from flexlink.chain.lumping import lump
 from flexlink.chain.rigid import DESCRIBED
 from flexlink.chain.shapes import shapes_of
@@ -252,9 +252,8 @@ def check_chain(chain: Chain) -> None:
 
 
 def _names_a_joint(coordinate: Coordinate, links: int) -> bool:
-    link, segment, axis = coordinate
     whole = all(type(index) is int for index in coordinate)
-    return whole and 0 <= link <= links and segment >= 0 and (link == 0) <= axis <= (STRETCH + 2 if link else 6)
+    return whole and 0 <= coordinate.link <= links and coordinate.segment >= 0 and coordinate.known is not None
 
 
 def _is_tree(chain: Chain) -> bool:

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import require_one_of, sequence
 from flexlink.chain.branches import as_lines
+from flexlink.chain.coordinates import Kind
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.common.wording import plural
-from flexlink.describe.joint_units import in_joint_units
 from flexlink.pages.colours import BLUE, CYCLE, GREEN, GREY, INK, VERMILION
 from flexlink.results.notebook_figure import NotebookFigure as Figure
 from flexlink.results.notebook_figure import literal
@@ -74,25 +74,29 @@ def _chosen(run: Trajectory, what: str | Sequence[str] | None) -> list[Draw]:
     return list(itertools.chain.from_iterable(drawn))
 
 
+COORDINATES = {
+    ("joints", "rad"): "active joints [deg]",
+    ("joints", "m"): "sliding joints [m]",
+    ("springs", "rad"): "passive joints [deg]",
+    ("springs", "m"): "springs of\nsliding joints [m]",
+}
+"""Labels of the panels of coordinates, by the name of the panel and the SI unit."""
+
+
 def panels(run: RunSamples) -> Iterator[tuple[str, Draw]]:
     """Names of the panels of a run, and functions that draw them, from top to bottom."""
-    of_joints = (
-        ("joints", _driven(run, slides=False), "active joints [deg]"),
-        ("joints", _driven(run, slides=True), "sliding joints [m]"),
-        ("springs", _hinges(run, slides=False), "passive joints [deg]"),
-        ("springs", _hinges(run, slides=True), "springs of\nsliding joints [m]"),
-    )
-    for name, joints, label in of_joints:
-        if joints:
-            yield name, partial(_coordinates, run=run, joints=joints, label=label)
+    chain = run.chain
+    for name in ("joints", "springs"):
+        for unit, joints in chain.by_unit(chain.where(*(kind for kind in Kind if kind.panel == name)).tolist()):
+            yield name, partial(_coordinates, run=run, joints=joints, label=COORDINATES[name, unit.si])
     there = (
         ("base", base, run.chain.has_free_base), ("tip", tip, True), ("energy", exchanged_energy, True),
         ("elastic", elastic_energy, bool(run.chain.stiffness.any())), ("balance", imbalance, run.work is not None),
     )  # fmt: skip
     yield from ((name, partial(draw, run=run)) for name, draw, shown in there if shown)
-    for slides, label in ((False, "drive torques\n[N m]"), (True, "drive forces\n[N]")):
-        joints = _driven(run, slides=slides)
+    for unit, joints in chain.by_unit(chain.active.tolist()):
         if run.drive_torques[:, joints].any():
+            label = f"drive {unit.load}s\n[{unit.torque}]"
             yield "drives", partial(_curves, run=run, joints=joints, values=run.drive_torques[:, joints], label=label)
 
 
@@ -166,18 +170,6 @@ def plot_modes(found: Modes, chain: Chain, count: int = 8) -> Figure:
     return figure
 
 
-def _driven(run: RunSamples, *, slides: bool) -> list[int]:
-    """Indices of the driven joints that turn or, if `slides`, that slide."""
-    return [k for k in run.chain.active.tolist() if run.chain.slides[k] == slides]
-
-
-def _hinges(run: RunSamples, *, slides: bool) -> list[int]:
-    """Indices of the links' passive joints that turn or, if `slides`, that slide."""
-    chain, internal = run.chain, run.chain.internal
-    passive = (k for k, c in enumerate(chain.coordinates) if c.link and c.axis and k not in internal)
-    return [k for k in passive if chain.slides[k] == slides]
-
-
 def _column(panel: Axes, run: Trajectory, name: str) -> None:
     """Plot a column of the run."""
     panel.plot(run.t, run.columns[name], label=name)
@@ -190,7 +182,7 @@ def _since_start(values: ArrayLike) -> NDArray[np.float64]:
 
 def _coordinates(panel: Axes, run: RunSamples, joints: list[int], label: str) -> None:
     """Plot the coordinates of joints of one kind."""
-    _curves(panel, run, joints, in_joint_units(run.chain.slides[joints].tolist(), run.q[:, joints]), label)
+    _curves(panel, run, joints, run.chain.in_own_units(run.q[:, joints], np.array(joints)), label)
 
 
 def _curves(panel: Axes, run: RunSamples, joints: list[int], values: Array, label: str) -> None:

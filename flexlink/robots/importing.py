@@ -23,6 +23,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from flexlink.chain.coordinates import Kind
 from flexlink.chain.lumping import lump
 from flexlink.chain.odd_bodies import of_odd_bodies
 from flexlink.chain.rigid import SpatialInertia
@@ -417,7 +418,7 @@ def clamped_frequency(scene: Scene, link: str) -> float:
     q = np.zeros(chain.n)
     joints = [chain.coordinate(k).link - 1 for k in chain.active]
     q[chain.active] = scene.joint_positions[joints]
-    others = [k for k in range(chain.n) if chain.coordinate(k).link != number or chain.coordinate(k).axis == 0]
+    others = [k for k in range(chain.n) if chain.coordinate(k).link != number or chain.coordinate(k).kind is Kind.JOINT]
     return float(natural_frequencies(chain, q, locked=others)[0] / (2 * np.pi))
 
 

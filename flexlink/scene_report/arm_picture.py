@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from flexlink.chain.branches import as_lines, base_body, sliding_bodies, unslid
 from flexlink.chain.chain import Chain
+from flexlink.chain.coordinates import SPRINGS
 from flexlink.chain.lumping import lump
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
@@ -68,7 +69,7 @@ def draw_arm(axes: Axes, view: View, points: Array, chain: Chain, rails: Array |
     at = points[base - 1 : base] if base else np.zeros((1, 3))
     axes.plot(*view.flat(at), "s", color=INK, markersize=8, zorder=3, label="base")
     x, y = view.flat(points)
-    hinges = [chain.body(k) for k, c in enumerate(chain.coordinates) if c.link and c.axis]
+    hinges = [chain.body(int(k)) for k in chain.where(*SPRINGS)]
     driven = [chain.body(int(k)) for k in chain.active]
     if hinges:
         axes.plot(x[hinges], y[hinges], ".", color=INK, markersize=6, zorder=4, label="springs")

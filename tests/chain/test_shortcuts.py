@@ -9,6 +9,7 @@ import pytest
 
 import flexlink as fl
 from flexlink.chain import builder, size
+from flexlink.chain.coordinates import Kind
 from flexlink.chain.free_base import angles_of, quaternions_of
 from flexlink.chain.rotation import matrices_from_quaternions, matrix_from_quaternion
 from flexlink.data.documents import is_finite
@@ -57,7 +58,9 @@ def test_skipping_products_with_identities_gives_bit_equal_frames(arm: Path, mon
 def test_no_eigenvalue_exceeds_the_rate_bound(arm: Path, rng: np.random.Generator) -> None:
     problem = problem_of(fl.load_scene(arm))
     chain = problem.chain
-    bend = np.where([c.strains for c in chain.coordinates], 1e-3, 0.1)  # m in slides of beams, rad in hinges
+    bend = np.where(
+        [c.kind is Kind.STRAIN for c in chain.coordinates], 1e-3, 0.1
+    )  # m in slides of beams, rad in hinges
     for q, qd in ((problem.q, problem.qd), (problem.q + bend * rng.normal(size=chain.n), rng.normal(size=chain.n))):
         acting = acting_at(problem.inputs, chain, 0.0, q, qd)
         bound = rate_bound(chain, q, qd, **acting)

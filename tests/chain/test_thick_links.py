@@ -10,6 +10,7 @@ from mpmath import mp
 from scipy.integrate import solve_bvp
 
 import flexlink as fl
+from flexlink.chain.coordinates import Kind
 from flexlink.describe.sections import SHEAR_FACTORS
 from flexlink.dynamics import rounding
 from flexlink.errors import SceneError
@@ -66,7 +67,7 @@ def test_matched_inertias_are_left_out_only_where_M_would_be_indefinite() -> Non
 @pytest.mark.parametrize("hinges", [2, 6, 10, 20])
 def test_M_is_positive_definite_in_bent_postures(slenderness: float, hinges: int) -> None:
     chain, rng = fl.lump(link(1 / slenderness, hinges, stretch=True)), np.random.default_rng(hinges)
-    size = np.where([c.strains for c in chain.coordinates], 1e-3, 0.2)
+    size = np.where([c.kind is Kind.STRAIN for c in chain.coordinates], 1e-3, 0.2)
     for _ in range(5):
         np.linalg.cholesky(fl.mass_matrix(chain, size * rng.normal(size=chain.n)))
 
@@ -76,7 +77,7 @@ def test_a_bar_vibrates_lengthwise_with_order_4() -> None:
     found = []
     for hinges in (16, 32):
         chain = fl.lump(link(0.05, hinges, shear=False, stretch=True))
-        bent = [k for k, c in enumerate(chain.coordinates) if not c.strains]
+        bent = [k for k, c in enumerate(chain.coordinates) if c.kind is not Kind.STRAIN]
         found.append(np.abs(fl.modes(chain, locked=bent).frequencies[:3] / exact - 1))
     assert found[1].max() <= 2e-5
     assert (np.log2(found[0] / found[1]) >= 3.8).all()
@@ -174,7 +175,7 @@ def random_thick(seed: int) -> tuple[fl.Chain, np.ndarray, np.ndarray]:
         if each.flex != "rigid" and each.material is not None:
             changes |= {f"link.{each.name}.shear": seed % 2 == 0 or 0.7, f"link.{each.name}.stretch": seed % 5 > 0}
     chain, rng = fl.lump(scene.varied(changes)), np.random.default_rng(seed)
-    size = np.where([c.strains for c in chain.coordinates], 1e-3, np.where(chain.stiffness > 0, 0.1, 1.0))
+    size = np.where([c.kind is Kind.STRAIN for c in chain.coordinates], 1e-3, np.where(chain.stiffness > 0, 0.1, 1.0))
     return chain, chain.rest + size * rng.normal(size=chain.n), size * rng.normal(size=chain.n)
 
 

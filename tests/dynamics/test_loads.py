@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import flexlink as fl
+from flexlink.chain.coordinates import Kind
 from flexlink.dynamics.placement import hinge_bodies
 from tests.conftest import ALUMINIUM, SQUARE, flexible, make_scene, nasty_scene, random_state
 from tests.support.words import refused
@@ -105,7 +106,13 @@ def sections(scene: fl.Scene, chain: fl.Chain, q: np.ndarray) -> tuple[np.ndarra
             R = R @ turn(link.joint.axis, np.radians(scene.initial.joint_deg[number - 1]))
         for k, c in enumerate(chain.coordinates):
             if c.link == number:
-                about = np.eye(3)[c.axis - 4] if c.of_root else F[:, (c.axis - 1) % 3] if c.segment else link.joint.axis
+                about = (
+                    np.eye(3)[c.axis - 4]
+                    if c.kind is Kind.ROOT
+                    else F[:, (c.axis - 1) % 3]
+                    if c.segment
+                    else link.joint.axis
+                )
                 R = R if chain.slides[k] else R @ turn(about, q[k])
                 found[chain.body(k)], of_link[chain.body(k)] = R @ F, R
         ends[link.name], parent = R @ turn(x, α if standard else 0.0), link.name

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import flexlink as fl
+from flexlink.chain.coordinates import Kind
 
 Array = NDArray[np.float64]
 FOLDER = Path(__file__).parent / "chains"
@@ -83,7 +84,7 @@ class Case:
         rng, n = np.random.default_rng(seed), self.chain.n
         bend = np.full(n, 0.1)
         bend[self.chain.active] = 1.0
-        bend[[c.strains for c in self.chain.coordinates]] = 1e-3
+        bend[[c.kind is Kind.STRAIN for c in self.chain.coordinates]] = 1e-3
         bent, rates = self.moved(bend * rng.normal(size=n)), self.moved(rng.normal(size=n))
         return self.start()[0] + bent, rates, rng.normal(size=n), rng.normal(size=6)
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 import flexlink as fl
+from flexlink.chain.coordinates import SPRINGS, Kind
 from flexlink.dynamics import rounding
 from flexlink.dynamics.terms import algorithms_of
 from tests.matrix.case import EPS, Array, Case, close, difference
@@ -33,6 +34,20 @@ def inverse_of_forward(case: Case) -> None:
             own = np.abs(tau) + np.abs(fl.drag_torque(case.chain, q, qd))
             allowed = rounding.of_residual(case.chain, q, qd, qdd, own, tip_wrench=wrench)
             assert np.abs(case.motions(case.free).T @ left).max() <= allowed, (frame, solver)
+
+
+def coordinates(case: Case) -> None:
+    """Every coordinate has one kind, one name and one unit; what names and kinds select is consistent."""
+    chain, every = case.chain, list(range(case.chain.n))
+    assert sorted(k for kind in Kind for k in chain.where(kind)) == every
+    assert [chain.joint_index("k", name) for name in chain.joint_names] == every
+    assert [chain.index(*c) for c in chain.coordinates] == every
+    assert sorted(k for _, joints in chain.by_unit(every) for k in joints) == every
+    assert {c for c in chain.coordinates if c.kind.springs} == {chain.coordinates[k] for k in chain.where(*SPRINGS)}
+    assert not chain.stiffness[np.setdiff1d(every, chain.where(*SPRINGS))].any(), "only these kinds have springs"
+    assert np.array_equal(chain.free, case.free)
+    last = [max(k for k in every if chain.body(k) == body) for body in map(chain.body, every)]
+    assert all(chain.coordinates[k].body == chain.coordinates[j].body for k, j in enumerate(last))
 
 
 def mass_matrices(case: Case) -> None:
@@ -94,7 +109,7 @@ def as_differences(
 
     Slides in beams have a tenth of the step: segments are centimetres long.
     """
-    steps = STEP * np.where([c.strains for c in case.chain.coordinates], 0.1, 1.0)
+    steps = STEP * np.where([c.kind is Kind.STRAIN for c in case.chain.coordinates], 0.1, 1.0)
     rounded = 100 * EPS * np.abs(f(*state)).max() / steps
     for slopes, expected in zip(found, along(f, *state, steps=steps), strict=True):
         close(slopes, expected, relative, rounded.max())

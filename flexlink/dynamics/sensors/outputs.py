@@ -76,7 +76,7 @@ class SensorOutputs:
 
     def _output(self, sensor: Sensor, chain: Chain, q: Array, qd: Array, qdd: Array, tau: Array) -> Output:
         scene = self.scene
-        if sensor.kind in {"torque", "current"} and chain.hinges["prescribed"][joint_of(sensor, chain, scene)]:
+        if sensor.kind in {"torque", "current"} and chain.held[joint_of(sensor, chain, scene)]:
             raise ArgumentError(
                 f"outputs: sensor {sensor.name!r}: the motion of its joint is prescribed; a linear model has the "
                 "acceleration of this joint as input and no torque as output; leave the sensor out",

@@ -41,7 +41,7 @@ def first_elastic_frequency(
 
     Errors as in `solve_static`.
     """
-    if not (chain.stiffness[chain.hinges["prescribed"] == 0] > 0).any():
+    if not (chain.stiffness[~chain.held] > 0).any():
         return np.nan
     rest = rest_of(chain, q, tip_wrench=tip_wrench, frame=frame)
     few = modes_at_rest(chain, rest, tip_wrench=tip_wrench, frame=frame, count=FEW).first_elastic_hertz

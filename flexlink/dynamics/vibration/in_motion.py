@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
+from flexlink.chain.coordinates import Kind
 from flexlink.chain.layout import Joints
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
@@ -192,7 +193,7 @@ def steady_joint(chain: Chain, name: str) -> int:
             f"rates: {name!r} is locked in the scene; set its joint.locked to false, so that it moves at its rate",
             id="locked-and-moving",
         )
-    if k not in chain.active and not chain.coordinates[k].of_base:
+    if chain.coordinates[k].kind not in (Kind.JOINT, Kind.BASE):
         driven = ", ".join(chain.joint_name(int(each)) for each in chain.active)
         raise ArgumentError(
             f"rates: {name!r} is a hinge with a spring; name a driven joint: {driven}", id="rate-of-hinge"

@@ -15,6 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexlink.chain.chain import Chain
+from flexlink.chain.coordinates import Kind
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.loads import internal_loads
@@ -32,7 +33,7 @@ def relieved(chain: Chain, q: Array, qd: Array, wrench: Array, frame: Frame) -> 
     if not len(hinges):
         return chain, lent
     tension = internal_loads(chain, q, qd, np.zeros(chain.n), tip_wrench=wrench, frame=frame).N
-    bodies, links = chain.bodies.copy(), np.array([c.link if c.bends else 0 for c in chain.coordinates])
+    bodies, links = chain.bodies.copy(), np.array([c.link if c.kind is Kind.HINGE else 0 for c in chain.coordinates])
     for k in hinges.tolist():
         i, a, pull = on[k], axis[k], tension[on[links == links[k]]].max()
         held = pull * np.linalg.norm(bodies["translation"][i])

@@ -159,7 +159,7 @@ def _model(
     driven = chain.active
     by_input = slopes.dtau[:, driven]
     if tip_force:
-        free = chain.hinges["prescribed"] == 0
+        free = ~chain.held
         by_input = np.hstack([by_input, slopes.dtau[:, free] @ jacobian(chain, q).linear.T[free]])
     size = 2 * n + sum(len(output.names) * len(output.filter.B) for output in found)
     A, B = np.zeros((size, size)), np.zeros((size, by_input.shape[1]))  # filled in place: a block can have 0.5 GB
@@ -172,7 +172,7 @@ def _model(
         C=C,
         D=D,
         x=np.concatenate([q, qd, z]),
-        u=np.append(np.where(chain.hinges["prescribed"][driven] != 0, 0.0, tau[driven]), np.zeros(3 * tip_force)),
+        u=np.append(np.where(chain.held[driven], 0.0, tau[driven]), np.zeros(3 * tip_force)),
         y=np.concatenate([output.values for output in found]),
         rate=np.concatenate([qd, qdd, np.zeros_like(z)]),
         states=state_names(chain) + states,

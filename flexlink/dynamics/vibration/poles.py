@@ -57,7 +57,7 @@ def pd_poles(
     q, wrench = vector("q", q, n), wrench_vector(tip_wrench)
     balance = load_torque(chain, q, np.zeros(n), wrench) + elastic_torque(chain, q)
     model = linearize(chain, q, tau=balance, tip_wrench=wrench, outputs=("state",))
-    moving = ~chain.hinges["prescribed"][driven].astype(bool)
+    moving = ~chain.held[driven]
     B, picked = model.B[:, moving], np.eye(n)[driven[moving]]
     gains = [_gains(name, value, len(driven))[moving, None] * picked for name, value in (("kp", kp), ("kd", kd))]
     poles = np.linalg.eigvals(model.A - B @ (np.hstack(gains) @ model.C))

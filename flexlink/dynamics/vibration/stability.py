@@ -133,7 +133,7 @@ def eigenvalue_bounds(abouts: Sequence[tuple[Chain, Array, Array]], acting: Sequ
         if chain.forces:
             of_angle, of_rate = force_slopes(chain, q, qd)
             K[k], C[k] = K[k] + of_angle, C[k] + of_rate
-        held[k] = chain.hinges["prescribed"] != 0
+        held[k] = chain.held
     if held.any():
         for A in (C, K, M):
             A[held] = A.swapaxes(1, 2)[held] = 0.0
@@ -161,7 +161,7 @@ def rate_bound(chain: Chain, q: Array, qd: Array, *, tip_wrench: Array, frame: F
     joints, or a mass matrix that may be singular.
     """
     n = chain.n
-    if n > DENSE or chain.shapes is not None or np.count_nonzero(chain.hinges["prescribed"]):
+    if n > DENSE or chain.shapes is not None or chain.held.any():
         return np.inf
     K, C, M = load_matrices(chain, q, qd, tip_wrench, turns_with_tip(frame))
     L, stopped = scipy.linalg.lapack.dpotrf(M, lower=1)
@@ -187,7 +187,7 @@ def _about(
     n = require_type("chain", chain, Chain).n
     zero = np.zeros(n)
     rates = zero if qd is None else vector("qd", qd, n)
-    free = np.flatnonzero(chain.hinges["prescribed"] == 0)
+    free = chain.free
     state = LoadedState(vector("q", q, n), rates, wrench_vector(tip_wrench), turns_with_tip(frame), free)
     return state, Gains(zero, zero) if gains is None else gains
 

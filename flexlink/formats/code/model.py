@@ -57,7 +57,7 @@ def model_of(chain: Chain) -> Model:
     else:
         work = on_tape(shaped_workspace)(chain.arrays, chain.shapes, _inverse_workspace(chain))
     on_tape(forward_dynamics)(np.zeros(6), q, qd, tau, qdd, work)
-    zdd = np.where(chain.hinges["prescribed"][joints], qdd[joints], qdd if chain.shapes is None else work.z)
+    zdd = np.where(chain.held[joints], qdd[joints], qdd if chain.shapes is None else work.z)
     tip = on_tape(forward_kinematics)(chain.arrays, q).points[-1]
     return Model(chain, tape, x, u, [*x[m:], *zdd], list(tip))
 
@@ -69,7 +69,7 @@ def _joints(chain: Chain) -> Indices:
 
 def _state(chain: Chain, x: list[Number], u: list[Number]) -> tuple[Objects, Objects, Objects, Objects]:
     """Angles, rates, torques and prescribed accelerations of all joints."""
-    Φ, m, given, inputs = all_motions(chain), chain.freedoms, chain.hinges["prescribed"], np.zeros(chain.n, object)
+    Φ, m, given, inputs = all_motions(chain), chain.freedoms, chain.held, np.zeros(chain.n, object)
     inputs[chain.active] = u
     q = Φ @ np.array(x[:m]) + (0.0 if chain.shapes is None else chain.rest)
     return q, Φ @ np.array(x[m:]), np.where(given, 0.0, inputs), np.where(given, inputs, 0.0)
@@ -82,7 +82,7 @@ def _inverse_workspace(chain: Chain) -> Any:
 def slopes_of(model: Model) -> tuple[list[list[Real]], list[list[Real]]]:
     """Columns of ∂ẋ/∂x and ∂ẋ/∂u."""
     chain, tape, m, by = model.chain, model.tape, model.chain.freedoms, [*model.x, *model.u]
-    free = np.flatnonzero(chain.hinges["prescribed"][_joints(chain)] == 0)
+    free = np.flatnonzero(~chain.held[_joints(chain)])
     rate = np.array(model.rate, object)
     rate[m + free] = [tape.hold(each) for each in rate[m + free]]
     net = _net_torques(chain, *_state(chain, model.x, model.u)[:3], all_motions(chain) @ rate[m:])[free].tolist()
@@ -119,7 +119,7 @@ def cases(chain: Chain) -> list[Case]:
     for _ in range(3):
         x, u = rng.normal(size=2 * m), rng.normal(size=len(chain.active))
         x[:m] *= 0.1 / np.maximum(1.0, np.abs(Φ).sum(axis=0))
-        u[chain.hinges["prescribed"][chain.active] != 0] = 0.0  # as in `forward_dynamics`
+        u[chain.held[chain.active]] = 0.0  # as in `forward_dynamics`
         q, qd, tau = rest + Φ @ x[:m], Φ @ x[m:], np.zeros(chain.n)
         tau[chain.active] = u
         found.append(Case(x, u, np.append(x[m:], back @ by_solver(chain, q, qd, tau)), tip_position(chain, q)))

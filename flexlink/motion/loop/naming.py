@@ -12,7 +12,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.chain.coordinates import STRETCH, Coordinate
 from flexlink.common.types import Array, Complex
 from flexlink.dynamics.terms import mass_matrix
 
@@ -22,7 +21,7 @@ CONTROLLER = "controller"
 
 def motions(chain: Chain, q: Array, shapes: Sequence[Complex], s: Complex) -> list[str]:
     """Name of every motion with shape (n,) and eigenvalue s [1/s], such as "bending of 'boom'" or "joint 'boom'"."""
-    M, k = mass_matrix(chain, q), np.where(chain.hinges["prescribed"] != 0, 0.0, chain.stiffness)
+    M, k = mass_matrix(chain, q), np.where(chain.held, 0.0, chain.stiffness)
     return [_motion(chain, M, k, φ, abs(each)) for φ, each in zip(shapes, s, strict=True)]
 
 
@@ -39,17 +38,8 @@ def _motion(chain: Chain, M: Array, k: Array, φ: Complex, size: float) -> str:
 
 def _of_springs(chain: Chain, springs: Array) -> str:
     energy: dict[tuple[int, str], float] = {}
-    for place, share in zip(chain.coordinates, springs.tolist(), strict=True):
-        kind = _kind(place)
-        energy[place.link, kind] = energy.get((place.link, kind), 0.0) + share
+    for k in np.flatnonzero(springs).tolist():
+        at = chain.coordinates[k]
+        energy[at.link, at.spring] = energy.get((at.link, at.spring), 0.0) + float(springs[k])
     (link, kind), _ = max(energy.items(), key=lambda each: each[1])
     return f"{kind} of {chain.link_names[link - 1]!r}"
-
-
-def _kind(at: Coordinate) -> str:
-    """Kind of a spring, in words."""
-    if at.strains:
-        return "stretch" if at.axis == STRETCH else "shear"
-    if at.segment:
-        return "torsion" if at.axis == 1 else "bending"
-    return "root" if at.of_root else "gear"

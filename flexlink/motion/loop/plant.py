@@ -84,7 +84,7 @@ def plant_of(problem: InitialValueProblem, q: Array, t: float, *, sensors: bool)
     readings = SensorOutputs(problem.scene) if sensors else None
     outputs = ("state",) if readings is None else ("state", readings)
     model = linearize(chain, q, zero, hold, tip_wrench=wrench, frame=frame, outputs=outputs)
-    fixed = chain.hinges["prescribed"] != 0
+    fixed = chain.held
     prescribed = coordinates_of(chain, fixed)
     internal = coordinates_of(chain, np.isin(np.arange(chain.n), chain.internal))
     of_angles, of_rates = np.flatnonzero(~internal), np.arange(chain.freedoms)

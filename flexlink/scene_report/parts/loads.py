@@ -34,11 +34,10 @@ def made(study: Study) -> Part:
     peaks = np.abs(run.tau).max(axis=0)
     driven = [int(k) for k in chain.active if peaks[k] > 0]
     if driven:
-        for word, slides in (("force", True), ("torque", False)):
-            most = max((k for k in driven if chain.slides[k] == slides), key=lambda k: peaks[k], default=None)
-            if most is not None:
-                peak = f"{number(float(peaks[most]))} {chain.torque_units[most]} at {chain.joint_name(most)}"
-                sentences.insert(1, f"Largest drive {word}: {peak}.")
+        for kind, joints in reversed([*chain.by_unit(driven)]):
+            most = max(joints, key=lambda k: peaks[k])
+            peak = f"{number(float(peaks[most]))} {kind.torque} at {chain.joint_name(most)}"
+            sentences.insert(1, f"Largest drive {kind.load}: {peak}.")
     facts = _stress(run)
     sentences[1:1] = [f"{fact.label}: {fact.value}." for fact in facts]
     return Part(tuple(sentences), facts=facts, pictures=(_picture(study, driven),), tables=(_table(study),))
@@ -67,7 +66,7 @@ def _cuts(study: Study) -> list[int]:
 def _table(study: Study) -> Table:
     chain = study.chain
     heads = ("location", "tension [N]", "compression [N]", "shear [N]", "torque [N m]", "bending [N m]", "drive [N m]")
-    if chain.slides.any():
+    if "m" in chain.joint_units:
         heads = (*heads[:-1], "drive [N m; N]")
     moving = [k for k in range(len(chain.bodies) - 1) if chain.bodies["stop"][k] > chain.bodies["first"][k]]
     lines: list[tuple[Cell, ...]] = []

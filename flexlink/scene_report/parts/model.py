@@ -8,7 +8,6 @@ import numpy as np
 
 from flexlink.common.wording import plural, short_list
 from flexlink.describe.hinges import hinges_of
-from flexlink.describe.joint_units import in_joint_units
 from flexlink.describe.link import Link
 from flexlink.describe.plausibility.hints import hints
 from flexlink.dynamics.notes import defaults, notes
@@ -97,24 +96,16 @@ def _joint(link: Link, start: float) -> tuple[Cell, ...]:
 
 
 def _springs(study: Study) -> Iterator[Table]:
-    heads: tuple[str, ...] = ("spring", "stiffness [N m/rad]", "damping [N m s/rad]", "rest angle [deg]", "start [deg]")
-    if len(study.chain.couplings):
-        heads += ("coupled with",)
-    sliding = ("spring", "stiffness [N/m]", "damping [N s/m]", "rest [m]", "start [m]")
-    kinds = [("springs", "Springs", heads, False), ("belts", "Springs of prismatic joints", sliding, True)]
-    for key, title, columns, slides in kinds:
-        lines = tuple(_each_spring(study, slides=slides))
-        if lines:
-            yield Table(key, title, columns, lines, to_look_up=True)
-
-
-def _each_spring(study: Study, *, slides: bool) -> Iterator[tuple[Cell, ...]]:
-    chain = study.chain
-    for k in np.flatnonzero((chain.stiffness > 0) & (chain.slides == slides)):
-        angles = (float(in_joint_units([slides], [si])[0]) for si in (chain.rest[k], study.start[0][k]))
-        coupled = (
-            (short_list(list(map(chain.joint_name, chain.coupled_joints[k]))),)
-            if len(chain.couplings) and not slides
-            else ()
+    chain, titles = study.chain, {"rad": ("springs", "Springs"), "m": ("belts", "Springs of prismatic joints")}
+    rest, start = (chain.in_own_units(si).tolist() for si in (chain.rest, study.start[0]))
+    for kind, springs in chain.by_unit(np.flatnonzero(chain.stiffness > 0).tolist()):
+        name = f"rest {kind.place}" if kind.si == "rad" else "rest"
+        heads = "spring", *(f"{what}/{kind.si}]" for what in (f"stiffness [{kind.torque}", f"damping [{kind.torque} s"))
+        heads += f"{name} [{kind.unit}]", f"start [{kind.unit}]"
+        coupled = len(chain.couplings) > 0 and kind.si == "rad"
+        lines = tuple(
+            (chain.joint_name(k), float(chain.stiffness[k]), float(chain.damping[k]), rest[k], start[k])
+            + ((short_list(list(map(chain.joint_name, chain.coupled_joints[k]))),) if coupled else ())
+            for k in springs
         )
-        yield (chain.joint_name(int(k)), float(chain.stiffness[k]), float(chain.damping[k]), *angles, *coupled)
+        yield Table(*titles[kind.si], heads + ("coupled with",) * coupled, lines, to_look_up=True)

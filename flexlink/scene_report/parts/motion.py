@@ -6,7 +6,7 @@ import numpy as np
 
 from flexlink.chain.branches import base_body
 from flexlink.common.errors import FlexlinkError
-from flexlink.describe.joint_units import OF_JOINT, in_joint_units
+from flexlink.describe.joint_units import OF_JOINT
 from flexlink.dynamics.placement import frames
 from flexlink.pages.colours import CYCLE, GREY
 from flexlink.pages.numbers import number
@@ -61,16 +61,15 @@ def _postures(study: Study) -> Picture:
 
 def _in_time(study: Study) -> Picture:
     run, chain = study.run, study.chain
-    own, slides = in_joint_units(chain.slides, run.q), chain.slides[chain.active]
-    kinds = [kind for kind in (False, True) if (slides == kind).any()] or [False]
+    own, kinds = chain.in_own_units(run.q), [*chain.by_unit(chain.active.tolist())] or [(OF_JOINT[False], [])]
     figure, axes = stacked_axes(len(kinds) + (2 if study.bends else 1), 1.9)
     columns = {"t [s]": run.t}
-    for panel, kind in zip(axes, kinds, strict=False):
-        for place, k in enumerate(chain.active[slides == kind].tolist()):
+    for panel, (kind, joints) in zip(axes, kinds, strict=False):
+        for place, k in enumerate(joints):
             name = chain.joint_name(k)
             panel.plot(run.t, own[:, k], color=CYCLE[place % len(CYCLE)], label=name if place < NAMED_CURVES else None)
-            columns[f"{name} [{OF_JOINT[kind].unit}]"] = own[:, k]
-        panel.set_ylabel("joint position [m]" if kind else "joint angle [deg]")
+            columns[f"{name} [{kind.unit}]"] = own[:, k]
+        panel.set_ylabel(f"joint {kind.place} [{kind.unit}]")
     tip, named = axes[len(kinds)], axes[: len(kinds) + 1]
     for k, axis in enumerate("xyz"):
         tip.plot(run.t, run.tip[:, k], color=CYCLE[k], label=axis)
@@ -84,6 +83,6 @@ def _in_time(study: Study) -> Picture:
         legend_over(panel)
     axes[-1].set_xlabel("time [s]")
     csv = columns_csv(columns)
-    words = "Angles and positions" if len(kinds) > 1 else "Positions" if kinds[0] else "Angles"
+    words = " and ".join(f"{kind.place}s" for kind, _ in kinds).capitalize()
     caption = f"{words} of the driven joints; tip position in frame 0" + ("; tip deflection." if study.bends else ".")
     return Picture("motion", "Joint angles and tip", figure, caption, csv)

@@ -7,7 +7,6 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
-from flexlink.describe.joint_units import in_joint_units
 from flexlink.dynamics.buckling import buckling_loads
 from flexlink.dynamics.placement import frames, tip_position, unbent
 from flexlink.dynamics.terms import bias_torque
@@ -70,16 +69,11 @@ def _held(chain: Chain, tau: Array) -> tuple[Fact, ...]:
 
 def _holding(chain: Chain, q: Array, tau: Array) -> tuple[Table, ...]:
     """Return tables of the holding torques and forces of the driven joints."""
-    tau, own = _without_rounding(tau), in_joint_units(chain.slides, q)
-    kinds = [
-        ("holding", "Holding torques", ("joint", "angle [deg]", "torque [N m]"), False),
-        ("forces", "Holding forces", ("joint", "position [m]", "force [N]"), True),
-    ]
-    tables = []
-    for key, title, heads, slides in kinds:
-        joints = [k for k in chain.active.tolist() if chain.slides[k] == slides]
+    tau, own, tables = _without_rounding(tau), chain.in_own_units(q), []
+    for kind, joints in chain.by_unit(chain.active.tolist()):
+        heads = ("joint", f"{kind.place} [{kind.unit}]", f"{kind.load} [{kind.torque}]")
         lines = tuple((chain.joint_name(k), float(own[k]), float(tau[k])) for k in joints)
-        tables += [Table(key, title, heads, lines)] if lines else []
+        tables.append(Table("holding" if kind.load == "torque" else "forces", f"Holding {kind.load}s", heads, lines))
     return tuple(tables)
 
 
