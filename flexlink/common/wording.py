@@ -57,7 +57,8 @@ def truncated(value: object) -> str:
 
 def both_given(key: str, value: object, other: str, remedy: str = "specify only one") -> SceneError:
     """The error of a key that may not be given beside another one."""
-    return SceneError(f"{key} = {truncated(value)}: {other} is also given; {remedy}", id="both-given")
+    shown = repr(value) if isinstance(value, str) else truncated(value)
+    return SceneError(f"{key} = {shown}: {other} is also given; {remedy}", id="both-given")
 
 
 def short_list(items: Sequence[str]) -> str:

@@ -169,7 +169,7 @@ def test_a_motion_is_addressed_by_its_link_and_all_can_be_replaced_at_once() -> 
         ({"initial.time": np.array(None)}, "wrong-value", "initial.time = None", ""),
         ({"initial.joint_deg": {1.0, 2.0, 3.0}}, "not-finite", "initial.joint_deg = {1.0, 2.0, 3.0}", "list"),
         ({"name": b"bytes"}, "wrong-value", "name = b'bytes'", ""),
-        ({"tip": fl.RunSettings(step=1e-4)}, "unknown-key", "tip.method = 'RK4'", "mass, center, inertia"),
+        ({"tip": fl.RunSettings(step=1e-4)}, "unknown-key", "tip.method = 'RK4'", "belongs to run"),
         ({"run": 5, "run.step": 1e-4}, "cannot-set", "run.step = 0.0001", "run "),
         ({"link": [5], "link.*.joint.viscous": 1.0}, "cannot-set", "link.*.joint.viscous = 1.0", "link.* "),
         (
