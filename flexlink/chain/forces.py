@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections import Counter
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,20 +59,21 @@ def _breadths(link: Link, arm: Arm, x: float) -> Array:
     return np.array(root.breadths(tip, x))
 
 
-def damper_rows(scene: Scene, chain: Chain, pieces: Sequence[Piece]) -> Rows:
-    """Quadratic dampers of the joints, rows of dtype `DAMPER`."""
+def joint_rows(scene: Scene, chain: Chain, pieces: Sequence[Piece], key: str) -> Rows:
+    """Joints in which the number `key` is not 0, with this number."""
     joints = [(k, scene.arm.links[chain.coordinates[k].link - 1].joint) for k in chain.active.tolist()]
-    return [(k, joint.quadratic) for k, joint in joints if joint.quadratic]
+    return [(k, value) for k, joint in joints if (value := getattr(joint, key))]
 
 
 def gyrator_rows(scene: Scene, chain: Chain, pieces: Sequence[Piece]) -> Rows:
-    """Gyrators between joints and the internal coordinates of their lagging friction, rows of dtype `GYRATOR`."""
+    """Gyrators between joints and the internal coordinates of their lagging friction."""
     links = [(k, chain.coordinates[k].link) for k in chain.internal.tolist()]
     return [(chain.index(link, 0, 0), k, scene.arm.links[link - 1].joint.viscous) for k, link in links]
 
 
 ROWS: dict[str, Callable[[Scene, Chain, Sequence[Piece]], Rows]] = {
-    "drag": drag_rows, "dampers": damper_rows, "gyrators": gyrator_rows,
+    "drag": drag_rows, "dampers": partial(joint_rows, key="quadratic"), "gyrators": gyrator_rows,
+    "hardening": partial(joint_rows, key="hardening"),
 }  # fmt: skip
 """For each kind of force element, the function that returns a scene's rows, given the straight pieces of its links."""
 

@@ -53,6 +53,8 @@ class Joint(Spec, frozen=True):
     torque is d ζ with τ ζ̇ = q̇ − ζ, instead of d q̇."""
     quadratic: Annotated[NonNegative, measured_in("N m s²/rad²", "N s²/m²")] = 0.0
     """Coefficient c of a torque c |q̇| q̇, as in a hydraulic damper [N m s²/rad²]; for a prismatic joint [N s²/m²]."""
+    hardening: Annotated[NonNegative, measured_in("N m/rad³", "N/m³")] = 0.0
+    """Coefficient c of a spring that draws the joint to zero by c q³ [N m/rad³]; for a prismatic joint [N/m³]."""
     coulomb: Annotated[NonNegative, measured_in("N m", "N")] = 0.0
     """Dry friction torque c [N m], applied as c tanh(q̇ / coulomb_width); for a prismatic joint, a force [N]."""
     coulomb_width: Annotated[Positive, measured_in("rad/s", "m/s")] = 0.01

@@ -17,7 +17,7 @@ from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.describe.run_settings import ForwardSolver
 from flexlink.dynamics.batches import about_state, is_batch, rows
-from flexlink.dynamics.forces import force_torque, names_of
+from flexlink.dynamics.forces import all_torques, names_of
 from flexlink.dynamics.wrench import world_wrench, world_wrenches
 from flexlink.kernels.bodies.plane import planar_workspace
 from flexlink.kernels.bodies.rne import rne_workspace
@@ -156,7 +156,7 @@ def _forward_dynamics_of_many(
     if any(each.forces for each in chains):
         q, qd, tau = states
         one = len(chains) == 1
-        states[2] = tau - (force_torque(chains[0], q, qd) if one else np.array([*map(force_torque, chains, q, qd)]))
+        states[2] = tau - (all_torques(chains[0], q, qd) if one else np.array([*map(all_torques, chains, q, qd)]))
         chains = [each.without_forces() for each in chains]
     for k, q in enumerate(states[0] if chains[0].has_free_base else ()):
         if error := base_without_rates(chains[k % len(chains)], q):

@@ -59,10 +59,11 @@ def buckling_loads(
     q = chain.rest.copy() if q is None else vector("q", q, n)
     wrench = wrench_vector(tip_wrench)
     free = unlocked(chain, locked)
-    sprung = free[chain.stiffness[free] > 0]
-    K = restricted(about(chain, q).matrix("stiffness"), chain, sprung)
+    elastic = about(chain, q)
+    sprung = free[(chain.stiffness[free] > 0) | (elastic.stiffness[free] > 0)]
+    K = restricted(elastic.matrix("stiffness"), chain, sprung)
     load = restricted(stiffness_matrix(chain, q, np.zeros(chain.n), wrench), chain, sprung) - K
-    diagonal = not chain.springs_join_hinges and chain.shapes is None
+    diagonal = not elastic.springs_join_hinges and chain.shapes is None
     inverse = scipy.linalg.eigvals(-_per_stiffness(load, K, diagonal=diagonal))  # 1/s
     rounding = len(K) * np.finfo(float).eps * np.abs(inverse).max(initial=0.0)
     softening = inverse.real > rounding

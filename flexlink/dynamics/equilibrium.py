@@ -20,6 +20,7 @@ from flexlink.dynamics import rounding
 from flexlink.dynamics.load_path import Equations, LostError, follow
 from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.shaped_load_path import equations_of
+from flexlink.dynamics.springs import linearised
 from flexlink.dynamics.tangent import LoadedState, load_torque, unlocked
 from flexlink.dynamics.terms import elastic_torque
 from flexlink.dynamics.wrench import turns_with_tip
@@ -169,14 +170,14 @@ def _as_known(chain: Chain, q: Array, free: NDArray[np.intp], qd: Array, wrench:
     error, and an angle that is 0 by symmetry becomes 0.
     """
     q = q.copy()
-    for i, decimals in known_decimals(chain, free, qd, wrench):
+    for i, decimals in known_decimals(chain, q, free, qd, wrench):
         q[i] = chain.rest[i] + round(float(q[i] - chain.rest[i]), decimals)
     return q
 
 
-def known_decimals(chain: Chain, free: NDArray[np.intp], qd: Array, wrench: Array) -> list[tuple[int, int]]:
+def known_decimals(chain: Chain, q: Array, free: NDArray[np.intp], qd: Array, wrench: Array) -> list[tuple[int, int]]:
     """Indices of the springs, each with the number of significant decimals of its deflection."""
     open_ = rounding.of_loads(chain, qd, wrench)
     sprung = free[(chain.stiffness[free] > 0) & (open_[free] > 0)]
-    k = chain.times("stiffness", np.ones(chain.n), absolute=True)
+    k = linearised(chain, q).times("stiffness", np.ones(chain.n), absolute=True)
     return [(i, math.ceil(math.log10(min(k[i] / open_[i], 1e300)))) for i in sprung.tolist()]

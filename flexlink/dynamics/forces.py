@@ -1,4 +1,4 @@
-"""Torques of force elements that depend on motion, such as the drag of links, and their derivatives."""
+"""Torques of force elements and their derivatives: those with a potential belong to T_FL, the others do not."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.dynamics.batches import is_batch, rows
-from flexlink.kernels.forces.elements import motion_slopes, motion_torques
+from flexlink.kernels.forces.elements import POTENTIALS, motion_slopes, motion_torques
 from flexlink.kernels.tools.finite import is_finite
 
 
@@ -47,11 +47,16 @@ def drag_torque(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:
     >>> print(f"{rates @ fl.drag_torque(in_air, q, rates):.2f} W")
     1.09 W
     """
-    return force_torque(_with(require_type("chain", chain, Chain), chain.forces.keys() & {"drag"}), q, qd)
+    return all_torques(_with(require_type("chain", chain, Chain), chain.forces.keys() & {"drag"}), q, qd)
 
 
 def force_torque(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:
-    """Torque T of all force elements in `chain.forces`, shape (n,), or (b, n) [N m]; errors as in `drag_torque`."""
+    """Torque T of the force elements in `chain.forces` without a potential; errors and shape as in `drag_torque`."""
+    return all_torques(_with(chain, chain.forces.keys() - POTENTIALS), q, qd)
+
+
+def all_torques(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:
+    """Torque T of all force elements in `chain.forces`; errors and shape as in `drag_torque`."""
     n, many = require_type("chain", chain, Chain).n, is_batch(q, qd)
     qs, qds = rows(n, {"q": q, "qd": qd}) if many else (vector(k, x, n)[None] for k, x in (("q", q), ("qd", qd)))
     found = np.zeros((len(qs), n))
@@ -64,10 +69,24 @@ def force_torque(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:
 
 def force_slopes(chain: Chain, q: Array, qd: Array) -> tuple[Array, Array]:
     """∂T/∂q [N m/rad] and ∂T/∂q̇ [N m s/rad] of `force_torque` at one state, (n, n) each, exact up to rounding."""
+    return _slopes(_with(chain, chain.forces.keys() - POTENTIALS), q, qd)
+
+
+def potential_slopes(chain: Chain, q: Array) -> Array:
+    """∂T/∂q [N m/rad] of the force elements with a potential, shape (n, n)."""
+    return _slopes(with_potential(chain), q, np.zeros(chain.n))[0]
+
+
+def _slopes(chain: Chain, q: Array, qd: Array) -> tuple[Array, Array]:
     by_angle, by_rate = np.zeros((2, chain.n, chain.n))
     if chain.forces:
         motion_slopes(chain.arrays, q, qd, by_angle, by_rate)
     return by_angle, by_rate
+
+
+def with_potential(chain: Chain) -> Chain:
+    """Return the chain with only the force elements that have a potential."""
+    return _with(chain, chain.forces.keys() & POTENTIALS)
 
 
 def of_joint_rates(chain: Chain) -> Chain:
@@ -88,14 +107,15 @@ def names_of(chain: Chain) -> str:
 
 
 def refuse_forces(what: str, chain: Chain, qd: Array | None = None) -> None:
-    """Refuse a chain with force elements for a method that ignores them; at rest, where they vanish, accept it.
+    """Refuse a chain with force elements without a potential for a method that ignores them, unless it is at rest.
 
     Raises
     ------
     ArgumentError
-        The chain has force elements, and it moves or `qd` is not given.
+        The chain has such force elements, which may act: it moves, or `qd` is not given.
     """
-    if chain.forces and (qd is None or qd.any()):
+    others = _with(chain, chain.forces.keys() - POTENTIALS)
+    if others.forces and (qd is None or qd.any()):
         raise ArgumentError(
-            f"{chain.name}: {what} do not support {names_of(chain)}; leave them out", id="arguments-not-counted"
+            f"{chain.name}: {what} do not support {names_of(others)}; leave them out", id="arguments-not-counted"
         )

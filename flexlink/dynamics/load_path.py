@@ -5,7 +5,7 @@
 The load factor s grows from 0 to 1, while the torques that hold the springs at the initial q0 are released:
 
     F(q, s) = T_FL(q) + s L(q) − (1 − s) T_FL(q0)             for coordinates with a spring
-    F(q, s) = L(q) − (1 − s) L(q0)                            without a spring: always under the full load
+    F(q, s) = T_FL(q) + L(q) − (1 − s) (T_FL(q0) + L(q0))     without stiffness at q0: always under the full load
 
 The arc length is measured in (s, q) (Riks 1979; Crisfield 1981), so the path may turn back in s. A Newton step takes
 O(n): ∂F/∂q is eliminated along the chain (`kernels.derivatives.small_motion`).
@@ -19,7 +19,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.dynamics import rounding
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
-from flexlink.dynamics.springs import spring_torque
+from flexlink.dynamics.springs import linearised, spring_torque
 from flexlink.dynamics.tangent import LoadedState, falls, load_torque
 from flexlink.kernels.tools.finite import is_finite
 
@@ -56,15 +56,16 @@ class Equations:
     """
 
     def __init__(self, chain: Chain, acting: LoadedState, drive: Array) -> None:
-        self.chain, self.acting, self.drive, self.sprung = chain, acting, drive, chain.stiffness > 0
+        self.chain, self.acting, self.drive = chain, acting, drive
         self.locked = np.ones(chain.n, dtype=bool)
         self.locked[acting.free] = False
         start, rates, wrench, follower, _ = acting
+        self.sprung = linearised(chain, start).stiffness > 0
         self.motion = SmallMotion(chain, start, rates, wrench, follower, self.locked)
         self.start = np.concatenate([[0.0], start])
         self.sizes = rounding.largest_load_stiffness(chain, rates, wrench)
         self.scales = np.concatenate([[1.0], rounding.scales(chain)])  # units of x in the arc length
-        self.held = np.where(self.sprung, spring_torque(chain, start), self.load(start))
+        self.held = spring_torque(chain, start) + np.where(self.sprung, 0.0, self.load(start))
 
     def posture(self, x: Array) -> Array:
         """Angles q (n,) of a point of the path."""
@@ -96,7 +97,8 @@ class Equations:
         load, w = self.load(q), np.where(self.sprung, s, 1.0)
         by_s = np.where(self.sprung, load, 0.0) + self.held
         self.motion.set_position(q)
-        self.motion.eliminate(K_ALONE, w, self.chain.stiffness + np.abs(w) * self.sizes)
+        stiffness = np.abs(linearised(self.chain, q).stiffness)
+        self.motion.eliminate(K_ALONE, w, stiffness + np.abs(w) * self.sizes)
         return self._value(x, load), np.where(self.locked, 0.0, by_s)
 
     def solve(self, by_s: Array, row: Array, residual: Array, last: float, *, held: bool = False) -> Array:

@@ -12,7 +12,7 @@ from flexlink.common.types import Array
 from flexlink.dynamics import rounding
 from flexlink.dynamics.free_motion import basis, first_joints, sums_of_squares
 from flexlink.dynamics.load_path import Equations, shortest
-from flexlink.dynamics.springs import about, spring_torque
+from flexlink.dynamics.springs import about, linearised, spring_torque
 from flexlink.dynamics.tangent import LoadedState, falls, stiffness_matrix
 
 
@@ -22,13 +22,13 @@ class ShapedEquations(Equations):
     def __init__(self, chain: Chain, acting: LoadedState, drive: Array) -> None:
         start, rates, wrench, _, free = acting
         self.chain, self.acting, self.drive, self.B = chain, acting, drive, basis(chain, free)
-        self.square = sums_of_squares(chain.stiffness, chain, free)
+        self.square = sums_of_squares(linearised(chain, start).stiffness, chain, free)
         self.sprung = self.square > 0
         self.start = np.zeros(1 + self.B.shape[1])
         self.sizes = sums_of_squares(rounding.largest_load_stiffness(chain, rates, wrench), chain, free)
         self.scales = np.append(1.0, rounding.scales(chain)[first_joints(chain, free)])
         self.rounding = len(self.square) * rounding.of_load_stiffness(chain)
-        self.held = np.where(self.sprung, self.B.T @ spring_torque(chain, start), self.B.T @ self.load(start))
+        self.held = self.B.T @ spring_torque(chain, start) + np.where(self.sprung, 0.0, self.B.T @ self.load(start))
         self.slope, self.terms = np.zeros((len(self.square),) * 2), np.ones(len(self.square))
 
     def posture(self, x: Array) -> Array:

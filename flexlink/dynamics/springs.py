@@ -1,4 +1,4 @@
-"""Spring and damper matrices of a chain with couplings, their inverse, and the tangent stiffness."""
+"""T_FL of a chain, its tangent stiffness, and matrices of springs and dampers with couplings and their inverse."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
+from flexlink.dynamics.forces import all_torques, potential_slopes, with_potential
 from flexlink.kernels.forces.couplings import give_way
 from flexlink.kernels.forces.rotation_springs import excess_torque, rotation_vectors
 from flexlink.kernels.forces.rotation_tangent import excess_stiffness
@@ -18,6 +19,8 @@ def spring_torque(chain: Chain, q: Array) -> Array:
     torque = chain.times("stiffness", q - chain.rest)
     if chain.has_rotation_springs:
         torque += excess_torque(chain.bodies, chain.hinges, chain.couplings, q)
+    if chain.forces:
+        torque += all_torques(with_potential(chain), q, np.zeros(chain.n))
     return torque
 
 
@@ -30,21 +33,37 @@ def held_angles(chain: Chain, q: Array) -> Array:
 
 
 def about(chain: Chain, q: Array) -> Chain:
-    """Return the chain with ∂T_FL/∂q at angles q (n,) as its K; the same chain unless springs act on rotation vectors.
+    """Return the chain with ∂T_FL/∂q at angles q (n,) as its K; the same chain if all its springs are linear.
 
-    The derivatives of such springs couple all hinges of a triple, and the triples of a cell.
+    The derivatives of springs of rotation vectors couple all hinges of a triple, and the triples of a cell.
     """
+    straight = linearised(chain, q)
     if not chain.has_rotation_springs:
-        return chain
+        return straight
     blocks, triples, values = excess_stiffness(chain.bodies, chain.hinges, chain.couplings, q)
     rows, columns = (triples[blocks[:, side]] for side in (0, 1))
-    i, j = np.broadcast_to(rows[:, :, None], values.shape), np.broadcast_to(columns[:, None, :], values.shape)
+    return _stiffened(straight, *np.broadcast_arrays(rows[:, :, None], columns[:, None, :], values))
+
+
+def linearised(chain: Chain, q: Array) -> Chain:
+    """Return the chain with linear springs, of the slopes at q (n,), for force elements that have a potential."""
+    forces = with_potential(chain).forces
+    if not forces:
+        return chain
+    joined = np.eye(chain.n, dtype=bool)
+    for rows in forces.values():
+        if "outer" in (rows.dtype.names or ()):
+            joined[rows["inner"], rows["outer"]] = True
+    return _stiffened(chain, *np.nonzero(joined), potential_slopes(chain, q)[joined])
+
+
+def _stiffened(chain: Chain, i: NDArray[np.intp], j: NDArray[np.intp], values: Array) -> Chain:
+    """Return the chain without force elements, with `values` added to K_ij; pairs with i > j are ignored."""
     bodies, hinges = chain.bodies.copy(), chain.hinges.copy()
     bodies["springs"] = 0
     hinges["stiffness"][i[i == j]] += values[i == j]
-    apart = (blocks[:, 0] != blocks[:, 1])[:, None, None] | (i < j)
-    couplings = np.zeros(int(apart.sum()), COUPLING)
-    couplings["inner"], couplings["outer"], couplings["stiffness"] = i[apart], j[apart], values[apart]
+    couplings = np.zeros(int((i < j).sum()), COUPLING)
+    couplings["inner"], couplings["outer"], couplings["stiffness"] = i[i < j], j[i < j], values[i < j]
     joined = _joined(np.concatenate([chain.couplings, couplings]))
     return Chain(chain.name, bodies, hinges, chain.gravity, chain.coordinates, chain.link_names, joined)
 

@@ -51,7 +51,7 @@ def static_postures(chain: Chain, angles: Array) -> Array:
             rest = angles[found:], q.copy(), postures[found:]
             found += follow_equilibria(chain.arrays, held, free, *rest)
             q = postures[found - 1].copy()
-    if chain.shapes is None and (known := known_decimals(chain, free, np.zeros(chain.n), np.zeros(6))):
+    if chain.shapes is None and (known := known_decimals(chain, q, free, np.zeros(chain.n), np.zeros(6))):
         i, decimals = (list(part) for part in zip(*known, strict=True))
         postures[:, i] = chain.rest[i] + _rounded(postures[:, i] - chain.rest[i], decimals)
     return postures

@@ -20,7 +20,7 @@ from flexlink.dynamics.forces import force_slopes, force_torque
 from flexlink.dynamics.free_motion import first_joints, restricted, sums_of_squares
 from flexlink.dynamics.placement import slid_apart
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
-from flexlink.dynamics.springs import about
+from flexlink.dynamics.springs import about, linearised
 from flexlink.dynamics.terms import bias_torque
 from flexlink.kernels.derivatives.inverse_derivatives import load_slopes
 from flexlink.kernels.geometry.kinematics import forward_kinematics, turned_with_tip
@@ -101,7 +101,7 @@ def unlocked(chain: Chain, locked: Joints) -> NDArray[np.intp]:
 
 
 def load_torque(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool = False) -> Array:
-    """T_GC plus T of force elements, shape (n,) [N m]; in (relative) equilibrium it equals T_EX − T_FL.
+    """T_GC plus `force_torque`, shape (n,) [N m]; in (relative) equilibrium it equals T_EX − T_FL.
 
     `wrench` (6,) [N, N m] acts on the tip in axes of frame 0 and keeps its direction there. With `follower` it is given
     in axes of the tip frame and turns with the tip.
@@ -136,7 +136,7 @@ def tangent(
     """`stiffness_matrix` of the coordinates `free`, with the magnitudes that bound its rounding error."""
     K = restricted(stiffness_matrix(chain, q, qd, wrench, follower), chain, free)
     load, entry = rounding.largest_load_stiffness(chain, qd, wrench), rounding.of_load_stiffness(chain)
-    S = np.sqrt(sums_of_squares(chain.stiffness + load, chain, free))
+    S = np.sqrt(sums_of_squares(np.abs(linearised(chain, q).stiffness) + load, chain, free))
     S[S == 0] = 1.0  # zero rows
     scale = rounding.scales(chain)[first_joints(chain, free)]
     left, moment = np.abs(K - K.T) * np.outer(scale, scale), sums_of_squares(load, chain, free) * scale**2
@@ -167,7 +167,7 @@ def falls(
         motion = SmallMotion(chain, q, qd, wrench, follower, locked)
     else:
         motion.set_position(q)
-    square = chain.stiffness + rounding.largest_load_stiffness(chain, qd, wrench)
+    square = np.abs(linearised(chain, q).stiffness) + rounding.largest_load_stiffness(chain, qd, wrench)
     square[square == 0] = 1.0
     if potential:
         return motion.falling(K_ALONE, motion.rounding * square) > 0

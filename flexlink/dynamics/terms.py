@@ -176,7 +176,7 @@ def elastic_torque(chain: Chain, q: ArrayLike) -> Array:
     """T_FL = k (θ − θ₀) for passive joints, 0 for active ones; K (θ − θ₀) for coupled springs.
 
     For springs that act on rotation vectors φ (lumping rules with `springs = "rotation"`) it is the gradient of
-    ½ φ·K φ with respect to the angles.
+    ½ φ·K φ with respect to the angles. It includes c q³ of hardening springs, `joint.hardening`.
 
     Parameters
     ----------

@@ -66,6 +66,7 @@ def _features() -> dict[str, Feature]:
             "links have no drag; MuJoCo's fluid model for boxes or ellipsoids follows a different law",
         ),
         "quadratic dampers": feature(lambda _, chain: "dampers" in chain.forces, "joints are exported without them"),
+        "hardening springs": feature(lambda _, chain: "hardening" in chain.forces, "joints are exported without them"),
         "lagging friction": feature(lambda _, chain: len(chain.internal) > 0, "such a scene is refused"),
         "elastic gear": feature(
             lambda scene, _: any(link.joint.gear_stiffness is not None for link in scene.arm.links),

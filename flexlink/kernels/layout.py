@@ -78,22 +78,29 @@ SLIDES = 3
 """Hinges with at least this axis number are prismatic. The hinges of a body are all revolute or all prismatic."""
 
 
-DAMPER = record(
-    [
-        ("hinge", np.int64),
-        ("quadratic", np.float64),  # c: resisting torque c |q̇| q̇ [N m s²/rad²]
-    ]
-)
-
-GYRATOR = record(
-    [
-        ("inner", np.int64),  # two hinges
-        ("outer", np.int64),
-        ("gyration", np.float64),  # g: resisting torque g q̇_outer at the inner hinge, −g q̇_inner at the outer one
-    ]
-)
-
-FORCES = {"couplings": COUPLING, "drag": DRAG, "dampers": DAMPER, "gyrators": GYRATOR}
+FORCES = {
+    "couplings": COUPLING,
+    "drag": DRAG,
+    "dampers": record(
+        [
+            ("hinge", np.int64),
+            ("quadratic", np.float64),  # c: resisting torque c |q̇| q̇ [N m s²/rad²]
+        ]
+    ),
+    "gyrators": record(
+        [
+            ("inner", np.int64),  # two hinges
+            ("outer", np.int64),
+            ("gyration", np.float64),  # g: resisting torque g q̇_outer at the inner hinge, −g q̇_inner at the outer one
+        ]
+    ),
+    "hardening": record(
+        [
+            ("hinge", np.int64),
+            ("cubic", np.float64),  # c: spring torque c q³ [N m/rad³]
+        ]
+    ),
+}
 """Force elements of a chain by name. Fields `hinge`, `inner` and `outer` are indices of hinges, `body` of bodies."""
 
 
@@ -104,6 +111,7 @@ class Rare(NamedTuple):
     drag: NDArray[np.void]
     dampers: NDArray[np.void]
     gyrators: NDArray[np.void]
+    hardening: NDArray[np.void]
 
 
 class ChainArrays(NamedTuple):

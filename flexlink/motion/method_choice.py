@@ -8,7 +8,7 @@ import numpy as np
 
 from flexlink.common.types import Array
 from flexlink.describe.schemes.methods import method
-from flexlink.dynamics.springs import damping_slope
+from flexlink.dynamics.springs import damping_slope, linearised
 from flexlink.dynamics.vibration.extremes import fastest_of
 from flexlink.motion.evaluation_cost import cost_of_a_step, operation_costs
 from flexlink.motion.inputs.drives import gains_at_zero
@@ -110,4 +110,4 @@ def fastest_motion(record: Record, q: Array) -> tuple[float, float]:
     """Fastest frequency [rad/s] and decay rate [1/s] of a chain under its drive in a configuration."""
     chain = record.chain
     kp, kd = gains_at_zero(record.inputs.drive, chain).diagonals()
-    return fastest_of(chain, q, chain.stiffness + kp, damping_slope(chain) + kd)
+    return fastest_of(chain, q, linearised(chain, q).stiffness + kp, damping_slope(chain) + kd)

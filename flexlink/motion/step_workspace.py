@@ -49,8 +49,8 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     free = (chain.stiffness == 0.0) & (gains[0] == 0.0) & ~chain.held
     numbers[STEPPER.coast] = record.run.duration if record.run.controlled and free.any() else 0.0
     numbers[STEPPER.read] = read_by(method)[1]
-    brakes, forces = (None, None) if arrays.rare is None else (np.zeros(n), forces_of(arrays))
-    springs = Springs(kp, kd, brakes, kick, np.zeros((n, width)), *np.zeros((2, n)))
+    own, forces = (None, None) if arrays.rare is None else (np.zeros((2, n)), forces_of(arrays))
+    springs = Springs(kp, kd, own, kick, np.zeros((n, width)), *np.zeros((2, n)))
     saturation = Saturation(*(gain.copy() for gain in gains[:2]), *np.zeros((5, n)))
     if method.explicit:
         coefficients = EmbeddedMethod(*method.arrays, method.error, *(method.dense or (None, None, None)))

@@ -16,6 +16,7 @@ from flexlink.chain.coordinates import Kind
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.common.wording import plural
+from flexlink.dynamics.forces import with_potential
 from flexlink.pages.colours import BLUE, CYCLE, GREEN, GREY, INK, VERMILION
 from flexlink.results.notebook_figure import NotebookFigure as Figure
 from flexlink.results.notebook_figure import literal
@@ -89,9 +90,10 @@ def panels(run: RunSamples) -> Iterator[tuple[str, Draw]]:
     for name in ("joints", "springs"):
         for unit, joints in chain.by_unit(chain.where(*(kind for kind in Kind if kind.panel == name)).tolist()):
             yield name, partial(_coordinates, run=run, joints=joints, label=COORDINATES[name, unit.si])
+    springs = bool(chain.stiffness.any()) or bool(with_potential(chain).forces)
     there = (
         ("base", base, run.chain.has_free_base), ("tip", tip, True), ("energy", exchanged_energy, True),
-        ("elastic", elastic_energy, bool(run.chain.stiffness.any())), ("balance", imbalance, run.work is not None),
+        ("elastic", elastic_energy, springs), ("balance", imbalance, run.work is not None),
     )  # fmt: skip
     yield from ((name, partial(draw, run=run)) for name, draw, shown in there if shown)
     for unit, joints in chain.by_unit(chain.active.tolist()):

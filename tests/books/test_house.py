@@ -25,7 +25,10 @@ BARS = {
     "functions of more than 60 lines of code": 1, "lines of contracts": 56, "lines": 72_500, "files": 522,
     "longest chain of imports": 34, "files that simulate imports": 170, "depth of simulate": 24,
 }  # fmt: skip
-RAISED = {"classes": (1, "kinds of coordinates are an enumeration, which replaced questions in 30 files")}
+RAISED = {
+    "classes": (1, "kinds of coordinates are an enumeration, which replaced questions in 30 files"),
+    "lines": (50, "force laws with a potential are part of T_FL and statics; hardening springs are new"),
+}
 """By how much a limit may be exceeded, and the reason."""
 HOPS = 8
 """Calls from `simulate` to the equation of motion, as a debugger shows them."""

@@ -26,7 +26,7 @@ def scenes() -> list[fl.Scene]:
     bare = fl.load_scene("models/t2_spatial.toml")
     laws = [arm(law) for law in DRIVES]
     changed = [
-        {"link.*.drag": fl.Drag(coefficient=1.0)}, {"link.*.joint.quadratic": 1.0},
+        {"link.*.drag": fl.Drag(coefficient=1.0)}, {"link.*.joint.quadratic": 1.0, "link.*.joint.hardening": 1.0},
         {"link.*.joint": fl.Joint(viscous=1.0, viscous_lag=0.1)},
         {"wrench": fl.Wrench(force=(1.0, 0.0, 0.0), frame="tip")}, {"drive": fl.Drive()},
     ]  # fmt: skip

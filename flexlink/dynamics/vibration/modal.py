@@ -29,7 +29,7 @@ from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.rounding import largest_load_stiffness
 from flexlink.dynamics.singularity import factored_mass, idle_error
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
-from flexlink.dynamics.springs import about, damping_matrix, damping_slope
+from flexlink.dynamics.springs import about, damping_matrix, damping_slope, linearised
 from flexlink.dynamics.tangent import LoadedState, displacements, gyroscopic_matrix, stiffness_matrix, tangent, unlocked
 from flexlink.dynamics.vibration import eigenproblem
 from flexlink.dynamics.vibration.lent_inertia import relieved
@@ -195,8 +195,9 @@ def modes(
     shapes = scaled(expanded(vectors, chain, free).T).T
     points = frames(chain, q).points
     friction = damping_slope(chain)[free]
-    coupled = _coupled_energy(chain, λ, shapes)
-    kinds, shares = mode_kinds(λ, shapes[:, free], loads(shapes), chain.stiffness[free], friction, coupled, lent[free])
+    springs = linearised(chain, q)
+    coupled, held = _coupled_energy(springs, λ, shapes), springs.stiffness[free]
+    kinds, shares = mode_kinds(λ, shapes[:, free], loads(shapes), held, friction, coupled, lent[free])
     return Modes(λ, shapes, displacements(chain, q, shapes), points, rounding, kinds, shares)
 
 
@@ -220,7 +221,7 @@ def _all(chain: Chain, state: LoadedState) -> Found:
     def loads(shapes: NDArray[np.inexact]) -> Loads:
         springs = about(chain, q).matrix("stiffness")
         load = (stiffness_matrix(chain, q, qd, wrench, follower) - springs)[np.ix_(free, free)]
-        square = chain.stiffness[free] + largest_load_stiffness(chain, qd, wrench)[free]
+        square = np.abs(linearised(chain, q).stiffness[free]) + largest_load_stiffness(chain, qd, wrench)[free]
         return Loads(shapes[:, free] @ load.T, np.where(square > 0, square, 1.0), K.rounding)
 
     return eigenproblem.solve(M, L, C, K), loads
@@ -244,7 +245,7 @@ def _lowest(chain: Chain, state: LoadedState, count: int) -> Found | None:
     def loads(shapes: NDArray[np.inexact]) -> Loads:
         parts = np.vstack([shapes.real, shapes.imag])
         real, imaginary = np.split((motion.times(K_ALONE, parts) - sprung.times("stiffness", parts))[:, free], 2)
-        square = chain.stiffness[free] + sizes[free]
+        square = np.abs(linearised(chain, q).stiffness[free]) + sizes[free]
         return Loads(real + 1j * imaginary, np.where(square > 0, square, 1.0), motion.rounding)
 
     return found._replace(shapes=found.shapes[free]), loads

@@ -8,27 +8,13 @@ inertia d τ and damping d, connected to the joint by a gyrator with g = d:
     T = d ζ        d τ ζ̇ = d q̇ − d ζ
 """
 
-from typing import Any, NamedTuple
-
-from flexlink.kernels.tools.compiler import kernel, recursion
-
-
-class Gyrators(NamedTuple):
-    """Force element: one row of dtype `GYRATOR` per gyrator."""
-
-    rows: Any
-
-
-@kernel
-def gyrators_of(chain):
-    """The gyrators of a chain, as a force element."""
-    return Gyrators(chain.rare.gyrators)
+from flexlink.kernels.tools.compiler import recursion
 
 
 @recursion
-def gyrator_torque(element, q, qd, torque):
+def gyrator_torque(rows, q, qd, torque):
     """Add T to `torque` (n,); returns the dissipated power, 0."""
-    for gyrator in element.rows:
+    for gyrator in rows:
         i, j, g = gyrator.inner, gyrator.outer, gyrator.gyration
         torque[i] += g * qd[j]
         torque[j] -= g * qd[i]
@@ -36,9 +22,9 @@ def gyrator_torque(element, q, qd, torque):
 
 
 @recursion
-def gyrator_slopes(element, q, qd, by_angle, by_rate):
+def gyrator_slopes(rows, q, qd, by_angle, by_rate):
     """Add g and −g to ∂T/∂q̇, `by_rate` (n, n)."""
-    for gyrator in element.rows:
+    for gyrator in rows:
         i, j, g = gyrator.inner, gyrator.outer, gyrator.gyration
         by_rate[i, j] += g
         by_rate[j, i] -= g

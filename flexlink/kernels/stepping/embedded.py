@@ -18,7 +18,7 @@ x = 0 and gives the end of the step at x = 1, so q is as accurate inside the ste
 import math
 from typing import Any, NamedTuple
 
-from flexlink.kernels.forces.elements import find_brakes
+from flexlink.kernels.forces.elements import find_own_slopes
 from flexlink.kernels.forward.mass_plus import place_bodies
 from flexlink.kernels.forward.solvers import forward_under
 from flexlink.kernels.inputs.drive_torque import follow, stage_torque
@@ -84,7 +84,7 @@ def embedded_step(t, h, inputs, state, allowed, work):
         work.new[1, k], work.new[2, k] = L[s, k], K[s, k]
     place_bodies(work.new[0], work.posture)
     if work.forces is not None:
-        find_brakes(work.forces, work.new[0], work.new[1], work.springs.brakes)
+        find_own_slopes(work.forces, work.new[0], work.new[1], work.springs.own)
     ε = error_by(0, h, work)
     if len(d) == 1 or ε == 0.0:
         return ε, 1

@@ -37,7 +37,7 @@ class Springs(NamedTuple):
 
     kp: Any  # (n,) proportional gains of the drives; kd: derivative gains
     kd: Any
-    brakes: Any  # (n,) ∂T_k/∂q̇_k of force elements; None for a plain chain
+    own: Any  # (2, n) ∂T_k/∂q_k and ∂T_k/∂q̇_k of force elements; None for a plain chain
     impulse: Any  # (n,) T k_d of a sampled law, T its period
     factors: Any  # (n, 8) factors of M + τ D + τ² K
     r: Any  # (n,) right-hand side; δ (n,): solution
@@ -134,8 +134,16 @@ def thrown(τ, springs, posture, chain):
 @inlined
 def implicit_rotor(τ, k, springs, chain):
     """τ D + τ² K of joint k, including the gains of its drive and the slope of its force elements."""
-    hinge = chain.hinges[k]
-    d = hinge.damping + springs.kd[k]
-    if springs.brakes is not None:
-        d += springs.brakes[k]
-    return τ * (d + τ * (hinge.stiffness + springs.kp[k]))
+    d = chain.hinges[k].damping + springs.kd[k]
+    if springs.own is not None:
+        d += springs.own[1, k]
+    return τ * (d + τ * held(k, springs, chain))
+
+
+@inlined
+def held(k, springs, chain):
+    """K of joint k: its spring, the gain of its drive and the slope of its force elements."""
+    stiffness = chain.hinges[k].stiffness + springs.kp[k]
+    if springs.own is not None:
+        stiffness += springs.own[0, k]
+    return stiffness

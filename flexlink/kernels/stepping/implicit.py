@@ -22,7 +22,7 @@ Error (Hairer & Wanner, Solving Ordinary Differential Equations II, IV.8), γ₀
 import math
 
 from flexlink.kernels.bodies.inverse import inverse_dynamics_into
-from flexlink.kernels.forces.elements import add_torques, find_brakes
+from flexlink.kernels.forces.elements import add_torques, find_own_slopes
 from flexlink.kernels.forces.joint_torques import elastic, friction
 from flexlink.kernels.forward.mass_plus import displacement, factor, make_possible, place_bodies, solve
 from flexlink.kernels.forward.mass_plus_cells import FACTORS, add_products
@@ -35,7 +35,7 @@ from flexlink.kernels.stepping.dry_friction import (
     note_turning,
     put_in_friction,
 )
-from flexlink.kernels.stepping.error_norm import step_error_norm
+from flexlink.kernels.stepping.error_norm import held, step_error_norm
 from flexlink.kernels.stepping.implicit_layout import BUTCHER, STAGE, VECTOR, WEIGHT
 from flexlink.kernels.stepping.newton import (
     begin_changes,
@@ -71,7 +71,7 @@ def implicit_step(t, h, inputs, state, allowed, work):
     follow(inputs.motion, t + 0.5 * h, angles, rates, work.vectors[VECTOR.tau])
     place_bodies(angles, work.posture)
     if work.forces is not None:
-        find_brakes(work.forces, angles, rates, work.springs.brakes)
+        find_own_slopes(work.forces, angles, rates, work.springs.own)
     by_stage = work.stepper[STEPPER.by_stage] > 0.0
     if by_stage:
         accurate *= 0.3  # the remaining error of K affects the error estimate more than the end of the step
@@ -333,8 +333,8 @@ def damped_error(h, hγ, e_q, e_v, work):
     """
     r, y, factors = work.vectors[VECTOR.rhs], work.vectors[VECTOR.solution], work.factors[0]
     for k in range(len(r)):
-        hinge = work.chain.hinges[k]
-        r[k] = -(factors[k, FACTORS.A] - hinge.armature) * e_v[k] - hγ * (hinge.stiffness + work.springs.kp[k]) * e_q[k]
+        resists = factors[k, FACTORS.A] - work.chain.hinges[k].armature
+        r[k] = -resists * e_v[k] - hγ * held(k, work.springs, work.chain) * e_q[k]
     if work.chain.rare is not None:
         add_products(-hγ, -hγ * hγ, work.chain.rare, e_v, r)
         add_products(0.0, -hγ, work.chain.rare, e_q, r)

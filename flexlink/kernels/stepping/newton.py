@@ -32,6 +32,7 @@ from flexlink.kernels.forward.mass_plus import (
     solve,
 )
 from flexlink.kernels.forward.mass_plus_cells import COUPLED, FACTORS, add_products, put_couplings
+from flexlink.kernels.stepping.error_norm import held
 from flexlink.kernels.stepping.implicit_layout import STAGE, VECTOR, WEIGHT
 from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
@@ -42,8 +43,8 @@ def slope(work, k, rate):
     """D of joint `k`: its dampers, drive gain, and the secant slope of dry friction, which prevents overshoot."""
     hinge = work.chain.hinges[k]
     d = hinge.damping + work.springs.kd[k]
-    if work.springs.brakes is not None:
-        d += work.springs.brakes[k]
+    if work.springs.own is not None:
+        d += work.springs.own[1, k]
     if hinge.coulomb > 0.0:
         x = abs(rate) / hinge.coulomb_width
         d += hinge.coulomb / hinge.coulomb_width * (math.tanh(x) / x if x > 1e-8 else 1.0)
@@ -65,9 +66,8 @@ def factor_all(h, rates, work):
 def shift_rotors(z, rates, factors, work):
     """Write A = rotors + z D + z² K to `factors`."""
     for k in range(len(factors)):
-        hinge = work.chain.hinges[k]
-        held = slope(work, k, rates[k]) + z * (hinge.stiffness + work.springs.kp[k])
-        factors[k, FACTORS.A] = hinge.armature + z * held
+        resists = slope(work, k, rates[k]) + z * held(k, work.springs, work.chain)
+        factors[k, FACTORS.A] = work.chain.hinges[k].armature + z * resists
     if work.posture.first is not None and len(work.posture.first) > 0:
         put_couplings(z, z * z, work.posture.coupled, factors)
 

@@ -9,8 +9,10 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numba
-from numba.core import event
+import numpy as np
+from numba.core import event, types
 from numba.extending import overload
+from numba.np.numpy_support import as_dtype
 
 from flexlink.kernels.tools.absent import KernelCompiler
 from flexlink.kernels.tools.machine_code import BORROWS, NO_C, ONLY_KERNELS, choose, keep_on_disk, refuse_python, share
@@ -111,25 +113,27 @@ def by_type(algorithms: dict[type, Any]) -> Callable[[Callable[..., Any]], Calla
 
 
 def of_each(
-    functions: dict[type, Any], *, summed: bool = True, optional: bool = False
+    functions: dict[Any, Any], *, summed: bool = True, optional: bool = False
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Define a function of a tuple of records that calls the function for each record's type and sums the results.
 
-    In a compiled kernel the loop is unrolled. `optional`: types without a function are skipped.
+    A record may be a structured array; its dtype then replaces its type. In a compiled kernel the loop is unrolled.
+    `optional`: types without a function are skipped.
     """
 
-    def of(kinds: list[type]) -> dict[int, Any]:
+    def of(kinds: list[Any]) -> dict[int, Any]:
         return {k: functions[kind] for k, kind in enumerate(kinds) if kind in functions or not optional}
 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
         @functools.wraps(function)
         def call(elements: Any, *arguments: Any) -> Any:
-            found = [each(elements[k], *arguments) for k, each in of([type(element) for element in elements]).items()]
+            kinds = [element.dtype if isinstance(element, np.ndarray) else type(element) for element in elements]
+            found = [each(elements[k], *arguments) for k, each in of(kinds).items()]
             return sum(found) if summed else None
 
         @overload(call, jit_options=INLINED)
         def unroll(elements, *arguments):
-            each = of([element.instance_class for element in elements])
+            each = of([as_dtype(e.dtype) if isinstance(e, types.Array) else e.instance_class for e in elements])
             names = {f"f{k}": function for k, function in each.items()}
             calls = [f"f{k}(elements[{k}], *arguments)" for k in each]
             lines = calls if not summed else ["return " + " + ".join(calls)]
