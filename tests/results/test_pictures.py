@@ -6,7 +6,6 @@ import signal
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ from PIL import Image, ImageSequence
 
 import flexlink as fl
 from flexlink.cli.main import main
-from flexlink.results.pictures import stress
 from flexlink.results.pictures.film import Film, film_of
 from flexlink.results.pictures.page import turned_window
 from flexlink.results.pictures.projection import Projected
@@ -525,12 +523,3 @@ def test_the_page_is_accessible(window: Browser, pages: dict[str, Path]) -> None
         assert found is not None
         window.run(found.read_text(encoding="utf-8"))
         assert window.run_async(VIOLATIONS) == []
-
-
-def test_the_time_of_peak_stress_does_not_depend_on_the_block_size_of_samples(monkeypatch: Any) -> None:
-    scene = make_scene(flexible("beam", lumping="gauss"), gravity=(0.0, -9.81, 0.0), tip=fl.RigidBody(mass=2.0))
-    run = fl.simulate(scene.varied({"run": {"step": 1e-4, "duration": 0.02, "sample": 1e-3}}))
-    whole = stress.peak_stress(run)
-    assert whole is not None and whole.time > 0.005
-    monkeypatch.setattr(stress, "AT_ONCE", 4)
-    assert stress.peak_stress(run) == whole

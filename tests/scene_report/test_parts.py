@@ -558,3 +558,12 @@ def test_pictures_mark_the_modes_that_the_hinges_do_not_resolve(models: Path) ->
     first = rf"(?<![\d.]){1 + fine.index(False)}(?!\.?\d)"
     (text,) = (text for text in part.sentences if re.search(first, text))
     reviewed("first numbers: modes not resolved", text)
+
+
+def test_the_time_of_peak_stress_does_not_depend_on_the_block_size_of_samples(monkeypatch: Any) -> None:
+    scene = make_scene(flexible("beam", lumping="gauss"), gravity=(0.0, -9.81, 0.0), tip=fl.RigidBody(mass=2.0))
+    run = fl.simulate(scene.varied({"run": {"step": 1e-4, "duration": 0.02, "sample": 1e-3}}))
+    whole = peak_stress(run)
+    assert whole is not None and whole.time > 0.005
+    monkeypatch.setattr(loads, "AT_ONCE", 4)
+    assert peak_stress(run) == whole
