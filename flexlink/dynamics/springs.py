@@ -54,7 +54,8 @@ def linearised(chain: Chain, q: Array) -> Chain:
     for rows in forces.values():
         if "outer" in (rows.dtype.names or ()):
             joined[rows["inner"], rows["outer"]] = True
-    return _stiffened(chain, *np.nonzero(joined), potential_slopes(chain, q)[joined])
+    i, j = np.nonzero(joined)
+    return _stiffened(chain, i, j, potential_slopes(chain, q)[i, j])
 
 
 def _stiffened(chain: Chain, i: NDArray[np.intp], j: NDArray[np.intp], values: Array) -> Chain:
