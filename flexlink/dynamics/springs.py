@@ -19,8 +19,8 @@ def spring_torque(chain: Chain, q: Array) -> Array:
     torque = chain.times("stiffness", q - chain.rest)
     if chain.has_rotation_springs:
         torque += excess_torque(chain.bodies, chain.hinges, chain.couplings, q)
-    if chain.forces:
-        torque += all_torques(with_potential(chain), q, np.zeros(chain.n))
+    if (elements := with_potential(chain)).forces:
+        torque += all_torques(elements, q, np.zeros(chain.n))
     return torque
 
 
@@ -42,7 +42,8 @@ def about(chain: Chain, q: Array) -> Chain:
         return straight
     blocks, triples, values = excess_stiffness(chain.bodies, chain.hinges, chain.couplings, q)
     rows, columns = (triples[blocks[:, side]] for side in (0, 1))
-    return _stiffened(straight, *np.broadcast_arrays(rows[:, :, None], columns[:, None, :], values))
+    i, j = np.broadcast_to(rows[:, :, None], values.shape), np.broadcast_to(columns[:, None, :], values.shape)
+    return _stiffened(straight, i, j, values)
 
 
 def linearised(chain: Chain, q: Array) -> Chain:
