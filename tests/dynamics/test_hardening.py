@@ -102,7 +102,7 @@ def test_the_recipe_of_a_force_law_names_files_that_exist_and_tables_that_agree(
     assert [path for path in files if not (ROOT / path).is_file()] == []
     assert tuple(FORCES) == Rare._fields
     assert KINDS.keys() == {*FORCES, "rotation"}
-    assert len(set(FORCES.values())) == len(FORCES), "elements are told apart by the dtypes of their rows"
+    assert len(set(FORCES.values())) == len(FORCES), "elements differ by the dtypes of their rows"
 
 
 def test_implicit_steps_know_the_stiffness_of_a_hardening_spring() -> None:
