@@ -416,7 +416,7 @@ def test_an_engine_is_recognised_by_its_stored_name_and_its_display_name(name: s
 
 def test_all_figures_use_the_same_palette() -> None:
     """The exceptions, a red-to-blue colour map and the greys of a film, are not used for curves."""
-    others = {"extreme_digits.py": 8, "legend.py": 2, "colouring.py": 8}
+    others = {"extreme_digits.py": 8, "drawing.py": 2, "colouring.py": 8}
     for folder in ("reports", "flexlink/results", "flexlink/scene_report"):
         for path in (ROOT / folder).rglob("*.py"):
             found = re.findall(r'"#[0-9a-f]{6}"|"tab:\w+"', path.read_text(encoding="utf-8"))

@@ -12,10 +12,18 @@ import numba
 import numpy as np
 from numba.core import event, types
 from numba.extending import overload
-from numba.np.numpy_support import as_dtype
 
 from flexlink.kernels.tools.absent import KernelCompiler
-from flexlink.kernels.tools.machine_code import BORROWS, NO_C, ONLY_KERNELS, choose, keep_on_disk, refuse_python, share
+from flexlink.kernels.tools.machine_code import (
+    BORROWS,
+    NO_C,
+    ONLY_KERNELS,
+    as_dtype,
+    choose,
+    keep_on_disk,
+    refuse_python,
+    share,
+)
 
 
 class _Watch(event.Listener):
