@@ -10,7 +10,8 @@ from typing import Any
 
 import numba
 import numpy as np
-from numba.core import event, types
+from numba import types
+from numba.core import event
 from numba.extending import overload
 
 from flexlink.kernels.tools.absent import KernelCompiler
