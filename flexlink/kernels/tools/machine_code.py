@@ -46,7 +46,7 @@ from numba.core.compiler import CompileResult
 from numba.core.registry import cpu_target
 from numba.core.runtime import rtsys
 from numba.core.typing.templates import AbstractTemplate, infer_global
-from numba.np.numpy_support import as_dtype  # noqa: F401  for `compiler`
+from numba.np.numpy_support import as_dtype as as_dtype  # noqa: PLC0414  for `compiler`
 
 from flexlink.kernels.tools import code_files
 from flexlink.kernels.tools.absent import KernelCompiler
