@@ -14,22 +14,10 @@ from flexlink.describe.arm import BASE
 class Kind(enum.Enum):
     """Kinds of coordinates, with all that other code asks of them; a new kind is one more row.
 
-    Attributes
-    ----------
-    first
-        Axis of its first coordinate in a `Coordinate`; the others follow, in the order of `names`.
-    names
-        Names of its coordinates within the link or base, with {} for the segment; "" for the joint's own name.
-    place
-        Where they are: "base", "joint" or "beam".
-    springs
-        In words, the motion that the spring of each coordinate resists; empty if they have no springs.
-    panel
-        Panel of plots that shows them.
-    own_body
-        Whether they move another body than coordinates of other kinds at their place.
-    moves
-        Whether they move bodies, so that files of other programs contain them.
+    `first` is the axis of its first coordinate; `names` are its coordinates within their link or base, with {} for the
+    segment ("": the joint's own name); `place` is "base", "joint" or "beam"; `springs` are the motions that their
+    springs resist, in words; `panel` of plots shows them; with `own_body` they move another body than other kinds at
+    their place; if not `moves`, they move no body, and files of other programs lack them.
     """
 
     BASE = 1, free_base.NAMES, "base"
