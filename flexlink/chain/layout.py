@@ -55,13 +55,8 @@ class Layout:
 
     def where(self, *kinds: Kind, link: int = 0, axis: int | None = None) -> NDArray[np.intp]:
         """Sequential indices of the coordinates of these kinds, read-only; by default of all links and axes."""
-        found = np.array(
-            [
-                k for k, c in enumerate(self.coordinates)
-                if c.kind in kinds and (not link or c.link == link) and (axis is None or c.axis == axis)
-            ],
-            dtype=np.intp,
-        )  # fmt: skip
+        there = (c.kind in kinds and link in (0, c.link) and axis in (None, c.axis) for c in self.coordinates)
+        found = np.flatnonzero(np.fromiter(there, bool))
         found.flags.writeable = False
         return found
 

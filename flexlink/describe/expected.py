@@ -103,13 +103,16 @@ def _name_of(kind: str) -> str:
 @cache
 def _instead(words: str) -> dict[str, str]:
     """Suggested alternatives to unknown keys or to values, by word; `words` is "keys" or "values"."""
-    belongs = {key: f"this key belongs to {table}" for table, keys in _words()["belongs"].items() for key in keys}
-    rows = (*_words()["instead"], *limits().values())
-    return (belongs if words == "keys" else {}) | {word: row["text"] for row in rows for word in row.get(words, ())}
+    return {word: row["text"] for row in (*_words()["instead"], *limits().values()) for word in row.get(words, ())}
 
 
-def why_not(key: str, value: object) -> str:
-    """Alternative to an unknown key or a value of the wrong type, as the end of a message; empty if unknown."""
+def why_not(key: str, value: object, near: str = "") -> str:
+    """Alternative to an unknown key or a value of the wrong type, as the end of a message; empty if unknown.
+
+    A key of another table is named only if no allowed key is `near` to it.
+    """
     by_value = _instead("values").get(value.casefold(), "") if isinstance(value, str) else ""
-    found = by_value or _instead("keys").get(key.casefold(), "")
+    tables = () if near else _words()["belongs"].items()
+    belongs = next((f"this key belongs to {table}" for table, keys in tables if key.casefold() in keys), "")
+    found = by_value or _instead("keys").get(key.casefold(), belongs)
     return f": {found}" if found else ""

@@ -216,8 +216,9 @@ def key_mistakes(
 
 def _unknown(name: str, value: object, allowed: Sequence[str], where: str = "") -> Diagnostic:
     key = f"{where}.{name}".lstrip(".")
-    named = ": parameters are written below keys, [sample.keys]" if where == "sample" else why_not(name, value)
-    reason = named or f": unknown key; allowed are {', '.join(allowed)}{did_you_mean(name, allowed)}"
+    near = did_you_mean(name, allowed)
+    named = ": parameters are written below keys, [sample.keys]" if where == "sample" else why_not(name, value, near)
+    reason = named or f": unknown key; allowed are {', '.join(allowed)}{near}"
     return Diagnostic(f"{key} = {truncated(value)}{reason}", "unknown-key")
 
 

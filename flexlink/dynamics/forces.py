@@ -84,6 +84,11 @@ def _slopes(chain: Chain, q: Array, qd: Array) -> tuple[Array, Array]:
     return by_angle, by_rate
 
 
+def has_potential(chain: Chain) -> bool:
+    """Whether some force element of the chain has a potential."""
+    return not POTENTIALS.isdisjoint(chain.forces)
+
+
 def with_potential(chain: Chain) -> Chain:
     """Return the chain with only the force elements that have a potential."""
     return _with(chain, chain.forces.keys() & POTENTIALS)
@@ -98,7 +103,7 @@ def _with(chain: Chain, names: set[str]) -> Chain:
     """Return the chain with only the force elements of these names; the same chain if it has no others."""
     if len(names) == len(chain.forces):
         return chain
-    return dataclasses.replace(chain, forces={name: chain.forces[name] for name in names})
+    return dataclasses.replace(chain, forces={name: rows for name, rows in chain.forces.items() if name in names})
 
 
 def names_of(chain: Chain) -> str:
@@ -114,8 +119,8 @@ def refuse_forces(what: str, chain: Chain, qd: Array | None = None) -> None:
     ArgumentError
         The chain has such force elements, which may act: it moves, or `qd` is not given.
     """
-    others = _with(chain, chain.forces.keys() - POTENTIALS)
-    if others.forces and (qd is None or qd.any()):
+    others = [name for name in chain.forces if name not in POTENTIALS]
+    if others and (qd is None or qd.any()):
         raise ArgumentError(
-            f"{chain.name}: {what} do not support {names_of(others)}; leave them out", id="arguments-not-counted"
+            f"{chain.name}: {what} do not support {', '.join(others)}; leave them out", id="arguments-not-counted"
         )

@@ -47,7 +47,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.spans import spans_of, sums_inward, sums_outward
 from flexlink.common.memo import keep_last
 from flexlink.common.types import Array
-from flexlink.dynamics.forces import all_torques, with_potential
+from flexlink.dynamics.forces import all_torques, has_potential, with_potential
 from flexlink.dynamics.placement import hinge_bodies
 from flexlink.kernels.bodies.mass import mass_composite
 from flexlink.kernels.forces.rotation_springs import stretches
@@ -156,7 +156,7 @@ def _elastic_size(chain: Chain, q: ArrayLike) -> Array:
     """|K| |θ − θ₀|, without cancellation between coupled springs, plus the terms of rotation vectors."""
     q = vector("q", q, chain.n, many=True)
     size = chain.times("stiffness", q - chain.rest, absolute=True)
-    if chain.forces:
+    if has_potential(chain):
         size += np.abs(all_torques(with_potential(chain), q, np.zeros(chain.n)))
     if chain.has_rotation_springs:
         hinges, stretch = stretches(chain.bodies, chain.hinges, chain.couplings, q)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
-from flexlink.dynamics.forces import all_torques, potential_slopes, with_potential
+from flexlink.dynamics.forces import all_torques, has_potential, potential_slopes, with_potential
 from flexlink.kernels.forces.couplings import give_way
 from flexlink.kernels.forces.rotation_springs import excess_torque, rotation_vectors
 from flexlink.kernels.forces.rotation_tangent import excess_stiffness
@@ -19,8 +19,8 @@ def spring_torque(chain: Chain, q: Array) -> Array:
     torque = chain.times("stiffness", q - chain.rest)
     if chain.has_rotation_springs:
         torque += excess_torque(chain.bodies, chain.hinges, chain.couplings, q)
-    if (elements := with_potential(chain)).forces:
-        torque += all_torques(elements, q, np.zeros(chain.n))
+    if has_potential(chain):
+        torque += all_torques(with_potential(chain), q, np.zeros(chain.n))
     return torque
 
 
@@ -48,11 +48,10 @@ def about(chain: Chain, q: Array) -> Chain:
 
 def linearised(chain: Chain, q: Array) -> Chain:
     """Return the chain with linear springs, of the slopes at q (n,), for force elements that have a potential."""
-    forces = with_potential(chain).forces
-    if not forces:
+    if not has_potential(chain):
         return chain
     joined = np.eye(chain.n, dtype=bool)
-    for rows in forces.values():
+    for rows in with_potential(chain).forces.values():
         if "outer" in (rows.dtype.names or ()):
             joined[rows["inner"], rows["outer"]] = True
     i, j = np.nonzero(joined)

@@ -46,8 +46,9 @@ class FixedSteps:
             self._control = control.pieces(record, self.run, self.state)
             self._done = next(self._control)
             return
-        compiled = lambda: direct(integrate, *self._fixed, 0, 0, np.inf, *self._rest)  # noqa: E731
-        self._steps = record.kept("fixed steps", self.state[0].ndim, compiled)
+        self._steps = record.kept(
+            "fixed steps", self.state[0].ndim, lambda: direct(integrate, *self._fixed, 0, 0, np.inf, *self._rest)
+        )
         self._steps(*self._fixed, 0, 0, record.far, *self._rest)
 
     def __iter__(self) -> Iterator[Reached]:

@@ -16,7 +16,7 @@ from flexlink.chain.coordinates import Kind
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.common.wording import plural
-from flexlink.dynamics.forces import with_potential
+from flexlink.dynamics.forces import has_potential
 from flexlink.pages.colours import BLUE, CYCLE, GREEN, GREY, INK, VERMILION
 from flexlink.results.notebook_figure import NotebookFigure as Figure
 from flexlink.results.notebook_figure import literal
@@ -89,10 +89,11 @@ def panels(run: RunSamples) -> Iterator[tuple[str, Draw]]:
     chain = run.chain
     for name in ("joints", "springs"):
         for unit, joints in chain.by_unit(chain.where(*(kind for kind in Kind if kind.panel == name)).tolist()):
-            yield name, partial(_coordinates, run=run, joints=joints, label=COORDINATES[name, unit.si])
-    springs = bool(chain.stiffness.any()) or bool(with_potential(chain).forces)
+            values = chain.in_own_units(run.q[:, joints], np.array(joints))
+            yield name, partial(_curves, run=run, joints=joints, values=values, label=COORDINATES[name, unit.si])
+    springs = bool(chain.stiffness.any()) or has_potential(chain)
     there = (
-        ("base", base, run.chain.has_free_base), ("tip", tip, True), ("energy", exchanged_energy, True),
+        ("base", base, chain.has_free_base), ("tip", tip, True), ("energy", exchanged_energy, True),
         ("elastic", elastic_energy, springs), ("balance", imbalance, run.work is not None),
     )  # fmt: skip
     yield from ((name, partial(draw, run=run)) for name, draw, shown in there if shown)
@@ -180,11 +181,6 @@ def _column(panel: Axes, run: Trajectory, name: str) -> None:
 def _since_start(values: ArrayLike) -> NDArray[np.float64]:
     since: NDArray[np.float64] = np.asarray(values) - np.asarray(values)[0]
     return since
-
-
-def _coordinates(panel: Axes, run: RunSamples, joints: list[int], label: str) -> None:
-    """Plot the coordinates of joints of one kind."""
-    _curves(panel, run, joints, run.chain.in_own_units(run.q[:, joints], np.array(joints)), label)
 
 
 def _curves(panel: Axes, run: RunSamples, joints: list[int], values: Array, label: str) -> None:
