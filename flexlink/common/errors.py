@@ -104,7 +104,7 @@ class ArgumentError(FlexlinkError, ValueError):
     >>> fl.tip_position(chain, [0.0])
     Traceback (most recent call last):
         ...
-    flexlink.common.errors.ArgumentError: q has shape (1,); expected (6,), or (b, 6) for b states
+    flexlink.common.errors.ArgumentError: q has shape (1,); expected (6,), or (b, 6) for b states: ...
     """
 
 

@@ -29,10 +29,11 @@ def coloured(word: str) -> str:
 
 def did_you_mean(value: object, allowed: Iterable[str]) -> str:
     """End of a message that suggests the `closest` name in `allowed`, with its unit if `value` names another one."""
-    near = closest(value, allowed)
+    if (near := closest(value, allowed)) is None:
+        return ""
     units, given = {"_deg": "degrees", "_m": "metres", "_hz": "Hz"}, str(value).casefold()
-    other = (word for end, word in units.items() if near and near.endswith(end) and not given.endswith(end))
-    return "" if near is None else f"; did you mean {near!r}{''.join(f', in {word}' for word in other)}?"
+    other = (word for end, word in units.items() if near.endswith(end) and not given.endswith(end))
+    return f"; did you mean {near!r}{''.join(f', in {word}' for word in other)}?"
 
 
 def closest(value: object, allowed: Iterable[str]) -> str | None:

@@ -47,9 +47,9 @@ def notes(scene: Scene) -> tuple[Diagnostic, ...]:
     require_type("scene", scene, Scene)
     start = _parallel_gravity, _odd_reference, slack_springs, unheld_joints, weak_drives, balance
     unused = _unused_static_start, _unused_torques, _unused_link_keys, _centers_without_mass
-    unusual = _tip_without_length, _falling_base, _few_hinges, _odd_inertias, _on_edge
+    unusual = _tip_without_length, _falling_base, _few_hinges, _on_edge
     with np.errstate(all="ignore"):  # values beyond float64 are refused when a run is built from them
-        return tuple(note for each in (*start, *unused, *unusual) for note in each(scene))
+        return *(note for each in (*start, *unused, *unusual) for note in each(scene)), *of_odd_bodies(scene.arm)
 
 
 def defaults(scene: Scene) -> tuple[Diagnostic, ...]:
@@ -124,11 +124,6 @@ def _on_edge(scene: Scene) -> Iterator[Diagnostic]:
             )
 
 
-def _odd_inertias(scene: Scene) -> Iterator[Diagnostic]:
-    """An inertia that no real body has may be a wrong number."""
-    return of_odd_bodies(scene.arm)
-
-
 def _parallel_gravity(scene: Scene) -> Iterator[Diagnostic]:
     """Gravity parallel to all joint axes drives no joint: links do not sag, and without other loads nothing moves."""
     g = np.array(scene.gravity) / (np.abs(scene.gravity).max() or 1.0)
@@ -162,12 +157,15 @@ def _odd_reference(scene: Scene) -> Iterator[Diagnostic]:
         k = free[int(away.argmax())]
         far, name = in_words(scene.arm.slides[k], away.max(), ".3g"), scene.arm.links[k].name
         text = f"begins {far} away from the initial position of the joint of {name!r}, so the torque jumps at the start"
-        remedy = "leave from_deg and from_m out, or let both agree"
-        yield Diagnostic(f"drive.reference: {text}; {remedy}", "reference-begins-elsewhere")
+        text += "; leave from_deg and from_m out, or let both agree"
+        yield Diagnostic(f"drive.reference: {text}", "reference-begins-elsewhere")
     end = scene.initial.time + run.duration
     if run.duration and end < course.knots[-1]:
         text = f"ends at {course.knots[-1]:.4g} s, after the run, which ends at {end:.4g} s"
-        yield Diagnostic(f"drive.reference: {text}; for the complete move set run.duration", "reference-cut-off")
+        part = run.sample or run.step or 1e-3
+        complete = part * np.ceil((course.knots[-1] - scene.initial.time) / part)
+        text += f"; for the complete move set run.duration = {complete:.9g}"
+        yield Diagnostic(f"drive.reference: {text}", "reference-cut-off")
 
 
 def _unused_static_start(scene: Scene) -> Iterator[Diagnostic]:

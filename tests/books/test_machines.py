@@ -46,7 +46,7 @@ def test_failing_tests_on_a_machine_are_reported(tmp_path, monkeypatch, capsys) 
     file.write_text("import os\ndef test_it(): assert os.environ.get('BAD') is None\n", encoding="utf-8")
     good, bad = Machine("good", "-", files=(str(file),)), Machine("bad", "-", env={"BAD": "1"}, files=(str(file),))
     assert (run_as(good, good.files, ()).code, run_as(bad, bad.files, ()).counts) == (0, "1 failed")
-    monkeypatch.setattr("machines.__main__.select", lambda _: [good, bad])
+    monkeypatch.setattr("tests.machines.__main__.select", lambda _: [good, bad])
     assert main([]) == 1
     out = capsys.readouterr().out
     assert "good          ok" in out
