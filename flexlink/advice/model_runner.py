@@ -56,10 +56,6 @@ class Outcome(NamedTuple):
         return not self.reason
 
 
-class OverBudgetError(FlexlinkError):
-    """A run has used up its budget of CPU time."""
-
-
 class ModelRunner:
     """Runs of one scene, with their `count` and the CPU `seconds` of their steps, computed from listed costs."""
 
@@ -129,7 +125,7 @@ class ModelRunner:
         except DivergenceError as error:
             run, reason = error.trajectory, str(error)
         except FlexlinkError as error:
-            reason, over_budget = str(error), isinstance(error, OverBudgetError)
+            reason, over_budget = str(error), error.id == "over-budget"
         seconds = 0.0
         if run is not None and run.steps is not None:
             tip[: len(run.tip)] = run.tip
@@ -147,7 +143,7 @@ class ModelRunner:
             spent = run_cost(chain, steps.method, steps.evaluations)
             if spent > self.budget:
                 self.seconds += spent
-                raise OverBudgetError(
+                raise FlexlinkError(
                     f"{chain.name}: a run used up the budget of {self.budget:g} s at {fraction:.0%} of its "
                     "duration; use a larger budget",
                     id="over-budget",

@@ -35,7 +35,7 @@ from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines import base, couplings, drake_reader
 from flexlink.engines.coordinates import BASE_JOINTS, Coordinates, Floating
 from flexlink.engines.read_back import ReadBack
-from flexlink.engines.rotation_springs import Excess, excess_of, refuse_in_files
+from flexlink.engines.rotation_springs import OwnElements, excess_of, refuse_in_files
 from flexlink.engines.steps import run_in_steps
 from flexlink.formats.document import loaded_tip, tips
 from flexlink.formats.sdf import sdf_names, to_sdf
@@ -44,7 +44,7 @@ from flexlink.formats.sdf_reading import read_sdf
 OWN = "{urn:flexlink}"
 
 
-class DrakeEngine:
+class DrakeEngine(OwnElements):
     """A chain in Drake.
 
     Attributes
@@ -65,7 +65,6 @@ class DrakeEngine:
 
     name = "drake"
     version: str = importlib.metadata.version("drake")
-    _excess: Excess | None = None
 
     def __init__(self, chain: Chain) -> None:
         base.refuse_prescribed_motion("Drake", chain)
@@ -79,7 +78,7 @@ class DrakeEngine:
             raise ArgumentError(
                 f"Drake cannot load {chain.name!r}: {reason}; use another engine", id="engine-cannot-load"
             ) from error
-        self._excess = excess_of(chain, lambda: read_sdf(exported))
+        self.excess = excess_of(chain, lambda: read_sdf(exported))
 
     @classmethod
     def from_file(cls, file: base.ForeignFile) -> Self:
@@ -176,11 +175,7 @@ class DrakeEngine:
     def elastic_torque(self, q: Array) -> Array:
         """Return T_FL: minus the forces of Drake's force elements at zero rates, plus springs between joints."""
         torque = -self._joint_forces(q, np.zeros(self.n))
-        if len(self.couplings):
-            torque += couplings.torque(self.couplings, "stiffness", q - self.rest)
-        if self._excess is not None:
-            torque += self._excess(q)
-        return torque
+        return np.asarray(torque + self._between("stiffness", q - self.rest) + self._beyond(q))
 
     def friction_torque(self, qd: Array) -> Array:
         """Return T_FR: minus the forces of Drake's dampers, plus the friction and dampers that the adapter adds."""
@@ -247,7 +242,7 @@ class DrakeEngine:
         drive, wrench = base.drive_function(problem), base.wrench_function(problem)
         inputs = builder.AddSystem(_Inputs(self, drive, wrench))
         builder.Connect(plant.get_state_output_port(), inputs.state)
-        if drive is not None or self.coulomb.any() or len(self.couplings) or self._excess is not None:
+        if drive is not None or self.coulomb.any() or len(self.couplings) or self.excess is not None:
             builder.Connect(inputs.torque, plant.get_applied_generalized_force_input_port())
         if wrench is not None:
             builder.Connect(inputs.force, plant.get_applied_spatial_force_input_port())
@@ -280,13 +275,8 @@ class DrakeEngine:
 
     def added_torque(self, q: Array, qd: Array) -> Array:
         """Torques that Drake does not compute, with the file's constants: friction, couplings, rotation springs."""
-        torque: Array = self.coulomb * np.tanh(qd / self.coulomb_width)
-        if len(self.couplings):
-            torque += couplings.torque(self.couplings, "stiffness", q - self.rest)
-            torque += couplings.torque(self.couplings, "damping", qd)
-        if self._excess is not None:
-            torque += self._excess(q)
-        return torque
+        torque = self._friction(qd) + self._between("stiffness", q - self.rest)
+        return np.asarray(torque + self._between("damping", qd) + self._beyond(q))
 
 
 class _Inputs(LeafSystem):  # type: ignore[misc]  # pydrake is not type-checked

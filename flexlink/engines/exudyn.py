@@ -42,7 +42,7 @@ from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines import base
 from flexlink.engines.couplings import to_matrices
 from flexlink.engines.read_back import ReadBack, of_chain
-from flexlink.engines.rotation_springs import excess_of
+from flexlink.engines.rotation_springs import OwnElements, excess_of
 from flexlink.formats import read_urdf, to_urdf
 from flexlink.formats.document import loaded_tip, places
 
@@ -51,7 +51,7 @@ TorqueFunction = Callable[..., Array]
 LoadFunction = Callable[..., Array]
 
 
-class ExudynEngine:
+class ExudynEngine(OwnElements):
     """A chain in Exudyn.
 
     Attributes
@@ -67,8 +67,9 @@ class ExudynEngine:
         base.refuse_prescribed_motion("Exudyn", chain)
         exported = to_urdf(chain, shapes=False)
         self.read = read_urdf(exported)
-        self._excess = excess_of(chain, lambda: self.read)
-        self.n = self.read.n
+        self.excess = excess_of(chain, lambda: self.read)
+        self.n, hinges = self.read.n, self.read.hinges
+        self.coulomb, self.coulomb_width = hinges["coulomb"], hinges["coulomb_width"]
         self._whole = _System(self.read)
         self._bodies = _System(_without(self.read, hinges=("stiffness", "damping")))
         self._springs = _System(_without(self.read, hinges=("armature",), bodies=("mass", "inertia")))
@@ -95,11 +96,11 @@ class ExudynEngine:
 
     def friction_torque(self, qd: Array) -> Array:
         """Return T_FR: Coulomb friction minus the torques of the massless tree with relaxed springs."""
-        return self._coulomb(qd) - self._springs.torques(self.read.rest, qd)
+        return self._friction(qd) - self._springs.torques(self.read.rest, qd)
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
         """Return q̈ from Exudyn's solver, as at the start of a run."""
-        return self._whole.accelerations(q, qd, tau - self._coulomb(qd) - self._beyond(q), tip_wrench)
+        return self._whole.accelerations(q, qd, tau - self._friction(qd) - self._beyond(q), tip_wrench)
 
     def integrate(self, scene: Scene) -> base.Samples:
         """Run Exudyn's own Runge-Kutta method sample by sample."""
@@ -128,24 +129,15 @@ class ExudynEngine:
                     )
         return samples
 
-    def _coulomb(self, qd: Array) -> Array:
-        hinges = self.read.hinges
-        torque: Array = hinges["coulomb"] * np.tanh(qd / hinges["coulomb_width"])
-        return torque
-
-    def _beyond(self, q: Array) -> Array:
-        """Return the torque of rotation-vector springs minus the torque of angle springs."""
-        return np.zeros(self.n) if self._excess is None else self._excess(q)
-
     def _torque_function(self, problem: InitialValueProblem) -> TorqueFunction | None:
         """Return a function for Exudyn: drive torques minus friction and drag torques; None if none of these acts."""
         drive, drag = base.drive_function(problem), base.drag_function(problem)
-        if drive is None and drag is None and not self.read.hinges["coulomb"].any() and self._excess is None:
+        if drive is None and drag is None and not self.coulomb.any() and self.excess is None:
             return None
 
         def torques(_mbs: object, t: float, _number: object, q: Sequence[float], qd: Sequence[float]) -> Array:
             angles, rates = np.array(q), np.array(qd)
-            opposing = self._coulomb(rates) + self._beyond(angles)
+            opposing = self._friction(rates) + self._beyond(angles)
             if drag is not None:
                 opposing = opposing + drag(angles, rates)
             return -opposing if drive is None else drive(t, angles, rates) - opposing

@@ -27,7 +27,7 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.engines import base, couplings, mujoco_reader, mujoco_tendons
 from flexlink.engines.read_back import ReadBack
-from flexlink.engines.rotation_springs import Excess, excess_of, refuse_in_files
+from flexlink.engines.rotation_springs import OwnElements, excess_of, refuse_in_files
 from flexlink.engines.steps import run_in_steps
 from flexlink.formats import to_mjcf
 from flexlink.formats.document import loaded_tip, xml_joint_names
@@ -37,7 +37,7 @@ Callback = Callable[[Any, Any], None] | None
 _callback_lock = threading.Lock()  # MuJoCo has one set of callbacks per process
 
 
-class MujocoEngine:
+class MujocoEngine(OwnElements):
     """A chain in MuJoCo.
 
     Attributes
@@ -58,7 +58,6 @@ class MujocoEngine:
 
     name = "mujoco"
     version: str = mujoco.__version__
-    _excess: Excess | None = None
 
     def __init__(self, chain: Chain) -> None:
         base.refuse_prescribed_motion("MuJoCo", chain)
@@ -71,7 +70,7 @@ class MujocoEngine:
                 f"MuJoCo cannot load {chain.name!r}: {error}; use another engine", id="engine-cannot-load"
             ) from error
         self._use(model, mujoco_reader.read(model), xml_joint_names(chain), loaded_tip(chain).name)
-        self._excess = excess_of(chain, lambda: self._with_springs(chain))
+        self.excess = excess_of(chain, lambda: self._with_springs(chain))
 
     def _with_springs(self, chain: Chain) -> Chain:
         """Return the chain with the spring constants that MuJoCo has read."""
@@ -177,14 +176,14 @@ class MujocoEngine:
         q = np.zeros(self.n)
         self._place(q, qd)
         damping = self.coordinates.our_torques(q, self.data.qfrc_damper)
-        return np.array(self._coulomb(qd) + self._between("damping", qd) - damping)
+        return np.array(self._friction(qd) + self._between("damping", qd) - damping)
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
         """Return q̈ from `mj_forward`."""
         data, theirs = self.data, self.coordinates
         data.qpos[:], data.qvel[:] = theirs.position(q), theirs.rates(q, qd)
         between = self._between("stiffness", q - self.rest) + self._between("damping", qd)
-        data.qfrc_applied[:] = theirs.torques(q, tau - self._coulomb(qd) - between - self._beyond(q))
+        data.qfrc_applied[:] = theirs.torques(q, tau - self._friction(qd) - between - self._beyond(q))
         data.xfrc_applied[self.tip] = 0.0 if tip_wrench is None else tip_wrench
         with quiet():
             mujoco.mj_forward(self.model, data)
@@ -249,26 +248,14 @@ class MujocoEngine:
             mujoco.mj_fwdPosition(self.model, self.data)
             mujoco.mj_fwdVelocity(self.model, self.data)
 
-    def _coulomb(self, qd: Array) -> Array:
-        torque: Array = self.coulomb * np.tanh(qd / self.coulomb_width)
-        return torque
-
-    def _between(self, field: str, φ: Array) -> Array | float:
-        """Return the torques of springs or dampers between joints that are not in the MuJoCo model."""
-        return couplings.torque(self.couplings, field, φ) if len(self.couplings) else 0.0
-
-    def _beyond(self, q: Array) -> Array | float:
-        """Return the torque of rotation-vector springs minus the torque of angle springs."""
-        return 0.0 if self._excess is None else self._excess(q)
-
     def _passive_callback(self) -> Callback:
-        if not self.coulomb.any() and self._excess is None:
+        if not self.coulomb.any() and self.excess is None:
             return None
 
         order = self.coordinates.order
 
         def passive(_: Any, data: Any) -> None:
-            data.qfrc_passive[order] -= self._coulomb(data.qvel[order]) + self._beyond(data.qpos[order])
+            data.qfrc_passive[order] -= self._friction(data.qvel[order]) + self._beyond(data.qpos[order])
 
         return passive
 

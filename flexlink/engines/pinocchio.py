@@ -30,14 +30,14 @@ from flexlink.engines import couplings, pinocchio_reader
 from flexlink.engines.base import ForeignFile, Samples, fixed_steps_problem
 from flexlink.engines.coordinates import BASE_JOINTS, Coordinates, Floating
 from flexlink.engines.read_back import ReadBack
-from flexlink.engines.rotation_springs import Excess, excess_of, refuse_in_files
+from flexlink.engines.rotation_springs import OwnElements, excess_of, refuse_in_files
 from flexlink.engines.steps import run_in_steps
 from flexlink.formats.document import loaded_tip, xml_joint_names
 from flexlink.formats.urdf import LIMIT, to_urdf
 from flexlink.formats.urdf_reading import read_urdf
 
 
-class PinocchioEngine:
+class PinocchioEngine(OwnElements):
     """A chain in Pinocchio.
 
     Attributes
@@ -60,12 +60,11 @@ class PinocchioEngine:
 
     name = "pinocchio"
     version: str = pin.__version__
-    _excess: Excess | None = None
 
     def __init__(self, chain: Chain) -> None:
         exported = to_urdf(chain, shapes=False)
         self._parse(exported, xml_joint_names(chain), loaded_tip(chain).name)
-        self._excess = excess_of(chain, lambda: read_urdf(exported))
+        self.excess = excess_of(chain, lambda: read_urdf(exported))
         prescribed = chain.held
         self.prescribed, self._free = np.flatnonzero(prescribed), np.flatnonzero(~prescribed)
 
@@ -177,21 +176,12 @@ class PinocchioEngine:
 
     def elastic_torque(self, q: Array) -> Array:
         """Return T_FL from the springs in the file."""
-        torque: Array = self.stiffness * (q - self.rest)
-        if len(self.couplings):
-            torque += couplings.torque(self.couplings, "stiffness", q - self.rest)
-        if self._excess is not None:
-            torque += self._excess(q)
-        return torque
+        φ = q - self.rest
+        return np.asarray(self.stiffness * φ + self._between("stiffness", φ) + self._beyond(q))
 
     def friction_torque(self, qd: Array) -> Array:
         """Return T_FR from the damping and dry friction in the file."""
-        torque: Array = self.damping * qd
-        if len(self.couplings):
-            torque += couplings.torque(self.couplings, "damping", qd)
-        if self.coulomb.any():
-            torque += self.coulomb * np.tanh(qd / self.coulomb_width)
-        return torque
+        return np.asarray(self.damping * qd + self._between("damping", qd) + self._friction(qd))
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
         """Return q̈ from the articulated-body algorithm (`aba`); prescribed joints keep their rates."""

@@ -1,4 +1,8 @@
-"""Torque of rotation-vector springs minus K (θ − θ₀), computed by flexlink because no engine has such springs."""
+"""Torques that engines do not compute: dry friction, springs between joints, and rotation-vector springs.
+
+Files describe the first two by flexlink's own elements. Rotation-vector springs act as angle springs in an engine;
+flexlink computes the rest of their torque.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +10,36 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
+from flexlink.engines.couplings import torque
 from flexlink.formats.document import ROTATION_SPRINGS
 from flexlink.kernels.forces.rotation_springs import excess_torque
 
 Excess = Callable[[Array], Array]
+
+
+class OwnElements:
+    """Torques of flexlink's own elements in a file, which an engine does not compute."""
+
+    coulomb: Array
+    coulomb_width: Array
+    couplings: NDArray[np.void]
+    excess: Excess | None = None
+
+    def _friction(self, qd: Array) -> Array:
+        return np.asarray(self.coulomb * np.tanh(qd / self.coulomb_width))
+
+    def _between(self, field: str, φ: Array) -> Array | float:
+        """Torques of springs or dampers between joints, for `field` "stiffness" or "damping"."""
+        return torque(self.couplings, field, φ) if len(self.couplings) else 0.0
+
+    def _beyond(self, q: Array) -> Array | float:
+        """Torque of rotation-vector springs minus the torque of angle springs."""
+        return 0.0 if self.excess is None else self.excess(q)
 
 
 def excess_of(chain: Chain, read: Callable[[], Chain]) -> Excess | None:

@@ -11,7 +11,8 @@ from flexlink.common.memo import Kept
 from flexlink.common.types import Array, Indices
 from flexlink.describe.schemes.methods import Method
 from flexlink.describe.whole_steps import parts
-from flexlink.motion.inputs.tstops import breakpoints, corners, instants
+from flexlink.motion.inputs.actuation import corners
+from flexlink.motion.inputs.tstops import breakpoints, instants
 from flexlink.motion.method_choice import tumbles
 from flexlink.results.record import Record
 

@@ -28,8 +28,9 @@ from flexlink.common.types import Array
 from flexlink.describe.run_settings import AUTO, RunSettings
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.spec import build_validated
-from flexlink.kernels.inputs.laws import COMPUTED_TORQUE, TABLE
+from flexlink.kernels.inputs.laws import COMPUTED_TORQUE
 from flexlink.motion.hindrance import loop_grows
+from flexlink.motion.inputs.actuation import corners
 from flexlink.motion.monitor import Monitor
 from flexlink.motion.tolerable import Thresholds
 from flexlink.results.tip_motion import apart, motion_in_words
@@ -92,8 +93,7 @@ def _switches(monitor: Monitor) -> bool:
     whose errors exceeded three tolerances rejected at least 0.15 of their steps.
     """
     record, drive, steps = monitor.record, monitor.record.inputs.drive, monitor.steps
-    jumps = len(drive.feedforward.knots) if drive.law == TABLE and drive.feedforward.coefficients.shape[1] == 1 else 0
-    jumps, taken = jumps + steps.rejected, steps.taken
+    jumps, taken = len(corners(drive)) + steps.rejected, steps.taken
     if drive.law == COMPUTED_TORQUE and not drive.rate and len(on_elastic_gears(record.chain.arrays)) > 0:
         return True
     if not 0.1 * taken < jumps <= 0.3 * taken:
@@ -105,11 +105,12 @@ def coarser_run(monitor: Monitor) -> RunSettings | None:
     """Settings of a run of ten times the tolerance, whose distance shows the error; None if it may have the same error.
 
     Its error may be the same if an earlier run handed it on, if stability limits the steps, if these end at the
-    instants of a sampled law, or if vibrations last that the method damps: a falling arm had errors of 4 to 6 mm with
-    any tolerance between 10 and 1 mm.
+    instants of a sampled law or of a table, or if vibrations last that the method damps: a falling arm had errors of 4
+    to 6 mm with any tolerance between 10 and 1 mm.
     """
-    run, record = monitor.run, monitor.record
-    steps_alike = monitor.before is not None or method(monitor.steps.method).explicit or record.inputs.drive.rate
+    run, record, drive = monitor.run, monitor.record, monitor.record.inputs.drive
+    steps_alike = monitor.before is not None or method(monitor.steps.method).explicit or drive.rate
+    steps_alike = steps_alike or len(corners(drive)) > 0.1 * monitor.steps.taken
     lasts = monitor.stated is None or monitor.stated.tip[-1] > monitor.tolerance
     if steps_alike or lasts or record.follows_vibrations or monitor.suspicious or multiplies(monitor):
         return None

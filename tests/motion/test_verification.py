@@ -298,3 +298,18 @@ def test_errors_of_a_branch_without_the_tip_are_detected(run: dict[str, object])
     assert np.ptp(found.tip) == np.ptp(found.tip[0])
     assert (np.abs(found.q - exact.q).max() < 1e-3) == ("tolerance" in run)  # the first run is off by 1 rad
     assert bool(doubts(found)) == ("step" in run)
+
+
+def test_the_error_under_a_table_as_dense_as_the_steps_is_compared_with_a_run_of_other_order() -> None:
+    """A coarser run would end its steps at the same times of the table, and so have the same error."""
+    arm = make_scene(flexible("a", segments=3), flexible("b", segments=3), gravity=(0.0, -9.81, 0.0))
+    pd = fl.Drive(kind="pd", kp=(60.0, 20.0), kd=(6.0, 1.5), target_deg=(16.0, -28.0), rate=200.0)
+    given = fl.simulate(arm.varied({"drive": pd}), method="Radau9", relative_tolerance=1e-6, sample=5e-3, duration=1.0)
+    table = fl.Drive(kind="table", times=tuple(given.t), torques=tuple(map(tuple, given.tau[:, given.chain.active])))
+    scene = arm.varied({"drive": table, "run": fl.RunSettings(duration=1.0, sample=0.02)})
+    run = fl.simulate(scene, relative_tolerance=1e-6)
+    exact = fl.simulate(scene, method="Radau9", relative_tolerance=1e-10, accuracy="deflection")
+    error = np.linalg.norm(run.tip - exact.tip, axis=1).max()
+    assert run.error is not None
+    assert error < 1e-6 * run.chain.reach
+    assert 0.5 * error < run.error.max() < 2.0 * error  # from its steps it would be 8 times as large

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import re
 from fractions import Fraction
 from itertools import chain
@@ -260,6 +261,14 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
                     f"A[{i}] = {truncated(self.A[i])}: must sum to c[{i}] = {truncated(self.c[i])}",
                     id="method-coefficients",
                 )
+        A_, b_, c_ = self.arrays
+        chained = np.ones(stages)  # A^(k−1) 1
+        for k in range(1, self.order + 1):  # necessary for y' = f(t) and y' = λ y, so that a false order is noticed
+            if max(abs(k * b_ @ c_ ** (k - 1) - 1.0), abs(math.factorial(k) * b_ @ chained - 1.0)) > 1e-9:
+                raise SceneError(
+                    f"order = {self.order}: these coefficients have at most order {k - 1}", id="method-order"
+                )
+            chained = A_ @ chained
 
     def _check_error(self) -> None:
         if self.error_rows and not self.explicit:

@@ -13,9 +13,13 @@ from flexlink.common.types import Array
 from flexlink.describe.actions import PrescribedMotion
 from flexlink.describe.joint_units import in_si
 from flexlink.describe.scene import Scene
-from flexlink.kernels.inputs.record import Drive, Inputs, MotionTable
+from flexlink.kernels.inputs.laws import PD, TABLE
+from flexlink.kernels.inputs.record import Drive, Inputs, Loads, MotionTable
 from flexlink.motion.inputs.drives import drive_arrays, gains_of, no_model
 from flexlink.motion.inputs.tip_wrench import loads_of, no_loads, wrench_at
+
+LINEAR = 2
+"""Number of coefficients per piece of a piecewise linear table."""
 
 
 def input_arrays(scene: Scene, chain: Chain) -> Inputs:
@@ -53,6 +57,17 @@ def acting_at(inputs: Inputs, chain: Chain, t: float, q: Array, qd: Array) -> di
     """Tip wrench, its frame and the drive gains about a state at time t [s], as keyword arguments of `stable_step`."""
     wrench, frame = wrench_at(inputs, t)
     return {"tip_wrench": wrench, "frame": frame, "gains": gains_of(chain, inputs.drive, t, q, qd)}
+
+
+def corners(given: Drive | Loads) -> Array:
+    """Knots [s] of an input at which even fixed steps end, excluding sampling instants."""
+    if isinstance(given, Drive) and given.rate:
+        return np.empty(0)
+    if isinstance(given, Drive) and given.law != TABLE:
+        tabled = given.law == PD and given.feedforward.coefficients.shape[1] in {LINEAR, LINEAR + 2}  # or cubic
+        return np.concatenate([given.reference.knots, given.feedforward.knots if tabled else []])
+    table = given.feedforward if isinstance(given, Drive) else given
+    return np.empty(0) if table.coefficients.shape[1] > LINEAR else table.knots
 
 
 def motion_arrays(scene: Scene, chain: Chain) -> MotionTable:

@@ -8,9 +8,7 @@ from flexlink.common.types import Array
 from flexlink.describe.whole_steps import is_whole
 from flexlink.kernels.inputs.laws import PD, TABLE
 from flexlink.kernels.inputs.record import Drive, Loads, PiecewisePolynomial
-
-LINEAR = 2
-"""Number of coefficients per piece of a piecewise linear table."""
+from flexlink.motion.inputs.actuation import LINEAR
 
 
 def breakpoints(given: Drive | Loads, part: float) -> Array:
@@ -22,17 +20,6 @@ def breakpoints(given: Drive | Loads, part: float) -> Array:
     if given.law == TABLE:
         return merged_breakpoints(given.feedforward, part)
     return np.concatenate([given.reference.knots, given.feedforward.knots if given.law == PD else []])
-
-
-def corners(given: Drive | Loads) -> Array:
-    """Knots [s] of an input at which even fixed steps end, excluding sampling instants."""
-    if isinstance(given, Drive) and given.rate:
-        return np.empty(0)
-    if isinstance(given, Drive) and given.law != TABLE:
-        tabled = given.law == PD and given.feedforward.coefficients.shape[1] in {LINEAR, LINEAR + 2}  # or cubic
-        return np.concatenate([given.reference.knots, given.feedforward.knots if tabled else []])
-    table = given.feedforward if isinstance(given, Drive) else given
-    return np.empty(0) if table.coefficients.shape[1] > LINEAR else table.knots
 
 
 def instants(drive: Drive | None, start: float, end: float) -> Array:
