@@ -28,7 +28,7 @@ from flexlink.common.types import Array
 from flexlink.describe.run_settings import AUTO, RunSettings
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.spec import build_validated
-from flexlink.kernels.inputs.laws import COMPUTED_TORQUE
+from flexlink.kernels.inputs.laws import COMPUTED_TORQUE, TABLE
 from flexlink.motion.hindrance import loop_grows
 from flexlink.motion.inputs.actuation import corners
 from flexlink.motion.monitor import Monitor
@@ -93,7 +93,7 @@ def _switches(monitor: Monitor) -> bool:
     whose errors exceeded three tolerances rejected at least 0.15 of their steps.
     """
     record, drive, steps = monitor.record, monitor.record.inputs.drive, monitor.steps
-    jumps, taken = len(corners(drive)) + steps.rejected, steps.taken
+    jumps, taken = len(corners(drive)) * (drive.law == TABLE) + steps.rejected, steps.taken
     if drive.law == COMPUTED_TORQUE and not drive.rate and len(on_elastic_gears(record.chain.arrays)) > 0:
         return True
     if not 0.1 * taken < jumps <= 0.3 * taken:
@@ -110,7 +110,7 @@ def coarser_run(monitor: Monitor) -> RunSettings | None:
     """
     run, record, drive = monitor.run, monitor.record, monitor.record.inputs.drive
     steps_alike = monitor.before is not None or method(monitor.steps.method).explicit or drive.rate
-    steps_alike = steps_alike or len(corners(drive)) > 0.1 * monitor.steps.taken
+    steps_alike = steps_alike or len(corners(drive)) > 0.5 * monitor.steps.taken
     lasts = monitor.stated is None or monitor.stated.tip[-1] > monitor.tolerance
     if steps_alike or lasts or record.follows_vibrations or monitor.suspicious or multiplies(monitor):
         return None
