@@ -14,7 +14,7 @@ from flexlink.advice import horizon as horizons
 from flexlink.advice import rigid
 from flexlink.advice.goal import Goal, TipErrorNorm, goal_of, least_tolerance
 from flexlink.advice.link_errors import LinkErrors
-from flexlink.advice.model import Model, all_axes, checked_scene, uniform
+from flexlink.advice.model import Model, all_axes, checked_scene, gauges_lost, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.advice.refinement import AxisScreening, RefinementStudy
 from flexlink.advice.search import Search
@@ -25,7 +25,7 @@ from flexlink.chain.arguments import positive, require_bool, require_one_of, req
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import AdviceError, FlexlinkError
 from flexlink.common.types import Array
-from flexlink.common.wording import plural
+from flexlink.common.wording import plural, short_list
 from flexlink.describe.run_settings import AUTO
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
@@ -287,6 +287,8 @@ class Advisor:
         lines = [line("link", f"{link.name}: {bend or 'rigid'}") for link, bend in links]
         chain = self.runner.chain(model)
         freedoms = f"{chain.freedoms} degrees of freedom"
+        lost = short_list([one.name for one in gauges_lost(self.scene, model)])
+        lines += [line("sensor", f"{lost}: left out, as its link is rigid; for strain, let it bend")] if lost else []
         lines.append(line("moves in", f"{'a plane' if chain.is_planar else 'space'}, {freedoms}"))
         return [*lines, line("step", self._steps(model, outcome))]
 

@@ -14,6 +14,7 @@ from flexlink.common.wording import truncated
 from flexlink.describe.arm import Arm
 from flexlink.describe.link import AXES, RIGID, Link, StrainModes
 from flexlink.describe.scene import Scene
+from flexlink.describe.sensor import Sensor
 
 FLEX = ("rigid", "z", "yz", "xyz")
 """Choices of the bending axes of a link; each choice includes the axes of the previous one."""
@@ -103,9 +104,16 @@ def can_move(scene: Scene, model: Model) -> bool:
 
 
 def with_model(scene: Scene, model: Model) -> Scene:
-    """The scene with its links divided as in the model."""
+    """The scene with its links divided as in the model, without strain gauges on links that do not bend."""
     links = tuple(_divided(link, bend) for link, bend in zip(scene.arm.links, model, strict=True))
-    return replace(scene, arm=replace(scene.arm, links=links))
+    gone = gauges_lost(scene, model)
+    sensors = tuple(sensor for sensor in scene.sensor if sensor not in gone)
+    return replace(scene, arm=replace(scene.arm, links=links), sensor=sensors)
+
+
+def gauges_lost(scene: Scene, model: Model) -> list[Sensor]:
+    """Strain gauges of the scene on links that do not bend in the model."""
+    return [one for one in scene.sensor if one.kind == "strain" and model[scene.arm.number(one.link) - 1] is None]
 
 
 def _divided(link: Link, bend: Bend | None) -> Link:

@@ -104,6 +104,9 @@ def _copied_by(error: Exception, options: argparse.Namespace) -> str:
     path = getattr(options, "scene", None)
     if getattr(error, "id", "") != "cannot-read" or not isinstance(path, Path) or path.exists():
         return ""
+    there = [one.name for one in path.parent.glob("*.toml")]
+    if near := did_you_mean(path.name, there):
+        return near
     names = map(Path, importlib.import_module("flexlink.cli.examples").bundled())
     return "".join(f"; get {name} by: flexlink examples {name}" for name in names if name.name == path.name)
 
@@ -139,8 +142,14 @@ class _Parser(argparse.ArgumentParser):
         found, rest = super().parse_known_args(*given, **named)
         if rest:
             names = {name.strip("-"): name for name in self._option_string_actions}
-            near = closest(rest[0].partition("=")[0].strip("-"), names)
-            self.error(f"unrecognized arguments: {' '.join(rest)}{did_you_mean(names.get(near or ''), names.values())}")
+            word = rest[0].partition("=")[0].strip("-")
+            near = names.get(closest(word, names) or "", "")
+            near = next(
+                (f"{one.option_strings[-1]} {word}" for one in self._actions if word in (one.choices or ())), near
+            )
+            if "--file" in self._option_string_actions and Path(rest[0]).is_file():
+                near = f"--file {rest[0]}"
+            self.error(f"unrecognized arguments: {' '.join(rest)}" + (f"; did you mean {near!r}?" if near else ""))
         return found, rest
 
     def error(self, message: str) -> NoReturn:
@@ -149,7 +158,7 @@ class _Parser(argparse.ArgumentParser):
             what = "unknown command" if where == "argument command" else f"{where}: unknown"
             message = f"{what} {wrong[1]!r}{did_you_mean(wrong[1], known) or '; allowed are ' + ', '.join(known)}"
         message = re.sub(r"invalid float value: (.*)", r"\1: expected a number in SI units, such as 0.5", message)
-        if re.match("unrecognized arguments: [^-]", message):
+        if re.match("unrecognized arguments: [^-](?!.*did you mean)", message):
             message += "; write a value in one piece, such as --set tip.mass=3 or --tip 2mm"
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import re
 import sys
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -49,6 +50,8 @@ def assignments(option: str, texts: Sequence[str], example: str, form: str = "NA
 
 def _assignment(option: str, text: str, example: str, form: str) -> tuple[str, object]:
     path, equals, value = (part.strip() for part in text.partition("="))
+    if re.match(r"[^\"'\[{]*,\s*[\w.*]+=", value):
+        raise ArgumentError(f"{option} {text}: two in one; write {option} before each {form}", id="option-value")
     if not equals or not path or len(value.splitlines()) != 1:
         raise ArgumentError(f"{option} {text}: expected {form}, such as {example}", id="option-value")
     try:

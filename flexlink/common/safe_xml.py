@@ -57,7 +57,9 @@ def parse(text: str | bytes, what: str, *, namespaces: bool = True) -> ET.Elemen
         if isinstance(error, DataFileError):
             raise
         scene = "; a scene (.toml) is written as URDF by flexlink export" if what.endswith(".toml") else ""
-        raise DataFileError(f"{what}: not XML: {' '.join(str(error).split())}{scene}", id="not-xml") from None
+        reason = " ".join(str(error).split())
+        scene = scene or "; the file ends before all its elements do; is it complete?" * reason.startswith("no element")
+        raise DataFileError(f"{what}: not XML: {reason}{scene}", id="not-xml") from None
 
 
 def numbers_of(text: str) -> list[float] | None:

@@ -145,6 +145,7 @@ def explained(text: str, error: Exception) -> str:
         (r"", r"[\w.\"-]+\s*=\s*[-+]?[\d.]+\s*,", r"put a list in brackets, such as [0.0, 0.0, -9.81]"),
         (r"Unclosed inline", r".*[\"\d\]]\s+\w+\s*=", r"separate keys by commas"),
         (r"", r".*=\s*[-+]?\d[\d.]*(?:[eE][-+]?\d+)?\s*(?![eE][-+]?\d)[A-Za-z°µ%]", r"write numbers without units"),
+        (r"Illegal character .\\n", r"", r"close the quotes on the same line"),
         (r"Invalid value", r".*=\s*(?:True|False)\b", r"write true and false in lower case"),
         (r"Invalid value", r"[\w.\"-]+\s*=\s*[^\W\d]", r"put text in quotes"),
         (r"", r".*(?:\{[^}]*\]|\[[^\]]*\}\s*$)", r"close { with } and [ with ]"),

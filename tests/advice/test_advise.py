@@ -30,7 +30,7 @@ from flexlink.motion.single_run import SingleRun
 from flexlink.results.deflection import deflections
 from flexlink.scene_report.study import Study
 from flexlink.sweeps.measures import column_of
-from tests.conftest import ROOT
+from tests.conftest import ROOT, flexible, make_scene
 from tests.support.words import refused, reviewed
 from validation.advice import truth as advice_truth
 from validation.advice.scenes import random_scene, robot_scene
@@ -484,3 +484,17 @@ def test_the_band_filter_removes_its_frequency_and_passes_a_tenth_of_it() -> Non
     fast, slow = (norm.lengths(np.sin(2 * np.pi * f * t)[:, None])[200:-200].max() for f in (10.0, 1.0))
     assert fast < 0.01
     assert slow > 0.95
+
+
+def test_a_strain_gauge_does_not_hinder_advice_and_is_left_out_where_its_link_is_rigid() -> None:
+    gauge = fl.Sensor(name="gauge", kind="strain", link="b", x=0.05, fibre=(0.005, 0.0))
+    scene = make_scene(flexible("a", segments=3), flexible("b", segments=3), gravity=(0.0, -9.81, 0.0))
+    scene = scene.varied({"sensor": (gauge,), "run": fl.RunSettings(duration=0.2, sample=0.01)})
+    loose, strict = (fl.advise(scene, tip=tip) for tip in ("300 mm", "0.02 mm"))
+    assert loose.met and strict.met
+    for found in (loose, strict):
+        bends = found.scene.arm.links[1].flex != "rigid"
+        assert [sensor.name for sensor in found.scene.sensor] == ["gauge"] * bends
+        assert any("gauge: left out" in line for line in found.lines) == (not bends)
+    assert not loose.scene.sensor
+    assert strict.scene.sensor
