@@ -27,7 +27,7 @@ print(small.chain, small.steps, sep="\n")
 # %%
 # Check the advice: ``converged_tip`` extrapolates from finer and finer models, with an estimate of its error.
 off = np.linalg.norm(small.tip - found.converged_tip.tip, axis=1)
-rigid = fl.simulate(fl.rigidified(found.scene))
+rigid = fl.simulate(found.scene.rigidified())
 fig, panel = plt.subplots(figsize=(5, 3.5), layout="constrained")
 panel.semilogy(small.t, 1e3 * off, label=f"recommended, {small.chain.n} joints")
 panel.semilogy(

@@ -14,7 +14,7 @@ import flexlink as fl
 
 models = Path("models") if Path("models").is_dir() else Path("../models")  # of the checkout
 bending = fl.load_scene(models / "computed_torque.toml")
-rigid = fl.rigidified(bending)
+rigid = bending.rigidified()
 model, reference = fl.lump(rigid), bending.course
 
 

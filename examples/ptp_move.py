@@ -37,10 +37,10 @@ runs = {
     name: fl.simulate(scene.varied({"drive.reference.shaper": shaper}))
     for name, shaper in shapers.items()
 }
-left = {name: fl.measures.residual_vibration(run, after=2.0) for name, run in runs.items()}  # [m]
+left = {name: run.residual_vibration(after=2.0) for name, run in runs.items()}  # [m]
 rest = fl.tip_position(chain, goal)
 settled = {  # [s]
-    name: fl.measures.settling_time(run, target=rest, tolerance=1e-3) for name, run in runs.items()
+    name: run.settling_time(target=rest, tolerance=1e-3) for name, run in runs.items()
 }
 for name in runs:
     print(f"{name:8}: residual vibration {1e3 * left[name]:.3f} mm,", end=" ")

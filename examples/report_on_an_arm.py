@@ -51,7 +51,7 @@ run = fl.simulate(
 )  # follows vibrations, which loads contain
 root = run.loads.M_z[:, run.chain.body("arm")]
 goal = run.tip[-1]
-settled = fl.measures.settling_time(run, target=goal, tolerance=1e-3)
+settled = run.settling_time(target=goal, tolerance=1e-3)
 print(f"settles within 1 mm of its final position {settled:.2f} s after the start")
 
 # %%

@@ -46,7 +46,7 @@ pd = fl.Drive(
 )
 moved = scene.varied({"drive": pd, "run.relative_tolerance": 1e-4, "run.duration": 2.0})
 run = fl.simulate(moved)
-rigid = fl.simulate(fl.rigidified(moved))
+rigid = fl.simulate(moved.rigidified())
 off = np.linalg.norm(run.tip - rigid.tip, axis=1)
 
 # %%

@@ -11,9 +11,10 @@ import flexlink.common.entry  # noqa: F401  must come first
 from flexlink import errors
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.versions import __version__ as __version__
+from flexlink.common.versions import old_name
 
 if TYPE_CHECKING:
-    from flexlink import details, fits, measures, small_motion, strength
+    from flexlink import details, fits, small_motion, strength
     from flexlink.advice.advise import advise
     from flexlink.chain.chain import Chain
     from flexlink.chain.lumping import lump
@@ -25,9 +26,7 @@ if TYPE_CHECKING:
     from flexlink.describe.link import Drag, Link
     from flexlink.describe.material import Damping, Friction, Material, Section
     from flexlink.describe.reference import Reference
-    from flexlink.describe.reference_trajectory import ReferenceTrajectory
     from flexlink.describe.rigid_body import RigidBody
-    from flexlink.describe.rigidified import rigidified
     from flexlink.describe.rigidity import Rigidity
     from flexlink.describe.run_settings import RunSettings
     from flexlink.describe.scene import Scene
@@ -66,12 +65,11 @@ if TYPE_CHECKING:
     from flexlink.motion.simulator import Simulator
     from flexlink.motion.simulator_batch import SimulatorBatch
     from flexlink.motion.tip_inversion.inversion import invert
-    from flexlink.results.loading import load_trajectory
     from flexlink.results.trajectory import Trajectory
     from flexlink.robots.flexible import FlexibleLink
     from flexlink.robots.importing import import_urdf
     from flexlink.scene_report.report import report
-    from flexlink.sweeps.plan import Sweep, load_sweep
+    from flexlink.sweeps.plan import Sweep
     from flexlink.sweeps.run import sweep
 
 
@@ -94,7 +92,6 @@ __all__ = [
     "PrescribedMotion",
     "Problem",
     "Reference",
-    "ReferenceTrajectory",
     "RigidBody",
     "Rigidity",
     "RunSettings",
@@ -131,18 +128,14 @@ __all__ = [
     "linearize",
     "linearize_many",
     "load_scene",
-    "load_sweep",
-    "load_trajectory",
     "loop",
     "lump",
     "mass_matrix",
-    "measures",
     "modes",
     "momentum",
     "natural_frequencies",
     "point_motion",
     "report",
-    "rigidified",
     "sensitivities",
     "simulate",
     "simulate_many",
@@ -174,9 +167,7 @@ def __getattr__(name: str) -> object:
         "describe.link": ["Drag", "Link"],
         "describe.material": ["Damping", "Friction", "Material", "Section"],
         "describe.reference": ["Reference"],
-        "describe.reference_trajectory": ["ReferenceTrajectory"],
         "describe.rigid_body": ["RigidBody"],
-        "describe.rigidified": ["rigidified"],
         "describe.rigidity": ["Rigidity"],
         "describe.run_settings": ["RunSettings"],
         "describe.scene": ["Scene"],
@@ -215,20 +206,21 @@ def __getattr__(name: str) -> object:
         "motion.simulator": ["Simulator"],
         "motion.simulator_batch": ["SimulatorBatch"],
         "motion.tip_inversion.inversion": ["invert"],
-        "results.loading": ["load_trajectory"],
         "results.trajectory": ["Trajectory"],
         "robots.flexible": ["FlexibleLink"],
         "robots.importing": ["import_urdf"],
         "scene_report.report": ["report"],
-        "sweeps.plan": ["Sweep", "load_sweep"],
+        "sweeps.plan": ["Sweep"],
         "sweeps.run": ["sweep"],
     }
-    modules = ("details", "fits", "measures", "small_motion", "strength")
+    modules = ("details", "fits", "small_motion", "strength")
     if name in modules:
         return importlib.import_module(f"flexlink.{name}")
     for module, names in places.items():
         if name in names:
             return globals().setdefault(name, getattr(importlib.import_module(f"flexlink.{module}"), name))
+    if found := old_name(f"flexlink.{name}"):
+        return found
     moved: list[str] = []
     if not name.startswith("_") and importlib.util.find_spec(f"flexlink.{name}") is None:  # a module is also asked for
         moved = [m for m in modules if name in importlib.import_module(f"flexlink.{m}").__all__]

@@ -20,7 +20,7 @@ from flexlink.common.interruption import Stop
 from flexlink.common.progress import Progress
 from flexlink.sweeps.execution import Execution
 from flexlink.sweeps.fingerprint import fingerprint, version
-from flexlink.sweeps.plan import Plan, Sweep, load_sweep
+from flexlink.sweeps.plan import Plan, Sweep
 from flexlink.sweeps.store import Store
 from flexlink.sweeps.worker import rows_of
 from flexlink.sweeps.workers import WorkerPool, pool_of
@@ -32,7 +32,7 @@ WARM = 4
 
 def planned(file: Path) -> dict[str, float]:
     """CPU time [s] and memory [MB] for planning a sweep and computing the values of three of its members."""
-    sweep = load_sweep(file)
+    sweep = Sweep.load(file)
     Plan(replace(sweep, sample=replace(sweep.sample, count=4))).values(0)  # type: ignore[type-var]  # imports
     before, begun = peak_megabytes(), time.process_time()
     plan = Plan(sweep)
@@ -90,7 +90,7 @@ def main() -> None:
     parser.add_argument("--durations", type=float, nargs="*", default=())
     options = parser.parse_args()
     found: dict[str, Any] = {"planned": planned(options.sweep)}
-    sweep = load_sweep(options.sweep)
+    sweep = Sweep.load(options.sweep)
     if options.slice:
         with pool_of(None, options.workers, options.dask) as pool:
             found["slice"] = run_slice(sweep, pool, options.slice)

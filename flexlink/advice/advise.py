@@ -23,7 +23,7 @@ from flexlink.advice.thresholds import Thresholds
 from flexlink.advice.verdict import Advice, length, line, payback, time
 from flexlink.chain.arguments import positive, require_bool, require_one_of, require_type
 from flexlink.chain.lumping import lump
-from flexlink.common.errors import AdviceError, FlexlinkError
+from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.types import Array
 from flexlink.common.wording import plural, short_list
 from flexlink.describe.run_settings import AUTO
@@ -73,12 +73,11 @@ def advise(
     Raises
     ------
     ArgumentError
-        `scene` is not a Scene, or an argument is out of range.
+        `scene` is not a Scene, or an argument is out of range; fewer than two models of the scene can be run (the
+        message gives the reason of the last failure); or `tip` is a fraction, and the travel or deflection of the tip
+        is zero.
     SceneError
         The scene fits only one model (it sets `initial.q` or `qd`), has no duration, or has no link with a section.
-    AdviceError
-        Fewer than two models of the scene can be run; the message gives the reason of the last failure. Or `tip` is a
-        fraction, and the travel or deflection of the tip is zero.
     InterruptedRunError
         Ctrl-C or SIGTERM.
 
@@ -125,7 +124,7 @@ class Advisor:
         refinement = RefinementStudy(self.runner, self.norm, self.goal, self.axes, stepping)
         refinement.refine()
         if refinement.limit is None:
-            raise AdviceError(
+            raise ArgumentError(
                 f"{self.scene.name}: fewer than two models could be run: {refinement.reason}", id="too-few-models"
             )
         of_steps = refinement.remove_step_errors()
@@ -194,10 +193,10 @@ class Advisor:
             tolerance = known_tolerance
         return stepping, known_tolerance
 
-    def _still(self, size: float, least: float) -> AdviceError:
+    def _still(self, size: float, least: float) -> ArgumentError:
         """Return the error to raise if the goal is a fraction of a motion whose `size` [m] is too small."""
         what = "springs deflect the tip" if self.goal.deflection else "the tip moves"
-        return AdviceError(
+        return ArgumentError(
             f"{self.scene.name}: {what} by only {size:.2g} m, and {self.goal} of that is below the rounding error, "
             f"{least:.2g} m; specify the error as a length, such as tip = '1 mm'",
             id="no-motion",

@@ -98,8 +98,8 @@ def _conversion(given: str, wanted: str) -> str:
         ("Chain", "Scene"): "the scene of the chain",
         ("str", "Scene"): "fl.load_scene(path)",
         ("PosixPath", "Scene"): "fl.load_scene(path)",
-        ("str", "FitProblem"): "fl.fits.load_fit(path)",
-        ("PosixPath", "FitProblem"): "fl.fits.load_fit(path)",
+        ("str", "FitProblem"): "fl.fits.FitProblem.load(path)",
+        ("PosixPath", "FitProblem"): "fl.fits.FitProblem.load(path)",
         ("Scene", "FitProblem"): "fl.fits.FitProblem(scene=scene, …)",
     }
     return conversions.get((given, wanted), "")

@@ -27,12 +27,11 @@ from flexlink.describe.plausibility.hints import hints
 from flexlink.identification.checked_page import document
 from flexlink.identification.compared_fits import FitComparison, compare_fits, folds
 from flexlink.identification.coordinates import hints_on_bounds
-from flexlink.identification.experiments import load_experiments
+from flexlink.identification.experiments import Experiments
 from flexlink.identification.fit import check_fit, fit
 from flexlink.identification.fitted import Fitted, building
 from flexlink.identification.grid import Grid
 from flexlink.identification.identifiability import WIDE, Check
-from flexlink.identification.loading import load_fit
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.propose import propose
 from flexlink.pages.tables import Table
@@ -91,11 +90,11 @@ def run_command(options: argparse.Namespace) -> int:
     if len(options.problem) > 1 or options.folds:
         return run_comparison(options)
     (options.problem,) = options.problem
-    problem = load_fit(options.problem)
+    problem = FitProblem.load(options.problem)
     if options.experiments is not None:
         if not options.propose:
             raise ArgumentError("--experiments: has no effect without --propose", id="needs-another-argument")
-        load_experiments(options.experiments)  # reports mistakes before the fit
+        Experiments.load(options.experiments)  # reports mistakes before the fit
     problem = replace(problem, scene=varied(options.problem, problem.scene, options.set))
     print_hints([*hints(problem.scene), *hints_on_bounds(problem)], options)
     if options.out is not None:
@@ -222,7 +221,7 @@ def _compared(
 
 
 def _problem(path: Path, options: argparse.Namespace) -> FitProblem:
-    problem = load_fit(path)
+    problem = FitProblem.load(path)
     return replace(problem, scene=varied(path, problem.scene, options.set))
 
 

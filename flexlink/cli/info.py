@@ -36,7 +36,7 @@ from flexlink.motion.evaluation_cost import machine_factor, step_cost
 from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.inputs.tip_wrench import initial_wrench
-from flexlink.results.loading import load_trajectory
+from flexlink.results.trajectory import Trajectory
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -51,7 +51,7 @@ def run_command(options: argparse.Namespace) -> int:
     with prefix_errors(options.scene):
         about, found = _examined(scene)
         if options.run is not None:
-            about["run"] = str(load_trajectory(options.run))
+            about["run"] = str(Trajectory.load(options.run))
         if options.json:
             options.document = about
         else:

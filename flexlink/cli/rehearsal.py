@@ -139,7 +139,7 @@ def _stepped(scene: fl.Scene) -> None:
 def _stored(scene: fl.Scene) -> None:
     run = fl.simulate(scene)
     with tempfile.TemporaryDirectory() as folder:
-        fl.load_trajectory(run.save(Path(folder) / "run.npz")).columns["imbalance [J]"]
+        fl.Trajectory.load(run.save(Path(folder) / "run.npz")).columns["imbalance [J]"]
 
 
 def main(names: Sequence[str]) -> None:

@@ -20,7 +20,7 @@ from flexlink.common.errors import Diagnostic, FlexlinkError
 from flexlink.common.progress import Progress, clock
 from flexlink.describe.plausibility.hints import hints
 from flexlink.sweeps.fingerprint import fingerprint
-from flexlink.sweeps.plan import Plan, load_sweep
+from flexlink.sweeps.plan import Plan, Sweep
 from flexlink.sweeps.preflight import preflight
 from flexlink.sweeps.run import fill
 from flexlink.sweeps.store import Store
@@ -71,7 +71,7 @@ def run_command(options: argparse.Namespace) -> int:
 
 def _planned(options: argparse.Namespace) -> Plan:
     """Load and check the plan in a file, with the values of `--set` applied to all members."""
-    sweep = load_sweep(options.sweep)
+    sweep = Sweep.load(options.sweep)
     changes = assignments("--set", options.set, "run.step=1e-4", "PATH=VALUE")
     with prefix_errors(options.sweep):
         plan = Plan(replace(sweep, set={**sweep.set, **changes}))

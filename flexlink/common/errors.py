@@ -122,19 +122,6 @@ class SingularMassError(FlexlinkError, ArithmeticError):
     """
 
 
-class AdviceError(FlexlinkError, RuntimeError):
-    """No model of a scene can be assessed, because fewer than two can be run or nothing moves; see the message.
-
-    Examples
-    --------
-    >>> still = scene.varied({"drive.reference": None, "drive.target_deg": (30.0, -60.0)})
-    >>> fl.advise(still.varied({"gravity": (0.0, 0.0, 0.0)}))
-    Traceback (most recent call last):
-        ...
-    flexlink.common.errors.AdviceError: two_links: the tip moves by only 0 m, and 1e-03 of that is ...
-    """
-
-
 class OutputError(FlexlinkError, OSError):
     """A result could not be written; if it was saved elsewhere, the message states where.
 
@@ -228,16 +215,7 @@ class IdentifiabilityError(FlexlinkError, ValueError):
 
 
 class InterruptedSweepError(KeyboardInterrupt):
-    """Ctrl-C or SIGTERM interrupted a sweep; `signal` is the number of the signal.
-
-    Examples
-    --------
-    >>> plan = fl.Sweep(scene=scene, grid={"tip.mass": [1.0, 2.0]}, quantity={"height": {"of": "tip y [m]"}})
-    >>> try:
-    ...     rows = fl.sweep(plan, out="masses.db")
-    ... except fl.errors.InterruptedSweepError as stopped:
-    ...     print(stopped)  # Ctrl-C: finished rows are kept; the same call resumes the sweep
-    """
+    """Ctrl-C or SIGTERM interrupted a sweep; `signal` is the number of the signal."""
 
     def __init__(self, message: str, number: int = signal.SIGINT) -> None:
         super().__init__(message)

@@ -1,10 +1,14 @@
-"""Versions of packages, and the hardware, with which a result was computed."""
+"""Versions of packages, and the hardware, with which a result was computed; names of earlier versions."""
 
 from __future__ import annotations
 
+import functools
+import importlib
 import platform
+import warnings
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 __version__ = "1.0.0"
 
@@ -33,3 +37,42 @@ def processor() -> str:
 def system() -> str:
     """Operating system and machine type."""
     return f"{platform.system()} {platform.machine()}"
+
+
+OLD_NAMES = {
+    "flexlink.ReferenceTrajectory": ("describe.reference_trajectory:ReferenceTrajectory", "the class of Scene.course"),
+    "flexlink.load_sweep": ("sweeps.plan:Sweep.load", "flexlink.Sweep.load"),
+    "flexlink.load_trajectory": ("results.trajectory:Trajectory.load", "flexlink.Trajectory.load"),
+    "flexlink.measures": ("results.trajectory:Trajectory", "methods of a run, such as run.overshoot"),
+    "flexlink.rigidified": ("describe.scene:Scene.rigidified", "scene.rigidified()"),
+    "flexlink.errors.AdviceError": ("common.errors:ArgumentError", "flexlink.errors.ArgumentError"),
+    "flexlink.errors.EvaluationLimitError": (
+        "results.stop_reasons:EvaluationLimitError", "flexlink.errors.DivergenceError of the id too-many-evaluations"
+    ),
+    "flexlink.errors.FlexlinkError": ("common.errors:FlexlinkError", "flexlink.FlexlinkError"),
+    "flexlink.errors.InterruptedSweepError": ("common.errors:InterruptedSweepError", "KeyboardInterrupt"),
+    "flexlink.fits.Fitted": ("identification.fitted:Fitted", "the class of results of flexlink.fit"),
+    "flexlink.fits.Proposals": ("identification.proposals:Proposals", "the class of results of flexlink.fits.propose"),
+    "flexlink.fits.load_experiments": ("identification.experiments:Experiments.load", "flexlink.fits.Experiments.load"),
+    "flexlink.fits.load_fit": ("identification.problem:FitProblem.load", "flexlink.fits.FitProblem.load"),
+}  # fmt: skip
+"""Deprecated public names: where each is, and what replaces it."""
+
+
+def old_name(path: str, *, required: bool = False) -> Any:
+    """What a deprecated public name stands for, with a DeprecationWarning that states its successor; None: not one.
+
+    Raises
+    ------
+    AttributeError
+        There is no such name, and one is `required`.
+    """
+    if path not in OLD_NAMES:
+        module, _, name = path.rpartition(".")
+        if required:
+            raise AttributeError(f"module {module!r} has no attribute {name!r}")
+        return None
+    place, new = OLD_NAMES[path]
+    module, _, name = place.partition(":")
+    warnings.warn(f"{path} is deprecated; it is now {new}", DeprecationWarning, stacklevel=3)
+    return functools.reduce(getattr, name.split("."), importlib.import_module(f"flexlink.{module}"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Container, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -10,17 +11,19 @@ from typing import Annotated, Any
 import msgspec
 from msgspec.structs import FieldInfo, replace
 
-from flexlink.common.errors import DataFileError, SceneError
+from flexlink.common.errors import DataFileError, Diagnostic, SceneError
 from flexlink.common.memo import Memo, keep_last
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.output import write_text
 from flexlink.common.types import Array
+from flexlink.common.wording import short_list
 from flexlink.data import documents
 from flexlink.describe.actions import PrescribedMotion, Wrench
 from flexlink.describe.arm import Arm
 from flexlink.describe.drive import Drive
 from flexlink.describe.initial import InitialState
 from flexlink.describe.joint_units import OF_JOINT, Row, in_si, together
+from flexlink.describe.link import RIGID, Link
 from flexlink.describe.reference import Reference
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.run_settings import RunSettings, implied, of_run_alone
@@ -257,6 +260,36 @@ class Scene(Spec, frozen=True):
         check_named(varied.arm, varied.run)
         return varied
 
+    def rigidified(self) -> Scene:
+        """The scene with all links, their roots and gears rigid, so its chain has only the driven joints.
+
+        All masses, joint friction and rotor inertia are unchanged; hinges, their friction and damping are removed. The
+        initial angles and rates of the joints remain: `initial.joint_deg`, `rate_deg`, and for prismatic joints
+        `joint_m`, `rate_m`. Drive, motions, wrench and sensors remain as well, except strain gauges: a warning names
+        them.
+
+        Returns
+        -------
+        Scene
+            The rigid scene.
+
+        Examples
+        --------
+        >>> model = fl.lump(scene.rigidified())
+        >>> print(model.n, "joints instead of", chain.n)
+        2 joints instead of 6
+        >>> stiff = fl.simulate(scene.rigidified())  # the same task, without bending
+        >>> torque = fl.inverse_dynamics(model, q[chain.active], qd[chain.active], [1.0, 0.0])  # N m, rad/s²
+        """
+        gauges = [sensor.name for sensor in self.sensor if sensor.kind == "strain"]
+        if gauges:
+            text = f"{self.name}: strain gauges left out: {short_list(gauges)}; rigid links do not bend; read run.loads"
+            warnings.warn(Diagnostic(text, id="strain-gauges-left-out"), UserWarning, stacklevel=2)
+        kept = {name: getattr(self, name) for name in ("drive", "motion", "wrench")}
+        sensors = tuple(sensor for sensor in self.sensor if sensor.kind != "strain")
+        rigid: Scene = build_validated(replace, bare_and_rigid(self), sensor=sensors, **kept)
+        return rigid
+
     def values_at(self, path: str) -> list[Any]:
         """Values at a path of `varied`, as in a TOML file: one, or several with `*`; None if nothing is there.
 
@@ -354,3 +387,26 @@ RUNS = Memo(256)
 """Cached run settings, keyed by the original settings and the changes to them; scenes share them."""
 FIELDS: dict[str, Any] = {field.encode_name: field.type for field in _fields()}
 """Type at each key of a scene file, where the keys of the arm are at the top level, beside the keys of the scene."""
+
+
+def bare_and_rigid(scene: Scene) -> Scene:
+    """The rigid scene without drive, motions, wrench and sensors, as control laws use it."""
+    return build_validated(_bare_and_rigid, scene)
+
+
+def _bare_and_rigid(scene: Scene) -> Scene:
+    links, given = scene.arm.links, scene.initial
+    free = [
+        position for position, link in zip(scene.joint_positions.tolist(), links, strict=True) if not link.joint.locked
+    ]
+    # coordinates of a free base, which come first in a chain
+    of_base = (given.q or ())[: 6 if scene.arm.base.free else 0]
+    q = None if given.q is None else (*of_base, *free)  # a complete state may exceed the limits
+    kept = {name: getattr(scene, name) for name in ("name", "about", "gravity", "air_density", "run")}
+    initial = replace(given, q=q, qd=None, passive="zero")
+    return Scene(arm=replace(scene.arm, links=tuple(map(_rigid, links))), initial=initial, **kept)
+
+
+def _rigid(link: Link) -> Link:
+    joint = replace(link.joint, gear_stiffness=None, gear_damping=0.0, viscous_lag=0.0)
+    return replace(link, joint=joint, root_stiffness=None, root_damping=None, **RIGID)

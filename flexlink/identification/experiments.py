@@ -144,46 +144,46 @@ class Experiments(Spec, frozen=True):
     prior: tuple[PriorExperiment, ...] = ()
     """Measurements of a parameter itself, `[[prior]]` in a file."""
 
+    @classmethod
+    def load(cls, path: str | Path) -> Experiments:
+        r"""Read experiments from a TOML file.
 
-def load_experiments(path: str | Path) -> Experiments:
-    r"""Read experiments from a TOML file.
+        Parameters
+        ----------
+        path
+            A TOML file with tables `[[column]]`, `[[static]]`, `[[modes]]`, `[[motion]]` and `[[prior]]`.
 
-    Parameters
-    ----------
-    path
-        A TOML file with tables `[[column]]`, `[[static]]`, `[[modes]]`, `[[motion]]` and `[[prior]]`.
+        Returns
+        -------
+        Experiments
+            The experiments.
 
-    Returns
-    -------
-    Experiments
-        The experiments.
+        Raises
+        ------
+        ArgumentError
+            `path` is not a path.
+        SceneError
+            The file is invalid; the message names the file, the key path, the value and the allowed values.
 
-    Raises
-    ------
-    ArgumentError
-        `path` is not a path.
-    SceneError
-        The file is invalid; the message names the file, the key path, the value and the allowed values.
-
-    Examples
-    --------
-    >>> with open("mine.toml", "w") as file:
-    ...     _ = file.write("[[prior]]\nname = 'weigh'\nreason = 'balance'\npaths = '.*mass'\ndeviation = 0.002\n")
-    >>> print(fl.fits.load_experiments("mine.toml").prior[0].deviation)
-    0.002
-    """
-    path = require_path("path", path)
-    raw = read_toml(path)
-    with errors_of(path):
-        fields = {field.encode_name: field for field in fields_of(Experiments)}
-        check_keys(raw, fields, required=())
-        raise_together(wrong for key, value in raw.items() for wrong in mistakes(value, fields[key].type, key))
-        return decode(raw, Experiments)
+        Examples
+        --------
+        >>> with open("mine.toml", "w") as file:
+        ...     _ = file.write("[[prior]]\nname = 'weigh'\nreason = 'balance'\npaths = '.*mass'\ndeviation = 0.002\n")
+        >>> print(fl.fits.Experiments.load("mine.toml").prior[0].deviation)
+        0.002
+        """
+        path = require_path("path", path)
+        raw = read_toml(path)
+        with errors_of(path):
+            fields = {field.encode_name: field for field in fields_of(cls)}
+            check_keys(raw, fields, required=())
+            raise_together(wrong for key, value in raw.items() for wrong in mistakes(value, fields[key].type, key))
+            return decode(raw, cls)
 
 
 def built_in() -> Experiments:
     """The experiments in `experiments.toml`, next to this file."""
-    return load_experiments(Path(__file__).parent / "experiments.toml")
+    return Experiments.load(Path(__file__).parent / "experiments.toml")
 
 
 def _check_pattern(key: str, pattern: str) -> None:

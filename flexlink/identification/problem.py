@@ -5,13 +5,18 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
 
 from flexlink.common.errors import SceneError
+from flexlink.data import documents
+from flexlink.data.documents import paths_of
+from flexlink.describe.mistakes import mistakes, raise_together
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import Deviation, Positive, Spec
+from flexlink.describe.scene_file import refuse_scene, scene_named
+from flexlink.describe.spec import Deviation, Positive, Spec, check_keys, decode, fields_of
 
 Use = Literal["fit", "check"]
 """Use of data: to fit the parameters, or to check the fit with data that were not fitted."""
@@ -304,3 +309,55 @@ class FitProblem(Spec, frozen=True):
     def __repr__(self) -> str:
         sought = ", ".join(parameter.path for parameter in self.parameter)
         return f"<FitProblem of {self.scene.name!r}: {sought}>"
+
+    @classmethod
+    def load(cls, path: str | Path) -> FitProblem:
+        """Read a problem from a TOML file.
+
+        Parameters
+        ----------
+        path
+            A TOML file: `scene`, a path relative to the file, then `[[parameter]]`, and the measurements in `[[run]]`,
+            `[[modes]]`, `[[static]]` and `[[frf]]`.
+
+        Returns
+        -------
+        FitProblem
+            The problem; files of recorded runs are read when it is fitted.
+
+        Raises
+        ------
+        ArgumentError
+            `path` is not a path.
+        SceneError
+            The problem is invalid; the message names the file, the key path, the value and the allowed values.
+        DataFileError
+            The file of a lumping rule or method in the scene is not valid.
+
+        Examples
+        --------
+        >>> problem = fl.fits.FitProblem.load("models/fits/tapped.toml")
+        >>> print(problem.scene.name, [parameter.path for parameter in problem.parameter])
+        three_links ['material.aluminium.young', 'tip.mass']
+        """
+        path = documents.require_path("path", path)
+        raw = documents.read_toml(path)
+        with documents.errors_of(path):
+            fields = {field.encode_name: field for field in fields_of(cls)}
+            refuse_scene(raw, path, "a fit")
+            check_keys(raw, fields, required=("scene", "parameter"))
+            scene = scene_named(raw, path.parent)
+            for part in ("run", "modes", "static", "frf"):
+                if isinstance(raw.get(part), list):
+                    raw[part] = documents.with_absolute_paths(path.parent, [_as_paths(table) for table in raw[part]])
+            raise_together(wrong for key, value in raw.items() for wrong in mistakes(value, fields[key].type, key))
+            parts = {key: decode(value, fields[key].type, key) for key, value in raw.items()}
+            return cls(scene=scene, **parts)
+
+
+def _as_paths(table: Any) -> Any:
+    """Rejoin the keys of `set` and `before` into paths; TOML has split them at their dots."""
+    if not isinstance(table, dict):
+        return table
+    apart = (key for key in ("set", "before") if isinstance(table.get(key), dict))
+    return table | {key: dict(paths_of(table[key])) for key in apart}

@@ -23,7 +23,7 @@ from flexlink.identification.block import Block
 from flexlink.identification.candidates import Addition, Bench, Candidate
 from flexlink.identification.coordinates import Coordinate, coordinates_of, guess_of, run_coordinates
 from flexlink.identification.data import Source, recorded
-from flexlink.identification.experiments import Experiments, built_in, load_experiments
+from flexlink.identification.experiments import Experiments, built_in
 from flexlink.identification.fitted import Fitted
 from flexlink.identification.identifiability import Check, Direction
 from flexlink.identification.information import Information, in_two_steps, information_of
@@ -98,7 +98,7 @@ def propose(problem: FitProblem | Fitted, experiments: str | Path | Experiments 
 def _given(experiments: str | Path | Experiments | None) -> Experiments:
     if experiments is None:
         return built_in()
-    more = experiments if isinstance(experiments, Experiments) else load_experiments(experiments)
+    more = experiments if isinstance(experiments, Experiments) else Experiments.load(experiments)
     base = built_in()
     return Experiments(**{key: getattr(base, key) + getattr(more, key) for key in Experiments.__struct_fields__})
 

@@ -101,11 +101,9 @@ def simulate(
         The step is larger than the largest stable step at the start (`stable_step`); unstable = "allow" permits it.
     DivergenceError
         The state is no longer finite, or the energy imbalance exceeds a tenth of the energy exchanged (with adaptive
-        implicit steps a second run decides, and may mark the run as doubtful instead); the error's `trajectory`
-        contains the good samples.
-    EvaluationLimitError
-        Adaptive steps would take more than `max_evaluations`; this error is also a DivergenceError. After a fiftieth of
-        the evaluations, a RuntimeWarning gives the cause of slow progress.
+        implicit steps a second run decides, and may mark the run as doubtful instead); or adaptive steps would take
+        more than `max_evaluations`, with the id "too-many-evaluations" (after a fiftieth of the evaluations, a
+        RuntimeWarning gives the cause of slow progress). The error's `trajectory` contains the good samples.
     ControlError
         The law raised an exception, or did not return d finite numbers; `trajectory` contains the samples before that.
     InterruptedRunError

@@ -1,4 +1,4 @@
-"""load_trajectory(path): a run that `Trajectory.save` has written, identical bit for bit.
+"""Read a run that `Trajectory.save` has written, identical bit for bit.
 
 Checks of a saved run: finite numbers, shapes that match its samples and joints, and a consistent chain.
 
@@ -12,7 +12,7 @@ import json
 import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from msgspec import convert
@@ -31,53 +31,29 @@ from flexlink.dynamics.momentum import Momentum
 from flexlink.dynamics.result import read_archive
 from flexlink.kernels.bodies.shaped_mass import Shapes
 from flexlink.kernels.layout import BODY, COUPLING, FORCES, HINGE
-from flexlink.results.samples import BaseMotion, State, StatedError, Steps
-from flexlink.results.trajectory import Trajectory
+from flexlink.results.samples import BaseMotion, RunSamples, State, StatedError, Steps
+
+Run = TypeVar("Run", bound=RunSamples)
 
 
-def load_trajectory(path: str | Path) -> Trajectory:
-    """Read a run from an .npz archive of `Trajectory.save`, with its chain and scene.
-
-    Parameters
-    ----------
-    path
-        The archive.
-
-    Returns
-    -------
-    Trajectory
-        Identical to the saved one bit for bit, with all its properties.
-
-    Raises
-    ------
-    ArgumentError
-        `path` is not a path, or does not end in .npz.
-    DataFileError
-        The file is missing, or is not a run of this version of flexlink: its arrays have other types or shapes, numbers
-        are not finite, or the parts of its chain are inconsistent.
-
-    Examples
-    --------
-    >>> again = fl.load_trajectory(run.save("move.npz"))
-    >>> print(again, np.array_equal(again.tip, run.tip))
-    <Trajectory 'two_links': 101 samples, 0 … 1 s, 6 joints> True
-    """
+def stored_run(path: str | Path, kind: type[Run]) -> Run:
+    """The run in an archive, as an object of `kind`; see `Trajectory.load`."""
     arrays = read_archive(path)
     try:
-        return _trajectory(arrays)
+        return kind(**_fields(arrays))
     except Exception as error:  # any: the checks see only what a run is made of, not what else arrays can hold
         why = f"{error.args[0]} is missing" if isinstance(error, KeyError) else " ".join(str(error).split())
         raise DataFileError(f"{path}: not a run of this version of flexlink: {why}", id="not-a-result") from None
 
 
-def _trajectory(arrays: Mapping[str, Any]) -> Trajectory:
+def _fields(arrays: Mapping[str, Any]) -> dict[str, Any]:
     steps, table = json.loads(str(arrays["steps"])), tomllib.loads(str(arrays["scene"]))
     chain, scene = _chain(arrays), scene_from(table) if table else None
     if "chain_described" not in arrays and scene is not None:  # from an older version
         chain = dataclasses.replace(chain, described=lump(scene).described)
     check_chain(chain)
     check_samples(arrays, chain.n)
-    return Trajectory(
+    return dict(
         chain=chain,
         **{name: arrays[name] for name in ("t", "q", "qd", "tip", "tip_wrench")},
         drive_torques=arrays["tau"],

@@ -17,9 +17,10 @@ if TYPE_CHECKING:
 class DivergenceError(FlexlinkError, ArithmeticError):
     """The state of a run is no longer finite, or its energy does not balance; `trajectory` contains every good sample.
 
-    The `id` distinguishes "diverged", "energy-imbalance", "newton-failed", "tolerance-not-met" and
-    "mass-not-positive-definite". From `simulate_many`, `runs` contains all runs, including this one; from
-    `SimulatorBatch`, `arms` contains the numbers of the arms that failed.
+    The `id` distinguishes "diverged", "energy-imbalance", "newton-failed", "tolerance-not-met",
+    "mass-not-positive-definite" and "too-many-evaluations", if a run with a tolerance progresses too slowly. From
+    `simulate_many`, `runs` contains all runs, including this one; from `SimulatorBatch`, `arms` contains the numbers of
+    the arms that failed.
 
     Examples
     --------
@@ -40,16 +41,7 @@ class DivergenceError(FlexlinkError, ArithmeticError):
 
 
 class EvaluationLimitError(DivergenceError):
-    """A run with a tolerance progresses too slowly: it has used, or would exceed, `run.max_evaluations`.
-
-    Examples
-    --------
-    >>> try:
-    ...     fl.simulate(scene, tolerance=1e-9, max_evaluations=100)
-    ... except fl.errors.EvaluationLimitError as error:
-    ...     print(error.trajectory.t[-1] < 1.0)
-    True
-    """
+    """A run with a tolerance progresses too slowly: it has used, or would exceed, `run.max_evaluations`."""
 
     _id = "too-many-evaluations"
 

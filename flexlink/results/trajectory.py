@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import importlib
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Self
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexlink.chain.arguments import positive, real, vector
+from flexlink.common.errors import ArgumentError
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.output import write_whole
 from flexlink.common.types import Array
+from flexlink.common.wording import truncated
 from flexlink.data.documents import require_path
 from flexlink.results.samples import Columns, RunSamples
+from flexlink.results.tip_motion import centre_of_motion, distances, largest_distance
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -85,7 +93,7 @@ class Trajectory(RunSamples):
         return Columns(self)
 
     def save(self, path: str | Path) -> Path:
-        """Write an .npz archive, which `load_trajectory` restores bit for bit, or a .csv table of `columns`.
+        """Write an .npz archive, which `load` restores bit for bit, or a .csv table of `columns`.
 
         The archive contains t, q, qd, tau, tip, kinetic, gravity, elastic, work, imbalance, tip_wrench, joints,
         warnings, warning_ids, steps, delayed, scene (TOML), chain_…, error_… and motion_… with a tolerance, and, if the
@@ -102,7 +110,7 @@ class Trajectory(RunSamples):
         Examples
         --------
         >>> archive = run.save("move.npz")  # or a table, "move.csv"
-        >>> print(np.array_equal(fl.load_trajectory(archive).q, run.q))
+        >>> print(np.array_equal(fl.Trajectory.load(archive).q, run.q))
         True
         """
         path = require_path("path", path)
@@ -159,6 +167,150 @@ class Trajectory(RunSamples):
         from flexlink.results.files import to_xarray  # noqa: PLC0415
 
         return to_xarray(self)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a run from an .npz archive that `save` has written, with its chain and scene.
+
+        Parameters
+        ----------
+        path
+            The archive.
+
+        Returns
+        -------
+        Trajectory
+            Identical to the saved one bit for bit, with all its properties.
+
+        Raises
+        ------
+        ArgumentError
+            `path` is not a path, or does not end in .npz.
+        DataFileError
+            The file is missing, or is not a run of this version of flexlink: its arrays have other types or shapes,
+            numbers are not finite, or the parts of its chain are inconsistent.
+
+        Examples
+        --------
+        >>> again = fl.Trajectory.load(run.save("move.npz"))
+        >>> print(again, np.array_equal(again.tip, run.tip))
+        <Trajectory 'two_links': 101 samples, 0 … 1 s, 6 joints> True
+        """
+        from flexlink.results.loading import stored_run  # noqa: PLC0415
+
+        return stored_run(path, cls)
+
+    def settling_time(self, *, target: ArrayLike, tolerance: float, after: float = 0.0) -> float:
+        """Time after which the tip stays within a tolerance of its target to the end of the run.
+
+        Samples should be ten or more per period of the vibration.
+
+        Parameters
+        ----------
+        target
+            Rest position of the tip in frame 0, shape (3,) [m], `fl.tip_position(chain, rest.q)` with
+            `rest = fl.solve_static(…)`.
+        tolerance
+            Largest distance from the target that counts as settled, > 0 [m].
+        after
+            Time from which settling is measured [s], such as the end of the move.
+
+        Returns
+        -------
+        float
+            Time [s] from `after` to the sample from which on all samples are within the tolerance; inf if the last is
+            not.
+
+        Raises
+        ------
+        ArgumentError
+            An argument has the wrong shape or is not finite, or no sample follows `after`.
+
+        Examples
+        --------
+        >>> rest = run.tip[-1]
+        >>> print(run.settling_time(target=rest, tolerance=0.02) < 1.0)  # s
+        True
+        """
+        after = real("after", after, "a time [s]")
+        t, tip = self._from(after)
+        outside = np.flatnonzero(distances(tip, vector("target", target, 3)) > positive("tolerance", tolerance))
+        first = outside[-1] + 1 if outside.size else 0
+        return float(t[first]) - after if first < len(t) else math.inf
+
+    def overshoot(self, *, target: ArrayLike) -> float:
+        """Largest distance by which the tip passes its target, along the straight line from its start to the target.
+
+        Parameters
+        ----------
+        target
+            Rest position of the tip in frame 0, shape (3,) [m].
+
+        Returns
+        -------
+        float
+            Largest u·(p − target) [m], where u is the unit vector from the tip's start to the target; 0 if the tip does
+            not pass the target. Divided by |target − p(0)| it is the overshoot of control theory.
+
+        Raises
+        ------
+        ArgumentError
+            `target` has the wrong shape, is not finite, or is where the tip starts; or the run has no sample.
+
+        Examples
+        --------
+        >>> print(f"{1e3 * run.overshoot(target=run.tip[-1]):.0f} mm beyond")
+        26 mm beyond
+        """
+        _, tip = self._from(-math.inf)
+        goal = vector("target", target, 3)
+        way = largest_distance(tip[:1], goal)
+        if way == 0:
+            raise ArgumentError(
+                f"target = {truncated(goal.tolist())}: equals the tip's start, so there is no travel to overshoot",
+                id="no-travel",
+            )
+        return max(0.0, float(((tip - goal) @ (goal - tip[0]) / way).max()))
+
+    def residual_vibration(self, *, after: float) -> float:
+        """Amplitude of the tip's residual vibration after a move, wherever the tip comes to rest.
+
+        Parameters
+        ----------
+        after
+            End of the move [s]; the run continues for at least half a period after it.
+
+        Returns
+        -------
+        float
+            Largest distance [m] between the tip, from the time `after` on, and the centre of the box around its path,
+            with edges along the axes of frame 0. For vibration along a line it is half the peak-to-peak range.
+
+        Raises
+        ------
+        ArgumentError
+            `after` is not a number, or fewer than two samples follow.
+
+        Examples
+        --------
+        >>> print(f"{1e3 * run.residual_vibration(after=0.5):.0f} mm")  # the move ends at 0.5 s
+        17 mm
+        """
+        _, tip = self._from(after, least=2)
+        return largest_distance(tip, centre_of_motion(tip))
+
+    def _from(self, after: float, least: int = 1) -> tuple[Array, Array]:
+        """Times and positions of the tip from `after` on."""
+        t = self.t
+        kept = t >= real("after", after, "a time [s]")
+        if kept.sum() < least:
+            span = f"run from {t[0]:g} to {t[-1]:g} s" if len(t) else "run without samples"
+            raise ArgumentError(
+                f"after = {truncated(after)}: a {span} has {kept.sum()} samples from that time on; "
+                f"needs at least {least}",
+                id="too-few-samples",
+            )
+        return t[kept], self.tip[kept]
 
     def _repr_html_(self) -> str:
         columns = [] if not len(self.t) else self.columns.items()

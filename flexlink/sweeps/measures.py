@@ -16,7 +16,6 @@ from flexlink.dynamics.placement import tip_position
 from flexlink.motion.side_by_side import Block
 from flexlink.results.deflection import deflections
 from flexlink.results.samples import sources_of
-from flexlink.results.settling import overshoot, residual_vibration, settling_time
 from flexlink.results.trajectory import Trajectory
 
 REDUCTIONS: Mapping[str, Callable[[Array, Array], Array]] = {
@@ -183,13 +182,13 @@ MEASURES: Mapping[str, Measure] = {
     "evaluations": Measure(_count("evaluations"), set()),
     "error [m]": Measure(lambda _output, run: _stated(run), set()),
     "settling time [s]": Measure(
-        lambda output, run: settling_time(
-            run, target=output.place(run), tolerance=output.tolerance or 0.0, after=output.after
+        lambda output, run: run.settling_time(
+            target=output.place(run), tolerance=output.tolerance or 0.0, after=output.after
         ),
         {"target", "tolerance", "after"},
     ),
-    "overshoot [m]": Measure(lambda output, run: overshoot(run, target=output.place(run)), {"target"}),
-    "residual vibration [m]": Measure(lambda output, run: residual_vibration(run, after=output.after), {"after"}),
+    "overshoot [m]": Measure(lambda output, run: run.overshoot(target=output.place(run)), {"target"}),
+    "residual vibration [m]": Measure(lambda output, run: run.residual_vibration(after=output.after), {"after"}),
 }
 
 

@@ -69,6 +69,56 @@ class Sweep(Spec, frozen=True):
         """Varied keys, in the order of the file."""
         return (*self.grid, *self.together, *(self.sample.keys if self.sample else ()))
 
+    @classmethod
+    def load(cls, path: str | Path) -> Sweep:
+        """Read a sweep file.
+
+        Parameters
+        ----------
+        path
+            A TOML file: `scene`, a path relative to the file, then tables `set`, `grid`, `together`, `sample` and
+            `quantity`. Keys may be written as tables, `run.duration = 1.0`, or in quotes, `"run.duration" = 1.0`.
+
+        Returns
+        -------
+        Sweep
+            The sweep in the file.
+
+        Raises
+        ------
+        ArgumentError
+            `path` is not a path.
+        SceneError
+            The message names the file, the key path, the value and the allowed values.
+        DataFileError
+            The file of a lumping rule or method in the scene is not valid.
+
+        Examples
+        --------
+        >>> plan = fl.Sweep.load("models/sweeps/payload.toml")
+        >>> print(plan.scene.name, list(plan.quantity))
+        paper_fig5 ['tip_z', 'bend', 'swing', 'error']
+        """
+        path = documents.require_path("path", path)
+        raw = documents.read_toml(path)
+        with documents.errors_of(path):
+            fields = {field.encode_name: field for field in fields_of(cls)}
+            refuse_scene(raw, path, "a sweep plan")
+            check_keys(raw, fields, required=("scene", "quantity"))
+            folder = path.parent
+            scene = scene_named(raw, folder)
+            for table, leaf in (("set", ()), ("grid", ("between",)), ("together", ("between",))):
+                if isinstance(raw.get(table), dict):
+                    raw[table] = documents.with_absolute_paths(folder, dict(documents.paths_of(raw[table], leaf)))
+            sample = raw.get("sample")
+            if isinstance(sample, dict) and isinstance(sample.get("keys"), dict):
+                sample["keys"] = documents.with_absolute_paths(
+                    folder, dict(documents.paths_of(sample["keys"], ("between", "mean", "deviation")))
+                )
+            sweep = cls(scene=scene, **{key: decode(value, fields[key].type, key) for key, value in raw.items()})
+            Plan(sweep)
+            return sweep
+
 
 class Plan:
     """The members of a sweep, by number.
@@ -186,56 +236,6 @@ class Plan:
                 raise SceneError(f"{truncated(name)}: is not a column name; use printable characters", id="column-name")
         if self.members > MAX_MEMBERS:
             raise SceneError(f"{self.members} members: a sweep has at most {MAX_MEMBERS}", id="too-many-members")
-
-
-def load_sweep(path: str | Path) -> Sweep:
-    """Read a sweep file.
-
-    Parameters
-    ----------
-    path
-        A TOML file: `scene`, a path relative to the file, then tables `set`, `grid`, `together`, `sample` and
-        `quantity`. Keys may be written as tables, `run.duration = 1.0`, or in quotes, `"run.duration" = 1.0`.
-
-    Returns
-    -------
-    Sweep
-        The sweep in the file.
-
-    Raises
-    ------
-    ArgumentError
-        `path` is not a path.
-    SceneError
-        The message names the file, the key path, the value and the allowed values.
-    DataFileError
-        The file of a lumping rule or method in the scene is not valid.
-
-    Examples
-    --------
-    >>> plan = fl.load_sweep("models/sweeps/payload.toml")
-    >>> print(plan.scene.name, list(plan.quantity))
-    paper_fig5 ['tip_z', 'bend', 'swing', 'error']
-    """
-    path = documents.require_path("path", path)
-    raw = documents.read_toml(path)
-    with documents.errors_of(path):
-        fields = {field.encode_name: field for field in fields_of(Sweep)}
-        refuse_scene(raw, path, "a sweep plan")
-        check_keys(raw, fields, required=("scene", "quantity"))
-        folder = path.parent
-        scene = scene_named(raw, folder)
-        for table, leaf in (("set", ()), ("grid", ("between",)), ("together", ("between",))):
-            if isinstance(raw.get(table), dict):
-                raw[table] = documents.with_absolute_paths(folder, dict(documents.paths_of(raw[table], leaf)))
-        sample = raw.get("sample")
-        if isinstance(sample, dict) and isinstance(sample.get("keys"), dict):
-            sample["keys"] = documents.with_absolute_paths(
-                folder, dict(documents.paths_of(sample["keys"], ("between", "mean", "deviation")))
-            )
-        sweep = Sweep(scene=scene, **{key: decode(value, fields[key].type, key) for key, value in raw.items()})
-        Plan(sweep)
-        return sweep
 
 
 def _is_slow(axis: Axis) -> bool:

@@ -14,7 +14,7 @@ from flexlink.common.wording import plural
 from flexlink.data.documents import require_path
 from flexlink.sweeps.execution import Execution
 from flexlink.sweeps.fingerprint import fingerprint
-from flexlink.sweeps.plan import Plan, Sweep, load_sweep
+from flexlink.sweeps.plan import Plan, Sweep
 from flexlink.sweeps.preflight import preflight
 from flexlink.sweeps.store import Store
 from flexlink.sweeps.table import SweepRows
@@ -71,8 +71,8 @@ def sweep(
         `out` cannot be written, is not a database of a sweep, or another process writes to it.
     EngineError
         No worker can run members; existing rows remain.
-    InterruptedSweepError
-        Ctrl-C or SIGTERM; existing rows remain.
+    KeyboardInterrupt
+        Ctrl-C or SIGTERM, the number of which is its attribute `signal`; existing rows remain.
 
     Examples
     --------
@@ -87,7 +87,7 @@ def sweep(
     """
     require_callable("progress", progress)
     count = integer("workers", workers, 1, MAX_WORKERS)
-    plan = Plan(what if isinstance(what, Sweep) else load_sweep(what))
+    plan = Plan(what if isinstance(what, Sweep) else Sweep.load(what))
     path = None if out is None else require_path("out", out)
     preflight(plan)
     with Store(path, plan, fingerprint(plan.sweep), fresh=require_bool("fresh", fresh)) as store:

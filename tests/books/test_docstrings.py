@@ -1,6 +1,7 @@
 """Each public name has a working example, run in a folder with the models of the checkout."""
 
 import doctest
+import importlib
 import inspect
 import re
 import runpy
@@ -14,6 +15,8 @@ import matplotlib.pyplot as plt
 import pytest
 
 import flexlink as fl
+from flexlink.common.versions import OLD_NAMES
+from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.dynamics import rounding
 from flexlink.dynamics.vibration import stability
 from flexlink.dynamics.vibration.modal import Modes
@@ -27,7 +30,7 @@ MODULES = {name: module for name in fl.__all__ if inspect.ismodule(module := get
 PUBLIC = {name: getattr(fl, name) for name in fl.__all__ if name not in MODULES} | {
     f"{name}.{one}": getattr(module, one) for name, module in MODULES.items() for one in module.__all__
 }
-RUN = PUBLIC | {"Modes": Modes}  # some results also have examples
+RUN = PUBLIC | {"Modes": Modes, "ReferenceTrajectory": ReferenceTrajectory}  # some results also have examples
 SLOW = {"Trajectory", "advise", "compare", "compare_trajectories", "report"}  # other engines, pages, many runs
 NEEDS = {"compare": "mujoco", "compare_trajectories": "mujoco", "errors.EngineError": "mujoco", "report": "pinocchio"}
 
@@ -95,9 +98,8 @@ OF_OTHERS = {
     fl.simulate: ["scene"], fl.simulate_many: ["scenes"], fl.compare: ["scene"], fl.lump: ["scene"],
     fl.initial_state: ["scene", "chain"], fl.to_urdf: ["chain"], fl.to_mjcf: ["chain"], fl.to_sdf: ["chain"],
     fl.sensitivities: ["scene", "parameters"],
-    fl.strength.beam_strain: ["scene", "q"], fl.measures.settling_time: ["run"], fl.measures.overshoot: ["run"],
-    fl.measures.residual_vibration: ["run"],
-    fl.load_scene: ["path"], fl.load_sweep: ["path"], fl.load_trajectory: ["path"],
+    fl.strength.beam_strain: ["scene", "q"],
+    fl.load_scene: ["path"], fl.Sweep.load: ["path"], fl.Trajectory.load: ["path"],
     fl.sweep: ["what"], load: ["name", "chain"],
 }  # fmt: skip
 
@@ -177,3 +179,11 @@ def test_every_public_name_exists_and_engines_are_loaded_on_demand() -> None:
         fl.compere  # noqa: B018
     with refused(AttributeError, "test-grammar"):
         fl.FitRun  # noqa: B018
+
+
+@pytest.mark.parametrize("path", OLD_NAMES)
+def test_a_deprecated_name_works_and_states_its_successor(path: str) -> None:
+    module, _, name = path.rpartition(".")
+    with pytest.warns(DeprecationWarning, match=re.escape(f"{path} is deprecated; it is now {OLD_NAMES[path][1]}")):
+        assert callable(getattr(importlib.import_module(module), name))
+    assert path.removeprefix("flexlink.") not in PUBLIC

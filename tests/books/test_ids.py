@@ -80,7 +80,7 @@ def test_every_warning_of_a_run_keeps_its_id_in_a_pickle_and_in_an_archive(name:
     run = WARNED[name]()
     ids = [warning.id for warning in run.warnings]
     assert name in ids and all(ids)
-    for copy in (pickle.loads(pickle.dumps(run)), fl.load_trajectory(run.save(tmp_path / "run.npz"))):
+    for copy in (pickle.loads(pickle.dumps(run)), fl.Trajectory.load(run.save(tmp_path / "run.npz"))):
         assert ([warning.id for warning in copy.warnings], copy.warnings) == (ids, run.warnings)
 
 
@@ -89,7 +89,7 @@ def test_an_archive_without_ids_of_warnings_is_loaded(tmp_path: Path) -> None:
     arrays = dict(np.load(run.save(tmp_path / "run.npz")))
     del arrays["warning_ids"]
     np.savez(tmp_path / "old.npz", **arrays)
-    old = fl.load_trajectory(tmp_path / "old.npz")
+    old = fl.Trajectory.load(tmp_path / "old.npz")
     assert old.warnings == run.warnings
     assert {warning.id for warning in old.warnings} == {""}
 

@@ -163,7 +163,7 @@ def flat(pairs: dict[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
 def takes(field: msgspec.structs.FieldInfo, value: Any) -> bool:
     try:
         msgspec.convert(value, field.type)
-    except (msgspec.ValidationError, fl.errors.FlexlinkError):
+    except (msgspec.ValidationError, fl.FlexlinkError):
         return False
     return True
 

@@ -183,7 +183,7 @@ def test_a_suggested_name_makes_the_scene_right(what: str, tmp_path: Path) -> No
     old, new, *_ = test_scene.BAD[what]
     path = tmp_path / "scene.toml"
     path.write_text(test_scene.PAPER.replace(old, new, 1), encoding="utf-8")
-    with pytest.raises(fl.errors.FlexlinkError) as caught:
+    with pytest.raises(fl.FlexlinkError) as caught:
         fl.load_scene(path)
     suggested = re.search(r"did you mean '(\w+)'\?", str(caught.value))
     (wrong,) = re.findall(r"(?:\.|: )(\w+) = [^:]*: unknown key|= '(\w+)'", str(caught.value))[:1]

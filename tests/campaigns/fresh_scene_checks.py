@@ -381,7 +381,7 @@ class Judged:
 
     def archive(self) -> None:
         """Check that a saved archive and a saved table read back equal."""
-        again = fl.load_trajectory(self.result.save(self.folder / "run.npz"))
+        again = fl.Trajectory.load(self.result.save(self.folder / "run.npz"))
         for key in ("t", "q", "qd", "tau", "tip", "work", "tip_wrench"):
             if not np.array_equal(getattr(again, key), getattr(self.result, key)):
                 self.report("silent", f"archive: another {key}")

@@ -207,9 +207,7 @@ class Truth:
             self.torques = rows_in_time(np.array(drive.times), rows, smooth=drive.smooth, hold=drive.hold)
         self.effort = np.array(drive.effort or [math.inf] * len(links))[self.driven]
         self.rigid = (
-            fl.lump(fl.rigidified(scene))
-            if drive.kind in {"pd", "computed_torque"} and not chain.has_free_base
-            else None
+            fl.lump(scene.rigidified()) if drive.kind in {"pd", "computed_torque"} and not chain.has_free_base else None
         )
         zeros = np.zeros((len(wrench.times or ()), 3))
         table = np.hstack([zeros if rows is None else np.array(rows) for rows in (wrench.forces, wrench.moments)]) \

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import flexlink as fl
-from flexlink.describe.rigidified import rigidified
 from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.inputs.references import reference_arrays
 from validation.random_arms import Dice
@@ -108,7 +107,7 @@ def law_of(scene: fl.Scene, chain: fl.Chain) -> Callable[[float, float, Array, A
         return lambda t, middle, q, qd: np.array([np.interp(t, times, column) for column in rows.T])
     kp, kd = np.array(drive.kp), np.array(drive.kd)
     reference = reference_arrays(scene, chain)
-    rigid = fl.lump(rigidified(scene))
+    rigid = fl.lump(scene.rigidified())
     exponents = np.arange(reference.coefficients.shape[1])
     of_rate = exponents[1:, None] * reference.coefficients[:, 1:]
     of_acceleration = exponents[1:-1, None] * of_rate[:, 1:]

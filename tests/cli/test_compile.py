@@ -15,8 +15,8 @@ from flexlink.kernels.tools.code_files import FAMILIES, archive_name
 from flexlink.kernels.tools.machine_code import PARTS, families_here, here
 
 NOT_KERNELS = {
-    "check_fit", "compare", "compare_trajectories", "fit", "import_urdf", "initial_state", "invert", "load_fit",
-    "linearize_many", "load_scene", "load_sweep", "loop", "lump", "report", "rigidified", "sweep", "to_c", "to_casadi",
+    "check_fit", "compare", "compare_trajectories", "fit", "import_urdf", "initial_state", "invert",
+    "linearize_many", "load_scene", "loop", "lump", "report", "sweep", "to_c", "to_casadi",
     "to_mjcf", "to_sdf",
     "to_urdf",
 }  # fmt: skip

@@ -208,7 +208,7 @@ def test_initial_angles_of_links_instead_of_joints_are_refused_by_their_number()
 def test_a_scene_given_instead_of_a_sweep_plan_is_explained(tmp_path: Path) -> None:
     path = tmp_path / "crane.toml"
     path.write_text(tomli_w.dumps(T3), encoding="utf-8")
-    for load in (fl.load_sweep, fl.fits.load_fit):
+    for load in (fl.Sweep.load, fl.fits.FitProblem.load):
         with words.refused(fl.errors.SceneError, "is-a-scene") as caught:
             load(path)
         assert "'crane.toml'" in str(caught.value)

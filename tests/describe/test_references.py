@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import flexlink as fl
 from flexlink.describe.profiles import MOVES
-from flexlink.describe.reference_trajectory import still
+from flexlink.describe.reference_trajectory import ReferenceTrajectory, still
 from flexlink.motion.inputs.references import reference_arrays
 from tests.conftest import make_scene
 from tests.support.words import refused, reviewed
@@ -37,25 +37,23 @@ def moves(draw: st.DrawFn, limited: bool | None = None) -> Move:
     return fl.Reference(profile=profile, to_deg=to, start=draw(st.floats(0, 5)), **how), start
 
 
-def derivatives(course: fl.ReferenceTrajectory, number: int) -> list[fl.ReferenceTrajectory]:
+def derivatives(course: ReferenceTrajectory, number: int) -> list[ReferenceTrajectory]:
     """The reference, its rate, its acceleration, …, each as a trajectory."""
     found = [course]
     for _ in range(number):
         c = found[-1].coefficients
         found.append(
-            fl.ReferenceTrajectory(
-                course.knots, c[:, 1:] * np.arange(1, c.shape[1])[:, None] if c.shape[1] > 1 else 0 * c
-            )
+            ReferenceTrajectory(course.knots, c[:, 1:] * np.arange(1, c.shape[1])[:, None] if c.shape[1] > 1 else 0 * c)
         )
     return found
 
 
-def peaks(course: fl.ReferenceTrajectory, number: int = 3) -> np.ndarray:
+def peaks(course: ReferenceTrajectory, number: int = 3) -> np.ndarray:
     """Exact largest |value| of the reference and its first `number` derivatives, shape (number + 1, d)."""
     return np.array([np.abs(each.extremes()).max(axis=0) for each in derivatives(course, number)])
 
 
-def came_to(course: fl.ReferenceTrajectory, piece: int) -> np.ndarray:
+def came_to(course: ReferenceTrajectory, piece: int) -> np.ndarray:
     """Angle, rate and acceleration at the end of a piece, shape (3, d)."""
     x = course.knots[piece + 1] - course.knots[piece]
     c = [each.coefficients[piece] for each in derivatives(course, 2)]
@@ -207,7 +205,7 @@ def test_a_reference_restated_on_other_knots_is_unchanged(rng: np.random.Generat
     """A Taylor shift of a quintic has about twenty sums, so its error is below 64 ε times the largest term."""
     course = fl.Reference(profile="quintic", to_deg=(90.0, -45.0), duration=1.0).course((0.0, 10.0))
     knots = np.union1d(course.knots, rng.uniform(0, 1.2, 9))
-    other = fl.ReferenceTrajectory(knots, course.restated(knots))
+    other = ReferenceTrajectory(knots, course.restated(knots))
     t = np.linspace(-0.5, 2.0, 500)
     for ours, theirs in zip(other(t), course(t), strict=True):
         np.testing.assert_allclose(ours, theirs, atol=64 * EPS * 60)
@@ -268,7 +266,7 @@ def test_a_trajectory_from_coefficients_is_checked() -> None:
         ([0.0], np.ones((1, 2, 1)), "not-at-rest"),
     ):
         with refused(fl.errors.ArgumentError, id):
-            fl.ReferenceTrajectory(knots, c)
+            ReferenceTrajectory(knots, c)
     text = repr(still([1.0, 2.0]))
     reviewed("repr: reference", text)
     assert re.findall(r"\d+", text) == ["2", "1", "0", "0", "0"]

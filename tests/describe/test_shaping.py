@@ -10,6 +10,7 @@ from scipy.linalg import expm
 
 import flexlink as fl
 from flexlink.describe import data_files
+from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.shaping import ShaperRule
 from tests.conftest import flexible, make_scene
 from tests.support.words import refused
@@ -24,7 +25,7 @@ def left(shaper: fl.InputShaper, pole: complex, derivative: int = 0) -> complex:
     return complex(np.sum(a * (-t) ** derivative * np.exp(-pole * t)))
 
 
-def residual(course: fl.ReferenceTrajectory, pole: complex) -> float:
+def residual(course: ReferenceTrajectory, pole: complex) -> float:
     """Amplitude of y after the end of its reference r: ÿ − 2 Re λ ẏ + |λ|² (y − r) = 0 by matrix exponentials.
 
     The powers x^j are additional states, (x^j)' = j x^(j−1): one exponential is the exact solution over a piece.

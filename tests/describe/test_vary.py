@@ -100,7 +100,7 @@ def test_a_link_made_rigid_loses_what_only_bending_needs(paper: fl.Scene) -> Non
     rigid = bends.varied({"link.*.flex": "rigid"})
     assert [link.segments for link in rigid.arm.links] == [1, 1, 1]
     assert notes(rigid) == notes(paper.varied({"link.*.flex": "rigid"}))
-    assert fl.lump(rigid).bodies.tobytes() == fl.lump(fl.rigidified(paper)).bodies.tobytes()
+    assert fl.lump(rigid).bodies.tobytes() == fl.lump(paper.rigidified()).bodies.tobytes()
     links = paper.varied(TOGETHER["one rigid"]).arm.links
     assert [link.segments for link in links] == [1, 7, 1]
 
@@ -108,7 +108,7 @@ def test_a_link_made_rigid_loses_what_only_bending_needs(paper: fl.Scene) -> Non
 @pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
 def test_a_rigidified_scene_keeps_its_task(path: Path) -> None:
     scene = fl.load_scene(path)
-    rigid = fl.rigidified(scene)
+    rigid = scene.rigidified()
     assert not any(link.elastic for link in rigid.arm.links)
     for name in ("name", "about", "gravity", "air_density", "drive", "motion", "wrench", "sensor", "run"):
         assert getattr(rigid, name) == getattr(scene, name)
@@ -124,9 +124,9 @@ def test_a_rigidified_scene_has_no_strain_gauges_but_a_warning(paper: fl.Scene) 
         fl.Sensor(name="at", kind="joint", link="fore"),
     )
     with pytest.warns(UserWarning) as caught:
-        rigid = fl.rigidified(paper.varied({"sensor": (gauge, force)}))
+        rigid = paper.varied({"sensor": (gauge, force)}).rigidified()
     reviewed("strain-gauges-left-out", str(caught[0].message))
-    assert rigid == fl.rigidified(paper.varied({"sensor": (force,)}))
+    assert rigid == paper.varied({"sensor": (force,)}).rigidified()
 
 
 def test_none_restores_the_default_of_a_key(paper: fl.Scene) -> None:

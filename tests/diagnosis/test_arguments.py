@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import flexlink as fl
+from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.diagnosis.comparison import compare
 from flexlink.dynamics.notes import notes
 from flexlink.engines import load
@@ -141,15 +142,15 @@ BEYOND = 10**400
 @pytest.mark.parametrize(
     ("call", "wanted"),
     [
-        (lambda: fl.measures.settling_time(run(), target=(0, 0, 0), tolerance=1e-3, after=BEYOND), "wrong-type"),
-        (lambda: fl.measures.settling_time(run(), target=(0, 0, BEYOND), tolerance=1e-3), "wrong-type"),
-        (lambda: fl.measures.residual_vibration(run(), after=-BEYOND), "wrong-type"),
+        (lambda: run().settling_time(target=(0, 0, 0), tolerance=1e-3, after=BEYOND), "wrong-type"),
+        (lambda: run().settling_time(target=(0, 0, BEYOND), tolerance=1e-3), "wrong-type"),
+        (lambda: run().residual_vibration(after=-BEYOND), "wrong-type"),
         (lambda: fl.advise(scene(), BEYOND), "wrong-type"),
-        (lambda: fl.ReferenceTrajectory([0.0], [[[BEYOND]]]), "wrong-type"),
-        (lambda: fl.ReferenceTrajectory([0.0], [[[0.0]]])(BEYOND), "wrong-type"),
-        (lambda: fl.ReferenceTrajectory([0.0], [[[0.0]]])("a"), "wrong-type"),
-        (lambda: fl.ReferenceTrajectory([0.0], [[[0.0]]]).shaped([BEYOND], [1.0]), "wrong-type"),
-        (lambda: fl.ReferenceTrajectory([0.0], [[[0.0]]]).delayed(BEYOND), "wrong-type"),
+        (lambda: ReferenceTrajectory([0.0], [[[BEYOND]]]), "wrong-type"),
+        (lambda: ReferenceTrajectory([0.0], [[[0.0]]])(BEYOND), "wrong-type"),
+        (lambda: ReferenceTrajectory([0.0], [[[0.0]]])("a"), "wrong-type"),
+        (lambda: ReferenceTrajectory([0.0], [[[0.0]]]).shaped([BEYOND], [1.0]), "wrong-type"),
+        (lambda: ReferenceTrajectory([0.0], [[[0.0]]]).delayed(BEYOND), "wrong-type"),
     ],
 )
 def test_an_integer_beyond_float64_is_refused_by_name(call: Callable[[], object], wanted: str) -> None:

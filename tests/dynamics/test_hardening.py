@@ -116,7 +116,7 @@ def test_archives_continued_runs_sweeps_and_fits_include_hardening_springs(tmp_p
     scene = wheel()
     whole = fl.simulate(scene)
     whole.save(tmp_path / "run.npz")
-    assert fl.load_trajectory(tmp_path / "run.npz").chain.forces["hardening"]["cubic"].tolist() == [C]
+    assert fl.Trajectory.load(tmp_path / "run.npz").chain.forces["hardening"]["cubic"].tolist() == [C]
     start = fl.InitialState(q=tuple(whole.q[4]), qd=tuple(whole.qd[4]), time=float(whole.t[4]))
     again = fl.simulate(replace(scene.varied({"run.duration": float(whole.t[4])}), initial=start))
     np.testing.assert_allclose(again.q[-1], whole.q[-1], atol=1e-9)

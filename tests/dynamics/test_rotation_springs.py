@@ -239,11 +239,11 @@ def test_a_run_saved_by_an_older_version_has_springs_of_angles(tmp_path: Path) -
         arrays = dict(archive)
     arrays["chain_bodies"] = recfunctions.drop_fields(arrays["chain_bodies"], "springs")
     np.savez(path, **arrays)
-    assert not fl.load_trajectory(path).chain.has_rotation_springs
+    assert not fl.Trajectory.load(path).chain.has_rotation_springs
     arrays["chain_bodies"] = recfunctions.drop_fields(arrays["chain_bodies"], "mass")
     np.savez(path, **arrays)
     with refused(DataFileError, "not-a-result"):
-        fl.load_trajectory(path)
+        fl.Trajectory.load(path)
 
 
 def test_info_marks_springs_of_rotation_vectors(capsys: pytest.CaptureFixture[str]) -> None:

@@ -187,7 +187,7 @@ def test_sensor_columns_are_saved_and_read_back(tmp_path: Path) -> None:
     gauge = Sensor(name="a, b", kind="strain", link="beam", x=0.1, fibre=(0.02, 0.0), noise=1e-6, low_pass=20.0)
     run = fl.simulate(cantilever(gauge).varied({"run.duration": 0.05}))
     assert run.columns["a, b [1]"].std() > 0
-    again = fl.load_trajectory(run.save(tmp_path / "run.npz"))
+    again = fl.Trajectory.load(run.save(tmp_path / "run.npz"))
     np.testing.assert_array_equal(again.columns["a, b [1]"], run.columns["a, b [1]"])
     with np.load(tmp_path / "run.npz") as archive:
         assert archive["sensors"].tolist() == ["a, b [1]"]

@@ -17,6 +17,7 @@ from flexlink.cli.main import main
 from flexlink.identification.block import Colour, colour_of
 from flexlink.identification.coordinates import coordinate_of, coordinates_of
 from flexlink.identification.data import recorded
+from flexlink.identification.fitted import Fitted
 from flexlink.identification.identifiability import Check
 from flexlink.identification.interval import spread_of
 from flexlink.identification.signals import STEP, Signals
@@ -322,7 +323,7 @@ def test_unevenly_spaced_samples_get_a_note(scene: fl.Scene) -> None:
 
 
 @pytest.fixture(scope="module")
-def doubted(scene: fl.Scene) -> fl.fits.Fitted:
+def doubted(scene: fl.Scene) -> Fitted:
     """A fit of a payload that has a wrong prior and differs from the payload of the validation run."""
     names = ("tip x [m]", "tip z [m]")
     runs = tuple(
@@ -336,7 +337,7 @@ def doubted(scene: fl.Scene) -> fl.fits.Fitted:
 class TestDoubts:
     """A fit reports parameters or data that are not credible."""
 
-    def test_an_estimate_far_from_its_prior_is_reported(self, doubted: fl.fits.Fitted) -> None:
+    def test_an_estimate_far_from_its_prior_is_reported(self, doubted: Fitted) -> None:
         assert doubted["tip.mass"].value == pytest.approx(8.6, abs=0.05)
         reviewed("fit: far from the prior", line("\n".join(doubted.warnings), "tip.mass", "8 ± 0.05"))
 
@@ -466,7 +467,7 @@ def problem(folder: Path, *files: str, compare: str = "") -> fl.fits.FitProblem:
         f'scene = "arm.toml"\n[[parameter]]\npath = "tip.mass"\n[[run]]\nname = "both"\nfile = [{names}]\n{compare}',
         "utf-8",
     )
-    return fl.fits.load_fit(path)
+    return fl.fits.FitProblem.load(path)
 
 
 def test_every_column_keeps_the_times_of_its_file(folder: Path) -> None:
@@ -510,7 +511,7 @@ def test_a_column_in_two_files_is_refused_by_name(folder: Path) -> None:
 def test_the_page_names_the_files_in_its_problem(folder: Path, tmp_path: Path) -> None:
     found = fl.fit(problem(folder, "imu", "film"), grid="ignore")
     found.report(tmp_path)
-    again = fl.fits.load_fit(tmp_path / "problem.toml")
+    again = fl.fits.FitProblem.load(tmp_path / "problem.toml")
     assert again.run[0].file == found.problem.run[0].file
 
 

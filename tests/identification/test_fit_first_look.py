@@ -259,7 +259,7 @@ class TestFiles:
             '[[modes]]\nhertz = [1.0]\ndeviation = [0.1]\nset.link.upper.lumping = "own.toml"\n',
             encoding="utf-8",
         )
-        problem = fl.fits.load_fit(tmp_path / "fit.toml")
+        problem = fl.fits.FitProblem.load(tmp_path / "fit.toml")
         assert problem.run[0].file == str(tmp_path / "a.csv")
         assert problem.run[0].set["run.method"] == str(tmp_path / "mine.toml")
         assert problem.run[0].set["motion"][0]["file"] == str(tmp_path / "led.csv")
@@ -274,7 +274,7 @@ class TestFiles:
             '[grid]\n"drive.file" = ["a.csv", "b.csv"]\n"run.method" = ["RK4", "mine.toml"]\n',
             encoding="utf-8",
         )
-        grid = fl.load_sweep(tmp_path / "sweep.toml").grid
+        grid = fl.Sweep.load(tmp_path / "sweep.toml").grid
         assert grid["drive.file"] == [str(tmp_path / "a.csv"), str(tmp_path / "b.csv")]
         assert grid["run.method"] == ["RK4", str(tmp_path / "mine.toml")]
 
@@ -302,7 +302,7 @@ class TestPages:
         assert '"state">refused<' in page
         reviewed("fit first look: difference of a run", sentence(page, "film", "tip.mass = 0.41."))
         assert not json.loads((out / "check.json").read_text(encoding="utf-8"))["passed"]
-        assert fl.fits.load_fit(out / "problem.toml") == fl.fits.load_fit(tmp_path / "fit.toml")
+        assert fl.fits.FitProblem.load(out / "problem.toml") == fl.fits.FitProblem.load(tmp_path / "fit.toml")
         assert main(["fit", str(out / "problem.toml")]) == 1
 
     def test_the_page_of_a_fit_shows_units_and_a_problem_given_in_python(self, tmp_path: Path) -> None:
@@ -316,7 +316,7 @@ class TestPages:
         page = found.report(tmp_path / "out").page.read_text(encoding="utf-8")
         assert "kg</p>" in page
         assert "Pa</p>" in page
-        again = fl.fit(fl.fits.load_fit(tmp_path / "out" / "problem.toml"))
+        again = fl.fit(fl.fits.FitProblem.load(tmp_path / "out" / "problem.toml"))
         assert [one.value for one in again.numbers] == [one.value for one in found.numbers]
 
 

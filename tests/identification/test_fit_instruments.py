@@ -10,6 +10,7 @@ from scipy.interpolate import CubicSpline
 
 import flexlink as fl
 from flexlink.common.errors import DataFileError, SceneError
+from flexlink.identification.fitted import Fitted
 
 pytestmark = pytest.mark.slow
 YOUNG, MASS = "material.steel.young", "tip.mass"
@@ -64,17 +65,17 @@ def problem(**faults: Any) -> fl.fits.FitProblem:
     return fl.fits.FitProblem(scene=boom(), parameter=sought, run=(run_,), **keys)
 
 
-def ids(found: fl.fits.Fitted) -> list[str]:
+def ids(found: Fitted) -> list[str]:
     return [one.id for one in found.warnings if one.id.startswith("likely-")]
 
 
-def inside(found: fl.fits.Fitted) -> bool:
+def inside(found: Fitted) -> bool:
     """Whether the true values are within twice the intervals, that is, four standard deviations of the estimates."""
     return all(abs(found[path].value - true) < 2 * found[path].half for path, true in TRUE.items())
 
 
 @functools.cache
-def fitted(**faults: Any) -> fl.fits.Fitted:
+def fitted(**faults: Any) -> Fitted:
     """The fit, computed once for each set of faults."""
     return fl.fit(problem(**faults), grid="ignore")
 

@@ -180,7 +180,7 @@ class TestFit:
             f'scene = "arm.toml"\n[[parameter]]\npath = "tip.mass"\nstart = 0.35\n[[frf]]\ninput = "{FORCE}"\n'
             'output = "tip z [mm]"\nfile = "tap.csv"\naverages = 20\nband = [1.0, 30.0]\n', "utf-8",
         )  # fmt: skip
-        read = fl.fits.load_fit(tmp_path / "problem.toml")
+        read = fl.fits.FitProblem.load(tmp_path / "problem.toml")
         found = fl.fit(read)
         assert abs(found["tip.mass"].value - TIP) < 1.5 * found["tip.mass"].half
         found.report(tmp_path / "page")

@@ -7,6 +7,7 @@ import pytest
 
 import flexlink as fl
 from flexlink.describe.refined import refined, segments_in_words
+from flexlink.identification.fitted import Fitted
 
 pytestmark = pytest.mark.slow
 YOUNG, MASS = "material.steel.young", "tip.mass"
@@ -39,7 +40,7 @@ def problem(segments: int) -> fl.fits.FitProblem:
 
 
 @functools.cache
-def fitted() -> fl.fits.Fitted:
+def fitted() -> Fitted:
     return fl.fit(problem(5))
 
 

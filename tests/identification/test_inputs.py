@@ -9,6 +9,7 @@ import pytest
 import flexlink as fl
 from flexlink.common.types import Array
 from flexlink.data.smoothing import best_cutoff, noise_of, smoothed
+from flexlink.identification.fitted import Fitted
 
 pytestmark = pytest.mark.slow
 YOUNG = "material.steel.young"
@@ -36,7 +37,7 @@ def boom() -> fl.Scene:
     return fl.Scene(name="boom", arm=arm, gravity=(0.0, 0.0, 0.0), motion=(motion,), run=run)
 
 
-def fitted(folder: Path, cutoff: float | str, noise: float) -> fl.fits.Fitted:
+def fitted(folder: Path, cutoff: float | str, noise: float) -> Fitted:
     """Fit E to the tip's position, with 0.1 mm noise, given the recorded angle with `noise` [deg]."""
     scene, rng = boom(), np.random.default_rng(3)
     run = fl.simulate(scene.varied({YOUNG: TRUE, "run.relative_tolerance": 1e-8}))

@@ -394,11 +394,11 @@ class TestCheckPage:
         assert float(one["residual in standard deviations"]) == pytest.approx((float(one["predicted"]) - 2.0) / 0.1)
 
     def test_the_check_takes_the_noise_of_the_data_and_reports_it(self, folder: Path) -> None:
-        problem = fl.fits.load_fit(folder / "problem.toml")
+        problem = fl.fits.FitProblem.load(folder / "problem.toml")
         found = fl.fits.check_fit(problem)
         (note,) = [one for one in found.notes if one.id == "estimated-noise"]
         reviewed("estimated-noise", note)
         text = (folder / "problem.toml").read_text("utf-8")
         stated = folder / "stated.toml"
         stated.write_text(text.replace("[[modes]]", "noise = { 'tip z [mm]' = 0.2 }\n[[modes]]"), "utf-8")
-        assert found.expected == pytest.approx(fl.fits.check_fit(fl.fits.load_fit(stated)).expected, rel=0.1)
+        assert found.expected == pytest.approx(fl.fits.check_fit(fl.fits.FitProblem.load(stated)).expected, rel=0.1)

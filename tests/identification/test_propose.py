@@ -136,7 +136,7 @@ def test_the_printed_table_is_part_of_a_problem_file(found: Proposals, tmp_path:
     problem = 'scene = "strip.toml"\n' + "".join(f'[[parameter]]\npath = "{path}"\n' for path in (E, RHO))
     best = next(one for one in found.ranked if one.candidates[0].experiment == "weight on the tip")
     (tmp_path / "problem.toml").write_text(f"{problem}{best.toml}", encoding="utf-8")
-    (read,), (meant,) = fl.fits.load_fit(tmp_path / "problem.toml").static, best.additions
+    (read,), (meant,) = fl.fits.FitProblem.load(tmp_path / "problem.toml").static, best.additions
     assert without_defaults(read) == without_defaults(meant)
 
 
@@ -196,7 +196,7 @@ def test_a_column_that_the_file_already_contains_is_offered_without_a_new_record
     text = f'scene = "servo.toml"\n[[parameter]]\npath = "{KD}"\n[[parameter]]\npath = "{VISCOUS}"\n'
     text += '[[run]]\nname = "swing"\nfile = "a.csv"\ncompare = ["q l [rad]"]\nnoise = {"q l [rad]" = 1e-4}\n'
     (tmp_path / "problem.toml").write_text(text + first.toml, encoding="utf-8")
-    assert fl.fits.check_fit(fl.fits.load_fit(tmp_path / "problem.toml")).passed
+    assert fl.fits.check_fit(fl.fits.FitProblem.load(tmp_path / "problem.toml")).passed
 
 
 def test_what_cannot_be_done_is_left_out_with_its_reason(rng: np.random.Generator) -> None:
@@ -245,4 +245,4 @@ def test_experiments_are_checked(tmp_path: Path, capsys: pytest.CaptureFixture[s
     path = tmp_path / "mine.toml"
     path.write_text("[[sensor]]\nname = 'a'\n", encoding="utf-8")
     with refused(SceneError, "unknown-key"):
-        fl.fits.load_experiments(path)
+        fl.fits.Experiments.load(path)

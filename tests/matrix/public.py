@@ -53,7 +53,7 @@ def _stored_fit(case: Case, folder: Path) -> Any:
     (folder / "fit.toml").write_text(
         f'scene = "arm.toml"\n[[parameter]]\npath = "{case.mass}"\n[[run]]\nname = "one"\nfile = "run.csv"\n', "utf-8"
     )
-    return fl.fits.load_fit(folder / "fit.toml")
+    return fl.fits.FitProblem.load(folder / "fit.toml")
 
 
 def _stored_sweep(case: Case, folder: Path) -> Any:
@@ -61,7 +61,7 @@ def _stored_sweep(case: Case, folder: Path) -> Any:
     (folder / "sweep.toml").write_text(
         f'scene = "arm.toml"\n[grid]\n"{case.mass}" = [0.1, 0.2]\n[quantity.x]\nof = "tip x [m]"\n', "utf-8"
     )
-    return fl.load_sweep(folder / "sweep.toml")
+    return fl.Sweep.load(folder / "sweep.toml")
 
 
 def _imported(case: Case, folder: Path) -> Any:
@@ -133,10 +133,10 @@ TABLE: dict[str, Call] = {
     "jacobian": _of_state(fl.jacobian, 1),
     "linearize": _of_state(fl.linearize, 3),
     "linearize_many": lambda c, _: [each.A for each in fl.linearize_many(c.chain, np.array([c.state()[0]] * 2))],
-    "load_fit": _stored_fit,
+    "Sweep.load": _stored_sweep,
+    "Trajectory.load": lambda c, folder: fl.Trajectory.load(c.run.save(folder / "run.npz")),
+    "FitProblem.load": _stored_fit,
     "load_scene": lambda c, folder: fl.load_scene(c.scene.save(folder / "arm.toml")),
-    "load_sweep": _stored_sweep,
-    "load_trajectory": lambda c, folder: fl.load_trajectory(c.run.save(folder / "run.npz")),
     "loop": _margins,
     "lump": lambda c, _: fl.lump(c.scene),
     "mass_matrix": _of_state(fl.mass_matrix, 1),
@@ -144,16 +144,16 @@ TABLE: dict[str, Call] = {
     "modes_in_motion": _turning(fl.small_motion.modes_in_motion),
     "momentum": _of_state(fl.momentum, 2),
     "natural_frequencies": _of_state(fl.natural_frequencies, 1),
-    "overshoot": lambda c, _: fl.measures.overshoot(c.run, target=c.run.tip[-1] + 0.1),
+    "overshoot": lambda c, _: c.run.overshoot(target=c.run.tip[-1] + 0.1),
     "pd_poles": lambda c, _: fl.small_motion.pd_poles(
         c.chain, c.start()[0], kp=[50.0] * len(c.held), kd=[2.0] * len(c.held)
     ),
     "point_motion": _of_state(fl.point_motion, 3),
     "report": _report,
-    "residual_vibration": lambda c, _: fl.measures.residual_vibration(c.run, after=0.5 * (c.run.t[0] + c.run.t[-1])),
-    "rigidified": lambda c, _: fl.lump(fl.rigidified(c.scene)),
+    "residual_vibration": lambda c, _: c.run.residual_vibration(after=0.5 * (c.run.t[0] + c.run.t[-1])),
+    "Scene.rigidified": lambda c, _: fl.lump(c.scene.rigidified()),
     "sensitivities": lambda c, _: fl.sensitivities(c.heavier(0.1), [c.mass]),
-    "settling_time": lambda c, _: fl.measures.settling_time(c.run, target=c.run.tip[-1], tolerance=1.0),
+    "settling_time": lambda c, _: c.run.settling_time(target=c.run.tip[-1], tolerance=1.0),
     "simulate": lambda c, _: fl.simulate(c.scene, method="auto", tolerance=1e-4, step=None),
     "simulate_many": lambda c, _: fl.simulate_many([c.scene, c.heavier(0.1)]),
     "solve_static": lambda c, _: fl.solve_static(c.chain, c.start()[0]),

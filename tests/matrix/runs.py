@@ -137,7 +137,7 @@ def problem(case: Case) -> None:
 def archive(case: Case) -> None:
     """A saved run reads back equal to the bit, and so do all results derived from it."""
     with tempfile.TemporaryDirectory() as folder:
-        again = fl.load_trajectory(case.run.save(Path(folder) / "run.npz"))
+        again = fl.Trajectory.load(case.run.save(Path(folder) / "run.npz"))
     same(again, case.run)
     for name in ("qdd", "imbalance", "work"):
         np.testing.assert_array_equal(getattr(again, name), getattr(case.run, name), err_msg=name)

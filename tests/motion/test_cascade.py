@@ -105,7 +105,7 @@ def test_gravity_is_fed_forward(gravity: str) -> None:
     scene = cascaded(arm("z", "z"), gravity=gravity, ki=None)
     held = scene.varied({"gravity": (0.0, -9.81, 0.0), "initial.passive": "static"})
     run, chain = fl.simulate(held), fl.lump(held)
-    exact = fl.gravity_torque(fl.lump(fl.rigidified(held)), np.zeros(2))
+    exact = fl.gravity_torque(fl.lump(held.rigidified()), np.zeros(2))
     expected = exact if gravity == "rigid" else fl.solve_static(chain, locked=chain.active).tau[chain.active]
     np.testing.assert_allclose(run.tau[0, chain.active], expected, rtol=1e-9)
     assert bool(np.abs(run.q - run.q[0]).max() < 1e-9) is (gravity == "static")
@@ -197,7 +197,7 @@ def test_a_continued_run_is_the_same_to_the_bit(delay: float, tmp_path: Path) ->
     scene = cascaded(arm("z", "z"), filter=FILTERS, delay=delay, reference=MOVE, target_deg=None)
     whole = fl.simulate(scene)
     first = fl.simulate(scene, duration=0.04)
-    stored = fl.load_trajectory(first.save(tmp_path / "run.npz"))
+    stored = fl.Trajectory.load(first.save(tmp_path / "run.npz"))
     assert stored.delayed.shape[1] == 1 + 2 + 2 * (2 + 4)
     for before in (first, stored):
         second = fl.simulate(scene, after=before, duration=0.06)

@@ -94,7 +94,7 @@ def given(name: str, delay: float) -> tuple[fl.Scene, dict[str, Any]]:
 def test_a_run_after_another_equals_the_uninterrupted_run_to_the_bit(delay, method, name, tmp_path) -> None:
     scene, options = given(name, delay)
     whole, first = (fl.simulate(scene, method=method, duration=duration, **options) for duration in (0.08, 0.03))
-    read = fl.load_trajectory(first.save(tmp_path / "first.npz"))
+    read = fl.Trajectory.load(first.save(tmp_path / "first.npz"))
     problem = fl.Problem(scene.varied({"run.method": method}))
     rests = [
         fl.simulate(scene, method=method, after=read, duration=0.05, **options),

@@ -338,7 +338,7 @@ def test_dense_output_is_the_same_in_batches_and_from_archives(tmp_path: Path) -
     scene = double_pendulum(**{"run.tolerance": 1e-5})
     run, problem = fl.simulate(scene), fl.Problem(scene)
     others = [*fl.simulate_many([scene, scene.varied({"gravity": (0.0, -9.0, 0.0)}), scene])[::2], problem.simulate()]
-    for other in (*others, problem.simulate(), fl.load_trajectory(run.save(tmp_path / "run.npz"))):
+    for other in (*others, problem.simulate(), fl.Trajectory.load(run.save(tmp_path / "run.npz"))):
         for part in ("t", "q", "qd", "tip", "work", "imbalance"):
             np.testing.assert_array_equal(getattr(other, part), getattr(run, part))
         assert other.steps == run.steps

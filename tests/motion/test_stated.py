@@ -90,7 +90,7 @@ def test_a_motion_in_pieces_carries_its_travel_and_its_error(tmp_path: Path) -> 
     scene = stiff_and_free()
     truth = truth_of(scene)
     half = fl.simulate(scene, relative_tolerance=1e-4, duration=1.0)
-    stored = fl.load_trajectory(half.save(tmp_path / "half.npz"))
+    stored = fl.Trajectory.load(half.save(tmp_path / "half.npz"))
     rests = [fl.simulate(scene, relative_tolerance=1e-4, duration=1.0, after=run) for run in (half, stored)]
     assert np.array_equal(rests[0].tip, rests[1].tip)
     assert np.array_equal(rests[0].error, rests[1].error)

@@ -78,11 +78,11 @@ def test_a_damaged_archive_is_refused_in_one_line(mistake: str, whole: Arrays, t
     change, _message = WRONG[mistake]
     arrays = dict(whole)
     np.savez(tmp_path / "good.npz", **arrays)
-    assert fl.load_trajectory(tmp_path / "good.npz").t.shape == (4,)
+    assert fl.Trajectory.load(tmp_path / "good.npz").t.shape == (4,)
     change(arrays)
     np.savez(tmp_path / "run.npz", **arrays)
     with refused(DataFileError, "not-a-result") as error:
-        fl.load_trajectory(tmp_path / "run.npz")
+        fl.Trajectory.load(tmp_path / "run.npz")
     assert "\n" not in str(error.value)
 
 
@@ -93,7 +93,7 @@ def test_an_archive_header_with_too_large_a_shape_is_refused(count: int, whole: 
     with zipfile.ZipFile(tmp_path / "run.npz", "w") as archive:
         archive.writestr("t.npy", head.getvalue() + bytes(80))
     with refused(DataFileError, "not-a-result"):
-        fl.load_trajectory(tmp_path / "run.npz")
+        fl.Trajectory.load(tmp_path / "run.npz")
 
 
 def damaged(content: bytes, seed: int) -> bytes:
@@ -110,11 +110,11 @@ def test_no_damage_of_bytes_gives_wrong_numbers_or_another_error(whole: Arrays, 
     """Damaged compressed data, an unknown compression and an encryption flag are all met by these seeds."""
     path = tmp_path / "run.npz"
     np.savez_compressed(path, **whole)
-    content, good, right = path.read_bytes(), fl.load_trajectory(path), 0
+    content, good, right = path.read_bytes(), fl.Trajectory.load(path), 0
     for seed in range(300):
         path.write_bytes(damaged(content, seed))
         try:
-            run = fl.load_trajectory(path)
+            run = fl.Trajectory.load(path)
         except DataFileError as error:
             right += error.id == "not-a-result"
         else:
@@ -128,20 +128,20 @@ def test_a_checksum_is_compared_even_if_the_header_declares_fewer_numbers(tmp_pa
     with zipfile.ZipFile(tmp_path / "few.npz", "w") as archive:
         archive.writestr("t.npy", file.getvalue().replace(b"(12,)", b"(1,) "))
     with refused(DataFileError, "not-a-result"):
-        fl.load_trajectory(tmp_path / "few.npz")
+        fl.Trajectory.load(tmp_path / "few.npz")
 
 
 def test_a_text_that_is_no_text_is_refused(whole: Arrays, tmp_path: Path) -> None:
     np.savez(tmp_path / "run.npz", **whole | {"scene": np.frombuffer(b"\xff\xff\xff\x7f", "<U1").reshape(())})
     with pytest.raises(DataFileError) as caught:  # Python's words vary
-        fl.load_trajectory(tmp_path / "run.npz")
+        fl.Trajectory.load(tmp_path / "run.npz")
     assert caught.value.id == "not-a-result"
 
 
 def test_an_archive_that_is_a_pipe_is_refused_at_once(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.npz")
     with refused(DataFileError, "cannot-read"):
-        fl.load_trajectory(tmp_path / "pipe.npz")
+        fl.Trajectory.load(tmp_path / "pipe.npz")
 
 
 def test_an_archive_that_unfolds_a_thousandfold_is_refused_before(tmp_path: Path) -> None:
@@ -149,7 +149,7 @@ def test_an_archive_that_unfolds_a_thousandfold_is_refused_before(tmp_path: Path
         for name in "abc":
             archive.writestr(f"{name}.npy", bytes(80_000_000))
     with refused(DataFileError, "file-too-large"):
-        fl.load_trajectory(tmp_path / "bomb.npz")
+        fl.Trajectory.load(tmp_path / "bomb.npz")
 
 
 @pytest.mark.slow
@@ -164,10 +164,10 @@ def test_a_result_of_equal_numbers_is_no_bomb(tmp_path: Path) -> None:
 def test_archives_of_free_bases_trees_and_sliding_joints_load(model: str, tmp_path: Path) -> None:
     scene = fl.load_scene(ROOT / "models" / f"{model}.toml")
     run = fl.simulate(scene, duration=2 * scene.run.spacing)
-    assert np.array_equal(fl.load_trajectory(run.save(tmp_path / "run.npz")).q, run.q)
+    assert np.array_equal(fl.Trajectory.load(run.save(tmp_path / "run.npz")).q, run.q)
     with np.load(tmp_path / "run.npz") as archive:  # version 1.0 stored no axes of links and sections
         np.savez(tmp_path / "older.npz", **{name: archive[name] for name in archive if name != "chain_described"})
-    assert np.array_equal(fl.load_trajectory(tmp_path / "older.npz").loads.moment, run.loads.moment)
+    assert np.array_equal(fl.Trajectory.load(tmp_path / "older.npz").loads.moment, run.loads.moment)
 
 
 @pytest.fixture(scope="module")
@@ -189,7 +189,7 @@ def assert_equal(one: fl.Trajectory, other: fl.Trajectory) -> None:
 
 
 def test_a_saved_run_is_loaded_unchanged(run: fl.Trajectory, tmp_path: Path) -> None:
-    again = fl.load_trajectory(run.save(tmp_path / "run.npz"))
+    again = fl.Trajectory.load(run.save(tmp_path / "run.npz"))
     assert_equal(run, again)
     assert again.chain.bodies.dtype is run.chain.bodies.dtype
     assert repr(again) == repr(run)
@@ -197,12 +197,12 @@ def test_a_saved_run_is_loaded_unchanged(run: fl.Trajectory, tmp_path: Path) -> 
     assert list(again.columns) == list(run.columns)
     t, q, qd = again.state(-1)
     assert fl.simulate(again.scene, q0=q, qd0=qd, t0=t, duration=2e-4).t[0] == run.t[-1]
-    assert_equal(again, fl.load_trajectory(again.save(tmp_path / "again.npz")))
+    assert_equal(again, fl.Trajectory.load(again.save(tmp_path / "again.npz")))
 
 
 def test_a_run_without_scene_work_and_steps_can_be_loaded(run: fl.Trajectory, tmp_path: Path) -> None:
     bare = fl.Trajectory(run.chain, run.t, run.q, run.qd, run.tau, run.tip, run.energy)
-    again = fl.load_trajectory(str(bare.save(tmp_path / "run.npz")))
+    again = fl.Trajectory.load(str(bare.save(tmp_path / "run.npz")))
     assert (again.work, again.steps, again.scene, again.warnings) == (None, None, None, ())
     np.testing.assert_array_equal(again.q, run.q)
 
@@ -225,7 +225,7 @@ def test_modes_linear_models_and_equilibria_are_saved_and_loaded(run: fl.Traject
             np.testing.assert_array_equal(getattr(again, name), value)
 
 
-@pytest.mark.parametrize("load", [fl.load_trajectory, Modes.load, LinearModel.load, Equilibrium.load])
+@pytest.mark.parametrize("load", [fl.Trajectory.load, Modes.load, LinearModel.load, Equilibrium.load])
 def test_files_with_other_contents_are_refused_in_one_line(load, run: fl.Trajectory, tmp_path: Path) -> None:
     strange, text, one, old = (tmp_path / f"{name}.npz" for name in ("strange", "text", "one", "old"))
     np.savez(strange, a=np.zeros(3))
@@ -263,7 +263,7 @@ def test_archives_older_than_branched_arms_apply_the_wrench_to_the_last_body(tmp
     names = [name for name in bodies.dtype.names if name not in OLDER_BODIES]
     arrays["chain_bodies"] = np.array(bodies[names].tolist(), [(name, bodies.dtype[name]) for name in names])
     np.savez(tmp_path / "older.npz", **{name: each for name, each in arrays.items() if name != "chain_tips"})
-    again = fl.load_trajectory(tmp_path / "older.npz").chain
+    again = fl.Trajectory.load(tmp_path / "older.npz").chain
     np.testing.assert_array_equal(again.bodies, run.chain.bodies)
     q, qd = run.q[-1], run.qd[-1]
     wrench = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])

@@ -33,53 +33,45 @@ def step_response(short_run: fl.Trajectory) -> fl.Trajectory:
 def test_the_overshoot_equals_the_textbook_value(step_response: fl.Trajectory) -> None:
     wanted = math.exp(-np.pi * ζ / math.sqrt(1 - ζ**2))
     near = STEP * (ω * 1e-3) ** 2 / 8  # the peak is at most half a sample away
-    assert fl.measures.overshoot(step_response, target=TARGET) == pytest.approx(STEP * wanted, abs=near)
-    assert fl.measures.overshoot(step_response, target=(2.0, 2.0, 0.0)) == 0.0
+    assert step_response.overshoot(target=TARGET) == pytest.approx(STEP * wanted, abs=near)
+    assert step_response.overshoot(target=(2.0, 2.0, 0.0)) == 0.0
     with refused(fl.errors.ArgumentError, "no-travel"):
-        fl.measures.overshoot(step_response, target=(1.0, 2.0, 0.0))
+        step_response.overshoot(target=(1.0, 2.0, 0.0))
 
 
 def test_the_settling_time_is_when_the_tip_leaves_the_tolerance_for_the_last_time(step_response: fl.Trajectory) -> None:
     tolerance = 0.02 * STEP
-    found = fl.measures.settling_time(step_response, target=TARGET, tolerance=tolerance)
+    found = step_response.settling_time(target=TARGET, tolerance=tolerance)
     away = np.linalg.norm(step_response.tip - TARGET, axis=1)
     k = round(found / 1e-3)
     assert away[k - 1] > tolerance >= away[k:].max()
     envelope = -math.log(0.02 * math.sqrt(1 - ζ**2)) / (ζ * ω)
     assert envelope - 0.5 <= found <= envelope + 1e-3  # within half a period plus one sample of the envelope
-    later = fl.measures.settling_time(step_response, target=TARGET, tolerance=tolerance, after=2.0)
+    later = step_response.settling_time(target=TARGET, tolerance=tolerance, after=2.0)
     assert later == pytest.approx(found - 2.0, abs=1e-12)
-    assert fl.measures.settling_time(step_response, target=TARGET, tolerance=1.0) == 0.0
-    assert fl.measures.settling_time(step_response, target=(5.0, 0.0, 0.0), tolerance=1.0) == math.inf
+    assert step_response.settling_time(target=TARGET, tolerance=1.0) == 0.0
+    assert step_response.settling_time(target=(5.0, 0.0, 0.0), tolerance=1.0) == math.inf
 
 
 def test_residual_vibration_is_the_amplitude_about_any_rest_position(step_response: fl.Trajectory) -> None:
     t, (a, b) = step_response.t, np.array([[0.6, 0.8, 0.0], [0.0, 0.0, 0.5]])
     swing = np.outer(0.01 * np.cos(5 * t), a) + np.outer(0.01 * np.sin(5 * t), b)
     run = dataclasses.replace(step_response, tip=np.array([7.0, -3.0, 1.0]) + swing)
-    assert fl.measures.residual_vibration(run, after=5.0) == pytest.approx(
-        0.01, rel=2e-5
-    )  # sampled at 1/1000 of its period
-    assert (
-        fl.measures.residual_vibration(step_response, after=9.0)
-        < fl.measures.residual_vibration(step_response, after=5.0)
-        < STEP
-    )
+    assert run.residual_vibration(after=5.0) == pytest.approx(0.01, rel=2e-5)  # sampled at 1/1000 of its period
+    assert step_response.residual_vibration(after=9.0) < step_response.residual_vibration(after=5.0) < STEP
 
 
 def test_invalid_arguments_of_measures_are_refused(step_response: fl.Trajectory) -> None:
     with refused(fl.errors.ArgumentError, "too-few-samples"):
-        fl.measures.settling_time(step_response, target=TARGET, tolerance=1e-3, after=11.0)
+        step_response.settling_time(target=TARGET, tolerance=1e-3, after=11.0)
     with refused(fl.errors.ArgumentError, "too-few-samples"):
-        fl.measures.residual_vibration(step_response, after=10.0)
+        step_response.residual_vibration(after=10.0)
     with refused(fl.errors.ArgumentError, "wrong-type"):
-        fl.measures.residual_vibration(step_response, after="end")
+        step_response.residual_vibration(after="end")
     with refused(fl.errors.ArgumentError, "out-of-range"):
-        fl.measures.settling_time(step_response, target=TARGET, tolerance=0)
+        step_response.settling_time(target=TARGET, tolerance=0)
     with refused(fl.errors.ArgumentError, "wrong-shape"):
-        fl.measures.overshoot(step_response, target=(1.0, 2.0))
-    with refused(fl.errors.ArgumentError, "wrong-type"):
-        fl.measures.residual_vibration(3, after=0.0)
+        step_response.overshoot(target=(1.0, 2.0))
 
 
 def test_a_pandas_table_has_every_column_and_is_indexed_by_time(short_run: fl.Trajectory) -> None:

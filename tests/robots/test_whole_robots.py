@@ -377,7 +377,7 @@ def test_results_and_files_of_torques_have_the_names_of_joints_and_links_still_s
     assert [float(run.columns[f"tau {name} [N m]"][0]) for name in chain.joint_names] == [2.0, 1.0, 3.0]
     assert [chain.joint_index("joint", name) for name in ("l1", "l2", "l4")] == [1, 0, 2]
     run.save(tmp_path / "run.npz")
-    assert fl.load_trajectory(tmp_path / "run.npz").chain.joint_names == chain.joint_names
+    assert fl.Trajectory.load(tmp_path / "run.npz").chain.joint_names == chain.joint_names
     twice = fl.Link(name="l5", joint=fl.Joint(name="l3"))
     with refused(SceneError, "name-twice"):
         replace(scene.arm, links=(*scene.arm.links, twice))

@@ -380,7 +380,7 @@ class TestRest:
         check_sentence(part, "report numbers: buckling load", [min(f for f in factors if f > 0)])
 
     def test_rigid_links_need_holding_torques_and_have_no_sag(self, move: Study) -> None:
-        study = Study(fl.rigidified(move.scene).varied({"wrench": move.scene.wrench}))
+        study = Study(move.scene.rigidified().varied({"wrench": move.scene.wrench}))
         part, tau = made("statics", study), of_loads(study, study.start[0])
         assert table(part, "holding")["torque [N m]"] == pytest.approx(tau.tolist(), rel=1e-6)
         assert numbers(part.facts[0].value) == three(*sorted(np.abs(tau))[:0:-1])

@@ -130,7 +130,7 @@ def test_the_report_gives_the_time_up_to_which_amplified_errors_are_known(models
 
 def test_a_rigid_arm_has_holding_torques_and_a_step_error(models: Path) -> None:
     scene = fl.load_scene(models / "paper_fig5.toml").varied({"run.duration": 0.1})
-    rigid = Study(fl.rigidified(scene))
+    rigid = Study(scene.rigidified())
     held = statics.made(rigid).tables[0].lines
     q, _ = fl.initial_state(rigid.scene, rigid.chain)
     assert [line[2] for line in held] == pytest.approx(fl.gravity_torque(rigid.chain, q).tolist(), rel=1e-12)

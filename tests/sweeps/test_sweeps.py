@@ -24,11 +24,11 @@ from scipy.stats import qmc
 
 import flexlink as fl
 from flexlink.cli.main import main
+from flexlink.common.errors import InterruptedSweepError
 from flexlink.common.interruption import Stop
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.batch import outcomes
 from flexlink.sweeps import fingerprint, sample_points, worker
-from flexlink.sweeps import run as sweeping
 from flexlink.sweeps.execution import MAX_WORKER_DEATHS, Execution
 from flexlink.sweeps.measures import REDUCTIONS, SweepOutput, measured
 from flexlink.sweeps.plan import Plan
@@ -215,8 +215,8 @@ def test_settling_is_measured_against_the_equilibrium() -> None:
     rows = fl.sweep(fl.Sweep(scene=held, quantity=wanted, grid={"gravity": [held.gravity]}))
     assert rows.rows[0][5:] == pytest.approx(
         (
-            fl.measures.settling_time(run, target=goal, tolerance=tolerance), fl.measures.overshoot(run, target=goal),
-            fl.measures.residual_vibration(run, after=0.01), 2000,
+            run.settling_time(target=goal, tolerance=tolerance), run.overshoot(target=goal),
+            run.residual_vibration(after=0.01), 2000,
         ), rel=1e-9,
     )  # fmt: skip
 
@@ -346,7 +346,7 @@ def test_a_sweep_file_equals_its_python_object(tmp_path: Path, paper: fl.Scene) 
         sample=RandomDesign(count=2, keys={"material.aluminium.young": {"between": [60e9, 70e9]}}),
         quantity={"x": WANTED["x"]},
     )
-    assert fl.load_sweep(tmp_path / "sweep.toml") == expected
+    assert fl.Sweep.load(tmp_path / "sweep.toml") == expected
 
 
 REFUSED = [
@@ -389,7 +389,7 @@ def test_a_custom_file_is_found_next_to_the_sweep(key: str, file: str, tmp_path:
     text = f'scene = "scene.toml"\nquantity.x.of = "tip x [m]"\n[grid]\n"{key}" = ["{named}", "own.toml"]\n'
     (tmp_path / "sweep.toml").write_text(text, encoding="utf-8")
     monkeypatch.chdir("/")
-    assert fl.load_sweep(tmp_path / "sweep.toml").grid == {key: [named, str(tmp_path / "own.toml")]}
+    assert fl.Sweep.load(tmp_path / "sweep.toml").grid == {key: [named, str(tmp_path / "own.toml")]}
 
 
 @pytest.mark.parametrize(("fields", "id", "part"), REFUSED)
@@ -710,7 +710,7 @@ def test_a_table_shows_its_size_and_columns() -> None:
     table = SweepRows(("number", "x"), ((0, 1.0),))
     assert all(part in repr(table) for part in ("SweepRows", "1 row ", "number, x"))
     reviewed("repr", repr(table))
-    assert sweeping.InterruptedSweepError("stopped", 15).signal == 15
+    assert InterruptedSweepError("stopped", 15).signal == 15
 
 
 @pytest.mark.parametrize("take", ["first", "time of max"])
@@ -800,7 +800,7 @@ def test_a_fresh_start_removes_the_rows_of_a_killed_process(tmp_path: Path) -> N
 
 def test_an_interrupted_sweep_reports_its_signal() -> None:
     text = "2 of 3 members are done"
-    stopped = fl.errors.InterruptedSweepError(text, 15)
+    stopped = InterruptedSweepError(text, 15)
     assert (str(stopped), stopped.signal) == (text, 15)
 
 

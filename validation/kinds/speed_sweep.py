@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 import flexlink as fl
 from flexlink.common.errors import FlexlinkError
-from flexlink.sweeps.plan import Plan, load_sweep
+from flexlink.sweeps.plan import Plan, Sweep
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.speed import mujoco_sweep
@@ -39,7 +39,7 @@ def run(
     facts: Facts = {"members": members}
     with tempfile.TemporaryDirectory() as folder:
         file = shortened(sweep, members, Path(folder))
-        plan = Plan(load_sweep(file))
+        plan = Plan(Sweep.load(file))
         works = mujoco_sweep.works([plan.member(k)[0] for k in range(min(beside, members))])
         theirs, ours = dict.fromkeys(works, math.inf), math.inf
         for number in range(turns):

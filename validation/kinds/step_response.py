@@ -23,10 +23,10 @@ def run(case: Case, within: Positive) -> Iterator[Measured]:
         target, start = _position(r, servo.target), _position(r, 0.0)
         way = (target - start) / np.linalg.norm(target - start)
         beyond = float((_position(r, servo.peak) - target) @ way)
-        error = abs(fl.measures.overshoot(found, target=target) / beyond - 1)
+        error = abs(found.overshoot(target=target) / beyond - 1)
         yield Measured("overshoot", error, scene.name, note=f"{1e3 * beyond:.6g} mm in closed form.")
         at = servo.settled(2 * math.asin(within / (2 * r)))  # angle of a chord `within` of the tip's circle
-        late = (fl.measures.settling_time(found, target=target, tolerance=within) - at) / scene.run.spacing
+        late = (found.settling_time(target=target, tolerance=within) - at) / scene.run.spacing
         yield Measured("settling time, samples early", -late, scene.name)
         yield Measured("settling time, samples late", late, scene.name, note=f"{at:.6g} s in closed form.")
 

@@ -17,8 +17,7 @@ from flexlink.common.types import Array, Indices
 from flexlink.describe.drive import Drive as DriveOfScene
 from flexlink.describe.drive import DriveFilter
 from flexlink.describe.joint_units import in_si, together
-from flexlink.describe.rigidified import bare_and_rigid
-from flexlink.describe.scene import Scene
+from flexlink.describe.scene import Scene, bare_and_rigid
 from flexlink.dynamics.filters import linear_filter, transition
 from flexlink.dynamics.terms import gravity_torque
 from flexlink.dynamics.wrench import Gains

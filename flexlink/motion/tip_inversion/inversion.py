@@ -28,7 +28,6 @@ from flexlink.motion.inputs.drives import of_joints
 from flexlink.motion.inputs.initial_state import Rows, by_unit, per_link
 from flexlink.motion.inputs.tip_reference import acting_torques, from_rest_to_rest
 from flexlink.motion.simulate import simulate
-from flexlink.results.settling import settling_time
 from flexlink.results.trajectory import Trajectory
 
 
@@ -122,7 +121,7 @@ class Inversion(Result):
     @property
     def settles(self) -> float:
         """Time from the end of the move until the tip stays within the tolerance of its goal [s]; inf if never."""
-        return settling_time(self.run, target=self.path[-1], tolerance=self.tolerance, after=self.ends)
+        return self.run.settling_time(target=self.path[-1], tolerance=self.tolerance, after=self.ends)
 
     @property
     def met(self) -> bool:
@@ -172,7 +171,7 @@ class Inversion(Result):
         run = simulate(scene.varied({"drive.reference.shaper": InputShaper.at(slow, kind)}))
         off = run.tip - self._path_at(run.t + self.starts - self.given_start)
         end = self.given_start + self.ends - self.starts
-        settles = settling_time(run, target=self.path[-1], tolerance=self.tolerance, after=end)
+        settles = run.settling_time(target=self.path[-1], tolerance=self.tolerance, after=end)
         return ShapedMove(run, float(np.linalg.norm(off, axis=1).max()), settles)
 
     @functools.cached_property

@@ -16,7 +16,6 @@ from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import stacked_axes
 from flexlink.pages.tables import Table, table_csv
-from flexlink.results.settling import overshoot, residual_vibration, settling_time
 from flexlink.scene_report.study import Study
 
 TOLERANCES = (1e-2, 1e-3, 1e-4)
@@ -44,14 +43,14 @@ def made(study: Study) -> Part | None:
         return Part(("The tip does not move, so there is no settling.",))
     way = float(np.linalg.norm(target - run.tip[0]))
     off = float(np.linalg.norm(run.tip[-1] - target))
-    left = residual_vibration(run, after=end)
+    left = run.residual_vibration(after=end)
     sentences = [
         f"Residual vibration: {number(1e3 * left)} mm after the reference ends ({number(end)} s). At the end of the "
         f"run the tip is {number(1e3 * off)} mm from its target, its static position at the final joint angles "
         "including gravity sag.",
     ]
     if way > 0:
-        sentences.append(f"Overshoot: {number(1e3 * overshoot(run, target=target))} mm.")
+        sentences.append(f"Overshoot: {number(1e3 * run.overshoot(target=target))} mm.")
     return Part(tuple(sentences), pictures=(_picture(study, target, end),), tables=(_table(study, target, end),))
 
 
@@ -72,7 +71,7 @@ def _table(study: Study, target: Array, end: float) -> Table:
     heads = ("tolerance [m]", "part of the travel [%]", "settling time [s]")
     lines = []
     for part in TOLERANCES:
-        time = settling_time(study.run, target=target, tolerance=part * study.travel, after=end)
+        time = study.run.settling_time(target=target, tolerance=part * study.travel, after=end)
         lines.append((part * study.travel, 100 * part, time if math.isfinite(time) else "not reached"))
     return Table("settling", f"Settling time, counted from {number(end)} s", heads, tuple(lines))
 
