@@ -60,7 +60,7 @@ OLD_NAMES = {
 
 
 def old_name(path: str, *, required: bool = False) -> Any:
-    """What a deprecated public name stands for, with a DeprecationWarning that states its successor; None: not one.
+    """What a deprecated public name denotes, with a DeprecationWarning that states its successor; None: not one.
 
     Raises
     ------

@@ -168,7 +168,7 @@ def replaced(function: Function, by: Callable[[Callable[..., Any]], Callable[...
     holder = getattr(module, owner) if owner else module
     honest = getattr(holder, name)
     liar = by(honest)
-    public = {"flexlink", *(f"flexlink.{each}" for each in ("details", "fits", "measures", "small_motion", "strength"))}
+    public = {"flexlink", *(f"flexlink.{each}" for each in ("details", "fits", "small_motion", "strength"))}
     for each in map(importlib.import_module, public):
         for lazily in each.__all__:  # import now; a lazy import during the fault would cache the wrong function
             getattr(each, lazily)
