@@ -12,14 +12,12 @@ import numpy as np
 
 from flexlink.advice import horizon as horizons
 from flexlink.advice import rigid
-from flexlink.advice.goal import Goal, TipErrorNorm, goal_of, least_tolerance
+from flexlink.advice.goal import Goal, Thresholds, TipErrorNorm, goal_of, least_tolerance
 from flexlink.advice.link_errors import LinkErrors
 from flexlink.advice.model import Model, all_axes, checked_scene, gauges_lost, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.advice.refinement import AxisScreening, RefinementStudy
-from flexlink.advice.search import Search
-from flexlink.advice.shape_search import ShapeSearch
-from flexlink.advice.thresholds import Thresholds
+from flexlink.advice.search import Search, ShapeSearch
 from flexlink.advice.verdict import Advice, length, line, payback, time
 from flexlink.chain.arguments import positive, require_bool, require_one_of, require_type
 from flexlink.chain.lumping import lump

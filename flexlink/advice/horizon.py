@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexlink.advice.goal import TipErrorNorm
+from flexlink.advice.goal import Thresholds, TipErrorNorm
 from flexlink.advice.model_runner import ModelRunner
 from flexlink.advice.refinement import RefinementStudy
-from flexlink.advice.thresholds import Thresholds
 from flexlink.common.types import Array
 
 

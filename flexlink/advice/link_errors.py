@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexlink.advice.families import FAMILIES, GAUSS
 from flexlink.advice.goal import TipErrorNorm
-from flexlink.advice.model import Bend, Model, by_rule, fewer_axes, uniform
+from flexlink.advice.model import FAMILIES, GAUSS, Bend, Model, by_rule, fewer_axes, uniform
 from flexlink.advice.model_runner import ModelRunner
 from flexlink.advice.refinement import RefinementStudy
 from flexlink.common.types import Array

@@ -18,11 +18,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlink.advice.families import FAMILIES, GAUSS
-from flexlink.advice.goal import Goal, TipErrorNorm
-from flexlink.advice.model import FLEX, Axes, Model, limited_axes, uniform
+from flexlink.advice.goal import Goal, Thresholds, TipErrorNorm
+from flexlink.advice.model import FAMILIES, FLEX, GAUSS, Axes, Model, limited_axes, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
-from flexlink.advice.thresholds import Thresholds
 from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import Kind
 from flexlink.common.types import Array

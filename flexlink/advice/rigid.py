@@ -25,10 +25,9 @@ from collections.abc import Callable
 import numpy as np
 from msgspec.structs import replace
 
-from flexlink.advice.goal import Goal, TipErrorNorm, least_tolerance
+from flexlink.advice.goal import Goal, Thresholds, TipErrorNorm, least_tolerance
 from flexlink.advice.model import Axes, Model, can_move, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
-from flexlink.advice.thresholds import Thresholds
 from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import Kind
 from flexlink.common.errors import FlexlinkError

@@ -13,13 +13,13 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
+from msgspec.structs import replace
 
-from flexlink.advice.allocation import Allocation
-from flexlink.advice.families import FAMILIES
+from flexlink.advice.goal import Thresholds
 from flexlink.advice.link_errors import LinkErrors
-from flexlink.advice.model import Bend, Model, by_rule, can_move
+from flexlink.advice.model import FAMILIES, FLEX, Bend, Model, by_rule, can_move
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
-from flexlink.advice.thresholds import Thresholds
+from flexlink.describe.link import AXES, of_number
 
 
 class Solution(NamedTuple):
@@ -170,3 +170,193 @@ class Search:
         if (k, few) not in self._stable_steps:
             self._stable_steps[k, few] = self.runner.estimated_step(k, few)
         return self._stable_steps[k, few] * (few.hinges / bend.hinges) ** 2
+
+
+# Cheapest numbers of hinges N_k of links with errors C_k / N_k^p (see `link_errors`), for an allowed error.
+#
+#     N_k ∝ (C_k / c_k)^(1/(p+1))        minimizes Σ c_k N_k for an allowed Σ C_k / N_k^p, c_k the cost of a hinge
+#
+# N_k is rounded up to a number that the rules offer. Then some hinges, one axis or all bending of a link is removed,
+# whichever saves most. This is repeated as long as the error is allowed.
+
+
+class Allocation:
+    """Find models for an allowed error; predictions are corrected by errors `measured` [m] in runs of models."""
+
+    def __init__(self, link_errors: LinkErrors, cost: Callable[[Model], float]) -> None:
+        self.link_errors, self.cost = link_errors, cost
+        self.measured, self._correction = dict(link_errors.known), 1.0
+
+    def learn(self, model: Model, error: float) -> None:
+        """Use the measured error of a model [m] to correct predictions."""
+        predicted = self.link_errors.error(model)
+        if predicted:
+            ratio = error / predicted
+            self._correction = max(0.3, min(ratio, ratio**0.5, 3.0))  # time steps may cause part of a large error
+        self.measured.setdefault(model, error)
+
+    def cheapest(self, allowed: float) -> Model | None:
+        """The cheapest model with at most this error [m]; None if no model is predicted to be this accurate."""
+        enough = [model for model, error in self.measured.items() if error <= allowed]
+        enough += filter(None, [self._rounded_up(allowed)])
+        cost, model = min(((self.cost(model), model) for model in enough), key=_first, default=(math.inf, None))
+        if model is None:
+            return None
+        while True:
+            smaller = [(self.cost(less), less) for less in self._smaller(model) if self._error(less) <= allowed]
+            least, less = min(smaller, key=_first, default=(math.inf, model))
+            if least >= cost:
+                return model
+            cost, model = least, less
+
+    def _error(self, model: Model) -> float:
+        measured = self.measured.get(model)
+        return self._correction * self.link_errors.error(model) if measured is None else measured
+
+    def _rounded_up(self, allowed: float) -> Model | None:
+        axes, most = self.link_errors.refinement.axes, max(3 * self.link_errors.refinement.finest.hinges, 8)
+        constants = {k: self._correction * self.link_errors.constant(k) for k in self.link_errors.bending}
+        if not all(map(math.isfinite, constants.values())):  # the run that measures a constant failed
+            return None
+        p, family = self.link_errors.order, FAMILIES[self.link_errors.family]
+        shape = {k: (constant / len(axes[k])) ** (1 / (p + 1)) for k, constant in constants.items()}
+        total = sum(constants[k] / shape[k] ** p for k in shape if shape[k])
+        scale = (total / allowed) ** (1 / p)
+        hinges = {k: family.rounded_up(max(1, math.ceil(scale * size))) for k, size in shape.items()}
+        while max(hinges.values()) <= most:
+            model = tuple(self._bend(flex, hinges.get(k, 0)) for k, flex in enumerate(axes))
+            if self._error(model) <= allowed:
+                return model
+            # with few hinges, errors do not yet fall as 1 / N^p
+            hinges = {k: family.rounded_up(count + max(1, count // 4)) for k, count in hinges.items()}
+        return None
+
+    def _smaller(self, model: Model) -> Iterator[Model]:
+        for k, bend in enumerate(model):
+            if bend:
+                counts = FAMILIES[self.link_errors.family].fewer(bend.hinges)
+                options = [self._bend(bend.flex, count) for count in counts]
+                options += [bend._replace(flex=flex) for flex in self.link_errors.axes(k) if len(flex) < len(bend.flex)]
+                yield from ((*model[:k], option, *model[k + 1 :]) for option in options)
+
+    def _bend(self, flex: str, hinges: int) -> Bend | None:
+        return by_rule(flex, hinges, self.link_errors.refinement.family) if hinges else None
+
+
+def _first(option: tuple[float, Model]) -> float:
+    return option[0]
+
+
+# Search for the fewest strain modes whose error is allowed, for controllers, observers and explicit methods.
+#
+# The stations of the shapes are the hinges of the coarsest level whose error is at most half the allowed one. The
+# number of modes, the same for all links and directions, is then increased until the error is allowed, and decreased
+# again link by link and direction by direction; directions without modes, and links without directions, become rigid.
+
+
+OF_STATIONS = 0.5
+"""Largest error of the stations, as a share of the allowed error."""
+OF_STEPS = 0.05
+"""Tolerance of the steps, as a share of the allowed error."""
+
+
+class ShapeSearch:
+    """Search for the smallest model with strain modes, or with hinges that move one by one if those are fewer."""
+
+    def __init__(self, runner: ModelRunner, link_errors: LinkErrors, allowed: float, *, explicit: bool) -> None:
+        self.runner, self.link_errors, self.allowed, self.explicit = runner, link_errors, allowed, explicit
+        self.stepping = Stepping("auto", tolerance=OF_STEPS * allowed)
+        self.lines: list[str] = []
+
+    def best(self, cheapest: Solution | None) -> Solution | None:
+        """The smallest solution; None if the error of no model is allowed.
+
+        `cheapest` is the solution of `Search`, whose hinges move one by one.
+        """
+        hinges = [each for each in (self._coarsest(1.0), cheapest) if each is not None]
+        shaped = self._shaped()
+        best: list[Solution] = []
+        for name, found in (("one by one", hinges), ("strain modes", [shaped] if shaped else [])):
+            if found:
+                best.append(min(found, key=lambda each: self.size(each.model)))
+                self.lines.append(f"{name}: {self._in_words(best[-1].model)}")
+        if not best:
+            return None
+        smallest = min(best, key=lambda each: self.size(each.model))
+        return self._by_fixed_steps(smallest) if self.explicit else smallest
+
+    def size(self, model: Model) -> float:
+        """The measure to minimise: coordinates or, for explicit methods, CPU time per simulated second [s]."""
+        if not self.explicit:
+            return float(self.runner.chain(model).freedoms)
+        return self.runner.evaluation_cost(model, explicit=True) / self.runner.stable_step(model)
+
+    def _coarsest(self, share: float) -> Solution | None:
+        """The coarsest level of the refinement study whose error is at most this share of the allowed error."""
+        levels = self.link_errors.refinement.models().items()
+        for model, outcome in sorted(levels, key=lambda level: self.runner.chain(level[0]).n):
+            error = self.link_errors.from_limit(outcome.tip)
+            if outcome.completed and error <= share * self.allowed:
+                return Solution(model, outcome, error)
+        return None
+
+    def _shaped(self) -> Solution | None:
+        stations = self._coarsest(OF_STATIONS)
+        if stations is None:
+            return None
+        most = min(bend.hinges for bend in stations.model if bend)
+        for count in range(1, most + 1):
+            model = tuple(bend and bend._replace(modes=of_number(count)) for bend in stations.model)
+            if solution := self._tried(model, self.stepping):
+                return self._with_fewer(solution)
+        return None
+
+    def _with_fewer(self, solution: Solution) -> Solution:
+        """Remove modes one by one as long as the error is allowed."""
+        for model in _fewer(solution.model):
+            if found := self._tried(model, self.stepping):
+                return self._with_fewer(found)
+        return solution
+
+    def _tried(self, model: Model, stepping: Stepping) -> Solution | None:
+        """The solution of a run; None if it fails or its error is not allowed."""
+        if not can_move(self.runner.scene, model):
+            return None
+        outcome = self.runner.run(model, stepping)
+        error = self.link_errors.from_limit(outcome.tip)
+        return Solution(model, outcome, error) if outcome.completed and error <= self.allowed else None
+
+    def _by_fixed_steps(self, solution: Solution) -> Solution:
+        """The same model by RK4 with the largest stable or accurate step."""
+        longest = Thresholds.stable_share * self.runner.stable_step(solution.model)
+        for part in (1.0, 0.5, 0.25):
+            stepping = self.runner.fixed_steps(part * longest)
+            if stepping is None:
+                break
+            if found := self._tried(solution.model, stepping):
+                return found
+        return solution
+
+    def _in_words(self, model: Model) -> str:
+        chain = self.runner.chain(model)
+        return f"{chain.freedoms} coordinates, largest stable step of RK4 {self.runner.stable_step(model):.3g} s"
+
+
+def _fewer(model: Model) -> Iterator[Model]:
+    """Models with one mode less in one direction of one link, from the tip inward."""
+    for k in reversed(range(len(model))):
+        for less in _less_of(model[k]):
+            yield (*model[:k], less, *model[k + 1 :])
+
+
+def _less_of(bend: Bend | None) -> Iterator[Bend | None]:
+    """A link with one mode less in one direction; only the first direction of its flex can lose its last mode."""
+    if bend is None or bend.modes is None:
+        return
+    for axis in AXES[bend.flex]:
+        count = bend.modes.of_axis(axis)
+        if count > 1:
+            yield bend._replace(modes=replace(bend.modes, **{"xyz"[axis - 1]: count - 1}))
+        elif axis == AXES[bend.flex][0]:
+            flex = FLEX[FLEX.index(bend.flex) - 1]
+            yield bend._replace(flex=flex) if flex != "rigid" else None

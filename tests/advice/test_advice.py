@@ -18,16 +18,13 @@ from flexlink.advice import horizon as horizons
 from flexlink.advice import refinement as refining
 from flexlink.advice import rigid
 from flexlink.advice.advise import Advisor
-from flexlink.advice.allocation import Allocation
-from flexlink.advice.families import FAMILIES, rule_of
-from flexlink.advice.goal import Goal, TipErrorNorm, goal_of
+from flexlink.advice.goal import Goal, Thresholds, TipErrorNorm, goal_of
 from flexlink.advice.link_errors import LinkErrors
-from flexlink.advice.model import Axes, Bend, Model, by_rule, uniform
+from flexlink.advice.model import FAMILIES, Axes, Bend, Model, by_rule, rule_of, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.advice.refinement import AxisScreening, Level, RefinementStudy, load_and_bend, may_pay
 from flexlink.advice.rigid import release
-from flexlink.advice.search import Search
-from flexlink.advice.thresholds import Thresholds
+from flexlink.advice.search import Allocation, Search
 from flexlink.advice.verdict import Advice
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import lumping_rule

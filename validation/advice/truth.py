@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
+from flexlink.advice.goal import Thresholds
 from flexlink.advice.model import Axes, Bend, Model, all_axes, can_move, uniform
 from flexlink.advice.model_runner import ModelRunner, Stepping
-from flexlink.advice.thresholds import Thresholds
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
