@@ -23,8 +23,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.chain.beams import SectionBeam
 from flexlink.chain.rigid import SpatialInertia
-from flexlink.chain.section_beam import SectionBeam
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.describe.arm import Arm

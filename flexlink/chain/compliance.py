@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlink.chain.table_beam import TableBeam
+from flexlink.chain.beams import TableBeam
 from flexlink.common.types import Array
 from flexlink.describe.schemes.cells import Cells
 from flexlink.describe.schemes.lumping_rules import LumpingRule

@@ -13,6 +13,7 @@ from flexlink.chain import free_base
 from flexlink.chain.arguments import require_type
 from flexlink.chain.beam_hinges import Springs, add_beam
 from flexlink.chain.beam_slides import Slides
+from flexlink.chain.beams import SectionBeam, TableBeam
 from flexlink.chain.builder import Builder, Piece, described, record_inertia, recorded
 from flexlink.chain.chain import Chain
 from flexlink.chain.constant_ratio import posture_of, with_constant_ratios
@@ -22,9 +23,7 @@ from flexlink.chain.free_base import reference_rotation
 from flexlink.chain.odd_bodies import require_positive_mass
 from flexlink.chain.rigid import HERE
 from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
-from flexlink.chain.section_beam import SectionBeam
 from flexlink.chain.shapes import with_shapes
-from flexlink.chain.table_beam import TableBeam
 from flexlink.common.errors import SceneError
 from flexlink.common.memo import Memo
 from flexlink.common.types import Array

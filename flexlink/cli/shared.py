@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexlink.common.errors import ArgumentError, Diagnostic, FlexlinkError
-from flexlink.common.files import shown_path
-from flexlink.common.output import check_writable, write_or_keep
+from flexlink.common.output import check_writable, shown_path, write_or_keep
 from flexlink.common.wording import coloured, id_of
 from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.scene import Scene

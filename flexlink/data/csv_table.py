@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlink.common.errors import DataFileError
-from flexlink.common.files import read_regular
+from flexlink.common.output import read_regular
 from flexlink.common.types import Array
 from flexlink.common.wording import plural, short_list, truncated
 

@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
-from flexlink.common.files import read_regular
+from flexlink.common.output import read_regular
 from flexlink.common.types import T
 from flexlink.common.wording import truncated
 

@@ -10,7 +10,7 @@ from xml.etree import ElementTree as ET
 from flexlink.chain.arguments import require_one_of
 from flexlink.common import safe_xml
 from flexlink.common.errors import ArgumentError, DataFileError
-from flexlink.common.files import read_regular
+from flexlink.common.output import read_regular
 from flexlink.common.types import Array
 from flexlink.engines import load_here
 from flexlink.engines.base import FileEngine, ForeignFile

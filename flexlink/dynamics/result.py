@@ -11,8 +11,7 @@ from typing import Any, Self
 import numpy as np
 
 from flexlink.common.errors import ArgumentError, DataFileError
-from flexlink.common.files import read_regular
-from flexlink.common.output import write_whole
+from flexlink.common.output import read_regular, write_whole
 from flexlink.data.documents import require_path
 
 

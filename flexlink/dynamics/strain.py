@@ -22,10 +22,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import beyond_float64, require_type, vector
+from flexlink.chain.beams import TableBeam
 from flexlink.chain.compliance import curvatures
 from flexlink.chain.coordinates import Kind
 from flexlink.chain.lumping import lump
-from flexlink.chain.table_beam import TableBeam
 from flexlink.common.errors import ArgumentError
 from flexlink.common.products import cross
 from flexlink.common.types import Array

@@ -21,7 +21,7 @@ from flexlink.chain.rigid import NOTHING, Pose, SpatialInertia
 from flexlink.chain.rotation import matrix_from_rpy_deg
 from flexlink.common import safe_xml
 from flexlink.common.errors import DataFileError, Diagnostic, SceneError
-from flexlink.common.files import read_regular, shown_path
+from flexlink.common.output import read_regular, shown_path
 from flexlink.common.types import Array
 from flexlink.common.wording import did_you_mean, truncated
 from flexlink.data.documents import read_toml, require_path

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.chain.beams import TableBeam
 from flexlink.chain.chain import Chain
-from flexlink.chain.table_beam import TableBeam
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import Sensor
