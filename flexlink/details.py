@@ -4,8 +4,7 @@ from flexlink.describe.drive import DriveFilter
 from flexlink.describe.filters import Filter
 from flexlink.describe.initial import BaseState
 from flexlink.describe.joint import DenavitHartenberg
-from flexlink.describe.link import StrainModes
-from flexlink.describe.root import RootDamping, RootStiffness
+from flexlink.describe.link import RootDamping, RootStiffness, StrainModes
 
 __all__ = [
     "BaseState",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from docs.generators.rest import heading, literal, table
-from flexlink.describe.plausibility.ranges import Range, ranges
+from flexlink.describe.plausibility.sizes import Range, ranges
 
 INTRO = """\
 A value outside its range was probably given in another unit. A warning names the value, the usual range, and the unit

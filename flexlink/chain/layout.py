@@ -16,8 +16,8 @@ from flexlink.chain.coordinates import KINDS, Coordinate, Kind, joint_names
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
+from flexlink.describe.arm import link_number
 from flexlink.describe.joint_units import OF_JOINT, KindOfJoint, in_joint_units, in_words
-from flexlink.describe.links import link_number
 from flexlink.kernels.bodies.shaped_mass import Shapes
 from flexlink.kernels.geometry.kinematics import forward_kinematics
 from flexlink.kernels.layout import SLIDES, ChainArrays

@@ -30,8 +30,7 @@ from flexlink.common.types import Array
 from flexlink.data.documents import is_user_file
 from flexlink.describe.arm import Arm
 from flexlink.describe.hinges import hinges_of
-from flexlink.describe.link import Link
-from flexlink.describe.root import ROOT_AXES
+from flexlink.describe.link import ROOT_AXES, Link
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.kernels.layout import COUPLING, HINGE, SLIDES

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import argparse
 
-from flexlink.common.errors import MissingDependencyError
-from flexlink.common.installing import how_to_install
+from flexlink.common.errors import MissingDependencyError, how_to_install
 
 
 def add_options(command: argparse.ArgumentParser) -> None:

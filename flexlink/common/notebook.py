@@ -7,8 +7,7 @@ import importlib
 from collections.abc import Sequence
 from types import ModuleType
 
-from flexlink.common.errors import MissingDependencyError
-from flexlink.common.installing import how_to_install
+from flexlink.common.errors import MissingDependencyError, how_to_install
 
 
 def html_table(caption: str, heads: Sequence[str], rows: Sequence[Sequence[object]]) -> str:

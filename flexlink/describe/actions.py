@@ -10,10 +10,9 @@ from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import both_given, truncated
 from flexlink.describe.joint_units import TWINS, Row
-from flexlink.describe.numbers import require_increasing
+from flexlink.describe.numbers import check_table, require_increasing
 from flexlink.describe.reference import OF_MOTION
 from flexlink.describe.spec import Positive, Spec, Vector3, measured_in
-from flexlink.describe.tables import check_table
 
 IN_METRES_OF_MOTION = "position_m", "rate_m", "acceleration_m"
 Frame = Literal["world", "tip"]

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Literal
 
 import msgspec
 
-from flexlink.common.errors import Diagnostic, SceneError
+from flexlink.common.errors import ArgumentError, Diagnostic, SceneError
 from flexlink.common.wording import did_you_mean, short_list, truncated
 from flexlink.describe.link import Link
-from flexlink.describe.links import link_number
-from flexlink.describe.material import Material, Section
+from flexlink.describe.material import BREADTHS, Material, Section
 from flexlink.describe.mistakes import raise_together
 from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.rigidity import Rigidity
-from flexlink.describe.sections import BREADTHS
-from flexlink.describe.spec import Spec, link_key
+from flexlink.describe.spec import Spec, link_key, to_builtin
 
 BETWEEN = (
     "a branch or a prismatic joint lies between the links with this law; set it for one link only, or use law = "
@@ -254,3 +252,32 @@ class Arm(Spec, frozen=True):
             There is no such link.
         """
         return link_number("link", link, [each.name for each in self.links])
+
+
+def link_number(argument: str, value: object, names: Sequence[str]) -> int:
+    """Number, from 1, of the link given by its name or number.
+
+    Parameters
+    ----------
+    argument
+        Name of the argument, for the message.
+    value
+        A link's name, or its number from 1 to len(names).
+    names
+        Names of the links, from the base outward.
+
+    Raises
+    ------
+    ArgumentError
+        There is no such link; the message lists the existing ones.
+    """
+    wanted = to_builtin(value)
+    if isinstance(wanted, str) and wanted in names:
+        return names.index(wanted) + 1
+    if type(wanted) is int and 1 <= wanted <= len(names):
+        return wanted
+    raise ArgumentError(
+        f"{argument} = {truncated(value)}: no link of this arm; allowed are {short_list(names)}, or 1 … {len(names)}"
+        f"{did_you_mean(wanted, names)}",
+        id="unknown-link",
+    )

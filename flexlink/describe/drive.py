@@ -10,6 +10,7 @@ import msgspec
 from flexlink.common.errors import Diagnostic, SceneError
 from flexlink.common.wording import both_given, did_you_mean, truncated
 from flexlink.describe.filters import Filter
+from flexlink.describe.numbers import check_table
 from flexlink.describe.reference import Reference
 from flexlink.describe.spec import (
     ONE_PER_LINK,
@@ -21,7 +22,6 @@ from flexlink.describe.spec import (
     Spec,
     measured_in,
 )
-from flexlink.describe.tables import check_table
 
 
 class DriveFilter(Filter, frozen=True):

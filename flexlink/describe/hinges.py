@@ -12,8 +12,7 @@ from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.data.documents import is_user_file
 from flexlink.describe.arm import Arm
-from flexlink.describe.link import Link
-from flexlink.describe.root import ROOT_AXES
+from flexlink.describe.link import ROOT_AXES, Link
 from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
 
 

@@ -1,15 +1,16 @@
-"""Checks of numbers that annotations cannot express."""
+"""Checks of numbers that annotations cannot express: tables over time, times that are whole numbers of steps."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.common.errors import ArgumentError, FlexlinkError, SceneError
 from flexlink.common.types import Array
+from flexlink.common.wording import plural
 
 
 def require_increasing(name: str, times: Sequence[float]) -> None:
@@ -59,3 +60,60 @@ def numbers(name: str, value: ArrayLike, wanted: str = "real numbers") -> Array:
         beyond = " (integers must not overflow float64)" if array.dtype.kind == "O" and array.ndim else ""
         raise ArgumentError(f"{name} {given}; expected {wanted}{beyond}", id="wrong-type")
     return np.array(array, np.float64, order="C")
+
+
+def check_table(
+    times: tuple[float, ...] | None, tables: Mapping[str, Sequence[object] | None], *, smooth: bool, hold: bool
+) -> None:
+    """Check that times increase, that every table has one row per time, and that the interpolation is possible.
+
+    Raises
+    ------
+    SceneError
+        A check fails; the message names the key or the row.
+    """
+    if times is not None:
+        require_increasing("times", times)
+    if smooth and len(times or ()) < 2:
+        raise SceneError(f"smooth = {smooth}: needs a table with at least 2 times", id="needs-another-key")
+    if hold and (smooth or times is None):
+        needs = f"a table, times and {' or '.join(tables)}" if times is None else "smooth = False"
+        raise SceneError(f"hold = {hold}: needs {needs}", id="needs-another-key")
+    for name, rows in tables.items():
+        if times is not None and rows is not None and len(rows) != len(times):
+            raise SceneError(f"{name}: {plural(len(rows), 'row')}, but {len(times)} times", id="one-per-time")
+
+
+# Whether a time, given as a decimal number, is an integer number of equal steps, up to rounding.
+
+
+def multiples(start: float, between: float, count: int) -> Array:
+    """Return equally spaced times [s] from a start; if it is an integer multiple of the spacing, so are all others."""
+    return (parts(start, between) + np.arange(count, dtype=np.float64)) * between
+
+
+def parts(value: float, unit: float) -> float:
+    """Number of `unit`s in a value; rounded if it is an integer up to the rounding of decimal input."""
+    ratio = value / unit
+    return round(ratio) if is_whole(ratio) else ratio
+
+
+def is_whole(ratio: float) -> bool:
+    """Whether a ratio of two decimal numbers is an integer, up to their rounding; true for 0."""
+    return abs(ratio - round(ratio)) <= 1e-9 * max(1.0, ratio)
+
+
+def whole(name: str, value: float, unit_name: str, unit: float, error: type[FlexlinkError] = SceneError) -> int:
+    """Number of `unit`s in `value`, which must be an integer up to the rounding of decimal input.
+
+    Raises
+    ------
+    SceneError
+        The number is not an integer, or too large for exact integers in float64; raised as `error` if given.
+    """
+    if not value / unit < 2**53:
+        raise error(f"{name} = {value!r}: must be less than 2**53 times {unit_name} = {unit!r}", id="not-a-multiple")
+    number = parts(value, unit)
+    if number != round(number) or (value > 0 and number == 0):
+        raise error(f"{name} = {value!r}: must be a multiple of {unit_name} = {unit!r}", id="not-a-multiple")
+    return round(number)

@@ -13,9 +13,9 @@ from flexlink.common.types import Array
 from flexlink.common.wording import both_given, truncated
 from flexlink.data import documents
 from flexlink.describe import data_files
+from flexlink.describe.numbers import is_whole, multiples, whole
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.spec import NonNegative, Positive, Spec, measured_in
-from flexlink.describe.whole_steps import is_whole, multiples, whole
 
 AUTO = "auto"  # instead of a method's name
 DEFAULT_TOLERANCE = 1e-3

@@ -1,4 +1,4 @@
-"""Many variants of one scene, in which numbers are replaced without decoding the scene again.
+"""Many variants of one scene, in which numbers are replaced without decoding the scene again; more hinges.
 
 The resulting scene equals the one from `Scene.varied`, which is used if anything other than numbers changes, and if
 replacing numbers fails, because `Scene.varied` explains invalid values in its messages.
@@ -6,6 +6,7 @@ replacing numbers fails, because `Scene.varied` explains invalid values in its m
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -14,11 +15,14 @@ from typing import Any, get_args, get_origin
 import msgspec
 from msgspec.structs import replace
 
-from flexlink.common.errors import FlexlinkError
+from flexlink.common.errors import FlexlinkError, SceneError
+from flexlink.common.wording import truncated
 from flexlink.describe.hinges import hinges_of
+from flexlink.describe.link import Link
 from flexlink.describe.run_settings import implied
 from flexlink.describe.scene import FIELDS, Scene
 from flexlink.describe.scene_keys import OF_ARM
+from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.spec import Spec, bare_type, build_validated, decode, fields_of, to_builtin
 from flexlink.describe.vary import Keys, parts_of, routes_to, to_document
 
@@ -161,3 +165,43 @@ def _numeric(kind: Any) -> bool:
     if get_origin(bare) is tuple:
         return all(_numeric(item) for item in get_args(bare) if item is not Ellipsis)
     return bare in {float, int}
+
+
+# The same arm with more hinges in every link that bends.
+
+
+def refined(scene: Scene, factor: float) -> Scene:
+    """Return the scene with `factor` times the hinges in every link that bends, rounded up as the link's rule allows.
+
+    They move one by one: a link with strain modes loses them, so the difference includes what its shapes leave out.
+
+    Raises
+    ------
+    SceneError
+        The scene starts from coordinates of its hinges, which fit only one number of hinges.
+    """
+    for name in ("q", "qd"):
+        value = getattr(scene.initial, name)
+        if value is not None:
+            raise SceneError(
+                f"initial.{name} = {truncated(value)}: fits only one number of hinges; use initial.joint_deg, rate_deg "
+                "and passive",
+                id="hinge-state-with-advice",
+            )
+    links = tuple(_refined(link, factor) for link in scene.arm.links)
+    return replace(scene, arm=replace(scene.arm, links=links))
+
+
+def _refined(link: Link, factor: float) -> Link:
+    if link.flex == "rigid":
+        return link
+    rule, least = lumping_rule(link.lumping), max(math.ceil(factor * (link.segments - 1) - 1e-9), 1)
+    return replace(link, modes=None, segments=1 + next(filter(rule.takes, itertools.count(least))))
+
+
+def segments_in_words(scene: Scene) -> str:
+    """Numbers of segments of the links that bend, such as "5 segments (boom), 3 (fore)"."""
+    bent = [(link.segments, link.name) for link in scene.arm.links if link.flex != "rigid"]
+    if len({count for count, _ in bent}) == 1:
+        return f"{bent[0][0]} segments" + (" per link" if len(bent) > 1 else "")
+    return ", ".join(f"{count}{' segments' * (k == 0)} ({name})" for k, (count, name) in enumerate(bent))

@@ -9,8 +9,7 @@ from flexlink.chain.arguments import require_one_of, require_type
 from flexlink.chain.chain import Chain
 from flexlink.chain.forces import refuse_states
 from flexlink.chain.shapes import refuse_shapes
-from flexlink.common.errors import MissingDependencyError
-from flexlink.common.installing import how_to_install
+from flexlink.common.errors import MissingDependencyError, how_to_install
 from flexlink.engines.base import Engine, ForeignFile
 from flexlink.engines.child_process import IsolatedEngine
 

@@ -11,8 +11,8 @@ import scipy
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.data.csv_table import in_si, read_csv
 from flexlink.describe.link import Link
+from flexlink.describe.material import BREADTHS
 from flexlink.describe.scene import Scene
-from flexlink.describe.sections import BREADTHS
 from flexlink.describe.sensor import Sensor
 from flexlink.dynamics.sensors.placement import check_placements
 from flexlink.identification.experiments import ColumnExperiment, MotionExperiment

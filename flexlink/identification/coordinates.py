@@ -14,7 +14,7 @@ from flexlink.common.errors import Diagnostic, FlexlinkError, SceneError
 from flexlink.common.types import Array
 from flexlink.data.csv_table import head_of
 from flexlink.describe.plausibility.hints import hints
-from flexlink.describe.plausibility.ranges import shown
+from flexlink.describe.plausibility.sizes import shown
 from flexlink.describe.scene import FIELDS, Scene
 from flexlink.describe.spec import bare_type, type_below, units_of
 from flexlink.describe.vary import Keys, number_in, routes_to

@@ -19,10 +19,10 @@ from flexlink.chain.arguments import integer, require_callable, require_one_of, 
 from flexlink.common.errors import Diagnostic, FlexlinkError, IdentifiabilityError
 from flexlink.common.types import Array
 from flexlink.describe.link import Link
-from flexlink.describe.refined import refined, segments_in_words
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.sensor import Sensor, column_names
+from flexlink.describe.variants import refined, segments_in_words
 from flexlink.identification.block import Block
 from flexlink.identification.columns import columns_of
 from flexlink.identification.coordinates import Coordinate, coordinates_of, guess_of

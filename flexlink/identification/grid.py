@@ -16,8 +16,8 @@ import numpy as np
 
 from flexlink.common.errors import Diagnostic, FlexlinkError
 from flexlink.common.types import Array
-from flexlink.describe.refined import refined, segments_in_words
 from flexlink.describe.scene import Scene
+from flexlink.describe.variants import refined, segments_in_words
 from flexlink.identification.data import Source
 from flexlink.identification.estimate import Estimate
 from flexlink.identification.identifiability import WIDE, Check

@@ -14,10 +14,10 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
-from flexlink.describe.plausibility.ranges import hint_if_outside
+from flexlink.describe.numbers import multiples, parts, whole
+from flexlink.describe.plausibility.sizes import hint_if_outside
 from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.schemes.methods import method
-from flexlink.describe.whole_steps import multiples, parts, whole
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.dynamics.sensors.readings import Readings
 from flexlink.kernels.inputs.drive_torque import follow

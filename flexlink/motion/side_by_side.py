@@ -17,7 +17,7 @@ from flexlink.common.errors import Diagnostic
 from flexlink.common.interruption import Stop
 from flexlink.common.memo import Kept
 from flexlink.common.types import Array
-from flexlink.describe.whole_steps import multiples
+from flexlink.describe.numbers import multiples
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.dynamics.energy import Energy
 from flexlink.dynamics.initial_value_problem import InitialValueProblem

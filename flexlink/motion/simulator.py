@@ -12,8 +12,8 @@ from flexlink.chain.arguments import positive, require_type, vector
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, Diagnostic
 from flexlink.common.types import Array
+from flexlink.describe.numbers import parts, whole
 from flexlink.describe.scene import Scene
-from flexlink.describe.whole_steps import parts, whole
 from flexlink.dynamics.sensors.readings import Readings
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.motion.adaptive_steps import AdaptiveSteps

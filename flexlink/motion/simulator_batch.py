@@ -14,9 +14,9 @@ from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.memo import Kept
 from flexlink.common.types import Array
 from flexlink.common.wording import short_list
+from flexlink.describe.numbers import whole
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
-from flexlink.describe.whole_steps import whole
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.runge_kutta import NEVER, integrate

@@ -15,9 +15,9 @@ from flexlink.common.errors import Diagnostic, FlexlinkError, SceneError
 from flexlink.common.interruption import Stop
 from flexlink.common.memo import Kept, keep_last
 from flexlink.common.types import Array
+from flexlink.describe.numbers import multiples
 from flexlink.describe.run_settings import RunSettings, check_method
 from flexlink.describe.spec import build_validated
-from flexlink.describe.whole_steps import multiples
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.kernels.inputs.record import Drive
 from flexlink.kernels.tools.machine_code import types_of

@@ -9,8 +9,8 @@ import numpy as np
 
 from flexlink.common.memo import Kept
 from flexlink.common.types import Array, Indices
+from flexlink.describe.numbers import parts
 from flexlink.describe.schemes.methods import Method
-from flexlink.describe.whole_steps import parts
 from flexlink.motion.inputs.actuation import corners
 from flexlink.motion.inputs.tstops import breakpoints, instants
 from flexlink.motion.method_choice import tumbles

@@ -5,8 +5,7 @@ from __future__ import annotations
 import importlib
 from types import ModuleType
 
-from flexlink.common.errors import MissingDependencyError
-from flexlink.common.installing import how_to_install
+from flexlink.common.errors import MissingDependencyError, how_to_install
 
 
 def builder(module: str, page: str) -> ModuleType:

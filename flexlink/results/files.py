@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import ArgumentError, MissingDependencyError
-from flexlink.common.installing import how_to_install
+from flexlink.common.errors import ArgumentError, MissingDependencyError, how_to_install
 from flexlink.dynamics.result import write_archive
 from flexlink.results.samples import Columns, RunSamples
 

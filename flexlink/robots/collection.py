@@ -9,8 +9,7 @@ from pathlib import Path
 
 import msgspec
 
-from flexlink.common.errors import ArgumentError, MissingDependencyError
-from flexlink.common.installing import how_to_install
+from flexlink.common.errors import ArgumentError, MissingDependencyError, how_to_install
 from flexlink.common.wording import did_you_mean, short_list, truncated
 from flexlink.data.documents import read_toml
 from flexlink.describe.spec import Spec, decode

@@ -9,8 +9,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from flexlink.common.errors import MissingDependencyError
-from flexlink.common.installing import how_to_install
+from flexlink.common.errors import MissingDependencyError, how_to_install
 from flexlink.common.notebook import html_table
 from flexlink.common.output import write_whole
 from flexlink.common.wording import plural

@@ -13,8 +13,7 @@ from multiprocessing.connection import Connection, wait
 from threading import Thread
 from typing import Any
 
-from flexlink.common.errors import ArgumentError, EngineError, MissingDependencyError
-from flexlink.common.installing import how_to_install
+from flexlink.common.errors import ArgumentError, EngineError, MissingDependencyError, how_to_install
 from flexlink.common.wording import truncated
 
 TASKS_PER_WORKER = 2

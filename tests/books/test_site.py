@@ -14,7 +14,7 @@ from docs.generators.rest import prose
 from docs.generators.sentences import units_in
 from flexlink.cli.main import build_parser
 from flexlink.describe import data_files
-from flexlink.describe.plausibility.ranges import ranges
+from flexlink.describe.plausibility.sizes import ranges
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import LumpingRule
 from flexlink.describe.schemes.methods import Method

@@ -32,8 +32,8 @@ from flexlink.chain import lumping
 from flexlink.chain.variants import lump_many
 from flexlink.common.memo import Memo
 from flexlink.describe.link import AXES
+from flexlink.describe.material import SHAPES, SectionProperties, rectangle
 from flexlink.describe.schemes.lumping_rules import lumping_rule
-from flexlink.describe.sections import SHAPES, SectionProperties, rectangle
 from flexlink.errors import ArgumentError, FlexlinkError, SceneError
 from tests.conftest import ALUMINIUM, ROOT, SQUARE, chain_of, flexible, make_scene, nasty_scene
 from tests.support.words import refused, reviewed

@@ -11,7 +11,7 @@ from scipy.integrate import solve_bvp
 
 import flexlink as fl
 from flexlink.chain.coordinates import Kind
-from flexlink.describe.sections import SHEAR_FACTORS
+from flexlink.describe.material import SHEAR_FACTORS
 from flexlink.dynamics import rounding
 from flexlink.errors import SceneError
 from tests.conftest import flexible, make_scene

@@ -8,7 +8,7 @@ import pytest
 
 from flexlink import Arm, Joint, Link, RunSettings, Section, load_scene, lump, simulate
 from flexlink.describe import data_files
-from flexlink.describe.whole_steps import whole
+from flexlink.describe.numbers import whole
 from flexlink.errors import SceneError
 from tests.conftest import ALUMINIUM, ROOT, SQUARE, flexible, make_scene
 from tests.support.words import refused

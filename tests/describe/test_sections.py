@@ -6,7 +6,7 @@ from fractions import Fraction
 import pytest
 
 from flexlink import Section
-from flexlink.describe.sections import rectangle
+from flexlink.describe.material import rectangle
 
 K = {  # J / (a b³) of a rectangle a × b: exact series, as tabulated by Timoshenko & Goodier, art. 109
     1.0: 0.1405770149551537155884687,

@@ -9,7 +9,7 @@ import pytest
 import flexlink as fl
 from flexlink.chain.shapes import shaped_hinges
 from flexlink.cli.main import main
-from flexlink.describe.refined import refined
+from flexlink.describe.variants import refined
 from flexlink.dynamics import rounding
 from flexlink.errors import ArgumentError, SceneError
 from flexlink.kernels.bodies.shaped_mass import mass_of_shapes

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flexlink as fl
-from flexlink.describe.refined import refined, segments_in_words
+from flexlink.describe.variants import refined, segments_in_words
 from flexlink.identification.fitted import Fitted
 
 pytestmark = pytest.mark.slow

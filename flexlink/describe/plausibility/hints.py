@@ -7,12 +7,18 @@ from collections.abc import Iterator, Sequence
 
 from flexlink.common.errors import Diagnostic
 from flexlink.common.memo import keep_last
-from flexlink.describe.plausibility.loads import of_bodies, of_gravity, of_joints, of_loads, of_places
-from flexlink.describe.plausibility.ranges import hint_if_outside, shown
-from flexlink.describe.plausibility.situation import Situation, situation_of
-from flexlink.describe.plausibility.sizes import largest_dimension, of_materials, of_sections
+from flexlink.describe.material import BREADTHS
+from flexlink.describe.plausibility.loads import (
+    Situation,
+    of_bodies,
+    of_gravity,
+    of_joints,
+    of_loads,
+    of_places,
+    situation_of,
+)
+from flexlink.describe.plausibility.sizes import hint_if_outside, largest_dimension, of_materials, of_sections, shown
 from flexlink.describe.scene import Scene
-from flexlink.describe.sections import BREADTHS
 from flexlink.describe.sensor import column_names
 
 

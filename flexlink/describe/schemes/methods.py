@@ -17,7 +17,7 @@ from flexlink.common.polynomials import dot, float64
 from flexlink.common.types import Array, Complex
 from flexlink.common.wording import truncated
 from flexlink.describe import data_files
-from flexlink.describe.schemes import collocation, dense_output
+from flexlink.describe.schemes import coefficients
 from flexlink.describe.spec import Spec
 
 CLOSE = Fraction(1, 10**15)
@@ -111,10 +111,10 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
         return A[-1] == b and len(set(c)) == len(c) and len(self.modes.real) == 1
 
     @functools.cached_property
-    def exact(self) -> collocation.Tableau:
+    def exact(self) -> coefficients.Tableau:
         """A (square), b and c as fractions, exact if given as strings, or accurate to 2^−255 for a family."""
         if self.family is not None:
-            return collocation.tableau(self.family, self.stages)
+            return coefficients.tableau(self.family, self.stages)
         rows = [[Fraction(x) for x in row] for row in self.A or ()]
         b, c = [Fraction(x) for x in self.b or ()], [Fraction(x) for x in self.c or ()]
         return [row + [Fraction(0)] * (len(c) - len(row)) for row in rows], b, c
@@ -154,7 +154,7 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
         own, b, _ = self.exact
         rows = [[Fraction(x) for x in row] for row in self.dense_rows]
         ends = [dot(b, column) for column in zip(*own, strict=True)]
-        return A, c, dense_output.polynomials(b, ends, rows)
+        return A, c, coefficients.polynomials(b, ends, rows)
 
     @functools.cached_property
     def modes(self) -> Modes:
@@ -216,7 +216,7 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
                 id="method-without-error",
             )
         γ = float(self.modes.real[0])
-        return γ, -γ * float64(collocation.weights_at(self.exact[2], Fraction(0)))
+        return γ, -γ * float64(coefficients.weights_at(self.exact[2], Fraction(0)))
 
     def _check_family(self, family: str) -> None:
         for name in ("A", "b", "c"):
@@ -226,7 +226,7 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
             raise SceneError(
                 f"stages = {self.stages}: must be 1 … {MOST_STAGES} for family {family!r}", id="method-stages"
             )
-        order = collocation.ORDER[family](self.stages)
+        order = coefficients.ORDER[family](self.stages)
         if self.order != order:
             raise SceneError(
                 f"order = {self.order}: {family} with {self.stages} stages has order {order}", id="method-order"

@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 
 from flexlink.common.types import Array, Indices
 from flexlink.describe.filters import Filter
+from flexlink.describe.numbers import is_whole
 from flexlink.describe.sensor import Sensor
-from flexlink.describe.whole_steps import is_whole
 from flexlink.dynamics.filters import linear_filter, transition
 
 

@@ -10,8 +10,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import integer, positive
-from flexlink.common.errors import ArgumentError, MissingDependencyError
-from flexlink.common.installing import how_to_install
+from flexlink.common.errors import ArgumentError, MissingDependencyError, how_to_install
 from flexlink.common.types import Array, Complex
 from flexlink.common.wording import plural, truncated
 from flexlink.dynamics.result import SavedResult

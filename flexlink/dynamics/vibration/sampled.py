@@ -18,7 +18,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from flexlink.common.types import Array
-from flexlink.describe.whole_steps import is_whole
+from flexlink.describe.numbers import is_whole
 
 
 class Delay(NamedTuple):

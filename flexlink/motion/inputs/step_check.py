@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from flexlink.common.errors import Diagnostic, FlexlinkError, UnstableStepError
+from flexlink.describe.numbers import is_whole
 from flexlink.describe.schemes.methods import method
-from flexlink.describe.whole_steps import is_whole
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.dynamics.vibration.stability import eigenvalue_bounds, fastest_eigenvalues, stable_step_of
 from flexlink.dynamics.vibration.stability_function import stable_half_disc

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexlink.common.types import Array
-from flexlink.describe.whole_steps import is_whole
+from flexlink.describe.numbers import is_whole
 from flexlink.kernels.inputs.laws import PD, TABLE
 from flexlink.kernels.inputs.record import Drive, Loads, PiecewisePolynomial
 from flexlink.motion.inputs.actuation import LINEAR

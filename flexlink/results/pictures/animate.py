@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.arguments import integer, positive, require_callable, require_one_of
-from flexlink.common.errors import MissingDependencyError
-from flexlink.common.installing import how_to_install
+from flexlink.common.errors import MissingDependencyError, how_to_install
 from flexlink.common.interruption import StoppedError, deferred, word
 from flexlink.common.output import write_or_keep
 from flexlink.data.documents import require_path

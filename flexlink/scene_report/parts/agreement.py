@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from flexlink.common.errors import FlexlinkError, MissingDependencyError
-from flexlink.common.installing import how_to_install
+from flexlink.common.errors import FlexlinkError, MissingDependencyError, how_to_install
 from flexlink.describe.schemes.methods import method
 from flexlink.diagnosis.comparison import compare
 from flexlink.diagnosis.diagnosis import Diagnosis
