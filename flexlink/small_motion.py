@@ -2,7 +2,7 @@
 
 from flexlink.dynamics.sensors.outputs import SensorOutputs
 from flexlink.dynamics.vibration.in_motion import equilibrium_in_motion, modes_in_motion
-from flexlink.dynamics.vibration.poles import pd_poles
+from flexlink.dynamics.vibration.linear import pd_poles
 
 __all__ = [
     "SensorOutputs",

@@ -32,9 +32,8 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import Kind
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
-from flexlink.dynamics.forces import force_torque
+from flexlink.dynamics.forces import deflections, force_torque
 from flexlink.dynamics.placement import tip_position
-from flexlink.dynamics.springs import deflections
 from flexlink.dynamics.terms import inverse_dynamics, mass_matrix
 from flexlink.dynamics.vibration.extremes import slowest_frequency
 from flexlink.motion.inputs.initial_state import initial_state

@@ -28,8 +28,7 @@ from flexlink.diagnosis.differences import Finding, differences
 from flexlink.diagnosis.matching import Match
 from flexlink.diagnosis.mistakes import table
 from flexlink.diagnosis.native import NativeEngine
-from flexlink.diagnosis.quantities import QUANTITIES, Difference, compare_engines
-from flexlink.diagnosis.states import State
+from flexlink.diagnosis.quantities import QUANTITIES, Difference, State, compare_engines
 from flexlink.dynamics.singularity import regular_mass
 from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.dynamics.vibration.stability import stable_step

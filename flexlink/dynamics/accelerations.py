@@ -17,8 +17,7 @@ from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.describe.run_settings import ForwardSolver
 from flexlink.dynamics.batches import about_state, is_batch, rows
-from flexlink.dynamics.forces import all_torques, names_of
-from flexlink.dynamics.wrench import world_wrench, world_wrenches
+from flexlink.dynamics.forces import all_torques, names_of, world_wrench, world_wrenches
 from flexlink.kernels.bodies.plane import planar_workspace
 from flexlink.kernels.bodies.rne import rne_workspace
 from flexlink.kernels.forward import solvers

@@ -10,8 +10,8 @@ from flexlink.chain.arguments import require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.chain.layout import Joints
 from flexlink.common.types import Array
+from flexlink.dynamics.forces import about
 from flexlink.dynamics.free_motion import restricted
-from flexlink.dynamics.springs import about
 from flexlink.dynamics.tangent import stiffness_matrix, unlocked
 
 

@@ -15,12 +15,10 @@ from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.accelerations import forward_dynamics, lanes_workspace, solver_for
 from flexlink.dynamics.batches import each, is_batch, rows, wrench_rows
-from flexlink.dynamics.forces import force_slopes
+from flexlink.dynamics.forces import about, force_slopes, turns_with_tip, world_wrench
 from flexlink.dynamics.free_motion import basis
 from flexlink.dynamics.result import Result
-from flexlink.dynamics.springs import about
 from flexlink.dynamics.tangent import stiffness_matrix
-from flexlink.dynamics.wrench import turns_with_tip, world_wrench
 from flexlink.kernels.derivatives.forward_derivatives import forward_derivatives
 from flexlink.kernels.derivatives.inverse_derivatives import all_inverse_derivatives
 from flexlink.kernels.derivatives.of_many import (

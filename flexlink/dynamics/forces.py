@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import beyond_float64, require_type, vector
+from flexlink.chain.arguments import beyond_float64, require_one_of, require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
-from flexlink.dynamics.batches import is_batch, rows
+from flexlink.describe.actions import Frame
+from flexlink.dynamics.batches import is_batch, rows, wrench_rows
+from flexlink.kernels.forces.couplings import give_way
 from flexlink.kernels.forces.elements import POTENTIALS, motion_slopes, motion_torques
+from flexlink.kernels.forces.rotation_springs import excess_torque, rotation_vectors
+from flexlink.kernels.forces.rotation_tangent import excess_stiffness
+from flexlink.kernels.geometry.kinematics import turned_with_tip
+from flexlink.kernels.layout import COUPLING
 from flexlink.kernels.tools.finite import is_finite
 
 
@@ -124,3 +133,154 @@ def refuse_forces(what: str, chain: Chain, qd: Array | None = None) -> None:
         raise ArgumentError(
             f"{chain.name}: {what} do not support {', '.join(others)}; leave them out", id="arguments-not-counted"
         )
+
+
+# T_FL of a chain, its tangent stiffness, and matrices of springs and dampers with couplings and their inverse.
+
+
+def spring_torque(chain: Chain, q: Array) -> Array:
+    """Return T_FL at angles q (n,), shape (n,) [N m]."""
+    torque = chain.times("stiffness", q - chain.rest)
+    if chain.has_rotation_springs:
+        torque += excess_torque(chain.bodies, chain.hinges, chain.couplings, q)
+    if has_potential(chain):
+        torque += all_torques(with_potential(chain), q, np.zeros(chain.n))
+    return torque
+
+
+def held_angles(chain: Chain, q: Array) -> Array:
+    """Variables on which springs act, at angles q (n,) or (b, n): angles, or rotation vectors of hinge triples."""
+    if not chain.has_rotation_springs:
+        return q
+    held = [rotation_vectors(chain.bodies, chain.hinges, chain.couplings, row) for row in np.atleast_2d(q)]
+    return np.reshape(held, q.shape)
+
+
+def about(chain: Chain, q: Array) -> Chain:
+    """Return the chain with ∂T_FL/∂q at angles q (n,) as its K; the same chain if all its springs are linear.
+
+    The derivatives of springs of rotation vectors couple all hinges of a triple, and the triples of a cell.
+    """
+    straight = linearised(chain, q)
+    if not chain.has_rotation_springs:
+        return straight
+    blocks, triples, values = excess_stiffness(chain.bodies, chain.hinges, chain.couplings, q)
+    rows, columns = (triples[blocks[:, side]] for side in (0, 1))
+    i, j = np.broadcast_to(rows[:, :, None], values.shape), np.broadcast_to(columns[:, None, :], values.shape)
+    return _stiffened(straight, i, j, values)
+
+
+def linearised(chain: Chain, q: Array) -> Chain:
+    """Return the chain with linear springs, of the slopes at q (n,), for force elements that have a potential."""
+    if not has_potential(chain):
+        return chain
+    joined = np.eye(chain.n, dtype=bool)
+    for elements in with_potential(chain).forces.values():
+        if "outer" in (elements.dtype.names or ()):
+            joined[elements["inner"], elements["outer"]] = True
+    i, j = np.nonzero(joined)
+    return _stiffened(chain, i, j, potential_slopes(chain, q)[i, j])
+
+
+def _stiffened(chain: Chain, i: NDArray[np.intp], j: NDArray[np.intp], values: Array) -> Chain:
+    """Return the chain without force elements, with `values` added to K_ij; pairs with i > j are ignored."""
+    bodies, hinges = chain.bodies.copy(), chain.hinges.copy()
+    bodies["springs"] = 0
+    hinges["stiffness"][i[i == j]] += values[i == j]
+    couplings = np.zeros(int((i < j).sum()), COUPLING)
+    couplings["inner"], couplings["outer"], couplings["stiffness"] = i[i < j], j[i < j], values[i < j]
+    joined = _joined(np.concatenate([chain.couplings, couplings]))
+    return Chain(chain.name, bodies, hinges, chain.gravity, chain.coordinates, chain.link_names, joined)
+
+
+def _joined(couplings: NDArray[np.void]) -> NDArray[np.void]:
+    """Merge couplings, so that each pair of hinges occurs once."""
+    pairs, pair_index = np.unique(couplings[["inner", "outer"]], return_inverse=True)
+    joined = np.zeros(len(pairs), COUPLING)
+    joined["inner"], joined["outer"] = pairs["inner"], pairs["outer"]
+    for field in ("stiffness", "damping"):
+        np.add.at(joined[field], pair_index, couplings[field])
+    return joined
+
+
+def damping_slope(chain: Chain) -> Array:
+    """Derivative of each joint's T_FR with respect to its own rate, at rest: d + coulomb / coulomb_width, (n,)."""
+    return np.asarray(chain.damping + _dry(chain))
+
+
+def damping_matrix(chain: Chain) -> Array:
+    """∂T_FR/∂q̇ at rest, D + diag(coulomb / coulomb_width), shape (n, n)."""
+    return np.asarray(chain.matrix("damping") + np.diag(_dry(chain)))
+
+
+def damping_along(chain: Chain, φ: Array) -> Array:
+    """`damping_matrix` times rates φ (n,), in O(n)."""
+    if not len(chain.couplings):
+        return damping_slope(chain) * φ
+    return np.asarray(chain.times("damping", φ) + _dry(chain) * φ)
+
+
+def _dry(chain: Chain) -> Array:
+    return np.asarray(chain.hinges["coulomb"] / chain.hinges["coulomb_width"])
+
+
+def deflections(chain: Chain, torques: Array) -> Array:
+    """Deflections K⁻¹ τ [rad] of springs under torques τ (n,) or (rows, n); 0 for joints without a spring."""
+    sprung = np.flatnonzero(chain.stiffness > 0)
+    angles = np.zeros_like(torques)
+    if not len(chain.couplings):
+        angles[..., sprung] = torques[..., sprung] / chain.stiffness[sprung]
+        return angles
+    held = np.ascontiguousarray(np.atleast_2d(torques)[:, sprung])
+    give_way(chain.arrays, sprung, held)
+    angles[..., sprung] = held.reshape(*torques.shape[:-1], len(sprung))
+    return angles
+
+
+# What acts on an arm besides gravity: the tip wrench in axes of frame 0, and the gains of a drive.
+
+
+class Gains(NamedTuple):
+    """Gains of a drive, T_EX = … − k_p q − k_d q̇, each (n,), or (n, n) if not diagonal [N m/rad, N m s/rad]."""
+
+    kp: Array
+    kd: Array
+
+    def matrices(self) -> tuple[Array, Array]:
+        """Both gains as matrices (n, n)."""
+        kp, kd = (np.diag(slope) if slope.ndim == 1 else slope for slope in self)
+        return kp, kd
+
+    def diagonals(self) -> tuple[Array, Array]:
+        """Both gains as vectors (n,), the diagonals."""
+        kp, kd = (slope if slope.ndim == 1 else np.diag(slope).copy() for slope in self)
+        return kp, kd
+
+
+def turns_with_tip(frame: Frame) -> bool:
+    """Whether a wrench in axes of `frame` turns with the tip.
+
+    Raises
+    ------
+    ArgumentError
+        `frame` is neither "world" nor "tip".
+    """
+    return require_one_of("frame", frame, {"world": False, "tip": True})
+
+
+def world_wrench(chain: Chain, q: Array, tip_wrench: ArrayLike | None, frame: Frame) -> Array:
+    """Tip wrench in axes of frame 0, (6,), at angles q (n,); errors as in `turns_with_tip` and `wrench_vector`."""
+    wrench = wrench_vector(tip_wrench)
+    if frame == "world" or not turns_with_tip(frame):  # the first test is fast
+        return wrench
+    turned: Array = turned_with_tip(chain.arrays, wrench, q)
+    return turned
+
+
+def world_wrenches(chains: Sequence[Chain], q: Array, tip_wrench: ArrayLike | None, frame: Frame) -> Array:
+    """Tip wrenches in axes of frame 0, (b, 6), at b states of one chain or of b chains; see `wrench_rows`."""
+    wrenches = wrench_rows(tip_wrench, len(q))
+    if frame == "world" or not turns_with_tip(frame):
+        return wrenches
+    given = zip(itertools.cycle(chains), q, wrenches, strict=False)
+    return np.array([world_wrench(chain, angles, wrench, frame) for chain, angles, wrench in given]).reshape(-1, 6)

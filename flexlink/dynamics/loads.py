@@ -25,10 +25,10 @@ from flexlink.common.products import cross
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.batches import each, is_batch
+from flexlink.dynamics.forces import world_wrench
 from flexlink.dynamics.placement import hinge_bodies
 from flexlink.dynamics.point_motion import body_motion
 from flexlink.dynamics.result import Result
-from flexlink.dynamics.wrench import world_wrench
 from flexlink.kernels.forces.drag import drag_loads
 from flexlink.kernels.tools.finite import is_finite
 

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from flexlink.chain.chain import Chain, add_products
 from flexlink.common.types import Array
 from flexlink.dynamics import rounding
-from flexlink.dynamics.forces import refuse_forces
-from flexlink.dynamics.springs import about, damping_slope
+from flexlink.dynamics.forces import about, damping_slope, refuse_forces
 from flexlink.kernels.derivatives.small_motion import HINGE, mass_products, multiply, set_state, small_motion
 from flexlink.kernels.derivatives.small_motion_cells import cells_workspace
 from flexlink.kernels.derivatives.small_motion_factors import factor, solve

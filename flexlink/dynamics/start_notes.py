@@ -12,8 +12,8 @@ from flexlink.common.errors import Diagnostic
 from flexlink.common.types import Array
 from flexlink.common.wording import short_list
 from flexlink.describe.scene import Scene
+from flexlink.dynamics.forces import deflections
 from flexlink.dynamics.placement import tip_position
-from flexlink.dynamics.springs import deflections
 from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.dynamics.terms import elastic_torque, gravity_torque
 

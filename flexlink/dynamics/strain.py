@@ -34,8 +34,8 @@ from flexlink.describe.link import AXES
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.dynamics.batches import is_batch, rows
+from flexlink.dynamics.forces import held_angles
 from flexlink.dynamics.result import Result
-from flexlink.dynamics.springs import held_angles
 from flexlink.kernels.layout import SPRINGS
 from flexlink.kernels.tools.finite import is_finite
 

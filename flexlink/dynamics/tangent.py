@@ -16,11 +16,10 @@ from flexlink.common.products import cross
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.dynamics import rounding
-from flexlink.dynamics.forces import force_slopes, force_torque
+from flexlink.dynamics.forces import about, force_slopes, force_torque, linearised
 from flexlink.dynamics.free_motion import first_joints, restricted, sums_of_squares
 from flexlink.dynamics.placement import slid_apart
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
-from flexlink.dynamics.springs import about, linearised
 from flexlink.dynamics.terms import bias_torque
 from flexlink.kernels.derivatives.inverse_derivatives import load_slopes
 from flexlink.kernels.geometry.kinematics import forward_kinematics, turned_with_tip

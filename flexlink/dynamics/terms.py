@@ -20,9 +20,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.batches import each, is_batch, rows
-from flexlink.dynamics.forces import force_torque, of_joint_rates
-from flexlink.dynamics.springs import spring_torque
-from flexlink.dynamics.wrench import world_wrench, world_wrenches
+from flexlink.dynamics.forces import force_torque, of_joint_rates, spring_torque, world_wrench, world_wrenches
 from flexlink.kernels.bodies import mass
 from flexlink.kernels.bodies.rne import inverse_dynamics as inverse_dynamics_kernel
 from flexlink.kernels.bodies.rne import inverse_dynamics_of_many

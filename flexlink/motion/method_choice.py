@@ -8,7 +8,7 @@ import numpy as np
 
 from flexlink.common.types import Array
 from flexlink.describe.schemes.methods import method
-from flexlink.dynamics.springs import damping_slope, linearised
+from flexlink.dynamics.forces import damping_slope, linearised
 from flexlink.dynamics.vibration.extremes import fastest_of
 from flexlink.motion.evaluation_cost import cost_of_a_step, operation_costs
 from flexlink.motion.inputs.drives import gains_at_zero

@@ -169,7 +169,7 @@ class RunSamples(Result):
     def notes(self) -> tuple[str, ...]:
         """Notes on defaults that the run used, settings without effect, and sensors that need more samples."""
         from flexlink.dynamics.notes import defaults, notes  # noqa: PLC0415
-        from flexlink.dynamics.sensors.columns import coarse_samples  # noqa: PLC0415
+        from flexlink.dynamics.sensors.readings import coarse_samples  # noqa: PLC0415
 
         if self.scene is None:
             return ()
@@ -269,7 +269,7 @@ class RunSamples(Result):
         SingularMassError
             For accelerometers, as in `qdd`.
         """
-        from flexlink.dynamics.sensors.columns import sensor_columns  # noqa: PLC0415
+        from flexlink.dynamics.sensors.readings import sensor_columns  # noqa: PLC0415
 
         if self.scene is None:
             return {}

@@ -15,8 +15,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.diagnosis.comparison import MAX_SAMPLES, Comparison, compare
 from flexlink.diagnosis.diagnosis import diagnose
 from flexlink.diagnosis.mistakes import table
-from flexlink.diagnosis.quantities import QUANTITIES, compare_engines
-from flexlink.diagnosis.states import mixed_states, random_states
+from flexlink.diagnosis.quantities import QUANTITIES, compare_engines, mixed_states, random_states
 from flexlink.dynamics import rounding
 from flexlink.engines import ENGINES, load
 from tests.support.words import line, refused, refused_line, reviewed

@@ -7,8 +7,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from flexlink import Chain, Joint, Link, Mount, RigidBody, bias_torque, load_scene, lump, mass_matrix
-from flexlink.diagnosis.quantities import QUANTITIES, Difference, compare_engines
-from flexlink.diagnosis.states import mixed_states
+from flexlink.diagnosis.quantities import QUANTITIES, Difference, compare_engines, mixed_states
 from flexlink.dynamics import rounding
 from flexlink.dynamics.rounding import EPS
 from flexlink.engines import load

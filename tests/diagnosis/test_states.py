@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexlink import Chain, Joint, Link, Mount, RigidBody, elastic_torque, gravity_torque, load_scene, lump, mass_matrix
-from flexlink.diagnosis.states import IMBALANCE, State, mixed_states, random_states
+from flexlink.diagnosis.quantities import IMBALANCE, State, mixed_states, random_states
 from flexlink.errors import SingularMassError
 from tests.conftest import MODELS, flexible, make_scene
 from tests.support.words import refused

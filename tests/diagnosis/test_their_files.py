@@ -15,10 +15,10 @@ from scipy.spatial.transform import Rotation
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.diagnosis import joint_axes
+from flexlink.diagnosis.comparison import READERS, load_file
 from flexlink.diagnosis.diagnosis import LARGEST, Diagnosis, diagnose_file
-from flexlink.diagnosis.foreign_files import READERS, load_file
 from flexlink.diagnosis.mistakes import table
-from flexlink.diagnosis.states import mixed_states
+from flexlink.diagnosis.quantities import mixed_states
 from flexlink.engines.read_back import of_chain, to_chain
 from flexlink.formats import FORMATS
 from flexlink.robots.collection import known_arm

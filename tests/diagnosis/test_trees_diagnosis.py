@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import flexlink as fl
-from flexlink.diagnosis.foreign_files import load_file
-from flexlink.diagnosis.states import mixed_states
+from flexlink.diagnosis.comparison import load_file
+from flexlink.diagnosis.quantities import mixed_states
 from flexlink.engines.read_back import of_chain, to_chain
 from tests.diagnosis.test_their_files import diagnosed, written
 from tests.engines.test_trees_engines import satellite

@@ -11,9 +11,9 @@ from scipy import linalg
 import flexlink as fl
 from flexlink.cli import info
 from flexlink.dynamics import load_path, small_motion
+from flexlink.dynamics.equilibrium import static_postures
+from flexlink.dynamics.forces import damping_matrix, deflections
 from flexlink.dynamics.small_motion import SmallMotion
-from flexlink.dynamics.springs import damping_matrix, deflections
-from flexlink.dynamics.static_postures import static_postures
 from flexlink.dynamics.tangent import LoadedState, falls, gyroscopic_matrix, stiffness_matrix, tangent
 from flexlink.dynamics.vibration.extremes import CLOSE, fastest_decay, fastest_frequency, slowest_frequency
 from flexlink.dynamics.vibration.stability import fastest_eigenvalues

@@ -7,8 +7,8 @@ import pytest
 
 import flexlink as fl
 from flexlink.dynamics import load_path, small_motion
+from flexlink.dynamics.forces import damping_slope
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
-from flexlink.dynamics.springs import damping_slope
 from flexlink.dynamics.tangent import LoadedState, displacements, falls, gyroscopic_matrix, stiffness_matrix, tangent
 from flexlink.errors import ConvergenceError
 from tests.conftest import ROOT, random_state

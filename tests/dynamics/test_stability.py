@@ -11,10 +11,10 @@ from scipy import linalg
 import flexlink as fl
 from flexlink.common.interruption import Stop
 from flexlink.describe.schemes import methods
+from flexlink.dynamics.forces import Gains
 from flexlink.dynamics.vibration import stability
 from flexlink.dynamics.vibration.stability import eigenvalues, fastest_eigenvalues, stable_step_of
 from flexlink.dynamics.vibration.stability_function import stability_function, stability_polynomials
-from flexlink.dynamics.wrench import Gains
 from flexlink.motion.inputs.drives import drive_arrays, gains_of
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.single_run import SingleRun

@@ -21,10 +21,10 @@ from flexlink import (
     solve_static,
     tip_position,
 )
+from flexlink.dynamics import equilibrium as module
 from flexlink.dynamics import rounding
-from flexlink.dynamics import static_postures as module
+from flexlink.dynamics.equilibrium import _rounded, static_postures
 from flexlink.dynamics.load_path import LARGEST_ARC
-from flexlink.dynamics.static_postures import _rounded, static_postures
 from flexlink.errors import ArgumentError, ConvergenceError
 from flexlink.strength import buckling_loads
 from tests.conftest import chain_of, flexible, make_scene, nasty_scene

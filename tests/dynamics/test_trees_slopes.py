@@ -9,9 +9,9 @@ from msgspec.structs import replace
 import flexlink as fl
 from flexlink.common.types import Array
 from flexlink.describe.arm import Base
+from flexlink.dynamics.equilibrium import static_postures
+from flexlink.dynamics.forces import damping_slope
 from flexlink.dynamics.small_motion import SmallMotion
-from flexlink.dynamics.springs import damping_slope
-from flexlink.dynamics.static_postures import static_postures
 from flexlink.dynamics.tangent import gyroscopic_matrix, stiffness_matrix
 from tests.conftest import chain_of, flexible, make_scene
 from tests.support.beams import THIN, thin_link

@@ -30,8 +30,7 @@ from flexlink import (
     stable_step,
 )
 from flexlink.describe.run_settings import steps_explicitly
-from flexlink.diagnosis.quantities import QUANTITIES
-from flexlink.diagnosis.states import mixed_states
+from flexlink.diagnosis.quantities import QUANTITIES, mixed_states
 from flexlink.dynamics import rounding
 from flexlink.engines import ENGINES, load, load_here
 from flexlink.engines.base import refuse_sampled_inputs

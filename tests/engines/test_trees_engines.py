@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import flexlink as fl
-from flexlink.diagnosis.quantities import QUANTITIES
-from flexlink.diagnosis.states import mixed_states
+from flexlink.diagnosis.quantities import QUANTITIES, mixed_states
 from flexlink.dynamics.placement import frames
 from flexlink.engines import load
 from flexlink.engines.read_back import of_chain

@@ -9,7 +9,7 @@ import pytest
 import flexlink as fl
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.schemes.methods import method
-from flexlink.diagnosis.states import random_states
+from flexlink.diagnosis.quantities import random_states
 from flexlink.dynamics.energy import Energy
 from flexlink.pages.numbers import passing
 from flexlink.results.samples import Steps

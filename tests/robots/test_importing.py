@@ -17,7 +17,7 @@ from flexlink.chain.rigid import Pose, SpatialInertia, body_with
 from flexlink.cli import import_robot
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.describe.directions import line_of
-from flexlink.diagnosis.states import random_states
+from flexlink.diagnosis.quantities import random_states
 from flexlink.dynamics.rounding import acceleration_error, in_units, of_bias_torque, of_mass_matrix
 from flexlink.robots.collection import KnownArm
 from flexlink.robots.flexible import FlexibleLink, _prism, bent, cut, largest_mass, payload

@@ -12,7 +12,7 @@ from flexlink import engines
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.types import Array
-from flexlink.diagnosis.states import State, random_states
+from flexlink.diagnosis.quantities import State, random_states
 from flexlink.dynamics.rounding import EPS, acceleration_error
 from validation.case import Case, Measured
 from validation.facts import Facts

@@ -23,8 +23,7 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.describe.spec import Spec
-from flexlink.diagnosis.quantities import QUANTITIES
-from flexlink.diagnosis.states import State
+from flexlink.diagnosis.quantities import QUANTITIES, State
 from flexlink.dynamics.rounding import EPS
 from validation.case import Case, Measured
 from validation.extremes.cells import Cell, Map, recipe

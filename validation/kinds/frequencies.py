@@ -20,8 +20,7 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.rounding import of_mass_matrix
 from flexlink.dynamics.terms import mass_matrix
-from flexlink.dynamics.vibration.lent_inertia import relieved
-from flexlink.dynamics.vibration.modal import Modes, modes
+from flexlink.dynamics.vibration.modal import Modes, modes, relieved
 from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.motion.inputs.initial_state import initial_state
 from validation.case import Case, Measured

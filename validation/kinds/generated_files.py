@@ -8,7 +8,7 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.diagnosis.states import State, random_states
+from flexlink.diagnosis.quantities import State, random_states
 from flexlink.dynamics.rounding import acceleration_error
 from flexlink.engines import Engine, load
 from flexlink.formats import FORMATS

@@ -22,7 +22,7 @@ import numpy as np
 import flexlink as fl
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
-from flexlink.diagnosis.states import State, random_states
+from flexlink.diagnosis.quantities import State, random_states
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.dynamics.point_motion import body_motion
 from flexlink.dynamics.rounding import acceleration_error, in_units, of_mass_matrix

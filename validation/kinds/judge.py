@@ -10,8 +10,7 @@ from mpmath import mp, mpf
 
 from flexlink.chain.lumping import lump
 from flexlink.common.types import Array
-from flexlink.diagnosis.quantities import QUANTITIES
-from flexlink.diagnosis.states import State, random_states
+from flexlink.diagnosis.quantities import QUANTITIES, State, random_states
 from flexlink.engines import load
 from validation.case import Case, Measured
 from validation.oracles.planar_chain import DIGITS, PlanarChain

@@ -9,8 +9,7 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
-from flexlink.diagnosis.quantities import QUANTITIES, compare_engines
-from flexlink.diagnosis.states import State, mixed_states
+from flexlink.diagnosis.quantities import QUANTITIES, State, compare_engines, mixed_states
 from flexlink.engines import Engine, load
 from validation.case import Case, Measured
 from validation.facts import Facts

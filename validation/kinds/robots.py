@@ -12,7 +12,7 @@ import numpy as np
 import flexlink as fl
 from flexlink.common.errors import MissingDependencyError
 from flexlink.common.types import Array
-from flexlink.diagnosis.states import random_states
+from flexlink.diagnosis.quantities import random_states
 from flexlink.dynamics.rounding import acceleration_error
 from flexlink.robots.collection import import_known, known_arm
 from flexlink.robots.importing import tuned

@@ -16,8 +16,7 @@ from flexlink.common.errors import MissingDependencyError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive
-from flexlink.diagnosis.quantities import QUANTITIES
-from flexlink.diagnosis.states import random_states
+from flexlink.diagnosis.quantities import QUANTITIES, random_states
 from validation.case import Case, Measured
 from validation.runs import run_facts
 

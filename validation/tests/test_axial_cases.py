@@ -6,8 +6,7 @@ from mpmath import mp
 from scipy import special
 
 import flexlink as fl
-from flexlink.dynamics.vibration.lent_inertia import relieved
-from flexlink.dynamics.vibration.modal import Modes
+from flexlink.dynamics.vibration.modal import Modes, relieved
 from flexlink.engines import load
 from tests.conftest import ROOT
 from validation.case import load_cases

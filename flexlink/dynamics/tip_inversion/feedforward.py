@@ -13,9 +13,14 @@ from flexlink.common.types import Array, Complex
 from flexlink.common.wording import plural
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import jacobian, tip_position
-from flexlink.dynamics.tip_inversion.boundary_value import InverseMotion, TipPath, inverse_motion
+from flexlink.dynamics.tip_inversion.boundary_value import (
+    InverseMotion,
+    TipPath,
+    inverse_motion,
+    required_torque,
+    transmission_zeros,
+)
 from flexlink.dynamics.tip_inversion.moves import TipMove, postures_at
-from flexlink.dynamics.tip_inversion.zeros import required_torque, transmission_zeros
 
 
 class Feedforward(NamedTuple):

@@ -17,8 +17,8 @@ from flexlink.common.wording import plural
 from flexlink.describe.profiles import Quintic
 from flexlink.describe.reference_trajectory import ReferenceTrajectory, from_rest_to_rest
 from flexlink.describe.scene import Scene
+from flexlink.dynamics.equilibrium import static_posture, static_postures
 from flexlink.dynamics.placement import jacobian, tip_position
-from flexlink.dynamics.static_postures import static_posture, static_postures
 
 
 class TipMove(NamedTuple):

@@ -22,11 +22,11 @@ from flexlink.common.wording import truncated
 from flexlink.describe.actions import Frame
 from flexlink.dynamics import rounding
 from flexlink.dynamics.equilibrium import Equilibrium, solve_static
+from flexlink.dynamics.forces import turns_with_tip
 from flexlink.dynamics.placement import unbent
 from flexlink.dynamics.tangent import LoadedState, load_torque, stiffness_matrix, unlocked
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.dynamics.vibration.modal import Modes, modes
-from flexlink.dynamics.wrench import turns_with_tip
 
 LATER = 1.0, 2.5
 """Distances along the motion at which steadiness is checked [rad]; for sliding joints as multiples of arm length."""

@@ -10,32 +10,81 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import integer, require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
+from flexlink.chain.coordinates import Kind
 from flexlink.chain.forces import refuse_states
 from flexlink.chain.layout import Joints
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.types import Array, Complex
 from flexlink.common.wording import short_list
 from flexlink.describe.actions import Frame
+from flexlink.dynamics.forces import about, damping_matrix, damping_slope, linearised, turns_with_tip
 from flexlink.dynamics.free_motion import DENSE, expanded, restricted
-from flexlink.dynamics.placement import frames
+from flexlink.dynamics.loads import internal_loads
+from flexlink.dynamics.placement import frames, hinge_bodies
 from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.rounding import largest_load_stiffness
 from flexlink.dynamics.singularity import factored_mass, idle_error
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
-from flexlink.dynamics.springs import about, damping_matrix, damping_slope, linearised
 from flexlink.dynamics.tangent import LoadedState, displacements, gyroscopic_matrix, stiffness_matrix, tangent, unlocked
 from flexlink.dynamics.vibration import eigenproblem
-from flexlink.dynamics.vibration.lent_inertia import relieved
 from flexlink.dynamics.vibration.lowest import lowest
-from flexlink.dynamics.vibration.mode_kinds import Loads, mode_kinds
-from flexlink.dynamics.wrench import turns_with_tip
+
+# Classification of modes as elastic, pendulum, rigid or artificial by their energy.
+#
+#     E = φ* (k + |λ| d) φ          stored in springs, and dissipated by their dampers
+#     P = |φ* (K − k) φ|            stored in gravity, tip wrench and rotation
+#     F = |λ| Σ d |φ|²              dissipated in joints without springs
+#     A = |λ|² Σ J |φ|²             kinetic energy of the inertias J that cells lend to the last segments of links
+#
+# A mode is artificial if A > (E + P + F)/2, otherwise elastic if E > P + F, otherwise a pendulum mode if loads restore
+# it or make it unstable. All others are rigid: they have λ = 0, or friction brakes them. An overdamped mode of a beam
+# is elastic, however fast it decays.
+
+
+class Loads(NamedTuple):
+    """Load stiffness times mode shapes, (K − k) φ, shape (modes, n), with data to detect rounding errors."""
+
+    products: NDArray[np.inexact]
+    square: Array  # S² of `Stiffness`, shape (n,)
+    rounding: float
+
+
+def mode_kinds(
+    λ: Complex, shapes: NDArray[np.inexact], loads: Loads, stiffness: Array, damping: Array, coupled: Array, lent: Array
+) -> tuple[tuple[str, ...], Array]:
+    """Return the kind of every mode, and the elastic share of its energy, E / (E + P + F), shape (modes,).
+
+    Parameters
+    ----------
+    λ, shapes
+        Eigenvalues [1/s], shape (modes,), and mode shapes of the free coordinates, shape (modes, n).
+    loads
+        Products of the load stiffness with the mode shapes.
+    stiffness, damping
+        Springs [N m/rad] and derivatives of friction at rest [N m s/rad] of the free coordinates, shape (n,).
+    coupled
+        Contribution of springs and dampers between two coordinates to E, shape (modes,).
+    lent
+        J of the free coordinates [kg m²], shape (n,).
+    """
+    square, spring = np.abs(shapes) ** 2, stiffness > 0
+    losses = np.abs(λ)[:, None] * damping * square
+    E = square @ stiffness + losses @ spring + coupled
+    F = losses @ ~spring
+    P = np.abs(np.einsum("mi,mi->m", shapes.conj(), loads.products))
+    moving, total = λ != 0, E + P + F  # if nothing moves, E is a rounding error
+    share = np.where(moving, E / np.where(total > 0, total, 1.0), 0.0)
+    loaded = moving & (P > F) & (loads.rounding * (square @ loads.square) < P)
+    names = np.where(share > 0.5, "elastic", np.where(loaded, "pendulum", "rigid"))
+    names = np.where(np.abs(λ) ** 2 * (square @ lent) > 0.5 * total, "artificial", names)
+    return tuple(names.tolist()), share
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -60,7 +109,7 @@ class Modes(SavedResult):
         stiffness, "artificial" if most of its kinetic energy is in the last segment of a link with cells, as
         `Cells.tip` defines it: a mode of the discretisation, not of the arm.
     elastic_shares
-        Share of the springs in the energy of each mode, shape (modes,), as in `vibration.mode_kinds`.
+        Share of the springs in the energy of each mode, shape (modes,), as in `mode_kinds`.
     """
 
     eigenvalues: Complex
@@ -139,7 +188,7 @@ def modes(
     """Modes of small motion about a configuration, which should be an equilibrium (`solve_static`).
 
     M δq̈ + (D + G) δq̇ + K δq = 0,  δq = φ exp(λt):  K = ∂(T_GC + T_FL)/∂q, G = ∂T_GC/∂q̇, D = ∂T_FR/∂q̇ at rest.
-    In links with cells under strong tension, M has less of the inertia `Cells.tip` (see `vibration.lent_inertia`).
+    In links with cells under strong tension, M has less of the inertia `Cells.tip` (see `relieved`).
 
     Parameters
     ----------
@@ -296,3 +345,38 @@ def natural_frequencies(
     [ 35.8 168.8]
     """
     return modes(chain, q, qd, tip_wrench=tip_wrench, frame=frame, locked=locked).frequencies
+
+
+# The inertia that cells lend to the last segment of a link, and how much of it modes under tension can bear.
+#
+# The last segment of a beam with cells has its mass at its hinge, and would have no inertia: M would be singular. The
+# segment before lends it J (`Cells.tip`). In plain bending the frequency √(k/J)/2π of this segment on its spring k is
+# far above those of the arm. A tension N that straightens segments of length l more than k does, N l > k, raises all
+# other frequencies but not this one, as N vanishes at the free end: it would be among those of the arm, and shift them.
+# With
+#
+#     J k / (N l)        if N l > k, with the largest N of the link
+#
+# it stays above them, as in plain bending. The exact value is 0, so that the modes of the arm become more accurate.
+
+
+def relieved(chain: Chain, q: Array, qd: Array, wrench: Array, frame: Frame) -> tuple[Chain, Array]:
+    """Return the chain with less lent inertia under tension, and the lent inertia about each hinge axis [kg m²], (n,).
+
+    The tension is that of a steady motion, at angles q and rates qd, (n,), with a tip wrench as in `internal_loads`.
+    """
+    on, axis = hinge_bodies(chain), chain.hinges["axis"]
+    lent = np.where((axis == 1) | (axis == 2), chain.described["lent"][on], 0.0)
+    hinges = np.flatnonzero(lent)
+    if not len(hinges):
+        return chain, lent
+    tension = internal_loads(chain, q, qd, np.zeros(chain.n), tip_wrench=wrench, frame=frame).N
+    bodies, links = chain.bodies.copy(), np.array([c.link if c.kind is Kind.HINGE else 0 for c in chain.coordinates])
+    for k in hinges.tolist():
+        i, a, pull = on[k], axis[k], tension[on[links == links[k]]].max()
+        held = pull * np.linalg.norm(bodies["translation"][i])
+        freed = lent[k] * (1 - min(1.0, chain.stiffness[k] / held)) if held > 0 else 0.0
+        lent[k] -= freed
+        bodies["inertia"][i, a, a] -= freed
+        bodies["inertia"][bodies["parent"][i] - 1, a, a] += freed
+    return chain.with_numbers(bodies=bodies), lent

@@ -23,17 +23,15 @@ from flexlink.common.types import Array, Complex
 from flexlink.describe.actions import Frame
 from flexlink.describe.schemes import methods
 from flexlink.dynamics.accelerations import forward_dynamics
-from flexlink.dynamics.forces import force_slopes
+from flexlink.dynamics.forces import Gains, about, damping_along, damping_matrix, force_slopes, turns_with_tip
 from flexlink.dynamics.free_motion import DENSE, restricted
 from flexlink.dynamics.rounding import EPS, scales
 from flexlink.dynamics.singularity import regular_mass
-from flexlink.dynamics.springs import about, damping_along, damping_matrix
 from flexlink.dynamics.tangent import LoadedState, gyroscopic_matrix, load_matrices, load_torque, stiffness_matrix
 from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.dynamics.vibration.eigenproblem import first_order_matrix
 from flexlink.dynamics.vibration.extremes import inertia_alone
 from flexlink.dynamics.vibration.stability_function import stable_half_disc, stable_reach
-from flexlink.dynamics.wrench import Gains, turns_with_tip
 from flexlink.kernels.bodies.mass import mass_upper
 from flexlink.kernels.tools.finite import is_finite
 

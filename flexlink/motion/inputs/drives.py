@@ -19,8 +19,8 @@ from flexlink.describe.drive import DriveFilter
 from flexlink.describe.joint_units import in_si, together
 from flexlink.describe.scene import Scene, bare_and_rigid
 from flexlink.dynamics.filters import linear_filter, transition
+from flexlink.dynamics.forces import Gains
 from flexlink.dynamics.terms import gravity_torque
-from flexlink.dynamics.wrench import Gains
 from flexlink.kernels.bodies.rigid_model import RigidModel
 from flexlink.kernels.bodies.rne import rne_workspace
 from flexlink.kernels.inputs.drive_torque import drive_slopes

@@ -70,7 +70,7 @@ def state_under(inputs: Inputs, scene: Scene, chain: Chain) -> tuple[Array, Arra
     on_shapes(chain, "initial.q", q - chain.rest)
     on_shapes(chain, "initial.qd", qd, "/s")
     if initial.passive == "static" and len(chain.active) < chain.n:
-        from flexlink.dynamics.static_postures import static_posture  # noqa: PLC0415  statics
+        from flexlink.dynamics.equilibrium import static_posture  # noqa: PLC0415  statics
 
         wrench, frame = wrench_at(inputs, initial.time)
         q = static_posture(chain, q, wrench, frame)

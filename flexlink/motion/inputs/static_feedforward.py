@@ -8,7 +8,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.memo import Memo
 from flexlink.common.types import Array, Indices
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
-from flexlink.dynamics.static_postures import static_postures
+from flexlink.dynamics.equilibrium import static_postures
 from flexlink.kernels.derivatives.static_continuation import gravity_torques
 from flexlink.kernels.inputs.record import PiecewisePolynomial
 

@@ -23,7 +23,7 @@ from flexlink.describe.shaping import InputShaper
 from flexlink.dynamics.result import Result
 from flexlink.dynamics.tip_inversion.feedforward import Feedforward, directions_of, feedforward_of, refuse
 from flexlink.dynamics.tip_inversion.moves import move_of, unshaped
-from flexlink.dynamics.vibration.poles import pd_poles
+from flexlink.dynamics.vibration.linear import pd_poles
 from flexlink.motion.inputs.drives import of_joints
 from flexlink.motion.inputs.initial_state import Rows, by_unit, per_link
 from flexlink.motion.inputs.tip_reference import acting_torques, from_rest_to_rest
