@@ -36,11 +36,10 @@ if TYPE_CHECKING:
     from flexlink.diagnosis.comparison import compare
     from flexlink.diagnosis.trajectories import compare_trajectories
     from flexlink.dynamics.accelerations import forward_dynamics
+    from flexlink.dynamics.conserved import energy, momentum
     from flexlink.dynamics.derivatives import forward_dynamics_derivatives, inverse_dynamics_derivatives
-    from flexlink.dynamics.energy import energy
     from flexlink.dynamics.equilibrium import solve_static
     from flexlink.dynamics.forces import drag_torque
-    from flexlink.dynamics.momentum import momentum
     from flexlink.dynamics.placement import frames, jacobian, tip_position
     from flexlink.dynamics.point_motion import point_motion
     from flexlink.dynamics.terms import (
@@ -178,10 +177,9 @@ def __getattr__(name: str) -> object:
         "diagnosis.trajectories": ["compare_trajectories"],
         "dynamics.accelerations": ["forward_dynamics"],
         "dynamics.derivatives": ["forward_dynamics_derivatives", "inverse_dynamics_derivatives"],
-        "dynamics.energy": ["energy"],
+        "dynamics.conserved": ["energy", "momentum"],
         "dynamics.equilibrium": ["solve_static"],
         "dynamics.forces": ["drag_torque"],
-        "dynamics.momentum": ["momentum"],
         "dynamics.placement": ["frames", "jacobian", "tip_position"],
         "dynamics.point_motion": ["point_motion"],
         "dynamics.terms": [

@@ -27,7 +27,7 @@ from flexlink.common.wording import plural, short_list
 from flexlink.describe.run_settings import AUTO
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
-from flexlink.dynamics.start_notes import is_free_fall
+from flexlink.dynamics.notes import is_free_fall
 from flexlink.motion.evaluation_cost import run_cost
 from flexlink.motion.simulate import simulate
 from flexlink.results.convergence import Limit

@@ -20,9 +20,8 @@ from flexlink.cli.shared import prefix_errors, require_picture, save_plot, varie
 from flexlink.common.errors import ArgumentError, ConvergenceError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
-from flexlink.dynamics.vibration.at_rest import first_elastic_frequency
-from flexlink.dynamics.vibration.in_motion import modes_in_motion, steady_joint
 from flexlink.dynamics.vibration.modal import Modes, modes
+from flexlink.dynamics.vibration.steady import first_elastic_frequency, modes_in_motion, steady_joint
 from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.inputs.tip_wrench import initial_wrench
 from flexlink.results.trajectory import plotting

@@ -89,7 +89,7 @@ def compare(
 ) -> Comparison:
     """Compare engines, which load the exported arm or a foreign file, with the native dynamics at many states.
 
-    Half of the states are random, a quarter balanced, a quarter stretched out (`quantities.mixed_states`). For a file, the
+    Half of the states are random, a quarter balanced, a quarter stretched out (`mixed_states`). For a file, the
     numbers that its engine has read are compared as well, and the likely mistake is given for every difference. Joints
     are then matched by name, by body or by order; the tip wrench is omitted; the scene supplies missing values.
 

@@ -1,4 +1,4 @@
-"""Torques of force elements and their derivatives: those with a potential belong to T_FL, the others do not."""
+"""Torques at a state: of springs and dampers with their slopes, of force elements, and of the tip wrench."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from flexlink.describe.link import Link
 from flexlink.describe.material import BREADTHS
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import Sensor
-from flexlink.dynamics.sensors.placement import check_placements
+from flexlink.dynamics.sensors.signals import check_placements
 from flexlink.identification.experiments import ColumnExperiment, MotionExperiment
 from flexlink.identification.problem import FitRun, files_of
 

@@ -14,7 +14,7 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.common.wording import plural
 from flexlink.describe.scene import Scene
-from flexlink.dynamics.vibration.at_rest import modes_at_rest
+from flexlink.dynamics.vibration.steady import modes_at_rest
 from flexlink.identification.block import Block
 from flexlink.identification.checked_page import padded
 from flexlink.identification.coordinates import coordinates_of, guess_of, run_coordinates

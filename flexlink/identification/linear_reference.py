@@ -18,7 +18,7 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
-from flexlink.dynamics.vibration.at_rest import modes_at_rest, rest_of
+from flexlink.dynamics.vibration.steady import modes_at_rest, rest_of
 from flexlink.identification.data import Source, at_times
 from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.simulate import simulate

@@ -8,7 +8,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.equilibrium import Equilibrium
-from flexlink.dynamics.vibration.at_rest import rest_of
+from flexlink.dynamics.vibration.steady import rest_of
 from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.inputs.tip_wrench import initial_wrench
 

@@ -15,7 +15,7 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import DataFileError, Diagnostic, FlexlinkError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
-from flexlink.dynamics.vibration.at_rest import first_elastic_frequency
+from flexlink.dynamics.vibration.steady import first_elastic_frequency
 from flexlink.identification.block import Block
 from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.inputs.tip_wrench import initial_wrench

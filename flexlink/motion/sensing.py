@@ -6,7 +6,7 @@ import numpy as np
 
 from flexlink.common.types import Array
 from flexlink.dynamics.accelerations import solver_for
-from flexlink.dynamics.energy import Energy
+from flexlink.dynamics.conserved import Energy
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.samples import derive, prescribed_torques

@@ -19,7 +19,7 @@ from flexlink.common.memo import Kept
 from flexlink.common.types import Array
 from flexlink.describe.numbers import multiples
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
-from flexlink.dynamics.energy import Energy
+from flexlink.dynamics.conserved import Energy
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.dynamics.placement import unbent
 from flexlink.kernels.geometry.kinematics import tip_points

@@ -26,8 +26,7 @@ from flexlink.chain.rigid import DESCRIBED
 from flexlink.chain.shapes import shapes_of
 from flexlink.common.errors import DataFileError, Diagnostic
 from flexlink.describe.scene import scene_from
-from flexlink.dynamics.energy import Energy
-from flexlink.dynamics.momentum import Momentum
+from flexlink.dynamics.conserved import Energy, Momentum
 from flexlink.dynamics.result import read_archive
 from flexlink.kernels.bodies.shaped_mass import Shapes
 from flexlink.kernels.layout import BODY, COUPLING, FORCES, HINGE

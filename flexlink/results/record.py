@@ -13,10 +13,9 @@ from flexlink.common.memo import Kept
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics import rounding
-from flexlink.dynamics.energy import Energy
+from flexlink.dynamics.conserved import Energy, Momentum, momentum_of_states
 from flexlink.dynamics.floating_base import ANGLES, FAR
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
-from flexlink.dynamics.momentum import Momentum, momentum_of_states
 from flexlink.kernels.stepping.samples import derive, prescribed_torques
 from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.kernels.tools.machine_code import direct

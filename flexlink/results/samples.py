@@ -19,8 +19,7 @@ from flexlink.common.wording import did_you_mean, plural
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
 from flexlink.dynamics.batches import each
-from flexlink.dynamics.energy import Energy
-from flexlink.dynamics.momentum import Momentum
+from flexlink.dynamics.conserved import Energy, Momentum
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.result import Result, read_only
 from flexlink.results import balance

@@ -14,7 +14,7 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics import rounding
 from flexlink.dynamics.equilibrium import Equilibrium
-from flexlink.dynamics.vibration.at_rest import rest_of
+from flexlink.dynamics.vibration.steady import rest_of
 from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.inputs.tip_wrench import initial_wrench
 from flexlink.motion.simulate import simulate

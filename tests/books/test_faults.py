@@ -278,7 +278,7 @@ def test_folders_with_results_are_folders_of_the_project() -> None:
 
 
 def test_a_source_file_has_mutants() -> None:
-    file = "flexlink/dynamics/sensors/placement.py"
+    file = "flexlink/dynamics/sensors/signals.py"
     found = mutants(file, (generator.ROOT / file).read_bytes())
     assert {"arguments", "axis", "comparison", "condition", "count", "statement"} <= {each.kind for each in found}
     ast.parse(found[0].planted((generator.ROOT / file).read_bytes()))

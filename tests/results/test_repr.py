@@ -10,7 +10,7 @@ import flexlink as fl
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.schemes.methods import method
 from flexlink.diagnosis.quantities import random_states
-from flexlink.dynamics.energy import Energy
+from flexlink.dynamics.conserved import Energy
 from flexlink.pages.numbers import passing
 from flexlink.results.samples import Steps
 from tests.conftest import ALUMINIUM, MODELS, SQUARE, flexible, make_scene, nasty_scene

@@ -18,8 +18,8 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from flexlink.dynamics.placement import tip_position
-from flexlink.dynamics.vibration.in_motion import equilibrium_in_motion
 from flexlink.dynamics.vibration.modal import modes
+from flexlink.dynamics.vibration.steady import equilibrium_in_motion
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.oracles import thick_beam

@@ -34,7 +34,7 @@ def problem_of(scene: Scene, chain: Chain | None = None, inputs: Inputs | None =
     base = FloatingBase(chain) if chain.has_free_base else None
     chain = chain if base is None else base.chain
     if scene.sensor:
-        from flexlink.dynamics.sensors.placement import check_placements  # noqa: PLC0415
+        from flexlink.dynamics.sensors.signals import check_placements  # noqa: PLC0415
 
         check_placements(scene)
     inputs = input_arrays(scene, chain) if inputs is None else inputs

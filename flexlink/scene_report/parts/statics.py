@@ -7,7 +7,7 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
-from flexlink.dynamics.buckling import buckling_loads
+from flexlink.dynamics.equilibrium import buckling_loads
 from flexlink.dynamics.placement import frames, tip_position, unbent
 from flexlink.dynamics.terms import bias_torque
 from flexlink.motion.inputs.tip_wrench import initial_wrench

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from flexlink.chain.branches import as_lines
-from flexlink.dynamics.vibration.at_rest import modes_at_rest
 from flexlink.dynamics.vibration.modal import Modes
+from flexlink.dynamics.vibration.steady import modes_at_rest
 from flexlink.motion.inputs.tip_wrench import initial_wrench
 from flexlink.pages.colours import BLUE, GREY, VERMILION
 from flexlink.pages.numbers import number

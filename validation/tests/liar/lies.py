@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from flexlink.describe.schemes.methods import Method
-from flexlink.dynamics.energy import Energy
+from flexlink.dynamics.conserved import Energy
 from flexlink.dynamics.equilibrium import Equilibrium
 from flexlink.results.trajectory import Trajectory
 
@@ -130,19 +130,19 @@ LIES = {
     "T_FL": Function(f"{TERMS}:elastic_torque"),
     "T_FR": Function(f"{TERMS}:friction_torque"),
     "ID": Function(f"{TERMS}:inverse_dynamics"),
-    "energies": Function("flexlink.dynamics.energy:energy"),
+    "energies": Function("flexlink.dynamics.conserved:energy"),
     "q̈": Function("flexlink.dynamics.accelerations:forward_dynamics"),
     "∂q̈": Function("flexlink.dynamics.derivatives:forward_dynamics_derivatives"),
     "drag": Function("flexlink.dynamics.forces:drag_torque"),
     "loads": Function("flexlink.dynamics.loads:internal_loads"),
     "strain": Function("flexlink.dynamics.strain:beam_strain"),
-    "momentum": Function("flexlink.dynamics.momentum:momentum"),
+    "momentum": Function("flexlink.dynamics.conserved:momentum"),
     "overshoot": Function("flexlink.results.trajectory:Trajectory.overshoot"),
     "settling": Function("flexlink.results.trajectory:Trajectory.settling_time"),
     "frames": Function("flexlink.dynamics.placement:frames"),
     "statics": Function("flexlink.dynamics.equilibrium:solve_static"),
-    "steady motion": Function("flexlink.dynamics.vibration.in_motion:equilibrium_in_motion"),
-    "buckling": Function("flexlink.dynamics.buckling:buckling_loads"),
+    "steady motion": Function("flexlink.dynamics.vibration.steady:equilibrium_in_motion"),
+    "buckling": Function("flexlink.dynamics.equilibrium:buckling_loads"),
     "modes": Function(f"{MODAL}:modes"),
     "frequencies": Function(f"{MODAL}:natural_frequencies"),
     "stable step": Function("flexlink.dynamics.vibration.stability:stable_step"),

@@ -1,4 +1,4 @@
-"""Modes of an arm in steady motion, such as turning with a spinning shaft or moving along a rail at constant speed.
+"""Modes of an arm at rest or in steady motion, such as turning with a spinning shaft or moving along a rail.
 
 A motion with constant rates is an equilibrium of the other joints, T_GC(q, q̇) + T_FL(q) = 0, if these torques, M and K
 do not change along it. They are constant without gravity, with gravity along the shaft, and for loads that turn with
@@ -229,3 +229,47 @@ def _scaled_terms(chain: Chain, q: Array, steady: LoadedState) -> tuple[Array, A
     torque = load_torque(chain, q, qd, wrench, follower) / np.where(loads > 0, loads, 1.0)
     K = stiffness_matrix(chain, q, qd, wrench, follower)
     return torque[free], M[block] / np.outer(inertia, inertia), K[block] / np.outer(stiff, stiff)
+
+
+# The arm at rest with its driven joints held: its sag, its modes, and its first elastic frequency.
+
+
+def rest_of(chain: Chain, q: Array, *, tip_wrench: ArrayLike | None = None, frame: Frame = "world") -> Equilibrium:
+    """Static equilibrium with the driven joints held at their angles in q, shape (n,) [rad].
+
+    Errors as in `solve_static`.
+    """
+    held = chain.active.tolist()
+    return solve_static(chain, unbent(chain, q), tip_wrench=tip_wrench, frame=frame, locked=held)
+
+
+def modes_at_rest(
+    chain: Chain,
+    rest: Equilibrium,
+    *,
+    tip_wrench: ArrayLike | None = None,
+    frame: Frame = "world",
+    count: int | None = None,
+) -> Modes:
+    """The `count` slowest modes, or all, about the equilibrium `rest` with the driven joints held."""
+    return modes(chain, rest.q, tip_wrench=tip_wrench, frame=frame, locked=chain.active.tolist(), count=count)
+
+
+def first_elastic_frequency(
+    chain: Chain, q: Array, *, tip_wrench: ArrayLike | None = None, frame: Frame = "world"
+) -> float:
+    """Lowest elastic frequency of the arm at rest [Hz] with its driven joints held at their angles in q; nan if none.
+
+    Errors as in `solve_static`.
+    """
+    if not (chain.stiffness[~chain.held] > 0).any():
+        return np.nan
+    rest = rest_of(chain, q, tip_wrench=tip_wrench, frame=frame)
+    few = modes_at_rest(chain, rest, tip_wrench=tip_wrench, frame=frame, count=FEW).first_elastic_hertz
+    if np.isfinite(few):
+        return few
+    return modes_at_rest(chain, rest, tip_wrench=tip_wrench, frame=frame).first_elastic_hertz
+
+
+FEW = 8
+"""Number of modes computed first; for a long chain this is much cheaper than computing all of them."""
