@@ -2,9 +2,9 @@
 
 from flexlink.common.versions import old_name
 from flexlink.identification.compared_fits import compare_fits, folds
-from flexlink.identification.estimated_response import frequency_response
 from flexlink.identification.experiments import Experiments
 from flexlink.identification.fit import check_fit
+from flexlink.identification.frequency_response import frequency_response
 from flexlink.identification.problem import FitFrf, FitModes, FitParameter, FitProblem, FitRun, FitStatic
 from flexlink.identification.propose import propose
 

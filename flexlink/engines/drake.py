@@ -34,12 +34,11 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines import base, couplings, drake_reader
 from flexlink.engines.coordinates import BASE_JOINTS, Coordinates, Floating
+from flexlink.engines.couplings import OwnElements, excess_of, refuse_in_files
 from flexlink.engines.read_back import ReadBack
-from flexlink.engines.rotation_springs import OwnElements, excess_of, refuse_in_files
 from flexlink.engines.steps import run_in_steps
 from flexlink.formats.document import loaded_tip, tips
-from flexlink.formats.sdf import sdf_names, to_sdf
-from flexlink.formats.sdf_reading import read_sdf
+from flexlink.formats.sdf import read_sdf, sdf_names, to_sdf
 
 OWN = "{urn:flexlink}"
 

@@ -40,9 +40,8 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.floating_base import ANGLES
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines import base
-from flexlink.engines.couplings import to_matrices
+from flexlink.engines.couplings import OwnElements, excess_of, to_matrices
 from flexlink.engines.read_back import ReadBack, of_chain
-from flexlink.engines.rotation_springs import OwnElements, excess_of
 from flexlink.formats import read_urdf, to_urdf
 from flexlink.formats.document import loaded_tip, places
 

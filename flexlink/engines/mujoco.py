@@ -26,8 +26,8 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.engines import base, couplings, mujoco_reader, mujoco_tendons
+from flexlink.engines.couplings import OwnElements, excess_of, refuse_in_files
 from flexlink.engines.read_back import ReadBack
-from flexlink.engines.rotation_springs import OwnElements, excess_of, refuse_in_files
 from flexlink.engines.steps import run_in_steps
 from flexlink.formats import to_mjcf
 from flexlink.formats.document import loaded_tip, xml_joint_names

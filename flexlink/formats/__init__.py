@@ -5,10 +5,8 @@ from typing import NamedTuple
 
 from flexlink.chain.chain import Chain
 from flexlink.formats.mjcf import to_mjcf
-from flexlink.formats.sdf import to_sdf
-from flexlink.formats.sdf_reading import read_sdf
-from flexlink.formats.urdf import to_urdf
-from flexlink.formats.urdf_reading import read_urdf
+from flexlink.formats.sdf import read_sdf, to_sdf
+from flexlink.formats.urdf import read_urdf, to_urdf
 
 
 class Format(NamedTuple):

@@ -1,4 +1,4 @@
-"""Chain → URDF, with one link and one revolute or prismatic joint per coordinate; the last link at a point has mass.
+"""Chain ↔ URDF, with one link and one revolute or prismatic joint per coordinate; the last link at a point has mass.
 
 A fixed base is a link without mass. A floating base has its mass but no joint. URDF has no other way to mark a base as
 floating, so the program that loads the file must be configured to let it float.
@@ -12,6 +12,7 @@ coulomb_width, armature, … and the coordinate. Viscous damping and Coulomb tor
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping, Sequence
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -23,10 +24,12 @@ from flexlink.chain.coordinates import unique
 from flexlink.chain.forces import refuse_states
 from flexlink.chain.rotation import rpy_from_matrix
 from flexlink.common.types import Array
-from flexlink.formats.capsules import Capsule, capsules_behind, colours
 from flexlink.formats.document import (
     UPPER_TRIANGLE,
     WIDE,
+    Capsule,
+    capsules_behind,
+    colours,
     couplings,
     custom_values,
     decimals,
@@ -42,7 +45,18 @@ from flexlink.formats.document import (
     xml_joint_names,
     xml_link_names,
 )
-from flexlink.kernels.layout import SLIDES
+from flexlink.formats.reading import (
+    End,
+    Hinge,
+    Mass,
+    chain_of,
+    coordinate,
+    inertia_matrix,
+    limits_of,
+    link_of,
+)
+from flexlink.formats.strict_reading import Node, read
+from flexlink.kernels.layout import HINGE, SLIDES
 
 # Rotating joints are `revolute`, which requires limits; Pinocchio would use two coordinates for a `continuous` joint.
 LIMIT = WIDE | {"effort": "1e9", "velocity": "1e9"}
@@ -174,3 +188,82 @@ def _motor(robot: ET.Element, joint: str) -> None:
     interface = "hardware_interface/EffortJointInterface"
     ET.SubElement(ET.SubElement(transmission, "joint", name=joint), "hardwareInterface").text = interface
     ET.SubElement(ET.SubElement(transmission, "actuator", name=joint), "mechanicalReduction").text = "1"
+
+
+# URDF → Chain: read files written by `to_urdf`, without rounding errors.
+
+
+def read_urdf(text: str | bytes, *, what: str = "the URDF") -> Chain:
+    """Read a URDF file written by `to_urdf` back to its chain; use `import_urdf` for other URDF files.
+
+    Parameters
+    ----------
+    text
+        The document; its numbers may have been edited.
+    what
+        Name of the document in messages, for example its path.
+
+    Returns
+    -------
+    Chain
+        The chain, with exactly the numbers and rotations that were written.
+
+    Raises
+    ------
+    DataFileError
+        The file was not written by flexlink, or a number is missing, not finite, negative, or contradicts another.
+    """
+    return read(text, what, tag="robot", to_chain=_chain, write=to_urdf, ignored=frozenset({"visual", "material"}))
+
+
+def _chain(robot: Node) -> Chain:
+    own = robot.one("flexlink")
+    links = own.names("links")
+    bodies = {link.attribute("name"): link for link in robot.all("link")}
+    moving = [joint for joint in robot.all("joint") if joint.attribute("type") != "fixed"]
+    behind = {joint.one("child").attribute("link"): joint.attribute("name") for joint in moving}
+    hinges = [_read_hinge(joint, bodies, links, behind) for joint in moving]
+    ends = [_read_end(joint, links, behind) for joint in robot.all("joint[@type='fixed']")]
+    coupled = own.all("coupling")
+    mass, gravity = _read_body(robot.one("link")), own.numbers(3, "gravity")
+    return chain_of(robot, own, "", gravity, links, hinges, ends, mass, coupled)
+
+
+def _read_end(joint: Node, links: Sequence[str], behind: Mapping[str, str]) -> End:
+    return End(joint, link_of(joint.one("flexlink"), "link", links), _parent(joint, behind), *_read_place(joint))
+
+
+def _parent(joint: Node, behind: Mapping[str, str]) -> str:
+    """Return the joint that moves the parent link; "" for the base."""
+    return behind.get(joint.one("parent").attribute("link"), "")
+
+
+def _read_place(joint: Node) -> tuple[Array, Array]:
+    return np.array(joint.one("origin").numbers(3, "xyz")), joint.one("flexlink").rotation("rotation")
+
+
+def _read_hinge(joint: Node, bodies: Mapping[str, Node], links: Sequence[str], behind: Mapping[str, str]) -> Hinge:
+    own, dynamics, child = joint.one("flexlink"), joint.one("dynamics"), joint.one("child").attribute("link")
+    if child not in bodies:
+        raise joint.error(f"child = {child[:60]!r}: no such link")
+    numbers = {key: own.number(key) for key in HINGE.names or () if key not in STANDARD_FIELDS}
+    numbers |= {field: dynamics.number(key) for key, field in DYNAMICS.items()}
+    axis, limit = joint.one("axis"), joint.one("limit")
+    numbers |= limits_of(limit.number("lower"), limit.number("upper"))
+    slides = joint.attribute("type") == "prismatic"
+    numbers["axis"] = axis.unit_axis(axis.numbers(3, "xyz")) + SLIDES * slides
+    place = coordinate(own, own.numbers(3, "coordinate"), links)
+    parent = _parent(joint, behind)
+    return Hinge(joint, parent, *_read_place(joint), numbers, place, _read_body(bodies[child]))
+
+
+def _read_body(link: Node) -> Mass | None:
+    if not link.all("inertial"):
+        return None
+    inertial = link.one("inertial")
+    moments = [inertial.one("inertia").number(key) for key in UPPER_TRIANGLE]
+    return (
+        inertial.one("mass").number("value"),
+        np.array(inertial.one("origin").numbers(3, "xyz")),
+        inertia_matrix(moments),
+    )

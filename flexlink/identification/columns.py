@@ -1,4 +1,4 @@
-"""Residuals of every measured column: before the fit, after the fit, and with a free linear model."""
+"""Residuals of every measured column: before the fit, after the fit, and with a free linear model of the same order."""
 
 from __future__ import annotations
 
@@ -6,18 +6,23 @@ import dataclasses
 from collections.abc import Callable, Sequence
 
 import numpy as np
+import scipy
 
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
+from flexlink.dynamics.vibration.steady import modes_at_rest, rest_of
 from flexlink.identification.block import Block, whiteness
 from flexlink.identification.coordinates import guess_of, run_coordinates
-from flexlink.identification.data import Source
+from flexlink.identification.data import Source, at_times
 from flexlink.identification.fitted import FittedColumn
 from flexlink.identification.likelihood import Likelihood, Row, likelihood, row_of, white
-from flexlink.identification.linear_reference import linear_models
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.signals import Signals
 from flexlink.identification.solve import Found, Search
+from flexlink.motion.inputs.initial_state import initial_state
+from flexlink.motion.simulate import simulate
 
 
 def columns_of(
@@ -116,3 +121,150 @@ def _known(block: Block, gains: dict[str, float], noises: dict[str, float]) -> B
     """A check block that uses the estimated gain of its column and, if its noise is not stated, the estimated noise."""
     σ = block.σ if block.stated or block.name not in noises else np.full(len(block.y), noises[block.name])
     return dataclasses.replace(block, gain=block.gain and block.name not in gains, σ=σ)
+
+
+# Fit a free linear model of the same order, which shows whether the scene's parameters or its structure are wrong.
+#
+#     y_c(t) = Σ_j Re(a_cj e^{λ_j t}) + Σ_u Σ_j Re(b_cju ∫ e^{λ_j (t − s)} u(s) ds) + d_c
+#
+# The eigenvalues λ_j are estimated, starting from those modes of the fitted scene at rest that the records resolve. The
+# inputs u are the accelerations of prescribed joints. The residues b of each column and input are common to all runs; a
+# and d are different in each run. All parameters except λ are linear and take their optimal values.
+
+
+Shapes = dict[tuple[int, bytes], tuple[Array, Array]]
+"""Cached basis functions of a run and of its inputs; the keys identify the inputs and the times of a block."""
+
+
+def linear_models(
+    fitted: Sequence[tuple[Source, Scene]], checks: Sequence[tuple[Source, Scene]]
+) -> list[list[Array]] | None:
+    """Predictions for all blocks of the fitted runs, then of the runs kept to check the fit.
+
+    Return None if a linear model does not apply: joints swing freely or follow a controller, or the records resolve no
+    mode.
+    """
+    runs = [*fitted, *checks]
+    if not fitted or not all(_held(scene) for _, scene in runs):
+        return None
+    try:
+        λ = _modes(fitted[0][1], min(source.rate for source, _ in fitted))
+        inputs = [_accelerations(scene) for _, scene in runs]
+    except FlexlinkError:
+        return None
+    if not len(λ):
+        return None
+    columns = sorted({block.name for source, _ in fitted for block in source.blocks})
+    start = np.concatenate([np.log(np.abs(λ)), -λ.real / np.abs(λ)])
+
+    def residual(p: Array) -> Array:
+        shapes: Shapes = {}
+        fits = [_stacked(name, _poles(p), fitted, inputs, shapes)[:2] for name in columns]
+        return np.concatenate([_projected(*fit) for fit in fits])
+
+    far = np.concatenate([np.full(len(λ), 0.7), np.full(len(λ), 0.3)])
+    found = scipy.optimize.least_squares(residual, start, bounds=(start - far, start + far), max_nfev=40).x
+    shared = {name: _weights(name, _poles(found), fitted, inputs) for name in columns}
+    return [
+        [_given(block.name, _poles(found), source, driven, shared) for block in source.blocks]
+        for (source, _), driven in zip(runs, inputs, strict=True)
+    ]
+
+
+def _held(scene: Scene) -> bool:
+    """Whether all joints are locked or prescribed."""
+    prescribed = {scene.arm.number(motion.link) for motion in scene.motion}
+    return all(link.joint.locked or k in prescribed for k, link in enumerate(scene.arm.links, 1))
+
+
+def _modes(scene: Scene, rate: float) -> Array:
+    """Slowest oscillatory eigenvalues at rest, one of each conjugate pair."""
+    shown = 0.35  # highest natural frequency that a record resolves, relative to its sampling rate
+    most = 6  # largest number of modes in the linear model
+    chain = lump(scene)
+    found = modes_at_rest(chain, rest_of(chain, initial_state(scene, chain)[0]))
+    λ = found.eigenvalues
+    return np.asarray([one for one in λ if 0 < abs(one.imag) < 2 * np.pi * shown * rate][:most])
+
+
+def _poles(p: Array) -> Array:
+    size, ratio = np.exp(p[: len(p) // 2]), np.clip(p[len(p) // 2 :], -0.99, 0.99)
+    return np.asarray(size * (-ratio + 1j * np.sqrt(1 - ratio**2)))
+
+
+def _accelerations(scene: Scene) -> tuple[Array, Array]:
+    """Times of a run, shape (samples,), and accelerations of its prescribed joints, shape (samples, joints)."""
+    run = simulate(scene)
+    prescribed = np.flatnonzero(run.chain.held)
+    accelerations = scipy.interpolate.CubicSpline(run.t, run.qd[:, prescribed])(run.t, 1)
+    return run.t, np.asarray(accelerations).reshape(len(run.t), len(prescribed))
+
+
+def _shapes(λ: Array, times: Array, driven: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Basis functions of the free motion and of the response to inputs, at the times of a block."""
+    t, u = driven
+    free = np.exp(np.outer(times - t[0], λ))
+    free_motion = np.hstack([free.real, free.imag, np.ones((len(times), 1))])
+    forced = []
+    h = float(t[1] - t[0])
+    for one in λ:
+        E = np.exp(one * h)
+        last = (E - 1 - one * h) / (one**2 * h)  # inputs are linear between samples
+        first = (E - 1) / one - last
+        for column in u.T:
+            z = scipy.signal.lfilter([last, first], [1.0, -E], column.astype(complex))
+            forced += [z.real, z.imag]
+    of_inputs = np.array(forced).T if forced else np.empty((len(t), 0))
+    return free_motion, at_times(t, of_inputs, times)
+
+
+def _stacked(
+    name: str, λ: Array, fitted: Sequence[tuple[Source, Scene]], inputs: Sequence[tuple[Array, Array]],
+    shapes: Shapes,
+) -> tuple[Array, Array, int]:  # fmt: skip
+    """Basis functions and measurements of one column, divided by the noise; and the number of functions of inputs.
+
+    All runs are stacked. `shapes` caches the basis functions, because columns of a run share the same times.
+    """
+    measured = [
+        (block, driven)
+        for (source, _), driven in zip(fitted, inputs, strict=False)
+        for block in source.blocks
+        if block.name == name
+    ]
+    found = []
+    for block, driven in measured:
+        t = np.asarray(block.t)
+        key = id(driven), t.tobytes()
+        if key not in shapes:
+            shapes[key] = _shapes(λ, t, driven)
+        found.append(shapes[key])
+    width, rows = [free_motion.shape[1] for free_motion, _ in found], []
+    for k, ((free_motion, forced), (block, _)) in enumerate(zip(found, measured, strict=True)):
+        before, behind = np.zeros((len(free_motion), sum(width[:k]))), np.zeros((len(free_motion), sum(width[k + 1 :])))
+        rows.append(np.hstack([forced, before, free_motion, behind]) / block.σ[:, None])
+    return np.vstack(rows), np.concatenate([block.y / block.σ for block, _ in measured]), found[0][1].shape[1]
+
+
+def _projected(Φ: Array, target: Array) -> Array:
+    """Residuals with optimal weights, by QR; an SVD takes ten times as long, and the search calls this often."""
+    Q = np.linalg.qr(Φ)[0]
+    return np.asarray(Q @ (Q.T @ target) - target)
+
+
+def _weights(
+    name: str, λ: Array, fitted: Sequence[tuple[Source, Scene]], inputs: Sequence[tuple[Array, Array]]
+) -> Array:
+    """Optimal weights of the inputs' basis functions for one column."""
+    Φ, target, forced = _stacked(name, λ, fitted, inputs, {})
+    return np.asarray(np.linalg.lstsq(Φ, target, rcond=None)[0][:forced])
+
+
+def _given(name: str, λ: Array, source: Source, driven: tuple[Array, Array], shared: dict[str, Array]) -> Array:
+    """Prediction of one column of a run, with the optimal initial condition and offset."""
+    block = next(block for block in source.blocks if block.name == name)
+    if name not in shared:
+        return np.full(len(block.y), np.nan)
+    free_motion, forced = _shapes(λ, np.asarray(block.t), driven)
+    by_inputs = forced @ shared[name]
+    return np.asarray(by_inputs + free_motion @ np.linalg.lstsq(free_motion, block.y - by_inputs, rcond=None)[0])

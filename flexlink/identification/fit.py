@@ -41,19 +41,15 @@ from flexlink.identification.grid import (
     warnings_of_grid,
 )
 from flexlink.identification.identifiability import Check, checked
-from flexlink.identification.information import in_two_steps, information_of
 from flexlink.identification.inputs import InputError, gauss_newton, input_error, warnings_of_inputs
-from flexlink.identification.interval import estimates, spread_at, without_ends
-from flexlink.identification.likelihood import Likelihood
+from flexlink.identification.interval import Rise, estimates, profiled, spread_at, widened, without_ends
+from flexlink.identification.likelihood import Likelihood, in_two_steps, information_of
 from flexlink.identification.noise import with_noise_of_data
 from flexlink.identification.problem import FitProblem
-from flexlink.identification.profile import Rise, profiled, widened
-from flexlink.identification.reasons import with_reasons
-from flexlink.identification.remarks import hertz_in_rad_per_s, notes, ranges_apart, warnings
+from flexlink.identification.remarks import hertz_in_rad_per_s, notes, ranges_apart, warnings, with_reasons
 from flexlink.identification.signals import Signals
-from flexlink.identification.solve import Found, Search, start_points
+from flexlink.identification.solve import Bar, Found, Search, start_points, watch_with
 from flexlink.identification.sources import sources_of
-from flexlink.identification.watch import Bar, watch_with
 
 
 def check_fit(problem: FitProblem) -> Check:

@@ -1,4 +1,4 @@
-"""Frequency responses: their files, their variance, and their prediction by the linear model at rest.
+"""Frequency responses: from records or files, their variance, and their prediction by the linear model at rest.
 
     H(f) = C (iω − A)⁻¹ B + D,  ω = 2πf        σ² = (1 − γ²) / (2 n γ²) |H|²
 
@@ -10,23 +10,31 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
+from numpy.typing import ArrayLike
 
-from flexlink.common.errors import DataFileError
+from flexlink.chain.arguments import positive, vector
+from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import ArgumentError, DataFileError
 from flexlink.common.types import Array, Complex
 from flexlink.common.wording import short_list
 from flexlink.data.csv_table import head_of, read_csv
 from flexlink.data.measured import named
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
+from flexlink.dynamics.equilibrium import Equilibrium
 from flexlink.dynamics.sensors.outputs import SensorOutputs
 from flexlink.dynamics.vibration.linear import linearize
 from flexlink.dynamics.vibration.linear_model import LinearModel
 from flexlink.dynamics.vibration.outputs import OutputSource
-from flexlink.identification.operating_point import at_rest
+from flexlink.dynamics.vibration.steady import rest_of
 from flexlink.identification.problem import FitFrf
+from flexlink.motion.inputs.initial_state import initial_state
+from flexlink.motion.inputs.tip_wrench import initial_wrench
 
 LEAST = 1e-3
 """Smallest standard deviation relative to the response: at coherence 1 the calibration of the instruments limits it."""
@@ -183,3 +191,120 @@ def _deviation(where: str, part: FitFrf, γ2: Array) -> Array:
             id="coherence-range",
         )
     return np.maximum(np.sqrt((1 - γ2) / (2 * part.averages * γ2)), LEAST)
+
+
+# The state about which an arm is linear: its static equilibrium with the driven joints held.
+
+
+def at_rest(scene: Scene) -> tuple[Chain, Equilibrium, dict[str, Any]]:
+    """Chain of a scene, its static equilibrium, and the arguments `tip_wrench` and `frame` of its load.
+
+    Raises
+    ------
+    FlexlinkError
+        As in `lump` and `solve_static`.
+    """
+    chain = lump(scene)
+    wrench, frame = initial_wrench(scene, chain)
+    load: dict[str, Any] = {"tip_wrench": wrench, "frame": frame}
+    return chain, rest_of(chain, initial_state(scene, chain)[0], **load), load
+
+
+# Frequency response from records of an input and an output: the H1 estimate by Welch's method.
+#
+#     H = S_uy / S_uu        γ² = |S_uy|² / (S_uu S_yy)
+#     n = K / (1 + 2 Σ_k (1 − k/K) c_k²),  c_k = Σ w_i w_{i+kD} / Σ w_i²
+#
+# S are averages over K segments with a Hann window w and half overlap D. Overlapping segments are correlated, so they
+# are worth n independent averages (Welch 1967). Noise in y only does not bias H.
+
+
+class FrequencyResponse(NamedTuple):
+    """An estimated frequency response.
+
+    Attributes
+    ----------
+    f
+        Frequencies [Hz], shape (k,).
+    H
+        Response, in units of output over input, shape (k,).
+    coherence
+        Coherence γ², shape (k,).
+    averages
+        Number of independent averages.
+    """
+
+    f: Array
+    H: Complex
+    coherence: Array
+    averages: float
+
+    @property
+    def columns(self) -> dict[str, tuple[float, ...]]:
+        """Columns as `FitFrf` takes them."""
+        parts = {"f [Hz]": self.f, "real": self.H.real, "imaginary": self.H.imag, "coherence": self.coherence}
+        return {head: tuple(column.tolist()) for head, column in parts.items()}
+
+
+def frequency_response(t: ArrayLike, u: ArrayLike, y: ArrayLike, *, segment: float) -> FrequencyResponse:
+    """Estimate a frequency response from records of an input and an output (H1, Welch).
+
+    Parameters
+    ----------
+    t
+        Evenly spaced times, shape (n,) [s].
+    u, y
+        Input and output at these times, shape (n,).
+    segment
+        Length of a segment [s]. The frequencies are multiples of its inverse. A resonance of the damping ratio ζ needs
+        several times 1/(2 ζ ω) to decay within a segment; longer segments leave fewer averages.
+
+    Returns
+    -------
+    FrequencyResponse
+        Response, coherence, and number of averages.
+
+    Raises
+    ------
+    ArgumentError
+        Arrays of different lengths, uneven times, or a segment longer than two thirds of the record.
+
+    Examples
+    --------
+    >>> t = np.linspace(0.0, 100.0, 20_001)
+    >>> u = np.random.default_rng(0).standard_normal(len(t))
+    >>> found = fl.fits.frequency_response(t, u, 3.0 * u, segment=2.0)
+    >>> print(np.round(abs(found.H[:3]), 6), round(found.averages))
+    [3. 3. 3.] 94
+    """
+    times = vector("t", t, len(np.atleast_1d(np.asarray(t))))
+    n, length = len(times), positive("segment", segment)
+    inputs, outputs = vector("u", u, n), vector("y", y, n)
+    between = np.diff(times)
+    if n < 2 or not (between > 0).all() or np.ptp(between) > 1e-3 * between.mean():
+        raise ArgumentError("t: expected two or more evenly spaced, increasing times", id="uneven-times")
+    rate = (n - 1) / float(times[-1] - times[0])
+    size = round(length * rate)
+    if size < 4 or (n - size) // (size - size // 2) < 1:
+        raise ArgumentError(
+            f"segment = {length:g}: expected at least 4 samples, and at most two thirds of the record, "
+            f"{2 * n / (3 * rate):.3g} s", id="out-of-range",
+        )  # fmt: skip
+    how = {"fs": rate, "window": "hann", "nperseg": size, "noverlap": size // 2}
+    f, across = scipy.signal.csd(inputs, outputs, **how)
+    of_input, of_output = scipy.signal.welch(inputs, **how)[1], scipy.signal.welch(outputs, **how)[1]
+    known = (f > 0) & (of_input > 0) & (of_output > 0)
+    H = across[known] / of_input[known]
+    coherence = np.abs(across[known]) ** 2 / (of_input[known] * of_output[known])
+    return FrequencyResponse(f[known], H, np.minimum(coherence, 1.0), _averages(n, size))
+
+
+def _averages(samples: int, size: int) -> float:
+    """Number of independent averages that half-overlapping segments are worth."""
+    window, step = scipy.signal.get_window("hann", size), size - size // 2
+    count = (samples - size) // step + 1
+    total = 1.0
+    for k in range(1, min(count, -(-size // step))):
+        overlap = float(window[k * step :] @ window[: size - k * step]) / float(window @ window)
+        total += 2 * (1 - k / count) * overlap**2
+    return count / total

@@ -10,16 +10,20 @@ Jacobian.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.identification.block import Block
 from flexlink.identification.coordinates import Coordinate, prior_rows
 from flexlink.identification.data import Source
-from flexlink.identification.signals import Signals, Slopes
+from flexlink.identification.identifiability import Check, checked
+from flexlink.identification.problem import Loss
+from flexlink.identification.signals import STEP, Signals, Slopes
+from flexlink.motion.slopes_of_runs import CENTRAL_4
 
 
 class Row(NamedTuple):
@@ -201,3 +205,107 @@ def _large(block: Block, what: str) -> float:
     """Typical large change of a gain, a bias or a drift."""
     size = 1.0 if what == "gain" else float(np.ptp(block.y)) or 1.0
     return size / float(np.ptp(_centred(block))) if what == "drift" else size
+
+
+# Loss functions ρ of residuals e, and their influence functions ψ = ρ'/2 (Huber, Robust statistics, 1981).
+
+
+class LossFunction(NamedTuple):
+    """A loss function of residuals, which are divided by the standard deviation of the noise.
+
+    Attributes
+    ----------
+    rho
+        Loss ρ(e); e² for least squares.
+    psi
+        Influence ψ(e), divided by its mean slope: residuals with which least squares has the same covariance.
+    """
+
+    rho: Callable[[Array], Array]
+    psi: Callable[[Array], Array]
+
+
+def _huber(e: Array) -> Array:
+    return np.clip(e, -1.0, 1.0) / max(float(np.mean(np.abs(e) <= 1)), 0.1)
+
+
+def _soft_l1(e: Array) -> Array:
+    return np.asarray(e / np.sqrt(1 + e**2) / np.mean((1 + e**2) ** -1.5))
+
+
+SQUARES = LossFunction(np.square, np.asarray)
+LOSSES: dict[Loss, LossFunction] = {
+    "linear": SQUARES,
+    "trimmed": SQUARES,
+    "huber": LossFunction(lambda e: np.where(np.abs(e) <= 1, e**2, 2 * np.abs(e) - 1), _huber),
+    "soft_l1": LossFunction(lambda e: 2 * (np.sqrt(1 + e**2) - 1), _soft_l1),
+}
+"""Loss functions by name, as `scipy.optimize.least_squares` defines them for a scale of 1."""
+
+
+# Information of data about the parameters: Jacobians over the noise, of the present data and of experiments.
+
+
+class Information(NamedTuple):
+    """A Jacobian over the noise, compressed to one row per column, with the names of its columns.
+
+    Attributes
+    ----------
+    R
+        Triangular factor of the Jacobian, with the same singular values, shape (rows, names).
+    names
+        Parameters, then gains and biases.
+    error
+        Norm of the error of the Jacobian.
+    """
+
+    R: Array
+    names: tuple[str, ...]
+    error: float
+
+    def with_(self, others: Iterable[Information]) -> Information:
+        """All information together; columns with the same name are the same unknown."""
+        parts = [self, *others]
+        names = tuple(dict.fromkeys(name for part in parts for name in part.names))
+        rows = []
+        for part in parts:
+            J = np.zeros((len(part.R), len(names)))
+            J[:, [names.index(name) for name in part.names]] = part.R
+            rows.append(J)
+        return Information(_compressed(np.vstack(rows)), names, float(np.hypot.reduce([p.error for p in parts])))
+
+    @property
+    def check(self) -> Check:
+        """Identifiability check of this information."""
+        return checked(self.R, self.error, self.names)
+
+
+def in_two_steps(signals: Signals, x: Array, blocks: Sequence[Sequence[Block]]) -> tuple[Likelihood, Likelihood]:
+    """Likelihood at a point, with finite differences of two step sizes.
+
+    Raises
+    ------
+    FlexlinkError
+        The simulation fails.
+    """
+    signals.ahead([*signals.around(x, CENTRAL_4), *signals.around(x, CENTRAL_4, STEP / 2)])
+    slopes, finer = signals.slopes(x, CENTRAL_4), signals.slopes(x, CENTRAL_4, STEP / 2)
+    return likelihood(signals, x, blocks, slopes), likelihood(signals, x, blocks, finer)
+
+
+def information_of(at: Likelihood, finer: Likelihood) -> Information:
+    """Information of data and priors; `finer` has derivatives with another step size.
+
+    Raises
+    ------
+    ArgumentError
+        A derivative is not finite.
+    """
+    J, other = at.scaled, finer.scaled
+    if not (np.isfinite(J).all() and np.isfinite(other).all()):
+        raise ArgumentError("the derivatives of the predictions are not finite", id="not-finite")
+    return Information(_compressed(J), at.names, float(np.linalg.norm(J - other, 2)))
+
+
+def _compressed(J: Array) -> Array:
+    return np.asarray(np.linalg.qr(J, mode="r")) if len(J) > J.shape[1] else J

@@ -26,8 +26,7 @@ from flexlink.identification.data import Source, recorded
 from flexlink.identification.experiments import Experiments, built_in
 from flexlink.identification.fitted import Fitted
 from flexlink.identification.identifiability import Check, Direction
-from flexlink.identification.information import Information, in_two_steps, information_of
-from flexlink.identification.likelihood import Likelihood
+from flexlink.identification.likelihood import Information, Likelihood, in_two_steps, information_of
 from flexlink.identification.noise import with_noise_of_data
 from flexlink.identification.problem import FitModes, FitParameter, FitProblem, FitRun
 from flexlink.identification.proposals import Change, Proposal, Proposals

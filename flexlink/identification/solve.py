@@ -13,11 +13,9 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.identification.block import Block, colour_of, outlying, unlikelihood
 from flexlink.identification.coordinates import Coordinate, guess_of
-from flexlink.identification.likelihood import Likelihood, Row, likelihood, white
-from flexlink.identification.losses import LOSSES
+from flexlink.identification.likelihood import LOSSES, Likelihood, Row, likelihood, white
 from flexlink.identification.problem import Loss
 from flexlink.identification.signals import Signals
-from flexlink.identification.watch import watch_with
 
 ROUNDS = 2
 """Number of times that unstated noise is re-estimated from the residuals."""
@@ -225,3 +223,23 @@ def _with(row: Row, loss: Loss, *, coloured: bool) -> Block:
         return dataclasses.replace(block, σ=σ)
     colour = colour_of(e)
     return dataclasses.replace(block, σ=σ * colour.share, colour=colour)
+
+
+# Show the progress of a fit: its parts (initial guesses, ends of profiles) and the iterations of the current part.
+
+
+Bar = Callable[[float, str], None]
+
+
+def watch_with(bar: Bar | None, parts: int) -> Callable[[str], None]:
+    """Function that updates `bar`: call it with the name of each part that begins, and with "" after each iteration."""
+    if bar is None:
+        return lambda part: None
+    name, begun, iterations = "", 0, 0
+
+    def watch(part: str) -> None:
+        nonlocal name, begun, iterations
+        name, begun, iterations = (part, begun + 1, 0) if part else (name, begun, iterations + 1)
+        bar((begun - 1) / parts, f"{name}, iteration {iterations}")
+
+    return watch

@@ -14,8 +14,7 @@ from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.vibration.modal import modes
 from flexlink.identification.block import Block
 from flexlink.identification.data import Source, recorded
-from flexlink.identification.frequency_response import Response, measured_response, predicted
-from flexlink.identification.operating_point import at_rest
+from flexlink.identification.frequency_response import Response, at_rest, measured_response, predicted
 from flexlink.identification.problem import FitFrf, FitModes, FitProblem, FitStatic, Use
 
 

@@ -346,13 +346,13 @@ def test_engines_with_their_own_stepping_support_only_smooth_pd_references() -> 
 def test_a_mujoco_servo_control_is_divided_by_its_gear_ratio() -> None:
     """A servo, kp (u − r q) r, moves its joint to q = u / r, so `gear` is 1/r; for a motor it is the gear ratio r."""
     mujoco = pytest.importorskip("mujoco")
-    from flexlink.engines import mujoco_actuators  # noqa: PLC0415
+    from flexlink.engines import mujoco_reader  # noqa: PLC0415
 
     body = '<body><joint name="{0}"/><geom type="box" size=".1 .1 .1"/></body>'
     model = mujoco.MjModel.from_xml_string(
         f"<mujoco><worldbody>{body.format('a')}{body.format('b')}</worldbody><actuator>"
         '<position joint="a" kp="30" gear="4"/><motor joint="b" gear="7"/></actuator></mujoco>'
     )
-    fields = mujoco_actuators.at_joints(model)
+    fields = mujoco_reader.at_joints(model)
     np.testing.assert_allclose(fields["gear"], [1 / 4, 7.0], rtol=1e-12)
     np.testing.assert_allclose(fields["servo_stiffness"], [16 * 30.0, 0.0], rtol=1e-12)

@@ -10,7 +10,7 @@ import pytest
 
 import flexlink as fl
 from flexlink.common.safe_xml import parse
-from flexlink.formats.capsules import COLOURS, THICKNESS, capsules
+from flexlink.formats.document import COLOURS, THICKNESS, capsules
 from tests.conftest import ROOT, chain_of, make_scene, nasty_scene, random_state
 from tests.support.words import refused
 from validation.random_arms import random_arm

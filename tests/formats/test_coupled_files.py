@@ -13,8 +13,8 @@ from flexlink.engines import load
 from flexlink.errors import ArgumentError, DataFileError
 from flexlink.formats import FORMATS
 from flexlink.formats.features import unsupported
+from flexlink.formats.mjcf import diagonal_remainder
 from flexlink.formats.small_mass import with_small_mass
-from flexlink.formats.tendons import diagonal_remainder
 from tests.chain.test_cells import arm, rule_file
 from tests.conftest import ALUMINIUM, SQUARE, flexible, make_scene
 from tests.formats.test_reading import EVERY, values_of

@@ -17,8 +17,8 @@ from flexlink.identification.block import Block, Colour
 from flexlink.identification.coordinates import Coordinate, coordinate_of, hints_on_bounds, unit_of
 from flexlink.identification.estimate import Estimate
 from flexlink.identification.identifiability import Check
+from flexlink.identification.interval import HALVINGS, Rise
 from flexlink.identification.likelihood import Likelihood, row_of
-from flexlink.identification.profile import HALVINGS, Rise
 from flexlink.identification.remarks import ranges_apart
 from flexlink.pages.page import sentence_case
 from tests.conftest import ROOT, make_scene

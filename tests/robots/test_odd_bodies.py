@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 import flexlink as fl
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.dynamics.notes import notes
-from flexlink.formats.sdf_reading import read_sdf
-from flexlink.formats.urdf_reading import read_urdf
+from flexlink.formats.sdf import read_sdf
+from flexlink.formats.urdf import read_urdf
 from tests.support.urdf_texts import words
 from tests.support.words import line, reviewed
 
