@@ -31,9 +31,9 @@ from flexlink.dynamics.notes import is_free_fall
 from flexlink.motion.evaluation_cost import run_cost
 from flexlink.motion.simulate import simulate
 from flexlink.results.convergence import Limit
-from flexlink.results.deflection import deflections
 from flexlink.results.stop_reasons import EvaluationLimitError
 from flexlink.results.tip_motion import tip_travel
+from flexlink.results.trajectory import deflections
 
 
 def advise(

@@ -27,10 +27,9 @@ from flexlink.common.types import Array
 from flexlink.describe.arm import Arm
 from flexlink.describe.link import Link
 from flexlink.results.convergence import Limit, change_of_limit, extrapolated
-from flexlink.results.deflection import deflections
 from flexlink.results.samples import picked
 from flexlink.results.tip_motion import tip_travel
-from flexlink.results.trajectory import Trajectory
+from flexlink.results.trajectory import Trajectory, deflections
 
 
 class Level(NamedTuple):

@@ -22,8 +22,7 @@ from flexlink.describe.spec import decode
 from flexlink.robots.collection import KnownArm, known_arm
 from flexlink.robots.flexible import FlexibleLink
 from flexlink.robots.importing import import_urdf
-from flexlink.robots.kinematic_tree import Robot
-from flexlink.robots.positions import finite
+from flexlink.robots.kinematic_tree import Robot, finite
 from flexlink.robots.robot_file import read_robot
 
 

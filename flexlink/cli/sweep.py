@@ -19,10 +19,8 @@ from flexlink.cli.shared import assignments, prefix_errors, print_hints, print_l
 from flexlink.common.errors import Diagnostic, FlexlinkError
 from flexlink.common.progress import Progress, clock
 from flexlink.describe.plausibility.hints import hints
-from flexlink.sweeps.fingerprint import fingerprint
-from flexlink.sweeps.plan import Plan, Sweep
-from flexlink.sweeps.preflight import preflight
-from flexlink.sweeps.run import fill
+from flexlink.sweeps.plan import Plan, Sweep, fingerprint
+from flexlink.sweeps.run import fill, preflight
 from flexlink.sweeps.store import Store
 from flexlink.sweeps.table import export, require_parquet
 from flexlink.sweeps.workers import MAX_WORKERS

@@ -1,4 +1,4 @@
-"""Functions that all writers use: single joints, unique names, numbers that read back exactly, and capsules to look at."""
+"""Functions that all writers use: single joints, unique names, numbers that read back exactly; capsules to look at."""
 
 from __future__ import annotations
 

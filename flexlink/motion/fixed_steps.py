@@ -12,7 +12,7 @@ from flexlink.describe.schemes.methods import method
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.runge_kutta import NEVER, integrate
 from flexlink.kernels.tools.machine_code import direct
-from flexlink.motion.chunk_size import ChunkSize, Reached
+from flexlink.motion.budget import ChunkSize, Reached
 from flexlink.results.record import Arrays, Record
 from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import Failure

@@ -26,9 +26,8 @@ from flexlink.kernels.geometry.kinematics import tip_points
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.fixed_steps import FixedSteps, steps_up_to
 from flexlink.motion.inputs.drives import same_law, side_by_side
-from flexlink.motion.monitor import Monitor
+from flexlink.motion.monitor import Monitor, rounded_away, step_errors_side_by_side, summed
 from flexlink.motion.single_run import verify
-from flexlink.motion.step_errors import rounded_away, step_errors_side_by_side, summed
 from flexlink.motion.tolerable import Thresholds, probed
 from flexlink.results import balance
 from flexlink.results.record import Record, noted

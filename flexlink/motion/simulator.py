@@ -21,8 +21,7 @@ from flexlink.motion.hindrance import held_torques_advice
 from flexlink.motion.inputs.actuation import drive_for
 from flexlink.motion.inputs.drives import effort_of, held_torques, remembered
 from flexlink.motion.inputs.problem import problem_of, started_from
-from flexlink.motion.sampled_control import impulses, nothing_read
-from flexlink.motion.sensing import sample_at
+from flexlink.motion.sampled_control import impulses, nothing_read, sample_at
 from flexlink.motion.single_run import SingleRun
 from flexlink.motion.tolerable import Thresholds
 from flexlink.motion.verification import exceeded, runs_of_other_order

@@ -19,6 +19,8 @@ from flexlink.common.output import write_whole
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.data.documents import require_path
+from flexlink.dynamics.placement import unbent
+from flexlink.kernels.geometry.kinematics import tip_points
 from flexlink.results.samples import Columns, RunSamples
 from flexlink.results.tip_motion import centre_of_motion, distances, largest_distance
 
@@ -419,3 +421,13 @@ def plotting() -> ModuleType:
         matplotlib is not installed.
     """
     return drawing_module("results.plotting")
+
+
+# Deflection: displacement of the tip due to the springs of links and gears, relative to unloaded springs.
+
+
+def deflections(run: Trajectory) -> Array:
+    """Deflection of the tip due to the springs, at every sample of a run [m]."""
+    unmoved = np.empty(run.tip.shape)
+    tip_points(run.chain.arrays, np.ascontiguousarray(unbent(run.chain, run.q)), unmoved)
+    return distances(run.tip, unmoved)

@@ -37,9 +37,8 @@ from flexlink.describe.spec import Vector3
 from flexlink.dynamics.vibration.modal import natural_frequencies
 from flexlink.robots.assembly import assembled
 from flexlink.robots.flexible import FlexibleLink, payload, rounded_down, slender_mass
-from flexlink.robots.kinematic_tree import Mimic, Robot, TreeJoint
+from flexlink.robots.kinematic_tree import Mimic, Robot, TreeJoint, finite
 from flexlink.robots.paths import Part, Paths, along, folded, paths
-from flexlink.robots.positions import finite
 from flexlink.robots.robot_file import acts, read_robot
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})

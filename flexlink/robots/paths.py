@@ -12,8 +12,7 @@ from flexlink.chain.arguments import require_one_of
 from flexlink.chain.rigid import HERE, Pose, SpatialInertia
 from flexlink.common.errors import ArgumentError
 from flexlink.common.wording import short_list, truncated
-from flexlink.robots.kinematic_tree import Robot, TreeJoint
-from flexlink.robots.positions import check_stated, positions_of
+from flexlink.robots.kinematic_tree import Robot, TreeJoint, check_stated, positions_of
 
 
 @dataclasses.dataclass(frozen=True)

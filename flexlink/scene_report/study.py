@@ -18,9 +18,8 @@ from flexlink.dynamics.vibration.steady import rest_of
 from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.inputs.tip_wrench import initial_wrench
 from flexlink.motion.simulate import simulate
-from flexlink.results.deflection import deflections
 from flexlink.results.tip_motion import tip_travel
-from flexlink.results.trajectory import Trajectory
+from flexlink.results.trajectory import Trajectory, deflections
 
 MEASURED = ".csv"
 """File suffix of measurements."""

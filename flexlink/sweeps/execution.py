@@ -12,8 +12,7 @@ import msgspec
 from flexlink.common.errors import EngineError, FlexlinkError
 from flexlink.common.interruption import Stop
 from flexlink.kernels.tools.lanes import LANES
-from flexlink.sweeps.fingerprint import version
-from flexlink.sweeps.plan import Plan
+from flexlink.sweeps.plan import Plan, version
 from flexlink.sweeps.worker import Row, failed_row, goes_side_by_side, handshake, rows_of
 from flexlink.sweeps.workers import WorkerPool
 

@@ -14,9 +14,8 @@ from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3
 from flexlink.dynamics.equilibrium import solve_static
 from flexlink.dynamics.placement import tip_position
 from flexlink.motion.side_by_side import Block
-from flexlink.results.deflection import deflections
 from flexlink.results.samples import sources_of
-from flexlink.results.trajectory import Trajectory
+from flexlink.results.trajectory import Trajectory, deflections
 
 REDUCTIONS: Mapping[str, Callable[[Array, Array], Array]] = {
     "final": lambda t, x: x[..., -1],
@@ -33,7 +32,7 @@ REDUCTIONS: Mapping[str, Callable[[Array, Array], Array]] = {
 """Functions of the times t and a column x, shape (samples,), or of several runs, (runs, samples)."""
 
 DEFLECTION = "deflection [m]"
-"""Column of `results.deflection`: distance of the tip from its position with all springs at rest."""
+"""Column of `deflections`: distance of the tip from its position with all springs at rest."""
 
 
 class SweepOutput(Spec, frozen=True):

@@ -22,8 +22,7 @@ from typing import Any
 import msgspec
 
 from flexlink.common.errors import ArgumentError, OutputError
-from flexlink.sweeps.fingerprint import Fingerprint, differences
-from flexlink.sweeps.plan import ROW_COLUMNS, Plan
+from flexlink.sweeps.plan import ROW_COLUMNS, Fingerprint, Plan, differences
 from flexlink.sweeps.worker import Row
 
 APPLICATION_ID = 0x666C7877

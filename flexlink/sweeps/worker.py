@@ -20,9 +20,8 @@ from flexlink.motion.side_by_side import Run
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.stop_reasons import InterruptedRunError
 from flexlink.results.trajectory import Trajectory
-from flexlink.sweeps.fingerprint import version
 from flexlink.sweeps.measures import measured, measured_together
-from flexlink.sweeps.plan import Plan, Sweep
+from flexlink.sweeps.plan import Plan, Sweep, version
 
 
 class Row(NamedTuple):

@@ -27,7 +27,7 @@ from flexlink.dynamics.placement import unbent
 from flexlink.motion.evaluation_cost import bodies_of, run_cost
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.single_run import SingleRun
-from flexlink.results.deflection import deflections
+from flexlink.results.trajectory import deflections
 from flexlink.scene_report.study import Study
 from flexlink.sweeps.measures import column_of
 from tests.conftest import ROOT, flexible, make_scene

@@ -13,8 +13,7 @@ import scipy
 from mpmath import mp
 
 import flexlink as fl
-from flexlink.motion.loop.loop import Loop
-from flexlink.motion.loop.stable_range import STABLE
+from flexlink.motion.loop.loop import STABLE, Loop
 from validation.random_arms import Dice
 
 WRONG = 1e-9  # an error is wrong above this multiple of the condition number

@@ -122,8 +122,8 @@ def test_a_signal_does_not_wait_for_a_long_sample(number: int, models) -> None:
 def test_a_run_is_split_into_short_pieces_even_if_samples_are_long(clock, models, monkeypatch) -> None:
     """50,000 steps take at least 0.1 s: 100 pieces of 1 ms. If the clock stops: 4 pieces, from 200 steps, × 8 each."""
     seen: list[float] = []
-    monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "BREATH", 1e-3)
-    monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "time", SimpleNamespace(perf_counter=clock))
+    monkeypatch.setattr(sys.modules["flexlink.motion.budget"], "BREATH", 1e-3)
+    monkeypatch.setattr(sys.modules["flexlink.motion.budget"], "time", SimpleNamespace(perf_counter=clock))
     fl.simulate(fl.load_scene(models / "paper_fig5.toml"), progress=seen.append, duration=5.0, sample=5.0)
     assert len(seen) > (30 if clock() else 4)
 
@@ -132,7 +132,7 @@ def test_splitting_samples_into_pieces_does_not_change_the_result(models, monkey
     scene = fl.load_scene(models / "t3_spatial.toml")
     whole = fl.simulate(scene, duration=0.02, sample=0.005)
     for breath in (0.0, 1e-3):
-        monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "BREATH", breath)
+        monkeypatch.setattr(sys.modules["flexlink.motion.budget"], "BREATH", breath)
         for sample in (0.005, 0.02):
             again = fl.simulate(scene, duration=0.02, sample=sample)
             np.testing.assert_array_equal(again.q[-1], whole.q[-1])

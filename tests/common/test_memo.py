@@ -9,8 +9,8 @@ import pytest
 
 import flexlink as fl
 from flexlink.common.memo import Memo
+from flexlink.motion.inputs.feedforward import holding_torque
 from flexlink.motion.inputs.references import reference_arrays
-from flexlink.motion.inputs.static_feedforward import holding_torque
 from tests.conftest import flexible, make_scene
 
 HELD = fl.PrescribedMotion(link="a", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))

@@ -287,7 +287,7 @@ def test_ctrl_c_keeps_the_samples_computed_so_far(tmp_path: Path, capsys, monkey
         if fraction >= 0.5:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "BREATH", 0.0)  # one piece per step
+    monkeypatch.setattr(sys.modules["flexlink.motion.budget"], "BREATH", 0.0)  # one piece per step
     monkeypatch.setattr("flexlink.common.progress.Progress.__call__", stop_at_half)
     out = tmp_path / "run.npz"
     assert main(["simulate", write(tmp_path / "a.toml"), "--duration", "0.1", "--out", str(out)]) == 130

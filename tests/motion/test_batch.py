@@ -15,9 +15,9 @@ from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.inputs.drives import side_by_side
 from flexlink.motion.inputs.problem import problem_of
+from flexlink.motion.monitor import step_errors, step_errors_side_by_side
 from flexlink.motion.side_by_side import alike, fits_lanes
 from flexlink.motion.single_run import SingleRun
-from flexlink.motion.step_errors import step_errors, step_errors_side_by_side
 from flexlink.results.record import Record
 from tests.conftest import compiled, flexible, make_scene, nasty_scene, random_state
 from tests.support.words import refused
@@ -262,7 +262,7 @@ def test_interrupted_batch_runs_keep_their_samples(monkeypatch) -> None:
             stop.signal = signal.SIGINT
         return done
 
-    monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "BREATH", 0.0)  # one piece per step
+    monkeypatch.setattr(sys.modules["flexlink.motion.budget"], "BREATH", 0.0)  # one piece per step
     monkeypatch.setattr(Record, "advance", interrupted)
     monkeypatch.setattr(sys.modules["flexlink.motion.batch"], "deferred", lambda: contextlib.nullcontext(stop))
     with pytest.raises(fl.errors.InterruptedRunError) as caught:

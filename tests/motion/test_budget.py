@@ -150,7 +150,7 @@ def test_a_simulator_keeps_its_state_if_a_step_exceeds_its_budget() -> None:
 @compiled
 def test_slow_progress_is_reported_during_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("flexlink.motion.budget.FEWEST", 1)
-    monkeypatch.setattr("flexlink.motion.chunk_size.BREATH", 0.0)  # check after every piece
+    monkeypatch.setattr("flexlink.motion.budget.BREATH", 0.0)  # check after every piece
     scene = swinging(**{"run.max_evaluations": 2500})
     with warnings.catch_warnings(record=True) as caught, pytest.raises(fl.errors.DivergenceError):
         warnings.simplefilter("always")

@@ -19,10 +19,10 @@ from flexlink.kernels.inputs.references import reference
 from flexlink.kernels.stepping.runge_kutta import integrate
 from flexlink.motion.inputs import drives
 from flexlink.motion.inputs.drives import drive_arrays, gains_of
+from flexlink.motion.inputs.feedforward import holding_torque
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.inputs.references import constant, reference_arrays
-from flexlink.motion.inputs.static_feedforward import holding_torque
-from flexlink.motion.step_errors import step_errors
+from flexlink.motion.monitor import step_errors
 from flexlink.results.record import Record
 from tests.conftest import compiled, flexible, make_scene
 from tests.support.words import refused

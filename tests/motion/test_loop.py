@@ -8,8 +8,8 @@ import pytest
 
 import flexlink as fl
 from flexlink.cli.main import main
-from flexlink.motion.loop.closed import open_loop
 from flexlink.motion.loop.instability import instability
+from flexlink.motion.loop.law import open_loop
 from flexlink.motion.loop.loop import Loop
 from tests.campaigns.random_loops import WRONG, judged, random_loop
 from tests.conftest import flexible, make_scene

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import flexlink as fl
-from flexlink.motion import method_trial
+from flexlink.motion import adaptive_steps
+from flexlink.motion.adaptive_steps import consider
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.method_steps import NEVER, MethodSteps
-from flexlink.motion.method_trial import consider
 from flexlink.motion.single_run import SingleRun
 from flexlink.motion.tolerable import Thresholds
 
@@ -71,7 +71,7 @@ class Counted:
 @pytest.fixture
 def considered(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Return the steps after the trial has judged steps whose costs are `Counted`."""
-    monkeypatch.setattr(method_trial, "price_of_a_step", lambda _record, _name: STEP)
+    monkeypatch.setattr(adaptive_steps, "price_of_a_step", lambda _record, _name: STEP)
 
     def counted(name: str, cost: float, **known: Any) -> Counted:
         steps = Counted(name, cost, **known)
@@ -175,7 +175,7 @@ def test_cost_records_of_methods_are_restored_with_rejected_steps(whipping: fl.S
     names = "name", "spent", "taken", "rated_since", "rates", "tried", "tried_for", "consider_at", "cost"
     saved, before = steps.saved(), {name: getattr(steps, name) for name in names}
     steps.rated_since, steps.rates, steps.tried_for = (0.0, 0.0), {**steps.rates, "DOP853": 1e-9}, ("Radau5", "")
-    method_trial.consider_others(steps, 1e9)
+    adaptive_steps.consider_others(steps, 1e9)
     assert steps.name != before["name"]
     steps.take(20)
     steps.restore(saved)

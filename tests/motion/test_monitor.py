@@ -22,8 +22,8 @@ from flexlink.kernels.stepping.judgement import SEEN, WRONG, Allowance, explaine
 from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.motion import monitor
 from flexlink.motion.batch import outcomes
+from flexlink.motion.inputs.feedforward import holding_torque
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.inputs.static_feedforward import holding_torque
 from flexlink.motion.monitor import Monitor
 from flexlink.motion.tolerable import allowed_imbalance, tolerance_of
 from flexlink.results import balance

@@ -22,8 +22,7 @@ from flexlink.dynamics.rounding import acceleration_error, in_units, of_bias_tor
 from flexlink.robots.collection import KnownArm
 from flexlink.robots.flexible import FlexibleLink, _prism, bent, cut, largest_mass, payload
 from flexlink.robots.importing import ImportResult, clamped_frequency, import_urdf
-from flexlink.robots.kinematic_tree import Mimic, Robot
-from flexlink.robots.positions import positions_of
+from flexlink.robots.kinematic_tree import Mimic, Robot, positions_of
 from flexlink.robots.robot_file import read_robot
 from tests.support.urdf_texts import RandomRobot
 from tests.support.words import line, refused, reviewed

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import flexlink as fl
-from flexlink.motion.chunk_size import ChunkSize
+from flexlink.motion.budget import ChunkSize
 
 
 def in_every_way(what: Callable[[], Any], seed: str | int) -> list[list[object]]:

@@ -28,7 +28,8 @@ from flexlink.common.errors import InterruptedSweepError
 from flexlink.common.interruption import Stop
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.batch import outcomes
-from flexlink.sweeps import fingerprint, sample_points, worker
+from flexlink.sweeps import plan as plans
+from flexlink.sweeps import ranges, worker
 from flexlink.sweeps.execution import MAX_WORKER_DEATHS, Execution
 from flexlink.sweeps.measures import REDUCTIONS, SweepOutput, measured
 from flexlink.sweeps.plan import Plan
@@ -147,7 +148,7 @@ def test_members_with_many_varied_keys_equal_single_runs(paper: fl.Scene, grid: 
     damped = paper.varied({"link.fore.damping": fl.Damping(ratio=0.01, at_hz=3.0)})
     scene = damped.varied({"drive": drive}) if "drive.kp.fore" in grid else damped
     plan = Plan(fl.Sweep(scene=scene, quantity=wanted, set={"run.duration": 0.006, "run.sample": 1e-3}, grid=grid))
-    rows, _ = worker.rows_of(msgspec.json.encode(plan.sweep), fingerprint.version(), range(plan.members))
+    rows, _ = worker.rows_of(msgspec.json.encode(plan.sweep), plans.version(), range(plan.members))
     for row in rows:
         try:
             run = fl.simulate(scene.varied({**plan.sweep.set, **plan.values(row.number)}))
@@ -238,7 +239,7 @@ def test_ranges_include_both_ends(range_: dict, values: list) -> None:
 
 
 def points(method: str, count: int, seed: int) -> np.ndarray:
-    return np.array([sample_points.point(method, 3, count, seed, k) for k in range(count)])
+    return np.array([ranges.point(method, 3, count, seed, k) for k in range(count)])
 
 
 @pytest.mark.parametrize("method", ["latin", "random", "sobol", "halton"])
@@ -246,7 +247,7 @@ def test_samples_fill_the_unit_cube_and_repeat_with_their_seed(method: str) -> N
     drawn = points(method, 100, 7)
     assert drawn.shape == (100, 3)
     assert ((drawn >= 0) & (drawn < 1)).all()
-    for kept in (sample_points._block, sample_points._latin, sample_points._halton, sample_points._directions):
+    for kept in (ranges._block, ranges._latin, ranges._halton, ranges._directions):
         kept.cache_clear()
     np.testing.assert_array_equal(points(method, 100, 7), drawn)
     assert (points(method, 100, 8) != drawn).any()
@@ -264,7 +265,7 @@ def test_a_single_sample_point_equals_the_same_point_of_the_complete_sequence(me
         engine = {"latin": qmc.LatinHypercube, "sobol": qmc.Sobol, "halton": qmc.Halton}[method](3, rng=rng)
         whole = engine.random(count)
     for k in (4095, 0, 1024, 1023, 2, 3000, 1, 2047):
-        assert sample_points.point(method, 3, count, 3, k) == whole[k].tolist()
+        assert ranges.point(method, 3, count, 3, k) == whole[k].tolist()
 
 
 @pytest.mark.parametrize("method", ["random", "sobol", "halton"])
@@ -467,13 +468,13 @@ def test_a_changed_sweep_is_refused_and_not_mixed_in(tmp_path, paper, change, pa
 
 def test_a_changed_scene_version_or_file_is_refused(tmp_path: Path, paper: fl.Scene, monkeypatch) -> None:
     sweep, out = masses(paper, 0.0), tmp_path / "sweep.db"
-    for module in ("fingerprint", "execution", "worker"):  # the message must not change with each release
+    for module in ("plan", "execution", "worker"):  # the message must not change with each release
         monkeypatch.setattr(f"flexlink.sweeps.{module}.version", lambda: "0.1.0")
     fl.sweep(sweep, out=out)
     with refused(fl.errors.ArgumentError, "rows-of-another-sweep"):
         fl.sweep(replace(sweep, scene=paper.varied({"gravity": [0.0, 0.0, 1.0]})), out=out)
     fl.sweep(replace(sweep, about="another text"), out=out)
-    monkeypatch.setattr(fingerprint, "version", lambda: "0.2.0")
+    monkeypatch.setattr(plans, "version", lambda: "0.2.0")
     with refused(fl.errors.ArgumentError, "rows-of-another-sweep"):
         fl.sweep(sweep, out=out)
     monkeypatch.undo()
@@ -769,14 +770,14 @@ SWEEP = fl.Sweep(scene=SCENE, quantity={"x": SweepOutput(of="tip x [m]")}, grid=
 @pytest.mark.parametrize("suffix", [".py", ".toml"])
 def test_stored_rows_depend_on_sources_and_on_files_of_methods_and_rules(suffix: str, monkeypatch) -> None:
     """One additional byte in any of these files changes the version."""
-    before, read = fingerprint.version.__wrapped__(), Path.read_bytes
+    before, read = plans.version.__wrapped__(), Path.read_bytes
     changed = next(path for path in sorted(Path(fl.__file__).parent.rglob(f"*{suffix}")))
     monkeypatch.setattr(Path, "read_bytes", lambda path: read(path) + (b"#" if path == changed else b""))
-    assert fingerprint.version.__wrapped__() != before
+    assert plans.version.__wrapped__() != before
 
 
 def test_stored_rows_depend_on_the_versions_of_all_packages() -> None:
-    assert set(fingerprint.fingerprint(SWEEP)["versions"]) == {"flexlink", "numpy", "scipy", "numba"}
+    assert set(plans.fingerprint(SWEEP)["versions"]) == {"flexlink", "numpy", "scipy", "numba"}
 
 
 def row(number: int, reason: str = "") -> Row:

@@ -28,8 +28,7 @@ from flexlink.kernels.inputs.laws import CASCADE, CASCADE_GRAVITY, COMPUTED_TORQ
 from flexlink.kernels.inputs.record import Drive, PiecewisePolynomial
 from flexlink.kernels.layout import BODY, HINGE
 from flexlink.kernels.tools.lanes import LANES
-from flexlink.motion.inputs.interpolation import held_knots, pieces_of
-from flexlink.motion.inputs.references import constant, reference_arrays
+from flexlink.motion.inputs.references import constant, held_knots, pieces_of, reference_arrays
 
 
 def drive_arrays(scene: Scene, chain: Chain) -> Drive:
@@ -193,7 +192,7 @@ def _interpolated(scene: Scene, times: Array, torques: Array) -> PiecewisePolyno
 def _pd(scene: Scene, chain: Chain) -> Drive:
     feedback = _feedback(scene, chain)
     if scene.drive.reference is not None and scene.drive.reference.follows == "tip":
-        from flexlink.motion.inputs.tip_reference import tip_arrays  # noqa: PLC0415  few scenes invert the arm
+        from flexlink.motion.inputs.feedforward import tip_arrays  # noqa: PLC0415  few scenes invert the arm
 
         reference, torques = tip_arrays(scene, chain)
         return feedback._replace(law=PD, reference=reference, feedforward=torques)
@@ -323,7 +322,7 @@ def _rigid_gravity(scene: Scene, chain: Chain, target: PiecewisePolynomial) -> P
 
 def _static_gravity(scene: Scene, chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
     """Torque that holds the arm, bent by gravity, with its joints at the reference."""
-    from flexlink.motion.inputs.static_feedforward import holding_torque  # noqa: PLC0415  few scenes need statics
+    from flexlink.motion.inputs.feedforward import holding_torque  # noqa: PLC0415  few scenes need statics
 
     return holding_torque(chain, target)
 

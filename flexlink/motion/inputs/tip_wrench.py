@@ -10,7 +10,7 @@ from flexlink.describe.actions import Frame
 from flexlink.describe.scene import Scene
 from flexlink.kernels.geometry.branches import loaded_body, path_to
 from flexlink.kernels.inputs.record import GivenWrench, Inputs, Loads, given_at
-from flexlink.motion.inputs.interpolation import held_knots, pieces_of
+from flexlink.motion.inputs.references import held_knots, pieces_of
 
 
 def initial_wrench(scene: Scene, chain: Chain) -> tuple[Array, Frame]:

@@ -7,8 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from flexlink.motion.loop.loop import Loop
-from flexlink.motion.loop.stable_range import STABLE
+from flexlink.motion.loop.loop import STABLE, Loop
 
 FASTEST = 1e4
 """Highest sampling rate that is proposed [Hz]."""

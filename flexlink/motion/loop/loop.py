@@ -4,28 +4,27 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import positive, require_callable, require_one_of, require_type, vector
+from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.notebook import drawing_module
 from flexlink.common.types import Array, Complex
 from flexlink.common.wording import short_list, truncated
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
+from flexlink.dynamics.terms import mass_matrix
 from flexlink.kernels.inputs.record import Drive
 from flexlink.motion.inputs.drives import resampled
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.loop.closed import OpenLoop, growth_of, open_loop
-from flexlink.motion.loop.law import LinearLaw, law_in_python, law_of_drive
-from flexlink.motion.loop.naming import motions
+from flexlink.motion.loop.law import LinearLaw, OpenLoop, growth_of, law_in_python, law_of_drive, open_loop
 from flexlink.motion.loop.plant import Plant, plant_of
 from flexlink.motion.loop.response import Margins, Response, classical_margins
-from flexlink.motion.loop.stable_range import STABLE, boundary, number_at
 from flexlink.motion.sampled_control import Law, takes_sensors
 
 
@@ -352,3 +351,84 @@ def loop_of(
     if late and not hertz:
         raise ArgumentError(f"delay = {delay!r}: needs rate, the sampling rate of the law [Hz]", id="no-effect")
     return Loop(problem.scene, hertz, late, plant, law_in_python(control, plant), drive, control, about)
+
+
+# Names of the motions that belong to poles: the link that bends, or the joint that turns.
+#
+# A motion with shape φ is a vibration of a link if the springs between its segments hold most of its energy, φ* K φ > ½
+# |s|² φ* M φ; it is named after the link whose springs hold most, and after their axes. Otherwise it is named after the
+# driven joint with the largest M_kk |φ_k|².
+
+
+CONTROLLER = "controller"
+"""Name of motions in which the arm rests: torques on their way, and states of the law."""
+
+
+def motions(chain: Chain, q: Array, shapes: Sequence[Complex], s: Complex) -> list[str]:
+    """Name of every motion with shape (n,) and eigenvalue s [1/s], such as "bending of 'boom'" or "joint 'boom'"."""
+    M, k = mass_matrix(chain, q), np.where(chain.held, 0.0, chain.stiffness)
+    return [_motion(chain, M, k, φ, abs(each)) for φ, each in zip(shapes, s, strict=True)]
+
+
+def _motion(chain: Chain, M: Array, k: Array, φ: Complex, size: float) -> str:
+    weight = np.sqrt(np.diag(M)) * np.abs(φ)
+    if not np.isfinite(weight).all() or not weight.any():
+        return CONTROLLER
+    springs, kinetic = k * np.abs(φ) ** 2, size**2 * float(np.real(φ.conj() @ M @ φ))
+    if springs.sum() > 0.5 * kinetic and springs.any():
+        return _of_springs(chain, springs)
+    driven = chain.active if len(chain.active) else np.arange(chain.n)
+    return f"joint {chain.joint_name(int(driven[np.argmax(weight[driven])]))!r}"
+
+
+def _of_springs(chain: Chain, springs: Array) -> str:
+    energy: dict[tuple[int, str], float] = {}
+    for k in np.flatnonzero(springs).tolist():
+        at = chain.coordinates[k]
+        energy[at.link, at.spring] = energy.get((at.link, at.spring), 0.0) + float(springs[k])
+    (link, kind), _ = max(energy.items(), key=lambda each: each[1])
+    return f"{kind} of {chain.link_names[link - 1]!r}"
+
+
+# The largest stable value of a number on which a loop depends: the first boundary of stability from its own value.
+
+
+STABLE = 1.0 + 1e-6
+"""Growth factor up to which a loop counts as stable; rigid motion, with poles at 1, is computed to about 1e-8."""
+
+
+def boundary(growth: Callable[[float], float], start: float, *, up: bool, factor: float = 1.3, most: int = 60) -> float:
+    """The value at which growth(value) crosses `STABLE` on the way from `start`, which `factor` changes step by step.
+
+    From a stable start it is the last stable value, upwards or downwards; from an unstable one the first stable one.
+    Without a crossing within `most` steps, it is inf or 0 from a stable start, and nan from an unstable one.
+    """
+    stable, value = growth(start) <= STABLE, start
+    for _ in range(most):
+        value, before = value * factor if up else value / factor, value
+        if (growth(value) <= STABLE) is not stable:
+            return _between(growth, before, value) if stable else _between(growth, value, before)
+    return float("nan") if not stable else float("inf") if up else 0.0
+
+
+def _between(growth: Callable[[float], float], stable: float, unstable: float) -> float:
+    """A stable value within 1e-6 of the boundary between a stable and an unstable value."""
+    while abs(unstable - stable) > 1e-6 * abs(stable):
+        middle = (stable + unstable) / 2
+        stable, unstable = (middle, unstable) if growth(middle) <= STABLE else (stable, middle)
+    return stable
+
+
+def number_at(scene: Scene, path: str) -> tuple[Callable[[float], dict[str, Any]], float]:
+    """Changes of a scene that set the number at a path, and its value; a list is scaled, so that its value is 1."""
+    values = scene.values_at(path)
+    now = np.asarray(values[0], dtype=object)
+    kinds = {type(each) for each in now.ravel().tolist()}
+    if any(each != values[0] for each in values) or not kinds <= {int, float} or not now.any():
+        given = truncated(values[0] if len(values) == 1 else values)
+        raise ArgumentError(
+            f"path = {path!r}: is {given} in the scene; expected a number other than 0", id="wrong-value"
+        )
+    if now.ndim:
+        return lambda factor: {path: tuple((factor * now).tolist())}, 1.0
+    return lambda value: {path: value}, float(now[()])

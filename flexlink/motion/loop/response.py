@@ -17,8 +17,7 @@ import numpy as np
 import scipy
 
 from flexlink.common.types import Array, Complex
-from flexlink.motion.loop.closed import OpenLoop
-from flexlink.motion.loop.law import LinearLaw
+from flexlink.motion.loop.law import LinearLaw, OpenLoop
 
 
 class Margins(NamedTuple):

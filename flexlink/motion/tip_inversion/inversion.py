@@ -25,8 +25,8 @@ from flexlink.dynamics.tip_inversion.feedforward import Feedforward, directions_
 from flexlink.dynamics.tip_inversion.moves import move_of, unshaped
 from flexlink.dynamics.vibration.linear import pd_poles
 from flexlink.motion.inputs.drives import of_joints
+from flexlink.motion.inputs.feedforward import acting_torques, from_rest_to_rest
 from flexlink.motion.inputs.initial_state import Rows, by_unit, per_link
-from flexlink.motion.inputs.tip_reference import acting_torques, from_rest_to_rest
 from flexlink.motion.simulate import simulate
 from flexlink.results.trajectory import Trajectory
 

@@ -14,10 +14,17 @@ from matplotlib.text import Text
 from numpy.typing import NDArray
 
 from flexlink.pages.colours import BLUE, INK, PALE
-from flexlink.results.pictures.captions import axes_of_frame, number, scale_bar, subtitle, time_text
 from flexlink.results.pictures.colouring import STOPS, UNKNOWN
 from flexlink.results.pictures.film import Film
-from flexlink.results.pictures.projection import Projected, Window
+from flexlink.results.pictures.projection import (
+    Projected,
+    Window,
+    axes_of_frame,
+    number,
+    scale_bar,
+    subtitle,
+    time_text,
+)
 from flexlink.results.pictures.view import View
 
 Image = NDArray[np.uint8]

@@ -12,10 +12,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlink.common.types import Array
-from flexlink.results.pictures.captions import digits_of_time, number, subtitle
 from flexlink.results.pictures.colouring import STOPS, UNKNOWN
 from flexlink.results.pictures.film import Film
-from flexlink.results.pictures.projection import AROUND, Projected, floor_level, floor_of
+from flexlink.results.pictures.projection import (
+    AROUND,
+    Projected,
+    digits_of_time,
+    floor_level,
+    floor_of,
+    number,
+    subtitle,
+)
 
 
 def page(film: Film, width: int) -> str:
