@@ -58,12 +58,12 @@ if TYPE_CHECKING:
     from flexlink.identification.fit import fit
     from flexlink.motion.batch import simulate_many
     from flexlink.motion.inputs.initial_state import initial_state
+    from flexlink.motion.inversion import invert
     from flexlink.motion.loop.loop import loop
     from flexlink.motion.sensitivity import sensitivities
     from flexlink.motion.simulate import Problem, simulate
     from flexlink.motion.simulator import Simulator
     from flexlink.motion.simulator_batch import SimulatorBatch
-    from flexlink.motion.tip_inversion.inversion import invert
     from flexlink.results.trajectory import Trajectory
     from flexlink.robots.flexible import FlexibleLink
     from flexlink.robots.importing import import_urdf
@@ -203,7 +203,7 @@ def __getattr__(name: str) -> object:
         "motion.simulate": ["Problem", "simulate"],
         "motion.simulator": ["Simulator"],
         "motion.simulator_batch": ["SimulatorBatch"],
-        "motion.tip_inversion.inversion": ["invert"],
+        "motion.inversion": ["invert"],
         "results.trajectory": ["Trajectory"],
         "robots.flexible": ["FlexibleLink"],
         "robots.importing": ["import_urdf"],

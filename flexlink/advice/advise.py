@@ -10,13 +10,12 @@ from typing import Literal
 
 import numpy as np
 
-from flexlink.advice import horizon as horizons
 from flexlink.advice import rigid
 from flexlink.advice.goal import Goal, Thresholds, TipErrorNorm, goal_of, least_tolerance
 from flexlink.advice.link_errors import LinkErrors
 from flexlink.advice.model import Model, all_axes, checked_scene, gauges_lost, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
-from flexlink.advice.refinement import AxisScreening, RefinementStudy
+from flexlink.advice.refinement import AxisScreening, RefinementStudy, error_growth, horizon
 from flexlink.advice.search import Search, ShapeSearch
 from flexlink.advice.verdict import Advice, length, line, payback, time
 from flexlink.chain.arguments import positive, require_bool, require_one_of, require_type
@@ -234,8 +233,8 @@ class Advisor:
         known_to = float(known[-1])
         finest, tolerance = refinement.finest.outcome, refinement.tolerance
         error = self.norm(finest.tip - refinement.limit.tip) + known_to
-        holds = horizons.horizon(refinement, self.norm, known)
-        growth, e_fold = horizons.growth(self.runner, refinement, tolerance)
+        holds = horizon(refinement, self.norm, known)
+        growth, e_fold = error_growth(self.runner, refinement, tolerance)
         why = f" ({refinement.reason})" if refinement.reason else ""
         hinges = refinement.finest.hinges
         lines = [line("cannot", f"error {length(error)} with {hinges} hinges per link: {self.goal} is not met{why}")]

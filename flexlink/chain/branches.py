@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.chain.spans import spans_of
+from flexlink.chain.layout import spans_of
 from flexlink.common.types import Array
 
 

@@ -19,10 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import vector
 from flexlink.chain.coordinates import Coordinate, Kind
-from flexlink.chain.layout import OF_LAYOUT, Layout
+from flexlink.chain.layout import OF_LAYOUT, Layout, spans_of, sums_outward
 from flexlink.chain.rigid import DESCRIBED
 from flexlink.chain.size import at_any_posture, on_elastic_gears, size_without_reach, turning_radii, without_lever
-from flexlink.chain.spans import spans_of, sums_outward
 from flexlink.common.errors import ArgumentError
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.types import Array, Indices

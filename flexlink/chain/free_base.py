@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from flexlink.chain.rotation import matrix_from_quaternion, matrix_from_rpy_deg, quaternion_from_matrix
+from flexlink.chain.rigid import matrix_from_quaternion, matrix_from_rpy_deg, quaternion_from_matrix
 from flexlink.common.types import Array
 from flexlink.describe.initial import BaseState
 from flexlink.kernels.layout import SLIDES

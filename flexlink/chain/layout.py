@@ -1,12 +1,12 @@
-"""Topology of a chain: how its bodies and hinges are connected, and how its joints are named and found."""
+"""Topology of a chain: connections and branches of its bodies and hinges, and how its joints are named and found."""
 
 from __future__ import annotations
 
 import difflib
 import functools
 from collections.abc import Iterable, Iterator
-from itertools import accumulate
-from typing import Any
+from itertools import accumulate, pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -372,3 +372,39 @@ def _axes(turns: bytes, before: bytes, axes: bytes) -> Array:
 
 OF_LAYOUT = [name for name, value in vars(Layout).items() if isinstance(value, functools.cached_property)]
 """Names of cached properties that chains of the same layout share."""
+
+
+# Branches of an arm, which are serial chains of bodies, and sums along them.
+
+
+class Branch(NamedTuple):
+    """Consecutive bodies, indexed from 0, each the parent of the next, and the parent of the first one."""
+
+    parent: int  # number of the first body's parent, from 0; −1 is the base
+    first: int
+    stop: int
+
+
+def spans_of(bodies: NDArray[np.void]) -> list[Branch]:
+    """All branches of an arm, including the joints of its base; each branch comes after its parent's branch."""
+    edges = [0, *np.flatnonzero(bodies["begins"]).tolist(), len(bodies)]
+    return [Branch(int(bodies["parent"][first]) - 1, first, stop) for first, stop in pairwise(edges)]
+
+
+def sums_outward(spans: list[Branch], terms: Array) -> Array:
+    """Sums of the terms of all bodies from the base up to each body, shape (bodies, …)."""
+    sums = np.empty_like(terms)
+    for parent, first, stop in spans:
+        start = sums[parent] if parent >= 0 else np.zeros(terms.shape[1:])
+        sums[first:stop] = np.cumsum(np.concatenate([start[None], terms[first:stop]]), axis=0)[1:]
+    return sums
+
+
+def sums_inward(spans: list[Branch], terms: Array) -> Array:
+    """Sums of the terms of all bodies in the subtree of each body, shape (bodies, …)."""
+    sums = terms.copy()
+    for parent, first, stop in reversed(spans):
+        sums[first:stop] = np.cumsum(sums[first:stop][::-1], axis=0)[::-1]
+        if parent >= 0:
+            sums[parent] += sums[first]
+    return sums

@@ -21,8 +21,7 @@ from flexlink.chain.coordinates import Kind
 from flexlink.chain.forces import with_forces
 from flexlink.chain.free_base import reference_rotation
 from flexlink.chain.odd_bodies import require_positive_mass
-from flexlink.chain.rigid import HERE
-from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
+from flexlink.chain.rigid import HERE, about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
 from flexlink.chain.shapes import with_shapes
 from flexlink.common.errors import SceneError
 from flexlink.common.memo import Memo

@@ -1,4 +1,4 @@
-"""Poses of frames, and rigid bodies that can be moved, joined and separated exactly.
+"""Poses of frames, rotations, and rigid bodies that can be moved, joined and separated exactly.
 
 A body of mass m, centre c and inertia I about it has the covariance Σ = ∫ (x − c)(x − c)ᵀ dm = ½ tr(I) 1 − I. Such a
 body exists if and only if m ≥ 0 and Σ ⪰ 0. In the symmetric 4 × 4 form ∫ (1, x)(1, x)ᵀ dm, masses, first and second
@@ -8,12 +8,16 @@ parameters).
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import functools
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.common.products import dot, product
+from flexlink.common.products import cross, dot, product
 from flexlink.common.types import Array
+from flexlink.describe.directions import unit
 
 
 class Pose(NamedTuple):
@@ -81,3 +85,111 @@ NOTHING = SpatialInertia(0.0, np.zeros(3), np.zeros((3, 3)))
 def body_with(mass: float, center: Array, covariance: Array) -> SpatialInertia:
     """Body of this mass, centre and covariance."""
     return SpatialInertia(mass, center, np.trace(covariance) * np.eye(3) - covariance)
+
+
+# Fixed rotations between frames: roll-pitch-yaw, unit quaternions (w, x, y, z) and matrices.
+
+
+@functools.lru_cache(maxsize=256)
+def matrix_from_rpy_deg(rpy_deg: tuple[float, float, float]) -> Array:
+    """R = Rz(yaw) Ry(pitch) Rx(roll), read-only, from angles in degrees; multiples of 90° give exact zeros and ones."""
+    return read_only(_composed(*map(cos_sin_deg, rpy_deg)))
+
+
+def matrix_from_rpy(rpy: tuple[float, float, float]) -> Array:
+    """R = Rz(yaw) Ry(pitch) Rx(roll), angles in radians."""
+    return _composed(*((math.cos(angle), math.sin(angle)) for angle in rpy))
+
+
+def _composed(*turns: tuple[float, float]) -> Array:
+    Rx, Ry, Rz = (_about_axis(axis, *turn) for axis, turn in enumerate(turns))
+    return product(Rz, Ry, Rx)
+
+
+def about_axis_deg(axis: int, angle: float) -> Array:
+    """Rotation by an angle [deg] about coordinate axis 0, 1, 2 = X, Y, Z; exact at multiples of 90°."""
+    return _about_axis(axis, *cos_sin_deg(angle))
+
+
+def _about_axis(axis: int, c: float, s: float) -> Array:
+    R, (j, k) = np.eye(3), ((axis + 1) % 3, (axis + 2) % 3)
+    R[j, j] = R[k, k] = c
+    R[k, j], R[j, k] = s, -s
+    return R
+
+
+@functools.lru_cache(maxsize=256)
+def turn_to(towards: tuple[float, float, float]) -> tuple[int, Array]:
+    """Coordinate axis nearest to a direction, and the smallest rotation R from that axis to it: R e = direction.
+
+    R = 1 + [v]× + [v]×²/(1 + c) with v = e × direction, c = e · direction; exact for every coordinate axis, and the
+    identity for X, Y and Z. R is read-only.
+    """
+    direction = unit("axis", towards)
+    axis = int(np.argmax(direction))
+    c, v = direction[axis], cross(np.eye(3)[axis], direction)
+    V = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+    return axis, read_only(np.eye(3) + V + product(V, V) / (1 + c))
+
+
+def read_only(array: Array) -> Array:
+    """Make the array read-only, because callers will share it."""
+    array.flags.writeable = False
+    return array
+
+
+def cos_sin_deg(angle: float) -> tuple[float, float]:
+    """Cosine and sine of an angle in degrees, exact at multiples of 90°."""
+    quarter = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
+    reduced = angle % 360.0
+    return quarter.get(reduced) or (math.cos(math.radians(reduced)), math.sin(math.radians(reduced)))
+
+
+def rpy_from_matrix(R: Array) -> tuple[float, float, float]:
+    """Roll, pitch, yaw [rad] with R = Rz(yaw) Ry(pitch) Rx(roll).
+
+    The yaw is computed after turning R back by the roll, so that it cancels errors of an ill-conditioned roll (pitch
+    near ±90°).
+    """
+    roll = math.atan2(R[2, 1], R[2, 2])
+    pitch = math.atan2(-R[2, 0], math.hypot(R[0, 0], R[1, 0]))
+    c, s = math.cos(roll), math.sin(roll)
+    return roll, pitch, math.atan2(s * R[0, 2] - c * R[0, 1], c * R[1, 1] - s * R[1, 2])
+
+
+def quaternion_from_matrix(R: Array) -> tuple[float, float, float, float]:
+    """Unit quaternion (w, x, y, z), w ≥ 0, from its largest component to avoid cancellation (Shepperd 1978)."""
+    trace = np.trace(R)
+    w, x, y, z = 1 + trace, *(1 + 2 * R[k, k] - trace for k in range(3))
+    candidates = {
+        w: (w, R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]),
+        x: (R[2, 1] - R[1, 2], x, R[0, 1] + R[1, 0], R[0, 2] + R[2, 0]),
+        y: (R[0, 2] - R[2, 0], R[0, 1] + R[1, 0], y, R[1, 2] + R[2, 1]),
+        z: (R[1, 0] - R[0, 1], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1], z),
+    }
+    largest = max(candidates)
+    q = np.array(candidates[largest], float)
+    q = q / math.hypot(*q) * (1 if q[0] >= 0 else -1)
+    return float(q[0]), float(q[1]), float(q[2]), float(q[3])
+
+
+def matrix_from_quaternion(q: Sequence[float]) -> Array:
+    """R of a unit quaternion (w, x, y, z)."""
+    return np.array(_rows_of(*q))
+
+
+def matrices_from_quaternions(quaternions: Array) -> Array:
+    """R of b unit quaternions (b, 4), shape (b, 3, 3)."""
+    R = np.empty((len(quaternions), 3, 3))
+    for i, row in enumerate(_rows_of(*quaternions.T)):
+        for j, entry in enumerate(row):
+            R[:, i, j] = entry
+    return R
+
+
+def _rows_of(w: Any, x: Any, y: Any, z: Any) -> list[list[Any]]:
+    return [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]

@@ -33,9 +33,9 @@ from flexlink.dynamics.vibration.extremes import slowest_frequency
 from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.dynamics.vibration.stability import fastest_eigenvalues, stable_step_of
 from flexlink.motion.evaluation_cost import machine_factor, step_cost
+from flexlink.motion.inputs.actuation import initial_wrench
 from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.inputs.tip_wrench import initial_wrench
 from flexlink.results.trajectory import Trajectory
 
 

@@ -21,7 +21,7 @@ from flexlink.cli.shared import (
     varied_scene,
 )
 from flexlink.common.types import Array
-from flexlink.motion.tip_inversion.inversion import Inversion, ShapedMove, invert
+from flexlink.motion.inversion import Inversion, ShapedMove, invert
 
 
 def add_options(command: argparse.ArgumentParser) -> None:

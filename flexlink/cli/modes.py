@@ -22,8 +22,8 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.dynamics.vibration.steady import first_elastic_frequency, modes_in_motion, steady_joint
+from flexlink.motion.inputs.actuation import initial_wrench
 from flexlink.motion.inputs.initial_state import initial_state
-from flexlink.motion.inputs.tip_wrench import initial_wrench
 from flexlink.results.trajectory import plotting
 
 

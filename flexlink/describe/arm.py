@@ -11,10 +11,9 @@ from flexlink.common.errors import ArgumentError, Diagnostic, SceneError
 from flexlink.common.wording import did_you_mean, short_list, truncated
 from flexlink.describe.link import Link
 from flexlink.describe.material import BREADTHS, Material, Section
-from flexlink.describe.mistakes import raise_together
 from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.rigidity import Rigidity
-from flexlink.describe.spec import Spec, link_key, to_builtin
+from flexlink.describe.spec import Spec, link_key, raise_together, to_builtin
 
 BETWEEN = (
     "a branch or a prismatic joint lies between the links with this law; set it for one link only, or use law = "

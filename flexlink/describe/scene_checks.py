@@ -16,13 +16,12 @@ from flexlink.describe.hinges import hinges_of
 from flexlink.describe.initial import BaseState, InitialState
 from flexlink.describe.joint import outside_limits, refuse_beyond
 from flexlink.describe.joint_units import OF_JOINT, misplaced
-from flexlink.describe.mistakes import check_all, raise_together
 from flexlink.describe.numbers import whole
 from flexlink.describe.reference import OF_MOTION
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.run_settings import RunSettings, check_method
 from flexlink.describe.sensor import Sensor, sensor_mistakes
-from flexlink.describe.spec import link_key
+from flexlink.describe.spec import check_all, link_key, raise_together
 
 
 def check_parts(

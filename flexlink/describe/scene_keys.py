@@ -7,8 +7,15 @@ from typing import Any
 
 from flexlink.common.errors import Diagnostic, SceneError
 from flexlink.describe.arm import Arm
-from flexlink.describe.mistakes import mistakes, raise_together
-from flexlink.describe.spec import build_validated, check_keys, decode, fields_of, key_mistakes
+from flexlink.describe.spec import (
+    build_validated,
+    check_keys,
+    decode,
+    fields_of,
+    key_mistakes,
+    mistakes,
+    raise_together,
+)
 
 OF_ARM = {field.encode_name: field for field in fields_of(Arm)}
 """Fields of the arm, by their keys."""

@@ -19,7 +19,7 @@ from flexlink.chain.free_base import (
     quaternions_of,
     rates_matrices,
 )
-from flexlink.chain.rotation import matrices_from_quaternions, matrix_from_quaternion, quaternion_from_matrix
+from flexlink.chain.rigid import matrices_from_quaternions, matrix_from_quaternion, quaternion_from_matrix
 from flexlink.common.types import Array
 from flexlink.kernels.forward.articulated_rows import BODY_ROW
 from flexlink.kernels.forward.mass_plus_shapes import ShapedPosture

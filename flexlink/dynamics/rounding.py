@@ -44,7 +44,7 @@ from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import vector, wrench_vector
 from flexlink.chain.chain import Chain
-from flexlink.chain.spans import spans_of, sums_inward, sums_outward
+from flexlink.chain.layout import spans_of, sums_inward, sums_outward
 from flexlink.common.memo import keep_last
 from flexlink.common.types import Array
 from flexlink.dynamics.forces import all_torques, has_potential, with_potential

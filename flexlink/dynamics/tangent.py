@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
-from flexlink.chain.layout import Joints
+from flexlink.chain.layout import Joints, spans_of
 from flexlink.chain.shapes import shaped_hinges
-from flexlink.chain.spans import spans_of
 from flexlink.common.errors import ArgumentError
 from flexlink.common.products import cross
 from flexlink.common.types import Array

@@ -24,9 +24,9 @@ from flexlink.engines.read_back import ReadBack
 from flexlink.kernels.inputs.drive_torque import drive_torque, sample_law
 from flexlink.kernels.inputs.record import Drive
 from flexlink.kernels.inputs.tip_wrench import put_given
+from flexlink.motion.inputs.actuation import wrench_at
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.inputs.step_check import check_step
-from flexlink.motion.inputs.tip_wrench import wrench_at
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.stop_reasons import DivergenceError
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlink.chain.free_base import JOINTS, NAMES, rates_matrices, rates_matrices_changing, rotations_of
-from flexlink.chain.rotation import quaternion_from_matrix
+from flexlink.chain.rigid import quaternion_from_matrix
 from flexlink.common.products import cross, product
 from flexlink.common.types import Array, Indices
 from flexlink.describe.arm import BASE

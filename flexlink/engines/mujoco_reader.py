@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from flexlink.chain.rotation import matrix_from_quaternion
+from flexlink.chain.rigid import matrix_from_quaternion
 from flexlink.common.types import Array, Indices
 from flexlink.engines import mujoco_tendons
 from flexlink.engines.coordinates import BASE_JOINTS, Coordinates, Floating

@@ -30,8 +30,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import Coordinate, unique
 from flexlink.chain.forces import refuse_states
 from flexlink.chain.free_base import rates_matrices, rotations_of
-from flexlink.chain.rigid import HERE, Pose
-from flexlink.chain.rotation import quaternion_from_matrix
+from flexlink.chain.rigid import HERE, Pose, quaternion_from_matrix
 from flexlink.common.errors import ArgumentError
 from flexlink.common.products import product
 from flexlink.common.types import Array, Indices

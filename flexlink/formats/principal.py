@@ -12,7 +12,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.chain.rotation import quaternion_from_matrix
+from flexlink.chain.rigid import quaternion_from_matrix
 from flexlink.common.errors import ArgumentError
 from flexlink.common.products import dot
 from flexlink.common.types import Array

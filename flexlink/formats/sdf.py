@@ -21,7 +21,7 @@ from flexlink.chain.arguments import require_bool, require_type
 from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import unique
 from flexlink.chain.forces import refuse_states
-from flexlink.chain.rotation import rpy_from_matrix
+from flexlink.chain.rigid import rpy_from_matrix
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.formats.document import (
@@ -48,12 +48,13 @@ from flexlink.formats.reading import (
     End,
     Hinge,
     Mass,
+    Node,
     chain_of,
     coordinate,
     inertia_matrix,
     link_of,
+    read,
 )
-from flexlink.formats.strict_reading import Node, read
 from flexlink.kernels.layout import BODY, HINGE, SLIDES
 
 NAMESPACES = {"xmlns:drake": "http://drake.mit.edu", "xmlns:flexlink": "urn:flexlink"}

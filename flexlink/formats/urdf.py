@@ -22,7 +22,7 @@ from flexlink.chain.arguments import require_bool, require_type
 from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import unique
 from flexlink.chain.forces import refuse_states
-from flexlink.chain.rotation import rpy_from_matrix
+from flexlink.chain.rigid import rpy_from_matrix
 from flexlink.common.types import Array
 from flexlink.formats.document import (
     UPPER_TRIANGLE,
@@ -49,13 +49,14 @@ from flexlink.formats.reading import (
     End,
     Hinge,
     Mass,
+    Node,
     chain_of,
     coordinate,
     inertia_matrix,
     limits_of,
     link_of,
+    read,
 )
-from flexlink.formats.strict_reading import Node, read
 from flexlink.kernels.layout import HINGE, SLIDES
 
 # Rotating joints are `revolute`, which requires limits; Pinocchio would use two coordinates for a `continuous` joint.

@@ -15,13 +15,12 @@ from flexlink.common.types import Array
 from flexlink.common.wording import plural
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.vibration.steady import modes_at_rest
-from flexlink.identification.block import Block
+from flexlink.identification.block import GAP, UNEVEN, Block, noise_in, outliers_in
 from flexlink.identification.checked_page import padded
 from flexlink.identification.coordinates import coordinates_of, guess_of, run_coordinates
 from flexlink.identification.data import Source
 from flexlink.identification.frequency_response import at_rest
 from flexlink.identification.likelihood import Row, likelihood
-from flexlink.identification.noise import GAP, UNEVEN, noise_in, outliers_in
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.response_page import Compared, pictures
 from flexlink.identification.response_page import table as response_table

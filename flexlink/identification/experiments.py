@@ -10,8 +10,17 @@ import msgspec
 
 from flexlink.common.errors import SceneError
 from flexlink.data.documents import errors_of, read_toml, require_path
-from flexlink.describe.mistakes import mistakes, raise_together
-from flexlink.describe.spec import Deviation, Positive, Spec, Vector3, check_keys, decode, fields_of
+from flexlink.describe.spec import (
+    Deviation,
+    Positive,
+    Spec,
+    Vector3,
+    check_keys,
+    decode,
+    fields_of,
+    mistakes,
+    raise_together,
+)
 
 
 class ColumnExperiment(Spec, frozen=True):

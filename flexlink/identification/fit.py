@@ -23,7 +23,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.sensor import Sensor, column_names
 from flexlink.describe.variants import refined, segments_in_words
-from flexlink.identification.block import Block
+from flexlink.identification.block import Block, with_noise_of_data
 from flexlink.identification.columns import columns_of
 from flexlink.identification.coordinates import Coordinate, coordinates_of, guess_of
 from flexlink.identification.data import Source
@@ -44,7 +44,6 @@ from flexlink.identification.identifiability import Check, checked
 from flexlink.identification.inputs import InputError, gauss_newton, input_error, warnings_of_inputs
 from flexlink.identification.interval import Rise, estimates, profiled, spread_at, widened, without_ends
 from flexlink.identification.likelihood import Likelihood, in_two_steps, information_of
-from flexlink.identification.noise import with_noise_of_data
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.remarks import hertz_in_rad_per_s, notes, ranges_apart, warnings, with_reasons
 from flexlink.identification.signals import Signals

@@ -29,12 +29,11 @@ from flexlink.describe.sensor import column_names
 from flexlink.dynamics.equilibrium import Equilibrium
 from flexlink.dynamics.sensors.outputs import SensorOutputs
 from flexlink.dynamics.vibration.linear import linearize
-from flexlink.dynamics.vibration.linear_model import LinearModel
-from flexlink.dynamics.vibration.outputs import OutputSource
+from flexlink.dynamics.vibration.linear_model import LinearModel, OutputSource
 from flexlink.dynamics.vibration.steady import rest_of
 from flexlink.identification.problem import FitFrf
+from flexlink.motion.inputs.actuation import initial_wrench
 from flexlink.motion.inputs.initial_state import initial_state
-from flexlink.motion.inputs.tip_wrench import initial_wrench
 
 LEAST = 1e-3
 """Smallest standard deviation relative to the response: at coherence 1 the calibration of the instruments limits it."""

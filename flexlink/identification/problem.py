@@ -13,10 +13,9 @@ import msgspec
 from flexlink.common.errors import SceneError
 from flexlink.data import documents
 from flexlink.data.documents import paths_of
-from flexlink.describe.mistakes import mistakes, raise_together
 from flexlink.describe.scene import Scene
 from flexlink.describe.scene_file import refuse_scene, scene_named
-from flexlink.describe.spec import Deviation, Positive, Spec, check_keys, decode, fields_of
+from flexlink.describe.spec import Deviation, Positive, Spec, check_keys, decode, fields_of, mistakes, raise_together
 
 Use = Literal["fit", "check"]
 """Use of data: to fit the parameters, or to check the fit with data that were not fitted."""

@@ -19,7 +19,7 @@ from msgspec.structs import replace
 from flexlink.chain.arguments import require_type
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
-from flexlink.identification.block import Block
+from flexlink.identification.block import Block, with_noise_of_data
 from flexlink.identification.candidates import Addition, Bench, Candidate
 from flexlink.identification.coordinates import Coordinate, coordinates_of, guess_of, run_coordinates
 from flexlink.identification.data import Source, recorded
@@ -27,7 +27,6 @@ from flexlink.identification.experiments import Experiments, built_in
 from flexlink.identification.fitted import Fitted
 from flexlink.identification.identifiability import Check, Direction
 from flexlink.identification.likelihood import Information, Likelihood, in_two_steps, information_of
-from flexlink.identification.noise import with_noise_of_data
 from flexlink.identification.problem import FitModes, FitParameter, FitProblem, FitRun
 from flexlink.identification.proposals import Change, Proposal, Proposals
 from flexlink.identification.remarks import notes

@@ -12,14 +12,13 @@ from flexlink.common.wording import plural
 from flexlink.describe.link import Link
 from flexlink.describe.scene import Scene
 from flexlink.describe.vary import parts_of
-from flexlink.identification.block import unit_in
+from flexlink.identification.block import noise_in, unit_in
 from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.data import Source
 from flexlink.identification.estimate import Estimate
 from flexlink.identification.fitted import FittedColumn
 from flexlink.identification.identifiability import Check, Direction
 from flexlink.identification.likelihood import Likelihood
-from flexlink.identification.noise import noise_in
 from flexlink.identification.signals import Signals
 from flexlink.identification.solve import Found
 from flexlink.motion.simulate import simulate

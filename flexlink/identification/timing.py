@@ -17,8 +17,8 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.vibration.steady import first_elastic_frequency
 from flexlink.identification.block import Block
+from flexlink.motion.inputs.actuation import initial_wrench
 from flexlink.motion.inputs.initial_state import initial_state
-from flexlink.motion.inputs.tip_wrench import initial_wrench
 from flexlink.motion.simulate import simulate
 
 

@@ -1,4 +1,4 @@
-"""Evaluation budget of an adaptive run, and the check that its steps still make progress."""
+"""Evaluation budget of an adaptive run, the check that its steps still make progress, and the size of its chunks."""
 
 from __future__ import annotations
 

@@ -21,10 +21,8 @@ from flexlink.kernels.stepping.runge_kutta import NEVER, probe
 from flexlink.kernels.stepping.samples import tips_and_energies
 from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.kernels.tools.machine_code import direct
-from flexlink.motion import tolerable
 from flexlink.motion.hindrance import held_torques_advice, hindrance, loop_warning
-from flexlink.motion.stated import stated_of
-from flexlink.motion.tolerable import Thresholds, allowed_imbalance, probed, tolerance_of
+from flexlink.motion.tolerable import Thresholds, allowed_imbalance, probed, samples_apart, stated_of, tolerance_of
 from flexlink.results import balance
 from flexlink.results.record import Record
 from flexlink.results.samples import StatedError, Steps
@@ -390,7 +388,7 @@ def summed(run: RunSettings, errors: Array, size: Array) -> Array:
     Errors below the rounding error of the tip position are treated as zero.
     """
     counted = np.where(errors < rounding.of_reach(1.0) * size[..., None], 0.0, errors)
-    return np.asarray(counted.sum(axis=-1) * tolerable.apart(run) * run.steps_per_sample)
+    return np.asarray(counted.sum(axis=-1) * samples_apart(run) * run.steps_per_sample)
 
 
 def rounded_away(run: RunSettings, q: Array, qd: Array, size: Array) -> Array:

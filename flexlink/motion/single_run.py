@@ -24,8 +24,7 @@ from flexlink.kernels.tools.machine_code import types_of
 from flexlink.motion.inputs.drives import recall, remembered
 from flexlink.motion.inputs.problem import problem_of, started, started_from
 from flexlink.motion.monitor import Monitor
-from flexlink.motion.stated import compared_with, estimated_error, extrapolated, shown_by, stated_of
-from flexlink.motion.tolerable import Thresholds
+from flexlink.motion.tolerable import Thresholds, compared_with, estimated_error, extrapolated, shown_by, stated_of
 from flexlink.motion.verification import (
     GIVEN_UP,
     STRICTER,

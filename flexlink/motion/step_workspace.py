@@ -28,7 +28,7 @@ from flexlink.kernels.stepping.implicit_layout import VECTOR, ImplicitMethod, Im
 from flexlink.kernels.stepping.saturation import Saturation
 from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.motion.inputs.drives import gains_at_zero
-from flexlink.motion.stated import read_by
+from flexlink.motion.tolerable import read_by
 from flexlink.results.record import Record
 
 FEW_PASSES = 12

@@ -1,18 +1,32 @@
-"""A run as a file or as a table of pandas or xarray, which are imported only if they are used; formats of files."""
+"""A run as a file and back, or as a table of pandas or xarray, which are imported only if they are used; formats."""
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
 import json
+import tomllib
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
+from msgspec import convert
+from numpy.typing import NDArray
 
+from flexlink.chain.builder import record_branches
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import ArgumentError, MissingDependencyError, how_to_install
-from flexlink.dynamics.result import write_archive
-from flexlink.results.samples import Columns, RunSamples
+from flexlink.chain.coordinates import Coordinate
+from flexlink.chain.lumping import lump
+from flexlink.chain.rigid import DESCRIBED
+from flexlink.chain.shapes import shapes_of
+from flexlink.common.errors import ArgumentError, DataFileError, Diagnostic, MissingDependencyError, how_to_install
+from flexlink.describe.scene import scene_from
+from flexlink.dynamics.conserved import Energy, Momentum
+from flexlink.dynamics.result import read_archive, write_archive
+from flexlink.kernels.bodies.shaped_mass import Shapes
+from flexlink.kernels.layout import BODY, COUPLING, FORCES, HINGE
+from flexlink.results.samples import BaseMotion, Columns, RunSamples, State, StatedError, Steps
 
 
 def write(run: RunSamples, format: str, path: Path) -> None:
@@ -154,3 +168,230 @@ def _package(name: str) -> Any:
             f"a run as a table of {name} needs {name}; install it with: {how_to_install('tables')}",
             id="package-missing",
         ) from None
+
+
+# Read a run that `Trajectory.save` has written, identical bit for bit.
+#
+# Checks of a saved run: finite numbers, shapes that match its samples and joints, and a consistent chain.
+#
+# Kernels do not check the indices in a chain; a wrong index would make them read unrelated memory.
+
+
+Run = TypeVar("Run", bound=RunSamples)
+
+
+def stored_run(path: str | Path, kind: type[Run]) -> Run:
+    """The run in an archive, as an object of `kind`; see `Trajectory.load`."""
+    arrays = read_archive(path)
+    try:
+        return kind(**_fields(arrays))
+    except Exception as error:  # any: the checks see only what a run is made of, not what else arrays can hold
+        why = f"{error.args[0]} is missing" if isinstance(error, KeyError) else " ".join(str(error).split())
+        raise DataFileError(f"{path}: not a run of this version of flexlink: {why}", id="not-a-result") from None
+
+
+def _fields(arrays: Mapping[str, Any]) -> dict[str, Any]:
+    steps, table = json.loads(str(arrays["steps"])), tomllib.loads(str(arrays["scene"]))
+    chain, scene = _chain(arrays), scene_from(table) if table else None
+    if "chain_described" not in arrays and scene is not None:  # from an older version
+        chain = dataclasses.replace(chain, described=lump(scene).described)
+    check_chain(chain)
+    check_samples(arrays, chain.n)
+    return dict(
+        chain=chain,
+        **{name: arrays[name] for name in ("t", "q", "qd", "tip", "tip_wrench")},
+        drive_torques=arrays["tau"],
+        energy=Energy(arrays["kinetic"], arrays["gravity"], arrays["elastic"]),
+        work=arrays.get("work"),
+        warnings=tuple(_warnings(arrays)),
+        steps=convert(steps, Steps | None),
+        scene=scene,
+        base=_base(arrays) if "attitude" in arrays else None,
+        **({"delayed": arrays["delayed"]} if "delayed" in arrays else {}),
+        stated=_stated(arrays) if "error" in arrays else None,
+    )
+
+
+def _stated(arrays: Mapping[str, Any]) -> StatedError:
+    """The stated error of a run, and the motion up to its end."""
+    n = arrays["q"].shape[1]
+    start, end = (_state(arrays[name], n) if name in arrays else None for name in ("motion_start", "motion_end"))
+    if start is None:
+        raise KeyError("motion_start")
+    delayed = arrays.get("motion_delayed")
+    if delayed is not None:
+        check_delayed(delayed)
+    outputs = dict(zip(arrays["error_outputs"].tolist(), arrays["error_of_outputs"], strict=True))
+    allowed, compared = float(arrays["error_allowed"]), bool(arrays["error_compared"])
+    travelled, drifting, drifted = map(float, arrays["motion_so_far"])
+    return StatedError(arrays["error"], allowed, compared, outputs, start, travelled, drifting, drifted, end, delayed)
+
+
+def _state(numbers: NDArray[Any], n: int) -> State:
+    """Time, angles and rates of n joints, from one array."""
+    if numbers.dtype != np.float64 or numbers.shape != (1 + 2 * n,) or not np.isfinite(numbers).all():
+        raise ValueError(f"a state of its motion has shape {numbers.shape}; expected {1 + 2 * n} finite numbers")
+    return State(float(numbers[0]), numbers[1 : 1 + n].copy(), numbers[1 + n :].copy())
+
+
+def _warnings(arrays: Mapping[str, Any]) -> Iterator[Diagnostic]:
+    """Warnings with their ids; archives of older versions contain no ids."""
+    texts: list[str] = arrays["warnings"].tolist()
+    ids: list[str] = arrays["warning_ids"].tolist() if "warning_ids" in arrays else [""] * len(texts)
+    return (Diagnostic(text, id) for text, id in zip(texts, ids, strict=True))
+
+
+def _base(arrays: Mapping[str, Any]) -> BaseMotion:
+    momentum = Momentum(*(arrays[f"momentum_{name}"] for name in Momentum._fields))
+    return BaseMotion(arrays["attitude"], arrays["spin"], momentum)
+
+
+def _chain(arrays: Mapping[str, Any]) -> Chain:
+    bodies, links = _records(arrays["chain_bodies"], BODY), arrays["chain_links"].tolist()
+    if "parent" not in (arrays["chain_bodies"].dtype.names or ()):  # from an older version, without branches
+        bodies["parent"] = np.arange(len(bodies))
+        bodies["loaded"][-1] = 1
+    tips = arrays.get("chain_tips", np.array([[len(links) - 1, len(bodies) - 1]]))
+    chain = Chain(
+        name=str(arrays["chain_name"]),
+        bodies=bodies,
+        hinges=_records(arrays["chain_hinges"], HINGE),
+        gravity=np.ascontiguousarray(arrays["chain_gravity"]),
+        coordinates=tuple(Coordinate(*row) for row in arrays["chain_coordinates"].tolist()),
+        link_names=tuple(links),
+        couplings=_records(arrays.get("chain_couplings", np.zeros(0, COUPLING)), COUPLING),
+        tips={links[link]: body for link, body in tips.tolist()},
+        forces=dict(_forces(arrays)),
+        described=_records(arrays.get("chain_described", np.zeros(0, DESCRIBED)), DESCRIBED),
+        joints_of_links=tuple(arrays["chain_joints"].tolist()) if "chain_joints" in arrays else (),
+    )
+    return chain if "chain_shapes" not in arrays else dataclasses.replace(chain, shapes=_shapes(chain, arrays))
+
+
+def _shapes(chain: Chain, arrays: Mapping[str, Any]) -> Shapes:
+    """Shapes of the chain, checked to be finite and of its size."""
+    Φ, (first, stop) = np.ascontiguousarray(arrays["chain_shapes"], float), arrays["chain_shape_ranges"]
+    within = Φ.shape[:1] == first.shape == (chain.n,) and (first >= 0).all() and (first < stop).all()
+    if not (within and (stop <= Φ.shape[1]).all() and np.isfinite(Φ).all()):
+        raise ValueError("its chain's shapes do not match its hinges")
+    return shapes_of(chain, Φ, first.copy(), stop.copy())
+
+
+def _forces(arrays: Mapping[str, Any]) -> Iterator[tuple[str, NDArray[np.void]]]:
+    """Force elements of the chain, if any, without couplings."""
+    for name, dtype in FORCES.items():
+        if name != "couplings" and len(rows := arrays.get(f"chain_{name}", ())):
+            yield name, _records(rows, dtype)
+
+
+def _records(rows: NDArray[np.void], dtype: np.dtype[np.void]) -> NDArray[np.void]:
+    """Rows with the dtype for which kernels are compiled; archives store only names and formats of the dtype.
+
+    In archives of older versions, bodies lack the field `springs` (springs then act on angles) or fields for branches.
+    """
+    # fields that are missing in archives of older versions
+    later = {"springs", "parent", "begins", "slot", "fork", "loaded"}
+    there = rows.dtype.names or ()
+    if there != tuple(name for name in dtype.names or () if name not in later or name in there):
+        raise ValueError(f"its chain has the fields {rows.dtype.names}, not {dtype.names}")
+    found = np.zeros(len(rows), dtype)
+    for name in there:
+        found[name] = rows[name]
+    return found
+
+
+def check_samples(arrays: Mapping[str, NDArray[Any]], n: int) -> None:
+    """Check the arrays that have one entry per sample; skip those that are missing.
+
+    Raises
+    ------
+    ValueError
+        An array has the wrong type or shape, or is not finite; or times do not increase.
+    """
+    shapes: dict[str, tuple[int, ...]] = {  # shape of each array at one sample
+        "t": (), "q": (n,), "qd": (n,), "tau": (n,), "tip": (3,), "tip_wrench": (6,), "kinetic": (), "gravity": (),
+        "elastic": (), "work": (), "attitude": (4,), "spin": (3,), "momentum_linear": (3,), "momentum_angular": (3,),
+        "momentum_center": (3,), "error": (),
+    }  # fmt: skip
+    samples = len(arrays["t"]) if arrays["t"].ndim else 0
+    for name in (name for name in shapes if name in arrays):
+        array, wanted = arrays[name], (samples, *shapes[name])
+        if array.dtype != np.float64:
+            raise ValueError(f"{name} is of type {array.dtype}; expected float64")
+        if array.shape != wanted and not (name == "tip_wrench" and array.shape == (0, 6)):  # empty if not from a run
+            raise ValueError(f"{name} has shape {array.shape}; expected {wanted}")
+        if not np.isfinite(array).all():
+            raise ValueError(f"{name} has numbers that are not finite")
+    if (np.diff(arrays["t"]) <= 0).any():
+        raise ValueError("t does not increase")
+    if "delayed" in arrays:
+        check_delayed(arrays["delayed"])
+
+
+def check_delayed(delayed: NDArray[Any]) -> None:
+    """Check the torques on their way at the end of a run.
+
+    Raises
+    ------
+    ValueError
+        The array is not a table of finite numbers, or its times do not increase.
+    """
+    if delayed.dtype != np.float64 or delayed.ndim != 2 or not delayed.shape[1]:
+        raise ValueError(f"delayed has shape {delayed.shape} and type {delayed.dtype}; expected a table of float64")
+    if not np.isfinite(delayed).all() or (np.diff(delayed[:, 0]) <= 0).any():
+        raise ValueError("delayed has numbers that are not finite, or times that do not increase")
+
+
+def check_chain(chain: Chain) -> None:
+    """Check that the chain's numbers are finite, and that its bodies, hinges and force elements are consistent.
+
+    Raises
+    ------
+    ValueError
+        The chain is not valid.
+    """
+    # fields that may be infinite
+    unlimited = {"lower", "upper"}
+    forces = {name: chain.force(name) for name in FORCES}
+    parts = {"bodies": chain.bodies, "hinges": chain.hinges, "axes": chain.described, **forces}
+    for part, rows in parts.items():
+        for name in set(rows.dtype.names or ()) - unlimited:
+            if not np.isfinite(rows[name]).all():
+                raise ValueError(f"its chain's {part} have a {name} that is not finite")
+    if chain.gravity.shape != (3,) or chain.gravity.dtype != np.float64 or not np.isfinite(chain.gravity).all():
+        raise ValueError("its chain's gravity is not three finite numbers")
+    known = [_names_a_joint(coordinate, len(chain.link_names)) for coordinate in chain.coordinates]
+    if len(known) != chain.n or not all(known):
+        raise ValueError("its chain's coordinates do not match its hinges and links")
+    if len(chain.joints_of_links) != len(chain.link_names):
+        raise ValueError("its chain's names of joints do not match its links")
+    belong = {name: _are_within(chain, rows) for name, rows in forces.items()}
+    for part, good in ({"bodies": _is_tree(chain)} | belong).items():
+        if not good:
+            raise ValueError(f"its chain's {part} do not belong together")
+
+
+def _names_a_joint(coordinate: Coordinate, links: int) -> bool:
+    whole = all(type(index) is int for index in coordinate)
+    return whole and 0 <= coordinate.link <= links and coordinate.segment >= 0 and coordinate.known is not None
+
+
+def _is_tree(chain: Chain) -> bool:
+    bodies, hinges, again = chain.bodies, chain.hinges, chain.bodies.copy()
+    if not len(bodies) or (bodies["parent"] < 0).any() or (bodies["parent"] > np.arange(len(bodies))).any():
+        return False
+    record_branches(again)
+    ends = np.append(0, bodies["stop"])
+    in_order = bool((bodies["first"] == ends[:-1]).all() and ends[-1] == chain.n and (np.diff(ends) >= 0).all())
+    known = np.isin(hinges["axis"], range(6)).all() and np.isin(bodies["springs"], range(3)).all()
+    on = all(-1 <= body < len(bodies) for body in chain.tips.values())  # -1: the base
+    in_order = in_order and len(chain.described) == len(bodies)
+    return in_order and bool(known) and on and again.tobytes() == bodies.tobytes()
+
+
+def _are_within(chain: Chain, rows: NDArray[np.void]) -> bool:
+    """Whether force elements refer to existing hinges and bodies, and each coupling lists its inner hinge first."""
+    names = set(rows.dtype.names or ())
+    ends = {"hinge": chain.n, "inner": chain.n, "outer": chain.n, "body": len(chain.bodies)}
+    there = all(((rows[name] >= 0) & (rows[name] < ends[name])).all() for name in names & ends.keys())
+    return bool(there and ("inner" not in names or (rows["inner"] < rows["outer"]).all()))

@@ -18,10 +18,10 @@ from flexlink.common.types import Array
 from flexlink.common.wording import plural
 from flexlink.dynamics.forces import has_potential
 from flexlink.pages.colours import BLUE, CYCLE, GREEN, GREY, INK, VERMILION
+from flexlink.results.convergence import resolved
 from flexlink.results.notebook_figure import NotebookFigure as Figure
 from flexlink.results.notebook_figure import literal
 from flexlink.results.pictures.view import view_of_motion
-from flexlink.results.resolved_modes import resolved
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

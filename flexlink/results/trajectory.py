@@ -198,7 +198,7 @@ class Trajectory(RunSamples):
         >>> print(again, np.array_equal(again.tip, run.tip))
         <Trajectory 'two_links': 101 samples, 0 … 1 s, 6 joints> True
         """
-        from flexlink.results.loading import stored_run  # noqa: PLC0415
+        from flexlink.results.files import stored_run  # noqa: PLC0415
 
         return stored_run(path, cls)
 

@@ -9,8 +9,7 @@ import msgspec
 import numpy as np
 
 from flexlink.chain.coordinates import unique
-from flexlink.chain.rigid import Pose
-from flexlink.chain.rotation import rpy_from_matrix
+from flexlink.chain.rigid import Pose, rpy_from_matrix
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import short_list, truncated

@@ -1,4 +1,4 @@
-"""A robot as URDF describes it: rigid links that form a tree; anything else is an error that names the element."""
+"""A robot as URDF describes it: rigid links in a tree, and its joints' positions; anything else is a named error."""
 
 from __future__ import annotations
 

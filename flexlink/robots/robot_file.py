@@ -17,8 +17,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from flexlink.chain.rigid import NOTHING, Pose, SpatialInertia
-from flexlink.chain.rotation import matrix_from_rpy_deg
+from flexlink.chain.rigid import NOTHING, Pose, SpatialInertia, matrix_from_rpy_deg
 from flexlink.common import safe_xml
 from flexlink.common.errors import DataFileError, Diagnostic, SceneError
 from flexlink.common.output import read_regular, shown_path

@@ -15,8 +15,8 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics import rounding
 from flexlink.dynamics.equilibrium import Equilibrium
 from flexlink.dynamics.vibration.steady import rest_of
+from flexlink.motion.inputs.actuation import initial_wrench
 from flexlink.motion.inputs.initial_state import initial_state
-from flexlink.motion.inputs.tip_wrench import initial_wrench
 from flexlink.motion.simulate import simulate
 from flexlink.results.tip_motion import tip_travel
 from flexlink.results.trajectory import Trajectory, deflections

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink.advice import advise as advising
-from flexlink.advice import horizon as horizons
 from flexlink.advice import refinement as refining
 from flexlink.advice import rigid
 from flexlink.advice.advise import Advisor
@@ -437,7 +436,7 @@ def test_if_the_last_strict_run_fails_a_coarser_level_estimates_the_step_error()
 def test_the_horizon_is_the_last_sample_before_the_tolerance_is_exceeded(off, known, holds) -> None:
     refinement = study_of_levels(n2=ALLOWED * along_x(*off))
     refinement.limit = Limit(along_x(*[0.0] * 5), np.zeros(5))
-    assert horizons.horizon(refinement, NORM, ALLOWED * np.array(known)) == pytest.approx(holds)
+    assert refining.horizon(refinement, NORM, ALLOWED * np.array(known)) == pytest.approx(holds)
 
 
 # axes
@@ -471,7 +470,7 @@ def test_error_growth_is_the_largest_tip_error_over_the_initial_tip_error() -> N
 
     runner = SimpleNamespace(chain=lambda _: SimpleNamespace(size=reach), perturbed_run=perturbed_run)
     refinement = SimpleNamespace(finest=SimpleNamespace(outcome=finest), model=(None,), travel=1.0)
-    factor, e_fold = horizons.growth(cast("ModelRunner", runner), cast("RefinementStudy", refinement), ALLOWED)
+    factor, e_fold = refining.error_growth(cast("ModelRunner", runner), cast("RefinementStudy", refinement), ALLOWED)
     assert factor == pytest.approx(3.0)
     assert e_fold == np.inf
 
@@ -485,7 +484,7 @@ def test_the_time_constant_of_exponential_error_growth_is_found() -> None:
         perturbed_run=lambda model, stepping, angle: outcome(finest.tip + angle * off),
     )
     refinement = SimpleNamespace(finest=SimpleNamespace(outcome=finest), model=(None,), travel=1.0)
-    factor, e_fold = horizons.growth(cast("ModelRunner", runner), cast("RefinementStudy", refinement), ALLOWED)
+    factor, e_fold = refining.error_growth(cast("ModelRunner", runner), cast("RefinementStudy", refinement), ALLOWED)
     assert (factor, e_fold) == pytest.approx((np.exp(5.0), 0.2))
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import flexlink as fl
-from flexlink.chain.rotation import turn_to
+from flexlink.chain.rigid import turn_to
 from flexlink.describe.directions import unit
 from flexlink.dynamics.notes import notes
 from tests.conftest import ALUMINIUM, SQUARE, make_scene

@@ -13,7 +13,7 @@ from flexlink.chain.free_base import (
     rates_matrices_changing,
     rotations_of,
 )
-from flexlink.chain.rotation import matrix_from_quaternion
+from flexlink.chain.rigid import matrix_from_quaternion
 from flexlink.common.types import Array
 from tests.conftest import make_scene
 from tests.support.words import refused

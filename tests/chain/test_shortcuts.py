@@ -11,7 +11,7 @@ import flexlink as fl
 from flexlink.chain import builder, size
 from flexlink.chain.coordinates import Kind
 from flexlink.chain.free_base import angles_of, quaternions_of
-from flexlink.chain.rotation import matrices_from_quaternions, matrix_from_quaternion
+from flexlink.chain.rigid import matrices_from_quaternions, matrix_from_quaternion
 from flexlink.data.documents import is_finite
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.schemes.methods import method

@@ -21,7 +21,7 @@ from flexlink.kernels.forward.mass_plus_plane import plane_posture
 from flexlink.kernels.forward.mass_plus_space import space_posture
 from flexlink.kernels.forward.power_iteration import largest_eigenvalue
 from flexlink.pages.tables import Table
-from flexlink.results.resolved_modes import resolved
+from flexlink.results.convergence import resolved
 from flexlink.scene_report.parts import model
 from flexlink.scene_report.study import Study
 from tests.chain.test_cells import CHAINS, DAMPED, RUNS, arm, state

@@ -10,7 +10,7 @@ from scipy.special import ndtr
 
 import flexlink as fl
 from flexlink.cli.main import main
-from flexlink.motion.tip_inversion.inversion import Inversion
+from flexlink.motion.inversion import Inversion
 from tests.support.words import refused, reviewed
 from validation.oracles import hub_beam
 

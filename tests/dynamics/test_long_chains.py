@@ -7,7 +7,7 @@ import pytest
 
 import flexlink as fl
 from flexlink.dynamics.tangent import falls, stiffness_matrix, tangent
-from flexlink.dynamics.vibration import lowest, modal
+from flexlink.dynamics.vibration import eigenproblem, modal
 from flexlink.errors import ArgumentError, ConvergenceError, SingularMassError
 from tests.conftest import ROOT
 from tests.support.beams import cantilever, thin_arm, thin_link
@@ -95,14 +95,14 @@ def test_the_slowest_modes_keep_their_relative_accuracy() -> None:
 def test_a_mode_missing_from_the_start_vectors_is_detected_and_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """A straight arm bends in two independent planes, but the first start vectors bend in only one of them."""
     chain, times = fl.lump(long_arm(30, "yz", gravity=[0.0, 0.0, 0.0])), []
-    bent = lowest.Subspace.bent
+    bent = eigenproblem.Subspace.bent
 
-    def blind(self: lowest.Subspace, dice: np.random.Generator, count: int) -> np.ndarray:
+    def blind(self: eigenproblem.Subspace, dice: np.random.Generator, count: int) -> np.ndarray:
         times.append(count)
         return bent(self, dice, count) * ((chain.hinges["axis"] == 2) if len(times) == 1 else 1.0)
 
     wanted = fl.modes(chain, locked=chain.active, count=4).eigenvalues
-    monkeypatch.setattr(lowest.Subspace, "bent", blind)
+    monkeypatch.setattr(eigenproblem.Subspace, "bent", blind)
     found = fl.modes(chain, locked=chain.active, count=4).eigenvalues
     assert len(times) == 2
     assert found == pytest.approx(wanted, rel=1e-12)

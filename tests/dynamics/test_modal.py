@@ -23,7 +23,7 @@ from flexlink import (
     natural_frequencies,
     tip_position,
 )
-from flexlink.chain.rotation import matrix_from_rpy_deg
+from flexlink.chain.rigid import matrix_from_rpy_deg
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.dynamics.tangent import gyroscopic_matrix, load_torque, stiffness_matrix, tangent
 from flexlink.dynamics.vibration.eigenproblem import first_order_matrix

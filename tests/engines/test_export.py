@@ -24,7 +24,7 @@ from flexlink import (
     tip_position,
     to_mjcf,
 )
-from flexlink.chain.rotation import matrix_from_rpy_deg, rpy_from_matrix
+from flexlink.chain.rigid import matrix_from_rpy_deg, rpy_from_matrix
 from flexlink.cli.main import main
 from flexlink.dynamics import rounding
 from flexlink.engines import load

@@ -16,14 +16,13 @@ from scipy.signal import lfilter
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.identification import page, remarks, solve
-from flexlink.identification.block import Block
+from flexlink.identification.block import Block, noise_in, outliers_in, white_noise
 from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.data_page import amplitudes
 from flexlink.identification.estimate import Estimate
 from flexlink.identification.fitted import Fitted, FittedColumn
 from flexlink.identification.identifiability import Check, Direction
 from flexlink.identification.likelihood import Likelihood, row_of
-from flexlink.identification.noise import noise_in, outliers_in, white_noise
 from flexlink.pages.tables import Table
 from tests.conftest import ROOT
 from tests.identification.test_fit_first_look import strip

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import flexlink as fl
-from flexlink.results import resolved_modes
+from flexlink.results import convergence
 from flexlink.results.convergence import change_of_limit, extrapolated, observed_order
 from flexlink.results.pictures.view import view_of
 from flexlink.results.tip_motion import centre_of_motion, extent_of_motion, largest_so_far, tip_travel
@@ -68,13 +68,13 @@ def test_the_observed_order_is_infinite_for_equal_levels_or_growing_changes() ->
 def test_half_waves_of_a_mode_are_counted_by_sign_changes_of_its_moments(waves: int) -> None:
     x = (np.arange(40) + 0.5) / 40
     for sign in (1.0, -1.0):
-        assert resolved_modes._half_waves(sign * np.sin(waves * np.pi * x)) == waves
+        assert convergence._half_waves(sign * np.sin(waves * np.pi * x)) == waves
 
 
 def test_rounding_errors_next_to_large_moments_are_not_half_waves() -> None:
     moments = -np.sin(np.pi * (np.arange(40) + 0.5) / 40)
     moments[[0, -1]] = 1e-12
-    assert resolved_modes._half_waves(moments) == resolved_modes._half_waves(-moments) == 1
+    assert convergence._half_waves(moments) == convergence._half_waves(-moments) == 1
 
 
 FALL = fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied({"run.duration": 0.02, "run.sample": 0.005})

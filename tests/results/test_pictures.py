@@ -14,8 +14,8 @@ from PIL import Image, ImageSequence
 
 import flexlink as fl
 from flexlink.cli.main import main
+from flexlink.results.pictures.animate import turned_window
 from flexlink.results.pictures.film import Film, film_of
-from flexlink.results.pictures.page import turned_window
 from flexlink.results.pictures.projection import Projected
 from flexlink.results.pictures.view import view_of
 from tests.conftest import ROOT, flexible, make_scene, nasty_scene

@@ -16,7 +16,7 @@ import flexlink as fl
 from flexlink.dynamics.vibration.modal import Modes
 from flexlink.pages.numbers import JOIN
 from flexlink.pages.part import Part
-from flexlink.results.resolved_modes import resolved
+from flexlink.results.convergence import resolved
 from flexlink.scene_report import building
 from flexlink.scene_report.parts import loads, statics, vibration
 from flexlink.scene_report.parts.loads import peak_stress

@@ -14,7 +14,7 @@ import numpy as np
 
 from flexlink.chain.arguments import require_one_of
 from flexlink.chain.lumping import lump
-from flexlink.chain.rotation import matrix_from_rpy_deg
+from flexlink.chain.rigid import matrix_from_rpy_deg
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.link import Link

@@ -15,7 +15,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import Sensor, column_names
 from flexlink.dynamics.filters import linear_filter
 from flexlink.dynamics.sensors.signals import joint_of, signal_of, slopes_of
-from flexlink.dynamics.vibration.outputs import Output
+from flexlink.dynamics.vibration.linear_model import Output
 
 
 class SensorOutputs:

@@ -30,8 +30,7 @@ from flexlink.dynamics.free_motion import input_names, state_names
 from flexlink.dynamics.placement import jacobian
 from flexlink.dynamics.tangent import load_torque
 from flexlink.dynamics.terms import elastic_torque
-from flexlink.dynamics.vibration.linear_model import FILTER, LinearModel
-from flexlink.dynamics.vibration.outputs import OUTPUTS, Output, OutputSource
+from flexlink.dynamics.vibration.linear_model import FILTER, OUTPUTS, LinearModel, Output, OutputSource
 
 
 def linearize(

@@ -34,7 +34,7 @@ from flexlink.dynamics.singularity import factored_mass, idle_error
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.tangent import LoadedState, displacements, gyroscopic_matrix, stiffness_matrix, tangent, unlocked
 from flexlink.dynamics.vibration import eigenproblem
-from flexlink.dynamics.vibration.lowest import lowest
+from flexlink.dynamics.vibration.eigenproblem import lowest
 
 # Classification of modes as elastic, pendulum, rigid or artificial by their energy.
 #

@@ -1,4 +1,4 @@
-"""References that the tip follows: torques and joint motion, computed when a run is prepared (`follows = "tip"`)."""
+"""Torques and motion computed when a run is prepared: references that the tip follows, and static feed-forward."""
 
 from __future__ import annotations
 

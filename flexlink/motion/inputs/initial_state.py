@@ -16,9 +16,8 @@ from flexlink.describe.joint_units import IN_METRES, row_in_si
 from flexlink.describe.scene import Scene
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.inputs.record import Inputs, MotionTable
-from flexlink.motion.inputs.actuation import inputs_with
+from flexlink.motion.inputs.actuation import inputs_with, wrench_at
 from flexlink.motion.inputs.drives import no_drive
-from flexlink.motion.inputs.tip_wrench import wrench_at
 
 Rows = tuple[tuple[float, ...], ...]
 """Rows of one number per link."""

@@ -1,4 +1,4 @@
-"""Reference motions of the driven joints, as the arrays that the kernels read."""
+"""Reference motions of the driven joints, and other tables in time, as the arrays that the kernels read."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Linear control laws: slopes of the drive of a scene, or of a law in Python.
+"""Linear control laws, slopes of the drive of a scene or of a law in Python, and the loops that they close.
 
     z_k+1 = F z_k + G δy_k        δu_k = H z_k + K δy_k        y = (q, q̇, sensor readings)
 
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
-from flexlink.dynamics.vibration.sampled import discrete
+from flexlink.dynamics.vibration.derived_models import discrete
 from flexlink.kernels.inputs.cascade import cascade
 from flexlink.kernels.inputs.laws import CASCADE
 from flexlink.kernels.inputs.record import Drive

@@ -17,10 +17,10 @@ from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.dynamics.sensors.outputs import SensorOutputs
 from flexlink.dynamics.tangent import load_torque
 from flexlink.dynamics.terms import elastic_torque
+from flexlink.dynamics.vibration.derived_models import Matrices
 from flexlink.dynamics.vibration.linear import linearize
 from flexlink.dynamics.vibration.linear_model import rates
-from flexlink.dynamics.vibration.sampled import Matrices
-from flexlink.motion.inputs.tip_wrench import wrench_at
+from flexlink.motion.inputs.actuation import wrench_at
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

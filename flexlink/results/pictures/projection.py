@@ -1,4 +1,4 @@
-"""Projection of the arm into the picture: outlines of its links, from far to near, and a window around them."""
+"""Projection of the arm into the picture: its links from far to near, a window around them, and texts beside them."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ import numpy as np
 from flexlink.common.types import Array
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.vibration.steady import rest_of
-from flexlink.motion.inputs.tip_wrench import initial_wrench
+from flexlink.motion.inputs.actuation import initial_wrench
 from flexlink.pages.colours import BLUE, GREY, INK
 from flexlink.pages.numbers import number
 from flexlink.pages.part import Part

@@ -10,7 +10,7 @@ from flexlink.common.types import Array
 from flexlink.dynamics.equilibrium import buckling_loads
 from flexlink.dynamics.placement import frames, tip_position, unbent
 from flexlink.dynamics.terms import bias_torque
-from flexlink.motion.inputs.tip_wrench import initial_wrench
+from flexlink.motion.inputs.actuation import initial_wrench
 from flexlink.pages.numbers import number
 from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture

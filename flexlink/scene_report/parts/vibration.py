@@ -7,7 +7,7 @@ import numpy as np
 from flexlink.chain.branches import as_lines
 from flexlink.dynamics.vibration.modal import Modes
 from flexlink.dynamics.vibration.steady import modes_at_rest
-from flexlink.motion.inputs.tip_wrench import initial_wrench
+from flexlink.motion.inputs.actuation import initial_wrench
 from flexlink.pages.colours import BLUE, GREY, VERMILION
 from flexlink.pages.numbers import number
 from flexlink.pages.part import Part
@@ -15,8 +15,8 @@ from flexlink.pages.picture import Picture
 from flexlink.pages.style import WIDTH
 from flexlink.pages.tables import Cell, Table, table_csv
 from flexlink.pages.verdict import Fact
+from flexlink.results.convergence import resolved
 from flexlink.results.pictures.view import view_of_motion
-from flexlink.results.resolved_modes import resolved
 from flexlink.scene_report.study import Study
 
 from matplotlib.figure import Figure  # isort: skip

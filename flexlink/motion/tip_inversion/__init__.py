@@ -1,1 +1,0 @@
-"""Moves of the tip: the scene driven by computed torques, and its run."""
