@@ -18,8 +18,9 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.cli.shared import prefix_errors, print_lines, require_writable, varied_scene
 from flexlink.common.errors import ArgumentError
-from flexlink.common.output import make_folder, shown_path, write_text
+from flexlink.common.output import make_folder, write_text
 from flexlink.common.types import Array
+from flexlink.data.documents import shown_path
 from flexlink.describe.scene import Scene
 from flexlink.formats import FORMATS
 from flexlink.formats.code import to_c, to_casadi

@@ -16,7 +16,8 @@ from typing import Any
 from flexlink.cli.json_output import with_ids
 from flexlink.cli.shared import assignments, prefix_errors, print_hints, print_lines, require_writable, varied
 from flexlink.common.errors import ArgumentError
-from flexlink.common.output import shown_path, write_text
+from flexlink.common.output import write_text
+from flexlink.data.documents import shown_path
 from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.spec import decode
 from flexlink.robots.collection import KnownArm, known_arm

@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexlink.common.errors import ArgumentError, Diagnostic, FlexlinkError
-from flexlink.common.output import check_writable, shown_path, write_or_keep
+from flexlink.common.output import check_writable, write_or_keep
 from flexlink.common.wording import coloured, id_of
+from flexlink.data.documents import shown_path
 from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.scene import Scene
 from flexlink.describe.scene_file import load_scene

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlink.common.errors import DataFileError
-from flexlink.common.output import read_regular
 from flexlink.common.types import Array
 from flexlink.common.wording import plural, short_list, truncated
+from flexlink.data.documents import read_regular
 
 TIME = "t [s]"
 UNITS = {

@@ -17,9 +17,8 @@ from flexlink.chain.lumping import lump
 from flexlink.common import safe_xml
 from flexlink.common.errors import ArgumentError, DataFileError
 from flexlink.common.notebook import html_lines, html_table
-from flexlink.common.output import read_regular
 from flexlink.common.types import Array
-from flexlink.data.documents import require_path
+from flexlink.data.documents import read_regular, require_path
 from flexlink.describe.scene import Scene
 from flexlink.diagnosis.diagnosis import Diagnosis, diagnose, diagnose_file
 from flexlink.diagnosis.quantities import Difference, compare_engines, mixed_states

@@ -11,8 +11,8 @@ from typing import Any, Self
 import numpy as np
 
 from flexlink.common.errors import ArgumentError, DataFileError
-from flexlink.common.output import read_regular, write_whole
-from flexlink.data.documents import require_path
+from flexlink.common.output import write_whole
+from flexlink.data.documents import read_regular, require_path
 
 
 class Result:

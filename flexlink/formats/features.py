@@ -13,7 +13,7 @@ import numpy as np
 from flexlink.chain.arguments import require_one_of
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import Diagnostic
-from flexlink.common.output import shown_path
+from flexlink.data.documents import shown_path
 from flexlink.describe.initial import BaseState
 from flexlink.describe.scene import Scene
 

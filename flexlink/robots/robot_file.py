@@ -20,10 +20,9 @@ import numpy as np
 from flexlink.chain.rigid import NOTHING, Pose, SpatialInertia, matrix_from_rpy_deg
 from flexlink.common import safe_xml
 from flexlink.common.errors import DataFileError, Diagnostic, SceneError
-from flexlink.common.output import read_regular, shown_path
 from flexlink.common.types import Array
 from flexlink.common.wording import did_you_mean, truncated
-from flexlink.data.documents import read_toml, require_path
+from flexlink.data.documents import read_regular, read_toml, require_path, shown_path
 from flexlink.describe.directions import unit
 from flexlink.describe.spec import decode
 from flexlink.robots.kinematic_tree import JointKind, Mimic, Robot, TreeJoint

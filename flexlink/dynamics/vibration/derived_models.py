@@ -1,4 +1,6 @@
-"""Linear systems sampled by a digital controller: zero-order hold, with delays of inputs and outputs.
+"""Linear models derived from others: sampled by a digital controller, or with fewer states.
+
+Samples are taken with zero-order hold, and with delays of inputs and outputs:
 
     x_k+1 = Φ x_k + Γ_r u_k-m + Γ_f u_k-m-1        delay of the inputs = (m + f) T,   0 ≤ f < 1
 
