@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array, T
 from flexlink.common.wording import did_you_mean, short_list, truncated
 from flexlink.describe.numbers import numbers
-from flexlink.describe.spec import to_builtin
+from flexlink.describe.spec import key_mistakes, to_builtin
 from flexlink.kernels.tools.finite import is_finite
 
 FLOAT64 = np.dtype(np.float64)
@@ -103,6 +103,18 @@ def _conversion(given: str, wanted: str) -> str:
         ("Scene", "FitProblem"): "fl.fits.FitProblem(scene=scene, …)",
     }
     return conversions.get((given, wanted), "")
+
+
+def refuse_unknown(function: Callable[..., object], unknown: Mapping[str, object]) -> None:
+    """Refuse keyword arguments that a function does not take, and name what was probably meant.
+
+    Raises
+    ------
+    ArgumentError
+        There is one.
+    """
+    for wrong in key_mistakes(unknown, list(function.__kwdefaults__ or ()), (), function.__name__):
+        raise ArgumentError(wrong, id=wrong.id)
 
 
 def require_each(name: str, values: object, kind: type[T]) -> list[T]:

@@ -9,7 +9,7 @@ import reprlib
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import NoneType, UnionType
-from typing import Annotated, Any, Union, cast, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Union, cast, get_args, get_origin
 
 import msgspec
 import numpy as np
@@ -57,13 +57,31 @@ def build_validated(make: Callable[..., T], *arguments: Any, **fields: Any) -> T
         _thread.validated = before
 
 
-class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, cache_hash=True):
+class _Explained(msgspec.StructMeta):
+    """Type of descriptions: unknown and missing arguments are explained as the keys of a file are."""
+
+    if not TYPE_CHECKING:
+
+        def __call__(self, *values: Any, **fields: Any) -> Any:
+            try:
+                return super().__call__(*values, **fields)
+            except TypeError:
+                known = fields_of(self)
+                required = [field.name for field in known if field.required] if not values else []
+                for wrong in key_mistakes(fields, [field.name for field in known], required, self.__name__):
+                    raise SceneError(wrong, id=wrong.id) from None
+                raise
+
+
+class Spec(
+    msgspec.Struct, metaclass=_Explained, frozen=True, forbid_unknown_fields=True, kw_only=True, cache_hash=True
+):
     """Frozen record whose fields are checked against their annotations, however it is built.
 
     Raises
     ------
     SceneError
-        A field has the wrong type, lies outside its range, or is not finite.
+        A field is unknown or missing, has the wrong type, lies outside its range, or is not finite.
     """
 
     def __post_init__(self) -> None:

@@ -18,6 +18,7 @@ from flexlink.describe.hinges import hinges_of
 from flexlink.describe.joint import Joint
 from flexlink.describe.joint_units import in_words
 from flexlink.describe.link import Link
+from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.run_settings import DEFAULT_TOLERANCE
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import fields_of
@@ -50,7 +51,7 @@ def notes(scene: Scene) -> tuple[Diagnostic, ...]:
     """
     require_type("scene", scene, Scene)
     start = _parallel_gravity, _odd_reference, slack_springs, unheld_joints, weak_drives, balance
-    unused = _unused_static_start, _unused_torques, _unused_link_keys, _centers_without_mass
+    unused = _unused_static_start, _unused_torques, _unused_targets, _unused_link_keys, _centers_without_mass
     unusual = _tip_without_length, _falling_base, _few_hinges, _on_edge
     with np.errstate(all="ignore"):  # values beyond float64 are refused when a run is built from them
         return *(note for each in (*start, *unused, *unusual) for note in each(scene)), *of_odd_bodies(scene.arm)
@@ -169,6 +170,9 @@ def _odd_reference(scene: Scene) -> Iterator[Diagnostic]:
         part = run.sample or run.step or 1e-3
         complete = part * np.ceil((course.knots[-1] - scene.initial.time) / part)
         text += f"; for the complete move set run.duration = {complete:.9g}"
+        rates = [rate for rate in (scene.drive.reference.max_rate_deg if scene.drive.reference else None) or () if rate]
+        if rates and max(rates) < 2 * math.pi:
+            text += f"; max_rate_deg = {max(rates):g} °/s is slow, {math.degrees(max(rates)):.3g} °/s if meant in rad/s"
         yield Diagnostic(f"drive.reference: {text}", "reference-cut-off")
 
 
@@ -188,6 +192,22 @@ def _unused_torques(scene: Scene) -> Iterator[Diagnostic]:
             yield Diagnostic(
                 f"drive.{key}: has no effect on {motion.link!r}; the motion of this joint is prescribed", "no-effect"
             )
+
+
+def _unused_targets(scene: Scene) -> Iterator[Diagnostic]:
+    """A locked joint stays at its initial position, whatever its target."""
+    drive, reference = scene.drive, scene.drive.reference
+    targets = {"target_deg": drive.target_deg, "target_m": drive.target_m}
+    targets |= {f"reference.{key}": getattr(reference, key, None) for key in ("to_deg", "to_m")}
+    for key, values in targets.items():
+        own = scene.initial.joint_deg if key.endswith("deg") else scene.initial.joint_m
+        for k, link in enumerate(scene.arm.links):
+            if link.joint.locked and values and values[k] and values[k] != (own[k] if own else 0.0):
+                yield Diagnostic(
+                    f"{scene.arm.path(k + 1, f'drive.{key}')} = {values[k]:g}: has no effect; the joint of "
+                    f"{link.name!r} is locked; set joint.locked = false",
+                    "no-effect",
+                )
 
 
 def _tip_without_length(scene: Scene) -> Iterator[Diagnostic]:
@@ -281,6 +301,8 @@ def slack_springs(scene: Scene) -> Iterator[Diagnostic]:
     holds = drive.kind == "computed_torque" or drive.gravity != "none"
     if not holds or initial.passive != "zero" or initial.q is not None or not any(scene.gravity):
         return
+    if hints(scene):  # a wrong unit explains a large drop better
+        return
     chain = lump(scene)
     drop = _drop(chain, _angles(scene, chain))
     if drop > VISIBLE_DROP * chain.size:
@@ -314,14 +336,24 @@ def unheld_joints(scene: Scene) -> Iterator[Diagnostic]:
 
 
 def weak_drives(scene: Scene) -> Iterator[Diagnostic]:
-    """Warn if a torque limit does not hold the initial configuration; it may have been given in kN m."""
-    effort = scene.drive.effort
-    if effort is None or not any(scene.gravity):
+    """Warn if a torque limit or a gain does not hold the initial configuration, possibly because of its unit."""
+    drive, effort = scene.drive, scene.drive.effort
+    soft = drive.kp if drive.kind == "pd" and drive.gravity == "none" else None
+    if (effort is None and soft is None) or not any(scene.gravity):
         return
     chain = lump(scene)
     pulled = np.abs(gravity_torque(chain, _angles(scene, chain)))
     for joint in chain.active:
         k, unit = chain.coordinates[int(joint)].link, chain.torque_units[joint]
+        if soft is not None and not chain.slides[joint] and 0 < soft[k - 1] < float(pulled[joint]):
+            gain, weight = soft[k - 1], f"the weight, {float(pulled[joint]):.3g} N m"
+            yield Diagnostic(
+                f"{scene.arm.path(k, 'drive.kp')} = {gain:g} N m/rad: {weight}, turns the joint by more than 1 rad; "
+                f"set drive.gravity = 'rigid', or a larger gain; if meant per degree, {math.degrees(gain):.4g}",
+                "weak-drive",
+            )
+        if effort is None:
+            continue
         limit, needed = effort[k - 1], float(pulled[joint])
         if limit < needed:
             # a limit below a twentieth of the holding torque suggests a wrong unit

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Never
 
 from msgspec.structs import replace
 from numpy.typing import ArrayLike
 
-from flexlink.chain.arguments import require_callable, require_type
+from flexlink.chain.arguments import refuse_unknown, require_callable, require_type
 from flexlink.common.errors import ArgumentError
 from flexlink.common.interruption import deferred
 from flexlink.common.memo import Kept, Memo
@@ -49,6 +49,7 @@ def simulate(
     rate: float | None = None,
     delay: float = 0.0,
     after: Trajectory | None = None,
+    **unknown: Never,
 ) -> Trajectory:
     """Integrate the equation of motion M q̈ + T_GC + T_FL + T_FR = T_EX from the scene's initial state.
 
@@ -83,6 +84,8 @@ def simulate(
     after
         A run whose last sample this run starts from, in place of `q0`, `qd0` and `t0`. Torques of a delayed law that
         were on their way then act in this run.
+    **unknown
+        Refused; the message names what was probably meant.
 
     Returns
     -------
@@ -123,6 +126,7 @@ def simulate(
     >>> undriven = scene.varied({"drive": fl.Drive()})
     >>> lazy = fl.simulate(undriven, control=damp, rate=1000.0, duration=0.1)
     """
+    refuse_unknown(simulate, unknown)
     require_callable("progress", progress)
     settings = {
         "method": method, "step": step, "duration": duration, "sample": sample,

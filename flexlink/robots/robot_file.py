@@ -62,7 +62,8 @@ def read_robot(path: str | Path) -> Robot:
     try:
         return _robot(root)
     except DataFileError as error:
-        hint = "; this is a xacro file: expand it first" if error.id == "xacro" or "${" in str(error) else ""
+        hint = "; this is a xacro file: expand it first, xacro FILE > robot.urdf"
+        hint *= error.id == "xacro" or "${" in str(error)
         raise DataFileError(f"{shown_path(path)}: {error}{hint}") from None
 
 

@@ -146,7 +146,12 @@ def test_a_public_function_documents_its_parameters_result_and_errors(function: 
     docstring = inspect.getdoc(function) or ""
     for section in ("Parameters", "Returns", "Raises"):
         assert f"\n\n{section}\n{'-' * len(section)}\n" in docstring
-    named = {name for line in docstring.splitlines() if re.fullmatch(r"\w+(, \w+)*", line) for name in line.split(", ")}
+    named = {
+        name
+        for line in docstring.splitlines()
+        if re.fullmatch(r"\**\w+(, \w+)*", line)
+        for name in line.lstrip("*").split(", ")
+    }
     assert set(inspect.signature(function).parameters) <= named
 
 

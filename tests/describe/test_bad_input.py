@@ -343,6 +343,21 @@ def test_python_descriptions_accept_lists_dicts_and_numpy_arrays() -> None:
         fl.Link(name="a", joint={"viscous": -1})
 
 
+@pytest.mark.parametrize(
+    ("make", "wanted"),
+    [
+        (fl.RunSettings, {"dt": 1e-3}),
+        (lambda **odd: fl.simulate(fl.load_scene(T3_FILE), **odd), {"t_end": 2.0}),
+        (fl.Section, {"thickness": 0.01}),
+        (fl.Reference, {"to": (1.0,)}),
+        (fl.Link, {"length": 1.0}),
+    ],
+)  # fmt: skip
+def test_unknown_and_missing_arguments_in_python_are_explained_as_in_a_file(make: Edit, wanted: dict) -> None:
+    with refused(fl.FlexlinkError, "missing-key" if "length" in wanted else "unknown-key"):
+        make(**wanted)
+
+
 @pytest.mark.parametrize("clone", [lambda c: pickle.loads(pickle.dumps(c)), copy.copy, copy.deepcopy])
 def test_copies_of_a_chain_stay_read_only(clone: Callable[[fl.Chain], fl.Chain], models) -> None:
     """Numba treats writable arrays as another type: a worker process would recompile everything."""

@@ -86,6 +86,10 @@ PLANTED: list[tuple[dict[str, Any], str, str]] = [
     ({"drive.torque": [9e6, 0.0]}, "drive.torque.boom", "N mm"),
     ({"wrench.times": [0.0, 500.0, 1000.0]}, "wrench.times[2]", "ms"),
     ({"run.tolerance": 1.0}, "run.tolerance", "mm"),
+    ({"run.duration": 2000.0}, "run.duration", "ms"),
+    ({"initial.joint_deg": [0.52, -1.05]}, "initial.joint_deg", "rad"),
+    ({"link.*.flex": "rigid", "sensor": [], "link.boom.hub.mass": 2e6}, "link.boom.hub.mass", "g"),
+    ({"link.*.flex": "rigid", "sensor": [], "tip.mass": 2e5}, "tip.mass", "g"),
 ]  # fmt: skip
 
 

@@ -100,7 +100,7 @@ BAD = {  # text of the good scene, its replacement, the id of the error, and par
     "property of a material in a link": (
         'name     = "fore"', 'name = "fore"\nyoung = 2e11', "unknown-key", ["link.fore.young", "[material.NAME]"],
     ),
-    "payload below another table": ("[run]", "[run]\ntip.mass = 2.0", "unknown-key", ["run.tip", "top of the file"]),
+    "payload below another table": ("[run]", "[run]\ntip.mass = 2.0", "unknown-key", ["run.tip", "a separate table"]),
     "a flexible link without its section": (
         'section  = "square"', "", "missing-key", ["link.upper.section", "material", "flexible"],
     ),

@@ -40,6 +40,20 @@ def test_without_gravity_or_feedforward_there_is_no_note(change: dict[str, Any])
     assert notes(arm({**PD, "gravity": "static"}).varied(change)) == ()
 
 
+def test_gains_that_the_weight_overcomes_by_a_radian_are_noted() -> None:
+    (note,) = notes(arm({**PD, "kp": (2e4, 30.0)}))
+    assert note.id == "weak-drive" and "1719" in note  # 30 N m/deg
+    reviewed(note.id, note)
+    assert notes(arm({**PD, "kp": (2e4, 30.0), "gravity": "rigid"}, initial=fl.InitialState(passive="static"))) == ()
+
+
+def test_a_target_of_a_locked_joint_is_noted() -> None:
+    locked = {**PD, "kp": (2e4, 0.0), "kd": (1e3, 0.0), "target_deg": (0.0, 30.0)}
+    (note,) = notes(arm(locked).varied({"link.fore.joint.locked": True}))
+    assert note.startswith("drive.target_deg.fore")
+    reviewed(note.id, note)
+
+
 def test_an_undriven_falling_joint_next_to_a_driven_one_is_noted() -> None:
     (note,) = notes(arm({"kind": "constant", "torque": (200.0, 0.0)}))
     reviewed(note.id, note)

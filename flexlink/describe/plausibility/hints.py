@@ -14,6 +14,7 @@ from flexlink.describe.plausibility.loads import (
     of_gravity,
     of_joints,
     of_loads,
+    of_masses,
     of_places,
     situation_of,
 )
@@ -48,6 +49,7 @@ def hints(scene: Scene) -> tuple[Diagnostic, ...]:
 def _hints(scene: Scene) -> Iterator[Diagnostic]:
     arm, about = scene.arm, situation_of(scene)
     causes = [*of_materials(arm), *of_sections(arm), *of_gravity(scene), *of_places(scene, about)]
+    causes += of_masses(scene, about)
     yield from causes
     yield from of_bodies(scene, about)
     yield from of_angles(scene)
@@ -108,7 +110,9 @@ def of_angles(scene: Scene) -> Iterator[Diagnostic]:
     yield from _of_turns(scene)
     for path, values in angles:
         nonzero = [value for value in values if value]
-        if nonzero and max(map(abs, nonzero)) <= 2 * math.pi + 0.01 and any(map(_looks_like_radians, nonzero)):
+        several = len(nonzero) > 1 and all(_looks_like_radians(value, 15) for value in nonzero)
+        found = several or any(map(_looks_like_radians, nonzero))
+        if nonzero and max(map(abs, nonzero)) <= 2 * math.pi + 0.01 and found:
             inner = ", ".join(f"{math.degrees(value):.4g}" for value in values)
             why = "the digits match round angles in radians"
             yield Diagnostic(
@@ -132,12 +136,12 @@ def _of_turns(scene: Scene) -> Iterator[Diagnostic]:
             )
 
 
-def _looks_like_radians(value: float) -> bool:
-    """Whether the decimals match a multiple of 5° in radians (or of 90°, if there are only two decimals)."""
+def _looks_like_radians(value: float, coarse: int = 90) -> bool:
+    """Whether the decimals match a multiple of 5° in radians, or, if there are only two, of a coarser angle [deg]."""
     decimals = len(f"{abs(value):.12g}".partition(".")[2])
     if decimals < 2 or "e" in f"{value:.12g}":
         return False
-    unit = math.pi / (36 if decimals > 2 else 2)
+    unit = math.radians(5 if decimals > 2 else coarse)
     nearest = round(abs(value) / unit) * unit
     return nearest > 0 and abs(abs(value) - nearest) <= 1.1 * 10.0**-decimals
 
@@ -145,6 +149,7 @@ def _looks_like_radians(value: float) -> bool:
 def of_times(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
     """Hints on tables much longer than the run, on late drives, and on tolerances large for the arm's reach."""
     run = scene.run
+    yield from hint_if_outside("run.duration", run.duration, "duration", run.duration)
     tables = [("drive", scene.drive.times), ("wrench", scene.wrench.times)]
     tables += [(f"motion.{motion.link}", motion.times) for motion in scene.motion]
     tables += [("drive.reference", scene.drive.reference.times)] if scene.drive.reference is not None else []

@@ -58,6 +58,16 @@ def of_bodies(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
                 yield from hint_if_outside(f"{path}.inertia", largest, "gyration", gyration, 0.5)
 
 
+def of_masses(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
+    """Hints on a payload much heavier than a rigid arm, and on bodies that are too heavy for the arm's size."""
+    arm, own = scene.arm, sum(about.masses)
+    if own > 0 and all(link.flex == "rigid" for link in arm.links):  # else the strain decides
+        yield from hint_if_outside("tip.mass", about.payload, "payload", about.payload / own)
+    for k, link in enumerate(arm.links, 1):
+        if about.reach > 0:
+            yield from hint_if_outside(f"{arm.path(k)}.hub.mass", link.hub.mass, "mass", link.hub.mass / about.reach**3)
+
+
 def of_joints(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
     """Hints on rotors, gears, root springs and torques that are implausible for the masses they move."""
     arm, drive = scene.arm, scene.drive
