@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Union, cast, get_args, get_ori
 import msgspec
 import numpy as np
 
-from flexlink.common.errors import ALSO, Diagnostic, SceneError
+from flexlink.common.errors import ALSO, ArgumentError, Diagnostic, SceneError
 from flexlink.common.types import T
 from flexlink.common.wording import did_you_mean, truncated
 from flexlink.describe.expected import expected, why_not
@@ -71,6 +71,23 @@ class _Explained(msgspec.StructMeta):
                 for wrong in key_mistakes(fields, [field.name for field in known], required, self.__name__):
                     raise SceneError(wrong, id=wrong.id) from None
                 raise
+
+        def __init__(self, *arguments: Any, **options: Any) -> None:
+            super().__init__(*arguments, **options)
+            self.__setattr__ = _refuse_to_change
+
+
+class _UnchangeableError(ArgumentError, AttributeError):
+    """A description was changed in place."""
+
+
+def _refuse_to_change(part: object, name: str, value: object) -> None:
+    kind = type(part).__name__
+    raise _UnchangeableError(
+        f"{kind}.{name} = {truncated(value)}: scenes and their parts cannot be changed in place; scene.varied returns "
+        "one with other values, such as scene.varied({'tip.mass': 2.0})",
+        id="unchangeable",
+    )
 
 
 class Spec(

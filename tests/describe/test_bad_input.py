@@ -358,6 +358,12 @@ def test_unknown_and_missing_arguments_in_python_are_explained_as_in_a_file(make
         make(**wanted)
 
 
+def test_a_part_of_a_scene_cannot_be_changed_in_place() -> None:
+    scene = fl.load_scene(T3_FILE)
+    with refused(AttributeError, "unchangeable"):
+        scene.arm.tip.mass = 3.0
+
+
 @pytest.mark.parametrize("clone", [lambda c: pickle.loads(pickle.dumps(c)), copy.copy, copy.deepcopy])
 def test_copies_of_a_chain_stay_read_only(clone: Callable[[fl.Chain], fl.Chain], models) -> None:
     """Numba treats writable arrays as another type: a worker process would recompile everything."""
