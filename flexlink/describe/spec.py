@@ -77,13 +77,9 @@ class _Explained(msgspec.StructMeta):
             self.__setattr__ = _refuse_to_change
 
 
-class _UnchangeableError(ArgumentError, AttributeError):
-    """A description was changed in place."""
-
-
 def _refuse_to_change(part: object, name: str, value: object) -> None:
     kind = type(part).__name__
-    raise _UnchangeableError(
+    raise ArgumentError(
         f"{kind}.{name} = {truncated(value)}: scenes and their parts cannot be changed in place; scene.varied returns "
         "one with other values, such as scene.varied({'tip.mass': 2.0})",
         id="unchangeable",

@@ -22,12 +22,10 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 CONTRACTS = PROJECT["tool"]["importlinter"]["contracts"]
 BARS = {
     "layers of imports": 10, "classes": 409, "constants": 437, "public names": 76, "files of more than 500 lines": 0,
-    "functions of more than 60 lines of code": 1, "lines of contracts": 56, "lines": 72_500, "files": 522,
-    "longest chain of imports": 34, "files that simulate imports": 170, "depth of simulate": 24,
+    "functions of more than 60 lines of code": 1, "lines of contracts": 56, "lines": 71_950, "files": 430,
+    "longest chain of imports": 34, "files that simulate imports": 149, "depth of simulate": 24,
 }  # fmt: skip
-RAISED = {
-    "lines": (50, "force laws with a potential are part of T_FL and statics; hardening springs are new"),
-}
+RAISED: dict[str, tuple[int, str]] = {}
 """By how much a limit may be exceeded, and the reason."""
 HOPS = 8
 """Calls from `simulate` to the equation of motion, as a debugger shows them."""

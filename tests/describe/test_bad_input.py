@@ -360,7 +360,7 @@ def test_unknown_and_missing_arguments_in_python_are_explained_as_in_a_file(make
 
 def test_a_part_of_a_scene_cannot_be_changed_in_place() -> None:
     scene = fl.load_scene(T3_FILE)
-    with refused(AttributeError, "unchangeable"):
+    with refused(fl.errors.ArgumentError, "unchangeable"):
         scene.arm.tip.mass = 3.0
 
 
