@@ -12,6 +12,7 @@ from flexlink import errors
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.versions import __version__ as __version__
 from flexlink.common.versions import old_name
+from flexlink.common.wording import did_you_mean
 
 if TYPE_CHECKING:
     from flexlink import details, fits, small_motion, strength
@@ -222,7 +223,9 @@ def __getattr__(name: str) -> object:
     moved: list[str] = []
     if not name.startswith("_") and importlib.util.find_spec(f"flexlink.{name}") is None:  # a module is also asked for
         moved = [m for m in modules if name in importlib.import_module(f"flexlink.{m}").__all__]
-    where = f"; it is flexlink.{moved[0]}.{name}" if moved else ""
+    elsewhere = {"crba": "mass_matrix", "rnea": "inverse_dynamics", "aba": "forward_dynamics", "load": "load_scene"}
+    near = did_you_mean(elsewhere.get(name.partition("_")[0], name), __all__)
+    where = f"; it is flexlink.{moved[0]}.{name}" if moved else near
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}{where}")
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from flexlink.advice.advise import advise
 from flexlink.advice.verdict import Advice
-from flexlink.cli.shared import prefix_errors, print_path, require_writable, varied_scene
+from flexlink.cli.shared import prefix_errors, print_path, require_scene_file, varied_scene
 from flexlink.common.output import write_or_keep, write_text
 
 
@@ -40,7 +40,7 @@ def run_command(options: argparse.Namespace) -> int:
     """Find a model, print the reasons, and write the scene on request; exit with 1 if no model is good enough."""
     scene = varied_scene(options.scene, options)
     if options.out is not None:
-        require_writable(options.out)
+        require_scene_file(options.out)
     tip = options.tip
     with contextlib.suppress(ValueError):  # a length with its unit
         tip = float(tip)

@@ -91,7 +91,8 @@ def _code_writers(options: argparse.Namespace) -> dict[Path, Callable[[Chain], s
     both = (options.c, functools.partial(to_c, slopes=options.slopes)), (options.casadi, to_casadi)
     if options.out.suffix in {".urdf", ".xml", ".sdf"} and not options.out.exists():
         raise ArgumentError(
-            f"--out {options.out}: is a folder; its files are named after the scenes", id="unknown-format"
+            f"--out {options.out}: files are named after the scenes; give their folder, --out {options.out.parent}",
+            id="unknown-format",
         )
     for path, end, what in ((options.c, ".c", "C code"), (options.casadi, ".py", "code for CasADi")):
         if path is not None:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from flexlink.cli.json_output import with_ids
-from flexlink.cli.shared import assignments, prefix_errors, print_hints, print_lines, require_writable, varied
+from flexlink.cli.shared import assignments, prefix_errors, print_hints, print_lines, require_scene_file, varied
 from flexlink.common.errors import ArgumentError
 from flexlink.common.output import write_text
 from flexlink.data.documents import shown_path
@@ -46,7 +46,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
 def run_command(options: argparse.Namespace) -> int:
     """Import a robot, print what was done, and write the scene on request."""
     if options.out is not None:
-        require_writable(options.out)
+        require_scene_file(options.out)
     source = Path(options.robot)
     by_name = source.name == options.robot and not (source.suffix or source.is_file())
     known = known_arm(options.robot) if by_name else KnownArm(file=options.robot)

@@ -16,7 +16,7 @@ from flexlink.cli.shared import (
     print_lines,
     print_path,
     require_picture,
-    require_writable,
+    require_scene_file,
     save_plot,
     varied_scene,
 )
@@ -42,7 +42,7 @@ def run_command(options: argparse.Namespace) -> int:
     """Print pre-actuation, torques and errors beside those of a shaped move; 1 if the tip misses the tolerance."""
     scene = varied_scene(options.scene, options)
     if options.out is not None:
-        require_writable(options.out)
+        require_scene_file(options.out)
     require_picture(options.plot)
     with prefix_errors(options.scene):
         found = invert(scene, options.tip, duration=options.duration, tolerance=options.tolerance)

@@ -107,6 +107,9 @@ def _copied_by(error: Exception, options: argparse.Namespace) -> str:
     there = [one.name for one in path.parent.glob("*.toml")]
     if near := did_you_mean(path.name, there):
         return near
+    folders = [one.name for one in path.parent.parent.glob("*/") if (one / path.name).is_file()]
+    if not path.parent.exists() and (folder := closest(path.parent.name, folders)):
+        return f"; did you mean {str(path.parent.with_name(folder) / path.name)!r}?"
     names = map(Path, importlib.import_module("flexlink.cli.examples").bundled())
     return "".join(f"; get {name} by: flexlink examples {name}" for name in names if name.name == path.name)
 
@@ -127,6 +130,14 @@ def _loading() -> Iterator[None]:
         gc.enable()
 
 
+MEANT = {
+    "plot": "simulate SCENE --plot run.png", "run": "simulate", "animate": "show", "film": "show", "convert": "export",
+    "validate": "compare", "identify": "fit", "optimise": "advise", "frequencies": "modes",
+    "time": "duration", "t-end": "duration", "dt": "step", "output": "out", "timestep": "step",
+}  # fmt: skip
+"""What commands and options of other programs are called here."""
+
+
 class _Parser(argparse.ArgumentParser):
     """A parser that reports a wrong option in one line, and reads 1mm where an option's help names its unit, [m]."""
 
@@ -143,6 +154,7 @@ class _Parser(argparse.ArgumentParser):
         if rest:
             names = {name.strip("-"): name for name in self._option_string_actions}
             word = rest[0].partition("=")[0].strip("-")
+            word = MEANT.get(word, word) if MEANT.get(word) in names else word
             near = names.get(closest(word, names) or "", "")
             near = next(
                 (f"{one.option_strings[-1]} {word}" for one in self._actions if word in (one.choices or ())), near
@@ -156,10 +168,14 @@ class _Parser(argparse.ArgumentParser):
         if wrong := re.search(r"invalid choice: '(.*?)' \(choose from (.*)\)", message):
             known, where = [name.strip("' ") for name in wrong[2].split(",")], message.partition(": invalid")[0]
             what = "unknown command" if where == "argument command" else f"{where}: unknown"
-            message = f"{what} {wrong[1]!r}{did_you_mean(wrong[1], known) or '; allowed are ' + ', '.join(known)}"
+            near = f"; did you mean {MEANT[wrong[1]]!r}?" if wrong[1] in MEANT else did_you_mean(wrong[1], known)
+            message = f"{what} {wrong[1]!r}{near or '; allowed are ' + ', '.join(known)}"
         message = re.sub(r"invalid float value: (.*)", r"\1: expected a number in SI units, such as 0.5", message)
-        if re.match("unrecognized arguments: [^-](?!.*did you mean)", message):
-            message += "; write a value in one piece, such as --set tip.mass=3 or --tip 2mm"
+        if extra := re.match("unrecognized arguments: ([^- ][^ ]*)(?!.*did you mean)", message):
+            takes = [one.metavar or one.dest for one in self._actions if not one.option_strings]
+            message += f"; {self.prog} takes {' and '.join(map(str, takes)) or 'no names'}"
+            if re.match(r"[-+.\d]|[a-zµ]{1,3}$", extra[1]):  # a number or a unit
+                message += "; write a value in one piece, such as --set tip.mass=3 or --tip 2mm"
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
 
 

@@ -100,6 +100,16 @@ def save_plot(figure: Figure, path: Path) -> None:
     print_path("plot", path)
 
 
+def require_scene_file(path: Path) -> None:
+    """Check, before results are computed, that a scene can be written to a file, which is not of another format."""
+    if path.suffix in {".urdf", ".xml", ".mjcf", ".sdf"}:
+        raise ArgumentError(
+            f"{path}: a scene is written as .toml; then: flexlink export SCENE.toml --format {path.suffix[1:]}",
+            id="unknown-format",
+        )
+    require_writable(path)
+
+
 def require_writable(path: Path) -> None:
     """Check, before results are computed, that a file can be written: its folder exists and is writable."""
     if not path.parent.is_dir():

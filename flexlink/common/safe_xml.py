@@ -7,7 +7,7 @@ the text, and the number and depth of elements, are limited, which also limits m
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from xml.etree import ElementTree as ET
 from xml.parsers import expat
 
@@ -51,6 +51,7 @@ def parse(text: str | bytes, what: str, *, namespaces: bool = True) -> ET.Elemen
         parser = expat.ParserCreate(None if isinstance(text, bytes) else "utf-8", "}" if namespaces else None)
         parser.StartDoctypeDeclHandler, parser.CharacterDataHandler = builder.doctype, builder.data
         parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
+        builder.line = lambda: parser.CurrentLineNumber
         parser.Parse(data, True)
         return builder.close()
     except (expat.ExpatError, ValueError, LookupError) as error:  # ValueError: surrogates, encodings that expat lacks
@@ -58,6 +59,9 @@ def parse(text: str | bytes, what: str, *, namespaces: bool = True) -> ET.Elemen
             raise
         scene = "; a scene (.toml) is written as URDF by flexlink export" if what.endswith(".toml") else ""
         reason = " ".join(str(error).split())
+        if reason.startswith("mismatched tag") and builder.opened:
+            tag, line = builder.opened[-1]
+            scene = scene or f"; <{tag}>, opened in line {line}, is not closed before"
         scene = scene or "; the file ends before all its elements do; is it complete?" * reason.startswith("no element")
         raise DataFileError(f"{what}: not XML: {reason}{scene}", id="not-xml") from None
 
@@ -77,7 +81,9 @@ class _Elements(ET.TreeBuilder):
 
     def __init__(self, what: str) -> None:
         super().__init__()
-        self.what, self.count, self.depth = what, 0, 0
+        self.what, self.count = what, 0
+        self.line: Callable[[], int] = int
+        self.opened: list[tuple[str, int]] = []
 
     def doctype(self, name: str, *_: object) -> None:
         raise DataFileError(
@@ -86,17 +92,17 @@ class _Elements(ET.TreeBuilder):
 
     def start(self, tag: str, attributes: Mapping[str, str], /) -> ET.Element:
         self.count += 1 + len(attributes)
-        self.depth += 1
+        self.opened.append((tag, self.line()))
         if self.count > MOST_ELEMENTS:
             raise DataFileError(f"{self.what}: more than {MOST_ELEMENTS} elements and attributes", id="file-too-large")
-        if self.depth > DEEPEST:
+        if len(self.opened) > DEEPEST:
             raise DataFileError(
                 f"{self.what}: elements are nested deeper than {DEEPEST}, at <{tag[:60]}>", id="xml-too-deep"
             )
         return super().start(_full(tag), {_full(key): value for key, value in attributes.items()})
 
     def end(self, tag: str, /) -> ET.Element:
-        self.depth -= 1
+        self.opened.pop()
         return super().end(_full(tag))
 
 

@@ -133,9 +133,10 @@ def _why_unknown(head: str, known: Mapping[str, object]) -> str:
         fitting = ", ".join(units_like(head_of(same)[1]))
         return f"{'without a unit' if not unit else 'not known with this unit'}; expected {same!r} (units: {fitting})"
     alike = [name for name in known if conversion(unit, head_of(name)[1]) is not None and name != TIME]
+    alike = [name.replace(f"[{head_of(name)[1]}]", f"[{unit}]") for name in alike]
     others = f"columns in {unit} are {short_list(alike)}" if alike else ""
     expected = others or f"expected {short_list(list(known))}, or in deg, mm, µm, ms"
     return (
         f"not known; {expected}; remove the column if it is not needed (in a fit: list the needed ones in compare)"
-        f"{did_you_mean(head, known)}"
+        f"{did_you_mean(head, alike or known)}"
     )

@@ -57,6 +57,7 @@ def numbers(name: str, value: ArrayLike, wanted: str = "real numbers") -> Array:
         raise ArgumentError(f"{name}: not an array: {error}; expected {wanted}", id="wrong-type") from None
     if array.dtype.kind not in "fiu":
         given = f"is a {type(value).__name__}" if array.ndim == 0 else f"has dtype {array.dtype}"
+        given += f"; give its {name}, .{name}" * (array.ndim == 0 and hasattr(value, name))
         beyond = " (integers must not overflow float64)" if array.dtype.kind == "O" and array.ndim else ""
         raise ArgumentError(f"{name} {given}; expected {wanted}{beyond}", id="wrong-type")
     return np.array(array, np.float64, order="C")

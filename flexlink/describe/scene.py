@@ -6,12 +6,12 @@ import warnings
 from collections.abc import Container, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any
+from typing import Annotated, Any, Never
 
 import msgspec
 from msgspec.structs import FieldInfo, replace
 
-from flexlink.common.errors import DataFileError, Diagnostic, SceneError
+from flexlink.common.errors import ArgumentError, DataFileError, Diagnostic, SceneError
 from flexlink.common.memo import Memo, keep_last
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.output import write_text
@@ -202,7 +202,7 @@ class Scene(Spec, frozen=True):
         """
         return self.wrench.constant
 
-    def varied(self, changes: Mapping[str, object]) -> Scene:
+    def varied(self, changes: Mapping[str, object] | None = None, **unknown: Never) -> Scene:
         """Return a copy of this scene with new values, each given by its key path in the TOML file.
 
         Parameters
@@ -216,6 +216,8 @@ class Scene(Spec, frozen=True):
             selects all links on which the key has an effect: `flex`, `segments`, `lumping` and `damping` of
             flexible links, `material` and `section` of links that have them, friction, armature, rates and torques of
             links with a free joint. A tolerance replaces fixed steps, and a step replaces a tolerance.
+        **unknown
+            Refused; the message says how changes are written.
 
         Returns
         -------
@@ -235,6 +237,9 @@ class Scene(Spec, frozen=True):
         >>> soft = scene.varied({"material.aluminium.young": 35e9, "initial.joint_deg.upper": -45.0})
         >>> driven = scene.varied({"drive": fl.Drive(kind="constant", torque=(30.0, 5.0))})
         """
+        if changes is None or unknown:
+            remedy = "changes are given by their paths in a dict, such as scene.varied({'tip.mass': 2.0})"
+            raise ArgumentError(f"varied: {', '.join(unknown) or 'no changes'}: {remedy}", id="wrong-type")
         if not of_run_alone(changes):
             return self._varied(changes)
         known = tuple((path, type(value), value) for path, value in changes.items())

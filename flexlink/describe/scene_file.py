@@ -74,7 +74,11 @@ def refuse_scene(document: dict[str, Any], path: Path, what: str) -> None:
         The file is a scene; the message states how `what`, such as "a sweep plan", names it.
     """
     if "link" in document and "scene" not in document:
-        raise SceneError(f"this is a scene; {what} names one by scene = {path.name!r}", id="is-a-scene")
+        example = "models/fits/tapped.toml" if "fit" in what else "models/sweeps/payload.toml"
+        raise SceneError(
+            f"this is a scene; {what} names one by scene = {path.name!r} and adds what to vary, as {example} does",
+            id="is-a-scene",
+        )
 
 
 def _refuse_other(raw: dict[str, Any]) -> None:

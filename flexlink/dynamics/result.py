@@ -6,12 +6,13 @@ import dataclasses
 import io
 import zipfile
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, NoReturn, Self
 
 import numpy as np
 
 from flexlink.common.errors import ArgumentError, DataFileError
 from flexlink.common.output import write_whole
+from flexlink.common.wording import did_you_mean
 from flexlink.data.documents import read_regular, require_path
 
 
@@ -23,6 +24,14 @@ class Result:
         for name, value in fields.items():
             if isinstance(value, np.ndarray) and value.flags.writeable:
                 fields[name] = read_only(value)
+
+    if not TYPE_CHECKING:  # so that mypy still finds wrong names
+
+        def __getattr__(self, name: str) -> NoReturn:
+            fields = [field.name for field in dataclasses.fields(self)]
+            near = did_you_mean(name, [*fields, *(each for each in dir(type(self)) if each[0] != "_")])
+            near = near or f"; its fields are {', '.join(fields)}"
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}{near}")
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Make copies and pickles call the constructor, so that their arrays are read-only as well."""

@@ -125,7 +125,7 @@ class Control:
                 return np.clip(torque, -self.effort, self.effort) if self.limited else torque
         raise LawFailure(
             f"{self._label(t)} returned {truncated(given.tolist())}; expected one finite number per driven joint, "
-            f"shape ({self.joints},)"
+            f"shape ({self.joints},)" + "; their angles are q[chain.active]" * (given.shape == q.shape)
         )
 
     def _label(self, t: float) -> str:

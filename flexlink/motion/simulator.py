@@ -12,6 +12,7 @@ from flexlink.chain.arguments import positive, require_type, vector
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, Diagnostic
 from flexlink.common.types import Array
+from flexlink.common.wording import short_list
 from flexlink.describe.numbers import parts, whole
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.sensors.readings import Readings
@@ -78,6 +79,8 @@ class Simulator:
             self.chain, np.zeros(1), np.zeros((1, len(self.chain.active))), effort_of(scene, self.chain)
         )
         self._readings: dict[str, float] = {}
+        driven = short_list([self.chain.joint_name(int(k)) for k in self.chain.active])
+        self._torques = f", a torque for each driven joint: {driven}; a time is given as duration=…"
         self._lengths: dict[float, int] = {}  # number of fixed steps of each duration used so far
         self.reset()
 
@@ -234,7 +237,7 @@ class Simulator:
         inputs, end, steps = self._driven, self._later(duration), self._steps
         drive = remembered(inputs.drive) if inputs.drive.rate else ()  # only a sampled drive has memory
         calls = self._calls + 1
-        torque = None if tau is None else vector("tau", tau, len(self.chain.active)).copy()
+        torque = None if tau is None else vector("tau", tau, len(self.chain.active), meaning=self._torques).copy()
         if torque is not None:
             self._held.feedforward.coefficients[0, 0] = torque
             inputs, drive = self._pushed, (*drive, self._read)

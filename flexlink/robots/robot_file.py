@@ -57,6 +57,8 @@ def read_robot(path: str | Path) -> Robot:
         The file is invalid; the message names the file, the link or joint, the value and what is allowed.
     """
     path = require_path("path", path)
+    if path.suffix.lower() in {".stl", ".obj", ".dae", ".step", ".stp", ".iges"}:
+        raise DataFileError(f"{shown_path(path)}: a mesh or CAD file; import reads URDF", id="not-xml")
     data = read_regular(path, largest=safe_xml.LARGEST, error=DataFileError)
     root = safe_xml.parse(data, shown_path(path), namespaces=False)
     try:

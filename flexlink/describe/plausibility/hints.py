@@ -149,7 +149,10 @@ def _looks_like_radians(value: float, coarse: int = 90) -> bool:
 def of_times(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
     """Hints on tables much longer than the run, on late drives, and on tolerances large for the arm's reach."""
     run = scene.run
-    yield from hint_if_outside("run.duration", run.duration, "duration", run.duration)
+    reference = scene.drive.reference
+    durations = {"run.duration": run.duration, "drive.reference.duration": (reference and reference.duration) or 0.0}
+    for path, duration in durations.items():
+        yield from hint_if_outside(path, duration, "duration", duration)
     tables = [("drive", scene.drive.times), ("wrench", scene.wrench.times)]
     tables += [(f"motion.{motion.link}", motion.times) for motion in scene.motion]
     tables += [("drive.reference", scene.drive.reference.times)] if scene.drive.reference is not None else []

@@ -86,6 +86,7 @@ def _straight(scene: Scene, chain: Chain, to: Array, duration: float, wrench: Ar
     way, close = to - start, 1e-9 * chain.size
     if np.abs(way).max() <= close:
         raise ArgumentError("to: the tip is there already; choose another point", id="no-travel")
+    millimetres = f"; if given in mm, {(1e-3 * to).tolist()}" if np.linalg.norm(to) > 10.0 * chain.size else ""
     found, nodes = [angles], np.linspace(0.0, 1.0, 65)  # at which the joints are computed; between them, splines
     for before, fraction in itertools.pairwise(nodes.tolist()):
         for _ in range(50):
@@ -97,8 +98,9 @@ def _straight(scene: Scene, chain: Chain, to: Array, duration: float, wrench: Ar
             posture = static_posture(chain, posture, wrench, "world")
         else:
             raise ArgumentError(
-                f"to = {to.tolist()}: {plural(len(angles), 'driven joint')} cannot move the tip beyond "
-                f"{100 * before:.0f} % of the straight line from {start.round(4).tolist()} m; choose a point in reach",
+                f"to = {to.tolist()} m: {plural(len(angles), 'driven joint')} cannot move the tip beyond "
+                f"{100 * before:.0f} % of the straight line from {start.round(4).tolist()} m; choose a point in reach"
+                f"{millimetres}",
                 id="tip-out-of-reach",
             )
         found.append(posture[chain.active])

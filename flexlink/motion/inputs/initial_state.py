@@ -119,7 +119,8 @@ def _given(name: str, numbers: tuple[float, ...] | None, otherwise: Array) -> Ar
         return otherwise
     if len(numbers) != len(otherwise):
         raise SceneError(
-            f"initial.{name} = {truncated(numbers)}: expected one number per joint, {len(otherwise)}",
+            f"initial.{name} = {truncated(numbers)}: expected one number per joint and hinge, {len(otherwise)} "
+            "(chain.joint_names); joint angles alone are given as initial.joint_deg",
             id="one-per-joint",
         )
     return np.array(numbers)
