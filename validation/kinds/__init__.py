@@ -47,11 +47,10 @@ def _settings(kind: Kind) -> type[Spec]:
         return typing.cast(type[Spec], kind.Settings)
     types = typing.get_type_hints(kind.run, include_extras=True)
     _, *parameters = inspect.signature(kind.run).parameters.values()
-    fields = [
-        (each.name, types[each.name]) if each.default is each.empty else (each.name, types[each.name], each.default)
-        for each in parameters
-    ]
-    return typing.cast(type[Spec], msgspec.defstruct("Settings", fields, bases=(Spec,), frozen=True))
+    body = {each.name: each.default for each in parameters if each.default is not each.empty}
+    body["__annotations__"] = {each.name: types[each.name] for each in parameters}
+    make: typing.Any = type(Spec)  # msgspec.defstruct cannot make classes of another metaclass than its own
+    return typing.cast(type[Spec], make("Settings", (Spec,), body, frozen=True))
 
 
 KINDS: dict[str, Kind] = {
