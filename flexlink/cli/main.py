@@ -161,7 +161,10 @@ class _Parser(argparse.ArgumentParser):
             )
             if "--file" in self._option_string_actions and Path(rest[0]).is_file():
                 near = f"--file {rest[0]}"
-            self.error(f"unrecognized arguments: {' '.join(rest)}" + (f"; did you mean {near!r}?" if near else ""))
+            takes = [one.dest for one in self._actions if not one.option_strings]
+            others = f"; its options are {', '.join(name for name in self._option_string_actions if name[:2] == '--')}"
+            others = f"; give the {word} without --{word}" if word in takes else others * rest[0].startswith("-")
+            self.error(f"unrecognized arguments: {' '.join(rest)}" + (f"; did you mean {near!r}?" if near else others))
         return found, rest
 
     def error(self, message: str) -> NoReturn:
@@ -188,7 +191,9 @@ def _in_si(unit: str, text: str) -> float:
         return float(number) * conversion(given or unit, unit)  # type: ignore[operator]
     except (TypeError, ValueError):  # another unit, or no number
         known = ", ".join(units_like(unit))
-        raise argparse.ArgumentTypeError(f"{text!r}: expected a number in {unit}, or with a unit: {known}") from None
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: expected a number in {unit}, such as 0.5, or with a unit: {known}"
+        ) from None
 
 
 def build_parser(words: Container[str] | None = None) -> argparse.ArgumentParser:

@@ -16,7 +16,7 @@ from msgspec.structs import replace
 
 from flexlink.chain.arguments import integer
 from flexlink.cli.shared import assignments, prefix_errors, print_hints, print_lines, print_path, require_writable
-from flexlink.common.errors import Diagnostic, FlexlinkError
+from flexlink.common.errors import ArgumentError, Diagnostic, FlexlinkError
 from flexlink.common.progress import Progress, clock
 from flexlink.describe.plausibility.hints import hints
 from flexlink.sweeps.plan import Plan, Sweep, fingerprint
@@ -48,6 +48,8 @@ def run_command(options: argparse.Namespace) -> int:
     """Run members without a stored result, print a summary, and export results; exit with 1 if all members failed."""
     plan = _planned(options)
     out = options.out or Path(options.sweep.stem + ".db")
+    if out.suffix in {".csv", ".parquet", ".json", ".xlsx"}:
+        raise ArgumentError(f"--out {out}: is a database (.db); tables are written by --export", id="unknown-format")
     require_writable(out)
     integer("--workers", options.workers, 1, MAX_WORKERS)
     if options.export == "parquet":

@@ -197,7 +197,8 @@ def read_regular(path: Path, *, largest: int, error: type[FlexlinkError]) -> byt
         with path.open("rb") as file:
             data = file.read(largest + 1)
     except (OSError, ValueError) as reason:  # ValueError: a null character in the path
-        raise error(f"{path}: cannot be read: {getattr(reason, 'strerror', reason)}", id="cannot-read") from None
+        why = "is a folder; name a file in it" if path.is_dir() else getattr(reason, "strerror", reason)
+        raise error(f"{path}: cannot be read: {why}", id="cannot-read") from None
     if len(data) > largest:
         raise error(f"{path}: more than {largest} bytes; give a smaller file", id="file-too-large")
     return data

@@ -115,12 +115,7 @@ def whole(name: str, value: float, unit_name: str, unit: float, error: type[Flex
     if not value / unit < 2**53:
         raise error(f"{name} = {value!r}: must be less than 2**53 times {unit_name} = {unit!r}", id="not-a-multiple")
     number = parts(value, unit)
-    if 0 < number < 1:
-        raise error(
-            f"{name} = {value!r}: is shorter than {unit_name} = {unit!r}; give at least {unit!r}, or a shorter "
-            f"{unit_name.rpartition('.')[2].rpartition(' ')[2]}",
-            id="not-a-multiple",
-        )
     if number != round(number) or (value > 0 and number == 0):
-        raise error(f"{name} = {value!r}: must be a multiple of {unit_name} = {unit!r}", id="not-a-multiple")
+        longer = ", which is longer" if 0 < number < 1 else ""
+        raise error(f"{name} = {value!r}: must be a multiple of {unit_name} = {unit!r}{longer}", id="not-a-multiple")
     return round(number)

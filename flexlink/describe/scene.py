@@ -217,7 +217,7 @@ class Scene(Spec, frozen=True):
             flexible links, `material` and `section` of links that have them, friction, armature, rates and torques of
             links with a free joint. A tolerance replaces fixed steps, and a step replaces a tolerance.
         **unknown
-            Refused; the message says how changes are written.
+            Refused; the message states how changes are written.
 
         Returns
         -------

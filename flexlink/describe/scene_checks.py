@@ -243,7 +243,11 @@ def check_wrench(arm: Arm, wrench: Wrench) -> None:
     on, tips = wrench.on, [arm.links[k - 1].name for k in arm.tips]
     if on and on not in tips:
         known = on in {link.name for link in arm.links}
-        why = "other links are attached to it" if known else "no such link"
+        why = (
+            "other links are attached to it; attach a locked link of zero length, and name that"
+            if known
+            else "no such link"
+        )
         if on == BASE:
             why = "is not a link; attach a locked link of zero length to it (link.on = 'base'), and name that"
         raise SceneError(

@@ -1,4 +1,7 @@
-"""Adaptive and implicit steps, taken in chunks; between chunks Python checks the samples."""
+"""Adaptive and implicit steps, taken in chunks; between chunks Python checks the samples.
+
+The size of the next step is chosen in `kernels/stepping/adaptive.py`.
+"""
 
 from __future__ import annotations
 

@@ -316,9 +316,11 @@ def _similar(k: int, member: Member | FlexlinkError) -> Member:
     if isinstance(member, FlexlinkError):
         raise member
     if not member.along:
+        why = "; the scene has a tolerance" if member.problem.run.controlled else ""
         raise ArgumentError(
             f"scenes[{k}]: cannot be advanced side by side; expected fixed steps of an explicit method (run.step), "
-            "dynamics 'articulated', a fixed base, a constant wrench in frame 0, no force elements and no strain modes",
+            "dynamics 'articulated', a fixed base, a constant wrench in frame 0, no force elements and no strain modes"
+            f"{why}",
             id="not-similar",
         )
     return member

@@ -149,11 +149,14 @@ def import_urdf(
     >>> print(found.scene.arm)
     <Arm: 'turntable' (rigid), 'upper_arm' (yz), 'forearm' (rigid), 'wrist' (rigid), 'hand' (rigid), 'flange' (rigid)>
     """
-    for key, table in {"posture": posture, "locked": locked, "flexible": flexible, "armature": armature}.items():
+    values = {
+        "posture": (posture, "joint: position"), "locked": (locked, "joint: position"),
+        "flexible": (flexible, "link: fl.FlexibleLink(frequency_hz=12.0)"), "armature": (armature, "joint: inertia"),
+    }  # fmt: skip
+    for key, (table, form) in values.items():
         if not isinstance(table, Mapping):
-            raise ArgumentError(
-                f"{key} = {truncated(table)}: expected a dict, got {type(table).__name__}", id="wrong-type"
-            )
+            given = type(table).__name__
+            raise ArgumentError(f"{key} = {truncated(table)}: expected a dict {{{form}}}, got {given}", id="wrong-type")
     robot = path if isinstance(path, Robot) else read_robot(path)
     driven = {joint for joint, inertia in armature.items() if finite(inertia)}
     way, lifeless = living_paths(robot, base, tip, posture, locked, free_base=free_base, rotors=driven)

@@ -14,7 +14,7 @@ from flexlink.chain.arguments import require_one_of
 from flexlink.chain.rigid import Pose, SpatialInertia
 from flexlink.common.errors import ArgumentError, DataFileError, Diagnostic
 from flexlink.common.types import Array
-from flexlink.common.wording import plural, short_list, truncated
+from flexlink.common.wording import did_you_mean, plural, short_list, truncated
 from flexlink.describe.spec import to_builtin
 
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
@@ -111,10 +111,11 @@ class Robot:
         if not self.links:
             raise DataFileError("no link; a robot has at least one", id="no-link")
         for joint in self.joints.values():
-            for link in (joint.parent, joint.child):
+            for key, link in (("parent", joint.parent), ("child", joint.child)):
                 if link not in self.links:
+                    near = did_you_mean(link, self.links) or f"; links are {short_list(list(self.links))}"
                     raise DataFileError(
-                        f"joint {truncated(joint.name)}: link {truncated(link)} does not exist",
+                        f"joint {truncated(joint.name)}: <{key} link> = {truncated(link)}: there is no such link{near}",
                         id="link-missing-in-file",
                     )
         _check_roots(self)

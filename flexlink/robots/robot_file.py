@@ -175,7 +175,9 @@ def _needed(parent: ET.Element, tag: str, about: str) -> ET.Element:
 def _text(element: ET.Element, key: str, about: str) -> str:
     text = element.get(key)
     if text is None:
-        raise DataFileError(f"{about}: <{element.tag} {key}>: missing", id="missing-in-file")
+        inner = (element.text or "").strip()
+        written = f'; it is an attribute, <{element.tag} {key}="{inner}"/>' if inner else ""
+        raise DataFileError(f"{about}: <{element.tag} {key}>: missing{written}", id="missing-in-file")
     return text
 
 

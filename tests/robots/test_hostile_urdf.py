@@ -113,7 +113,7 @@ HOSTILE: dict[str, tuple[str | bytes, str, str]] = {
     "joint without name": (edited('name="j"', ""), "missing-in-file", "joint 1"),
     "two links of one name": (robot("abb", joint("j", "a", "b")), "name-twice", "link 'b'"),
     "two joints of one name": (robot("abc", joint("j", "a", "b"), joint("j", "b", "c")), "name-twice", "'j'"),
-    "missing link": (edited('<parent link="a"/>', '<parent link="z"/>'), "link-missing-in-file", "link 'z'"),
+    "missing link": (edited('<parent link="a"/>', '<parent link="z"/>'), "link-missing-in-file", "link> = 'z'"),
     "no parent": (edited('<parent link="a"/>', ""), "missing-in-file", "<parent>"),
     "no child": (edited('<child link="b"/>', ""), "missing-in-file", "<child>"),
     "child of no name": (edited('<child link="b"/>', "<child/>"), "missing-in-file", "<child link>"),

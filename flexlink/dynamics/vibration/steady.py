@@ -214,7 +214,9 @@ def _check_steady(chain: Chain, steady: LoadedState) -> None:
                 moving = ", ".join(chain.joint_name(int(k)) for k in np.flatnonzero(steady.qd))
                 raise ArgumentError(
                     f"rates: the motion of {moving} is not steady: it changes {what} the free joints, for example "
-                    "under gravity or a load across a shaft; modes exist only about a steady motion",
+                    "under gravity or a load across a shaft; modes exist only about a steady motion"
+                    + "; turn about the axis of gravity, or set gravity = [0, 0, 0]"
+                    * ("torques" in what),
                     id="no-steady-motion",
                 )
 
