@@ -35,6 +35,7 @@ from flexlink.motion.verification import (
     needs_comparison,
     runs_of_other_order,
     second_runs,
+    switches,
     unknown,
 )
 from flexlink.results.record import Record
@@ -251,7 +252,8 @@ def _compared(first: Monitor, before: Array | None, stop: Stop) -> Monitor:
     """
     record, motion, stated = first.record, first.before, first.stated or stated_of(first)
     part = min(1.0, float(first.tolerance / stated.tip[-1]) ** 0.5)
-    if record.follows_vibrations:  # what is read has errors as large in both runs if both have the same tolerance
+    # with equal tolerances, errors of what is read and of torques that switch may be alike in both runs
+    if record.follows_vibrations or switches(first):
         part = min(part, STRICTER**0.5)
     finer = runs_of_other_order(first.run, first.steps.method, record.chain.size, record.least_tolerance, part)
     gap: StatedError | None = None  # of the last run but one, from the last
@@ -270,7 +272,8 @@ def _compared(first: Monitor, before: Array | None, stop: Stop) -> Monitor:
                 break
     if gap is not None and not stop.requested:
         if motion is None:
-            return _confirmed(runs[-1], first, extrapolated(gap, runs[-1], runs[-2]))
+            grown = gap.tip.max() > Thresholds.grown * first.extent
+            return _confirmed(runs[-1], first, gap if grown else extrapolated(gap, runs[-1], runs[-2]))
         again = next(finer, None)
         return _nearer(first, gap, _other(first, again, before, stop, len(runs)) if again else None, runs[-1])
     if not stop.requested:

@@ -69,6 +69,11 @@ class Thresholds:
     """Tolerance of a coarser run with which a run is compared, relative to that of the run."""
     shrinks: float = 2.0
     """Ratio of their distance to the error of the run that is stated; measured, it is 1.5 to 15."""
+    grown: float = 0.1
+    """Distance of two runs, relative to the tip's motion, from which errors no longer grow in proportion to tolerances.
+
+    Chaotic motions differ by their whole extent, however small the tolerance is.
+    """
     runs: int = 4
     """Largest number of runs with which one run is compared."""
     finer: str = "Radau9"

@@ -82,23 +82,25 @@ def needs_comparison(monitor: Monitor) -> bool:
     after = monitor.before is not None and monitor.before.end is not None
     estimated = max(2.0 * Thresholds.lasting * stated.drifted, stated.tip[-1]) > Thresholds.large * stated.allowed
     read = monitor.record.follows_vibrations and monitor.run.accuracy == "auto"
-    return bool(after or estimated or read or monitor.suspicious or _switches(monitor) or multiplies(monitor))
+    return bool(after or estimated or read or monitor.suspicious or switches(monitor) or multiplies(monitor))
 
 
-def _switches(monitor: Monitor) -> bool:
+def switches(monitor: Monitor) -> bool:
     """Whether torques jump often, or a rigid model computes torques of elastic gears: errors then add up.
 
     Torques or their derivatives jump where a table changes them, where motors reach their limits, and where steps are
     rejected; this may deceive error estimates. Among 280 runs with motors at their limits that do not turn far, those
-    whose errors exceeded three tolerances rejected at least 0.15 of their steps.
+    whose errors exceeded three tolerances rejected at least 0.15 of their steps. A motor that is mostly at its limit
+    holds nothing: the arm may balance like an upright pendulum, and so amplify errors.
     """
     record, drive, steps = monitor.record, monitor.record.inputs.drive, monitor.steps
     jumps, taken = len(corners(drive)) * (drive.law == TABLE) + steps.rejected, steps.taken
     if drive.law == COMPUTED_TORQUE and not drive.rate and len(on_elastic_gears(record.chain.arrays)) > 0:
         return True
-    if not 0.1 * taken < jumps <= 0.3 * taken:
-        return jumps > 0.3 * taken
-    return bool((np.abs(record.tau[: monitor.n_valid, drive.joints]) >= drive.effort).any())
+    at_limit = float((np.abs(record.tau[: monitor.n_valid, drive.joints]) >= drive.effort).any(axis=1).mean())
+    if at_limit > 0.5 or not 0.1 * taken < jumps <= 0.3 * taken:
+        return at_limit > 0.5 or jumps > 0.3 * taken
+    return at_limit > 0.0
 
 
 def coarser_run(monitor: Monitor) -> RunSettings | None:

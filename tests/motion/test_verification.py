@@ -16,9 +16,11 @@ from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.monitor import Monitor
 from flexlink.motion.verification import Second
 from flexlink.results import balance
+from flexlink.results.tip_motion import largest_distance
 from tests.campaigns.random_jumps import random_jump
 from tests.conftest import ROOT, compiled, flexible, make_scene
 from tests.support.words import reviewed
+from validation.extremes.families import moving
 from validation.random_arms import Dice
 
 pytestmark = compiled
@@ -313,3 +315,14 @@ def test_the_error_under_a_table_as_dense_as_the_steps_is_compared_with_a_run_of
     assert run.error is not None
     assert error < 1e-6 * run.chain.reach
     assert 0.5 * error < run.error.max() < 2.0 * error  # from its steps it would be 8 times as large
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
+def test_an_arm_that_a_motor_at_its_limit_balances_keeps_its_tolerance(tolerance: float) -> None:
+    """Its errors grow 600-fold; runs of two methods with equal tolerances were both 42 tolerances off, 0.7 apart."""
+    scene = moving("saturated", 525).scene
+    true = fl.simulate(scene, method="DOP853", relative_tolerance=1e-9, max_evaluations=1e6).tip
+    run = fl.simulate(scene, relative_tolerance=tolerance)
+    error, allowed = largest_distance(run.tip, true), tolerance * run.chain.size
+    assert error <= allowed
+    assert run.error.max() > 0.3 * error
