@@ -21,10 +21,9 @@ from flexlink.kernels.bodies.mass import mass_composite
 
 def odd_bodies(arm: Arm) -> dict[str, RigidBody]:
     """Bodies of an arm whose inertia no real body has, by their paths in the scene."""
-    bodies = {"base": arm.base, "tip": arm.tip}
-    for k, link in enumerate(arm.links, 1):
-        bodies |= {f"{arm.path(k)}.hub": link.hub, f"{arm.path(k)}.end": link.end}
-    return {path: body for path, body in bodies.items() if body.excess}
+    odd = {name: body for name, body in (("base", arm.base), ("tip", arm.tip)) if body.excess}
+    of_links = ((k, name, getattr(link, name)) for k, link in enumerate(arm.links, 1) for name in ("hub", "end"))
+    return odd | {f"{arm.path(k)}.{name}": body for k, name, body in of_links if body.excess}
 
 
 def of_odd_bodies(arm: Arm) -> Iterator[Diagnostic]:

@@ -66,7 +66,9 @@ class RigidBody(Spec, frozen=True):
 
         With mass: the largest moment minus the sum of the others; without mass: minus the smallest moment.
         """
-        size = max(map(abs, self.inertia)) or 1.0
+        if not any(self.inertia):
+            return 0.0
+        size = max(map(abs, self.inertia))
         low, middle, high = (moment / size for moment in self.principal_moments)
         excess = high - low - middle if self.mass else -low
         return size * excess if excess > ROUNDING * max(abs(low), high) else 0.0
