@@ -175,9 +175,9 @@ class Simulator:
     def error(self) -> float | None:
         """Estimated error of the tip up to the present time [m], the largest of all tips; None for fixed steps.
 
-        It is the distance to a second simulator, which repeats all calls since `reset` by a method of another order.
-        That takes about as long as the calls did; `step` itself costs no more, but remembers torques and angles of each
-        call until then. Later uses of `error` continue there.
+        It is the distance to a second simulator, which repeats all calls since `reset` by a method of another order and
+        a smaller tolerance. That takes up to twice as long as the calls did; `step` itself costs no more, but remembers
+        torques and angles of each call until then. Later uses of `error` continue there.
 
         Examples
         --------

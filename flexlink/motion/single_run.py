@@ -27,7 +27,7 @@ from flexlink.motion.monitor import Monitor
 from flexlink.motion.tolerable import Thresholds, compared_with, estimated_error, extrapolated, shown_by, stated_of
 from flexlink.motion.verification import (
     GIVEN_UP,
-    STRICTER,
+    PART,
     coarser_run,
     doubt,
     exceeded,
@@ -35,7 +35,6 @@ from flexlink.motion.verification import (
     needs_comparison,
     runs_of_other_order,
     second_runs,
-    switches,
     unknown,
 )
 from flexlink.results.record import Record
@@ -251,10 +250,7 @@ def _compared(first: Monitor, before: Array | None, stop: Stop) -> Monitor:
     that of the earlier run ended, or at the start of the motion, so that it shows the error handed on.
     """
     record, motion, stated = first.record, first.before, first.stated or stated_of(first)
-    part = min(1.0, float(first.tolerance / stated.tip[-1]) ** 0.5)
-    # with equal tolerances, errors of what is read and of torques that switch may be alike in both runs
-    if record.follows_vibrations or switches(first):
-        part = min(part, STRICTER**0.5)
+    part = min(PART, float(first.tolerance / stated.tip[-1]) ** 0.5)
     finer = runs_of_other_order(first.run, first.steps.method, record.chain.size, record.least_tolerance, part)
     gap: StatedError | None = None  # of the last run but one, from the last
     runs, distance = [first], None  # distance of the last two runs, in tolerances

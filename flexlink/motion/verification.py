@@ -37,6 +37,12 @@ from flexlink.results.tip_motion import apart, motion_in_words
 
 STRICTER = 0.1
 """Tolerance of the second run, relative to the first run's tolerance, or to the error at which a run is doubtful."""
+PART = STRICTER**0.5
+"""Largest tolerance of a run of another order, relative to that of the run with which it is compared.
+
+With equal tolerances, methods of two orders may be wrong alike: both damp vibrations, or end steps where motors reach
+their limits. One arm was 36 and 39 tolerances off, another 43 and 42.
+"""
 GIVEN_UP = 50
 """Largest number of evaluations of a verification run, relative to the run itself; useful ones need far fewer."""
 Finer = Generator[RunSettings, float | None, None]
@@ -82,10 +88,10 @@ def needs_comparison(monitor: Monitor) -> bool:
     after = monitor.before is not None and monitor.before.end is not None
     estimated = max(2.0 * Thresholds.lasting * stated.drifted, stated.tip[-1]) > Thresholds.large * stated.allowed
     read = monitor.record.follows_vibrations and monitor.run.accuracy == "auto"
-    return bool(after or estimated or read or monitor.suspicious or switches(monitor) or multiplies(monitor))
+    return bool(after or estimated or read or monitor.suspicious or _switches(monitor) or multiplies(monitor))
 
 
-def switches(monitor: Monitor) -> bool:
+def _switches(monitor: Monitor) -> bool:
     """Whether torques jump often, or a rigid model computes torques of elastic gears: errors then add up.
 
     Torques or their derivatives jump where a table changes them, where motors reach their limits, and where steps are
@@ -122,7 +128,7 @@ def coarser_run(monitor: Monitor) -> RunSettings | None:
     return settings
 
 
-def runs_of_other_order(run: RunSettings, name: str, size: float, least: float = 0.0, part: float = 1.0) -> Finer:
+def runs_of_other_order(run: RunSettings, name: str, size: float, least: float = 0.0, part: float = PART) -> Finer:
     """Settings of runs with which to compare a run by method `name`, finer and finer; send each its distance.
 
     A method of another order shows errors that the run's own smaller steps share; where steps are limited by stability,
