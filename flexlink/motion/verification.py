@@ -38,11 +38,8 @@ from flexlink.results.tip_motion import apart, motion_in_words
 STRICTER = 0.1
 """Tolerance of the second run, relative to the first run's tolerance, or to the error at which a run is doubtful."""
 PART = STRICTER**0.5
-"""Largest tolerance of a run of another order, relative to that of the run with which it is compared.
-
-With equal tolerances, methods of two orders may be wrong alike: both damp vibrations, or end steps where motors reach
-their limits. One arm was 36 and 39 tolerances off, another 43 and 42.
-"""
+"""Largest tolerance of a run of another order, relative to the compared run: equal ones may be wrong alike (by 36, 39
+tolerances), because both damp vibrations, or end steps where motors reach their limits."""
 GIVEN_UP = 50
 """Largest number of evaluations of a verification run, relative to the run itself; useful ones need far fewer."""
 Finer = Generator[RunSettings, float | None, None]
