@@ -131,7 +131,7 @@ def not_run(line: str) -> bool:
     return any(fnmatch.fnmatchcase(command, pattern) for several in listed.values() for pattern in several)
 
 
-INCOMPLETE = re.compile(r": missing; |not defined; defined are none$")
+INCOMPLETE = re.compile(r": missing; |not defined; defined are none; define ")
 """Mistakes of a file that is a part of a scene."""
 
 

@@ -225,6 +225,7 @@ def __getattr__(name: str) -> object:
         moved = [m for m in modules if name in importlib.import_module(f"flexlink.{m}").__all__]
     elsewhere = {"crba": "mass_matrix", "rnea": "inverse_dynamics", "aba": "forward_dynamics", "load": "load_scene"}
     near = did_you_mean(elsewhere.get(name.partition("_")[0], name), __all__)
+    near = "; a run plots itself, run.plot()" if name == "plot" else near
     where = f"; it is flexlink.{moved[0]}.{name}" if moved else near
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}{where}")
 

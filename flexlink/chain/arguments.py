@@ -66,10 +66,9 @@ def require_one_of(name: str, value: object, allowed: Mapping[Any, T], what: str
     """
     if not isinstance(value, str) or value not in allowed:
         names = ", ".join(allowed) if len(allowed) < 100 else short_list(list(allowed))
-        near = did_you_mean(value, allowed)
-        if isinstance(value, str) and "," in value and all(part in allowed for part in value.split(",")):
-            near = "; separate names by spaces"
-        raise ArgumentError(f"{name} = {truncated(value)}: {what}; allowed are {names}{near}", id="unknown-name")
+        raise ArgumentError(
+            f"{name} = {truncated(value)}: {what}; allowed are {names}{did_you_mean(value, allowed)}", id="unknown-name"
+        )
     return allowed[value]
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import functools
 from collections.abc import Iterable, Iterator
 from itertools import accumulate, pairwise
@@ -15,7 +14,7 @@ from flexlink.chain.arguments import integer, number_of, require_type
 from flexlink.chain.coordinates import KINDS, Coordinate, Kind, joint_names
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
-from flexlink.common.wording import truncated
+from flexlink.common.wording import did_you_mean, truncated
 from flexlink.describe.arm import link_number
 from flexlink.describe.joint_units import OF_JOINT, KindOfJoint, in_joint_units, in_words
 from flexlink.kernels.bodies.shaped_mass import Shapes
@@ -312,8 +311,7 @@ class Layout:
                 return self.coordinates.index(joint)
             if perhaps_locked:
                 return -1
-        close = difflib.get_close_matches(wanted, [*self.link_names, *names], n=1) if isinstance(wanted, str) else []
-        hint = f"; did you mean {close[0]!r}?" if close else ""
+        hint = did_you_mean(wanted, [*self.link_names, *names])
         links = truncated(", ".join(self.link_names)).strip("'")
         raise ArgumentError(
             f"{name} = {truncated(value)}: not a joint of this chain; allowed are 0 … {self.n - 1}, "

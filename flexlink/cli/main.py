@@ -110,7 +110,9 @@ def _copied_by(error: Exception, options: argparse.Namespace) -> str:
     folders = [one.name for one in path.parent.parent.glob("*/") if (one / path.name).is_file()]
     if not path.parent.exists() and (folder := closest(path.parent.name, folders)):
         return f"; did you mean {str(path.parent.with_name(folder) / path.name)!r}?"
-    names = map(Path, importlib.import_module("flexlink.cli.examples").bundled())
+    names = [Path(name) for name in importlib.import_module("flexlink.cli.examples").bundled()]
+    if here := [str(name) for name in names if name.name == path.name and name.is_file()]:
+        return f"; did you mean {here[0]!r}?"
     return "".join(f"; get {name} by: flexlink examples {name}" for name in names if name.name == path.name)
 
 

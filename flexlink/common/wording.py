@@ -29,7 +29,10 @@ def coloured(word: str) -> str:
 
 def did_you_mean(value: object, allowed: Iterable[str]) -> str:
     """End of a message that suggests the `closest` name in `allowed`, with its unit if `value` names another one."""
-    if (near := closest(value, allowed)) is None:
+    names = list(allowed)
+    if isinstance(value, str) and "," in value and all(part.strip() in names for part in value.split(",")):
+        return "; separate names by spaces"
+    if (near := closest(value, names)) is None:
         return ""
     units, given = {"_deg": "degrees", "_m": "metres", "_hz": "Hz"}, str(value).casefold()
     other = (word for end, word in units.items() if near.endswith(end) and not given.endswith(end))

@@ -56,7 +56,8 @@ def read_toml(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: TOMLDecodeError, or an integer of 5000 digits
-        raise SceneError(f"{path}: not TOML: {explained(text, error)}", id="not-toml") from None
+        program = "; a Python script: run it by python" if path.suffix == ".py" else ""
+        raise SceneError(f"{path}: not TOML: {explained(text, error)}{program}", id="not-toml") from None
 
 
 @contextlib.contextmanager

@@ -122,7 +122,7 @@ class Arm(Spec, frozen=True):
                 name = getattr(link, key)
                 if name is not None and name not in table:
                     known = ", ".join(table) or "none"
-                    meant = did_you_mean(name, table)
+                    meant = did_you_mean(name, table) or f"; define [{key.partition('_')[0]}.{name}]"
                     yield Diagnostic(
                         f"{self.path(k)}.{key} = {name!r}: not defined; defined are {known}{meant}", "unknown-name"
                     )
