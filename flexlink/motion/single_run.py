@@ -36,6 +36,7 @@ from flexlink.motion.verification import (
     runs_of_other_order,
     second_runs,
     unknown,
+    unrepeated,
 )
 from flexlink.results.record import Record
 from flexlink.results.samples import StatedError
@@ -231,8 +232,9 @@ def settled(first: Monitor, before: Array | None, stop: Stop) -> Monitor:
     """
     stated = first.stated = stated_of(first)
     if first.control is not None:  # a law in Python may have internal states, so its runs cannot be repeated
-        error, most = float(stated.tip[-1]), 1.0 if multiplies(first) else Thresholds.tolerable
-        first.warnings += [exceeded(first, error)] if error > most * first.tolerance else []
+        if (error := float(stated.tip[-1])) > Thresholds.unrepeated * first.tolerance:
+            grown = multiplies(first) or error > Thresholds.tolerable * first.tolerance
+            first.warnings.append(exceeded(first, error) if grown else unrepeated(first, error))
     elif needs_comparison(first):
         if (coarser := coarser_run(first)) and (other := _other(first, coarser, before, stop, 0)):
             found = shown_by(other, first)

@@ -154,6 +154,15 @@ def unknown(monitor: Monitor) -> Diagnostic:
     )
 
 
+def unrepeated(monitor: Monitor, error: float) -> Diagnostic:
+    """Warning that a run by a law in Python may amplify what the law reads, which only a second run would show."""
+    return Diagnostic(
+        f"doubtful: errors read by the control law add up to {error / monitor.tolerance:.2g} tolerances, and a law in "
+        "Python cannot be repeated to see whether they grow; take a tenth of the tolerance and compare",
+        "doubtful-comparison",
+    )
+
+
 def exceeded(monitor: Monitor, error: float) -> Diagnostic:
     """Warning that the stated error of a run [m] is beyond its tolerance."""
     return Diagnostic(
