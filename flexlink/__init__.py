@@ -220,13 +220,13 @@ def __getattr__(name: str) -> object:
             return globals().setdefault(name, getattr(importlib.import_module(f"flexlink.{module}"), name))
     if found := old_name(f"flexlink.{name}"):
         return found
-    moved: list[str] = []
+    where = ""
     if not name.startswith("_") and importlib.util.find_spec(f"flexlink.{name}") is None:  # a module is also asked for
         moved = [m for m in modules if name in importlib.import_module(f"flexlink.{m}").__all__]
-    elsewhere = {"crba": "mass_matrix", "rnea": "inverse_dynamics", "aba": "forward_dynamics", "load": "load_scene"}
-    near = did_you_mean(elsewhere.get(name.partition("_")[0], name), __all__)
-    near = "; a run plots itself, run.plot()" if name == "plot" else near
-    where = f"; it is flexlink.{moved[0]}.{name}" if moved else near
+        elsewhere = {"crba": "mass_matrix", "rnea": "inverse_dynamics", "aba": "forward_dynamics", "load": "load_scene"}
+        near = did_you_mean(elsewhere.get(name.partition("_")[0], name), __all__)
+        near = "; a run plots itself, run.plot()" if name == "plot" else near
+        where = f"; it is flexlink.{moved[0]}.{name}" if moved else near
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}{where}")
 
 

@@ -21,7 +21,7 @@ NO_WRENCH = np.zeros(6)
 
 
 def vector(
-    name: str, value: ArrayLike, size: int, *, many: bool = False, finite: bool = True, meaning: str = ""
+    name: str, value: ArrayLike, size: int, *, many: bool = False, finite: bool = True, meaning: Callable[[], str] = str
 ) -> Array:
     """Return `value` as a finite float64 array of shape (size,); with `many`, messages add (b, size), for b states.
 
@@ -36,7 +36,7 @@ def vector(
         value = real_array(name, value, (size,))
     if value.shape != (size,):
         also = f", or (b, {size}) for b states: one number per joint and hinge (chain.joint_names)" if many else ""
-        raise ArgumentError(f"{name} has shape {value.shape}; expected ({size},){also}{meaning}", id="wrong-shape")
+        raise ArgumentError(f"{name} has shape {value.shape}; expected ({size},){also}{meaning()}", id="wrong-shape")
     if finite and not is_finite(value):
         k = int(np.argmin(np.isfinite(value)))
         raise ArgumentError(f"{name}[{k}] = {value[k]} is not finite; expected {size} finite numbers", id="not-finite")

@@ -16,7 +16,7 @@ from pathlib import Path
 from flexlink.chain.arguments import positive
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.cli.shared import prefix_errors, print_lines, require_writable, varied_scene
+from flexlink.cli.shared import OF_ENGINES, prefix_errors, print_lines, require_writable, varied_scene
 from flexlink.common.errors import ArgumentError
 from flexlink.common.output import make_folder, write_text
 from flexlink.common.types import Array
@@ -89,7 +89,7 @@ def _formats(options: argparse.Namespace) -> list[str]:
 def _code_writers(options: argparse.Namespace) -> dict[Path, Callable[[Chain], str]]:
     """Writers of the requested code files, by path."""
     both = (options.c, functools.partial(to_c, slopes=options.slopes)), (options.casadi, to_casadi)
-    if options.out.suffix in {".urdf", ".xml", ".sdf"} and not options.out.exists():
+    if options.out.suffix in OF_ENGINES and not options.out.exists():
         raise ArgumentError(
             f"--out {options.out}: files are named after the scenes; give their folder, --out {options.out.parent}",
             id="unknown-format",

@@ -132,11 +132,11 @@ def _loading() -> Iterator[None]:
         gc.enable()
 
 
-MEANT = {
+COMMANDS = {
     "plot": "simulate SCENE --plot run.png", "run": "simulate", "animate": "show", "film": "show", "convert": "export",
     "validate": "compare", "identify": "fit", "optimise": "advise", "frequencies": "modes",
-    "time": "duration", "t-end": "duration", "dt": "step", "output": "out", "timestep": "step",
 }  # fmt: skip
+OPTIONS = {"time": "duration", "t-end": "duration", "dt": "step", "output": "out", "timestep": "step"}
 """What commands and options of other programs are called here."""
 
 
@@ -154,33 +154,37 @@ class _Parser(argparse.ArgumentParser):
         """Parse words; unknown ones are refused here, where the options of the command are known."""
         found, rest = super().parse_known_args(*given, **named)
         if rest:
-            names = {name.strip("-"): name for name in self._option_string_actions}
-            word = rest[0].partition("=")[0].strip("-")
-            word = MEANT.get(word, word) if MEANT.get(word) in names else word
-            near = names.get(closest(word, names) or "", "")
-            near = next(
-                (f"{one.option_strings[-1]} {word}" for one in self._actions if word in (one.choices or ())), near
-            )
-            if "--file" in self._option_string_actions and Path(rest[0]).is_file():
-                near = f"--file {rest[0]}"
-            takes = [one.dest for one in self._actions if not one.option_strings]
-            others = f"; its options are {', '.join(name for name in self._option_string_actions if name[:2] == '--')}"
-            others = f"; give the {word} without --{word}" if word in takes else others * rest[0].startswith("-")
-            self.error(f"unrecognized arguments: {' '.join(rest)}" + (f"; did you mean {near!r}?" if near else others))
+            self.error(f"unrecognized arguments: {' '.join(rest)}{self._instead_of(rest[0])}")
         return found, rest
+
+    def _instead_of(self, given: str) -> str:
+        """End of the message on a word that no argument takes: what was probably meant, or what the command takes."""
+        names = {name.strip("-"): name for name in self._option_string_actions}
+        word = given.partition("=")[0].strip("-")
+        word = OPTIONS.get(word, word) if OPTIONS.get(word) in names else word
+        near = names.get(closest(word, names) or "", "")
+        near = next((f"{one.option_strings[-1]} {word}" for one in self._actions if word in (one.choices or ())), near)
+        if "--file" in self._option_string_actions and Path(given).is_file():
+            near = f"--file {given}"
+        if near:
+            return f"; did you mean {near!r}?"
+        takes = [one.dest for one in self._actions if not one.option_strings]
+        if given.startswith("-"):
+            options = ", ".join(name for name in self._option_string_actions if name.startswith("--"))
+            return f"; give the {word} without --{word}" if word in takes else f"; its options are {options}"
+        in_one = "; write a value in one piece, such as --set tip.mass=3 or --tip 2mm"
+        is_part = re.match(r"[+.\d]|[a-zµ]{1,3}$", given) is not None  # a number or a unit
+        return f"; {self.prog} takes {' and '.join(takes) or 'no names'}{in_one * is_part}"
 
     def error(self, message: str) -> NoReturn:
         if wrong := re.search(r"invalid choice: '(.*?)' \(choose from (.*)\)", message):
             known, where = [name.strip("' ") for name in wrong[2].split(",")], message.partition(": invalid")[0]
-            what = "unknown command" if where == "argument command" else f"{where}: unknown"
-            near = f"; did you mean {MEANT[wrong[1]]!r}?" if wrong[1] in MEANT else did_you_mean(wrong[1], known)
+            is_command = where == "argument command"
+            what = "unknown command" if is_command else f"{where}: unknown"
+            meant = COMMANDS.get(wrong[1]) if is_command else None
+            near = f"; did you mean {meant!r}?" if meant else did_you_mean(wrong[1], known)
             message = f"{what} {wrong[1]!r}{near or '; allowed are ' + ', '.join(known)}"
         message = re.sub(r"invalid float value: (.*)", r"\1: expected a number in SI units, such as 0.5", message)
-        if extra := re.match("unrecognized arguments: ([^- ][^ ]*)(?!.*did you mean)", message):
-            takes = [one.metavar or one.dest for one in self._actions if not one.option_strings]
-            message += f"; {self.prog} takes {' and '.join(map(str, takes)) or 'no names'}"
-            if re.match(r"[-+.\d]|[a-zµ]{1,3}$", extra[1]):  # a number or a unit
-                message += "; write a value in one piece, such as --set tip.mass=3 or --tip 2mm"
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
 
 

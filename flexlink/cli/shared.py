@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+OF_ENGINES = {".urdf": "urdf", ".xml": "mjcf", ".sdf": "sdf"}
+"""Formats of files of engines, by the ends of their names."""
+
+
 def varied_scene(path: Path, options: argparse.Namespace, own: Mapping[str, object] | None = None) -> Scene:
     """Load a scene with `--set PATH=VALUE` and the changes `own` by options, and print hints on wrong units."""
     scene = load_scene(path, changes=_settings(options.set) | dict(own or {}))
@@ -102,9 +106,9 @@ def save_plot(figure: Figure, path: Path) -> None:
 
 def require_scene_file(path: Path) -> None:
     """Check, before results are computed, that a scene can be written to a file, which is not of another format."""
-    if path.suffix in {".urdf", ".xml", ".mjcf", ".sdf"}:
+    if path.suffix in OF_ENGINES:
         raise ArgumentError(
-            f"{path}: a scene is written as .toml; then: flexlink export SCENE.toml --format {path.suffix[1:]}",
+            f"{path}: a scene is written as .toml; then: flexlink export SCENE.toml --format {OF_ENGINES[path.suffix]}",
             id="unknown-format",
         )
     require_writable(path)

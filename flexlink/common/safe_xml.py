@@ -7,7 +7,7 @@ the text, and the number and depth of elements, are limited, which also limits m
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from xml.etree import ElementTree as ET
 from xml.parsers import expat
 
@@ -47,11 +47,10 @@ def parse(text: str | bytes, what: str, *, namespaces: bool = True) -> ET.Elemen
             raise DataFileError(f"{what}: {len(data)} bytes; at most {LARGEST} are read", id="file-too-large")
         if not namespaces and data.lstrip().startswith(b"<?xml"):
             data = data.lstrip()
-        builder = _Elements(what)
         parser = expat.ParserCreate(None if isinstance(text, bytes) else "utf-8", "}" if namespaces else None)
+        builder = _Elements(what, parser)
         parser.StartDoctypeDeclHandler, parser.CharacterDataHandler = builder.doctype, builder.data
         parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
-        builder.line = lambda: parser.CurrentLineNumber
         parser.Parse(data, True)
         return builder.close()
     except (expat.ExpatError, ValueError, LookupError) as error:  # ValueError: surrogates, encodings that expat lacks
@@ -79,10 +78,9 @@ def numbers_of(text: str) -> list[float] | None:
 class _Elements(ET.TreeBuilder):
     """Builder that keeps only elements, and limits their number and depth."""
 
-    def __init__(self, what: str) -> None:
+    def __init__(self, what: str, parser: expat.XMLParserType) -> None:
         super().__init__()
-        self.what, self.count = what, 0
-        self.line: Callable[[], int] = int
+        self.what, self.parser, self.count = what, parser, 0
         self.opened: list[tuple[str, int]] = []
 
     def doctype(self, name: str, *_: object) -> None:
@@ -92,7 +90,7 @@ class _Elements(ET.TreeBuilder):
 
     def start(self, tag: str, attributes: Mapping[str, str], /) -> ET.Element:
         self.count += 1 + len(attributes)
-        self.opened.append((tag, self.line()))
+        self.opened.append((tag, self.parser.CurrentLineNumber))
         if self.count > MOST_ELEMENTS:
             raise DataFileError(f"{self.what}: more than {MOST_ELEMENTS} elements and attributes", id="file-too-large")
         if len(self.opened) > DEEPEST:

@@ -31,7 +31,7 @@ def did_you_mean(value: object, allowed: Iterable[str]) -> str:
     """End of a message that suggests the `closest` name in `allowed`, with its unit if `value` names another one."""
     names = list(allowed)
     if isinstance(value, str) and "," in value and all(part.strip() in names for part in value.split(",")):
-        return "; separate names by spaces"
+        return "; these are several names: give each separately"
     if (near := closest(value, names)) is None:
         return ""
     units, given = {"_deg": "degrees", "_m": "metres", "_hz": "Hz"}, str(value).casefold()

@@ -50,7 +50,7 @@ def notes(scene: Scene) -> tuple[Diagnostic, ...]:
         `scene` is not a Scene.
     """
     require_type("scene", scene, Scene)
-    start = _parallel_gravity, _odd_reference, slack_springs, unheld_joints, weak_drives, balance
+    start = _parallel_gravity, _odd_reference, slack_springs, unheld_joints, weak_gains, weak_drives, balance
     unused = _unused_static_start, _unused_torques, _unused_targets, _unused_link_keys, _centers_without_mass
     unusual = _tip_without_length, _falling_base, _few_hinges, _on_edge
     with np.errstate(all="ignore"):  # values beyond float64 are refused when a run is built from them
@@ -170,9 +170,9 @@ def _odd_reference(scene: Scene) -> Iterator[Diagnostic]:
         part = run.sample or run.step or 1e-3
         complete = part * np.ceil((course.knots[-1] - scene.initial.time) / part)
         text += f"; for the complete move set run.duration = {complete:.9g}"
-        rates = [rate for rate in (scene.drive.reference.max_rate_deg if scene.drive.reference else None) or () if rate]
-        if rates and max(rates) < 2 * math.pi:
-            text += f"; max_rate_deg = {max(rates):g} °/s is slow, {math.degrees(max(rates)):.3g} °/s if meant in rad/s"
+        fastest = max(getattr(scene.drive.reference, "max_rate_deg", None) or (0.0,))
+        if 0.0 < fastest < 2 * math.pi:
+            text += f"; max_rate_deg = {fastest:g} °/s is slow, {math.degrees(fastest):.3g} °/s if meant in rad/s"
         yield Diagnostic(f"drive.reference: {text}", "reference-cut-off")
 
 
@@ -200,9 +200,8 @@ def _unused_targets(scene: Scene) -> Iterator[Diagnostic]:
     targets = {"target_deg": drive.target_deg, "target_m": drive.target_m}
     targets |= {f"reference.{key}": getattr(reference, key, None) for key in ("to_deg", "to_m")}
     for key, values in targets.items():
-        own = scene.initial.joint_deg if key.endswith("deg") else scene.initial.joint_m
         for k, link in enumerate(scene.arm.links):
-            if link.joint.locked and values and values[k] and values[k] != (own[k] if own else 0.0):
+            if link.joint.locked and values and values[k] and values[k] != scene.starts[k]:
                 yield Diagnostic(
                     f"{scene.arm.path(k + 1, f'drive.{key}')} = {values[k]:g}: has no effect; the joint of "
                     f"{link.name!r} is locked; set joint.locked = false",
@@ -335,25 +334,34 @@ def unheld_joints(scene: Scene) -> Iterator[Diagnostic]:
         )
 
 
-def weak_drives(scene: Scene) -> Iterator[Diagnostic]:
-    """Warn if a torque limit or a gain does not hold the initial configuration, possibly because of its unit."""
-    drive, effort = scene.drive, scene.drive.effort
-    soft = drive.kp if drive.kind == "pd" and drive.gravity == "none" else None
-    if (effort is None and soft is None) or not any(scene.gravity):
+def weak_gains(scene: Scene) -> Iterator[Diagnostic]:
+    """Warn if gains do not hold the initial configuration within a radian; they may have been given per degree."""
+    drive = scene.drive
+    if drive.kind != "pd" or drive.kp is None or drive.gravity != "none" or not any(scene.gravity):
         return
     chain = lump(scene)
     pulled = np.abs(gravity_torque(chain, _angles(scene, chain)))
     for joint in chain.active:
-        k, unit = chain.coordinates[int(joint)].link, chain.torque_units[joint]
-        if soft is not None and not chain.slides[joint] and 0 < soft[k - 1] < float(pulled[joint]):
-            gain, weight = soft[k - 1], f"the weight, {float(pulled[joint]):.3g} N m"
+        k, needed = chain.coordinates[int(joint)].link, float(pulled[joint])
+        gain = drive.kp[k - 1]
+        if not chain.slides[joint] and 0 < gain < needed:
+            weight = f"the weight, {needed:.3g} N m"
             yield Diagnostic(
                 f"{scene.arm.path(k, 'drive.kp')} = {gain:g} N m/rad: {weight}, turns the joint by more than 1 rad; "
                 f"set drive.gravity = 'rigid', or a larger gain; if meant per degree, {math.degrees(gain):.4g}",
                 "weak-drive",
             )
-        if effort is None:
-            continue
+
+
+def weak_drives(scene: Scene) -> Iterator[Diagnostic]:
+    """Warn if a torque limit does not hold the initial configuration; it may have been given in kN m."""
+    effort = scene.drive.effort
+    if effort is None or not any(scene.gravity):
+        return
+    chain = lump(scene)
+    pulled = np.abs(gravity_torque(chain, _angles(scene, chain)))
+    for joint in chain.active:
+        k, unit = chain.coordinates[int(joint)].link, chain.torque_units[joint]
         limit, needed = effort[k - 1], float(pulled[joint])
         if limit < needed:
             # a limit below a twentieth of the holding torque suggests a wrong unit

@@ -28,6 +28,8 @@ class Result:
     if not TYPE_CHECKING:  # so that mypy still finds wrong names
 
         def __getattr__(self, name: str) -> NoReturn:
+            if name.startswith("_"):  # copies, NumPy and notebooks ask for many of these
+                raise AttributeError(name)
             fields = [field.name for field in dataclasses.fields(self)]
             near = did_you_mean(name, [*fields, *(each for each in dir(type(self)) if each[0] != "_")])
             near = near or f"; its fields are {', '.join(fields)}"

@@ -24,8 +24,7 @@ from flexlink.motion.inputs.drives import effort_of, held_torques, remembered
 from flexlink.motion.inputs.problem import problem_of, started_from
 from flexlink.motion.sampled_control import impulses, nothing_read, sample_at
 from flexlink.motion.single_run import SingleRun
-from flexlink.motion.tolerable import Thresholds
-from flexlink.motion.verification import exceeded, runs_of_other_order
+from flexlink.motion.verification import exceeded, is_exceeded, runs_of_other_order
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.samples import State
 from flexlink.results.stop_reasons import DivergenceError, Failure, ended_early
@@ -79,8 +78,6 @@ class Simulator:
             self.chain, np.zeros(1), np.zeros((1, len(self.chain.active))), effort_of(scene, self.chain)
         )
         self._readings: dict[str, float] = {}
-        driven = short_list([self.chain.joint_name(int(k)) for k in self.chain.active])
-        self._torques = f", a torque for each driven joint: {driven}; a time is given as duration=…"
         self._lengths: dict[float, int] = {}  # number of fixed steps of each duration used so far
         self.reset()
 
@@ -139,6 +136,11 @@ class Simulator:
         if self._sensing is not None:
             q, qd, *_ = self._steps.state
             self._readings = self._sensing.after(sample_at(self._record.problem, inputs, self._time, q, qd))
+
+    def _wanted(self) -> str:
+        """What the torques of `step` are, for messages."""
+        driven = short_list([self.chain.joint_name(int(k)) for k in self.chain.active])
+        return f", a torque for each driven joint: {driven}; a time is given as duration=…"
 
     @property
     def readings(self) -> dict[str, float]:
@@ -203,7 +205,7 @@ class Simulator:
     def warnings(self) -> tuple[Diagnostic, ...]:
         """Warnings about the motion so far, as of a run: an unstable loop, or an `error` beyond the tolerance."""
         found, error = tuple(self._monitor.warnings), self.error
-        if error is None or error <= Thresholds.tolerable * self._monitor.tolerance:
+        if error is None or not is_exceeded(self._monitor, error):
             return found
         return (*found, exceeded(self._monitor, error))
 
@@ -237,7 +239,7 @@ class Simulator:
         inputs, end, steps = self._driven, self._later(duration), self._steps
         drive = remembered(inputs.drive) if inputs.drive.rate else ()  # only a sampled drive has memory
         calls = self._calls + 1
-        torque = None if tau is None else vector("tau", tau, len(self.chain.active), meaning=self._torques).copy()
+        torque = None if tau is None else vector("tau", tau, len(self.chain.active), meaning=self._wanted).copy()
         if torque is not None:
             self._held.feedforward.coefficients[0, 0] = torque
             inputs, drive = self._pushed, (*drive, self._read)

@@ -31,6 +31,7 @@ from flexlink.motion.verification import (
     coarser_run,
     doubt,
     exceeded,
+    is_exceeded,
     multiplies,
     needs_comparison,
     runs_of_other_order,
@@ -293,7 +294,7 @@ def _confirmed(run: Monitor, first: Monitor, found: StatedError) -> Monitor:
     if run is not first:
         run.scene, run.warnings = first.scene, [*dict.fromkeys([*first.warnings, *run.warnings])]
         run.steps = run.steps._replace(why=f"{first.steps.method} missed the tolerance")
-    if error > Thresholds.tolerable * first.tolerance:
+    if is_exceeded(first, error):
         run.warnings.append(exceeded(first, error))
     return run
 

@@ -101,9 +101,7 @@ def _switches(monitor: Monitor) -> bool:
     if drive.law == COMPUTED_TORQUE and not drive.rate and len(on_elastic_gears(record.chain.arrays)) > 0:
         return True
     at_limit = float((np.abs(record.tau[: monitor.n_valid, drive.joints]) >= drive.effort).any(axis=1).mean())
-    if at_limit > 0.5 or not 0.1 * taken < jumps <= 0.3 * taken:
-        return at_limit > 0.5 or jumps > 0.3 * taken
-    return at_limit > 0.0
+    return at_limit > 0.5 or jumps > 0.3 * taken or (at_limit > 0.0 and jumps > 0.1 * taken)
 
 
 def coarser_run(monitor: Monitor) -> RunSettings | None:
@@ -161,6 +159,11 @@ def unrepeated(monitor: Monitor, error: float) -> Diagnostic:
         "Python cannot be repeated to see whether they grow; take a tenth of the tolerance and compare",
         "doubtful-comparison",
     )
+
+
+def is_exceeded(monitor: Monitor, error: float) -> bool:
+    """Whether a distance to a stricter run, plus the usual error of that run, is more than tolerable."""
+    return bool(error > (Thresholds.tolerable - Thresholds.usual * PART) * monitor.tolerance)
 
 
 def exceeded(monitor: Monitor, error: float) -> Diagnostic:

@@ -100,6 +100,7 @@ def test_a_motion_in_pieces_carries_its_travel_and_its_error(tmp_path: Path) -> 
         assert run.stated.travelled > half.stated.travelled
         assert run.stated.start[0] == 0.0
         error = float(apart(run.tip, truth.tip[50:]).max() / run.stated.allowed)
+        assert error <= 3.0 or run.warnings
         assert error <= 1.0 or not run.kept
 
 
