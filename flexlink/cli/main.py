@@ -132,11 +132,13 @@ def _loading() -> Iterator[None]:
         gc.enable()
 
 
-COMMANDS = {
-    "plot": "simulate SCENE --plot run.png", "run": "simulate", "animate": "show", "film": "show", "convert": "export",
-    "validate": "compare", "identify": "fit", "optimise": "advise", "frequencies": "modes",
+MEANT = {
+    "command": {
+        "plot": "simulate SCENE --plot run.png", "run": "simulate", "animate": "show", "film": "show",
+        "convert": "export", "validate": "compare", "identify": "fit", "optimise": "advise", "frequencies": "modes",
+    },
+    "option": {"time": "duration", "t-end": "duration", "dt": "step", "output": "out", "timestep": "step"},
 }  # fmt: skip
-OPTIONS = {"time": "duration", "t-end": "duration", "dt": "step", "output": "out", "timestep": "step"}
 """What commands and options of other programs are called here."""
 
 
@@ -161,7 +163,7 @@ class _Parser(argparse.ArgumentParser):
         """End of the message on a word that no argument takes: what was probably meant, or what the command takes."""
         names = {name.strip("-"): name for name in self._option_string_actions}
         word = given.partition("=")[0].strip("-")
-        word = OPTIONS.get(word, word) if OPTIONS.get(word) in names else word
+        word = meant if (meant := MEANT["option"].get(word)) in names else word
         near = names.get(closest(word, names) or "", "")
         near = next((f"{one.option_strings[-1]} {word}" for one in self._actions if word in (one.choices or ())), near)
         if "--file" in self._option_string_actions and Path(given).is_file():
@@ -181,7 +183,7 @@ class _Parser(argparse.ArgumentParser):
             known, where = [name.strip("' ") for name in wrong[2].split(",")], message.partition(": invalid")[0]
             is_command = where == "argument command"
             what = "unknown command" if is_command else f"{where}: unknown"
-            meant = COMMANDS.get(wrong[1]) if is_command else None
+            meant = MEANT["command"].get(wrong[1]) if is_command else None
             near = f"; did you mean {meant!r}?" if meant else did_you_mean(wrong[1], known)
             message = f"{what} {wrong[1]!r}{near or '; allowed are ' + ', '.join(known)}"
         message = re.sub(r"invalid float value: (.*)", r"\1: expected a number in SI units, such as 0.5", message)
